@@ -1,0 +1,15 @@
+"""Micro finite-element model of sand on FEniCSx.
+
+A µCT scan becomes labelled grains, each grain a tetrahedral mesh, all grains
+one DOLFINx mesh partitioned by grain; the grains deform as elasto-plastic
+bodies in hard, frictional contact.
+"""
+
+import importlib.util
+
+# The binary wheel of DOLFINx has to load its MPI before dolfinx, petsc4py or
+# mpi4py are imported. Debian, conda-forge and Spack do without this module.
+if importlib.util.find_spec("dolfinx_solver") is not None:
+    import dolfinx_solver  # noqa: F401
+
+__version__ = "0.1.0"
