@@ -1,0 +1,78 @@
+"""Pairs of a node and another grain: their search and what they remember."""
+
+import numpy as np
+
+from ..kernels.pairs import carry_pairs, find_again
+from ..kernels.search import find_candidates, group_by_grain, sort_into_cells
+
+
+class Pairs:
+    """Node-grain pairs of one rank, found by :func:`search_pairs`. Arrays as in kernels.pairs."""
+
+    def __init__(self, node, grain, first, candidate, clock):
+        num_pairs = node.size
+        self.node, self.grain = node, grain
+        self.first, self.candidate = first, candidate
+        self.due = np.full(num_pairs, clock)
+        self.candidate_due = np.full(candidate.size, clock)
+        self.closest = np.full(num_pairs, -1, dtype=np.int64)
+        self.weights = np.zeros((num_pairs, 3))
+        self.normal = np.zeros((num_pairs, 3))
+        self.gap = np.full(num_pairs, np.inf)
+        self.offset = np.zeros(num_pairs)
+        self.closed = np.zeros(num_pairs, dtype=bool)
+        self.stiffness = np.zeros(num_pairs)
+        self.anchor = np.zeros((num_pairs, 3))
+        self.shear = np.zeros((num_pairs, 3))
+        self.slip = np.zeros(num_pairs)
+
+    def carry(self, old, facet_of_global, old_global_facet):
+        """Take over what ``old`` pairs remember, the closest facet by its global number."""
+        source = carry_pairs(old.node, old.grain, self.node, self.grain)
+        new = np.flatnonzero(source >= 0)
+        source = source[new]
+        for name in ("weights", "normal", "gap", "offset", "closed", "stiffness", "anchor", "shear", "slip"):  # fmt: skip
+            getattr(self, name)[new] = getattr(old, name)[source]
+        known = old.closest[source] >= 0
+        new, source = new[known], source[known]
+        facet = facet_of_global(old_global_facet[old.candidate[old.closest[source]]])
+        find_again(self.closest, new, facet, self.first, self.candidate)
+
+
+def search_pairs(x, num_own, grain_of_node, surface, reach, clock):
+    """All pairs of own nodes with facets of other grains within ``reach``. Local.
+
+    The cost grows linearly with nodes and facets: a regular grid of cells about
+    as large as a facet's box holds the nodes, and each facet looks into those
+    that its own box, grown by ``reach``, covers.
+
+    Args:
+        x: Positions [m], ghosts included, shape (num_nodes_with_ghosts, 3).
+        num_own: Number of own nodes.
+        grain_of_node: Their grains, shape (num_own,).
+        surface: :class:`~mufe_fenicsx.contact.exchange.Surface`.
+        reach: Distance [m].
+        clock: Reading of the clock of relative motion [m].
+    """
+    corners = x[surface.facets]
+    extent = np.mean(corners.max(axis=1) - corners.min(axis=1)) if corners.size else 1.0
+    low = x[:num_own].min(axis=0)
+    span = np.ptp(x[:num_own], axis=0)
+    # Cells no smaller than a facet with its reach, no more of them than nodes.
+    size = max(extent + reach, np.cbrt(np.prod(span + extent) / max(num_own, 1)))
+    shape = tuple((span / size).astype(np.int64) + 1)
+    offset, nodes = sort_into_cells(x, num_own, low, size, shape)
+    first, candidate = find_candidates(
+        x,
+        grain_of_node,
+        surface.facets,
+        surface.grain_of_facet,
+        surface.use,
+        reach,
+        low,
+        size,
+        shape,
+        offset,
+        nodes,
+    )
+    return Pairs(*group_by_grain(first, candidate, surface.grain_of_facet), candidate, clock)

@@ -1,0 +1,61 @@
+"""Surface of this rank's grains: nodes, facets, areas, neighbours."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class OwnSurface:
+    """Surface of the grains of this rank in the reference configuration.
+
+    Facets refer to surface nodes, numbered from 0 in the order of ``nodes``.
+    """
+
+    nodes: np.ndarray  #: mesh nodes on the surface, shape (num_nodes,)
+    facets: np.ndarray  #: surface nodes of facets, outward, int32, shape (num_facets, 3)
+    grain_of_node: np.ndarray  #: global index of the grain, int32, shape (num_nodes,)
+    grain_of_facet: np.ndarray  #: global index of the grain, int32, shape (num_facets,)
+    area: np.ndarray  #: nodal areas [m²], shape (num_nodes,)
+    facet_area: np.ndarray  #: areas of the facets [m²], shape (num_facets,)
+
+
+def own_surface(mesh, x):
+    """Surface of a :class:`~mufe_fenicsx.mesh.GrainMesh` at positions ``x``. Local."""
+    nodes, facets = np.unique(mesh.facets, return_inverse=True)
+    facets = facets.reshape(-1, 3).astype(np.int32)
+    a, b, c = (x[mesh.facets[:, i]] for i in range(3))
+    facet_area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    area = np.bincount(facets.ravel(), np.repeat(facet_area / 3, 3), nodes.size)
+    return OwnSurface(
+        nodes=nodes.astype(np.int32),
+        facets=facets,
+        grain_of_node=mesh.grains[mesh.grain_of_node[nodes]].astype(np.int32),
+        grain_of_facet=mesh.grains[mesh.grain_of_facet].astype(np.int32),
+        area=area,
+        facet_area=facet_area,
+    )
+
+
+def rings(facets, num_nodes):
+    """Facets around each node, as compressed rows (offset, ring)."""
+    order = np.argsort(facets.ravel(), kind="stable")
+    offset = np.searchsorted(facets.ravel()[order], np.arange(num_nodes + 1))
+    return offset, (order // 3).astype(np.int32)
+
+
+def neighbors(facets):
+    """Facets across the edges 0-1, 1-2, 2-0 of each facet, -1 where there is none.
+
+    The surface is closed and oriented: an edge is shared by two facets that run
+    along it in opposite directions.
+    """
+    start = facets.ravel().astype(np.int64)
+    end = np.roll(facets, -1, axis=1).ravel().astype(np.int64)
+    base = int(facets.max(initial=0)) + 1
+    forward, backward = start * base + end, end * base + start
+    order = np.argsort(forward, kind="stable")
+    place = np.minimum(np.searchsorted(forward[order], backward), max(forward.size - 1, 0))
+    found = order[place] if forward.size else place
+    across = np.where(forward[found] == backward, found // 3, -1) if forward.size else found
+    return across.reshape(-1, 3).astype(np.int32)

@@ -1,0 +1,153 @@
+"""Candidates for contact: which facets of other grains are near which nodes."""
+
+import math
+
+import numba
+import numpy as np
+
+from .closest import closest_point
+
+
+@numba.njit(cache=True)
+def sort_into_cells(x, num_nodes, low, size, shape):
+    """Nodes sorted by the cell of a regular grid that holds them.
+
+    Args:
+        x: Positions [m], shape (at least num_nodes, 3).
+        num_nodes: How many of them to sort.
+        low: Lower corner of the grid [m], shape (3,).
+        size: Edge of its cells [m].
+        shape: Number of cells along x, y, z.
+
+    Returns:
+        first entry of each cell, shape (num_cells + 1,); nodes, shape (num_nodes,).
+    """
+    cell = np.empty(num_nodes, np.int64)
+    offset = np.zeros(shape[0] * shape[1] * shape[2] + 1, np.int64)
+    for n in range(num_nodes):
+        index = 0
+        for i in range(3):
+            k = int((x[n, i] - low[i]) / size)
+            index = index * shape[i] + min(max(k, 0), shape[i] - 1)
+        cell[n] = index
+        offset[index + 1] += 1
+    for c in range(offset.size - 1):
+        offset[c + 1] += offset[c]
+    fill = offset[:-1].copy()
+    nodes = np.empty(num_nodes, np.int32)
+    for n in range(num_nodes):
+        nodes[fill[cell[n]]] = n
+        fill[cell[n]] += 1
+    return offset, nodes
+
+
+@numba.njit(cache=True)
+def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, size, shape,
+                    cell_offset, cell_nodes):  # fmt: skip
+    """All facets of another grain within ``reach`` of a node.
+
+    Args:
+        x: Positions [m], shape (num_nodes_with_ghosts, 3).
+        grain_of_node: Grains of the sorted nodes, shape (num_nodes,).
+        facets: Vertices, shape (num_facets, 3).
+        grain_of_facet: Their grains, shape (num_facets,).
+        use: Whether a facet may be touched, shape (num_facets,).
+        reach: Largest distance [m].
+        low, size, shape, cell_offset, cell_nodes: As in :func:`sort_into_cells`.
+
+    Returns:
+        offset of each node's candidates, shape (num_nodes + 1,), and facets, sorted by
+        grain and then by facet for each node.
+    """
+    num_nodes = grain_of_node.size
+    count = np.zeros(num_nodes + 1, np.int64)
+    reach2 = reach * reach
+    capacity = 16 * num_nodes + 16
+    found_node = np.empty(capacity, np.int32)
+    found_facet = np.empty(capacity, np.int32)
+    num_found = 0
+    for f in range(facets.shape[0]):
+        if not use[f]:
+            continue
+        a, b, c = facets[f, 0], facets[f, 1], facets[f, 2]
+        begin, end = np.empty(3, np.int64), np.empty(3, np.int64)
+        empty = False
+        for i in range(3):
+            lowest = min(x[a, i], x[b, i], x[c, i]) - reach
+            highest = max(x[a, i], x[b, i], x[c, i]) + reach
+            begin[i] = max(int(math.floor((lowest - low[i]) / size)), 0)
+            end[i] = min(int(math.floor((highest - low[i]) / size)), shape[i] - 1) + 1
+            empty = empty or begin[i] >= end[i]
+        if empty:
+            continue
+        for i in range(begin[0], end[0]):
+            for j in range(begin[1], end[1]):
+                row = (i * shape[1] + j) * shape[2]
+                for k in range(cell_offset[row + begin[2]], cell_offset[row + end[2]]):
+                    n = cell_nodes[k]
+                    if grain_of_node[n] == grain_of_facet[f]:
+                        continue
+                    px, py, pz = x[n, 0], x[n, 1], x[n, 2]
+                    wa, wb, wc, _ = closest_point(px, py, pz, x, a, b, c)
+                    dx = px - wa * x[a, 0] - wb * x[b, 0] - wc * x[c, 0]
+                    dy = py - wa * x[a, 1] - wb * x[b, 1] - wc * x[c, 1]
+                    dz = pz - wa * x[a, 2] - wb * x[b, 2] - wc * x[c, 2]
+                    if dx * dx + dy * dy + dz * dz > reach2:
+                        continue
+                    if num_found == capacity:
+                        capacity *= 2
+                        grown_node = np.empty(capacity, np.int32)
+                        grown_facet = np.empty(capacity, np.int32)
+                        grown_node[:num_found] = found_node
+                        grown_facet[:num_found] = found_facet
+                        found_node, found_facet = grown_node, grown_facet
+                    found_node[num_found] = n
+                    found_facet[num_found] = f
+                    num_found += 1
+                    count[n + 1] += 1
+
+    for n in range(num_nodes):
+        count[n + 1] += count[n]
+    fill = count[:-1].copy()
+    facet = np.empty(num_found, np.int32)
+    for k in range(num_found):
+        facet[fill[found_node[k]]] = found_facet[k]
+        fill[found_node[k]] += 1
+    for n in range(num_nodes):  # insertion sort: the lists are short
+        for k in range(count[n] + 1, count[n + 1]):
+            f, m = facet[k], k
+            while m > count[n] and grain_of_facet[facet[m - 1]] > grain_of_facet[f]:
+                facet[m] = facet[m - 1]
+                m -= 1
+            facet[m] = f
+    return count, facet
+
+
+@numba.njit(cache=True)
+def group_by_grain(offset, facet, grain_of_facet):
+    """Split each node's candidates by grain: a pair is a node and another grain.
+
+    Args:
+        offset, facet: As returned by :func:`find_candidates`.
+        grain_of_facet: Grains, shape (num_facets,).
+
+    Returns:
+        node and grain of each pair, shape (num_pairs,); first candidate of each
+        pair, shape (num_pairs + 1,). Pairs increase in node, then in grain.
+    """
+    num_pairs = 0
+    for n in range(offset.size - 1):
+        for k in range(offset[n], offset[n + 1]):
+            if k == offset[n] or grain_of_facet[facet[k]] != grain_of_facet[facet[k - 1]]:
+                num_pairs += 1
+    node = np.empty(num_pairs, np.int32)
+    grain = np.empty(num_pairs, np.int32)
+    first = np.empty(num_pairs + 1, np.int64)
+    p = 0
+    for n in range(offset.size - 1):
+        for k in range(offset[n], offset[n + 1]):
+            if k == offset[n] or grain_of_facet[facet[k]] != grain_of_facet[facet[k - 1]]:
+                node[p], grain[p], first[p] = n, grain_of_facet[facet[k]], k
+                p += 1
+    first[num_pairs] = facet.size
+    return node, grain, first

@@ -1,0 +1,203 @@
+"""One DOLFINx mesh of all grains, each grain whole on one rank."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import basix.ufl
+import numpy as np
+from dolfinx import fem, graph, mesh
+
+
+def partition_grains(weights, centroids, num_ranks):
+    """Rank of each grain by weighted recursive coordinate bisection.
+
+    The longest side of the grains' bounding box is cut where the weights divide
+    in proportion to the ranks on both sides. Every rank receives a grain. The
+    same on every rank, without communication.
+
+    Args:
+        weights: Work of the grains, e.g. their numbers of cells, shape (num_grains,).
+        centroids: Their centres [m], shape (num_grains, 3).
+        num_ranks: Number of ranks, at most the number of grains.
+
+    Returns:
+        rank_of_grain, shape (num_grains,).
+
+    Raises:
+        ValueError: More ranks than grains.
+    """
+    weights, centroids = np.asarray(weights, float), np.asarray(centroids, float)
+    if num_ranks > weights.size:
+        raise ValueError(
+            f"number of ranks = {num_ranks}, expected at most the number of grains, {weights.size}"
+        )
+    rank_of_grain = np.empty(weights.size, dtype=np.int32)
+    parts = [(np.arange(weights.size), 0, num_ranks)]
+    while parts:
+        grains, first, count = parts.pop()
+        if count == 1:
+            rank_of_grain[grains] = first
+            continue
+        left = count // 2
+        axis = np.argmax(np.ptp(centroids[grains], axis=0))
+        grains = grains[np.argsort(centroids[grains, axis], kind="stable")]
+        done = np.cumsum(weights[grains])
+        cut = 1 + np.argmin(np.abs(done - done[-1] * left / count))
+        cut = min(max(cut, left), grains.size - (count - left))
+        parts.append((grains[:cut], first, left))
+        parts.append((grains[cut:], first + left, count - left))
+    return rank_of_grain
+
+
+@dataclass(frozen=True)
+class GrainMesh:
+    """Grains of this rank as part of one distributed DOLFINx mesh without ghosts.
+
+    Nodes are numbered as the degrees of freedom of ``V``; all arrays are local.
+    Build it with :func:`create_grain_mesh`.
+    """
+
+    mesh: mesh.Mesh  #: the DOLFINx mesh
+    V: fem.FunctionSpace  #: continuous piecewise linear vectors
+    cell_tags: mesh.MeshTags  #: label of each cell
+    labels: np.ndarray  #: labels of the grains of all ranks, shape (num_grains_global,)
+    rank_of_grain: np.ndarray  #: their ranks, shape (num_grains_global,)
+    grains: np.ndarray  #: indices into ``labels`` of this rank's grains, shape (num_grains,)
+    x: np.ndarray  #: reference positions of nodes [m], shape (num_nodes, 3)
+    cells: np.ndarray  #: nodes of cells, grain after grain, int32, shape (num_cells, 4)
+    cell_order: np.ndarray  #: DOLFINx cell of each row of ``cells``, shape (num_cells,)
+    cell_offset: np.ndarray  #: first row of each grain, shape (num_grains + 1,)
+    nodes: np.ndarray  #: nodes, grain after grain, int32, shape (num_nodes,)
+    node_offset: np.ndarray  #: first entry of each grain, shape (num_grains + 1,)
+    grain_of_node: np.ndarray  #: local grain of each node, int32, shape (num_nodes,)
+    facets: np.ndarray  #: nodes of boundary facets, outward, int32, shape (num_facets, 3)
+    grain_of_facet: np.ndarray  #: local grain of each facet, shape (num_facets,)
+
+    @property
+    def comm(self):
+        return self.mesh.comm
+
+    @property
+    def num_cells(self):
+        """Cells on this rank."""
+        return self.cells.shape[0]
+
+    @property
+    def num_nodes(self):
+        """Nodes on this rank."""
+        return self.x.shape[0]
+
+    @property
+    def num_grains(self):
+        """Grains on this rank."""
+        return self.grains.size
+
+    @cached_property
+    def grain_of_cell(self):
+        """Local grain of each row of ``cells``, shape (num_cells,)."""
+        return np.repeat(np.arange(self.num_grains, dtype=np.int32), np.diff(self.cell_offset))
+
+    def cell_function(self, values):
+        """Piecewise constant DOLFINx function from values in the order of ``cells``."""
+        function = fem.Function(fem.functionspace(self.mesh, ("DG", 0)))
+        function.x.array[self.cell_order] = values
+        return function
+
+
+def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain):
+    """Make the distributed mesh from each rank's own grains. Collective.
+
+    Args:
+        comm: MPI communicator.
+        points: Positions of the nodes of this rank's grains [m], shape (num_nodes, 3).
+        cells: Local nodes of this rank's tetrahedra, shape (num_cells, 4).
+        cell_grain: Index into ``labels`` of each tetrahedron, shape (num_cells,).
+        labels: Labels of all grains, shape (num_grains_global,).
+        rank_of_grain: Rank of all grains, shape (num_grains_global,).
+    """
+    first_node = comm.exscan(points.shape[0]) or 0
+    first_cell = comm.exscan(cells.shape[0]) or 0
+    element = basix.ufl.element("Lagrange", "tetrahedron", 1, shape=(3,))
+
+    rank = comm.rank
+
+    def stay(_comm, num_parts, cell_types, cell_nodes):
+        num_cells = cell_nodes[0].size // 4
+        return graph.adjacencylist(
+            np.full(num_cells, rank, np.int32), np.arange(num_cells + 1, dtype=np.int32)
+        )._cpp_object
+
+    domain = mesh.create_mesh(
+        comm,
+        cells.astype(np.int64) + first_node,
+        element,
+        np.ascontiguousarray(points, dtype=np.float64),
+        stay,
+    )
+    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+    if V.dofmap.index_map.num_ghosts:
+        raise RuntimeError(
+            f"ghosts = {V.dofmap.index_map.num_ghosts}, expected a grain on one rank"
+        )
+
+    grain_of_cell = cell_grain[domain.topology.original_cell_index - first_cell]
+    cell_order = np.argsort(grain_of_cell, kind="stable").astype(np.int32)
+    grains, cell_offset = np.unique(grain_of_cell[cell_order], return_index=True)
+    cell_offset = np.append(cell_offset, cell_order.size).astype(np.int64)
+
+    dofs = V.dofmap.list[cell_order].astype(np.int32)
+    x = V.tabulate_dof_coordinates()[: V.dofmap.index_map.size_local].copy()
+    edges = x[dofs[:, 1:]] - x[dofs[:, :1]]
+    inside_out = np.linalg.det(edges) < 0
+    dofs[inside_out] = dofs[inside_out][:, [0, 2, 1, 3]]
+
+    local_grain = np.repeat(np.arange(grains.size, dtype=np.int32), np.diff(cell_offset))
+    grain_of_node = np.empty(x.shape[0], dtype=np.int32)
+    grain_of_node[dofs] = local_grain[:, None]
+    nodes = np.argsort(grain_of_node, kind="stable").astype(np.int32)
+    node_offset = np.searchsorted(grain_of_node[nodes], np.arange(grains.size + 1))
+
+    facets, grain_of_facet = _boundary(domain, V, dofs, x, cell_order, local_grain)
+    tags = mesh.meshtags(
+        domain,
+        3,
+        np.arange(grain_of_cell.size, dtype=np.int32),
+        np.asarray(labels)[grain_of_cell].astype(np.int32),
+    )
+    return GrainMesh(
+        mesh=domain,
+        V=V,
+        cell_tags=tags,
+        labels=np.asarray(labels),
+        rank_of_grain=np.asarray(rank_of_grain),
+        grains=grains,
+        x=x,
+        cells=dofs,
+        cell_order=cell_order,
+        cell_offset=cell_offset,
+        nodes=nodes,
+        node_offset=node_offset,
+        grain_of_node=grain_of_node,
+        facets=facets,
+        grain_of_facet=grain_of_facet,
+    )
+
+
+def _boundary(domain, V, cells, x, cell_order, local_grain):
+    """Boundary facets with outward orientation, and their grains."""
+    topology = domain.topology
+    topology.create_connectivity(2, 3)
+    boundary = mesh.exterior_facet_indices(topology)
+    facet_to_cell = topology.connectivity(2, 3)
+    row_of_cell = np.empty_like(cell_order)
+    row_of_cell[cell_order] = np.arange(cell_order.size, dtype=np.int32)
+    row = row_of_cell[facet_to_cell.array[facet_to_cell.offsets[boundary]]]
+
+    node_of_vertex = np.empty(x.shape[0], dtype=np.int32)
+    node_of_vertex[domain.geometry.dofmap] = V.dofmap.list
+    facets = node_of_vertex[mesh.entities_to_geometry(domain, 2, boundary)]
+    opposite = cells[row].sum(axis=1) - facets.sum(axis=1)
+    a, b, c = x[facets[:, 0]], x[facets[:, 1]], x[facets[:, 2]]
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), x[opposite] - a) > 0
+    facets[inward] = facets[inward][:, [0, 2, 1]]
+    return facets, local_grain[row]

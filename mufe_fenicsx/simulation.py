@@ -1,0 +1,221 @@
+"""Grains, contact and walls, stepped together by central differences."""
+
+import math
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from .contact.assemble import Contact
+from .contact.walls import Walls
+from .errors import SolverError
+from .integrators.explicit import central_difference
+from .kernels.energy import kinetic_energy
+from .kernels.motion import accelerate_and_half_kick, half_kick_and_drift
+from .solid import Solid
+from .state import initial_state
+from .time_step import HighestFrequency
+
+#: Names of the terms of the energy balance, in the order of history.csv.
+ENERGIES = ("kinetic", "elastic", "plastic", "friction", "contact", "damping", "work", "residual")
+
+
+class Simulation:
+    """A set of grains between walls, on all ranks of ``mesh.comm``. Collective.
+
+    Args:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        materials: A material for each grain of this rank.
+        walls: List of :class:`~mufe_fenicsx.contact.walls.Wall`.
+        friction: Coefficient of friction between grains.
+        compliance: Constant c of the contact layer.
+        averaged: Averaged nodal pressure (True) or plain linear tetrahedra.
+        damping: Force -damping m v on every node [1/s].
+        assembled: Time step from the assembled system (True) or from single elements.
+        time_step_factor: Time step over the limit of stability.
+        refresh: Steps between two evaluations of that limit.
+        velocity: Initial velocities [m/s], shape (num_nodes, 3); rest if None.
+    """
+
+    def __init__(
+        self,
+        mesh,
+        materials,
+        walls=(),
+        *,
+        friction=0.0,
+        compliance=0.15,
+        averaged=True,
+        damping=0.0,
+        assembled=True,
+        time_step_factor=0.9,
+        refresh=200,
+        velocity=None,
+    ):
+        self.mesh, self.comm = mesh, mesh.comm
+        self.damping, self.assembled = float(damping), assembled
+        self.time_step_factor, self.refresh = time_step_factor, refresh
+        self.solid = Solid(mesh, materials, averaged)
+        self.walls = Walls(walls)
+        self.contact = Contact(
+            mesh,
+            mesh.x,
+            self.solid.contact_modulus,
+            self.solid.tangential_ratio,
+            friction,
+            compliance,
+            self.walls,
+        )
+        # Displacement, velocity and force live in PETSc-backed DOLFINx functions.
+        self.u, self.v, self.force = (fem.Function(mesh.V) for _ in range(3))
+        self._f = self.force.x.array.reshape(-1, 3)
+        self.state = initial_state(
+            mesh.x, mesh.num_cells, self.u.x.array.reshape(-1, 3), self.v.x.array.reshape(-1, 3)
+        )
+        if velocity is not None:
+            self.state.v[:] = velocity
+        self.damped = 0.0  #: energy taken by the damping on this rank [J]
+        self.initial_kinetic = 0.0
+        self._inverted = -1
+        self._highest = HighestFrequency(self.comm, self.solid.mass, mesh.x, self._add_stiffness)
+        self._margin = 0.0
+        self._clock_at_refresh = 0.0
+        self.dt = math.nan
+        self.dt_element = math.nan
+        self._start()
+
+    def _start(self):
+        """Forces and accelerations of the initial state; overlaps there are adopted."""
+        s = self.state
+        self.contact.begin(s.x)
+        self._f[:] = 0.0
+        self.solid.add_internal_forces(self._f, s, 0.0)
+        self.contact.add_forces(self._f, s.x, adopt=True)
+        s.a[:] = self._f / self.solid.mass[:, None]
+        self.update_time_step()
+        self.initial_kinetic = self.comm.allreduce(self._kinetic())
+
+    # --- stepping -------------------------------------------------------------------------
+
+    def step(self):
+        """Advance by one stable time step. Collective."""
+        if self.state.num_steps % self.refresh == 0 and self.state.num_steps:
+            self.update_time_step()
+            self.check()
+        central_difference(self.state, self.dt, self._drift, self._forces, self._kick)
+
+    def _drift(self, dt):
+        s = self.state
+        half_kick_and_drift(s.x, s.u, s.v, s.a, self.mesh.x, dt, self.damping)
+
+    def _forces(self, dt):
+        s = self.state
+        wall_move = self.walls.move(dt)
+        self.walls.add_work()
+        self.contact.begin(s.x)
+        self._f[:] = 0.0
+        bad = self.solid.add_internal_forces(self._f, s, dt)
+        if bad >= 0:
+            self._inverted = bad
+        self.contact.add_forces(self._f, s.x, wall_move)
+        self.walls.add_work()
+        if self.walls.has_servo:
+            self.walls.adjust(self.wall_forces())
+
+    def _kick(self, dt):
+        s = self.state
+        self.damped += accelerate_and_half_kick(
+            s.a, s.v, self._f, self.solid.mass, dt, self.damping
+        )
+
+    def check(self):
+        """Stop where an element has turned inside out or a value is not finite. Collective."""
+        finite = math.isfinite(self._kinetic())
+        bad = self.comm.allgather((self._inverted, finite))
+        if all(cell < 0 and ok for cell, ok in bad):
+            return
+        message = None
+        if self._inverted >= 0:
+            message = str(self.solid.inverted(self._inverted))
+        messages = [m for m in self.comm.allgather(message) if m]
+        raise SolverError(
+            messages[0]
+            if messages
+            else f"velocities are not finite at step {self.state.num_steps}: reduce "
+            "solver.time_step_factor or oedometer.speed"
+        )
+
+    # --- time step ------------------------------------------------------------------------
+
+    def _add_stiffness(self, y, q):
+        self.solid.add_stiffness(y, q, self.state.x)
+        self.contact.add_stiffness(y, q, self._margin)
+
+    def update_time_step(self):
+        """Set ``dt`` from the limit of stability at the present state. Collective."""
+        s = self.state
+        self.dt_element = self.comm.allreduce(self.solid.element_time_step(s.x), op=MPI.MIN)
+        # Pairs that can close before the next evaluation count as closed.
+        moved = self.contact.clock - self._clock_at_refresh
+        self._clock_at_refresh = self.contact.clock
+        self._margin = max(2.0 * moved, 1e-3 * self.contact.edge)
+        if self.assembled:
+            limit = 2.0 / self._highest()
+        else:
+            stiffest = self.comm.allreduce(self._stiffest_contact(), op=MPI.MAX)
+            limit = 2.0 / math.sqrt((2.0 / self.dt_element) ** 2 + 2.0 * stiffest)
+        self.dt = self.time_step_factor * limit
+
+    def _stiffest_contact(self):
+        """Largest sum over mass of a node's contact springs [1/s²], all springs closed. Local.
+
+        A spring between two nodes adds at most twice its stiffness over the mass
+        (Gershgorin); a surface node carries its own spring and those of the facets.
+        """
+        c = self.contact
+        if not c.own.nodes.size:
+            return 0.0
+        mass = self.solid.mass[c.own.nodes]
+        return float((2.0 * c.own.area / (c.layer * mass)).max())
+
+    # --- numbers --------------------------------------------------------------------------
+
+    def wall_forces(self):
+        """Normal forces of the grains on the walls [N], compression positive. Collective."""
+        normal = -np.einsum("ij,ij->i", self.walls.force, self.walls.normal)
+        return self.comm.allreduce(normal) if self.comm.size > 1 else normal
+
+    def _kinetic(self):
+        s = self.state
+        return kinetic_energy(s.v, s.a, s.dt, self.solid.mass)
+
+    def energies(self):
+        """Terms of the energy balance [J], a dict with the keys of ``ENERGIES``. Collective."""
+        contact, num_contacts = self.contact.energy()
+        local = np.array(
+            [
+                self._kinetic(),
+                self.solid.elastic_energy(self.state).sum(),
+                self.state.plastic_work.sum(),
+                self.contact.dissipated,
+                contact,
+                self.damped,
+                self.walls.work,
+                num_contacts,
+            ]
+        )
+        total = self.comm.allreduce(local)
+        self.num_contacts = int(total[7])
+        energies = dict(zip(ENERGIES, total[:7], strict=False))
+        energies["residual"] = self.initial_kinetic + total[6] - total[:6].sum()
+        return energies
+
+    def num_active_grains(self):
+        """Grains with at least one closed contact. Collective."""
+        active = np.zeros(self.mesh.labels.size, dtype=bool)
+        p, w, own = self.contact.pairs, self.walls.pairs, self.contact.own
+        active[own.grain_of_node[p.node[p.closed]]] = True
+        active[p.grain[p.closed]] = True
+        active[own.grain_of_node[w.node[w.closed]]] = True
+        self.comm.Allreduce(MPI.IN_PLACE, active, op=MPI.LOR)
+        return int(active.sum())
