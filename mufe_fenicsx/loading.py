@@ -1,0 +1,99 @@
+"""The oedometer test as a sequence of stages that drive the top platen.
+
+Strain is the shortening of the distance between top and bottom platen over that
+distance at the end of the seating stage, positive in compression: gaps that the
+segmentation left are closed by the seating and do not count. Its end is the
+first step at which top and bottom both carry the seating stress.
+"""
+
+from .errors import SolverError
+
+TOP, BOTTOM = "z_max", "z_min"
+SEATING, LOADING = "seating", "loading"
+
+STRAIN_DEFINITION = (
+    "shortening of the distance between top and bottom platen over that distance at the end of "
+    "the seating stage (the first step at which both carry the seating stress); compression positive"
+)
+
+#: The seating stage gives up when the platens have approached by this part of their distance.
+LARGEST_SEATING = 0.25
+
+
+def smooth_step(s):
+    """0 below 0, 1 above 1, between them the quintic with two vanishing derivatives."""
+    s = min(max(s, 0.0), 1.0)
+    return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
+
+
+class OedometerLoading:
+    """Moves the top platen of a simulation through seating and loading.
+
+    Args:
+        simulation: :class:`~mufe_fenicsx.simulation.Simulation` with walls z_min and z_max.
+        strain: Strain at which the test ends.
+        speed: Speed of the top platen [m/s].
+        ramp: Strain over which the speed rises smoothly, at the start of each stage.
+        seating_force: Force on top and bottom that ends the seating [N].
+        seating_speed: Speed of the top platen while seating [m/s].
+    """
+
+    def __init__(self, simulation, strain, speed, ramp, seating_force, seating_speed):
+        self.simulation = simulation
+        self.final_strain, self.speed, self.ramp = strain, speed, ramp
+        self.seating_force, self.seating_speed = seating_force, seating_speed
+        walls = simulation.walls
+        self._top, self._bottom = walls.names.index(TOP), walls.names.index(BOTTOM)
+        self.first_height = self.height
+        self.reference_height = self.first_height
+        self._speed = self._speed_at_start = 0.0
+        self.stage = SEATING
+        self.stages = [self._note()]
+
+    @property
+    def height(self):
+        """Distance of top and bottom platen [m]."""
+        points = self.simulation.walls.point
+        return points[self._top, 2] - points[self._bottom, 2]
+
+    @property
+    def strain(self):
+        """Strain since the end of the seating; zero while it lasts."""
+        return 0.0 if self.stage == SEATING else self.progress
+
+    @property
+    def progress(self):
+        """How far the present stage has come: the height lost over the reference height [-]."""
+        return 1.0 - self.height / self.reference_height
+
+    @property
+    def finished(self):
+        return self.stage == LOADING and self.progress >= self.final_strain
+
+    def _note(self):
+        state = self.simulation.state
+        return {"name": self.stage, "step": state.num_steps, "time": state.t, "strain": 0.0}
+
+    def before_step(self):
+        """Set the speed of the platen and change stage when it is time. Collective."""
+        if self.stage == SEATING:
+            if self.progress > LARGEST_SEATING:
+                raise SolverError(
+                    f"after {LARGEST_SEATING:.0%} of the height top and bottom do not both carry "
+                    f"the seating force of {self.seating_force:.3g} N: lower "
+                    "oedometer.seating_stress, or check that the sample fills the box"
+                )
+            forces = self.simulation.wall_forces()
+            if min(forces[self._top], forces[self._bottom]) >= self.seating_force:
+                self.stage = LOADING
+                self.reference_height = self.height
+                self.stages.append(self._note())
+        if self.stage == SEATING:
+            ramp_time = self.ramp * self.first_height / self.seating_speed
+            s = self.simulation.state.t / ramp_time if ramp_time > 0 else 1.0
+            self._speed = self._speed_at_start = self.seating_speed * smooth_step(s)
+        else:
+            s = self.progress / self.ramp if self.ramp > 0 else 1.0
+            start = self._speed_at_start
+            self._speed = start + (self.speed - start) * smooth_step(s)
+        self.simulation.walls.velocity[self._top, 2] = -self._speed

@@ -1,0 +1,365 @@
+"""An oedometer test from a scene to a run folder."""
+
+import math
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from .contact.separation import separate
+from .contact.walls import Wall
+from .errors import InputError, SolverError
+from .geometry.grains import load_grains, read_grain_table
+from .loading import LOADING, STRAIN_DEFINITION, OedometerLoading
+from .mesh import create_grain_mesh, partition_grains
+from .output.fields import FieldWriter
+from .output.history import HistoryWriter
+from .output.run_folder import (
+    create_run_folder,
+    peak_memory,
+    raise_together,
+    versions,
+    write_atomically,
+    write_run_json,
+)
+from .scene import WALLS, scene_to_toml
+from .simulation import ENERGIES, Simulation
+from .solid import von_mises
+
+#: A run stops when the balance shows that this part of all energy came from nowhere.
+LARGEST_GAIN = 0.1
+#: Seconds between two updates of the progress line.
+REFRESH_SECONDS = 0.5
+
+
+def load_mesh(comm, grains_folder):
+    """Read each rank's own grains and make the distributed mesh. Collective.
+
+    Args:
+        comm: MPI communicator.
+        grains_folder: Folder that `mufe mesh` wrote.
+
+    Raises:
+        InputError: The folder cannot be used, or there are more ranks than grains.
+    """
+    table, message = None, None
+    try:
+        table = read_grain_table(grains_folder)
+    except (InputError, OSError) as error:
+        message = str(error)
+    raise_together(comm, message)
+    labels, num_cells, _, centroids = table
+    if comm.size > labels.size:
+        raise InputError(
+            f"number of ranks = {comm.size}, expected at most the number of grains, {labels.size}"
+        )
+    rank_of_grain = partition_grains(num_cells, centroids, comm.size)
+    mine = np.flatnonzero(rank_of_grain == comm.rank)
+    grains = load_grains(grains_folder, which=mine)
+    cell_grain = np.repeat(mine, np.diff(grains.cell_offset))
+    return create_grain_mesh(comm, grains.points, grains.cells, cell_grain, labels, rank_of_grain)
+
+
+def make_walls(scene, low, high):
+    """The six walls of a scene at the faces of the box from ``low`` to ``high`` [m]."""
+    walls = []
+    size = high - low
+    for name in WALLS:
+        settings = scene.walls[name]
+        axis = "xyz".index(name[0])
+        normal = np.zeros(3)
+        normal[axis] = 1.0 if name.endswith("min") else -1.0
+        area = size[(axis + 1) % 3] * size[(axis + 2) % 3]
+        walls.append(
+            Wall(
+                name=name,
+                point=(low if name.endswith("min") else high).copy(),
+                normal=normal,
+                friction=settings.friction,
+                velocity=settings.velocity * normal,
+                target=None if not settings.stress else settings.stress * area,
+                speed=settings.speed or 0.0,
+            )
+        )
+    return walls
+
+
+class Recorder:
+    """Writes history and fields of a test as it goes on. Collective."""
+
+    def __init__(self, folder, simulation, loading, area, output):
+        mesh = simulation.mesh
+        self.simulation, self.loading, self.area = simulation, loading, area
+        self.history = HistoryWriter(folder / "history.csv", comm=mesh.comm)
+        labels = mesh.labels[mesh.grains[mesh.grain_of_cell]]
+        self.fields = FieldWriter(mesh.comm, folder, mesh.x, mesh.cells, labels)
+        self.num_states = 0
+        self._history_interval = loading.final_strain / (output.history - 1)
+        self._field_interval = loading.final_strain / (output.fields - 1)
+        self._stage, self._next_row, self._next_state = None, 0.0, 0.0
+
+    def after_step(self):
+        """Write what is due."""
+        loading = self.loading
+        if loading.stage != self._stage:
+            self._stage, self._next_row, self._next_state = loading.stage, 0.0, 0.0
+        progress = loading.progress
+        if loading.stage == LOADING and progress >= self._next_state:
+            self._next_state += self._field_interval * (1 - 1e-12)
+            self.write_state()
+        if progress >= self._next_row:
+            self._next_row = progress - math.fmod(progress, self._history_interval)
+            self._next_row += self._history_interval * (1 - 1e-12)
+            self.write_row()
+
+    def write_row(self):
+        """One row of the history. Returns its energies [J]."""
+        sim, loading = self.simulation, self.loading
+        forces, energies = sim.wall_forces(), sim.energies()
+        active = sim.num_active_grains()
+        row = {
+            "step": sim.state.num_steps,
+            "time": sim.state.t,
+            "dt": sim.dt,
+            "stage": loading.stage,
+            "strain": loading.strain,
+            "height": loading.height,
+            "stress": 0.5 * (forces[4] + forces[5]) / self.area,
+            "num_contacts": sim.num_contacts,
+            "num_active_grains": active,
+        }
+        row.update({f"force_{name}": f for name, f in zip(WALLS, forces, strict=True)})
+        row.update({name: energies[name] for name in ENERGIES})
+        self.history.append(row)
+        gained = -energies["residual"]
+        scale = abs(energies["work"]) + sim.initial_kinetic
+        if gained > LARGEST_GAIN * scale and scale > 0:
+            raise SolverError(
+                f"{gained:.3g} J came from nowhere at strain {loading.strain:.4f}, "
+                f"{gained / scale:.0%} of the work: reduce solver.time_step_factor, or "
+                "refine the mesh where it is coarse"
+            )
+        return energies
+
+    def write_state(self):
+        """One state of all fields."""
+        sim, state = self.simulation, self.simulation.state
+        pressure, shear = sim.contact.traction(sim.mesh.num_nodes)
+        stress = sim.solid.stress(state)
+        self.fields.write(
+            self.num_states,
+            state.t,
+            self.loading.strain,
+            self.loading.stage,
+            {
+                "displacement": state.u,
+                "velocity": state.v,
+                "contact_pressure": pressure,
+                "contact_shear": shear,
+            },
+            {
+                "stress": stress,
+                "von_mises": von_mises(state.deviator),
+                "pressure": -stress[:, :3].mean(axis=1),
+                "plastic_strain": state.plastic_strain,
+            },
+        )
+        self.num_states += 1
+
+
+def run_scene(
+    scene,
+    grains_folder,
+    output_folder,
+    comm,
+    *,
+    overwrite=False,
+    max_steps=None,
+    quiet=False,
+    command=(),
+):
+    """Run the test of a scene. Collective.
+
+    Args:
+        scene: :class:`~mufe_fenicsx.scene.Scene`.
+        grains_folder: Folder that `mufe mesh` wrote.
+        output_folder: Run folder to create.
+        comm: MPI communicator.
+        overwrite: Replace an earlier run in that folder.
+        max_steps: Stop after so many steps.
+        quiet: Print nothing.
+        command: The command line, to be kept with the run.
+
+    Returns:
+        What run.json holds, on every rank.
+
+    Raises:
+        InputError: Something the user gave cannot be used; nothing was written.
+        SolverError: The computation failed; all up to there was written.
+    """
+    started = time.perf_counter()
+    mesh = load_mesh(comm, grains_folder)
+    folder = create_run_folder(comm, Path(output_folder), overwrite)
+    message = None
+    if comm.rank == 0:
+        try:
+            write_atomically(folder / "scene.toml", scene_to_toml(scene))
+            _copy_tables(Path(grains_folder), folder)
+        except (InputError, OSError) as error:
+            message = str(error)
+    raise_together(comm, message)
+
+    separation = separate(mesh, scene.sample.max_shift) if scene.sample.separation else None
+    low, high = np.empty(3), np.empty(3)
+    comm.Allreduce(mesh.x.min(axis=0), low, op=MPI.MIN)
+    comm.Allreduce(mesh.x.max(axis=0), high, op=MPI.MAX)
+    solver, oedometer = scene.solver, scene.oedometer
+    simulation = Simulation(
+        mesh,
+        [scene.material] * mesh.num_grains,
+        make_walls(scene, low, high),
+        friction=scene.contact.friction,
+        compliance=scene.contact.compliance,
+        averaged=solver.element == "averaged",
+        damping=solver.damping,
+        assembled=solver.time_step == "assembled",
+        time_step_factor=solver.time_step_factor,
+    )
+    area = float((high - low)[0] * (high - low)[1])
+    loading = OedometerLoading(
+        simulation,
+        oedometer.strain,
+        oedometer.speed,
+        oedometer.ramp,
+        oedometer.seating_stress * area,
+        oedometer.seating_speed,
+    )
+    recorder = Recorder(folder, simulation, loading, area, scene.output)
+    summary = {
+        "title": scene.title,
+        "command": list(command),
+        "versions": versions(),
+        "num_ranks": comm.size,
+        "num_grains": int(mesh.labels.size),
+        "num_cells": comm.allreduce(mesh.num_cells),
+        "num_nodes": comm.allreduce(mesh.num_nodes),
+        "finished": False,
+        "stop_reason": "running",
+        "strain_definition": STRAIN_DEFINITION,
+        "area": area,
+        "first_height": loading.first_height,
+        "separation": separation.as_dict() if separation else None,
+        "setup_s": time.perf_counter() - started,
+    }
+    if comm.rank == 0:
+        write_run_json(folder, _now(summary, simulation, loading, started, 0))
+
+    error = None
+    try:
+        summary["stop_reason"] = _march(simulation, loading, recorder, max_steps, quiet)
+        summary["finished"] = loading.finished
+    except SolverError as failure:
+        error = failure
+        summary["stop_reason"] = str(failure)
+        recorder.write_state()
+    memory = peak_memory(comm)
+    summary = _now(summary, simulation, loading, started, memory)
+    summary["contact"] = {
+        "num_searches": simulation.contact.num_searches,
+        "num_adopted": comm.allreduce(simulation.contact.num_adopted),
+        "num_too_deep": comm.allreduce(simulation.contact.num_deep),
+        "deepest_adopted": comm.allreduce(simulation.contact.deepest, op=MPI.MAX),
+    }
+    if comm.rank == 0:
+        write_run_json(folder, summary)
+    if error is not None:
+        raise error
+    return summary
+
+
+def _march(simulation, loading, recorder, max_steps, quiet):
+    """Step until the end of the test; returns why it stopped. Collective."""
+    with _Progress(simulation.comm, loading, quiet) as progress:
+        while True:
+            recorder.after_step()
+            progress.update(simulation)
+            if loading.finished:
+                break
+            if max_steps is not None and simulation.state.num_steps >= max_steps:
+                recorder.write_row()
+                return f"max_steps = {max_steps} reached"
+            loading.before_step()
+            simulation.step()
+    simulation.check()
+    return "final strain reached"
+
+
+def _now(summary, simulation, loading, started, memory):
+    """The summary with what changes during a run."""
+    return summary | {
+        "num_steps": simulation.state.num_steps,
+        "time": simulation.state.t,
+        "time_step": simulation.dt,
+        "element_time_step": simulation.dt_element,
+        "strain": loading.strain,
+        "reference_height": loading.reference_height,
+        "stages": loading.stages,
+        "wall_s": time.perf_counter() - started,
+        "peak_memory_bytes": memory,
+    }
+
+
+def _copy_tables(grains_folder, folder):
+    """Keep the tables of the grains with the run."""
+    source = grains_folder if grains_folder.is_dir() else grains_folder.parent
+    for path in source.glob("*.csv"):
+        (folder / path.name).write_bytes(path.read_bytes())
+
+
+class _Progress:
+    """A line with strain, step rate and time left; nothing where no terminal listens."""
+
+    def __init__(self, comm, loading, quiet):
+        self.loading = loading
+        self.active = comm.rank == 0 and not quiet and sys.stderr.isatty()
+
+    def __enter__(self):
+        if self.active:
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+            self.bar = Progress(
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TextColumn("{task.fields[text]}"),
+                TimeRemainingColumn(),
+                console=Console(stderr=True),
+            )
+            self.bar.start()
+            self.task = self.bar.add_task(
+                self.loading.stage, total=self.loading.final_strain, text=""
+            )
+            self.last, self.last_steps = time.perf_counter(), 0
+        return self
+
+    def update(self, simulation):
+        if not self.active:
+            return
+        now = time.perf_counter()
+        if now - self.last < REFRESH_SECONDS:
+            return
+        steps = simulation.state.num_steps
+        rate = (steps - self.last_steps) / (now - self.last)
+        self.last, self.last_steps = now, steps
+        self.bar.update(
+            self.task,
+            description=self.loading.stage,
+            completed=self.loading.strain,
+            text=f"strain {self.loading.strain:.4f}  {rate:.0f} steps/s",
+        )
+
+    def __exit__(self, *_):
+        if self.active:
+            self.bar.stop()
