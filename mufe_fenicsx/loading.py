@@ -13,7 +13,8 @@ SEATING, LOADING = "seating", "loading"
 
 STRAIN_DEFINITION = (
     "shortening of the distance between top and bottom platen over that distance at the end of "
-    "the seating stage (the first step at which both carry the seating stress); compression positive"
+    "the seating stage (the first step at which both carry the seating stress); compression "
+    "positive"
 )
 
 #: The seating stage gives up when the platens have approached by this part of their distance.

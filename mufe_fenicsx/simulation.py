@@ -49,7 +49,7 @@ class Simulation:
         damping=0.0,
         assembled=True,
         time_step_factor=0.9,
-        refresh=200,
+        refresh=400,
         velocity=None,
     ):
         self.mesh, self.comm = mesh, mesh.comm

@@ -24,7 +24,7 @@ class HighestFrequency:
         max_sweeps: Sweeps at most.
     """
 
-    def __init__(self, comm, mass, x, add_stiffness, size=10, tolerance=0.02, max_sweeps=12):
+    def __init__(self, comm, mass, x, add_stiffness, size=8, tolerance=0.02, max_sweeps=12):
         self.comm = comm
         self.inverse_root = 1 / np.sqrt(mass)[:, None]
         self.noise = _noise(x, np.sqrt(comm.allreduce(np.vdot(x, x)) / comm.allreduce(x.size)))

@@ -110,7 +110,7 @@ class Contact:
         self.positions.begin_forward()
 
     def add_forces(self, f, x, wall_move=0.0, adopt=False):
-        """Wait for the positions sent by :meth:`begin` and add the contact forces to ``f``. Collective.
+        """Add the contact forces at the positions sent by :meth:`begin` to ``f``. Collective.
 
         Args:
             f: Nodal forces [N], shape (num_nodes, 3).

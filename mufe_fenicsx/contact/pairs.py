@@ -5,6 +5,19 @@ import numpy as np
 from ..kernels.pairs import carry_pairs, find_again
 from ..kernels.search import find_candidates, group_by_grain, sort_into_cells
 
+#: What a pair keeps when the candidates are searched anew, beside its closest facet.
+REMEMBERED = (
+    "weights",
+    "normal",
+    "gap",
+    "offset",
+    "closed",
+    "stiffness",
+    "anchor",
+    "shear",
+    "slip",
+)
+
 
 class Pairs:
     """Node-grain pairs of one rank, found by :func:`search_pairs`. Arrays as in kernels.pairs."""
@@ -31,7 +44,7 @@ class Pairs:
         source = carry_pairs(old.node, old.grain, self.node, self.grain)
         new = np.flatnonzero(source >= 0)
         source = source[new]
-        for name in ("weights", "normal", "gap", "offset", "closed", "stiffness", "anchor", "shear", "slip"):  # fmt: skip
+        for name in REMEMBERED:
             getattr(self, name)[new] = getattr(old, name)[source]
         known = old.closest[source] >= 0
         new, source = new[known], source[known]

@@ -4,7 +4,6 @@ import math
 
 import numba
 
-
 # Features of a triangle: its interior, its vertices, its edges (0-1, 1-2, 2-0).
 INTERIOR, VERTEX, EDGE = 0, 1, 4
 

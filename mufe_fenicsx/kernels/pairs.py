@@ -260,8 +260,10 @@ def add_pair_forces(
             + uz * (e1x * e2y - e1y * e2x)
         )
         # grad N_b = (e2 x n)/2A and grad N_c = (n x e1)/2A
-        hb = g / twice * (tx * (e2y * uz - e2z * uy) + ty * (e2z * ux - e2x * uz) + tz * (e2x * uy - e2y * ux))  # fmt: skip
-        hc = g / twice * (tx * (uy * e1z - uz * e1y) + ty * (uz * e1x - ux * e1z) + tz * (ux * e1y - uy * e1x))  # fmt: skip
+        cx, cy, cz = e2y * uz - e2z * uy, e2z * ux - e2x * uz, e2x * uy - e2y * ux
+        hb = g / twice * (tx * cx + ty * cy + tz * cz)
+        cx, cy, cz = uy * e1z - uz * e1y, uz * e1x - ux * e1z, ux * e1y - uy * e1x
+        hc = g / twice * (tx * cx + ty * cy + tz * cz)
         ha = -hb - hc
         f[a, 0] += ha * nx - wa * fx
         f[a, 1] += ha * ny - wa * fy

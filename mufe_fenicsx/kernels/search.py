@@ -75,8 +75,8 @@ def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, s
         for i in range(3):
             lowest = min(x[a, i], x[b, i], x[c, i]) - reach
             highest = max(x[a, i], x[b, i], x[c, i]) + reach
-            begin[i] = max(int(math.floor((lowest - low[i]) / size)), 0)
-            end[i] = min(int(math.floor((highest - low[i]) / size)), shape[i] - 1) + 1
+            begin[i] = max(math.floor((lowest - low[i]) / size), 0)
+            end[i] = min(math.floor((highest - low[i]) / size), shape[i] - 1) + 1
             empty = empty or begin[i] >= end[i]
         if empty:
             continue

@@ -20,12 +20,19 @@ pass over volumes to the pass over stresses.
 import math
 
 import numba
+import numpy as np
 
 # Reassociation and contraction only: NaN and infinity keep their meaning.
 FAST = {"contract", "reassoc", "arcp", "nsz"}
 
 # Unsigned indices spare the test for negative ones at each access.
 U = numba.uintp
+
+# Elements that are worked on together, so that the compiler can use vector instructions.
+# Their numbers stand in rows of an array: 0-8 edges of node a to b, c, d (later forces),
+# 9-17 their velocities, 18-23 deviator, 24-32 cofactors, 33 volume, 34 mean stress,
+# 35 square of the trial von Mises stress.
+LANES = 16
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy", inline="always")
@@ -101,6 +108,111 @@ def yield_stress_at(alpha, strain, stress):
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _trial_stress(w, dt, G):
+    """Elastic trial stress of a batch of elements; see the rows of ``w`` at ``LANES``."""
+    for i in range(LANES):
+        e1x, e1y, e1z = w[i], w[1 * LANES + i], w[2 * LANES + i]
+        e2x, e2y, e2z = w[3 * LANES + i], w[4 * LANES + i], w[5 * LANES + i]
+        e3x, e3y, e3z = w[6 * LANES + i], w[7 * LANES + i], w[8 * LANES + i]
+        d1x, d1y, d1z = dt * w[9 * LANES + i], dt * w[10 * LANES + i], dt * w[11 * LANES + i]
+        d2x, d2y, d2z = dt * w[12 * LANES + i], dt * w[13 * LANES + i], dt * w[14 * LANES + i]
+        d3x, d3y, d3z = dt * w[15 * LANES + i], dt * w[16 * LANES + i], dt * w[17 * LANES + i]
+
+        m1x, m1y, m1z = e1x - 0.5 * d1x, e1y - 0.5 * d1y, e1z - 0.5 * d1z
+        m2x, m2y, m2z = e2x - 0.5 * d2x, e2y - 0.5 * d2y, e2z - 0.5 * d2z
+        m3x, m3y, m3z = e3x - 0.5 * d3x, e3y - 0.5 * d3y, e3z - 0.5 * d3z
+        g1x, g1y, g1z = m2y * m3z - m2z * m3y, m2z * m3x - m2x * m3z, m2x * m3y - m2y * m3x
+        g2x, g2y, g2z = m3y * m1z - m3z * m1y, m3z * m1x - m3x * m1z, m3x * m1y - m3y * m1x
+        g3x, g3y, g3z = m1y * m2z - m1z * m2y, m1z * m2x - m1x * m2z, m1x * m2y - m1y * m2x
+        inv = 1.0 / (m1x * g1x + m1y * g1y + m1z * g1z)
+
+        # Gradient of the displacement increment at the midpoint.
+        lxx = inv * (d1x * g1x + d2x * g2x + d3x * g3x)
+        lxy = inv * (d1x * g1y + d2x * g2y + d3x * g3y)
+        lxz = inv * (d1x * g1z + d2x * g2z + d3x * g3z)
+        lyx = inv * (d1y * g1x + d2y * g2x + d3y * g3x)
+        lyy = inv * (d1y * g1y + d2y * g2y + d3y * g3y)
+        lyz = inv * (d1y * g1z + d2y * g2z + d3y * g3z)
+        lzx = inv * (d1z * g1x + d2z * g2x + d3z * g3x)
+        lzy = inv * (d1z * g1y + d2z * g2y + d3z * g3y)
+        lzz = inv * (d1z * g1z + d2z * g2z + d3z * g3z)
+        third = (lxx + lyy + lzz) / 3.0
+
+        # Rotation R = I + 2/(1 + q.q) (Q + Q Q), q half the axial vector of the spin.
+        qx, qy, qz = 0.25 * (lzy - lyz), 0.25 * (lxz - lzx), 0.25 * (lyx - lxy)
+        t = 2.0 / (1.0 + qx * qx + qy * qy + qz * qz)
+        rxx = 1.0 - t * (qy * qy + qz * qz)
+        ryy = 1.0 - t * (qx * qx + qz * qz)
+        rzz = 1.0 - t * (qx * qx + qy * qy)
+        rxy, ryx = t * (qx * qy - qz), t * (qx * qy + qz)
+        rxz, rzx = t * (qx * qz + qy), t * (qx * qz - qy)
+        ryz, rzy = t * (qy * qz - qx), t * (qy * qz + qx)
+
+        sxx, syy, szz = w[18 * LANES + i], w[19 * LANES + i], w[20 * LANES + i]
+        sxy, syz, sxz = w[21 * LANES + i], w[22 * LANES + i], w[23 * LANES + i]
+        ax = rxx * sxx + rxy * sxy + rxz * sxz
+        ay = rxx * sxy + rxy * syy + rxz * syz
+        az = rxx * sxz + rxy * syz + rxz * szz
+        bx = ryx * sxx + ryy * sxy + ryz * sxz
+        by = ryx * sxy + ryy * syy + ryz * syz
+        bz = ryx * sxz + ryy * syz + ryz * szz
+        cx = rzx * sxx + rzy * sxy + rzz * sxz
+        cy = rzx * sxy + rzy * syy + rzz * syz
+        cz = rzx * sxz + rzy * syz + rzz * szz
+        sxx = ax * rxx + ay * rxy + az * rxz + 2.0 * G * (lxx - third)
+        syy = bx * ryx + by * ryy + bz * ryz + 2.0 * G * (lyy - third)
+        szz = cx * rzx + cy * rzy + cz * rzz + 2.0 * G * (lzz - third)
+        sxy = ax * ryx + ay * ryy + az * ryz + G * (lxy + lyx)
+        syz = bx * rzx + by * rzy + bz * rzz + G * (lyz + lzy)
+        sxz = ax * rzx + ay * rzy + az * rzz + G * (lxz + lzx)
+
+        w[18 * LANES + i], w[19 * LANES + i], w[20 * LANES + i] = sxx, syy, szz
+        w[21 * LANES + i], w[22 * LANES + i], w[23 * LANES + i] = sxy, syz, sxz
+        w[35 * LANES + i] = 1.5 * (sxx * sxx + syy * syy + szz * szz) + 3.0 * (
+            sxy * sxy + syz * syz + sxz * sxz
+        )
+
+        # Cofactors of the end of the step: gradients times six volumes.
+        h1x, h1y, h1z = e2y * e3z - e2z * e3y, e2z * e3x - e2x * e3z, e2x * e3y - e2y * e3x
+        h2x, h2y, h2z = e3y * e1z - e3z * e1y, e3z * e1x - e3x * e1z, e3x * e1y - e3y * e1x
+        h3x, h3y, h3z = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
+        w[24 * LANES + i], w[25 * LANES + i], w[26 * LANES + i] = h1x, h1y, h1z
+        w[27 * LANES + i], w[28 * LANES + i], w[29 * LANES + i] = h2x, h2y, h2z
+        w[30 * LANES + i], w[31 * LANES + i], w[32 * LANES + i] = h3x, h3y, h3z
+        w[33 * LANES + i] = (e1x * h1x + e1y * h1y + e1z * h1z) / 6.0
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _element_forces(w):
+    """Forces of a batch of elements on their nodes b, c, d, into rows 0 to 8 of ``w``."""
+    sixth = 1.0 / 6.0
+    for i in range(LANES):
+        p = w[34 * LANES + i]
+        txx, tyy, tzz = (
+            sixth * (w[18 * LANES + i] + p),
+            sixth * (w[19 * LANES + i] + p),
+            sixth * (w[20 * LANES + i] + p),
+        )
+        txy, tyz, txz = (
+            sixth * w[21 * LANES + i],
+            sixth * w[22 * LANES + i],
+            sixth * w[23 * LANES + i],
+        )
+        h1x, h1y, h1z = w[24 * LANES + i], w[25 * LANES + i], w[26 * LANES + i]
+        h2x, h2y, h2z = w[27 * LANES + i], w[28 * LANES + i], w[29 * LANES + i]
+        h3x, h3y, h3z = w[30 * LANES + i], w[31 * LANES + i], w[32 * LANES + i]
+        w[i] = txx * h1x + txy * h1y + txz * h1z
+        w[1 * LANES + i] = txy * h1x + tyy * h1y + tyz * h1z
+        w[2 * LANES + i] = txz * h1x + tyz * h1y + tzz * h1z
+        w[3 * LANES + i] = txx * h2x + txy * h2y + txz * h2z
+        w[4 * LANES + i] = txy * h2x + tyy * h2y + tyz * h2z
+        w[5 * LANES + i] = txz * h2x + tyz * h2y + tzz * h2z
+        w[6 * LANES + i] = txx * h3x + txy * h3y + txz * h3z
+        w[7 * LANES + i] = txy * h3x + tyy * h3y + tyz * h3z
+        w[8 * LANES + i] = txz * h3x + tyz * h3y + tzz * h3z
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def add_internal_forces(
     f,
     deviator,
@@ -148,10 +260,12 @@ def add_internal_forces(
         The first element whose volume is not positive, or -1.
     """
     bad = -1
+    w = np.empty(36 * LANES)
     for g in range(bulk.size):
         K, G = bulk[g], shear[g]
         strain, stress = table_strain[g], table_stress[g]
         begin, end = cell_offset[g], cell_offset[g + 1]
+        first_yield2 = stress[0] * stress[0]
 
         if averaged:
             for i in range(node_offset[g], node_offset[g + 1]):
@@ -161,119 +275,53 @@ def add_internal_forces(
                 n = nodes[i]
                 pressure[n] = K * math.log(pressure[n] / node_volume0[n])
 
-        for e in range(begin, end):
-            a, b, c, d = U(cells[e, 0]), U(cells[e, 1]), U(cells[e, 2]), U(cells[e, 3])
+        for start in range(begin, end, LANES):
+            count = min(LANES, end - start)
+            for i in range(LANES):
+                e = U(start + min(i, count - 1))
+                a, b, c, d = U(cells[e, 0]), U(cells[e, 1]), U(cells[e, 2]), U(cells[e, 3])
+                for k in range(3):
+                    w[k * LANES + i] = x[b, k] - x[a, k]
+                    w[(3 + k) * LANES + i] = x[c, k] - x[a, k]
+                    w[(6 + k) * LANES + i] = x[d, k] - x[a, k]
+                    w[(9 + k) * LANES + i] = v[b, k] - v[a, k]
+                    w[(12 + k) * LANES + i] = v[c, k] - v[a, k]
+                    w[(15 + k) * LANES + i] = v[d, k] - v[a, k]
+                for k in range(6):
+                    w[(18 + k) * LANES + i] = deviator[e, k]
+                if averaged:
+                    w[34 * LANES + i] = 0.25 * (
+                        pressure[a] + pressure[b] + pressure[c] + pressure[d]
+                    )
+            _trial_stress(w, dt, G)
 
-            # Edges now and their increments; midpoint = now - increment / 2.
-            e1x, e1y, e1z = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-            e2x, e2y, e2z = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
-            e3x, e3y, e3z = x[d, 0] - x[a, 0], x[d, 1] - x[a, 1], x[d, 2] - x[a, 2]
-            d1x = dt * (v[b, 0] - v[a, 0])
-            d1y = dt * (v[b, 1] - v[a, 1])
-            d1z = dt * (v[b, 2] - v[a, 2])
-            d2x = dt * (v[c, 0] - v[a, 0])
-            d2y = dt * (v[c, 1] - v[a, 1])
-            d2z = dt * (v[c, 2] - v[a, 2])
-            d3x = dt * (v[d, 0] - v[a, 0])
-            d3y = dt * (v[d, 1] - v[a, 1])
-            d3z = dt * (v[d, 2] - v[a, 2])
+            for i in range(count):
+                e = U(start + i)
+                if not w[33 * LANES + i] > 0.0:
+                    bad = start + i
+                if not averaged:
+                    pressure[e] = w[34 * LANES + i] = K * math.log(w[33 * LANES + i] / volume0[e])
+                if w[35 * LANES + i] > first_yield2:
+                    alpha = plastic_strain[e]
+                    Y = yield_stress_at(alpha, strain, stress)
+                    if w[35 * LANES + i] > Y * Y:
+                        q = math.sqrt(w[35 * LANES + i])
+                        dp = plastic_increment(q, alpha, G, strain, stress)
+                        scale = 1.0 - 3.0 * G * dp / q
+                        for k in range(18, 24):
+                            w[k * LANES + i] *= scale
+                        plastic_strain[e] = alpha + dp
+                        plastic_work[e] += q * scale * dp * w[33 * LANES + i]
+                for k in range(6):
+                    deviator[e, k] = w[(18 + k) * LANES + i]
 
-            m1x, m1y, m1z = e1x - 0.5 * d1x, e1y - 0.5 * d1y, e1z - 0.5 * d1z
-            m2x, m2y, m2z = e2x - 0.5 * d2x, e2y - 0.5 * d2y, e2z - 0.5 * d2z
-            m3x, m3y, m3z = e3x - 0.5 * d3x, e3y - 0.5 * d3y, e3z - 0.5 * d3z
-            g1x, g1y, g1z = m2y * m3z - m2z * m3y, m2z * m3x - m2x * m3z, m2x * m3y - m2y * m3x
-            g2x, g2y, g2z = m3y * m1z - m3z * m1y, m3z * m1x - m3x * m1z, m3x * m1y - m3y * m1x
-            g3x, g3y, g3z = m1y * m2z - m1z * m2y, m1z * m2x - m1x * m2z, m1x * m2y - m1y * m2x
-            inv = 1.0 / (m1x * g1x + m1y * g1y + m1z * g1z)
-
-            # Gradient of the displacement increment at the midpoint.
-            lxx = inv * (d1x * g1x + d2x * g2x + d3x * g3x)
-            lxy = inv * (d1x * g1y + d2x * g2y + d3x * g3y)
-            lxz = inv * (d1x * g1z + d2x * g2z + d3x * g3z)
-            lyx = inv * (d1y * g1x + d2y * g2x + d3y * g3x)
-            lyy = inv * (d1y * g1y + d2y * g2y + d3y * g3y)
-            lyz = inv * (d1y * g1z + d2y * g2z + d3y * g3z)
-            lzx = inv * (d1z * g1x + d2z * g2x + d3z * g3x)
-            lzy = inv * (d1z * g1y + d2z * g2y + d3z * g3y)
-            lzz = inv * (d1z * g1z + d2z * g2z + d3z * g3z)
-            third = (lxx + lyy + lzz) / 3.0
-
-            # Rotation R = I + 2/(1 + q.q) (Q + Q Q), q half the axial vector of the spin.
-            qx, qy, qz = 0.25 * (lzy - lyz), 0.25 * (lxz - lzx), 0.25 * (lyx - lxy)
-            t = 2.0 / (1.0 + qx * qx + qy * qy + qz * qz)
-            rxx = 1.0 - t * (qy * qy + qz * qz)
-            ryy = 1.0 - t * (qx * qx + qz * qz)
-            rzz = 1.0 - t * (qx * qx + qy * qy)
-            rxy, ryx = t * (qx * qy - qz), t * (qx * qy + qz)
-            rxz, rzx = t * (qx * qz + qy), t * (qx * qz - qy)
-            ryz, rzy = t * (qy * qz - qx), t * (qy * qz + qx)
-
-            sxx, syy, szz = deviator[e, 0], deviator[e, 1], deviator[e, 2]
-            sxy, syz, sxz = deviator[e, 3], deviator[e, 4], deviator[e, 5]
-            ax, ay, az = rxx * sxx + rxy * sxy + rxz * sxz, rxx * sxy + rxy * syy + rxz * syz, rxx * sxz + rxy * syz + rxz * szz  # fmt: skip
-            bx, by, bz = ryx * sxx + ryy * sxy + ryz * sxz, ryx * sxy + ryy * syy + ryz * syz, ryx * sxz + ryy * syz + ryz * szz  # fmt: skip
-            cx, cy, cz = rzx * sxx + rzy * sxy + rzz * sxz, rzx * sxy + rzy * syy + rzz * syz, rzx * sxz + rzy * syz + rzz * szz  # fmt: skip
-            sxx = ax * rxx + ay * rxy + az * rxz + 2.0 * G * (lxx - third)
-            syy = bx * ryx + by * ryy + bz * ryz + 2.0 * G * (lyy - third)
-            szz = cx * rzx + cy * rzy + cz * rzz + 2.0 * G * (lzz - third)
-            sxy = ax * ryx + ay * ryy + az * ryz + G * (lxy + lyx)
-            syz = bx * rzx + by * rzy + bz * rzz + G * (lyz + lzy)
-            sxz = ax * rzx + ay * rzy + az * rzz + G * (lxz + lzx)
-
-            # Cofactors of the end of the step: gradients times six volumes.
-            h1x, h1y, h1z = e2y * e3z - e2z * e3y, e2z * e3x - e2x * e3z, e2x * e3y - e2y * e3x
-            h2x, h2y, h2z = e3y * e1z - e3z * e1y, e3z * e1x - e3x * e1z, e3x * e1y - e3y * e1x
-            h3x, h3y, h3z = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
-            volume = (e1x * h1x + e1y * h1y + e1z * h1z) / 6.0
-            if not volume > 0.0:
-                bad = e
-
-            q2 = 1.5 * (sxx * sxx + syy * syy + szz * szz) + 3.0 * (sxy * sxy + syz * syz + sxz * sxz)  # fmt: skip
-            if q2 > stress[0] * stress[0]:
-                alpha = plastic_strain[e]
-                Y = yield_stress_at(alpha, strain, stress)
-                if q2 > Y * Y:
-                    q = math.sqrt(q2)
-                    dp = plastic_increment(q, alpha, G, strain, stress)
-                    scale = 1.0 - 3.0 * G * dp / q
-                    sxx *= scale
-                    syy *= scale
-                    szz *= scale
-                    sxy *= scale
-                    syz *= scale
-                    sxz *= scale
-                    plastic_strain[e] = alpha + dp
-                    plastic_work[e] += q * scale * dp * volume
-            deviator[e, 0], deviator[e, 1], deviator[e, 2] = sxx, syy, szz
-            deviator[e, 3], deviator[e, 4], deviator[e, 5] = sxy, syz, sxz
-
-            if averaged:
-                p = 0.25 * (pressure[a] + pressure[b] + pressure[c] + pressure[d])
-            else:
-                p = K * math.log(volume / volume0[e])
-                pressure[e] = p
-            sixth = 1.0 / 6.0
-            txx, tyy, tzz = sixth * (sxx + p), sixth * (syy + p), sixth * (szz + p)
-            txy, tyz, txz = sixth * sxy, sixth * syz, sixth * sxz
-            f1x = txx * h1x + txy * h1y + txz * h1z
-            f1y = txy * h1x + tyy * h1y + tyz * h1z
-            f1z = txz * h1x + tyz * h1y + tzz * h1z
-            f2x = txx * h2x + txy * h2y + txz * h2z
-            f2y = txy * h2x + tyy * h2y + tyz * h2z
-            f2z = txz * h2x + tyz * h2y + tzz * h2z
-            f3x = txx * h3x + txy * h3y + txz * h3z
-            f3y = txy * h3x + tyy * h3y + tyz * h3z
-            f3z = txz * h3x + tyz * h3y + tzz * h3z
-            f[a, 0] += f1x + f2x + f3x
-            f[a, 1] += f1y + f2y + f3y
-            f[a, 2] += f1z + f2z + f3z
-            f[b, 0] -= f1x
-            f[b, 1] -= f1y
-            f[b, 2] -= f1z
-            f[c, 0] -= f2x
-            f[c, 1] -= f2y
-            f[c, 2] -= f2z
-            f[d, 0] -= f3x
-            f[d, 1] -= f3y
-            f[d, 2] -= f3z
+            _element_forces(w)
+            for i in range(count):
+                e = U(start + i)
+                a, b, c, d = U(cells[e, 0]), U(cells[e, 1]), U(cells[e, 2]), U(cells[e, 3])
+                for k in range(3):
+                    f[a, k] += w[k * LANES + i] + w[(3 + k) * LANES + i] + w[(6 + k) * LANES + i]
+                    f[b, k] -= w[k * LANES + i]
+                    f[c, k] -= w[(3 + k) * LANES + i]
+                    f[d, k] -= w[(6 + k) * LANES + i]
     return bad

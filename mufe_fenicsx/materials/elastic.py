@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..errors import InputError
 
 
@@ -55,3 +57,7 @@ class IsotropicSolid:
 @dataclass(frozen=True)
 class Elastic(IsotropicSolid):
     """Linear elasticity without a yield stress."""
+
+    def table(self) -> tuple[np.ndarray, np.ndarray]:
+        """A hardening table of one point: the yield stress is infinite."""
+        return np.zeros(1), np.full(1, np.inf)

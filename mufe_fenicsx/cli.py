@@ -1,0 +1,361 @@
+"""The command `mufe`: a thin layer over the functions that do the work.
+
+What a command needs is imported where it runs, so that `mufe --help` is quick.
+"""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .arguments import (
+    crop_ranges,
+    known_names,
+    merged_settings,
+    number_or_text,
+    parameters,
+    whole_numbers,
+)
+from .errors import InputError
+from .exit_status import FAILED, run_to_exit
+from .terminal import Printer, number, progress_bar
+
+app = typer.Typer(
+    name="mufe",
+    help="Micro finite-element model of sand: from a CT scan to grains in frictional contact.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+
+Json = Annotated[
+    str | None,
+    typer.Option("--json", metavar="PATH", help="Write the result as JSON; - for standard output."),
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace earlier output.")]
+SceneOption = Annotated[
+    Path | None, typer.Option("--scene", metavar="SCENE", help="Take the settings of a scene file.")
+]
+Changes = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="K=V", help="Change a parameter of the cases; repeatable."),
+]
+CaseNames = Annotated[list[str] | None, typer.Argument(metavar="CASE...", show_default=False)]
+ListCases = Annotated[bool, typer.Option("--list", help="List the cases and end.")]
+
+
+def main(arguments=None):
+    """Run `mufe` with the given arguments (default: those of the process) and exit. Collective."""
+    run_to_exit(lambda: _dispatch(arguments))
+
+
+@app.command()
+def segment(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="LABELS", help="Labels to write (TIFF).")
+    ],
+    image: Annotated[
+        str | None,
+        typer.Argument(metavar="IMAGE", help="Grey image; left out: the one that the scene names."),
+    ] = None,
+    scene: SceneOption = None,
+    voxel_size: Annotated[str | None, typer.Option(help='Edge of a voxel, such as "5 um".')] = None,
+    shape: Annotated[str | None, typer.Option(help="Of a raw file: z,y,x.")] = None,
+    dtype: Annotated[str | None, typer.Option(help='Of a raw file, such as "<u2".')] = None,
+    key: Annotated[str | None, typer.Option(help="Name of the array in an .npz file.")] = None,
+    crop: Annotated[str | None, typer.Option(help="Voxels to keep: z0:z1,y0:y1,x0:x1.")] = None,
+    upsample: Annotated[str | None, typer.Option(help="Label voxels per image voxel.")] = None,
+    filter: Annotated[str | None, typer.Option(help="gaussian, median or none.")] = None,
+    filter_radius: Annotated[str | None, typer.Option(help="Of the filter, in voxels.")] = None,
+    threshold: Annotated[str | None, typer.Option(help="otsu, gaussians or a grey level.")] = None,
+    marker_depth: Annotated[
+        str | None, typer.Option(help="Dip of the distance map that parts grains, in voxels.")
+    ] = None,
+    fill_pores: Annotated[
+        bool | None, typer.Option("--fill-pores/--keep-pores", help="Fill voids inside grains.")
+    ] = None,
+    min_grain_voxels: Annotated[
+        int | None, typer.Option(help="Smaller fragments are no grains.")
+    ] = None,
+    overwrite: Overwrite = False,
+    json: Json = None,
+):
+    """Part the grains of a grey image: threshold, distance map, watershed."""
+    _serial_only("segment")
+    printer = Printer(json)
+    from .geometry.settings import SegmentSettings
+    from .scene import image_path, load_scene
+
+    in_scene = load_scene(scene).image if scene is not None else None
+    if image is None and in_scene is None:
+        raise InputError("IMAGE is missing, expected an image or a --scene with [image] file")
+    settings = merged_settings(
+        SegmentSettings,
+        in_scene,
+        voxel_size=number_or_text(voxel_size),
+        shape=shape and whole_numbers("--shape", shape, "z,y,x"),
+        dtype=dtype,
+        key=key,
+        crop=crop and crop_ranges(crop),
+        upsample=number_or_text(upsample),
+        filter=filter,
+        filter_radius=number_or_text(filter_radius),
+        threshold=number_or_text(threshold),
+        marker_depth=number_or_text(marker_depth),
+        fill_pores=fill_pores,
+        min_grain_voxels=min_grain_voxels,
+    )
+    from .geometry.pipeline import segment_image
+
+    path = image_path(in_scene.file if image is None else image)
+    result = segment_image(path, settings, output, overwrite=overwrite)
+    printer.summary(result)
+    printer.write_json(result)
+
+
+@app.command()
+def mesh(
+    labels: Annotated[
+        Path,
+        typer.Argument(
+            metavar="LABELS",
+            help="Labels (TIFF, .npy, .npz), surfaces (.npz), or a folder of STL files.",
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="GRAINS", help="Folder to write.")
+    ],
+    scene: SceneOption = None,
+    size: Annotated[str | None, typer.Option(help='Length of edges, such as "30 um".')] = None,
+    smoothing: Annotated[str | None, typer.Option(help="Of surfaces, in voxels.")] = None,
+    keep_volume: Annotated[
+        bool | None,
+        typer.Option("--keep-volume/--free-volume", help="Keep the volume of each grain's voxels."),
+    ] = None,
+    processes: Annotated[int | None, typer.Option(help="Worker processes; 0: all cores.")] = None,
+    keep_largest_piece: Annotated[
+        bool | None,
+        typer.Option(
+            "--keep-largest-piece/--whole-grains",
+            help="Of a grain in several pieces; otherwise that is an error.",
+        ),
+    ] = None,
+    voxel_size: Annotated[
+        str | None, typer.Option(help='For labels that state none, such as "5 um".')
+    ] = None,
+    key: Annotated[str | None, typer.Option(help="Name of the labels in an .npz file.")] = None,
+    scale: Annotated[
+        str | None, typer.Option(help='Length unit of surfaces, such as "1 mm".')
+    ] = None,
+    overwrite: Overwrite = False,
+    json: Json = None,
+):
+    """Mesh each grain with tetrahedra and print their quality."""
+    _serial_only("mesh")
+    printer = Printer(json)
+    from .geometry.settings import MeshSettings
+    from .scene import load_scene
+
+    settings = merged_settings(
+        MeshSettings,
+        load_scene(scene).mesh if scene is not None else None,
+        size=number_or_text(size),
+        smoothing=number_or_text(smoothing),
+        keep_volume=keep_volume,
+        processes=processes,
+        keep_largest_piece=keep_largest_piece,
+        voxel_size=number_or_text(voxel_size),
+        key=key,
+        scale=number_or_text(scale),
+    )
+    from .geometry.pipeline import mesh_labels
+
+    with progress_bar("meshing") as progress:
+        result = mesh_labels(labels, settings, output, overwrite=overwrite, progress=progress)
+    printer.summary(result)
+    for label, reason in zip(result["failed"], result["reasons"], strict=True):
+        printer.say(f"grain {label} could not be meshed: {reason}")
+    printer.write_json(result)
+
+
+@app.command()
+def run(
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="DIR", help="Folder to write; default: runs/SCENE's name."
+        ),
+    ] = None,
+    grains: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder that `mufe mesh` wrote; default: the scene's sample.grains."
+        ),
+    ] = None,
+    max_steps: Annotated[
+        int | None, typer.Option(min=1, help="Stop after so many time steps.")
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print the last summary only.")] = False,
+    overwrite: Overwrite = False,
+    json: Json = None,
+):
+    """Run the test of a scene; also under mpirun."""
+    comm = _world()
+    printer = Printer(json, comm.rank)
+    from .scene import load_scene
+
+    loaded = load_scene(scene)
+    grains = loaded.sample.grains if grains is None else grains
+    if grains is None:
+        raise InputError(
+            "sample.grains is missing, expected the folder that `mufe mesh` wrote, or --grains"
+        )
+    output = Path("runs") / scene.stem if output is None else output
+    from .run import run_scene
+
+    result = run_scene(
+        loaded,
+        grains,
+        output,
+        comm,
+        overwrite=overwrite,
+        max_steps=max_steps,
+        # JSON on standard output stands alone there.
+        quiet=quiet or json == "-",
+        command=["mufe", *sys.argv[1:]],
+    )
+    printer.summary(result or {})
+    printer.write_json(result)
+
+
+@app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `mufe run` wrote.")],
+    json: Json = None,
+):
+    """Draw the figures of a run and write report.html beside them."""
+    _serial_only("report")
+    printer = Printer(json)
+    from .report import write_report
+
+    result = write_report(folder)
+    printer.say(f"report: {result['report']}")
+    printer.write_json(result)
+
+
+@app.command()
+def verify(
+    cases: CaseNames = None,
+    changes: Changes = None,
+    list_cases: ListCases = False,
+    json: Json = None,
+):
+    """Compare with closed-form solutions; without CASE, all of them."""
+    comm = _world()
+    printer = Printer(json, comm.rank)
+    from . import verification
+
+    if list_cases:
+        _list(printer, verification.CASES)
+        return 0
+    names = known_names(cases, verification.CASES)
+    results = verification.run_cases(names, parameters(changes), comm)
+    rows = []
+    for result in results:
+        for name, row in result["results"].items():
+            values = [number(row.get(k)) for k in ("computed", "theory", "error", "tolerance")]
+            rows.append([result["case"], name, *values, "passed" if row["passed"] else "FAILED"])
+    columns = ["case", "quantity", ">computed", ">theory", ">error", ">tolerance", "result"]
+    printer.table(columns, rows)
+    num_failed = sum(not result["passed"] for result in results)
+    printer.say(f"{len(results) - num_failed} passed, {num_failed} failed")
+    printer.write_json(results[0] if len(names) == 1 else results)
+    return FAILED if num_failed else 0
+
+
+@app.command()
+def bench(
+    cases: CaseNames = None,
+    changes: Changes = None,
+    list_cases: ListCases = False,
+    json: Json = None,
+):
+    """Measure the throughput; without CASE, all benchmarks."""
+    comm = _world()
+    printer = Printer(json, comm.rank)
+    from .verification.bench import BENCHMARKS, run_benchmarks
+
+    if list_cases:
+        _list(printer, BENCHMARKS)
+        return 0
+    names = known_names(cases, BENCHMARKS)
+    results = run_benchmarks(names, parameters(changes), comm)
+    rows = []
+    for result in results:
+        case = result.get("case", "")
+        values = result.get("results", {k: v for k, v in result.items() if k != "case"})
+        for name, value in values.items():
+            if isinstance(value, dict):
+                value = value.get("computed")
+            rows.append([str(case), str(name), number(value)])
+    printer.table(["case", "quantity", ">value"], rows)
+    printer.write_json(results[0] if len(names) == 1 else results)
+    return FAILED if any(result.get("passed") is False for result in results) else 0
+
+
+@app.command()
+def demo(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")
+    ] = Path("demo-output"),
+    overwrite: Overwrite = False,
+    json: Json = None,
+):
+    """Oedometer test on a real image: segment, mesh, run, report."""
+    _serial_only("demo")
+    printer = Printer(json)
+    from .demo import run_demo
+
+    result = run_demo(output, overwrite, printer)
+    printer.write_json(result)
+    return result["status"]
+
+
+def _dispatch(arguments):
+    """Status of the command; a usage error of typer becomes an `InputError`."""
+    usage_error = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
+    try:
+        status = app(arguments, prog_name="mufe", standalone_mode=False)
+    except typer.Abort:
+        raise KeyboardInterrupt from None
+    except usage_error as error:
+        if error.__class__.__name__ == "NoArgsIsHelpError":
+            error.show()
+            return error.exit_code
+        context = getattr(error, "ctx", None)
+        command = context.command_path if context is not None else "mufe"
+        message = error.format_message().rstrip(".")
+        raise InputError(f"{message}. See {command} --help.") from None
+    return status if isinstance(status, int) else 0
+
+
+def _world():
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+def _serial_only(command):
+    size = _world().size
+    if size > 1:
+        raise InputError(f"mufe {command} on {size} ranks, expected one: run it without mpirun")
+
+
+def _list(printer, cases):
+    width = max(map(len, cases), default=0)
+    for name, function in cases.items():
+        text = (function.__doc__ or "").strip().partition("\n")[0]
+        printer.say(f"{name:{width}}  {text}".rstrip())
+    printer.write_json(list(cases))

@@ -1,0 +1,95 @@
+"""How the program ends: one line for what the user can mend, and all ranks together.
+
+0  done
+1  a verification failed, or a computation did
+2  unusable input, or a file system that is full or not writable
+"""
+
+import math
+import os
+import sys
+import time
+import traceback
+
+from .errors import InputError, SolverError
+
+FAILED = 1
+UNUSABLE_INPUT = 2
+INTERRUPTED = 130
+
+#: How long a rank that failed waits for the others to end too [s]. They do so at
+#: once where an error is raised together; a rank that does not come is waiting
+#: for this one in another collective call, and would for ever.
+PATIENCE = 10.0
+
+
+def run_to_exit(action):
+    """Call ``action`` on every rank and exit with its status. Collective, does not return.
+
+    Rank 0 prints the one line of an `InputError`, `SolverError` or OSError. Where
+    only some ranks fail, all end with their status. An exception that is none of
+    these is a defect: it prints its traceback and ends all ranks at once.
+
+    Args:
+        action: Function without arguments that returns an exit status.
+    """
+    from mpi4py import MPI
+
+    # Of its own, so that ranks that end meet nobody who still computes.
+    comm = MPI.COMM_WORLD.Dup()
+    failure = None
+    status = 0
+    try:
+        status = action()
+    except KeyboardInterrupt:
+        failure = (INTERRUPTED, "interrupted")
+    except BrokenPipeError:  # whoever read our output has left, as in `mufe ... | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        failure = (FAILED, "")
+    except (InputError, SolverError, OSError) as error:
+        failure = (_status(error), _one_line(error))
+    except Exception:
+        traceback.print_exc()
+        sys.stderr.flush()
+        if comm.size > 1:
+            MPI.COMM_WORLD.Abort(FAILED)
+        sys.exit(FAILED)
+
+    if not _others_end_too(comm, PATIENCE if failure else math.inf):
+        _print_line(failure[1])
+        MPI.COMM_WORLD.Abort(failure[0])
+
+    failures = [one for one in comm.allgather(failure) if one is not None]
+    if failures:
+        status, line = failures[0]
+        if comm.rank == 0:
+            _print_line(line)
+    sys.exit(status)
+
+
+def _others_end_too(comm, patience):
+    """Whether every rank comes to its end within ``patience`` seconds."""
+    arrival = comm.Ibarrier()
+    deadline = time.monotonic() + patience
+    while not arrival.Test():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+def _status(error):
+    return FAILED if isinstance(error, SolverError) else UNUSABLE_INPUT
+
+
+def _one_line(error):
+    if isinstance(error, OSError) and error.strerror:
+        text = error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
+    else:
+        text = str(error)
+    return " ".join(text.split())
+
+
+def _print_line(line):
+    if line:
+        print(f"mufe: {line}", file=sys.stderr, flush=True)

@@ -1,0 +1,228 @@
+"""A scene: everything that a user decides about a test. TOML is its written form.
+
+Values are in SI units. Each class is one table of the scene file and states its
+defaults; `load_scene` and `scene_to_toml` (in `scene_io`, offered here too) read
+and write the file.
+"""
+
+import importlib.util
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .errors import InputError
+from .geometry.settings import MeshSettings, SegmentSettings
+from .materials.elastic import Elastic
+from .materials.j2 import J2
+
+#: Walls by name: the axis that they are normal to and the side of the sample.
+WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
+
+#: The wall that `Oedometer` drives.
+TOP_PLATEN = "z_max"
+
+#: Images that installed packages carry: name -> (package, path inside it).
+PACKAGED_IMAGES = {"spam:snow": ("spam", "data/snow/snow.tif")}
+
+Material = Elastic | J2
+
+
+def _require(holds, name, value, expectation):
+    if not (holds and math.isfinite(value)):
+        raise InputError(f"{name} = {value}, expected {expectation}")
+
+
+def _one_of(name, value, choices):
+    if value not in choices:
+        listed = " or ".join(f'"{choice}"' for choice in choices)
+        raise InputError(f'{name} = "{value}", expected {listed}')
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageSettings(SegmentSettings):
+    """[image]: the tomography and how its grains are told apart."""
+
+    file: str | Path  #: image file or folder of slices, or a name in `PACKAGED_IMAGES`
+
+    @property
+    def path(self) -> Path:
+        """Where the image is. Raises InputError where its package is not installed."""
+        return image_path(self.file)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """[sample]: the grains that are tested."""
+
+    grains: Path | None = None  #: folder that `mufe mesh` wrote
+    separation: bool = True  #: move overlapping surfaces apart before the test
+    max_shift: float = 0.3  #: largest such move of a node, over the mesh size [-]
+
+    def __post_init__(self):
+        _require(0 < self.max_shift <= 1, "max_shift", self.max_shift, "0 < max_shift <= 1")
+
+
+@dataclass(frozen=True)
+class Contact:
+    """[contact]: between grains, and the default between grains and walls."""
+
+    friction: float  #: coefficient of friction between grains [-]
+    compliance: float = 0.15  #: layer of compliance·h/E* on each side, h the mesh size [-]
+    wall_friction: float = 0.0  #: coefficient of friction of walls that state none [-]
+
+    def __post_init__(self):
+        _require(0 <= self.friction, "friction", self.friction, ">= 0")
+        _require(0 < self.compliance, "compliance", self.compliance, "> 0")
+        _require(0 <= self.wall_friction, "wall_friction", self.wall_friction, ">= 0")
+
+
+@dataclass(frozen=True)
+class Solver:
+    """[solver]: element and time integration."""
+
+    element: str = "averaged"  #: "averaged" nodal pressure, or plain "p1"
+    time_step: str = "assembled"  #: stability limit of the "assembled" system, or by "element"
+    time_step_factor: float = 0.9  #: time step over the stability limit [-]
+    damping: float = 0.0  #: force -damping·m·v on each node [1/s]
+
+    def __post_init__(self):
+        _one_of("element", self.element, ("averaged", "p1"))
+        _one_of("time_step", self.time_step, ("assembled", "element"))
+        _require(
+            0 < self.time_step_factor < 1,
+            "time_step_factor",
+            self.time_step_factor,
+            "0 < time_step_factor < 1",
+        )
+        _require(0 <= self.damping, "damping", self.damping, ">= 0 per second")
+
+
+@dataclass(frozen=True)
+class Wall:
+    """[walls.x_min] and so on: a rigid plane at rest, moving, or held at a stress."""
+
+    velocity: float = 0.0  #: along the normal that points into the sample [m/s]
+    stress: float | None = None  #: mean pressure that a servo holds [Pa]
+    speed: float | None = None  #: largest speed of that servo [m/s]
+    friction: float | None = None  #: with grains [-]; None: contact.wall_friction
+
+    def __post_init__(self):
+        if self.stress is not None:
+            _require(
+                self.velocity == 0, "velocity", self.velocity, "none where a stress is prescribed"
+            )
+            _require(0 <= self.stress, "stress", self.stress, ">= 0 Pa (compression)")
+            if self.speed is None:
+                raise InputError("speed is missing, expected the largest speed of the servo")
+        if self.speed is not None:
+            _require(self.stress is not None, "speed", self.speed, "none without a stress")
+            _require(0 < self.speed, "speed", self.speed, "> 0 m/s")
+        if self.friction is not None:
+            _require(0 <= self.friction, "friction", self.friction, ">= 0")
+
+
+@dataclass(frozen=True)
+class Oedometer:
+    """[oedometer]: the top platen first seats the sample, then compresses it."""
+
+    strain: float  #: largest vertical strain, counted from the end of seating [-]
+    speed: float  #: of the top platen [m/s]
+    ramp: float = 0.005  #: strain over which the speed rises smoothly to its value [-]
+    seating_stress: float = 50e3  #: mean vertical stress that ends the seating stage [Pa]
+    seating_speed: float | None = None  #: of the platen while seating [m/s]; None: speed
+
+    def __post_init__(self):
+        _require(0 < self.strain < 1, "strain", self.strain, "0 < strain < 1")
+        _require(0 < self.speed, "speed", self.speed, "> 0 m/s")
+        _require(
+            0 <= self.ramp <= self.strain, "ramp", self.ramp, f"0 <= ramp <= strain = {self.strain}"
+        )
+        _require(0 < self.seating_stress, "seating_stress", self.seating_stress, "> 0 Pa")
+        if self.seating_speed is None:
+            object.__setattr__(self, "seating_speed", self.speed)
+        _require(0 < self.seating_speed, "seating_speed", self.seating_speed, "> 0 m/s")
+
+
+@dataclass(frozen=True)
+class Output:
+    """[output]: what is stored during the loading stage."""
+
+    fields: int = 11  #: states with all fields, including the start and the end
+    history: int = 500  #: rows of history.csv
+
+    def __post_init__(self):
+        _require(2 <= self.fields, "fields", self.fields, ">= 2: the start and the end")
+        _require(2 <= self.history, "history", self.history, ">= 2: the start and the end")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A whole test. ``walls`` always has all six, each with its friction filled in."""
+
+    material: Material
+    contact: Contact
+    oedometer: Oedometer
+    title: str = ""
+    image: ImageSettings | None = None
+    mesh: MeshSettings | None = None
+    sample: Sample = Sample()
+    solver: Solver = Solver()
+    walls: dict[str, Wall] = field(default_factory=dict)
+    output: Output = Output()
+
+    def __post_init__(self):
+        for name in self.walls:
+            if name not in WALLS:
+                raise InputError(f"walls.{name} is not a wall, expected one of {', '.join(WALLS)}")
+        top = self.walls.get(TOP_PLATEN, Wall())
+        for key, rest in (("velocity", 0), ("stress", None)):
+            if getattr(top, key) != rest:
+                raise InputError(
+                    f"walls.{TOP_PLATEN}.{key} = {getattr(top, key)}, expected none: "
+                    "[oedometer] moves the top platen"
+                )
+        object.__setattr__(self, "walls", {name: self._wall(name) for name in WALLS})
+
+    def _wall(self, name):
+        wall = self.walls.get(name, Wall())
+        friction = self.contact.wall_friction if wall.friction is None else wall.friction
+        return Wall(wall.velocity, wall.stress, wall.speed, friction)
+
+
+def image_path(file) -> Path:
+    """Where an image is: a path as it stands, or that of a packaged image.
+
+    The package is located, not imported.
+
+    Raises:
+        InputError: the package that carries the image is not installed.
+    """
+    if str(file) not in PACKAGED_IMAGES:
+        return Path(file)
+    package, inside = PACKAGED_IMAGES[str(file)]
+    found = importlib.util.find_spec(package)
+    if found is None or not found.submodule_search_locations:
+        raise InputError(
+            f"image {file} is in the package {package}, which is not installed: "
+            "expected pip install 'mufe-fenicsx[demo]'"
+        )
+    return Path(found.submodule_search_locations[0]) / inside
+
+
+def load_scene(path) -> Scene:
+    """Read a scene file. Paths in it are relative to it.
+
+    Raises:
+        InputError: not TOML, an unknown or missing key, a wrong type or unit, or a
+            value that is not physical; the message names the dotted key.
+    """
+    from .scene_io import read_scene
+
+    return read_scene(path)
+
+
+def scene_to_toml(scene) -> str:
+    """The scene as TOML with every default written out: loading it gives it back."""
+    from .scene_io import write_scene
+
+    return write_scene(scene)

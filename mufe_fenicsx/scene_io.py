@@ -1,0 +1,293 @@
+"""Scene files: TOML to the dataclasses of `scene` and back."""
+
+import difflib
+import json
+import tomllib
+import types
+import typing
+from dataclasses import MISSING, fields
+from decimal import Decimal
+from pathlib import Path
+
+from .errors import InputError
+from .geometry.settings import MeshSettings, SegmentSettings
+from .materials.elastic import Elastic
+from .materials.j2 import J2
+from .scene import (
+    PACKAGED_IMAGES,
+    WALLS,
+    Contact,
+    ImageSettings,
+    Oedometer,
+    Output,
+    Sample,
+    Scene,
+    Solver,
+    Wall,
+)
+from .units import expected, shown, to_si
+
+MODELS = {"j2": J2, "elastic": Elastic}
+
+#: Table of the file -> its class; [material] and [walls.*] are read apart.
+TABLES = {
+    "image": ImageSettings,
+    "mesh": MeshSettings,
+    "sample": Sample,
+    "contact": Contact,
+    "solver": Solver,
+    "oedometer": Oedometer,
+    "output": Output,
+}
+
+_IMAGE_UNITS = {"voxel_size": "m"}
+_ELASTIC_UNITS = {"E": "Pa", "rho": "kg/m^3"}
+
+#: Units of the fields that have one.
+UNITS = {
+    SegmentSettings: _IMAGE_UNITS,
+    ImageSettings: _IMAGE_UNITS,
+    MeshSettings: {"size": "m", "voxel_size": "m", "scale": "m"},
+    Elastic: _ELASTIC_UNITS,
+    J2: {**_ELASTIC_UNITS, "yield_stress": ("", "Pa")},
+    Solver: {"damping": "s^-1"},
+    Wall: {"velocity": "m/s", "stress": "Pa", "speed": "m/s"},
+    Oedometer: {"speed": "m/s", "seating_stress": "Pa", "seating_speed": "m/s"},
+}
+
+#: Shapes of the fields that are arrays; -1 is any length.
+SHAPES = {"shape": (3,), "crop": (3, 2), "yield_stress": (-1, 2)}
+
+
+def read_scene(path) -> Scene:
+    """Read a scene file; see `scene.load_scene`."""
+    path = Path(path)
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"scene {path}: {error.strerror}, expected a TOML file") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"scene {path} is not UTF-8 text, expected a TOML file") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"scene {path} is not valid TOML: {error}") from error
+
+    _check_keys(tables, ["title", *TABLES, "material", "walls"], "")
+    folder = path.resolve().parent
+    for name in ("material", "contact", "oedometer"):
+        if name not in tables:
+            raise InputError(f"[{name}] is missing in scene {path}, expected this table")
+    title = tables.get("title", "")
+    if not isinstance(title, str):
+        raise InputError(f"title = {shown(title)}, expected a text")
+    parts = {
+        name: build(cls, _table(tables, name), lambda key, name=name: f"{name}.{key}", folder)
+        for name, cls in TABLES.items()
+        if name in tables
+    }
+    walls = _table(tables, "walls")
+    _check_keys(walls, WALLS, "walls.")
+    return Scene(
+        title=title,
+        material=_read_material(_table(tables, "material")),
+        walls={
+            wall: build(
+                Wall,
+                _table(walls, wall, f"walls.{wall}"),
+                lambda key, wall=wall: f"walls.{wall}.{key}",
+            )
+            for wall in walls
+        },
+        **parts,
+    )
+
+
+def build(cls, values, name, folder=None):
+    """An instance of a dataclass from untyped values, each checked and converted to SI.
+
+    Args:
+        cls: One of the classes in `TABLES`, `MODELS`, or `Wall` or `SegmentSettings`.
+        values: Mapping of field to value, as TOML gives it.
+        name: Function that turns the name of a field into how messages call it.
+        folder: What relative paths are relative to; None: the current folder.
+
+    Raises:
+        InputError: an unknown or missing key, a wrong type or unit, a value out of range.
+    """
+    hints = typing.get_type_hints(cls)
+    known = [field.name for field in fields(cls)]
+    for key in values:
+        if key not in known:
+            raise InputError(_unknown(name(key), shown(values[key]), key, known, name))
+    for field in fields(cls):
+        required = field.default is MISSING and field.default_factory is MISSING
+        if required and field.name not in values:
+            wanted = _expected(hints[field.name], _unit(cls, field.name))
+            raise InputError(f"{name(field.name)} is missing, expected {wanted}")
+    converted = {
+        key: _convert(value, hints[key], _unit(cls, key), key, name(key), folder)
+        for key, value in values.items()
+    }
+    try:
+        return cls(**converted)
+    except InputError as error:  # these begin with the name of the field
+        raise InputError(name(str(error))) from None
+
+
+def write_scene(scene) -> str:
+    """A scene as TOML; see `scene.scene_to_toml`."""
+    lines = [f"title = {_toml(scene.title)}"]
+    for name in ("image", "mesh", "sample"):
+        lines += _write_table(name, getattr(scene, name))
+    model = next(name for name, cls in MODELS.items() if type(scene.material) is cls)
+    lines += _write_table("material", scene.material, [f'model = "{model}"'])
+    for name in ("contact", "solver"):
+        lines += _write_table(name, getattr(scene, name))
+    for wall in WALLS:
+        lines += _write_table(f"walls.{wall}", scene.walls[wall])
+    for name in ("oedometer", "output"):
+        lines += _write_table(name, getattr(scene, name))
+    return "\n".join(lines) + "\n"
+
+
+def _read_material(values):
+    def name(key):
+        return f"material.{key}"
+
+    values = dict(values)
+    model = values.pop("model", "j2")
+    if not isinstance(model, str) or model not in MODELS:
+        choices = " or ".join(f'"{choice}"' for choice in MODELS)
+        raise InputError(f"material.model = {shown(model)}, expected {choices}")
+    cls = MODELS[model]
+    known = ["model", *(field.name for field in fields(cls))]
+    for key in values:
+        if key == "yield_stress" and model == "elastic":
+            raise InputError('material.yield_stress is given, expected none for model = "elastic"')
+        if key not in known:
+            raise InputError(_unknown(name(key), shown(values[key]), key, known, name))
+    return build(cls, values, name)
+
+
+def _table(tables, key, name=None):
+    table = tables.get(key, {})
+    if not isinstance(table, dict):
+        raise InputError(f"{name or key} = {shown(table)}, expected a table [{name or key}]")
+    return table
+
+
+def _check_keys(table, known, prefix):
+    for key, value in table.items():
+        if key not in known:
+            value = "a table" if isinstance(value, dict) else shown(value)
+            raise InputError(
+                _unknown(f"{prefix}{key}", value, key, known, lambda near: f"{prefix}{near}")
+            )
+
+
+def _unknown(full_name, value, key, known, name):
+    """Message for an unknown key: the nearest of its table, or the same key of another one."""
+    elsewhere = [
+        f"{table}.{key}"
+        for table, cls in {**TABLES, "material": J2}.items()
+        if any(field.name == key for field in fields(cls)) and f"{table}.{key}" != full_name
+    ]
+    close = difflib.get_close_matches(key, known, n=1, cutoff=0.6)
+    if elsewhere and not close:
+        nearest = elsewhere[0]
+    else:
+        nearest = name((close or difflib.get_close_matches(key, known, n=1, cutoff=0.0))[0])
+    return f"{full_name} = {value} is not a known key, expected {nearest}"
+
+
+def _unit(cls, key):
+    return UNITS.get(cls, {}).get(key, "")
+
+
+def _expected(hint, unit):
+    if hint is float:
+        return expected(unit)
+    if hint is Path or Path in typing.get_args(hint):
+        return "a path"
+    if isinstance(unit, tuple):
+        return "a list of [number, value] pairs"
+    return {int: "a whole number", bool: "true or false", str: "a text"}[hint]
+
+
+def _convert(value, hint, unit, key, name, folder):
+    """A value of the type that a field declares, in SI units."""
+    if key in SHAPES:
+        if isinstance(unit, str):
+            unit = (unit,) * SHAPES[key][-1]
+        return _convert_array(
+            value, SHAPES[key], unit, float if key == "yield_stress" else int, name
+        )
+    kinds = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    if Path in kinds:
+        return _convert_path(value, name, folder)
+    if float in kinds and not (str in kinds and isinstance(value, str)):
+        return to_si(value, unit, name)
+    if int in kinds and (isinstance(value, bool) or not isinstance(value, int)):
+        raise InputError(f"{name} = {shown(value)}, expected a whole number")
+    if bool in kinds and not isinstance(value, bool):
+        raise InputError(f"{name} = {shown(value)}, expected true or false")
+    if str in kinds and not isinstance(value, str):
+        raise InputError(f"{name} = {shown(value)}, expected a text")
+    return value
+
+
+def _convert_array(value, shape, units, kind, name):
+    sizes = " x ".join("n" if size < 0 else str(size) for size in shape)
+    if not isinstance(value, list | tuple) or shape[0] not in (-1, len(value)):
+        raise InputError(f"{name} = {shown(value)}, expected a list of {sizes} numbers")
+    if len(shape) > 1:
+        return tuple(
+            _convert_array(row, shape[1:], units, kind, f"{name}[{i}]")
+            for i, row in enumerate(value)
+        )
+    if kind is int:
+        for i, item in enumerate(value):
+            if isinstance(item, bool) or not isinstance(item, int) or item < 0:
+                raise InputError(f"{name}[{i}] = {shown(item)}, expected a whole number >= 0")
+        return tuple(value)
+    return tuple(
+        to_si(item, unit, f"{name}[{i}]")
+        for i, (item, unit) in enumerate(zip(value, units, strict=True))
+    )
+
+
+def _convert_path(value, name, folder):
+    if not isinstance(value, str | Path) or not str(value):
+        raise InputError(f"{name} = {shown(value)}, expected a path")
+    if str(value) in PACKAGED_IMAGES:
+        return str(value)
+    path = Path(value).expanduser()
+    return path if folder is None else folder / path
+
+
+def _write_table(table, content, first_lines=()):
+    if content is None:
+        return []
+    lines = ["", f"[{table}]", *first_lines]
+    for field in fields(content):
+        value = getattr(content, field.name)
+        if value is None:
+            lines.append(f"# {field.name} is not set")
+            continue
+        unit = _unit(type(content), field.name)
+        if isinstance(unit, tuple):
+            unit = ", ".join(part or "-" for part in unit)
+        lines.append(f"{field.name} = {_toml(value)}" + (f"  # [{unit}]" if unit else ""))
+    return lines
+
+
+def _toml(value):
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str | Path):
+        # A JSON string is a TOML basic string, but for the one control it leaves bare.
+        return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_toml(item) for item in value) + "]"
+    if isinstance(value, float) and abs(value) >= 1e5:  # 1e+11 is easier to read than its zeros
+        return format(Decimal(repr(value)).normalize(), "e")
+    return repr(value)

@@ -1,0 +1,232 @@
+"""Throughput: element-steps per second of whole time steps, on one and on two ranks.
+
+The machines this runs on are shared: a measurement is repeated and its median
+given, and ranks are compared by taking turns within one run.
+"""
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+
+#: Variables of an MPI launcher; the measured programs are worlds of their own.
+LAUNCHER = ("PMI_", "PMIX_", "HYDI_", "MPI_LOCAL", "OMPI_")
+
+#: Whole step on one core [element-steps/s], two ranks over one, and memory [bytes a tet].
+TARGET_RATE, TARGET_SPEEDUP, TARGET_MEMORY = 10e6, 1.6, 2000.0
+
+
+def box(comm, *, divisions=40, model="j2", steps=30, repeats=5):
+    """The unit box of 40³ cubes of six tets, no contact, one grain a rank. Collective.
+
+    Args:
+        divisions: Cubes along an edge.
+        model: "j2" (all of it yields) or "elastic".
+        steps, repeats: Steps of one measurement, and measurements.
+    """
+    from ..geometry.shapes import box as box_shape
+    from ..materials.elastic import Elastic
+    from ..materials.j2 import J2
+    from ..mesh import create_grain_mesh
+    from ..simulation import Simulation
+
+    # One block a rank, side by side with a gap: the same work in all.
+    thickness = max(1, round(divisions / comm.size))
+    points, cells = box_shape((1.0, 1.0, thickness / divisions), (divisions, divisions, thickness))
+    points = points + np.array([0.0, 0.0, 1.5 * comm.rank])
+    ranks = np.arange(comm.size)
+    cell_grain = np.full(len(cells), comm.rank)
+    mesh = create_grain_mesh(comm, points, cells, cell_grain, ranks + 1, ranks)
+    if model == "j2":
+        material = J2(1e9, 0.15, 2650.0, ((0.0, 1e3), (0.05, 1e6)))
+    elif model == "elastic":
+        material = Elastic(1e9, 0.15, 2650.0)
+    else:
+        raise InputError(f'model = "{model}", expected "j2" or "elastic"')
+    velocity = 1e-3 * mesh.x[:, [1, 2, 0]]
+    simulation = Simulation(mesh, [material], velocity=velocity)
+    return _measure(comm, simulation, steps, repeats)
+
+
+def demo(comm, *, grains, strain=0.02, speed=20.0, steps=100, repeats=5):
+    """The demonstration's sample between its walls, loaded. Collective.
+
+    Args:
+        grains: Folder that `mufe mesh` wrote.
+        strain: Approach of the platens over the height before measuring.
+        speed: Speed of the top platen meanwhile [m/s].
+        steps, repeats: Steps of one measurement, and measurements.
+    """
+    from ..contact.separation import separate
+    from ..demo import demo_scene
+    from ..run import load_mesh, make_walls
+    from ..scene import load_scene
+    from ..simulation import Simulation
+
+    scene = load_scene(demo_scene())
+    mesh = load_mesh(comm, grains)
+    separate(mesh, scene.sample.max_shift)
+    low = comm.allgather(mesh.x.min(axis=0))
+    high = comm.allgather(mesh.x.max(axis=0))
+    low, high = np.min(low, axis=0), np.max(high, axis=0)
+    simulation = Simulation(
+        mesh,
+        [scene.material] * mesh.num_grains,
+        make_walls(scene, low, high),
+        friction=scene.contact.friction,
+        compliance=scene.contact.compliance,
+    )
+    simulation.walls.velocity[5, 2] = -speed
+    while simulation.state.t < strain * (high - low)[2] / speed:
+        simulation.step()
+    result = _measure(comm, simulation, steps, repeats)
+    result["num_contacts"] = simulation.num_contacts
+    return result
+
+
+def _measure(comm, simulation, steps, repeats):
+    """Step and time; the median over the repeats. Collective."""
+    from ..output.run_folder import peak_memory
+
+    for _ in range(5):
+        simulation.step()
+    rates = []
+    num_cells = comm.allreduce(simulation.mesh.num_cells)
+    for _ in range(repeats):
+        comm.Barrier()
+        start = time.perf_counter()
+        for _ in range(steps):
+            simulation.step()
+        comm.Barrier()
+        rates.append(num_cells * steps / (time.perf_counter() - start))
+    simulation.energies()
+    memory = peak_memory(comm)
+    return {
+        "num_ranks": comm.size,
+        "num_cells": num_cells,
+        "rate": statistics.median(rates),
+        "slowest": min(rates),
+        "fastest": max(rates),
+        "bytes_per_tet": memory / num_cells,
+    }
+
+
+def compare_box(parameters):
+    """`box` on one and on two ranks."""
+    return _compare("box", parameters)
+
+
+def compare_demo(parameters):
+    """`demo` on one and on two ranks, on the demonstration's image with a finer mesh.
+
+    Parameters beside those of `demo`: ``cache``, the folder where labels and meshes
+    are kept for the next time, and ``size``, the wanted edge of the mesh [m].
+    """
+    cache = Path(str(parameters.pop("cache", "bench-cache")))
+    size = float(parameters.pop("size", 26e-6))
+    return _compare("demo", {**parameters, "grains": str(_refined_demo(cache, size))})
+
+
+def _refined_demo(cache, size):
+    """Meshes of the demonstration's image with edges of ``size`` [m], made where absent."""
+    from ..demo import demo_scene
+    from ..geometry.pipeline import mesh_labels, segment_image
+    from ..scene import load_scene
+
+    scene = load_scene(demo_scene())
+    folder = cache / f"demo-{size * 1e6:g}um"
+    if not folder.exists():
+        cache.mkdir(parents=True, exist_ok=True)
+        labels = cache / "demo-labels.tif"
+        segment_image(scene.image.path, scene.image, labels, overwrite=True)
+        mesh_labels(labels, replace(scene.mesh, size=size), folder)
+    return folder.resolve()
+
+
+def _compare(name, parameters, ranks=(1, 2)):
+    """Measure on several numbers of ranks, each in a program of its own."""
+    rows = {n: _launch(name, parameters, n) for n in ranks}
+    first, second = rows[ranks[0]], rows[ranks[-1]]
+    results = {
+        "num_cells": {"computed": first["num_cells"]},
+        "rate_1_rank": _row(first["rate"], TARGET_RATE, first["rate"] >= TARGET_RATE),
+        "rate_1_rank_slowest": {"computed": first["slowest"]},
+        "rate_1_rank_fastest": {"computed": first["fastest"]},
+        "rate_2_ranks": {"computed": second["rate"]},
+        "speedup_2_ranks": _row(
+            second["rate"] / first["rate"],
+            TARGET_SPEEDUP,
+            second["rate"] >= TARGET_SPEEDUP * first["rate"],
+        ),
+        "bytes_per_tet_2_ranks": _row(
+            second["bytes_per_tet"], TARGET_MEMORY, second["bytes_per_tet"] <= TARGET_MEMORY
+        ),
+    }
+    if "num_contacts" in first:
+        results["num_contacts"] = {"computed": first["num_contacts"]}
+    passed = all(row.get("passed", True) for row in results.values())
+    return {"case": name, "parameters": parameters, "results": results, "passed": passed}
+
+
+def _row(computed, target, passed):
+    return {"computed": computed, "target": target, "passed": bool(passed)}
+
+
+def _launch(name, parameters, num_ranks):
+    """One measurement under the environment's own mpirun."""
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(LAUNCHER)}
+    mpirun = Path(sys.executable).parent / "mpirun"
+    command = [
+        str(mpirun) if mpirun.exists() else "mpirun",
+        "-n",
+        str(num_ranks),
+        sys.executable,
+        "-m",
+        "mufe_fenicsx.verification.bench",
+        name,
+        json.dumps(parameters),
+    ]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise InputError(
+            f"benchmark {name} on {num_ranks} ranks failed: {done.stderr.strip()[-500:]}"
+        )
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+BENCHMARKS = {"box": compare_box, "demo": compare_demo}
+MEASUREMENTS = {"box": box, "demo": demo}
+
+
+def run_benchmarks(names, parameters, comm):
+    """Run benchmarks by name; a list of dicts in the form of `mufe verify`.
+
+    Args:
+        names: Names out of ``BENCHMARKS``.
+        parameters: Changes of their parameters.
+        comm: One rank: the benchmarks start their own.
+
+    Raises:
+        InputError: More than one rank.
+    """
+    if comm.size > 1:
+        raise InputError(
+            f"number of ranks = {comm.size}, expected 1: the benchmarks start ranks themselves"
+        )
+    return [BENCHMARKS[name](dict(parameters)) for name in names]
+
+
+if __name__ == "__main__":
+    from mpi4py import MPI
+
+    outcome = MEASUREMENTS[sys.argv[1]](MPI.COMM_WORLD, **json.loads(sys.argv[2]))
+    if MPI.COMM_WORLD.rank == 0:
+        print(json.dumps(outcome))
