@@ -194,7 +194,7 @@ def _boundary(domain, V, cells, x, cell_order, local_grain):
     row = row_of_cell[facet_to_cell.array[facet_to_cell.offsets[boundary]]]
 
     node_of_vertex = np.empty(x.shape[0], dtype=np.int32)
-    node_of_vertex[domain.geometry.dofmap] = V.dofmap.list
+    node_of_vertex[domain.geometry.dofmaps[0]] = V.dofmap.list
     facets = node_of_vertex[mesh.entities_to_geometry(domain, 2, boundary)]
     opposite = cells[row].sum(axis=1) - facets.sum(axis=1)
     a, b, c = x[facets[:, 0]], x[facets[:, 1]], x[facets[:, 2]]

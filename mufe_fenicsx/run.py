@@ -249,7 +249,7 @@ def run_scene(
         "stop_reason": "running",
         "strain_definition": STRAIN_DEFINITION,
         "area": area,
-        "first_height": loading.first_height,
+        "first_height": float(loading.first_height),
         "separation": separation.as_dict() if separation else None,
         "setup_s": time.perf_counter() - started,
     }
@@ -259,7 +259,7 @@ def run_scene(
     error = None
     try:
         summary["stop_reason"] = _march(simulation, loading, recorder, max_steps, quiet)
-        summary["finished"] = loading.finished
+        summary["finished"] = bool(loading.finished)
     except SolverError as failure:
         error = failure
         summary["stop_reason"] = str(failure)
@@ -274,6 +274,7 @@ def run_scene(
     }
     if comm.rank == 0:
         write_run_json(folder, summary)
+    comm.Barrier()  # every rank finds complete files when this returns
     if error is not None:
         raise error
     return summary
@@ -303,8 +304,8 @@ def _now(summary, simulation, loading, started, memory):
         "time": simulation.state.t,
         "time_step": simulation.dt,
         "element_time_step": simulation.dt_element,
-        "strain": loading.strain,
-        "reference_height": loading.reference_height,
+        "strain": float(loading.strain),
+        "reference_height": float(loading.reference_height),
         "stages": loading.stages,
         "wall_s": time.perf_counter() - started,
         "peak_memory_bytes": memory,

@@ -117,7 +117,10 @@ class Simulation:
         bad = self.solid.add_internal_forces(self._f, s, dt)
         if bad >= 0:
             self._inverted = bad
-        self.contact.add_forces(self._f, s.x, wall_move)
+        try:
+            self.contact.add_forces(self._f, s.x, wall_move)
+        except FloatingPointError:
+            self.check(diverged=True)
         self.walls.add_work()
         if self.walls.has_servo:
             self.walls.adjust(self.wall_forces())
@@ -128,9 +131,9 @@ class Simulation:
             s.a, s.v, self._f, self.solid.mass, dt, self.damping
         )
 
-    def check(self):
+    def check(self, diverged=False):
         """Stop where an element has turned inside out or a value is not finite. Collective."""
-        finite = math.isfinite(self._kinetic())
+        finite = math.isfinite(self._kinetic()) and not diverged
         bad = self.comm.allgather((self._inverted, finite))
         if all(cell < 0 and ok for cell, ok in bad):
             return
@@ -141,7 +144,7 @@ class Simulation:
         raise SolverError(
             messages[0]
             if messages
-            else f"velocities are not finite at step {self.state.num_steps}: reduce "
+            else f"the motion is no longer finite at step {self.state.num_steps}: reduce "
             "solver.time_step_factor or oedometer.speed"
         )
 

@@ -50,6 +50,7 @@ class Contact:
         total = self.comm.allreduce(np.array([own.facet_area.sum(), own.facet_area.size]))
         self.edge = math.sqrt(4 / math.sqrt(3) * total[0] / total[1])
         self.skin = SKIN * self.edge
+        self.width = self.comm.allreduce(float(np.ptp(x, axis=0).max()), op=MPI.SUM)
         self.largest_depth = LARGEST_DEPTH * self.edge
 
         self.dissipated = 0.0  #: by friction on this rank so far [J]
@@ -117,12 +118,18 @@ class Contact:
             x: Positions [m], shape (num_nodes, 3).
             wall_move: Largest distance that a wall moved since the last call [m].
             adopt: True at the start of a test: what overlaps now is not in contact.
+
+        Raises:
+            FloatingPointError: A position is not finite, or left the others by more than
+                all the grains are wide; on all ranks together.
         """
         self.positions.end_forward()
         self._move[0] = max(largest_move(self.previous, self.positions.array), wall_move)
         if self.comm.size > 1:
             self.comm.Allreduce(MPI.IN_PLACE, self._move, op=MPI.MAX)
         move = self._move[0]
+        if not move < self.width:
+            raise FloatingPointError("positions are not finite")
         self.clock += 2.0 * move
         # The motion of the next step, at twice its speed now, must not leave the skin.
         if self.clock + 4.0 * move - self.searched_at > self.skin:

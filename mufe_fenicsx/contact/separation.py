@@ -146,4 +146,4 @@ def _set_reference(mesh, x):
     """Make ``x`` the reference configuration of the mesh and of its DOLFINx geometry."""
     mesh.x[:] = x
     geometry = mesh.mesh.geometry
-    geometry.x[geometry.dofmap] = x[mesh.V.dofmap.list]
+    geometry.x[geometry.dofmaps[0]] = x[mesh.V.dofmap.list]

@@ -11,12 +11,15 @@ from .closest import INTERIOR, closest_point, facet_normal, pseudo_normal
 def largest_move(previous, x):
     """Largest distance [m] that a node moved since the last call; ``previous`` becomes ``x``.
 
-    Both of shape (num_nodes, 3).
+    Both of shape (num_nodes, 3). Infinity where a position is not finite.
     """
     largest = 0.0
     for n in range(x.shape[0]):
         dx, dy, dz = x[n, 0] - previous[n, 0], x[n, 1] - previous[n, 1], x[n, 2] - previous[n, 2]
-        largest = max(largest, dx * dx + dy * dy + dz * dz)
+        square = dx * dx + dy * dy + dz * dz
+        if not square < math.inf:
+            return math.inf
+        largest = max(largest, square)
         previous[n, 0], previous[n, 1], previous[n, 2] = x[n, 0], x[n, 1], x[n, 2]
     return math.sqrt(largest)
 

@@ -1,0 +1,165 @@
+"""Grains given as surfaces: read, check, repair their orientation, mesh anew."""
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pyvista
+
+from ..errors import InputError
+from .image import natural_order
+from .measure import compact, surface_defect, surface_volume
+from .remesh import collapse_short_edges, flip_long_edges, oriented, remesh
+
+FORMATS = (".stl", ".ply", ".obj")
+
+
+def read_bodies(path, scale=1.0):
+    """Read surfaces of grains.
+
+    Args:
+        path: An .npz with ``vertices``, ``faces`` and ``grain_of_face``, or a
+            folder of .stl, .ply or .obj files, one body a file; these get the
+            labels 1 … n in the natural order of their names.
+        scale: Metres a unit of length of the files.
+
+    Returns:
+        A list of (label, points [m], triangles seen from outside).
+
+    Raises:
+        InputError: nothing to read, or a surface that bounds no body.
+    """
+    path = Path(path)
+    if not scale > 0:
+        raise InputError(f"scale = {scale}, expected > 0 metres a unit of length")
+    if path.is_dir():
+        files = sorted(
+            (f for f in path.iterdir() if f.suffix.lower() in FORMATS), key=natural_order
+        )
+        if not files:
+            raise InputError(
+                f"folder {path} holds no {', '.join(FORMATS)}, expected one body a file"
+            )
+        surfaces = [(i, file.name, *_read_file(file)) for i, file in enumerate(files, start=1)]
+    elif path.suffix.lower() == ".npz" and path.is_file():
+        surfaces = _read_npz(path)
+    else:
+        raise InputError(
+            f"no surfaces {path}, expected an .npz or a folder of {', '.join(FORMATS)}"
+        )
+    if len(surfaces) == 0:
+        raise InputError(f"{path} holds no grain, expected at least one")
+    return [
+        (label, *sound_surface(points * scale, triangles, f"{path.name}: grain {label} ({name})"))
+        for label, name, points, triangles in surfaces
+    ]
+
+
+def has_bodies(path):
+    """True if a file or folder looks like surfaces rather than labels."""
+    path = Path(path)
+    if path.is_dir():
+        return any(f.suffix.lower() in FORMATS for f in path.iterdir())
+    if path.suffix.lower() != ".npz" or not path.is_file():
+        return False
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return {"vertices", "faces", "grain_of_face"} <= set(data.files)
+    except (OSError, ValueError, EOFError):
+        return False
+
+
+def sound_surface(points, triangles, name):
+    """Points without doubles and triangles seen from outside.
+
+    Raises:
+        InputError: the surface is open or not manifold.
+    """
+    points = np.asarray(points, dtype=float)
+    if not np.isfinite(points).all() or len(triangles) < 4:
+        raise InputError(
+            f"{name}: {len(triangles)} triangles, points finite: {np.isfinite(points).all()}, "
+            "expected a closed surface"
+        )
+    # STL repeats each point for each of its triangles.
+    span = np.ptp(points, axis=0).max()
+    _, first, number = np.unique(
+        np.round(points / span * 1e7), axis=0, return_index=True, return_inverse=True
+    )
+    points, triangles = points[first], number.ravel()[np.asarray(triangles, dtype=np.int64)]
+    a, b, c = triangles.T
+    points, triangles = compact(points, triangles[(a != b) & (b != c) & (c != a)])
+    defect = surface_defect(points, triangles)
+    if defect:
+        triangles = oriented(points, triangles)
+        defect = surface_defect(points, triangles)
+    if defect:
+        raise InputError(f"{name}: surface has {defect}, expected a closed surface")
+    return points, triangles
+
+
+def body_surface(points, triangles, h):
+    """A sound surface with triangles of edges h, its vertices on the one given.
+
+    Raises:
+        SurfaceError: the body is too small for h, or no closed surface came out.
+    """
+    scaled = points / h
+    original = pyvista.PolyData.from_regular_faces(scaled, triangles)
+    x, faces = remesh(scaled, triangles, 1.0)
+    for _ in range(2):
+        x, faces = collapse_short_edges(x, faces, 0.55)
+        faces = flip_long_edges(x, faces)
+        _, x = original.find_closest_cell(x, return_closest_point=True)
+    # Facets cut off what is round: give the volume back, about the body's middle.
+    middle = x.mean(axis=0)
+    lost = surface_volume(scaled, triangles) / surface_volume(x, faces)
+    if abs(lost - 1) < 0.1:
+        x = middle + (x - middle) * np.cbrt(lost)
+    return x * h, faces
+
+
+def _read_file(file):
+    try:
+        mesh = meshio.read(file)
+    except SystemExit as error:  # meshio ends the program on a file that it cannot read
+        raise InputError(f"surface {file} cannot be read, expected STL, PLY or OBJ") from error
+    except Exception as error:
+        raise InputError(
+            f"surface {file} cannot be read: {' '.join(str(error).split())}"
+        ) from error
+    triangles = mesh.cells_dict.get("triangle", np.zeros((0, 3)))
+    if len(triangles) == 0:
+        raise InputError(f"surface {file} holds no triangle, expected a closed surface")
+    return mesh.points, triangles
+
+
+def _read_npz(path):
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            arrays = [data[key] for key in ("vertices", "faces", "grain_of_face")]
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise InputError(
+            f"surfaces {path} cannot be read: {' '.join(str(error).split())}, expected arrays "
+            "vertices, faces and grain_of_face"
+        ) from error
+    vertices, faces, grain_of_face = arrays
+    if (
+        vertices.ndim != 2
+        or vertices.shape[1] != 3
+        or faces.ndim != 2
+        or faces.shape[1] != 3
+        or len(grain_of_face) != len(faces)
+        or len(faces) == 0
+        or faces.min() < 0
+        or faces.max() >= len(vertices)
+        or grain_of_face.min() < 1
+    ):
+        raise InputError(
+            f"surfaces {path}: vertices {vertices.shape}, faces {faces.shape}, grain_of_face "
+            f"{grain_of_face.shape}, expected (n, 3), (m, 3) within 0 to n-1, (m,) from 1"
+        )
+    return [
+        (int(label), path.name, vertices, faces[grain_of_face == label])
+        for label in np.unique(grain_of_face)
+    ]

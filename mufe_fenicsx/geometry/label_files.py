@@ -1,0 +1,128 @@
+"""Labels on disk: a TIFF that knows its voxel size, and a table of its grains."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import scipy.ndimage
+import tifffile
+
+from ..errors import InputError
+from .image import read_image
+
+TABLE = (
+    "label",
+    "volume_m3",
+    "equivalent_diameter_m",
+    "centroid_x_m",
+    "centroid_y_m",
+    "centroid_z_m",
+    "voxels",
+    "touches_border",
+)
+
+
+def write_labels(path, labels, voxel_size):
+    """Write labels as compressed TIFF with the voxel size [m] in its description."""
+    description = json.dumps({"voxel_size": float(voxel_size), "axes": "zyx"})
+    largest = labels.max(initial=0)
+    kind = np.uint16 if largest < 2**16 else np.int32
+    try:
+        tifffile.imwrite(
+            path,
+            labels.astype(kind),
+            description=description,
+            metadata=None,
+            compression="zlib",
+            photometric="minisblack",
+        )
+    except OSError as error:
+        raise InputError(f"labels {path} cannot be written: {error}") from error
+
+
+def read_labels(path, *, voxel_size=None, key=None):
+    """Read labels and their voxel size.
+
+    Args:
+        path: TIFF, .npy or .npz with an array "labels", from here or elsewhere.
+        voxel_size: Voxel size of a file that does not state it [m].
+        key: Name of the array in an .npz file.
+
+    Returns:
+        labels as they are in the file, not checked; and the voxel size [m].
+
+    Raises:
+        InputError: the file cannot be read or the voxel size is not known.
+    """
+    path = Path(path)
+    if key is None and path.suffix.lower() == ".npz" and path.is_file():
+        key = _labels_key(path)
+    labels = read_image(path, key=key)
+    stated = _stated_voxel_size(path)
+    if voxel_size is not None and stated is not None and abs(voxel_size / stated - 1) > 1e-9:
+        raise InputError(
+            f"voxel_size = {voxel_size} m, but {path} states {stated} m, expected one of them only"
+        )
+    voxel_size = stated if voxel_size is None else voxel_size
+    if voxel_size is None:
+        raise InputError(f"voxel_size of {path} is not stated, expected a length in metres")
+    return labels, float(voxel_size)
+
+
+def grain_table(labels, voxel_size):
+    """One dictionary a grain: size, place and whether the image's border cuts it."""
+    voxels = np.bincount(labels.ravel())
+    present = np.flatnonzero(voxels)
+    present = present[present > 0]
+    centres = scipy.ndimage.center_of_mass(labels > 0, labels, present)
+    border = np.zeros(len(voxels), dtype=bool)
+    for axis in range(3):
+        for end in (0, -1):
+            border[np.unique(labels.take(end, axis=axis))] = True
+    rows = []
+    for label, (z, y, x) in zip(present, centres, strict=True):
+        volume = voxels[label] * voxel_size**3
+        values = (
+            int(label),
+            float(volume),
+            float((6 * volume / np.pi) ** (1 / 3)),
+            *(float((c + 0.5) * voxel_size) for c in (x, y, z)),
+            int(voxels[label]),
+            bool(border[label]),
+        )
+        rows.append(dict(zip(TABLE, values, strict=True)))
+    return rows
+
+
+def write_table(path, rows, columns=None):
+    """Write dictionaries as CSV, columns in the order of the first row."""
+    columns = list(columns or rows[0])
+    try:
+        with open(path, "w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, columns, extrasaction="ignore")
+            writer.writeheader()
+            writer.writerows(rows)
+    except OSError as error:
+        raise InputError(f"table {path} cannot be written: {error}") from error
+
+
+def _labels_key(path):
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return "labels" if "labels" in data.files else None
+    except (OSError, ValueError, EOFError):
+        return None  # read_image says what is wrong
+
+
+def _stated_voxel_size(path):
+    """The voxel size in a TIFF's description; None if it has none."""
+    if path.is_dir() or path.suffix.lower() not in (".tif", ".tiff"):
+        return None
+    with tifffile.TiffFile(path) as file:
+        text = file.pages[0].description
+    try:
+        size = json.loads(text).get("voxel_size")
+    except (ValueError, AttributeError):
+        return None
+    return float(size) if isinstance(size, int | float) and size > 0 else None

@@ -1,0 +1,109 @@
+"""Volumes, altitudes and angles of tetrahedra; closedness and volume of surfaces."""
+
+import numpy as np
+
+#: The four faces of a tetrahedron, each seen from outside counter-clockwise.
+FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))
+
+
+def tet_volumes(points, cells):
+    """Signed volumes V = det(x₁-x₀, x₂-x₀, x₃-x₀)/6 [m³], shape (num_cells,)."""
+    x = points[cells]
+    a, b, c = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0], x[:, 3] - x[:, 0]
+    return np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+
+
+def centroid_of(points, cells):
+    """Centre of volume of a body of tetrahedra [m], shape (3,)."""
+    volumes = tet_volumes(points, cells)
+    return volumes @ points[cells].mean(axis=1) / volumes.sum()
+
+
+def face_normals(points, cells):
+    """Outward area vectors of the four faces [m²], shape (num_cells, 4, 3)."""
+    x = points[cells]
+    normals = np.empty((len(cells), 4, 3))
+    for i, (a, b, c) in enumerate(FACES):
+        normals[:, i] = np.cross(x[:, b] - x[:, a], x[:, c] - x[:, a]) / 2
+    return normals
+
+
+def smallest_altitudes(points, cells):
+    """Smallest altitude of each tetrahedron, 3V over its largest face [m]."""
+    largest_face = np.linalg.norm(face_normals(points, cells), axis=2).max(axis=1)
+    return 3 * tet_volumes(points, cells) / largest_face
+
+
+def smallest_dihedral_angles(points, cells):
+    """Smallest angle between two faces of each tetrahedron [degrees]."""
+    normals = face_normals(points, cells)
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    cosines = np.einsum("cik,cjk->cij", normals, normals)
+    i, j = np.triu_indices(4, 1)
+    return np.degrees(np.arccos(np.clip(-cosines[:, i, j], -1, 1))).min(axis=1)
+
+
+def positively_oriented(points, cells):
+    """The cells with two vertices swapped where the volume is negative."""
+    cells = np.array(cells, dtype=np.int64)
+    inside_out = tet_volumes(points, cells) < 0
+    cells[inside_out, 2:] = cells[inside_out, :1:-1]
+    return cells
+
+
+def compact(points, cells):
+    """Points that some cell uses, and the cells in their numbering."""
+    used, numbered = np.unique(cells, return_inverse=True)
+    return np.ascontiguousarray(points[used]), numbered.reshape(np.shape(cells)).astype(np.int64)
+
+
+def surface_volume(points, triangles):
+    """Volume inside a closed surface [m³]; negative where it is inside out."""
+    x = points[triangles] - points[triangles[:1]].mean(axis=1)
+    return np.einsum("ij,ij->", x[:, 0], np.cross(x[:, 1], x[:, 2])) / 6
+
+
+def surface_area(points, triangles):
+    """Area of a triangle surface [m²]."""
+    x = points[triangles]
+    return np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1).sum() / 2
+
+
+def surface_defect(points, triangles):
+    """What is wrong with a triangle surface, in words; empty if it bounds a body.
+
+    A surface bounds a body if each directed edge occurs once, together with
+    its reverse: then it is closed, manifold along its edges and consistently
+    oriented. One that is inside out is told by its negative volume.
+    """
+    n = len(points)
+    start = triangles.astype(np.int64).ravel()
+    end = np.roll(triangles, -1, axis=1).astype(np.int64).ravel()
+    forward, backward = np.sort(start * n + end), np.sort(end * n + start)
+    if np.any(start == end):
+        return "degenerate triangles"
+    if np.any(forward[1:] == forward[:-1]):
+        return "edges with more than two triangles, or triangles of mixed orientation"
+    if not np.array_equal(forward, backward):
+        return "open edges"
+    if surface_volume(points, triangles) <= 0:
+        return "inside out"
+    return ""
+
+
+def euler_characteristic(triangles):
+    """Vertices - edges + faces: 2 for a surface like a sphere, 0 for a torus."""
+    edges = np.sort(
+        np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    )
+    return (
+        len(np.unique(triangles)) - len(np.unique(np.sort(edges, axis=1), axis=0)) + len(triangles)
+    )
+
+
+def boundary_triangles(cells):
+    """Triangles that belong to one tetrahedron only, seen from outside."""
+    triangles = np.concatenate([np.asarray(cells)[:, list(face)] for face in FACES])
+    key = np.sort(triangles, axis=1)
+    _, first, count = np.unique(key, axis=0, return_index=True, return_counts=True)
+    return triangles[np.sort(first[count == 1])]

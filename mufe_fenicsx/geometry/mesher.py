@@ -1,0 +1,243 @@
+"""Mesh every grain: surface, tetrahedra and a row of the quality table; in worker processes."""
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import level_set, measure
+from .bodies import body_surface
+from .labels import grains_in
+from .remesh import SurfaceError
+from .surface import grain_surface
+from .tetra import DELAUNAY, HXT, fill
+from .workers import run_jobs
+
+#: Where the smallest altitude over h or the kept part of the volume is less, other settings
+#: are tried and the mesh is taken that comes closest to both.
+GOOD_ALTITUDE, GOOD_VOLUME = 0.2, 0.9
+
+QUALITY = (
+    "label",
+    "status",
+    "tets",
+    "nodes",
+    "surface_nodes",
+    "volume_m3",
+    "voxel_volume_m3",
+    "volume_ratio",
+    "min_dihedral_deg",
+    "mean_dihedral_deg",
+    "min_altitude_over_h",
+    "mean_altitude_over_h",
+    "attempts",
+    "seconds",
+    "reason",
+)
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """Settings of one try to mesh a grain."""
+
+    size: float = 1.0  #: times the wanted length of edges
+    algorithm: int = DELAUNAY
+    smoothing: float = 1.0  #: times the standard deviation of the filter
+    closing: float = 0.0  #: clefts in the grain narrower than this are filled [times h]
+
+
+ATTEMPTS = (
+    Attempt(),
+    Attempt(size=0.93, algorithm=HXT),
+    Attempt(size=0.85),
+    Attempt(size=0.85, closing=1.0, algorithm=HXT),
+    Attempt(closing=2.0),
+    # The last resort may overlap neighbours, which are smoothed less.
+    Attempt(size=0.75, closing=1.0, smoothing=1.6),
+)
+
+
+@dataclass(frozen=True)
+class VoxelGrain:
+    """A grain given by the labels around it."""
+
+    label: int
+    crop: np.ndarray  #: 0 void, 1 this grain, 2 other grains
+    offset: np.ndarray  #: index of the crop's first voxel within the image
+    shape: tuple  #: voxels of the image
+    voxel_size: float  #: [m]
+    smoothing: float  #: [voxels]
+    keep_volume: bool
+
+    @property
+    def volume(self):
+        """Volume of the voxels within the image [m³]."""
+        return np.count_nonzero(self.crop == 1) * self.voxel_size**3
+
+    def surface(self, h, attempt):
+        """Points [m] and triangles."""
+        h /= self.voxel_size
+        crop = self.crop
+        if attempt.closing:
+            crop = level_set.without_clefts(crop, attempt.closing * h)
+        sigma = self.smoothing * attempt.smoothing
+        body = level_set.smoothed(crop, 1, self.offset, self.shape, sigma)
+        volume = np.count_nonzero(crop == 1) if self.keep_volume else None
+        points, triangles = grain_surface(body, h, volume)
+        return points * self.voxel_size, triangles
+
+
+@dataclass(frozen=True)
+class SurfaceGrain:
+    """A grain given by its surface."""
+
+    label: int
+    points: np.ndarray  #: [m]
+    triangles: np.ndarray
+
+    @property
+    def volume(self):
+        return measure.surface_volume(self.points, self.triangles)
+
+    def surface(self, h, attempt):
+        """Points [m] and triangles."""
+        return body_surface(self.points, self.triangles, h)
+
+
+@dataclass
+class GrainMesh:
+    """What became of one grain; points and cells are None if it failed."""
+
+    quality: dict
+    points: np.ndarray | None = None  #: [m]
+    cells: np.ndarray | None = None
+
+    @property
+    def label(self):
+        return self.quality["label"]
+
+    @property
+    def ok(self):
+        return self.points is not None
+
+
+@dataclass(frozen=True)
+class Job:
+    """One grain and the wanted length of edges [m]."""
+
+    grain: VoxelGrain | SurfaceGrain
+    h: float
+    attempts: tuple = field(default=ATTEMPTS)
+
+
+def voxel_jobs(labels, voxel_size, settings):
+    """A job for each grain of a label image."""
+    for label, where in grains_in(labels):
+        crop, offset = level_set.crop_around(labels, where, 1.6 * settings.smoothing)
+        codes = np.where(crop == label, 1, np.where(crop == 0, 0, 2)).astype(np.uint8)
+        grain = VoxelGrain(
+            label,
+            codes,
+            offset,
+            labels.shape,
+            voxel_size,
+            settings.smoothing,
+            settings.keep_volume,
+        )
+        yield Job(grain, settings.size)
+
+
+def surface_jobs(bodies, settings):
+    """A job for each body (label, points [m], triangles)."""
+    for label, points, triangles in bodies:
+        yield Job(SurfaceGrain(label, points, triangles), settings.size)
+
+
+def mesh_grains(jobs, processes=0, progress=None):
+    """Mesh grains in worker processes.
+
+    Scripts that call this need ``if __name__ == "__main__":``, because each
+    worker imports them.
+
+    Args:
+        jobs: From `voxel_jobs` or `surface_jobs`.
+        processes: Number of workers; 0: one a core.
+        progress: Called with the number of finished grains.
+
+    Returns:
+        One `GrainMesh` a job, in the jobs' order; those that failed say why.
+    """
+    labels = []
+
+    def remembered():
+        for job in jobs:
+            labels.append(job.grain.label)
+            yield job
+
+    results = run_jobs(mesh_one, remembered(), processes, progress)
+    return [
+        GrainMesh(_row(label, "failed", reason="the worker process died")) if mesh is None else mesh
+        for label, mesh in zip(labels, results, strict=True)
+    ]
+
+
+def mesh_one(job):
+    """Mesh one grain: try settings until a good mesh comes out, else take the best."""
+    start, best, best_score, reasons = time.perf_counter(), None, 0.0, []
+    grain, h, num_attempts = job.grain, job.h, 0
+    for attempt in job.attempts:
+        num_attempts += 1
+        try:
+            surface, triangles = grain.surface(h * attempt.size, attempt)
+            # gmsh's tolerances suit bodies of size one.
+            nodes, cells = fill(surface / h, triangles, algorithm=attempt.algorithm)
+        except Exception as error:  # whatever gmsh, VTK or pyacvd raise: try the next settings
+            reasons.append(" ".join(str(error).split()) or type(error).__name__)
+            if isinstance(error, SurfaceError) and "too small" in reasons[-1]:
+                break
+            continue
+        row = _measured(grain, nodes * h, cells, len(surface), h)
+        if not 0.5 < row["volume_ratio"] < 2:
+            reasons.append(f"the mesh has {row['volume_ratio']:.3g} of the volume of the grain")
+            continue
+        score = min(row["min_altitude_over_h"] / GOOD_ALTITUDE, 1) * min(
+            row["volume_ratio"] / GOOD_VOLUME, 1
+        )
+        if score > best_score:
+            best, best_score = GrainMesh(row, nodes * h, cells), score
+        if score == 1:
+            break
+    if best is None:
+        # The first reason concerns the settings that the user chose.
+        reason = f"{reasons[0]} (the grain has {grain.volume / h**3:.3g} h^3)"
+        best = GrainMesh(_row(grain.label, "failed", reason=reason))
+        best.quality["voxel_volume_m3"] = grain.volume
+    best.quality["attempts"] = num_attempts
+    best.quality["seconds"] = round(time.perf_counter() - start, 3)
+    return best
+
+
+def _measured(grain, points, cells, num_surface_nodes, h):
+    altitudes = measure.smallest_altitudes(points, cells) / h
+    angles = measure.smallest_dihedral_angles(points, cells)
+    volume = measure.tet_volumes(points, cells).sum()
+    return _row(
+        grain.label,
+        "ok",
+        tets=len(cells),
+        nodes=len(points),
+        surface_nodes=num_surface_nodes,
+        volume_m3=float(volume),
+        voxel_volume_m3=float(grain.volume),
+        volume_ratio=float(volume / grain.volume),
+        min_dihedral_deg=float(angles.min()),
+        mean_dihedral_deg=float(angles.mean()),
+        min_altitude_over_h=float(altitudes.min()),
+        mean_altitude_over_h=float(altitudes.mean()),
+    )
+
+
+def _row(label, status, **values):
+    row = dict.fromkeys(QUALITY, "")
+    row.update(label=int(label), status=status, **values)
+    return row

@@ -1,0 +1,96 @@
+"""Results appear whole or not at all: written beside their place, then renamed."""
+
+import os
+import shutil
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..errors import InputError
+
+
+@contextmanager
+def new_folder(path, *, overwrite=False, marker=None):
+    """A temporary folder that takes the place of ``path`` when the block ends well.
+
+    Args:
+        path: Folder to make.
+        overwrite: Replace a folder that is not empty.
+        marker: File by which a folder is known as one that may be replaced.
+
+    Raises:
+        InputError: the folder is there and not empty, or cannot be written.
+    """
+    path = Path(path).absolute()
+    check_place(path)
+    if path.is_dir() and any(path.iterdir()):
+        if not overwrite:
+            raise InputError(f"output folder {path} is not empty, expected a new or empty one")
+        if marker is not None and not (path / marker).exists():
+            raise InputError(
+                f"output folder {path} is not empty and holds no {marker}, "
+                "expected a folder that may be replaced"
+            )
+    elif path.exists() and not path.is_dir():
+        raise InputError(f"output folder {path} is a file, expected a folder")
+    with _temporary(path.parent) as temporary:
+        yield temporary
+        with written(path):
+            if path.exists():
+                shutil.rmtree(path)
+            os.replace(temporary, path)
+
+
+@contextmanager
+def new_files(*paths, overwrite=False):
+    """A temporary folder whose files take the places ``paths`` when the block ends well.
+
+    The files are to be written into the folder under their own names.
+
+    Raises:
+        InputError: one of the files is there already, or cannot be written.
+    """
+    paths = [Path(path).absolute() for path in paths]
+    check_place(paths[0])
+    for path in paths:
+        if path.is_dir() or (path.exists() and not overwrite):
+            raise InputError(f"output {path} exists, expected a new file")
+    with _temporary(paths[0].parent) as temporary:
+        yield temporary
+        with written(paths[0]):
+            for path in paths:
+                os.replace(temporary / path.name, path)
+
+
+def check_place(path):
+    """Raise InputError unless something can be written at a path, before any work is done."""
+    parent = Path(path).absolute().parent
+    with written(path):
+        parent.mkdir(parents=True, exist_ok=True)
+    if not os.access(parent, os.W_OK | os.X_OK):
+        raise InputError(f"output {path} cannot be written: no permission in {parent}")
+
+
+@contextmanager
+def written(path):
+    """Errors of the file system, a full disk among them, as InputError."""
+    try:
+        yield
+    except OSError as error:
+        what = error.strerror or " ".join(str(error).split())
+        raise InputError(f"output {path} cannot be written: {what}") from error
+
+
+@contextmanager
+def _temporary(parent):
+    with written(parent):
+        temporary = Path(tempfile.mkdtemp(dir=parent, prefix=".mufe-"))
+    try:
+        # mkdtemp lets nobody else read; what is renamed gets the usual rights.
+        mask = os.umask(0)
+        os.umask(mask)
+        temporary.chmod(0o777 & ~mask)
+        with written(parent):
+            yield temporary
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)

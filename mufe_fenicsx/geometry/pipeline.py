@@ -1,0 +1,177 @@
+"""The two steps of the command line: an image to labels, and labels to grain meshes."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from . import image as images
+from . import labels as labelling
+from .bodies import has_bodies, read_bodies
+from .grains import Grains, save_grains
+from .label_files import grain_table, read_labels, write_labels, write_table
+from .mesher import QUALITY, mesh_grains, surface_jobs, voxel_jobs
+from .output import new_files, new_folder
+from .picture import draw_quality, draw_segmentation
+from .threshold import find_threshold
+
+
+def segment_image(image_path, settings, output, *, overwrite=False):
+    """From a grey image to a label image.
+
+    Writes ``output`` (TIFF), beside it the table of grains (.csv) and a
+    picture of slices with the outlines of labels (.png).
+
+    Args:
+        image_path: See `image.read_image`.
+        settings: `SegmentSettings`.
+        output: Path of the labels, ending in .tif or .tiff.
+        overwrite: Replace files that are there.
+
+    Returns:
+        A dictionary: files, threshold, num_grains, solid_fraction, …
+
+    Raises:
+        InputError: the image cannot be used, or the output not be written.
+    """
+    start = time.perf_counter()
+    output = Path(output)
+    if output.suffix.lower() not in images.TIFF:
+        raise InputError(f"output {output} ends in {output.suffix!r}, expected .tif")
+    table, picture = output.with_suffix(".csv"), output.with_suffix(".png")
+    with new_files(output, table, picture, overwrite=overwrite) as folder:
+        raw = images.read_image(
+            image_path, shape=settings.shape, dtype=settings.dtype, key=settings.key
+        )
+        if settings.crop is not None:
+            raw = images.crop(raw, settings.crop)
+        grey = images.smooth(raw, settings.filter, settings.filter_radius)
+        grey = images.resample(grey, settings.upsample)
+        threshold = find_threshold(grey, settings.threshold)
+        solid = grey > threshold
+        pore_voxels = 0
+        if settings.fill_pores:
+            filled = labelling.fill_pores(solid)
+            pore_voxels, solid = int(filled.sum() - solid.sum()), filled
+        labels, dropped, dropped_voxels = labelling.separate_grains(
+            solid,
+            settings.marker_depth * settings.upsample,
+            settings.min_grain_voxels,
+            settings.tightening * settings.upsample,
+        )
+        num_grains = int(labels.max())
+        if num_grains < 2:
+            raise InputError(
+                f"image {image_path}: {num_grains} grains of at least "
+                f"{settings.min_grain_voxels} voxels above the threshold {threshold:g}, "
+                "expected at least 2"
+            )
+        voxel_size = settings.voxel_size / settings.upsample
+        rows = grain_table(labels, voxel_size)
+        write_labels(folder / output.name, labels, voxel_size)
+        write_table(folder / table.name, rows)
+        draw_segmentation(folder / picture.name, grey, labels, voxel_size)
+    diameters = np.array([row["equivalent_diameter_m"] for row in rows])
+    return {
+        "labels": str(output),
+        "table": str(table),
+        "picture": str(picture),
+        "shape": list(labels.shape),
+        "voxel_size": voxel_size,
+        "threshold": threshold,
+        "threshold_method": settings.threshold if isinstance(settings.threshold, str) else "given",
+        "num_grains": num_grains,
+        "num_border_grains": sum(row["touches_border"] for row in rows),
+        "dropped_fragments": dropped,
+        "dropped_voxels": dropped_voxels,
+        "filled_pore_voxels": pore_voxels,
+        "solid_fraction": float(np.count_nonzero(labels) / labels.size),
+        "median_diameter": float(np.median(diameters)),
+        "seconds": round(time.perf_counter() - start, 3),
+    }
+
+
+def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrite=False):
+    """From labels, or surfaces of grains, to the folder of grain meshes.
+
+    Scripts that call this need ``if __name__ == "__main__":``, because the
+    worker processes import them.
+
+    Args:
+        labels_path: A label image (see `label_files.read_labels`), or surfaces
+            (see `bodies.read_bodies`).
+        settings: `MeshSettings`.
+        output_folder: New folder for grains.h5, grains.xdmf, quality.csv and quality.png.
+        progress: Called with the numbers of finished and of all grains.
+        overwrite: Replace a folder of grains that is there.
+
+    Returns:
+        A dictionary: num_grains, failed (labels), reasons, num_cells, num_nodes, …
+
+    Raises:
+        InputError: labels cannot be used, nothing could be meshed, or the
+            output cannot be written.
+    """
+    start = time.perf_counter()
+    with new_folder(output_folder, overwrite=overwrite, marker="grains.h5") as folder:
+        table, trimmed = None, []
+        if has_bodies(labels_path):
+            bodies = read_bodies(labels_path, settings.scale)
+            jobs, total = surface_jobs(bodies, settings), len(bodies)
+            points = np.concatenate([points for _, points, _ in bodies])
+            box = np.array([points.min(axis=0), points.max(axis=0)])
+        else:
+            labels, voxel_size = read_labels(
+                labels_path, voxel_size=settings.voxel_size, key=settings.key
+            )
+            labels, trimmed = labelling.checked_labels(
+                labels, keep_largest_piece=settings.keep_largest_piece, source=str(labels_path)
+            )
+            table = grain_table(labels, voxel_size)
+            jobs, total = voxel_jobs(labels, voxel_size, settings), len(table)
+            box = np.array([[0, 0, 0], np.array(labels.shape[::-1]) * voxel_size])
+
+        meshes = mesh_grains(
+            jobs, settings.processes, progress and (lambda finished: progress(finished, total))
+        )
+        done = [mesh for mesh in meshes if mesh.ok]
+        failed = [mesh for mesh in meshes if not mesh.ok]
+        if not done:
+            raise InputError(
+                f"size = {settings.size:g} m: none of {total} grains could be meshed; "
+                f"grain {failed[0].label}: {failed[0].quality['reason']}"
+            )
+        grains = Grains.from_list(
+            [mesh.label for mesh in done],
+            [(mesh.points, mesh.cells) for mesh in done],
+            settings.size,
+            box,
+        )
+        rows = [mesh.quality for mesh in meshes]
+        save_grains(folder, grains)
+        write_table(folder / "quality.csv", rows, QUALITY)
+        if table is not None:
+            write_table(folder / "labels.csv", table)
+        draw_quality(folder / "quality.png", rows, settings.size)
+
+    def column(name):
+        return np.array([mesh.quality[name] for mesh in done], dtype=float)
+
+    return {
+        "grains": str(output_folder),
+        "num_grains": grains.num_grains,
+        "failed": [mesh.label for mesh in failed],
+        "reasons": [mesh.quality["reason"] for mesh in failed],
+        "trimmed": trimmed,
+        "retried": int((column("attempts") > 1).sum()),
+        "num_cells": len(grains.cells),
+        "num_nodes": len(grains.points),
+        "element_size": settings.size,
+        "volume_ratio": float(column("volume_m3").sum() / column("voxel_volume_m3").sum()),
+        "smallest_volume_ratio": float(column("volume_ratio").min()),
+        "min_altitude_over_h": float(column("min_altitude_over_h").min()),
+        "mean_min_altitude_over_h": float(column("min_altitude_over_h").mean()),
+        "min_dihedral_deg": float(column("min_dihedral_deg").min()),
+        "seconds": round(time.perf_counter() - start, 3),
+    }

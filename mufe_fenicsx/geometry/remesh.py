@@ -1,0 +1,290 @@
+"""Even triangles on a closed surface: clustering, then short edges and flat triangles removed."""
+
+import contextlib
+import io
+import itertools
+import warnings
+
+import numpy as np
+import pyacvd
+import pyvista
+import scipy.sparse
+
+from .measure import compact, surface_area, surface_defect, surface_volume
+
+
+class SurfaceError(RuntimeError):
+    """No usable surface came out: what is wrong with it."""
+
+
+def remesh(points, triangles, h):
+    """Even triangles of edges h on a surface, by centroidal clusters (pyacvd).
+
+    Clusters across a thin part of a surface can give edges with more than two
+    triangles; other numbers of clusters are tried then.
+
+    Source: S. Valette, J.-M. Chassery, Computer Graphics Forum 23 (2004) 381-389.
+
+    Raises:
+        SurfaceError: the surface is too small for h, or no closed surface came out.
+    """
+    wanted = surface_area(points, triangles) / (h * h * np.sqrt(3) / 2)
+    if wanted < 20:
+        raise SurfaceError(
+            f"grain is too small: its surface takes {2 * wanted:.0f} triangles of the wanted size, "
+            "expected at least 40"
+        )
+    with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+        warnings.simplefilter("ignore")
+        clusters = pyacvd.Clustering(pyvista.PolyData.from_regular_faces(points, triangles))
+        while clusters.mesh.n_points < 15 * wanted:
+            clusters.subdivide(1)
+        for factor in (1.0, 1.04, 0.96, 1.1, 1.2):
+            clusters.cluster(round(factor * wanted))
+            result = clusters.create_mesh(moveclus=False, flipnorm=False)
+            vertices, faces = np.array(result.points, dtype=float), np.array(result.regular_faces)
+            if len(faces) == 0:
+                continue
+            faces = closed(without_fins(faces.astype(np.int64)))
+            vertices, faces = largest_surface(vertices, faces)
+            faces = oriented(vertices, faces)
+            defect = surface_defect(vertices, faces)
+            if not defect:
+                return vertices, faces
+    raise SurfaceError(f"remeshed surface has {defect}")
+
+
+def without_fins(triangles):
+    """Triangles without those that stick out of the surface.
+
+    Fins are pairs back to back on the same three vertices, and triangles that
+    have an open edge and hang on an edge with more than two triangles.
+    """
+    _, number, count = np.unique(
+        np.sort(triangles, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    triangles = triangles[count[number.ravel()] == 1]
+    while True:
+        edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2), axis=2)
+        _, number, count = np.unique(
+            edges.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True
+        )
+        count = count[number.ravel()].reshape(-1, 3)
+        fin = (count == 1).any(axis=1) & (count > 2).any(axis=1)
+        if not fin.any():
+            return triangles
+        triangles = triangles[~fin]
+
+
+def closed(triangles, longest=6):
+    """Triangles with holes of up to ``longest`` edges filled."""
+    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2), axis=2)
+    edges, count = np.unique(edges.reshape(-1, 2), axis=0, return_counts=True)
+    around = {}
+    for a, b in edges[count == 1].tolist():
+        around.setdefault(a, []).append(b)
+        around.setdefault(b, []).append(a)
+    new = []
+    while around:
+        loop = [next(iter(around))]
+        while around.get(loop[-1]):
+            following = around[loop[-1]].pop()
+            around[following].remove(loop[-1])
+            if following == loop[0]:
+                break
+            loop.append(following)
+        around = {vertex: others for vertex, others in around.items() if others}
+        if 3 <= len(loop) <= longest:
+            new += [(loop[0], b, c) for b, c in itertools.pairwise(loop[1:])]
+    return np.concatenate([triangles, np.array(new, dtype=np.int64)]) if new else triangles
+
+
+def oriented(points, triangles):
+    """Triangles turned so that neighbours agree and the surface is seen from outside.
+
+    Edges with other than two triangles are not crossed.
+    """
+    at_edge = {}
+    for t, (a, b, c) in enumerate(triangles.tolist()):
+        for edge in ((a, b), (b, c), (c, a)):
+            at_edge.setdefault((min(edge), max(edge)), []).append((t, edge[0] < edge[1]))
+    neighbours = [[] for _ in triangles]
+    for sides in at_edge.values():
+        if len(sides) == 2:
+            (s, forward_s), (t, forward_t) = sides
+            neighbours[s].append((t, forward_s == forward_t))
+            neighbours[t].append((s, forward_s == forward_t))
+    turn = np.zeros(len(triangles), dtype=bool)
+    part = np.full(len(triangles), -1)
+    for first in range(len(triangles)):
+        if part[first] >= 0:
+            continue
+        part[first], stack = first, [first]
+        while stack:
+            s = stack.pop()
+            for t, differ in neighbours[s]:
+                if part[t] < 0:
+                    part[t], turn[t] = first, turn[s] ^ differ
+                    stack.append(t)
+    result = np.where(turn[:, None], triangles[:, ::-1], triangles)
+    for first in np.unique(part):
+        if surface_volume(points, result[part == first]) < 0:
+            result[part == first] = result[part == first][:, ::-1]
+    return result
+
+
+def largest_surface(points, triangles):
+    """The connected part that encloses the largest volume; pores inside go."""
+    n = len(points)
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]])
+    graph = scipy.sparse.coo_matrix((np.ones(len(edges)), edges.T), shape=(n, n))
+    num_parts, part = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    if num_parts > 1:
+        part_of_triangle = part[triangles[:, 0]]
+        volumes = [
+            abs(surface_volume(points, triangles[part_of_triangle == p]))
+            if np.any(part_of_triangle == p)
+            else 0.0
+            for p in range(num_parts)
+        ]
+        triangles = triangles[part_of_triangle == np.argmax(volumes)]
+    used, numbered = np.unique(triangles, return_inverse=True)
+    return points[used], numbered.reshape(-1, 3)
+
+
+def collapse_short_edges(points, triangles, shortest):
+    """Shrink edges shorter than ``shortest`` to their middle; the surface stays closed.
+
+    Args:
+        points, triangles: A closed surface.
+        shortest: Least length of edges.
+    """
+    points, triangles, stuck = points.copy(), triangles.copy(), set()
+    while True:
+        start, end = _edges(triangles)
+        length = np.linalg.norm(points[end] - points[start], axis=1)
+        for i in np.argsort(length):
+            if length[i] >= shortest:
+                return compact(points, triangles)
+            keep, gone = int(start[i]), int(end[i])
+            if (keep, gone) in stuck:
+                continue
+            if len(triangles) > 8 and _may_collapse(points, triangles, keep, gone):
+                break
+            stuck.add((keep, gone))
+        else:
+            return compact(points, triangles)
+        points[keep] = (points[keep] + points[gone]) / 2
+        triangles[triangles == gone] = keep
+        a, b, c = triangles.T
+        triangles = triangles[(a != b) & (b != c) & (c != a)]
+
+
+def split_long_edges(points, triangles, longest):
+    """Halve edges longer than ``longest``, the longest first; the surface stays closed."""
+    points, triangles = list(points), [tuple(t) for t in triangles.tolist()]
+    while True:
+        x = np.asarray(points)
+        start, end = _edges(np.asarray(triangles))
+        length = np.linalg.norm(x[end] - x[start], axis=1)
+        changed = set()
+        for i in np.argsort(-length):
+            if length[i] <= longest:
+                break
+            a, b = int(start[i]), int(end[i])
+            sides = [t for t in triangles if a in t and b in t]
+            if any(v in changed for t in sides for v in t):
+                continue
+            for t in sides:
+                changed.update(t)
+                triangles.remove(t)
+                triangles.append(tuple(len(points) if v == a else v for v in t))
+                triangles.append(tuple(len(points) if v == b else v for v in t))
+            points.append((points[a] + points[b]) / 2)
+        if not changed:
+            return np.asarray(points), np.asarray(triangles)
+
+
+def flip_long_edges(points, triangles):
+    """Flip edges where that makes the flatter of their two triangles less flat."""
+    triangles = triangles.copy()
+    for _ in range(20):
+        shape = _flatness(points, triangles)
+        corner_across = {}
+        for t, (a, b, c) in enumerate(triangles.tolist()):
+            corner_across[a, b], corner_across[b, c], corner_across[c, a] = (t, c), (t, a), (t, b)
+        # One pass flips edges that have no vertex in common.
+        touched = np.zeros(len(points), dtype=bool)
+        for t in np.argsort(shape)[: np.count_nonzero(shape < 0.6)]:
+            if touched[triangles[t]].any():
+                continue
+            flip = _best_flip(points, triangles, t, shape, corner_across)
+            if flip is not None and not touched[flip[1]].any():
+                (first, second), new = flip
+                triangles[first], triangles[second] = new
+                touched[new] = True
+        if not touched.any():
+            break
+    return triangles
+
+
+def _best_flip(points, triangles, t, shape, corner_across):
+    """The two triangles to exchange and what for; None if no flip of triangle t helps."""
+    best, gain = None, 1.05
+    for i in range(3):
+        a, b, c = np.roll(triangles[t], -i).tolist()
+        other, d = corner_across[b, a]
+        if (c, d) in corner_across or (d, c) in corner_across:
+            continue
+        new = np.array([[a, d, c], [d, b, c]])
+        # The surface may neither fold nor leave its shape: normals stay close.
+        old_normals = _normals(points, triangles[[t, other]])
+        if (_normals(points, new) @ old_normals.T).min() < 0.75:
+            continue
+        quotient = _flatness(points, new).min() / max(min(shape[t], shape[other]), 1e-9)
+        if quotient > gain:
+            best, gain = ((t, other), new), quotient
+    return best
+
+
+def _edges(triangles):
+    """Ends of each edge once, start < end."""
+    pairs = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    return np.unique(np.sort(pairs, axis=1), axis=0).T
+
+
+def _may_collapse(points, triangles, keep, gone):
+    """Whether an edge may shrink to its middle.
+
+    Its ends have to share exactly the two corners opposite to it (link
+    condition), and no triangle may turn over.
+    """
+
+    def neighbours(v):
+        return set(triangles[(triangles == v).any(axis=1)].ravel()) - {v}
+
+    shared = neighbours(keep) & neighbours(gone)
+    if len(shared) != 2:
+        return False
+    # Neither corner may be left with two triangles only.
+    if any(np.count_nonzero(triangles == v) <= 3 for v in shared):
+        return False
+    has_keep, has_gone = (triangles == keep).any(axis=1), (triangles == gone).any(axis=1)
+    around = triangles[has_keep ^ has_gone]
+    moved = points.copy()
+    moved[[keep, gone]] = (points[keep] + points[gone]) / 2
+    return bool(((_normals(points, around) * _normals(moved, around)).sum(axis=1) > 0.5).all())
+
+
+def _normals(points, triangles):
+    x = points[triangles]
+    normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+
+
+def _flatness(points, triangles):
+    """Smallest altitude over longest edge, 1 for an equilateral triangle."""
+    x = points[triangles]
+    longest = ((x - np.roll(x, -1, axis=1)) ** 2).sum(axis=2).max(axis=1)
+    area2 = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
+    return area2 / np.maximum(longest, 1e-300) * 2 / np.sqrt(3)

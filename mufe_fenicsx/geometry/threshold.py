@@ -1,0 +1,97 @@
+"""The grey level that parts grains from voids."""
+
+import numpy as np
+import scipy.ndimage
+import scipy.optimize
+import skimage.filters
+
+from ..errors import InputError
+
+NUM_BINS = 256
+
+
+def find_threshold(image, method):
+    """The threshold by ``method``: "otsu", "gaussians" or a grey level.
+
+    Raises:
+        InputError: the image is constant, the method is unknown or does not
+            suit the histogram, or the level leaves only one phase.
+    """
+    low, high = float(image.min()), float(image.max())
+    if not low < high:
+        raise InputError(f"image is constant, all voxels = {low:g}, expected grains and voids")
+    if method == "otsu":
+        level = otsu(image)
+    elif method == "gaussians":
+        level = between_gaussians(image)
+    elif isinstance(method, str):
+        raise InputError(f'threshold = {method!r}, expected "otsu", "gaussians" or a grey level')
+    else:
+        level = float(method)
+    if not low <= level < high:
+        raise InputError(f"threshold = {level:g}, expected between {low:g} and {high:g}")
+    return level
+
+
+def otsu(image):
+    """The level that makes the variance between both classes largest.
+
+    Source: N. Otsu, IEEE Trans. Systems, Man and Cybernetics 9 (1979) 62-66.
+    """
+    return float(skimage.filters.threshold_otsu(image, nbins=NUM_BINS))
+
+
+def between_gaussians(image):
+    """The minimum between two Gaussians fitted to the modes of the histogram.
+
+    Only the upper half of each mode, above the valley, is fitted: voxels cut by
+    a surface fill the valley and belong to neither.
+
+    Raises:
+        InputError: the histogram has no two modes with a valley between them.
+    """
+    counts, edges = np.histogram(image, bins=NUM_BINS)
+    level = (edges[1:] + edges[:-1]) / 2
+    density = scipy.ndimage.gaussian_filter1d(counts / counts.max(), 1.0)
+    unit = (level - level[0]) / np.ptp(level)
+    split = int(np.clip(np.searchsorted(level, otsu(image)), 1, NUM_BINS - 1))
+    modes = [int(np.argmax(density[:split])), split + int(np.argmax(density[split:]))]
+    valley = density[modes[0] : modes[1] + 1].min()
+    fitted, first_guess = np.zeros(NUM_BINS, dtype=bool), []
+    for mode in modes:
+        runs, _ = scipy.ndimage.label(density >= (density[mode] + valley) / 2)
+        around = runs == runs[mode]
+        fitted |= around
+        first_guess += [density[mode], unit[mode], max(around.sum() / 2.35, 1) / NUM_BINS]
+    # In units of the range and the highest bin, all six parameters are of order one or less.
+    low, high = [0, 0, 0.5 / NUM_BINS] * 2, [2, 1, 1] * 2
+    fit = scipy.optimize.least_squares(
+        lambda p: two_gaussians(unit[fitted], *p) - density[fitted],
+        np.clip(first_guess, low, high),
+        bounds=(low, high),
+    ).x
+    (a1, m1, s1), (a2, m2, s2) = sorted([fit[:3], fit[3:]], key=lambda mode: mode[1])
+    if not (min(a1, a2) > 0 and m2 - m1 > 2 / NUM_BINS):
+        raise _not_bimodal(level)
+    x = np.linspace(m1, m2, 2001)
+    log_sum = np.logaddexp(
+        np.log(a1) - (x - m1) ** 2 / (2 * s1**2), np.log(a2) - (x - m2) ** 2 / (2 * s2**2)
+    )
+    lowest = x[np.argmin(log_sum)]
+    peaks = np.interp([m1, m2], unit, density)
+    if lowest in (m1, m2) or np.interp(lowest, unit, density) > 0.8 * peaks.min():
+        raise _not_bimodal(level)
+    return float(level[0] + lowest * np.ptp(level))
+
+
+def two_gaussians(x, a1, m1, s1, a2, m2, s2):
+    """a₁ exp(-(x-m₁)²/2s₁²) + a₂ exp(-(x-m₂)²/2s₂²)"""
+    first = a1 * np.exp(-((x - m1) ** 2) / (2 * s1**2))
+    return first + a2 * np.exp(-((x - m2) ** 2) / (2 * s2**2))
+
+
+def _not_bimodal(level):
+    return InputError(
+        f"threshold = gaussians: the histogram from {level[0]:g} to {level[-1]:g} has no two modes "
+        "with a valley between them; choose otsu or a grey level"
+    )

@@ -1,0 +1,46 @@
+"""Bodies that several tests use."""
+
+import numpy as np
+
+from mufe_fenicsx.geometry.grains import Grains
+from mufe_fenicsx.geometry.shapes import sphere
+from mufe_fenicsx.mesh import create_grain_mesh, partition_grains
+from mufe_fenicsx.simulation import Simulation
+
+RADIUS = 1e-3
+
+
+def sphere_centers(counts, gap=0.0):
+    """Centres of touching spheres of radius ``RADIUS`` in a block, ``gap`` in radii between."""
+    spacing = (2.0 + gap) * RADIUS
+    grid = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1)
+    return grid.reshape(-1, 3) * spacing + (1.0 + gap / 2) * RADIUS
+
+
+def packed_grains(counts, gap=0.0, h=0.45 * RADIUS):
+    """:class:`Grains` of such spheres."""
+    points, cells = sphere(RADIUS, h)
+    centers = sphere_centers(counts, gap)
+    meshes = [(points + center, cells) for center in centers]
+    return Grains.from_list(np.arange(1, len(centers) + 1), meshes, h)
+
+
+def packed_spheres(comm, counts, gap=0.0, h=0.45 * RADIUS):
+    """Distributed mesh of such spheres. Collective."""
+    points, cells = sphere(RADIUS, h)
+    centers = sphere_centers(counts, gap)
+    rank_of_grain = partition_grains(np.ones(len(centers)), centers, comm.size)
+    mine = np.flatnonzero(rank_of_grain == comm.rank)
+    return create_grain_mesh(
+        comm,
+        np.concatenate([points + centers[g] for g in mine]),
+        np.concatenate([cells + k * len(points) for k in range(mine.size)]),
+        np.repeat(mine, len(cells)),
+        np.arange(1, len(centers) + 1),
+        rank_of_grain,
+    )
+
+
+def simulation_of(mesh, material, walls=(), **options):
+    """A simulation with the same material in all grains."""
+    return Simulation(mesh, [material] * mesh.num_grains, walls, **options)

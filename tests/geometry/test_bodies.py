@@ -1,0 +1,72 @@
+"""Surfaces from elsewhere are read, repaired or refused."""
+
+import meshio
+import numpy as np
+import pytest
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry import measure
+from mufe_fenicsx.geometry.bodies import read_bodies
+from mufe_fenicsx.geometry.mesher import mesh_one, surface_jobs
+from mufe_fenicsx.geometry.settings import MeshSettings
+from mufe_fenicsx.geometry.shapes import sphere
+
+
+@pytest.fixture
+def ball():
+    """Points and triangles of a sphere of radius 2."""
+    points, cells = sphere(2.0, 0.5)
+    return measure.compact(points, measure.boundary_triangles(cells))
+
+
+def test_files_of_one_body_each(tmp_path, ball):
+    points, triangles = ball
+    for name in ("grain10.stl", "grain2.ply", "grain3.obj"):
+        meshio.write_points_cells(tmp_path / name, points, [("triangle", triangles)])
+    bodies = read_bodies(tmp_path, scale=1e-3)
+    assert [label for label, _, _ in bodies] == [1, 2, 3]
+    for _, body_points, body_triangles in bodies:
+        assert len(body_points) == len(points)  # STL repeats points
+        volume = measure.surface_volume(body_points, body_triangles)
+        # Files hold single precision.
+        assert volume == pytest.approx(measure.surface_volume(points, triangles) * 1e-9, rel=1e-5)
+
+
+def test_orientation_is_repaired(tmp_path, ball):
+    points, triangles = ball
+    mixed = triangles.copy()
+    mixed[::3] = mixed[::3, ::-1]
+    np.savez(
+        tmp_path / "bodies.npz",
+        vertices=np.concatenate([points, points + 10]),
+        faces=np.concatenate([triangles[:, ::-1], mixed + len(points)]),
+        grain_of_face=np.repeat([4, 9], len(triangles)),
+    )
+    bodies = read_bodies(tmp_path / "bodies.npz")
+    assert [label for label, _, _ in bodies] == [4, 9]
+    for _, body_points, body_triangles in bodies:
+        assert measure.surface_defect(body_points, body_triangles) == ""
+
+
+def test_open_surfaces_are_refused(tmp_path, ball):
+    points, triangles = ball
+    meshio.write_points_cells(tmp_path / "open.ply", points, [("triangle", triangles[3:])])
+    with pytest.raises(InputError, match=r"open.ply.*surface has open edges"):
+        read_bodies(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["broken.stl", "broken.ply", "broken.obj"])
+def test_broken_files_are_refused(tmp_path, name):
+    (tmp_path / name).write_bytes(b"\x00\x01 no surface")
+    with pytest.raises(InputError, match=name):
+        read_bodies(tmp_path)
+
+
+def test_a_body_is_meshed_anew(ball):
+    points, triangles = ball
+    (job,) = surface_jobs([(1, points, triangles)], MeshSettings(size=0.7))
+    mesh = mesh_one(job)
+    assert mesh.ok
+    # The remeshed body is scaled to the volume that it was given.
+    assert mesh.quality["volume_ratio"] == pytest.approx(1, abs=1e-6)
+    assert np.linalg.norm(mesh.points, axis=1).max() < 2 * 1.03

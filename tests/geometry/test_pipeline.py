@@ -1,0 +1,129 @@
+"""From a grey image to grain meshes, and nothing half-written when that fails."""
+
+import csv
+import errno
+
+import numpy as np
+import pytest
+from scenes import grey_packing, two_balls
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry import pipeline
+from mufe_fenicsx.geometry.grains import load_grains
+from mufe_fenicsx.geometry.label_files import read_labels, write_labels
+from mufe_fenicsx.geometry.settings import MeshSettings, SegmentSettings
+
+
+def test_an_image_becomes_grain_meshes(tmp_path):
+    np.save(tmp_path / "image.npy", grey_packing())
+    labels_path, folder = tmp_path / "labels.tif", tmp_path / "grains"
+    found = pipeline.segment_image(
+        tmp_path / "image.npy", SegmentSettings(voxel_size=1e-5), labels_path
+    )
+    assert found["num_grains"] == 8 and found["dropped_fragments"] == 0
+    # Equal phases would part at 120; they are not equal, and voxels are cut by surfaces.
+    assert 100 < found["threshold"] < 140
+    labels, voxel_size = read_labels(labels_path)
+    assert voxel_size == 1e-5 and labels.max() == 8
+    assert (tmp_path / "labels.png").stat().st_size > 10_000
+
+    calls = []
+    made = pipeline.mesh_labels(
+        labels_path,
+        MeshSettings(size=4e-5),
+        folder,
+        progress=lambda finished, total: calls.append((finished, total)),
+    )
+    grains = load_grains(folder)
+    assert made["num_grains"] == 8 and made["failed"] == [] and calls[-1] == (8, 8)
+    assert made["num_cells"] == len(grains.cells)
+    assert np.allclose(grains.box, [[0, 0, 0], [36e-5] * 3], rtol=1e-12, atol=0)
+    assert made["volume_ratio"] == pytest.approx(1, abs=0.01)
+    with open(folder / "quality.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["label"]) for row in rows] == grains.labels.tolist()
+    volumes = [float(row["volume_m3"]) for row in rows]
+    assert volumes == pytest.approx(grains.volumes, rel=1e-9)
+    assert (folder / "quality.png").exists() and (folder / "grains.xdmf").exists()
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "grains",
+        "image.npy",
+        "labels.csv",
+        "labels.png",
+        "labels.tif",
+    ]
+
+
+def test_results_are_not_overwritten_by_accident(tmp_path):
+    write_labels(tmp_path / "labels.tif", two_balls(), 1e-5)
+    np.save(tmp_path / "image.npy", grey_packing())
+    with pytest.raises(InputError, match=r"labels.tif exists, expected a new file"):
+        pipeline.segment_image(
+            tmp_path / "image.npy", SegmentSettings(voxel_size=1e-5), tmp_path / "labels.tif"
+        )
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("keep me")
+    for overwrite, message in ((False, "is not empty"), (True, "holds no grains.h5")):
+        with pytest.raises(InputError, match=message):
+            pipeline.mesh_labels(
+                tmp_path / "labels.tif", MeshSettings(size=3e-5), folder, overwrite=overwrite
+            )
+    assert (folder / "notes.txt").read_text() == "keep me"
+
+
+@pytest.mark.parametrize("image", [np.full((8, 8, 8), 5), np.eye(8), None])
+def test_nothing_is_left_of_a_segmentation_that_failed(tmp_path, image):
+    if image is not None:
+        np.save(tmp_path / "image.npy", image)
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(InputError):
+        pipeline.segment_image(
+            tmp_path / "image.npy", SegmentSettings(voxel_size=1e-5), tmp_path / "labels.tif"
+        )
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_nothing_is_left_when_the_disk_is_full(tmp_path, monkeypatch):
+    def full(*args):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    np.save(tmp_path / "image.npy", grey_packing())
+    monkeypatch.setattr(pipeline, "draw_segmentation", full)
+    with pytest.raises(InputError, match="cannot be written: No space left on device"):
+        pipeline.segment_image(
+            tmp_path / "image.npy", SegmentSettings(voxel_size=1e-5), tmp_path / "labels.tif"
+        )
+    assert [p.name for p in tmp_path.iterdir()] == ["image.npy"]
+
+
+def test_a_size_that_fits_no_grain_is_refused(tmp_path):
+    write_labels(tmp_path / "labels.tif", two_balls(), 1e-5)
+    with pytest.raises(InputError, match=r"size = 0.001 m: none of 2 grains.*too small"):
+        pipeline.mesh_labels(
+            tmp_path / "labels.tif", MeshSettings(size=1e-3, processes=1), tmp_path / "out"
+        )
+    assert not (tmp_path / "out").exists()
+
+
+def test_output_below_a_file_is_refused(tmp_path):
+    write_labels(tmp_path / "labels.tif", two_balls(), 1e-5)
+    with pytest.raises(InputError, match="cannot be written"):
+        pipeline.mesh_labels(
+            tmp_path / "labels.tif", MeshSettings(size=3e-5), tmp_path / "labels.tif" / "out"
+        )
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: SegmentSettings(voxel_size=0), "voxel_size = 0"),
+        (lambda: SegmentSettings(voxel_size=1e-5, filter="mean"), "filter = 'mean'"),
+        (lambda: SegmentSettings(voxel_size=1e-5, threshold="half"), "threshold = 'half'"),
+        (lambda: MeshSettings(size=-1.0), "size = -1.0"),
+        (lambda: MeshSettings(size=1e-5, smoothing=20), "smoothing = 20"),
+    ],
+)
+def test_settings_out_of_range_are_refused(make, message):
+    with pytest.raises(InputError, match=message):
+        make()

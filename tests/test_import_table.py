@@ -1,0 +1,139 @@
+"""Imports between the parts of the package point one way."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "mufe_fenicsx"
+
+#: Modules that are one part of the design under more than one name.
+PART_OF = {"scene_io": "scene", "loading": "simulation"}
+
+#: What each part may import, besides itself and `errors`, which any may.
+TABLE = {
+    "errors": set(),
+    "kernels": set(),
+    "theory": set(),
+    "geometry": set(),
+    "state": set(),
+    "units": set(),
+    "mesh": set(),
+    "time_step": set(),
+    "materials": {"kernels"},
+    "solid": {"mesh", "materials", "kernels"},
+    "contact": {"mesh", "kernels"},
+    "integrators": {"state"},
+    # geometry: its settings, of which the scene is the written form.
+    "scene": {"materials", "contact", "units", "geometry"},
+    "simulation": {
+        *("kernels", "geometry", "state", "mesh", "materials", "solid", "contact"),
+        *("integrators", "scene", "time_step"),
+    },
+    # geometry: measures of tetrahedra, which are numbers from arrays.
+    "analysis": {"mesh", "state", "solid", "contact", "geometry"},
+    "output": {"mesh", "state", "solid", "contact"},
+    # A scene from grains on disk to a run folder.
+    "run": {
+        *("kernels", "geometry", "state", "mesh", "materials", "solid", "contact"),
+        *("integrators", "scene", "time_step", "simulation", "output"),
+    },
+    "report": {"analysis", "output"},
+}
+
+#: The program around the parts, and the cases of verification: they import anything.
+ANYTHING = {"cli", "arguments", "terminal", "exit_status", "demo", "__main__", "verification"}
+
+#: Geometry prepares grains without the solver's libraries.
+SOLVER_LIBRARIES = {"dolfinx", "dolfinx_solver", "mpi4py", "petsc4py", "ufl", "basix"}
+
+
+def part(module):
+    """Part of the design that a dotted name inside the package belongs to."""
+    first = module.split(".")[0]
+    return PART_OF.get(first, first)
+
+
+def own_imports(path):
+    """Parts of the package that a source file imports, anywhere in it, with their lines."""
+    folder = path.relative_to(PACKAGE).parent.parts
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            start = node.module or ""
+            if node.level:
+                start = ".".join((PACKAGE.name, *folder[: len(folder) + 1 - node.level], start))
+            start = start.rstrip(".")
+            # `from package import x` may name a module; `from package.x import y` has it already.
+            only_package = start == PACKAGE.name
+            names = [f"{start}.{alias.name}" for alias in node.names] if only_package else [start]
+        else:
+            continue
+        for name in names:
+            if name.startswith(PACKAGE.name + "."):
+                found.append((part(name.removeprefix(PACKAGE.name + ".")), node.lineno))
+    return found
+
+
+def sources():
+    return sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
+
+
+def part_of_file(path):
+    return part(".".join(path.relative_to(PACKAGE).with_suffix("").parts))
+
+
+def test_every_part_has_a_place_in_the_table():
+    assert {part_of_file(path) for path in sources()} <= set(TABLE) | ANYTHING
+
+
+def test_imports_follow_the_table():
+    wrong = [
+        f"{path.relative_to(PACKAGE)}:{line} imports {imported}"
+        for path in sources()
+        if (importer := part_of_file(path)) in TABLE
+        for imported, line in own_imports(path)
+        if imported not in TABLE[importer] | {importer, "errors"}
+        and not imported.startswith("__version__")
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_the_table_has_no_circle():
+    order = []
+    while len(order) < len(TABLE):
+        free = [p for p in TABLE if p not in order and TABLE[p] <= set(order)]
+        assert free, f"circle among {set(TABLE) - set(order)}"
+        order += free
+
+
+@pytest.mark.parametrize("source", ["from ..solid import Solid", "import mufe_fenicsx.solid"])
+def test_a_forbidden_import_is_found(tmp_path, monkeypatch, source):
+    """The reader of imports sees both forms, also inside a function."""
+    package = tmp_path / "mufe_fenicsx"
+    (package / "kernels").mkdir(parents=True)
+    path = package / "kernels" / "fast.py"
+    path.write_text(f"def f():\n    {source}\n")
+    monkeypatch.setattr(sys.modules[__name__], "PACKAGE", package)
+    assert own_imports(path) == [("solid", 2)]
+
+
+def test_geometry_needs_no_solver_library():
+    for path in (PACKAGE / "geometry").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom) and not node.level:
+                names = [node.module]
+            assert not SOLVER_LIBRARIES & {name.split(".")[0] for name in names}, path
+
+
+def test_the_command_line_loads_nothing_heavy():
+    """`mufe --help` answers at once: no library of more than some milliseconds is loaded."""
+    heavy = "numpy scipy numba dolfinx gmsh skimage pyvista matplotlib pint h5py".split()
+    code = f"import sys, mufe_fenicsx.cli; print([m for m in {heavy} if m in sys.modules])"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"

@@ -1,0 +1,115 @@
+"""A scene becomes a run folder."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.errors import InputError, SolverError
+from mufe_fenicsx.geometry.grains import save_grains
+from mufe_fenicsx.materials.j2 import J2
+from mufe_fenicsx.output.fields import read_state, read_states
+from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.run import load_mesh, run_scene
+from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, load_scene
+from tests.bodies import packed_grains
+
+
+@pytest.fixture
+def folder(tmp_path_factory):
+    """A folder that all ranks share."""
+    comm = MPI.COMM_WORLD
+    return comm.bcast(tmp_path_factory.mktemp("run") if comm.rank == 0 else None)
+
+
+@pytest.fixture
+def grains(folder):
+    """2 x 2 x 1 spheres, as `mufe mesh` would store them."""
+    comm = MPI.COMM_WORLD
+    if comm.rank == 0:
+        save_grains(folder / "grains", packed_grains((2, 2, 1)))
+    comm.Barrier()
+    return folder / "grains"
+
+
+def small_scene(**changes):
+    values = dict(strain=0.01, speed=20.0, seating_stress=1e4)
+    return Scene(
+        material=J2(100e9, 0.15, 2650.0, ((0.0, 10e6), (0.05, 110e6))),
+        contact=Contact(friction=0.23),
+        oedometer=Oedometer(**(values | changes)),
+        output=Output(fields=3, history=21),
+    )
+
+
+@pytest.mark.mpi
+def test_run_writes_what_it_did(folder, grains):
+    comm = MPI.COMM_WORLD
+    out = folder / "out"
+    result = run_scene(small_scene(), grains, out, comm, quiet=True, command=["mufe", "run"])
+    assert result["finished"]
+    history = read_history(out / "history.csv")
+    loading = history["stage"] == "loading"
+    # The last step may overshoot by what the platen moves in it.
+    step = 20.0 * history["dt"].max() / history["height"][0]
+    assert 0.01 <= history["strain"][-1] < 0.01 + 2 * step
+    assert loading.sum() in (20, 21, 22)
+    work = history["work"][-1]
+    assert work > 0
+    # The budget of the demonstration is 1 %; this sample is small and fast.
+    assert abs(history["residual"][-1]) < 0.01 * work
+
+    states = read_states(out)
+    assert [state["stage"] for state in states] == ["loading"] * 3
+    last = read_state(out, 2)
+    assert last.n_cells == result["num_cells"]
+    stress = last.cell_data["stress"]
+    mean = stress[:, :3].mean(axis=1)
+    assert np.allclose(mean, -last.cell_data["pressure"])
+    deviator = stress.copy()
+    deviator[:, :3] -= mean[:, None]
+    mises = np.sqrt(1.5 * (deviator**2 * [1, 1, 1, 2, 2, 2]).sum(axis=1))
+    assert np.allclose(mises, last.cell_data["von_mises"])
+    assert load_scene(out / "scene.toml").oedometer == small_scene().oedometer
+    assert json.loads((out / "run.json").read_text())["num_ranks"] == comm.size
+
+
+@pytest.mark.mpi
+def test_seating_that_never_ends_stops_with_what_it_has(folder, grains):
+    out = folder / "out"
+    with pytest.raises(SolverError, match="seating"):
+        run_scene(
+            small_scene(speed=100.0, seating_stress=1e12), grains, out, MPI.COMM_WORLD, quiet=True
+        )
+    assert "seating" in json.loads((out / "run.json").read_text())["stop_reason"]
+    assert len(read_history(out / "history.csv")["step"]) > 1
+
+
+@pytest.mark.mpi
+def test_unusable_folders_are_refused_together(folder, grains):
+    comm = MPI.COMM_WORLD
+    with pytest.raises(InputError, match="nowhere"):
+        load_mesh(comm, folder / "nowhere")
+    with pytest.raises(InputError, match="not empty"):
+        run_scene(small_scene(), grains, grains, comm, quiet=True)
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts with one rank's view of many")
+def test_more_ranks_than_grains(grains):
+    class Many:
+        """A communicator that claims five ranks."""
+
+        rank, size = 0, 5
+        allgather = staticmethod(lambda value: [value])
+
+    with pytest.raises(InputError, match=r"number of ranks = 5, expected at most .* 4"):
+        load_mesh(Many(), grains)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_unwritable_folder(folder, grains):
+    folder.chmod(0o500)
+    with pytest.raises(InputError, match="cannot"):
+        run_scene(small_scene(), grains, folder / "out", MPI.COMM_WORLD, quiet=True)

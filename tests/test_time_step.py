@@ -1,0 +1,53 @@
+"""The highest frequency against a dense eigenvalue problem, and what it is worth."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.errors import SolverError
+from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.time_step import HighestFrequency
+from tests.bodies import packed_spheres, simulation_of
+
+
+def test_highest_frequency_of_a_dense_matrix():
+    rng = np.random.default_rng(1)
+    n = 20
+    a = rng.standard_normal((3 * n, 3 * n))
+    K, mass = a @ a.T, rng.uniform(1.0, 2.0, n)
+
+    def add_stiffness(y, q):
+        y += (K @ q.ravel()).reshape(-1, 3)
+
+    x = rng.random((n, 3))
+    found = HighestFrequency(MPI.COMM_SELF, mass, x, add_stiffness, tolerance=1e-6)()
+    root = np.repeat(1 / np.sqrt(mass), 3)
+    exact = np.sqrt(np.linalg.eigvalsh(root[:, None] * K * root)[-1])
+    # The residual of 1e-6 of the eigenvalue bounds the error of its square root by half.
+    assert found == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.mpi
+def test_assembled_step_is_larger_than_the_element_bound_and_stable():
+    """A free body that starts with random velocities keeps its energy at 0.9 of the limit."""
+    mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=0.5)
+    material = Elastic(1e9, 0.15, 2650.0)
+    velocity = 1e-3 * np.sin(37.0 * mesh.x / np.abs(mesh.x).max())
+    sim = simulation_of(mesh, material, velocity=velocity)
+    assert sim.dt / 0.9 > sim.dt_element
+    for _ in range(300):
+        sim.step()
+    # Small strains (v/c = 2e-6): the discrete energy is conserved up to terms of that order.
+    assert abs(sim.energies()["residual"]) < 1e-5 * sim.initial_kinetic
+
+
+@pytest.mark.mpi
+def test_beyond_the_assembled_limit_it_blows_up():
+    """1.1 times the limit of stability is unstable: the limit is sharp, not merely safe."""
+    mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=0.5)
+    velocity = 1e-6 * np.sin(37.0 * mesh.x / np.abs(mesh.x).max())
+    sim = simulation_of(mesh, Elastic(1e9, 0.15, 2650.0), velocity=velocity, time_step_factor=1.1)
+    # Its highest mode grows by exp(2 acosh 1.1) = 2.4 a step: the program has to notice.
+    with pytest.raises(SolverError):
+        for _ in range(1000):
+            sim.step()
