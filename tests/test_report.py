@@ -333,6 +333,14 @@ def test_without_graphics(tmp_path, monkeypatch):
     assert "No 3D pictures: no driver" in (tmp_path / "report.html").read_text()
 
 
+def test_grains_that_failed_are_named(tmp_path):
+    """By the mesher's table where the run does not list them."""
+    run_folder.write_run_json(tmp_path, {"title": "t", "finished": True, "num_grains": 1})
+    (tmp_path / "quality.csv").write_text("label,status\n3,ok\n8,failed\n11,failed\n")
+    write_report(tmp_path)
+    assert "2, not in the test: 8, 11" in (tmp_path / "report.html").read_text()
+
+
 def test_folder_without_a_run_is_refused(tmp_path):
     with pytest.raises(InputError, match="none of run"):
         write_report(tmp_path)

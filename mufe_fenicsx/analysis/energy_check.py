@@ -1,0 +1,26 @@
+"""Does the energy balance close?"""
+
+import numpy as np
+
+#: What the work of the walls turns into.
+ENERGIES = ("kinetic", "elastic", "plastic", "friction", "contact", "damping")
+
+
+def residual(history):
+    """Work minus all energies stored and dissipated, recomputed from the columns [J]."""
+    return history["work"] - sum(history[name] for name in ENERGIES)
+
+
+def residual_ratio(history):
+    """|residual| over the largest |work| so far, shape (num_rows,); nan before any work."""
+    work = np.maximum.accumulate(np.abs(history["work"])) if len(history["work"]) else np.empty(0)
+    return np.divide(
+        np.abs(residual(history)), work, out=np.full(work.shape, np.nan), where=work > 0
+    )
+
+
+def friction_share(history):
+    """Frictional over plastic dissipation at the last row; nan without plastic dissipation."""
+    if not len(history["plastic"]) or not history["plastic"][-1] > 0:
+        return np.nan
+    return float(history["friction"][-1] / history["plastic"][-1])

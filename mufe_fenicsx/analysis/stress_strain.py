@@ -1,0 +1,45 @@
+"""Stress, strain, force and displacement of an oedometer test."""
+
+import numpy as np
+
+
+def displacement(history, reference_height):
+    """How far the top platen has come down since the end of seating [m], shape (num_rows,).
+
+    Args:
+        history: dict column -> array.
+        reference_height: Height of the sample at the end of seating [m].
+    """
+    return reference_height - history["height"]
+
+
+def side_forces(history):
+    """Normal forces on the four side walls [N], dict wall -> shape (num_rows,)."""
+    return {name: history[f"force_{name}"] for name in ("x_min", "x_max", "y_min", "y_max")}
+
+
+def secant_modulus(strain, stress):
+    """Constrained modulus M = (σ₁ - σ₀)/(ε₁ - ε₀) between the first and the last row [Pa]."""
+    if len(strain) < 2 or strain[-1] == strain[0]:
+        return np.nan
+    return float((stress[-1] - stress[0]) / (strain[-1] - strain[0]))
+
+
+def tangent_modulus(strain, stress, at, width):
+    """Constrained modulus M = dσ/dε: slope of the least-squares line around a strain [Pa].
+
+    Args:
+        strain: Shape (num_rows,).
+        stress: Vertical stress [Pa], shape (num_rows,).
+        at: Strain in the middle of the window.
+        width: Width of the window in strain.
+
+    Returns:
+        The slope; nan with fewer than two different strains in the window.
+    """
+    inside = np.abs(strain - at) <= 0.5 * width * (1 + 1e-12)
+    x, y = strain[inside], stress[inside]
+    if x.size < 2 or np.ptp(x) == 0:
+        return np.nan
+    x = x - x.mean()
+    return float(x @ (y - y.mean()) / (x @ x))

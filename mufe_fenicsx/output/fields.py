@@ -1,0 +1,279 @@
+"""Stored states of a run as VTKHDF files, which ParaView and pyvista open.
+
+The mesh is written once, to ``mesh.h5``; the file of a state holds its data and links to the
+mesh. Rank 0 lays a file out (HDF5 reserves the room of each array), then every rank writes
+its own rows into the reserved room at once: nothing is gathered and parallel HDF5 is
+not needed. A file has its final name only when it is complete.
+
+Format: VTK documentation, "VTKHDF file format", UnstructuredGrid, version 2.
+"""
+
+import json
+import os
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.output.run_folder import raise_together, reason, write_atomically
+
+VTK_TETRA = 10
+MESH = "mesh.h5"
+SERIES = "states.vtkhdf.series"
+MESH_ARRAYS = (
+    "NumberOfPoints",
+    "NumberOfCells",
+    "NumberOfConnectivityIds",
+    "Points",
+    "Connectivity",
+    "Offsets",
+    "Types",
+    "CellData/grain",
+)
+
+
+class FieldWriter:
+    """Writes the states of a run into the folder ``fields``. Collective, as its methods.
+
+    The nodes and cells of rank 0 come first in the files, then those of rank 1, and so on.
+
+    Args:
+        comm: MPI communicator.
+        folder: The run folder, which exists.
+        points: Reference positions of this rank's nodes [m], shape (num_nodes, 3).
+        cells: Local nodes of this rank's tetrahedra, shape (num_cells, 4).
+        grain_of_cell: Label of each cell's grain, shape (num_cells,).
+
+    Raises:
+        InputError: A file cannot be written; on all ranks together.
+    """
+
+    def __init__(self, comm, folder, points, cells, grain_of_cell):
+        self.comm = comm
+        self.folder = Path(folder) / "fields"
+        self._states = []
+        message = None
+        if comm.rank == 0:
+            try:
+                self.folder.mkdir(exist_ok=True)
+            except OSError as error:
+                message = f"folder {self.folder} cannot be created ({reason(error)})"
+        raise_together(comm, message)
+
+        self._nodes = _Rows(comm, len(points))
+        self._cells = _Rows(comm, len(cells))
+        offsets = 4 * (self._cells.first + np.arange(1, len(cells) + 1, dtype=np.int64))
+        offset_rows = _Rows(comm, len(cells) + (comm.rank == 0))
+        if comm.rank == 0:
+            offsets = np.append(0, offsets)
+        num_nodes, num_cells = self._nodes.total, self._cells.total
+        self._write_file(
+            MESH,
+            [
+                ("Points", np.asarray(points, np.float64), self._nodes),
+                (
+                    "Connectivity",
+                    (np.asarray(cells, np.int64) + self._nodes.first).ravel(),
+                    _Rows(comm, 4 * len(cells)),
+                ),
+                ("Offsets", offsets, offset_rows),
+                ("Types", np.full(len(cells), VTK_TETRA, np.uint8), self._cells),
+                ("CellData/grain", np.asarray(grain_of_cell, np.int32), self._cells),
+            ],
+            {
+                "NumberOfPoints": [num_nodes],
+                "NumberOfCells": [num_cells],
+                "NumberOfConnectivityIds": [4 * num_cells],
+            },
+            links=(),
+        )
+
+    def write(self, index, time, strain, stage, point_data, cell_data):
+        """Write one state and list it in the series.
+
+        Args:
+            index: Number of the state, which names its file.
+            time: Time [s].
+            strain: Strain [-].
+            stage: Name of the stage.
+            point_data: dict name -> values at this rank's nodes, shape (num_nodes,) or
+                (num_nodes, k); the same names in the same order on every rank.
+            cell_data: dict name -> values of this rank's cells; ``grain`` is already known.
+
+        Raises:
+            InputError: The file cannot be written; on all ranks together.
+        """
+        arrays = [(f"PointData/{k}", np.asarray(v), self._nodes) for k, v in point_data.items()]
+        arrays += [
+            (f"CellData/{k}", np.asarray(v), self._cells)
+            for k, v in cell_data.items()
+            if k != "grain"
+        ]
+        time, strain = float(time), float(strain)
+        small = {"FieldData/TimeValue": [time], "FieldData/strain": [strain]}
+        name = f"{index:04d}.vtkhdf"
+        self._write_file(name, arrays, small, links=MESH_ARRAYS)
+
+        self._states = [state for state in self._states if state["name"] != name]
+        self._states.append({"name": name, "time": time, "strain": strain, "stage": str(stage)})
+        self._states.sort(key=lambda state: state["name"])
+        message = None
+        if self.comm.rank == 0:
+            series = {"file-series-version": "1.0", "files": self._states}
+            try:
+                write_atomically(self.folder / SERIES, json.dumps(series, indent=1) + "\n")
+            except InputError as error:
+                message = str(error)
+        raise_together(self.comm, message)
+
+    def _write_file(self, name, arrays, small, links):
+        """Write arrays [(name, values, rows)] of all ranks, and small ones of rank 0."""
+        path = self.folder / name
+        part = self.folder / (name + ".part")
+        message = _wrong_shape(arrays)
+        raise_together(self.comm, message)
+
+        layout = None
+        if self.comm.rank == 0:
+            message, layout = _attempt(path, lambda: _lay_out(part, arrays, small, links))
+        self._raise_together(message, part)
+        layout = self.comm.bcast(layout)
+        message, _ = _attempt(path, lambda: _write_rows(part, arrays, layout))
+        self._raise_together(message, part)
+        if self.comm.rank == 0:
+            message, _ = _attempt(path, lambda: os.replace(part, path))
+        self._raise_together(message, part)
+
+    def _raise_together(self, message, part):
+        """Raise on all ranks if any has a message, after removing the incomplete file."""
+        try:
+            raise_together(self.comm, message)
+        except InputError:
+            if self.comm.rank == 0:
+                part.unlink(missing_ok=True)
+            raise
+
+
+def _attempt(path, action):
+    """(what went wrong or None, result or None) of something that writes to a file."""
+    try:
+        return None, action()
+    except (OSError, RuntimeError) as error:  # HDF5 raises either
+        return f"{path} cannot be written ({reason(error)})", None
+
+
+class _Rows:
+    """Where this rank's rows stand among those of all ranks. Collective."""
+
+    def __init__(self, comm, count):
+        counts = comm.allgather(int(count))
+        self.count = int(count)
+        self.first = sum(counts[: comm.rank])
+        self.total = sum(counts)
+
+
+def _wrong_shape(arrays):
+    """What is wrong with the first array that has not one row a node or cell, or None."""
+    for name, values, rows in arrays:
+        if values.ndim == 0 or values.shape[0] != rows.count or values.ndim > 2:
+            return f"shape of field {name} = {values.shape}, expected {rows.count} rows"
+    return None
+
+
+def _lay_out(path, arrays, small, links):
+    """Create the file; the byte where each array starts. On rank 0."""
+    plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    plist.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    layout = []
+    with h5py.File(path, "w") as file:
+        group = file.create_group("VTKHDF")
+        group.attrs["Version"] = np.array([2, 0], dtype=np.int64)
+        group.attrs.create("Type", "UnstructuredGrid", dtype=h5py.string_dtype("ascii", 16))
+        for folder in ("PointData", "CellData", "FieldData"):
+            group.create_group(folder)
+        for name in links:
+            group[name] = h5py.ExternalLink(MESH, f"/VTKHDF/{name}")
+        for name, values in small.items():
+            group[name] = np.asarray(values)
+        for name, values, rows in arrays:
+            dataset = h5py.h5d.create(
+                group.id,
+                name.encode(),
+                h5py.h5t.py_create(values.dtype),
+                h5py.h5s.create_simple((rows.total, *values.shape[1:])),
+                plist,
+            )
+            layout.append(dataset.get_offset())
+    return layout
+
+
+def _write_rows(path, arrays, layout):
+    """Write this rank's rows into the room that the file reserves for them."""
+    file = os.open(path, os.O_WRONLY)
+    try:
+        for (_, values, rows), start in zip(arrays, layout, strict=True):
+            if not rows.count:
+                continue
+            data = memoryview(np.ascontiguousarray(values)).cast("B")
+            at = start + rows.first * (data.nbytes // rows.count)
+            while data:
+                written = os.pwrite(file, data, at)
+                data, at = data[written:], at + written
+    finally:
+        os.close(file)
+
+
+def read_states(run_folder):
+    """The stored states of a run, in order.
+
+    Returns:
+        List of dicts name, time [s], strain, stage, index (of :func:`read_state`).
+        Empty if nothing was stored.
+
+    Raises:
+        InputError: The list of states is damaged.
+    """
+    path = Path(run_folder) / "fields" / SERIES
+    if not path.exists():
+        return []
+    try:
+        files = json.loads(path.read_text(encoding="utf-8"))["files"]
+        return [dict(state, index=int(Path(state["name"]).stem)) for state in files]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is not a list of states ({error})") from error
+
+
+def read_state(run_folder, index):
+    """One stored state with the nodes at their reference positions.
+
+    Args:
+        run_folder: The run folder.
+        index: Number of the state.
+
+    Returns:
+        pyvista.UnstructuredGrid.
+
+    Raises:
+        InputError: It is absent or cannot be read.
+    """
+    import pyvista
+
+    path = Path(run_folder) / "fields" / f"{index:04d}.vtkhdf"
+    try:
+        with h5py.File(path, "r") as file:
+            group = file["VTKHDF"]
+            cells = group["Connectivity"][:].reshape(-1, 4)
+            points = group["Points"][:]
+            grid = pyvista.UnstructuredGrid({VTK_TETRA: cells}, points)
+            for target, name in (
+                (grid.point_data, "PointData"),
+                (grid.cell_data, "CellData"),
+                (grid.field_data, "FieldData"),
+            ):
+                for key, dataset in group[name].items():
+                    target[key] = dataset[:]
+    except (OSError, KeyError, ValueError) as error:
+        raise InputError(f"state {path} cannot be read ({reason(error)})") from error
+    return grid

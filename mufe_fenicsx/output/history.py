@@ -1,0 +1,163 @@
+"""The history of a run: a CSV file with one row a record."""
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.output.run_folder import raise_together, reason
+
+#: Columns of history.csv, in order; SI units.
+COLUMNS = (
+    "step",
+    "time",
+    "dt",
+    "stage",
+    "strain",
+    "height",
+    "force_x_min",
+    "force_x_max",
+    "force_y_min",
+    "force_y_max",
+    "force_z_min",
+    "force_z_max",
+    "stress",
+    "kinetic",
+    "elastic",
+    "plastic",
+    "friction",
+    "contact",
+    "damping",
+    "work",
+    "residual",
+    "num_contacts",
+    "num_active_grains",
+)
+TEXT_COLUMNS = ("stage",)
+
+
+class HistoryWriter:
+    """Writes a history row by row; each row is on disk when ``append`` returns.
+
+    Numbers are written with as many digits as it takes to read them back unchanged.
+
+    Without a communicator it belongs to one rank. With one, creation and ``append`` are
+    collective, rank 0 writes, and all ranks raise together.
+
+    Args:
+        path: The CSV file; an existing one is replaced.
+        columns: Names of the columns.
+        comm: MPI communicator or None.
+
+    Raises:
+        InputError: It cannot be written (disk full, folder not writable).
+    """
+
+    def __init__(self, path, columns=COLUMNS, comm=None):
+        self.path = Path(path)
+        self.columns = tuple(columns)
+        self.comm = comm
+        self._file = None
+        self._together(self._open)
+
+    def append(self, row):
+        """Write one row.
+
+        Args:
+            row: dict column -> number or text; every column, nothing else.
+        """
+        self._together(lambda: self._append(row))
+
+    def close(self):
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def _together(self, action):
+        message = None
+        if self.comm is None or self.comm.rank == 0:
+            try:
+                action()
+            except OSError as error:
+                message = f"{self.path} cannot be written ({reason(error)})"
+        if self.comm is not None:
+            raise_together(self.comm, message)
+        elif message is not None:
+            raise InputError(message)
+
+    def _open(self):
+        # Unbuffered: a row is one system call, and closing has nothing left to fail on.
+        self._file = open(self.path, "wb", buffering=0)
+        self._write(self.columns)
+
+    def _append(self, row):
+        if set(row) != set(self.columns):
+            wrong = sorted(set(row) ^ set(self.columns))
+            raise ValueError(f"columns of a row differ from those of {self.path.name}: {wrong}")
+        self._write([_text(row[name]) for name in self.columns])
+
+    def _write(self, values):
+        line = io.StringIO()
+        csv.writer(line, lineterminator="\n").writerow(values)
+        data = line.getvalue().encode()
+        while data:
+            data = data[self._file.write(data) :]
+
+
+def _text(value):
+    if isinstance(value, str):
+        return value
+    if isinstance(value, int | np.integer):
+        return str(int(value))
+    return repr(float(value))
+
+
+def read_history(path):
+    """Read a history that may still be being written.
+
+    A last line without its line end (torn by the end of a run) is left out.
+
+    Args:
+        path: The CSV file.
+
+    Returns:
+        dict column -> array, shape (num_rows,): int64, float64, or str for text columns.
+
+    Raises:
+        InputError: It is absent, empty, or a row does not fit the columns.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read ({reason(error)})") from error
+    rows = list(csv.reader(io.StringIO(text[: text.rfind("\n") + 1])))
+    if not rows:
+        raise InputError(f"{path} has no line, expected column names")
+    columns, rows = rows[0], rows[1:]
+    for number, row in enumerate(rows, start=2):
+        if len(row) != len(columns):
+            raise InputError(
+                f"{path}, line {number} has {len(row)} values, expected {len(columns)}"
+            )
+    return {
+        name: _column([row[i] for row in rows], name in TEXT_COLUMNS)
+        for i, name in enumerate(columns)
+    }
+
+
+def _column(values, is_text):
+    for kind in () if is_text else (np.int64, np.float64):
+        try:
+            return np.array(values, dtype=kind) if values else np.empty(0)
+        except ValueError:
+            continue
+    return np.array(values, dtype=str)

@@ -1,0 +1,180 @@
+"""The folder of one run: its creation, run.json, versions and memory."""
+
+import importlib
+import importlib.metadata
+import json
+import os
+import platform
+import resource
+import sys
+import tempfile
+from pathlib import Path
+
+import mufe_fenicsx
+from mufe_fenicsx.errors import InputError
+
+#: What a run and its report write into their folder; only this is ever deleted.
+OWN_FILES = (
+    "scene.toml",
+    "run.json",
+    "history.csv",
+    "quality.csv",
+    "quality.png",
+    "grains.csv",
+    "labels.csv",
+    "report.html",
+    "fields/*.vtkhdf",
+    "fields/*.part",
+    "fields/mesh.h5",
+    "fields/states.vtkhdf.series",
+    "figures/*.png",
+)
+
+
+def raise_together(comm, message):
+    """Raise the same InputError on every rank if any rank has a message. Collective.
+
+    Args:
+        comm: MPI communicator.
+        message: What went wrong on this rank, or None.
+
+    Raises:
+        InputError: The message of the first rank that has one.
+    """
+    for other in comm.allgather(message):
+        if other is not None:
+            raise InputError(other)
+
+
+def reason(error):
+    """Short text of an OSError or of an HDF5 error, without the path."""
+    return (getattr(error, "strerror", None) or str(error)).splitlines()[0]
+
+
+def create_run_folder(comm, folder, overwrite=False):
+    """Create the folder of a run and see that it can be written to. Collective.
+
+    Args:
+        comm: MPI communicator; rank 0 does the work.
+        folder: Path; parents are created too.
+        overwrite: Delete the files of an earlier run (:data:`OWN_FILES`) if it is
+            not empty. Files that the program did not write stay.
+
+    Returns:
+        The folder, a Path.
+
+    Raises:
+        InputError: It exists and is not empty, is not a folder, or cannot be written to.
+    """
+    folder = Path(folder)
+    message = _prepare(folder, overwrite) if comm.rank == 0 else None
+    raise_together(comm, message)
+    return folder
+
+
+def _prepare(folder, overwrite):
+    """Create or empty the folder; what went wrong, or None."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if overwrite:
+            _remove_own_files(folder)
+        elif any(folder.iterdir()):
+            return (
+                f"output folder {folder} is not empty, expected a new one, or overwriting allowed"
+            )
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(b"x" * 4096)
+            probe.flush()
+    except (FileExistsError, NotADirectoryError):
+        return f"output folder {folder} is not a folder (a part of the path is a file)"
+    except OSError as error:
+        return f"output folder {folder} cannot be written to ({reason(error)})"
+    return None
+
+
+def _remove_own_files(folder):
+    for pattern in OWN_FILES:
+        for path in folder.glob(pattern):
+            path.unlink()
+    for name in ("fields", "figures"):
+        path = folder / name
+        if path.is_dir() and not any(path.iterdir()):
+            path.rmdir()
+
+
+def write_atomically(path, text):
+    """Write a small text file so that readers see the old or the new one, never a part.
+
+    Raises:
+        InputError: It cannot be written.
+    """
+    path = Path(path)
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise InputError(f"{path} cannot be written ({reason(error)})") from error
+
+
+def write_run_json(folder, run):
+    """Write run.json atomically. To be called on one rank.
+
+    Args:
+        folder: The run folder.
+        run: Dictionary of numbers, strings, lists and NumPy scalars or arrays.
+
+    Raises:
+        InputError: It cannot be written.
+    """
+    text = json.dumps(run, indent=2, default=_plain, ensure_ascii=False)
+    write_atomically(Path(folder) / "run.json", text + "\n")
+
+
+def _plain(value):
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")
+
+
+def read_run_json(folder):
+    """Read run.json.
+
+    Raises:
+        InputError: It is absent or not a JSON object.
+    """
+    path = Path(folder) / "run.json"
+    try:
+        run = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({reason(error)})") from error
+    except ValueError as error:
+        raise InputError(f"{path} is not valid JSON ({error})") from error
+    if not isinstance(run, dict):
+        raise InputError(f"{path} holds a {type(run).__name__}, expected a JSON object")
+    return run
+
+
+def versions():
+    """Versions of the program and of what it computes with, dict name -> text."""
+    result = {"mufe_fenicsx": mufe_fenicsx.__version__, "python": platform.python_version()}
+    distributions = {"dolfinx": "fenics-dolfinx"}
+    for name in ("dolfinx", "petsc4py", "mpi4py", "numpy", "numba", "gmsh"):
+        try:
+            result[name] = importlib.metadata.version(distributions.get(name, name))
+        except importlib.metadata.PackageNotFoundError:
+            try:
+                result[name] = str(importlib.import_module(name).__version__)
+            except (ImportError, OSError, AttributeError):
+                result[name] = "absent"
+    return result
+
+
+def peak_memory(comm):
+    """Largest resident memory so far, summed over the ranks [bytes]. Collective."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # Linux counts in KiB, macOS in bytes.
+    return comm.allreduce(peak if sys.platform == "darwin" else peak * 1024)

@@ -1,0 +1,92 @@
+"""The HTML page: self-contained, light, printable."""
+
+import base64
+from html import escape
+from pathlib import Path
+
+CSS = """
+:root { color-scheme: light; }
+body { font: 15px/1.5 Georgia, "Times New Roman", serif; color: #1a1a1a; background: #fff;
+  max-width: 62em; margin: 2em auto; padding: 0 1.5em; }
+h1 { font-size: 1.7em; margin: 0 0 .1em; } h2 { font-size: 1.2em; margin: 2em 0 .5em;
+  border-bottom: 1px solid #bbb; padding-bottom: .2em; }
+.lead { color: #555; margin: 0 0 1.2em; }
+table { border-collapse: collapse; width: 100%; font-size: .92em; }
+td, th { text-align: left; vertical-align: top; padding: .28em .8em .28em 0;
+  border-bottom: 1px solid #e2e2e2; overflow-wrap: anywhere; }
+th { font-weight: 600; } tr > td:first-child { width: 32%; color: #444; }
+ul.checks { list-style: none; padding: 0; }
+ul.checks li { padding: .45em .8em; margin: .35em 0; border-left: 4px solid #888; }
+ul.checks li.pass { border-color: #009e73; background: #f1faf7; }
+ul.checks li.warn { border-color: #d55e00; background: #fdf4ee; }
+.mark { font-weight: 700; margin-right: .5em; } .pass .mark { color: #00704f; }
+.warn .mark { color: #a84300; }
+figure { margin: 1.6em 0; break-inside: avoid; }
+figure.wide img { width: 100%; } figure.narrow { display: flex; gap: 1.6em;
+  align-items: center; } figure.narrow img { width: 56%; } figure.narrow figcaption { flex: 1; }
+figure.narrow { flex-wrap: nowrap; }
+img { height: auto; display: block; } figcaption { font-size: .92em; }
+figcaption b { display: block; } figcaption .how { color: #444; }
+footer { margin-top: 3em; color: #666; font-size: .85em; }
+@media (max-width: 44em) { figure.narrow { display: block; } figure.narrow img { width: 100%; } }
+@media print { body { margin: 0; max-width: none; font-size: 10pt; }
+  h2 { break-after: avoid; } ul.checks li { background: none; } tr { break-inside: avoid; } }
+"""
+
+
+def write_page(path, title, lead, checks, missing, figures, tables, footer):
+    """Write the page.
+
+    Args:
+        path: HTML file; written beside and renamed.
+        title, lead: Its heading and a sentence below.
+        checks: List of :class:`mufe_fenicsx.report.checks.Check`.
+        missing: Sentences about what is not in the report.
+        figures: List of (png path, caption, how to read it, "wide" or "narrow").
+        tables: List of (heading, rows of cells).
+        footer: A closing sentence.
+    """
+    parts = [
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f"<title>{escape(title)}</title>\n<style>{CSS}</style>\n</head>\n<body>",
+        f'<h1>{escape(title)}</h1>\n<p class="lead">{escape(lead)}</p>',
+    ]
+    if checks:
+        parts.append("<h2>Can the result be believed?</h2>\n<ul class='checks'>")
+        parts += [_check(check) for check in checks]
+        parts.append("</ul>")
+    if missing:
+        parts.append("<h2>Not in this report</h2>\n<ul>")
+        parts += [f"<li>{escape(sentence)}</li>" for sentence in missing]
+        parts.append("</ul>")
+    if figures:
+        parts.append("<h2>Figures</h2>")
+        parts += [_figure(i, *figure) for i, figure in enumerate(figures, start=1)]
+    for heading, rows in tables:
+        if rows:
+            parts.append(f"<h2>{escape(heading)}</h2>\n{_table(rows)}")
+    parts.append(f"<footer>{escape(footer)}</footer>\n</body>\n</html>\n")
+    path = Path(path)
+    part = path.with_name(path.name + ".part")
+    part.write_text("\n".join(parts), encoding="utf-8")
+    part.replace(path)
+
+
+def _check(check):
+    kind, mark = ("pass", "✓ pass") if check.passed else ("warn", "⚠ look")
+    return f'<li class="{kind}"><span class="mark">{mark}</span>{escape(check.text)}</li>'
+
+
+def _figure(index, png, caption, how, shape):
+    data = base64.b64encode(Path(png).read_bytes()).decode("ascii")
+    return (
+        f'<figure class="{shape}"><img alt="{escape(caption)}" src="data:image/png;base64,{data}">'
+        f"<figcaption><b>Figure {index}. {escape(caption)}</b> "
+        f'<span class="how">{escape(how)}</span></figcaption></figure>'
+    )
+
+
+def _table(rows):
+    lines = ["".join(f"<td>{escape(str(cell))}</td>" for cell in row) for row in rows]
+    return "<table>\n" + "\n".join(f"<tr>{line}</tr>" for line in lines) + "\n</table>"

@@ -1,0 +1,157 @@
+"""One look for all figures: sizes, fonts, colours, units."""
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+#: Width of a figure across one column or the page of a journal [inch].
+COLUMN, PAGE = 90 / 25.4, 180 / 25.4
+DPI = 300
+
+#: Colours that the colour-blind tell apart (Okabe & Ito 2008).
+BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
+BLUE, RED, PINK, GREY = "#0072B2", "#D55E00", "#CC79A7", "#7F7F7F"
+
+#: Maps of even lightness: stress in the grains, pressure on their surfaces.
+STRESS_MAP, PRESSURE_MAP = "viridis", "plasma"
+
+RC = {
+    "font.family": "DejaVu Sans",
+    "font.size": 7.5,
+    "axes.labelsize": 8,
+    "axes.titlesize": 8,
+    "legend.fontsize": 7,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.prop_cycle": matplotlib.cycler(color=[BLUE, RED, GREEN, ORANGE, PINK, SKY, BLACK]),
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "lines.linewidth": 1.2,
+    "legend.frameon": False,
+    "legend.handlelength": 2.2,
+    "mathtext.default": "it",
+    "mathtext.fontset": "dejavusans",
+    "savefig.dpi": DPI,
+    "image.interpolation": "none",
+}
+
+PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+
+
+def new_figure(width=COLUMN, height=None, **subplots):
+    """A figure without global state, and its axes.
+
+    Call it, and draw, inside ``with matplotlib.rc_context(RC)``.
+
+    Args:
+        width, height: Size [inch].
+        subplots: Arguments of ``Figure.subplots``.
+    """
+    figure = Figure(figsize=(width, height or 0.75 * width), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(**subplots)
+
+
+def unit_of(values, symbol):
+    """(factor, unit) in which the largest of some values reads as 1 to 1000.
+
+    Divide by the factor. Square or cubic units are not meant.
+
+    Args:
+        values: SI values.
+        symbol: Unit without prefix, e.g. "Pa".
+    """
+    values = np.abs(np.asarray(values, dtype=float))
+    values = values[np.isfinite(values)]
+    largest = values.max() if values.size else 0.0
+    if largest == 0:
+        return 1.0, symbol
+    for factor, prefix in PREFIXES:
+        if largest >= 0.9995 * factor:
+            return factor, prefix + symbol
+    return 1e-12, "p" + symbol
+
+
+def quantity(value, symbol, digits=3):
+    """A value in words, e.g. ``quantity(2.5e7, "Pa")`` is "25 MPa"."""
+    if value is None or not np.isfinite(value):
+        return "not known"
+    factor, unit = unit_of([value], symbol)
+    return f"{number(value / factor, digits)} {unit}"
+
+
+def number(value, digits=3):
+    """A number with some significant digits and no exponent where it is a handy one."""
+    if value is None or not np.isfinite(value):
+        return "not known"
+    if value == int(value) and 10**digits <= abs(value) < 1e12:
+        text = f"{int(value):,}".replace(",", "\u202f")
+    elif value != 0 and not 1e-4 <= abs(value) < 1e6:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        text = f"{mantissa} × 10^{int(exponent)}"
+    elif abs(value) < 10**digits:
+        text = f"{value:.{digits}g}"
+    else:
+        text = f"{value:.0f}"
+    return text.replace("-", "−")
+
+
+def panel_letter(axis, index):
+    """Mark a panel (a), (b) and so on, above its upper left corner."""
+    axis.set_title(f"({'abcdefgh'[index]})", loc="left", fontweight="bold")
+
+
+def scale_bar(axis, width):
+    """A bar of a round length in the lower left corner of a picture.
+
+    Args:
+        axis: Axes that the picture fills.
+        width: Width of what the whole picture shows [m].
+    """
+    length = round_length(0.25 * width)
+    factor, unit = unit_of([length], "m")
+    ends = [0.02, 0.02 + length / width]
+    axis.plot(
+        ends,
+        [0.02, 0.02],
+        transform=axis.transAxes,
+        color=BLACK,
+        linewidth=2,
+        solid_capstyle="butt",
+        clip_on=False,
+    )
+    axis.text(
+        0.5 * sum(ends),
+        0.035,
+        f"{length / factor:g} {unit}",
+        transform=axis.transAxes,
+        ha="center",
+        va="bottom",
+        fontsize=7,
+    )
+
+
+def round_length(length):
+    """The largest of 1, 2, 5 × 10^n that does not exceed a length."""
+    power = 10.0 ** np.floor(np.log10(length))
+    for step in (5, 2, 1):
+        if step * power <= length * (1 + 1e-9):
+            return float(step * power)
+    return float(power)
+
+
+def round_limit(value):
+    """A round upper end of a colour scale, at least the value."""
+    if not value > 0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    for step in (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10):
+        if step * power >= value * (1 - 1e-9):
+            return float(step * power)
+    return float(10 * power)

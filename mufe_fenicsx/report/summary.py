@@ -1,0 +1,231 @@
+"""Tables of the report: what was run, and the largest values."""
+
+import csv
+import shlex
+
+import numpy as np
+
+from mufe_fenicsx.analysis import energy_check, stress_strain
+from mufe_fenicsx.analysis.grain_means import sample_stress, void_ratio
+from mufe_fenicsx.analysis.mesh_quality import mesh_quality
+from mufe_fenicsx.analysis.rows import loading_rows
+from mufe_fenicsx.report.style import number, quantity
+
+
+def failed_grains(quality_csv):
+    """Labels of the grains that could not be meshed, by the table of the mesher.
+
+    None where there is no such table.
+    """
+    try:
+        with open(quality_csv, newline="", encoding="utf-8") as file:
+            return [int(r["label"]) for r in csv.DictReader(file) if r["status"] != "ok"]
+    except (OSError, KeyError, ValueError):
+        return None
+
+
+def run_rows(run):
+    """Rows (name, value) about the run, from run.json; empty without it."""
+    if not run:
+        return []
+    rows = [
+        ("Grains", _count(run, "num_grains")),
+        ("Tetrahedra", _count(run, "num_cells")),
+        ("Nodes", _count(run, "num_nodes")),
+        ("Steps", _count(run, "num_steps")),
+        ("Wall-clock time", _duration(run.get("wall_s"))),
+        ("Speed", _speed(run)),
+        ("MPI ranks", _count(run, "num_ranks")),
+        ("Peak memory, all ranks", _memory(run)),
+        ("How strain is counted", run.get("strain_definition") or "not recorded"),
+        ("Height at strain 0", quantity(run.get("reference_height"), "m", 4)),
+        ("Cross-section", _area(run.get("area"))),
+        ("Separation of overlaps", _separation(run.get("separation"))),
+        ("Contacts found inside a grain", _adopted(run.get("contact"))),
+        ("Grains that failed to mesh", _failed(run.get("failed_grains"))),
+        ("Stages", _stages(run.get("stages"))),
+        ("End", _end(run)),
+        ("Command", _command(run.get("command"))),
+        ("Versions", ", ".join(f"{k} {v}" for k, v in (run.get("versions") or {}).items())),
+    ]
+    return [(name, value) for name, value in rows if value]
+
+
+def largest_values(history, last):
+    """Rows (name, value, where) of the largest values.
+
+    Args:
+        history: dict column -> array with at least one row, or None.
+        last: Last stored State, or None.
+    """
+    rows = []
+    if history is not None:
+        loading = loading_rows(history)
+        strain, stress = history["strain"][loading], history["stress"][loading]
+        if strain.size:
+            rows += [_at("Vertical stress", history, "stress", "Pa", loading)]
+            rows += [
+                _at(f"Force on the {name}", history, column, "N", loading)
+                for name, column in (("top platen", "force_z_max"), ("bottom", "force_z_min"))
+            ]
+            side = np.max(list(stress_strain.side_forces(history).values()), axis=0)
+            rows += [_at("Force on a side wall", {**history, "side": side}, "side", "N", loading)]
+            end = strain[-1]
+            modulus = stress_strain.tangent_modulus(strain, stress, 0.9 * end, 0.2 * end)
+            rows.append(
+                ("Constrained modulus, last fifth of the strain", quantity(modulus, "Pa"), "")
+            )
+            rows += [
+                _at(name, history, column, "J", loading)
+                for name, column in (
+                    ("Work of the walls", "work"),
+                    ("Plastic dissipation", "plastic"),
+                    ("Frictional dissipation", "friction"),
+                    ("Elastic energy", "elastic"),
+                    ("Kinetic energy", "kinetic"),
+                )
+            ]
+            share = energy_check.friction_share(history)
+            rows.append(("Frictional over plastic dissipation", number(share), "at the end"))
+            rows.append(_at("Contacts", history, "num_contacts", None, loading))
+            rows.append(_at("Grains in contact", history, "num_active_grains", None, loading))
+    if last is not None:
+        rows += _state_rows(last)
+    return rows
+
+
+def _state_rows(state):
+    where = f"last stored state, strain {state.strain:.4f}"
+    grain = state.grain[int(np.argmax(state.von_mises))]
+    label, mean = state.most_loaded_grain()
+    rows = [
+        ("von Mises stress", quantity(state.von_mises.max(), "Pa"), f"grain {grain}, {where}"),
+        ("von Mises stress, mean of a grain", quantity(mean, "Pa"), f"grain {label}, {where}"),
+    ]
+    if "plastic_strain" in state.cell_data:
+        values = state.cell_data["plastic_strain"]
+        worst = state.grain[int(np.argmax(values))]
+        rows.append(("Plastic strain", number(values.max()), f"grain {worst}, {where}"))
+        share = state.quality.volume[values > 0].sum() / state.quality.volume.sum()
+        rows.append(("Volume that has yielded", f"{share:.1%}", where))
+    if "contact_pressure" in state.point_data:
+        pressure = state.point_data["contact_pressure"].max()
+        rows.append(("Contact pressure", quantity(pressure, "Pa"), where))
+    moved = np.linalg.norm(state.points - state.reference, axis=1).max()
+    rows.append(("Displacement", quantity(moved, "m"), where))
+    return rows
+
+
+def sample_rows(start, last, run, history):
+    """Rows (name, value) about the sample, from its stored states.
+
+    Among them the vertical stress by the mean stress of the grains beside that of the
+    platens, which are two independent numbers.
+    """
+    area, height = run.get("area"), last.height
+    if not area or not height:
+        return []
+    solid = mesh_quality(start.reference, start.cells).volume.sum()
+    rows = []
+    if start.height:
+        ratios = [void_ratio(solid, area * h) for h in (start.height, height)]
+        rows.append(("Void ratio, start → end", f"{ratios[0]:.3f} → {ratios[1]:.3f}"))
+    if "stress" in last.cell_data:
+        inside = -sample_stress(last.cell_data["stress"], last.quality.volume, area * height)[2]
+        walls = float(np.interp(last.time, history["time"], history["stress"]))
+        rows.append(
+            (
+                "Vertical stress at the end, by the platens and by the stress in the grains",
+                f"{quantity(walls, 'Pa', 4)} and {quantity(inside, 'Pa', 4)}: two independent "
+                "numbers that equilibrium makes equal",
+            )
+        )
+    return rows
+
+
+def _at(name, history, column, symbol, rows):
+    values, strain = history[column][rows], history["strain"][rows]
+    i = int(np.argmax(values))
+    text = number(values[i], 4) if symbol is None else quantity(values[i], symbol, 4)
+    return name, text, f"at strain {strain[i]:.4f}"
+
+
+def _count(run, name):
+    return None if run.get(name) is None else number(run[name])
+
+
+def _duration(seconds):
+    if seconds is None:
+        return None
+    hours, rest = divmod(round(seconds), 3600)
+    minutes, whole = divmod(rest, 60)
+    if hours:
+        return f"{hours} h {minutes} min"
+    return f"{minutes} min {whole} s" if minutes else f"{seconds:.1f} s"
+
+
+def _speed(run):
+    if not run.get("wall_s") or not run.get("num_cells") or not run.get("num_steps"):
+        return None
+    seconds = run["wall_s"] - (run.get("setup_s") or 0)
+    rate = run["num_cells"] * run["num_steps"] / seconds if seconds > 0 else np.nan
+    return f"{number(rate / 1e6)} million element-steps a second, output included"
+
+
+def _memory(run):
+    if not run.get("peak_memory_bytes"):
+        return None
+    text = f"{run['peak_memory_bytes'] / 1e9:.2f} GB"
+    if run.get("num_cells"):
+        text += f" ({run['peak_memory_bytes'] / run['num_cells'] / 1e3:.2f} kB a tetrahedron)"
+    return text
+
+
+def _area(area):
+    return None if not area else f"{area * 1e6:.4g} mm²"
+
+
+def _separation(separation):
+    if not separation:
+        return "not recorded"
+    change = separation.get("volume_change")
+    return (
+        f"{number(separation.get('overlap_nodes', np.nan))} nodes were inside a neighbour, "
+        f"at most {quantity(separation.get('max_depth'), 'm')} deep; "
+        f"moving them out changed the volume of solids by "
+        f"{'an unknown share' if change is None else number(100 * change) + ' %'}"
+    )
+
+
+def _adopted(contact):
+    if not contact:
+        return None
+    text = f"{number(contact.get('num_adopted'))} adopted with their depth as offset"
+    if contact.get("num_adopted"):
+        text += f", the deepest {quantity(contact.get('deepest_adopted'), 'm')}"
+    return f"{text}; {number(contact.get('num_too_deep'))} too deep and left out"
+
+
+def _failed(labels):
+    if labels is None:
+        return "not recorded"
+    if not labels:
+        return "none"
+    return f"{len(labels)}, not in the test: {', '.join(str(label) for label in labels)}"
+
+
+def _stages(stages):
+    return "; ".join(
+        f"{s.get('name')} from step {s.get('step')}, t = {quantity(s.get('time'), 's')}, "
+        f"strain {number(s.get('strain'))}"
+        for s in stages or ()
+    )
+
+
+def _end(run):
+    reason = run.get("stop_reason") or "no reason recorded"
+    return reason if run.get("finished") else f"stopped early: {reason}"
+
+
+def _command(command):
+    return shlex.join(command) if isinstance(command, list) else command
