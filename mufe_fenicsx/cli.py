@@ -19,6 +19,7 @@ from .arguments import (
 )
 from .errors import InputError
 from .exit_status import FAILED, run_to_exit
+from .launcher import forget_launcher
 from .terminal import Printer, number, progress_bar
 
 app = typer.Typer(
@@ -174,8 +175,7 @@ def mesh(
     with progress_bar("meshing") as progress:
         result = mesh_labels(labels, settings, output, overwrite=overwrite, progress=progress)
     printer.summary(result)
-    for label, reason in zip(result["failed"], result["reasons"], strict=True):
-        printer.say(f"grain {label} could not be meshed: {reason}")
+    printer.say(*_failed_grains(result))
     printer.write_json(result)
 
 
@@ -323,6 +323,19 @@ def demo(
     return result["status"]
 
 
+def _failed_grains(result, num_reasons=10):
+    """Lines that name every grain without a mesh, with the reasons of the first ones."""
+    failed = result["failed"]
+    if not failed:
+        return []
+    lines = [f"grains not meshed: {len(failed)}, of label {', '.join(map(str, failed))}"]
+    first = list(zip(failed, result["reasons"], strict=True))[:num_reasons]
+    lines += [f"  grain {label}: {reason}" for label, reason in first]
+    if len(failed) > num_reasons:
+        lines.append(f"  the other reasons are in {Path(result['grains']) / 'quality.csv'}")
+    return lines
+
+
 def _dispatch(arguments):
     """Status of the command; a usage error of typer becomes an `InputError`."""
     usage_error = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
@@ -348,9 +361,11 @@ def _world():
 
 
 def _serial_only(command):
+    """Refuse several ranks; on one, worker processes shall not take themselves for it."""
     size = _world().size
     if size > 1:
         raise InputError(f"mufe {command} on {size} ranks, expected one: run it without mpirun")
+    forget_launcher()
 
 
 def _list(printer, cases):

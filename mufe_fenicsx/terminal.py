@@ -36,8 +36,8 @@ class Printer:
         return sys.stderr if self.json_path == "-" else sys.stdout
 
     def say(self, *lines):
-        """Print lines."""
-        if self.rank == 0:
+        """Print lines, if any."""
+        if self.rank == 0 and lines:
             print(*lines, sep="\n", file=self.stream, flush=True)
 
     def summary(self, values):

@@ -20,7 +20,7 @@ TESTS = Path(__file__).resolve().parent
 
 #: A test that takes longer shows where each thread stands [s]; a whole run that does is ended.
 TEST_SECONDS = 240
-RUN_SECONDS = 3600
+RUN_SECONDS = 1800
 
 ORDER = ("skipped", "passed", "failed")  # the worst last
 
@@ -60,11 +60,11 @@ def main(arguments):
 
 def as_rank(folder, marks, arguments):
     """Run pytest on this rank; only rank 0 prints, the others into a file of ``folder``."""
-    rank = 0
+    rank, wait_for_others = 0, None
     if "mpi4py" in sys.modules:  # started by `python -m mpi4py`
         from mpi4py import MPI
 
-        rank = MPI.COMM_WORLD.rank
+        rank, wait_for_others = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.Barrier
     if rank != 0:
         log = os.open(folder / f"rank{rank}.txt", os.O_WRONLY | os.O_CREAT)
         os.dup2(log, sys.stdout.fileno())
@@ -84,6 +84,8 @@ def as_rank(folder, marks, arguments):
             *arguments,
         ]
     )
+    if wait_for_others:  # a rank that ends with another status than 0 ends the others too
+        wait_for_others()
     return 0 if status == pytest.ExitCode.NO_TESTS_COLLECTED else int(status)
 
 

@@ -44,7 +44,16 @@ TABLE = {
 }
 
 #: The program around the parts, and the cases of verification: they import anything.
-ANYTHING = {"cli", "arguments", "terminal", "exit_status", "demo", "__main__", "verification"}
+ANYTHING = {
+    "cli",
+    "arguments",
+    "terminal",
+    "exit_status",
+    "launcher",
+    "demo",
+    "__main__",
+    "verification",
+}
 
 #: Geometry prepares grains without the solver's libraries.
 SOLVER_LIBRARIES = {"dolfinx", "dolfinx_solver", "mpi4py", "petsc4py", "ufl", "basix"}

@@ -16,9 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-
-#: Variables of an MPI launcher; the measured programs are worlds of their own.
-LAUNCHER = ("PMI_", "PMIX_", "HYDI_", "MPI_LOCAL", "OMPI_")
+from ..launcher import VARIABLES
 
 #: Whole step on one core [element-steps/s], two ranks over one, and memory [bytes a tet].
 TARGET_RATE, TARGET_SPEEDUP, TARGET_MEMORY = 10e6, 1.6, 2000.0
@@ -182,7 +180,7 @@ def _row(computed, target, passed):
 
 def _launch(name, parameters, num_ranks):
     """One measurement under the environment's own mpirun."""
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(LAUNCHER)}
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(VARIABLES)}
     mpirun = Path(sys.executable).parent / "mpirun"
     command = [
         str(mpirun) if mpirun.exists() else "mpirun",
