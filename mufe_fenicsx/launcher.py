@@ -1,9 +1,15 @@
-"""What an MPI launcher leaves in the environment of a process."""
+"""The MPI launcher: where it is, and what it leaves in the environment of a process."""
 
 import os
+import shutil
+import sys
+from pathlib import Path
 
 #: Beginnings of the names of such variables: PMI of MPICH and SLURM, Hydra, Open MPI.
 VARIABLES = ("PMI_", "PMIX_", "HYDI_", "MPI_LOCAL", "OMPI_")
+
+#: Set to 1: what this process prints reaches a terminal through the launcher.
+TERMINAL = "MUFE_TERMINAL"
 
 
 def forget_launcher():
@@ -14,3 +20,9 @@ def forget_launcher():
     """
     for name in [name for name in os.environ if name.startswith(VARIABLES)]:
         del os.environ[name]
+
+
+def find_mpirun():
+    """Launcher of the MPI beside this Python, or the one on PATH, or None."""
+    beside = Path(sys.executable).parent / "mpirun"
+    return str(beside) if beside.exists() else shutil.which("mpirun")

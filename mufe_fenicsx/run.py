@@ -1,6 +1,8 @@
 """An oedometer test from a scene to a run folder."""
 
+import csv
 import math
+import os
 import sys
 import time
 from pathlib import Path
@@ -12,6 +14,7 @@ from .contact.separation import separate
 from .contact.walls import Wall
 from .errors import InputError, SolverError
 from .geometry.grains import load_grains, read_grain_table
+from .launcher import TERMINAL
 from .loading import LOADING, STRAIN_DEFINITION, OedometerLoading
 from .mesh import create_grain_mesh, partition_grains
 from .output.fields import FieldWriter
@@ -251,6 +254,7 @@ def run_scene(
         "area": area,
         "first_height": float(loading.first_height),
         "separation": separation.as_dict() if separation else None,
+        "failed_grains": _failed_grains(folder / "quality.csv"),
         "setup_s": time.perf_counter() - started,
     }
     if comm.rank == 0:
@@ -319,12 +323,21 @@ def _copy_tables(grains_folder, folder):
         (folder / path.name).write_bytes(path.read_bytes())
 
 
+def _failed_grains(path):
+    """Labels of the grains that `mufe mesh` could not mesh, from its table; None without it."""
+    if not path.is_file():
+        return None
+    with path.open(newline="") as file:
+        return [int(row["label"]) for row in csv.DictReader(file) if row["status"] != "ok"]
+
+
 class _Progress:
     """A line with strain, step rate and time left; nothing where no terminal listens."""
 
     def __init__(self, comm, loading, quiet):
         self.loading = loading
-        self.active = comm.rank == 0 and not quiet and sys.stderr.isatty()
+        terminal = sys.stderr.isatty() or os.environ.get(TERMINAL) == "1"
+        self.active = comm.rank == 0 and not quiet and terminal
 
     def __enter__(self):
         if self.active:
@@ -336,7 +349,7 @@ class _Progress:
                 BarColumn(),
                 TextColumn("{task.fields[text]}"),
                 TimeRemainingColumn(),
-                console=Console(stderr=True),
+                console=Console(stderr=True, force_terminal=True),
             )
             self.bar.start()
             self.task = self.bar.add_task(

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..launcher import VARIABLES
+from ..launcher import VARIABLES, find_mpirun
 
 #: Whole step on one core [element-steps/s], two ranks over one, and memory [bytes a tet].
 TARGET_RATE, TARGET_SPEEDUP, TARGET_MEMORY = 10e6, 1.6, 2000.0
@@ -181,9 +181,8 @@ def _row(computed, target, passed):
 def _launch(name, parameters, num_ranks):
     """One measurement under the environment's own mpirun."""
     environment = {k: v for k, v in os.environ.items() if not k.startswith(VARIABLES)}
-    mpirun = Path(sys.executable).parent / "mpirun"
     command = [
-        str(mpirun) if mpirun.exists() else "mpirun",
+        find_mpirun(),
         "-n",
         str(num_ranks),
         sys.executable,
