@@ -105,17 +105,37 @@ def _overlaps(mesh, x):
 def _extend(mesh, first, shift, volume0):
     """Positions after the shift of the surface has been continued into the grains."""
     surface = np.unique(mesh.facets)
-    boundary = fem.Function(mesh.V)
+    on_surface = np.zeros_like(shift)
+    on_surface[surface] = shift[surface]
+    inner = _harmonic(mesh, on_surface, surface)
     scale = np.ones(mesh.num_grains)
     for _ in range(6):
-        boundary.x.array.reshape(-1, 3)[surface] = (
-            shift[surface] * scale[mesh.grain_of_node[surface]][:, None]
-        )
-        trial, test = ufl.TrialFunction(mesh.V), ufl.TestFunction(mesh.V)
+        # The extension is linear, so that of a smaller shift is known.
+        moved = first + inner * scale[mesh.grain_of_node][:, None]
+        squeezed = np.unique(mesh.grain_of_cell[_volumes(mesh, moved) < SMALLEST_VOLUME * volume0])
+        scale[squeezed] *= 0.5
+        if not mesh.comm.allreduce(int(squeezed.size)):
+            return moved
+    # Grains that would still be squeezed stay as they are: their overlaps become offsets.
+    scale[squeezed] = 0.0
+    return first + inner * scale[mesh.grain_of_node][:, None]
+
+
+def _harmonic(mesh, values, surface):
+    """Extension of values at surface nodes into the grains, each component for itself."""
+    W, component = mesh.V.sub(0).collapse()
+    node = np.asarray(component) // 3
+    of_node = np.empty(node.size, dtype=np.int32)
+    of_node[node] = np.arange(node.size, dtype=np.int32)
+    trial, test = ufl.TrialFunction(W), ufl.TestFunction(W)
+    extended = np.empty_like(values)
+    for i in range(3):
+        boundary = fem.Function(W)
+        boundary.x.array[:] = values[node, i]
         problem = LinearProblem(
             ufl.inner(ufl.grad(trial), ufl.grad(test)) * ufl.dx,
-            ufl.inner(fem.Constant(mesh.mesh, (0.0, 0.0, 0.0)), test) * ufl.dx,
-            bcs=[fem.dirichletbc(boundary, surface.astype(np.int32))],
+            fem.Constant(mesh.mesh, 0.0) * test * ufl.dx,
+            bcs=[fem.dirichletbc(boundary, of_node[surface])],
             petsc_options={
                 "ksp_type": "cg",
                 "pc_type": "jacobi",
@@ -124,17 +144,9 @@ def _extend(mesh, first, shift, volume0):
             },
             petsc_options_prefix="separation_",
         )
-        moved = first + problem.solve().x.array.reshape(-1, 3)
-        moved[surface] = first[surface] + boundary.x.array.reshape(-1, 3)[surface]
-        ratio = _volumes(mesh, moved) / volume0
-        squeezed = np.unique(mesh.grain_of_cell[ratio < SMALLEST_VOLUME])
-        scale[squeezed] *= 0.5
-        if not mesh.comm.allreduce(int(squeezed.size)):
-            return moved
-    # Grains that would still be squeezed stay as they are: their overlaps become offsets.
-    stay = np.isin(mesh.grain_of_node, squeezed)
-    moved[stay] = first[stay]
-    return moved
+        extended[node, i] = problem.solve().x.array
+    extended[surface] = values[surface]
+    return extended
 
 
 def _volumes(mesh, x):

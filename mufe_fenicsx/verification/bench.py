@@ -36,6 +36,7 @@ def box(comm, *, divisions=40, model="j2", steps=30, repeats=5):
     from ..mesh import create_grain_mesh
     from ..simulation import Simulation
 
+    divisions = int(divisions)
     # One block a rank, side by side with a gap: the same work in all.
     thickness = max(1, round(divisions / comm.size))
     points, cells = box_shape((1.0, 1.0, thickness / divisions), (divisions, divisions, thickness))
@@ -94,6 +95,7 @@ def _measure(comm, simulation, steps, repeats):
     """Step and time; the median over the repeats. Collective."""
     from ..output.run_folder import peak_memory
 
+    steps, repeats = int(steps), int(repeats)
     for _ in range(5):
         simulation.step()
     rates = []
