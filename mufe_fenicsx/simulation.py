@@ -78,6 +78,9 @@ class Simulation:
         self.initial_kinetic = 0.0
         self._inverted = -1
         self._highest = HighestFrequency(self.comm, self.solid.mass, mesh.x, self._add_stiffness)
+        self._highest_of_springs = HighestFrequency(
+            self.comm, self.solid.mass, mesh.x, self._add_springs
+        )
         self._margin = 0.0
         self._clock_at_refresh = 0.0
         self.dt = math.nan
@@ -152,6 +155,9 @@ class Simulation:
 
     def _add_stiffness(self, y, q):
         self.solid.add_stiffness(y, q, self.state.x)
+        self._add_springs(y, q)
+
+    def _add_springs(self, y, q):
         self.contact.add_stiffness(y, q, self._margin)
 
     def update_time_step(self):
@@ -167,6 +173,11 @@ class Simulation:
         else:
             stiffest = self.comm.allreduce(self._stiffest_contact(), op=MPI.MAX)
             limit = 2.0 / math.sqrt((2.0 / self.dt_element) ** 2 + 2.0 * stiffest)
+        # A node that meets a spring of rate w at speed v leaves it one step later at up to
+        # |1 - (w dt)^2| v: contacts that open and close need (w dt)^2 <= 2 of the springs alone.
+        rate = self._highest_of_springs()
+        if rate > 0.0:
+            limit = min(limit, math.sqrt(2.0) / rate)
         self.dt = self.time_step_factor * limit
 
     def _stiffest_contact(self):

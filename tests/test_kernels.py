@@ -111,6 +111,33 @@ def test_rigid_rotation_leaves_no_stress_and_turns_the_one_there_is(averaged):
     np.testing.assert_allclose(state.deviator, expected, atol=0.1)  # of E = 2e11: rounding
 
 
+def test_strain_increments_turn_with_the_body():
+    """Stretched while it turns, the body carries the turned stress of the stretch alone.
+
+    A second order in the angle of a step: an increment that were not turned from the
+    middle of its step to the end would leave the stress half a step's angle behind, and
+    a vibrating, turning grain would gain energy for ever.
+    """
+    mesh = one_body(*box((1.0, 1.0, 1.0), (1, 1, 1)))
+    solid = Solid(mesh, [STEEL], averaged=True)
+    stretch, total, errors = 1e-5, 1.0, []
+    for num_steps in (10, 20):
+        state = initial_state(mesh.x, mesh.num_cells)
+        for k in range(1, num_steps + 1):
+            angle, part = total * k / num_steps, stretch * k / num_steps
+            R = np.eye(3)
+            R[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+            F = R @ np.diag([1 + part, 1 - part, 1.0])
+            move(state, mesh.x @ F.T, 1.0)
+            internal_forces(solid, state, 1.0)
+        size = 2 * STEEL.shear_modulus * stretch
+        expected = size * (R @ np.diag([1.0, -1.0, 0.0]) @ R.T)[ROWS, COLUMNS]
+        errors.append(np.abs(state.deviator - expected).max() / size)
+    # Half a step's angle would be 0.05 and 0.025.
+    assert errors[0] < 0.01
+    assert errors[1] < errors[0] / 3.5
+
+
 def test_averaged_pressure_derives_from_its_energy():
     """f = -dU/dx of U = Σ V_a K (J_a ln J_a - J_a + 1), by central differences of U."""
     mesh = one_body(*box((1.0, 1.0, 1.0), (1, 1, 1)))

@@ -171,12 +171,12 @@ class Contact:
         move, forces = self.positions.array, self.forces.array
         forces[:] = 0.0
         add_pair_stiffness(
-            forces, move, margin, p.node, p.first, p.candidate, p.closest, p.closed, p.weights,
-            p.normal, p.gap, p.offset, p.stiffness, s.facets, self.layer, s.layer_of_facet,
+            forces, move, margin, p.due, self.clock, p.node, p.first, p.candidate, p.closest,
+            p.closed, p.weights, p.normal, p.stiffness, s.facets, self.layer, s.layer_of_facet,
             own.area, self.ratio,
         )  # fmt: skip
         self.forces.add_back()
-        self.walls.add_stiffness(forces, move, margin, self.layer, own.area, self.ratio)
+        self.walls.add_stiffness(forces, move, margin, self.clock, self.layer, own.area, self.ratio)
         add_rows(y, own.nodes, forces[:num_own])
         self.positions.array[:] = positions
 

@@ -91,11 +91,11 @@ class Walls:
             p.node, p.wall, self.point, self.normal, layer, area, ratio, self.friction, adopt,
         )  # fmt: skip
 
-    def add_stiffness(self, y, q, margin, layer, area, ratio):
+    def add_stiffness(self, y, q, margin, clock, layer, area, ratio):
         """Add the wall springs times ``q`` to ``y``. Local."""
         p = self.pairs
         add_wall_stiffness(
-            y, q, margin, p.node, p.wall, p.gap, p.offset, p.closed, self.normal, layer, area, ratio
+            y, q, margin, p.due, clock, p.node, p.wall, p.closed, self.normal, layer, area, ratio
         )
 
     def energy(self, layer, area, ratio):

@@ -295,8 +295,8 @@ def pair_energy(gap, offset, closed, stiffness, shear, node, ratio_of_node):
 
 
 @numba.njit(cache=True)
-def add_pair_stiffness(y, q, margin, node, first, candidate, closest, closed, weights, normal, gap,
-                       offset, stiffness, facets, layer_of_node, layer_of_facet, area,
+def add_pair_stiffness(y, q, margin, due, clock, node, first, candidate, closest, closed, weights,
+                       normal, stiffness, facets, layer_of_node, layer_of_facet, area,
                        ratio_of_node):  # fmt: skip
     """Add the springs of all pairs nearer than ``margin`` [m] times ``q`` to ``y``, in place.
 
@@ -304,7 +304,7 @@ def add_pair_stiffness(y, q, margin, node, first, candidate, closest, closed, we
     have the shape (num_nodes_with_ghosts, 3); others as in :func:`add_pair_forces`.
     """
     for p in range(node.size):
-        if closest[p] < 0 or not (closed[p] or gap[p] - offset[p] < margin):
+        if closest[p] < 0 or not (closed[p] or due[p] - clock < margin):
             continue
         n, t = node[p], candidate[closest[p]]
         kn = stiffness[p] if closed[p] else 0.5 * area[n] / (layer_of_node[n] + layer_of_facet[t])

@@ -148,8 +148,11 @@ def _trial_stress(w, dt, G):
         rxz, rzx = t * (qx * qz + qy), t * (qx * qz - qy)
         ryz, rzy = t * (qy * qz - qx), t * (qy * qz + qx)
 
-        sxx, syy, szz = w[18 * LANES + i], w[19 * LANES + i], w[20 * LANES + i]
-        sxy, syz, sxz = w[21 * LANES + i], w[22 * LANES + i], w[23 * LANES + i]
+        # The increment belongs to the middle of the step: half of it turns along.
+        hxx, hyy, hzz = G * (lxx - third), G * (lyy - third), G * (lzz - third)
+        hxy, hyz, hxz = 0.5 * G * (lxy + lyx), 0.5 * G * (lyz + lzy), 0.5 * G * (lxz + lzx)
+        sxx, syy, szz = w[18 * LANES + i] + hxx, w[19 * LANES + i] + hyy, w[20 * LANES + i] + hzz
+        sxy, syz, sxz = w[21 * LANES + i] + hxy, w[22 * LANES + i] + hyz, w[23 * LANES + i] + hxz
         ax = rxx * sxx + rxy * sxy + rxz * sxz
         ay = rxx * sxy + rxy * syy + rxz * syz
         az = rxx * sxz + rxy * syz + rxz * szz
@@ -159,12 +162,12 @@ def _trial_stress(w, dt, G):
         cx = rzx * sxx + rzy * sxy + rzz * sxz
         cy = rzx * sxy + rzy * syy + rzz * syz
         cz = rzx * sxz + rzy * syz + rzz * szz
-        sxx = ax * rxx + ay * rxy + az * rxz + 2.0 * G * (lxx - third)
-        syy = bx * ryx + by * ryy + bz * ryz + 2.0 * G * (lyy - third)
-        szz = cx * rzx + cy * rzy + cz * rzz + 2.0 * G * (lzz - third)
-        sxy = ax * ryx + ay * ryy + az * ryz + G * (lxy + lyx)
-        syz = bx * rzx + by * rzy + bz * rzz + G * (lyz + lzy)
-        sxz = ax * rzx + ay * rzy + az * rzz + G * (lxz + lzx)
+        sxx = ax * rxx + ay * rxy + az * rxz + hxx
+        syy = bx * ryx + by * ryy + bz * ryz + hyy
+        szz = cx * rzx + cy * rzy + cz * rzz + hzz
+        sxy = ax * ryx + ay * ryy + az * ryz + hxy
+        syz = bx * rzx + by * rzy + bz * rzz + hyz
+        sxz = ax * rzx + ay * rzy + az * rzz + hxz
 
         w[18 * LANES + i], w[19 * LANES + i], w[20 * LANES + i] = sxx, syy, szz
         w[21 * LANES + i], w[22 * LANES + i], w[23 * LANES + i] = sxy, syz, sxz
@@ -308,10 +311,16 @@ def add_internal_forces(
                         q = math.sqrt(w[35 * LANES + i])
                         dp = plastic_increment(q, alpha, G, strain, stress)
                         scale = 1.0 - 3.0 * G * dp / q
+                        # Half of the start's stress and half of the end's: the rule by which
+                        # the nodal forces do their work.
+                        before = 0.0
+                        for k in range(3):
+                            before += 1.5 * deviator[e, k] * w[(18 + k) * LANES + i]
+                            before += 3.0 * deviator[e, 3 + k] * w[(21 + k) * LANES + i]
                         for k in range(18, 24):
                             w[k * LANES + i] *= scale
                         plastic_strain[e] = alpha + dp
-                        plastic_work[e] += q * scale * dp * w[33 * LANES + i]
+                        plastic_work[e] += 0.5 * (q * scale + before / q) * dp * w[33 * LANES + i]
                 for k in range(6):
                     deviator[e, k] = w[(18 + k) * LANES + i]
 

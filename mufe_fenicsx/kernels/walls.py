@@ -153,10 +153,10 @@ def wall_energy(gap, offset, closed, shear, node, layer, area, ratio):
 
 
 @numba.njit(cache=True)
-def add_wall_stiffness(y, q, margin, node, wall, gap, offset, closed, normal, layer, area, ratio):
+def add_wall_stiffness(y, q, margin, due, clock, node, wall, closed, normal, layer, area, ratio):
     """Add the springs of node-wall pairs nearer than ``margin`` [m] times ``q`` to ``y``."""
     for p in range(node.size):
-        if not (closed[p] or gap[p] - offset[p] < margin):
+        if not (closed[p] or due[p] - clock < margin):
             continue
         n, w = node[p], wall[p]
         kn = area[n] / layer[n]

@@ -55,7 +55,7 @@ def box(comm, *, divisions=40, model="j2", steps=30, repeats=5):
     return _measure(comm, simulation, steps, repeats)
 
 
-def demo(comm, *, grains, strain=0.02, speed=20.0, steps=100, repeats=5):
+def demo(comm, *, grains, strain=0.01, speed=20.0, steps=100, repeats=5):
     """The demonstration's sample between its walls, loaded. Collective.
 
     Args:
@@ -131,7 +131,7 @@ def compare_demo(parameters):
     are kept for the next time, and ``size``, the wanted edge of the mesh [m].
     """
     cache = Path(str(parameters.pop("cache", "bench-cache")))
-    size = float(parameters.pop("size", 26e-6))
+    size = float(parameters.pop("size", 22e-6))
     return _compare("demo", {**parameters, "grains": str(_refined_demo(cache, size))})
 
 

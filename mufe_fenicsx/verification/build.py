@@ -1,0 +1,101 @@
+"""From a few bodies to a simulation, and how to load it without shaking it."""
+
+import math
+
+import numpy as np
+
+from ..contact.walls import Wall
+from ..mesh import create_grain_mesh, partition_grains
+from ..simulation import Simulation
+from .case import axis_planes
+
+
+def build(
+    comm, bodies, material, low, high, axes="xyz", wall_friction=None, velocity=None, **options
+):
+    """Bodies of one material between smooth planes. Collective.
+
+    Args:
+        comm: Communicator with at most as many ranks as bodies.
+        bodies: List of (points [m], cells), the same on all ranks; labels are 1, 2, …
+        material: Material of all of them.
+        low, high: Where the walls stand [m], shape (3,).
+        axes: Which pairs of walls there are.
+        wall_friction: Coefficient by the name of a wall, 0 where absent.
+        velocity: ``velocity(x, grain)`` at the start [m/s], for arrays of nodes.
+        options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
+    """
+    friction = wall_friction or {}
+    walls = [
+        Wall(name, point, normal, friction=friction.get(name, 0.0))
+        for name, (point, normal) in axis_planes(low, high, axes).items()
+    ]
+    weights = [len(cells) for _, cells in bodies]
+    centroids = [points.mean(axis=0) for points, _ in bodies]
+    rank_of_grain = partition_grains(weights, centroids, comm.size)
+    mine = np.flatnonzero(rank_of_grain == comm.rank)
+    offset = np.cumsum([0] + [len(bodies[g][0]) for g in mine])
+    mesh = create_grain_mesh(
+        comm,
+        np.concatenate([bodies[g][0] for g in mine]),
+        np.concatenate([bodies[g][1] + offset[k] for k, g in enumerate(mine)]),
+        np.repeat(mine, [weights[g] for g in mine]),
+        np.arange(1, len(bodies) + 1),
+        rank_of_grain,
+    )
+    if velocity is not None:
+        options["velocity"] = velocity(mesh.x, mesh.grains[mesh.grain_of_node])
+    return Simulation(mesh, [material] * mesh.num_grains, walls, **options)
+
+
+def drive(simulation, moves, duration, at_step=None):
+    """Move walls smoothly, with speed (1 - cos 2πt/T)/T times the whole way. Collective.
+
+    Args:
+        simulation: The simulation.
+        moves: Displacements [m] by the name of the wall, shape (3,) each.
+        duration: T [s].
+        at_step: Called after each step, without arguments.
+    """
+    walls = simulation.walls
+    start, end = simulation.state.t, simulation.state.t + duration
+    target = {walls.names.index(name): np.asarray(move, float) for name, move in moves.items()}
+    target = {i: (move, walls.point[i] + move) for i, move in target.items()}
+    while (t := simulation.state.t) < end:
+        # At the middle of the coming step; the way left is corrected below.
+        phase = min((t + 0.5 * simulation.dt - start) / duration, 1.0)
+        for i, (move, _) in target.items():
+            walls.velocity[i] = move * (1 - math.cos(2 * math.pi * phase)) / duration
+        simulation.step()
+        if at_step:
+            at_step()
+    for i, (_, place) in target.items():
+        # The sum over steps is the integral but for a remainder far below one step's way.
+        walls.velocity[i] = (place - walls.point[i]) / simulation.dt
+    simulation.step()
+    if at_step:
+        at_step()
+    for i in target:
+        walls.velocity[i] = 0.0
+
+
+def settle(simulation, ratio, max_steps=20000, every=50):
+    """Step until kinetic energy is below ``ratio`` times the stored one. Collective.
+
+    Returns:
+        The ratio reached.
+    """
+    reached = math.inf
+    for k in range(max_steps):
+        simulation.step()
+        if k % every == every - 1:
+            e = simulation.energies()
+            reached = e["kinetic"] / (e["elastic"] + e["contact"])
+            if reached <= ratio:
+                break
+    return reached
+
+
+def sum_over_nodes(simulation, values):
+    """Sum of nodal values, shape (num_nodes, k), over all ranks. Collective."""
+    return simulation.comm.allreduce(np.asarray(values).sum(axis=0))

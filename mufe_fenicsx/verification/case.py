@@ -1,0 +1,103 @@
+"""What all cases share: the form of their answer, and on which ranks they run."""
+
+import functools
+import inspect
+import time
+
+import numpy as np
+
+
+def compare(computed, theory, tolerance, scale=None):
+    """One line of a case's answer.
+
+    The error is relative to ``scale``, or to ``theory`` where that is None; a
+    scale of 1 leaves it as it is.
+    """
+    scale = abs(theory) if scale is None else scale
+    error = abs(computed - theory) / scale
+    return {
+        "computed": float(computed),
+        "theory": float(theory),
+        "error": float(error),
+        "tolerance": float(tolerance),
+        "passed": bool(error <= tolerance),
+    }
+
+
+def case(name, num_bodies):
+    """Make a case of a function ``f(comm, **parameters)`` that returns (results, simulations).
+
+    A grain lives on one rank, so a case of few bodies runs on the first
+    ``num_bodies`` ranks and the others receive its answer. Collective.
+    """
+
+    def decorate(function):
+        signature = inspect.signature(function)
+
+        @functools.wraps(function)
+        def run(comm, **parameters):
+            bound = signature.bind(comm, **parameters)
+            bound.apply_defaults()
+            values = {key: value for key, value in bound.arguments.items() if key != "comm"}
+            start = time.perf_counter()
+            answer = on_first_ranks(comm, num_bodies, lambda part: _answer(function, part, values))
+            return {
+                "case": name,
+                "parameters": values,
+                **answer,
+                "wall_s": time.perf_counter() - start,
+                "passed": all(line["passed"] for line in answer["results"].values()),
+            }
+
+        return run
+
+    return decorate
+
+
+def _answer(function, comm, values):
+    results, simulations = function(comm, **values)
+    return {
+        "results": results,
+        "num_cells": int(comm.allreduce(sum(s.mesh.num_cells for s in simulations))),
+        "num_steps": int(sum(s.state.num_steps for s in simulations)),
+    }
+
+
+def on_first_ranks(comm, count, function):
+    """Result of ``function(part)`` on the first ``count`` ranks, on all ranks. Collective.
+
+    What it raises on rank 0 is raised on all; ranks without a part sleep meanwhile.
+    """
+    count = min(comm.size, count)
+    part = comm.Split(0 if comm.rank < count else 1, comm.rank)
+    result = error = None
+    if comm.rank < count:
+        try:
+            result = function(part)
+        except Exception as raised:
+            if comm.rank:
+                raise
+            error = raised
+    arrived = comm.Ibarrier()
+    while not arrived.Test():
+        time.sleep(0.002)
+    result, error = comm.bcast((result, error))
+    part.Free()
+    if error is not None:
+        raise error
+    return result
+
+
+def axis_planes(low, high, axes="xyz"):
+    """Point and inward normal of planes around a box: a dict by name, x_min, x_max, …
+
+    Args:
+        low, high: Corners of the box [m], shape (3,).
+        axes: Which pairs of planes.
+    """
+    planes = {}
+    for axis in axes:
+        normal = np.eye(3)["xyz".index(axis)]
+        planes[f"{axis}_min"] = np.array(low, dtype=float), normal
+        planes[f"{axis}_max"] = np.array(high, dtype=float), -normal
+    return planes

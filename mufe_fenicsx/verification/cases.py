@@ -1,0 +1,74 @@
+"""All cases by name, and a function that runs some of them."""
+
+import difflib
+import inspect
+
+from ..errors import InputError
+from .column import column
+from .energy import energy
+from .hertz import hertz
+from .patch import patch
+from .sliding import sliding_block
+from .spin import spin
+
+CASES = {
+    "column": column,
+    "patch": patch,
+    "spin": spin,
+    "sliding-block": sliding_block,
+    "energy": energy,
+    "hertz": hertz,
+}
+
+
+def run_cases(names, parameters, comm):
+    """Run cases, each with those of the parameters that it knows. Collective.
+
+    Args:
+        names: Names of cases; none stands for all.
+        parameters: Values by name, numbers or text.
+        comm: MPI communicator.
+
+    Returns:
+        A dict for each case, as `mufe verify --json` writes it.
+
+    Raises:
+        InputError: A case that does not exist, a parameter that no chosen case has, or a
+            value that is not a number of the right kind.
+    """
+    names = list(names) or list(CASES)
+    for name in names:
+        if name not in CASES:
+            raise InputError(f"case = {name}, expected {_nearest(name, CASES)}")
+    known = {name: _defaults(CASES[name]) for name in names}
+    everything = {key: value for case in known.values() for key, value in case.items()}
+    values = {}
+    for key, value in parameters.items():
+        if key not in everything:
+            raise InputError(f"parameter {key} = {value}, expected {_nearest(key, everything)}")
+        values[key] = _number(key, value, type(everything[key]))
+    return [
+        CASES[name](comm, **{key: value for key, value in values.items() if key in known[name]})
+        for name in names
+    ]
+
+
+def _defaults(function):
+    parameters = inspect.signature(function).parameters
+    return {name: p.default for name, p in parameters.items() if name != "comm"}
+
+
+def _number(key, value, kind):
+    what = "a whole number > 0" if kind is int else "a number >= 0"
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"parameter {key} = {value}, expected {what}") from None
+    if not 0 <= number < float("inf") or (kind is int and (number != int(number) or number < 1)):
+        raise InputError(f"parameter {key} = {value}, expected {what}")
+    return kind(number)
+
+
+def _nearest(word, words):
+    close = difflib.get_close_matches(word, words, n=1, cutoff=0.0)
+    return close[0] if close else "no parameter: the chosen cases have none"
