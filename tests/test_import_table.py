@@ -38,7 +38,7 @@ TABLE = {
     # A scene from grains on disk to a run folder.
     "run": {
         *("kernels", "geometry", "state", "mesh", "materials", "solid", "contact"),
-        *("integrators", "scene", "time_step", "simulation", "output"),
+        *("integrators", "scene", "time_step", "simulation", "output", "launcher"),
     },
     "report": {"analysis", "output"},
 }
