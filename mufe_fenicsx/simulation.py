@@ -178,7 +178,7 @@ class Simulation:
         rate = self._highest_of_springs()
         if rate > 0.0:
             limit = min(limit, math.sqrt(2.0) / rate)
-        self.dt = self.time_step_factor * limit
+        self.dt = _rounded_down(self.time_step_factor * limit)
 
     def _stiffest_contact(self):
         """Largest sum over mass of a node's contact springs [1/s²], all springs closed. Local.
@@ -233,3 +233,9 @@ class Simulation:
         active[own.grain_of_node[w.node[w.closed]]] = True
         self.comm.Allreduce(MPI.IN_PLACE, active, op=MPI.LOR)
         return int(active.sum())
+
+
+def _rounded_down(value):
+    """The value to 20 binary digits: the order in which ranks add up does not change it."""
+    mantissa, exponent = math.frexp(value)
+    return math.ldexp(math.floor(mantissa * 2**20), exponent - 20)
