@@ -102,7 +102,9 @@ class Simulation:
 
     def step(self):
         """Advance by one stable time step. Collective."""
-        if self.state.num_steps % self.refresh == 0 and self.state.num_steps:
+        # Early where contacts may close that the last evaluation did not count.
+        moved = self.contact.clock - self._clock_at_refresh > self._margin
+        if moved or (self.state.num_steps % self.refresh == 0 and self.state.num_steps):
             self.update_time_step()
             self.check()
         central_difference(self.state, self.dt, self._drift, self._forces, self._kick)

@@ -166,6 +166,7 @@ def _compare(name, parameters, ranks=(1, 2)):
             TARGET_SPEEDUP,
             second["rate"] >= TARGET_SPEEDUP * first["rate"],
         ),
+        "bytes_per_tet_1_rank": {"computed": first["bytes_per_tet"]},
         "bytes_per_tet_2_ranks": _row(
             second["bytes_per_tet"], TARGET_MEMORY, second["bytes_per_tet"] <= TARGET_MEMORY
         ),
