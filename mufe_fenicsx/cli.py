@@ -204,17 +204,15 @@ def run(
     """Run the test of a scene; also under mpirun."""
     comm = _world()
     printer = Printer(json, comm.rank)
-    from .scene import load_scene
+    from .run import read_scene, run_scene
 
-    loaded = load_scene(scene)
+    loaded = read_scene(comm, scene)
     grains = loaded.sample.grains if grains is None else grains
     if grains is None:
         raise InputError(
             "sample.grains is missing, expected the folder that `mufe mesh` wrote, or --grains"
         )
     output = Path("runs") / scene.stem if output is None else output
-    from .run import run_scene
-
     result = run_scene(
         loaded,
         grains,
@@ -255,13 +253,13 @@ def verify(
     """Compare with closed-form solutions; without CASE, all of them."""
     comm = _world()
     printer = Printer(json, comm.rank)
-    from . import verification
+    from .verification.cases import CASES, run_cases
 
     if list_cases:
-        _list(printer, verification.CASES)
+        _list(printer, CASES)
         return 0
-    names = known_names(cases, verification.CASES)
-    results = verification.run_cases(names, parameters(changes), comm)
+    names = known_names(cases, CASES)
+    results = run_cases(names, parameters(changes), comm)
     rows = []
     for result in results:
         for name, row in result["results"].items():

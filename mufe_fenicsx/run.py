@@ -16,18 +16,18 @@ from .errors import InputError, SolverError
 from .geometry.grains import load_grains, read_grain_table
 from .launcher import TERMINAL
 from .loading import LOADING, STRAIN_DEFINITION, OedometerLoading
+from .memory import peak_memory, return_freed_arrays
 from .mesh import create_grain_mesh, partition_grains
 from .output.fields import FieldWriter
 from .output.history import HistoryWriter
 from .output.run_folder import (
     create_run_folder,
-    peak_memory,
     raise_together,
     versions,
     write_atomically,
     write_run_json,
 )
-from .scene import WALLS, scene_to_toml
+from .scene import WALLS, load_scene, scene_to_toml
 from .simulation import ENERGIES, Simulation
 from .solid import von_mises
 
@@ -35,6 +35,22 @@ from .solid import von_mises
 LARGEST_GAIN = 0.1
 #: Seconds between two updates of the progress line.
 REFRESH_SECONDS = 0.5
+
+
+def read_scene(comm, path):
+    """The scene in the file ``path``, read by rank 0 alone. Collective.
+
+    Raises:
+        InputError: The file cannot be read, or holds what a scene must not.
+    """
+    scene, message = None, None
+    if comm.rank == 0:
+        try:
+            scene = load_scene(path)
+        except InputError as error:
+            message = str(error)
+    raise_together(comm, message)
+    return comm.bcast(scene)
 
 
 def load_mesh(comm, grains_folder):
@@ -202,6 +218,7 @@ def run_scene(
         InputError: Something the user gave cannot be used; nothing was written.
         SolverError: The computation failed; all up to there was written.
     """
+    return_freed_arrays()
     started = time.perf_counter()
     mesh = load_mesh(comm, grains_folder)
     folder = create_run_folder(comm, Path(output_folder), overwrite)

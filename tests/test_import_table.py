@@ -23,6 +23,7 @@ TABLE = {
     "mesh": set(),
     "time_step": set(),
     "launcher": set(),
+    "memory": set(),
     "materials": {"kernels"},
     "solid": {"mesh", "materials", "kernels"},
     "contact": {"mesh", "kernels"},
@@ -39,7 +40,7 @@ TABLE = {
     # A scene from grains on disk to a run folder.
     "run": {
         *("kernels", "geometry", "state", "mesh", "materials", "solid", "contact"),
-        *("integrators", "scene", "time_step", "simulation", "output", "launcher"),
+        *("integrators", "scene", "time_step", "simulation", "output", "launcher", "memory"),
     },
     "report": {"analysis", "output"},
 }

@@ -5,8 +5,9 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx.fem.petsc import LinearProblem
+from dolfinx.fem.petsc import apply_lifting, assemble_matrix, create_vector
 from mpi4py import MPI
+from petsc4py import PETSc
 
 from .assemble import Contact
 from .walls import Walls
@@ -128,24 +129,30 @@ def _harmonic(mesh, values, surface):
     of_node = np.empty(node.size, dtype=np.int32)
     of_node[node] = np.arange(node.size, dtype=np.int32)
     trial, test = ufl.TrialFunction(W), ufl.TestFunction(W)
+    laplace = fem.form(ufl.inner(ufl.grad(trial), ufl.grad(test)) * ufl.dx)
+    boundary = fem.Function(W)
+    condition = fem.dirichletbc(boundary, of_node[surface])
+    matrix = assemble_matrix(laplace, bcs=[condition])
+    matrix.assemble()
+    solver = PETSc.KSP().create(mesh.comm)
+    solver.setOperators(matrix)
+    solver.setType(PETSc.KSP.Type.CG)
+    solver.getPC().setType(PETSc.PC.Type.JACOBI)
+    # So tightly that the reference is the same on any number of ranks.
+    solver.setTolerances(rtol=1e-13)
+    solver.setErrorIfNotConverged(True)
+    right, solution = create_vector(W), create_vector(W)
     extended = np.empty_like(values)
     for i in range(3):
-        boundary = fem.Function(W)
         boundary.x.array[:] = values[node, i]
-        problem = LinearProblem(
-            ufl.inner(ufl.grad(trial), ufl.grad(test)) * ufl.dx,
-            fem.Constant(mesh.mesh, 0.0) * test * ufl.dx,
-            bcs=[fem.dirichletbc(boundary, of_node[surface])],
-            petsc_options={
-                "ksp_type": "cg",
-                "pc_type": "jacobi",
-                "ksp_rtol": 1e-13,  # the reference is the same on any number of ranks
-                "ksp_error_if_not_converged": True,
-            },
-            petsc_options_prefix="separation_",
-        )
-        extended[node, i] = problem.solve().x.array
+        right.set(0.0)
+        apply_lifting(right, [laplace], bcs=[[condition]])
+        condition.set(right.array_w)
+        solver.solve(right, solution)
+        extended[node, i] = solution.array_r
     extended[surface] = values[surface]
+    for used in (solver, matrix, right, solution):
+        used.destroy()
     return extended
 
 

@@ -1,12 +1,10 @@
-"""The folder of one run: its creation, run.json, versions and memory."""
+"""The folder of one run: its creation, run.json and versions."""
 
 import importlib
 import importlib.metadata
 import json
 import os
 import platform
-import resource
-import sys
 import tempfile
 from pathlib import Path
 
@@ -171,10 +169,3 @@ def versions():
             except (ImportError, OSError, AttributeError):
                 result[name] = "absent"
     return result
-
-
-def peak_memory(comm):
-    """Largest resident memory so far, summed over the ranks [bytes]. Collective."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    # Linux counts in KiB, macOS in bytes.
-    return comm.allreduce(peak if sys.platform == "darwin" else peak * 1024)

@@ -1,5 +1,1 @@
-"""Cases with a known answer; tests and `mufe verify` call these same functions."""
-
-from .cases import CASES, run_cases
-
-__all__ = ["CASES", "run_cases"]
+"""Cases with a known answer; tests and `mufe verify` call the same functions, in `cases`."""

@@ -6,7 +6,7 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.verification import CASES, run_cases
+from mufe_fenicsx.verification.cases import CASES, run_cases
 
 
 def run(name, **parameters):
