@@ -242,6 +242,7 @@ def run_scene(
         make_walls(scene, low, high),
         friction=scene.contact.friction,
         compliance=scene.contact.compliance,
+        points=scene.contact.points,
         averaged=solver.element == "averaged",
         damping=solver.damping,
         assembled=solver.time_step == "assembled",

@@ -67,11 +67,13 @@ class Contact:
     """[contact]: between grains, and the default between grains and walls."""
 
     friction: float  #: coefficient of friction between grains [-]
-    compliance: float = 0.15  #: layer of compliance·h/E* on each side, h the mesh size [-]
+    points: str = "facets"  #: where it acts: centroids of "facets", "facets3" (three) or "nodes"
+    compliance: float = 0.09  #: layer of compliance·h/E* on each side, h the mesh size [-]
     wall_friction: float = 0.0  #: coefficient of friction of walls that state none [-]
 
     def __post_init__(self):
         _require(0 <= self.friction, "friction", self.friction, ">= 0")
+        _one_of("points", self.points, ("facets", "facets3", "nodes"))
         _require(0 < self.compliance, "compliance", self.compliance, "> 0")
         _require(0 <= self.wall_friction, "wall_friction", self.wall_friction, ">= 0")
 

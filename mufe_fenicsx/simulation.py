@@ -29,6 +29,7 @@ class Simulation:
         walls: List of :class:`~mufe_fenicsx.contact.walls.Wall`.
         friction: Coefficient of friction between grains.
         compliance: Constant c of the contact layer.
+        points: Where contact acts, one of contact.points.KINDS.
         averaged: Averaged nodal pressure (True) or plain linear tetrahedra.
         damping: Force -damping m v on every node [1/s].
         assembled: Time step from the assembled system (True) or from single elements.
@@ -44,7 +45,8 @@ class Simulation:
         walls=(),
         *,
         friction=0.0,
-        compliance=0.15,
+        compliance=0.09,
+        points="facets",
         averaged=True,
         damping=0.0,
         assembled=True,
@@ -65,6 +67,7 @@ class Simulation:
             friction,
             compliance,
             self.walls,
+            points,
         )
         # Displacement, velocity and force live in PETSc-backed DOLFINx functions.
         self.u, self.v, self.force = (fem.Function(mesh.V) for _ in range(3))
@@ -198,7 +201,8 @@ class Simulation:
         if not c.own.nodes.size:
             return 0.0
         mass = self.solid.mass[c.own.nodes]
-        return float((2.0 * c.own.area / (c.layer * mass)).max())
+        spring = c.points.to_nodes((c.points.area / c.layer)[:, None], mass.size)[:, 0]
+        return float((2.0 * spring / mass).max())
 
     # --- numbers --------------------------------------------------------------------------
 
@@ -235,10 +239,10 @@ class Simulation:
     def num_active_grains(self):
         """Grains with at least one closed contact. Collective."""
         active = np.zeros(self.mesh.labels.size, dtype=bool)
-        p, w, own = self.contact.pairs, self.walls.pairs, self.contact.own
-        active[own.grain_of_node[p.node[p.closed]]] = True
+        p, w, points = self.contact.pairs, self.walls.pairs, self.contact.points
+        active[points.grain_of_point[p.node[p.closed]]] = True
         active[p.grain[p.closed]] = True
-        active[own.grain_of_node[w.node[w.closed]]] = True
+        active[points.grain_of_point[w.node[w.closed]]] = True
         self.comm.Allreduce(MPI.IN_PLACE, active, op=MPI.LOR)
         return int(active.sum())
 

@@ -73,22 +73,25 @@ def test_momentum_angular_momentum_and_dissipation_of_a_collision():
 
 @pytest.mark.mpi
 def test_smooth_contact_dissipates_nothing():
-    """Where nodes meet at speed the scheme keeps its energy, at a long and a short step."""
+    """Balls meet and part: the scheme keeps its energy, the better the shorter the step."""
     errors = []
     for factor in (FACTOR, FACTOR / 4):
         s = collision(friction=0.0, speed=10.0, factor=factor)
         contacts, worst = 0, 0.0
-        while s.state.t < 6e-6:
+        while s.state.t < 1.2e-5:
             s.step()
             if s.state.num_steps % 10 == 0:
                 worst = max(worst, abs(s.energies()["residual"]) / s.initial_kinetic)
                 contacts = max(contacts, s.num_contacts)
-        assert contacts > 0
+        assert contacts > 0 and s.num_contacts == 0
         assert COMM.allreduce(s.contact.dissipated) == 0.0
-        errors.append(worst)
-    # Measured 1.1e-4 and 0.9e-4: impacts of nodes within a step, and the one change of the
-    # step when contact comes near, which costs the energy of the order of that change.
-    assert max(errors) < 3e-4
+        # While one facet carries a whole ball its elements strain by per cents: the rate form
+        # of elasticity then stores 5e-4 less than it was given, whatever the step.
+        assert worst < 1e-3
+        errors.append(abs(s.energies()["residual"]) / s.initial_kinetic)
+    # Measured 7e-5 and 1e-5: points that meet and part within a step, of the order of it.
+    assert errors[0] < 2e-4
+    assert errors[1] < 0.5 * errors[0]
 
 
 def row_of_blocks(overlap, **options):
@@ -148,7 +151,7 @@ def packing_forces(num_steps):
     for axis, normal in zip("xyz", np.eye(3), strict=True):
         walls.append(Wall(f"{axis}_min", np.zeros(3), normal, friction=FRICTION))
         walls.append(Wall(f"{axis}_max", np.full(3, size), -normal, friction=FRICTION))
-    walls[-1].velocity = np.array([0.0, 0.0, -5.0])
+    walls[-1].velocity = np.array([0.0, 0.0, -10.0])
     s = simulation_of(mesh, QUARTZ, walls, friction=FRICTION, time_step_factor=FACTOR)
     forces = []
     for k in range(num_steps):
@@ -159,9 +162,9 @@ def packing_forces(num_steps):
 
 
 def test_one_two_and_three_ranks_agree(tmp_path):
-    """The same forces on all walls over 500 steps, to 1e-9 of the largest.
+    """The same forces on all walls over 800 steps, to 1e-9 of the largest.
 
-    Sums over ranks differ by rounding, which 500 stable steps do not amplify beyond that.
+    Sums over ranks differ by rounding, which 800 stable steps do not amplify beyond that.
     """
     beside = Path(sys.executable).parent / "mpirun"
     mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
@@ -173,7 +176,7 @@ def test_one_two_and_three_ranks_agree(tmp_path):
         subprocess.run(
             [
                 *(mpirun, "-n", str(num_ranks), sys.executable, "-m", "mpi4py"),
-                *("-m", "tests.test_contact", str(path), "500"),
+                *("-m", "tests.test_contact", str(path), "800"),
             ],
             cwd=Path(__file__).resolve().parents[1],
             check=True,

@@ -32,7 +32,7 @@ def test_overlapping_spheres_are_parted_and_release_no_energy():
 
 @pytest.mark.mpi
 def test_overlap_that_stays_becomes_an_offset_and_releases_no_energy():
-    mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=-0.06)
+    mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=-0.12)
     sim = simulation_of(mesh, Elastic(1e9, 0.15, 2650.0))
     adopted = MPI.COMM_WORLD.allreduce(sim.contact.num_adopted)
     assert adopted > 0

@@ -6,10 +6,12 @@ import numpy as np
 from mpi4py import MPI
 
 from ..kernels.pairs import add_pair_forces, add_pair_stiffness, largest_move, pair_energy
+from ..kernels.points import place_points, spread_points
 from ..kernels.walls import add_rows, gather_rows
 from .exchange import SurfaceVector, exchange_surface
-from .laws import layer_of_facets, layer_of_nodes
+from .laws import layer_of_facets
 from .pairs import search_pairs
+from .points import surface_points
 from .surface import own_surface
 
 #: Candidates reach this far beyond the closed gap, in mean facet edges.
@@ -32,20 +34,35 @@ class Contact:
         friction: Coefficient of friction between grains.
         compliance: Constant c of the layer that matches stiffness to mesh.
         walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
+        points: Where contact acts, one of contact.points.KINDS.
     """
 
-    def __init__(self, mesh, x, contact_modulus, tangential_ratio, friction, compliance, walls):
+    def __init__(
+        self,
+        mesh,
+        x,
+        contact_modulus,
+        tangential_ratio,
+        friction,
+        compliance,
+        walls,
+        points="nodes",
+    ):
         self.comm = mesh.comm
         self.own = own_surface(mesh, x)
         self.friction = float(friction)
         self.walls = walls
         own = self.own
-        local = mesh.grain_of_node[own.nodes]
-        self.layer = layer_of_nodes(own.area, contact_modulus[local], compliance)
+        self.points = surface_points(points, mesh, own, x, contact_modulus, compliance)
+        self.layer = self.points.layer
+        # Points come before nodes in all arrays; nodes that are points come once.
+        self.num_before = 0 if self.points.corner is None else self.points.num_points
+        if self.num_before:
+            self._corner = self.points.corner + np.int32(self.num_before)
         self.facet_layer = layer_of_facets(
             own.facet_area, contact_modulus[mesh.grain_of_facet], compliance
         )
-        self.ratio = tangential_ratio[local]
+        self.ratio = tangential_ratio[self.points.local_grain]
 
         total = self.comm.allreduce(np.array([own.facet_area.sum(), own.facet_area.size]))
         self.edge = math.sqrt(4 / math.sqrt(3) * total[0] / total[1])
@@ -88,27 +105,53 @@ class Contact:
         for vector in (self.positions, self.forces):
             if vector is not None:
                 vector.destroy()
-        num_own = self.own.nodes.size
-        self.positions = SurfaceVector(self.comm, num_own, ghosts)
-        self.forces = SurfaceVector(self.comm, num_own, ghosts)
-        self.positions.array[:num_own] = gathered
+        num_own, num_points = self.own.nodes.size, self.points.num_points
+        self.positions = SurfaceVector(self.comm, num_own, ghosts, self.num_before)
+        self.forces = SurfaceVector(self.comm, num_own, ghosts, self.num_before)
+        self.facets = self.surface.facets + np.int32(self.num_before)
+        self.ring_offset = np.concatenate(
+            [np.zeros(self.num_before, self.surface.ring_offset.dtype), self.surface.ring_offset]
+        )
+        self.positions.own[:] = gathered
         self.positions.begin_forward()
-        self.positions.end_forward()
-        self.previous = self.positions.array.copy()
+        self._near = np.arange(self.num_before, dtype=np.int32)
+        self._end_forward()
+        self.previous = self.positions.array[self.num_before :].copy()
 
         self.pairs = search_pairs(
-            self.positions.array, num_own, self.own.grain_of_node, self.surface, reach, self.clock
+            self.positions.array,
+            num_points,
+            self.points.grain_of_point,
+            self.facets,
+            self.surface,
+            reach,
+            self.clock,
         )
         if old is not None:
             self.pairs.carry(old, _finder(self.surface.global_facet), old_surface.global_facet)
-        self.walls.search(self.positions.array, num_own, reach, self.clock)
+        self.walls.search(self.positions.array, num_points, reach, self.clock)
+        if self.num_before:
+            # The others are needed again at the next search only.
+            self._near = np.union1d(self.pairs.node, self.walls.pairs.node)
         self.searched_at = self.clock
         self.num_searches += 1
 
     def begin(self, x):
         """Start sending the positions ``x`` of this rank's surface to other ranks."""
-        gather_rows(self.positions.array[: self.own.nodes.size], x, self.own.nodes)
+        gather_rows(self.positions.own, x, self.own.nodes)
         self.positions.begin_forward()
+
+    def _end_forward(self):
+        """Positions of nodes of other ranks, then of all points."""
+        self.positions.end_forward()
+        if self.num_before:
+            place_points(self.positions.array, self._near, self._corner, self.points.weight)
+
+    def _add_back(self):
+        """Forces on points go to their nodes, those on nodes of other ranks to their owners."""
+        if self.num_before:
+            spread_points(self.forces.array, self._near, self._corner, self.points.weight)
+        self.forces.add_back()
 
     def add_forces(self, f, x, wall_move=0.0, adopt=False):
         """Add the contact forces at the positions sent by :meth:`begin` to ``f``. Collective.
@@ -123,8 +166,10 @@ class Contact:
             FloatingPointError: A position is not finite, or left the others by more than
                 all the grains are wide; on all ranks together.
         """
-        self.positions.end_forward()
-        self._move[0] = max(largest_move(self.previous, self.positions.array), wall_move)
+        self._end_forward()
+        self._move[0] = max(
+            largest_move(self.previous, self.positions.array[self.num_before :]), wall_move
+        )
         if self.comm.size > 1:
             self.comm.Allreduce(MPI.IN_PLACE, self._move, op=MPI.MAX)
         move = self._move[0]
@@ -137,21 +182,21 @@ class Contact:
         self._evaluate(f, adopt)
 
     def _evaluate(self, f, adopt):
-        p, s, own = self.pairs, self.surface, self.own
+        p, s, own, area = self.pairs, self.surface, self.own, self.points.area
         forces, x = self.forces.array, self.positions.array
-        forces[:] = 0.0
+        forces[self.num_before :] = 0.0
         dissipated, num_adopted, num_deep, deepest = add_pair_forces(
             forces, p.due, p.candidate_due, p.closest, p.weights, p.normal, p.gap, p.offset,
             p.closed, p.stiffness, p.anchor, p.shear, p.slip, self.clock, x, p.node, p.first,
-            p.candidate, s.facets, s.neighbor, s.ring_offset, s.ring, self.layer,
-            s.layer_of_facet, own.area, self.ratio, self.friction, self.largest_depth, adopt,
+            p.candidate, self.facets, s.neighbor, self.ring_offset, s.ring, self.layer,
+            s.layer_of_facet, area, self.points.facet_area, self.points.recess, self.ratio,
+            self.friction, self.largest_depth, adopt,
         )  # fmt: skip
-        self.forces.add_back()
-        num_own = own.nodes.size
         wall_dissipated, wall_adopted = self.walls.add_forces(
-            forces, x, self.clock, self.layer, own.area, self.ratio, adopt
+            forces, x, self.clock, self.layer, area, self.points.recess, self.ratio, adopt
         )
-        add_rows(f, own.nodes, forces[:num_own])
+        self._add_back()
+        add_rows(f, own.nodes, self.forces.own)
         self.dissipated += dissipated + wall_dissipated
         self.num_adopted += num_adopted + wall_adopted
         self.num_deep += num_deep
@@ -162,22 +207,21 @@ class Contact:
 
         ``y`` and ``q`` have the shape (num_nodes, 3).
         """
-        p, s, own = self.pairs, self.surface, self.own
-        num_own = own.nodes.size
+        p, s, own, area = self.pairs, self.surface, self.own, self.points.area
         positions = self.positions.array.copy()
-        gather_rows(self.positions.array[:num_own], q, own.nodes)
+        gather_rows(self.positions.own, q, own.nodes)
         self.positions.begin_forward()
-        self.positions.end_forward()
+        self._end_forward()
         move, forces = self.positions.array, self.forces.array
-        forces[:] = 0.0
+        forces[self.num_before :] = 0.0
         add_pair_stiffness(
-            forces, move, margin, p.due, self.clock, p.node, p.first, p.candidate, p.closest,
-            p.closed, p.weights, p.normal, p.stiffness, s.facets, self.layer, s.layer_of_facet,
-            own.area, self.ratio,
+            forces, move, positions, margin, p.due, self.clock, p.node, p.first, p.candidate,
+            p.closest, p.closed, p.weights, p.normal, p.stiffness, self.facets, self.layer,
+            s.layer_of_facet, area, self.points.facet_area, self.ratio,
         )  # fmt: skip
-        self.forces.add_back()
-        self.walls.add_stiffness(forces, move, margin, self.clock, self.layer, own.area, self.ratio)
-        add_rows(y, own.nodes, forces[:num_own])
+        self.walls.add_stiffness(forces, move, margin, self.clock, self.layer, area, self.ratio)
+        self._add_back()
+        add_rows(y, own.nodes, self.forces.own)
         self.positions.array[:] = positions
 
     def energy(self):
@@ -186,7 +230,7 @@ class Contact:
         pairs, num_pairs = pair_energy(
             p.gap, p.offset, p.closed, p.stiffness, p.shear, p.node, self.ratio
         )
-        walls, num_walls = self.walls.energy(self.layer, self.own.area, self.ratio)
+        walls, num_walls = self.walls.energy(self.layer, self.points.area, self.ratio)
         return pairs + walls, num_pairs + num_walls
 
     def traction(self, num_nodes):
@@ -195,19 +239,24 @@ class Contact:
         Returns:
             Two arrays of shape (num_nodes,), zero inside the grains.
         """
-        own, p, w = self.own, self.pairs, self.walls.pairs
-        pressure, shear = np.zeros(num_nodes), np.zeros((num_nodes, 3))
+        p, w, points = self.pairs, self.walls.pairs, self.points
+        force = np.zeros((points.num_points, 4))
         on = np.flatnonzero(p.closed)
-        node = own.nodes[p.node[on]]
-        half = 0.5 * own.area[p.node[on]]
         depth = np.minimum(p.offset[on] - p.gap[on], self.largest_depth)
-        np.add.at(pressure, node, p.stiffness[on] * depth / half)
-        np.add.at(shear, node, p.shear[on] / half[:, None])
+        facet = p.candidate[p.closest[on]]
+        layers = self.layer[p.node[on]] + self.surface.layer_of_facet[facet]
+        # Each side carries a share of the contact; this gives back the whole.
+        whole = points.area[p.node[on]] / (layers * p.stiffness[on])
+        np.add.at(force[:, 0], p.node[on], whole * p.stiffness[on] * depth)
+        np.add.at(force[:, 1:], p.node[on], whole[:, None] * p.shear[on])
         on = np.flatnonzero(w.closed)
-        node = own.nodes[w.node[on]]
-        np.add.at(pressure, node, (w.offset[on] - w.gap[on]) / self.layer[w.node[on]])
-        np.add.at(shear, node, w.shear[on] / own.area[w.node[on], None])
-        return pressure, np.linalg.norm(shear, axis=1)
+        depth = w.offset[on] - w.gap[on]
+        np.add.at(force[:, 0], w.node[on], (points.area / self.layer)[w.node[on]] * depth)
+        np.add.at(force[:, 1:], w.node[on], w.shear[on])
+        force = points.to_nodes(force, self.own.nodes.size)
+        traction = np.zeros((num_nodes, 4))
+        traction[self.own.nodes] = force / self.own.area[:, None]
+        return traction[:, 0], np.linalg.norm(traction[:, 1:], axis=1)
 
 
 def _finder(global_facet):

@@ -29,16 +29,17 @@ class SurfaceVector:
         comm: MPI communicator.
         num_own: Surface nodes of this rank.
         ghosts: Global numbers of the surface nodes of other ranks that are wanted.
+        num_points: Rows of ``array`` before those of the nodes, which the vector leaves alone.
     """
 
-    def __init__(self, comm, num_own, ghosts):
-        self.num_own = num_own
-        self.array = np.zeros((num_own + ghosts.size, 3))
+    def __init__(self, comm, num_own, ghosts, num_points=0):
+        self.array = np.zeros((num_points + num_own + ghosts.size, 3))
+        self.own = self.array[num_points : num_points + num_own]
         self.vector = None
         if comm.size > 1:
             self.vector = PETSc.Vec().createGhostWithArray(
                 ghosts.astype(PETSc.IntType),
-                self.array.ravel(),
+                self.array[num_points:].ravel(),
                 size=(3 * num_own, PETSc.DECIDE),
                 bsize=3,
                 comm=comm,

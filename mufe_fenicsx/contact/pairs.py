@@ -52,33 +52,34 @@ class Pairs:
         find_again(self.closest, new, facet, self.first, self.candidate)
 
 
-def search_pairs(x, num_own, grain_of_node, surface, reach, clock):
-    """All pairs of own nodes with facets of other grains within ``reach``. Local.
+def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock):
+    """All pairs of own points with facets of other grains within ``reach``. Local.
 
     The cost grows linearly with nodes and facets: a regular grid of cells about
-    as large as a facet's box holds the nodes, and each facet looks into those
+    as large as a facet's box holds the points, and each facet looks into those
     that its own box, grown by ``reach``, covers.
 
     Args:
-        x: Positions [m], ghosts included, shape (num_nodes_with_ghosts, 3).
-        num_own: Number of own nodes.
-        grain_of_node: Their grains, shape (num_own,).
+        x: Positions [m], points first, ghosts included.
+        num_points: Number of points.
+        grain_of_point: Their grains, shape (num_points,).
+        facets: Vertices as rows of ``x``, shape (num_facets, 3).
         surface: :class:`~mufe_fenicsx.contact.exchange.Surface`.
         reach: Distance [m].
         clock: Reading of the clock of relative motion [m].
     """
-    corners = x[surface.facets]
+    corners = x[facets]
     extent = np.mean(corners.max(axis=1) - corners.min(axis=1)) if corners.size else 1.0
-    low = x[:num_own].min(axis=0)
-    span = np.ptp(x[:num_own], axis=0)
-    # Cells no smaller than a facet with its reach, no more of them than nodes.
-    size = max(extent + reach, np.cbrt(np.prod(span + extent) / max(num_own, 1)))
+    low = x[:num_points].min(axis=0)
+    span = np.ptp(x[:num_points], axis=0)
+    # Cells no smaller than a facet with its reach, no more of them than points.
+    size = max(extent + reach, np.cbrt(np.prod(span + extent) / max(num_points, 1)))
     shape = tuple((span / size).astype(np.int64) + 1)
-    offset, nodes = sort_into_cells(x, num_own, low, size, shape)
+    offset, nodes = sort_into_cells(x, num_points, low, size, shape)
     first, candidate = find_candidates(
         x,
-        grain_of_node,
-        surface.facets,
+        grain_of_point,
+        facets,
         surface.grain_of_facet,
         surface.use,
         reach,

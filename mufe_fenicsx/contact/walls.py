@@ -82,13 +82,14 @@ class Walls:
                 getattr(pairs, name)[at_new] = getattr(self.pairs, name)[at_old]
         self.pairs = pairs
 
-    def add_forces(self, f, x, clock, layer, area, ratio, adopt):
+    def add_forces(self, f, x, clock, layer, area, recess, ratio, adopt):
         """Add wall forces to ``f``; returns the friction's dissipation [J] and adopted pairs."""
         self.force[:] = 0.0
         p = self.pairs
         return add_wall_forces(
             f, self.force, p.due, p.gap, p.offset, p.closed, p.anchor, p.shear, p.slip, clock, x,
-            p.node, p.wall, self.point, self.normal, layer, area, ratio, self.friction, adopt,
+            p.node, p.wall, self.point, self.normal, layer, area, recess, ratio, self.friction,
+            adopt,
         )  # fmt: skip
 
     def add_stiffness(self, y, q, margin, clock, layer, area, ratio):

@@ -75,6 +75,21 @@ def _project(px, py, pz, x, a, b, c):
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _share(own_area, x, a, b, c):
+    """Part of a contact that a point carries whose facet has ``own_area``, against facet a, b, c.
+
+    Both surfaces carry points, and what they find of each other adds up to one contact.
+    The finer one carries the greater part: few points of a coarse surface would load a
+    fine one unevenly.
+    """
+    ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
+    vx, vy, vz = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
+    cx, cy, cz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    other2 = 0.25 * (cx * cx + cy * cy + cz * cz)
+    return other2 / (other2 + own_area * own_area)
+
+
+@numba.njit(cache=True, error_model="numpy")
 def add_pair_forces(
     f,
     due,
@@ -101,6 +116,8 @@ def add_pair_forces(
     layer_of_node,
     layer_of_facet,
     area,
+    facet_area,
+    recess,
     ratio_of_node,
     friction,
     largest_depth,
@@ -134,7 +151,9 @@ def add_pair_forces(
         node, first, candidate: Pairs, as in kernels.search.
         facets, neighbor, ring_offset, ring: Surface, as in kernels.closest.
         layer_of_node, layer_of_facet: Compliance c h/E* of a side [m/Pa].
-        area: Nodal areas [m²], shape (num_nodes,).
+        area: Areas that the nodes stand for [m²], shape (num_nodes,).
+        facet_area: Areas of the facets there [m²], shape (num_nodes,).
+        recess: How far the nodes lie behind the surface that carries contact [m], (num_nodes,).
         ratio_of_node: Tangential over normal stiffness, shape (num_nodes,).
         friction: Coefficient of friction.
         largest_depth: Depth beyond which the force does not grow [m].
@@ -173,6 +192,8 @@ def add_pair_forces(
         ox, oy, oz = normal[p, 0], normal[p, 1], normal[p, 2]
         weights[p, 0], weights[p, 1], weights[p, 2] = wa, wb, wc
         normal[p, 0], normal[p, 1], normal[p, 2] = nx, ny, nz
+        height = g
+        g += recess[n]
         gap[p] = g
 
         if not closed[p]:
@@ -199,8 +220,8 @@ def add_pair_forces(
 
         if not closed[p]:
             closed[p] = True
-            # Both sides carry nodes: each counts half of the contact.
-            stiffness[p] = 0.5 * area[n] / (layer_of_node[n] + layer_of_facet[t])
+            share = _share(facet_area[n], x, a, b, c)
+            stiffness[p] = share * area[n] / (layer_of_node[n] + layer_of_facet[t])
             anchor[p, 0], anchor[p, 1], anchor[p, 2] = wa, wb, wc
         elif before >= 0 and candidate[before] != t:
             # Another facet: the spring keeps its length and turns with the normal.
@@ -253,7 +274,7 @@ def add_pair_forces(
         f[n, 0] += fx
         f[n, 1] += fy
         f[n, 2] += fz
-        # Couple gap x friction as normal forces on the facet: h_i = g grad N_i . T.
+        # Couple height x friction as normal forces on the facet: h_i = height grad N_i . T.
         ux, uy, uz = facet_normal(x, a, b, c)
         e1x, e1y, e1z = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
         e2x, e2y, e2z = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
@@ -264,9 +285,9 @@ def add_pair_forces(
         )
         # grad N_b = (e2 x n)/2A and grad N_c = (n x e1)/2A
         cx, cy, cz = e2y * uz - e2z * uy, e2z * ux - e2x * uz, e2x * uy - e2y * ux
-        hb = g / twice * (tx * cx + ty * cy + tz * cz)
+        hb = height / twice * (tx * cx + ty * cy + tz * cz)
         cx, cy, cz = uy * e1z - uz * e1y, uz * e1x - ux * e1z, ux * e1y - uy * e1x
-        hc = g / twice * (tx * cx + ty * cy + tz * cz)
+        hc = height / twice * (tx * cx + ty * cy + tz * cz)
         ha = -hb - hc
         f[a, 0] += ha * nx - wa * fx
         f[a, 1] += ha * ny - wa * fy
@@ -295,19 +316,22 @@ def pair_energy(gap, offset, closed, stiffness, shear, node, ratio_of_node):
 
 
 @numba.njit(cache=True)
-def add_pair_stiffness(y, q, margin, due, clock, node, first, candidate, closest, closed, weights,
-                       normal, stiffness, facets, layer_of_node, layer_of_facet, area,
-                       ratio_of_node):  # fmt: skip
+def add_pair_stiffness(y, q, x, margin, due, clock, node, first, candidate, closest, closed,
+                       weights, normal, stiffness, facets, layer_of_node, layer_of_facet, area,
+                       facet_area, ratio_of_node):  # fmt: skip
     """Add the springs of all pairs nearer than ``margin`` [m] times ``q`` to ``y``, in place.
 
-    Sliding pairs count with their tangential spring: an upper bound. ``y`` and ``q``
-    have the shape (num_nodes_with_ghosts, 3); others as in :func:`add_pair_forces`.
+    ``x`` are the positions. Sliding pairs count with their tangential spring: an upper
+    bound. ``y`` and ``q`` have the shape of ``x``; others as in :func:`add_pair_forces`.
     """
     for p in range(node.size):
         if closest[p] < 0 or not (closed[p] or due[p] - clock < margin):
             continue
         n, t = node[p], candidate[closest[p]]
-        kn = stiffness[p] if closed[p] else 0.5 * area[n] / (layer_of_node[n] + layer_of_facet[t])
+        kn = stiffness[p]
+        if not closed[p]:
+            share = _share(facet_area[n], x, facets[t, 0], facets[t, 1], facets[t, 2])
+            kn = share * area[n] / (layer_of_node[n] + layer_of_facet[t])
         kt = kn * ratio_of_node[n]
         along = 0.0
         for i in range(3):

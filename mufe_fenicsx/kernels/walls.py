@@ -55,6 +55,7 @@ def add_wall_forces(
     normal,
     layer,
     area,
+    recess,
     ratio,
     friction,
     adopt,
@@ -75,7 +76,8 @@ def add_wall_forces(
         node, wall: The pairs, shape (num_pairs,).
         point, normal: Planes, shape (num_walls, 3).
         layer: Compliance c h/E* of the nodes [m/Pa], shape (num_nodes,).
-        area: Nodal areas [m²], shape (num_nodes,).
+        area: Areas that the nodes stand for [m²], shape (num_nodes,).
+        recess: How far the nodes lie behind the surface that carries contact [m], (num_nodes,).
         ratio: Tangential over normal stiffness, shape (num_nodes,).
         friction: Coefficients of friction, shape (num_walls,).
         adopt: True to adopt every node behind its wall (start of a test).
@@ -90,7 +92,7 @@ def add_wall_forces(
         n, w = node[p], wall[p]
         nx, ny, nz = normal[w, 0], normal[w, 1], normal[w, 2]
         rx, ry, rz = x[n, 0] - point[w, 0], x[n, 1] - point[w, 1], x[n, 2] - point[w, 2]
-        g = rx * nx + ry * ny + rz * nz
+        g = rx * nx + ry * ny + rz * nz + recess[n]
         gap[p] = g
         if not closed[p]:
             offset[p] = min(max(offset[p], g), 0.0) if offset[p] < 0.0 else 0.0

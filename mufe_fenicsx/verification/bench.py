@@ -81,6 +81,7 @@ def demo(comm, *, grains, strain=0.01, speed=20.0, steps=100, repeats=5):
         make_walls(scene, low, high),
         friction=scene.contact.friction,
         compliance=scene.contact.compliance,
+        points=scene.contact.points,
     )
     simulation.walls.velocity[5, 2] = -speed
     while simulation.state.t < strain * (high - low)[2] / speed:

@@ -85,13 +85,13 @@ def hertz(comm, elements_per_radius=4.0, a_over_R=0.04, nu=0.15, growth=0.1):
 
 def _contact(s, a):
     """Radius [m] of the contact by the area of its nodes; p0 [Pa] of the best half-ellipse."""
-    pairs, own = s.walls.pairs, s.contact.own
+    pairs, contact = s.walls.pairs, s.contact
     on = pairs.closed
     node = pairs.node[on]
     depth = pairs.offset[on] - pairs.gap[on]
     pressure = depth / s.contact.layer[node]
-    area = own.area[node]
-    radius2 = (s.state.x[own.nodes[node], :2] ** 2).sum(axis=1)
+    area = contact.points.area[node]
+    radius2 = (contact.positions.array[node, :2] ** 2).sum(axis=1)
     inner = radius2 < (0.7 * a) ** 2
     shape = np.sqrt(1 - radius2[inner] / a**2)
     weight = area[inner]

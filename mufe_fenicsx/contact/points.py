@@ -1,0 +1,123 @@
+"""Points of a surface that carry contact: its nodes, or quadrature points of its facets.
+
+The traction at a point acts on the nodes of its facet with their shape functions, so
+that an even pressure between surfaces that do not match stays even, which forces at
+nodes cannot do. A facet's centroid alone would let a sharp vertex sink in before it
+feels anything: sharp vertices carry contact as well.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from .laws import edge_of_area, layer_of_facets, layer_of_nodes
+from .surface import neighbors
+
+#: Barycentric coordinates of the quadrature points of a facet, of equal weight.
+RULES = {
+    "facets": np.full((1, 3), 1 / 3),
+    "facets3": np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6,
+}
+KINDS = ("nodes", *RULES)
+#: A vertex is sharp where facets around it turn by more [rad]: between smoother ones a
+#: vertex reaches 2/3 · 0.87 h tan(angle/2) <= 0.1 h beyond the centroids.
+SHARP = np.radians(20.0)
+#: A sharp vertex carries contact once it is this part of an edge deep: long after the
+#: centroids where the contact is flat, so that it adds nothing there.
+RECESS = 0.05
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points of this rank's surface; where ``corner`` is None they are its nodes."""
+
+    corner: np.ndarray | None  #: own surface nodes around each point, int32, shape (num_points, 3)
+    weight: np.ndarray | None  #: their weights, shape (num_points, 3)
+    grain_of_point: np.ndarray  #: global index of the grain, int32, shape (num_points,)
+    local_grain: np.ndarray  #: local index of the grain, shape (num_points,)
+    area: np.ndarray  #: [m²], shape (num_points,)
+    layer: np.ndarray  #: compliance of the layer [m/Pa], shape (num_points,)
+    facet_area: np.ndarray  #: area of the facets there [m²], shape (num_points,)
+    recess: np.ndarray  #: depth at which contact begins [m], shape (num_points,)
+
+    @property
+    def num_points(self):
+        return self.area.size
+
+    def to_nodes(self, values, num_nodes):
+        """Values at points, shape (num_points, k), spread to surface nodes (num_nodes, k)."""
+        if self.corner is None:
+            return values
+        at_nodes = np.zeros((num_nodes, values.shape[1]))
+        for corner, weight in zip(self.corner.T, self.weight.T, strict=True):
+            np.add.at(at_nodes, corner, weight[:, None] * values)
+        return at_nodes
+
+
+def surface_points(kind, mesh, own, x, contact_modulus, compliance):
+    """Points of a surface. Local.
+
+    Args:
+        kind: One of ``KINDS``: the nodes, or one or three points of each facet.
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        own: Its :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
+        x: Reference positions of the mesh's nodes [m], shape (num_nodes, 3).
+        contact_modulus: E/(1 - nu²) of this rank's grains [Pa], shape (num_grains,).
+        compliance: Constant c of the layer.
+
+    Raises:
+        InputError: There is no such kind.
+    """
+    if kind not in KINDS:
+        raise InputError(f"points of contact = {kind}, expected one of {', '.join(KINDS)}")
+    node_grain, facet_grain = mesh.grain_of_node[own.nodes], mesh.grain_of_facet
+    node_layer = layer_of_nodes(own.area, contact_modulus[node_grain], compliance)
+    if kind == "nodes":
+        return Points(
+            corner=None,
+            weight=None,
+            grain_of_point=own.grain_of_node,
+            local_grain=node_grain,
+            area=own.area,
+            layer=node_layer,
+            facet_area=0.5 * own.area,
+            recess=np.zeros(own.area.size),
+        )
+    rule = RULES[kind]
+    layer = layer_of_facets(own.facet_area, contact_modulus[facet_grain], compliance)
+    sharp = sharp_vertices(own, x)
+    vertex = np.flatnonzero(sharp).astype(np.int32)
+    n = len(rule)
+
+    def both(of_facets, of_nodes):
+        return np.concatenate([np.repeat(of_facets, n, axis=0), of_nodes[vertex]])
+
+    nodes = np.arange(own.nodes.size, dtype=np.int32)
+    return Points(
+        corner=both(own.facets, np.stack([nodes] * 3, axis=1)),
+        weight=np.concatenate(
+            [np.tile(rule, (len(own.facets), 1)), np.tile([1.0, 0.0, 0.0], (vertex.size, 1))]
+        ),
+        grain_of_point=both(own.grain_of_facet, own.grain_of_node),
+        local_grain=both(facet_grain, node_grain),
+        area=both(own.facet_area / n, own.area),
+        layer=both(layer, node_layer),
+        facet_area=both(own.facet_area, 0.5 * own.area),
+        recess=both(np.zeros(own.facet_area.size), RECESS * edge_of_area(own.area, 2)),
+    )
+
+
+def sharp_vertices(own, x):
+    """Whether facets around each node of a surface turn by more than ``SHARP``, (num_nodes,)."""
+    a, b, c = (x[own.nodes[own.facets[:, i]]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    across = neighbors(own.facets)
+    sharp = np.zeros(own.nodes.size, dtype=bool)
+    for i in range(3):
+        other = across[:, i]
+        turned = (other < 0) | (np.einsum("ij,ij->i", normal, normal[other]) < np.cos(SHARP))
+        sharp[own.facets[turned, i]] = True
+        sharp[own.facets[turned, (i + 1) % 3]] = True
+    return sharp
