@@ -7,6 +7,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from .contact.assemble import Contact
+from .contact.bonded import Bonded
 from .contact.walls import Walls
 from .errors import SolverError
 from .integrators.explicit import central_difference
@@ -69,6 +70,10 @@ class Simulation:
             self.walls,
             points,
         )
+        self.bonded = Bonded(
+            self.comm, self.walls, self.contact.own.nodes, self.walls.bonded, mesh.x
+        )
+        self._free_mass = self.bonded.free_mass(self.solid.mass)
         # Displacement, velocity and force live in PETSc-backed DOLFINx functions.
         self.u, self.v, self.force = (fem.Function(mesh.V) for _ in range(3))
         self._f = self.force.x.array.reshape(-1, 3)
@@ -97,6 +102,7 @@ class Simulation:
         self._f[:] = 0.0
         self.solid.add_internal_forces(self._f, s, 0.0)
         self.contact.add_forces(self._f, s.x, adopt=True)
+        self.bonded.take_forces(self._f, s.v, s.x)
         s.a[:] = self._f / self.solid.mass[:, None]
         self.update_time_step()
         self.initial_kinetic = self.comm.allreduce(self._kinetic())
@@ -120,6 +126,7 @@ class Simulation:
         s = self.state
         wall_move = self.walls.move(dt)
         self.walls.add_work()
+        self.bonded.move(s.x, s.u, s.v, self.mesh.x, dt)
         self.contact.begin(s.x)
         self._f[:] = 0.0
         bad = self.solid.add_internal_forces(self._f, s, dt)
@@ -129,6 +136,7 @@ class Simulation:
             self.contact.add_forces(self._f, s.x, wall_move)
         except FloatingPointError:
             self.check(diverged=True)
+        self.bonded.take_forces(self._f, s.v, s.x)
         self.walls.add_work()
         if self.walls.has_servo:
             self.walls.adjust(self.wall_forces())
@@ -138,6 +146,7 @@ class Simulation:
         self.damped += accelerate_and_half_kick(
             s.a, s.v, self._f, self.solid.mass, dt, self.damping
         )
+        self.bonded.give_velocity(s.v)
 
     def check(self, diverged=False):
         """Stop where an element has turned inside out or a value is not finite. Collective."""
@@ -213,7 +222,7 @@ class Simulation:
 
     def _kinetic(self):
         s = self.state
-        return kinetic_energy(s.v, s.a, s.dt, self.solid.mass)
+        return kinetic_energy(s.v, s.a, s.dt, self._free_mass)
 
     def energies(self):
         """Terms of the energy balance [J], a dict with the keys of ``ENERGIES``. Collective."""

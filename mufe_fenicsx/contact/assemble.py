@@ -129,7 +129,8 @@ class Contact:
         )
         if old is not None:
             self.pairs.carry(old, _finder(self.surface.global_facet), old_surface.global_facet)
-        self.walls.search(self.positions.array, num_points, reach, self.clock)
+        points = self.positions.array[:num_points]
+        self.walls.search(points, gathered, self.points.corner, reach, self.clock)
         if self.num_before:
             # The others are needed again at the next search only.
             self._near = np.union1d(self.pairs.node, self.walls.pairs.node)

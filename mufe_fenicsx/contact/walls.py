@@ -1,10 +1,14 @@
-"""Rigid planes: at rest, moved, or pressed by a servo."""
+"""Rigid planes: at rest, moved, turned, or pressed by a servo."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import InputError
+from ..kernels.bonded import turn_rows
 from ..kernels.walls import add_wall_forces, add_wall_stiffness, find_wall_candidates, wall_energy
+from .bonded import find_bonded
 
 
 @dataclass
@@ -13,6 +17,12 @@ class Wall:
 
     With ``target`` force F0 the wall moves along its normal at ``speed`` (1 - F/F0),
     within ± ``speed``: fast while it is free, and at rest when F = F0.
+
+    Nodes that lie on the plane of a ``bonded`` wall at the start are glued to it for
+    good, like those of a glued platen; other nodes meet it as any wall.
+
+    Raises:
+        InputError: The normal is not of unit length, or the friction is negative.
     """
 
     name: str
@@ -22,6 +32,15 @@ class Wall:
     velocity: np.ndarray | None = None  #: [m/s], shape (3,); rest if None
     target: float | None = None  #: normal force to hold [N]
     speed: float = 0.0  #: largest speed of the servo [m/s]
+    bonded: bool = False  #: glue the nodes that lie on the plane at the start
+    angular_velocity: np.ndarray | None = None  #: about ``point`` [rad/s], shape (3,)
+
+    def __post_init__(self):
+        length = float(np.linalg.norm(self.normal))
+        if not abs(length - 1) < 1e-9:
+            raise InputError(f"length of the normal of wall {self.name} = {length}, expected 1")
+        if not 0 <= self.friction < math.inf:
+            raise InputError(f"friction of wall {self.name} = {self.friction}, expected >= 0")
 
     def servo_velocity(self, normal_force):
         """Velocity [m/s] that brings ``normal_force`` [N] to the target, shape (3,)."""
@@ -38,13 +57,22 @@ class Walls:
         self.point = np.array([w.point for w in self.walls], dtype=float).reshape(n, 3)
         self.normal = np.array([w.normal for w in self.walls], dtype=float).reshape(n, 3)
         self.friction = np.array([w.friction for w in self.walls], dtype=float)
-        self.velocity = np.zeros((n, 3))
+        self.velocity = np.zeros((n, 3))  #: of ``point`` [m/s]
+        self.angular_velocity = np.zeros((n, 3))  #: about ``point`` [rad/s]
         for i, wall in enumerate(self.walls):
             if wall.velocity is not None:
                 self.velocity[i] = wall.velocity
+            if wall.angular_velocity is not None:
+                self.angular_velocity[i] = wall.angular_velocity
+        self.rotation = np.tile(np.eye(3), (n, 1, 1))  #: since the start
         self.force = np.zeros((n, 3))  #: of this rank's grains on walls [N]
+        self.torque = np.zeros((n, 3))  #: of these forces about ``point`` [N m]
         self.work = 0.0  #: done by walls on this rank's grains so far [J]
+        self.bonded = np.empty(0, dtype=np.int32)  #: wall that each surface node is glued to, or -1
         self._push = np.zeros((n, 3))
+        self._turn = np.zeros((n, 3))
+        self._first_normal = self.normal.copy()
+        self._radius = np.zeros(n)  # of this rank's surface nodes about ``point``
         self.pairs = None
 
     @property
@@ -52,15 +80,38 @@ class Walls:
         return any(wall.target is not None for wall in self.walls)
 
     def move(self, dt):
-        """Advance the planes by ``dt``; returns the largest distance moved [m]."""
+        """Advance the planes by ``dt``; returns the largest distance moved [m].
+
+        Moved is the plane, not the material in it: a turn about the normal counts nothing.
+        """
         self._push[:] = self.velocity
         self._push *= dt
         self.point += self._push
-        return np.sqrt(max((self._push**2).sum(axis=1), default=0.0))
+        moved = np.sqrt((self._push**2).sum(axis=1))
+        if self.angular_velocity.any():
+            self._turn[:] = self.angular_velocity
+            self._turn *= dt
+            for i in np.flatnonzero(self._turn.any(axis=1)):
+                turn = rotation_of(self._turn[i])
+                swing = np.linalg.norm(np.cross(self._turn[i], self.normal[i]))
+                moved[i] += swing * self._radius[i]
+                self.rotation[i] = turn @ self.rotation[i]
+                self.normal[i] = self.rotation[i] @ self._first_normal[i]
+                turn_rows(self.pairs.anchor, self.pairs.wall, i, turn)
+        else:
+            self._turn[:] = 0.0
+        return max(moved, default=0.0)
 
     def add_work(self):
-        """Add half of the last move times the force that acts now on the grains."""
-        self.work -= 0.5 * np.vdot(self._push, self.force)
+        """Add half of the work of the forces that act now along the last move."""
+        self.work -= 0.5 * (np.vdot(self._push, self.force) + np.vdot(self._turn, self.torque))
+
+    def loads(self, comm):
+        """Forces on walls [N] and their torques about ``point`` [N m], (num_walls, 3). Collective.
+
+        ``point`` moves along with the wall.
+        """
+        return comm.allreduce(self.force), comm.allreduce(self.torque)
 
     def adjust(self, normal_force):
         """Set the velocities of servo-controlled walls, from forces over all ranks [N]."""
@@ -68,9 +119,27 @@ class Walls:
             if wall.target is not None:
                 self.velocity[i] = wall.servo_velocity(normal_force[i])
 
-    def search(self, x, num_own, reach, clock):
-        """Find the nodes near each wall and carry over what their pairs remember. Local."""
-        node, wall = find_wall_candidates(x, num_own, self.point, self.normal, reach)
+    def search(self, x, nodes, corner, reach, clock):
+        """Find the points near each wall and carry over what their pairs remember. Local.
+
+        Args:
+            x: Positions of this rank's points of contact [m], shape (num_points, 3).
+            nodes: Positions of its surface nodes [m], shape (num_nodes, 3).
+            corner: Nodes around each point, shape (num_points, 3); None where points are nodes.
+            reach: Largest gap [m].
+            clock: Reading of the clock of relative motion [m].
+        """
+        if self.pairs is None:
+            self.bonded = find_bonded(nodes, self.walls)
+            self._bonded_points = self.bonded
+            if corner is not None:
+                wall = self.bonded[corner]
+                self._bonded_points = np.where((wall == wall[:, :1]).all(axis=1), wall[:, 0], -1)
+        if x.size:
+            # Until the next search points come nearer by less than ``reach``.
+            arm = x[:, None] - self.point[None]
+            self._radius = np.sqrt((arm**2).sum(axis=2).max(axis=0)) + reach
+        node, wall = find_wall_candidates(x, self._bonded_points, self.point, self.normal, reach)
         pairs = _WallPairs(node, wall, clock)
         if self.pairs is not None:
             n = len(self.walls)
@@ -85,11 +154,12 @@ class Walls:
     def add_forces(self, f, x, clock, layer, area, recess, ratio, adopt):
         """Add wall forces to ``f``; returns the friction's dissipation [J] and adopted pairs."""
         self.force[:] = 0.0
+        self.torque[:] = 0.0
         p = self.pairs
         return add_wall_forces(
-            f, self.force, p.due, p.gap, p.offset, p.closed, p.anchor, p.shear, p.slip, clock, x,
-            p.node, p.wall, self.point, self.normal, layer, area, recess, ratio, self.friction,
-            adopt,
+            f, self.force, self.torque, p.due, p.gap, p.offset, p.closed, p.anchor, p.shear, p.slip,
+            clock, x, p.node, p.wall, self.point, self.normal, layer, area, recess, ratio,
+            self.friction, adopt,
         )  # fmt: skip
 
     def add_stiffness(self, y, q, margin, clock, layer, area, ratio):
@@ -103,6 +173,15 @@ class Walls:
         """Energy in the wall springs [J] and number of closed pairs. Local."""
         p = self.pairs
         return wall_energy(p.gap, p.offset, p.closed, p.shear, p.node, layer, area, ratio)
+
+
+def rotation_of(turn):
+    """Rotation matrix of a rotation vector [rad], by Rodrigues' formula."""
+    angle = np.linalg.norm(turn)
+    K = np.cross(np.eye(3), turn)
+    if angle < 1e-4:  # series to rounding
+        return np.eye(3) + (1 - angle**2 / 6) * K + 0.5 * (1 - angle**2 / 12) * K @ K
+    return np.eye(3) + math.sin(angle) / angle * K + (1 - math.cos(angle)) / angle**2 * K @ K
 
 
 class _WallPairs:

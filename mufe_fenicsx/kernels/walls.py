@@ -7,12 +7,12 @@ import numpy as np
 
 
 @numba.njit(cache=True)
-def find_wall_candidates(x, num_nodes, point, normal, reach):
-    """Nodes within ``reach`` of each plane, or behind it.
+def find_wall_candidates(x, bonded, point, normal, reach):
+    """Nodes within ``reach`` of each plane, or behind it, but for those glued to it.
 
     Args:
-        x: Positions [m], shape (at least num_nodes, 3).
-        num_nodes: How many of them to look at.
+        x: Positions [m], shape (num_nodes, 3).
+        bonded: Wall that each node is glued to, -1 for none, shape (num_nodes,).
         point, normal: A point of each plane [m] and its normal into the sample, (num_walls, 3).
         reach: Largest gap [m].
 
@@ -24,8 +24,10 @@ def find_wall_candidates(x, num_nodes, point, normal, reach):
         if fill:
             node, wall = np.empty(count, np.int32), np.empty(count, np.int32)
             count = 0
-        for n in range(num_nodes):
+        for n in range(bonded.size):
             for w in range(normal.shape[0]):
+                if bonded[n] == w:
+                    continue
                 g = 0.0
                 for i in range(3):
                     g += (x[n, i] - point[w, i]) * normal[w, i]
@@ -40,6 +42,7 @@ def find_wall_candidates(x, num_nodes, point, normal, reach):
 def add_wall_forces(
     f,
     wall_force,
+    wall_torque,
     due,
     gap,
     offset,
@@ -68,6 +71,7 @@ def add_wall_forces(
     Args:
         f: Forces on nodes [N], shape (num_nodes, 3).
         wall_force: Forces on walls [N], shape (num_walls, 3).
+        wall_torque: Their torques about ``point`` [N m], shape (num_walls, 3).
         due, gap, offset, closed, slip: State of the pairs, shape (num_pairs,).
         anchor: Anchors relative to ``point`` [m], shape (num_pairs, 3).
         shear: Friction on the node [N], shape (num_pairs, 3).
@@ -137,6 +141,9 @@ def add_wall_forces(
         wall_force[w, 0] -= fx
         wall_force[w, 1] -= fy
         wall_force[w, 2] -= fz
+        wall_torque[w, 0] -= ry * fz - rz * fy
+        wall_torque[w, 1] -= rz * fx - rx * fz
+        wall_torque[w, 2] -= rx * fy - ry * fx
     return dissipated, num_adopted
 
 

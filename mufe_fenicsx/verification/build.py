@@ -48,35 +48,46 @@ def build(
     return Simulation(mesh, [material] * mesh.num_grains, walls, **options)
 
 
-def drive(simulation, moves, duration, at_step=None):
-    """Move walls smoothly, with speed (1 - cos 2πt/T)/T times the whole way. Collective.
+def drive(simulation, moves, duration, at_step=None, turns=None):
+    """Move and turn walls smoothly, with speed (1 - cos 2πt/T)/T times the whole. Collective.
 
     Args:
         simulation: The simulation.
         moves: Displacements [m] by the name of the wall, shape (3,) each.
         duration: T [s].
         at_step: Called after each step, without arguments.
+        turns: Rotation vectors about their points [rad] by the name of the wall, shape (3,).
     """
     walls = simulation.walls
     start, end = simulation.state.t, simulation.state.t + duration
     target = {walls.names.index(name): np.asarray(move, float) for name, move in moves.items()}
     target = {i: (move, walls.point[i] + move) for i, move in target.items()}
+    turns = {walls.names.index(name): np.asarray(t, float) for name, t in (turns or {}).items()}
+    turned = 0.0  # part of the turns
     while (t := simulation.state.t) < end:
         # At the middle of the coming step; the way left is corrected below.
         phase = min((t + 0.5 * simulation.dt - start) / duration, 1.0)
+        rate = (1 - math.cos(2 * math.pi * phase)) / duration
         for i, (move, _) in target.items():
-            walls.velocity[i] = move * (1 - math.cos(2 * math.pi * phase)) / duration
+            walls.velocity[i] = move * rate
+        for i, turn in turns.items():
+            walls.angular_velocity[i] = turn * rate
         simulation.step()
+        turned += rate * simulation.state.dt
         if at_step:
             at_step()
+    # The sum over steps is the integral but for a remainder far below one step's way.
     for i, (_, place) in target.items():
-        # The sum over steps is the integral but for a remainder far below one step's way.
         walls.velocity[i] = (place - walls.point[i]) / simulation.dt
+    for i, turn in turns.items():
+        walls.angular_velocity[i] = turn * (1 - turned) / simulation.dt
     simulation.step()
     if at_step:
         at_step()
     for i in target:
         walls.velocity[i] = 0.0
+    for i in turns:
+        walls.angular_velocity[i] = 0.0
 
 
 def settle(simulation, ratio, max_steps=20000, every=50):
@@ -90,7 +101,7 @@ def settle(simulation, ratio, max_steps=20000, every=50):
         simulation.step()
         if k % every == every - 1:
             e = simulation.energies()
-            reached = e["kinetic"] / (e["elastic"] + e["contact"])
+            reached = abs(e["kinetic"]) / (e["elastic"] + e["contact"])
             if reached <= ratio:
                 break
     return reached

@@ -1,0 +1,109 @@
+"""Nodes that are glued to a wall: an exact constraint on their motion, without any spring."""
+
+import numpy as np
+
+from ..errors import InputError
+from ..kernels.bonded import place_bonded, take_bonded
+
+#: A node lies on a plane within this part of the width of a rank's grains.
+TOLERANCE = 1e-9
+
+
+def find_bonded(x, walls):
+    """The wall that each node is glued to, -1 for none. Local.
+
+    Args:
+        x: Positions of the surface nodes at the start [m], shape (num_nodes, 3).
+        walls: List of :class:`~mufe_fenicsx.contact.walls.Wall`.
+    """
+    wall_of_node = np.full(len(x), -1, dtype=np.int32)
+    for w, wall in enumerate(walls):
+        if wall.bonded:
+            wall_of_node[_on_plane(x, wall)] = w
+    return wall_of_node
+
+
+def _on_plane(x, wall):
+    width = np.ptp(x, axis=0).max() if len(x) else 0.0
+    return np.abs((x - wall.point) @ wall.normal) <= TOLERANCE * width
+
+
+class Bonded:
+    """The glued nodes of this rank.
+
+    Their motion is that of the wall, in tension, compression and shear; what the
+    grains exert on them goes to the wall. Their mass belongs to the wall: it is left
+    out of the kinetic energy, of the damping and of the wall's force.
+
+    Args:
+        comm: MPI communicator.
+        walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
+        nodes: Mesh nodes on the surface, shape (num_surface_nodes,).
+        wall_of_node: Wall that each of them is glued to, or -1.
+        x: Reference positions of the mesh nodes [m], shape (num_nodes, 3).
+
+    Raises:
+        InputError: Fewer than three nodes on a bonded wall, or a node on two of them; on
+            all ranks together.
+    """
+
+    def __init__(self, comm, walls, nodes, wall_of_node, x):
+        self.walls = walls
+        on = np.flatnonzero(wall_of_node >= 0)
+        self.nodes, self.wall = nodes[on], wall_of_node[on]
+        self.place = x[self.nodes] - walls.point[self.wall]
+        self.before = x[self.nodes].copy()
+        self.velocity = np.zeros_like(self.place)
+        glued = [wall for wall in walls.walls if wall.bonded]
+        on_plane = [_on_plane(x[nodes], wall) for wall in glued]
+        count = np.array([on.sum() for on in on_plane] + [(np.sum(on_plane, axis=0) > 1).sum()])
+        *counts, num_twice = comm.allreduce(count)
+        for wall, number in zip(glued, counts, strict=True):
+            if number < 3:
+                raise InputError(
+                    f"nodes on the plane of the bonded wall {wall.name} = {number}, "
+                    "expected at least 3"
+                )
+        if num_twice:
+            raise InputError(
+                f"nodes glued to two bonded walls = {num_twice}, expected bonded walls that "
+                "share no node"
+            )
+
+    def free_mass(self, mass):
+        """Nodal masses [kg] with those of the glued nodes left out, shape (num_nodes,)."""
+        free = mass.copy()
+        free[self.nodes] = 0.0
+        return free
+
+    def move(self, x, u, v, x0, dt):
+        """Positions, displacements and mid-step velocities of glued nodes after the walls moved.
+
+        Arrays as in :class:`~mufe_fenicsx.state.State`; ``x0`` are the reference positions.
+        """
+        if self.nodes.size == 0:
+            return
+        self.velocity[:] = self.before
+        place_bonded(
+            x, u, self.velocity, x0, self.nodes, self.wall, self.place, self.walls.point,
+            self.walls.rotation, dt,
+        )  # fmt: skip
+        v[self.nodes] = self.velocity
+        self.before[:] = x[self.nodes]
+
+    def take_forces(self, f, v, x):
+        """Pass the forces ``f`` on glued nodes on to their walls.
+
+        Force and velocity of these nodes are zero afterwards, so that kick and damping
+        pass them by; :meth:`give_velocity` brings the velocity back.
+        """
+        if self.nodes.size:
+            take_bonded(
+                f, self.walls.force, self.walls.torque, x, self.nodes, self.wall, self.walls.point
+            )
+            v[self.nodes] = 0.0
+
+    def give_velocity(self, v):
+        """Velocity of the glued nodes, at the end of a step."""
+        if self.nodes.size:
+            v[self.nodes] = self.velocity

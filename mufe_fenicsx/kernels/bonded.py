@@ -1,0 +1,73 @@
+"""Nodes glued to rigid planes, and anchors that turn with their plane."""
+
+import numba
+
+
+@numba.njit(cache=True)
+def place_bonded(x, u, velocity, x0, node, wall, place, point, rotation, dt):
+    """Carry the bonded nodes along with their walls, in place.
+
+        x = p + R X
+
+    with X their place relative to the wall's point at the start.
+
+    Args:
+        x, u: Positions and displacements [m], shape (num_nodes, 3).
+        velocity: Mean velocities of the step [m/s]; on entry the positions before it [m],
+            shape (num_bonded, 3).
+        x0: Reference positions [m], shape (num_nodes, 3).
+        node, wall: The bonded nodes and their walls, shape (num_bonded,).
+        place: X [m], shape (num_bonded, 3).
+        point: p [m], shape (num_walls, 3).
+        rotation: R, shape (num_walls, 3, 3).
+        dt: Time step [s].
+    """
+    for k in range(node.size):
+        n, w = node[k], wall[k]
+        for i in range(3):
+            new = point[w, i]
+            for j in range(3):
+                new += rotation[w, i, j] * place[k, j]
+            velocity[k, i] = (new - velocity[k, i]) / dt
+            x[n, i] = new
+            u[n, i] = new - x0[n, i]
+
+
+@numba.njit(cache=True)
+def take_bonded(f, wall_force, wall_torque, x, node, wall, point):
+    """Pass the forces ``f`` on bonded nodes on to their walls and clear them, in place.
+
+    Args:
+        f: Forces on nodes [N], shape (num_nodes, 3).
+        wall_force: Forces on walls [N], shape (num_walls, 3).
+        wall_torque: Their torques about ``point`` [N m], shape (num_walls, 3).
+        x, node, wall, point: As in :func:`place_bonded`.
+    """
+    for k in range(node.size):
+        n, w = node[k], wall[k]
+        rx, ry, rz = x[n, 0] - point[w, 0], x[n, 1] - point[w, 1], x[n, 2] - point[w, 2]
+        fx, fy, fz = f[n, 0], f[n, 1], f[n, 2]
+        wall_force[w, 0] += fx
+        wall_force[w, 1] += fy
+        wall_force[w, 2] += fz
+        wall_torque[w, 0] += ry * fz - rz * fy
+        wall_torque[w, 1] += rz * fx - rx * fz
+        wall_torque[w, 2] += rx * fy - ry * fx
+        f[n, 0] = f[n, 1] = f[n, 2] = 0.0
+
+
+@numba.njit(cache=True)
+def turn_rows(rows, wall, which, turn):
+    """Rotate those ``rows`` that belong to the wall ``which`` by ``turn``, in place.
+
+    Args:
+        rows: Vectors, shape (n, 3).
+        wall: Their walls, shape (n,).
+        which: A wall.
+        turn: Rotation, shape (3, 3).
+    """
+    for k in range(wall.size):
+        if wall[k] == which:
+            a, b, c = rows[k, 0], rows[k, 1], rows[k, 2]
+            for i in range(3):
+                rows[k, i] = turn[i, 0] * a + turn[i, 1] * b + turn[i, 2] * c
