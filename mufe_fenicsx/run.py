@@ -243,6 +243,7 @@ def run_scene(
         friction=scene.contact.friction,
         compliance=scene.contact.compliance,
         points=scene.contact.points,
+        law=scene.contact.law,
         averaged=solver.element == "averaged",
         damping=solver.damping,
         assembled=solver.time_step == "assembled",

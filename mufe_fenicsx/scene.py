@@ -68,12 +68,14 @@ class Contact:
 
     friction: float  #: coefficient of friction between grains [-]
     points: str = "facets"  #: where it acts: centroids of "facets", "facets3" (three) or "nodes"
+    law: str = "matched"  #: normal law: stiffness "matched" to the mesh, or "kinematic"
     compliance: float = 0.09  #: layer of compliance·h/E* on each side, h the mesh size [-]
     wall_friction: float = 0.0  #: coefficient of friction of walls that state none [-]
 
     def __post_init__(self):
         _require(0 <= self.friction, "friction", self.friction, ">= 0")
         _one_of("points", self.points, ("facets", "facets3", "nodes"))
+        _one_of("law", self.law, ("matched", "kinematic"))
         _require(0 < self.compliance, "compliance", self.compliance, "> 0")
         _require(0 <= self.wall_friction, "wall_friction", self.wall_friction, ">= 0")
 

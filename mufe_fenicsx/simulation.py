@@ -12,7 +12,7 @@ from .contact.walls import Walls
 from .errors import SolverError
 from .integrators.explicit import central_difference
 from .kernels.energy import kinetic_energy
-from .kernels.motion import accelerate_and_half_kick, half_kick_and_drift
+from .kernels.motion import accelerate_and_half_kick, half_kick_and_drift, predict
 from .solid import Solid
 from .state import initial_state
 from .time_step import HighestFrequency
@@ -31,6 +31,7 @@ class Simulation:
         friction: Coefficient of friction between grains.
         compliance: Constant c of the contact layer.
         points: Where contact acts, one of contact.points.KINDS.
+        law: Normal law of contact, one of contact.laws.LAWS.
         averaged: Averaged nodal pressure (True) or plain linear tetrahedra.
         damping: Force -damping m v on every node [1/s].
         assembled: Time step from the assembled system (True) or from single elements.
@@ -48,6 +49,7 @@ class Simulation:
         friction=0.0,
         compliance=0.09,
         points="facets",
+        law="matched",
         averaged=True,
         damping=0.0,
         assembled=True,
@@ -69,11 +71,17 @@ class Simulation:
             compliance,
             self.walls,
             points,
+            law,
+            self.solid.mass,
         )
         self.bonded = Bonded(
             self.comm, self.walls, self.contact.own.nodes, self.walls.bonded, mesh.x
         )
         self._free_mass = self.bonded.free_mass(self.solid.mass)
+        if self.contact.kinematic:
+            self._predicted = mesh.x.copy()
+            # Glued nodes go where their wall goes, whatever acts on them.
+            self._inertia = np.where(self._free_mass > 0, self.solid.mass, np.inf)
         # Displacement, velocity and force live in PETSc-backed DOLFINx functions.
         self.u, self.v, self.force = (fem.Function(mesh.V) for _ in range(3))
         self._f = self.force.x.array.reshape(-1, 3)
@@ -127,13 +135,19 @@ class Simulation:
         wall_move = self.walls.move(dt)
         self.walls.add_work()
         self.bonded.move(s.x, s.u, s.v, self.mesh.x, dt)
-        self.contact.begin(s.x)
+        positions = s.x
+        if not self.contact.kinematic:
+            self.contact.begin(positions)
         self._f[:] = 0.0
         bad = self.solid.add_internal_forces(self._f, s, dt)
         if bad >= 0:
             self._inverted = bad
+        if self.contact.kinematic:
+            positions = self._predicted
+            predict(positions, s.x, s.v, self._f, self._inertia, dt)
+            self.contact.begin(positions)
         try:
-            self.contact.add_forces(self._f, s.x, wall_move)
+            self.contact.add_forces(self._f, positions, wall_move)
         except FloatingPointError:
             self.check(diverged=True)
         self.bonded.take_forces(self._f, s.v, s.x)
@@ -172,6 +186,8 @@ class Simulation:
         self._add_springs(y, q)
 
     def _add_springs(self, y, q):
+        if self.contact.kinematic:
+            return
         self.contact.add_stiffness(y, q, self._margin)
 
     def update_time_step(self, early=False):
@@ -192,13 +208,14 @@ class Simulation:
             limit = 2.0 / math.sqrt((2.0 / self.dt_element) ** 2 + 2.0 * stiffest)
         # A node that meets a spring of rate w at speed v leaves it one step later at up to
         # |1 - (w dt)^2| v: contacts that open and close need (w dt)^2 <= 2 of the springs alone.
-        rate = self._highest_of_springs()
+        rate = 0.0 if self.contact.kinematic else self._highest_of_springs()
         if rate > 0.0:
             limit = min(limit, math.sqrt(2.0) / rate)
         dt = _rounded_down(self.time_step_factor * limit)
         # A change costs accuracy of the energies: small ones are not worth it.
         if not 0.99 * self.dt <= dt <= (math.inf if early else 1.05 * self.dt):
             self.dt = dt
+            self.contact.set_time_step(dt)
 
     def _stiffest_contact(self):
         """Largest sum over mass of a node's contact springs [1/s²], all springs closed. Local.
@@ -207,7 +224,7 @@ class Simulation:
         (Gershgorin); a surface node carries its own spring and those of the facets.
         """
         c = self.contact
-        if not c.own.nodes.size:
+        if not c.own.nodes.size or c.kinematic:
             return 0.0
         mass = self.solid.mass[c.own.nodes]
         spring = c.points.to_nodes((c.points.area / c.layer)[:, None], mass.size)[:, 0]

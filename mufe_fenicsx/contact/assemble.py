@@ -5,11 +5,12 @@ import math
 import numpy as np
 from mpi4py import MPI
 
+from ..errors import InputError
 from ..kernels.pairs import add_pair_forces, add_pair_stiffness, largest_move, pair_energy
 from ..kernels.points import place_points, spread_points
 from ..kernels.walls import add_rows, gather_rows
 from .exchange import SurfaceVector, exchange_surface
-from .laws import layer_of_facets
+from .laws import LAWS, inertial_layers, matched_layers
 from .pairs import search_pairs
 from .points import surface_points
 from .surface import own_surface
@@ -35,6 +36,11 @@ class Contact:
         compliance: Constant c of the layer that matches stiffness to mesh.
         walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
         points: Where contact acts, one of contact.points.KINDS.
+        law: Normal law, one of contact.laws.LAWS.
+        mass: Nodal masses [kg], shape (num_nodes,), for the kinematic law.
+
+    Raises:
+        InputError: There are no such points, or no such law.
     """
 
     def __init__(
@@ -47,21 +53,30 @@ class Contact:
         compliance,
         walls,
         points="nodes",
+        law="matched",
+        mass=None,
     ):
         self.comm = mesh.comm
         self.own = own_surface(mesh, x)
         self.friction = float(friction)
         self.walls = walls
         own = self.own
-        self.points = surface_points(points, mesh, own, x, contact_modulus, compliance)
+        if law not in LAWS:
+            raise InputError(f"normal law of contact = {law}, expected one of {', '.join(LAWS)}")
+        self.kinematic = law == "kinematic"
+        self._dt = 1.0  # of the step that kinematic layers are made for [s]
+        if self.kinematic:
+            layers = inertial_layers(own, mass[own.nodes])
+        else:
+            modulus = contact_modulus[mesh.grain_of_node[own.nodes]]
+            layers = matched_layers(own, modulus, contact_modulus[mesh.grain_of_facet], compliance)
+        self.points = surface_points(points, mesh, own, x, *layers)
+        self.facet_layer = layers[1]
         self.layer = self.points.layer
         # Points come before nodes in all arrays; nodes that are points come once.
         self.num_before = 0 if self.points.corner is None else self.points.num_points
         if self.num_before:
             self._corner = self.points.corner + np.int32(self.num_before)
-        self.facet_layer = layer_of_facets(
-            own.facet_area, contact_modulus[mesh.grain_of_facet], compliance
-        )
         self.ratio = tangential_ratio[self.points.local_grain]
 
         total = self.comm.allreduce(np.array([own.facet_area.sum(), own.facet_area.size]))
@@ -137,6 +152,17 @@ class Contact:
         self.searched_at = self.clock
         self.num_searches += 1
 
+    def set_time_step(self, dt):
+        """Make kinematic layers those of steps of length ``dt`` [s]. Local."""
+        if self.kinematic and dt != self._dt:
+            factor = (dt / self._dt) ** 2
+            self._dt = dt
+            # The layers of the points are these arrays too.
+            self.layer *= factor
+            self.facet_layer *= factor
+            self.surface.layer_of_facet[:] *= factor
+            self.pairs.stiffness /= factor
+
     def begin(self, x):
         """Start sending the positions ``x`` of this rank's surface to other ranks."""
         gather_rows(self.positions.own, x, self.own.nodes)
@@ -194,8 +220,9 @@ class Contact:
             self.friction, self.largest_depth, adopt,
         )  # fmt: skip
         wall_dissipated, wall_adopted = self.walls.add_forces(
-            forces, x, self.clock, self.layer, area, self.points.recess, self.ratio, adopt
-        )
+            forces, x, self.clock, self.layer, area, self.points.recess, self.ratio, adopt,
+            self._dt if self.kinematic else 0.0,
+        )  # fmt: skip
         self._add_back()
         add_rows(f, own.nodes, self.forces.own)
         self.dissipated += dissipated + wall_dissipated
@@ -226,13 +253,17 @@ class Contact:
         self.positions.array[:] = positions
 
     def energy(self):
-        """Energy in the contact springs [J] and number of closed contacts. Local."""
+        """Energy in the contact springs [J] and number of closed contacts. Local.
+
+        The springs of the kinematic law hold none: they belong to one step.
+        """
         p = self.pairs
         pairs, num_pairs = pair_energy(
             p.gap, p.offset, p.closed, p.stiffness, p.shear, p.node, self.ratio
         )
         walls, num_walls = self.walls.energy(self.layer, self.points.area, self.ratio)
-        return pairs + walls, num_pairs + num_walls
+        energy = 0.0 if self.kinematic else pairs + walls
+        return energy, num_pairs + num_walls
 
     def traction(self, num_nodes):
         """Pressure and size of the shear traction at all nodes of this rank [Pa]. Local.

@@ -110,7 +110,7 @@ def exchange_surface(comm, own, layer_of_facet, x, reach):
         facets=facets,
         global_facet=global_facet,
         grain_of_facet=grain.astype(np.int32),
-        layer_of_facet=layer,
+        layer_of_facet=np.array(layer),
         use=use,
         neighbor=neighbors(facets),
         ring_offset=ring_offset,

@@ -1,12 +1,21 @@
-"""Contact stiffness matched to the mesh.
+"""How stiff a contact is: a layer of compliance on each side [m/Pa].
 
-A gap enforced at the nodes makes contact too stiff, by an error of the order of
-the element size h. A layer of compliance c h/E* [m/Pa] on each side takes out
-this leading error; E* = E/(1 - nu²) of that side. The constant c belongs to the
-element, not to the problem.
+"matched" to the mesh: a gap enforced at points of the mesh makes contact too stiff, by
+an error of the order of the element size h. A layer of compliance c h/E* on each side
+takes out this leading error; E* = E/(1 - nu²) of that side. The constant c belongs to the
+element, not to the problem; a small one is a plain stiff penalty.
+
+"kinematic": a predictor without contact gives the gaps at the end of the step, and the
+corrector pushes apart what would overlap there, as hard as their inertia asks for:
+masses of m/A per area that have to move by the depth within a step need the pressure
+(m/A) depth/Δt² on each side. That is a layer Δt² A/m. Where the depth is even the
+overlap is gone at once, where it is not after some steps; it holds no energy, takes what
+the nodes bring along when they meet, and leaves the stable time step as it is.
 """
 
 import numpy as np
+
+LAWS = ("matched", "kinematic")
 
 
 def edge_of_area(area, num_triangles):
@@ -14,17 +23,25 @@ def edge_of_area(area, num_triangles):
     return np.sqrt(4 / np.sqrt(3) * area / num_triangles)
 
 
-def layer_of_nodes(nodal_area, contact_modulus, c):
-    """Compliance c h/E* [m/Pa] of nodes; a nodal area is that of two triangles.
+def matched_layers(own, node_modulus, facet_modulus, c):
+    """Compliance c h/E* of nodes and of facets [m/Pa].
 
     Args:
-        nodal_area: A third of the facets around each node [m²], shape (num_nodes,).
-        contact_modulus: E/(1 - nu²) of their grains [Pa], shape (num_nodes,).
+        own: :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
+        node_modulus, facet_modulus: E/(1 - nu²) of their grains [Pa].
         c: The constant of the layer.
     """
-    return c * edge_of_area(nodal_area, 2) / contact_modulus
+    # A nodal area is that of two triangles.
+    node = c * edge_of_area(own.area, 2) / node_modulus
+    return node, c * edge_of_area(own.facet_area, 1) / facet_modulus
 
 
-def layer_of_facets(facet_area, contact_modulus, c):
-    """Compliance c h/E* [m/Pa] of facets, arguments as for nodes."""
-    return c * edge_of_area(facet_area, 1) / contact_modulus
+def inertial_layers(own, mass):
+    """Area over mass of nodes and of facets [m²/kg]; times Δt² that is their layer [m/Pa].
+
+    Args:
+        own: :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
+        mass: Masses of its nodes [kg], shape (num_nodes,).
+    """
+    node = own.area / mass
+    return node, node[own.facets].mean(axis=1)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from .laws import edge_of_area, layer_of_facets, layer_of_nodes
+from .laws import edge_of_area
 from .surface import neighbors
 
 #: Barycentric coordinates of the quadrature points of a facet, of equal weight.
@@ -55,7 +55,7 @@ class Points:
         return at_nodes
 
 
-def surface_points(kind, mesh, own, x, contact_modulus, compliance):
+def surface_points(kind, mesh, own, x, node_layer, layer):
     """Points of a surface. Local.
 
     Args:
@@ -63,8 +63,7 @@ def surface_points(kind, mesh, own, x, contact_modulus, compliance):
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         own: Its :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
         x: Reference positions of the mesh's nodes [m], shape (num_nodes, 3).
-        contact_modulus: E/(1 - nu²) of this rank's grains [Pa], shape (num_grains,).
-        compliance: Constant c of the layer.
+        node_layer, layer: Compliance of the layer of nodes and of facets [m/Pa].
 
     Raises:
         InputError: There is no such kind.
@@ -72,7 +71,6 @@ def surface_points(kind, mesh, own, x, contact_modulus, compliance):
     if kind not in KINDS:
         raise InputError(f"points of contact = {kind}, expected one of {', '.join(KINDS)}")
     node_grain, facet_grain = mesh.grain_of_node[own.nodes], mesh.grain_of_facet
-    node_layer = layer_of_nodes(own.area, contact_modulus[node_grain], compliance)
     if kind == "nodes":
         return Points(
             corner=None,
@@ -85,7 +83,6 @@ def surface_points(kind, mesh, own, x, contact_modulus, compliance):
             recess=np.zeros(own.area.size),
         )
     rule = RULES[kind]
-    layer = layer_of_facets(own.facet_area, contact_modulus[facet_grain], compliance)
     sharp = sharp_vertices(own, x)
     vertex = np.flatnonzero(sharp).astype(np.int32)
     n = len(rule)

@@ -151,14 +151,18 @@ class Walls:
                 getattr(pairs, name)[at_new] = getattr(self.pairs, name)[at_old]
         self.pairs = pairs
 
-    def add_forces(self, f, x, clock, layer, area, recess, ratio, adopt):
-        """Add wall forces to ``f``; returns the friction's dissipation [J] and adopted pairs."""
+    def add_forces(self, f, x, clock, layer, area, recess, ratio, adopt, ahead=0.0):
+        """Add wall forces to ``f``; returns the friction's dissipation [J] and adopted pairs.
+
+        ``ahead`` is how much later than the planes the positions ``x`` are [s].
+        """
         self.force[:] = 0.0
         self.torque[:] = 0.0
         p = self.pairs
+        point = self.point + ahead * self.velocity if ahead else self.point
         return add_wall_forces(
             f, self.force, self.torque, p.due, p.gap, p.offset, p.closed, p.anchor, p.shear, p.slip,
-            clock, x, p.node, p.wall, self.point, self.normal, layer, area, recess, ratio,
+            clock, x, p.node, p.wall, point, self.normal, layer, area, recess, ratio,
             self.friction, adopt,
         )  # fmt: skip
 

@@ -33,3 +33,17 @@ def accelerate_and_half_kick(a, v, f, mass, dt, damping):
             v[n, i] = (v[n, i] + half * a[n, i]) * scale
             lost += mass[n] * v[n, i] * v[n, i]
     return dt * damping * lost
+
+
+@numba.njit(cache=True)
+def predict(x_next, x, v, f, mass, dt):
+    """Positions at the end of the next step under the forces known so far, into ``x_next``.
+
+    Args:
+        x_next, x, v, f: As above, ``v`` at the middle of this step, shape (num_nodes, 3).
+        mass: Nodal masses [kg], shape (num_nodes,).
+        dt: Length of the step [s].
+    """
+    for n in range(mass.size):
+        for i in range(3):
+            x_next[n, i] = x[n, i] + dt * (v[n, i] + dt * f[n, i] / mass[n])

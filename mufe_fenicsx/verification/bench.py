@@ -82,6 +82,7 @@ def demo(comm, *, grains, strain=0.01, speed=20.0, steps=100, repeats=5):
         friction=scene.contact.friction,
         compliance=scene.contact.compliance,
         points=scene.contact.points,
+        law=scene.contact.law,
     )
     simulation.walls.velocity[5, 2] = -speed
     while simulation.state.t < strain * (high - low)[2] / speed:
