@@ -9,6 +9,7 @@ from ..kernels.pairs import add_pair_forces, add_pair_stiffness, largest_move, p
 from ..kernels.walls import add_rows, gather_rows
 from .exchange import SurfaceVector, exchange_surface
 from .laws import layer_of_facets, layer_of_nodes
+from .ledger import Ledger
 from .pairs import search_pairs
 from .surface import own_surface
 
@@ -53,6 +54,7 @@ class Contact:
         self.width = self.comm.allreduce(float(np.ptp(x, axis=0).max()), op=MPI.SUM)
         self.largest_depth = LARGEST_DEPTH * self.edge
 
+        self.ledger = Ledger(own.grain_of_node, mesh.labels.size)
         self.dissipated = 0.0  #: by friction on this rank so far [J]
         self.num_adopted = 0  #: contacts that were found deep, on this rank
         self.num_deep = 0  #: evaluations beyond the largest depth, on this rank
@@ -101,7 +103,10 @@ class Contact:
         )
         if old is not None:
             self.pairs.carry(old, _finder(self.surface.global_facet), old_surface.global_facet)
+        old_walls = self.walls.pairs
         self.walls.search(self.positions.array, num_own, reach, self.clock)
+        if old is not None:
+            self.ledger.change(old, self.pairs, old_walls, self.walls.pairs)
         self.searched_at = self.clock
         self.num_searches += 1
 
@@ -142,8 +147,8 @@ class Contact:
         forces[:] = 0.0
         dissipated, num_adopted, num_deep, deepest = add_pair_forces(
             forces, p.due, p.candidate_due, p.closest, p.weights, p.normal, p.gap, p.offset,
-            p.closed, p.stiffness, p.anchor, p.shear, p.slip, self.clock, x, p.node, p.first,
-            p.candidate, s.facets, s.neighbor, s.ring_offset, s.ring, self.layer,
+            p.closed, p.stiffness, p.anchor, p.shear, p.slip, p.push, p.work, self.clock, x, p.node,
+            p.first, p.candidate, s.facets, s.neighbor, s.ring_offset, s.ring, self.layer,
             s.layer_of_facet, own.area, self.ratio, self.friction, self.largest_depth, adopt,
         )  # fmt: skip
         self.forces.add_back()
@@ -188,26 +193,6 @@ class Contact:
         )
         walls, num_walls = self.walls.energy(self.layer, self.own.area, self.ratio)
         return pairs + walls, num_pairs + num_walls
-
-    def traction(self, num_nodes):
-        """Pressure and size of the shear traction at all nodes of this rank [Pa]. Local.
-
-        Returns:
-            Two arrays of shape (num_nodes,), zero inside the grains.
-        """
-        own, p, w = self.own, self.pairs, self.walls.pairs
-        pressure, shear = np.zeros(num_nodes), np.zeros((num_nodes, 3))
-        on = np.flatnonzero(p.closed)
-        node = own.nodes[p.node[on]]
-        half = 0.5 * own.area[p.node[on]]
-        depth = np.minimum(p.offset[on] - p.gap[on], self.largest_depth)
-        np.add.at(pressure, node, p.stiffness[on] * depth / half)
-        np.add.at(shear, node, p.shear[on] / half[:, None])
-        on = np.flatnonzero(w.closed)
-        node = own.nodes[w.node[on]]
-        np.add.at(pressure, node, (w.offset[on] - w.gap[on]) / self.layer[w.node[on]])
-        np.add.at(shear, node, w.shear[on] / own.area[w.node[on], None])
-        return pressure, np.linalg.norm(shear, axis=1)
 
 
 def _finder(global_facet):

@@ -78,7 +78,7 @@ class Walls:
             _, at_old, at_new = np.intersect1d(
                 old, node.astype(np.int64) * n + wall, return_indices=True
             )
-            for name in ("gap", "offset", "closed", "anchor", "shear", "slip"):
+            for name in ("gap", "offset", "closed", "anchor", "shear", "slip", "push"):
                 getattr(pairs, name)[at_new] = getattr(self.pairs, name)[at_old]
         self.pairs = pairs
 
@@ -87,8 +87,9 @@ class Walls:
         self.force[:] = 0.0
         p = self.pairs
         return add_wall_forces(
-            f, self.force, p.due, p.gap, p.offset, p.closed, p.anchor, p.shear, p.slip, clock, x,
-            p.node, p.wall, self.point, self.normal, layer, area, ratio, self.friction, adopt,
+            f, self.force, p.due, p.gap, p.offset, p.closed, p.anchor, p.shear, p.slip, p.push,
+            p.work, clock, x, p.node, p.wall, self.point, self.normal, layer, area, ratio,
+            self.friction, adopt,
         )  # fmt: skip
 
     def add_stiffness(self, y, q, margin, clock, layer, area, ratio):
@@ -115,3 +116,5 @@ class _WallPairs:
         self.anchor = np.zeros((n, 3))
         self.shear = np.zeros((n, 3))
         self.slip = np.zeros(n)
+        self.push = np.zeros(n)
+        self.work = np.zeros(n)

@@ -89,6 +89,8 @@ def add_pair_forces(
     anchor,
     shear,
     slip,
+    push,
+    work,
     clock,
     x,
     node,
@@ -129,6 +131,8 @@ def add_pair_forces(
         anchor: Weights of the anchor in the closest facet, shape (num_pairs, 3).
         shear: Friction on the node [N], shape (num_pairs, 3).
         slip: Accumulated slip [m], shape (num_pairs,).
+        push: Normal force on the node [N], shape (num_pairs,).
+        work: Energy dissipated by friction since the last search [J], shape (num_pairs,).
         clock: Bound of all relative motion so far [m].
         x: Positions [m], shape (num_nodes_with_ghosts, 3).
         node, first, candidate: Pairs, as in kernels.search.
@@ -191,8 +195,11 @@ def add_pair_forces(
                 tx = shear[p, 0]
                 ty = shear[p, 1]
                 tz = shear[p, 2]
-                dissipated += (tx * tx + ty * ty + tz * tz) / (2.0 * kt)
+                lost = (tx * tx + ty * ty + tz * tz) / (2.0 * kt)
+                dissipated += lost
+                work[p] += lost
                 closed[p] = False
+                push[p] = 0.0
                 shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
             due[p] = clock + max(g, 0.0)
             continue
@@ -227,6 +234,7 @@ def add_pair_forces(
         kn = stiffness[p]
         kt = kn * ratio_of_node[n]
         N = kn * depth
+        push[p] = N
         sx = x[n, 0] - anchor[p, 0] * x[a, 0] - anchor[p, 1] * x[b, 0] - anchor[p, 2] * x[c, 0]
         sy = x[n, 1] - anchor[p, 0] * x[a, 1] - anchor[p, 1] * x[b, 1] - anchor[p, 2] * x[c, 1]
         sz = x[n, 2] - anchor[p, 0] * x[a, 2] - anchor[p, 1] * x[b, 2] - anchor[p, 2] * x[c, 2]
@@ -239,7 +247,9 @@ def add_pair_forces(
             # Work of the mean friction of the step: exact for the trapezoidal rule.
             before2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
             slipped = (T - limit) / kt
-            dissipated += 0.5 * (math.sqrt(before2) + limit) * slipped
+            lost = 0.5 * (math.sqrt(before2) + limit) * slipped
+            dissipated += lost
+            work[p] += lost
             slip[p] += slipped
             sx, sy, sz = keep * sx, keep * sy, keep * sz
             # The anchor that leaves just this much of the spring.
