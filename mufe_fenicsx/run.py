@@ -209,6 +209,9 @@ def run_scene(
     """
     started = time.perf_counter()
     mesh = load_mesh(comm, grains_folder)
+    sample, separation = scene.sample, None
+    if sample.separation:
+        separation = separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
     folder = create_run_folder(comm, Path(output_folder), overwrite)
     message = None
     if comm.rank == 0:
@@ -219,7 +222,6 @@ def run_scene(
             message = str(error)
     raise_together(comm, message)
 
-    separation = separate(mesh, scene.sample.max_shift) if scene.sample.separation else None
     low, high = np.empty(3), np.empty(3)
     comm.Allreduce(mesh.x.min(axis=0), low, op=MPI.MIN)
     comm.Allreduce(mesh.x.max(axis=0), high, op=MPI.MAX)
