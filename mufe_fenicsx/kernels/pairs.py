@@ -75,6 +75,21 @@ def _project(px, py, pz, x, a, b, c):
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _anchor(sx, sy, sz, px, py, pz, nx, ny, nz, x, a, b, c):
+    """Weights of the point of the facet a, b, c that a spring s from the node leads to.
+
+    ``p`` is the closest point of the facet to the node and ``n`` the normal of the contact,
+    which differs from that of the facet on its edges and vertices. The spring lies
+    across n, so its end is moved along n into the facet: along the facet's own normal a
+    node at depth would find another spring in the next step.
+    """
+    ux, uy, uz = facet_normal(x, a, b, c)
+    slant = nx * ux + ny * uy + nz * uz
+    along = (sx * ux + sy * uy + sz * uz) / slant if slant > 0.1 else 0.0
+    return _project(px - sx + along * nx, py - sy + along * ny, pz - sz + along * nz, x, a, b, c)
+
+
+@numba.njit(cache=True, error_model="numpy")
 def add_pair_forces(
     f,
     due,
@@ -223,9 +238,10 @@ def add_pair_forces(
             sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
             now2 = sx * sx + sy * sy + sz * sz
             keep = math.sqrt(length2 / now2) if now2 > 0.0 else 0.0
-            anchor[p, 0], anchor[p, 1], anchor[p, 2] = _project(
-                x[n, 0] - keep * sx, x[n, 1] - keep * sy, x[n, 2] - keep * sz, x, a, b, c
-            )
+            anchor[p, 0], anchor[p, 1], anchor[p, 2] = _anchor(
+                keep * sx, keep * sy, keep * sz, x[n, 0] - rx, x[n, 1] - ry, x[n, 2] - rz,
+                nx, ny, nz, x, a, b, c,
+            )  # fmt: skip
         if depth > largest_depth:
             num_deep += 1
             depth = largest_depth
@@ -253,8 +269,8 @@ def add_pair_forces(
             slip[p] += slipped
             sx, sy, sz = keep * sx, keep * sy, keep * sz
             # The anchor that leaves just this much of the spring.
-            anchor[p, 0], anchor[p, 1], anchor[p, 2] = _project(
-                x[n, 0] - sx, x[n, 1] - sy, x[n, 2] - sz, x, a, b, c
+            anchor[p, 0], anchor[p, 1], anchor[p, 2] = _anchor(
+                sx, sy, sz, x[n, 0] - rx, x[n, 1] - ry, x[n, 2] - rz, nx, ny, nz, x, a, b, c
             )
         tx, ty, tz = -kt * sx, -kt * sy, -kt * sz
         shear[p, 0], shear[p, 1], shear[p, 2] = tx, ty, tz
