@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
+from .contact.network import find_network
+from .contact.nodal import nodal_contact
 from .contact.separation import separate
 from .contact.walls import Wall
 from .errors import InputError, SolverError
@@ -18,6 +20,7 @@ from .launcher import TERMINAL
 from .loading import LOADING, STRAIN_DEFINITION, OedometerLoading
 from .memory import peak_memory, return_freed_arrays
 from .mesh import create_grain_mesh, partition_grains
+from .output.contacts import ContactWriter
 from .output.fields import FieldWriter
 from .output.history import HistoryWriter
 from .output.run_folder import (
@@ -114,6 +117,7 @@ class Recorder:
         self.history = HistoryWriter(folder / "history.csv", comm=mesh.comm)
         labels = mesh.labels[mesh.grains[mesh.grain_of_cell]]
         self.fields = FieldWriter(mesh.comm, folder, mesh.x, mesh.cells, labels)
+        self.contacts = ContactWriter(mesh.comm, folder)
         self.num_states = 0
         self._history_interval = loading.final_strain / (output.history - 1)
         self._field_interval = loading.final_strain / (output.fields - 1)
@@ -148,6 +152,7 @@ class Recorder:
             "stress": 0.5 * (forces[4] + forces[5]) / self.area,
             "num_contacts": sim.num_contacts,
             "num_active_grains": active,
+            "num_active_contacts": sim.mean_active_contacts(),
         }
         row.update({f"force_{name}": f for name, f in zip(WALLS, forces, strict=True)})
         row.update({name: energies[name] for name in ENERGIES})
@@ -165,7 +170,6 @@ class Recorder:
     def write_state(self):
         """One state of all fields."""
         sim, state = self.simulation, self.simulation.state
-        pressure, shear = sim.contact.traction(sim.mesh.num_nodes)
         stress = sim.solid.stress(state)
         self.fields.write(
             self.num_states,
@@ -175,8 +179,7 @@ class Recorder:
             {
                 "displacement": state.u,
                 "velocity": state.v,
-                "contact_pressure": pressure,
-                "contact_shear": shear,
+                **nodal_contact(sim.contact, sim.mesh.num_nodes),
             },
             {
                 "stress": stress,
@@ -185,6 +188,8 @@ class Recorder:
                 "plastic_strain": state.plastic_strain,
             },
         )
+        network = find_network(sim.contact, sim.mesh, sim.solid.mass, state.x)
+        self.contacts.write(self.num_states, state.t, network)
         self.num_states += 1
 
 
@@ -221,6 +226,9 @@ def run_scene(
     return_freed_arrays()
     started = time.perf_counter()
     mesh = load_mesh(comm, grains_folder)
+    sample, separation = scene.sample, None
+    if sample.separation:
+        separation = separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
     folder = create_run_folder(comm, Path(output_folder), overwrite)
     message = None
     if comm.rank == 0:
@@ -231,7 +239,6 @@ def run_scene(
             message = str(error)
     raise_together(comm, message)
 
-    separation = separate(mesh, scene.sample.max_shift) if scene.sample.separation else None
     low, high = np.empty(3), np.empty(3)
     comm.Allreduce(mesh.x.min(axis=0), low, op=MPI.MIN)
     comm.Allreduce(mesh.x.max(axis=0), high, op=MPI.MAX)

@@ -57,9 +57,21 @@ class Sample:
     grains: Path | None = None  #: folder that `mufe mesh` wrote
     separation: bool = True  #: move overlapping surfaces apart before the test
     max_shift: float = 0.3  #: largest such move of a node, over the mesh size [-]
+    close_gaps: float = 0.0  #: close gaps between neighbours up to this distance too [m]
+    close_gaps_over_h: float = 0.0  #: the same, over the mesh size [-]
 
     def __post_init__(self):
         _require(0 < self.max_shift <= 1, "max_shift", self.max_shift, "0 < max_shift <= 1")
+        for name in ("close_gaps", "close_gaps_over_h"):
+            value = getattr(self, name)
+            _require(0 <= value, name, value, ">= 0")
+            _require(value == 0 or self.separation, name, value, "0 where separation = false")
+        _require(
+            self.close_gaps == 0 or self.close_gaps_over_h == 0,
+            "close_gaps_over_h",
+            self.close_gaps_over_h,
+            "only one of close_gaps and close_gaps_over_h",
+        )
 
 
 @dataclass(frozen=True)

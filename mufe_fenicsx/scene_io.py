@@ -50,6 +50,7 @@ UNITS = {
     MeshSettings: {"size": "m", "voxel_size": "m", "scale": "m"},
     Elastic: _ELASTIC_UNITS,
     J2: {**_ELASTIC_UNITS, "yield_stress": ("", "Pa")},
+    Sample: {"close_gaps": "m"},
     Solver: {"damping": "s^-1"},
     Wall: {"velocity": "m/s", "stress": "Pa", "speed": "m/s"},
     Oedometer: {"speed": "m/s", "seating_stress": "Pa", "seating_speed": "m/s"},

@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from .contact.assemble import Contact
 from .contact.bonded import Bonded
+from .contact.network import num_active_pairs
 from .contact.walls import Walls
 from .errors import SolverError
 from .integrators.explicit import central_difference
@@ -271,6 +272,10 @@ class Simulation:
         active[points.grain_of_point[w.node[w.closed]]] = True
         self.comm.Allreduce(MPI.IN_PLACE, active, op=MPI.LOR)
         return int(active.sum())
+
+    def mean_active_contacts(self):
+        """Mean number of neighbours that press on a grain, walls left out. Collective."""
+        return 2.0 * num_active_pairs(self.contact) / self.mesh.labels.size
 
 
 def _rounded_down(value):

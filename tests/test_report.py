@@ -76,6 +76,7 @@ def fake_history(num_rows=200, strain=0.1, area=1e-6, height=1e-3):
         "work": work,
         "num_contacts": (200 + 4e4 * x).astype(int),
         "num_active_grains": 60 + (e > 0.02),
+        "num_active_contacts": 3 + 40 * e,
     }
     for i, name in enumerate(("x_min", "x_max", "y_min", "y_max")):
         h[f"force_{name}"] = (0.3 + 0.02 * i) * force

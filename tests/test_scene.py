@@ -208,6 +208,12 @@ BAD = [
     ('element = "p1"', "time_step_factor = 1", "solver.time_step_factor = 1.0, expected 0 < time"),
     ('damping = "2 ms^-1"', "damping = -1", "solver.damping = -1.0, expected >= 0"),
     ("separation = false", "separation = 0", "sample.separation = 0, expected true or false"),
+    ("separation = false", 'close_gaps = "2 Pa"', 'sample.close_gaps = "2 Pa", expected a length'),
+    (
+        "separation = false",
+        "separation = false\nclose_gaps_over_h = 0.2",
+        "sample.close_gaps_over_h = 0.2, expected 0 where separation = false",
+    ),
     ('grains = "grains"', "grains = 5", "sample.grains = 5, expected a path"),
     ("shape = [200, 300, 400]", "shape = [200, 300]", "image.shape = [200, 300], expected a list"),
     ("[0, 50]", "[0, 5.5]", "image.crop[0][1] = 5.5, expected a whole number"),

@@ -11,6 +11,7 @@ from ..kernels.points import place_points, spread_points
 from ..kernels.walls import add_rows, gather_rows
 from .exchange import SurfaceVector, exchange_surface
 from .laws import LAWS, inertial_layers, matched_layers
+from .ledger import Ledger
 from .pairs import search_pairs
 from .points import surface_points
 from .surface import own_surface
@@ -85,6 +86,7 @@ class Contact:
         self.width = self.comm.allreduce(float(np.ptp(x, axis=0).max()), op=MPI.SUM)
         self.largest_depth = LARGEST_DEPTH * self.edge
 
+        self.ledger = Ledger(self.points.grain_of_point, mesh.labels.size)
         self.dissipated = 0.0  #: by friction on this rank so far [J]
         self.num_adopted = 0  #: contacts that were found deep, on this rank
         self.num_deep = 0  #: evaluations beyond the largest depth, on this rank
@@ -144,8 +146,10 @@ class Contact:
         )
         if old is not None:
             self.pairs.carry(old, _finder(self.surface.global_facet), old_surface.global_facet)
-        points = self.positions.array[:num_points]
+        points, old_walls = self.positions.array[:num_points], self.walls.pairs
         self.walls.search(points, gathered, self.points.corner, reach, self.clock)
+        if old is not None:
+            self.ledger.change(old, self.pairs, old_walls, self.walls.pairs)
         if self.num_before:
             # The others are needed again at the next search only.
             self._near = np.union1d(self.pairs.node, self.walls.pairs.node)
@@ -214,8 +218,8 @@ class Contact:
         forces[self.num_before :] = 0.0
         dissipated, num_adopted, num_deep, deepest = add_pair_forces(
             forces, p.due, p.candidate_due, p.closest, p.weights, p.normal, p.gap, p.offset,
-            p.closed, p.stiffness, p.anchor, p.shear, p.slip, self.clock, x, p.node, p.first,
-            p.candidate, self.facets, s.neighbor, self.ring_offset, s.ring, self.layer,
+            p.closed, p.stiffness, p.anchor, p.shear, p.slip, p.push, p.work, self.clock, x, p.node,
+            p.first, p.candidate, self.facets, s.neighbor, self.ring_offset, s.ring, self.layer,
             s.layer_of_facet, area, self.points.facet_area, self.points.recess, self.ratio,
             self.friction, self.largest_depth, adopt,
         )  # fmt: skip
@@ -265,30 +269,15 @@ class Contact:
         energy = 0.0 if self.kinematic else pairs + walls
         return energy, num_pairs + num_walls
 
-    def traction(self, num_nodes):
-        """Pressure and size of the shear traction at all nodes of this rank [Pa]. Local.
+    def areas(self, pairs):
+        """Parts of the contact area [m²] that the closed pairs ``pairs`` carry. Local.
 
-        Returns:
-            Two arrays of shape (num_nodes,), zero inside the grains.
+        Both sides of a contact carry points; their shares of it add up to one.
         """
-        p, w, points = self.pairs, self.walls.pairs, self.points
-        force = np.zeros((points.num_points, 4))
-        on = np.flatnonzero(p.closed)
-        depth = np.minimum(p.offset[on] - p.gap[on], self.largest_depth)
-        facet = p.candidate[p.closest[on]]
-        layers = self.layer[p.node[on]] + self.surface.layer_of_facet[facet]
-        # Each side carries a share of the contact; this gives back the whole.
-        whole = points.area[p.node[on]] / (layers * p.stiffness[on])
-        np.add.at(force[:, 0], p.node[on], whole * p.stiffness[on] * depth)
-        np.add.at(force[:, 1:], p.node[on], whole[:, None] * p.shear[on])
-        on = np.flatnonzero(w.closed)
-        depth = w.offset[on] - w.gap[on]
-        np.add.at(force[:, 0], w.node[on], (points.area / self.layer)[w.node[on]] * depth)
-        np.add.at(force[:, 1:], w.node[on], w.shear[on])
-        force = points.to_nodes(force, self.own.nodes.size)
-        traction = np.zeros((num_nodes, 4))
-        traction[self.own.nodes] = force / self.own.area[:, None]
-        return traction[:, 0], np.linalg.norm(traction[:, 1:], axis=1)
+        p = self.pairs
+        facet = p.candidate[p.closest[pairs]]
+        layers = self.layer[p.node[pairs]] + self.surface.layer_of_facet[facet]
+        return p.stiffness[pairs] * layers
 
 
 def _finder(global_facet):

@@ -45,6 +45,10 @@ class Points:
     def num_points(self):
         return self.area.size
 
+    def nodes_around(self, points):
+        """Surface nodes of the given points: one array for points at nodes, else three."""
+        return (points,) if self.corner is None else tuple(self.corner[points].T)
+
     def to_nodes(self, values, num_nodes):
         """Values at points, shape (num_points, k), spread to surface nodes (num_nodes, k)."""
         if self.corner is None:

@@ -1,26 +1,36 @@
-"""Surfaces that overlap in the image are moved apart before the test, without strain."""
+"""Surfaces that overlap in the image are parted, and small gaps closed, without strain.
+
+Both come before the reference configuration is fixed, so no stress and no energy belong to
+them. A voxel image shows grains that touch or interlock as overlaps and gaps of its own
+resolution; where gaps are closed, neighbours meet in extended, flat contacts, as those of the
+interlocked sand of Fonseca et al. (2012).
+"""
 
 from dataclasses import asdict, dataclass
 
 import numpy as np
-import ufl
-from dolfinx import fem
-from dolfinx.fem.petsc import apply_lifting, assemble_matrix, create_vector
 from mpi4py import MPI
-from petsc4py import PETSc
 
+from ..errors import InputError
 from .assemble import Contact
+from .nodal import current_gaps
+from .reshape import extend, set_reference, volumes
 from .walls import Walls
 
-#: An overlap below this many mean facet edges counts as none.
+#: An overlap, or what remains of a gap, below this many mean facet edges counts as none.
 TOLERANCE = 1e-3
-#: Elements keep at least this part of their volume.
-SMALLEST_VOLUME = 0.5
+#: Nodes nearer than this many mean facet edges to a neighbour count for the contact area.
+TOUCHING = 1e-2
+#: Gaps up to this many times the distance that is closed are narrowed, the less the wider.
+TAPER = 2.0
+#: Cosine between the way to a neighbour and the outward normal of that facet around the node
+#: that faces it best: below the first a gap stays, above the second it closes.
+FACING = 0.5, 0.8
 
 
 @dataclass(frozen=True)
 class Separation:
-    """What the separation did, over all ranks."""
+    """What was moved, over all ranks."""
 
     overlap_nodes: int  #: nodes inside another grain before
     max_depth: float  #: deepest of them [m]
@@ -28,141 +38,189 @@ class Separation:
     remaining_depth: float  #: deepest of them [m]; it becomes the offset of that gap
     max_shift: float  #: largest shift of a node [m]
     volume_change: float  #: relative change of the volume of all grains [-]
+    smallest_volume: float  #: of an element over that before [-]
+    close_gaps: float  #: gaps up to this distance were to be closed [m]
+    gap_nodes: int  #: nodes that faced another grain within that distance
+    remaining_gap_nodes: int  #: of these, nodes still not touching after
+    contact_area_before: float  #: of nodes that touch another grain, each side half [m²]
+    contact_area: float  #: the same after
     num_sweeps: int  #: searches it took
 
     def as_dict(self):
         return asdict(self)
 
 
-def separate(mesh, max_shift, max_sweeps=15):
-    """Move the nodes of ``mesh`` until no node lies inside another grain. Collective.
+def separate(mesh, max_shift, close_gaps=0.0, close_gaps_over_h=0.0, max_sweeps=15):
+    """Move the nodes of ``mesh`` until surfaces neither overlap nor miss each other. Collective.
 
-    A surface node at depth d moves by d/2 along the normal of the surface that it is
-    behind; the other surface does the same. Interior nodes follow by a harmonic
-    extension, so that elements keep their shape. The reference configuration,
-    ``mesh.x`` and the geometry of the DOLFINx mesh, is changed in place.
+    A surface node at depth d moves by d/2 along the normal of the surface that it is behind;
+    the other surface does the same. Likewise a node that faces another grain across a gap g no
+    wider than G = ``close_gaps`` moves by g/2 towards it; between G and 2 G the move falls
+    smoothly to nothing. Interior nodes follow by a harmonic extension. The reference
+    configuration, ``mesh.x`` and the geometry of the DOLFINx mesh, is changed in place.
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         max_shift: Largest shift of a node, in mean facet edges.
-        max_sweeps: Searches at most.
+        close_gaps: Gaps to close [m], none if 0.
+        close_gaps_over_h: The same in mean facet edges; one of both is 0.
+        max_sweeps: Searches at most; where gaps are closed, again as many, which only undo
+            what went too far.
 
     Returns:
         :class:`Separation`.
+
+    Raises:
+        InputError: The gaps to close are wider than ``max_shift`` allows; on all ranks.
     """
-    comm = mesh.comm
     first = mesh.x.copy()
-    x = mesh.x.copy()
-    shift = np.zeros_like(x)
-    found = None
-    for sweep in range(max_sweeps + 1):
-        nodes, depth, normal, edge = _overlaps(mesh, x)
-        count = comm.allreduce(int((depth > TOLERANCE * edge).sum()))
-        deepest = comm.allreduce(depth.max(initial=0.0), op=MPI.MAX)
-        if found is None:
-            found = (count, deepest)
-        if count == 0 or sweep == max_sweeps:
+    x, shift = first, np.zeros_like(first)
+    before = gaps = _Gaps(mesh, x)
+    close_gaps = close_gaps or close_gaps_over_h * before.edge
+    if close_gaps > 2 * max_shift * before.edge:
+        raise InputError(
+            f"sample.close_gaps = {close_gaps:.3g} m, expected at most {2 * max_shift:g} of the "
+            f"mean edge of facets, {before.edge:.3g} m: each side moves by no more than half of it"
+        )
+    wanted = _Wanted(before, close_gaps)
+    limit = max_shift * before.edge
+    last = max_sweeps if close_gaps == 0 else 2 * max_sweeps
+    for sweep in range(last + 1):
+        move = wanted.moves(gaps, narrow=sweep < max_sweeps)
+        if not mesh.comm.allreduce(np.count_nonzero(move)) or sweep == last:
             break
         # A node inside two grains moves out of both.
-        np.add.at(shift, nodes, 0.5 * (depth + TOLERANCE * edge)[:, None] * normal)
+        np.add.at(shift, gaps.nodes, move[:, None] * gaps.normal)
         length = np.linalg.norm(shift, axis=1)
-        shift *= np.minimum(1.0, max_shift * edge / np.maximum(length, 1e-300))[:, None]
+        shift *= np.minimum(1.0, limit / np.maximum(length, 1e-300))[:, None]
         x = first + shift
-
-    volume0 = _volumes(mesh, first)
-    if found[0]:
-        x = _extend(mesh, first, shift, volume0)
-        _, depth, _, edge = _overlaps(mesh, x)
-        count = comm.allreduce(int((depth > TOLERANCE * edge).sum()))
-        deepest = comm.allreduce(depth.max(initial=0.0), op=MPI.MAX)
-        _set_reference(mesh, x)
+        gaps = _Gaps(mesh, x)
+    after = before
+    if sweep:
+        x = extend(mesh, first, shift)
+        after = _Gaps(mesh, x)
+        set_reference(mesh, x)
+    comm = mesh.comm
+    v0, v = volumes(mesh, first), volumes(mesh, x)
     moved = np.linalg.norm(x - first, axis=1).max(initial=0.0)
-    before = comm.allreduce(volume0.sum())
+    overlap_nodes, max_depth = before.overlaps()
+    remaining_nodes, remaining_depth = after.overlaps()
     return Separation(
-        overlap_nodes=found[0],
-        max_depth=float(found[1]),
-        remaining_nodes=count,
-        remaining_depth=float(deepest),
+        overlap_nodes=overlap_nodes,
+        max_depth=max_depth,
+        remaining_nodes=remaining_nodes,
+        remaining_depth=remaining_depth,
         max_shift=float(comm.allreduce(moved, op=MPI.MAX)),
-        volume_change=float(comm.allreduce(_volumes(mesh, x).sum()) / before - 1),
+        volume_change=float(comm.allreduce(v.sum()) / comm.allreduce(v0.sum()) - 1),
+        smallest_volume=float(comm.allreduce((v / v0).min(initial=1.0), op=MPI.MIN)),
+        close_gaps=float(close_gaps),
+        gap_nodes=wanted.count(before),
+        remaining_gap_nodes=wanted.count(after),
+        contact_area_before=wanted.contact_area(before),
+        contact_area=wanted.contact_area(after),
         num_sweeps=sweep,
     )
 
 
-def _overlaps(mesh, x):
-    """Mesh nodes inside another grain, their depths, normals, and the mean facet edge."""
-    one = np.ones(mesh.num_grains)
-    contact = Contact(mesh, x, one, one, 0.0, 1.0, Walls([]))
-    contact.begin(x)
-    contact.add_forces(np.zeros_like(x), x, adopt=True)
-    pairs = contact.pairs
-    inside = np.flatnonzero(pairs.offset < 0)
-    contact.positions.destroy()
-    contact.forces.destroy()
-    nodes = contact.own.nodes[pairs.node[inside]]
-    return nodes, -pairs.offset[inside], pairs.normal[inside], contact.edge
+class _Gaps:
+    """Gaps between the surfaces of all grains at positions ``x``. Collective."""
+
+    def __init__(self, mesh, x):
+        one = np.ones(mesh.num_grains)
+        contact = Contact(mesh, x, one, one, 0.0, 1.0, Walls([]))
+        self.gap, self.normal = current_gaps(contact)
+        contact.positions.destroy()
+        contact.forces.destroy()
+        pairs, own = contact.pairs, contact.own
+        self.comm, self.edge = mesh.comm, contact.edge
+        self.nodes = own.nodes[pairs.node]
+        #: A number for each pair of a node and another grain, increasing.
+        self.key = pairs.node.astype(np.int64) * mesh.labels.size + pairs.grain
+        self._look(contact, pairs)
+
+    def _look(self, contact, pairs):
+        """How the facets around each node face the other grain."""
+        surface = contact.surface
+        a, b, c = (contact.positions.array[surface.facets[:, i]] for i in range(3))
+        normal = 0.5 * np.cross(b - a, c - a)
+        offset, node = surface.ring_offset, pairs.node
+        count = np.diff(offset)[node]
+        first = np.cumsum(count) - count
+        place = np.repeat(offset[node] - first, count) + np.arange(count.sum())
+        area = normal[surface.ring[place]]
+        along = -np.einsum("ij,ij->i", area, np.repeat(self.normal, count, axis=0))
+        #: Cosine between the way to the other grain and the best facet's outward normal.
+        self.facing = _reduce(np.maximum, along / np.linalg.norm(area, axis=1), first)
+        #: Nodal area as the other grain sees it [m²].
+        self.area = _reduce(np.add, along / 3, first)
+
+    def overlaps(self):
+        """Nodes inside another grain beyond the tolerance, and the deepest [m]. Collective."""
+        count = np.count_nonzero(self.gap < -TOLERANCE * self.edge)
+        deepest = self.comm.allreduce(abs(self.gap.min(initial=0.0)), op=MPI.MAX)
+        return int(self.comm.allreduce(count)), float(deepest)
 
 
-def _extend(mesh, first, shift, volume0):
-    """Positions after the shift of the surface has been continued into the grains."""
-    surface = np.unique(mesh.facets)
-    on_surface = np.zeros_like(shift)
-    on_surface[surface] = shift[surface]
-    inner = _harmonic(mesh, on_surface, surface)
-    scale = np.ones(mesh.num_grains)
-    for _ in range(6):
-        # The extension is linear, so that of a smaller shift is known.
-        moved = first + inner * scale[mesh.grain_of_node][:, None]
-        squeezed = np.unique(mesh.grain_of_cell[_volumes(mesh, moved) < SMALLEST_VOLUME * volume0])
-        scale[squeezed] *= 0.5
-        if not mesh.comm.allreduce(int(squeezed.size)):
-            return moved
-    # Grains that would still be squeezed stay as they are: their overlaps become offsets.
-    scale[squeezed] = 0.0
-    return first + inner * scale[mesh.grain_of_node][:, None]
+class _Wanted:
+    """The gap that each pair of a node and another grain shall have, from those at first."""
+
+    def __init__(self, gaps, distance):
+        self.key, self.area, self.facing = gaps.key, gaps.area, gaps.facing
+        self.tolerance = TOLERANCE * gaps.edge
+        g = np.maximum(gaps.gap, 0.0)
+        weight = np.zeros(g.size)
+        if distance > 0:
+            weight = 1.0 - _smooth_step((g / distance - 1.0) / (TAPER - 1.0))
+            weight *= _smooth_step((gaps.facing - FACING[0]) / (FACING[1] - FACING[0]))
+        self.gap = np.where(weight > 0, g * (1.0 - weight), np.inf)
+        #: Pairs whose gap shall vanish.
+        self.closing = (weight == 1.0) & (g > self.tolerance)
+
+    def _of(self, gaps):
+        """For each pair of ``gaps`` its place among those at first, and whether it has one."""
+        place = np.minimum(np.searchsorted(self.key, gaps.key), max(self.key.size - 1, 0))
+        return place, (self.key[place] == gaps.key if self.key.size else gaps.key < 0)
+
+    def moves(self, gaps, narrow):
+        """How far each pair's node has to move along the normal [m], shape (num_pairs,).
+
+        Out of overlaps, and, where ``narrow``, into gaps.
+        """
+        place, known = self._of(gaps)
+        wanted = np.full(gaps.gap.size, np.inf)
+        wanted[known] = self.gap[place[known]]
+        move = np.zeros(gaps.gap.size)
+        inside = gaps.gap < -self.tolerance
+        move[inside] = 0.5 * (self.tolerance - gaps.gap[inside])
+        # What is narrow enough is not widened again: only what overlaps moves back.
+        wide = narrow & (gaps.gap > wanted + self.tolerance)
+        move[wide] = -0.5 * (gaps.gap[wide] - wanted[wide])
+        return move
+
+    def count(self, gaps):
+        """Nodes whose gap to another grain shall vanish and has not. Collective."""
+        place, known = self._of(gaps)
+        closing = np.flatnonzero(known)[self.closing[place[known]]]
+        open_still = gaps.gap[closing] > TOUCHING * gaps.edge
+        return int(gaps.comm.allreduce(np.unique(gaps.nodes[closing[open_still]]).size))
+
+    def contact_area(self, gaps):
+        """Area of the nodes that touch another grain, each side half [m²]. Collective.
+
+        As seen along the way to the other grain at first, which has no direction where
+        surfaces touch.
+        """
+        place, known = self._of(gaps)
+        place, gap = place[known], gaps.gap[known]
+        touching = (gap < TOUCHING * gaps.edge) & (self.facing[place] > FACING[0])
+        return float(gaps.comm.allreduce(0.5 * self.area[place[touching]].sum()))
 
 
-def _harmonic(mesh, values, surface):
-    """Extension of values at surface nodes into the grains, each component for itself."""
-    W, component = mesh.V.sub(0).collapse()
-    node = np.asarray(component) // 3
-    of_node = np.empty(node.size, dtype=np.int32)
-    of_node[node] = np.arange(node.size, dtype=np.int32)
-    trial, test = ufl.TrialFunction(W), ufl.TestFunction(W)
-    laplace = fem.form(ufl.inner(ufl.grad(trial), ufl.grad(test)) * ufl.dx)
-    boundary = fem.Function(W)
-    condition = fem.dirichletbc(boundary, of_node[surface])
-    matrix = assemble_matrix(laplace, bcs=[condition])
-    matrix.assemble()
-    solver = PETSc.KSP().create(mesh.comm)
-    solver.setOperators(matrix)
-    solver.setType(PETSc.KSP.Type.CG)
-    solver.getPC().setType(PETSc.PC.Type.JACOBI)
-    # So tightly that the reference is the same on any number of ranks.
-    solver.setTolerances(rtol=1e-13)
-    solver.setErrorIfNotConverged(True)
-    right, solution = create_vector(W), create_vector(W)
-    extended = np.empty_like(values)
-    for i in range(3):
-        boundary.x.array[:] = values[node, i]
-        right.set(0.0)
-        apply_lifting(right, [laplace], bcs=[[condition]])
-        condition.set(right.array_w)
-        solver.solve(right, solution)
-        extended[node, i] = solution.array_r
-    extended[surface] = values[surface]
-    for used in (solver, matrix, right, solution):
-        used.destroy()
-    return extended
+def _reduce(operation, values, first):
+    return operation.reduceat(values, first) if first.size else np.empty(0)
 
 
-def _volumes(mesh, x):
-    edges = x[mesh.cells[:, 1:]] - x[mesh.cells[:, :1]]
-    return np.linalg.det(edges) / 6
-
-
-def _set_reference(mesh, x):
-    """Make ``x`` the reference configuration of the mesh and of its DOLFINx geometry."""
-    mesh.x[:] = x
-    geometry = mesh.mesh.geometry
-    geometry.x[geometry.dofmaps[0]] = x[mesh.V.dofmap.list]
+def _smooth_step(s):
+    """0 below 0, 1 above 1, between them the cubic with flat ends."""
+    s = np.clip(s, 0.0, 1.0)
+    return s * s * (3.0 - 2.0 * s)

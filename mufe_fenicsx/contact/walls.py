@@ -147,7 +147,7 @@ class Walls:
             _, at_old, at_new = np.intersect1d(
                 old, node.astype(np.int64) * n + wall, return_indices=True
             )
-            for name in ("gap", "offset", "closed", "anchor", "shear", "slip"):
+            for name in ("gap", "offset", "closed", "anchor", "shear", "slip", "push"):
                 getattr(pairs, name)[at_new] = getattr(self.pairs, name)[at_old]
         self.pairs = pairs
 
@@ -162,8 +162,8 @@ class Walls:
         point = self.point + ahead * self.velocity if ahead else self.point
         return add_wall_forces(
             f, self.force, self.torque, p.due, p.gap, p.offset, p.closed, p.anchor, p.shear, p.slip,
-            clock, x, p.node, p.wall, point, self.normal, layer, area, recess, ratio,
-            self.friction, adopt,
+            p.push, p.work, clock, x, p.node, p.wall, point, self.normal, layer, area, recess,
+            ratio, self.friction, adopt,
         )  # fmt: skip
 
     def add_stiffness(self, y, q, margin, clock, layer, area, ratio):
@@ -199,3 +199,5 @@ class _WallPairs:
         self.anchor = np.zeros((n, 3))
         self.shear = np.zeros((n, 3))
         self.slip = np.zeros(n)
+        self.push = np.zeros(n)
+        self.work = np.zeros(n)

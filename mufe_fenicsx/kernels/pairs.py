@@ -90,6 +90,21 @@ def _share(own_area, x, a, b, c):
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _anchor(sx, sy, sz, px, py, pz, nx, ny, nz, x, a, b, c):
+    """Weights of the point of the facet a, b, c that a spring s from the node leads to.
+
+    ``p`` is the closest point of the facet to the node and ``n`` the normal of the contact,
+    which differs from that of the facet on its edges and vertices. The spring lies
+    across n, so its end is moved along n into the facet: along the facet's own normal a
+    node at depth would find another spring in the next step.
+    """
+    ux, uy, uz = facet_normal(x, a, b, c)
+    slant = nx * ux + ny * uy + nz * uz
+    along = (sx * ux + sy * uy + sz * uz) / slant if slant > 0.1 else 0.0
+    return _project(px - sx + along * nx, py - sy + along * ny, pz - sz + along * nz, x, a, b, c)
+
+
+@numba.njit(cache=True, error_model="numpy")
 def add_pair_forces(
     f,
     due,
@@ -104,6 +119,8 @@ def add_pair_forces(
     anchor,
     shear,
     slip,
+    push,
+    work,
     clock,
     x,
     node,
@@ -146,6 +163,8 @@ def add_pair_forces(
         anchor: Weights of the anchor in the closest facet, shape (num_pairs, 3).
         shear: Friction on the node [N], shape (num_pairs, 3).
         slip: Accumulated slip [m], shape (num_pairs,).
+        push: Normal force on the node [N], shape (num_pairs,).
+        work: Energy dissipated by friction since the last search [J], shape (num_pairs,).
         clock: Bound of all relative motion so far [m].
         x: Positions [m], shape (num_nodes_with_ghosts, 3).
         node, first, candidate: Pairs, as in kernels.search.
@@ -212,8 +231,11 @@ def add_pair_forces(
                 tx = shear[p, 0]
                 ty = shear[p, 1]
                 tz = shear[p, 2]
-                dissipated += (tx * tx + ty * ty + tz * tz) / (2.0 * kt)
+                lost = (tx * tx + ty * ty + tz * tz) / (2.0 * kt)
+                dissipated += lost
+                work[p] += lost
                 closed[p] = False
+                push[p] = 0.0
                 shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
             due[p] = clock + max(g, 0.0)
             continue
@@ -237,9 +259,10 @@ def add_pair_forces(
             sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
             now2 = sx * sx + sy * sy + sz * sz
             keep = math.sqrt(length2 / now2) if now2 > 0.0 else 0.0
-            anchor[p, 0], anchor[p, 1], anchor[p, 2] = _project(
-                x[n, 0] - keep * sx, x[n, 1] - keep * sy, x[n, 2] - keep * sz, x, a, b, c
-            )
+            anchor[p, 0], anchor[p, 1], anchor[p, 2] = _anchor(
+                keep * sx, keep * sy, keep * sz, x[n, 0] - rx, x[n, 1] - ry, x[n, 2] - rz,
+                nx, ny, nz, x, a, b, c,
+            )  # fmt: skip
         if depth > largest_depth:
             num_deep += 1
             depth = largest_depth
@@ -248,6 +271,7 @@ def add_pair_forces(
         kn = stiffness[p]
         kt = kn * ratio_of_node[n]
         N = kn * depth
+        push[p] = N
         sx = x[n, 0] - anchor[p, 0] * x[a, 0] - anchor[p, 1] * x[b, 0] - anchor[p, 2] * x[c, 0]
         sy = x[n, 1] - anchor[p, 0] * x[a, 1] - anchor[p, 1] * x[b, 1] - anchor[p, 2] * x[c, 1]
         sz = x[n, 2] - anchor[p, 0] * x[a, 2] - anchor[p, 1] * x[b, 2] - anchor[p, 2] * x[c, 2]
@@ -260,12 +284,14 @@ def add_pair_forces(
             # Work of the mean friction of the step: exact for the trapezoidal rule.
             before2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
             slipped = (T - limit) / kt
-            dissipated += 0.5 * (math.sqrt(before2) + limit) * slipped
+            lost = 0.5 * (math.sqrt(before2) + limit) * slipped
+            dissipated += lost
+            work[p] += lost
             slip[p] += slipped
             sx, sy, sz = keep * sx, keep * sy, keep * sz
             # The anchor that leaves just this much of the spring.
-            anchor[p, 0], anchor[p, 1], anchor[p, 2] = _project(
-                x[n, 0] - sx, x[n, 1] - sy, x[n, 2] - sz, x, a, b, c
+            anchor[p, 0], anchor[p, 1], anchor[p, 2] = _anchor(
+                sx, sy, sz, x[n, 0] - rx, x[n, 1] - ry, x[n, 2] - rz, nx, ny, nz, x, a, b, c
             )
         tx, ty, tz = -kt * sx, -kt * sy, -kt * sz
         shear[p, 0], shear[p, 1], shear[p, 2] = tx, ty, tz

@@ -50,6 +50,8 @@ def add_wall_forces(
     anchor,
     shear,
     slip,
+    push,
+    work,
     clock,
     x,
     node,
@@ -75,6 +77,8 @@ def add_wall_forces(
         due, gap, offset, closed, slip: State of the pairs, shape (num_pairs,).
         anchor: Anchors relative to ``point`` [m], shape (num_pairs, 3).
         shear: Friction on the node [N], shape (num_pairs, 3).
+        push: Normal force on the node [N], shape (num_pairs,).
+        work: Energy dissipated by friction since the last search [J], shape (num_pairs,).
         clock: Bound of all relative motion so far [m].
         x: Positions [m], shape (num_nodes, 3).
         node, wall: The pairs, shape (num_pairs,).
@@ -109,8 +113,11 @@ def add_wall_forces(
         if depth <= 0.0:
             if closed[p]:
                 t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
-                dissipated += t2 / (2.0 * kt)
+                lost = t2 / (2.0 * kt)
+                dissipated += lost
+                work[p] += lost
                 closed[p] = False
+                push[p] = 0.0
                 shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
             due[p] = clock + max(g, 0.0)
             continue
@@ -119,6 +126,7 @@ def add_wall_forces(
             closed[p] = True
             anchor[p, 0], anchor[p, 1], anchor[p, 2] = rx, ry, rz
         N = kn * depth
+        push[p] = N
         sx, sy, sz = rx - anchor[p, 0], ry - anchor[p, 1], rz - anchor[p, 2]
         along = sx * nx + sy * ny + sz * nz
         sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
@@ -129,7 +137,9 @@ def add_wall_forces(
             # Work of the mean friction of the step: exact for the trapezoidal rule.
             before2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
             slipped = (T - limit) / kt
-            dissipated += 0.5 * (math.sqrt(before2) + limit) * slipped
+            lost = 0.5 * (math.sqrt(before2) + limit) * slipped
+            dissipated += lost
+            work[p] += lost
             slip[p] += slipped
             sx, sy, sz = keep * sx, keep * sy, keep * sz
             anchor[p, 0], anchor[p, 1], anchor[p, 2] = rx - sx, ry - sy, rz - sz

@@ -31,6 +31,8 @@ MESH_ARRAYS = (
     "Types",
     "CellData/grain",
 )
+#: Room for what a file holds beside its arrays [bytes].
+HEADERS = 64 * 1024
 
 
 class FieldWriter:
@@ -136,7 +138,10 @@ class FieldWriter:
 
         layout = None
         if self.comm.rank == 0:
-            message, layout = _attempt(path, lambda: _lay_out(part, arrays, small, links))
+            size = sum(r.total * v.itemsize * int(np.prod(v.shape[1:])) for _, v, r in arrays)
+            message, _ = _attempt(path, lambda: _try_room(part, size))
+            if message is None:
+                message, layout = _attempt(path, lambda: _lay_out(part, arrays, small, links))
         self._raise_together(message, part)
         layout = self.comm.bcast(layout)
         message, _ = _attempt(path, lambda: _write_rows(part, arrays, layout))
@@ -179,6 +184,16 @@ def _wrong_shape(arrays):
         if values.ndim == 0 or values.shape[0] != rows.count or values.ndim > 2:
             return f"shape of field {name} = {values.shape}, expected {rows.count} rows"
     return None
+
+
+def _try_room(path, size):
+    """Raise OSError unless ``size`` bytes and the headers fit on the disk.
+
+    HDF5 may end the whole program where it cannot write its headers.
+    """
+    with path.open("wb") as file:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(file.fileno(), 0, size + HEADERS)
 
 
 def _lay_out(path, arrays, small, links):

@@ -34,8 +34,9 @@ COLUMNS = (
     "residual",
     "num_contacts",
     "num_active_grains",
+    "num_active_contacts",
 )
-TEXT_COLUMNS = ("stage",)
+TEXT_COLUMNS = ("stage", "wall")
 
 
 class HistoryWriter:

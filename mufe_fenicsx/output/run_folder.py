@@ -26,6 +26,10 @@ OWN_FILES = (
     "fields/mesh.h5",
     "fields/states.vtkhdf.series",
     "figures/*.png",
+    "contacts/*.csv",
+    "contacts/*.vtkhdf",
+    "contacts/*.part",
+    "contacts/states.vtkhdf.series",
 )
 
 
@@ -94,7 +98,7 @@ def _remove_own_files(folder):
     for pattern in OWN_FILES:
         for path in folder.glob(pattern):
             path.unlink()
-    for name in ("fields", "figures"):
+    for name in ("fields", "figures", "contacts"):
         path = folder / name
         if path.is_dir() and not any(path.iterdir()):
             path.rmdir()

@@ -189,10 +189,17 @@ def _separation(separation):
     if not separation:
         return "not recorded"
     change = separation.get("volume_change")
+    closed = ""
+    if separation.get("close_gaps"):
+        before, after = (separation[f"contact_area{when}"] for when in ("_before", ""))
+        closed = (
+            f"gaps up to {quantity(separation['close_gaps'], 'm')} were closed, which took the "
+            f"area of contacts from {_area(before) or 0} to {_area(after) or 0}; "
+        )
     return (
         f"{number(separation.get('overlap_nodes', np.nan))} nodes were inside a neighbour, "
-        f"at most {quantity(separation.get('max_depth'), 'm')} deep; "
-        f"moving them out changed the volume of solids by "
+        f"at most {quantity(separation.get('max_depth'), 'm')} deep; {closed}"
+        f"moving surfaces changed the volume of solids by "
         f"{'an unknown share' if change is None else number(100 * change) + ' %'}"
     )
 

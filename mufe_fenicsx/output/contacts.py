@@ -1,0 +1,234 @@
+"""The contact network of the stored states: two tables and a picture for each.
+
+In the folder ``contacts``, numbered as the states in ``fields``:
+
+- ``contacts_0003.csv``: a row for each pair of grains, or grain and wall, that touch or whose
+  friction did work before; the columns of :data:`CONTACT_COLUMNS`;
+- ``grains_0003.csv``: a row for each grain; the columns of :data:`GRAIN_COLUMNS`;
+- ``0003.vtkhdf`` and ``states.vtkhdf.series``: active contacts as lines from centre to centre
+  (or from the wall to the centre) with what they carry as data, for ParaView.
+
+``pandas.read_csv`` opens the tables. SI units; sign conventions of
+:mod:`mufe_fenicsx.contact.network`: vectors are those on ``grain_a`` from ``grain_b``.
+
+Format of the lines: VTK documentation, "VTKHDF file format", PolyData, version 2.
+"""
+
+import csv
+import io
+import json
+import os
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.output.run_folder import raise_together, reason, write_atomically
+
+SERIES = "states.vtkhdf.series"
+
+
+def _vector(name):
+    return tuple(f"{name}_{axis}" for axis in "xyz")
+
+
+CONTACT_COLUMNS = (
+    "grain_a",  # label
+    "grain_b",  # label; 0 for a wall
+    "wall",  # name of the wall; empty between grains
+    "num_points",  # of contact, with pressure > 0, on both sides; 0 where the contact is open
+    "area",  # [m²], in the reference configuration
+    *_vector("normal"),  # mean over the area, from b to a
+    *_vector("centroid"),  # of the area [m]
+    *_vector("branch"),  # from the centre of b (or the centroid on the wall) to that of a [m]
+    *_vector("force"),  # [N]
+    "normal_force",  # along the mean normal, compression positive [N]
+    *_vector("shear"),  # force less its part along the mean normal [N]
+    *_vector("friction"),  # sum of the friction at the nodes [N]
+    *_vector("torque"),  # about the centroid [N m]
+    "friction_work",  # dissipated so far [J]
+)
+
+GRAIN_COLUMNS = (
+    "grain",  # label
+    "mass",  # [kg]
+    *_vector("center"),  # of mass [m]
+    "num_active_contacts",  # neighbours that press on it, N_cA of Nadimi & Fonseca (2018)
+    "num_active_walls",  # walls that press on it
+    "contact_area",  # with neighbours and walls [m²]
+    *_vector("force"),  # of all contacts and walls: mass times acceleration [N]
+    "friction_work",  # half of that with neighbours, all of that with walls [J]
+)
+
+
+class ContactWriter:
+    """Writes the network of stored states into the folder ``contacts``. Collective.
+
+    Args:
+        comm: MPI communicator; rank 0 writes.
+        folder: The run folder, which exists.
+
+    Raises:
+        InputError: The folder cannot be made; on all ranks together.
+    """
+
+    def __init__(self, comm, folder):
+        self.comm = comm
+        self.folder = Path(folder) / "contacts"
+        self._states = []
+        self._on_first_rank(lambda: self.folder.mkdir(exist_ok=True))
+
+    def write(self, index, time, network):
+        """Write one state.
+
+        Args:
+            index: Its number.
+            time: Time [s].
+            network: :class:`~mufe_fenicsx.contact.network.Network` on rank 0.
+
+        Raises:
+            InputError: It cannot be written; on all ranks together.
+        """
+        self._on_first_rank(lambda: self._write(index, float(time), network))
+
+    def _on_first_rank(self, action):
+        message = None
+        if self.comm.rank == 0:
+            try:
+                action()
+            except InputError as error:
+                message = str(error)
+            except (OSError, RuntimeError) as error:  # HDF5 raises either
+                message = f"{self.folder} cannot be written ({reason(error)})"
+        raise_together(self.comm, message)
+
+    def _write(self, index, time, network):
+        tables = (
+            ("contacts", CONTACT_COLUMNS, contact_rows(network)),
+            ("grains", GRAIN_COLUMNS, grain_rows(network)),
+        )
+        for name, columns, rows in tables:
+            text = io.StringIO()
+            table = csv.writer(text, lineterminator="\n")
+            table.writerow(columns)
+            table.writerows(rows)
+            write_atomically(self.folder / f"{name}_{index:04d}.csv", text.getvalue())
+        name = f"{index:04d}.vtkhdf"
+        write_lines(self.folder / name, time, network)
+        self._states = [state for state in self._states if state["name"] != name]
+        self._states.append({"name": name, "time": time})
+        series = {"file-series-version": "1.0", "files": self._states}
+        write_atomically(self.folder / SERIES, json.dumps(series, indent=1) + "\n")
+
+
+def contact_rows(network):
+    """Rows of the table of contacts, as Python numbers and text."""
+    c, n = network.contacts, network.labels.size
+    labels = np.append(network.labels, np.zeros(len(network.walls), network.labels.dtype))
+    walls = [""] * n + network.walls
+    columns = [
+        network.labels[c.a],
+        labels[c.b],
+        [walls[b] for b in c.b],
+        c.num_points,
+        c.area,
+        *c.normal.T,
+        *c.centroid.T,
+        *c.branch.T,
+        *c.force.T,
+        c.normal_force,
+        *c.shear_force.T,
+        *c.friction.T,
+        *c.torque.T,
+        c.work,
+    ]
+    return _rows(columns)
+
+
+def grain_rows(network):
+    """Rows of the table of grains, as Python numbers."""
+    c = network.contacts
+    half = np.where(c.b < network.labels.size, 0.5 * c.work, c.work)
+    columns = [
+        network.labels,
+        network.mass,
+        *network.center.T,
+        network.num_active(),
+        network.num_active(walls=True),
+        network.sum_over_contacts(c.area, c.area),
+        *network.sum_over_contacts(c.force, -c.force).T,
+        network.sum_over_contacts(half, half),
+    ]
+    return _rows(columns)
+
+
+def _rows(columns):
+    # As lists: Python writes numbers with as many digits as it takes to read them back.
+    return zip(*(c if isinstance(c, list) else c.tolist() for c in columns), strict=True)
+
+
+def write_lines(path, time, network):
+    """Write the active contacts as lines, a VTKHDF file of type PolyData.
+
+    Points are the centres of all grains, then the centroids on walls.
+    """
+    c, n = network.contacts, network.labels.size
+    on = np.flatnonzero(c.active)
+    at_wall = c.b[on] >= n
+    to = c.b[on].copy()
+    to[at_wall] = n + np.arange(at_wall.sum())
+    lines = np.column_stack([c.a[on], to])
+    points = np.concatenate([network.center, c.centroid[on][at_wall]])
+    on_walls = np.zeros(points.shape[0] - n, dtype=np.int64)
+    data = {
+        "area": c.area[on],
+        "force": c.force[on],
+        "friction_work": c.work[on],
+        "normal": c.normal[on],
+        "normal_force": c.normal_force[on],
+        "shear_force": np.linalg.norm(c.shear_force[on], axis=1),
+        "torque": c.torque[on],
+        "wall": at_wall.astype(np.int8),
+    }
+    part = path.with_name(path.name + ".part")
+    try:
+        with h5py.File(part, "w") as file:
+            group = file.create_group("VTKHDF")
+            group.attrs["Version"] = np.array([2, 0], dtype=np.int64)
+            group.attrs.create("Type", "PolyData", dtype=h5py.string_dtype("ascii", 8))
+            group["NumberOfPoints"] = [points.shape[0]]
+            group["Points"] = points
+            for kind in ("Vertices", "Lines", "Polygons", "Strips"):
+                ends = lines if kind == "Lines" else np.empty((0, 2), np.int64)
+                cells = group.create_group(kind)
+                cells["NumberOfCells"] = [len(ends)]
+                cells["NumberOfConnectivityIds"] = [ends.size]
+                cells["Connectivity"] = ends.ravel().astype(np.int64)
+                cells["Offsets"] = 2 * np.arange(len(ends) + 1, dtype=np.int64)
+            for name, values in data.items():
+                group[f"CellData/{name}"] = values
+            group["PointData/grain"] = np.append(network.labels, on_walls).astype(np.int64)
+            group["PointData/num_active_contacts"] = np.append(network.num_active(), on_walls)
+            group["FieldData/TimeValue"] = [time]
+        os.replace(part, path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+
+
+def read_contacts(run_folder, index):
+    """The tables of contacts and of grains of one stored state.
+
+    Returns:
+        Two dicts column -> array; no network of that state: two empty ones.
+
+    Raises:
+        InputError: A table cannot be read.
+    """
+    folder = Path(run_folder) / "contacts"
+    paths = [folder / f"{name}_{index:04d}.csv" for name in ("contacts", "grains")]
+    if not all(path.exists() for path in paths):
+        return {}, {}
+    return tuple(read_history(path) for path in paths)
