@@ -53,8 +53,13 @@ def test_overlap():
     run("overlap", element_size=0.5, steps=20)
 
 
+@pytest.mark.mpi
+def test_packing():
+    run("packing", columns=2, layers=2, states=5)
+
+
 def test_all_cases_of_the_command_line_exist():
-    expected = {"column", "patch", "spin", "sliding-block", "energy", "hertz", "overlap"}
+    expected = {"column", "patch", "spin", "sliding-block", "energy", "hertz", "overlap", "packing"}
     assert set(CASES) == expected
     for function in CASES.values():
         assert function.__doc__.splitlines()[0]
