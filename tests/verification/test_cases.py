@@ -48,12 +48,10 @@ def test_hertz():
     run("hertz", elements_per_radius=1.5, growth=0.25)
 
 
-@pytest.mark.mpi
 def test_overlap():
     run("overlap", element_size=0.5, steps=20)
 
 
-@pytest.mark.mpi
 def test_packing():
     run("packing", columns=2, layers=2, states=5)
 
