@@ -8,6 +8,7 @@ from .column import column
 from .energy import energy
 from .hertz import hertz
 from .overlap import overlap
+from .packing import packing
 from .patch import patch
 from .sliding import sliding_block
 from .spin import spin
@@ -20,6 +21,7 @@ CASES = {
     "energy": energy,
     "hertz": hertz,
     "overlap": overlap,
+    "packing": packing,
 }
 
 

@@ -48,13 +48,16 @@ def test_hertz():
     run("hertz", elements_per_radius=1.5, growth=0.25)
 
 
-@pytest.mark.mpi
 def test_overlap():
     run("overlap", element_size=0.5, steps=20)
 
 
+def test_packing():
+    run("packing", columns=2, layers=2, states=5)
+
+
 def test_all_cases_of_the_command_line_exist():
-    expected = {"column", "patch", "spin", "sliding-block", "energy", "hertz", "overlap"}
+    expected = {"column", "patch", "spin", "sliding-block", "energy", "hertz", "overlap", "packing"}
     assert set(CASES) == expected
     for function in CASES.values():
         assert function.__doc__.splitlines()[0]
