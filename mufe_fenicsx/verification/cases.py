@@ -7,6 +7,8 @@ from ..errors import InputError
 from .column import column
 from .energy import energy
 from .hertz import hertz
+from .impact import impact
+from .oblique_impact import oblique_impact
 from .patch import patch
 from .sliding import sliding_block
 from .spin import spin
@@ -18,6 +20,8 @@ CASES = {
     "sliding-block": sliding_block,
     "energy": energy,
     "hertz": hertz,
+    "impact": impact,
+    "oblique-impact": oblique_impact,
 }
 
 

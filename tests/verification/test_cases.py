@@ -48,8 +48,21 @@ def test_hertz():
     run("hertz", elements_per_radius=1.5, growth=0.25)
 
 
+@pytest.mark.mpi
+def test_impact():
+    run("impact", num_speeds=1)
+
+
+@pytest.mark.mpi
+def test_oblique_impact():
+    run("oblique-impact", a_over_R=0.06, elements_per_radius=1.5, growth=0.4)
+
+
 def test_all_cases_of_the_command_line_exist():
-    assert set(CASES) == {"column", "patch", "spin", "sliding-block", "energy", "hertz"}
+    assert set(CASES) == {"column", "patch", "spin", "sliding-block", "energy", "hertz"} | {
+        "impact",
+        "oblique-impact",
+    }
     for function in CASES.values():
         assert function.__doc__.splitlines()[0]
 
