@@ -11,8 +11,9 @@ from .case import axis_planes
 
 
 def build(
-    comm, bodies, material, low, high, axes="xyz", wall_friction=None, velocity=None, **options
-):
+    comm, bodies, material, low, high, axes="xyz", wall_friction=None, velocity=None, walls=(),
+    **options,
+):  # fmt: skip
     """Bodies of one material between smooth planes. Collective.
 
     Args:
@@ -23,13 +24,14 @@ def build(
         axes: Which pairs of walls there are.
         wall_friction: Coefficient by the name of a wall, 0 where absent.
         velocity: ``velocity(x, grain)`` at the start [m/s], for arrays of nodes.
+        walls: Further :class:`~mufe_fenicsx.contact.walls.Wall`, in any position.
         options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
     """
     friction = wall_friction or {}
     walls = [
         Wall(name, point, normal, friction=friction.get(name, 0.0))
         for name, (point, normal) in axis_planes(low, high, axes).items()
-    ]
+    ] + list(walls)
     weights = [len(cells) for _, cells in bodies]
     centroids = [points.mean(axis=0) for points, _ in bodies]
     rank_of_grain = partition_grains(weights, centroids, comm.size)

@@ -7,6 +7,8 @@ from ..errors import InputError
 from .column import column
 from .energy import energy
 from .hertz import hertz
+from .impact import impact
+from .oblique_impact import oblique_impact
 from .overlap import overlap
 from .packing import packing
 from .patch import patch
@@ -22,6 +24,8 @@ CASES = {
     "hertz": hertz,
     "overlap": overlap,
     "packing": packing,
+    "impact": impact,
+    "oblique-impact": oblique_impact,
 }
 
 

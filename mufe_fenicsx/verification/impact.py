@@ -1,0 +1,143 @@
+"""An elastic ball that meets a rigid plane, and two that meet each other, head on."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..materials.elastic import Elastic
+from ..theory.ball_impact import ball_impact
+from ..theory.impact import hertz_impact
+from ..theory.sphere_modes import vibration_loss
+from .case import case, compare
+from .collide import Balls, Impacts
+
+QUARTZ, RADIUS = Elastic(100e9, 0.15, 2650.0), 1e-3
+SPEEDS = (10.0, 1.0, 0.1)
+#: What meets what, in the order of the arrays below.
+PARTNERS = ("plane", "ball")
+
+
+@dataclass(frozen=True)
+class NormalImpact:
+    """Course of the impacts on a plane and on a ball, the latter against the plane between."""
+
+    time: np.ndarray  #: since the start [s], shape (num_samples,)
+    force: np.ndarray  #: on the ball [N], shape (num_samples, 2)
+    approach: np.ndarray  #: of its centre and the plane [m], shape (num_samples, 2)
+    contact_time: np.ndarray  #: from the first force to the last [s], shape (2,)
+    restitution: np.ndarray  #: speed after over speed before, shape (2,)
+    gain: float  #: largest sum of all energies over the first kinetic one, less 1
+    mass: float  #: of the ball's mesh [kg]
+    balls: Balls
+
+
+def normal_impact(
+    comm, speed, elements_per_radius=2.5, growth=0.3, material=QUARTZ, radius=RADIUS, **options
+):
+    """Let a ball fly against a plane, and two balls against each other at twice the speed.
+
+    Collective, on at most 3 ranks.
+
+    Args:
+        comm: MPI communicator.
+        speed: Against the plane [m/s].
+        elements_per_radius: Contact radius over the length of edges there.
+        growth: Growth of the element size with the distance from the contact.
+        material, radius: Of the balls [m].
+        options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
+
+    Returns:
+        :class:`NormalImpact`.
+    """
+    theory = hertz_impact(
+        4 / 3 * math.pi * radius**3 * material.rho, radius, material.contact_modulus, speed
+    )
+    a = math.sqrt(theory.approach * radius)
+    impacts = Impacts(
+        radius, a, a / elements_per_radius, speed, on_plane=((0.0, 0.0),), on_ball=((0.0, 0.0),),
+        growth=growth,
+    )  # fmt: skip
+    balls = Balls(comm, impacts, material, **options)
+    time, velocity, energy = balls.run(1.05 * theory.time, every=2)
+    # The ball on the plane, and the upper one of the pair.
+    v = velocity[:, :2] @ balls.frame[0]
+    mass = balls.rigid_motion().mass[:2]
+    force = mass * np.gradient(v, time, axis=0)
+    way = np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(time)[:, None], axis=0)
+    approach = -np.concatenate([np.zeros((1, 2)), way]) - balls.gap
+    on = force > 1e-6 * force.max(axis=0)
+    contact_time = [np.ptp(time[on[:, k]]) for k in range(2)]
+    return NormalImpact(
+        time=time,
+        force=force,
+        approach=approach,
+        contact_time=np.array(contact_time),
+        restitution=-v[-1] / v[0],
+        gain=float(energy[:, 1].max() - 1),
+        mass=float(mass[0]),
+        balls=balls,
+    )
+
+
+def impact_theory(mass, speed, material=QUARTZ, radius=RADIUS):
+    """Hertz's impact, that of the whole ball, and the part of the energy left in vibrations."""
+    modulus, nu = material.contact_modulus, material.nu
+    return (
+        hertz_impact(mass, radius, modulus, speed),
+        ball_impact(mass, radius, modulus, nu, speed),
+        vibration_loss(mass, radius, modulus, nu, material.rho, speed),
+    )
+
+
+@case("impact", num_bodies=3)
+def impact(comm, elements_per_radius=2.5, growth=0.3, num_speeds=3, time_step_factor=0.9):
+    """A ball meets a rigid plane, and another ball, head on at 10, 1 and 0.1 m/s: Hertz's impact.
+
+    Hertz takes the ball for a half-space with all of its mass far away; that of the whole ball
+    (theory.ball_impact) leaves the error of the mesh. The mass is that of the
+    mesh, whose facets cut off up to 3 % of the sphere. What the rebound loses to vibration
+    comes from the ball's free modes (theory.sphere_modes).
+
+    Args:
+        comm: MPI communicator.
+        elements_per_radius: Contact radius over the length of edges there.
+        growth: Growth of the element size with the distance from the contact.
+        num_speeds: How many of the three speeds; the last takes most of the time.
+        time_step_factor: Time step over the limit of stability. Nodes meet the plane one
+            by one, each slowly: at 0.9 they gain 1e-6 of the energy, at 1.2 5e-4.
+    """
+    results, simulations = {}, []
+    for speed in SPEEDS[:num_speeds]:
+        found = normal_impact(
+            comm, speed, elements_per_radius, growth, time_step_factor=time_step_factor
+        )
+        simulations.append(found.balls.simulation)
+        hertz, whole, loss = impact_theory(found.mass, speed)
+        for k, partner in enumerate(PARTNERS):
+            for name, value, of_hertz, theory in (
+                ("contact time [s]", found.contact_time[k], hertz.time, whole.time),
+                ("largest force [N]", found.force[:, k].max(), hertz.force, whole.force),
+                (
+                    "largest approach [m]",
+                    found.approach[:, k].max(),
+                    hertz.approach,
+                    whole.approach,
+                ),
+            ):
+                label = f"{speed:g} m/s on a {partner}: {name}"
+                # The target of the method at this mesh.
+                results[label] = compare(value, theory, 0.02)
+                # Finite size is in this one: that of the theory for the whole ball is added.
+                results[f"{label}, Hertz"] = compare(
+                    value, of_hertz, 0.02 + abs(theory / of_hertz - 1)
+                )
+            # The target; vibration takes 1e-4 at most, and the mesh's own as much.
+            results[f"{speed:g} m/s on a {partner}: restitution"] = compare(
+                found.restitution[k], math.sqrt(1 - loss), 0.01
+            )
+        # The target of the method.
+        results[f"{speed:g} m/s: energy gained"] = compare(
+            max(found.gain, 0.0), 0.0, 1e-3, scale=1.0
+        )
+    return results, simulations
