@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from .contact.laws import COMPLIANCE
 from .errors import InputError
 from .geometry.settings import MeshSettings, SegmentSettings
 from .materials.elastic import Elastic
@@ -81,7 +82,7 @@ class Contact:
     friction: float  #: coefficient of friction between grains [-]
     points: str = "facets"  #: where it acts: centroids of "facets", "facets3" (three) or "nodes"
     law: str = "matched"  #: normal law: stiffness "matched" to the mesh, or "kinematic"
-    compliance: float = 0.09  #: layer of compliance·h/E* on each side, h the mesh size [-]
+    compliance: float = COMPLIANCE  #: layer of compliance·h/E* on each side, h the mesh size [-]
     wall_friction: float = 0.0  #: coefficient of friction of walls that state none [-]
 
     def __post_init__(self):

@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from .contact.assemble import Contact
 from .contact.bonded import Bonded
+from .contact.laws import COMPLIANCE
 from .contact.network import num_active_pairs
 from .contact.walls import Walls
 from .errors import SolverError
@@ -48,7 +49,7 @@ class Simulation:
         walls=(),
         *,
         friction=0.0,
-        compliance=0.09,
+        compliance=COMPLIANCE,
         points="facets",
         law="matched",
         averaged=True,

