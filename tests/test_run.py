@@ -10,6 +10,7 @@ from mpi4py import MPI
 from mufe_fenicsx.errors import InputError, SolverError
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.materials.j2 import J2
+from mufe_fenicsx.output.contacts import read_contacts
 from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.run import load_mesh, run_scene
@@ -72,6 +73,15 @@ def test_run_writes_what_it_did(folder, grains):
     deviator[:, :3] -= mean[:, None]
     mises = np.sqrt(1.5 * (deviator**2 * [1, 1, 1, 2, 2, 2]).sum(axis=1))
     assert np.allclose(mises, last.cell_data["von_mises"])
+    contacts, grains = read_contacts(out, 2)
+    # State and row of the last step hold the same numbers, added up in another order.
+    assert contacts["friction_work"].sum() == pytest.approx(history["friction"][-1], rel=1e-9)
+    top = contacts["normal_force"][contacts["wall"] == "z_max"].sum()
+    assert top == pytest.approx(history["force_z_max"][-1], rel=1e-9)
+    assert grains["num_active_contacts"].mean() == history["num_active_contacts"][-1]
+    assert np.sum(contacts["num_points"] > 0) > 4
+    slip, gap = last.point_data["contact_slip"], last.point_data["contact_gap"]
+    assert slip.max() > 0 and np.all((last.point_data["contact_pressure"] > 0) <= (gap < 0))
     assert load_scene(out / "scene.toml").oedometer == small_scene().oedometer
     assert json.loads((out / "run.json").read_text())["num_ranks"] == comm.size
 

@@ -91,6 +91,7 @@ def exchange_surface(comm, own, layer_of_facet, x, reach):
     grain, layer = own.grain_of_facet, layer_of_facet
     use = np.ones(facets.shape[0], dtype=bool)
     ghosts = np.empty(0, dtype=np.int64)
+    neighbor, ring_offset, ring = own.neighbor, own.ring_offset, own.ring
 
     if comm.size > 1:
         outgoing = _select(comm, own, layer_of_facet, x, reach, first_node, first_facet)
@@ -98,21 +99,28 @@ def exchange_surface(comm, own, layer_of_facet, x, reach):
         if incoming:
             far_nodes = np.concatenate([part["nodes"] for part in incoming])
             ghosts, far_facets = np.unique(far_nodes, return_inverse=True)
-            far_facets = far_facets.reshape(-1, 3) + num_own
-            facets = np.vstack([facets, far_facets]).astype(np.int32)
+            far_facets = far_facets.reshape(-1, 3)
+            # Grains are whole on their ranks, so far facets neighbour far facets only.
+            num_near = facets.shape[0]
+            far_neighbor = neighbors(far_facets)
+            far_neighbor[far_neighbor >= 0] += num_near
+            neighbor = np.vstack([neighbor, far_neighbor])
+            far_offset, far_ring = rings(far_facets, ghosts.size)
+            ring_offset = np.concatenate([ring_offset, ring_offset[-1] + far_offset[1:]])
+            ring = np.concatenate([ring, far_ring + np.int32(num_near)])
+            facets = np.vstack([facets, far_facets + num_own]).astype(np.int32)
             global_facet = np.concatenate([global_facet, *[part["facet"] for part in incoming]])
             grain = np.concatenate([grain, *[part["grain"] for part in incoming]])
             layer = np.concatenate([layer, *[part["layer"] for part in incoming]])
             use = np.concatenate([use, *[part["use"] for part in incoming]])
 
-    ring_offset, ring = rings(facets, num_own + ghosts.size)
     surface = Surface(
         facets=facets,
         global_facet=global_facet,
         grain_of_facet=grain.astype(np.int32),
         layer_of_facet=np.array(layer),
         use=use,
-        neighbor=neighbors(facets),
+        neighbor=neighbor,
         ring_offset=ring_offset,
         ring=ring,
     )

@@ -12,7 +12,6 @@ import numpy as np
 
 from ..errors import InputError
 from .laws import edge_of_area
-from .surface import neighbors
 
 #: Barycentric coordinates of the quadrature points of a facet, of equal weight.
 RULES = {
@@ -114,7 +113,7 @@ def sharp_vertices(own, x):
     a, b, c = (x[own.nodes[own.facets[:, i]]] for i in range(3))
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    across = neighbors(own.facets)
+    across = own.neighbor
     sharp = np.zeros(own.nodes.size, dtype=bool)
     for i in range(3):
         other = across[:, i]

@@ -18,6 +18,9 @@ class OwnSurface:
     grain_of_facet: np.ndarray  #: global index of the grain, int32, shape (num_facets,)
     area: np.ndarray  #: nodal areas [m²], shape (num_nodes,)
     facet_area: np.ndarray  #: areas of the facets [m²], shape (num_facets,)
+    neighbor: np.ndarray  #: as returned by :func:`neighbors`
+    ring_offset: np.ndarray  #: as returned by :func:`rings`
+    ring: np.ndarray
 
 
 def own_surface(mesh, x):
@@ -27,6 +30,7 @@ def own_surface(mesh, x):
     a, b, c = (x[mesh.facets[:, i]] for i in range(3))
     facet_area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     area = np.bincount(facets.ravel(), np.repeat(facet_area / 3, 3), nodes.size)
+    ring_offset, ring = rings(facets, nodes.size)
     return OwnSurface(
         nodes=nodes.astype(np.int32),
         facets=facets,
@@ -34,6 +38,9 @@ def own_surface(mesh, x):
         grain_of_facet=mesh.grains[mesh.grain_of_facet].astype(np.int32),
         area=area,
         facet_area=facet_area,
+        neighbor=neighbors(facets),
+        ring_offset=ring_offset,
+        ring=ring,
     )
 
 

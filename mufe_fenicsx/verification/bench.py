@@ -17,6 +17,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..launcher import VARIABLES, find_mpirun
+from .bench_search import search, share_of_contact
 
 #: Whole step on one core [element-steps/s], two ranks over one, and memory [bytes a tet].
 TARGET_RATE, TARGET_SPEEDUP, TARGET_MEMORY = 10e6, 1.6, 2000.0
@@ -89,6 +90,7 @@ def demo(comm, *, grains, strain=0.01, speed=20.0, steps=100, repeats=5):
         simulation.step()
     result = _measure(comm, simulation, steps, repeats)
     result["num_contacts"] = simulation.num_contacts
+    result |= share_of_contact(simulation, int(steps) * int(repeats))
     return result
 
 
@@ -178,6 +180,10 @@ def _compare(name, parameters, ranks=(1, 2)):
     }
     if "num_contacts" in first:
         results["num_contacts"] = {"computed": first["num_contacts"]}
+        # Contact shall cost no more than the tets.
+        share = first["contact_over_tets"]
+        results["contact_over_tets_1_rank"] = _row(share, 1.0, share <= 1.0)
+        results["steps_per_search_1_rank"] = {"computed": first["steps_per_search"]}
     passed = all(row.get("passed", True) for row in results.values())
     return {"case": name, "parameters": parameters, "results": results, "passed": passed}
 
@@ -207,7 +213,7 @@ def _launch(name, parameters, num_ranks):
     return json.loads(done.stdout.splitlines()[-1])
 
 
-BENCHMARKS = {"box": compare_box, "demo": compare_demo}
+BENCHMARKS = {"box": compare_box, "demo": compare_demo, "search": search}
 MEASUREMENTS = {"box": box, "demo": demo}
 
 

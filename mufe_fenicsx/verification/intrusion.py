@@ -21,6 +21,7 @@ class Intrusion:
     """What of the bodies' surfaces lies inside other bodies."""
 
     depth: float  #: of the deepest point below the other body's surface [m]
+    vertex_depth: float  #: of the deepest vertex [m]
     num_vertices: int  #: vertices inside another body
     num_edges: int  #: edges that pierce a facet of another body
     place: np.ndarray | None  #: the deepest point [m], shape (3,); None without any
@@ -68,7 +69,7 @@ def find_intrusion(x, facets, body, reach):
     ]
     edge, facet = edge[pierces], facet[pierces]
     if not edge.size:
-        return Intrusion(0.0, 0, 0, None, None)
+        return Intrusion(0.0, 0.0, 0, 0, None, None)
     # Bodies can be inside each other only where a surface goes through the other.
     pairs = np.unique(
         np.sort(np.column_stack([body[edges[edge, 0]], body[facets[facet, 0]]]), axis=1), axis=0
@@ -86,7 +87,7 @@ def find_intrusion(x, facets, body, reach):
     both = np.sort(np.column_stack([owner[sample], body[facets[facet, 0]]]), axis=1)
     near = np.isin(both @ [base, 1], pairs @ [base, 1]) & (both[:, 0] != both[:, 1])
     sample, facet = sample[near], facet[near]
-    depth, place, bodies, vertices = 0.0, None, None, 0
+    depth, vertex_depth, place, bodies, vertices = 0.0, 0.0, None, None, 0
     for other in np.unique(body[facets[facet, 0]]):
         of_other = body[facets[facet, 0]] == other
         wanted, row = np.unique(sample[of_other], return_inverse=True)
@@ -98,11 +99,12 @@ def find_intrusion(x, facets, body, reach):
                 square = ipctk.point_triangle_distance(samples[wanted[k]], *x[facets[f]])
                 distance[k] = min(distance[k], np.sqrt(square))
         distance[~inside | np.isinf(distance)] = 0.0
+        vertex_depth = max(vertex_depth, distance[wanted < len(x)].max(initial=0.0))
         k = np.argmax(distance)
         if distance[k] > depth:
             depth, place = float(distance[k]), samples[wanted[k]]
             bodies = int(owner[wanted[k]]), int(other)
-    return Intrusion(depth, int(vertices), num_edges, place, bodies)
+    return Intrusion(depth, float(vertex_depth), int(vertices), num_edges, place, bodies)
 
 
 def _between(x, edges, facets, edge, facet):

@@ -49,12 +49,13 @@ def packing(
     s = Simulation(mesh, [MATERIAL] * mesh.num_grains, walls, friction=friction)
     area = (high - low)[0] * (high - low)[1]
     loading = OedometerLoading(s, strain, speed, 0.01, 1e5 * area, speed)
-    deepest, due = 0.0, 0.0
+    deepest = deepest_vertex = due = 0.0
     while True:
         if loading.progress >= due:
             due += strain / states
             found = intrusion_of(s)
             deepest = max(deepest, found.depth)
+            deepest_vertex = max(deepest_vertex, found.vertex_depth)
         if loading.finished:
             break
         loading.before_step()
@@ -63,6 +64,9 @@ def packing(
     bottom, top = s.wall_forces()[4:]
     e = s.energies()
     results = {
+        "deepest vertex inside another grain over h": compare(
+            deepest_vertex / s.contact.edge, 0.0, 0.1, scale=1.0
+        ),
         "deepest point inside another grain over h": compare(
             deepest / s.contact.edge, 0.0, 0.1, scale=1.0
         ),
