@@ -55,7 +55,7 @@ def test_impact():
 
 @pytest.mark.mpi
 def test_oblique_impact():
-    run("oblique-impact", a_over_R=0.06, elements_per_radius=1.5, growth=0.4)
+    run("oblique-impact", num_angles=1, a_over_R=0.06, growth=0.4)
 
 
 def test_all_cases_of_the_command_line_exist():
