@@ -136,11 +136,13 @@ def bulged_ball(points, cells, low=-np.inf):
 def _refine_at(gmsh, heights, smallest, growth, fine):
     """Size ``smallest`` within ``fine`` of points on the y axis, growing from there."""
     field = gmsh.model.mesh.field
+    # gmsh reads plain numbers only: the text of NumPy's would end the program.
+    smallest, growth, fine = float(smallest), float(growth), float(fine)
     sides = []
     for y in heights:
         distance = f"Sqrt(x^2+(y-({y}))^2+z^2)"
         sides.append(field.add("MathEval"))
-        field.setString(sides[-1], "F", f"{smallest!r}+{float(growth)!r}*({distance}-{fine!r})")
+        field.setString(sides[-1], "F", f"{smallest!r}+{growth!r}*({distance}-{fine!r})")
     nearest = field.add("Min")
     field.setNumbers(nearest, "FieldsList", sides)
     least = field.add("MathEval")

@@ -105,7 +105,7 @@ def impact(comm, elements_per_radius=2.5, growth=0.3, num_speeds=3, time_step_fa
         growth: Growth of the element size with the distance from the contact.
         num_speeds: How many of the three speeds; the last takes most of the time.
         time_step_factor: Time step over the limit of stability. Nodes meet the plane one
-            by one, each slowly: at 0.9 they gain 1e-6 of the energy, at 1.2 5e-4.
+            by one, each slowly: up to 1 they gain 1e-6 of the energy at most, at 1.2 5e-4.
     """
     results, simulations = {}, []
     for speed in SPEEDS[:num_speeds]:

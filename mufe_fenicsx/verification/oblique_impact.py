@@ -84,65 +84,83 @@ def rebound_theory(psi1, chi, nu=None, a_over_R=None):
     return np.array([theory.oblique_impact(p, chi, law=law).psi2 for p in np.atleast_1d(psi1)])
 
 
-@case("oblique-impact", num_bodies=18)
+@case("oblique-impact", num_bodies=3)
 def oblique_impact(
-    comm, elements_per_radius=2.0, a_over_R=0.04, nu=0.15, friction=0.2, growth=0.3,
-    time_step_factor=0.9,
+    comm, elements_per_radius=2.0, a_over_R=0.04, nu=0.15, plane_nu=0.45, friction=0.2,
+    growth=0.3, num_angles=6, time_step_factor=0.9,
 ):  # fmt: skip
     """Balls meet obliquely, from stick to full slip and grazing: the rebound of Maw et al. 1976.
 
-    Two like balls have no coupling of pressure and friction, as that theory assumes; they
-    are thrown at ψ₁ of 0.5 to 5, once by spin alone. A ball on a rigid plane has
-    (β = 0.41 at ν = 0.15), and rebounds by up to 0.25 in ψ₂ lower where it sticks; so only
-    full slip, ψ₂ = ψ₁ - 4χ, is compared there, where slip leaves friction one direction.
-    Angles and spin are of the rigid motion with the nodes' momenta; inertia and lever
-    arm are the mesh's, whose I/(m R²) is 0.42 and not 0.4.
+    That theory assumes that pressure moves nothing along the surface, as between two like
+    balls. On a rigid plane it does, by Dundurs' β: at ν = 0.15 and friction 0.2, ψ₂
+    is 0.2 lower at ψ₁ = 1 and 0.2 higher at ψ₁ = 5 on a plane than on a ball. So the balls that
+    meet the plane have another ν, near 0.5, where β = 0.09. Angles and spin are of the
+    rigid motion with the nodes' momenta; inertia and lever arm are the mesh's.
 
     Half-spaces take contacts for small: whole balls are softer along the surface, and
-    stiffer across, by some a/R each (theory.ball_impact), which lowers ψ₂ where it sticks.
+    stiffer across, by some a/R each (theory.ball_impact), which lowers ψ₂ by up to 0.1
+    where they stick.
 
     Args:
         comm: MPI communicator.
         elements_per_radius: Contact radius over the length of edges there.
         a_over_R: Largest contact radius over that of the balls; it sets the normal speed.
-        nu: Poisson's ratio.
+        nu: Poisson's ratio of the balls that meet each other.
+        plane_nu: That of those that meet the plane.
         friction: Coefficient of friction. Above 0.3 the line of centres of two balls turns
             too far while they slip; below 0.1 the mesh's centre of mass, off by 1e-4 R, counts.
         growth: Growth of the element size with the distance from the contact.
+        num_angles: How many of the six angles of balls, and of the three of the plane.
         time_step_factor: Time step over the limit of stability.
     """
-    angles = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
-    grazing = theory.tangential_ratio(nu) * GRAZING / friction
-    found = rebound(
-        comm,
-        on_plane=((10.0, 0.0), (grazing, 0.0)),
-        on_ball=(*((psi, 0.0) for psi in angles), (3.0, 1.0), (grazing, 0.0)),
-        a_over_R=a_over_R, friction=friction, elements_per_radius=elements_per_radius,
-        growth=growth, material=replace(QUARTZ, nu=nu), time_step_factor=time_step_factor,
+    options = {
+        "a_over_R": a_over_R,
+        "friction": friction,
+        "elements_per_radius": elements_per_radius,
+        "growth": growth,
+        "time_step_factor": time_step_factor,
+    }
+    angles = (3.0, 1.0, 5.0, 2.0, 4.0, 0.5)[:num_angles]
+    grazing = GRAZING / friction * theory.tangential_ratio(nu)
+    balls = rebound(
+        comm, on_ball=(*((psi, 0.0) for psi in angles), (3.0, 1.0), (grazing, 0.0)),
+        material=replace(QUARTZ, nu=nu), **options,
     )  # fmt: skip
-    psi1 = found.psi1[:-1]  # two balls that graze pass each other: no theory
+    names = [f"psi1 = {psi:g}" for psi in angles] + ["psi1 = 3 by spin"]
+    # Two balls that graze pass each other: there is no theory for their angle.
+    results = _compare(balls, "balls", names, nu, a_over_R)
+
+    angles = (2.0, 1.0, 3.0)[:num_angles]
+    grazing = GRAZING / friction * theory.tangential_ratio(plane_nu)
+    plane = rebound(
+        comm, on_plane=(*((psi, 0.0) for psi in angles), (8.0, 0.0), (grazing, 0.0)),
+        material=replace(QUARTZ, nu=plane_nu), **options,
+    )  # fmt: skip
+    names = [f"psi1 = {psi:g}" for psi in angles] + ["full slip", "grazing"]
+    results |= _compare(plane, "plane", names, plane_nu, a_over_R)
+    return results, [balls.balls.simulation, plane.balls.simulation]
+
+
+def _compare(found, partner, names, nu, a_over_R):
+    psi1 = found.psi1[: len(names)]
     half = rebound_theory(psi1, found.chi)
     whole = rebound_theory(psi1, found.chi, nu, a_over_R)
     # 5 % of the deepest reversal, and of the spin that full slip gives.
-    reversal = -rebound_theory(np.linspace(3.0, 4 * found.chi - 1, 8), found.chi).min()
+    reversal = -rebound_theory(np.linspace(2.0, 4 * found.chi - 1, 12), found.chi).min()
     slipped = theory.spin_change(4 * found.chi, 0.0, nu, found.gyration)
-    names = ["plane, full slip", "plane, grazing"]
-    names += [f"balls, psi1 = {psi:g}" for psi in angles] + ["balls, psi1 = 3 by spin"]
     results = {}
-    for name, before, after, spin, psi2, small in zip(
-        names, psi1, found.psi2, found.spin, whole, half, strict=False
-    ):
-        results[f"{name}: rebound"] = compare(after, psi2, 0.05, scale=reversal)
+    for k, name in enumerate(names):
+        label = f"{partner}, {name}"
+        spin = theory.spin_change(psi1[k], whole[k], nu, found.gyration)
+        results[f"{label}: rebound"] = compare(found.psi2[k], whole[k], 0.05, scale=reversal)
         # Finite size is in this one: that of the theory for whole balls is added.
-        results[f"{name}: rebound, half-spaces"] = compare(
-            after, small, 0.05 + abs(psi2 - small) / reversal, scale=reversal
+        results[f"{label}: rebound, half-spaces"] = compare(
+            found.psi2[k], half[k], 0.05 + abs(whole[k] - half[k]) / reversal, scale=reversal
         )
-        results[f"{name}: spin"] = compare(
-            spin, theory.spin_change(before, psi2, nu, found.gyration), 0.05, scale=slipped
-        )
-    # Friction takes energy; the target of the method.
-    results["largest kinetic energy after over before, if above 1"] = compare(
-        max(found.kinetic.max(), 1.0), 1.0, 1e-3
+        results[f"{label}: spin"] = compare(found.spin[k], spin, 0.05, scale=slipped)
+    # Friction only takes energy: all impacts, those that graze too. The target of the method.
+    results[f"{partner}: kinetic energy gained by an impact"] = compare(
+        max(found.kinetic.max() - 1, 0.0), 0.0, 1e-3, scale=1.0
     )
-    results["energy gained"] = compare(max(found.gain, 0.0), 0.0, 1e-3, scale=1.0)
-    return results, [found.balls.simulation]
+    results[f"{partner}: energy gained"] = compare(max(found.gain, 0.0), 0.0, 1e-3, scale=1.0)
+    return results

@@ -63,7 +63,7 @@ def test_impact():
 
 @pytest.mark.mpi
 def test_oblique_impact():
-    run("oblique-impact", a_over_R=0.06, elements_per_radius=2.0, growth=0.4)
+    run("oblique-impact", num_angles=1, a_over_R=0.06, growth=0.4)
 
 
 def test_every_case_of_the_command_line_says_what_it_is():

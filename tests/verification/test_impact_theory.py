@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.theory import ball_impact, finite_sphere, impact, oblique_impact, sphere_modes
+from mufe_fenicsx.verification.chung_ooi import PARTICLE_IMPACTS, angles_of_incidence
 
 NU = 0.3
 CHI = oblique_impact.inertia_parameter(NU)
@@ -142,3 +143,14 @@ def test_oblique_impact_against_finite_elements():
         psi1 = kappa * ratio
         found = oblique_impact.oblique_impact(psi1, CHI)
         assert oblique_impact.spin_change(psi1, found.psi2, NU) == pytest.approx(spin, abs=0.1)
+
+
+def test_angles_of_the_tests_of_chung_and_ooi():
+    """ψ₁ = κ tan α/μ, and κ v/(μ V); a contact slips at first where ψ₁ > 1."""
+    oxide, steel = (PARTICLE_IMPACTS[name] for name in ("4 aluminium oxide", "5 steel"))
+    kappa = oblique_impact.tangential_ratio(oxide.material.nu)
+    angles = angles_of_incidence(oxide)
+    assert angles[5] == pytest.approx(kappa * np.tan(np.pi / 6) / 0.092, rel=1e-13)
+    assert angles[0] < 1 < angles[1]
+    kappa = oblique_impact.tangential_ratio(steel.material.nu)
+    assert angles_of_incidence(steel)[5] == pytest.approx(kappa * 10 / (0.3 * 5), rel=1e-13)
