@@ -19,7 +19,7 @@ import numpy as np
 
 LAWS = ("matched", "kinematic")
 #: c of the layer, for tetrahedra with averaged pressure and contact at facets.
-COMPLIANCE = 0.24
+COMPLIANCE = 0.25
 
 
 def edge_of_area(area, num_triangles):

@@ -44,8 +44,17 @@ def test_energy():
 
 
 @pytest.mark.mpi
-def test_hertz():
-    run("hertz", elements_per_radius=1.5, growth=0.25)
+@pytest.mark.parametrize("bodies", ["sphere-plane", "spheres-E1:10", "cylinders"])
+def test_hertz(bodies):
+    run("hertz", bodies=bodies)
+
+
+def test_hertz_convergence():
+    run("hertz-convergence")
+
+
+def test_hertz_stress():
+    run("hertz-stress", elements_per_radius=2.5)
 
 
 def test_overlap():
@@ -82,6 +91,7 @@ def test_every_case_of_the_command_line_says_what_it_is():
         (["column"], {"divisions": "many"}, "whole number"),
         (["column"], {"divisions": 2.5}, "whole number"),
         (["column"], {"strain": "nan"}, "number"),
+        (["hertz"], {"bodies": "sphere"}, "sphere"),
     ],
 )
 def test_what_cannot_be_run_is_said_on_all_ranks(names, parameters, expected):
