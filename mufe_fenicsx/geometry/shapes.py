@@ -118,22 +118,27 @@ def sphere_near_contact(
         (surface,) = [tag for _, tag in gmsh.model.getBoundary([(3, ball)], oriented=False)]
         gmsh.model.mesh.embed(0, [tag for _, tag in poles], 2, surface)
 
-        field = gmsh.model.mesh.field
-        sides = []
-        for y, _ in poles:
-            distance = f"Sqrt(x^2+(y-({y}))^2+z^2)"
-            sides.append(field.add("MathEval"))
-            field.setString(sides[-1], "F", f"{h!r}+{float(growth)!r}*({distance}-{fine!r})")
-        nearest = field.add("Min")
-        field.setNumbers(nearest, "FieldsList", sides)
-        smallest = field.add("MathEval")
-        field.setString(smallest, "F", repr(h))
-        size = field.add("Max")
-        field.setNumbers(size, "FieldsList", [nearest, smallest])
-        field.setAsBackgroundMesh(size)
+        _refine_at(gmsh, [y for y, _ in poles], h, growth, fine)
         points, cells = _tets(gmsh)
 
     return radius * points @ _rotation_from_y(axis / np.linalg.norm(axis)).T, cells
+
+
+def _refine_at(gmsh, heights, smallest, growth, fine):
+    """Size ``smallest`` within ``fine`` of points on the y axis, growing from there."""
+    field = gmsh.model.mesh.field
+    sides = []
+    for y in heights:
+        distance = f"Sqrt(x^2+(y-({y}))^2+z^2)"
+        sides.append(field.add("MathEval"))
+        field.setString(sides[-1], "F", f"{smallest!r}+{float(growth)!r}*({distance}-{fine!r})")
+    nearest = field.add("Min")
+    field.setNumbers(nearest, "FieldsList", sides)
+    least = field.add("MathEval")
+    field.setString(least, "F", repr(smallest))
+    size = field.add("Max")
+    field.setNumbers(size, "FieldsList", [nearest, least])
+    field.setAsBackgroundMesh(size)
 
 
 def _even(largest, smallest=0.0):

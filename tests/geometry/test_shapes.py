@@ -5,6 +5,7 @@ import pytest
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import measure, shapes
+from mufe_fenicsx.geometry.half_ball import half_ball
 
 R, H = 1e-3, 2.5e-4
 
@@ -14,6 +15,9 @@ SHAPES = {
     "cylinder": (lambda: shapes.cylinder(R, 2 * R, H), 2 * np.pi * R**3, 0.03),
     "tetrahedron": (lambda: shapes.tetrahedron(R), R**3 / np.sqrt(72), 1e-12),
     "box": (lambda: shapes.box((R, 2 * R, 3 * R), (2, 3, 4)), 6 * R**3, 1e-12),
+    "half ball": (lambda: half_ball(R, R / 20, 0.3), 2 / 3 * np.pi * R**3, 0.04),
+    # π h² (R - h/3)
+    "cap": (lambda: half_ball(R, R / 20, 0.3, height=0.4 * R), np.pi * 0.16 * R**3 * 13 / 15, 0.04),
     "contact": (lambda: shapes.sphere_near_contact(R, R / 20, 0.3), 4 / 3 * np.pi * R**3, 0.04),
 }
 
@@ -54,8 +58,33 @@ def test_both_poles_are_nodes():
         assert np.linalg.norm(points - [0, 0, z], axis=1).min() < 1e-12 * R
 
 
+@pytest.mark.parametrize("height", [R, 0.4 * R])
+def test_half_ball_has_a_fine_pole_and_a_flat_base(height):
+    h, growth, a = R / 40, 0.3, 4 * R / 40
+    direction = np.array([1.0, -2.0, 2.0]) / 3
+    points, cells = half_ball(R, h, growth, direction, a, height=height)
+    depth = points @ direction
+    distance = np.linalg.norm(points - R * direction, axis=1)
+    assert distance.min() < 1e-12 * R
+    triangles = measure.boundary_triangles(cells)
+    on_base = np.abs(depth - (R - height)) < 1e-12 * R
+    base = triangles[on_base[triangles].all(axis=1)]
+    on_sphere = np.abs(np.linalg.norm(points, axis=1) - R) < 1e-9 * R
+    assert np.all((on_base | on_sphere)[triangles])
+    # The polygon of the rim lies inside its circle of radius √(2Rh - h²) by (edge/radius)²/6.
+    u, v = points[base[:, 1]] - points[base[:, 0]], points[base[:, 2]] - points[base[:, 0]]
+    area = 0.5 * np.linalg.norm(np.cross(u, v), axis=1).sum()
+    assert area == pytest.approx(np.pi * (2 * R * height - height**2), rel=0.03)
+    edges = np.unique(np.sort(triangles[:, :2], axis=1), axis=0)
+    length = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
+    # gmsh meets a size on average to about 10 %.
+    assert length[distance[edges].mean(axis=1) < 1.5 * a].mean() == pytest.approx(h, rel=0.1)
+
+
 def test_sizes_have_to_be_positive():
     with pytest.raises(InputError, match="radius of sphere = -1"):
         shapes.sphere(-1, 0.1)
     with pytest.raises(InputError, match="element size = nan"):
         shapes.sphere(1, float("nan"))
+    with pytest.raises(InputError, match="height of half ball"):
+        half_ball(1.0, 0.1, height=1.5)

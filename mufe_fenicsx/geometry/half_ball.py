@@ -1,0 +1,75 @@
+"""A ball cut by a plane: a body with one contact and a flat base to hold it by."""
+
+import numpy as np
+
+from ..errors import InputError
+from .gmsh_model import gmsh_model
+from .shapes import _even, _positive, _refine_at, _rotation_from_y, _tets
+
+
+def half_ball(
+    radius,
+    h_contact,
+    growth=0.1,
+    direction=(0.0, 0.0, -1.0),
+    contact_radius=None,
+    h_max=None,
+    height=None,
+):
+    """A cap of a ball, or half of one, that is fine at its pole.
+
+    The size is ``h_contact`` within 1.5 contact radii of the pole and grows
+    from there by ``growth`` per unit distance. The pole itself is a node, the
+    base is flat and normal to ``direction``.
+
+    Args:
+        radius: Radius of the ball, its centre at the origin [m].
+        h_contact: Length of edges at the contact [m].
+        growth: Increase of the size with the distance [-].
+        direction: From the centre to the pole.
+        contact_radius: Largest radius of the contact [m]; ``4 h_contact`` if None.
+        h_max: Largest size [m]; a third of the height if None.
+        height: From the base to the pole [m], at most the radius, which is the default.
+
+    Returns:
+        points (N, 3) [m] and positively oriented cells (M, 4).
+
+    Raises:
+        InputError: A size is not > 0, or the height exceeds the radius.
+    """
+    contact_radius = 4 * h_contact if contact_radius is None else contact_radius
+    height = radius if height is None else height
+    h_max = height / 3 if h_max is None else h_max
+    for name, value in {
+        "radius of half ball": radius,
+        "element size at the contact": h_contact,
+        "growth of the element size": growth,
+        "contact radius": contact_radius,
+        "largest element size": h_max,
+        "height of half ball": height,
+    }.items():
+        _positive(name, value)
+    if height > radius:
+        raise InputError(f"height of half ball = {height}, expected at most its radius, {radius}")
+    axis = np.asarray(direction, dtype=float)
+    _positive("length of direction", np.linalg.norm(axis))
+
+    h, fine, base = h_contact / radius, 1.5 * contact_radius / radius, 1 - height / radius
+    # The pole is at +y, away from the seam of gmsh's sphere, and turned afterwards.
+    with gmsh_model(_even(h_max / radius, smallest=h)) as gmsh:
+        occ = gmsh.model.occ
+        ball, upper = occ.addSphere(0, 0, 0, 1), occ.addBox(-2, base, -2, 4, 2, 4)
+        ((_, cap),), _ = occ.intersect([(3, ball)], [(3, upper)])
+        pole = occ.addPoint(0, 1, 0)
+        occ.synchronize()
+        (curved,) = [
+            tag
+            for _, tag in gmsh.model.getBoundary([(3, cap)], oriented=False)
+            if gmsh.model.getType(2, tag) == "Sphere"
+        ]
+        gmsh.model.mesh.embed(0, [pole], 2, curved)
+        _refine_at(gmsh, [1], h, growth, fine)
+        points, cells = _tets(gmsh)
+    on_base = np.abs(points[:, 1] - base) < 1e-9
+    points[on_base, 1] = base
+    return radius * points @ _rotation_from_y(axis / np.linalg.norm(axis)).T, cells
