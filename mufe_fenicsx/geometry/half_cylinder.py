@@ -1,0 +1,65 @@
+"""A cylinder cut along its axis: a body with one contact and a flat base to hold it by."""
+
+import numpy as np
+
+from ..errors import InputError
+from .gmsh_model import gmsh_model
+from .shapes import _even, _positive, _refine_at, _tets
+
+
+def half_cylinder(radius, length, h_contact, growth=0.1, contact_radius=None, h_max=None):
+    """Upper half of a cylinder around the x axis that is fine at its pole (0, 0, radius).
+
+    The size is ``h_contact`` within 1.5 contact radii of the pole and grows from there by
+    ``growth`` per unit distance. The pole itself is a node, the base lies in z = 0.
+
+    Args:
+        radius: Radius [m].
+        length: Along the axis, from -length/2 to length/2 [m].
+        h_contact: Length of edges at the contact [m].
+        growth: Increase of the size with the distance [-].
+        contact_radius: Largest radius of the contact [m]; ``4 h_contact`` if None.
+        h_max: Largest size [m]; a third of the radius if None.
+
+    Returns:
+        points (N, 3) [m] and positively oriented cells (M, 4).
+
+    Raises:
+        InputError: A size is not > 0.
+    """
+    contact_radius = 4 * h_contact if contact_radius is None else contact_radius
+    h_max = radius / 3 if h_max is None else h_max
+    for name, value in {
+        "radius of half cylinder": radius,
+        "length of half cylinder": length,
+        "element size at the contact": h_contact,
+        "growth of the element size": growth,
+        "contact radius": contact_radius,
+        "largest element size": h_max,
+    }.items():
+        _positive(name, value)
+
+    h, fine, long = h_contact / radius, 1.5 * contact_radius / radius, length / radius
+    # One arc of half a turn, so that the pole at +y lies on no edge; turned afterwards.
+    with gmsh_model(_even(h_max / radius, smallest=h)) as gmsh:
+        occ = gmsh.model.occ
+        ends = [occ.addPoint(x, 0, -0.5 * long) for x in (1, -1)]
+        middle = occ.addPoint(0, 0, -0.5 * long)
+        top = occ.addPoint(0, 1, -0.5 * long)
+        arc = occ.addCircleArc(ends[0], top, ends[1], center=False)
+        face = occ.addPlaneSurface([occ.addCurveLoop([arc, occ.addLine(ends[1], ends[0])])])
+        occ.extrude([(2, face)], 0, 0, long)
+        occ.remove([(0, middle), (0, top)])
+        pole = occ.addPoint(0, 1, 0)
+        occ.synchronize()
+        (curved,) = [
+            tag for _, tag in gmsh.model.getEntities(2) if gmsh.model.getType(2, tag) == "Cylinder"
+        ]
+        gmsh.model.mesh.embed(0, [pole], 2, curved)
+        _refine_at(gmsh, [1], h, growth, fine)
+        points, cells = _tets(gmsh)
+    if not points.size:
+        raise InputError(f"element size at the contact = {h_contact}, expected a mesh")
+    points[np.abs(points[:, 1]) < 1e-9, 1] = 0.0
+    # (x, y, z) to (z, x, y): a rotation.
+    return radius * points[:, [2, 0, 1]], cells
