@@ -71,9 +71,7 @@ def compression(a, nu, num_terms=3, resolution=80.0):
     cos_at = np.sqrt(1 - at**2)
 
     uz = np.zeros((at.size, num_terms))
-    both = zip(
-        _legendre(cos, rho, a, resolution), _legendre(cos_at, at, a, resolution), strict=True
-    )
+    both = zip(legendre(cos, rho, a, resolution), legendre(cos_at, at, a, resolution), strict=True)
     for n, ((P, dP), (Q, dQ)) in enumerate(both):
         if n % 2:  # the two poles are loaded alike
             continue
@@ -110,7 +108,7 @@ def force_of_approach(delta, nu):
     return force, float(a), p0
 
 
-def _legendre(x, sine, a, resolution):
+def legendre(x, sine, a, resolution):
     """Yield Pₙ(x) and dPₙ/dθ for n = 0, 1, … up to resolution / a."""
     before, now = np.zeros_like(x), np.ones_like(x)
     for n in range(int(resolution / a) + 1):
