@@ -1,0 +1,198 @@
+"""Bodies with flat bases pressed on each other or on a plane, at rest, and what is measured.
+
+The contact lies at the origin, its normal is :data:`AXIS`, an odd direction; nothing is aligned
+with the axes of space, no node with the contact point, no mesh with the other.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..contact.surface import own_surface
+from ..contact.walls import Wall
+from ..mesh import create_grain_mesh, partition_grains
+from ..simulation import Simulation
+from .equilibrium import Equilibrium
+
+
+def turn(vector):
+    """Rotation matrix of a rotation vector [rad] (Rodrigues)."""
+    angle = np.linalg.norm(vector)
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = np.asarray(vector) / angle
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + math.sin(angle) * K + (1 - math.cos(angle)) * K @ K
+
+
+#: From the axes of a set-up, z along the normal of the contact, to those of space.
+FRAME = turn([0.71, -0.43, 0.55])
+AXIS = FRAME[:, 2]
+
+
+@dataclass
+class Body:
+    """A body in its own axes: its base in z = 0, its pole at (0, 0, height).
+
+    Sliding in itself by ``jog`` must leave its surface as it is, near the pole.
+    """
+
+    points: np.ndarray  #: [m], shape (num_nodes, 3)
+    cells: np.ndarray  #: shape (num_cells, 4)
+    height: float  #: from base to pole [m]
+    material: object
+    jog: object = None  #: function of points: the mesh slid along its surface
+    spin: float = 0.0  #: rotation about the normal of the contact [rad]
+
+    def __post_init__(self):
+        points = np.asarray(self.points, dtype=float)
+        on_base = np.abs(points[:, 2]) < 1e-9 * self.height
+        middle = np.argmin((points[on_base] ** 2).sum(axis=1))
+        far = np.argmax(np.abs(points[on_base, 0]))
+        placed = points if self.jog is None else self.jog(points)
+        self.placed = placed @ turn([0, 0, self.spin]).T - [0, 0, self.height]
+        self.base = np.flatnonzero(on_base)
+        self.middle, self.far = self.base[middle], self.base[far]
+
+
+class Pressed:
+    """One body pressed on a rigid plane, or two on each other. Collective.
+
+    The displacement of each base along the normal is prescribed and even; bases slide
+    freely otherwise, but for three directions at two nodes that keep a body from
+    moving as a whole. By symmetry a half ball so held is half of a ball between two planes.
+
+    Args:
+        comm: At most as many ranks as bodies.
+        bodies: One or two :class:`Body`.
+        options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
+    """
+
+    def __init__(self, comm, bodies, **options):
+        self.comm = comm
+        # The second body stands on its pole: half a turn about x.
+        flips = [np.eye(3), np.diag([1.0, -1.0, -1.0])]
+        places = [b.placed @ (FRAME @ f).T for b, f in zip(bodies, flips, strict=False)]
+        walls = [Wall("plane", np.zeros(3), -AXIS)] if len(bodies) == 1 else []
+        rank_of_body = partition_grains(
+            [len(b.cells) for b in bodies], [p.mean(axis=0) for p in places], comm.size
+        )
+        mine = np.flatnonzero(rank_of_body == comm.rank)
+        first = np.cumsum([0] + [len(places[k]) for k in mine])
+        mesh = create_grain_mesh(
+            comm,
+            np.concatenate([places[k] for k in mine]),
+            np.concatenate([bodies[k].cells + i for k, i in zip(mine, first, strict=False)]),
+            np.repeat(mine, [len(bodies[k].cells) for k in mine]),
+            np.arange(1, len(bodies) + 1),
+            rank_of_body,
+        )
+        materials = [bodies[k].material for k in mesh.grains]
+        self.simulation = Simulation(mesh, materials, walls, **options)
+
+        held, self.bases = [], {}
+        for k in mine:
+            on = np.flatnonzero(mesh.grains[mesh.grain_of_node] == k)
+            body, side = bodies[k], FRAME @ turn([0, 0, bodies[k].spin])
+            base, middle, far = (
+                _nearest(mesh.x, on, places[k][np.atleast_1d(nodes)])
+                for nodes in (body.base, body.middle, body.far)
+            )
+            held += [(base, AXIS), (middle, side[:, 0]), (middle, side[:, 1]), (far, side[:, 1])]
+            self.bases[int(k)] = base
+        self.pressing = len(bodies) - 1
+        # Nodes of the body that is moved; the other one, or the plane, stays.
+        self.moved = mesh.grains[mesh.grain_of_node] == self.pressing
+        self.equilibrium = Equilibrium(self.simulation, held)
+        self.delta = 0.0
+
+    def press(self, delta, **options):
+        """Bring the bases to the approach ``delta`` [m] and the bodies to rest. Collective.
+
+        Options are those of :meth:`~.equilibrium.Equilibrium.move`.
+        """
+        s = self.simulation
+        # A single body moves up to the plane, a second one down to the first.
+        rigid = np.outer(self.moved, (1.0 if self.pressing == 0 else -1.0) * AXIS)
+        guess = (delta - self.delta) * rigid
+        if self.delta:
+            # As if all displacements grew alike.
+            guess = (delta / self.delta - 1) * s.state.u
+        self.equilibrium.move(guess, **options)
+        self.delta = delta
+
+    def contact(self):
+        """What acts at the nodes of the contact, of all ranks. Collective.
+
+        Returns:
+            Positions in the plane of the contact [m], shape (n, 2); normal forces [N]
+            and areas as they are now [m²], shape (n,), of all surface nodes within the
+            skin of the contact, zero force where it is open. Both sides carry nodes:
+            each counts with half of its area.
+        """
+        s = self.simulation
+        own, pairs, wall = s.contact.own, s.contact.pairs, s.walls.pairs
+        force = np.zeros(own.nodes.size)
+        on = pairs.closed
+        depth = np.minimum(pairs.offset - pairs.gap, s.contact.largest_depth)
+        np.add.at(force, pairs.node[on], (pairs.stiffness * depth)[on])
+        on = wall.closed
+        depth = wall.offset - wall.gap
+        np.add.at(force, wall.node[on], (own.area / s.contact.layer)[wall.node[on]] * depth[on])
+        area = own_surface(s.mesh, s.state.x).area
+        near = np.union1d(pairs.node, wall.node)
+        plane = s.state.x[own.nodes[near]] @ FRAME[:, :2]
+        share = 1.0 if self.pressing == 0 else 0.5
+        parts = self.comm.allgather((plane, force[near], share * area[near]))
+        return tuple(np.concatenate(values) for values in zip(*parts, strict=True))
+
+    def reaction(self):
+        """Force on the base of the pressing body [N]. Collective."""
+        sign = -1.0 if self.pressing == 0 else 1.0
+        base = self.bases.get(self.pressing, np.empty(0, dtype=int))
+        return sign * self.equilibrium.reaction(base, AXIS)
+
+
+def _nearest(x, nodes, places):
+    """Those of ``nodes`` at the given places, for a mesh in another order."""
+    from scipy.spatial import cKDTree
+
+    return nodes[cKDTree(x[nodes]).query(places)[1]]
+
+
+def measure(plane, force, area, semi_axes):
+    """Contact's force, size and pressure from its nodes.
+
+    The size is that of the half-ellipsoid of pressure with the same second moments: for
+    p = p0 √(1 - x²/a² - y²/b²) the mean of x² weighted by p is a²/5. Unlike the number
+    of closed nodes it does not jump as the edge passes a node.
+
+    Args:
+        plane, force, area: From :meth:`Pressed.contact`.
+        semi_axes: a >= b of the theory [m], for the fit of the pressure.
+
+    Returns:
+        A dict: force [N]; a, b [m] from second moments; area_radius [m] of the nodal areas
+        that carry force; p0 [Pa] of the half-ellipsoid that fits best within 0.7 of the
+        ellipse; spread: of the pressure about the theory's shape, root mean square
+        over that of the pressure.
+    """
+    total = force.sum()
+    middle = force @ plane / total
+    r = plane - middle
+    moments, axes = np.linalg.eigh((r * force[:, None]).T @ r / total)
+    b, a = np.sqrt(5 * moments)
+    s2 = ((r @ axes[:, ::-1] / semi_axes) ** 2).sum(axis=1)
+    pressure, shape = force / area, np.sqrt(np.maximum(1 - s2, 0.0))
+    inner = s2 < 0.7**2
+    p0 = (force * shape)[inner].sum() / (area * shape**2)[inner].sum()
+    off = (area * (pressure - p0 * shape) ** 2).sum() / (area * (p0 * shape) ** 2).sum()
+    return {
+        "force": total,
+        "a": a,
+        "b": b,
+        "area_radius": math.sqrt(area[force > 0].sum() / math.pi),
+        "p0": p0,
+        "spread": math.sqrt(off),
+    }
