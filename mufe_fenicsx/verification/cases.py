@@ -2,11 +2,13 @@
 
 import difflib
 import inspect
+import typing
 
 from ..errors import InputError
 from .column import column
 from .energy import energy
-from .hertz import hertz
+from .hertz import hertz, hertz_convergence
+from .hertz_stress import hertz_stress
 from .patch import patch
 from .sliding import sliding_block
 from .spin import spin
@@ -18,6 +20,8 @@ CASES = {
     "sliding-block": sliding_block,
     "energy": energy,
     "hertz": hertz,
+    "hertz-convergence": hertz_convergence,
+    "hertz-stress": hertz_stress,
 }
 
 
@@ -34,7 +38,7 @@ def run_cases(names, parameters, comm):
 
     Raises:
         InputError: A case that does not exist, a parameter that no chosen case has, or a
-            value that is not a number of the right kind.
+            value that is not a number of the right kind or not one of the choices.
     """
     names = list(names) or list(CASES)
     for name in names:
@@ -46,7 +50,10 @@ def run_cases(names, parameters, comm):
     for key, value in parameters.items():
         if key not in everything:
             raise InputError(f"parameter {key} = {value}, expected {_nearest(key, everything)}")
-        values[key] = _number(key, value, type(everything[key]))
+        default, choices = everything[key]
+        if choices and value not in choices:
+            raise InputError(f"parameter {key} = {value}, expected {_nearest(str(value), choices)}")
+        values[key] = value if choices else _number(key, value, type(default))
     return [
         CASES[name](comm, **{key: value for key, value in values.items() if key in known[name]})
         for name in names
@@ -54,8 +61,13 @@ def run_cases(names, parameters, comm):
 
 
 def _defaults(function):
+    """Default and choices, where there are any, of each parameter; choices are a ``Literal``."""
     parameters = inspect.signature(function).parameters
-    return {name: p.default for name, p in parameters.items() if name != "comm"}
+    return {
+        name: (p.default, typing.get_args(p.annotation))
+        for name, p in parameters.items()
+        if name != "comm"
+    }
 
 
 def _number(key, value, kind):

@@ -44,12 +44,22 @@ def test_energy():
 
 
 @pytest.mark.mpi
-def test_hertz():
-    run("hertz", elements_per_radius=1.5, growth=0.25)
+@pytest.mark.parametrize("bodies", ["sphere-plane", "spheres-E1:10", "cylinders"])
+def test_hertz(bodies):
+    run("hertz", bodies=bodies, elements_per_radius=1.5)
+
+
+def test_hertz_convergence():
+    run("hertz-convergence", finest=2.5)
+
+
+def test_hertz_stress():
+    run("hertz-stress", elements_per_radius=2.5)
 
 
 def test_all_cases_of_the_command_line_exist():
-    assert set(CASES) == {"column", "patch", "spin", "sliding-block", "energy", "hertz"}
+    contact = {"hertz", "hertz-convergence", "hertz-stress"}
+    assert set(CASES) == {"column", "patch", "spin", "sliding-block", "energy"} | contact
     for function in CASES.values():
         assert function.__doc__.splitlines()[0]
 
@@ -64,6 +74,7 @@ def test_all_cases_of_the_command_line_exist():
         (["column"], {"divisions": "many"}, "whole number"),
         (["column"], {"divisions": 2.5}, "whole number"),
         (["column"], {"strain": "nan"}, "number"),
+        (["hertz"], {"bodies": "sphere"}, "sphere"),
     ],
 )
 def test_what_cannot_be_run_is_said_on_all_ranks(names, parameters, expected):
