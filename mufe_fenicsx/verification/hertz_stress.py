@@ -20,7 +20,7 @@ POINTS = 0.1381966011250105 + 0.4472135954999579 * np.eye(4)
 
 @case("hertz-stress", num_bodies=1)
 def hertz_stress(
-    comm, elements_per_radius=5.0, a_over_R=0.02, nu=0.15, other_nu=0.3, growth=0.5, depth=1.5
+    comm, elements_per_radius=5.0, a_over_R=0.02, nu=0.15, other_nu=0.3, growth=0.25, depth=1.5
 ):
     """The largest von Mises stress below a ball on a plane, and its depth.
 
