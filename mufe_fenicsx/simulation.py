@@ -36,6 +36,8 @@ class Simulation:
         time_step_factor: Time step over the limit of stability.
         refresh: Steps between two evaluations of that limit.
         velocity: Initial velocities [m/s], shape (num_nodes, 3); rest if None.
+        mass_factor: Nodal masses times this, shape (num_nodes,), where only slow loading is
+            of interest; 1 if None. Not seen by the time step of single elements.
     """
 
     def __init__(
@@ -52,11 +54,14 @@ class Simulation:
         time_step_factor=0.9,
         refresh=400,
         velocity=None,
+        mass_factor=None,
     ):
         self.mesh, self.comm = mesh, mesh.comm
         self.damping, self.assembled = float(damping), assembled
         self.time_step_factor, self.refresh = time_step_factor, refresh
         self.solid = Solid(mesh, materials, averaged)
+        if mass_factor is not None:
+            self.solid.mass *= mass_factor
         self.walls = Walls(walls)
         self.contact = Contact(
             mesh,

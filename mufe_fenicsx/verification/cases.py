@@ -7,6 +7,7 @@ from ..errors import InputError
 from .column import column
 from .energy import energy
 from .hertz import hertz
+from .mindlin import mindlin
 from .patch import patch
 from .sliding import sliding_block
 from .spin import spin
@@ -18,6 +19,7 @@ CASES = {
     "sliding-block": sliding_block,
     "energy": energy,
     "hertz": hertz,
+    "mindlin": mindlin,
 }
 
 

@@ -48,8 +48,16 @@ def test_hertz():
     run("hertz", elements_per_radius=1.5, growth=0.25)
 
 
+@pytest.mark.mpi
+def test_mindlin():
+    run("mindlin", elements_per_radius=2, growth=0.4, periods=12)
+
+
 def test_all_cases_of_the_command_line_exist():
-    assert set(CASES) == {"column", "patch", "spin", "sliding-block", "energy", "hertz"}
+    assert set(CASES) == {
+        *("column", "patch", "spin", "sliding-block", "energy", "hertz"),
+        *("mindlin",),
+    }
     for function in CASES.values():
         assert function.__doc__.splitlines()[0]
 
