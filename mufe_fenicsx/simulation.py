@@ -29,6 +29,7 @@ class Simulation:
         materials: A material for each grain of this rank.
         walls: List of :class:`~mufe_fenicsx.contact.walls.Wall`.
         friction: Coefficient of friction between grains.
+        friction_kinetic: Coefficient while a contact slips; ``friction`` if None.
         compliance: Constant c of the contact layer.
         averaged: Averaged nodal pressure (True) or plain linear tetrahedra.
         damping: Force -damping m v on every node [1/s].
@@ -47,6 +48,7 @@ class Simulation:
         walls=(),
         *,
         friction=0.0,
+        friction_kinetic=None,
         compliance=0.15,
         averaged=True,
         damping=0.0,
@@ -71,6 +73,7 @@ class Simulation:
             friction,
             compliance,
             self.walls,
+            friction_kinetic,
         )
         self.bonded = Bonded(
             self.comm, self.walls, self.contact.own.nodes, self.walls.bonded, mesh.x

@@ -8,7 +8,7 @@ from mpi4py import MPI
 from ..kernels.pairs import add_pair_forces, add_pair_stiffness, largest_move, pair_energy
 from ..kernels.walls import add_rows, gather_rows
 from .exchange import SurfaceVector, exchange_surface
-from .laws import layer_of_facets, layer_of_nodes
+from .laws import kinetic_of, layer_of_facets, layer_of_nodes
 from .pairs import search_pairs
 from .surface import own_surface
 
@@ -32,12 +32,15 @@ class Contact:
         friction: Coefficient of friction between grains.
         compliance: Constant c of the layer that matches stiffness to mesh.
         walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
+        friction_kinetic: Coefficient while a contact slips; ``friction`` if None.
     """
 
-    def __init__(self, mesh, x, contact_modulus, tangential_ratio, friction, compliance, walls):
+    def __init__(self, mesh, x, contact_modulus, tangential_ratio, friction, compliance, walls,
+                 friction_kinetic=None):  # fmt: skip
         self.comm = mesh.comm
         self.own = own_surface(mesh, x)
         self.friction = float(friction)
+        self.friction_kinetic = kinetic_of(self.friction, friction_kinetic, "between grains")
         self.walls = walls
         own = self.own
         local = mesh.grain_of_node[own.nodes]
@@ -142,9 +145,10 @@ class Contact:
         forces[:] = 0.0
         dissipated, num_adopted, num_deep, deepest = add_pair_forces(
             forces, p.due, p.candidate_due, p.closest, p.weights, p.normal, p.gap, p.offset,
-            p.closed, p.stiffness, p.anchor, p.shear, p.slip, self.clock, x, p.node, p.first,
-            p.candidate, s.facets, s.neighbor, s.ring_offset, s.ring, self.layer,
-            s.layer_of_facet, own.area, self.ratio, self.friction, self.largest_depth, adopt,
+            p.closed, p.stiffness, p.anchor, p.shear, p.slip, p.sliding, self.clock, x, p.node,
+            p.first, p.candidate, s.facets, s.neighbor, s.ring_offset, s.ring, self.layer,
+            s.layer_of_facet, own.area, self.ratio, self.friction, self.friction_kinetic,
+            self.largest_depth, adopt,
         )  # fmt: skip
         self.forces.add_back()
         num_own = own.nodes.size

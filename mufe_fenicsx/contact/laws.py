@@ -1,4 +1,4 @@
-"""Contact stiffness matched to the mesh.
+"""Contact stiffness matched to the mesh, and the coefficients of friction.
 
 A gap enforced at the nodes makes contact too stiff, by an error of the order of
 the element size h. A layer of compliance c h/E* [m/Pa] on each side takes out
@@ -6,7 +6,11 @@ this leading error; E* = E/(1 - nu²) of that side. The constant c belongs to th
 element, not to the problem.
 """
 
+import math
+
 import numpy as np
+
+from ..errors import InputError
 
 
 def edge_of_area(area, num_triangles):
@@ -28,3 +32,25 @@ def layer_of_nodes(nodal_area, contact_modulus, c):
 def layer_of_facets(facet_area, contact_modulus, c):
     """Compliance c h/E* [m/Pa] of facets, arguments as for nodes."""
     return c * edge_of_area(facet_area, 1) / contact_modulus
+
+
+def kinetic_of(static, kinetic, where):
+    """The kinetic coefficient of friction; ``static`` where it is None.
+
+    Args:
+        static: Coefficient that a contact has to overcome to slip.
+        kinetic: Coefficient while it slips, or None.
+        where: For the message.
+
+    Raises:
+        InputError: Not 0 <= kinetic <= static, or static not a finite number.
+    """
+    if not 0 <= static < math.inf:
+        raise InputError(f"friction {where} = {static}, expected >= 0")
+    if kinetic is None:
+        return static
+    if not 0 <= kinetic <= static:
+        raise InputError(
+            f"kinetic friction {where} = {kinetic}, expected 0 <= kinetic <= friction = {static}"
+        )
+    return float(kinetic)

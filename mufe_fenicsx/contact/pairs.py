@@ -16,6 +16,7 @@ REMEMBERED = (
     "anchor",
     "shear",
     "slip",
+    "sliding",
 )
 
 
@@ -38,6 +39,7 @@ class Pairs:
         self.anchor = np.zeros((num_pairs, 3))
         self.shear = np.zeros((num_pairs, 3))
         self.slip = np.zeros(num_pairs)
+        self.sliding = np.zeros(num_pairs, dtype=bool)
 
     def carry(self, old, facet_of_global, old_global_facet):
         """Take over what ``old`` pairs remember, the closest facet by its global number."""

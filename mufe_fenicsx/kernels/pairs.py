@@ -89,6 +89,7 @@ def add_pair_forces(
     anchor,
     shear,
     slip,
+    sliding,
     clock,
     x,
     node,
@@ -103,6 +104,7 @@ def add_pair_forces(
     area,
     ratio_of_node,
     friction,
+    friction_kinetic,
     largest_depth,
     adopt,
 ):
@@ -129,6 +131,7 @@ def add_pair_forces(
         anchor: Weights of the anchor in the closest facet, shape (num_pairs, 3).
         shear: Friction on the node [N], shape (num_pairs, 3).
         slip: Accumulated slip [m], shape (num_pairs,).
+        sliding: Whether the pair slipped in this step, shape (num_pairs,).
         clock: Bound of all relative motion so far [m].
         x: Positions [m], shape (num_nodes_with_ghosts, 3).
         node, first, candidate: Pairs, as in kernels.search.
@@ -136,7 +139,8 @@ def add_pair_forces(
         layer_of_node, layer_of_facet: Compliance c h/E* of a side [m/Pa].
         area: Nodal areas [m²], shape (num_nodes,).
         ratio_of_node: Tangential over normal stiffness, shape (num_nodes,).
-        friction: Coefficient of friction.
+        friction: Coefficient of friction that a pair has to overcome to slip.
+        friction_kinetic: Coefficient while it slips; until a step in which it sticks.
         largest_depth: Depth beyond which the force does not grow [m].
         adopt: True to adopt every node that lies inside (start of a test).
 
@@ -192,7 +196,7 @@ def add_pair_forces(
                 ty = shear[p, 1]
                 tz = shear[p, 2]
                 dissipated += (tx * tx + ty * ty + tz * tz) / (2.0 * kt)
-                closed[p] = False
+                closed[p] = sliding[p] = False
                 shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
             due[p] = clock + max(g, 0.0)
             continue
@@ -233,8 +237,9 @@ def add_pair_forces(
         along = sx * nx + sy * ny + sz * nz
         sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
         T = kt * math.sqrt(sx * sx + sy * sy + sz * sz)
-        limit = friction * N
-        if T > limit:
+        sliding[p] = T > (friction_kinetic if sliding[p] else friction) * N
+        if sliding[p]:
+            limit = friction_kinetic * N
             keep = limit / T
             # Work of the mean friction of the step: exact for the trapezoidal rule.
             before2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2

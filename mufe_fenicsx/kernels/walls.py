@@ -50,6 +50,7 @@ def add_wall_forces(
     anchor,
     shear,
     slip,
+    sliding,
     clock,
     x,
     node,
@@ -60,6 +61,7 @@ def add_wall_forces(
     area,
     ratio,
     friction,
+    friction_kinetic,
     adopt,
 ):
     """Add the forces of closed node-wall pairs to ``f`` and ``wall_force``, in place.
@@ -71,7 +73,7 @@ def add_wall_forces(
         f: Forces on nodes [N], shape (num_nodes, 3).
         wall_force: Forces on walls [N], shape (num_walls, 3).
         wall_torque: Their torques about ``point`` [N m], shape (num_walls, 3).
-        due, gap, offset, closed, slip: State of the pairs, shape (num_pairs,).
+        due, gap, offset, closed, slip, sliding: State of the pairs, shape (num_pairs,).
         anchor: Anchors relative to ``point`` [m], shape (num_pairs, 3).
         shear: Friction on the node [N], shape (num_pairs, 3).
         clock: Bound of all relative motion so far [m].
@@ -81,7 +83,8 @@ def add_wall_forces(
         layer: Compliance c h/E* of the nodes [m/Pa], shape (num_nodes,).
         area: Nodal areas [m²], shape (num_nodes,).
         ratio: Tangential over normal stiffness, shape (num_nodes,).
-        friction: Coefficients of friction, shape (num_walls,).
+        friction: Coefficients of friction that a pair has to overcome, shape (num_walls,).
+        friction_kinetic: Coefficients while it slips; until a step in which it sticks.
         adopt: True to adopt every node behind its wall (start of a test).
 
     Returns:
@@ -108,7 +111,7 @@ def add_wall_forces(
             if closed[p]:
                 t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
                 dissipated += t2 / (2.0 * kt)
-                closed[p] = False
+                closed[p] = sliding[p] = False
                 shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
             due[p] = clock + max(g, 0.0)
             continue
@@ -121,8 +124,9 @@ def add_wall_forces(
         along = sx * nx + sy * ny + sz * nz
         sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
         T = kt * math.sqrt(sx * sx + sy * sy + sz * sz)
-        limit = friction[w] * N
-        if T > limit:
+        sliding[p] = T > (friction_kinetic[w] if sliding[p] else friction[w]) * N
+        if sliding[p]:
+            limit = friction_kinetic[w] * N
             keep = limit / T
             # Work of the mean friction of the step: exact for the trapezoidal rule.
             before2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
