@@ -33,6 +33,11 @@ def _require(holds, name, value, expectation):
         raise InputError(f"{name} = {value}, expected {expectation}")
 
 
+def _require_kinetic(name, value, other_name, other):
+    if value is not None:
+        _require(0 <= value <= other, name, value, f"0 <= {name} <= {other_name} = {other}")
+
+
 def _one_of(name, value, choices):
     if value not in choices:
         listed = " or ".join(f'"{choice}"' for choice in choices)
@@ -77,13 +82,22 @@ class Sample:
 
 @dataclass(frozen=True)
 class Contact:
-    """[contact]: between grains, and the default between grains and walls."""
+    """[contact]: between grains, and the default between grains and walls.
+
+    With a kinetic coefficient, friction falls to it where a node slips and returns to the
+    static one when the node sticks again, whatever the rate of slip: the exponential
+    decay with the slip rate of other programs in the limit of an infinite decay
+    coefficient. Loading of a quasi-static test is faster than in nature, and a coefficient
+    that depends on the rate would see that.
+    """
 
     friction: float  #: coefficient of friction between grains [-]
     points: str = "facets"  #: where it acts: centroids of "facets", "facets3" (three) or "nodes"
     law: str = "matched"  #: normal law: stiffness "matched" to the mesh, or "kinematic"
     compliance: float = COMPLIANCE  #: layer of compliance·h/E* on each side, h the mesh size [-]
     wall_friction: float = 0.0  #: coefficient of friction of walls that state none [-]
+    friction_kinetic: float | None = None  #: between grains while they slip [-]; None: friction
+    wall_friction_kinetic: float | None = None  #: the same of walls that state no friction [-]
 
     def __post_init__(self):
         _require(0 <= self.friction, "friction", self.friction, ">= 0")
@@ -91,6 +105,10 @@ class Contact:
         _one_of("law", self.law, ("matched", "kinematic"))
         _require(0 < self.compliance, "compliance", self.compliance, "> 0")
         _require(0 <= self.wall_friction, "wall_friction", self.wall_friction, ">= 0")
+        _require_kinetic("friction_kinetic", self.friction_kinetic, "friction", self.friction)
+        _require_kinetic(
+            "wall_friction_kinetic", self.wall_friction_kinetic, "wall_friction", self.wall_friction
+        )
 
 
 @dataclass(frozen=True)
@@ -122,6 +140,7 @@ class Wall:
     stress: float | None = None  #: mean pressure that a servo holds [Pa]
     speed: float | None = None  #: largest speed of that servo [m/s]
     friction: float | None = None  #: with grains [-]; None: contact.wall_friction
+    friction_kinetic: float | None = None  #: while they slip [-]; None: as contact, or friction
 
     def __post_init__(self):
         if self.stress is not None:
@@ -136,6 +155,10 @@ class Wall:
             _require(0 < self.speed, "speed", self.speed, "> 0 m/s")
         if self.friction is not None:
             _require(0 <= self.friction, "friction", self.friction, ">= 0")
+        if self.friction_kinetic is not None:
+            _require(self.friction is not None, "friction_kinetic", self.friction_kinetic,
+                     "a friction beside it")  # fmt: skip
+            _require_kinetic("friction_kinetic", self.friction_kinetic, "friction", self.friction)
 
 
 @dataclass(frozen=True)
@@ -202,8 +225,10 @@ class Scene:
 
     def _wall(self, name):
         wall = self.walls.get(name, Wall())
-        friction = self.contact.wall_friction if wall.friction is None else wall.friction
-        return Wall(wall.velocity, wall.stress, wall.speed, friction)
+        friction, kinetic = wall.friction, wall.friction_kinetic
+        if friction is None:
+            friction, kinetic = self.contact.wall_friction, self.contact.wall_friction_kinetic
+        return Wall(wall.velocity, wall.stress, wall.speed, friction, kinetic)
 
 
 def image_path(file) -> Path:

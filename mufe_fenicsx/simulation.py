@@ -31,6 +31,7 @@ class Simulation:
         materials: A material for each grain of this rank.
         walls: List of :class:`~mufe_fenicsx.contact.walls.Wall`.
         friction: Coefficient of friction between grains.
+        friction_kinetic: Coefficient while a contact slips; ``friction`` if None.
         compliance: Constant c of the contact layer.
         points: Where contact acts, one of contact.points.KINDS.
         law: Normal law of contact, one of contact.laws.LAWS.
@@ -40,6 +41,8 @@ class Simulation:
         time_step_factor: Time step over the limit of stability.
         refresh: Steps between two evaluations of that limit.
         velocity: Initial velocities [m/s], shape (num_nodes, 3); rest if None.
+        mass_factor: Nodal masses times this, shape (num_nodes,), where only slow loading is
+            of interest; 1 if None. Not seen by the time step of single elements.
     """
 
     def __init__(
@@ -49,6 +52,7 @@ class Simulation:
         walls=(),
         *,
         friction=0.0,
+        friction_kinetic=None,
         compliance=COMPLIANCE,
         points="facets",
         law="matched",
@@ -58,11 +62,14 @@ class Simulation:
         time_step_factor=0.9,
         refresh=400,
         velocity=None,
+        mass_factor=None,
     ):
         self.mesh, self.comm = mesh, mesh.comm
         self.damping, self.assembled = float(damping), assembled
         self.time_step_factor, self.refresh = time_step_factor, refresh
         self.solid = Solid(mesh, materials, averaged)
+        if mass_factor is not None:
+            self.solid.mass *= mass_factor
         self.walls = Walls(walls)
         self.contact = Contact(
             mesh,
@@ -75,6 +82,7 @@ class Simulation:
             points,
             law,
             self.solid.mass,
+            friction_kinetic,
         )
         self.bonded = Bonded(
             self.comm, self.walls, self.contact.own.nodes, self.walls.bonded, mesh.x

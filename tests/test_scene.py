@@ -117,6 +117,21 @@ def test_walls_that_state_no_friction_take_that_of_contact(tmp_path):
     assert scene.walls["z_max"].friction == 0.05
 
 
+def test_kinetic_friction_goes_with_the_friction_that_it_belongs_to(tmp_path):
+    """A wall without a friction of its own takes both of contact; written, it is read again."""
+    contact = "friction_kinetic = 0.2\nwall_friction = 0.1\nwall_friction_kinetic = 0.05"
+    text = FULL.replace("friction = 0.23", "friction = 0.23\n" + contact).replace(
+        "friction = 0.3\n", "friction = 0.3\nfriction_kinetic = 0.25\n"
+    )
+    scene = load_scene(scene_file(tmp_path, text))
+    assert scene.contact.friction_kinetic == 0.2
+    assert (scene.walls["x_max"].friction, scene.walls["x_max"].friction_kinetic) == (0.3, 0.25)
+    assert (scene.walls["z_min"].friction, scene.walls["z_min"].friction_kinetic) == (0.1, 0.05)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    assert load_scene(scene_file(elsewhere, scene_to_toml(scene))) == scene
+
+
 def test_scene_of_the_demonstration():
     """The material and the strain of Nadimi & Fonseca (2018)."""
     scene = load_scene(demo_scene())
@@ -198,6 +213,16 @@ BAD = [
     ),
     ("friction = 0.23", "friction = -0.1", "contact.friction = -0.1, expected >= 0"),
     ("friction = 0.23", "friction = 0.2\ncompliance = 0", "contact.compliance = 0.0, expected > 0"),
+    (
+        "friction = 0.23",
+        "friction = 0.2\nfriction_kinetic = 0.3",
+        "contact.friction_kinetic = 0.3, expected 0 <= friction_kinetic <= friction = 0.2",
+    ),
+    (
+        "friction = 0.3\n",
+        "friction_kinetic = 0.3\n",
+        "walls.x_max.friction_kinetic = 0.3, expected a friction beside it",
+    ),
     ("friction = 0.23", "friction = [0.2]", "contact.friction = [0.2], expected a number"),
     ("strain = 0.1", "strain = 1.0", "oedometer.strain = 1.0, expected 0 < strain < 1"),
     ("strain = 0.1", "strain = 0", "oedometer.strain = 0.0, expected 0 < strain < 1"),

@@ -10,7 +10,7 @@ from ..kernels.pairs import add_pair_forces, add_pair_stiffness, largest_move, p
 from ..kernels.points import place_points, spread_points
 from ..kernels.walls import add_rows, gather_rows
 from .exchange import SurfaceVector, exchange_surface
-from .laws import LAWS, inertial_layers, matched_layers
+from .laws import LAWS, inertial_layers, kinetic_of, matched_layers
 from .ledger import Ledger
 from .pairs import search_pairs
 from .points import surface_points
@@ -39,6 +39,7 @@ class Contact:
         points: Where contact acts, one of contact.points.KINDS.
         law: Normal law, one of contact.laws.LAWS.
         mass: Nodal masses [kg], shape (num_nodes,), for the kinematic law.
+        friction_kinetic: Coefficient while a contact slips; ``friction`` if None.
 
     Raises:
         InputError: There are no such points, or no such law.
@@ -56,10 +57,12 @@ class Contact:
         points="nodes",
         law="matched",
         mass=None,
+        friction_kinetic=None,
     ):
         self.comm = mesh.comm
         self.own = own_surface(mesh, x)
         self.friction = float(friction)
+        self.friction_kinetic = kinetic_of(self.friction, friction_kinetic, "between grains")
         self.walls = walls
         own = self.own
         if law not in LAWS:
@@ -218,10 +221,11 @@ class Contact:
         forces[self.num_before :] = 0.0
         dissipated, num_adopted, num_deep, deepest = add_pair_forces(
             forces, p.due, p.candidate_due, p.closest, p.weights, p.normal, p.gap, p.offset,
-            p.closed, p.stiffness, p.anchor, p.shear, p.slip, p.push, p.work, self.clock, x, p.node,
-            p.first, p.candidate, self.facets, s.neighbor, self.ring_offset, s.ring, self.layer,
-            s.layer_of_facet, area, self.points.facet_area, self.points.recess, self.ratio,
-            self.friction, self.largest_depth, adopt,
+            p.closed, p.stiffness, p.anchor, p.shear, p.slip, p.push, p.work, p.sliding,
+            self.clock, x, p.node, p.first, p.candidate, self.facets, s.neighbor,
+            self.ring_offset, s.ring, self.layer, s.layer_of_facet, area,
+            self.points.facet_area, self.points.recess, self.ratio, self.friction,
+            self.friction_kinetic, self.largest_depth, adopt,
         )  # fmt: skip
         wall_dissipated, wall_adopted = self.walls.add_forces(
             forces, x, self.clock, self.layer, area, self.points.recess, self.ratio, adopt,

@@ -1,4 +1,4 @@
-"""How stiff a contact is: a layer of compliance on each side [m/Pa].
+"""How stiff a contact is, by a layer on each side [m/Pa]; and coefficients of friction.
 
 "matched" to the mesh: a gap enforced at points of the mesh makes contact too stiff, by
 an error of the order of the element size h. A layer of compliance c h/E* on each side
@@ -15,7 +15,11 @@ overlap is gone at once, where it is not after some steps; it holds no energy, t
 the nodes bring along when they meet, and leaves the stable time step as it is.
 """
 
+import math
+
 import numpy as np
+
+from ..errors import InputError
 
 LAWS = ("matched", "kinematic")
 #: c of the layer, for tetrahedra with averaged pressure and contact at facets.
@@ -49,3 +53,25 @@ def inertial_layers(own, mass):
     """
     node = own.area / mass
     return node, node[own.facets].mean(axis=1)
+
+
+def kinetic_of(static, kinetic, where):
+    """The kinetic coefficient of friction; ``static`` where it is None.
+
+    Args:
+        static: Coefficient that a contact has to overcome to slip.
+        kinetic: Coefficient while it slips, or None.
+        where: For the message.
+
+    Raises:
+        InputError: Not 0 <= kinetic <= static, or static not a finite number.
+    """
+    if not 0 <= static < math.inf:
+        raise InputError(f"friction {where} = {static}, expected >= 0")
+    if kinetic is None:
+        return static
+    if not 0 <= kinetic <= static:
+        raise InputError(
+            f"kinetic friction {where} = {kinetic}, expected 0 <= kinetic <= friction = {static}"
+        )
+    return float(kinetic)

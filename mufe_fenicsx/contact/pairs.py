@@ -17,6 +17,7 @@ REMEMBERED = (
     "shear",
     "slip",
     "push",
+    "sliding",
 )
 
 
@@ -41,6 +42,7 @@ class Pairs:
         self.slip = np.zeros(num_pairs)
         self.push = np.zeros(num_pairs)
         self.work = np.zeros(num_pairs)
+        self.sliding = np.zeros(num_pairs, dtype=bool)
 
     def carry(self, old, facet_of_global, old_global_facet):
         """Take over what ``old`` pairs remember, the closest facet by its global number."""

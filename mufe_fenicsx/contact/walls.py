@@ -9,6 +9,7 @@ from ..errors import InputError
 from ..kernels.bonded import turn_rows
 from ..kernels.walls import add_wall_forces, add_wall_stiffness, find_wall_candidates, wall_energy
 from .bonded import find_bonded
+from .laws import kinetic_of
 
 
 @dataclass
@@ -22,7 +23,8 @@ class Wall:
     good, like those of a glued platen; other nodes meet it as any wall.
 
     Raises:
-        InputError: The normal is not of unit length, or the friction is negative.
+        InputError: The normal is not of unit length, the friction negative, or the kinetic
+            friction larger.
     """
 
     name: str
@@ -33,14 +35,14 @@ class Wall:
     target: float | None = None  #: normal force to hold [N]
     speed: float = 0.0  #: largest speed of the servo [m/s]
     bonded: bool = False  #: glue the nodes that lie on the plane at the start
+    friction_kinetic: float | None = None  #: coefficient while a node slips [-]; None: friction
     angular_velocity: np.ndarray | None = None  #: about ``point`` [rad/s], shape (3,)
 
     def __post_init__(self):
         length = float(np.linalg.norm(self.normal))
         if not abs(length - 1) < 1e-9:
             raise InputError(f"length of the normal of wall {self.name} = {length}, expected 1")
-        if not 0 <= self.friction < math.inf:
-            raise InputError(f"friction of wall {self.name} = {self.friction}, expected >= 0")
+        kinetic_of(self.friction, self.friction_kinetic, f"of wall {self.name}")
 
     def servo_velocity(self, normal_force):
         """Velocity [m/s] that brings ``normal_force`` [N] to the target, shape (3,)."""
@@ -57,6 +59,9 @@ class Walls:
         self.point = np.array([w.point for w in self.walls], dtype=float).reshape(n, 3)
         self.normal = np.array([w.normal for w in self.walls], dtype=float).reshape(n, 3)
         self.friction = np.array([w.friction for w in self.walls], dtype=float)
+        self.friction_kinetic = np.array(
+            [kinetic_of(w.friction, w.friction_kinetic, f"of wall {w.name}") for w in self.walls]
+        )
         self.velocity = np.zeros((n, 3))  #: of ``point`` [m/s]
         self.angular_velocity = np.zeros((n, 3))  #: about ``point`` [rad/s]
         for i, wall in enumerate(self.walls):
@@ -147,7 +152,7 @@ class Walls:
             _, at_old, at_new = np.intersect1d(
                 old, node.astype(np.int64) * n + wall, return_indices=True
             )
-            for name in ("gap", "offset", "closed", "anchor", "shear", "slip", "push"):
+            for name in ("gap", "offset", "closed", "anchor", "shear", "slip", "push", "sliding"):
                 getattr(pairs, name)[at_new] = getattr(self.pairs, name)[at_old]
         self.pairs = pairs
 
@@ -162,8 +167,8 @@ class Walls:
         point = self.point + ahead * self.velocity if ahead else self.point
         return add_wall_forces(
             f, self.force, self.torque, p.due, p.gap, p.offset, p.closed, p.anchor, p.shear, p.slip,
-            p.push, p.work, clock, x, p.node, p.wall, point, self.normal, layer, area, recess,
-            ratio, self.friction, adopt,
+            p.push, p.work, p.sliding, clock, x, p.node, p.wall, point, self.normal, layer, area,
+            recess, ratio, self.friction, self.friction_kinetic, adopt,
         )  # fmt: skip
 
     def add_stiffness(self, y, q, margin, clock, layer, area, ratio):
@@ -201,3 +206,4 @@ class _WallPairs:
         self.slip = np.zeros(n)
         self.push = np.zeros(n)
         self.work = np.zeros(n)
+        self.sliding = np.zeros(n, dtype=bool)

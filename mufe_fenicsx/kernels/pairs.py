@@ -121,6 +121,7 @@ def add_pair_forces(
     slip,
     push,
     work,
+    sliding,
     clock,
     x,
     node,
@@ -137,6 +138,7 @@ def add_pair_forces(
     recess,
     ratio_of_node,
     friction,
+    friction_kinetic,
     largest_depth,
     adopt,
 ):
@@ -165,6 +167,7 @@ def add_pair_forces(
         slip: Accumulated slip [m], shape (num_pairs,).
         push: Normal force on the node [N], shape (num_pairs,).
         work: Energy dissipated by friction since the last search [J], shape (num_pairs,).
+        sliding: Whether the pair slipped in this step, shape (num_pairs,).
         clock: Bound of all relative motion so far [m].
         x: Positions [m], shape (num_nodes_with_ghosts, 3).
         node, first, candidate: Pairs, as in kernels.search.
@@ -174,7 +177,8 @@ def add_pair_forces(
         facet_area: Areas of the facets there [m²], shape (num_nodes,).
         recess: How far the nodes lie behind the surface that carries contact [m], (num_nodes,).
         ratio_of_node: Tangential over normal stiffness, shape (num_nodes,).
-        friction: Coefficient of friction.
+        friction: Coefficient of friction that a pair has to overcome to slip.
+        friction_kinetic: Coefficient while it slips; until a step in which it sticks.
         largest_depth: Depth beyond which the force does not grow [m].
         adopt: True to adopt every node that lies inside (start of a test).
 
@@ -234,7 +238,7 @@ def add_pair_forces(
                 lost = (tx * tx + ty * ty + tz * tz) / (2.0 * kt)
                 dissipated += lost
                 work[p] += lost
-                closed[p] = False
+                closed[p] = sliding[p] = False
                 push[p] = 0.0
                 shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
             due[p] = clock + max(g, 0.0)
@@ -278,8 +282,9 @@ def add_pair_forces(
         along = sx * nx + sy * ny + sz * nz
         sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
         T = kt * math.sqrt(sx * sx + sy * sy + sz * sz)
-        limit = friction * N
-        if T > limit:
+        sliding[p] = T > (friction_kinetic if sliding[p] else friction) * N
+        if sliding[p]:
+            limit = friction_kinetic * N
             keep = limit / T
             # Work of the mean friction of the step: exact for the trapezoidal rule.
             before2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2

@@ -52,6 +52,7 @@ def add_wall_forces(
     slip,
     push,
     work,
+    sliding,
     clock,
     x,
     node,
@@ -63,6 +64,7 @@ def add_wall_forces(
     recess,
     ratio,
     friction,
+    friction_kinetic,
     adopt,
 ):
     """Add the forces of closed node-wall pairs to ``f`` and ``wall_force``, in place.
@@ -74,7 +76,7 @@ def add_wall_forces(
         f: Forces on nodes [N], shape (num_nodes, 3).
         wall_force: Forces on walls [N], shape (num_walls, 3).
         wall_torque: Their torques about ``point`` [N m], shape (num_walls, 3).
-        due, gap, offset, closed, slip: State of the pairs, shape (num_pairs,).
+        due, gap, offset, closed, slip, sliding: State of the pairs, shape (num_pairs,).
         anchor: Anchors relative to ``point`` [m], shape (num_pairs, 3).
         shear: Friction on the node [N], shape (num_pairs, 3).
         push: Normal force on the node [N], shape (num_pairs,).
@@ -87,7 +89,8 @@ def add_wall_forces(
         area: Areas that the nodes stand for [m²], shape (num_nodes,).
         recess: How far the nodes lie behind the surface that carries contact [m], (num_nodes,).
         ratio: Tangential over normal stiffness, shape (num_nodes,).
-        friction: Coefficients of friction, shape (num_walls,).
+        friction: Coefficients of friction that a pair has to overcome, shape (num_walls,).
+        friction_kinetic: Coefficients while it slips; until a step in which it sticks.
         adopt: True to adopt every node behind its wall (start of a test).
 
     Returns:
@@ -116,7 +119,7 @@ def add_wall_forces(
                 lost = t2 / (2.0 * kt)
                 dissipated += lost
                 work[p] += lost
-                closed[p] = False
+                closed[p] = sliding[p] = False
                 push[p] = 0.0
                 shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
             due[p] = clock + max(g, 0.0)
@@ -131,8 +134,9 @@ def add_wall_forces(
         along = sx * nx + sy * ny + sz * nz
         sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
         T = kt * math.sqrt(sx * sx + sy * sy + sz * sz)
-        limit = friction[w] * N
-        if T > limit:
+        sliding[p] = T > (friction_kinetic[w] if sliding[p] else friction[w]) * N
+        if sliding[p]:
+            limit = friction_kinetic[w] * N
             keep = limit / T
             # Work of the mean friction of the step: exact for the trapezoidal rule.
             before2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2

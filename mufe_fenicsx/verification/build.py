@@ -32,12 +32,25 @@ def build(
         Wall(name, point, normal, friction=friction.get(name, 0.0))
         for name, (point, normal) in axis_planes(low, high, axes).items()
     ] + list(walls)
+    mesh = distribute(comm, bodies)
+    if velocity is not None:
+        options["velocity"] = velocity(mesh.x, mesh.grains[mesh.grain_of_node])
+    return Simulation(mesh, [material] * mesh.num_grains, walls, **options)
+
+
+def distribute(comm, bodies):
+    """Mesh of a few bodies, each on one rank. Collective.
+
+    Args:
+        comm: Communicator with at most as many ranks as bodies.
+        bodies: List of (points [m], cells), the same on all ranks; labels are 1, 2, …
+    """
     weights = [len(cells) for _, cells in bodies]
     centroids = [points.mean(axis=0) for points, _ in bodies]
     rank_of_grain = partition_grains(weights, centroids, comm.size)
     mine = np.flatnonzero(rank_of_grain == comm.rank)
     offset = np.cumsum([0] + [len(bodies[g][0]) for g in mine])
-    mesh = create_grain_mesh(
+    return create_grain_mesh(
         comm,
         np.concatenate([bodies[g][0] for g in mine]),
         np.concatenate([bodies[g][1] + offset[k] for k, g in enumerate(mine)]),
@@ -45,9 +58,6 @@ def build(
         np.arange(1, len(bodies) + 1),
         rank_of_grain,
     )
-    if velocity is not None:
-        options["velocity"] = velocity(mesh.x, mesh.grains[mesh.grain_of_node])
-    return Simulation(mesh, [material] * mesh.num_grains, walls, **options)
 
 
 def drive(simulation, moves, duration, at_step=None, turns=None):

@@ -10,6 +10,7 @@ from .energy import energy
 from .hertz import hertz, hertz_convergence
 from .hertz_stress import hertz_stress
 from .impact import impact
+from .mindlin import mindlin
 from .oblique_impact import oblique_impact
 from .overlap import overlap
 from .packing import packing
@@ -30,6 +31,7 @@ CASES = {
     "packing": packing,
     "impact": impact,
     "oblique-impact": oblique_impact,
+    "mindlin": mindlin,
 }
 
 

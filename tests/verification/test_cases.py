@@ -75,6 +75,11 @@ def test_oblique_impact():
     run("oblique-impact", num_angles=1, a_over_R=0.06, growth=0.4)
 
 
+@pytest.mark.mpi
+def test_mindlin():
+    run("mindlin", elements_per_radius=2, growth=0.4, periods=12)
+
+
 def test_every_case_of_the_command_line_says_what_it_is():
     assert len(CASES) > 6
     for function in CASES.values():

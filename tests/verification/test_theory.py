@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from mufe_fenicsx.theory import elasticity, finite_sphere, hertz, rotation
+from mufe_fenicsx.theory import (
+    elasticity,
+    finite_sphere,
+    hertz,
+    mindlin,
+    rolling,
+    rotation,
+    torsion,
+)
 
 
 def test_oedometric_modulus_solves_hookes_law():
@@ -95,3 +103,141 @@ def test_finite_sphere_tends_to_hertz():
         assert abs(p0 / (2 * a / np.pi) - 1) < 0.3 * a
     assert errors[1] < errors[0] / 5
     assert 0.03 < errors[0] < 0.06
+
+
+# --- friction of spheres ----------------------------------------------------------------------
+
+#: Two like balls, pressed; the contact of one millimetre of effective radius.
+BALL = (100e9, 0.3)
+MODULUS, S = hertz.effective_modulus(BALL, BALL), mindlin.tangential_compliance(BALL, BALL)
+RADIUS, APPROACH, MU = 1e-3, 1e-6, 0.3
+A, P = hertz.contact_radius(APPROACH, RADIUS), hertz.hertz_force(APPROACH, RADIUS, MODULUS)
+G = BALL[0] / (2 * (1 + BALL[1]))
+
+
+def shear_cycle(q, num_points=400):
+    """Displacements from zero to that of Q = q μP, to its opposite and back again."""
+    top = mindlin.displacement(q * MU * P, P, MU, A, S)
+    way = np.linspace(0, 1, num_points)
+    return np.concatenate([top * way, top * (1 - 2 * way[1:]), top * (2 * way[1:] - 1)])
+
+
+def test_shear_starts_stuck_and_ends_sliding():
+    small = 1e-6 * MU * P
+    stiffness = small / mindlin.displacement(small, P, MU, A, S)
+    assert stiffness == pytest.approx(mindlin.stick_stiffness(A, S), rel=1e-5)
+    assert mindlin.stick_radius(MU * P, P, MU, A) == 0.0
+    # Tangential over normal stiffness of like bodies: 2(1 - ν)/(2 - ν).
+    ratio = 2 * (1 - BALL[1]) / (2 - BALL[1])
+    assert mindlin.stick_stiffness(A, S) == pytest.approx(ratio * 2 * MODULUS * A, rel=1e-12)
+
+
+@pytest.mark.parametrize("q", [0.3, 0.8, 0.99])
+def test_shear_to_and_fro_closes_its_loop(q):
+    """Back at -Q* the displacement is opposite, and the area is the energy of a cycle."""
+    top = q * MU * P
+    Q = np.linspace(-top, top, 20001)
+    back = mindlin.unloading(Q, top, P, MU, A, S)
+    assert back[0] == pytest.approx(-back[-1], rel=1e-12)
+    assert back[-1] == pytest.approx(mindlin.displacement(top, P, MU, A, S), rel=1e-12)
+    # Loading again is the same curve turned about the origin. Trapezoids near the root of
+    # (1 - q): their error falls like the step.
+    area = np.trapezoid(back + back[::-1], Q)
+    assert area == pytest.approx(mindlin.energy_per_cycle(top, P, MU, A, S), rel=1e-4)
+
+
+def test_energy_of_a_small_cycle_grows_with_the_cube():
+    q = 1e-2
+    limit = (MU * P) ** 2 * S * q**3 / (36 * A)
+    assert mindlin.energy_per_cycle(q * MU * P, P, MU, A, S) == pytest.approx(limit, rel=0.02)
+
+
+def test_springs_reproduce_the_closed_forms_of_shear():
+    shift = shear_cycle(0.8)
+    normal, Q, lost = mindlin.history(
+        np.full_like(shift, APPROACH), shift, RADIUS, MODULUS, S, MU, 1000
+    )
+    n = shift.size // 3
+    # Springs and steps of a thousandth of the range.
+    assert normal[0] == pytest.approx(P, rel=1e-5)
+    assert Q[n] == pytest.approx(0.8 * MU * P, rel=1e-4)
+    back = slice(n, 2 * n)
+    closed = mindlin.unloading(Q[back], Q[n], P, MU, A, S)
+    np.testing.assert_allclose(shift[back], closed, atol=1e-4 * shift.max())
+    cycle = mindlin.energy_per_cycle(0.8 * MU * P, P, MU, A, S)
+    assert lost[-1] - lost[n] == pytest.approx(cycle, rel=1e-3)
+
+
+def test_shear_and_pressure_that_grow_together():
+    """Mindlin and Deresiewicz 1953: no slip while dQ/dP < μ; then dδ follows the stiffness 8a/S."""
+    way = np.linspace(0, 1, 2001)
+    for slope, slips in ((0.8 * MU, False), (1.3 * MU, True)):
+        # dQ/dP = slope where both displacements keep their proportion.
+        proportion = slope * 2 * MODULUS * S / 8
+        normal, Q, lost = mindlin.history(
+            APPROACH * way, proportion * APPROACH * way, RADIUS, MODULUS, S, MU, 1000
+        )
+        assert Q[-1] == pytest.approx(min(slope, MU) * normal[-1], rel=1e-3)
+        assert (lost[-1] > 1e-3 * P * APPROACH) == slips
+
+
+def test_shear_under_a_falling_normal_force_stays_coulombic():
+    """Where the pressure goes, springs slide back; what is left of Q is within μP."""
+    approach = APPROACH * np.concatenate([np.ones(50), np.linspace(1, 0, 200)])
+    shift = mindlin.displacement(0.9 * MU * P, P, MU, A, S) * np.minimum(np.arange(250) / 49, 1)
+    normal, Q, lost = mindlin.history(approach, shift, RADIUS, MODULUS, S, MU, 300)
+    assert np.all(np.abs(Q) <= MU * normal * (1 + 1e-12))
+    assert np.all(np.diff(lost) >= -1e-12 * lost[-1])
+    # All that was put in is gone when the bodies part.
+    work = np.sum(0.5 * (Q[1:] + Q[:-1]) * np.diff(shift))
+    assert lost[-1] == pytest.approx(work, rel=1e-12)
+
+
+def test_torsion_starts_stuck_and_ends_sliding():
+    beta = torsion.twist(1 - 1e-6, P, MU, A, G)
+    stuck = torsion.stick_moment(beta, A, G)
+    assert torsion.moment(1 - 1e-6, P, MU, A) == pytest.approx(stuck, rel=1e-4)
+    # 2π ∫ μ p r² dr with p = p0 √(1 - r²/a²), midpoint rule.
+    r = (np.arange(100000) + 0.5) / 100000 * A
+    p = 1.5 * P / (np.pi * A**2) * np.sqrt(1 - (r / A) ** 2)
+    sliding = 2 * np.pi * MU * np.sum(p * r**2) * A / 100000
+    assert torsion.sliding_moment(P, MU, A) == pytest.approx(sliding, rel=1e-6)
+    assert torsion.moment(0.0, P, MU, A) == pytest.approx(sliding, rel=1e-6)
+    assert torsion.moment_of_twist(10 * beta / 1e-6, P, MU, A, G) <= sliding * (1 + 1e-6)
+
+
+def test_torsion_inverts_and_agrees_with_deresiewicz_far_from_sliding():
+    for ratio in (0.95, 0.7, 0.2):
+        beta, M = torsion.twist(ratio, P, MU, A, G), torsion.moment(ratio, P, MU, A)
+        assert torsion.moment_of_twist(beta, P, MU, A, G) == pytest.approx(M, rel=1e-9)
+        assert torsion.moment_of_twist(-beta, P, MU, A, G) == pytest.approx(-M, rel=1e-9)
+    beta, M = torsion.twist(0.95, P, MU, A, G), torsion.moment(0.95, P, MU, A)
+    # At 16 % of sliding his approximation differs by 0.3 %.
+    assert torsion.deresiewicz_twist(M, P, MU, A, G) == pytest.approx(beta, rel=5e-3)
+    assert torsion.unloading_moment(-beta, beta, P, MU, A, G) == pytest.approx(-M, rel=1e-9)
+
+
+def test_traction_of_partly_slipping_torsion():
+    """The sum of turned discs is q = μp in the annulus: Abel's integral, done numerically."""
+    ratio, r = 0.4, 0.7
+    s = r + (1 - r) * (np.arange(40000) + 0.5) ** 2 / 40000**2  # dense where the root is
+    edges = r + (1 - r) * np.arange(40001) ** 2 / 40000**2
+    turned = torsion.twist(edges, 1.0, 1.0, 1.0, 1.0)  # of all discs larger than s
+    q = 4 / np.pi * r * np.sum(-np.diff(turned) / np.sqrt(s**2 - r**2))
+    assert q == pytest.approx(1.5 / np.pi * np.sqrt(1 - r**2), rel=1e-3)
+    assert torsion.twist(ratio, 1.0, 1.0, 1.0, 1.0) > turned[0]
+
+
+def test_creep_of_a_rolling_ball():
+    nu = 0.25
+    # Three figures of Kalker's table, and Johnson's limit for small force.
+    assert rolling.kalker_coefficient(nu) == pytest.approx(4.12, abs=5e-3)
+    small = 1e-6 * MU * P
+    creep = rolling.johnson_creep(small, P, MU, A, G, nu)
+    assert small / (G * A**2 * creep) == pytest.approx(16 / (4 - 3 * nu), rel=1e-5)
+    force = rolling.creep_force(1e-9, P, MU, A, G, nu)
+    assert force == pytest.approx(4.12 * G * A**2 * 1e-9, rel=1e-3)
+    assert rolling.creep_force(-1.0, P, MU, A, G, nu) == pytest.approx(-MU * P, rel=1e-12)
+    # The same law, but for the coefficient.
+    xi = rolling.johnson_creep(0.6 * MU * P, P, MU, A, G, nu) * 16 / (4 - 3 * nu) / 4.12
+    assert rolling.creep_force(xi, P, MU, A, G, nu) == pytest.approx(0.6 * MU * P, rel=1e-3)
