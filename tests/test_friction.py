@@ -48,7 +48,8 @@ class Mover:
             static,
             0.15,
             self.walls,
-            kinetic,
+            friction_kinetic=kinetic,
+            points="nodes" if body is None else "facets",
         )
         self.pairs = self.contact.pairs if on_block else self.walls.pairs
         self.on_block, self.ratio = on_block, ratio
