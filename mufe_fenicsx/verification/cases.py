@@ -9,7 +9,7 @@ from .energy import energy
 from .hertz import hertz
 from .mindlin import mindlin
 from .patch import patch
-from .sliding import sliding_block
+from .sliding import sliding_block, sliding_facets
 from .spin import spin
 
 CASES = {
@@ -17,6 +17,7 @@ CASES = {
     "patch": patch,
     "spin": spin,
     "sliding-block": sliding_block,
+    "sliding-facets": sliding_facets,
     "energy": energy,
     "hertz": hertz,
     "mindlin": mindlin,

@@ -39,6 +39,11 @@ def test_sliding_block():
 
 
 @pytest.mark.mpi
+def test_sliding_facets():
+    run("sliding-facets", facets=0.5)
+
+
+@pytest.mark.mpi
 def test_energy():
     run("energy", strain=0.01)
 
@@ -56,7 +61,7 @@ def test_mindlin():
 def test_all_cases_of_the_command_line_exist():
     assert set(CASES) == {
         *("column", "patch", "spin", "sliding-block", "energy", "hertz"),
-        *("mindlin",),
+        *("sliding-facets", "mindlin"),
     }
     for function in CASES.values():
         assert function.__doc__.splitlines()[0]
