@@ -15,7 +15,7 @@ from .oblique_impact import oblique_impact
 from .overlap import overlap
 from .packing import packing
 from .patch import patch
-from .sliding import sliding_block
+from .sliding import sliding_block, sliding_facets
 from .spin import spin
 
 CASES = {
@@ -23,6 +23,7 @@ CASES = {
     "patch": patch,
     "spin": spin,
     "sliding-block": sliding_block,
+    "sliding-facets": sliding_facets,
     "energy": energy,
     "hertz": hertz,
     "hertz-convergence": hertz_convergence,

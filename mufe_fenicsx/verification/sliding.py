@@ -1,26 +1,30 @@
-"""An elastic block on a plane that is drawn away below it."""
+"""An elastic block on a plane that is drawn away below it, and on another block."""
 
 import math
 
 import numpy as np
 
+from ..contact.walls import Wall, rotation_of
 from ..geometry.shapes import box
 from ..materials.elastic import Elastic
+from ..simulation import Simulation
 from ..theory.coulomb import friction_work
-from .build import build, drive, settle
+from .build import build, distribute, drive, settle
 from .case import case, compare
 
 # Without lateral strain pressing alone makes no node slip.
 E, NU, RHO = 100e9, 0.0, 2650.0
 LENGTH, HEIGHT = 1e-3, 0.5e-3
+#: The way that blocks are drawn, along no edge of their meshes.
+WAY = np.array([math.cos(0.4), math.sin(0.4), 0.0])
 
 
 @case("sliding-block", num_bodies=1)
 def sliding_block(comm, friction=0.3, strain=1e-4, slip=1e-5, divisions=4):
-    """A block pressed on a plane sticks below mu N, and friction work is mu N s where it slides.
+    """A block pressed on a plane sticks up to mu N, and friction work is mu N s where it slides.
 
     A platen presses the block on the plane and holds it, by twice the friction; the
-    plane is drawn along x.
+    plane is drawn away, along no edge of the mesh.
 
     Args:
         comm: MPI communicator.
@@ -45,7 +49,7 @@ def sliding_block(comm, friction=0.3, strain=1e-4, slip=1e-5, divisions=4):
 
     def state():
         """Drag and normal force of the plane, drag of the platen [N], work of friction [J]."""
-        drag, hold = s.comm.allreduce(-s.walls.force[[plane, platen], 0])
+        drag, hold = s.comm.allreduce(-s.walls.force[[plane, platen]] @ WAY)
         work = s.comm.allreduce(s.contact.dissipated)
         return np.array([drag, s.wall_forces()[plane], hold, work])
 
@@ -54,20 +58,32 @@ def sliding_block(comm, friction=0.3, strain=1e-4, slip=1e-5, divisions=4):
     rest = state()
     stuck = []
     for move in (step, step, -2 * step):
-        drive(s, {"z_min": (move, 0, 0)}, beat)
+        drive(s, {"z_min": move * WAY}, beat)
         settle(s, 1e-12)
         stuck.append(state() - rest)
 
+    # On to 1.4 times the elastic displacement at the limit: the block has to hold up to there
+    # and to let go there. Slowly, for waves add to the drag.
+    reach = 2 * step * friction * rest[1] / stuck[1][0]
+    ratios = []
+
+    def record_ratio():
+        drag, normal, *_ = state()
+        ratios.append(drag / (friction * normal))
+
+    drive(s, {"z_min": 1.4 * reach * WAY}, 6 * beat, at_step=record_ratio)
+    settle(s, 1e-12)
+
     before, u_before = state(), _foot(s)
-    forces, places = [before[1]], [s.walls.point[plane, 0]]
+    forces, places = [before[1]], [s.walls.point[plane] @ WAY]
 
     def record():
         forces.append(s.wall_forces()[plane])
-        places.append(s.walls.point[plane, 0])
+        places.append(s.walls.point[plane] @ WAY)
 
     # The stress of its inertia, rho c v, stays some percent of the pressure.
     speed = 0.02 * strain * material.wave_speed
-    drive(s, {"z_min": (slip, 0, 0)}, max(slip / speed, beat), at_step=record)
+    drive(s, {"z_min": slip * WAY}, max(slip / speed, beat), at_step=record)
     end = state()
     forces = np.array(forces)
     mean_force = np.trapezoid(forces, places) / slip
@@ -86,11 +102,11 @@ def sliding_block(comm, friction=0.3, strain=1e-4, slip=1e-5, divisions=4):
         ),
         # The platen holds what the plane drags: at rest to 1e-12 in energies.
         "stuck: platen against plane": compare(-stuck[1][2], stuck[1][0], 1e-4),
-        # Not at rest while sliding, and nodes that spread sideways rub a little across.
-        "sliding: drag over normal force": compare(end[0] / end[1], friction, 0.01),
-        # The way includes that of building up the drag, elastic displacement over slip.
+        # Coulomb's law holds at each node; only waves move the sum of them off its limit.
+        "threshold: largest drag over mu N": compare(max(ratios), 1.0, 0.005),
+        "sliding: drag over normal force": compare(end[0] / end[1], friction, 0.005),
         "friction work [J]": compare(
-            end[3] - before[3], friction_work(friction, mean_force, slid), 0.01
+            end[3] - before[3], friction_work(friction, mean_force, slid), 0.005
         ),
         "energy residual over work": compare(
             energy["residual"] / energy["work"], 0.0, 1e-3, scale=1.0
@@ -100,6 +116,68 @@ def sliding_block(comm, friction=0.3, strain=1e-4, slip=1e-5, divisions=4):
 
 
 def _foot(s):
-    """Mean displacement along x of the block's face on the plane [m]."""
+    """Mean displacement along the way of the block's face on the plane [m]."""
     bottom = s.mesh.x[:, 2] < 1e-9
-    return s.comm.allreduce(s.state.u[bottom, 0].sum()) / s.comm.allreduce(bottom.sum())
+    return s.comm.allreduce((s.state.u[bottom] @ WAY).sum()) / s.comm.allreduce(bottom.sum())
+
+
+@case("sliding-facets", num_bodies=2)
+def sliding_facets(comm, friction=0.3, strain=2e-3, facets=1.5, divisions=12):
+    """A block drawn over the facets of another one: friction work is μ ∫ N ds throughout.
+
+    Every node of either face passes over edges and corners of the other; the pair carries
+    its friction along. Both blocks are glued to platens; their edges cross at odd angles.
+
+    Args:
+        comm: MPI communicator.
+        friction: Coefficient of friction.
+        strain: Compression of the upper block.
+        facets: Way to slide, in edges of the lower block.
+        divisions: Bricks along the length of the lower block.
+    """
+    material = Elastic(E, NU, RHO)
+    side, thick, edge = 0.3 * LENGTH, 0.15 * LENGTH, LENGTH / divisions
+    lower = box((LENGTH, LENGTH, thick), (divisions, divisions, 2), (0, 0, -thick))
+    points, cells = box((side, side, thick), (4, 4, 2), (-0.5 * side, -0.5 * side, 0))
+    centre = np.array([0.5 * LENGTH, 0.5 * LENGTH, 0]) - 0.5 * facets * edge * WAY
+    upper = points @ rotation_of(np.array([0, 0, 0.7])).T + centre, cells
+    up = np.eye(3)[2]
+    walls = [
+        Wall("low", -thick * up, up, bonded=True),
+        Wall("top", thick * up, -up, bonded=True),
+    ]
+    mesh = distribute(comm, [lower, upper])
+    s = Simulation(
+        mesh, [material] * mesh.num_grains, walls, friction=friction,
+        damping=0.3 * math.pi * material.wave_speed / thick, time_step_factor=0.7,
+    )  # fmt: skip
+    beat = 8 * thick / material.wave_speed
+    drive(s, {"top": -strain * thick * up}, 3 * beat)
+
+    face = (s.mesh.grains[s.mesh.grain_of_node] == 1) & (s.mesh.x[:, 2] < 1e-9)
+
+    def state():
+        """Way of the upper face [m], drag and normal force on the lower platen [N]."""
+        way, count = s.comm.allreduce(np.array([(s.state.u[face] @ WAY).sum(), face.sum()]))
+        force, _ = s.walls.loads(s.comm)
+        return way / count, force[0] @ WAY, -force[0, 2]
+
+    rows = [state()]
+    before = s.energies()
+    slip = facets * edge
+    speed = 0.1 * strain * material.wave_speed
+    drive(s, {"top": slip * WAY}, slip / speed, at_step=lambda: rows.append(state()))
+    way, drag, normal = np.array(rows).T
+    after = s.energies()
+    middle = slice(len(rows) // 4, 3 * len(rows) // 4)
+    expected = friction * np.trapezoid(normal, way)
+    results = {
+        "friction work [J]": compare(after["friction"] - before["friction"], expected, 0.005),
+        "mean drag over mean normal force": compare(
+            drag[middle].mean() / normal[middle].mean(), friction, 0.005
+        ),
+        "energy residual over friction work": compare(
+            (after["residual"] - before["residual"]) / expected, 0.0, 0.005, scale=1.0
+        ),
+    }
+    return results, [s]

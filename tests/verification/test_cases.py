@@ -39,6 +39,11 @@ def test_sliding_block():
 
 
 @pytest.mark.mpi
+def test_sliding_facets():
+    run("sliding-facets", facets=0.5)
+
+
+@pytest.mark.mpi
 def test_energy():
     run("energy", strain=0.01)
 
