@@ -24,6 +24,8 @@ class Mover:
     """A block that is moved rigidly over a plane or over another block; nothing deforms."""
 
     def __init__(self, on_block, static, kinetic=None, body=None):
+        # Nodes of a block are all at one depth; on a ball contact is at facets, as by default.
+        points = "nodes" if body is None else "facets"
         side = 0.3 * SIZE
         body = (
             box((side, side, side), (3, 3, 3), (0.31 * SIZE, 0.33 * SIZE, 0.0))
@@ -49,7 +51,7 @@ class Mover:
             0.15,
             self.walls,
             friction_kinetic=kinetic,
-            points="nodes" if body is None else "facets",
+            points=points,
         )
         self.pairs = self.contact.pairs if on_block else self.walls.pairs
         self.on_block, self.ratio = on_block, ratio
