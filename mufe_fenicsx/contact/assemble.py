@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 from ..kernels.pairs import add_pair_forces, add_pair_stiffness, largest_move, pair_energy
 from ..kernels.walls import add_rows, gather_rows
+from .edges import EdgeContact
 from .exchange import SurfaceVector, exchange_surface
 from .laws import layer_of_facets, layer_of_nodes
 from .pairs import search_pairs
@@ -52,6 +53,7 @@ class Contact:
         self.skin = SKIN * self.edge
         self.width = self.comm.allreduce(float(np.ptp(x, axis=0).max()), op=MPI.SUM)
         self.largest_depth = LARGEST_DEPTH * self.edge
+        self.edges = EdgeContact(self.ratio, self.edge, self.largest_depth)
 
         self.dissipated = 0.0  #: by friction on this rank so far [J]
         self.num_adopted = 0  #: contacts that were found deep, on this rank
@@ -78,6 +80,7 @@ class Contact:
         depth = deepest
         if self.pairs is not None and self.pairs.gap.size:
             depth = max(depth, -self.pairs.gap[np.isfinite(self.pairs.gap)].min(initial=0.0))
+        depth = max(depth, self.edges.deepest())
         depth = self.comm.allreduce(depth, op=MPI.MAX)
         reach = self.skin + 1.1 * depth
 
@@ -101,6 +104,9 @@ class Contact:
         )
         if old is not None:
             self.pairs.carry(old, _finder(self.surface.global_facet), old_surface.global_facet)
+        self.dissipated += self.edges.search(
+            self.positions.array, num_own, self.surface, reach, self.clock
+        )
         self.walls.search(self.positions.array, num_own, reach, self.clock)
         self.searched_at = self.clock
         self.num_searches += 1
@@ -146,16 +152,19 @@ class Contact:
             p.candidate, s.facets, s.neighbor, s.ring_offset, s.ring, self.layer,
             s.layer_of_facet, own.area, self.ratio, self.friction, self.largest_depth, adopt,
         )  # fmt: skip
+        edge_dissipated, edge_adopted, edge_deep, edge_deepest = self.edges.add_forces(
+            forces, x, self.clock, self.friction, adopt
+        )
         self.forces.add_back()
         num_own = own.nodes.size
         wall_dissipated, wall_adopted = self.walls.add_forces(
             forces, x, self.clock, self.layer, own.area, self.ratio, adopt
         )
         add_rows(f, own.nodes, forces[:num_own])
-        self.dissipated += dissipated + wall_dissipated
-        self.num_adopted += num_adopted + wall_adopted
-        self.num_deep += num_deep
-        self.deepest = max(self.deepest, deepest)
+        self.dissipated += dissipated + edge_dissipated + wall_dissipated
+        self.num_adopted += num_adopted + edge_adopted + wall_adopted
+        self.num_deep += num_deep + edge_deep
+        self.deepest = max(self.deepest, deepest, edge_deepest)
 
     def add_stiffness(self, y, q, margin):
         """Add the contact springs nearer than ``margin`` [m] times ``q`` to ``y``. Collective.
@@ -175,6 +184,7 @@ class Contact:
             p.closed, p.weights, p.normal, p.stiffness, s.facets, self.layer, s.layer_of_facet,
             own.area, self.ratio,
         )  # fmt: skip
+        self.edges.add_stiffness(forces, move, margin, self.clock)
         self.forces.add_back()
         self.walls.add_stiffness(forces, move, margin, self.clock, self.layer, own.area, self.ratio)
         add_rows(y, own.nodes, forces[:num_own])
@@ -186,8 +196,9 @@ class Contact:
         pairs, num_pairs = pair_energy(
             p.gap, p.offset, p.closed, p.stiffness, p.shear, p.node, self.ratio
         )
+        edges, num_edges = self.edges.energy()
         walls, num_walls = self.walls.energy(self.layer, self.own.area, self.ratio)
-        return pairs + walls, num_pairs + num_walls
+        return pairs + edges + walls, num_pairs + num_edges + num_walls
 
     def traction(self, num_nodes):
         """Pressure and size of the shear traction at all nodes of this rank [Pa]. Local.

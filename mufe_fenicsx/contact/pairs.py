@@ -46,6 +46,8 @@ class Pairs:
         source = source[new]
         for name in REMEMBERED:
             getattr(self, name)[new] = getattr(old, name)[source]
+        # A pair that was due may have closed by the motion since, and no other.
+        self.due[new] = np.minimum(self.due[new], old.due[source])
         known = old.closest[source] >= 0
         new, source = new[known], source[known]
         facet = facet_of_global(old_global_facet[old.candidate[old.closest[source]]])

@@ -1,0 +1,433 @@
+"""Contact of sharp edges that cross: where and how deep, then forces."""
+
+import math
+
+import numba
+
+from .edge_search import segment_distance
+
+#: Sine of the angle below which two edges are parallel, and left to nodes and facets.
+PARALLEL = 0.05
+#: Angle by which the normal may lie outside the normals of an edge's facets [rad]: where an
+#: edge lies flat on a facet, or two facets on each other, all their crossings carry.
+ARC = 0.1
+#: Part of an edge by which a crossing may lie beyond its end: edges may meet at their ends.
+END = 1e-3
+#: A crossing that carries may leave its edges by this part of them, and the normals of their
+#: facets by this angle more [rad], before it is let go.
+OVERRUN = 0.1
+#: Crossings deeper than this part of the mean facet edge are none: facets end before them.
+DEEPEST = 0.25
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _outside(x, a, b, c, d, nx, ny, nz):
+    """Sine of the angle by which a direction lies outside the normals of the edge a, b.
+
+    c and d are the vertices beyond the edge. The normals of a convex edge are the
+    directions n, at right angles to it, with n.u <= 0 for every u into its facets.
+    Negative within them.
+    """
+    ex, ey, ez = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
+    ee = ex * ex + ey * ey + ez * ez
+    worst = -math.inf
+    for o in (c, d):
+        rx, ry, rz = x[o, 0] - x[a, 0], x[o, 1] - x[a, 1], x[o, 2] - x[a, 2]
+        along = rx * ex + ry * ey + rz * ez
+        height = math.sqrt(rx * rx + ry * ry + rz * rz - along * along / ee)
+        worst = max(worst, (rx * nx + ry * ny + rz * nz) / height)
+    return worst
+
+
+@numba.njit(cache=True, error_model="numpy")
+def crossing(x, ends, beyond, i, j):
+    """Where the lines of two edges come closest.
+
+    The normal is that of the separating planes of two convex bodies that touch there:
+    it lies between the normals of the facets at edge j and, reversed, at edge i
+    (S. Gottschalk, M. C. Lin, D. Manocha, OBBTree, SIGGRAPH 1996, for the axis; D. Gregorius,
+    The separating axis test between convex polyhedra, GDC 2013, for the arcs).
+
+    Args:
+        x: Positions [m], shape (num_nodes, 3).
+        ends, beyond: Edges, as in kernels.edge_search.
+        i, j: The two edges.
+
+    Returns:
+        By how much it lies outside of the edges or of the normals of their facets, in parts
+        of the edge or radians, at most 0 within both; places s and t on the edges, 0 to 1;
+        unit normal from edge j to edge i; gap [m], negative where they are inside each other.
+    """
+    a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
+    ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
+    vx, vy, vz = x[d, 0] - x[c, 0], x[d, 1] - x[c, 1], x[d, 2] - x[c, 2]
+    wx, wy, wz = x[a, 0] - x[c, 0], x[a, 1] - x[c, 1], x[a, 2] - x[c, 2]
+    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    det = nx * nx + ny * ny + nz * nz
+    if not det > PARALLEL * PARALLEL * uu * vv:
+        return math.inf, 0.5, 0.5, 0.0, 0.0, 0.0, math.inf
+    uv = ux * vx + uy * vy + uz * vz
+    uw, vw = ux * wx + uy * wy + uz * wz, vx * wx + vy * wy + vz * wz
+    s, t = (uv * vw - vv * uw) / det, (uu * vw - uv * uw) / det
+    # Out of grain j: away from its facets, and towards those of grain i.
+    side = 0.0
+    for m in range(2):
+        o, q = beyond[i, m], beyond[j, m]
+        side += nx * (x[o, 0] - x[a, 0]) + ny * (x[o, 1] - x[a, 1]) + nz * (x[o, 2] - x[a, 2])
+        side -= nx * (x[q, 0] - x[c, 0]) + ny * (x[q, 1] - x[c, 1]) + nz * (x[q, 2] - x[c, 2])
+    scale = math.copysign(1.0 / math.sqrt(det), side)
+    nx, ny, nz = nx * scale, ny * scale, nz * scale
+    gap = wx * nx + wy * ny + wz * nz
+    turned = max(
+        _outside(x, a, b, beyond[i, 0], beyond[i, 1], -nx, -ny, -nz),
+        _outside(x, c, d, beyond[j, 0], beyond[j, 1], nx, ny, nz),
+    )
+    beside = max(-s, s - 1.0, -t, t - 1.0)
+    return max(beside - END, turned - ARC), s, t, nx, ny, nz, gap
+
+
+@numba.njit(cache=True)
+def _volume(x, a, b, c, d):
+    """Six times the volume of a tetrahedron."""
+    ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
+    vx, vy, vz = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
+    wx, wy, wz = x[d, 0] - x[a, 0], x[d, 1] - x[a, 1], x[d, 2] - x[a, 2]
+    return (
+        ux * (vy * wz - vz * wy) + uy * (vz * wx - vx * wz) + uz * (vx * wy - vy * wx)
+    )
+
+
+@numba.njit(cache=True)
+def _pierces(x, a, b, c, d, e):
+    """Whether the segment a, b meets the triangle c, d, e."""
+    if _volume(x, a, c, d, e) * _volume(x, b, c, d, e) > 0.0:
+        return False
+    first, second, third = _volume(x, a, b, c, d), _volume(x, a, b, d, e), _volume(x, a, b, e, c)
+    return (first >= 0.0 and second >= 0.0 and third >= 0.0) or (
+        first <= 0.0 and second <= 0.0 and third <= 0.0
+    )
+
+
+@numba.njit(cache=True)
+def overlap(x, ends, beyond, i, j):
+    """Whether each of two edges pierces a facet of the other.
+
+    Their lines can be inside each other where the edges or facets have ended before.
+    """
+    a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
+    return (
+        _pierces(x, a, b, c, d, beyond[j, 0]) or _pierces(x, a, b, c, d, beyond[j, 1])
+    ) and (_pierces(x, c, d, a, b, beyond[i, 0]) or _pierces(x, c, d, a, b, beyond[i, 1]))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _spring(x, ends, i, j, ds, dt):
+    """The vector ds u - dt v of edges u and v: from anchor to anchor, along the surfaces [m]."""
+    a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
+    return (
+        ds * (x[b, 0] - x[a, 0]) - dt * (x[d, 0] - x[c, 0]),
+        ds * (x[b, 1] - x[a, 1]) - dt * (x[d, 1] - x[c, 1]),
+        ds * (x[b, 2] - x[a, 2]) - dt * (x[d, 2] - x[c, 2]),
+    )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _parts(x, ends, i, j, dx, dy, dz):
+    """ds and dt with ds u - dt v equal to a vector, less its part across both edges."""
+    a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
+    ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
+    vx, vy, vz = x[d, 0] - x[c, 0], x[d, 1] - x[c, 1], x[d, 2] - x[c, 2]
+    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
+    uv = ux * vx + uy * vy + uz * vz
+    du, dv = dx * ux + dy * uy + dz * uz, dx * vx + dy * vy + dz * vz
+    det = uu * vv - uv * uv
+    return (vv * du - uv * dv) / det, (uv * du - uu * dv) / det
+
+
+@numba.njit(cache=True)
+def stored_energy(stiffness, depth, largest_depth):
+    """Energy of a normal spring whose force grows no more beyond the largest depth [J]."""
+    within = min(depth, largest_depth)
+    return stiffness * within * (depth - 0.5 * within)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def add_edge_forces(
+    f,
+    due,
+    outside,
+    place,
+    normal,
+    gap,
+    offset,
+    closed,
+    stiffness,
+    anchor,
+    shear,
+    slip,
+    clock,
+    x,
+    first,
+    second,
+    ends,
+    beyond,
+    area,
+    layer,
+    ratio,
+    friction,
+    size,
+    largest_depth,
+    adopt,
+):
+    """Find the crossings of all pairs and add the forces of the closed ones to ``f``, in place.
+
+    A closed pair with gap g (less its offset) carries the normal force -k g at the
+    closest points p of the one and q of the other edge, p - q = g n: the gradient of
+    k g²/2, with net force and net moment zero. Friction is the force of a spring between
+    two anchors, points of the edges that start as p and q and that Coulomb's limit drags
+    along. What separates them beside g n is a vector d = ds u - dt v of the edges u and
+    v; friction T = -k_t d acts at the anchors, and its couple g n x T is borne by forces
+    ± h n at the ends of the edges, h u + h' v = g T. That is the gradient of k_t d²/2.
+
+    A contact begins at a gap that was open the step before, as in kernels.pairs, and a
+    crossing that was not there before counts only where edges pierce facets. A closed
+    crossing that leaves its edge (OVERRUN) or its facets (ARC) hands offset and springs to
+    the crossing of an edge beside that took its place; where there is none it is let go,
+    and what its springs stored counts as dissipated.
+
+    Args:
+        f: Forces on surface nodes [N], shape (num_nodes, 3).
+        due: Reading of the clock before which a pair cannot close, shape (num_pairs,).
+        outside: By how much the crossing lies outside, as of :func:`crossing`, (num_pairs,).
+        place: s and t of the crossing, shape (num_pairs, 2).
+        normal: Unit normals, from the second to the first edge, shape (num_pairs, 3).
+        gap, offset: Gap and its offset (<= 0) [m], shape (num_pairs,).
+        closed: Whether the pair carries force, shape (num_pairs,).
+        stiffness: Of closed pairs [N/m], set when they close, shape (num_pairs,).
+        anchor: s and t of the anchors, shape (num_pairs, 2).
+        shear: Friction on the first edge [N], shape (num_pairs, 3).
+        slip: Accumulated slip [m], shape (num_pairs,).
+        clock: Bound of all relative motion so far [m].
+        x: Positions [m], shape (num_nodes, 3).
+        first, second: The edges of each pair, shape (num_pairs,).
+        ends, beyond: Edges, as in kernels.edge_search.
+        area: Area that stands for an edge [m²], shape (num_edges,).
+        layer: Compliance c h/E* of the edges [m/Pa], shape (num_edges,).
+        ratio: Tangential over normal stiffness, shape (num_own_edges,).
+        friction: Coefficient of friction.
+        size: Mean facet edge [m].
+        largest_depth: Depth beyond which the force does not grow [m].
+        adopt: True to adopt every pair that overlaps (start of a test).
+
+    Returns:
+        Energy dissipated [J], and the part of it in normal springs that were let go; number of
+        adopted pairs; number of pairs beyond the largest depth; largest adopted depth [m].
+    """
+    dissipated, lost, num_adopted, num_deep, deepest = 0.0, 0.0, 0, 0, 0.0
+    num_leaving = 0
+    for p in range(first.size):
+        if due[p] > clock:
+            continue
+        i, j = first[p], second[p]
+        was_open = outside[p] <= 0.0 and gap[p] >= 0.0
+        aside = outside[p] > 0.0 and gap[p] < 0.0
+        outside[p], s, t, nx, ny, nz, g = crossing(x, ends, beyond, i, j)
+        if g < 0.0 and not (closed[p] or was_open):
+            if g < -DEEPEST * size or not overlap(x, ends, beyond, i, j):
+                outside[p] = math.inf
+        if g < math.inf:  # not parallel
+            gap[p], place[p, 0], place[p, 1] = g, s, t
+            normal[p, 0], normal[p, 1], normal[p, 2] = nx, ny, nz
+        if closed[p]:
+            due[p] = clock
+            if outside[p] > 0.0:
+                num_leaving += 1
+            continue
+        if outside[p] > 0.0:
+            # An edge can come in from the side, below the other one.
+            distance = segment_distance(x, ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1])
+            due[p] = clock + max(distance - largest_depth, 0.0)
+            continue
+        offset[p] = min(max(offset[p], g), 0.0) if offset[p] < 0.0 else 0.0
+        # What comes in from the side, below the other edge, was never open.
+        allowed = 0.0 if adopt or aside else clock - due[p] + 1e-9 * size
+        if offset[p] - g > allowed:
+            num_adopted += 1
+            deepest = max(deepest, -g)
+            offset[p] = g
+        due[p] = clock + max(g, 0.0)
+
+    if num_leaving:
+        released, let_go = _hand_over(
+            outside, gap, offset, closed, stiffness, anchor, shear, place, normal, clock, due,
+            x, first, second, ends, ratio, largest_depth,
+        )  # fmt: skip
+        dissipated, lost = dissipated + released, lost + let_go
+
+    for p in range(first.size):
+        if due[p] > clock or not (closed[p] or outside[p] <= 0.0):
+            continue
+        i, j = first[p], second[p]
+        depth = offset[p] - gap[p]
+        if depth <= 0.0:
+            if closed[p]:
+                t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
+                dissipated += t2 / (2.0 * stiffness[p] * ratio[i])
+                closed[p] = False
+                shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
+                due[p] = clock + max(gap[p], 0.0)
+            continue
+        if not closed[p]:
+            closed[p] = True
+            stiffness[p] = 0.5 * min(area[i], area[j]) / (layer[i] + layer[j])
+            anchor[p, 0], anchor[p, 1] = place[p, 0], place[p, 1]
+        due[p] = clock
+        if depth > largest_depth:
+            num_deep += 1
+            depth = largest_depth
+        kn = stiffness[p]
+        kt = kn * ratio[i]
+        N = kn * depth
+        ds, dt = anchor[p, 0] - place[p, 0], anchor[p, 1] - place[p, 1]
+        dx, dy, dz = _spring(x, ends, i, j, ds, dt)
+        T = kt * math.sqrt(dx * dx + dy * dy + dz * dz)
+        limit = friction * N
+        if T > limit:
+            keep = limit / T
+            # Work of the mean friction of the step: exact for the trapezoidal rule.
+            before2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
+            slipped = (T - limit) / kt
+            dissipated += 0.5 * (math.sqrt(before2) + limit) * slipped
+            slip[p] += slipped
+            ds, dt = keep * ds, keep * dt
+            dx, dy, dz = keep * dx, keep * dy, keep * dz
+            anchor[p, 0], anchor[p, 1] = place[p, 0] + ds, place[p, 1] + dt
+        shear[p, 0], shear[p, 1], shear[p, 2] = -kt * dx, -kt * dy, -kt * dz
+        # Couple: T = -kt (ds u - dt v), so h = -kt g ds on the first edge, kt g dt on the second.
+        h0, h1 = -kt * gap[p] * ds, kt * gap[p] * dt
+        a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
+        s, t = place[p, 0], place[p, 1]
+        ps, pt = anchor[p, 0], anchor[p, 1]
+        for m in range(3):
+            n, T = normal[p, m], shear[p, m]
+            f[a, m] += ((1.0 - s) * N - h0) * n + (1.0 - ps) * T
+            f[b, m] += (s * N + h0) * n + ps * T
+            f[c, m] -= ((1.0 - t) * N + h1) * n + (1.0 - pt) * T
+            f[d, m] -= (t * N - h1) * n + pt * T
+    return dissipated, lost, num_adopted, num_deep, deepest
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _hand_over(
+    outside, gap, offset, closed, stiffness, anchor, shear, place, normal, clock, due, x, first,
+    second, ends, ratio, largest_depth,
+):  # fmt: skip
+    """Closed crossings that left their edges pass offset and springs on, or are let go.
+
+    Returns:
+        Energy of the springs that were let go [J], and the part in normal springs.
+    """
+    dissipated, lost = 0.0, 0.0
+    for p in range(first.size):
+        if not closed[p] or outside[p] <= 0.0:
+            continue
+        best = -1
+        for q in range(first.size):
+            if (
+                outside[q] <= 0.0
+                and due[q] <= clock
+                and gap[q] < 0.0
+                and _beside(ends, first[p], first[q])
+                and _beside(ends, second[p], second[q])
+                and (best < 0 or gap[q] < gap[best])
+            ):
+                best = q
+        if best < 0 and outside[p] <= OVERRUN:
+            continue
+        i, kt = first[p], stiffness[p] * ratio[first[p]]
+        t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
+        normal_energy = stored_energy(stiffness[p], max(offset[p] - gap[p], 0.0), largest_depth)
+        closed[p] = False
+        if best >= 0 and (not closed[best] or offset[best] < offset[p]):
+            q = best
+            if closed[q]:
+                q2 = shear[q, 0] ** 2 + shear[q, 1] ** 2 + shear[q, 2] ** 2
+                dissipated += q2 / (2.0 * stiffness[q] * ratio[first[q]])
+                depth = max(offset[q] - gap[q], 0.0)
+                normal_energy += stored_energy(stiffness[q], depth, largest_depth)
+            offset[q], stiffness[q], closed[q] = offset[p], stiffness[p], True
+            due[q] = clock
+            # The spring keeps its length and turns with the normal.
+            dx, dy, dz = _spring(
+                x, ends, i, second[p], anchor[p, 0] - place[p, 0], anchor[p, 1] - place[p, 1]
+            )
+            along = dx * normal[q, 0] + dy * normal[q, 1] + dz * normal[q, 2]
+            d2 = dx * dx + dy * dy + dz * dz
+            now2 = d2 - along * along
+            keep = math.sqrt(d2 / now2) if now2 > 0.0 else 0.0
+            dx, dy, dz = keep * dx, keep * dy, keep * dz
+            ds, dt = _parts(x, ends, first[q], second[q], dx, dy, dz)
+            anchor[q, 0], anchor[q, 1] = place[q, 0] + ds, place[q, 1] + dt
+            for m in range(3):
+                shear[q, m] = 0.0
+            shear[q, 0] = math.sqrt(t2)  # its size before the step; the direction follows
+            left = stored_energy(stiffness[q], max(offset[q] - gap[q], 0.0), largest_depth)
+            normal_energy = max(normal_energy - left, 0.0)
+        else:
+            dissipated += t2 / (2.0 * kt)
+        dissipated += normal_energy
+        lost += normal_energy
+        shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
+    return dissipated, lost
+
+
+@numba.njit(cache=True)
+def _beside(ends, i, j):
+    """Whether two edges are the same or have an end in common."""
+    a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
+    return a == c or a == d or b == c or b == d
+
+
+@numba.njit(cache=True)
+def edge_energy(gap, offset, closed, stiffness, shear, first, ratio, largest_depth):
+    """Energy stored in the springs of closed pairs [J], and their number."""
+    energy, count = 0.0, 0
+    for p in range(first.size):
+        if closed[p]:
+            count += 1
+            t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
+            energy += stored_energy(stiffness[p], offset[p] - gap[p], largest_depth)
+            energy += 0.5 * t2 / (stiffness[p] * ratio[first[p]])
+    return energy, count
+
+
+@numba.njit(cache=True)
+def add_edge_stiffness(y, q, margin, size, due, outside, clock, place, normal, closed, stiffness, first,
+                       second, ends, area, layer, ratio):  # fmt: skip
+    """Add the springs of all pairs nearer than ``margin`` [m] times ``q`` to ``y``, in place.
+
+    Pairs that slide count with their tangential spring, and crossings that come between
+    edges and facets by such a motion count too: an upper bound. ``y`` and ``q`` have the
+    shape (num_nodes, 3); others as in :func:`add_edge_forces`.
+    """
+    near = OVERRUN + 2.0 * margin / size
+    for p in range(first.size):
+        if not (closed[p] or (outside[p] <= near and due[p] - clock < margin)):
+            continue
+        i, j = first[p], second[p]
+        a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
+        kn = stiffness[p] if closed[p] else 0.5 * min(area[i], area[j]) / (layer[i] + layer[j])
+        kt = kn * ratio[i]
+        s, t = min(max(place[p, 0], 0.0), 1.0), min(max(place[p, 1], 0.0), 1.0)
+        along = 0.0
+        for m in range(3):
+            move = (1.0 - s) * q[a, m] + s * q[b, m] - (1.0 - t) * q[c, m] - t * q[d, m]
+            along += normal[p, m] * move
+        for m in range(3):
+            move = (1.0 - s) * q[a, m] + s * q[b, m] - (1.0 - t) * q[c, m] - t * q[d, m]
+            force = kt * move + (kn - kt) * along * normal[p, m]
+            y[a, m] += (1.0 - s) * force
+            y[b, m] += s * force
+            y[c, m] -= (1.0 - t) * force
+            y[d, m] -= t * force
