@@ -105,7 +105,7 @@ class Pair:
         self.lost = add_edge_forces(
             f, self.due, self.outside, self.place, self.normal, self.gap, self.offset, self.closed,
             self.stiffness, self.anchor, self.shear, self.slip, clock, x, self.first,
-            self.second, ENDS, BEYOND, one, one, self.ratio, friction, 1.0, 10.0, adopt,
+            self.second, ENDS, BEYOND, one, one, np.ones((2, 2)), self.ratio, friction, 1.0, 10.0, adopt,
         )  # fmt: skip
         return f
 

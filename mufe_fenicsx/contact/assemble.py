@@ -149,8 +149,8 @@ class Contact:
         dissipated, num_adopted, num_deep, deepest = add_pair_forces(
             forces, p.due, p.candidate_due, p.closest, p.weights, p.normal, p.gap, p.offset,
             p.closed, p.stiffness, p.anchor, p.shear, p.slip, self.clock, x, p.node, p.first,
-            p.candidate, s.facets, s.neighbor, s.ring_offset, s.ring, self.layer,
-            s.layer_of_facet, own.area, self.ratio, self.friction, self.largest_depth, adopt,
+            p.candidate, s.facets, s.neighbor, s.ring_offset, s.ring, self.edges.beside,
+            self.layer, s.layer_of_facet, own.area, self.ratio, self.friction, self.largest_depth, adopt,
         )  # fmt: skip
         edge_dissipated, edge_adopted, edge_deep, edge_deepest = self.edges.add_forces(
             forces, x, self.clock, self.friction, adopt

@@ -46,7 +46,8 @@ class EdgeContact:
     to nodes and facets, as are edges blunter than ``SHARP``.
 
     The stiffness of a crossing is that of a node at its place on a facet, of the finer edge:
-    k = A/2 / (c h/E* + c h/E*), A the mean area of the nodes at the edge's ends.
+    k = A/2 / (c h/E* + c h/E*), A the mean area of the nodes at the edge's ends. Near a
+    corner of k sharp edges it falls to a k-th, for several of them can cross there at once.
 
     Args:
         ratio: Tangential over normal stiffness of own surface nodes, shape (num_nodes,).
@@ -82,6 +83,9 @@ class EdgeContact:
         """
         old = self.pairs
         self.edges = _Edges(x, num_own, surface, self.ratio_of_node)
+        sharp = np.zeros(len(x), dtype=bool)
+        sharp[self.edges.ends] = True
+        self.beside = sharp[surface.facets].any(axis=1)
         self.pairs = _search(x, self.edges, reach, clock)
         return 0.0 if old is None else self._carry(old)
 
@@ -118,7 +122,7 @@ class EdgeContact:
         dissipated, lost, num_adopted, num_deep, deepest = add_edge_forces(
             f, p.due, p.outside, p.place, p.normal, p.gap, p.offset, p.closed, p.stiffness,
             p.anchor, p.shear, p.slip, clock, x, p.first, p.second, e.ends, e.beyond, e.area,
-            e.layer, e.ratio, friction, self.size, self.largest_depth, adopt,
+            e.layer, e.share, e.ratio, friction, self.size, self.largest_depth, adopt,
         )  # fmt: skip
         self.lost += lost
         return dissipated, num_adopted, num_deep, deepest
@@ -129,7 +133,7 @@ class EdgeContact:
         if p.first.size:
             add_edge_stiffness(
                 y, q, margin, self.size, p.due, p.outside, clock, p.place, p.normal, p.closed, p.stiffness,
-                p.first, p.second, e.ends, e.area, e.layer, e.ratio,
+                p.first, p.second, e.ends, e.area, e.layer, e.share, e.ratio,
             )  # fmt: skip
 
     def energy(self):
@@ -174,6 +178,9 @@ class _Edges:
         self.area = np.empty(self.grain.size)
         edge_areas(self.area, x, self.ends, s.facets, s.ring_offset, s.ring)
         self.layer = s.layer_of_facet[sides].mean(axis=1)
+        # An edge that goes on beyond its end counts in full, one of k at a corner for 1/k.
+        count = np.bincount(self.ends.ravel(), minlength=1)[self.ends]
+        self.share = np.where(count > 2, 1.0 / count, 1.0)
         self.ratio = ratio_of_node[self.ends[: self.num_own, 0]]
 
 

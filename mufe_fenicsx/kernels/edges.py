@@ -7,7 +7,7 @@ import numba
 from .edge_search import segment_distance
 
 #: Sine of the angle below which two edges are parallel, and left to nodes and facets.
-PARALLEL = 0.05
+PARALLEL = 0.01
 #: Angle by which the normal may lie outside the normals of an edge's facets [rad]: where an
 #: edge lies flat on a facet, or two facets on each other, all their crossings carry.
 ARC = 0.1
@@ -111,14 +111,16 @@ def _pierces(x, a, b, c, d, e):
 
 @numba.njit(cache=True)
 def overlap(x, ends, beyond, i, j):
-    """Whether each of two edges pierces a facet of the other.
+    """Whether two edges pierce facets of each other, twice at least.
 
-    Their lines can be inside each other where the edges or facets have ended before.
+    Their lines can be inside each other where the edges or facets have ended before. Once
+    only: a vertex is inside, and meets a facet.
     """
     a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
-    return (
-        _pierces(x, a, b, c, d, beyond[j, 0]) or _pierces(x, a, b, c, d, beyond[j, 1])
-    ) and (_pierces(x, c, d, a, b, beyond[i, 0]) or _pierces(x, c, d, a, b, beyond[i, 1]))
+    count = 0
+    for m in range(2):
+        count += _pierces(x, a, b, c, d, beyond[j, m]) + _pierces(x, c, d, a, b, beyond[i, m])
+    return count >= 2
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -143,6 +145,20 @@ def _parts(x, ends, i, j, dx, dy, dz):
     du, dv = dx * ux + dy * uy + dz * uz, dx * vx + dy * vy + dz * vz
     det = uu * vv - uv * uv
     return (vv * du - uv * dv) / det, (uv * du - uu * dv) / det
+
+
+@numba.njit(cache=True)
+def _stiffness(i, j, s, t, area, layer, share):
+    """Stiffness of a crossing [N/m]: A/2 of a node of the finer edge, over both layers.
+
+    Near an end the share of the end: several edges of a corner can cross there at once.
+    """
+    part = 1.0
+    for e, place in ((i, s), (j, t)):
+        end = share[e, 0] if place < 0.5 else share[e, 1]
+        inner = min(max(4.0 * min(place, 1.0 - place), 0.0), 1.0)
+        part = min(part, end + (1.0 - end) * inner)
+    return 0.5 * part * min(area[i], area[j]) / (layer[i] + layer[j])
 
 
 @numba.njit(cache=True)
@@ -174,6 +190,7 @@ def add_edge_forces(
     beyond,
     area,
     layer,
+    share,
     ratio,
     friction,
     size,
@@ -192,9 +209,9 @@ def add_edge_forces(
 
     A contact begins at a gap that was open the step before, as in kernels.pairs, and a
     crossing that was not there before counts only where edges pierce facets. A closed
-    crossing that leaves its edge (OVERRUN) or its facets (ARC) hands offset and springs to
-    the crossing of an edge beside that took its place; where there is none it is let go,
-    and what its springs stored counts as dissipated.
+    crossing that leaves its edges or their facets hands depth and springs to the crossing
+    of an edge beside that took its place; where there is none it is let go (OVERRUN), and
+    what its springs stored counts as dissipated.
 
     Args:
         f: Forces on surface nodes [N], shape (num_nodes, 3).
@@ -214,6 +231,7 @@ def add_edge_forces(
         ends, beyond: Edges, as in kernels.edge_search.
         area: Area that stands for an edge [m²], shape (num_edges,).
         layer: Compliance c h/E* of the edges [m/Pa], shape (num_edges,).
+        share: Part of the stiffness that acts at the ends of the edges, shape (num_edges, 2).
         ratio: Tangential over normal stiffness, shape (num_own_edges,).
         friction: Coefficient of friction.
         size: Mean facet edge [m].
@@ -280,7 +298,7 @@ def add_edge_forces(
             continue
         if not closed[p]:
             closed[p] = True
-            stiffness[p] = 0.5 * min(area[i], area[j]) / (layer[i] + layer[j])
+            stiffness[p] = _stiffness(i, j, place[p, 0], place[p, 1], area, layer, share)
             anchor[p, 0], anchor[p, 1] = place[p, 0], place[p, 1]
         due[p] = clock
         if depth > largest_depth:
@@ -347,16 +365,19 @@ def _hand_over(
             continue
         i, kt = first[p], stiffness[p] * ratio[first[p]]
         t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
-        normal_energy = stored_energy(stiffness[p], max(offset[p] - gap[p], 0.0), largest_depth)
+        depth = max(offset[p] - gap[p], 0.0)
+        normal_energy = stored_energy(stiffness[p], depth, largest_depth)
         closed[p] = False
-        if best >= 0 and (not closed[best] or offset[best] < offset[p]):
+        # As deep as before, so that no energy appears.
+        passed = min(gap[best] + depth, 0.0) if best >= 0 else 0.0
+        if best >= 0 and offset[best] < passed:
             q = best
             if closed[q]:
                 q2 = shear[q, 0] ** 2 + shear[q, 1] ** 2 + shear[q, 2] ** 2
                 dissipated += q2 / (2.0 * stiffness[q] * ratio[first[q]])
                 depth = max(offset[q] - gap[q], 0.0)
                 normal_energy += stored_energy(stiffness[q], depth, largest_depth)
-            offset[q], stiffness[q], closed[q] = offset[p], stiffness[p], True
+            offset[q], stiffness[q], closed[q] = passed, stiffness[p], True
             due[q] = clock
             # The spring keeps its length and turns with the normal.
             dx, dy, dz = _spring(
@@ -404,7 +425,7 @@ def edge_energy(gap, offset, closed, stiffness, shear, first, ratio, largest_dep
 
 @numba.njit(cache=True)
 def add_edge_stiffness(y, q, margin, size, due, outside, clock, place, normal, closed, stiffness, first,
-                       second, ends, area, layer, ratio):  # fmt: skip
+                       second, ends, area, layer, share, ratio):  # fmt: skip
     """Add the springs of all pairs nearer than ``margin`` [m] times ``q`` to ``y``, in place.
 
     Pairs that slide count with their tangential spring, and crossings that come between
@@ -417,9 +438,9 @@ def add_edge_stiffness(y, q, margin, size, due, outside, clock, place, normal, c
             continue
         i, j = first[p], second[p]
         a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
-        kn = stiffness[p] if closed[p] else 0.5 * min(area[i], area[j]) / (layer[i] + layer[j])
-        kt = kn * ratio[i]
         s, t = min(max(place[p, 0], 0.0), 1.0), min(max(place[p, 1], 0.0), 1.0)
+        kn = stiffness[p] if closed[p] else _stiffness(i, j, s, t, area, layer, share)
+        kt = kn * ratio[i]
         along = 0.0
         for m in range(3):
             move = (1.0 - s) * q[a, m] + s * q[b, m] - (1.0 - t) * q[c, m] - t * q[d, m]

@@ -6,6 +6,8 @@ import numba
 
 from .closest import INTERIOR, closest_point, facet_normal, pseudo_normal
 
+FACING = 0.34
+
 
 @numba.njit(cache=True)
 def largest_move(previous, x):
@@ -75,6 +77,46 @@ def _project(px, py, pz, x, a, b, c):
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _faces(x, n, nx, ny, nz, facets, ring_offset, ring):
+    """Whether a body can rest with node n on a plane of this normal: no node around n is below.
+
+    FACING is the sine of the angle by which one may be.
+    """
+    for k in range(ring_offset[n], ring_offset[n + 1]):
+        for m in range(3):
+            w = facets[ring[k], m]
+            dx, dy, dz = x[w, 0] - x[n, 0], x[w, 1] - x[n, 1], x[w, 2] - x[n, 2]
+            height = dx * nx + dy * ny + dz * nz
+            if height < 0.0 and height * height > FACING * FACING * (dx * dx + dy * dy + dz * dz):
+                return False
+    return True
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _find_facing(pair, x, node, first, candidate, facets, ring_offset, ring, limit):
+    """The nearest facet that the node is straight behind, and that it faces; -1 if none.
+
+    Beside a sharp edge the closest facet can be one that the body of the node cannot
+    touch: the node would be pushed out past the edge.
+    """
+    n = node[pair]
+    best, best_k, best_wa, best_wb, best_wc = -limit, -1, 0.0, 0.0, 0.0
+    best_nx, best_ny, best_nz = 0.0, 0.0, 0.0
+    for k in range(first[pair], first[pair + 1]):
+        a, b, c = facets[candidate[k], 0], facets[candidate[k], 1], facets[candidate[k], 2]
+        nx, ny, nz = facet_normal(x, a, b, c)
+        g = (x[n, 0] - x[a, 0]) * nx + (x[n, 1] - x[a, 1]) * ny + (x[n, 2] - x[a, 2]) * nz
+        if not best < g < 0.0:
+            continue
+        wa, wb, wc = _project(x[n, 0], x[n, 1], x[n, 2], x, a, b, c)
+        if min(wa, wb, wc) < 0.0 or not _faces(x, n, nx, ny, nz, facets, ring_offset, ring):
+            continue
+        best, best_k, best_wa, best_wb, best_wc = g, k, wa, wb, wc
+        best_nx, best_ny, best_nz = nx, ny, nz
+    return best_k, best, best_wa, best_wb, best_wc, best_nx, best_ny, best_nz
+
+
+@numba.njit(cache=True, error_model="numpy")
 def add_pair_forces(
     f,
     due,
@@ -98,6 +140,7 @@ def add_pair_forces(
     neighbor,
     ring_offset,
     ring,
+    sharp,
     layer_of_node,
     layer_of_facet,
     area,
@@ -170,6 +213,22 @@ def add_pair_forces(
             else:
                 scale = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
                 nx, ny, nz = nx * scale, ny * scale, nz * scale
+        if side < 0.0 and sharp[t] and not _faces(x, n, nx, ny, nz, facets, ring_offset, ring):
+            k, h, va, vb, vc, mx, my, mz = _find_facing(
+                p, x, node, first, candidate, facets, ring_offset, ring, 3.0 * largest_depth
+            )
+            if k >= 0:
+                closest[p], t, g = k, candidate[k], h
+                a, b, c = facets[t, 0], facets[t, 1], facets[t, 2]
+                wa, wb, wc, nx, ny, nz = va, vb, vc, mx, my, mz
+        if closed[p] and abs(g - gap[p]) > clock - due[p] + tiny:
+            # Another facet of a sharp edge: no energy appears, and what is lost is counted.
+            before_depth = offset[p] - gap[p]
+            if g < gap[p]:
+                offset[p] = min(g + before_depth, 0.0)
+            left = max(offset[p] - g, 0.0)
+            lost = 0.5 * stiffness[p] * (before_depth * before_depth - left * left)
+            dissipated += max(lost, 0.0)
         ox, oy, oz = normal[p, 0], normal[p, 1], normal[p, 2]
         weights[p, 0], weights[p, 1], weights[p, 2] = wa, wb, wc
         normal[p, 0], normal[p, 1], normal[p, 2] = nx, ny, nz

@@ -28,6 +28,8 @@ PAIRS = (
     ("edge-edge 10", "E", "E", 10.0),
     ("edge-edge 4", "E", "E", 4.0),
     ("edge-edge 2", "E", "E", 2.0),
+    ("edge-edge 1", "E", "E", 1.0),
+    ("edge-edge 0.5", "E", "E", 0.5),
     ("edge-edge 0", "E", "E", 0.0),
     ("edge-face", "E", "F", 90.0),
     ("face-vertex", "F", "V", 70.0),
