@@ -172,7 +172,9 @@ class Simulation:
         # Pairs that can close before the next evaluation count as closed.
         moved = self.contact.clock - self._clock_at_refresh
         self._clock_at_refresh = self.contact.clock
-        self._margin = max(2.0 * moved, 1e-3 * self.contact.edge)
+        speed = np.sqrt(max((s.v**2).sum(axis=1).max(), (self.walls.velocity**2).sum()))
+        ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
+        self._margin = max(2.0 * moved, ahead, 1e-3 * self.contact.edge)
         if self.assembled:
             limit = 2.0 / self._highest()
         else:

@@ -92,6 +92,7 @@ class Pair:
 
     def __init__(self):
         self.due, self.outside = np.zeros(1), np.zeros(1)
+        self.pierced = np.zeros(1, dtype=bool)
         self.place, self.normal = np.zeros((1, 2)), np.zeros((1, 3))
         self.gap, self.offset, self.closed = np.zeros(1), np.zeros(1), np.zeros(1, dtype=bool)
         self.stiffness, self.anchor = np.zeros(1), np.zeros((1, 2))
@@ -103,7 +104,7 @@ class Pair:
         f = np.zeros_like(x)
         one = np.ones(2)
         self.lost = add_edge_forces(
-            f, self.due, self.outside, self.place, self.normal, self.gap, self.offset, self.closed,
+            f, self.due, self.outside, self.pierced, self.place, self.normal, self.gap, self.offset, self.closed,
             self.stiffness, self.anchor, self.shear, self.slip, clock, x, self.first,
             self.second, ENDS, BEYOND, one, one, np.ones((2, 2)), self.ratio, friction, 1.0, 10.0, adopt,
         )  # fmt: skip

@@ -26,6 +26,7 @@ SHARP = math.radians(20.0)
 #: What a pair keeps when the edges are searched anew.
 REMEMBERED = (
     "outside",
+    "pierced",
     "place",
     "normal",
     "gap",
@@ -120,7 +121,7 @@ class EdgeContact:
         if not p.first.size:
             return 0.0, 0, 0, 0.0
         dissipated, lost, num_adopted, num_deep, deepest = add_edge_forces(
-            f, p.due, p.outside, p.place, p.normal, p.gap, p.offset, p.closed, p.stiffness,
+            f, p.due, p.outside, p.pierced, p.place, p.normal, p.gap, p.offset, p.closed, p.stiffness,
             p.anchor, p.shear, p.slip, clock, x, p.first, p.second, e.ends, e.beyond, e.area,
             e.layer, e.share, e.ratio, friction, self.size, self.largest_depth, adopt,
         )  # fmt: skip
@@ -132,7 +133,7 @@ class EdgeContact:
         p, e = self.pairs, self.edges
         if p.first.size:
             add_edge_stiffness(
-                y, q, margin, self.size, p.due, p.outside, clock, p.place, p.normal, p.closed, p.stiffness,
+                y, q, margin, self.size, p.due, p.outside, p.gap, clock, p.place, p.normal, p.closed, p.stiffness,
                 p.first, p.second, e.ends, e.area, e.layer, e.share, e.ratio,
             )  # fmt: skip
 
@@ -194,6 +195,7 @@ class _EdgePairs:
         self.ratio = edges.ratio[first]
         self.due = np.full(n, clock)
         self.outside = np.full(n, np.inf)
+        self.pierced = np.zeros(n, dtype=bool)
         self.place = np.full((n, 2), 0.5)
         self.normal = np.zeros((n, 3))
         self.gap = np.full(n, np.inf)

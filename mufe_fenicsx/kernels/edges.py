@@ -16,7 +16,7 @@ END = 1e-3
 #: A crossing that carries may leave its edges by this part of them, and the normals of their
 #: facets by this angle more [rad], before it is let go.
 OVERRUN = 0.1
-#: Crossings deeper than this part of the mean facet edge are none: facets end before them.
+#: Crossings first seen deeper than this part of the mean facet edge are none.
 DEEPEST = 0.25
 
 
@@ -110,17 +110,17 @@ def _pierces(x, a, b, c, d, e):
 
 
 @numba.njit(cache=True)
-def overlap(x, ends, beyond, i, j):
-    """Whether two edges pierce facets of each other, twice at least.
+def piercings(x, ends, beyond, i, j):
+    """How often two edges pierce facets of each other, 0 to 4.
 
-    Their lines can be inside each other where the edges or facets have ended before. Once
-    only: a vertex is inside, and meets a facet.
+    Their lines can be inside each other where the edges or facets have ended before: 0.
+    Once: a vertex is inside, and meets a facet. More often: their crossing is inside.
     """
     a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
     count = 0
     for m in range(2):
         count += _pierces(x, a, b, c, d, beyond[j, m]) + _pierces(x, c, d, a, b, beyond[i, m])
-    return count >= 2
+    return count
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -173,6 +173,7 @@ def add_edge_forces(
     f,
     due,
     outside,
+    pierced,
     place,
     normal,
     gap,
@@ -217,6 +218,7 @@ def add_edge_forces(
         f: Forces on surface nodes [N], shape (num_nodes, 3).
         due: Reading of the clock before which a pair cannot close, shape (num_pairs,).
         outside: By how much the crossing lies outside, as of :func:`crossing`, (num_pairs,).
+        pierced: Whether the edges of an open pair pierced a facet, shape (num_pairs,).
         place: s and t of the crossing, shape (num_pairs, 2).
         normal: Unit normals, from the second to the first edge, shape (num_pairs, 3).
         gap, offset: Gap and its offset (<= 0) [m], shape (num_pairs,).
@@ -249,11 +251,14 @@ def add_edge_forces(
             continue
         i, j = first[p], second[p]
         was_open = outside[p] <= 0.0 and gap[p] >= 0.0
-        aside = outside[p] > 0.0 and gap[p] < 0.0
+        was_inside = outside[p] > 0.0 and pierced[p]
         outside[p], s, t, nx, ny, nz, g = crossing(x, ends, beyond, i, j)
-        if g < 0.0 and not (closed[p] or was_open):
-            if g < -DEEPEST * size or not overlap(x, ends, beyond, i, j):
-                outside[p] = math.inf
+        if not closed[p]:
+            near = -DEEPEST * size < g < 0.0 and outside[p] < 0.5
+            count = piercings(x, ends, beyond, i, j) if near else 0
+            pierced[p] = count > 0
+            if g < 0.0 and not was_open and count < 2:
+                outside[p] = max(outside[p], 1.0)
         if g < math.inf:  # not parallel
             gap[p], place[p, 0], place[p, 1] = g, s, t
             normal[p, 0], normal[p, 1], normal[p, 2] = nx, ny, nz
@@ -268,8 +273,8 @@ def add_edge_forces(
             due[p] = clock + max(distance - largest_depth, 0.0)
             continue
         offset[p] = min(max(offset[p], g), 0.0) if offset[p] < 0.0 else 0.0
-        # What comes in from the side, below the other edge, was never open.
-        allowed = 0.0 if adopt or aside else clock - due[p] + 1e-9 * size
+        # What was inside before it crossed, came in from the side.
+        allowed = 0.0 if adopt or was_inside else clock - due[p] + 1e-9 * size
         if offset[p] - g > allowed:
             num_adopted += 1
             deepest = max(deepest, -g)
@@ -424,7 +429,7 @@ def edge_energy(gap, offset, closed, stiffness, shear, first, ratio, largest_dep
 
 
 @numba.njit(cache=True)
-def add_edge_stiffness(y, q, margin, size, due, outside, clock, place, normal, closed, stiffness, first,
+def add_edge_stiffness(y, q, margin, size, due, outside, gap, clock, place, normal, closed, stiffness, first,
                        second, ends, area, layer, share, ratio):  # fmt: skip
     """Add the springs of all pairs nearer than ``margin`` [m] times ``q`` to ``y``, in place.
 
@@ -434,7 +439,8 @@ def add_edge_stiffness(y, q, margin, size, due, outside, clock, place, normal, c
     """
     near = OVERRUN + 2.0 * margin / size
     for p in range(first.size):
-        if not (closed[p] or (outside[p] <= near and due[p] - clock < margin)):
+        wide = due[p] <= clock and gap[p] >= margin
+        if not closed[p] and (outside[p] > near or due[p] - clock >= margin or wide):
             continue
         i, j = first[p], second[p]
         a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]

@@ -5,8 +5,7 @@ import math
 import numba
 
 from .closest import INTERIOR, closest_point, facet_normal, pseudo_normal
-
-FACING = 0.34
+from .facing import faces, find_facing
 
 
 @numba.njit(cache=True)
@@ -77,46 +76,6 @@ def _project(px, py, pz, x, a, b, c):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _faces(x, n, nx, ny, nz, facets, ring_offset, ring):
-    """Whether a body can rest with node n on a plane of this normal: no node around n is below.
-
-    FACING is the sine of the angle by which one may be.
-    """
-    for k in range(ring_offset[n], ring_offset[n + 1]):
-        for m in range(3):
-            w = facets[ring[k], m]
-            dx, dy, dz = x[w, 0] - x[n, 0], x[w, 1] - x[n, 1], x[w, 2] - x[n, 2]
-            height = dx * nx + dy * ny + dz * nz
-            if height < 0.0 and height * height > FACING * FACING * (dx * dx + dy * dy + dz * dz):
-                return False
-    return True
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _find_facing(pair, x, node, first, candidate, facets, ring_offset, ring, limit):
-    """The nearest facet that the node is straight behind, and that it faces; -1 if none.
-
-    Beside a sharp edge the closest facet can be one that the body of the node cannot
-    touch: the node would be pushed out past the edge.
-    """
-    n = node[pair]
-    best, best_k, best_wa, best_wb, best_wc = -limit, -1, 0.0, 0.0, 0.0
-    best_nx, best_ny, best_nz = 0.0, 0.0, 0.0
-    for k in range(first[pair], first[pair + 1]):
-        a, b, c = facets[candidate[k], 0], facets[candidate[k], 1], facets[candidate[k], 2]
-        nx, ny, nz = facet_normal(x, a, b, c)
-        g = (x[n, 0] - x[a, 0]) * nx + (x[n, 1] - x[a, 1]) * ny + (x[n, 2] - x[a, 2]) * nz
-        if not best < g < 0.0:
-            continue
-        wa, wb, wc = _project(x[n, 0], x[n, 1], x[n, 2], x, a, b, c)
-        if min(wa, wb, wc) < 0.0 or not _faces(x, n, nx, ny, nz, facets, ring_offset, ring):
-            continue
-        best, best_k, best_wa, best_wb, best_wc = g, k, wa, wb, wc
-        best_nx, best_ny, best_nz = nx, ny, nz
-    return best_k, best, best_wa, best_wb, best_wc, best_nx, best_ny, best_nz
-
-
-@numba.njit(cache=True, error_model="numpy")
 def add_pair_forces(
     f,
     due,
@@ -176,6 +135,7 @@ def add_pair_forces(
         x: Positions [m], shape (num_nodes_with_ghosts, 3).
         node, first, candidate: Pairs, as in kernels.search.
         facets, neighbor, ring_offset, ring: Surface, as in kernels.closest.
+        sharp: Whether a facet has a vertex on a sharp edge, shape (num_facets,).
         layer_of_node, layer_of_facet: Compliance c h/E* of a side [m/Pa].
         area: Nodal areas [m²], shape (num_nodes,).
         ratio_of_node: Tangential over normal stiffness, shape (num_nodes,).
@@ -213,22 +173,20 @@ def add_pair_forces(
             else:
                 scale = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
                 nx, ny, nz = nx * scale, ny * scale, nz * scale
-        if side < 0.0 and sharp[t] and not _faces(x, n, nx, ny, nz, facets, ring_offset, ring):
-            k, h, va, vb, vc, mx, my, mz = _find_facing(
+        if side < 0.0 and sharp[t] and not faces(x, n, nx, ny, nz, facets, ring_offset, ring):
+            other = find_facing(
                 p, x, node, first, candidate, facets, ring_offset, ring, 3.0 * largest_depth
             )
-            if k >= 0:
-                closest[p], t, g = k, candidate[k], h
+            if other[0] >= 0:
+                closest[p], g, wa, wb, wc, nx, ny, nz = other
+                t = candidate[closest[p]]
                 a, b, c = facets[t, 0], facets[t, 1], facets[t, 2]
-                wa, wb, wc, nx, ny, nz = va, vb, vc, mx, my, mz
         if closed[p] and abs(g - gap[p]) > clock - due[p] + tiny:
-            # Another facet of a sharp edge: no energy appears, and what is lost is counted.
-            before_depth = offset[p] - gap[p]
-            if g < gap[p]:
-                offset[p] = min(g + before_depth, 0.0)
+            # Across a sharp edge: no energy appears, and what is lost counts as dissipated.
+            was = offset[p] - gap[p]
+            offset[p] = min(offset[p], g + was)
             left = max(offset[p] - g, 0.0)
-            lost = 0.5 * stiffness[p] * (before_depth * before_depth - left * left)
-            dissipated += max(lost, 0.0)
+            dissipated += 0.5 * stiffness[p] * (was * was - left * left)
         ox, oy, oz = normal[p, 0], normal[p, 1], normal[p, 2]
         weights[p, 0], weights[p, 1], weights[p, 2] = wa, wb, wc
         normal[p, 0], normal[p, 1], normal[p, 2] = nx, ny, nz

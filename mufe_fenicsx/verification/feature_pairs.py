@@ -120,7 +120,7 @@ def simulate(comm, lower, upper, speed, friction, turn, **options):
     tets = np.stack([lower + site[:, None], upper + site[:, None]], axis=1).reshape(-1, 4, 3)
     tets = EDGE * tets @ turn.T
     grain = np.arange(2 * n)
-    rank_of_grain = ((grain // 2 + grain) % comm.size).astype(np.int32)
+    rank_of_grain = ((grain // 2 + grain % 2) % comm.size).astype(np.int32)
     mine = np.flatnonzero(rank_of_grain == comm.rank)
     mesh = create_grain_mesh(
         comm,
