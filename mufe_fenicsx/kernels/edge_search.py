@@ -27,6 +27,9 @@ def find_sharp_edges(x, facets, neighbor, use, number, cosine):
         shape (num_edges,). In the order of the first facets.
     """
     count = 0
+    normal = np.empty(facets.shape)
+    for f in range(facets.shape[0]):
+        normal[f] = facet_normal(x, facets[f, 0], facets[f, 1], facets[f, 2])
     for fill in range(2):
         if fill:
             ends, beyond = np.empty((count, 2), np.int32), np.empty((count, 2), np.int32)
@@ -37,9 +40,8 @@ def find_sharp_edges(x, facets, neighbor, use, number, cosine):
                 o = neighbor[f, k]
                 if o < 0 or number[o] < number[f] or not (use[f] or use[o]):
                     continue
-                nx, ny, nz = facet_normal(x, facets[f, 0], facets[f, 1], facets[f, 2])
-                mx, my, mz = facet_normal(x, facets[o, 0], facets[o, 1], facets[o, 2])
-                if not nx * mx + ny * my + nz * mz <= cosine:
+                nx, ny, nz = normal[f, 0], normal[f, 1], normal[f, 2]
+                if not nx * normal[o, 0] + ny * normal[o, 1] + nz * normal[o, 2] <= cosine:
                     continue
                 a, b = facets[f, k], facets[f, (k + 1) % 3]
                 d = facets[o, 0]

@@ -56,7 +56,8 @@ def crossing(x, ends, beyond, i, j):
     Returns:
         By how much it lies outside of the edges or of the normals of their facets, in parts
         of the edge or radians, at most 0 within both; places s and t on the edges, 0 to 1;
-        unit normal from edge j to edge i; gap [m], negative where they are inside each other.
+        unit normal from edge j to edge i; gap [m], negative where they are inside each other;
+        the shorter edge across the other [m], by which motions move the crossing.
     """
     a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
     ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
@@ -66,7 +67,7 @@ def crossing(x, ends, beyond, i, j):
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     det = nx * nx + ny * ny + nz * nz
     if not det > PARALLEL * PARALLEL * uu * vv:
-        return math.inf, 0.5, 0.5, 0.0, 0.0, 0.0, math.inf
+        return math.inf, 0.5, 0.5, 0.0, 0.0, 0.0, math.inf, 0.0
     uv = ux * vx + uy * vy + uz * vz
     uw, vw = ux * wx + uy * wy + uz * wz, vx * wx + vy * wy + vz * wz
     s, t = (uv * vw - vv * uw) / det, (uu * vw - uv * uw) / det
@@ -84,7 +85,8 @@ def crossing(x, ends, beyond, i, j):
         _outside(x, c, d, beyond[j, 0], beyond[j, 1], nx, ny, nz),
     )
     beside = max(-s, s - 1.0, -t, t - 1.0)
-    return max(beside - END, turned - ARC), s, t, nx, ny, nz, gap
+    across = math.sqrt(det / max(uu, vv))
+    return max(beside - END, turned - ARC), s, t, nx, ny, nz, gap, across
 
 
 @numba.njit(cache=True)
@@ -252,13 +254,15 @@ def add_edge_forces(
         i, j = first[p], second[p]
         was_open = outside[p] <= 0.0 and gap[p] >= 0.0
         was_inside = outside[p] > 0.0 and pierced[p]
-        outside[p], s, t, nx, ny, nz, g = crossing(x, ends, beyond, i, j)
+        outside[p], s, t, nx, ny, nz, g, across = crossing(x, ends, beyond, i, j)
+        wait = min(outside[p], 1.0) * across
         if not closed[p]:
             near = -DEEPEST * size < g < 0.0 and outside[p] < 0.5
             count = piercings(x, ends, beyond, i, j) if near else 0
             pierced[p] = count > 0
             if g < 0.0 and not was_open and count < 2:
                 outside[p] = max(outside[p], 1.0)
+                wait = 0.0
         if g < math.inf:  # not parallel
             gap[p], place[p, 0], place[p, 1] = g, s, t
             normal[p, 0], normal[p, 1], normal[p, 2] = nx, ny, nz
@@ -270,7 +274,7 @@ def add_edge_forces(
         if outside[p] > 0.0:
             # An edge can come in from the side, below the other one.
             distance = segment_distance(x, ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1])
-            due[p] = clock + max(distance - largest_depth, 0.0)
+            due[p] = clock + max(distance - largest_depth, 0.25 * wait)
             continue
         offset[p] = min(max(offset[p], g), 0.0) if offset[p] < 0.0 else 0.0
         # What was inside before it crossed, came in from the side.

@@ -11,6 +11,8 @@ from .closest import facet_normal
 
 #: Sine of the angle by which a node around may lie below such a plane: 20 degrees.
 FACING = 0.342
+#: Part of a facet by which the foot of such a node may lie beside it: edges may lie on edges.
+BESIDE = 0.01
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -61,7 +63,7 @@ def find_facing(pair, x, node, first, candidate, facets, ring_offset, ring, limi
         du, dv = dx * ux + dy * uy + dz * uz, dx * vx + dy * vy + dz * vz
         det = uu * vv - uv * uv
         wb, wc = (vv * du - uv * dv) / det, (uu * dv - uv * du) / det
-        if min(1.0 - wb - wc, wb, wc) >= 0.0 and faces(
+        if min(1.0 - wb - wc, wb, wc) >= -BESIDE and faces(
             x, n, nx, ny, nz, facets, ring_offset, ring
         ):
             best = (k, g, 1.0 - wb - wc, wb, wc, nx, ny, nz)

@@ -5,7 +5,7 @@ import math
 import numba
 
 from .closest import INTERIOR, closest_point, facet_normal, pseudo_normal
-from .facing import faces, find_facing
+from .facing import BESIDE, faces, find_facing
 
 
 @numba.njit(cache=True)
@@ -173,7 +173,8 @@ def add_pair_forces(
             else:
                 scale = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
                 nx, ny, nz = nx * scale, ny * scale, nz * scale
-        if side < 0.0 and sharp[t] and not faces(x, n, nx, ny, nz, facets, ring_offset, ring):
+        inside = g < BESIDE * math.sqrt(area[n])
+        if inside and sharp[t] and not faces(x, n, nx, ny, nz, facets, ring_offset, ring):
             other = find_facing(
                 p, x, node, first, candidate, facets, ring_offset, ring, 3.0 * largest_depth
             )
