@@ -73,8 +73,8 @@ class Contact:
         """Overlaps at the start are found up to one facet edge deep."""
         return self.edge
 
-    def _search(self, x, deepest=0.0):
-        """Find all pairs anew. Collective."""
+    def _search(self, x, deepest=0.0, ahead=0.0):
+        """Find all pairs anew, those within ``ahead`` [m] at least. Collective."""
         gathered = np.empty((self.own.nodes.size, 3))
         gather_rows(gathered, x, self.own.nodes)
         depth = deepest
@@ -82,7 +82,7 @@ class Contact:
             depth = max(depth, -self.pairs.gap[np.isfinite(self.pairs.gap)].min(initial=0.0))
         depth = max(depth, self.edges.deepest())
         depth = self.comm.allreduce(depth, op=MPI.MAX)
-        reach = self.skin + 1.1 * depth
+        reach = max(self.skin, ahead) + 1.1 * depth
 
         old, old_surface = self.pairs, self.surface
         self.surface, ghosts = exchange_surface(
@@ -139,7 +139,7 @@ class Contact:
         self.clock += 2.0 * move
         # The motion of the next step, at twice its speed now, must not leave the skin.
         if self.clock + 4.0 * move - self.searched_at > self.skin:
-            self._search(x)
+            self._search(x, ahead=4.0 * move)
         self._evaluate(f, adopt)
 
     def _evaluate(self, f, adopt):
@@ -150,7 +150,8 @@ class Contact:
             forces, p.due, p.candidate_due, p.closest, p.weights, p.normal, p.gap, p.offset,
             p.closed, p.stiffness, p.anchor, p.shear, p.slip, self.clock, x, p.node, p.first,
             p.candidate, s.facets, s.neighbor, s.ring_offset, s.ring, self.edges.beside,
-            self.layer, s.layer_of_facet, own.area, self.ratio, self.friction, self.largest_depth, adopt,
+            self.layer, s.layer_of_facet, own.area, self.ratio, self.friction,
+            self.largest_depth, adopt,
         )  # fmt: skip
         edge_dissipated, edge_adopted, edge_deep, edge_deepest = self.edges.add_forces(
             forces, x, self.clock, self.friction, adopt
@@ -190,6 +191,13 @@ class Contact:
         add_rows(y, own.nodes, forces[:num_own])
         self.positions.array[:] = positions
 
+    def edge_bounds(self, margin):
+        """Bounds of the springs of crossing edges at own surface nodes [N/m]. Collective."""
+        self.forces.array[:] = 0.0
+        self.edges.add_bounds(self.forces.array, margin, self.clock)
+        self.forces.add_back()
+        return self.forces.array[: self.own.nodes.size, 0]
+
     def energy(self):
         """Energy in the contact springs [J] and number of closed contacts. Local."""
         p = self.pairs
@@ -201,7 +209,7 @@ class Contact:
         return pairs + edges + walls, num_pairs + num_edges + num_walls
 
     def traction(self, num_nodes):
-        """Pressure and size of the shear traction at all nodes of this rank [Pa]. Local.
+        """Pressure and size of the shear traction at all nodes of this rank [Pa]. Collective.
 
         Returns:
             Two arrays of shape (num_nodes,), zero inside the grains.
@@ -218,6 +226,13 @@ class Contact:
         node = own.nodes[w.node[on]]
         np.add.at(pressure, node, (w.offset[on] - w.gap[on]) / self.layer[w.node[on]])
         np.add.at(shear, node, w.shear[on] / own.area[w.node[on], None])
+        for part, add in ((0, pressure), (1, shear)):
+            carried = np.zeros((2, *self.forces.array.shape))
+            self.edges.add_traction(*carried)
+            self.forces.array[:] = carried[part]
+            self.forces.add_back()
+            found = self.forces.array[: own.nodes.size] / own.area[:, None]
+            add[own.nodes] += found if part else found[:, 0]
         return pressure, np.linalg.norm(shear, axis=1)
 
 

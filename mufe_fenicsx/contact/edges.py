@@ -10,12 +10,13 @@ from ..kernels.edge_search import (
     find_sharp_edges,
     sort_edges_into_cells,
 )
-from ..kernels.edges import (
-    add_edge_forces,
+from ..kernels.edge_springs import (
+    add_edge_bounds,
     add_edge_stiffness,
     edge_energy,
     stored_energy,
 )
+from ..kernels.edges import add_edge_forces
 
 #: Edges take part whose facets' normals differ by more than this angle [rad]. Where two
 #: edges of length h cross at their middles, a vertex is inside the other body from the depth
@@ -121,9 +122,9 @@ class EdgeContact:
         if not p.first.size:
             return 0.0, 0, 0, 0.0
         dissipated, lost, num_adopted, num_deep, deepest = add_edge_forces(
-            f, p.due, p.outside, p.pierced, p.place, p.normal, p.gap, p.offset, p.closed, p.stiffness,
-            p.anchor, p.shear, p.slip, clock, x, p.first, p.second, e.ends, e.beyond, e.area,
-            e.layer, e.share, e.ratio, friction, self.size, self.largest_depth, adopt,
+            f, p.due, p.outside, p.pierced, p.place, p.normal, p.gap, p.offset, p.closed,
+            p.stiffness, p.anchor, p.shear, p.slip, clock, x, p.first, p.second, e.ends, e.beyond,
+            e.area, e.layer, e.share, e.ratio, friction, self.size, self.largest_depth, adopt,
         )  # fmt: skip
         self.lost += lost
         return dissipated, num_adopted, num_deep, deepest
@@ -133,8 +134,18 @@ class EdgeContact:
         p, e = self.pairs, self.edges
         if p.first.size:
             add_edge_stiffness(
-                y, q, margin, self.size, p.due, p.outside, p.gap, clock, p.place, p.normal, p.closed, p.stiffness,
-                p.first, p.second, e.ends, e.area, e.layer, e.share, e.ratio,
+                y, q, margin, self.size, p.due, p.outside, p.gap, clock, p.place, p.normal,
+                p.closed, p.stiffness, p.first, p.second, e.ends, e.area, e.layer, e.share,
+                e.ratio,
+            )  # fmt: skip
+
+    def add_bounds(self, y, margin, clock):
+        """Add bounds of these springs to the nodes of ``y`` [N/m], shape (num_nodes, 3). Local."""
+        p, e = self.pairs, self.edges
+        if p.first.size:
+            add_edge_bounds(
+                y, margin, self.size, p.due, p.outside, p.gap, clock, p.place, p.closed,
+                p.stiffness, p.first, p.second, e.ends, e.area, e.layer, e.share,
             )  # fmt: skip
 
     def energy(self):
@@ -150,20 +161,30 @@ class EdgeContact:
         return np.column_stack([e.grain[p.first[p.closed]], e.grain[p.second[p.closed]]])
 
     def closed_forces(self):
-        """Closed pairs: nodes, shares and forces. Local.
+        """What the closed pairs carry. Local.
 
         Returns:
-            Surface nodes, shape (n, 4): the ends of the first edge, then of the second;
-            signed shares of the force that each bears, shape (n, 4); normal force on the first
-            edge [N], shape (n,); normal, shape (n, 3); friction on the first edge [N], (n, 3).
+            Surface nodes at the ends of the first edge, then of the second, shape (n, 4);
+            their shares, 1 in all for each edge, shape (n, 4); normal force [N], shape (n,);
+            normal, from second to first, shape (n, 3); friction on the first edge [N], (n, 3).
         """
         p, e = self.pairs, self.edges
         on = np.flatnonzero(p.closed)
         s, t = np.clip(p.place[on], 0.0, 1.0).T
         nodes = np.hstack([e.ends[p.first[on]], e.ends[p.second[on]]])
-        share = np.column_stack([1 - s, s, t - 1, -t])
+        share = np.column_stack([1 - s, s, 1 - t, t])
         depth = np.minimum(p.offset[on] - p.gap[on], self.largest_depth)
         return nodes, share, p.stiffness[on] * depth, p.normal[on], p.shear[on]
+
+    def add_traction(self, pressure, shear):
+        """Add normal forces and friction [N] to the nodes they act on, shape (num_nodes, 3). Local.
+
+        The normal force is added to the first column of ``pressure``.
+        """
+        nodes, share, force, _, friction = self.closed_forces()
+        np.add.at(pressure[:, 0], nodes, share * force[:, None])
+        sign = np.array([1.0, 1.0, -1.0, -1.0])
+        np.add.at(shear, nodes, (sign * share)[..., None] * friction[:, None])
 
 
 class _Edges:

@@ -1,128 +1,15 @@
-"""Contact of sharp edges that cross: where and how deep, then forces."""
+"""Contact of sharp edges that cross: how they close, slide, move on and open."""
 
 import math
 
 import numba
 
+from .crossing import crossing, piercings
 from .edge_search import segment_distance
+from .edge_springs import OVERRUN, crossing_stiffness, stored_energy
 
-#: Sine of the angle below which two edges are parallel, and left to nodes and facets.
-PARALLEL = 0.01
-#: Angle by which the normal may lie outside the normals of an edge's facets [rad]: where an
-#: edge lies flat on a facet, or two facets on each other, all their crossings carry.
-ARC = 0.1
-#: Part of an edge by which a crossing may lie beyond its end: edges may meet at their ends.
-END = 1e-3
-#: A crossing that carries may leave its edges by this part of them, and the normals of their
-#: facets by this angle more [rad], before it is let go.
-OVERRUN = 0.1
 #: Crossings first seen deeper than this part of the mean facet edge are none.
 DEEPEST = 0.25
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _outside(x, a, b, c, d, nx, ny, nz):
-    """Sine of the angle by which a direction lies outside the normals of the edge a, b.
-
-    c and d are the vertices beyond the edge. The normals of a convex edge are the
-    directions n, at right angles to it, with n.u <= 0 for every u into its facets.
-    Negative within them.
-    """
-    ex, ey, ez = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-    ee = ex * ex + ey * ey + ez * ez
-    worst = -math.inf
-    for o in (c, d):
-        rx, ry, rz = x[o, 0] - x[a, 0], x[o, 1] - x[a, 1], x[o, 2] - x[a, 2]
-        along = rx * ex + ry * ey + rz * ez
-        height = math.sqrt(rx * rx + ry * ry + rz * rz - along * along / ee)
-        worst = max(worst, (rx * nx + ry * ny + rz * nz) / height)
-    return worst
-
-
-@numba.njit(cache=True, error_model="numpy")
-def crossing(x, ends, beyond, i, j):
-    """Where the lines of two edges come closest.
-
-    The normal is that of the separating planes of two convex bodies that touch there:
-    it lies between the normals of the facets at edge j and, reversed, at edge i
-    (S. Gottschalk, M. C. Lin, D. Manocha, OBBTree, SIGGRAPH 1996, for the axis; D. Gregorius,
-    The separating axis test between convex polyhedra, GDC 2013, for the arcs).
-
-    Args:
-        x: Positions [m], shape (num_nodes, 3).
-        ends, beyond: Edges, as in kernels.edge_search.
-        i, j: The two edges.
-
-    Returns:
-        By how much it lies outside of the edges or of the normals of their facets, in parts
-        of the edge or radians, at most 0 within both; places s and t on the edges, 0 to 1;
-        unit normal from edge j to edge i; gap [m], negative where they are inside each other;
-        the shorter edge across the other [m], by which motions move the crossing.
-    """
-    a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
-    ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-    vx, vy, vz = x[d, 0] - x[c, 0], x[d, 1] - x[c, 1], x[d, 2] - x[c, 2]
-    wx, wy, wz = x[a, 0] - x[c, 0], x[a, 1] - x[c, 1], x[a, 2] - x[c, 2]
-    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    det = nx * nx + ny * ny + nz * nz
-    if not det > PARALLEL * PARALLEL * uu * vv:
-        return math.inf, 0.5, 0.5, 0.0, 0.0, 0.0, math.inf, 0.0
-    uv = ux * vx + uy * vy + uz * vz
-    uw, vw = ux * wx + uy * wy + uz * wz, vx * wx + vy * wy + vz * wz
-    s, t = (uv * vw - vv * uw) / det, (uu * vw - uv * uw) / det
-    # Out of grain j: away from its facets, and towards those of grain i.
-    side = 0.0
-    for m in range(2):
-        o, q = beyond[i, m], beyond[j, m]
-        side += nx * (x[o, 0] - x[a, 0]) + ny * (x[o, 1] - x[a, 1]) + nz * (x[o, 2] - x[a, 2])
-        side -= nx * (x[q, 0] - x[c, 0]) + ny * (x[q, 1] - x[c, 1]) + nz * (x[q, 2] - x[c, 2])
-    scale = math.copysign(1.0 / math.sqrt(det), side)
-    nx, ny, nz = nx * scale, ny * scale, nz * scale
-    gap = wx * nx + wy * ny + wz * nz
-    turned = max(
-        _outside(x, a, b, beyond[i, 0], beyond[i, 1], -nx, -ny, -nz),
-        _outside(x, c, d, beyond[j, 0], beyond[j, 1], nx, ny, nz),
-    )
-    beside = max(-s, s - 1.0, -t, t - 1.0)
-    across = math.sqrt(det / max(uu, vv))
-    return max(beside - END, turned - ARC), s, t, nx, ny, nz, gap, across
-
-
-@numba.njit(cache=True)
-def _volume(x, a, b, c, d):
-    """Six times the volume of a tetrahedron."""
-    ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-    vx, vy, vz = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
-    wx, wy, wz = x[d, 0] - x[a, 0], x[d, 1] - x[a, 1], x[d, 2] - x[a, 2]
-    return (
-        ux * (vy * wz - vz * wy) + uy * (vz * wx - vx * wz) + uz * (vx * wy - vy * wx)
-    )
-
-
-@numba.njit(cache=True)
-def _pierces(x, a, b, c, d, e):
-    """Whether the segment a, b meets the triangle c, d, e."""
-    if _volume(x, a, c, d, e) * _volume(x, b, c, d, e) > 0.0:
-        return False
-    first, second, third = _volume(x, a, b, c, d), _volume(x, a, b, d, e), _volume(x, a, b, e, c)
-    return (first >= 0.0 and second >= 0.0 and third >= 0.0) or (
-        first <= 0.0 and second <= 0.0 and third <= 0.0
-    )
-
-
-@numba.njit(cache=True)
-def piercings(x, ends, beyond, i, j):
-    """How often two edges pierce facets of each other, 0 to 4.
-
-    Their lines can be inside each other where the edges or facets have ended before: 0.
-    Once: a vertex is inside, and meets a facet. More often: their crossing is inside.
-    """
-    a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
-    count = 0
-    for m in range(2):
-        count += _pierces(x, a, b, c, d, beyond[j, m]) + _pierces(x, c, d, a, b, beyond[i, m])
-    return count
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -147,27 +34,6 @@ def _parts(x, ends, i, j, dx, dy, dz):
     du, dv = dx * ux + dy * uy + dz * uz, dx * vx + dy * vy + dz * vz
     det = uu * vv - uv * uv
     return (vv * du - uv * dv) / det, (uv * du - uu * dv) / det
-
-
-@numba.njit(cache=True)
-def _stiffness(i, j, s, t, area, layer, share):
-    """Stiffness of a crossing [N/m]: A/2 of a node of the finer edge, over both layers.
-
-    Near an end the share of the end: several edges of a corner can cross there at once.
-    """
-    part = 1.0
-    for e, place in ((i, s), (j, t)):
-        end = share[e, 0] if place < 0.5 else share[e, 1]
-        inner = min(max(4.0 * min(place, 1.0 - place), 0.0), 1.0)
-        part = min(part, end + (1.0 - end) * inner)
-    return 0.5 * part * min(area[i], area[j]) / (layer[i] + layer[j])
-
-
-@numba.njit(cache=True)
-def stored_energy(stiffness, depth, largest_depth):
-    """Energy of a normal spring whose force grows no more beyond the largest depth [J]."""
-    within = min(depth, largest_depth)
-    return stiffness * within * (depth - 0.5 * within)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -260,7 +126,7 @@ def add_edge_forces(
             near = -DEEPEST * size < g < 0.0 and outside[p] < 0.5
             count = piercings(x, ends, beyond, i, j) if near else 0
             pierced[p] = count > 0
-            if g < 0.0 and not was_open and count < 2:
+            if g < 0.0 and not was_open and count == 0:
                 outside[p] = max(outside[p], 1.0)
                 wait = 0.0
         if g < math.inf:  # not parallel
@@ -307,7 +173,7 @@ def add_edge_forces(
             continue
         if not closed[p]:
             closed[p] = True
-            stiffness[p] = _stiffness(i, j, place[p, 0], place[p, 1], area, layer, share)
+            stiffness[p] = crossing_stiffness(i, j, place[p, 0], place[p, 1], area, layer, share)
             anchor[p, 0], anchor[p, 1] = place[p, 0], place[p, 1]
         due[p] = clock
         if depth > largest_depth:
@@ -417,48 +283,3 @@ def _beside(ends, i, j):
     """Whether two edges are the same or have an end in common."""
     a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
     return a == c or a == d or b == c or b == d
-
-
-@numba.njit(cache=True)
-def edge_energy(gap, offset, closed, stiffness, shear, first, ratio, largest_depth):
-    """Energy stored in the springs of closed pairs [J], and their number."""
-    energy, count = 0.0, 0
-    for p in range(first.size):
-        if closed[p]:
-            count += 1
-            t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
-            energy += stored_energy(stiffness[p], offset[p] - gap[p], largest_depth)
-            energy += 0.5 * t2 / (stiffness[p] * ratio[first[p]])
-    return energy, count
-
-
-@numba.njit(cache=True)
-def add_edge_stiffness(y, q, margin, size, due, outside, gap, clock, place, normal, closed, stiffness, first,
-                       second, ends, area, layer, share, ratio):  # fmt: skip
-    """Add the springs of all pairs nearer than ``margin`` [m] times ``q`` to ``y``, in place.
-
-    Pairs that slide count with their tangential spring, and crossings that come between
-    edges and facets by such a motion count too: an upper bound. ``y`` and ``q`` have the
-    shape (num_nodes, 3); others as in :func:`add_edge_forces`.
-    """
-    near = OVERRUN + 2.0 * margin / size
-    for p in range(first.size):
-        wide = due[p] <= clock and gap[p] >= margin
-        if not closed[p] and (outside[p] > near or due[p] - clock >= margin or wide):
-            continue
-        i, j = first[p], second[p]
-        a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
-        s, t = min(max(place[p, 0], 0.0), 1.0), min(max(place[p, 1], 0.0), 1.0)
-        kn = stiffness[p] if closed[p] else _stiffness(i, j, s, t, area, layer, share)
-        kt = kn * ratio[i]
-        along = 0.0
-        for m in range(3):
-            move = (1.0 - s) * q[a, m] + s * q[b, m] - (1.0 - t) * q[c, m] - t * q[d, m]
-            along += normal[p, m] * move
-        for m in range(3):
-            move = (1.0 - s) * q[a, m] + s * q[b, m] - (1.0 - t) * q[c, m] - t * q[d, m]
-            force = kt * move + (kn - kt) * along * normal[p, m]
-            y[a, m] += (1.0 - s) * force
-            y[b, m] += s * force
-            y[c, m] -= (1.0 - t) * force
-            y[d, m] -= t * force

@@ -6,6 +6,7 @@ import inspect
 from ..errors import InputError
 from .column import column
 from .energy import energy
+from .feature_pairs import feature_pairs
 from .hertz import hertz
 from .patch import patch
 from .sliding import sliding_block
@@ -18,6 +19,7 @@ CASES = {
     "sliding-block": sliding_block,
     "energy": energy,
     "hertz": hertz,
+    "feature-pairs": feature_pairs,
 }
 
 

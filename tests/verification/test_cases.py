@@ -48,8 +48,21 @@ def test_hertz():
     run("hertz", elements_per_radius=1.5, growth=0.25)
 
 
+@pytest.mark.mpi
+def test_feature_pairs():
+    run("feature-pairs", num_random=8, slow=0.02, rounds=1)
+
+
 def test_all_cases_of_the_command_line_exist():
-    assert set(CASES) == {"column", "patch", "spin", "sliding-block", "energy", "hertz"}
+    assert set(CASES) == {
+        "column",
+        "patch",
+        "spin",
+        "sliding-block",
+        "energy",
+        "hertz",
+        "feature-pairs",
+    }
     for function in CASES.values():
         assert function.__doc__.splitlines()[0]
 
