@@ -123,7 +123,7 @@ def test_forces_are_the_gradient_of_the_energy_and_in_balance(seed):
     """Stuck and pressed: f = -dU/dx in normal and tangential direction, no net force or moment."""
     rng = np.random.default_rng(seed)
     x = two_tets(rng)
-    _, _, _, *n, gap, _ = crossing(x, ENDS, BEYOND, 0, 1)
+    _, _, _, *n, gap, _, _ = crossing(x, ENDS, BEYOND, 0, 1)
     x[4:] += (gap + 0.05) * np.array(n)
     pair = Pair()
     pair.forces(x)  # closes with its anchors at the crossing
@@ -154,7 +154,7 @@ def test_friction_of_a_crossing():
     """Dragged along both edges it slips at mu N; the work of the drag is stored or dissipated."""
     rng = np.random.default_rng(7)
     x = two_tets(rng)
-    _, _, _, *n, gap, _ = crossing(x, ENDS, BEYOND, 0, 1)
+    _, _, _, *n, gap, _, _ = crossing(x, ENDS, BEYOND, 0, 1)
     n = np.array(n)
     x[4:] += (gap + 0.05) * n
     mu, pair = 0.3, Pair()

@@ -50,7 +50,8 @@ def crossing(x, ends, beyond, i, j):
         By how much it lies outside of the edges or of the normals of their facets, in parts
         of the edge or radians, at most 0 within both; places s and t on the edges, 0 to 1;
         unit normal from edge j to edge i; gap [m], negative where they are inside each other;
-        the shorter edge across the other [m], by which motions move the crossing.
+        the shorter edge across the other [m], by which motions move the crossing; sine of the
+        angle by which the normal lies outside those of the facets.
     """
     a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
     ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
@@ -60,7 +61,7 @@ def crossing(x, ends, beyond, i, j):
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     det = nx * nx + ny * ny + nz * nz
     if not det > PARALLEL * PARALLEL * uu * vv:
-        return math.inf, 0.5, 0.5, 0.0, 0.0, 0.0, math.inf, 0.0
+        return math.inf, 0.5, 0.5, 0.0, 0.0, 0.0, math.inf, 0.0, math.inf
     uv = ux * vx + uy * vy + uz * vz
     uw, vw = ux * wx + uy * wy + uz * wz, vx * wx + vy * wy + vz * wz
     s, t = (uv * vw - vv * uw) / det, (uu * vw - uv * uw) / det
@@ -79,7 +80,7 @@ def crossing(x, ends, beyond, i, j):
     )
     beside = max(-s, s - 1.0, -t, t - 1.0)
     across = math.sqrt(det / max(uu, vv))
-    return max(beside - END, turned - ARC), s, t, nx, ny, nz, gap, across
+    return max(beside - END, turned - ARC), s, t, nx, ny, nz, gap, across, turned
 
 
 @numba.njit(cache=True)

@@ -4,7 +4,7 @@ import math
 
 import numba
 
-from .crossing import crossing, piercings
+from .crossing import END, crossing, piercings
 from .edge_search import segment_distance
 from .edge_springs import OVERRUN, crossing_stiffness, stored_energy
 
@@ -120,13 +120,13 @@ def add_edge_forces(
         i, j = first[p], second[p]
         was_open = outside[p] <= 0.0 and gap[p] >= 0.0
         was_inside = outside[p] > 0.0 and pierced[p]
-        outside[p], s, t, nx, ny, nz, g, across = crossing(x, ends, beyond, i, j)
+        outside[p], s, t, nx, ny, nz, g, across, turned = crossing(x, ends, beyond, i, j)
         wait = min(outside[p], 1.0) * across
         if not closed[p]:
             near = -DEEPEST * size < g < 0.0 and outside[p] < 0.5
             count = piercings(x, ends, beyond, i, j) if near else 0
             pierced[p] = count > 0
-            if g < 0.0 and not was_open and count == 0:
+            if g < 0.0 and count == 0 and not (was_open and turned <= END):
                 outside[p] = max(outside[p], 1.0)
                 wait = 0.0
         if g < math.inf:  # not parallel

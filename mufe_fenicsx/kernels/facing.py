@@ -12,7 +12,7 @@ from .closest import facet_normal
 #: Sine of the angle by which a node around may lie below such a plane: 20 degrees.
 FACING = 0.342
 #: Part of a facet by which the foot of such a node may lie beside it: edges may lie on edges.
-BESIDE = 0.01
+BESIDE = 1e-3
 
 
 @numba.njit(cache=True, error_model="numpy")

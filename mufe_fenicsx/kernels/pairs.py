@@ -173,12 +173,13 @@ def add_pair_forces(
             else:
                 scale = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
                 nx, ny, nz = nx * scale, ny * scale, nz * scale
-        inside = g < BESIDE * math.sqrt(area[n])
-        if inside and sharp[t] and not faces(x, n, nx, ny, nz, facets, ring_offset, ring):
+        beside = sharp[t] and g < BESIDE * math.sqrt(area[n])
+        if beside and not faces(x, n, nx, ny, nz, facets, ring_offset, ring):
             other = find_facing(
                 p, x, node, first, candidate, facets, ring_offset, ring, 3.0 * largest_depth
             )
-            if other[0] >= 0:
+            # A node just outside counts where it came through that facet now.
+            if other[0] >= 0 and (g < 0.0 or closed[p] or -other[1] <= clock - due[p] + tiny):
                 closest[p], g, wa, wb, wc, nx, ny, nz = other
                 t = candidate[closest[p]]
                 a, b, c = facets[t, 0], facets[t, 1], facets[t, 2]
