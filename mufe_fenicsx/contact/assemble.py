@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 from ..kernels.pairs import add_pair_forces, add_pair_stiffness, largest_move, pair_energy
 from ..kernels.walls import add_rows, gather_rows
+from .checks import check_law, check_stiffness, check_surface, check_walls
 from .edges import EdgeContact
 from .exchange import SurfaceVector, exchange_surface
 from .laws import layer_of_facets, layer_of_nodes
@@ -36,8 +37,11 @@ class Contact:
     """
 
     def __init__(self, mesh, x, contact_modulus, tangential_ratio, friction, compliance, walls):
+        check_law(friction, compliance)
         self.comm = mesh.comm
         self.own = own_surface(mesh, x)
+        check_surface(mesh, self.own)
+        check_stiffness(mesh, contact_modulus)
         self.friction = float(friction)
         self.walls = walls
         own = self.own
@@ -53,6 +57,7 @@ class Contact:
         self.skin = SKIN * self.edge
         self.width = self.comm.allreduce(float(np.ptp(x, axis=0).max()), op=MPI.SUM)
         self.largest_depth = LARGEST_DEPTH * self.edge
+        check_walls(self.comm, walls, x, self.edge)
         self.edges = EdgeContact(self.ratio, self.edge, self.largest_depth)
 
         self.dissipated = 0.0  #: by friction on this rank so far [J]
