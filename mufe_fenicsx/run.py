@@ -225,6 +225,7 @@ def run_scene(
         make_walls(scene, low, high),
         friction=scene.contact.friction,
         compliance=scene.contact.compliance,
+        self_contact=scene.contact.self_contact,
         averaged=solver.element == "averaged",
         damping=solver.damping,
         assembled=solver.time_step == "assembled",

@@ -69,6 +69,7 @@ class Contact:
     friction: float  #: coefficient of friction between grains [-]
     compliance: float = 0.15  #: layer of compliance·h/E* on each side, h the mesh size [-]
     wall_friction: float = 0.0  #: coefficient of friction of walls that state none [-]
+    self_contact: bool = False  #: concave grains meet themselves too
 
     def __post_init__(self):
         _require(0 <= self.friction, "friction", self.friction, ">= 0")

@@ -35,6 +35,7 @@ class Simulation:
         time_step_factor: Time step over the limit of stability.
         refresh: Steps between two evaluations of that limit.
         velocity: Initial velocities [m/s], shape (num_nodes, 3); rest if None.
+        self_contact: Concave grains meet themselves too: nodes with facets.
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class Simulation:
         time_step_factor=0.9,
         refresh=400,
         velocity=None,
+        self_contact=False,
     ):
         self.mesh, self.comm = mesh, mesh.comm
         self.damping, self.assembled = float(damping), assembled
@@ -65,6 +67,7 @@ class Simulation:
             friction,
             compliance,
             self.walls,
+            self_contact,
         )
         # Displacement, velocity and force live in PETSc-backed DOLFINx functions.
         self.u, self.v, self.force = (fem.Function(mesh.V) for _ in range(3))

@@ -1,9 +1,14 @@
 """Crossing edges: search and forces against slow twins."""
 
+import mufe_fenicsx  # noqa: F401, before dolfinx: it loads MPI
+
+# isort: split
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 from mufe_fenicsx.contact.surface import neighbors
+from mufe_fenicsx.geometry.shapes import box
 from mufe_fenicsx.kernels.crossing import crossing
 from mufe_fenicsx.kernels.edge_search import (
     find_edge_pairs,
@@ -13,6 +18,9 @@ from mufe_fenicsx.kernels.edge_search import (
 )
 from mufe_fenicsx.kernels.edge_springs import edge_energy
 from mufe_fenicsx.kernels.edges import add_edge_forces
+from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.mesh import create_grain_mesh
+from mufe_fenicsx.simulation import Simulation
 
 #: Outward facets of a tetrahedron with positive volume.
 TET = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], dtype=np.int32)
@@ -180,3 +188,62 @@ def test_friction_of_a_crossing():
     assert work == pytest.approx(stored + dissipated, rel=1e-3 / steps)
     assert dissipated > 0
     assert pair.slip[0] * mu * N == pytest.approx(dissipated, rel=1e-2)
+
+
+def roof(n, shift):
+    """Half a cube of n bricks along its edges; its right-angled edge lies on the x axis, up."""
+    points, cells = box((1.0, 1.0, 1.0), (n, n, n))
+    centre = points[cells].mean(axis=1)
+    nodes, cells = np.unique(cells[centre[:, 2] > centre[:, 1]], return_inverse=True)
+    half = np.sqrt(0.5)
+    turn = np.array([[1, 0, 0], [0, half, half], [0, -half, half]])
+    return (points[nodes] - [0.5 + shift, 0, 1]) @ turn.T, cells.reshape(-1, 4)
+
+
+def test_a_crossing_moves_on_along_a_ridge():
+    """Two ridges slide along one of them: past its nodes one crossing takes over from the next.
+
+    The depth stays, so does the normal force, and friction works mu N along the way.
+    """
+    n, depth, friction = 4, 2e-3, 0.3
+    (lower, cells), (upper, _) = roof(n, 0.013), roof(n, 0.021)
+    upper = upper @ np.array([[0, 1.0, 0], [1, 0, 0], [0, 0, -1]]) + [0, 0, 1e-4]
+    mesh = create_grain_mesh(
+        MPI.COMM_SELF,
+        np.vstack([lower, upper]),
+        np.vstack([cells, cells + len(lower)]),
+        np.repeat([0, 1], len(cells)),
+        np.array([1, 2]),
+        np.array([0, 0]),
+    )
+    material = Elastic(100e9, 0.15, 2650.0)
+    contact = Simulation(mesh, [material] * 2, friction=friction).contact
+    above = mesh.grain_of_node == np.flatnonzero(mesh.grains == 1)[0]
+    x = mesh.x.copy()
+
+    def move(vector):
+        x[above] += vector
+        contact.begin(x)
+        contact.add_forces(np.zeros_like(x), x)
+        pairs = contact.edges.pairs
+        return pairs, np.flatnonzero(pairs.closed)
+
+    for _ in range(20):
+        pairs, on = move([0, 0, -(depth + 1e-4) / 20])
+    keys = {int(pairs.key[on[0]])}
+    k, before, steps, way = pairs.stiffness[on[0]], contact.dissipated, 600, 1.5 / n
+    for _ in range(steps):
+        pairs, on = move([way / steps, 0, 0])
+        assert on.size == 1
+        keys.add(int(pairs.key[on[0]]))
+        # Rigid motion: the depth is kept to rounding of positions.
+        assert pairs.gap[on[0]] == pytest.approx(-depth, rel=1e-9)
+        assert pairs.stiffness[on[0]] == k
+        # On the lower one along the motion: the spring is carried over past the node.
+        assert pairs.shear[on[0], 0] > 0
+    assert len(keys) >= 2
+    assert contact.edges.lost <= 1e-9 * k * depth**2
+    assert np.linalg.norm(pairs.shear[on[0]]) == pytest.approx(friction * k * depth, rel=1e-9)
+    slip = contact.dissipated - before
+    # Less the way until it slips, mu N / kt: 2e-3 of the whole.
+    assert slip == pytest.approx(friction * k * depth * way, rel=2e-3)

@@ -34,9 +34,11 @@ class Contact:
         friction: Coefficient of friction between grains.
         compliance: Constant c of the layer that matches stiffness to mesh.
         walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
+        self_contact: Nodes of a grain also meet facets of the same grain across a void.
     """
 
-    def __init__(self, mesh, x, contact_modulus, tangential_ratio, friction, compliance, walls):
+    def __init__(self, mesh, x, contact_modulus, tangential_ratio, friction, compliance, walls,
+                 self_contact=False):  # fmt: skip
         check_law(friction, compliance)
         self.comm = mesh.comm
         self.own = own_surface(mesh, x)
@@ -57,6 +59,8 @@ class Contact:
         self.skin = SKIN * self.edge
         self.width = self.comm.allreduce(float(np.ptp(x, axis=0).max()), op=MPI.SUM)
         self.largest_depth = LARGEST_DEPTH * self.edge
+        # Further behind a facet of its own grain, a node is taken to be on the other side of it.
+        self.self_depth = 2 * self.largest_depth if self_contact else None
         check_walls(self.comm, walls, x, self.edge)
         self.edges = EdgeContact(self.ratio, self.edge, self.largest_depth)
 
@@ -105,8 +109,9 @@ class Contact:
         self.previous = self.positions.array.copy()
 
         self.pairs = search_pairs(
-            self.positions.array, num_own, self.own.grain_of_node, self.surface, reach, self.clock
-        )
+            self.positions.array, num_own, self.own.grain_of_node, self.surface, reach, self.clock,
+            self.self_depth,
+        )  # fmt: skip
         if old is not None:
             self.pairs.carry(old, _finder(self.surface.global_facet), old_surface.global_facet)
         self.dissipated += self.edges.search(

@@ -4,6 +4,7 @@ import numpy as np
 
 from ..kernels.pairs import carry_pairs, find_again
 from ..kernels.search import find_candidates, group_by_grain, sort_into_cells
+from ..kernels.self_contact import find_self_candidates
 
 #: What a pair keeps when the candidates are searched anew, beside its closest facet.
 REMEMBERED = (
@@ -54,7 +55,7 @@ class Pairs:
         find_again(self.closest, new, facet, self.first, self.candidate)
 
 
-def search_pairs(x, num_own, grain_of_node, surface, reach, clock):
+def search_pairs(x, num_own, grain_of_node, surface, reach, clock, deep=None):
     """All pairs of own nodes with facets of other grains within ``reach``. Local.
 
     The cost grows linearly with nodes and facets: a regular grid of cells about
@@ -68,6 +69,8 @@ def search_pairs(x, num_own, grain_of_node, surface, reach, clock):
         surface: :class:`~mufe_fenicsx.contact.exchange.Surface`.
         reach: Distance [m].
         clock: Reading of the clock of relative motion [m].
+        deep: For contact of grains with themselves too, how far behind a facet a node may be
+            found [m]; None for contact between grains alone.
     """
     corners = x[surface.facets]
     extent = np.mean(corners.max(axis=1) - corners.min(axis=1)) if corners.size else 1.0
@@ -90,4 +93,14 @@ def search_pairs(x, num_own, grain_of_node, surface, reach, clock):
         offset,
         nodes,
     )
+    if deep is not None:
+        node, facet = find_self_candidates(
+            x, grain_of_node, surface.facets, surface.grain_of_facet, surface.ring_offset,
+            surface.ring, reach, deep, low, size, shape, offset, nodes,
+        )  # fmt: skip
+        node = np.concatenate([np.repeat(np.arange(num_own), np.diff(first)), node])
+        candidate = np.concatenate([candidate, facet])
+        order = np.lexsort((candidate, surface.grain_of_facet[candidate], node))
+        candidate = candidate[order]
+        first = np.searchsorted(node[order], np.arange(num_own + 1))
     return Pairs(*group_by_grain(first, candidate, surface.grain_of_facet), candidate, clock)

@@ -236,8 +236,9 @@ def add_pair_forces(
             now2 = sx * sx + sy * sy + sz * sz
             keep = math.sqrt(length2 / now2) if now2 > 0.0 else 0.0
             anchor[p, 0], anchor[p, 1], anchor[p, 2] = _project(
-                x[n, 0] - keep * sx, x[n, 1] - keep * sy, x[n, 2] - keep * sz, x, a, b, c
-            )
+                x[n, 0] - g * nx - keep * sx, x[n, 1] - g * ny - keep * sy,
+                x[n, 2] - g * nz - keep * sz, x, a, b, c,
+            )  # fmt: skip
         if depth > largest_depth:
             num_deep += 1
             depth = largest_depth
@@ -261,9 +262,9 @@ def add_pair_forces(
             dissipated += 0.5 * (math.sqrt(before2) + limit) * slipped
             slip[p] += slipped
             sx, sy, sz = keep * sx, keep * sy, keep * sz
-            # The anchor that leaves just this much of the spring.
+            # The anchor that leaves just this much of the spring, off the closest point.
             anchor[p, 0], anchor[p, 1], anchor[p, 2] = _project(
-                x[n, 0] - sx, x[n, 1] - sy, x[n, 2] - sz, x, a, b, c
+                x[n, 0] - g * nx - sx, x[n, 1] - g * ny - sy, x[n, 2] - g * nz - sz, x, a, b, c
             )
         tx, ty, tz = -kt * sx, -kt * sy, -kt * sz
         shear[p, 0], shear[p, 1], shear[p, 2] = tx, ty, tz
