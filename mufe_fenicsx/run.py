@@ -253,6 +253,7 @@ def run_scene(
         compliance=scene.contact.compliance,
         points=scene.contact.points,
         law=scene.contact.law,
+        self_contact=scene.contact.self_contact,
         averaged=solver.element == "averaged",
         damping=solver.damping,
         assembled=solver.time_step == "assembled",

@@ -98,6 +98,7 @@ class Contact:
     wall_friction: float = 0.0  #: coefficient of friction of walls that state none [-]
     friction_kinetic: float | None = None  #: between grains while they slip [-]; None: friction
     wall_friction_kinetic: float | None = None  #: the same of walls that state no friction [-]
+    self_contact: bool = False  #: concave grains meet themselves too
 
     def __post_init__(self):
         _require(0 <= self.friction, "friction", self.friction, ">= 0")

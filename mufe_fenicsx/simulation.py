@@ -43,6 +43,7 @@ class Simulation:
         velocity: Initial velocities [m/s], shape (num_nodes, 3); rest if None.
         mass_factor: Nodal masses times this, shape (num_nodes,), where only slow loading is
             of interest; 1 if None. Not seen by the time step of single elements.
+        self_contact: Concave grains meet themselves too: nodes with facets.
     """
 
     def __init__(
@@ -63,6 +64,7 @@ class Simulation:
         refresh=400,
         velocity=None,
         mass_factor=None,
+        self_contact=False,
     ):
         self.mesh, self.comm = mesh, mesh.comm
         self.damping, self.assembled = float(damping), assembled
@@ -83,6 +85,7 @@ class Simulation:
             law,
             self.solid.mass,
             friction_kinetic,
+            self_contact,
         )
         self.bonded = Bonded(
             self.comm, self.walls, self.contact.own.nodes, self.walls.bonded, mesh.x
@@ -210,7 +213,10 @@ class Simulation:
         # Pairs that can close before the next evaluation count as closed.
         moved = self.contact.clock - self._clock_at_refresh
         self._clock_at_refresh = self.contact.clock
-        self._margin = max(2.0 * moved, 1e-3 * self.contact.edge)
+        # The first step is counted too, by its speed: an assembled step is up to 3 times longer.
+        speed = np.sqrt(max((s.v**2).sum(axis=1).max(), (self.walls.velocity**2).sum()))
+        ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
+        self._margin = max(2.0 * moved, ahead, 1e-3 * self.contact.edge)
         if self.assembled:
             limit = 2.0 / self._highest()
         else:
@@ -228,17 +234,17 @@ class Simulation:
             self.contact.set_time_step(dt)
 
     def _stiffest_contact(self):
-        """Largest sum over mass of a node's contact springs [1/s²], all springs closed. Local.
+        """Largest sum over mass of a node's contact springs [1/s²], all closed. Collective.
 
         A spring between two nodes adds at most twice its stiffness over the mass
         (Gershgorin); a surface node carries its own spring and those of the facets.
         """
         c = self.contact
-        if not c.own.nodes.size or c.kinematic:
+        if c.kinematic:
             return 0.0
         mass = self.solid.mass[c.own.nodes]
         spring = c.points.to_nodes((c.points.area / c.layer)[:, None], mass.size)[:, 0]
-        return float((2.0 * spring / mass).max())
+        return float(((2.0 * spring + c.edge_bounds(self._margin)) / mass).max(initial=0.0))
 
     # --- numbers --------------------------------------------------------------------------
 
@@ -279,6 +285,7 @@ class Simulation:
         active[points.grain_of_point[p.node[p.closed]]] = True
         active[p.grain[p.closed]] = True
         active[points.grain_of_point[w.node[w.closed]]] = True
+        active[self.contact.edges.closed_grains()] = True
         self.comm.Allreduce(MPI.IN_PLACE, active, op=MPI.LOR)
         return int(active.sum())
 

@@ -172,5 +172,5 @@ def test_friction_work_across_many_facets():
 def test_kinetic_friction_above_the_static_is_refused():
     with pytest.raises(InputError, match="kinetic friction of wall low"):
         Wall("low", np.zeros(3), UP, 0.5, friction_kinetic=0.6)
-    with pytest.raises(InputError, match="friction between grains"):
+    with pytest.raises(InputError, match=r"friction = -0\.1"):
         Mover(True, -0.1)

@@ -9,6 +9,8 @@ from ..errors import InputError
 from ..kernels.pairs import add_pair_forces, add_pair_stiffness, largest_move, pair_energy
 from ..kernels.points import place_points, spread_points
 from ..kernels.walls import add_rows, gather_rows
+from .checks import check_law, check_stiffness, check_surface, check_walls
+from .edges import EdgeContact
 from .exchange import SurfaceVector, exchange_surface
 from .laws import LAWS, inertial_layers, kinetic_of, matched_layers
 from .ledger import Ledger
@@ -40,9 +42,11 @@ class Contact:
         law: Normal law, one of contact.laws.LAWS.
         mass: Nodal masses [kg], shape (num_nodes,), for the kinematic law.
         friction_kinetic: Coefficient while a contact slips; ``friction`` if None.
+        self_contact: Nodes of a grain also meet facets of the same grain across a void.
 
     Raises:
-        InputError: There are no such points, or no such law.
+        InputError: There are no such points, or no such law; a coefficient cannot be; a wall
+            stands inside the sample; self-contact at other points than nodes.
     """
 
     def __init__(
@@ -58,9 +62,15 @@ class Contact:
         law="matched",
         mass=None,
         friction_kinetic=None,
+        self_contact=False,
     ):
+        check_law(friction, compliance)
+        if self_contact and points != "nodes":
+            raise InputError(f'self-contact with points of contact = {points}, expected "nodes"')
         self.comm = mesh.comm
         self.own = own_surface(mesh, x)
+        check_surface(mesh, self.own)
+        check_stiffness(mesh, contact_modulus)
         self.friction = float(friction)
         self.friction_kinetic = kinetic_of(self.friction, friction_kinetic, "between grains")
         self.walls = walls
@@ -88,6 +98,11 @@ class Contact:
         self.skin = SKIN * self.edge
         self.width = self.comm.allreduce(float(np.ptp(x, axis=0).max()), op=MPI.SUM)
         self.largest_depth = LARGEST_DEPTH * self.edge
+        # Further behind a facet of its own grain, a node is taken to be on the other side of it.
+        self.self_depth = 2 * self.largest_depth if self_contact else None
+        check_walls(self.comm, walls, x, self.edge)
+        node_ratio = tangential_ratio[mesh.grain_of_node[own.nodes]]
+        self.edges = EdgeContact(node_ratio, self.edge, self.largest_depth)
 
         self.ledger = Ledger(self.points.grain_of_point, mesh.labels.size)
         self.dissipated = 0.0  #: by friction on this rank so far [J]
@@ -108,15 +123,16 @@ class Contact:
         """Overlaps at the start are found up to one facet edge deep."""
         return self.edge
 
-    def _search(self, x, deepest=0.0):
-        """Find all pairs anew. Collective."""
+    def _search(self, x, deepest=0.0, ahead=0.0):
+        """Find all pairs anew, those within ``ahead`` [m] at least. Collective."""
         gathered = np.empty((self.own.nodes.size, 3))
         gather_rows(gathered, x, self.own.nodes)
         depth = deepest
         if self.pairs is not None and self.pairs.gap.size:
             depth = max(depth, -self.pairs.gap[np.isfinite(self.pairs.gap)].min(initial=0.0))
+        depth = max(depth, self.edges.deepest())
         depth = self.comm.allreduce(depth, op=MPI.MAX)
-        reach = self.skin + 1.1 * depth
+        reach = max(self.skin, ahead) + 1.1 * depth
 
         old, old_surface = self.pairs, self.surface
         self.surface, ghosts = exchange_surface(
@@ -129,9 +145,11 @@ class Contact:
         self.positions = SurfaceVector(self.comm, num_own, ghosts, self.num_before)
         self.forces = SurfaceVector(self.comm, num_own, ghosts, self.num_before)
         self.facets = self.surface.facets + np.int32(self.num_before)
-        self.ring_offset = np.concatenate(
-            [np.zeros(self.num_before, self.surface.ring_offset.dtype), self.surface.ring_offset]
-        )
+        self.ring_offset, self.ring = self.surface.ring_offset, self.surface.ring
+        if self.num_before:
+            offset, ring = self.points.ring_offset, self.points.ring
+            self.ring_offset = np.concatenate([offset[:-1], ring.size + self.ring_offset])
+            self.ring = np.concatenate([ring, self.ring])
         self.positions.own[:] = gathered
         self.positions.begin_forward()
         self._near = np.arange(self.num_before, dtype=np.int32)
@@ -146,9 +164,12 @@ class Contact:
             self.surface,
             reach,
             self.clock,
+            self.self_depth,
         )
         if old is not None:
             self.pairs.carry(old, _finder(self.surface.global_facet), old_surface.global_facet)
+        nodes = self.positions.array[self.num_before :]
+        self.dissipated += self.edges.search(nodes, num_own, self.surface, reach, self.clock)
         points, old_walls = self.positions.array[:num_points], self.walls.pairs
         self.walls.search(points, gathered, self.points.corner, reach, self.clock)
         if old is not None:
@@ -212,7 +233,7 @@ class Contact:
         self.clock += 2.0 * move
         # The motion of the next step, at twice its speed now, must not leave the skin.
         if self.clock + 4.0 * move - self.searched_at > self.skin:
-            self._search(x)
+            self._search(x, ahead=4.0 * move)
         self._evaluate(f, adopt)
 
     def _evaluate(self, f, adopt):
@@ -223,20 +244,25 @@ class Contact:
             forces, p.due, p.candidate_due, p.closest, p.weights, p.normal, p.gap, p.offset,
             p.closed, p.stiffness, p.anchor, p.shear, p.slip, p.push, p.work, p.sliding,
             self.clock, x, p.node, p.first, p.candidate, self.facets, s.neighbor,
-            self.ring_offset, s.ring, self.layer, s.layer_of_facet, area,
+            self.ring_offset, self.ring, self.edges.beside, self.layer, s.layer_of_facet, area,
             self.points.facet_area, self.points.recess, self.ratio, self.friction,
             self.friction_kinetic, self.largest_depth, adopt,
         )  # fmt: skip
+        edge_dissipated, edge_adopted, edge_deep, edge_deepest = 0.0, 0, 0, 0.0
+        if not self.kinematic:
+            edge_dissipated, edge_adopted, edge_deep, edge_deepest = self.edges.add_forces(
+                forces[self.num_before :], x[self.num_before :], self.clock, self.friction, adopt
+            )
         wall_dissipated, wall_adopted = self.walls.add_forces(
             forces, x, self.clock, self.layer, area, self.points.recess, self.ratio, adopt,
             self._dt if self.kinematic else 0.0,
         )  # fmt: skip
         self._add_back()
         add_rows(f, own.nodes, self.forces.own)
-        self.dissipated += dissipated + wall_dissipated
-        self.num_adopted += num_adopted + wall_adopted
-        self.num_deep += num_deep
-        self.deepest = max(self.deepest, deepest)
+        self.dissipated += dissipated + edge_dissipated + wall_dissipated
+        self.num_adopted += num_adopted + edge_adopted + wall_adopted
+        self.num_deep += num_deep + edge_deep
+        self.deepest = max(self.deepest, deepest, edge_deepest)
 
     def add_stiffness(self, y, q, margin):
         """Add the contact springs nearer than ``margin`` [m] times ``q`` to ``y``. Collective.
@@ -255,10 +281,20 @@ class Contact:
             p.closest, p.closed, p.weights, p.normal, p.stiffness, self.facets, self.layer,
             s.layer_of_facet, area, self.points.facet_area, self.ratio,
         )  # fmt: skip
+        self.edges.add_stiffness(
+            forces[self.num_before :], move[self.num_before :], margin, self.clock
+        )
         self.walls.add_stiffness(forces, move, margin, self.clock, self.layer, area, self.ratio)
         self._add_back()
         add_rows(y, own.nodes, self.forces.own)
         self.positions.array[:] = positions
+
+    def edge_bounds(self, margin):
+        """Bounds of the springs of crossing edges at own surface nodes [N/m]. Collective."""
+        self.forces.array[:] = 0.0
+        self.edges.add_bounds(self.forces.array[self.num_before :], margin, self.clock)
+        self.forces.add_back()
+        return self.forces.own[:, 0]
 
     def energy(self):
         """Energy in the contact springs [J] and number of closed contacts. Local.
@@ -269,9 +305,10 @@ class Contact:
         pairs, num_pairs = pair_energy(
             p.gap, p.offset, p.closed, p.stiffness, p.shear, p.node, self.ratio
         )
+        edges, num_edges = self.edges.energy()
         walls, num_walls = self.walls.energy(self.layer, self.points.area, self.ratio)
-        energy = 0.0 if self.kinematic else pairs + walls
-        return energy, num_pairs + num_walls
+        energy = 0.0 if self.kinematic else pairs + edges + walls
+        return energy, num_pairs + num_edges + num_walls
 
     def areas(self, pairs):
         """Parts of the contact area [m²] that the closed pairs ``pairs`` carry. Local.

@@ -63,7 +63,7 @@ def current_gaps(contact):
     gap, normal = np.empty(p.node.size), np.empty((p.node.size, 3))
     find_gaps(
         gap, normal, contact.positions.array, p.node, p.first, p.candidate, contact.facets,
-        s.neighbor, contact.ring_offset, s.ring,
+        s.neighbor, contact.ring_offset, contact.ring,
     )  # fmt: skip
     return gap, normal
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from ..kernels.pairs import carry_pairs, find_again
 from ..kernels.search import find_candidates, group_by_grain, sort_into_cells
+from ..kernels.self_contact import find_self_candidates
 
 #: What a pair keeps when the candidates are searched anew, beside its closest facet.
 REMEMBERED = (
@@ -51,13 +52,15 @@ class Pairs:
         source = source[new]
         for name in REMEMBERED:
             getattr(self, name)[new] = getattr(old, name)[source]
+        # A pair that was due may have closed by the motion since, and no other.
+        self.due[new] = np.minimum(self.due[new], old.due[source])
         known = old.closest[source] >= 0
         new, source = new[known], source[known]
         facet = facet_of_global(old_global_facet[old.candidate[old.closest[source]]])
         find_again(self.closest, new, facet, self.first, self.candidate)
 
 
-def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock):
+def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock, deep=None):
     """All pairs of own points with facets of other grains within ``reach``. Local.
 
     The cost grows linearly with nodes and facets: a regular grid of cells about
@@ -72,6 +75,8 @@ def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock):
         surface: :class:`~mufe_fenicsx.contact.exchange.Surface`.
         reach: Distance [m].
         clock: Reading of the clock of relative motion [m].
+        deep: For contact of grains with themselves too, how far behind a facet a node may be
+            found [m]; None for contact between grains alone.
     """
     a, b, c = (x[facets[:, i]] for i in range(3))
     extent = 1.0
@@ -96,4 +101,14 @@ def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock):
         offset,
         nodes,
     )
+    if deep is not None:
+        node, facet = find_self_candidates(
+            x, grain_of_point, surface.facets, surface.grain_of_facet, surface.ring_offset,
+            surface.ring, reach, deep, low, size, shape, offset, nodes,
+        )  # fmt: skip
+        node = np.concatenate([np.repeat(np.arange(num_points), np.diff(first)), node])
+        candidate = np.concatenate([candidate, facet])
+        order = np.lexsort((candidate, surface.grain_of_facet[candidate], node))
+        candidate = candidate[order]
+        first = np.searchsorted(node[order], np.arange(num_points + 1))
     return Pairs(*group_by_grain(first, candidate, surface.grain_of_facet), candidate, clock)

@@ -38,6 +38,8 @@ class Points:
     area: np.ndarray  #: [m²], shape (num_points,)
     layer: np.ndarray  #: compliance of the layer [m/Pa], shape (num_points,)
     facet_area: np.ndarray  #: area of the facets there [m²], shape (num_points,)
+    ring_offset: np.ndarray | None  #: compressed rows of the own facets around each point;
+    ring: np.ndarray | None  #: None where points are nodes
     recess: np.ndarray  #: depth at which contact begins [m], shape (num_points,)
 
     @property
@@ -83,6 +85,8 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
             area=own.area,
             layer=node_layer,
             facet_area=0.5 * own.area,
+            ring_offset=None,
+            ring=None,
             recess=np.zeros(own.area.size),
         )
     rule = RULES[kind]
@@ -94,6 +98,9 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
         return np.concatenate([np.repeat(of_facets, n, axis=0), of_nodes[vertex]])
 
     nodes = np.arange(own.nodes.size, dtype=np.int32)
+    around = [own.ring[own.ring_offset[v] : own.ring_offset[v + 1]] for v in vertex]
+    num_around = np.concatenate([np.ones(n * len(own.facets)), [len(r) for r in around]])
+    facets = np.repeat(np.arange(len(own.facets), dtype=np.int32), n)
     return Points(
         corner=both(own.facets, np.stack([nodes] * 3, axis=1)),
         weight=np.concatenate(
@@ -104,6 +111,8 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
         area=both(own.facet_area / n, own.area),
         layer=both(layer, node_layer),
         facet_area=both(own.facet_area, 0.5 * own.area),
+        ring_offset=np.concatenate([[0], np.cumsum(num_around)]).astype(own.ring_offset.dtype),
+        ring=np.concatenate([facets, *around]).astype(own.ring.dtype),
         recess=both(np.zeros(own.facet_area.size), RECESS * edge_of_area(own.area, 2)),
     )
 

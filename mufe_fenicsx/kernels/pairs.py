@@ -5,6 +5,7 @@ import math
 import numba
 
 from .closest import INTERIOR, closest_point, facet_normal, pseudo_normal
+from .facing import BESIDE, faces, find_facing
 
 
 @numba.njit(cache=True)
@@ -131,6 +132,7 @@ def add_pair_forces(
     neighbor,
     ring_offset,
     ring,
+    sharp,
     layer_of_node,
     layer_of_facet,
     area,
@@ -172,6 +174,7 @@ def add_pair_forces(
         x: Positions [m], shape (num_nodes_with_ghosts, 3).
         node, first, candidate: Pairs, as in kernels.search.
         facets, neighbor, ring_offset, ring: Surface, as in kernels.closest.
+        sharp: Whether a facet has a vertex on a sharp edge, shape (num_facets,).
         layer_of_node, layer_of_facet: Compliance c h/E* of a side [m/Pa].
         area: Areas that the nodes stand for [m²], shape (num_nodes,).
         facet_area: Areas of the facets there [m²], shape (num_nodes,).
@@ -212,11 +215,28 @@ def add_pair_forces(
             else:
                 scale = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
                 nx, ny, nz = nx * scale, ny * scale, nz * scale
+        height = g
+        beside = sharp[t] and g < BESIDE * math.sqrt(area[n])
+        if beside and not faces(x, n, nx, ny, nz, facets, ring_offset, ring):
+            other = find_facing(
+                p, x, node, first, candidate, facets, ring_offset, ring, 3.0 * largest_depth
+            )
+            # A node just outside counts where it came through that facet now.
+            if other[0] >= 0 and (g < 0.0 or closed[p] or -other[1] <= clock - due[p] + tiny):
+                closest[p], g, wa, wb, wc, nx, ny, nz = other
+                height = g
+                t = candidate[closest[p]]
+                a, b, c = facets[t, 0], facets[t, 1], facets[t, 2]
+        g += recess[n]
+        if closed[p] and abs(g - gap[p]) > clock - due[p] + tiny:
+            # Across a sharp edge: no energy appears, and what is lost counts as dissipated.
+            was = offset[p] - gap[p]
+            offset[p] = min(offset[p], g + was)
+            left = max(offset[p] - g, 0.0)
+            dissipated += 0.5 * stiffness[p] * (was * was - left * left)
         ox, oy, oz = normal[p, 0], normal[p, 1], normal[p, 2]
         weights[p, 0], weights[p, 1], weights[p, 2] = wa, wb, wc
         normal[p, 0], normal[p, 1], normal[p, 2] = nx, ny, nz
-        height = g
-        g += recess[n]
         gap[p] = g
 
         if not closed[p]:
@@ -264,8 +284,8 @@ def add_pair_forces(
             now2 = sx * sx + sy * sy + sz * sz
             keep = math.sqrt(length2 / now2) if now2 > 0.0 else 0.0
             anchor[p, 0], anchor[p, 1], anchor[p, 2] = _anchor(
-                keep * sx, keep * sy, keep * sz, x[n, 0] - rx, x[n, 1] - ry, x[n, 2] - rz,
-                nx, ny, nz, x, a, b, c,
+                keep * sx, keep * sy, keep * sz, x[n, 0] - height * nx, x[n, 1] - height * ny,
+                x[n, 2] - height * nz, nx, ny, nz, x, a, b, c,
             )  # fmt: skip
         if depth > largest_depth:
             num_deep += 1
@@ -296,7 +316,19 @@ def add_pair_forces(
             sx, sy, sz = keep * sx, keep * sy, keep * sz
             # The anchor that leaves just this much of the spring.
             anchor[p, 0], anchor[p, 1], anchor[p, 2] = _anchor(
-                sx, sy, sz, x[n, 0] - rx, x[n, 1] - ry, x[n, 2] - rz, nx, ny, nz, x, a, b, c
+                sx,
+                sy,
+                sz,
+                x[n, 0] - height * nx,
+                x[n, 1] - height * ny,
+                x[n, 2] - height * nz,
+                nx,
+                ny,
+                nz,
+                x,
+                a,
+                b,
+                c,
             )
         tx, ty, tz = -kt * sx, -kt * sy, -kt * sz
         shear[p, 0], shear[p, 1], shear[p, 2] = tx, ty, tz

@@ -7,6 +7,7 @@ import typing
 from ..errors import InputError
 from .column import column
 from .energy import energy
+from .feature_pairs import feature_pairs
 from .hertz import hertz, hertz_convergence
 from .hertz_stress import hertz_stress
 from .impact import impact
@@ -33,6 +34,7 @@ CASES = {
     "impact": impact,
     "oblique-impact": oblique_impact,
     "mindlin": mindlin,
+    "feature-pairs": feature_pairs,
 }
 
 

@@ -85,6 +85,11 @@ def test_mindlin():
     run("mindlin", elements_per_radius=2, growth=0.4, periods=12)
 
 
+@pytest.mark.mpi
+def test_feature_pairs():
+    run("feature-pairs", num_random=8, slow=0.02, rounds=1)
+
+
 def test_every_case_of_the_command_line_says_what_it_is():
     assert len(CASES) > 6
     for function in CASES.values():

@@ -1,0 +1,245 @@
+"""Pairs of sharp edges of two grains: their search and what they remember."""
+
+import math
+
+import numpy as np
+
+from ..kernels.edge_search import (
+    edge_areas,
+    find_edge_pairs,
+    find_sharp_edges,
+    sort_edges_into_cells,
+)
+from ..kernels.edge_springs import (
+    add_edge_bounds,
+    add_edge_stiffness,
+    edge_energy,
+    stored_energy,
+)
+from ..kernels.edges import add_edge_forces
+
+#: Edges take part whose facets' normals differ by more than this angle [rad]. Where two
+#: edges of length h cross at their middles, a vertex is inside the other body from the depth
+#: (h/2) tan(angle/2) on, of the blunter edge: at 20° nodes and facets miss 0.09 h at most, on
+#: a smooth surface (angle = 0.6 h/R) 0.15 h²/R, as much as its facets cut off.
+SHARP = math.radians(20.0)
+
+#: What a pair keeps when the edges are searched anew.
+REMEMBERED = (
+    "outside",
+    "pierced",
+    "place",
+    "normal",
+    "gap",
+    "offset",
+    "closed",
+    "stiffness",
+    "anchor",
+    "shear",
+    "slip",
+)
+
+
+class EdgeContact:
+    """Contact of crossing sharp edges, of which no vertex need be inside the other grain.
+
+    A pair is an own edge and an edge of a grain of higher number: the rank of the lower
+    grain evaluates it. Edges at less than ``kernels.edges.PARALLEL`` to each other are left
+    to nodes and facets, as are edges blunter than ``SHARP``.
+
+    The stiffness of a crossing is that of a node at its place on a facet, of the finer edge:
+    k = A/2 / (c h/E* + c h/E*), A the mean area of the nodes at the edge's ends. Near a
+    corner of k sharp edges it falls to a k-th, for several of them can cross there at once.
+
+    Args:
+        ratio: Tangential over normal stiffness of own surface nodes, shape (num_nodes,).
+        size: Mean facet edge [m].
+        largest_depth: Depth beyond which forces grow no more [m].
+    """
+
+    def __init__(self, ratio, size, largest_depth):
+        self.ratio_of_node = ratio
+        self.size, self.largest_depth = size, largest_depth
+        self.lost = 0.0  #: energy of normal springs that were let go, on this rank [J]
+        self.edges = None
+        self.pairs = None
+
+    def deepest(self):
+        """Depth of the deepest closed pair [m]; local."""
+        if self.pairs is None or not self.pairs.closed.any():
+            return 0.0
+        return -self.pairs.gap[self.pairs.closed].min()
+
+    def search(self, x, num_own, surface, reach, clock):
+        """Find all pairs within ``reach`` and carry over what they remember. Local.
+
+        Args:
+            x: Positions [m], ghosts included, shape (num_nodes_with_ghosts, 3).
+            num_own: Number of own nodes.
+            surface: :class:`~mufe_fenicsx.contact.exchange.Surface`.
+            reach: Distance [m].
+            clock: Reading of the clock of relative motion [m].
+
+        Returns:
+            Energy of closed pairs that no longer exist [J]: an edge became blunt.
+        """
+        old = self.pairs
+        self.edges = _Edges(x, num_own, surface, self.ratio_of_node)
+        sharp = np.zeros(len(x), dtype=bool)
+        sharp[self.edges.ends] = True
+        self.beside = sharp[surface.facets].any(axis=1)
+        self.pairs = _search(x, self.edges, reach, clock)
+        return 0.0 if old is None else self._carry(old)
+
+    def _carry(self, old):
+        new = self.pairs
+        _, at_old, at_new = np.intersect1d(old.key, new.key, True, return_indices=True)
+        for name in REMEMBERED:
+            getattr(new, name)[at_new] = getattr(old, name)[at_old]
+        # What had not been due, but is looked at again, may not have moved further since.
+        new.due[at_new] = np.minimum(new.due[at_new], old.due[at_old])
+        gone = old.closed.copy()
+        gone[at_old] = False
+        gone = np.flatnonzero(gone)
+        if not gone.size:
+            return 0.0
+        stored = sum(
+            stored_energy(old.stiffness[p], old.offset[p] - old.gap[p], self.largest_depth)
+            for p in gone
+        )
+        shear = (old.shear[gone] ** 2).sum(axis=1) / (2 * old.stiffness[gone] * old.ratio[gone])
+        self.lost += stored
+        return stored + shear.sum()
+
+    def add_forces(self, f, x, clock, friction, adopt):
+        """Add the forces of all pairs to ``f``. Local.
+
+        Returns:
+            Energy dissipated [J]; number of adopted pairs; number of pairs beyond the largest
+            depth; largest adopted depth [m].
+        """
+        p, e = self.pairs, self.edges
+        if not p.first.size:
+            return 0.0, 0, 0, 0.0
+        dissipated, lost, num_adopted, num_deep, deepest = add_edge_forces(
+            f, p.due, p.outside, p.pierced, p.place, p.normal, p.gap, p.offset, p.closed,
+            p.stiffness, p.anchor, p.shear, p.slip, clock, x, p.first, p.second, e.ends, e.beyond,
+            e.area, e.layer, e.share, e.ratio, friction, self.size, self.largest_depth, adopt,
+        )  # fmt: skip
+        self.lost += lost
+        return dissipated, num_adopted, num_deep, deepest
+
+    def add_stiffness(self, y, q, margin, clock):
+        """Add the springs nearer than ``margin`` [m] times ``q`` to ``y``. Local."""
+        p, e = self.pairs, self.edges
+        if p.first.size:
+            add_edge_stiffness(
+                y, q, margin, self.size, p.due, p.outside, p.gap, clock, p.place, p.normal,
+                p.closed, p.stiffness, p.first, p.second, e.ends, e.area, e.layer, e.share,
+                e.ratio,
+            )  # fmt: skip
+
+    def add_bounds(self, y, margin, clock):
+        """Add bounds of these springs to the nodes of ``y`` [N/m], shape (num_nodes, 3). Local."""
+        p, e = self.pairs, self.edges
+        if p.first.size:
+            add_edge_bounds(
+                y, margin, self.size, p.due, p.outside, p.gap, clock, p.place, p.closed,
+                p.stiffness, p.first, p.second, e.ends, e.area, e.layer, e.share,
+            )  # fmt: skip
+
+    def energy(self):
+        """Energy in the springs [J] and number of closed pairs. Local."""
+        p, e = self.pairs, self.edges
+        return edge_energy(
+            p.gap, p.offset, p.closed, p.stiffness, p.shear, p.first, e.ratio, self.largest_depth
+        )
+
+    def closed_grains(self):
+        """Both grains of each closed pair, shape (num_closed, 2). Local."""
+        p, e = self.pairs, self.edges
+        return np.column_stack([e.grain[p.first[p.closed]], e.grain[p.second[p.closed]]])
+
+    def closed_forces(self):
+        """What the closed pairs carry. Local.
+
+        Returns:
+            Surface nodes at the ends of the first edge, then of the second, shape (n, 4);
+            their shares, 1 in all for each edge, shape (n, 4); normal force [N], shape (n,);
+            normal, from second to first, shape (n, 3); friction on the first edge [N], (n, 3).
+        """
+        p, e = self.pairs, self.edges
+        on = np.flatnonzero(p.closed)
+        s, t = np.clip(p.place[on], 0.0, 1.0).T
+        nodes = np.hstack([e.ends[p.first[on]], e.ends[p.second[on]]])
+        share = np.column_stack([1 - s, s, 1 - t, t])
+        depth = np.minimum(p.offset[on] - p.gap[on], self.largest_depth)
+        return nodes, share, p.stiffness[on] * depth, p.normal[on], p.shear[on]
+
+    def add_traction(self, pressure, shear):
+        """Add normal forces and friction [N] to the nodes they act on, shape (num_nodes, 3). Local.
+
+        The normal force is added to the first column of ``pressure``.
+        """
+        nodes, share, force, _, friction = self.closed_forces()
+        np.add.at(pressure[:, 0], nodes, share * force[:, None])
+        sign = np.array([1.0, 1.0, -1.0, -1.0])
+        np.add.at(shear, nodes, (sign * share)[..., None] * friction[:, None])
+
+
+class _Edges:
+    """Sharp edges of a surface, own edges first. Arrays as in kernels.edges."""
+
+    def __init__(self, x, num_own, surface, ratio_of_node):
+        s = surface
+        self.ends, self.beyond, sides, self.key = find_sharp_edges(
+            x, s.facets, s.neighbor, s.use, s.global_facet, math.cos(SHARP)
+        )
+        self.num_own = int(np.count_nonzero(self.ends[:, 0] < num_own))
+        self.grain = s.grain_of_facet[sides[:, 0]]
+        self.area = np.empty(self.grain.size)
+        edge_areas(self.area, x, self.ends, s.facets, s.ring_offset, s.ring)
+        self.layer = s.layer_of_facet[sides].mean(axis=1)
+        # An edge that goes on beyond its end counts in full, one of k at a corner for 1/k.
+        count = np.bincount(self.ends.ravel(), minlength=1)[self.ends]
+        self.share = np.where(count > 2, 1.0 / count, 1.0)
+        self.ratio = ratio_of_node[self.ends[: self.num_own, 0]]
+
+
+class _EdgePairs:
+    """Pairs of edges of one rank. Arrays as in kernels.edges."""
+
+    def __init__(self, first, second, edges, clock):
+        n = first.size
+        self.first, self.second = first, second
+        self.key = (edges.key[first] << 31) | edges.key[second]
+        self.ratio = edges.ratio[first]
+        self.due = np.full(n, clock)
+        self.outside = np.full(n, np.inf)
+        self.pierced = np.zeros(n, dtype=bool)
+        self.place = np.full((n, 2), 0.5)
+        self.normal = np.zeros((n, 3))
+        self.gap = np.full(n, np.inf)
+        self.offset = np.zeros(n)
+        self.closed = np.zeros(n, dtype=bool)
+        self.stiffness = np.zeros(n)
+        self.anchor = np.zeros((n, 2))
+        self.shear = np.zeros((n, 3))
+        self.slip = np.zeros(n)
+
+
+def _search(x, edges, reach, clock):
+    """All pairs of edges within ``reach``; the cost grows linearly with their number. Local."""
+    if not edges.num_own:
+        return _EdgePairs(*np.empty((2, 0), np.int32), edges, clock)
+    a, b = np.moveaxis(x[edges.ends[: edges.num_own]], 1, 0)
+    low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
+    extent = np.abs(b - a).max(axis=1).mean()
+    # Cells no smaller than an edge with its reach, no more of them than edges.
+    size = max(extent + reach, np.cbrt(np.prod(high - low + extent) / edges.num_own))
+    shape = tuple(((high - low) / size).astype(np.int64) + 1)
+    cells = sort_edges_into_cells(x, edges.ends, edges.num_own, low, size, shape)
+    pairs = find_edge_pairs(
+        x, edges.ends, edges.grain, edges.num_own, reach, low, size, shape, *cells
+    )
+    return _EdgePairs(*pairs, edges, clock)

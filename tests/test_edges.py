@@ -1,0 +1,249 @@
+"""Crossing edges: search and forces against slow twins."""
+
+import mufe_fenicsx  # noqa: F401, before dolfinx: it loads MPI
+
+# isort: split
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.contact.surface import neighbors
+from mufe_fenicsx.geometry.shapes import box
+from mufe_fenicsx.kernels.crossing import crossing
+from mufe_fenicsx.kernels.edge_search import (
+    find_edge_pairs,
+    find_sharp_edges,
+    segment_distance,
+    sort_edges_into_cells,
+)
+from mufe_fenicsx.kernels.edge_springs import edge_energy
+from mufe_fenicsx.kernels.edges import add_edge_forces
+from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.mesh import create_grain_mesh
+from mufe_fenicsx.simulation import Simulation
+
+#: Outward facets of a tetrahedron with positive volume.
+TET = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], dtype=np.int32)
+
+
+def two_tets(rng):
+    """Edge 0-1 of the first tetrahedron above edge 4-5 of the second, crossing, turned."""
+    upper = np.array([[-1.0, 0, 0], [1, 0, 0], [0, 0.8, 1.5], [0, -0.9, 1.4]])
+    lower = np.array([[0.0, -1, 0], [0, 1, 0], [-0.8, 0, -1.5], [0.9, 0, -1.4]])
+    x = np.vstack([upper, lower]) + 0.1 * rng.standard_normal((8, 3))
+    q, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+    return x @ (q * np.sign(np.linalg.det(q))).T
+
+
+ENDS = np.array([[0, 1], [4, 5]], dtype=np.int32)
+BEYOND = np.array([[2, 3], [6, 7]], dtype=np.int32)
+
+
+def test_distance_of_segments_against_sampling():
+    rng = np.random.default_rng(0)
+    s = np.linspace(0, 1, 201)
+    for _ in range(100):
+        x = rng.standard_normal((4, 3))
+        d = segment_distance(x, 0, 1, 2, 3)
+        p = x[0] + s[:, None] * (x[1] - x[0])
+        q = x[2] + s[:, None] * (x[3] - x[2])
+        sampled = np.linalg.norm(p[:, None] - q[None], axis=2).min()
+        spacing = 0.5 * (np.linalg.norm(x[1] - x[0]) + np.linalg.norm(x[3] - x[2])) / 200
+        # No sample is nearer, and one is within a spacing of both.
+        assert d <= sampled * (1 + 1e-12) <= d + 2 * spacing
+
+
+def test_sharp_edges_of_a_tetrahedron_and_none_of_what_is_flat_or_concave():
+    x = np.array([[1.0, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]])
+    if np.linalg.det(x[1:] - x[0]) < 0:
+        x[[0, 1]] = x[[1, 0]]
+    numbers = np.arange(4)
+    use = np.ones(4, dtype=bool)
+    for sign, angle, expected in ((1, 20, 6), (1, 109, 6), (1, 110, 0), (-1, 20, 0)):
+        # Turned inside out all its edges are concave; normals differ by 109.5 degrees.
+        facets = TET[:, ::sign].copy()
+        cosine = np.cos(np.radians(angle))
+        ends, beyond, sides, key = find_sharp_edges(
+            x, facets, neighbors(facets), use, numbers, cosine
+        )
+        assert len(ends) == expected and np.unique(key).size == expected
+        for e, o, f in zip(ends, beyond, sides, strict=True):
+            assert {*e, *o} == {0, 1, 2, 3}
+            assert {*e, o[0]} == set(facets[f[0]]) and {*e, o[1]} == set(facets[f[1]])
+
+
+def test_edge_pairs_against_all_pairs():
+    rng = np.random.default_rng(1)
+    n, num_own, reach = 300, 180, 0.12
+    x = np.empty((2 * n, 3))
+    x[::2] = rng.random((n, 3))
+    x[1::2] = x[::2] + 0.15 * rng.standard_normal((n, 3))
+    ends = np.arange(2 * n, dtype=np.int32).reshape(n, 2)
+    grain = rng.integers(0, 5, n).astype(np.int32)
+    low = x[: 2 * num_own].min(axis=0)
+    size = 0.2
+    shape = tuple((np.ptp(x[: 2 * num_own], axis=0) / size).astype(np.int64) + 1)
+    cells = sort_edges_into_cells(x, ends, num_own, low, size, shape)
+    own, other = find_edge_pairs(x, ends, grain, num_own, reach, low, size, shape, *cells)
+    found = sorted(zip(own.tolist(), other.tolist(), strict=True))
+    twin = [
+        (i, j)
+        for i in range(num_own)
+        for j in range(n)
+        if grain[i] < grain[j] and segment_distance(x, *ends[i], *ends[j]) <= reach
+    ]
+    assert found == twin and len(twin) > 100
+
+
+class Pair:
+    """State of one pair of edges."""
+
+    def __init__(self):
+        self.due, self.outside = np.zeros(1), np.zeros(1)
+        self.pierced = np.zeros(1, dtype=bool)
+        self.place, self.normal = np.zeros((1, 2)), np.zeros((1, 3))
+        self.gap, self.offset, self.closed = np.zeros(1), np.zeros(1), np.zeros(1, dtype=bool)
+        self.stiffness, self.anchor = np.zeros(1), np.zeros((1, 2))
+        self.shear, self.slip = np.zeros((1, 3)), np.zeros(1)
+        self.first, self.second = np.zeros(1, np.int32), np.ones(1, np.int32)
+        self.ratio = np.array([0.9])
+
+    def forces(self, x, friction=1e9, clock=10.0, adopt=False):
+        f = np.zeros_like(x)
+        one = np.ones(2)
+        self.lost = add_edge_forces(
+            f, self.due, self.outside, self.pierced, self.place, self.normal, self.gap,
+            self.offset, self.closed, self.stiffness, self.anchor, self.shear, self.slip, clock,
+            x, self.first, self.second, ENDS, BEYOND, one, one, np.ones((2, 2)), self.ratio,
+            friction, 1.0, 10.0, adopt,
+        )  # fmt: skip
+        return f
+
+    def energy(self):
+        return edge_energy(
+            self.gap, self.offset, self.closed, self.stiffness, self.shear, self.first, self.ratio,
+            10.0,
+        )[0]  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_forces_are_the_gradient_of_the_energy_and_in_balance(seed):
+    """Stuck and pressed: f = -dU/dx in normal and tangential direction, no net force or moment."""
+    rng = np.random.default_rng(seed)
+    x = two_tets(rng)
+    _, _, _, *n, gap, _, _ = crossing(x, ENDS, BEYOND, 0, 1)
+    x[4:] += (gap + 0.05) * np.array(n)
+    pair = Pair()
+    pair.forces(x)  # closes with its anchors at the crossing
+    assert pair.closed[0]
+    x = x + 0.03 * rng.standard_normal(x.shape)
+    assert crossing(x, ENDS, BEYOND, 0, 1)[0] <= 0
+    f = pair.forces(x)
+    size = np.abs(f).max()
+    assert np.linalg.norm(pair.shear) > 1e-3
+    # Round-off, over the square of the sine between the edges.
+    assert np.abs(f.sum(axis=0)).max() < 1e-14 * size
+    assert np.abs(np.cross(x, f).sum(axis=0)).max() < 1e-13 * size
+
+    numeric, step = np.zeros_like(x), 1e-6
+    for i in np.ndindex(x.shape):
+        d = np.zeros_like(x)
+        d[i] = step
+        sides = []
+        for y in (x + d, x - d):
+            pair.forces(y)
+            sides.append(pair.energy())
+        numeric[i] = -(sides[0] - sides[1]) / (2 * step)
+    # Central differences: step² and eps/step.
+    np.testing.assert_allclose(f, numeric, atol=1e-8 * size)
+
+
+def test_friction_of_a_crossing():
+    """Dragged along both edges it slips at mu N; the work of the drag is stored or dissipated."""
+    rng = np.random.default_rng(7)
+    x = two_tets(rng)
+    _, _, _, *n, gap, _, _ = crossing(x, ENDS, BEYOND, 0, 1)
+    n = np.array(n)
+    x[4:] += (gap + 0.05) * n
+    mu, pair = 0.3, Pair()
+    before = pair.forces(x, mu)
+    way = 0.1 * ((x[1] - x[0]) / 2 + (x[5] - x[4]) / 3)
+    way -= n * n.dot(way)
+    work = dissipated = 0.0
+    steps = 400
+    for _ in range(steps):
+        x[:4] += way / steps
+        now = pair.forces(x, mu)
+        dissipated += pair.lost[0]
+        work -= (0.5 * (before + now)[:4].sum(axis=0)).dot(way / steps)
+        before = now
+    N = pair.stiffness[0] * -pair.gap[0]
+    assert pair.gap[0] == pytest.approx(-0.05, abs=1e-12)
+    drag = np.linalg.norm(pair.shear[0])
+    assert drag == pytest.approx(mu * N, rel=1e-12)
+    # Against the motion, which is straight.
+    assert pair.shear[0] @ way == pytest.approx(-drag * np.linalg.norm(way), rel=1e-9)
+    stored = 0.5 * drag**2 / (pair.stiffness[0] * pair.ratio[0])
+    # Trapezoidal rule but for the one step in which slip begins.
+    assert work == pytest.approx(stored + dissipated, rel=1e-3 / steps)
+    assert dissipated > 0
+    assert pair.slip[0] * mu * N == pytest.approx(dissipated, rel=1e-2)
+
+
+def roof(n, shift):
+    """Half a cube of n bricks along its edges; its right-angled edge lies on the x axis, up."""
+    points, cells = box((1.0, 1.0, 1.0), (n, n, n))
+    centre = points[cells].mean(axis=1)
+    nodes, cells = np.unique(cells[centre[:, 2] > centre[:, 1]], return_inverse=True)
+    half = np.sqrt(0.5)
+    turn = np.array([[1, 0, 0], [0, half, half], [0, -half, half]])
+    return (points[nodes] - [0.5 + shift, 0, 1]) @ turn.T, cells.reshape(-1, 4)
+
+
+def test_a_crossing_moves_on_along_a_ridge():
+    """Two ridges slide along one of them: past its nodes one crossing takes over from the next.
+
+    The depth stays, so does the normal force, and friction works mu N along the way.
+    """
+    n, depth, friction = 4, 2e-3, 0.3
+    (lower, cells), (upper, _) = roof(n, 0.013), roof(n, 0.021)
+    upper = upper @ np.array([[0, 1.0, 0], [1, 0, 0], [0, 0, -1]]) + [0, 0, 1e-4]
+    mesh = create_grain_mesh(
+        MPI.COMM_SELF,
+        np.vstack([lower, upper]),
+        np.vstack([cells, cells + len(lower)]),
+        np.repeat([0, 1], len(cells)),
+        np.array([1, 2]),
+        np.array([0, 0]),
+    )
+    material = Elastic(100e9, 0.15, 2650.0)
+    contact = Simulation(mesh, [material] * 2, friction=friction).contact
+    above = mesh.grain_of_node == np.flatnonzero(mesh.grains == 1)[0]
+    x = mesh.x.copy()
+
+    def move(vector):
+        x[above] += vector
+        contact.begin(x)
+        contact.add_forces(np.zeros_like(x), x)
+        pairs = contact.edges.pairs
+        return pairs, np.flatnonzero(pairs.closed)
+
+    for _ in range(20):
+        pairs, on = move([0, 0, -(depth + 1e-4) / 20])
+    keys = {int(pairs.key[on[0]])}
+    k, before, steps, way = pairs.stiffness[on[0]], contact.dissipated, 600, 1.5 / n
+    for _ in range(steps):
+        pairs, on = move([way / steps, 0, 0])
+        assert on.size == 1
+        keys.add(int(pairs.key[on[0]]))
+        # Rigid motion: the depth is kept to rounding of positions.
+        assert pairs.gap[on[0]] == pytest.approx(-depth, rel=1e-9)
+        assert pairs.stiffness[on[0]] == k
+        # On the lower one along the motion: the spring is carried over past the node.
+        assert pairs.shear[on[0], 0] > 0
+    assert len(keys) >= 2
+    assert contact.edges.lost <= 1e-9 * k * depth**2
+    assert np.linalg.norm(pairs.shear[on[0]]) == pytest.approx(friction * k * depth, rel=1e-9)
+    slip = contact.dissipated - before
+    # Less the way until it slips, mu N / kt: 2e-3 of the whole.
+    assert slip == pytest.approx(friction * k * depth * way, rel=2e-3)
