@@ -122,7 +122,7 @@ OUT = np.array([1.0, 1.0, 0.0]) / np.sqrt(2)
 def test_friction_in_a_notch_does_no_work_at_rest():
     """A tip in the bottom of a notch, past its edge: it slips once, then nothing moves."""
     # Off the bisector, so that the normal is that of no facet.
-    bodies = notched(np.array([1.0, 1.0, 0.4]) + 1e-3 * OUT, OUT + [0.3, 0.0, 0.0], 0.3)
+    bodies = notched(np.array([1.0, 1.0, 0.4]) + 1e-3 * OUT, OUT + np.array([0.3, 0.0, 0.0]), 0.3)
     for _ in range(10):
         bodies.move(-3e-4 * OUT)
     for _ in range(10):
@@ -154,7 +154,7 @@ def test_fast_bodies_are_seen_before_they_touch(phase):
     h = 0.4
     points, cells = sphere(1.0, h)
     gap = 0.6 * h
-    bodies = TwoBodies((points, cells), (points + [0, 0, 2.0 + gap], cells))
+    bodies = TwoBodies((points, cells), (points + np.array([0, 0, 2.0 + gap]), cells))
     step, way, force = 0.01 * h, 0.0, np.zeros(3)
     step *= 1 + phase
     while not force.any():
