@@ -346,6 +346,9 @@ def add_pair_forces(
             + uy * (e1z * e2x - e1x * e2z)
             + uz * (e1x * e2y - e1y * e2x)
         )
+        # Less what is across the facet, along the normal, where that is of an edge or vertex.
+        tilt = (tx * ux + ty * uy + tz * uz) / (nx * ux + ny * uy + nz * uz)
+        tx, ty, tz = tx - tilt * nx, ty - tilt * ny, tz - tilt * nz
         # grad N_b = (e2 x n)/2A and grad N_c = (n x e1)/2A
         cx, cy, cz = e2y * uz - e2z * uy, e2z * ux - e2x * uz, e2x * uy - e2y * ux
         hb = height / twice * (tx * cx + ty * cy + tz * cz)
