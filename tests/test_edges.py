@@ -115,7 +115,7 @@ class Pair:
             f, self.due, self.outside, self.pierced, self.place, self.normal, self.gap,
             self.offset, self.closed, self.stiffness, self.anchor, self.shear, self.slip, clock,
             x, self.first, self.second, ENDS, BEYOND, one, one, np.ones((2, 2)), self.ratio,
-            friction, 1.0, 10.0, adopt,
+            friction, 1.0, 10.0, 0.0, adopt,
         )  # fmt: skip
         return f
 
@@ -217,7 +217,7 @@ def test_a_crossing_moves_on_along_a_ridge():
         np.array([0, 0]),
     )
     material = Elastic(100e9, 0.15, 2650.0)
-    contact = Simulation(mesh, [material] * 2, friction=friction).contact
+    contact = Simulation(mesh, [material] * 2, friction=friction, points="nodes").contact
     above = mesh.grain_of_node == np.flatnonzero(mesh.grains == 1)[0]
     x = mesh.x.copy()
 

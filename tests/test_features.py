@@ -27,7 +27,7 @@ class TwoBodies:
         mesh = create_grain_mesh(
             MPI.COMM_SELF, points, cells, grain, np.array([1, 2]), np.array([0, 0])
         )
-        self.contact = Simulation(mesh, [QUARTZ] * 2, friction=friction).contact
+        self.contact = Simulation(mesh, [QUARTZ] * 2, friction=friction, points="nodes").contact
         self.x = mesh.x.copy()
         self.second = mesh.grain_of_node == np.flatnonzero(mesh.grains == 1)[0]
 

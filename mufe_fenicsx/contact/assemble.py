@@ -15,7 +15,7 @@ from .exchange import SurfaceVector, exchange_surface
 from .laws import LAWS, inertial_layers, kinetic_of, matched_layers
 from .ledger import Ledger
 from .pairs import search_pairs
-from .points import surface_points
+from .points import RECESS, surface_points
 from .surface import own_surface
 
 #: Candidates reach this far beyond the closed gap, in mean facet edges.
@@ -102,7 +102,9 @@ class Contact:
         self.self_depth = 2 * self.largest_depth if self_contact else None
         check_walls(self.comm, walls, x, self.edge)
         node_ratio = tangential_ratio[mesh.grain_of_node[own.nodes]]
-        self.edges = EdgeContact(node_ratio, self.edge, self.largest_depth)
+        # As of sharp vertices: edges that end a flat contact add nothing to it.
+        recess = RECESS * self.edge if self.num_before else 0.0
+        self.edges = EdgeContact(node_ratio, self.edge, self.largest_depth, recess)
 
         self.ledger = Ledger(self.points.grain_of_point, mesh.labels.size)
         self.dissipated = 0.0  #: by friction on this rank so far [J]

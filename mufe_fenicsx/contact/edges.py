@@ -55,11 +55,12 @@ class EdgeContact:
         ratio: Tangential over normal stiffness of own surface nodes, shape (num_nodes,).
         size: Mean facet edge [m].
         largest_depth: Depth beyond which forces grow no more [m].
+        recess: Depth at which the contact of edges begins [m].
     """
 
-    def __init__(self, ratio, size, largest_depth):
+    def __init__(self, ratio, size, largest_depth, recess=0.0):
         self.ratio_of_node = ratio
-        self.size, self.largest_depth = size, largest_depth
+        self.size, self.largest_depth, self.recess = size, largest_depth, recess
         self.lost = 0.0  #: energy of normal springs that were let go, on this rank [J]
         self.edges = None
         self.pairs = None
@@ -124,7 +125,8 @@ class EdgeContact:
         dissipated, lost, num_adopted, num_deep, deepest = add_edge_forces(
             f, p.due, p.outside, p.pierced, p.place, p.normal, p.gap, p.offset, p.closed,
             p.stiffness, p.anchor, p.shear, p.slip, clock, x, p.first, p.second, e.ends, e.beyond,
-            e.area, e.layer, e.share, e.ratio, friction, self.size, self.largest_depth, adopt,
+            e.area, e.layer, e.share, e.ratio, friction, self.size, self.largest_depth,
+            self.recess, adopt,
         )  # fmt: skip
         self.lost += lost
         return dissipated, num_adopted, num_deep, deepest

@@ -22,9 +22,10 @@ KINDS = ("nodes", *RULES)
 #: A vertex is sharp where facets around it turn by more [rad]: between smoother ones a
 #: vertex reaches 2/3 · 0.87 h tan(angle/2) <= 0.1 h beyond the centroids.
 SHARP = np.radians(20.0)
-#: A sharp vertex carries contact once it is this part of an edge deep: long after the
-#: centroids where the contact is flat, so that it adds nothing there.
-RECESS = 0.05
+#: A sharp vertex carries contact once it is this part of an edge deep: after the
+#: centroids where the contact is flat (depth over edge about half of p/E), so that it adds
+#: nothing there.
+RECESS = 0.01
 
 
 @dataclass(frozen=True)

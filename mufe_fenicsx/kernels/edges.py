@@ -64,6 +64,7 @@ def add_edge_forces(
     friction,
     size,
     largest_depth,
+    recess,
     adopt,
 ):
     """Find the crossings of all pairs and add the forces of the closed ones to ``f``, in place.
@@ -106,6 +107,7 @@ def add_edge_forces(
         friction: Coefficient of friction.
         size: Mean facet edge [m].
         largest_depth: Depth beyond which the force does not grow [m].
+        recess: Depth at which the contact of edges begins [m].
         adopt: True to adopt every pair that overlaps (start of a test).
 
     Returns:
@@ -162,6 +164,8 @@ def add_edge_forces(
         if due[p] > clock or not (closed[p] or outside[p] <= 0.0):
             continue
         i, j = first[p], second[p]
+        if not closed[p]:
+            offset[p] = min(offset[p], -recess)
         depth = offset[p] - gap[p]
         if depth <= 0.0:
             if closed[p]:
