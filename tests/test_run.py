@@ -79,7 +79,7 @@ def test_run_writes_what_it_did(folder, grains):
     top = contacts["normal_force"][contacts["wall"] == "z_max"].sum()
     assert top == pytest.approx(history["force_z_max"][-1], rel=1e-9)
     assert grains["num_active_contacts"].mean() == history["num_active_contacts"][-1]
-    assert np.sum(contacts["num_points"] > 0) > 4
+    assert np.sum(contacts["num_points"] > 0) >= 4
     slip, gap = last.point_data["contact_slip"], last.point_data["contact_gap"]
     assert slip.max() > 0 and np.all((last.point_data["contact_pressure"] > 0) <= (gap < 0))
     assert load_scene(out / "scene.toml").oedometer == small_scene().oedometer

@@ -42,6 +42,7 @@ def test_horseshoe_closes_on_itself(self_contact):
     s = build(
         MPI.COMM_SELF, [(points, cells)], QUARTZ, low, high, axes="z", friction=0.3,
         damping=np.pi * QUARTZ.wave_speed / (3 * SIZE), self_contact=self_contact,
+        points="nodes",
     )  # fmt: skip
     assert s.contact.num_adopted == 0
     place = [np.argmin(np.linalg.norm(s.mesh.x - points[n], axis=1)) for n in (*lower, *upper)]
@@ -73,5 +74,7 @@ def test_a_convex_body_never_meets_itself():
     points, cells = box((1.0, 1.0, 0.1), (5, 5, 1))
     points = SIZE * points @ rotation([1, 2, 3], 0.7).T
     corner = np.full(3, 2 * SIZE)
-    s = build(MPI.COMM_SELF, [(points, cells)], QUARTZ, -corner, corner, self_contact=True)
+    s = build(
+        MPI.COMM_SELF, [(points, cells)], QUARTZ, -corner, corner, self_contact=True, points="nodes"
+    )
     assert s.contact.pairs.node.size == 0
