@@ -48,7 +48,7 @@ def test_energy():
     run("energy", strain=0.01)
 
 
-@pytest.mark.mpi
+# Long on ranks that share a core: `make verify` has it on three.
 @pytest.mark.parametrize("bodies", ["sphere-plane", "spheres-E1:10", "cylinders"])
 def test_hertz(bodies):
     run("hertz", bodies=bodies)
