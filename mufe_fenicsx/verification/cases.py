@@ -16,8 +16,10 @@ from .oblique_impact import oblique_impact
 from .overlap import overlap
 from .packing import packing
 from .patch import patch
+from .rolling import rolling
 from .sliding import sliding_block, sliding_facets
 from .spin import spin
+from .torsion import torsion
 
 CASES = {
     "column": column,
@@ -34,6 +36,8 @@ CASES = {
     "impact": impact,
     "oblique-impact": oblique_impact,
     "mindlin": mindlin,
+    "torsion": torsion,
+    "rolling": rolling,
     "feature-pairs": feature_pairs,
 }
 

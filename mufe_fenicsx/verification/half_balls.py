@@ -26,6 +26,7 @@ class HalfBalls:
     contact_radius: float  #: for which the mesh is made [m]
     h: float  #: length of edges there [m]
     growth: float  #: of the element size with the distance
+    rolled: float = 0.0  #: turn of the top about ``ACROSS``, of the low one against it [rad]
 
     def make(self):
         """Bodies (points, cells) and walls "low" and "top".
@@ -43,7 +44,8 @@ class HalfBalls:
                 self.radius, self.h, self.growth, side * UP, self.contact_radius, height=self.height
             )
             roll = (tilt[0] * ALONG + tilt[1] * ACROSS) * self.h / self.radius
-            turn = rotation_of(roll) @ rotation_of(spin * UP)
+            rolled = rotation_of(-side * self.rolled * ACROSS)
+            turn = rolled @ rotation_of(roll) @ rotation_of(spin * UP)
             centre, axis = -side * self.radius * UP, side * turn @ UP
             bodies.append((points @ turn.T + centre, cells))
             base = centre + (self.radius - self.height) * axis

@@ -86,6 +86,15 @@ def test_mindlin():
 
 
 @pytest.mark.mpi
+def test_torsion():
+    run("torsion", elements_per_radius=2.5, growth=0.4, periods=16)
+
+
+def test_rolling():
+    run("rolling", elements_per_radius=2, periods=12)
+
+
+@pytest.mark.mpi
 def test_feature_pairs():
     run("feature-pairs", num_random=8, slow=0.02, rounds=1)
 
