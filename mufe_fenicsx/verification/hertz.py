@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from .case import case, compare
+from .case import case, compare, on_first_ranks
 from .hertz_bodies import NAMES, RADIUS, hertz_at, make, whole_contact
 from .pressed import Pressed, measure
 
@@ -50,7 +50,7 @@ def hertz(
 
     def add(name, ratio, line):
         pressed, rows = errors_of(comm, name, n, ratio, nu, growth)
-        simulations.append(pressed.simulation)
+        simulations.extend([pressed.simulation] if pressed else [])
         results.update({f"{name}: {key}": value for key, value in line(rows).items()})
 
     def lines(rows):
@@ -84,21 +84,33 @@ def errors_of(comm, name, elements_per_radius, a_over_R=0.02, nu=0.15, growth=0.
     """Press a pair of bodies and compare with theory. Collective.
 
     Args:
-        comm: MPI communicator, of at most two ranks.
+        comm: MPI communicator; ranks beyond the number of bodies only receive the answer.
         name: One of :data:`~.hertz_bodies.NAMES`.
         elements_per_radius, a_over_R, nu, growth: As of the case.
         options: ``variant`` and ``coarser`` of :func:`~.hertz_bodies.make`; others are those
             of :class:`~mufe_fenicsx.simulation.Simulation`.
 
     Returns:
-        The :class:`~.pressed.Pressed` bodies at their last indentation, and a dict of arrays
-        of shape (INDENTATIONS,), computed over theory: force, size √(ab), a, b, area radius,
-        p0, force over Hertz, reaction over force; and those of theory, finite size, and of the
-        pressure, spread (root mean square about the theory's shape).
+        The :class:`~.pressed.Pressed` bodies at their last indentation, None on ranks without
+        any, and a dict of arrays of shape (INDENTATIONS,), computed over theory: force, size
+        √(ab), a, b, area radius, p0, force over Hertz, reaction over force; and those of
+        theory, finite size, and of the pressure, spread (root mean square about the
+        theory's shape).
     """
     mesh_options = {key: options.pop(key) for key in ("variant", "coarser") if key in options}
     bodies = make(name, elements_per_radius, a_over_R, nu, growth, **mesh_options)
-    pressed = Pressed(comm, bodies, **options)
+    pressed = []
+
+    def press(part):
+        pressed.append(Pressed(part, bodies, **options))
+        return _rows(pressed[0], name, elements_per_radius, a_over_R, nu)
+
+    rows = on_first_ranks(comm, len(bodies), press)
+    return (pressed[0] if pressed else None), rows
+
+
+def _rows(pressed, name, elements_per_radius, a_over_R, nu):
+    """The dict of :func:`errors_of`."""
     rows = []
     for place in np.linspace(-0.5, 0.5, 2 * INDENTATIONS + 1)[1::2]:
         radius = a_over_R * RADIUS * (1 + place / elements_per_radius)
@@ -120,7 +132,7 @@ def errors_of(comm, name, elements_per_radius, a_over_R=0.02, nu=0.15, growth=0.
                 "reaction": pressed.reaction() / found["force"],
             }
         )
-    return pressed, {key: np.array([row[key] for row in rows]) for key in rows[0]}
+    return {key: np.array([row[key] for row in rows]) for key in rows[0]}
 
 
 def convergence(comm, name, elements_per_radius=(1.5, 2.5, 4.0), keep=None, **parameters):
@@ -138,9 +150,10 @@ def convergence(comm, name, elements_per_radius=(1.5, 2.5, 4.0), keep=None, **pa
     for n in elements_per_radius:
         pressed, rows = errors_of(comm, name, n, **parameters)
         table["elements_per_radius"].append(float(n))
-        table["num_cells"].append(int(comm.allreduce(pressed.simulation.mesh.num_cells)))
+        simulations = [pressed.simulation] if pressed else []
+        table["num_cells"].append(int(comm.allreduce(sum(s.mesh.num_cells for s in simulations))))
         if keep is not None:
-            keep.append(pressed.simulation)
+            keep.extend(simulations)
         for key, values in rows.items():
             table.setdefault(key, []).append(float(np.mean(values)))
     return table

@@ -48,8 +48,11 @@ def test_energy():
     run("energy", strain=0.01)
 
 
-# Long on ranks that share a core: `make verify` has it on three.
-@pytest.mark.parametrize("bodies", ["sphere-plane", "spheres-E1:10", "cylinders"])
+# Pairs are long on ranks that share a core: `make verify` has them on three.
+@pytest.mark.parametrize(
+    "bodies",
+    [pytest.param("sphere-plane", marks=pytest.mark.mpi), "spheres-E1:10", "cylinders"],
+)
 def test_hertz(bodies):
     run("hertz", bodies=bodies)
 
