@@ -1,6 +1,7 @@
 """Two elastic balls pressed together and sheared to and fro, with partial slip."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -49,6 +50,69 @@ def mindlin(
         growth: Growth of the element size with the distance from the contact.
         periods: Duration of half a cycle over the period of a cap on its base.
     """
+    s = shear_balls(comm, elements_per_radius, a_over_R, nu, friction, ratio, growth, periods)
+    _, first, back, again = s.turns[:4]
+    N, Q = s.normal, s.force
+    error = np.abs(Q - s.theory) / (2 * ratio * friction * N[first])
+    reached = 0.25 * (Q[first] - 2 * Q[back] + Q[again])
+    force = N[first : again + 1].mean()
+    a = s.contact_radius(force)
+    cycle = theory.energy_per_cycle(reached, force, friction, a, s.compliance)
+    rubbed, done = s.rubbed[again] - s.rubbed[first], s.work[again] - s.work[first]
+    coarse = max(5.0 / elements_per_radius, 1.0)
+    results = {
+        "curve at constant approach, error over full range": compare(
+            error[: again + 1].max(), 0.0, 0.04, scale=1.0
+        ),
+        "curve with varying normal force, error over full range": compare(
+            error[again:].max(), 0.0, 0.04, scale=1.0
+        ),
+        "friction per cycle [J]": compare(rubbed, cycle, 0.05 * coarse),
+        # The same to the residual of the energy balance: a closed cycle gains nothing.
+        "work per cycle over friction": compare(done / rubbed, 1.0, 0.03),
+        # It ends between two rings of nodes.
+        "stick radius over a": compare(
+            s.stuck / a, theory.stick_radius(Q[first], N[first], friction, 1.0),
+            0.5 / elements_per_radius, scale=1.0,
+        ),
+        "normal force, change over the cycle": compare(
+            np.ptp(N[first : again + 1]) / force, 0.0, 0.01, scale=1.0
+        ),
+        "finite size: compliance of the caps over half-spaces": compare(
+            1 + s.beyond * theory.stick_stiffness(a, s.compliance), 1.0, 0.03
+        ),
+    }  # fmt: skip
+    return results, [s.simulation]
+
+
+@dataclass(frozen=True)
+class Sheared:
+    """The course of two balls sheared to and fro; arrays of shape (num_records,)."""
+
+    normal: np.ndarray  #: normal force [N]
+    force: np.ndarray  #: tangential force [N]
+    shift: np.ndarray  #: of the half-spaces, what caps yield beyond these taken off [m]
+    theory: np.ndarray  #: tangential force at that shift and normal force [N]
+    rubbed: np.ndarray  #: friction work so far [J]
+    work: np.ndarray  #: of the platens less what damping took, so far [J]
+    turns: list  #: record at each turn of the path
+    stuck: float  #: stick radius at the first turn [m]
+    beyond: float  #: compliance of both caps beyond half-spaces [m/N]
+    compliance: float  #: tangential one of the theory, of both bodies [1/Pa]
+    modulus: float  #: effective one [Pa]
+    simulation: object
+
+    def contact_radius(self, force):
+        """By Hertz at a normal force [m]."""
+        return (0.75 * force * 0.5 * RADIUS / self.modulus) ** (1 / 3)
+
+
+def shear_balls(comm, elements_per_radius, a_over_R, nu, friction, ratio, growth, periods):
+    """Press and shear, as the case does, whose parameters these are. Collective.
+
+    Returns:
+        :class:`Sheared`.
+    """
     material = Elastic(E, nu, RHO)
     a, radius = a_over_R * RADIUS, 0.5 * RADIUS
     balls = HalfBalls(RADIUS, HEIGHT * RADIUS, a, a / elements_per_radius, growth)
@@ -90,40 +154,22 @@ def mindlin(
         if len(turns) == 2:
             stuck = _stick_radius(s, friction)
 
-    N, Q, shear, lost, work = np.array(rows).T
-    _, first, back, again = turns[:4]
-    shear = shear - beyond * Q
-    expected = _theory(N, shear, radius, modulus, S, friction)
-    error = np.abs(Q - expected) / (2 * ratio * friction * N[first])
-    reached = 0.25 * (Q[first] - 2 * Q[back] + Q[again])
-    force = N[first : again + 1].mean()
-    a = (0.75 * force * radius / modulus) ** (1 / 3)
-    cycle = theory.energy_per_cycle(reached, force, friction, a, S)
-    rubbed, done = lost[again] - lost[first], work[again] - work[first]
-    coarse = max(5.0 / elements_per_radius, 1.0)
-    results = {
-        "curve at constant approach, error over full range": compare(
-            error[: again + 1].max(), 0.0, 0.04, scale=1.0
-        ),
-        "curve with varying normal force, error over full range": compare(
-            error[again:].max(), 0.0, 0.04, scale=1.0
-        ),
-        "friction per cycle [J]": compare(rubbed, cycle, 0.05 * coarse),
-        # The same to the residual of the energy balance: a closed cycle gains nothing.
-        "work per cycle over friction": compare(done / rubbed, 1.0, 0.03),
-        # It ends between two rings of nodes.
-        "stick radius over a": compare(
-            stuck / a, theory.stick_radius(Q[first], N[first], friction, 1.0),
-            0.5 / elements_per_radius, scale=1.0,
-        ),
-        "normal force, change over the cycle": compare(
-            np.ptp(N[first : again + 1]) / force, 0.0, 0.01, scale=1.0
-        ),
-        "finite size: compliance of the caps over half-spaces": compare(
-            1 + beyond * theory.stick_stiffness(a, S), 1.0, 0.03
-        ),
-    }  # fmt: skip
-    return results, [s]
+    normal, tangential, shift, rubbed, work = np.array(rows).T
+    shift = shift - beyond * tangential
+    return Sheared(
+        normal=normal,
+        force=tangential,
+        shift=shift,
+        theory=_theory(normal, shift, radius, modulus, S, friction),
+        rubbed=rubbed,
+        work=work,
+        turns=turns,
+        stuck=stuck,
+        beyond=beyond,
+        compliance=S,
+        modulus=modulus,
+        simulation=s,
+    )
 
 
 def _theory(N, shear, radius, modulus, S, friction):

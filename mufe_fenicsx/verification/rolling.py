@@ -1,6 +1,7 @@
 """Two elastic balls that roll on each other, freely and with creep."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -45,48 +46,54 @@ def rolling(
         growth: Growth of the element size with the distance from the contact.
         periods: Duration of the way over the period of a half ball on its base.
     """
+    options = a_over_R, elements_per_radius, growth, way, periods
     material = Elastic(E, nu, RHO)
-    s_free, (force, along, moment, a) = _roll(
-        comm, material, friction, 0.0, way, a_over_R, elements_per_radius, growth, periods
-    )
-    # Read after the start.
-    later = slice(along.size // 4, None)
-    Pa = force[later].mean() * a
-    G = material.shear_modulus
-    limit = friction * force[later].mean()
-    creep = creep_over_sliding * limit / (theory.kalker_coefficient(nu) * G * a**2)
-    s_creep, (force, traction, _, a) = _roll(
-        comm, material, friction, creep, way, a_over_R, elements_per_radius, growth, periods
-    )
-    last = slice(3 * traction.size // 4, None)
-    P = force[last].mean()
-    expected = theory.creep_force(creep, P, friction, a, G, nu)
-    johnson = _johnson_force(creep, P, friction, a, G, nu)
+    free = roll_balls(comm, material, friction, 0.0, *options)
+    later = slice(free.traction.size // 4, None)  # after the start
+    P = free.normal[later].mean()
+    limit, G = friction * P, material.shear_modulus
+    creep = creep_over_sliding * limit / (theory.kalker_coefficient(nu) * G * free.a**2)
+    creeping = roll_balls(comm, material, friction, creep, *options)
+    last = slice(3 * creeping.traction.size // 4, None)
+    traction, contact = creeping.traction[last].mean(), creeping.normal[last].mean()
+    contact = contact, friction, creeping.a, G, nu
+    expected = theory.creep_force(creep, *contact)
+    johnson = _johnson_force(creep, *contact)
+    moment, along = free.moment[later] / (P * free.a), free.traction[later] / limit
     coarse = max(3.0 / elements_per_radius, 1.0)
     results = {
         # What a mesh adds: its facets tilt the pressure to and fro as they pass.
-        "free rolling: mean moment over Pa": compare(
-            moment[later].mean() / Pa, 0.0, 0.05 * coarse, scale=1.0
-        ),
+        "free rolling: mean moment over Pa": compare(moment.mean(), 0.0, 0.05 * coarse, scale=1.0),
         "free rolling: largest moment over Pa": compare(
-            np.abs(moment[later]).max() / Pa, 0.0, 0.05 * coarse, scale=1.0
+            np.abs(moment).max(), 0.0, 0.05 * coarse, scale=1.0
         ),
-        "free rolling: mean traction over μP": compare(
-            along[later].mean() / limit, 0.0, 0.05 * coarse, scale=1.0
-        ),
-        "creep: traction, Kalker [N]": compare(abs(traction[last].mean()), expected, 0.05 * coarse),
+        "free rolling: mean traction over μP": compare(along.mean(), 0.0, 0.05 * coarse, scale=1.0),
+        "creep: traction, Kalker [N]": compare(abs(traction), expected, 0.05 * coarse),
         # Johnson's circle of stick overestimates the traction by a fifth at small creep.
         "creep: Johnson 1958 over Kalker": compare(johnson / expected, 1.0, 0.2),
     }
-    return results, [s_free, s_creep]
+    return results, [free.simulation, creeping.simulation]
 
 
-def _roll(comm, material, friction, creep, way, a_over_R, elements_per_radius, growth, periods):
-    """Press and roll.
+@dataclass(frozen=True)
+class Rolled:
+    """The course of two balls that roll on each other; arrays of shape (num_records,)."""
+
+    way: np.ndarray  #: rolled so far [m]
+    normal: np.ndarray  #: normal force [N]
+    traction: np.ndarray  #: force along the way on the lower ball [N]
+    moment: np.ndarray  #: about the axis of rolling through the middle of the contact [N m]
+    a: float  #: contact radius by Hertz at the mean normal force [m]
+    simulation: object
+
+
+def roll_balls(
+    comm, material, friction, creep, a_over_R, elements_per_radius, growth, way, periods
+):
+    """Press and roll, as the case does, whose parameters these are. Collective.
 
     Returns:
-        The simulation; normal force [N], traction [N], rolling moment [N m], each of
-        shape (num_records,), and the contact radius by Hertz [m].
+        :class:`Rolled`.
     """
     a, radius = a_over_R * RADIUS, 0.5 * RADIUS
     angle = way * a_over_R
@@ -101,21 +108,28 @@ def _roll(comm, material, friction, creep, way, a_over_R, elements_per_radius, g
 
     # Damping resists the turning bodies, and the contact would carry a part of that.
     s.damping = 0.03 * omega
-    rows, every = [], max(int(duration / s.dt / 400), 1)
+    rows, every, start = [], max(int(duration / s.dt / 400), 1), s.state.t
 
     def record():
         if s.state.num_steps % every == 0:
-            rows.append(_contact_load(s))
+            rows.append((s.state.t, *_contact_load(s)))
 
     turns = {
         "top": (1 + 0.5 * creep) * angle * ACROSS,
         "low": -(1 - 0.5 * creep) * angle * ACROSS,
     }
     drive(s, {}, duration, at_step=record, turns=turns)
-    force, traction, moment = np.array(rows).T
+    time, normal, traction, moment = np.array(rows).T
+    part = (time - start) / duration
     modulus = hertz.effective_modulus((E, material.nu), (E, material.nu))
-    a = (0.75 * force.mean() * radius / modulus) ** (1 / 3)
-    return s, (force, traction, moment, a)
+    return Rolled(
+        way=angle * RADIUS * (part - np.sin(2 * math.pi * part) / (2 * math.pi)),
+        normal=normal,
+        traction=traction,
+        moment=moment,
+        a=(0.75 * normal.mean() * radius / modulus) ** (1 / 3),
+        simulation=s,
+    )
 
 
 def _contact_load(s):

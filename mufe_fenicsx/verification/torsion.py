@@ -1,6 +1,7 @@
 """Two elastic balls pressed together and twisted about their normal, with partial slip."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -42,6 +43,51 @@ def torsion(
         growth: Growth of the element size with the distance from the contact.
         periods: Duration of half a cycle over the period of a cap on its base.
     """
+    t = twist_balls(comm, elements_per_radius, a_over_R, nu, friction, ratio, growth, periods)
+    _, first, back, again, last = t.turns
+    M, N = t.moment, t.normal
+    error = np.abs(M - t.theory) / (2 * t.theory[first])
+    # The moment that is reached, not the twist, is what the energy of a cycle hangs on.
+    reached = 0.25 * (M[first] - 2 * M[back] + M[again])
+    cycle = _energy_per_cycle(_twist_of_moment(reached, *t.contact), t.contact)
+    coarse = max(5.0 / elements_per_radius, 1.0)
+    results = {
+        "stuck: moment over theory at 5 % of sliding": compare(t.stuck, 1.0, 0.05 * coarse),
+        "moment of sliding [N m]": compare(
+            M[last], theory.sliding_moment(*t.contact[:3]), 0.05 * coarse
+        ),
+        "curve, error over full range": compare(
+            error[: again + 1].max(), 0.0, 0.05 * coarse, scale=1.0
+        ),
+        "friction per cycle [J]": compare(t.rubbed[again] - t.rubbed[first], cycle, 0.05 * coarse),
+        "normal force, change over the cycle": compare(
+            np.ptp(N[first : again + 1]) / t.contact[0], 0.0, 0.01, scale=1.0
+        ),
+    }
+    return results, [t.simulation]
+
+
+@dataclass(frozen=True)
+class Twisted:
+    """The course of two balls twisted to and fro; arrays of shape (num_records,)."""
+
+    twist: np.ndarray  #: of one ball against the plane of contact [rad]
+    moment: np.ndarray  #: about the normal [N m]
+    theory: np.ndarray  #: moment at that twist [N m]
+    normal: np.ndarray  #: normal force [N]
+    rubbed: np.ndarray  #: friction work so far [J]
+    turns: list  #: record at each turn of the path, and at its end
+    stuck: float  #: moment over theory at 5 % of sliding
+    contact: tuple  #: normal force [N], friction, contact radius [m], shear modulus [Pa]
+    simulation: object
+
+
+def twist_balls(comm, elements_per_radius, a_over_R, nu, friction, ratio, growth, periods):
+    """Press and twist, as the case does, whose parameters these are. Collective.
+
+    Returns:
+        :class:`Twisted`.
+    """
     material = Elastic(E, nu, RHO)
     G, radius = material.shear_modulus, 0.5 * RADIUS
     a = a_over_R * RADIUS
@@ -49,26 +95,27 @@ def torsion(
     omega = balls.frequency(material)
     s = balls.simulation(comm, material, friction, damping=0.5 * omega, time_step_factor=0.8)
     half_cycle = periods * 2 * math.pi / omega
+    modulus = hertz.effective_modulus((E, nu), (E, nu))
+
+    def contact(force):
+        return force, friction, (0.75 * force * radius / modulus) ** (1 / 3), G
 
     approach = a**2 / radius
     drive(s, {"top": -approach * UP}, 0.3 * half_cycle)
     drive(s, {"top": 0 * UP}, 0.3 * half_cycle)
-    force = -low_load(s)[2]
-    modulus = hertz.effective_modulus((E, nu), (E, nu))
-    a = (0.75 * force * radius / modulus) ** (1 / 3)
-    sliding = theory.sliding_moment(force, friction, a)
+    pressed = contact(-low_load(s)[2])
+    sliding = theory.sliding_moment(*pressed[:3])
     start = _moment(s)
 
     # Nearly stuck, and at rest.
-    small = 0.05 * sliding / theory.stick_moment(1.0, a, G)
+    small = 0.05 * sliding / theory.stick_moment(1.0, pressed[2], G)
     drive(s, {}, 0.4 * half_cycle, turns={"top": 2 * small * UP})
     drive(s, {"top": 0 * UP}, 0.3 * half_cycle)
-    stuck = (_moment(s) - start) / theory.moment_of_twist(small, force, friction, a, G)
+    stuck = (_moment(s) - start) / theory.moment_of_twist(small, *pressed)
 
     every = max(int(half_cycle / s.dt / 60), 1)
     angle, rows, turns = small, [], [0]
-    largest = _twist_of_moment(ratio * sliding, force, friction, a, G)
-    end = theory.twist(0.05, force, friction, a, G)
+    largest, end = _twist_of_moment(ratio * sliding, *pressed), theory.twist(0.05, *pressed)
 
     def record():
         if s.state.num_steps % every == 0:
@@ -81,41 +128,32 @@ def torsion(
         angle = target
         turns.append(len(rows) - 1)
 
-    beta, M, N, lost = np.array(rows).T
-    _, first, back, again, last = turns
-    force = N[first : again + 1].mean()
-    a = (0.75 * force * radius / modulus) ** (1 / 3)
-    sliding = theory.sliding_moment(force, friction, a)
-
-    def loading(beta):
-        return np.array([theory.moment_of_twist(b, force, friction, a, G) for b in beta])
-
-    top = loading(beta[[first]])[0]
-    expected = np.concatenate(
-        [
-            loading(beta[: first + 1]),
-            top - 2 * loading(0.5 * (beta[first] - beta[first + 1 : back + 1])),
-            -top + 2 * loading(0.5 * (beta[back + 1 : again + 1] - beta[back])),
-            loading(beta[again + 1 :]),
-        ]
+    twist, moment, normal, rubbed = np.array(rows).T
+    _, first, back, again, _ = turns
+    meant = contact(normal[first : again + 1].mean())
+    top = _loading(twist[[first]], meant)[0]
+    expected = [
+        _loading(twist[: first + 1], meant),
+        top - 2 * _loading(0.5 * (twist[first] - twist[first + 1 : back + 1]), meant),
+        -top + 2 * _loading(0.5 * (twist[back + 1 : again + 1] - twist[back]), meant),
+        _loading(twist[again + 1 :], meant),
+    ]
+    return Twisted(
+        twist=twist,
+        moment=moment,
+        theory=np.concatenate(expected),
+        normal=normal,
+        rubbed=rubbed,
+        turns=turns,
+        stuck=stuck,
+        contact=meant,
+        simulation=s,
     )
-    error = np.abs(M - expected) / (2 * top)
-    # The moment that is reached, not the twist, is what the energy of a cycle hangs on.
-    reached = 0.25 * (M[first] - 2 * M[back] + M[again])
-    cycle = _energy_per_cycle(_twist_of_moment(reached, force, friction, a, G), loading)
-    coarse = max(5.0 / elements_per_radius, 1.0)
-    results = {
-        "stuck: moment over theory at 5 % of sliding": compare(stuck, 1.0, 0.05 * coarse),
-        "moment of sliding [N m]": compare(M[last], sliding, 0.05 * coarse),
-        "curve, error over full range": compare(
-            error[: again + 1].max(), 0.0, 0.05 * coarse, scale=1.0
-        ),
-        "friction per cycle [J]": compare(lost[again] - lost[first], cycle, 0.05 * coarse),
-        "normal force, change over the cycle": compare(
-            np.ptp(N[first : again + 1]) / force, 0.0, 0.01, scale=1.0
-        ),
-    }
-    return results, [s]
+
+
+def _loading(twist, contact):
+    """Moments on first loading [N m]."""
+    return np.array([theory.moment_of_twist(b, *contact) for b in twist])
 
 
 def _moment(s):
@@ -142,9 +180,9 @@ def _twist_of_moment(M, force, friction, a, G):
     return float(theory.twist(low, force, friction, a, G))
 
 
-def _energy_per_cycle(largest, loading):
+def _energy_per_cycle(largest, contact):
     """Area of the closed loop of both balls between ± ``largest`` [J], each turned by β."""
     beta = largest * np.cos(np.linspace(0, math.pi, 201))  # dense at the turns
-    back = loading([largest])[0] - 2 * loading(0.5 * (largest - beta))
+    back = _loading([largest], contact)[0] - 2 * _loading(0.5 * (largest - beta), contact)
     # Moment against the twist 2β of both; the way back and the way forth.
     return 2 * abs(np.trapezoid(back - (-back[::-1]), beta))
