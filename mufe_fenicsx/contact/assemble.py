@@ -305,7 +305,7 @@ class Contact:
         """
         p = self.pairs
         pairs, num_pairs = pair_energy(
-            p.gap, p.offset, p.closed, p.stiffness, p.shear, p.node, self.ratio
+            p.gap, p.offset, p.closed, p.stiffness, p.shear, p.node, self.ratio, self.largest_depth
         )
         edges, num_edges = self.edges.energy()
         walls, num_walls = self.walls.energy(self.layer, self.points.area, self.ratio)

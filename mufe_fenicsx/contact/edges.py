@@ -14,9 +14,9 @@ from ..kernels.edge_springs import (
     add_edge_bounds,
     add_edge_stiffness,
     edge_energy,
-    stored_energy,
 )
 from ..kernels.edges import add_edge_forces
+from ..kernels.springs import stored_energy
 
 #: Edges take part whose facets' normals differ by more than this angle [rad]. Where two
 #: edges of length h cross at their middles, a vertex is inside the other body from the depth

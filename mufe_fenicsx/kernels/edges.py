@@ -6,7 +6,8 @@ import numba
 
 from .crossing import END, crossing, piercings
 from .edge_search import segment_distance
-from .edge_springs import OVERRUN, crossing_stiffness, stored_energy
+from .edge_springs import OVERRUN, crossing_stiffness
+from .springs import stored_energy
 
 #: Crossings first seen deeper than this part of the mean facet edge are none.
 DEEPEST = 0.25
