@@ -58,7 +58,7 @@ class Contact:
         friction,
         compliance,
         walls,
-        points="nodes",
+        points="facets",
         law="matched",
         mass=None,
         friction_kinetic=None,

@@ -9,6 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..contact.assemble import Contact
+from ..contact.laws import COMPLIANCE
 from ..contact.walls import Walls
 
 #: Surfaces of so many grains of 1280 facets each.
@@ -40,14 +41,16 @@ def search(parameters):
     Balls in a cubic packing, each touching six others, are turned at random. The number of nodes
     in contact grows with that of facets.
 
-    Parameters: ``grains``, the largest number of grains; ``repeats``.
+    Parameters: ``grains``, the largest number of grains; ``repeats``; ``points``, where contact
+    acts, one of contact.points.KINDS.
     """
     largest = int(parameters.get("grains", GRAINS[-1]))
     repeats = int(parameters.get("repeats", 3))
+    points = str(parameters.get("points", "facets"))
     sizes = [n for n in GRAINS if n < largest] + [largest]
     results, facets, times = {}, [], []
     for num_grains in sizes:
-        row = _measure(num_grains, repeats)
+        row = _measure(num_grains, repeats, points)
         facets.append(row["num_facets"])
         times.append(row["search_s"])
         name = f"{row['num_facets']}_facets"
@@ -64,18 +67,18 @@ def search(parameters):
     }
     return {
         "case": "search",
-        "parameters": {"grains": largest, "repeats": repeats},
+        "parameters": {"grains": largest, "repeats": repeats, "points": points},
         "results": results,
         "passed": results["exponent_of_search"]["passed"],
     }
 
 
-def _measure(num_grains, repeats):
+def _measure(num_grains, repeats, points):
     """Median times of a search and of a step [s], on one rank."""
     shells, center = packed_shells(num_grains)
     one = np.ones(num_grains)
     local = shells.x - center
-    contact = Contact(shells, shells.x, 1e9 * one, one, 0.3, 0.15, Walls([]))
+    contact = Contact(shells, shells.x, 1e9 * one, one, 0.3, COMPLIANCE, Walls([]), points)
     force = np.zeros_like(shells.x)
 
     def grow(size):
