@@ -59,6 +59,7 @@ def search(parameters):
             "computed": 1e6 * row["search_s"] / row["num_facets"]
         }
         results[f"step_us_per_facet_{name}"] = {"computed": 1e6 * row["step_s"] / row["num_facets"]}
+        results[f"contacts_{name}"] = {"computed": row["num_contacts"]}
     exponent = np.polyfit(np.log(facets), np.log(times), 1)[0] if len(sizes) > 1 else math.nan
     results["exponent_of_search"] = {
         "computed": float(exponent),
@@ -102,6 +103,7 @@ def _measure(num_grains, repeats, points):
         "num_facets": len(shells.facets),
         "search_s": statistics.median(searches),
         "step_s": statistics.median(steps),
+        "num_contacts": contact.energy()[1],
     }
 
 
@@ -111,6 +113,8 @@ def packed_shells(num_grains):
 
     ball = pyvista.Icosphere(radius=1.0, nsub=3)
     points, facets = np.asarray(ball.points, float), ball.regular_faces
+    # Facets enclose the volume of the ball, as where the compliance was measured.
+    points *= np.cbrt(4 / 3 * np.pi / ball.volume)
     side = math.ceil(round(num_grains ** (1 / 3), 9))
     grid = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1)
     centers = 2.005 * grid.reshape(-1, 3)[:num_grains]
