@@ -160,3 +160,19 @@ def test_work_and_slip_of_crossings_outlive_them():
     way = np.hypot(0.3, 0.2)
     assert np.all(fields["contact_slip"] >= slip * (1 - 1e-12))
     assert np.all(ridges.by_grain(fields["contact_slip"]) > 0.98 * way)
+
+
+@pytest.mark.mpi
+def test_what_a_search_drops_is_booked():
+    """Crossings of edges that are sharp no more are let go: all they stored is dissipated."""
+    ridges = Ridges(gap=0.01)
+    contact = ridges.contact
+    ridges.move([0, 0, -0.02], 20)
+    ridges.move([1e-3, 0, 0], 5)
+    stored = COMM.allreduce(contact.energy()[0])
+    assert stored > 0 and ridges.dissipated() == 0
+    contact.edges.pairs.key[:] *= -1  # as if none were found again
+    contact._search(ridges.x)
+    assert ridges.dissipated() == pytest.approx(stored, rel=1e-12)
+    ridges.move(np.zeros(3), 1)
+    assert not ridges.table().contacts.active.any()
