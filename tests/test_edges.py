@@ -8,7 +8,6 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.contact.surface import neighbors
-from mufe_fenicsx.geometry.shapes import box
 from mufe_fenicsx.kernels.crossing import crossing
 from mufe_fenicsx.kernels.edge_search import (
     find_edge_pairs,
@@ -21,6 +20,7 @@ from mufe_fenicsx.kernels.edges import add_edge_forces
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.simulation import Simulation
+from tests.bodies import ridge
 
 #: Outward facets of a tetrahedron with positive volume.
 TET = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], dtype=np.int32)
@@ -104,7 +104,7 @@ class Pair:
         self.place, self.normal = np.zeros((1, 2)), np.zeros((1, 3))
         self.gap, self.offset, self.closed = np.zeros(1), np.zeros(1), np.zeros(1, dtype=bool)
         self.stiffness, self.anchor = np.zeros(1), np.zeros((1, 2))
-        self.shear, self.slip = np.zeros((1, 3)), np.zeros(1)
+        self.shear, self.slip, self.work = np.zeros((1, 3)), np.zeros(1), np.zeros(1)
         self.first, self.second = np.zeros(1, np.int32), np.ones(1, np.int32)
         self.ratio = np.array([0.9])
 
@@ -113,9 +113,9 @@ class Pair:
         one = np.ones(2)
         self.lost = add_edge_forces(
             f, self.due, self.outside, self.pierced, self.place, self.normal, self.gap,
-            self.offset, self.closed, self.stiffness, self.anchor, self.shear, self.slip, clock,
-            x, self.first, self.second, ENDS, BEYOND, one, one, np.ones((2, 2)), self.ratio,
-            friction, 1.0, 10.0, 0.0, adopt,
+            self.offset, self.closed, self.stiffness, self.anchor, self.shear, self.slip,
+            self.work, clock, x, self.first, self.second, ENDS, BEYOND, one, one,
+            np.ones((2, 2)), self.ratio, friction, 1.0, 10.0, 0.0, adopt,
         )  # fmt: skip
         return f
 
@@ -190,23 +190,14 @@ def test_friction_of_a_crossing():
     assert pair.slip[0] * mu * N == pytest.approx(dissipated, rel=1e-2)
 
 
-def roof(n, shift):
-    """Half a cube of n bricks along its edges; its right-angled edge lies on the x axis, up."""
-    points, cells = box((1.0, 1.0, 1.0), (n, n, n))
-    centre = points[cells].mean(axis=1)
-    nodes, cells = np.unique(cells[centre[:, 2] > centre[:, 1]], return_inverse=True)
-    half = np.sqrt(0.5)
-    turn = np.array([[1, 0, 0], [0, half, half], [0, -half, half]])
-    return (points[nodes] - [0.5 + shift, 0, 1]) @ turn.T, cells.reshape(-1, 4)
-
-
 def test_a_crossing_moves_on_along_a_ridge():
     """Two ridges slide along one of them: past its nodes one crossing takes over from the next.
 
     The depth stays, so does the normal force, and friction works mu N along the way.
     """
     n, depth, friction = 4, 2e-3, 0.3
-    (lower, cells), (upper, _) = roof(n, 0.013), roof(n, 0.021)
+    (lower, cells), (upper, _) = ridge(n), ridge(n)
+    lower, upper = lower - [0.013, 0, 0], upper - [0.021, 0, 0]
     upper = upper @ np.array([[0, 1.0, 0], [1, 0, 0], [0, 0, -1]]) + [0, 0, 1e-4]
     mesh = create_grain_mesh(
         MPI.COMM_SELF,

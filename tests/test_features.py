@@ -12,6 +12,7 @@ from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.simulation import Simulation
 from mufe_fenicsx.verification.tets import feature_up, rotation
+from tests.bodies import ridge
 
 QUARTZ = Elastic(100e9, 0.15, 2650.0)
 TURN = rotation([1.0, 2.0, -0.7], 1.1)
@@ -20,14 +21,14 @@ TURN = rotation([1.0, 2.0, -0.7], 1.1)
 class TwoBodies:
     """Two rigid bodies on this rank, the second one moved by hand."""
 
-    def __init__(self, first, second, friction=0.0):
+    def __init__(self, first, second, friction=0.0, contact_at="nodes"):
         points = np.vstack([first[0], second[0]]) @ TURN.T
         cells = np.vstack([first[1], second[1] + len(first[0])])
         grain = np.repeat([0, 1], [len(first[1]), len(second[1])])
         mesh = create_grain_mesh(
             MPI.COMM_SELF, points, cells, grain, np.array([1, 2]), np.array([0, 0])
         )
-        self.contact = Simulation(mesh, [QUARTZ] * 2, friction=friction, points="nodes").contact
+        self.contact = Simulation(mesh, [QUARTZ] * 2, friction=friction, points=contact_at).contact
         self.x = mesh.x.copy()
         self.second = mesh.grain_of_node == np.flatnonzero(mesh.grains == 1)[0]
 
@@ -42,6 +43,39 @@ class TwoBodies:
         assert np.abs(f.sum(axis=0)).max() <= 1e-14 * size
         assert np.abs(np.cross(self.x, f).sum(axis=0)).max() <= 1e-12 * size
         return TURN.T @ f[self.second].sum(axis=0)
+
+
+@pytest.mark.parametrize("points", ["nodes", "facets", "edges"])
+def test_energy_is_the_work_of_the_force_beyond_the_largest_depth(points):
+    """There the force grows no more: k D (d - D/2) of each spring, there and back."""
+    if points == "edges":
+        lower, (x, cells) = ridge(4), ridge(4)
+        # Upside down and crosswise, the edges cross at their middles.
+        turn = np.array([[0, 1.0, 0], [1, 0, 0], [0, 0, -1]])
+        bodies = TwoBodies(lower, (x @ turn + [0.125, 0.125, 1e-3], cells), contact_at="facets")
+    else:
+        bodies = TwoBodies(
+            box((1.0, 1.0, 1.0), (4, 4, 4), (0, 0, 0)),
+            box((0.6, 0.6, 1.0), (2, 2, 3), (0.21, 0.19, 1.001)),
+            contact_at=points,
+        )
+    contact = bodies.contact
+    steps, way = 500, 2 * contact.largest_depth + 1e-3
+    work, force, plateau = 0.0, 0.0, 0.0
+    for direction in (-1.0, 1.0):
+        for _ in range(steps):
+            before = force
+            force = bodies.move([0, 0, direction * way / steps])[2]
+            work -= 0.5 * (before + force) * direction * way / steps
+            plateau = max(plateau, force)
+        if direction < 0:
+            assert force == pytest.approx(plateau, rel=1e-9) and contact.num_deep > 0
+            # Trapezoidal rule: at the two kinks up to (way/steps)²/8 of each spring is missing.
+            assert contact.energy()[0] == pytest.approx(work, rel=1e-5)
+            stored = work
+    assert contact.energy() == (0.0, 0)
+    assert abs(work) < 1e-5 * stored
+    assert contact.dissipated == 0 and contact.num_adopted == 0
 
 
 def tip(at, direction):

@@ -13,9 +13,9 @@ from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.geometry.shapes import sphere_near_contact
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.output.contacts import CONTACT_COLUMNS, ContactWriter, read_contacts
-from mufe_fenicsx.verification.build import build, drive, settle
+from mufe_fenicsx.verification.build import build, distribute, drive, settle
 from mufe_fenicsx.verification.case import on_first_ranks
-from tests.bodies import RADIUS, packed_spheres, simulation_of
+from tests.bodies import RADIUS, packed_spheres, ridge, simulation_of
 
 COMM = MPI.COMM_WORLD
 QUARTZ = Elastic(100e9, 0.15, 2650.0)
@@ -125,6 +125,28 @@ def meeting_balls(comm):
     own = s.contact.own
     pressed = comm.allreduce(0.5 * fields["contact_pressure"][own.nodes] @ own.area)
     return network_of(s), pressed
+
+
+def test_pressure_at_nodes_is_the_force_on_a_wall():
+    """A ridge sinks into a wall with its sharp vertices, then with facets as well."""
+    points, cells = ridge(4)
+    mesh = distribute(MPI.COMM_SELF, [(points @ np.diag([1.0, -1.0, -1.0]), cells)])
+    wall = Wall("floor", np.array([0.0, 0.0, -0.001]), np.array([0.0, 0.0, 1.0]), friction=0.3)
+    s = simulation_of(mesh, QUARTZ, [wall])
+    x, contact = mesh.x.copy(), s.contact
+    area = np.zeros(len(x))
+    area[contact.own.nodes] = contact.own.area
+    counts = []
+    for vector in [[0, 0, -0.01]] * 9 + [[0.01, 0, 0]] * 2:
+        x += vector
+        contact.begin(x)
+        contact.add_forces(np.zeros_like(x), x)
+        fields, pairs = nodal_contact(contact, len(x)), s.walls.pairs
+        assert area @ fields["contact_pressure"] == pytest.approx(s.wall_forces()[0], rel=1e-12)
+        on_wall = -area @ fields["contact_shear"]
+        assert on_wall[:2] == pytest.approx(s.walls.force[0, :2], rel=1e-12)
+        counts.append(int(pairs.closed.sum()))
+    assert counts[0] == 5 < counts[-1] and on_wall[0] > 0
 
 
 @pytest.fixture(scope="module")

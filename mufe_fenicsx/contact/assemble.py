@@ -10,6 +10,7 @@ from ..kernels.pairs import add_pair_forces, add_pair_stiffness, largest_move, p
 from ..kernels.points import place_points, spread_points
 from ..kernels.walls import add_rows, gather_rows
 from .checks import check_law, check_stiffness, check_surface, check_walls
+from .crossings import new_slip
 from .edges import EdgeContact
 from .exchange import SurfaceVector, exchange_surface
 from .laws import LAWS, inertial_layers, kinetic_of, matched_layers
@@ -58,7 +59,7 @@ class Contact:
         friction,
         compliance,
         walls,
-        points="nodes",
+        points="facets",
         law="matched",
         mass=None,
         friction_kinetic=None,
@@ -136,7 +137,9 @@ class Contact:
         depth = self.comm.allreduce(depth, op=MPI.MAX)
         reach = max(self.skin, ahead) + 1.1 * depth
 
-        old, old_surface = self.pairs, self.surface
+        old, old_surface, old_crossings = self.pairs, self.surface, self.edges.pairs
+        if old is not None:
+            self.edges.slip += new_slip(self)
         self.surface, ghosts = exchange_surface(
             self.comm, self.own, self.facet_layer, gathered, reach
         )
@@ -175,7 +178,7 @@ class Contact:
         points, old_walls = self.positions.array[:num_points], self.walls.pairs
         self.walls.search(points, gathered, self.points.corner, reach, self.clock)
         if old is not None:
-            self.ledger.change(old, self.pairs, old_walls, self.walls.pairs)
+            self.ledger.change(old, self.pairs, old_walls, self.walls.pairs, old_crossings)
         if self.num_before:
             # The others are needed again at the next search only.
             self._near = np.union1d(self.pairs.node, self.walls.pairs.node)
@@ -305,12 +308,35 @@ class Contact:
         """
         p = self.pairs
         pairs, num_pairs = pair_energy(
-            p.gap, p.offset, p.closed, p.stiffness, p.shear, p.node, self.ratio
+            p.gap, p.offset, p.closed, p.stiffness, p.shear, p.node, self.ratio, self.largest_depth
         )
         edges, num_edges = self.edges.energy()
         walls, num_walls = self.walls.energy(self.layer, self.points.area, self.ratio)
         energy = 0.0 if self.kinematic else pairs + edges + walls
         return energy, num_pairs + num_edges + num_walls
+
+    @property
+    def num_nodes_with_ghosts(self):
+        """Surface nodes of this rank and those of others that it knows."""
+        return self.positions.array.shape[0] - self.num_before
+
+    def back_to_owners(self, values, largest=False):
+        """Sums, or the largest, of values at surface nodes over all ranks. Collective.
+
+        Args:
+            values: Of this rank's surface nodes and its ghosts, (num_nodes_with_ghosts, 3).
+            largest: The largest instead of the sum.
+
+        Returns:
+            Values at own surface nodes, shape (num_nodes, 3).
+        """
+        # The forces are not needed any more once they have been added up.
+        self.forces.array[self.num_before :] = values
+        if largest:
+            self.forces.largest_back()
+        else:
+            self.forces.add_back()
+        return self.forces.own.copy()
 
     def areas(self, pairs):
         """Parts of the contact area [m²] that the closed pairs ``pairs`` carry. Local.

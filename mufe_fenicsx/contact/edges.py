@@ -14,9 +14,9 @@ from ..kernels.edge_springs import (
     add_edge_bounds,
     add_edge_stiffness,
     edge_energy,
-    stored_energy,
 )
 from ..kernels.edges import add_edge_forces
+from ..kernels.springs import stored_energy
 
 #: Edges take part whose facets' normals differ by more than this angle [rad]. Where two
 #: edges of length h cross at their middles, a vertex is inside the other body from the depth
@@ -24,7 +24,7 @@ from ..kernels.edges import add_edge_forces
 #: a smooth surface (angle = 0.6 h/R) 0.15 h²/R, as much as its facets cut off.
 SHARP = math.radians(20.0)
 
-#: What a pair keeps when the edges are searched anew.
+#: What a pair keeps when the edges are searched anew; work and slip are booked before.
 REMEMBERED = (
     "outside",
     "pierced",
@@ -36,7 +36,6 @@ REMEMBERED = (
     "stiffness",
     "anchor",
     "shear",
-    "slip",
 )
 
 
@@ -62,6 +61,7 @@ class EdgeContact:
         self.ratio_of_node = ratio
         self.size, self.largest_depth, self.recess = size, largest_depth, recess
         self.lost = 0.0  #: energy of normal springs that were let go, on this rank [J]
+        self.slip = np.zeros(ratio.size)  #: of own nodes in crossings, up to the last search [m]
         self.edges = None
         self.pairs = None
 
@@ -104,13 +104,16 @@ class EdgeContact:
         gone = np.flatnonzero(gone)
         if not gone.size:
             return 0.0
-        stored = sum(
-            stored_energy(old.stiffness[p], old.offset[p] - old.gap[p], self.largest_depth)
-            for p in gone
+        stored = np.array(
+            [
+                stored_energy(old.stiffness[p], old.offset[p] - old.gap[p], self.largest_depth)
+                for p in gone
+            ]
         )
         shear = (old.shear[gone] ** 2).sum(axis=1) / (2 * old.stiffness[gone] * old.ratio[gone])
-        self.lost += stored
-        return stored + shear.sum()
+        self.lost += stored.sum()
+        old.work[gone] += stored + shear
+        return (stored + shear).sum()
 
     def add_forces(self, f, x, clock, friction, adopt):
         """Add the forces of all pairs to ``f``. Local.
@@ -124,9 +127,9 @@ class EdgeContact:
             return 0.0, 0, 0, 0.0
         dissipated, lost, num_adopted, num_deep, deepest = add_edge_forces(
             f, p.due, p.outside, p.pierced, p.place, p.normal, p.gap, p.offset, p.closed,
-            p.stiffness, p.anchor, p.shear, p.slip, clock, x, p.first, p.second, e.ends, e.beyond,
-            e.area, e.layer, e.share, e.ratio, friction, self.size, self.largest_depth,
-            self.recess, adopt,
+            p.stiffness, p.anchor, p.shear, p.slip, p.work, clock, x, p.first, p.second, e.ends,
+            e.beyond, e.area, e.layer, e.share, e.ratio, friction, self.size,
+            self.largest_depth, self.recess, adopt,
         )  # fmt: skip
         self.lost += lost
         return dissipated, num_adopted, num_deep, deepest
@@ -159,34 +162,8 @@ class EdgeContact:
 
     def closed_grains(self):
         """Both grains of each closed pair, shape (num_closed, 2). Local."""
-        p, e = self.pairs, self.edges
-        return np.column_stack([e.grain[p.first[p.closed]], e.grain[p.second[p.closed]]])
-
-    def closed_forces(self):
-        """What the closed pairs carry. Local.
-
-        Returns:
-            Surface nodes at the ends of the first edge, then of the second, shape (n, 4);
-            their shares, 1 in all for each edge, shape (n, 4); normal force [N], shape (n,);
-            normal, from second to first, shape (n, 3); friction on the first edge [N], (n, 3).
-        """
-        p, e = self.pairs, self.edges
-        on = np.flatnonzero(p.closed)
-        s, t = np.clip(p.place[on], 0.0, 1.0).T
-        nodes = np.hstack([e.ends[p.first[on]], e.ends[p.second[on]]])
-        share = np.column_stack([1 - s, s, 1 - t, t])
-        depth = np.minimum(p.offset[on] - p.gap[on], self.largest_depth)
-        return nodes, share, p.stiffness[on] * depth, p.normal[on], p.shear[on]
-
-    def add_traction(self, pressure, shear):
-        """Add normal forces and friction [N] to the nodes they act on, shape (num_nodes, 3). Local.
-
-        The normal force is added to the first column of ``pressure``.
-        """
-        nodes, share, force, _, friction = self.closed_forces()
-        np.add.at(pressure[:, 0], nodes, share * force[:, None])
-        sign = np.array([1.0, 1.0, -1.0, -1.0])
-        np.add.at(shear, nodes, (sign * share)[..., None] * friction[:, None])
+        p = self.pairs
+        return np.column_stack([p.grain[p.closed], p.partner[p.closed]])
 
 
 class _Edges:
@@ -216,6 +193,7 @@ class _EdgePairs:
         self.first, self.second = first, second
         self.key = (edges.key[first] << 31) | edges.key[second]
         self.ratio = edges.ratio[first]
+        self.grain, self.partner = edges.grain[first], edges.grain[second]
         self.due = np.full(n, clock)
         self.outside = np.full(n, np.inf)
         self.pierced = np.zeros(n, dtype=bool)
@@ -228,6 +206,7 @@ class _EdgePairs:
         self.anchor = np.zeros((n, 2))
         self.shear = np.zeros((n, 3))
         self.slip = np.zeros(n)
+        self.work = np.zeros(n)
 
 
 def _search(x, edges, reach, clock):

@@ -60,6 +60,11 @@ class SurfaceVector:
         if self.vector is not None:
             self.vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
 
+    def largest_back(self):
+        """Owners take the largest of their values and those of ghosts."""
+        if self.vector is not None:
+            self.vector.ghostUpdate(PETSc.InsertMode.MAX, PETSc.ScatterMode.REVERSE)
+
     def destroy(self):
         """Free the PETSc vector. Collective."""
         if self.vector is not None:

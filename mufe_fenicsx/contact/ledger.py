@@ -1,4 +1,4 @@
-"""What friction did so far, kept when pairs of points come and go."""
+"""What friction did so far, kept when pairs of points and of edges come and go."""
 
 import numpy as np
 
@@ -8,8 +8,9 @@ from ..kernels.pairs import carry_pairs
 class Ledger:
     """Friction work of each grain pair and slip of each point on this rank, over all searches.
 
-    Pairs of points count their own work from search to search only; a search closes these
-    accounts, so that nothing is lost with the pairs that it drops.
+    Pairs of points and crossings count their own work from search to search only; a search
+    closes these accounts, so that nothing is lost with the pairs that it drops. Work is all
+    that contact dissipated: with it what normal springs stored that were let go at edges.
 
     Args:
         grain_of_point: Global grain of each point of contact of this rank, shape (num_points,).
@@ -20,16 +21,21 @@ class Ledger:
         self.num_grains = int(num_grains)
         self.grain = np.empty(0, dtype=np.int64)  #: grain of each account
         self.partner = np.empty(0, dtype=np.int64)  #: the other grain, or the wall
-        self.work = np.empty(0)  #: friction work of their points so far [J]
+        self.work = np.empty(0)  #: friction work of their points and crossings so far [J]
         self._grain_of_point = grain_of_point
         self._slip = np.zeros(grain_of_point.size)
 
-    def collect(self, pairs, walls):
-        """Move the work of pairs with grains and with walls into the accounts."""
+    def collect(self, pairs, walls, crossings):
+        """Move the work of pairs with grains, with walls and of edges into the accounts."""
         grain, partner, work = [self.grain], [self.partner], [self.work]
-        for p, other in ((pairs, pairs.grain), (walls, walls.wall + self.num_grains)):
+        mine = self._grain_of_point
+        for p, own, other in (
+            (pairs, mine[pairs.node], pairs.grain),
+            (walls, mine[walls.node], walls.wall + self.num_grains),
+            (crossings, crossings.grain, crossings.partner),
+        ):
             some = np.flatnonzero(p.work)
-            grain.append(self._grain_of_point[p.node[some]])
+            grain.append(own[some])
             partner.append(other[some])
             work.append(p.work[some])
             p.work[:] = 0.0
@@ -37,9 +43,9 @@ class Ledger:
             np.concatenate(grain), np.concatenate(partner), np.concatenate(work)
         )
 
-    def change(self, old, new, old_walls, new_walls):
+    def change(self, old, new, old_walls, new_walls, old_crossings):
         """Close the accounts of the old pairs, and keep the slip of those that are dropped."""
-        self.collect(old, old_walls)
+        self.collect(old, old_walls, old_crossings)
         for a, b, of in ((old, new, "grain"), (old_walls, new_walls, "wall")):
             dropped = carry_pairs(b.node, getattr(b, of), a.node, getattr(a, of)) < 0
             np.add.at(self._slip, a.node[dropped], a.slip[dropped])

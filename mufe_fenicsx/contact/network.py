@@ -9,15 +9,18 @@ grain, or a wall):
   centroid on the wall to the centre of mass. Compression positive, the mean stress
   of a volume V at rest is Σ force ⊗ branch / V (Love 1927; Weber 1966).
 
-Both sides of a contact carry a share of it at their own points: force, torque, area and
-work are sums over both sides. The force on a point and its opposite on the facet
-have no moment about each other (a couple sees to that), so both act at the point.
+Both sides of a contact carry a share of it at their own points, and sharp edges of both
+carry it where they cross: force, torque, area and work are sums over all of these. The
+force on a point and its opposite on the facet have no moment about each other (a couple
+sees to that), so both act at the point; the forces on crossing edges neither, and their
+moment is that of the forces on the nodes at their ends.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from .crossings import closed_crossings
 from .ledger import sum_by_pair
 
 
@@ -30,7 +33,7 @@ class Contacts:
 
     a: np.ndarray  #: index of the grain, shape (num_contacts,)
     b: np.ndarray  #: index of the other grain, or the number of grains + that of the wall
-    num_points: np.ndarray  #: points with pressure > 0, both sides together
+    num_points: np.ndarray  #: points with pressure > 0 of both sides, and crossings of edges
     area: np.ndarray  #: that they stand for, in the reference configuration [m²]
     normal: np.ndarray  #: mean over the area, unit length, shape (num_contacts, 3)
     centroid: np.ndarray  #: of the area [m], shape (num_contacts, 3); nan where open
@@ -38,7 +41,7 @@ class Contacts:
     force: np.ndarray  #: on a [N], shape (num_contacts, 3)
     friction: np.ndarray  #: the part of it that is friction [N], shape (num_contacts, 3)
     torque: np.ndarray  #: on a, about the centroid [N m], shape (num_contacts, 3)
-    work: np.ndarray  #: dissipated by friction so far [J]
+    work: np.ndarray  #: dissipated by friction (and in springs let go at edges) so far [J]
 
     @property
     def active(self):
@@ -135,7 +138,8 @@ def num_active_pairs(contact):
     p = contact.pairs
     on = np.flatnonzero(p.closed)
     mine, other = contact.points.grain_of_point[p.node[on]], p.grain[on]
-    found = np.unique(np.column_stack([np.minimum(mine, other), np.maximum(mine, other)]), axis=0)
+    points = np.column_stack([np.minimum(mine, other), np.maximum(mine, other)])
+    found = np.unique(np.vstack([points, contact.edges.closed_grains()]), axis=0)
     parts = contact.comm.gather(found)
     number = np.unique(np.concatenate(parts), axis=0).shape[0] if contact.comm.rank == 0 else None
     return contact.comm.bcast(number)
@@ -150,25 +154,29 @@ _NUM_COLUMNS = 18
 def _own_sums(contact):
     """a and b of this rank's contacts, and sums over its points, shape (num, _NUM_COLUMNS). Local.
 
+    Crossings of edges count as points, on the rank that evaluates them.
     Moments are about the origin.
     """
     grain_of_point = contact.points.grain_of_point
     ledger, num_grains = contact.ledger, contact.ledger.num_grains
     p, w = contact.pairs, contact.walls.pairs
-    ledger.collect(p, w)
+    ledger.collect(p, w, contact.edges.pairs)
     on, at = np.flatnonzero(p.closed), np.flatnonzero(w.closed)
     work = np.zeros((ledger.work.size, _NUM_COLUMNS))
     work[:, _WORK] = ledger.work
     wall_normal = contact.walls.normal[w.wall[at]]
+    crossings = closed_crossings(contact)
     grain = [
         grain_of_point[p.node[on]],
         grain_of_point[w.node[at]],
+        crossings.grain,
         ledger.grain,
     ]
-    partner = [p.grain[on], w.wall[at] + num_grains, ledger.partner]
+    partner = [p.grain[on], w.wall[at] + num_grains, crossings.partner, ledger.partner]
     sums = [
         _sums_of_points(contact, p, on, p.normal[on], contact.areas(on)),
         _sums_of_points(contact, w, at, wall_normal, contact.points.area[w.node[at]]),
+        _sums_of_crossings(contact, crossings),
         work,
     ]
     grain, partner, sums = (np.concatenate(part) for part in (grain, partner, sums))
@@ -191,6 +199,23 @@ def _sums_of_points(contact, pairs, on, normal, area):
     terms[:, _FRICTION] = pairs.shear[on]
     terms[:, _FORCE] = pairs.push[on, None] * normal + pairs.shear[on]
     terms[:, _MOMENT] = np.cross(place, terms[:, _FORCE])
+    return terms
+
+
+def _sums_of_crossings(contact, crossings):
+    """Terms of the sums for crossings, seen from the grain of the first edge."""
+    c = crossings
+    ends = contact.positions.array[contact.num_before :][c.nodes]
+    # Half-way between the edges.
+    place = 0.5 * np.einsum("ck,cki->ci", c.share, ends)
+    terms = np.zeros((c.push.size, _NUM_COLUMNS))
+    terms[:, _COUNT] = 1
+    terms[:, _AREA] = c.area
+    terms[:, _NORMAL] = c.area[:, None] * c.normal
+    terms[:, _PLACE] = c.area[:, None] * place
+    terms[:, _FRICTION] = c.friction
+    terms[:, _FORCE] = c.push[:, None] * c.normal + c.friction
+    terms[:, _MOMENT] = np.cross(ends[:, :2], c.forces[:, :2]).sum(axis=1)
     return terms
 
 

@@ -3,13 +3,16 @@
 import numpy as np
 
 from ..kernels.gaps import find_gaps
+from .crossings import crossings_at_nodes
 
 
 def nodal_contact(contact, num_nodes):
-    """Fields at all nodes of this rank, those inside the grains included. Local.
+    """Fields at all nodes of this rank, those inside the grains included. Collective.
 
-    Traction at a point of contact is its force over the area that it carries; a node takes
-    the mean of the points around it, by area. What a point has from several
+    Traction at a point of contact is its force over the area that it carries. A node takes
+    what the points around it have on its own area, and its share of the forces on
+    crossing edges that it ends, on either side. Slip of a node is the mean of the points
+    around it, by area, with its share of that of its edges. What a point has from several
     neighbours is added, but the gap, which is that to the nearest.
 
     Args:
@@ -39,10 +42,15 @@ def nodal_contact(contact, num_nodes):
         np.add.at(shear, pairs.node[on], pairs.shear[on] / area[:, None])
         for nodes in points.nodes_around(pairs.node):
             np.minimum.at(gap, nodes, distance - pairs.offset)
-    gap[np.isinf(gap)] = np.nan
-    area = points.to_nodes(points.area[:, None], own.nodes.size)
+    sums = points.to_nodes(points.area[:, None] * at_points, own.nodes.size)
+    force, friction, edge_slip, edge_depth = crossings_at_nodes(contact)
+    around = points.to_nodes(points.area[:, None], own.nodes.size)[:, 0]
     at_nodes = np.zeros((num_nodes, 5))
-    at_nodes[own.nodes] = points.to_nodes(points.area[:, None] * at_points, own.nodes.size) / area
+    at_nodes[own.nodes, 0] = (sums[:, 0] + force) / own.area
+    at_nodes[own.nodes, 1:4] = (sums[:, 1:4] + friction) / own.area[:, None]
+    at_nodes[own.nodes, 4] = sums[:, 4] / around + edge_slip
+    gap = np.where(edge_depth > 0, np.minimum(gap, -edge_depth), gap)
+    gap[np.isinf(gap)] = np.nan
     all_gaps = np.full(num_nodes, np.nan)
     all_gaps[own.nodes] = gap
     return {

@@ -127,7 +127,7 @@ class _Gaps:
 
     def __init__(self, mesh, x):
         one = np.ones(mesh.num_grains)
-        contact = Contact(mesh, x, one, one, 0.0, 1.0, Walls([]))
+        contact = Contact(mesh, x, one, one, 0.0, 1.0, Walls([]), "nodes")
         self.gap, self.normal = current_gaps(contact)
         contact.positions.destroy()
         contact.forces.destroy()

@@ -2,6 +2,8 @@
 
 import numba
 
+from .springs import stored_energy
+
 #: A crossing that carries may leave its edges by this part of them, and the normals of their
 #: facets by this angle more [rad], before it is let go.
 OVERRUN = 0.1
@@ -19,13 +21,6 @@ def crossing_stiffness(i, j, s, t, area, layer, share):
         inner = min(max(4.0 * min(place, 1.0 - place), 0.0), 1.0)
         part = min(part, end + (1.0 - end) * inner)
     return 0.5 * part * min(area[i], area[j]) / (layer[i] + layer[j])
-
-
-@numba.njit(cache=True)
-def stored_energy(stiffness, depth, largest_depth):
-    """Energy of a normal spring whose force grows no more beyond the largest depth [J]."""
-    within = min(depth, largest_depth)
-    return stiffness * within * (depth - 0.5 * within)
 
 
 @numba.njit(cache=True)

@@ -6,7 +6,8 @@ import numba
 
 from .crossing import END, crossing, piercings
 from .edge_search import segment_distance
-from .edge_springs import OVERRUN, crossing_stiffness, stored_energy
+from .edge_springs import OVERRUN, crossing_stiffness
+from .springs import stored_energy
 
 #: Crossings first seen deeper than this part of the mean facet edge are none.
 DEEPEST = 0.25
@@ -51,6 +52,7 @@ def add_edge_forces(
     anchor,
     shear,
     slip,
+    work,
     clock,
     x,
     first,
@@ -95,7 +97,8 @@ def add_edge_forces(
         stiffness: Of closed pairs [N/m], set when they close, shape (num_pairs,).
         anchor: s and t of the anchors, shape (num_pairs, 2).
         shear: Friction on the first edge [N], shape (num_pairs, 3).
-        slip: Accumulated slip [m], shape (num_pairs,).
+        slip: Slip since the last search [m], shape (num_pairs,).
+        work: Energy dissipated since the last search [J], shape (num_pairs,).
         clock: Bound of all relative motion so far [m].
         x: Positions [m], shape (num_nodes, 3).
         first, second: The edges of each pair, shape (num_pairs,).
@@ -155,8 +158,8 @@ def add_edge_forces(
 
     if num_leaving:
         released, let_go = _hand_over(
-            outside, gap, offset, closed, stiffness, anchor, shear, place, normal, clock, due,
-            x, first, second, ends, ratio, largest_depth,
+            outside, gap, offset, closed, stiffness, anchor, shear, work, place, normal, clock,
+            due, x, first, second, ends, ratio, largest_depth,
         )  # fmt: skip
         dissipated, lost = dissipated + released, lost + let_go
 
@@ -170,7 +173,9 @@ def add_edge_forces(
         if depth <= 0.0:
             if closed[p]:
                 t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
-                dissipated += t2 / (2.0 * stiffness[p] * ratio[i])
+                released = t2 / (2.0 * stiffness[p] * ratio[i])
+                dissipated += released
+                work[p] += released
                 closed[p] = False
                 shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
                 due[p] = clock + max(gap[p], 0.0)
@@ -195,7 +200,9 @@ def add_edge_forces(
             # Work of the mean friction of the step: exact for the trapezoidal rule.
             before2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
             slipped = (T - limit) / kt
-            dissipated += 0.5 * (math.sqrt(before2) + limit) * slipped
+            released = 0.5 * (math.sqrt(before2) + limit) * slipped
+            dissipated += released
+            work[p] += released
             slip[p] += slipped
             ds, dt = keep * ds, keep * dt
             dx, dy, dz = keep * dx, keep * dy, keep * dz
@@ -217,10 +224,12 @@ def add_edge_forces(
 
 @numba.njit(cache=True, error_model="numpy")
 def _hand_over(
-    outside, gap, offset, closed, stiffness, anchor, shear, place, normal, clock, due, x, first,
-    second, ends, ratio, largest_depth,
+    outside, gap, offset, closed, stiffness, anchor, shear, work, place, normal, clock, due, x,
+    first, second, ends, ratio, largest_depth,
 ):  # fmt: skip
     """Closed crossings that left their edges pass offset and springs on, or are let go.
+
+    What is released counts as the work of the pair that left, of the same two grains.
 
     Returns:
         Energy of the springs that were let go [J], and the part in normal springs.
@@ -246,6 +255,7 @@ def _hand_over(
         t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
         depth = max(offset[p] - gap[p], 0.0)
         normal_energy = stored_energy(stiffness[p], depth, largest_depth)
+        shear_energy = 0.0
         closed[p] = False
         # As deep as before, so that no energy appears.
         passed = min(gap[best] + depth, 0.0) if best >= 0 else 0.0
@@ -253,7 +263,7 @@ def _hand_over(
             q = best
             if closed[q]:
                 q2 = shear[q, 0] ** 2 + shear[q, 1] ** 2 + shear[q, 2] ** 2
-                dissipated += q2 / (2.0 * stiffness[q] * ratio[first[q]])
+                shear_energy = q2 / (2.0 * stiffness[q] * ratio[first[q]])
                 depth = max(offset[q] - gap[q], 0.0)
                 normal_energy += stored_energy(stiffness[q], depth, largest_depth)
             offset[q], stiffness[q], closed[q] = passed, stiffness[p], True
@@ -275,8 +285,9 @@ def _hand_over(
             left = stored_energy(stiffness[q], max(offset[q] - gap[q], 0.0), largest_depth)
             normal_energy = max(normal_energy - left, 0.0)
         else:
-            dissipated += t2 / (2.0 * kt)
-        dissipated += normal_energy
+            shear_energy = t2 / (2.0 * kt)
+        work[p] += shear_energy + normal_energy
+        dissipated += shear_energy + normal_energy
         lost += normal_energy
         shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
     return dissipated, lost

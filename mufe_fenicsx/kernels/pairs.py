@@ -6,6 +6,7 @@ import numba
 
 from .closest import INTERIOR, closest_point, facet_normal, pseudo_normal
 from .facing import BESIDE, faces, find_facing
+from .springs import stored_energy
 
 
 @numba.njit(cache=True)
@@ -168,7 +169,7 @@ def add_pair_forces(
         shear: Friction on the node [N], shape (num_pairs, 3).
         slip: Accumulated slip [m], shape (num_pairs,).
         push: Normal force on the node [N], shape (num_pairs,).
-        work: Energy dissipated by friction since the last search [J], shape (num_pairs,).
+        work: Energy dissipated since the last search [J], shape (num_pairs,).
         sliding: Whether the pair slipped in this step, shape (num_pairs,).
         clock: Bound of all relative motion so far [m].
         x: Positions [m], shape (num_nodes_with_ghosts, 3).
@@ -186,7 +187,7 @@ def add_pair_forces(
         adopt: True to adopt every node that lies inside (start of a test).
 
     Returns:
-        Energy dissipated by friction [J]; number of adopted pairs; number of pairs
+        Energy dissipated [J]; number of adopted pairs; number of pairs
         beyond the largest depth; largest adopted depth [m].
     """
     dissipated, num_adopted, num_deep, deepest = 0.0, 0, 0, 0.0
@@ -233,7 +234,10 @@ def add_pair_forces(
             was = offset[p] - gap[p]
             offset[p] = min(offset[p], g + was)
             left = max(offset[p] - g, 0.0)
-            dissipated += 0.5 * stiffness[p] * (was * was - left * left)
+            lost = stored_energy(stiffness[p], was, largest_depth)
+            lost -= stored_energy(stiffness[p], left, largest_depth)
+            dissipated += lost
+            work[p] += lost
         ox, oy, oz = normal[p, 0], normal[p, 1], normal[p, 2]
         weights[p, 0], weights[p, 1], weights[p, 2] = wa, wb, wc
         normal[p, 0], normal[p, 1], normal[p, 2] = nx, ny, nz
@@ -368,16 +372,15 @@ def add_pair_forces(
 
 
 @numba.njit(cache=True)
-def pair_energy(gap, offset, closed, stiffness, shear, node, ratio_of_node):
+def pair_energy(gap, offset, closed, stiffness, shear, node, ratio_of_node, largest_depth):
     """Energy stored in the springs of closed pairs [J], and their number."""
     energy, count = 0.0, 0
     for p in range(node.size):
         if closed[p]:
             count += 1
-            depth = offset[p] - gap[p]
             t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
-            kt = stiffness[p] * ratio_of_node[node[p]]
-            energy += 0.5 * stiffness[p] * depth * depth + 0.5 * t2 / kt
+            energy += stored_energy(stiffness[p], offset[p] - gap[p], largest_depth)
+            energy += 0.5 * t2 / (stiffness[p] * ratio_of_node[node[p]])
     return energy, count
 
 

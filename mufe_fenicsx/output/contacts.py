@@ -38,7 +38,7 @@ CONTACT_COLUMNS = (
     "grain_a",  # label
     "grain_b",  # label; 0 for a wall
     "wall",  # name of the wall; empty between grains
-    "num_points",  # of contact, with pressure > 0, on both sides; 0 where the contact is open
+    "num_points",  # with pressure > 0 on both sides, and crossings of edges; 0: contact is open
     "area",  # [m²], in the reference configuration
     *_vector("normal"),  # mean over the area, from b to a
     *_vector("centroid"),  # of the area [m]
@@ -46,9 +46,9 @@ CONTACT_COLUMNS = (
     *_vector("force"),  # [N]
     "normal_force",  # along the mean normal, compression positive [N]
     *_vector("shear"),  # force less its part along the mean normal [N]
-    *_vector("friction"),  # sum of the friction at the nodes [N]
+    *_vector("friction"),  # sum of the friction at points and crossings [N]
     *_vector("torque"),  # about the centroid [N m]
-    "friction_work",  # dissipated so far [J]
+    "friction_work",  # dissipated so far, in springs let go at sharp edges too [J]
 )
 
 GRAIN_COLUMNS = (

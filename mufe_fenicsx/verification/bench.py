@@ -81,9 +81,11 @@ def demo(comm, *, grains, strain=0.01, speed=20.0, steps=100, repeats=5):
         [scene.material] * mesh.num_grains,
         make_walls(scene, low, high),
         friction=scene.contact.friction,
+        friction_kinetic=scene.contact.friction_kinetic,
         compliance=scene.contact.compliance,
         points=scene.contact.points,
         law=scene.contact.law,
+        self_contact=scene.contact.self_contact,
     )
     simulation.walls.velocity[5, 2] = -speed
     while simulation.state.t < strain * (high - low)[2] / speed:

@@ -9,6 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..contact.assemble import Contact
+from ..contact.laws import COMPLIANCE
 from ..contact.walls import Walls
 
 #: Surfaces of so many grains of 1280 facets each.
@@ -40,14 +41,16 @@ def search(parameters):
     Balls in a cubic packing, each touching six others, are turned at random. The number of nodes
     in contact grows with that of facets.
 
-    Parameters: ``grains``, the largest number of grains; ``repeats``.
+    Parameters: ``grains``, the largest number of grains; ``repeats``; ``points``, where contact
+    acts, one of contact.points.KINDS.
     """
     largest = int(parameters.get("grains", GRAINS[-1]))
     repeats = int(parameters.get("repeats", 3))
+    points = str(parameters.get("points", "facets"))
     sizes = [n for n in GRAINS if n < largest] + [largest]
     results, facets, times = {}, [], []
     for num_grains in sizes:
-        row = _measure(num_grains, repeats)
+        row = _measure(num_grains, repeats, points)
         facets.append(row["num_facets"])
         times.append(row["search_s"])
         name = f"{row['num_facets']}_facets"
@@ -56,6 +59,7 @@ def search(parameters):
             "computed": 1e6 * row["search_s"] / row["num_facets"]
         }
         results[f"step_us_per_facet_{name}"] = {"computed": 1e6 * row["step_s"] / row["num_facets"]}
+        results[f"contacts_{name}"] = {"computed": row["num_contacts"]}
     exponent = np.polyfit(np.log(facets), np.log(times), 1)[0] if len(sizes) > 1 else math.nan
     results["exponent_of_search"] = {
         "computed": float(exponent),
@@ -64,18 +68,18 @@ def search(parameters):
     }
     return {
         "case": "search",
-        "parameters": {"grains": largest, "repeats": repeats},
+        "parameters": {"grains": largest, "repeats": repeats, "points": points},
         "results": results,
         "passed": results["exponent_of_search"]["passed"],
     }
 
 
-def _measure(num_grains, repeats):
+def _measure(num_grains, repeats, points):
     """Median times of a search and of a step [s], on one rank."""
     shells, center = packed_shells(num_grains)
     one = np.ones(num_grains)
     local = shells.x - center
-    contact = Contact(shells, shells.x, 1e9 * one, one, 0.3, 0.15, Walls([]))
+    contact = Contact(shells, shells.x, 1e9 * one, one, 0.3, COMPLIANCE, Walls([]), points)
     force = np.zeros_like(shells.x)
 
     def grow(size):
@@ -99,6 +103,7 @@ def _measure(num_grains, repeats):
         "num_facets": len(shells.facets),
         "search_s": statistics.median(searches),
         "step_s": statistics.median(steps),
+        "num_contacts": contact.energy()[1],
     }
 
 
@@ -108,6 +113,8 @@ def packed_shells(num_grains):
 
     ball = pyvista.Icosphere(radius=1.0, nsub=3)
     points, facets = np.asarray(ball.points, float), ball.regular_faces
+    # Facets enclose the volume of the ball, as where the compliance was measured.
+    points *= np.cbrt(4 / 3 * np.pi / ball.volume)
     side = math.ceil(round(num_grains ** (1 / 3), 9))
     grid = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1)
     centers = 2.005 * grid.reshape(-1, 3)[:num_grains]

@@ -1,0 +1,101 @@
+"""What crossing edges carry, for the contact network and the fields at nodes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """Closed crossings of this rank. Nodes: ends of the first edge, then of the second.
+
+    They may belong to other ranks: nodes of the surface with its ghosts.
+    """
+
+    grain: np.ndarray  #: of the first edge, global index, shape (num,)
+    partner: np.ndarray  #: grain of the second edge, a higher index, shape (num,)
+    nodes: np.ndarray  #: surface nodes, shape (num, 4)
+    share: np.ndarray  #: of the crossing in these nodes, 1 in all for each edge, shape (num, 4)
+    area: np.ndarray  #: that the crossing stands for, in the reference configuration [m²], (num,)
+    depth: np.ndarray  #: by which they overlap, the offset left out [m], shape (num,)
+    push: np.ndarray  #: normal force [N], shape (num,)
+    normal: np.ndarray  #: unit normal, from the second to the first edge, shape (num, 3)
+    friction: np.ndarray  #: on the first edge [N], shape (num, 3)
+    forces: np.ndarray  #: on the nodes [N], shape (num, 4, 3)
+
+
+def closed_crossings(contact):
+    """:class:`Crossings` at the positions of the last forces. Local.
+
+    Args:
+        contact: :class:`~mufe_fenicsx.contact.assemble.Contact`.
+    """
+    p, e = contact.edges.pairs, contact.edges.edges
+    on = np.flatnonzero(p.closed)
+    depth = p.offset[on] - p.gap[on]
+    push = p.stiffness[on] * np.minimum(depth, contact.largest_depth)
+    normal, friction = p.normal[on], p.shear[on]
+    # As in kernels.edges.add_edge_forces: friction acts at the anchors, with a couple.
+    s, t = p.place[on].T
+    anchor_s, anchor_t = p.anchor[on].T
+    lever = p.stiffness[on] * p.ratio[on] * p.gap[on]
+    h0, h1 = -lever * (anchor_s - s), lever * (anchor_t - t)
+    along = np.stack([(1 - s) * push - h0, s * push + h0, (t - 1) * push - h1, h1 - t * push], 1)
+    across = np.stack([1 - anchor_s, anchor_s, anchor_t - 1, -anchor_t], axis=1)
+    nodes, share = _ends(contact.edges, on)
+    return Crossings(
+        grain=p.grain[on],
+        partner=p.partner[on],
+        nodes=nodes,
+        share=share,
+        area=p.stiffness[on] * (e.layer[p.first[on]] + e.layer[p.second[on]]),
+        depth=depth,
+        push=push,
+        normal=normal,
+        friction=friction,
+        forces=along[..., None] * normal[:, None] + across[..., None] * friction[:, None],
+    )
+
+
+def crossings_at_nodes(contact):
+    """What own surface nodes have from crossings of all ranks. Collective.
+
+    Each edge's force goes to its ends, by where the crossing lies between them.
+
+    Returns:
+        Normal force [N], shape (num_nodes,); friction [N], shape (num_nodes, 3); slip so far
+        [m], shape (num_nodes,); and depth of the deepest [m], 0 where there is none, (num_nodes,).
+    """
+    c = closed_crossings(contact)
+    sign = np.array([1.0, 1.0, -1.0, -1.0])
+    push, friction, depth = (np.zeros((contact.num_nodes_with_ghosts, 3)) for _ in range(3))
+    np.add.at(push[:, 0], c.nodes, c.share * c.push[:, None])
+    np.add.at(friction, c.nodes, (sign * c.share)[..., None] * c.friction[:, None])
+    np.maximum.at(depth[:, 0], c.nodes, c.depth[:, None])
+    return (
+        contact.back_to_owners(push)[:, 0],
+        contact.back_to_owners(friction),
+        contact.edges.slip + new_slip(contact),
+        contact.back_to_owners(depth, largest=True)[:, 0],
+    )
+
+
+def new_slip(contact):
+    """Slip of crossings since the last search at own surface nodes [m], (num_nodes,). Collective.
+
+    Each node takes its share of the slip of the edge that it ends.
+    """
+    p = contact.edges.pairs
+    on = np.flatnonzero(p.slip)
+    nodes, share = _ends(contact.edges, on)
+    slip = np.zeros((contact.num_nodes_with_ghosts, 3))
+    np.add.at(slip[:, 0], nodes, share * p.slip[on, None])
+    return contact.back_to_owners(slip)[:, 0]
+
+
+def _ends(edges, on):
+    """Nodes at the ends of both edges of pairs, and the crossing's share in them, (num, 4)."""
+    p, ends = edges.pairs, edges.edges.ends
+    s, t = np.clip(p.place[on], 0.0, 1.0).T
+    nodes = np.hstack([ends[p.first[on]], ends[p.second[on]]])
+    return nodes, np.column_stack([1 - s, s, 1 - t, t])
