@@ -26,7 +26,6 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.page import write_page
-from mufe_fenicsx.theory import oblique_impact as oblique_theory
 from mufe_fenicsx.theory import rolling as rolling_theory
 from mufe_fenicsx.verification import rolling
 from mufe_fenicsx.verification.cases import run_cases
@@ -170,7 +169,8 @@ def roll(quick):
     nu, friction, a_over_R, growth, way = 0.25, 0.5, 0.05, 0.4, 8.0
     material = Elastic(rolling.E, nu, rolling.RHO)
     figure, axes = style.new_figure(style.PAGE, 2.4, ncols=2)
-    for n, colour in zip((2.0, 3.0) if quick else (2.0, 3.0, 4.0), (style.SKY, style.BLUE, style.RED), strict=False):  # fmt: skip
+    meshes = (2.0, 3.0) if quick else (2.0, 3.0, 4.0)
+    for n, colour in zip(meshes, (style.SKY, style.BLUE, style.RED), strict=False):
         free = rolling.roll_balls(COMM, material, friction, 0.0, a_over_R, n, growth, way, 24)
         part = free.moment / (free.normal * free.a)
         axes[0].plot(free.way / free.a, 100 * part, color=colour,
@@ -194,7 +194,7 @@ def roll(quick):
     return (
         figure,
         "Rolling: (a) the moment that only a mesh can have, (b) traction by creep.",
-        "Elastic balls without adhesion roll without resistance. Dashed: steady traction by Kalker, "
+        "Elastic balls without adhesion roll freely. Dashed: steady traction by Kalker, "
         "Shen, Hedrick and Elkins, reached over a length of some contact radii.",
     )
 

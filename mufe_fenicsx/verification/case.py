@@ -66,10 +66,10 @@ def _answer(function, comm, values):
 def on_first_ranks(comm, count, function):
     """Result of ``function(part)`` on the first ``count`` ranks, on all ranks. Collective.
 
-    What it raises on rank 0 is raised on all; ranks without a part sleep meanwhile.
+    What it raises on rank 0 is raised on all; ranks without a part sleep meanwhile. ``part`` is
+    ``comm`` itself where all ranks have one, else it ends with the call.
     """
-    count = min(comm.size, count)
-    part = comm.Split(0 if comm.rank < count else 1, comm.rank)
+    part = comm if comm.size <= count else comm.Split(0 if comm.rank < count else 1, comm.rank)
     result = error = None
     if comm.rank < count:
         try:
@@ -82,7 +82,8 @@ def on_first_ranks(comm, count, function):
     while not arrived.Test():
         time.sleep(0.002)
     result, error = comm.bcast((result, error))
-    part.Free()
+    if part is not comm:
+        part.Free()
     if error is not None:
         raise error
     return result

@@ -107,13 +107,13 @@ def errors_of(
 
     def press(part):
         pressed.append(Pressed(part, bodies, **options))
-        return _rows(pressed[0], name, elements_per_radius, a_over_R, nu)
+        return _rows(pressed[0], name, elements_per_radius, a_over_R, nu, settle)
 
     rows = on_first_ranks(comm, len(bodies), press)
     return (pressed[0] if pressed else None), rows
 
 
-def _rows(pressed, name, elements_per_radius, a_over_R, nu):
+def _rows(pressed, name, elements_per_radius, a_over_R, nu, settle):
     """The dict of :func:`errors_of`."""
     rows = []
     for place in np.linspace(-0.5, 0.5, 2 * INDENTATIONS + 1)[1::2]:
