@@ -14,12 +14,11 @@ import sys
 import time
 from pathlib import Path
 
-import matplotlib
-import numpy as np
-
-import mufe_fenicsx  # noqa: F401  before MPI
+import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 
 # isort: split
+import matplotlib
+import numpy as np
 from mpi4py import MPI
 
 from mufe_fenicsx.errors import InputError

@@ -43,11 +43,10 @@ import math
 import time
 from pathlib import Path
 
-import numpy as np
-
-import mufe_fenicsx  # noqa: F401  before MPI
+import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 
 # isort: split
+import numpy as np
 from mpi4py import MPI
 
 from mufe_fenicsx.geometry.shapes import sphere

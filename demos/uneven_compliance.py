@@ -58,11 +58,10 @@ That is worth the work where flat contacts and few elements per contact both lim
 import argparse
 import math
 
-import numpy as np
-
-import mufe_fenicsx  # noqa: F401  before MPI
+import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 
 # isort: split
+import numpy as np
 from mpi4py import MPI
 
 from mufe_fenicsx.geometry.shapes import box
