@@ -218,8 +218,8 @@ def impacts(quick):
     return (
         figure,
         "Balls that meet a plane, and each other, head on.",
-        "Dashed and bars: largest force and contact time of the whole ball's theory. Ripples are "
-        "the ball's own vibration, which the rebound keeps as heat would.",
+        "Dashed and bars: largest force and contact time by the theory of the whole ball, which "
+        "is stiffer than Hertz's half-space.",
     )
 
 
@@ -236,7 +236,7 @@ def oblique(quick):
     axis.plot(found.psi1, found.psi2, "o", ms=4, color=style.RED, label="computed")
     axis.axhline(0, color=style.BLACK, lw=0.5)
     axis.set(xlabel=r"angle of incidence $ψ_1$", ylabel=r"angle of rebound $ψ_2$")
-    axis.legend()
+    axis.legend(loc="lower left")
     return (
         figure,
         "Balls that meet obliquely: stick, partial slip and full slip.",
