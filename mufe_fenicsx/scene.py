@@ -13,8 +13,7 @@ from pathlib import Path
 from .contact.laws import COMPLIANCE
 from .errors import InputError
 from .geometry.settings import MeshSettings, SegmentSettings
-from .materials.elastic import Elastic
-from .materials.j2 import J2
+from .materials.elastic import IsotropicSolid
 
 #: Walls by name: the axis that they are normal to and the side of the sample.
 WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
@@ -24,8 +23,6 @@ TOP_PLATEN = "z_max"
 
 #: Images that installed packages carry: name -> (package, path inside it).
 PACKAGED_IMAGES = {"spam:snow": ("spam", "data/snow/snow.tif")}
-
-Material = Elastic | J2
 
 
 def _require(holds, name, value, expectation):
@@ -200,7 +197,7 @@ class Output:
 class Scene:
     """A whole test. ``walls`` always has all six, each with its friction filled in."""
 
-    material: Material
+    material: IsotropicSolid
     contact: Contact
     oedometer: Oedometer
     title: str = ""

@@ -60,6 +60,23 @@ UNITS = {
 SHAPES = {"shape": (3,), "crop": (3, 2), "yield_stress": (-1, 2)}
 
 
+def register_material(name, cls, units=None):
+    """Let scene files say ``material.model = name`` for a material of one's own.
+
+    Args:
+        name: Its name in scene files.
+        cls: A frozen dataclass derived from :class:`~.materials.elastic.IsotropicSolid`.
+        units: Units of its fields beyond E, nu and rho, e.g. ``{"cohesion": "Pa"}``.
+
+    Raises:
+        InputError: The name is taken.
+    """
+    if MODELS.get(name, cls) is not cls:
+        raise InputError(f'material "{name}" is registered, expected a new name')
+    MODELS[name] = cls
+    UNITS[cls] = {**_ELASTIC_UNITS, **(units or {})}
+
+
 def read_scene(path) -> Scene:
     """Read a scene file; see `scene.load_scene`."""
     path = Path(path)

@@ -6,7 +6,8 @@ from dolfinx import fem
 
 from .errors import SolverError
 from .kernels.energy import elastic_energy
-from .kernels.solid import add_internal_forces, nodal_volumes
+from .kernels.hardening import plastic_increment
+from .kernels.solid import add_internal_forces, nodal_volumes, with_law
 from .kernels.stiffness import add_elastic_stiffness, element_time_step
 
 
@@ -32,7 +33,8 @@ class Solid:
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         materials: One material (with ``bulk_modulus``, ``shear_modulus``, ``rho``,
-            ``wave_speed``, ``contact_modulus``, ``table()``) for each grain of this rank.
+            ``wave_speed``, ``contact_modulus``, ``plastic_increment``, ``parameters()``) for
+            each grain of this rank.
         averaged: Averaged nodal pressure (True) or plain linear tetrahedra.
     """
 
@@ -44,7 +46,8 @@ class Solid:
         self.wave_speed = np.array([m.wave_speed for m in materials])
         self.contact_modulus = np.array([m.contact_modulus for m in materials])
         self.tangential_ratio = np.array([2 * (1 - m.nu) / (2 - m.nu) for m in materials])
-        self.table_strain, self.table_stress = _hardening_tables(materials)
+        self.parameters = _rows([m.parameters() for m in materials])
+        self._laws = _laws([m.plastic_increment for m in materials])
         self.mass = lumped_mass(mesh, np.array([m.rho for m in materials]))
 
         x = mesh.x
@@ -59,30 +62,18 @@ class Solid:
         """Advance the stress of ``state`` by ``dt`` and subtract the internal forces from ``f``.
 
         Returns:
-            The first inverted element, or -1. Local.
+            An inverted element, or -1. Local.
         """
-        m = self.mesh
-        return add_internal_forces(
-            f,
-            state.deviator,
-            state.plastic_strain,
-            state.plastic_work,
-            self.pressure,
-            state.x,
-            state.v,
-            dt,
-            m.cells,
-            self.volume0,
-            m.cell_offset,
-            m.nodes,
-            m.node_offset,
-            self.node_volume0,
-            self.bulk,
-            self.shear,
-            self.table_strain,
-            self.table_stress,
-            self.averaged,
-        )
+        m, bad = self.mesh, -1
+        for kernel, grains in self._laws:
+            found = kernel(
+                f, state.deviator, state.plastic_strain, state.plastic_work, self.pressure,
+                state.x, state.v, dt, m.cells, self.volume0, m.cell_offset, m.nodes,
+                m.node_offset, self.node_volume0, self.bulk, self.shear, grains,
+                self.parameters, self.averaged,
+            )  # fmt: skip
+            bad = max(bad, found)
+        return bad
 
     def add_stiffness(self, y, q, x):
         """Add the elastic tangent at positions ``x`` times ``q`` to ``y``. Local."""
@@ -161,13 +152,23 @@ def von_mises(deviator):
     return np.sqrt(1.5 * (normal**2).sum(axis=1) + 3.0 * (shear**2).sum(axis=1))
 
 
-def _hardening_tables(materials):
-    """Tables of all grains side by side, the last point repeated where one is shorter."""
-    tables = [m.table() for m in materials]
-    length = max((strain.size for strain, _ in tables), default=1)
-    strains, stresses = np.zeros((len(tables), length)), np.zeros((len(tables), length))
-    for g, (strain, stress) in enumerate(tables):
-        strains[g, : strain.size], stresses[g, : stress.size] = strain, stress
-        strains[g, strain.size :] = strain[-1] + np.arange(1, length - strain.size + 1)
-        stresses[g, stress.size :] = stress[-1]
-    return strains, stresses
+def _rows(parameters):
+    """Parameters of all grains side by side, shape (num_grains, m)."""
+    rows = np.zeros((len(parameters), max((p.size for p in parameters), default=1)))
+    for row, values in zip(rows, parameters, strict=True):
+        row[: values.size] = values
+    return rows
+
+
+def _laws(increments):
+    """A kernel for each law of plastic flow, and the grains that it works on."""
+    grains_of = {}
+    for grain, increment in enumerate(increments):
+        grains_of.setdefault(increment, []).append(grain)
+    return [
+        (
+            add_internal_forces if increment is plastic_increment else with_law(increment),
+            np.array(grains),
+        )
+        for increment, grains in grains_of.items()
+    ]

@@ -5,8 +5,9 @@ stress p = K ln J, which is a function of the current volume alone.
 
 Deviator: strain increment and spin at the midpoint of the step (T. J. R.
 Hughes, J. Winget, Int. J. Numer. Methods Eng. 15, 1980, 1862-1867), so that a
-rigid rotation of any size strains nothing; then a radial return to the yield
-surface of von Mises (M. L. Wilkins, Methods Comput. Phys. 3, 1964).
+rigid rotation of any size strains nothing; then a radial return (M. L. Wilkins,
+Methods Comput. Phys. 3, 1964) as far as the plastic law says, by default that of von Mises
+with a hardening table (kernels.hardening); :func:`with_law` makes the same with another one.
 
 Mean stress, where ``averaged``: J of a node is the current over the first
 volume of the elements around it, and an element takes the mean of its four
@@ -17,10 +18,14 @@ Grains are the outer loop: the data of one grain stay in the cache from the
 pass over volumes to the pass over stresses.
 """
 
+import functools
 import math
+import types
 
 import numba
 import numpy as np
+
+from .hardening import plastic_increment
 
 # Reassociation and contraction only: NaN and infinity keep their meaning.
 FAST = {"contract", "reassoc", "arcp", "nsz"}
@@ -65,46 +70,6 @@ def nodal_volumes(volume, x, cells):
         volume[b] += quarter
         volume[c] += quarter
         volume[d] += quarter
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def plastic_increment(q, alpha, shear, strain, stress):
-    """Plastic strain increment that returns a trial stress ``q`` to the yield stress.
-
-    Solves q - 3 G dp = Y(alpha + dp) exactly on a piecewise linear table; beyond
-    its last point the yield stress stays constant.
-
-    Args:
-        q: Von Mises stress of the trial state [Pa], above the yield stress.
-        alpha: Plastic strain so far [-].
-        shear: Shear modulus G [Pa].
-        strain: Plastic strains of the table, increasing, shape (num_points,).
-        stress: Yield stresses [Pa], shape (num_points,).
-    """
-    last = strain.size - 1
-    k = 0
-    while k < last and alpha >= strain[k + 1]:
-        k += 1
-    while k < last:
-        H = (stress[k + 1] - stress[k]) / (strain[k + 1] - strain[k])
-        dp = (q - stress[k] - H * (alpha - strain[k])) / (3.0 * shear + H)
-        if alpha + dp <= strain[k + 1]:
-            return dp
-        k += 1
-    return (q - stress[last]) / (3.0 * shear)
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def yield_stress_at(alpha, strain, stress):
-    """Yield stress [Pa] at the plastic strain ``alpha``, from a table as above."""
-    last = strain.size - 1
-    k = 0
-    while k < last and alpha >= strain[k + 1]:
-        k += 1
-    if k == last:
-        return stress[last]
-    H = (stress[k + 1] - stress[k]) / (strain[k + 1] - strain[k])
-    return stress[k] + H * (alpha - strain[k])
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -233,8 +198,8 @@ def add_internal_forces(
     node_volume0,
     bulk,
     shear,
-    table_strain,
-    table_stress,
+    grains,
+    parameters,
     averaged,
 ):
     """Advance the stress by one step and subtract the internal forces from ``f``, in place.
@@ -256,7 +221,9 @@ def add_internal_forces(
         node_offset: First entry of each grain in ``nodes``, shape (num_grains + 1,).
         node_volume0: First volumes around the nodes [m³], shape (num_nodes,).
         bulk, shear: Moduli of the grains [Pa], shape (num_grains,).
-        table_strain, table_stress: Hardening of the grains, shape (num_grains, num_points).
+        grains: Grains to work on, shape (n,).
+        parameters: Of the plastic law of all grains, shape (num_grains, m); the first is the least
+            von Mises stress at which the material can yield [Pa].
         averaged: Whether the mean stress is averaged over nodes.
 
     Returns:
@@ -264,11 +231,11 @@ def add_internal_forces(
     """
     bad = -1
     w = np.empty(36 * LANES)
-    for g in range(bulk.size):
+    for g in grains:
         K, G = bulk[g], shear[g]
-        strain, stress = table_strain[g], table_stress[g]
+        law = parameters[g]
         begin, end = cell_offset[g], cell_offset[g + 1]
-        first_yield2 = stress[0] * stress[0]
+        first_yield2 = law[0] * law[0]
 
         if averaged:
             for i in range(node_offset[g], node_offset[g + 1]):
@@ -305,11 +272,9 @@ def add_internal_forces(
                 if not averaged:
                     pressure[e] = w[34 * LANES + i] = K * math.log(w[33 * LANES + i] / volume0[e])
                 if w[35 * LANES + i] > first_yield2:
-                    alpha = plastic_strain[e]
-                    Y = yield_stress_at(alpha, strain, stress)
-                    if w[35 * LANES + i] > Y * Y:
-                        q = math.sqrt(w[35 * LANES + i])
-                        dp = plastic_increment(q, alpha, G, strain, stress)
+                    alpha, q = plastic_strain[e], math.sqrt(w[35 * LANES + i])
+                    dp = plastic_increment(q, w[34 * LANES + i], alpha, dt, G, law)
+                    if dp > 0.0:
                         scale = 1.0 - 3.0 * G * dp / q
                         # Half of the start's stress and half of the end's: the rule by which
                         # the nodal forces do their work.
@@ -334,3 +299,19 @@ def add_internal_forces(
                     f[c, k] -= w[(3 + k) * LANES + i]
                     f[d, k] -= w[(6 + k) * LANES + i]
     return bad
+
+
+@functools.cache
+def with_law(increment):
+    """:func:`add_internal_forces` with another plastic law; compiled at its first call.
+
+    Args:
+        increment: Compiled by numba; as :func:`.hardening.plastic_increment` it takes the trial
+            von Mises stress, the mean stress (tension positive) [Pa], the plastic strain so far,
+            the time step [s], the shear modulus [Pa] and the material's parameters, and returns
+            the increment dp >= 0 of the plastic strain. Flow keeps the volume and points
+            along the deviator: the stress goes back to q - 3 G dp.
+    """
+    names = {**globals(), "plastic_increment": increment}
+    function = types.FunctionType(add_internal_forces.py_func.__code__, names)
+    return numba.njit(fastmath=FAST, error_model="numpy")(function)

@@ -1,11 +1,24 @@
-"""Isotropic linear elasticity: parameters and the moduli that follow from them."""
+"""Isotropic linear elasticity: parameters and the moduli that follow from them.
+
+A material of one's own is a frozen dataclass derived from :class:`IsotropicSolid` with
+
+- ``plastic_increment``: a law compiled by numba, with the arguments and the answer of
+  :func:`~mufe_fenicsx.kernels.hardening.plastic_increment`, and
+- ``parameters()``: the row of numbers that it receives, the first of which is the least
+  von Mises stress at which the material can yield [Pa].
+
+Registered with :func:`mufe_fenicsx.scene_io.register_material`, scene files can name it;
+``demos/drucker_prager.py`` does all of that.
+"""
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from ..errors import InputError
+from ..kernels.hardening import plastic_increment
 
 
 @dataclass(frozen=True)
@@ -15,6 +28,9 @@ class IsotropicSolid:
     Raises:
         InputError: E or rho is not a finite number > 0, or nu outside ]-1, 0.5[.
     """
+
+    #: Compiled law of plastic flow.
+    plastic_increment: ClassVar = staticmethod(plastic_increment)
 
     E: float  #: Young's modulus [Pa]
     nu: float  #: Poisson's ratio [-]
@@ -58,6 +74,6 @@ class IsotropicSolid:
 class Elastic(IsotropicSolid):
     """Linear elasticity without a yield stress."""
 
-    def table(self) -> tuple[np.ndarray, np.ndarray]:
-        """A hardening table of one point: the yield stress is infinite."""
-        return np.zeros(1), np.full(1, np.inf)
+    def parameters(self) -> np.ndarray:
+        """Those of kernels.hardening: one point, the yield stress is infinite."""
+        return np.array([np.inf, 1.0, 0.0, np.inf])

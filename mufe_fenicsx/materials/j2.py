@@ -48,7 +48,7 @@ class J2(IsotropicSolid):
                 )
             before, least = strain, stress
 
-    def table(self) -> tuple[np.ndarray, np.ndarray]:
-        """Plastic strains [-] and yield stresses [Pa], both of shape (num_points,)."""
-        points = np.array(self.yield_stress, dtype=np.float64)
-        return points[:, 0].copy(), points[:, 1].copy()
+    def parameters(self) -> np.ndarray:
+        """Those of kernels.hardening: least yield stress, number of points, table."""
+        strain, stress = np.array(self.yield_stress, dtype=np.float64).T
+        return np.concatenate([[stress[0], strain.size], strain, stress])

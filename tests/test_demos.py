@@ -1,0 +1,58 @@
+"""Demos start, and those that carry code of a user's own do what they say."""
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DEMOS = Path(__file__).resolve().parents[1] / "demos"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("calibrate_compliance", "check_intrusion", "contact_verification", "normal_laws"),
+        "uneven_compliance",
+    ],
+)
+def test_a_demo_says_what_it_does(name):
+    done = subprocess.run(
+        [sys.executable, DEMOS / f"{name}.py", "--help"], capture_output=True, text=True
+    )
+    assert done.returncode == 0
+    assert "usage" in done.stdout
+
+
+@pytest.fixture(scope="module")
+def drucker_prager():
+    spec = importlib.util.spec_from_file_location("drucker_prager", DEMOS / "drucker_prager.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["drucker_prager"] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_a_law_of_ones_own_acts_in_the_elements(drucker_prager):
+    """A cube sheared under an even pressure reaches cohesion + friction x pressure."""
+    p, q = drucker_prager.sheared_cube(drucker_prager.STRONG, 6e-4)
+    assert p[-1] > 40e6
+    # Waves in the cube: 1e-4 of the stress.
+    assert q[-1] == pytest.approx(40e6 + p[-1], rel=1e-3)
+
+
+def test_scene_files_name_a_material_of_ones_own(drucker_prager, tmp_path):
+    from mufe_fenicsx.demo import demo_scene
+    from mufe_fenicsx.scene import load_scene, scene_to_toml
+
+    text = demo_scene().read_text()
+    start = text.index("[material]")
+    own = '[material]\nmodel = "drucker-prager"\nE = "100 GPa"\nnu = 0.15\nrho = "2650 kg/m^3"\n'
+    own += 'cohesion = "40 MPa"\nfriction = 1.0\n\n'
+    path = tmp_path / "scene.toml"
+    path.write_text(text[:start] + own + text[text.index("\n[", start) :])
+    scene = load_scene(path)
+    assert scene.material == drucker_prager.STRONG
+    path.write_text(scene_to_toml(scene))
+    assert load_scene(path).material == drucker_prager.STRONG
