@@ -1,7 +1,7 @@
 """Contact against theory, on one page with plots.
 
-    python demos/contact_verification.py FOLDER            about ten minutes on one core
-    python demos/contact_verification.py FOLDER --quick    coarser meshes, three minutes
+    python demos/contact_verification.py FOLDER            about fifteen minutes on one core
+    python demos/contact_verification.py FOLDER --quick    coarser meshes, five minutes
 
 computes the cases of `mufe verify` that have a theory with a curve (Hertz, stress below a contact,
 Mindlin, torsion, rolling, normal and oblique impact), draws what is computed over what is
@@ -236,7 +236,8 @@ def oblique(quick):
     axis.plot(found.psi1, found.psi2, "o", ms=4, color=style.RED, label="computed")
     axis.axhline(0, color=style.BLACK, lw=0.5)
     axis.set(xlabel=r"angle of incidence $ψ_1$", ylabel=r"angle of rebound $ψ_2$")
-    axis.legend(loc="lower left")
+    axis.set_ylim(-1.8, 0.9)
+    axis.legend(loc="upper center")
     return (
         figure,
         "Balls that meet obliquely: stick, partial slip and full slip.",

@@ -176,21 +176,25 @@ class Simulation:
         self.bonded.give_velocity(s.v)
 
     def check(self, diverged=False):
-        """Stop where an element has turned inside out or a value is not finite. Collective."""
+        """Stop where an element fails or a value is not finite. Collective.
+
+        Raises:
+            SolverError: An element turned inside out, collapsed or left its table of yield
+                stresses, or the motion is not finite; on all ranks.
+        """
         finite = math.isfinite(self._kinetic()) and not diverged
-        bad = self.comm.allgather((self._inverted, finite))
-        if all(cell < 0 and ok for cell, ok in bad):
-            return
-        message = None
-        if self._inverted >= 0:
-            message = str(self.solid.inverted(self._inverted))
-        messages = [m for m in self.comm.allgather(message) if m]
-        raise SolverError(
-            messages[0]
-            if messages
-            else f"the motion is no longer finite at step {self.state.num_steps}: reduce "
-            "solver.time_step_factor or oedometer.speed"
-        )
+        failure = None
+        if finite or self._inverted >= 0:
+            failure = self.solid.failure(self.state, self._inverted)
+        found = self.comm.allgather((failure, finite))
+        messages = [message for message, _ in found if message]
+        if messages:
+            raise SolverError(messages[0])
+        if not all(ok for _, ok in found):
+            raise SolverError(
+                f"the motion is no longer finite at step {self.state.num_steps}: reduce "
+                "solver.time_step_factor or oedometer.speed"
+            )
 
     # --- time step ------------------------------------------------------------------------
 

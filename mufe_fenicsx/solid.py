@@ -4,11 +4,13 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from .errors import SolverError
 from .kernels.energy import elastic_energy
 from .kernels.hardening import plastic_increment
 from .kernels.solid import add_internal_forces, nodal_volumes, with_law
 from .kernels.stiffness import add_elastic_stiffness, element_time_step
+
+#: An element whose time step falls to this part of the first smallest one has collapsed.
+COLLAPSED = 0.02
 
 
 def lumped_mass(mesh, density):
@@ -48,6 +50,7 @@ class Solid:
         self.tangential_ratio = np.array([2 * (1 - m.nu) / (2 - m.nu) for m in materials])
         self.parameters = _rows([m.parameters() for m in materials])
         self._laws = _laws([m.plastic_increment for m in materials])
+        self.largest_plastic_strain = np.array([m.largest_plastic_strain for m in materials])
         self.mass = lumped_mass(mesh, np.array([m.rho for m in materials]))
 
         x = mesh.x
@@ -56,6 +59,7 @@ class Solid:
         self.node_volume0 = np.zeros(mesh.num_nodes)
         nodal_volumes(self.node_volume0, x, mesh.cells)
         self.pressure = np.zeros(max(mesh.num_nodes, mesh.num_cells))
+        self.first_time_step = self.element_time_step(x)
         self._scratch = np.zeros(mesh.num_nodes)
 
     def add_internal_forces(self, f, state, dt):
@@ -137,13 +141,43 @@ class Solid:
         stress[:, :3] += self.mean_stress()[:, None]
         return stress
 
-    def inverted(self, cell):
-        """The error to raise for an element that turned inside out."""
-        label = self.mesh.labels[self.mesh.grains[self.mesh.grain_of_cell[cell]]]
-        return SolverError(
-            f"an element of grain {label} lost its volume (element {cell} of its rank): load more "
-            "slowly, use a coarser or better shaped mesh near it, or reduce solver.time_step_factor"
+    def failure(self, state, inverted=-1):
+        """What went wrong in an element of this rank, or None. Local.
+
+        Args:
+            state: The state of the grains.
+            inverted: An element that turned inside out, or -1.
+        """
+        if inverted >= 0:
+            return (
+                f"{self._name(inverted)} lost its volume: load more slowly, use a coarser or "
+                "better shaped mesh near it, or reduce solver.time_step_factor"
+            )
+        grains = np.flatnonzero(np.isfinite(self.largest_plastic_strain))
+        for grain in grains:
+            begin = self.mesh.cell_offset[grain]
+            strain = state.plastic_strain[begin : self.mesh.cell_offset[grain + 1]]
+            limit = self.largest_plastic_strain[grain]
+            if strain.max() > limit:
+                return (
+                    f"{self._name(begin + strain.argmax())} reached a plastic strain of "
+                    f"{strain.max():.3g}, beyond the table of yield stresses, which ends at "
+                    f'{limit:g}: extend material.yield_stress, or set material.beyond = "flat"'
+                )
+        step, cell = element_time_step(
+            state.x, self.mesh.cells, self.mesh.cell_offset, self.wave_speed
         )
+        if step < COLLAPSED * self.first_time_step:
+            return (
+                f"{self._name(cell)} collapsed: it allows {step / self.first_time_step:.2%} of the "
+                "first time step; the grain deforms more than its mesh can: end the test earlier, "
+                "use a coarser mesh there, or a harder material"
+            )
+        return None
+
+    def _name(self, cell):
+        label = self.mesh.labels[self.mesh.grains[self.mesh.grain_of_cell[cell]]]
+        return f"an element of grain {label} (element {cell} of its rank)"
 
 
 def von_mises(deviator):

@@ -205,6 +205,7 @@ BAD = [
         "material.yield_stress[0][0] = 0.01, expect",
     ),
     ("[[0.0, 10e6], [0.05, 110e6]]", "[[0.0, 0.0]]", "material.yield_stress[0][1] = 0.0, expected"),
+    ("[material]", '[material]\nbeyond = "flt"', 'beyond = "flt", expected "flat" or "slope"'),
     ("[material]", '[material]\nmodel = "j3"', 'material.model = "j3", expected "j2" or "elastic"'),
     (
         "[material]",

@@ -32,6 +32,9 @@ class IsotropicSolid:
     #: Compiled law of plastic flow.
     plastic_increment: ClassVar = staticmethod(plastic_increment)
 
+    #: Plastic strain at which the computation has to stop.
+    largest_plastic_strain: ClassVar = math.inf
+
     E: float  #: Young's modulus [Pa]
     nu: float  #: Poisson's ratio [-]
     rho: float  #: density [kg/m³]

@@ -8,22 +8,28 @@ import numpy as np
 from ..errors import InputError
 from .elastic import IsotropicSolid
 
+BEYOND = ("flat", "slope", "stop")
+#: Plastic strain that no grain reaches.
+FAR = 1e3
+
 
 @dataclass(frozen=True)
 class J2(IsotropicSolid):
     """Isotropic elasticity up to a yield stress that grows with plastic strain.
 
-    The yield stress is linear between the points of a table and constant after
-    its last one: a single point is perfect plasticity.
+    The yield stress is linear between the points of a table. Beyond its last one it stays
+    ("flat": a single point is perfect plasticity), goes on with the last slope ("slope"), or
+    the computation stops ("stop"), for a table that must not be left.
 
     Raises:
         InputError: as `IsotropicSolid`; or the table is empty, does not start at
             plastic strain 0, does not increase in strain, or has a stress that
             is not > 0 or below the one before it (softening has no solution
-            that is independent of the mesh).
+            that is independent of the mesh); or there is no such way beyond the table.
     """
 
     yield_stress: tuple[tuple[float, float], ...]  #: (plastic strain [-], stress [Pa]) of points
+    beyond: str = "flat"  #: the last point of the table: "flat", "slope" or "stop"
 
     def __post_init__(self):
         super().__post_init__()
@@ -47,8 +53,22 @@ class J2(IsotropicSolid):
                     + (f">= {least} Pa, the one before it" if i else "> 0 Pa")
                 )
             before, least = strain, stress
+        if self.beyond not in BEYOND:
+            raise InputError(f'beyond = "{self.beyond}", expected "' + '" or "'.join(BEYOND) + '"')
+        if self.beyond == "slope" and len(points) < 2:
+            raise InputError('beyond = "slope", expected "flat" for a table of one point')
+
+    @property
+    def largest_plastic_strain(self) -> float:
+        """Where the computation has to stop."""
+        return self.yield_stress[-1][0] if self.beyond == "stop" else math.inf
 
     def parameters(self) -> np.ndarray:
         """Those of kernels.hardening: least yield stress, number of points, table."""
-        strain, stress = np.array(self.yield_stress, dtype=np.float64).T
+        points = list(self.yield_stress)
+        if self.beyond == "slope":
+            (strain, stress), (last_strain, last_stress) = points[-2:]
+            slope = (last_stress - stress) / (last_strain - strain)
+            points.append((FAR, last_stress + slope * (FAR - last_strain)))
+        strain, stress = np.array(points, dtype=np.float64).T
         return np.concatenate([[stress[0], strain.size], strain, stress])
