@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.special import spherical_jn
 
 from .ball_impact import ball_impact
@@ -48,6 +49,54 @@ def modes(nu, highest=40.0, max_order=12):
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         found += [Mode(n, float(f), _modal_mass(n, f, ratio, gauss)) for f in low]
     return tuple(sorted(found, key=lambda mode: mode.frequency))
+
+
+def displacement(mode, nu, x):
+    """Shape of a spheroidal mode about the axis z, of unit size at most somewhere.
+
+    Args:
+        mode: One of :func:`modes`.
+        nu: Poisson's ratio.
+        x: Positions over the radius, shape (num_points, 3); the centre is not one of them.
+
+    Returns:
+        Displacements, shape (num_points, 3).
+    """
+    ratio, n, k = math.sqrt((1 - 2 * nu) / (2 * (1 - nu))), mode.order, mode.frequency
+    _, tau_a, tau_b = _free(n, k, ratio)
+    A, B = (1.0, 0.0) if n == 0 else (tau_b, -tau_a)
+    r = np.linalg.norm(x, axis=1)
+    j, dj, _ = _radial(n, ratio * k, r)
+    g, dg, _ = _radial(n, k, r)
+    P, cosine = np.polynomial.Legendre.basis(n), x[:, 2] / r
+    along = (A * dj + B * n * (n + 1) * g / r) * P(cosine)
+    # dP/dθ = -sin θ P'; the unit vector of θ times sin θ is cos θ r̂ - ẑ.
+    across = -(A * j / r + B * (g / r + dg)) * P.deriv()(cosine)
+    radial = x / r[:, None]
+    u = along[:, None] * radial + across[:, None] * (
+        cosine[:, None] * radial - np.array([0.0, 0.0, 1.0])
+    )
+    return u / np.linalg.norm(u, axis=1).max()
+
+
+def torsional_frequency(n):
+    """ω R/c_s of the lowest torsional mode of order n >= 2: k jₙ'(k) = jₙ(k). Lamb 1882."""
+
+    def traction(k):
+        return k * spherical_jn(n, k, derivative=True) - spherical_jn(n, k)
+
+    return float(brentq(traction, 0.5 * n, n + 2.0))
+
+
+def twist(x):
+    """Shape of the lowest torsional mode of order 2 about z: both halves turn against each other.
+
+    Args and answer as of :func:`displacement`.
+    """
+    r = np.linalg.norm(x, axis=1)
+    size = spherical_jn(2, torsional_frequency(2) * r) / r**2 * x[:, 2]
+    u = size[:, None] * np.column_stack([-x[:, 1], x[:, 0], np.zeros(r.size)])
+    return u / np.linalg.norm(u, axis=1).max()
 
 
 def vibration_loss(m, R, E, nu, rho, v):

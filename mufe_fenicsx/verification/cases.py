@@ -5,9 +5,11 @@ import inspect
 import typing
 
 from ..errors import InputError
+from .bar_impact import bar_impact
 from .column import column
 from .energy import energy
 from .feature_pairs import feature_pairs
+from .free_sphere import free_sphere
 from .hertz import hertz, hertz_convergence
 from .hertz_stress import hertz_stress
 from .impact import impact
@@ -39,6 +41,8 @@ CASES = {
     "torsion": torsion,
     "rolling": rolling,
     "feature-pairs": feature_pairs,
+    "free-sphere": free_sphere,
+    "bar-impact": bar_impact,
 }
 
 

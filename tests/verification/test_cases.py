@@ -102,6 +102,15 @@ def test_feature_pairs():
     run("feature-pairs", num_random=8, slow=0.02, rounds=1)
 
 
+def test_free_sphere():
+    run("free-sphere", elements_per_radius=3)
+
+
+@pytest.mark.mpi
+def test_bar_impact():
+    run("bar-impact", divisions=20)
+
+
 def test_every_case_of_the_command_line_says_what_it_is():
     assert len(CASES) > 6
     for function in CASES.values():
