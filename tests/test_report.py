@@ -13,6 +13,7 @@ from mufe_fenicsx.analysis import (
     rows,
     stress_strain,
 )
+from mufe_fenicsx.analysis.checkerboard import checkerboard
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output import fields, history, run_folder
 from mufe_fenicsx.report import style, write_report
@@ -347,3 +348,14 @@ def test_folder_without_a_run_is_refused(tmp_path):
         write_report(tmp_path)
     with pytest.raises(InputError, match="absent"):
         write_report(tmp_path / "nothing")
+
+
+def test_checkerboard_is_one_where_neighbours_alternate_and_small_where_smooth():
+    """A chain of tetrahedra in a prism, each with the next one face: alternating, even, linear."""
+    n = 40
+    cells = np.array([[k, k + 1, k + 2, k + 3] for k in range(n)])
+    volume, sign = np.ones(n), (-1.0) ** np.arange(n)
+    assert checkerboard(cells, sign, volume) == pytest.approx(1, abs=1e-12)
+    assert checkerboard(cells, np.ones(n), volume) == pytest.approx(0, abs=1e-12)
+    # A linear course has its neighbours' mean but at both ends, where it is off by one step.
+    assert checkerboard(cells, np.linspace(1, 2, n), volume) < 0.5 * np.sqrt(2 / n) / (n - 1)

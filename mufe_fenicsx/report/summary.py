@@ -6,6 +6,7 @@ import shlex
 import numpy as np
 
 from mufe_fenicsx.analysis import energy_check, stress_strain
+from mufe_fenicsx.analysis.checkerboard import checkerboard
 from mufe_fenicsx.analysis.grain_means import sample_stress, void_ratio
 from mufe_fenicsx.analysis.mesh_quality import mesh_quality
 from mufe_fenicsx.analysis.rows import loading_rows
@@ -138,6 +139,15 @@ def sample_rows(start, last, run, history):
                 "Vertical stress at the end, by the platens and by the stress in the grains",
                 f"{quantity(walls, 'Pa', 4)} and {quantity(inside, 'Pa', 4)}: two independent "
                 "numbers that equilibrium makes equal",
+            )
+        )
+    if "pressure" in last.cell_data:
+        part = checkerboard(last.cells, last.cell_data["pressure"], last.quality.volume)
+        rows.append(
+            (
+                "Checkerboard of the pressure at the end",
+                f"{number(part, 2)}: 1 where it alternates from tetrahedron to tetrahedron, as in "
+                "elements that lock; small where it is smooth",
             )
         )
     return rows
