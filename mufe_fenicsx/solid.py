@@ -8,6 +8,7 @@ from .errors import SolverError
 from .kernels.energy import elastic_energy
 from .kernels.solid import add_internal_forces, nodal_volumes
 from .kernels.stiffness import add_elastic_stiffness, element_time_step
+from .materials.rigid import Rigid
 
 
 def lumped_mass(mesh, density):
@@ -27,7 +28,7 @@ def lumped_mass(mesh, density):
 
 
 class Solid:
-    """Elastic or elasto-plastic grains of one rank.
+    """Elastic or elasto-plastic grains of one rank; rigid ones cost nothing here.
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
@@ -45,6 +46,8 @@ class Solid:
         self.contact_modulus = np.array([m.contact_modulus for m in materials])
         self.tangential_ratio = np.array([2 * (1 - m.nu) / (2 - m.nu) for m in materials])
         self.table_strain, self.table_stress = _hardening_tables(materials)
+        #: The grains that deform, shape (num_deformable,).
+        self.grains = np.flatnonzero([not isinstance(m, Rigid) for m in materials])
         self.mass = lumped_mass(mesh, np.array([m.rho for m in materials]))
 
         x = mesh.x
@@ -73,6 +76,7 @@ class Solid:
             dt,
             m.cells,
             self.volume0,
+            self.grains,
             m.cell_offset,
             m.nodes,
             m.node_offset,
@@ -94,6 +98,7 @@ class Solid:
             x,
             m.cells,
             self.volume0,
+            self.grains,
             m.cell_offset,
             m.nodes,
             m.node_offset,
@@ -104,8 +109,9 @@ class Solid:
         )
 
     def element_time_step(self, x):
-        """Proven bound of the stable time step from single elements [s]. Local."""
-        return element_time_step(x, self.mesh.cells, self.mesh.cell_offset, self.wave_speed)[0]
+        """Proven bound of the stable time step from single elements [s], inf without any. Local."""
+        m = self.mesh
+        return element_time_step(x, m.cells, self.grains, m.cell_offset, self.wave_speed)[0]
 
     def elastic_energy(self, state):
         """Elastic energy of each grain [J], shape (num_grains,). Local."""
@@ -119,6 +125,7 @@ class Solid:
             state.x,
             m.cells,
             self.volume0,
+            self.grains,
             m.cell_offset,
             m.nodes,
             m.node_offset,

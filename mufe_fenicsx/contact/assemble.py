@@ -13,7 +13,7 @@ from .checks import check_law, check_stiffness, check_surface, check_walls
 from .crossings import new_slip
 from .edges import EdgeContact
 from .exchange import SurfaceVector, exchange_surface
-from .laws import LAWS, inertial_layers, kinetic_of, matched_layers
+from .laws import LAWS, inertial_layers, kinetic_of, matched_layers, replace_layers
 from .ledger import Ledger
 from .pairs import search_pairs
 from .points import RECESS, surface_points
@@ -44,6 +44,8 @@ class Contact:
         mass: Nodal masses [kg], shape (num_nodes,), for the kinematic law.
         friction_kinetic: Coefficient while a contact slips; ``friction`` if None.
         self_contact: Nodes of a grain also meet facets of the same grain across a void.
+        rigid_layer: Compliance of the layer of grains that do not deform [m/Pa], nan for
+            others, shape (num_grains,); None: all deform.
 
     Raises:
         InputError: There are no such points, or no such law; a coefficient cannot be; a wall
@@ -64,6 +66,7 @@ class Contact:
         mass=None,
         friction_kinetic=None,
         self_contact=False,
+        rigid_layer=None,
     ):
         check_law(friction, compliance)
         if self_contact and points != "nodes":
@@ -85,6 +88,8 @@ class Contact:
         else:
             modulus = contact_modulus[mesh.grain_of_node[own.nodes]]
             layers = matched_layers(own, modulus, contact_modulus[mesh.grain_of_facet], compliance)
+            if rigid_layer is not None:
+                replace_layers(mesh, own, layers, rigid_layer)
         self.points = surface_points(points, mesh, own, x, *layers)
         self.facet_layer = layers[1]
         self.layer = self.points.layer

@@ -47,6 +47,21 @@ def matched_layers(own, node_modulus, facet_modulus, c):
     return node, c * edge_of_area(own.facet_area, 1) / facet_modulus
 
 
+def replace_layers(mesh, own, layers, rigid_layer):
+    """Put the layers of rigid grains in place of those matched to the mesh.
+
+    Args:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        own: Its :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
+        layers: Compliance of its nodes and of its facets [m/Pa], changed in place.
+        rigid_layer: Compliance of rigid grains [m/Pa], nan for others, shape (num_grains,).
+    """
+    grains = mesh.grain_of_node[own.nodes], mesh.grain_of_facet
+    for layer, grain in zip(layers, grains, strict=True):
+        rigid = ~np.isnan(rigid_layer[grain])
+        layer[rigid] = rigid_layer[grain[rigid]]
+
+
 def inertial_layers(own, mass):
     """Area over mass of nodes and of facets [m²/kg]; times Δt² that is their layer [m/Pa].
 

@@ -227,6 +227,7 @@ def add_internal_forces(
     dt,
     cells,
     volume0,
+    grains,
     cell_offset,
     nodes,
     node_offset,
@@ -251,6 +252,7 @@ def add_internal_forces(
         dt: Length of that step [s].
         cells: Nodes of the elements, those of a grain together, shape (num_cells, 4).
         volume0: First volumes of the elements [m³], shape (num_cells,).
+        grains: The grains that deform; others are passed by, shape (num_deformable,).
         cell_offset: First element of each grain, shape (num_grains + 1,).
         nodes: Nodes, those of a grain together, shape (num_nodes,).
         node_offset: First entry of each grain in ``nodes``, shape (num_grains + 1,).
@@ -264,7 +266,7 @@ def add_internal_forces(
     """
     bad = -1
     w = np.empty(36 * LANES)
-    for g in range(bulk.size):
+    for g in grains:
         K, G = bulk[g], shear[g]
         strain, stress = table_strain[g], table_stress[g]
         begin, end = cell_offset[g], cell_offset[g + 1]
