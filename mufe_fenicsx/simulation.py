@@ -118,7 +118,7 @@ class Simulation:
             HighestFrequency(self.comm, *rows, self.rigid.constrained(add, self.state))
             for add in (self._add_stiffness, self._add_springs)
         )
-        self._contact_step = self.rigid.single_contact_step(self.contact.points)
+        self._contact_step = self.rigid.contact_step(self.contact.points)
         self._margin = 0.0
         self._clock_at_refresh = 0.0
         self.dt = math.nan
