@@ -13,7 +13,14 @@ from .checks import check_law, check_stiffness, check_surface, check_walls
 from .crossings import new_slip
 from .edges import EdgeContact
 from .exchange import SurfaceVector, exchange_surface
-from .laws import LAWS, inertial_layers, kinetic_of, matched_layers, replace_layers
+from .laws import (
+    LAWS,
+    foundation_depth,
+    inertial_layers,
+    kinetic_of,
+    matched_layers,
+    replace_layers,
+)
 from .ledger import Ledger
 from .pairs import search_pairs
 from .points import RECESS, surface_points
@@ -104,6 +111,9 @@ class Contact:
         self.skin = SKIN * self.edge
         self.width = self.comm.allreduce(float(np.ptp(x, axis=0).max()), op=MPI.SUM)
         self.largest_depth = LARGEST_DEPTH * self.edge
+        if rigid_layer is not None:
+            rigid = foundation_depth(self.comm, rigid_layer, contact_modulus, LARGEST_DEPTH)
+            self.largest_depth = max(self.largest_depth, rigid)
         # Further behind a facet of its own grain, a node is taken to be on the other side of it.
         self.self_depth = 2 * self.largest_depth if self_contact else None
         check_walls(self.comm, walls, x, self.edge)

@@ -21,6 +21,7 @@ at rest an overlap remains wherever force over mass varies from node to node
 import math
 
 import numpy as np
+from mpi4py import MPI
 
 from ..errors import InputError
 
@@ -60,6 +61,23 @@ def replace_layers(mesh, own, layers, rigid_layer):
     for layer, grain in zip(layers, grains, strict=True):
         rigid = ~np.isnan(rigid_layer[grain])
         layer[rigid] = rigid_layer[grain[rigid]]
+
+
+def foundation_depth(comm, rigid_layer, modulus, largest_depth):
+    """Depth [m] at which two rigid grains press as two others ``largest_depth`` h deep do.
+
+    Layers of c h/E* reach the pressure E* d/(2 c) there, d = ``largest_depth``; the smallest
+    over all rigid grains, 0 without any. Collective.
+
+    Args:
+        comm: MPI communicator.
+        rigid_layer: As above [m/Pa], shape (num_grains,).
+        modulus: E/(1 - nu²) of the grains [Pa], shape (num_grains,).
+        largest_depth: Over the element size.
+    """
+    thickness = rigid_layer * modulus
+    least = comm.allreduce(float(np.nanmin(thickness, initial=np.inf)), op=MPI.MIN)
+    return largest_depth / COMPLIANCE * least if np.isfinite(least) else 0.0
 
 
 def inertial_layers(own, mass):
