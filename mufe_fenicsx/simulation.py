@@ -15,6 +15,7 @@ from .errors import SolverError
 from .integrators.explicit import central_difference
 from .kernels.energy import kinetic_energy
 from .kernels.motion import accelerate_and_half_kick, half_kick_and_drift, predict
+from .rigid import RigidGrains, check_rigid
 from .solid import Solid
 from .state import initial_state
 from .time_step import HighestFrequency
@@ -70,6 +71,7 @@ class Simulation:
         self.damping, self.assembled = float(damping), assembled
         self.time_step_factor, self.refresh = time_step_factor, refresh
         self.solid = Solid(mesh, materials, averaged)
+        self.rigid = RigidGrains(mesh, materials, mass_factor)
         if mass_factor is not None:
             self.solid.mass *= mass_factor
         self.walls = Walls(walls)
@@ -86,9 +88,13 @@ class Simulation:
             self.solid.mass,
             friction_kinetic,
             self_contact,
+            self.rigid.layers(materials),
         )
         self.bonded = Bonded(
             self.comm, self.walls, self.contact.own.nodes, self.walls.bonded, mesh.x
+        )
+        check_rigid(
+            self.comm, self.rigid, self.bonded.nodes, self.contact.kinematic, self.assembled
         )
         self._free_mass = self.bonded.free_mass(self.solid.mass)
         if self.contact.kinematic:
@@ -103,13 +109,16 @@ class Simulation:
         )
         if velocity is not None:
             self.state.v[:] = velocity
+            self.rigid.set_velocity(self.state.v)
         self.damped = 0.0  #: energy taken by the damping on this rank [J]
         self.initial_kinetic = 0.0
         self._inverted = -1
-        self._highest = HighestFrequency(self.comm, self.solid.mass, mesh.x, self._add_stiffness)
-        self._highest_of_springs = HighestFrequency(
-            self.comm, self.solid.mass, mesh.x, self._add_springs
+        rows = self.rigid.free_masses(self.solid.mass)
+        self._highest, self._highest_of_springs = (
+            HighestFrequency(self.comm, *rows, self.rigid.constrained(add, self.state))
+            for add in (self._add_stiffness, self._add_springs)
         )
+        self._contact_step = self.rigid.contact_step(self.contact.points)
         self._margin = 0.0
         self._clock_at_refresh = 0.0
         self.dt = math.nan
@@ -124,7 +133,8 @@ class Simulation:
         self.solid.add_internal_forces(self._f, s, 0.0)
         self.contact.add_forces(self._f, s.x, adopt=True)
         self.bonded.take_forces(self._f, s.v, s.x)
-        s.a[:] = self._f / self.solid.mass[:, None]
+        self.rigid.take_forces(self._f, s.x)
+        s.a[self.rigid.soft] = (self._f / self.solid.mass[:, None])[self.rigid.soft]
         self.update_time_step()
         self.initial_kinetic = self.comm.allreduce(self._kinetic())
 
@@ -141,7 +151,8 @@ class Simulation:
 
     def _drift(self, dt):
         s = self.state
-        half_kick_and_drift(s.x, s.u, s.v, s.a, self.mesh.x, dt, self.damping)
+        half_kick_and_drift(s.x, s.u, s.v, s.a, self.mesh.x, self.rigid.runs, dt, self.damping)
+        self.rigid.drift(s.x, s.u, dt, self.damping)
 
     def _forces(self, dt):
         s = self.state
@@ -164,6 +175,7 @@ class Simulation:
         except FloatingPointError:
             self.check(diverged=True)
         self.bonded.take_forces(self._f, s.v, s.x)
+        self.rigid.take_forces(self._f, s.x)
         self.walls.add_work()
         if self.walls.has_servo:
             self.walls.adjust(self.wall_forces())
@@ -171,8 +183,9 @@ class Simulation:
     def _kick(self, dt):
         s = self.state
         self.damped += accelerate_and_half_kick(
-            s.a, s.v, self._f, self.solid.mass, dt, self.damping
+            s.a, s.v, self._f, self.solid.mass, self.rigid.runs, dt, self.damping
         )
+        self.damped += self.rigid.kick(s.v, s.x, dt, self.damping)
         self.bonded.give_velocity(s.v)
 
     def check(self, diverged=False):
@@ -213,7 +226,9 @@ class Simulation:
         An ``early`` call, for contacts that may close, only ever shortens it.
         """
         s = self.state
-        self.dt_element = self.comm.allreduce(self.solid.element_time_step(s.x), op=MPI.MIN)
+        # What does not deform has a limit by contact alone, and is never faster than one.
+        own = min(self.solid.element_time_step(s.x), self._contact_step)
+        self.dt_element = self.comm.allreduce(own, op=MPI.MIN)
         # Pairs that can close before the next evaluation count as closed.
         moved = self.contact.clock - self._clock_at_refresh
         self._clock_at_refresh = self.contact.clock
@@ -222,7 +237,8 @@ class Simulation:
         ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
         self._margin = max(2.0 * moved, ahead, 1e-3 * self.contact.edge)
         if self.assembled:
-            limit = 2.0 / self._highest()
+            highest = self._highest()
+            limit = 2.0 / highest if highest > 0.0 else math.inf
         else:
             stiffest = self.comm.allreduce(self._stiffest_contact(), op=MPI.MAX)
             limit = 2.0 / math.sqrt((2.0 / self.dt_element) ** 2 + 2.0 * stiffest)
@@ -231,6 +247,7 @@ class Simulation:
         rate = 0.0 if self.contact.kinematic else self._highest_of_springs()
         if rate > 0.0:
             limit = min(limit, math.sqrt(2.0) / rate)
+        limit = min(limit, self.comm.allreduce(self._contact_step, op=MPI.MIN))
         dt = _rounded_down(self.time_step_factor * limit)
         # A change costs accuracy of the energies: small ones are not worth it.
         if not 0.99 * self.dt <= dt <= (math.inf if early else 1.05 * self.dt):
@@ -259,7 +276,8 @@ class Simulation:
 
     def _kinetic(self):
         s = self.state
-        return kinetic_energy(s.v, s.a, s.dt, self._free_mass)
+        deformable = kinetic_energy(s.v, s.a, s.dt, self._free_mass, self.rigid.runs)
+        return deformable + self.rigid.kinetic_energy(s.dt)
 
     def energies(self):
         """Terms of the energy balance [J], a dict with the keys of ``ENERGIES``. Collective."""

@@ -8,6 +8,7 @@ from .kernels.energy import elastic_energy
 from .kernels.hardening import plastic_increment
 from .kernels.solid import add_internal_forces, nodal_volumes, with_law
 from .kernels.stiffness import add_elastic_stiffness, element_time_step
+from .materials.rigid import Rigid
 
 #: An element whose time step falls to this part of the first smallest one has collapsed.
 COLLAPSED = 0.02
@@ -30,7 +31,7 @@ def lumped_mass(mesh, density):
 
 
 class Solid:
-    """Elastic or elasto-plastic grains of one rank.
+    """Elastic or elasto-plastic grains of one rank; rigid ones cost nothing here.
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
@@ -49,7 +50,9 @@ class Solid:
         self.contact_modulus = np.array([m.contact_modulus for m in materials])
         self.tangential_ratio = np.array([2 * (1 - m.nu) / (2 - m.nu) for m in materials])
         self.parameters = _rows([m.parameters() for m in materials])
-        self._laws = _laws([m.plastic_increment for m in materials])
+        #: The grains that deform, shape (num_deformable,).
+        self.grains = np.flatnonzero([not isinstance(m, Rigid) for m in materials])
+        self._laws = _laws(self.grains, [m.plastic_increment for m in materials])
         self.largest_plastic_strain = np.array([m.largest_plastic_strain for m in materials])
         self.mass = lumped_mass(mesh, np.array([m.rho for m in materials]))
 
@@ -89,6 +92,7 @@ class Solid:
             x,
             m.cells,
             self.volume0,
+            self.grains,
             m.cell_offset,
             m.nodes,
             m.node_offset,
@@ -99,8 +103,9 @@ class Solid:
         )
 
     def element_time_step(self, x):
-        """Proven bound of the stable time step from single elements [s]. Local."""
-        return element_time_step(x, self.mesh.cells, self.mesh.cell_offset, self.wave_speed)[0]
+        """Proven bound of the stable time step from single elements [s], inf without any. Local."""
+        m = self.mesh
+        return element_time_step(x, m.cells, self.grains, m.cell_offset, self.wave_speed)[0]
 
     def elastic_energy(self, state):
         """Elastic energy of each grain [J], shape (num_grains,). Local."""
@@ -114,6 +119,7 @@ class Solid:
             state.x,
             m.cells,
             self.volume0,
+            self.grains,
             m.cell_offset,
             m.nodes,
             m.node_offset,
@@ -165,7 +171,7 @@ class Solid:
                     f'{limit:g}: extend material.yield_stress, or set material.beyond = "flat"'
                 )
         step, cell = element_time_step(
-            state.x, self.mesh.cells, self.mesh.cell_offset, self.wave_speed
+            state.x, self.mesh.cells, self.grains, self.mesh.cell_offset, self.wave_speed
         )
         if step < COLLAPSED * self.first_time_step:
             return (
@@ -194,11 +200,11 @@ def _rows(parameters):
     return rows
 
 
-def _laws(increments):
-    """A kernel for each law of plastic flow, and the grains that it works on."""
+def _laws(grains, increments):
+    """A kernel for each law of plastic flow, and those of the ``grains`` that it works on."""
     grains_of = {}
-    for grain, increment in enumerate(increments):
-        grains_of.setdefault(increment, []).append(grain)
+    for grain in grains:
+        grains_of.setdefault(increments[grain], []).append(grain)
     return [
         (
             add_internal_forces if increment is plastic_increment else with_law(increment),

@@ -16,8 +16,9 @@ class HighestFrequency:
 
     Args:
         comm: MPI communicator.
-        mass: Nodal masses [kg], shape (num_nodes,).
-        x: Reference positions [m], shape (num_nodes, 3).
+        mass: Nodal masses [kg], shape (num_nodes,), or those of each row and component
+            of whatever moves (moments of inertia of what turns), shape (num_rows, 3).
+        x: Reference positions [m] of the nodes or rows, shape (num_rows, 3).
         add_stiffness: ``add_stiffness(y, q)`` adds K q to y; collective.
         size: Vectors in one sweep.
         tolerance: Residual over eigenvalue at which to stop.
@@ -26,7 +27,7 @@ class HighestFrequency:
 
     def __init__(self, comm, mass, x, add_stiffness, size=8, tolerance=0.02, max_sweeps=12):
         self.comm = comm
-        self.inverse_root = 1 / np.sqrt(mass)[:, None]
+        self.inverse_root = 1 / np.sqrt(mass if mass.ndim == 2 else mass[:, None])
         self.noise = _noise(x, np.sqrt(comm.allreduce(np.vdot(x, x)) / comm.allreduce(x.size)))
         self.add_stiffness = add_stiffness
         self.size, self.tolerance, self.max_sweeps = size, tolerance, max_sweeps

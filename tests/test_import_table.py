@@ -26,12 +26,13 @@ TABLE = {
     "memory": set(),
     "materials": {"kernels"},
     "solid": {"mesh", "materials", "kernels"},
+    "rigid": {"mesh", "materials", "kernels"},
     "contact": {"mesh", "kernels"},
     "integrators": {"state"},
     # geometry: its settings, of which the scene is the written form.
     "scene": {"materials", "contact", "units", "geometry"},
     "simulation": {
-        *("kernels", "geometry", "state", "mesh", "materials", "solid", "contact"),
+        *("kernels", "geometry", "state", "mesh", "materials", "solid", "rigid", "contact"),
         *("integrators", "scene", "time_step"),
     },
     # geometry: measures of tetrahedra, which are numbers from arrays.
@@ -39,7 +40,7 @@ TABLE = {
     "output": {"mesh", "state", "solid", "contact"},
     # A scene from grains on disk to a run folder.
     "run": {
-        *("kernels", "geometry", "state", "mesh", "materials", "solid", "contact"),
+        *("kernels", "geometry", "state", "mesh", "materials", "solid", "rigid", "contact"),
         *("integrators", "scene", "time_step", "simulation", "output", "launcher", "memory"),
     },
     "report": {"analysis", "output"},

@@ -13,7 +13,14 @@ from .checks import check_law, check_stiffness, check_surface, check_walls
 from .crossings import new_slip
 from .edges import EdgeContact
 from .exchange import SurfaceVector, exchange_surface
-from .laws import LAWS, inertial_layers, kinetic_of, matched_layers
+from .laws import (
+    LAWS,
+    foundation_depth,
+    inertial_layers,
+    kinetic_of,
+    matched_layers,
+    replace_layers,
+)
 from .ledger import Ledger
 from .pairs import search_pairs
 from .points import RECESS, surface_points
@@ -44,6 +51,8 @@ class Contact:
         mass: Nodal masses [kg], shape (num_nodes,), for the kinematic law.
         friction_kinetic: Coefficient while a contact slips; ``friction`` if None.
         self_contact: Nodes of a grain also meet facets of the same grain across a void.
+        rigid_layer: Compliance of the layer of grains that do not deform [m/Pa], nan for
+            others, shape (num_grains,); None: all deform.
 
     Raises:
         InputError: There are no such points, or no such law; a coefficient cannot be; a wall
@@ -64,6 +73,7 @@ class Contact:
         mass=None,
         friction_kinetic=None,
         self_contact=False,
+        rigid_layer=None,
     ):
         check_law(friction, compliance)
         if self_contact and points != "nodes":
@@ -85,6 +95,8 @@ class Contact:
         else:
             modulus = contact_modulus[mesh.grain_of_node[own.nodes]]
             layers = matched_layers(own, modulus, contact_modulus[mesh.grain_of_facet], compliance)
+            if rigid_layer is not None:
+                replace_layers(mesh, own, layers, rigid_layer)
         self.points = surface_points(points, mesh, own, x, *layers)
         self.facet_layer = layers[1]
         self.layer = self.points.layer
@@ -99,6 +111,9 @@ class Contact:
         self.skin = SKIN * self.edge
         self.width = self.comm.allreduce(float(np.ptp(x, axis=0).max()), op=MPI.SUM)
         self.largest_depth = LARGEST_DEPTH * self.edge
+        if rigid_layer is not None:
+            rigid = foundation_depth(self.comm, rigid_layer, contact_modulus, LARGEST_DEPTH)
+            self.largest_depth = max(self.largest_depth, rigid)
         # Further behind a facet of its own grain, a node is taken to be on the other side of it.
         self.self_depth = 2 * self.largest_depth if self_contact else None
         check_walls(self.comm, walls, x, self.edge)

@@ -21,6 +21,7 @@ at rest an overlap remains wherever force over mass varies from node to node
 import math
 
 import numpy as np
+from mpi4py import MPI
 
 from ..errors import InputError
 
@@ -45,6 +46,38 @@ def matched_layers(own, node_modulus, facet_modulus, c):
     # A nodal area is that of two triangles.
     node = c * edge_of_area(own.area, 2) / node_modulus
     return node, c * edge_of_area(own.facet_area, 1) / facet_modulus
+
+
+def replace_layers(mesh, own, layers, rigid_layer):
+    """Put the layers of rigid grains in place of those matched to the mesh.
+
+    Args:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        own: Its :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
+        layers: Compliance of its nodes and of its facets [m/Pa], changed in place.
+        rigid_layer: Compliance of rigid grains [m/Pa], nan for others, shape (num_grains,).
+    """
+    grains = mesh.grain_of_node[own.nodes], mesh.grain_of_facet
+    for layer, grain in zip(layers, grains, strict=True):
+        rigid = ~np.isnan(rigid_layer[grain])
+        layer[rigid] = rigid_layer[grain[rigid]]
+
+
+def foundation_depth(comm, rigid_layer, modulus, largest_depth):
+    """Depth [m] at which two rigid grains press as two others ``largest_depth`` h deep do.
+
+    Layers of c h/E* reach the pressure E* d/(2 c) there, d = ``largest_depth``; the smallest
+    over all rigid grains, 0 without any. Collective.
+
+    Args:
+        comm: MPI communicator.
+        rigid_layer: As above [m/Pa], shape (num_grains,).
+        modulus: E/(1 - nu²) of the grains [Pa], shape (num_grains,).
+        largest_depth: Over the element size.
+    """
+    thickness = rigid_layer * modulus
+    least = comm.allreduce(float(np.nanmin(thickness, initial=np.inf)), op=MPI.MIN)
+    return largest_depth / COMPLIANCE * least if np.isfinite(least) else 0.0
 
 
 def inertial_layers(own, mass):

@@ -6,7 +6,7 @@ import numba
 
 
 @numba.njit(cache=True)
-def kinetic_energy(v, a, dt, mass):
+def kinetic_energy(v, a, dt, mass, runs):
     """Kinetic energy of central differences at whole steps [J].
 
     Sum of m/2 (v - a dt/2).(v + a dt/2): with the elastic energy at the same
@@ -17,17 +17,19 @@ def kinetic_energy(v, a, dt, mass):
         a: Accelerations [m/s²], shape (num_nodes, 3).
         dt: Time step [s].
         mass: Nodal masses [kg], shape (num_nodes,).
+        runs: Ranges of nodes to sum over, first and end, shape (num_runs, 2).
     """
     total = 0.0
-    for n in range(mass.size):
-        v2 = v[n, 0] * v[n, 0] + v[n, 1] * v[n, 1] + v[n, 2] * v[n, 2]
-        a2 = a[n, 0] * a[n, 0] + a[n, 1] * a[n, 1] + a[n, 2] * a[n, 2]
-        total += 0.5 * mass[n] * (v2 - 0.25 * dt * dt * a2)
+    for r in range(runs.shape[0]):
+        for n in range(runs[r, 0], runs[r, 1]):
+            v2 = v[n, 0] * v[n, 0] + v[n, 1] * v[n, 1] + v[n, 2] * v[n, 2]
+            a2 = a[n, 0] * a[n, 0] + a[n, 1] * a[n, 1] + a[n, 2] * a[n, 2]
+            total += 0.5 * mass[n] * (v2 - 0.25 * dt * dt * a2)
     return total
 
 
 @numba.njit(cache=True)
-def elastic_energy(energy, deviator, x, cells, volume0, cell_offset, nodes, node_offset,
+def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nodes, node_offset,
                    node_volume0, volume, bulk, shear, averaged):  # fmt: skip
     """Elastic energy of each grain [J], in place.
 
@@ -39,7 +41,7 @@ def elastic_energy(energy, deviator, x, cells, volume0, cell_offset, nodes, node
         volume: Current volumes around nodes [m³], shape (num_nodes,).
         others: As in :func:`~mufe_fenicsx.kernels.solid.add_internal_forces`.
     """
-    for g in range(bulk.size):
+    for g in grains:
         total = 0.0
         for e in range(cell_offset[g], cell_offset[g + 1]):
             a = cells[e, 0]

@@ -1,24 +1,29 @@
-"""The updates of central differences, each one pass over the nodes."""
+"""The updates of central differences, each one pass over the nodes.
+
+``runs`` are ranges of nodes, shape (num_runs, 2), first and end of each: the nodes of
+rigid grains are left out.
+"""
 
 import numba
 
 
 @numba.njit(cache=True)
-def half_kick_and_drift(x, u, v, a, x0, dt, damping):
+def half_kick_and_drift(x, u, v, a, x0, runs, dt, damping):
     """First half of a step: v += dt/2 (a - damping v), u += dt v, x = x0 + u, in place.
 
     All arrays have the shape (num_nodes, 3); ``damping`` in 1/s.
     """
     half = 0.5 * dt
-    for n in range(v.shape[0]):
-        for i in range(3):
-            v[n, i] += half * (a[n, i] - damping * v[n, i])
-            u[n, i] += dt * v[n, i]
-            x[n, i] = x0[n, i] + u[n, i]
+    for r in range(runs.shape[0]):
+        for n in range(runs[r, 0], runs[r, 1]):
+            for i in range(3):
+                v[n, i] += half * (a[n, i] - damping * v[n, i])
+                u[n, i] += dt * v[n, i]
+                x[n, i] = x0[n, i] + u[n, i]
 
 
 @numba.njit(cache=True)
-def accelerate_and_half_kick(a, v, f, mass, dt, damping):
+def accelerate_and_half_kick(a, v, f, mass, runs, dt, damping):
     """Second half of a step: a = f/m, v = (v + dt/2 a)/(1 + dt/2 damping), in place.
 
     Returns:
@@ -27,11 +32,12 @@ def accelerate_and_half_kick(a, v, f, mass, dt, damping):
     half = 0.5 * dt
     scale = 1.0 / (1.0 + half * damping)
     lost = 0.0
-    for n in range(mass.size):
-        for i in range(3):
-            a[n, i] = f[n, i] / mass[n]
-            v[n, i] = (v[n, i] + half * a[n, i]) * scale
-            lost += mass[n] * v[n, i] * v[n, i]
+    for r in range(runs.shape[0]):
+        for n in range(runs[r, 0], runs[r, 1]):
+            for i in range(3):
+                a[n, i] = f[n, i] / mass[n]
+                v[n, i] = (v[n, i] + half * a[n, i]) * scale
+                lost += mass[n] * v[n, i] * v[n, i]
     return dt * damping * lost
 
 

@@ -15,6 +15,7 @@ def add_elastic_stiffness(
     x,
     cells,
     volume0,
+    grains,
     cell_offset,
     nodes,
     node_offset,
@@ -34,7 +35,7 @@ def add_elastic_stiffness(
         q: Displacements [m], shape (num_nodes, 3).
         others: As in :func:`~mufe_fenicsx.kernels.solid.add_internal_forces`.
     """
-    for g in range(bulk.size):
+    for g in grains:
         K, G = bulk[g], shear[g]
         begin, end = cell_offset[g], cell_offset[g + 1]
         if averaged:
@@ -104,7 +105,7 @@ def add_elastic_stiffness(
 
 
 @numba.njit(cache=True)
-def element_time_step(x, cells, cell_offset, wave_speed):
+def element_time_step(x, cells, grains, cell_offset, wave_speed):
     """Smallest proven time step of the elements [s] and its element.
 
     With a quarter of the mass at each node, the highest frequency of one linear
@@ -115,11 +116,12 @@ def element_time_step(x, cells, cell_offset, wave_speed):
     Args:
         x: Positions [m], shape (num_nodes, 3).
         cells: Nodes of the elements, shape (num_cells, 4).
+        grains: The grains that deform, shape (num_deformable,).
         cell_offset: First element of each grain, shape (num_grains + 1,).
         wave_speed: Speed of compression waves of the grains [m/s], shape (num_grains,).
     """
     best, worst = math.inf, -1
-    for g in range(wave_speed.size):
+    for g in grains:
         for e in range(cell_offset[g], cell_offset[g + 1]):
             h = _cofactors(x, cells[e, 0], cells[e, 1], cells[e, 2], cells[e, 3])
             s0, s1, s2 = h[0] + h[3] + h[6], h[1] + h[4] + h[7], h[2] + h[5] + h[8]

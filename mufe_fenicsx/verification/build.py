@@ -14,12 +14,12 @@ def build(
     comm, bodies, material, low, high, axes="xyz", wall_friction=None, velocity=None, walls=(),
     **options,
 ):  # fmt: skip
-    """Bodies of one material between smooth planes. Collective.
+    """Bodies between smooth planes. Collective.
 
     Args:
         comm: Communicator with at most as many ranks as bodies.
         bodies: List of (points [m], cells), the same on all ranks; labels are 1, 2, …
-        material: Material of all of them.
+        material: Material of all of them, or a list with that of each.
         low, high: Where the walls stand [m], shape (3,).
         axes: Which pairs of walls there are.
         wall_friction: Coefficient by the name of a wall, 0 where absent.
@@ -35,7 +35,8 @@ def build(
     mesh = distribute(comm, bodies)
     if velocity is not None:
         options["velocity"] = velocity(mesh.x, mesh.grains[mesh.grain_of_node])
-    return Simulation(mesh, [material] * mesh.num_grains, walls, **options)
+    materials = material if isinstance(material, list) else [material] * len(bodies)
+    return Simulation(mesh, [materials[g] for g in mesh.grains], walls, **options)
 
 
 def distribute(comm, bodies):

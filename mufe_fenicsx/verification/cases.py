@@ -18,6 +18,7 @@ from .oblique_impact import oblique_impact
 from .overlap import overlap
 from .packing import packing
 from .patch import patch
+from .rigid import rigid_impact, rigid_mix, rigid_rolling, rigid_top
 from .rolling import rolling
 from .sliding import sliding_block, sliding_facets
 from .spin import spin
@@ -40,6 +41,10 @@ CASES = {
     "mindlin": mindlin,
     "torsion": torsion,
     "rolling": rolling,
+    "rigid-top": rigid_top,
+    "rigid-rolling": rigid_rolling,
+    "rigid-impact": rigid_impact,
+    "rigid-mix": rigid_mix,
     "feature-pairs": feature_pairs,
     "free-sphere": free_sphere,
     "bar-impact": bar_impact,

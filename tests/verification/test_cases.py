@@ -98,6 +98,25 @@ def test_rolling():
 
 
 @pytest.mark.mpi
+def test_rigid_top():
+    run("rigid-top", turns=20)
+
+
+def test_rigid_rolling():
+    run("rigid-rolling")
+
+
+@pytest.mark.mpi
+def test_rigid_impact():
+    run("rigid-impact")
+
+
+@pytest.mark.mpi
+def test_rigid_mix():
+    run("rigid-mix", strain=0.01)
+
+
+@pytest.mark.mpi
 def test_feature_pairs():
     run("feature-pairs", num_random=8, slow=0.02, rounds=1)
 

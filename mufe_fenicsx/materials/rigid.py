@@ -1,0 +1,43 @@
+"""Grains that do not deform: their surfaces give way in contact, nothing else does."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from .elastic import IsotropicSolid
+
+
+@dataclass(frozen=True)
+class Rigid(IsotropicSolid):
+    """Six degrees of freedom; E and nu are those of the contact alone.
+
+    The bulk does not yield to a contact, so the layer on the surface stands for all of
+    it: an elastic foundation p = E* g/(kappa R) (K. L. Johnson, Contact Mechanics, 1985,
+    section 4.3), R the radius of the ball of equal volume, whatever the mesh. Pressed on
+    a plane or on its like, a ball answers with F = pi R δ² E*/(kappa R), and Hertz with
+    4/3 E* sqrt(R) δ^1.5: their ratio is 3 pi/4 (a/R)/kappa, a = sqrt(R δ) the radius of
+    Hertz's contact. They agree where a/R = ``contact_radius`` with kappa = 3 pi/4 of it;
+    lighter contacts are softer than Hertz's in proportion to a, heavier ones stiffer.
+
+    Raises:
+        InputError: as `IsotropicSolid`; or contact_radius is not a number in ]0, 1[.
+    """
+
+    contact_radius: float = 0.1  #: contact radius a/R at which the force is Hertz's [-]
+
+    def __post_init__(self):
+        super().__post_init__()
+        if not 0 < self.contact_radius < 1:
+            raise InputError(
+                f"contact_radius = {self.contact_radius}, expected 0 < contact_radius < 1"
+            )
+
+    def layer(self, radius) -> float:
+        """Compliance kappa R/E* of the layer [m/Pa] of a grain of that ``radius`` [m]."""
+        return 0.75 * math.pi * self.contact_radius * radius / self.contact_modulus
+
+    def parameters(self) -> np.ndarray:
+        """As of an elastic grain: it never yields."""
+        return np.array([np.inf, 1.0, 0.0, np.inf])

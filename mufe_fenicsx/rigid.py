@@ -1,0 +1,326 @@
+"""Rigid grains of one rank: six degrees of freedom each, on the mesh of all grains."""
+
+import numpy as np
+from mpi4py import MPI
+
+from .errors import InputError
+from .kernels import rigid as kernels
+from .materials.rigid import Rigid
+
+#: Points in contact that the step of free rigid grains allows for. With fewer the step has to
+#: be cut in the middle of the first contact, which costs accuracy of the energy.
+CONTACTS = 4
+
+
+def mass_properties(x, cells, cell_offset, rho):
+    """Mass, centre and inertia of bodies of tetrahedra, exact for the mesh.
+
+    Over a tetrahedron of volume V with corners x_a, s their sum, the integral of x xᵀ is
+    V/20 (sum_a x_a x_aᵀ + s sᵀ). Masses lumped at the nodes would make the inertia too large.
+
+    Args:
+        x: Positions of the nodes [m], shape (num_nodes, 3).
+        cells: Nodes of the tetrahedra, body after body, shape (num_cells, 4).
+        cell_offset: First tetrahedron of each body, shape (num_bodies + 1,).
+        rho: Densities [kg/m³], shape (num_bodies,).
+
+    Returns:
+        Masses [kg], shape (num_bodies,); centres [m], shape (num_bodies, 3); inertia
+        about the centres [kg m²], shape (num_bodies, 3, 3).
+    """
+    num = rho.size
+    mass, center, inertia = np.empty(num), np.empty((num, 3)), np.empty((num, 3, 3))
+    for b in range(num):
+        corners = x[cells[cell_offset[b] : cell_offset[b + 1]]]
+        origin = corners.reshape(-1, 3).mean(axis=0)
+        corners = corners - origin
+        volume = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
+        total = corners.sum(axis=1)
+        mean = volume @ total / (4 * volume.sum())
+        second = np.einsum("c,cai,caj->ij", volume, corners, corners)
+        second = (second + np.einsum("c,ci,cj->ij", volume, total, total)) / 20
+        second -= volume.sum() * np.outer(mean, mean)
+        mass[b] = rho[b] * volume.sum()
+        center[b] = origin + mean
+        inertia[b] = rho[b] * (np.trace(second) * np.eye(3) - second)
+    return mass, center, inertia
+
+
+class RigidGrains:
+    """Motion of the rigid grains of one rank; the state's nodes follow it.
+
+    Args:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        materials: A material for each grain of this rank; those that are
+            :class:`~mufe_fenicsx.materials.rigid.Rigid` are taken.
+        mass_factor: Masses times this, at the nodes, shape (num_nodes,); 1 if None.
+    """
+
+    def __init__(self, mesh, materials, mass_factor=None):
+        self.mesh = mesh
+        chosen = [g for g, m in enumerate(materials) if isinstance(m, Rigid)]
+        self.grains = np.array(chosen, dtype=np.int64)  #: local index of each rigid grain
+        n = self.grains.size
+        at = [slice(*mesh.node_offset[g : g + 2]) for g in self.grains]
+        self.nodes, self.offset = _rows([mesh.nodes[s] for s in at])
+        surface = np.zeros(mesh.num_nodes, dtype=bool)
+        surface[mesh.facets] = True
+        self.surface, self.surface_offset = _rows(
+            [n[surface[n]] for n in (mesh.nodes[s] for s in at)]
+        )
+        soft = np.ones(mesh.num_nodes, dtype=bool)
+        soft[self.nodes] = False
+        self.soft = np.flatnonzero(soft)  #: nodes of all other grains
+        self.runs = _runs(self.soft)  #: the same as ranges of nodes, shape (num_runs, 2)
+
+        self.mass, self.inertia = np.empty(n), np.empty((n, 3))
+        self.center, self.turn, self.axes = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3, 3))
+        self.place = np.empty((self.nodes.size, 3))
+        self.uneven = None  #: label of a grain whose mass factor varies
+        self.radius = np.empty(n)  #: of the ball of equal volume [m]
+        for b, g in enumerate(self.grains):
+            cells = mesh.cells[mesh.cell_offset[g] : mesh.cell_offset[g + 1]]
+            rho = materials[g].rho
+            mass, center, inertia = mass_properties(
+                mesh.x, cells, np.array([0, len(cells)]), np.array([rho])
+            )
+            here = slice(*self.offset[b : b + 2])
+            factor = 1.0
+            if mass_factor is not None:
+                factor = mass_factor[self.nodes[here]]
+                if np.ptp(factor) > 1e-12 * factor[0]:
+                    self.uneven = int(mesh.labels[mesh.grains[g]])
+                factor = factor[0]
+            self.radius[b] = np.cbrt(0.75 / np.pi * mass[0] / rho)
+            self.mass[b], self.center[b] = factor * mass[0], center[0]
+            moments, axes = np.linalg.eigh(factor * inertia[0])
+            axes[:, 2] *= np.linalg.det(axes)  # right-handed
+            self.inertia[b], self.turn[b] = moments, quaternion_of(axes)
+        kernels.set_axes(self.axes, self.turn)
+        for b in range(n):
+            here = slice(*self.offset[b : b + 2])
+            self.place[here] = (mesh.x[self.nodes[here]] - self.center[b]) @ self.axes[b]
+        self.velocity, self.momentum, self.spin, self.force, self.torque = np.zeros((5, n, 3))
+        self._energy = np.zeros(n)
+        self._q = self._y = None
+
+    @property
+    def num_grains(self):
+        """Rigid grains of this rank."""
+        return self.grains.size
+
+    def layers(self, materials):
+        """Compliance of the contact layer of each grain [m/Pa], nan where it deforms."""
+        layer = np.full(self.mesh.num_grains, np.nan)
+        for g, radius in zip(self.grains, self.radius, strict=True):
+            layer[g] = materials[g].layer(radius)
+        return layer
+
+    def set_velocity(self, v):
+        """Take momentum and angular momentum from nodal velocities ``v`` [m/s], linear in cells.
+
+        Those of a rigid motion are found again to rounding.
+        """
+        for b, g in enumerate(self.grains):
+            cells = self.mesh.cells[self.mesh.cell_offset[g] : self.mesh.cell_offset[g + 1]]
+            r, w = self.mesh.x[cells] - self.center[b], v[cells]
+            volume = np.linalg.det(r[:, 1:] - r[:, :1])
+            part = self.mass[b] * volume / volume.sum()
+            self.velocity[b] = part @ w.mean(axis=1) / self.mass[b]
+            turning = np.cross(r, w).sum(axis=1) + np.cross(r.sum(axis=1), w.sum(axis=1))
+            self.momentum[b] = part @ turning / 20
+        self.kick(v, self.mesh.x, 0.0, 0.0)
+
+    # --- stepping -------------------------------------------------------------------------
+
+    def drift(self, x, u, dt, damping):
+        """Half a kick, then the motion over a step ``dt``; nodes follow. Local."""
+        if not self.grains.size:
+            return
+        kernels.kick_and_drift(
+            self.center, self.velocity, self.momentum, self.turn, self.axes, self.force,
+            self.torque, self.mass, self.inertia, dt, damping,
+        )  # fmt: skip
+        kernels.place_nodes(
+            x, u, self.mesh.x, self.nodes, self.offset, self.place, self.center, self.axes
+        )
+
+    def take_forces(self, f, x):
+        """Force and torque of each grain from the nodal forces ``f`` on its surface. Local."""
+        if self.grains.size:
+            kernels.gather_loads(
+                self.force, self.torque, f, x, self.surface, self.surface_offset, self.center
+            )
+
+    def kick(self, v, x, dt, damping):
+        """Half a kick at the end of a step, and the velocities of the nodes. Local.
+
+        Returns:
+            Energy that the damping took [J].
+        """
+        if not self.grains.size:
+            return 0.0
+        lost = kernels.kick(
+            self.velocity, self.momentum, self.spin, self.force, self.torque, self.axes, self.mass,
+            self.inertia, dt, damping,
+        )  # fmt: skip
+        kernels.node_velocities(
+            v, x, self.nodes, self.offset, self.center, self.velocity, self.spin
+        )
+        return lost
+
+    def kinetic_energy(self, dt):
+        """Kinetic energy of the rigid grains after a step of ``dt`` [J]. Local."""
+        kernels.kinetic_energies(
+            self._energy, self.velocity, self.momentum, self.force, self.torque, self.axes,
+            self.mass, self.inertia, dt,
+        )  # fmt: skip
+        return float(self._energy.sum())
+
+    def angular_momentum(self):
+        """Sum over the rigid grains about the origin [N m s], shape (3,). Local."""
+        orbital = np.cross(self.center, self.mass[:, None] * self.velocity)
+        return (self.momentum + orbital).sum(axis=0)
+
+    # --- time step ------------------------------------------------------------------------
+
+    def contact_step(self, points):
+        """Smallest step √2/ω of a rigid grain with ``CONTACTS`` points in contact [s]. Local.
+
+        A force k g at a distance r from the centre accelerates its own point by at most
+        k g (1/m + r²/J₁), J₁ the smallest moment. A grain that flies freely, without a limit
+        of its own, steps no faster: inf only where there is no rigid grain.
+
+        Args:
+            points: :class:`~mufe_fenicsx.contact.points.Points`.
+        """
+        stiffest = np.zeros(self.mesh.num_grains)
+        np.maximum.at(stiffest, points.local_grain, points.area / points.layer)
+        best = np.inf
+        for b, g in enumerate(self.grains):
+            reach = (self.place[self.offset[b] : self.offset[b + 1]] ** 2).sum(axis=1).max()
+            inverse_mass = 1 / self.mass[b] + reach / self.inertia[b, 0]
+            best = min(best, np.sqrt(2 / (CONTACTS * stiffest[g] * inverse_mass)))
+        return best
+
+    def free_masses(self, mass):
+        """Masses of what moves freely, and places to tell these rows apart. Local.
+
+        Rows are the nodes that deform, then force and turn (about the principal axes) of
+        each rigid grain in turn.
+
+        Args:
+            mass: Nodal masses [kg], shape (num_nodes,).
+
+        Returns:
+            Masses and moments, shape (num_rows, 3); places [m], shape (num_rows, 3).
+        """
+        if not self.grains.size:
+            return mass, self.mesh.x
+        n = self.num_grains
+        rows, places = np.empty((2, self.soft.size + 2 * n, 3))
+        rows[: self.soft.size] = mass[self.soft, None]
+        rows[self.soft.size :: 2], rows[self.soft.size + 1 :: 2] = self.mass[:, None], self.inertia
+        places[: self.soft.size] = self.mesh.x[self.soft]
+        places[self.soft.size :: 2] = self.center
+        places[self.soft.size + 1 :: 2] = self.center + self.radius[:, None]
+        return rows, places
+
+    def constrained(self, add_stiffness, state):
+        """``add(y, q)`` in the rows of `free_masses` from one at nodes: Bᵀ K B q, B rigid motions.
+
+        Args:
+            add_stiffness: ``add_stiffness(y, q)`` with y, q of shape (num_nodes, 3); may be
+                collective.
+            state: :class:`~mufe_fenicsx.state.State`, whose positions are the present ones.
+        """
+        if not self.grains.size:
+            return add_stiffness
+        if self._q is None:
+            self._q, self._y = np.zeros((2, self.mesh.num_nodes, 3))
+        at_nodes, at_nodes_y, num_soft = self._q, self._y, self.soft.size
+        force, torque = np.zeros((2, self.num_grains, 3))
+
+        def add(y, q):
+            at_nodes[self.soft] = q[:num_soft]
+            kernels.expand_motion(
+                at_nodes, q[num_soft:], state.x, self.surface, self.surface_offset, self.center,
+                self.axes,
+            )  # fmt: skip
+            at_nodes_y[:] = 0.0
+            add_stiffness(at_nodes_y, at_nodes)
+            y[:num_soft] += at_nodes_y[self.soft]
+            kernels.gather_loads(
+                force, torque, at_nodes_y, state.x, self.surface, self.surface_offset, self.center
+            )
+            y[num_soft::2] += force
+            kernels.reduce_loads(y[num_soft:], torque, self.axes)
+
+        return add
+
+
+def check_rigid(comm, rigid, bonded, kinematic, assembled):
+    """What rigid grains cannot be used with, said on all ranks together. Collective.
+
+    Args:
+        comm: MPI communicator.
+        rigid: :class:`RigidGrains`.
+        bonded: Nodes glued to walls, shape (num_bonded,).
+        kinematic: Whether the normal law of contact is the kinematic one.
+        assembled: Whether the time step comes from the assembled system.
+
+    Raises:
+        InputError: The kinematic law, the time step of single elements, glued nodes, or a
+            mass factor that is not the same all over a rigid grain.
+    """
+    uneven = [label for label in comm.allgather(rigid.uneven) if label is not None]
+    if uneven:
+        raise InputError(
+            f"mass_factor varies over the rigid grain {uneven[0]}, expected the same all over it"
+        )
+    glued = np.intersect1d(bonded, rigid.nodes).size
+    num, glued = comm.allreduce(np.array([rigid.num_grains, glued]), op=MPI.SUM)
+    if not num:
+        return
+    if kinematic:
+        raise InputError('normal law of contact = kinematic, expected "matched" for rigid grains')
+    if not assembled:
+        raise InputError('time step = by element, expected "assembled" for rigid grains')
+    if glued:
+        raise InputError(
+            f"nodes of rigid grains on bonded walls = {glued}, expected none: deformable grains"
+        )
+
+
+def quaternion_of(axes):
+    """Unit quaternion, scalar first, of a rotation matrix, shape (4,).
+
+    The eigenvector of the largest eigenvalue: I. Y. Bar-Itzhack, J. Guid. Control Dyn. 23,
+    2000, 1085-1087.
+    """
+    m = axes
+    K = np.array(
+        [
+            [np.trace(m), m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
+            [0, m[0, 0] - m[1, 1] - m[2, 2], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0]],
+            [0, 0, m[1, 1] - m[0, 0] - m[2, 2], m[1, 2] + m[2, 1]],
+            [0, 0, 0, m[2, 2] - m[0, 0] - m[1, 1]],
+        ]
+    )
+    return np.linalg.eigh(K, UPLO="U")[1][:, -1]
+
+
+def _rows(parts):
+    """Lists of nodes one after the other, int32, and where each begins."""
+    offset = np.cumsum([0] + [p.size for p in parts])
+    return np.concatenate([np.empty(0, np.int32), *parts]).astype(np.int32), offset
+
+
+def _runs(nodes):
+    """Ranges of increasing ``nodes``: first and end of each, shape (num_runs, 2)."""
+    if not nodes.size:
+        return np.empty((0, 2), dtype=np.int64)
+    gap = np.flatnonzero(np.diff(nodes) > 1)
+    first = np.concatenate([[0], gap + 1])
+    last = np.concatenate([gap, [nodes.size - 1]])
+    return np.column_stack([nodes[first], nodes[last] + 1]).astype(np.int64)

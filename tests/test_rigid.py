@@ -1,0 +1,97 @@
+"""Rigid grains: mass, constrained stiffness, and what they cannot be used with."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.contact.walls import Wall
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry.shapes import box, sphere
+from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.materials.rigid import Rigid
+from mufe_fenicsx.rigid import mass_properties, quaternion_of
+from mufe_fenicsx.verification.build import build
+
+ROCK = {"E": 1e9, "nu": 0.15, "rho": 2650.0}
+
+
+def test_mass_and_inertia_of_a_brick_are_exact():
+    a, b, c = 1e-3, 2e-3, 3e-3
+    points, cells = box((a, b, c), (2, 3, 1), (5e-3, -1e-3, 0.0))
+    offset, rho = np.array([0, len(cells)]), np.array([2650.0])
+    mass, center, inertia = mass_properties(points, cells, offset, rho)
+    m = 2650.0 * a * b * c
+    exact = m / 12 * np.diag([b * b + c * c, a * a + c * c, a * a + b * b])
+    # Sums over tens of tetrahedra: rounding.
+    assert mass[0] == pytest.approx(m, rel=1e-14)
+    assert np.allclose(center[0], [5.5e-3, 0.0, 1.5e-3], rtol=0, atol=1e-17)
+    assert np.allclose(inertia[0], exact, rtol=0, atol=1e-13 * exact.max())
+
+
+def test_quaternion_of_a_half_turn():
+    for axis in np.eye(3):
+        q = quaternion_of(2 * np.outer(axis, axis) - np.eye(3))
+        assert np.allclose(np.abs(q), [0, *axis], atol=1e-15)
+
+
+def packing(materials, law="matched", **options):
+    """Two balls on each other and on a plane, pressed a little."""
+    points, cells = sphere(1e-3, 0.5e-3)
+    lift = np.array([0, 0, 1.995e-3])
+    walls = [Wall("low", np.array([0, 0, -0.99e-3]), np.eye(3)[2], friction=0.4)]
+    return build(
+        MPI.COMM_SELF, [(points, cells), (points + lift, cells)], materials, (0, 0, 0), (0, 0, 0),
+        axes="", walls=walls, friction=0.4, law=law, **options,
+    )  # fmt: skip
+
+
+def test_step_of_rigid_grains_is_that_of_the_dense_matrix():
+    """Two rigid balls and all springs within the margin: 12 degrees of freedom."""
+    s = packing([Rigid(**ROCK)] * 2)
+    s._margin = 0.1e-3
+    rows, _ = s.rigid.free_masses(s.solid.mass)
+    add = s.rigid.constrained(s._add_springs, s.state)
+    K = np.zeros((12, 12))
+    for i in range(12):
+        y, q = np.zeros((4, 3)), np.zeros((4, 3))
+        q.ravel()[i] = 1.0
+        add(y, q)
+        K[:, i] = y.ravel()
+    # Springs without moment of their own: the matrix is that of an energy.
+    assert np.allclose(K, K.T, rtol=0, atol=1e-10 * np.abs(K).max())
+    root = 1 / np.sqrt(rows.ravel())
+    highest = np.sqrt(np.linalg.eigvalsh(root[:, None] * K * root)[-1])
+    # Lanczos stops at a residual of 2 % of the eigenvalue, which is added.
+    assert highest <= s._highest_of_springs() * (1 + 1e-9)
+    assert s._highest_of_springs() == pytest.approx(highest, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "options, expected",
+    [
+        ({"law": "kinematic"}, "matched"),
+        ({"assembled": False}, "assembled"),
+    ],
+)
+def test_what_rigid_grains_cannot_be_used_with(options, expected):
+    with pytest.raises(InputError, match=expected):
+        packing([Rigid(**ROCK), Elastic(**ROCK)], **options)
+
+
+def test_mass_factor_is_one_for_a_rigid_grain():
+    points, cells = sphere(1e-3, 0.5e-3)
+    shift = np.array([4e-3, 0, 0])
+    bodies = [(points, cells), (points + shift, cells)]
+    plain, heavy = (
+        build(
+            MPI.COMM_SELF, bodies, Rigid(**ROCK), (0, 0, 0), (0, 0, 0), axes="",
+            mass_factor=factor,
+        ).rigid
+        for factor in (None, np.full(2 * len(points), 9.0))
+    )  # fmt: skip
+    assert np.allclose(heavy.mass, 9 * plain.mass) and np.allclose(heavy.inertia, 9 * plain.inertia)
+    with pytest.raises(InputError, match="mass_factor varies"):
+        build(
+            MPI.COMM_SELF, bodies, Rigid(**ROCK), (0, 0, 0), (0, 0, 0), axes="",
+            mass_factor=np.linspace(1, 2, 2 * len(points)),
+        )  # fmt: skip
