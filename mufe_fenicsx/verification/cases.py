@@ -11,6 +11,7 @@ from .feature_pairs import feature_pairs
 from .hertz import hertz, hertz_convergence
 from .hertz_stress import hertz_stress
 from .impact import impact
+from .material_point import material_point
 from .mindlin import mindlin
 from .oblique_impact import oblique_impact
 from .overlap import overlap
@@ -39,6 +40,7 @@ CASES = {
     "torsion": torsion,
     "rolling": rolling,
     "feature-pairs": feature_pairs,
+    "material-point": material_point,
 }
 
 
