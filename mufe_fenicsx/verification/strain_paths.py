@@ -145,7 +145,7 @@ class RandomPaths:
 
     Args:
         numbers: Of the paths, which make them the same on any number of ranks.
-        sizes: Yield strain of each, shape (n,): legs are ``legs`` of random length up to
+        sizes: Yield strain of each, shape (n,): legs are of random length from 1 to
             ``reach`` of these.
         legs: Number of straight parts.
         reach: Longest leg over the yield strain.
@@ -160,7 +160,7 @@ class RandomPaths:
             rng = np.random.default_rng([seed, 7, number])
             steps = rng.normal(size=(legs, 3, 3))
             steps = 0.5 * (steps + steps.transpose(0, 2, 1))
-            length = rng.uniform(0.1, reach, legs) / np.linalg.norm(steps, axis=(1, 2))
+            length = rng.uniform(1.0, reach, legs) / np.linalg.norm(steps, axis=(1, 2))
             self.strain[1:, i] = np.cumsum(size * length[:, None, None] * steps, axis=0)
             axes = rng.normal(size=(legs, 3))
             axes /= np.linalg.norm(axes, axis=1)[:, None]
