@@ -13,6 +13,7 @@ from .free_sphere import free_sphere
 from .hertz import hertz, hertz_convergence
 from .hertz_stress import hertz_stress
 from .impact import impact
+from .material_point import material_point
 from .mindlin import mindlin
 from .oblique_impact import oblique_impact
 from .overlap import overlap
@@ -48,6 +49,7 @@ CASES = {
     "feature-pairs": feature_pairs,
     "free-sphere": free_sphere,
     "bar-impact": bar_impact,
+    "material-point": material_point,
 }
 
 

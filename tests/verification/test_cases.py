@@ -130,6 +130,11 @@ def test_bar_impact():
     run("bar-impact", divisions=20)
 
 
+@pytest.mark.mpi
+def test_material_point():
+    run("material-point", paths=60, steps_per_leg=60)
+
+
 def test_every_case_of_the_command_line_says_what_it_is():
     assert len(CASES) > 6
     for function in CASES.values():

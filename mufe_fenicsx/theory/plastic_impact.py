@@ -1,0 +1,95 @@
+"""Impact of spheres that yield: restitution.
+
+p is the contact pressure that is never exceeded, V_y the speed at which it is first reached.
+Up to there the contact is Hertz's; beyond, the part of Hertz's pressure above p is cut off, so
+force grows by π R p for each unit of approach; unloading is that of an elastic sphere
+with the radius of the flattened contact. A limit that sets in at once is a simplification:
+a real sphere starts to yield at p0 = 1.6 Y (ν = 0.3) and reaches a mean pressure of 2.8 Y only
+some hundred times the approach later. So p between those two brackets it, and p is the only
+parameter that the theory has.
+
+It holds for quasi-static loading of contacts that are small beside the sphere: no
+waves, a/R << 1. C.-Y. Wu, L.-Y. Li, C. Thornton (Int. J. Impact Eng. 28, 2003, 929-946) find by
+finite elements that restitution falls faster, as V^(-1/2) instead of V^(-1/4), where the
+contact is no longer small (finite plastic deformation).
+
+Source: C. Thornton, J. Appl. Mech. 64, 1997, 383-386.
+"""
+
+import numpy as np
+
+
+def yield_speed(p, E, m, R):
+    """V_y [m/s]: that of an impact by Hertz with the largest pressure p.
+
+        ½ m V_y² = 2/5 F δ at p0 = p:  V_y = (π/2E*)² (8π R³/15m)^(1/2) p^(5/2)
+
+    Args:
+        p: Limiting contact pressure [Pa].
+        E: Effective modulus E* [Pa].
+        m: Effective mass [kg].
+        R: Effective radius [m].
+
+    Source: Thornton 1997; K. L. Johnson, Contact Mechanics, 1985, section 11.5.
+    """
+    return (np.pi / (2 * E)) ** 2 * np.sqrt(8 * np.pi * R**3 / (15 * m)) * p**2.5
+
+
+def restitution(v, v_yield):
+    """Speed of rebound over that of impact.
+
+        e = (6√3/5)^½ (1 - u²/6)^½ [u/(u + 2 √(6/5 - u²/5))]^¼,  u = V_y/V <= 1
+
+    and 1 below V_y; e tends to 1.185 u^¼.
+
+    Args:
+        v: Speed of impact [m/s].
+        v_yield: V_y [m/s].
+
+    Source: Thornton 1997.
+    """
+    u = np.minimum(v_yield / np.asarray(v, dtype=float), 1.0)
+    tail = u / (u + 2 * np.sqrt(1.2 - 0.2 * u**2))
+    return np.sqrt(1.2 * np.sqrt(3) * (1 - u**2 / 6)) * tail**0.25
+
+
+def restitution_by_work(v, p, E, m, R, num_steps=20000):
+    """The same from the law of force, integrated: for a check of the closed form.
+
+    Args:
+        v: Speed of impact [m/s].
+        p, E, m, R: As of :func:`yield_speed`.
+        num_steps: Of the integration.
+    """
+    a_yield = np.pi * R * p / (2 * E)
+    delta_yield = a_yield**2 / R
+    force_yield = 4 / 3 * E * a_yield**3 / R
+    energy = 0.5 * m * v**2
+    end = 4 * delta_yield + 2 * np.sqrt(energy / (np.pi * R * p))
+    delta = np.linspace(0.0, end, num_steps)
+    hertz = 4 / 3 * E * np.sqrt(R * np.minimum(delta, delta_yield) ** 3)
+    force = hertz + np.pi * R * p * np.maximum(delta - delta_yield, 0.0)
+    work = np.append(0.0, np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(delta)))
+    last = np.interp(energy, work, delta)
+    if last <= delta_yield:
+        return 1.0
+    largest = force_yield + np.pi * R * p * (last - delta_yield)
+    # The contact has the radius √(R δ), and carries this force as one of the radius R_p would.
+    a = np.sqrt(R * last)
+    R_p = 4 * E * a**3 / (3 * largest)
+    back = np.linspace(0.0, a**2 / R_p, num_steps)
+    unload = 4 / 3 * E * np.sqrt(R_p * back**3)
+    return float(np.sqrt(np.sum(0.5 * (unload[1:] + unload[:-1]) * np.diff(back)) / energy))
+
+
+def johnson_restitution(v, Y, E, m, R):
+    """e ≈ 3.8 (Y/E*)^½ (½ m V²/(Y R³))^(-1/8): fully plastic from the start, p = 3 Y.
+
+    Args:
+        v: Speed of impact [m/s].
+        Y: Yield stress [Pa].
+        E, m, R: As of :func:`yield_speed`.
+
+    Source: Johnson 1985, section 11.5(c).
+    """
+    return 3.8 * np.sqrt(Y / E) * (0.5 * m * v**2 / (Y * R**3)) ** (-0.125)
