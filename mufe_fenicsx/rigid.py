@@ -5,6 +5,7 @@ from mpi4py import MPI
 
 from .errors import InputError
 from .kernels import rigid as kernels
+from .materials.auto import Auto
 from .materials.rigid import Rigid
 
 #: Points in contact that the step of free rigid grains allows for. With fewer the step has to
@@ -46,32 +47,47 @@ def mass_properties(x, cells, cell_offset, rho):
     return mass, center, inertia
 
 
+def point_properties(x, mass):
+    """Mass, centre and inertia of one body of point masses, shaped as by `mass_properties`.
+
+    Args:
+        x: Positions [m], shape (n, 3).
+        mass: Masses [kg], shape (n,).
+    """
+    center = mass @ x / mass.sum()
+    r = x - center
+    second = np.einsum("n,ni,nj->ij", mass, r, r)
+    inertia = np.trace(second) * np.eye(3) - second
+    return np.array([mass.sum()]), center[None], inertia[None]
+
+
 class RigidGrains:
     """Motion of the rigid grains of one rank; the state's nodes follow it.
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         materials: A material for each grain of this rank; those that are
-            :class:`~mufe_fenicsx.materials.rigid.Rigid` are taken.
+            :class:`~mufe_fenicsx.materials.rigid.Rigid` or
+            :class:`~mufe_fenicsx.materials.auto.Auto` are taken.
+        node_mass: Lumped masses of the nodes [kg], shape (num_nodes,). Grains that will
+            deform later have the moments of these, so that they keep their energy then.
         mass_factor: Masses times this, at the nodes, shape (num_nodes,); 1 if None.
     """
 
-    def __init__(self, mesh, materials, mass_factor=None):
+    def __init__(self, mesh, materials, node_mass, mass_factor=None):
         self.mesh = mesh
-        chosen = [g for g, m in enumerate(materials) if isinstance(m, Rigid)]
+        # Those that stay rigid come first, whatever the others do.
+        chosen = [
+            g for kind in (Rigid, Auto) for g, m in enumerate(materials) if isinstance(m, kind)
+        ]
         self.grains = np.array(chosen, dtype=np.int64)  #: local index of each rigid grain
         n = self.grains.size
-        at = [slice(*mesh.node_offset[g : g + 2]) for g in self.grains]
-        self.nodes, self.offset = _rows([mesh.nodes[s] for s in at])
-        surface = np.zeros(mesh.num_nodes, dtype=bool)
-        surface[mesh.facets] = True
-        self.surface, self.surface_offset = _rows(
-            [n[surface[n]] for n in (mesh.nodes[s] for s in at)]
-        )
-        soft = np.ones(mesh.num_nodes, dtype=bool)
-        soft[self.nodes] = False
-        self.soft = np.flatnonzero(soft)  #: nodes of all other grains
-        self.runs = _runs(self.soft)  #: the same as ranges of nodes, shape (num_runs, 2)
+        self._node_mass = node_mass.copy() if n else node_mass
+        self.num_always = sum(isinstance(m, Rigid) for m in materials)  #: that never deform
+        self._list_nodes()
+        free = np.ones(mesh.num_nodes, dtype=bool)
+        free[self.nodes[: self.offset[self.num_always]]] = False
+        self.unconstrained = np.flatnonzero(free)  #: nodes that deform now or later
 
         self.mass, self.inertia = np.empty(n), np.empty((n, 3))
         self.center, self.turn, self.axes = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3, 3))
@@ -85,6 +101,10 @@ class RigidGrains:
                 mesh.x, cells, np.array([0, len(cells)]), np.array([rho])
             )
             here = slice(*self.offset[b : b + 2])
+            if b >= self.num_always:
+                mass, center, inertia = point_properties(
+                    mesh.x[self.nodes[here]], node_mass[self.nodes[here]]
+                )
             factor = 1.0
             if mass_factor is not None:
                 factor = mass_factor[self.nodes[here]]
@@ -104,16 +124,55 @@ class RigidGrains:
         self._energy = np.zeros(n)
         self._q = self._y = None
 
+    def _list_nodes(self):
+        """Nodes of the rigid grains, and of all others."""
+        mesh = self.mesh
+        at = [mesh.nodes[slice(*mesh.node_offset[g : g + 2])] for g in self.grains]
+        self.nodes, self.offset = _rows(at)
+        surface = np.zeros(mesh.num_nodes, dtype=bool)
+        surface[mesh.facets] = True
+        self.surface, self.surface_offset = _rows([n[surface[n]] for n in at])
+        soft = np.ones(mesh.num_nodes, dtype=bool)
+        soft[self.nodes] = False
+        self.soft = np.flatnonzero(soft)  #: nodes of all other grains
+        self.runs = _runs(self.soft)  #: the same as ranges of nodes, shape (num_runs, 2)
+
     @property
     def num_grains(self):
         """Rigid grains of this rank."""
         return self.grains.size
 
+    def pushes(self, f):
+        """Sum of the magnitudes of the nodal forces ``f`` on each grain [N], shape (num,). Local.
+
+        Args:
+            f: Contact forces, shape (num_nodes, 3).
+        """
+        size = np.sqrt((f[self.surface] ** 2).sum(axis=1))
+        return np.add.reduceat(size, self.surface_offset[:-1]) if self.num_grains else size
+
+    def release(self, which):
+        """Let rigid grains go; their nodes keep their places and velocities. Local.
+
+        Args:
+            which: True for those that deform from now on, shape (num_grains,).
+        """
+        if not which.any():
+            return
+        places = np.split(self.place, self.offset[1:-1])
+        for name in ("grains", "mass", "inertia", "center", "turn", "axes", "radius",
+                     "velocity", "momentum", "spin", "force", "torque", "_energy"):  # fmt: skip
+            setattr(self, name, np.ascontiguousarray(getattr(self, name)[~which]))
+        kept = [p for p, gone in zip(places, which, strict=True) if not gone]
+        self.place = np.concatenate([np.empty((0, 3)), *kept])
+        self._list_nodes()
+
     def layers(self, materials):
         """Compliance of the contact layer of each grain [m/Pa], nan where it deforms."""
         layer = np.full(self.mesh.num_grains, np.nan)
-        for g, radius in zip(self.grains, self.radius, strict=True):
-            layer[g] = materials[g].layer(radius)
+        for b in range(self.num_always):
+            g = self.grains[b]
+            layer[g] = materials[g].layer(self.radius[b])
         return layer
 
     def set_velocity(self, v):
@@ -122,6 +181,13 @@ class RigidGrains:
         Those of a rigid motion are found again to rounding.
         """
         for b, g in enumerate(self.grains):
+            if b >= self.num_always:
+                nodes = self.nodes[slice(*self.offset[b : b + 2])]
+                m, r = self._node_mass[nodes], self.mesh.x[nodes] - self.center[b]
+                m = m * (self.mass[b] / m.sum())
+                self.velocity[b] = m @ v[nodes] / self.mass[b]
+                self.momentum[b] = m @ np.cross(r, v[nodes])
+                continue
             cells = self.mesh.cells[self.mesh.cell_offset[g] : self.mesh.cell_offset[g + 1]]
             r, w = self.mesh.x[cells] - self.center[b], v[cells]
             volume = np.linalg.det(r[:, 1:] - r[:, :1])
@@ -197,7 +263,7 @@ class RigidGrains:
         stiffest = np.zeros(self.mesh.num_grains)
         np.maximum.at(stiffest, points.local_grain, points.area / points.layer)
         best = np.inf
-        for b, g in enumerate(self.grains):
+        for b, g in enumerate(self.grains[: self.num_always]):
             reach = (self.place[self.offset[b] : self.offset[b + 1]] ** 2).sum(axis=1).max()
             inverse_mass = 1 / self.mass[b] + reach / self.inertia[b, 0]
             best = min(best, np.sqrt(2 / (CONTACTS * stiffest[g] * inverse_mass)))
@@ -206,8 +272,8 @@ class RigidGrains:
     def free_masses(self, mass):
         """Masses of what moves freely, and places to tell these rows apart. Local.
 
-        Rows are the nodes that deform, then force and turn (about the principal axes) of
-        each rigid grain in turn.
+        Rows are the nodes that deform now or later, then force and turn (about principal axes) of
+        each grain that stays rigid in turn.
 
         Args:
             mass: Nodal masses [kg], shape (num_nodes,).
@@ -215,15 +281,15 @@ class RigidGrains:
         Returns:
             Masses and moments, shape (num_rows, 3); places [m], shape (num_rows, 3).
         """
-        if not self.grains.size:
+        n, free = self.num_always, self.unconstrained
+        if not n:
             return mass, self.mesh.x
-        n = self.num_grains
-        rows, places = np.empty((2, self.soft.size + 2 * n, 3))
-        rows[: self.soft.size] = mass[self.soft, None]
-        rows[self.soft.size :: 2], rows[self.soft.size + 1 :: 2] = self.mass[:, None], self.inertia
-        places[: self.soft.size] = self.mesh.x[self.soft]
-        places[self.soft.size :: 2] = self.center
-        places[self.soft.size + 1 :: 2] = self.center + self.radius[:, None]
+        rows, places = np.empty((2, free.size + 2 * n, 3))
+        rows[: free.size] = mass[free, None]
+        rows[free.size :: 2], rows[free.size + 1 :: 2] = self.mass[:n, None], self.inertia[:n]
+        places[: free.size] = self.mesh.x[free]
+        places[free.size :: 2] = self.center[:n]
+        places[free.size + 1 :: 2] = self.center[:n] + self.radius[:n, None]
         return rows, places
 
     def constrained(self, add_stiffness, state):
@@ -234,27 +300,30 @@ class RigidGrains:
                 collective.
             state: :class:`~mufe_fenicsx.state.State`, whose positions are the present ones.
         """
-        if not self.grains.size:
+        n, free = self.num_always, self.unconstrained
+        if not n:
             return add_stiffness
         if self._q is None:
             self._q, self._y = np.zeros((2, self.mesh.num_nodes, 3))
-        at_nodes, at_nodes_y, num_soft = self._q, self._y, self.soft.size
-        force, torque = np.zeros((2, self.num_grains, 3))
+        at_nodes, at_nodes_y = self._q, self._y
+        surface_offset = self.surface_offset[: n + 1]
+        surface = self.surface[: surface_offset[-1]]
+        force, torque = np.zeros((2, n, 3))
 
         def add(y, q):
-            at_nodes[self.soft] = q[:num_soft]
+            center, axes = self.center[:n], self.axes[:n]
+            at_nodes[free] = q[: free.size]
             kernels.expand_motion(
-                at_nodes, q[num_soft:], state.x, self.surface, self.surface_offset, self.center,
-                self.axes,
-            )  # fmt: skip
+                at_nodes, q[free.size :], state.x, surface, surface_offset, center, axes
+            )
             at_nodes_y[:] = 0.0
             add_stiffness(at_nodes_y, at_nodes)
-            y[:num_soft] += at_nodes_y[self.soft]
+            y[: free.size] += at_nodes_y[free]
             kernels.gather_loads(
-                force, torque, at_nodes_y, state.x, self.surface, self.surface_offset, self.center
+                force, torque, at_nodes_y, state.x, surface, surface_offset, center
             )
-            y[num_soft::2] += force
-            kernels.reduce_loads(y[num_soft:], torque, self.axes)
+            y[free.size :: 2] += force
+            kernels.reduce_loads(y[free.size :], torque, axes)
 
         return add
 

@@ -227,6 +227,7 @@ def run_scene(
     return_freed_arrays()
     started = time.perf_counter()
     mesh = load_mesh(comm, grains_folder)
+    materials = scene.materials_of(mesh.labels[mesh.grains], mesh.labels)
     sample, separation = scene.sample, None
     if sample.separation:
         separation = separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
@@ -246,7 +247,7 @@ def run_scene(
     solver, oedometer = scene.solver, scene.oedometer
     simulation = Simulation(
         mesh,
-        [scene.material] * mesh.num_grains,
+        materials,
         make_walls(scene, low, high),
         friction=scene.contact.friction,
         friction_kinetic=scene.contact.friction_kinetic,

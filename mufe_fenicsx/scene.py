@@ -10,10 +10,15 @@ import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from .contact.laws import COMPLIANCE
 from .errors import InputError
 from .geometry.settings import MeshSettings, SegmentSettings
+from .materials.auto import Auto
 from .materials.elastic import IsotropicSolid
+from .materials.rigid import Rigid
+from .materials.scatter import Scatter
 
 #: Walls by name: the axis that they are normal to and the side of the sample.
 WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
@@ -75,6 +80,19 @@ class Sample:
             self.close_gaps_over_h,
             "only one of close_gaps and close_gaps_over_h",
         )
+
+
+@dataclass(frozen=True)
+class Group:
+    """[materials.NAME]: grains of another material than the rest."""
+
+    labels: tuple[int, ...]  #: labels of these grains
+    material: IsotropicSolid
+    scatter: Scatter | None = None  #: None: all alike
+
+    def __post_init__(self):
+        if not self.labels:
+            raise InputError("labels = [], expected labels of grains")
 
 
 @dataclass(frozen=True)
@@ -195,7 +213,11 @@ class Output:
 
 @dataclass(frozen=True)
 class Scene:
-    """A whole test. ``walls`` always has all six, each with its friction filled in."""
+    """A whole test. ``walls`` always has all six, each with its friction filled in.
+
+    Raises:
+        InputError: a wall that does not exist, or that two tables move; a grain in two groups.
+    """
 
     material: IsotropicSolid
     contact: Contact
@@ -207,11 +229,29 @@ class Scene:
     solver: Solver = Solver()
     walls: dict[str, Wall] = field(default_factory=dict)
     output: Output = Output()
+    scatter: Scatter | None = None  #: of ``material``; None: all grains alike
+    materials: dict[str, Group] = field(default_factory=dict)  #: of grains that differ
 
     def __post_init__(self):
+        group_of = {}
+        for name, group in self.materials.items():
+            for label in group.labels:
+                if group_of.setdefault(label, name) != name:
+                    raise InputError(
+                        f"materials.{name}.labels has {label}, expected each label in one group: "
+                        f"it is in materials.{group_of[label]} too"
+                    )
         for name in self.walls:
             if name not in WALLS:
                 raise InputError(f"walls.{name} is not a wall, expected one of {', '.join(WALLS)}")
+        models = [self.material, *(group.material for group in self.materials.values())]
+        if any(isinstance(model, Rigid | Auto) for model in models):
+            if self.contact.law == "kinematic":
+                raise InputError('contact.law = "kinematic", expected "matched" for rigid grains')
+            if self.solver.time_step == "element":
+                raise InputError(
+                    'solver.time_step = "element", expected "assembled" for rigid grains'
+                )
         top = self.walls.get(TOP_PLATEN, Wall())
         for key, rest in (("velocity", 0), ("stress", None)):
             if getattr(top, key) != rest:
@@ -220,6 +260,33 @@ class Scene:
                     "[oedometer] moves the top platen"
                 )
         object.__setattr__(self, "walls", {name: self._wall(name) for name in WALLS})
+
+    def materials_of(self, labels, known):
+        """Material of each grain of ``labels``.
+
+        Args:
+            labels: Labels of the grains, shape (num_grains,).
+            known: Labels of all grains of the sample.
+
+        Raises:
+            InputError: a group names a grain that the sample has not.
+        """
+        group_of = {label: g for g in self.materials.values() for label in g.labels}
+        known = set(np.asarray(known).tolist())
+        for name, group in self.materials.items():
+            for label in group.labels:
+                if label not in known:
+                    raise InputError(
+                        f"materials.{name}.labels has {label}, expected a label of the sample, "
+                        f"{min(known)} to {max(known)}"
+                    )
+        rest = Group((0,), self.material, self.scatter)
+        found = []
+        for label in labels:
+            group = group_of.get(int(label), rest)
+            scatter = group.scatter
+            found.append(scatter.of(group.material, label) if scatter else group.material)
+        return found
 
     def _wall(self, name):
         wall = self.walls.get(name, Wall())

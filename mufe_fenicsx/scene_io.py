@@ -2,6 +2,7 @@
 
 import difflib
 import json
+import re
 import tomllib
 import types
 import typing
@@ -11,12 +12,16 @@ from pathlib import Path
 
 from .errors import InputError
 from .geometry.settings import MeshSettings, SegmentSettings
+from .materials.auto import Auto
 from .materials.elastic import Elastic
 from .materials.j2 import J2
+from .materials.rigid import Rigid
+from .materials.scatter import SCATTERED, Scatter
 from .scene import (
     PACKAGED_IMAGES,
     WALLS,
     Contact,
+    Group,
     ImageSettings,
     Oedometer,
     Output,
@@ -27,7 +32,7 @@ from .scene import (
 )
 from .units import expected, shown, to_si
 
-MODELS = {"j2": J2, "elastic": Elastic}
+MODELS = {"j2": J2, "elastic": Elastic, "rigid": Rigid, "auto": Auto}
 
 #: Table of the file -> its class; [material] and [walls.*] are read apart.
 TABLES = {
@@ -49,7 +54,9 @@ UNITS = {
     ImageSettings: _IMAGE_UNITS,
     MeshSettings: {"size": "m", "voxel_size": "m", "scale": "m"},
     Elastic: _ELASTIC_UNITS,
+    Rigid: _ELASTIC_UNITS,
     J2: {**_ELASTIC_UNITS, "yield_stress": ("", "Pa")},
+    Auto: {**_ELASTIC_UNITS, "yield_stress": ("", "Pa")},
     Sample: {"close_gaps": "m"},
     Solver: {"damping": "s^-1"},
     Wall: {"velocity": "m/s", "stress": "Pa", "speed": "m/s"},
@@ -57,7 +64,7 @@ UNITS = {
 }
 
 #: Shapes of the fields that are arrays; -1 is any length.
-SHAPES = {"shape": (3,), "crop": (3, 2), "yield_stress": (-1, 2)}
+SHAPES = {"shape": (3,), "crop": (3, 2), "yield_stress": (-1, 2), "labels": (-1,)}
 
 
 def register_material(name, cls, units=None):
@@ -89,7 +96,7 @@ def read_scene(path) -> Scene:
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"scene {path} is not valid TOML: {error}") from error
 
-    _check_keys(tables, ["title", *TABLES, "material", "walls"], "")
+    _check_keys(tables, ["title", *TABLES, "material", "materials", "walls"], "")
     folder = path.resolve().parent
     for name in ("material", "contact", "oedometer"):
         if name not in tables:
@@ -104,9 +111,13 @@ def read_scene(path) -> Scene:
     }
     walls = _table(tables, "walls")
     _check_keys(walls, WALLS, "walls.")
+    common = _table(tables, "material")
+    material, scatter = _read_material(common)
     return Scene(
         title=title,
-        material=_read_material(_table(tables, "material")),
+        material=material,
+        scatter=scatter,
+        materials=_read_groups(_table(tables, "materials"), common),
         walls={
             wall: build(
                 Wall,
@@ -156,8 +167,10 @@ def write_scene(scene) -> str:
     lines = [f"title = {_toml(scene.title)}"]
     for name in ("image", "mesh", "sample"):
         lines += _write_table(name, getattr(scene, name))
-    model = next(name for name, cls in MODELS.items() if type(scene.material) is cls)
-    lines += _write_table("material", scene.material, [f'model = "{model}"'])
+    lines += _write_material("material", scene.material, scene.scatter)
+    for key, group in scene.materials.items():
+        labels = f"labels = [{', '.join(map(str, group.labels))}]"
+        lines += _write_material(f"materials.{_key(key)}", group.material, group.scatter, [labels])
     for name in ("contact", "solver"):
         lines += _write_table(name, getattr(scene, name))
     for wall in WALLS:
@@ -167,23 +180,64 @@ def write_scene(scene) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _read_material(values):
+def _read_groups(tables, common):
+    """The tables [materials.NAME]: keys that they leave out are those of [material]."""
+    groups = {}
+    for key in tables:
+        prefix = f"materials.{key}"
+        values = dict(_table(tables, key, prefix))
+        labels = values.pop("labels", None)
+        if labels is None:
+            raise InputError(f"{prefix}.labels is missing, expected a list of labels")
+        labels = _convert_array(labels, SHAPES["labels"], ("",), int, f"{prefix}.labels")
+        model = values.get("model", common.get("model", "j2"))
+        cls = MODELS.get(model if isinstance(model, str) else None, J2)
+        known = [field.name for field in fields(cls)] + ["model"]
+        inherited = {k: v for k, v in common.items() if k in known}
+        if isinstance(common.get("scatter"), dict):
+            lacking = [k for k, name in SCATTERED.items() if name not in known]
+            inherited["scatter"] = {k: v for k, v in common["scatter"].items() if k not in lacking}
+        try:
+            groups[key] = Group(labels, *_read_material(inherited | values, prefix))
+        except InputError as error:
+            message = str(error)
+            raise InputError(
+                message if message.startswith(prefix) else f"{prefix}.{message}"
+            ) from None
+    return groups
+
+
+def _read_material(values, prefix="material"):
+    """Material and how it scatters, or None, of a table."""
+
     def name(key):
-        return f"material.{key}"
+        return f"{prefix}.{key}"
 
     values = dict(values)
     model = values.pop("model", "j2")
     if not isinstance(model, str) or model not in MODELS:
         choices = " or ".join(f'"{choice}"' for choice in MODELS)
-        raise InputError(f"material.model = {shown(model)}, expected {choices}")
+        raise InputError(f"{prefix}.model = {shown(model)}, expected {choices}")
     cls = MODELS[model]
-    known = ["model", *(field.name for field in fields(cls))]
+    scatter = values.pop("scatter", None)
+    known = ["model", "scatter", *(field.name for field in fields(cls))]
     for key in values:
-        if key == "yield_stress" and model == "elastic":
-            raise InputError('material.yield_stress is given, expected none for model = "elastic"')
+        if key == "yield_stress" and model in ("elastic", "rigid"):
+            raise InputError(f'{prefix}.yield_stress is given, expected none for model = "{model}"')
         if key not in known:
             raise InputError(_unknown(name(key), shown(values[key]), key, known, name))
-    return build(cls, values, name)
+    material = build(cls, values, name)
+    if scatter is None:
+        return material, None
+    if not isinstance(scatter, dict):
+        raise InputError(f"{prefix}.scatter = {shown(scatter)}, expected a table")
+    scatter = {**scatter}
+    built = build(Scatter, scatter, lambda key: f"{prefix}.scatter.{key}")
+    try:
+        built.of(material, 0)
+    except InputError as error:
+        raise InputError(f"{prefix}.scatter.{error}") from None
+    return material, built
 
 
 def _table(tables, key, name=None):
@@ -282,6 +336,12 @@ def _convert_path(value, name, folder):
     return path if folder is None else folder / path
 
 
+def _write_material(table, material, scatter, first_lines=()):
+    model = next(name for name, cls in MODELS.items() if type(material) is cls)
+    lines = _write_table(table, material, [*first_lines, f'model = "{model}"'])
+    return lines + _write_table(f"{table}.scatter", scatter)
+
+
 def _write_table(table, content, first_lines=()):
     if content is None:
         return []
@@ -296,6 +356,11 @@ def _write_table(table, content, first_lines=()):
             unit = ", ".join(part or "-" for part in unit)
         lines.append(f"{field.name} = {_toml(value)}" + (f"  # [{unit}]" if unit else ""))
     return lines
+
+
+def _key(name):
+    """A name as a key of TOML: bare where it can be."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
 
 
 def _toml(value):

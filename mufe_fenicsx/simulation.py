@@ -12,6 +12,7 @@ from .contact.laws import COMPLIANCE
 from .contact.network import num_active_pairs
 from .contact.walls import Walls
 from .errors import SolverError
+from .fidelity import LoadWatch
 from .integrators.explicit import central_difference
 from .kernels.energy import kinetic_energy
 from .kernels.motion import accelerate_and_half_kick, half_kick_and_drift, predict
@@ -71,7 +72,8 @@ class Simulation:
         self.damping, self.assembled = float(damping), assembled
         self.time_step_factor, self.refresh = time_step_factor, refresh
         self.solid = Solid(mesh, materials, averaged)
-        self.rigid = RigidGrains(mesh, materials, mass_factor)
+        self.rigid = RigidGrains(mesh, materials, self.solid.mass, mass_factor)
+        self._watch = LoadWatch(self.rigid, materials)
         if mass_factor is not None:
             self.solid.mass *= mass_factor
         self.walls = Walls(walls)
@@ -142,12 +144,31 @@ class Simulation:
 
     def step(self):
         """Advance by one stable time step. Collective."""
+        if self._watch.num_waiting:
+            self._release_loaded()
         # Early where contacts may close that the last evaluation did not count.
         moved = self.contact.clock - self._clock_at_refresh > self._margin
         if moved or (self.state.num_steps % self.refresh == 0 and self.state.num_steps):
             self.update_time_step(early=moved)
             self.check()
         central_difference(self.state, self.dt, self._drift, self._forces, self._kick)
+
+    def _release_loaded(self):
+        """Let grains deform that carry more than they may as rigid ones. Local.
+
+        Contact, places, velocities and kinetic energy stay as they are, and so does the time
+        step: contact layer, lumped masses and limit are those of the deformable grain already.
+        """
+        which = self._watch.loaded(self._f)
+        if not which.any():
+            return
+        s, rigid = self.state, self.rigid
+        nodes = rigid.nodes[np.repeat(which, np.diff(rigid.offset))]
+        rigid.release(which)
+        self._watch.release(which)
+        s.a[nodes] = self._f[nodes] / self.solid.mass[nodes, None]
+        grains = np.arange(self.mesh.num_grains)
+        self.solid.set_deforming(grains[~np.isin(grains, rigid.grains)])
 
     def _drift(self, dt):
         s = self.state

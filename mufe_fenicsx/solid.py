@@ -8,6 +8,7 @@ from .kernels.energy import elastic_energy
 from .kernels.hardening import plastic_increment
 from .kernels.solid import add_internal_forces, nodal_volumes, with_law
 from .kernels.stiffness import add_elastic_stiffness, element_time_step
+from .materials.auto import Auto
 from .materials.rigid import Rigid
 
 #: An element whose time step falls to this part of the first smallest one has collapsed.
@@ -50,9 +51,7 @@ class Solid:
         self.contact_modulus = np.array([m.contact_modulus for m in materials])
         self.tangential_ratio = np.array([2 * (1 - m.nu) / (2 - m.nu) for m in materials])
         self.parameters = _rows([m.parameters() for m in materials])
-        #: The grains that deform, shape (num_deformable,).
-        self.grains = np.flatnonzero([not isinstance(m, Rigid) for m in materials])
-        self._laws = _laws(self.grains, [m.plastic_increment for m in materials])
+        self._increments = [m.plastic_increment for m in materials]
         self.largest_plastic_strain = np.array([m.largest_plastic_strain for m in materials])
         self.mass = lumped_mass(mesh, np.array([m.rho for m in materials]))
 
@@ -62,8 +61,20 @@ class Solid:
         self.node_volume0 = np.zeros(mesh.num_nodes)
         nodal_volumes(self.node_volume0, x, mesh.cells)
         self.pressure = np.zeros(max(mesh.num_nodes, mesh.num_cells))
+        #: Grains that deform now or later, shape (num_deformable,).
+        self.deformable = np.flatnonzero([not isinstance(m, Rigid) for m in materials])
         self.first_time_step = self.element_time_step(x)
+        self.set_deforming(np.flatnonzero([not isinstance(m, Rigid | Auto) for m in materials]))
         self._scratch = np.zeros(mesh.num_nodes)
+
+    def set_deforming(self, grains):
+        """Say which grains deform; the others cost nothing, and keep their stress. Local.
+
+        Args:
+            grains: Local indices, increasing, shape (num_deforming,).
+        """
+        self.grains = grains  #: grains that deform, shape (num_deforming,)
+        self._laws = _laws(grains, self._increments)
 
     def add_internal_forces(self, f, state, dt):
         """Advance the stress of ``state`` by ``dt`` and subtract the internal forces from ``f``.
@@ -92,7 +103,7 @@ class Solid:
             x,
             m.cells,
             self.volume0,
-            self.grains,
+            self.deformable,
             m.cell_offset,
             m.nodes,
             m.node_offset,
@@ -105,7 +116,7 @@ class Solid:
     def element_time_step(self, x):
         """Proven bound of the stable time step from single elements [s], inf without any. Local."""
         m = self.mesh
-        return element_time_step(x, m.cells, self.grains, m.cell_offset, self.wave_speed)[0]
+        return element_time_step(x, m.cells, self.deformable, m.cell_offset, self.wave_speed)[0]
 
     def elastic_energy(self, state):
         """Elastic energy of each grain [J], shape (num_grains,). Local."""

@@ -27,13 +27,14 @@ TABLE = {
     "materials": {"kernels"},
     "solid": {"mesh", "materials", "kernels"},
     "rigid": {"mesh", "materials", "kernels"},
+    "fidelity": {"materials", "rigid"},
     "contact": {"mesh", "kernels"},
     "integrators": {"state"},
     # geometry: its settings, of which the scene is the written form.
     "scene": {"materials", "contact", "units", "geometry"},
     "simulation": {
         *("kernels", "geometry", "state", "mesh", "materials", "solid", "rigid", "contact"),
-        *("integrators", "scene", "time_step"),
+        *("fidelity", "integrators", "scene", "time_step"),
     },
     # geometry: measures of tetrahedra, which are numbers from arrays.
     "analysis": {"mesh", "state", "solid", "contact", "geometry"},

@@ -3,12 +3,15 @@
 import dataclasses
 import tomllib
 
+import numpy as np
 import pytest
 
 from mufe_fenicsx.demo import demo_scene
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
+from mufe_fenicsx.materials.rigid import Rigid
+from mufe_fenicsx.materials.scatter import Scatter
 from mufe_fenicsx.scene import WALLS, Scene, image_path, load_scene, scene_to_toml
 from mufe_fenicsx.units import to_si
 
@@ -53,6 +56,16 @@ speed = 0.1
 friction = 0.3
 [walls.y_min]
 velocity = "-1 mm/s"
+[material.scatter]
+strength = 0.2
+distribution = "weibull"
+seed = 3
+[materials."soft ones"]
+labels = [3, 5]
+E = "1 GPa"
+[materials.stones]
+labels = [9]
+model = "rigid"
 """
 )
 
@@ -89,10 +102,54 @@ def test_written_scene_states_every_default(tmp_path):
             tables.get(field.name),
             getattr(load_scene(tmp_path / "test.toml"), field.name),
         )
-        if field.name in ("title", "walls") or content is None:
+        if field.name in ("title", "walls", "materials") or content is None:
             continue
         for inner in dataclasses.fields(content):
             assert inner.name in table or getattr(content, inner.name) is None
+
+
+def test_grains_of_other_materials(tmp_path):
+    """What a group leaves out is that of [material]; scatter depends on the label alone."""
+    scene = load_scene(scene_file(tmp_path, FULL))
+    materials = scene.materials_of([2, 9, 3, 5], range(10))
+    other, rigid, soft, softer = materials
+    assert type(other) is J2 and other.E == 100e9 and type(rigid) is Rigid and rigid.E == 100e9
+    assert soft.E == softer.E == 1e9 and len({m.yield_stress for m in (soft, softer, other)}) == 3
+    assert scene.materials_of([5], range(10)) == [softer]
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        ("[materials.a]\nE = 1e9", "materials.a.labels is missing"),
+        ("[materials.a]\nlabels = [1]\nnu = 0.7", "materials.a.nu = 0.7"),
+        ("[materials.a]\nlabels = []", "materials.a.labels = []"),
+        ("[materials.a]\nlabels = [1]\n[materials.b]\nlabels = [1]", "each label in one group"),
+        ("[materials.a]\nlabels = [1]\nmodel = 'rigid'\n[solver]\ntime_step = 'element'",
+         'solver.time_step = "element"'),
+        ("[material.scatter]\nE = 2.0", "material.scatter.E = 2.0"),
+        ("[materials.a]\nlabels = [1]\nmodel = 'elastic'\nscatter = {strength = 0.1}",
+         "the material has no yield_stress"),
+    ],
+)  # fmt: skip
+def test_what_other_materials_must_not_be(tmp_path, text, words):
+    assert words in message_of(tmp_path, SMALLEST + text)
+
+
+def test_a_group_names_grains_of_the_sample(tmp_path):
+    scene = load_scene(scene_file(tmp_path, SMALLEST + "[materials.a]\nlabels = [7]"))
+    with pytest.raises(InputError, match="has 7, expected a label of the sample, 1 to 3"):
+        scene.materials_of([1, 2], [1, 2, 3])
+
+
+@pytest.mark.parametrize("distribution", ["lognormal", "weibull"])
+def test_scatter_has_mean_one_and_its_variation(distribution):
+    scatter = Scatter(E=0.3, distribution=distribution, seed=1)
+    material = Elastic(1.0, 0.2, 1.0)
+    values = np.array([scatter.of(material, label).E for label in range(4000)])
+    # Standard errors of 4000 draws: 0.3/63 of the mean, about 1.5 % of the variation.
+    assert values.mean() == pytest.approx(1.0, abs=4 * 0.3 / 63)
+    assert values.std() == pytest.approx(0.3, rel=0.06)
 
 
 def test_units_and_paths_are_converted_at_the_door(tmp_path):
