@@ -13,8 +13,8 @@ DEMOS = Path(__file__).resolve().parents[1] / "demos"
 @pytest.mark.parametrize(
     "name",
     [
-        *("calibrate_compliance", "check_intrusion", "contact_verification", "normal_laws"),
-        "uneven_compliance",
+        *("calibrate_compliance", "check_intrusion", "contact_verification", "fidelity"),
+        *("normal_laws", "uneven_compliance"),
     ],
 )
 def test_a_demo_says_what_it_does(name):

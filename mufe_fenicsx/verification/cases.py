@@ -9,6 +9,7 @@ from .bar_impact import bar_impact
 from .column import column
 from .energy import energy
 from .feature_pairs import feature_pairs
+from .fidelity import fidelity
 from .free_sphere import free_sphere
 from .hertz import hertz, hertz_convergence
 from .hertz_stress import hertz_stress
@@ -46,6 +47,7 @@ CASES = {
     "rigid-rolling": rigid_rolling,
     "rigid-impact": rigid_impact,
     "rigid-mix": rigid_mix,
+    "fidelity": fidelity,
     "feature-pairs": feature_pairs,
     "free-sphere": free_sphere,
     "bar-impact": bar_impact,

@@ -121,6 +121,11 @@ def test_feature_pairs():
     run("feature-pairs", num_random=8, slow=0.02, rounds=1)
 
 
+@pytest.mark.mpi
+def test_fidelity():
+    run("fidelity", layers=2, strain=0.004)
+
+
 def test_free_sphere():
     run("free-sphere", elements_per_radius=3)
 
