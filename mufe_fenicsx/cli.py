@@ -180,6 +180,35 @@ def mesh(
 
 
 @app.command()
+def shapes(
+    source: Annotated[
+        Path, typer.Argument(metavar="SOURCE", help="Folder that `mufe mesh` wrote, or labels.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="Folder for shapes.csv and shapes.png."),
+    ] = None,
+    voxel_size: Annotated[
+        str | None, typer.Option(help='Of labels that do not state it, such as "5 um".')
+    ] = None,
+    key: Annotated[str | None, typer.Option(help="Name of the labels in an .npz file.")] = None,
+    overwrite: Overwrite = False,
+    json: Json = None,
+):
+    """Size and form of each grain: lengths, sphericity, inertia, orientation, size distribution."""
+    _serial_only("shapes")
+    printer = Printer(json)
+    from .geometry.shape_table import write_shapes
+    from .units import to_si
+
+    size = None if voxel_size is None else to_si(number_or_text(voxel_size), "m", "--voxel-size")
+    output = Path(f"{source.stem}-shapes") if output is None else output
+    result = write_shapes(source, output, voxel_size=size, key=key, overwrite=overwrite)
+    printer.summary(result)
+    printer.write_json(result)
+
+
+@app.command()
 def run(
     scene: Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")],
     output: Annotated[
