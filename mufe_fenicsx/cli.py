@@ -180,6 +180,57 @@ def mesh(
 
 
 @app.command()
+def export(
+    grains: Annotated[
+        Path, typer.Argument(metavar="GRAINS", help="Folder that `mufe mesh` wrote.")
+    ],
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="FILE", help=".msh, .vtu, .vtk, .xdmf or .inp"),
+    ],
+    overwrite: Overwrite = False,
+):
+    """Write the meshes of all grains for another program, with the label of each cell."""
+    _serial_only("export")
+    from .geometry.exchange import export_grains
+    from .geometry.grains import load_grains
+
+    export_grains(output, load_grains(grains), overwrite=overwrite)
+
+
+@app.command("import")
+def import_meshes(
+    mesh: Annotated[Path, typer.Argument(metavar="FILE", help="Tetrahedra that meshio can read.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="GRAINS", help="Folder to write.")
+    ],
+    scale: Annotated[str, typer.Option(help='Length unit of the file, such as "1 mm".')] = "1 m",
+    overwrite: Overwrite = False,
+    json: Json = None,
+):
+    """Take tetrahedral meshes of grains from another program as they are."""
+    _serial_only("import")
+    printer = Printer(json)
+    from .geometry.exchange import import_grains
+    from .geometry.grains import save_grains
+    from .geometry.output import new_folder
+    from .units import to_si
+
+    grains = import_grains(mesh, to_si(number_or_text(scale), "m", "--scale"))
+    with new_folder(output, overwrite=overwrite, marker="grains.h5") as folder:
+        save_grains(folder, grains)
+    result = {
+        "grains": str(output),
+        "num_grains": grains.num_grains,
+        "num_cells": len(grains.cells),
+        "num_nodes": len(grains.points),
+        "element_size": grains.element_size,
+    }
+    printer.summary(result)
+    printer.write_json(result)
+
+
+@app.command()
 def shapes(
     source: Annotated[
         Path, typer.Argument(metavar="SOURCE", help="Folder that `mufe mesh` wrote, or labels.")
