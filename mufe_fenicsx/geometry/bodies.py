@@ -5,13 +5,15 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pyvista
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from ..errors import InputError
 from .image import natural_order
 from .measure import compact, surface_defect, surface_volume
 from .remesh import collapse_short_edges, flip_long_edges, oriented, remesh
 
-FORMATS = (".stl", ".ply", ".obj")
+FORMATS = (".stl", ".ply", ".obj", ".off", ".vtk", ".vtu", ".msh")
 
 
 def read_bodies(path, scale=1.0):
@@ -19,8 +21,9 @@ def read_bodies(path, scale=1.0):
 
     Args:
         path: An .npz with ``vertices``, ``faces`` and ``grain_of_face``, or a
-            folder of .stl, .ply or .obj files, one body a file; these get the
-            labels 1 … n in the natural order of their names.
+            folder of files (see `FORMATS`), one body a file; these get the
+            labels 1 … n in the natural order of their names. Or one such file with many
+            bodies, which are labelled in the order of their first triangles.
         scale: Metres a unit of length of the files.
 
     Returns:
@@ -43,9 +46,13 @@ def read_bodies(path, scale=1.0):
         surfaces = [(i, file.name, *_read_file(file)) for i, file in enumerate(files, start=1)]
     elif path.suffix.lower() == ".npz" and path.is_file():
         surfaces = _read_npz(path)
+    elif path.suffix.lower() in FORMATS and path.is_file():
+        surfaces = [
+            (i, f"body {i}", *body) for i, body in enumerate(_bodies(*_read_file(path)), start=1)
+        ]
     else:
         raise InputError(
-            f"no surfaces {path}, expected an .npz or a folder of {', '.join(FORMATS)}"
+            f"no surfaces {path}, expected an .npz, a {', '.join(FORMATS)}, or a folder of these"
         )
     if len(surfaces) == 0:
         raise InputError(f"{path} holds no grain, expected at least one")
@@ -60,6 +67,8 @@ def has_bodies(path):
     path = Path(path)
     if path.is_dir():
         return any(f.suffix.lower() in FORMATS for f in path.iterdir())
+    if path.suffix.lower() in FORMATS and path.is_file():
+        return True
     if path.suffix.lower() != ".npz" or not path.is_file():
         return False
     try:
@@ -81,12 +90,7 @@ def sound_surface(points, triangles, name):
             f"{name}: {len(triangles)} triangles, points finite: {np.isfinite(points).all()}, "
             "expected a closed surface"
         )
-    # STL repeats each point for each of its triangles.
-    span = np.ptp(points, axis=0).max()
-    _, first, number = np.unique(
-        np.round(points / span * 1e7), axis=0, return_index=True, return_inverse=True
-    )
-    points, triangles = points[first], number.ravel()[np.asarray(triangles, dtype=np.int64)]
+    points, triangles = _welded(points, triangles)
     a, b, c = triangles.T
     points, triangles = compact(points, triangles[(a != b) & (b != c) & (c != a)])
     defect = surface_defect(points, triangles)
@@ -119,11 +123,32 @@ def body_surface(points, triangles, h):
     return x * h, faces
 
 
+def _welded(points, triangles):
+    """Points without doubles: STL repeats each one for each of its triangles."""
+    span = np.ptp(points, axis=0).max()
+    _, first, number = np.unique(
+        np.round(points / span * 1e7), axis=0, return_index=True, return_inverse=True
+    )
+    return points[first], number.ravel()[np.asarray(triangles, dtype=np.int64)]
+
+
+def _bodies(points, triangles):
+    """The connected pieces of a surface, as pairs (points, triangles)."""
+    points, triangles = _welded(np.asarray(points, dtype=float), triangles)
+    start, end = triangles[:, [0, 0]].ravel(), triangles[:, 1:].ravel()
+    graph = coo_array((np.ones(start.size), (start, end)), shape=(len(points), len(points)))
+    piece = connected_components(graph, directed=False)[1][triangles[:, 0]]
+    _, first = np.unique(piece, return_index=True)
+    return [(points, triangles[piece == piece[k]]) for k in np.sort(first)]
+
+
 def _read_file(file):
     try:
         mesh = meshio.read(file)
     except SystemExit as error:  # meshio ends the program on a file that it cannot read
-        raise InputError(f"surface {file} cannot be read, expected STL, PLY or OBJ") from error
+        raise InputError(
+            f"surface {file} cannot be read, expected a surface of triangles"
+        ) from error
     except Exception as error:
         raise InputError(
             f"surface {file} cannot be read: {' '.join(str(error).split())}"

@@ -32,6 +32,22 @@ def test_files_of_one_body_each(tmp_path, ball):
         assert volume == pytest.approx(measure.surface_volume(points, triangles) * 1e-9, rel=1e-5)
 
 
+@pytest.mark.parametrize("name", ["all.stl", "all.vtk", "all.msh"])
+def test_one_file_of_many_bodies(tmp_path, ball, name):
+    points, triangles = ball
+    n = len(points)
+    both = (
+        np.concatenate([points, points + 6.0]),
+        np.concatenate([triangles + n, triangles]) % (2 * n),
+    )
+    meshio.write_points_cells(tmp_path / name, both[0], [("triangle", both[1])])
+    bodies = read_bodies(tmp_path / name)
+    assert [label for label, _, _ in bodies] == [1, 2]
+    assert [len(p) for _, p, _ in bodies] == [n, n]
+    # In the order of their first triangles: the shifted one comes first.
+    assert bodies[0][1].min() > 3.0 > bodies[1][1].max()
+
+
 def test_orientation_is_repaired(tmp_path, ball):
     points, triangles = ball
     mixed = triangles.copy()
