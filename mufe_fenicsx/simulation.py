@@ -36,7 +36,7 @@ class Simulation:
         compliance: Constant c of the contact layer.
         points: Where contact acts, one of contact.points.KINDS.
         law: Normal law of contact, one of contact.laws.LAWS.
-        averaged: Averaged nodal pressure (True) or plain linear tetrahedra.
+        element: One of solid.ELEMENTS: "averaged", "p1" or "composite".
         damping: Force -damping m v on every node [1/s].
         assembled: Time step from the assembled system (True) or from single elements.
         time_step_factor: Time step over the limit of stability.
@@ -58,7 +58,7 @@ class Simulation:
         compliance=COMPLIANCE,
         points="facets",
         law="matched",
-        averaged=True,
+        element="averaged",
         damping=0.0,
         assembled=True,
         time_step_factor=0.9,
@@ -70,7 +70,7 @@ class Simulation:
         self.mesh, self.comm = mesh, mesh.comm
         self.damping, self.assembled = float(damping), assembled
         self.time_step_factor, self.refresh = time_step_factor, refresh
-        self.solid = Solid(mesh, materials, averaged)
+        self.solid = Solid(mesh, materials, element)
         self.rigid = RigidGrains(mesh, materials, mass_factor)
         if mass_factor is not None:
             self.solid.mass *= mass_factor

@@ -4,6 +4,8 @@ import math
 
 import numba
 
+from .solid import AVERAGED, COMPOSITE, PARTS, PLAIN
+
 
 @numba.njit(cache=True)
 def kinetic_energy(v, a, dt, mass, runs):
@@ -30,10 +32,10 @@ def kinetic_energy(v, a, dt, mass, runs):
 
 @numba.njit(cache=True)
 def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nodes, node_offset,
-                   node_volume0, volume, bulk, shear, averaged):  # fmt: skip
+                   node_volume0, volume, bulk, shear, element):  # fmt: skip
     """Elastic energy of each grain [J], in place.
 
-    s:s/4G over the volume, and K (J ln J - J + 1), J of nodes or of elements.
+    s:s/4G over the volume, and K (J ln J - J + 1), J as the ``element`` takes it.
 
     Args:
         energy: Result, shape (num_grains,).
@@ -42,7 +44,7 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
         others: As in :func:`~mufe_fenicsx.kernels.solid.add_internal_forces`.
     """
     for g in grains:
-        total = 0.0
+        total = now = before = 0.0
         for e in range(cell_offset[g], cell_offset[g + 1]):
             a = cells[e, 0]
             det = 0.0
@@ -55,10 +57,17 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
             s = deviator[e]
             ss = s[0] ** 2 + s[1] ** 2 + s[2] ** 2 + 2.0 * (s[3] ** 2 + s[4] ** 2 + s[5] ** 2)
             total += det / 6.0 * ss / (4.0 * shear[g])
-            if not averaged:
+            if element == COMPOSITE:
+                now += det / 6.0
+                before += volume0[e]
+                if (e + 1 - cell_offset[g]) % PARTS == 0:
+                    J = now / before
+                    total += before * bulk[g] * (J * math.log(J) - J + 1.0)
+                    now = before = 0.0
+            elif element == PLAIN:
                 J = det / (6.0 * volume0[e])
                 total += volume0[e] * bulk[g] * (J * math.log(J) - J + 1.0)
-        if averaged:
+        if element == AVERAGED:
             for i in range(node_offset[g], node_offset[g + 1]):
                 n = nodes[i]
                 J = volume[n] / node_volume0[n]
