@@ -283,6 +283,8 @@ def run_scene(
         "num_grains": int(mesh.labels.size),
         "num_cells": comm.allreduce(mesh.num_cells),
         "num_nodes": comm.allreduce(mesh.num_nodes),
+        "element": solver.element,
+        "family": mesh.family,
         "finished": False,
         "stop_reason": "running",
         "strain_definition": STRAIN_DEFINITION,

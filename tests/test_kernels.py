@@ -94,6 +94,25 @@ def test_stiffness_is_the_derivative_of_the_forces(element):
 
 
 @pytest.mark.parametrize("element", ELEMENTS)
+def test_even_deformation_gives_even_stress_and_no_force_inside(element):
+    """The patch test, at a strain of 0.1."""
+    mesh = one_body(*sphere(1.0, 0.5), element)
+    solid = Solid(mesh, [STEEL], element)
+    state = initial_state(mesh.x, mesh.num_cells)
+    F = np.eye(3) + 0.1 * np.array([[0.5, 0.3, 0.0], [-0.2, -0.4, 0.6], [0.1, 0.7, 0.9]])
+    move(state, mesh.x @ F.T, 1.0)
+    f = internal_forces(solid, state, 1.0)
+    stress = solid.stress(state)
+    # Rounding: some eps of E, and of E h² for the forces.
+    assert np.abs(stress - stress[0]).max() < 1e-13 * STEEL.E
+    mean = STEEL.bulk_modulus * np.log(np.linalg.det(F))
+    np.testing.assert_allclose(solid.mean_stress(), mean, rtol=1e-12)
+    inside = np.setdiff1d(np.arange(mesh.num_nodes), mesh.facets)
+    assert inside.size > 5
+    assert np.abs(f[inside]).max() < 1e-13 * STEEL.E * 0.5**2
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
 def test_rigid_rotation_leaves_no_stress_and_turns_the_one_there_is(element):
     """Hughes-Winget: any rotation, in one step, of any angle below a half turn."""
     mesh = one_body(*sphere(1.0, 0.7), element)

@@ -30,6 +30,13 @@ def kinetic_energy(v, a, dt, mass, runs):
     return total
 
 
+@numba.njit(cache=True, inline="always")
+def _volume_energy(J):
+    """J ln J - J + 1, to rounding of J - 1: near J = 1 it is a small difference of large terms."""
+    d = J - 1.0
+    return J * math.log1p(d) - d
+
+
 @numba.njit(cache=True)
 def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nodes, node_offset,
                    node_volume0, volume, bulk, shear, element):  # fmt: skip
@@ -61,15 +68,12 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
                 now += det / 6.0
                 before += volume0[e]
                 if (e + 1 - cell_offset[g]) % PARTS == 0:
-                    J = now / before
-                    total += before * bulk[g] * (J * math.log(J) - J + 1.0)
+                    total += before * bulk[g] * _volume_energy(now / before)
                     now = before = 0.0
             elif element == PLAIN:
-                J = det / (6.0 * volume0[e])
-                total += volume0[e] * bulk[g] * (J * math.log(J) - J + 1.0)
+                total += volume0[e] * bulk[g] * _volume_energy(det / (6.0 * volume0[e]))
         if element == AVERAGED:
             for i in range(node_offset[g], node_offset[g + 1]):
                 n = nodes[i]
-                J = volume[n] / node_volume0[n]
-                total += node_volume0[n] * bulk[g] * (J * math.log(J) - J + 1.0)
+                total += node_volume0[n] * bulk[g] * _volume_energy(volume[n] / node_volume0[n])
         energy[g] = total

@@ -6,6 +6,7 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.solid import ELEMENTS
 from mufe_fenicsx.verification.cases import CASES, run_cases
 
 
@@ -121,8 +122,14 @@ def test_feature_pairs():
     run("feature-pairs", num_random=8, slow=0.02, rounds=1)
 
 
-def test_free_sphere():
-    run("free-sphere", elements_per_radius=3)
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_free_sphere(element):
+    run("free-sphere", elements_per_radius=3, element=element)
+
+
+@pytest.mark.mpi
+def test_hertz_with_composites():
+    run("hertz", bodies="spheres", element="composite")
 
 
 @pytest.mark.mpi
