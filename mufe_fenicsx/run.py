@@ -177,6 +177,7 @@ class Recorder:
     def write_state(self):
         """One state of all fields."""
         sim, state = self.simulation, self.simulation.state
+        sim.complete()
         stress = sim.solid.stress(state)
         self.fields.write(
             self.num_states,
@@ -333,7 +334,7 @@ def _march(simulation, loading, recorder, max_steps, quiet):
                 recorder.write_row()
                 return f"max_steps = {max_steps} reached"
             loading.before_step()
-            simulation.step()
+            simulation.step(everywhere=False)
     simulation.check()
     return "final strain reached"
 
