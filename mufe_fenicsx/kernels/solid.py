@@ -19,6 +19,13 @@ after the other (Y. Guo, M. Ortiz, T. Belytschko, E. A. Repetto, Int. J. Numer. 
 2000, 287-316; P. Thoutireddy, J. F. Molinari, E. A. Repetto, M. Ortiz, 53, 2002, 1337-1351):
 the energy is sum V K (J ln J - J + 1) over the composites. Plain ones have a J each.
 
+Constraints where the volume is kept, in a large mesh of V vertices, about 6 V tetrahedra and
+7 V edges: plain 6 V against 3 V unknowns, which locks; averaged V against 3 V; composite 6 V
+against 3 (V + 7 V) = 24 V. Inside a ball held at its surface, 240 to 1500 composites have no
+spurious pressure and an inf-sup constant of 0.05 to 0.07 that does not fall as the mesh is
+refined. It is small since those around one edge alone are not held: composites show more of a
+checkerboard than averaged tetrahedra, and far less than plain ones.
+
 Grains are the outer loop: the data of one grain stay in the cache from the
 pass over volumes to the pass over stresses.
 """
