@@ -76,6 +76,7 @@ class GrainMesh:
     grain_of_node: np.ndarray  #: local grain of each node, int32, shape (num_nodes,)
     facets: np.ndarray  #: nodes of boundary facets, outward, int32, shape (num_facets, 3)
     grain_of_facet: np.ndarray  #: local grain of each facet, shape (num_facets,)
+    family: int = 1  #: rows of ``cells`` that make one composite element; families are whole
 
     @property
     def comm(self):
@@ -108,7 +109,7 @@ class GrainMesh:
         return function
 
 
-def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain):
+def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, family=1):
     """Make the distributed mesh from each rank's own grains. Collective.
 
     Args:
@@ -118,6 +119,7 @@ def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain):
         cell_grain: Index into ``labels`` of each tetrahedron, shape (num_cells,).
         labels: Labels of all grains, shape (num_grains_global,).
         rank_of_grain: Rank of all grains, shape (num_grains_global,).
+        family: So many tetrahedra in turn belong together, and stay so in the order given.
     """
     first_node = comm.exscan(points.shape[0]) or 0
     first_cell = comm.exscan(cells.shape[0]) or 0
@@ -144,8 +146,9 @@ def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain):
             f"ghosts = {V.dofmap.index_map.num_ghosts}, expected a grain on one rank"
         )
 
-    grain_of_cell = cell_grain[domain.topology.original_cell_index - first_cell]
-    cell_order = np.argsort(grain_of_cell, kind="stable").astype(np.int32)
+    original = domain.topology.original_cell_index - first_cell
+    grain_of_cell = cell_grain[original]
+    cell_order = _order(grain_of_cell, original, family)
     grains, cell_offset = np.unique(grain_of_cell[cell_order], return_index=True)
     cell_offset = np.append(cell_offset, cell_order.size).astype(np.int64)
 
@@ -184,7 +187,23 @@ def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain):
         grain_of_node=grain_of_node,
         facets=facets,
         grain_of_facet=grain_of_facet,
+        family=family,
     )
+
+
+def _order(grain_of_cell, original, family):
+    """Cells grain after grain in DOLFINx's order, which is local; families at their first cell.
+
+    Args:
+        grain_of_cell: Grain of each DOLFINx cell, shape (num_cells,).
+        original: Its number as it was given, shape (num_cells,).
+        family: Cells that were given in turn and stay together.
+    """
+    if family == 1:
+        return np.argsort(grain_of_cell, kind="stable").astype(np.int32)
+    first = np.full(original.size // family, original.size)
+    np.minimum.at(first, original // family, np.arange(original.size))
+    return np.lexsort((original, first[original // family], grain_of_cell)).astype(np.int32)
 
 
 def _boundary(cells, cell_offset):

@@ -1,5 +1,7 @@
 """Rigid grains of one rank: six degrees of freedom each, on the mesh of all grains."""
 
+from typing import NamedTuple
+
 import numpy as np
 from mpi4py import MPI
 
@@ -61,8 +63,21 @@ def point_properties(x, mass):
     return np.array([mass.sum()]), center[None], inertia[None]
 
 
+class _Followed(NamedTuple):
+    """Surface nodes that follow at each step, and what belongs to them."""
+
+    surface: np.ndarray  #: all surface nodes, of which they were chosen
+    nodes: np.ndarray  #: shape (n,)
+    offset: np.ndarray  #: first entry of each grain in ``nodes``, shape (num_grains + 1,)
+    place: np.ndarray  #: in the principal axes [m], shape (n, 3)
+    reach: np.ndarray  #: of the farthest node of each grain from its centre [m]
+
+
 class RigidGrains:
     """Motion of the rigid grains of one rank; the state's nodes follow it.
+
+    At each step only those nodes do that contact reads, see :meth:`follow`, and only their
+    positions; :meth:`complete` brings the others up to date and gives all their velocities.
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
@@ -148,8 +163,9 @@ class RigidGrains:
         Args:
             f: Contact forces, shape (num_nodes, 3).
         """
-        size = np.sqrt((f[self.surface] ** 2).sum(axis=1))
-        return np.add.reduceat(size, self.surface_offset[:-1]) if self.num_grains else size
+        near = self.followed
+        size = np.sqrt((f[near.nodes] ** 2).sum(axis=1))
+        return np.diff(np.concatenate([[0.0], np.cumsum(size)])[near.offset])
 
     def release(self, which):
         """Let rigid grains go; their nodes keep their places and velocities. Local.
@@ -166,6 +182,51 @@ class RigidGrains:
         kept = [p for p, gone in zip(places, which, strict=True) if not gone]
         self.place = np.concatenate([np.empty((0, 3)), *kept])
         self._list_nodes()
+
+    _followed = None
+    moved = 0.0  #: bound of the distance that a node moved in the last step [m]
+
+    def follow(self, near):
+        """Choose the nodes that follow at each step, out of those on the surface. Local.
+
+        Args:
+            near: True for those, shape (num_nodes,).
+        """
+        surface = np.zeros(self.mesh.num_nodes, dtype=bool)
+        surface[self.surface] = True
+        chosen = near[self.surface]
+        at = np.flatnonzero(surface[self.nodes])[chosen]
+        offset = np.concatenate([[0], np.cumsum(chosen)])[self.surface_offset]
+        distance = np.sqrt((self.place**2).sum(axis=1))
+        reach = np.maximum.reduceat(distance, self.offset[:-1]) if self.num_grains else distance
+        self._followed = _Followed(
+            self.surface, self.surface[chosen], offset, self.place[at], reach
+        )
+
+    @property
+    def chosen(self):
+        """Whether :meth:`follow` was called for the grains that are rigid now."""
+        return self._followed is not None and self._followed.surface is self.surface
+
+    @property
+    def followed(self):
+        """What follows at each step, :class:`_Followed`; all of the surface by default."""
+        if not self.chosen:
+            self.follow(np.ones(self.mesh.num_nodes, dtype=bool))
+        return self._followed
+
+    def place_all(self, x, u):
+        """Put all nodes where their grains are. Local."""
+        kernels.place_nodes(
+            x, u, self.mesh.x, self.nodes, self.offset, self.place, self.center, self.axes
+        )
+
+    def complete(self, x, u, v):
+        """Bring positions, displacements and velocities of all nodes up to date. Local."""
+        self.place_all(x, u)
+        kernels.node_velocities(
+            v, x, self.nodes, self.offset, self.center, self.velocity, self.spin
+        )
 
     def layers(self, materials):
         """Compliance of the contact layer of each grain [m/Pa], nan where it deforms."""
@@ -195,45 +256,46 @@ class RigidGrains:
             self.velocity[b] = part @ w.mean(axis=1) / self.mass[b]
             turning = np.cross(r, w).sum(axis=1) + np.cross(r.sum(axis=1), w.sum(axis=1))
             self.momentum[b] = part @ turning / 20
-        self.kick(v, self.mesh.x, 0.0, 0.0)
+        self.kick(0.0, 0.0)
+        kernels.node_velocities(
+            v, self.mesh.x, self.nodes, self.offset, self.center, self.velocity, self.spin
+        )
 
     # --- stepping -------------------------------------------------------------------------
 
     def drift(self, x, u, dt, damping):
-        """Half a kick, then the motion over a step ``dt``; nodes follow. Local."""
+        """Half a kick, then the motion over a step ``dt``; chosen nodes follow. Local."""
         if not self.grains.size:
             return
-        kernels.kick_and_drift(
+        near = self.followed
+        self.moved = kernels.kick_and_drift(
             self.center, self.velocity, self.momentum, self.turn, self.axes, self.force,
-            self.torque, self.mass, self.inertia, dt, damping,
+            self.torque, self.mass, self.inertia, near.reach, dt, damping,
         )  # fmt: skip
         kernels.place_nodes(
-            x, u, self.mesh.x, self.nodes, self.offset, self.place, self.center, self.axes
+            x, u, self.mesh.x, near.nodes, near.offset, near.place, self.center, self.axes
         )
 
     def take_forces(self, f, x):
         """Force and torque of each grain from the nodal forces ``f`` on its surface. Local."""
         if self.grains.size:
+            near = self.followed
             kernels.gather_loads(
-                self.force, self.torque, f, x, self.surface, self.surface_offset, self.center
+                self.force, self.torque, f, x, near.nodes, near.offset, self.center
             )
 
-    def kick(self, v, x, dt, damping):
-        """Half a kick at the end of a step, and the velocities of the nodes. Local.
+    def kick(self, dt, damping):
+        """Half a kick at the end of a step. Local.
 
         Returns:
             Energy that the damping took [J].
         """
         if not self.grains.size:
             return 0.0
-        lost = kernels.kick(
+        return kernels.kick(
             self.velocity, self.momentum, self.spin, self.force, self.torque, self.axes, self.mass,
             self.inertia, dt, damping,
         )  # fmt: skip
-        kernels.node_velocities(
-            v, x, self.nodes, self.offset, self.center, self.velocity, self.spin
-        )
-        return lost
 
     def kinetic_energy(self, dt):
         """Kinetic energy of the rigid grains after a step of ``dt`` [J]. Local."""

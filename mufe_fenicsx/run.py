@@ -16,6 +16,7 @@ from .contact.separation import separate
 from .contact.walls import Wall
 from .errors import InputError, SolverError
 from .geometry.grains import load_grains, read_grain_table
+from .geometry.refine import PARTS, split
 from .launcher import TERMINAL
 from .loading import LOADING, STRAIN_DEFINITION, OedometerLoading
 from .memory import peak_memory, return_freed_arrays
@@ -56,12 +57,13 @@ def read_scene(comm, path):
     return comm.bcast(scene)
 
 
-def load_mesh(comm, grains_folder):
+def load_mesh(comm, grains_folder, element="averaged"):
     """Read each rank's own grains and make the distributed mesh. Collective.
 
     Args:
         comm: MPI communicator.
         grains_folder: Folder that `mufe mesh` wrote.
+        element: Tetrahedra are split where it is "composite".
 
     Raises:
         InputError: The folder cannot be used, or there are more ranks than grains.
@@ -81,7 +83,11 @@ def load_mesh(comm, grains_folder):
     mine = np.flatnonzero(rank_of_grain == comm.rank)
     grains = load_grains(grains_folder, which=mine)
     cell_grain = np.repeat(mine, np.diff(grains.cell_offset))
-    return create_grain_mesh(comm, grains.points, grains.cells, cell_grain, labels, rank_of_grain)
+    points, cells, family = grains.points, grains.cells, 1
+    if element == "composite":
+        points, cells = split(points, cells)
+        cell_grain, family = np.repeat(cell_grain, PARTS), PARTS
+    return create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, family)
 
 
 def make_walls(scene, low, high):
@@ -171,6 +177,7 @@ class Recorder:
     def write_state(self):
         """One state of all fields."""
         sim, state = self.simulation, self.simulation.state
+        sim.complete()
         stress = sim.solid.stress(state)
         self.fields.write(
             self.num_states,
@@ -226,7 +233,7 @@ def run_scene(
     """
     return_freed_arrays()
     started = time.perf_counter()
-    mesh = load_mesh(comm, grains_folder)
+    mesh = load_mesh(comm, grains_folder, scene.solver.element)
     materials = scene.materials_of(mesh.labels[mesh.grains], mesh.labels)
     sample, separation = scene.sample, None
     if sample.separation:
@@ -255,7 +262,7 @@ def run_scene(
         points=scene.contact.points,
         law=scene.contact.law,
         self_contact=scene.contact.self_contact,
-        averaged=solver.element == "averaged",
+        element=solver.element,
         damping=solver.damping,
         assembled=solver.time_step == "assembled",
         time_step_factor=solver.time_step_factor,
@@ -278,6 +285,8 @@ def run_scene(
         "num_grains": int(mesh.labels.size),
         "num_cells": comm.allreduce(mesh.num_cells),
         "num_nodes": comm.allreduce(mesh.num_nodes),
+        "element": solver.element,
+        "family": mesh.family,
         "finished": False,
         "stop_reason": "running",
         "strain_definition": STRAIN_DEFINITION,
@@ -326,7 +335,7 @@ def _march(simulation, loading, recorder, max_steps, quiet):
                 recorder.write_row()
                 return f"max_steps = {max_steps} reached"
             loading.before_step()
-            simulation.step()
+            simulation.step(everywhere=False)
     simulation.check()
     return "final strain reached"
 

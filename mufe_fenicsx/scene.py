@@ -131,13 +131,13 @@ class Contact:
 class Solver:
     """[solver]: element and time integration."""
 
-    element: str = "averaged"  #: "averaged" nodal pressure, or plain "p1"
+    element: str = "averaged"  #: "averaged" nodal pressure, plain "p1", or "composite"
     time_step: str = "assembled"  #: stability limit of the "assembled" system, or by "element"
     time_step_factor: float = 0.9  #: time step over the stability limit [-]
     damping: float = 0.0  #: force -damping·m·v on each node [1/s]
 
     def __post_init__(self):
-        _one_of("element", self.element, ("averaged", "p1"))
+        _one_of("element", self.element, ("averaged", "p1", "composite"))
         _one_of("time_step", self.time_step, ("assembled", "element"))
         _require(
             0 < self.time_step_factor < 1,

@@ -9,6 +9,7 @@ from mpi4py import MPI
 from .contact.assemble import Contact
 from .contact.bonded import Bonded
 from .contact.laws import COMPLIANCE
+from .contact.near import near_nodes
 from .contact.network import num_active_pairs
 from .contact.walls import Walls
 from .errors import SolverError
@@ -16,6 +17,7 @@ from .fidelity import LoadWatch
 from .integrators.explicit import central_difference
 from .kernels.energy import kinetic_energy
 from .kernels.motion import accelerate_and_half_kick, half_kick_and_drift, predict
+from .kernels.rigid import clear
 from .rigid import RigidGrains, check_rigid
 from .solid import Solid
 from .state import initial_state
@@ -37,7 +39,7 @@ class Simulation:
         compliance: Constant c of the contact layer.
         points: Where contact acts, one of contact.points.KINDS.
         law: Normal law of contact, one of contact.laws.LAWS.
-        averaged: Averaged nodal pressure (True) or plain linear tetrahedra.
+        element: One of solid.ELEMENTS: "averaged", "p1" or "composite".
         damping: Force -damping m v on every node [1/s].
         assembled: Time step from the assembled system (True) or from single elements.
         time_step_factor: Time step over the limit of stability.
@@ -59,7 +61,7 @@ class Simulation:
         compliance=COMPLIANCE,
         points="facets",
         law="matched",
-        averaged=True,
+        element="averaged",
         damping=0.0,
         assembled=True,
         time_step_factor=0.9,
@@ -71,7 +73,7 @@ class Simulation:
         self.mesh, self.comm = mesh, mesh.comm
         self.damping, self.assembled = float(damping), assembled
         self.time_step_factor, self.refresh = time_step_factor, refresh
-        self.solid = Solid(mesh, materials, averaged)
+        self.solid = Solid(mesh, materials, element)
         self.rigid = RigidGrains(mesh, materials, self.solid.mass, mass_factor)
         self._watch = LoadWatch(self.rigid, materials)
         if mass_factor is not None:
@@ -130,6 +132,10 @@ class Simulation:
     def _start(self):
         """Forces and accelerations of the initial state; overlaps there are adopted."""
         s = self.state
+        self._any_rigid = self.comm.allreduce(self.rigid.num_grains) > 0
+        self._followed_search = 0
+        if self._any_rigid:
+            self.contact.before_search = lambda: self.rigid.place_all(s.x, s.u)
         self.contact.begin(s.x)
         self._f[:] = 0.0
         self.solid.add_internal_forces(self._f, s, 0.0)
@@ -142,8 +148,14 @@ class Simulation:
 
     # --- stepping -------------------------------------------------------------------------
 
-    def step(self):
-        """Advance by one stable time step. Collective."""
+    def step(self, everywhere=True):
+        """Advance by one stable time step. Collective.
+
+        Args:
+            everywhere: Bring all nodes of rigid grains up to date, by :meth:`complete`. Without,
+                a step costs less and leaves the state of those that contact does not read
+                as it was, and all their velocities.
+        """
         if self._watch.num_waiting:
             self._release_loaded()
         # Early where contacts may close that the last evaluation did not count.
@@ -152,6 +164,25 @@ class Simulation:
             self.update_time_step(early=moved)
             self.check()
         central_difference(self.state, self.dt, self._drift, self._forces, self._kick)
+        if everywhere:
+            self.complete()
+
+    def complete(self):
+        """Positions and velocities of all nodes of rigid grains, after steps without. Local."""
+        if self.rigid.num_grains:
+            self.rigid.complete(self.state.x, self.state.u, self.state.v)
+
+    def _follow_search(self):
+        """Only nodes that contact reads until its next search follow rigid grains. Collective."""
+        contact, rigid = self.contact, self.rigid
+        if not self._any_rigid or contact.num_searches == self._followed_search:
+            return
+        self._followed_search = contact.num_searches
+        near = np.zeros(self.mesh.num_nodes, dtype=bool)
+        near[contact.own.nodes[near_nodes(contact)]] = True
+        rigid.follow(near)
+        near[rigid.soft] = True
+        contact.moving = np.flatnonzero(near[contact.own.nodes])
 
     def _release_loaded(self):
         """Let grains deform that carry more than they may as rigid ones. Local.
@@ -163,10 +194,13 @@ class Simulation:
         if not which.any():
             return
         s, rigid = self.state, self.rigid
-        nodes = rigid.nodes[np.repeat(which, np.diff(rigid.offset))]
+        self.complete()
+        s.a[rigid.nodes[np.repeat(which, np.diff(rigid.offset))]] = 0.0
+        near = rigid.followed  # other nodes carry no force
+        nodes = near.nodes[np.repeat(which, np.diff(near.offset))]
+        s.a[nodes] = self._f[nodes] / self.solid.mass[nodes, None]
         rigid.release(which)
         self._watch.release(which)
-        s.a[nodes] = self._f[nodes] / self.solid.mass[nodes, None]
         grains = np.arange(self.mesh.num_grains)
         self.solid.set_deforming(grains[~np.isin(grains, rigid.grains)])
 
@@ -177,13 +211,18 @@ class Simulation:
 
     def _forces(self, dt):
         s = self.state
-        wall_move = self.walls.move(dt)
+        wall_move = max(self.walls.move(dt), self.rigid.moved)
         self.walls.add_work()
         self.bonded.move(s.x, s.u, s.v, self.mesh.x, dt)
         positions = s.x
+        if not self.rigid.chosen:
+            self.contact.moving = None
         if not self.contact.kinematic:
             self.contact.begin(positions)
-        self._f[:] = 0.0
+        if self.contact.moving is None:
+            self._f[:] = 0.0
+        else:
+            clear(self._f, self.rigid.runs, self.rigid.followed.nodes)
         bad = self.solid.add_internal_forces(self._f, s, dt)
         if bad >= 0:
             self._inverted = bad
@@ -195,6 +234,7 @@ class Simulation:
             self.contact.add_forces(self._f, positions, wall_move)
         except FloatingPointError:
             self.check(diverged=True)
+        self._follow_search()
         self.bonded.take_forces(self._f, s.v, s.x)
         self.rigid.take_forces(self._f, s.x)
         self.walls.add_work()
@@ -206,7 +246,7 @@ class Simulation:
         self.damped += accelerate_and_half_kick(
             s.a, s.v, self._f, self.solid.mass, self.rigid.runs, dt, self.damping
         )
-        self.damped += self.rigid.kick(s.v, s.x, dt, self.damping)
+        self.damped += self.rigid.kick(dt, self.damping)
         self.bonded.give_velocity(s.v)
 
     def check(self, diverged=False):
@@ -247,6 +287,7 @@ class Simulation:
         An ``early`` call, for contacts that may close, only ever shortens it.
         """
         s = self.state
+        self.complete()
         # What does not deform has a limit by contact alone, and is never faster than one.
         own = min(self.solid.element_time_step(s.x), self._contact_step)
         self.dt_element = self.comm.allreduce(own, op=MPI.MIN)

@@ -4,12 +4,25 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
+from .errors import InputError
 from .kernels.energy import elastic_energy
 from .kernels.hardening import plastic_increment
-from .kernels.solid import add_internal_forces, nodal_volumes, with_law
+from .kernels.solid import (
+    AVERAGED,
+    COMPOSITE,
+    PARTS,
+    PLAIN,
+    add_internal_forces,
+    nodal_volumes,
+    with_law,
+)
 from .kernels.stiffness import add_elastic_stiffness, element_time_step
 from .materials.auto import Auto
 from .materials.rigid import Rigid
+
+#: Elements by name: averaged nodal pressure, plain linear tetrahedra, and composites of
+#: eight linear ones, which need a mesh made of such (geometry.refine, ``family`` of the mesh).
+ELEMENTS = {"averaged": AVERAGED, "p1": PLAIN, "composite": COMPOSITE}
 
 #: An element whose time step falls to this part of the first smallest one has collapsed.
 COLLAPSED = 0.02
@@ -39,12 +52,23 @@ class Solid:
         materials: One material (with ``bulk_modulus``, ``shear_modulus``, ``rho``,
             ``wave_speed``, ``contact_modulus``, ``plastic_increment``, ``parameters()``) for
             each grain of this rank.
-        averaged: Averaged nodal pressure (True) or plain linear tetrahedra.
+        element: One of :data:`ELEMENTS`.
+
+    Raises:
+        InputError: There is no such element, or the mesh is not made of composites.
     """
 
-    def __init__(self, mesh, materials, averaged=True):
+    def __init__(self, mesh, materials, element="averaged"):
         self.mesh = mesh
-        self.averaged = averaged
+        if element not in ELEMENTS:
+            raise InputError(f"element = {element}, expected one of {', '.join(ELEMENTS)}")
+        if element == "composite" and mesh.family != PARTS:
+            raise InputError(
+                f"tetrahedra of one composite = {mesh.family}, expected {PARTS}: "
+                "split the mesh with geometry.refine.split"
+            )
+        self.element = element
+        self._kind = ELEMENTS[element]
         self.bulk = np.array([m.bulk_modulus for m in materials])
         self.shear = np.array([m.shear_modulus for m in materials])
         self.wave_speed = np.array([m.wave_speed for m in materials])
@@ -88,7 +112,7 @@ class Solid:
                 f, state.deviator, state.plastic_strain, state.plastic_work, self.pressure,
                 state.x, state.v, dt, m.cells, self.volume0, m.cell_offset, m.nodes,
                 m.node_offset, self.node_volume0, self.bulk, self.shear, grains,
-                self.parameters, self.averaged,
+                self.parameters, self._kind,
             )  # fmt: skip
             bad = max(bad, found)
         return bad
@@ -110,7 +134,7 @@ class Solid:
             self.node_volume0,
             self.bulk,
             self.shear,
-            self.averaged,
+            self._kind,
         )
 
     def element_time_step(self, x):
@@ -138,7 +162,7 @@ class Solid:
             volume,
             self.bulk,
             self.shear,
-            self.averaged,
+            self._kind,
         )
         return energy
 
@@ -148,7 +172,7 @@ class Solid:
 
     def mean_stress(self):
         """Mean Cauchy stress of the elements [Pa], tension positive, shape (num_cells,). Local."""
-        if self.averaged:
+        if self._kind == AVERAGED:
             return self.pressure[self.mesh.cells].mean(axis=1)
         return self.pressure[: self.mesh.num_cells].copy()
 

@@ -12,6 +12,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from mufe_fenicsx.contact.surface import neighbors, rings
+from mufe_fenicsx.geometry.refine import split
 from mufe_fenicsx.geometry.shapes import box, sphere
 from mufe_fenicsx.kernels.closest import closest_point, pseudo_normal
 from mufe_fenicsx.kernels.hardening import plastic_increment, yield_stress_at
@@ -19,7 +20,7 @@ from mufe_fenicsx.kernels.search import find_candidates, sort_into_cells
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.mesh import create_grain_mesh
-from mufe_fenicsx.solid import Solid, von_mises
+from mufe_fenicsx.solid import ELEMENTS, Solid, von_mises
 from mufe_fenicsx.state import initial_state
 
 STEEL = Elastic(200e9, 0.3, 7800.0)
@@ -28,10 +29,15 @@ STEEL = Elastic(200e9, 0.3, 7800.0)
 ROWS, COLUMNS = [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]
 
 
-def one_body(points, cells):
-    """Mesh of a single grain on this rank alone."""
+def one_body(points, cells, element="averaged"):
+    """Mesh of a single grain on this rank alone, split for composites."""
+    family = 1
+    if element == "composite":
+        (points, cells), family = split(points, cells), 8
     zero = np.zeros(len(cells), dtype=int)
-    return create_grain_mesh(MPI.COMM_SELF, points, cells, zero, np.array([1]), np.array([0]))
+    return create_grain_mesh(
+        MPI.COMM_SELF, points, cells, zero, np.array([1]), np.array([0]), family
+    )
 
 
 def internal_forces(solid, state, dt):
@@ -52,7 +58,7 @@ def move(state, x_new, dt):
 def test_elastic_forces_are_those_of_a_ufl_form():
     """Plain linear elements, small displacements: f = -∫ σ(u):ε(w) dx."""
     mesh = one_body(*sphere(1.0, 0.6))
-    solid = Solid(mesh, [STEEL], averaged=False)
+    solid = Solid(mesh, [STEEL], "p1")
     state = initial_state(mesh.x, mesh.num_cells)
     size = 1e-7
     u = size * np.sin(np.outer(mesh.x @ [1.0, 2.0, -1.5], [1.0, 1.3, 0.7]))
@@ -70,10 +76,10 @@ def test_elastic_forces_are_those_of_a_ufl_form():
     assert np.abs(f + twin).max() < 20 * size * np.abs(twin).max()
 
 
-@pytest.mark.parametrize("averaged", [True, False])
-def test_stiffness_is_the_derivative_of_the_forces(averaged):
-    mesh = one_body(*sphere(1.0, 0.7))
-    solid = Solid(mesh, [STEEL], averaged)
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_stiffness_is_the_derivative_of_the_forces(element):
+    mesh = one_body(*sphere(1.0, 0.7), element)
+    solid = Solid(mesh, [STEEL], element)
     rng = np.random.default_rng(0)
     q = rng.standard_normal(mesh.x.shape)
     y = np.zeros_like(q)
@@ -87,11 +93,30 @@ def test_stiffness_is_the_derivative_of_the_forces(averaged):
     assert np.abs(y + (forces[0] - forces[1]) / (2 * step)).max() < 1e-8 * np.abs(y).max()
 
 
-@pytest.mark.parametrize("averaged", [True, False])
-def test_rigid_rotation_leaves_no_stress_and_turns_the_one_there_is(averaged):
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_even_deformation_gives_even_stress_and_no_force_inside(element):
+    """The patch test, at a strain of 0.1."""
+    mesh = one_body(*sphere(1.0, 0.5), element)
+    solid = Solid(mesh, [STEEL], element)
+    state = initial_state(mesh.x, mesh.num_cells)
+    F = np.eye(3) + 0.1 * np.array([[0.5, 0.3, 0.0], [-0.2, -0.4, 0.6], [0.1, 0.7, 0.9]])
+    move(state, mesh.x @ F.T, 1.0)
+    f = internal_forces(solid, state, 1.0)
+    stress = solid.stress(state)
+    # Rounding: some eps of E, and of E h² for the forces.
+    assert np.abs(stress - stress[0]).max() < 1e-13 * STEEL.E
+    mean = STEEL.bulk_modulus * np.log(np.linalg.det(F))
+    np.testing.assert_allclose(solid.mean_stress(), mean, rtol=1e-12)
+    inside = np.setdiff1d(np.arange(mesh.num_nodes), mesh.facets)
+    assert inside.size > 5
+    assert np.abs(f[inside]).max() < 1e-13 * STEEL.E * 0.5**2
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_rigid_rotation_leaves_no_stress_and_turns_the_one_there_is(element):
     """Hughes-Winget: any rotation, in one step, of any angle below a half turn."""
-    mesh = one_body(*sphere(1.0, 0.7))
-    solid = Solid(mesh, [STEEL], averaged)
+    mesh = one_body(*sphere(1.0, 0.7), element)
+    solid = Solid(mesh, [STEEL], element)
     axis, angle = np.array([2.0, -1.0, 2.0]) / 3, 1.5
     K = np.cross(np.eye(3), -axis)
     R = np.eye(3) + math.sin(angle) * K + (1 - math.cos(angle)) * K @ K
@@ -119,7 +144,7 @@ def test_strain_increments_turn_with_the_body():
     a vibrating, turning grain would gain energy for ever.
     """
     mesh = one_body(*box((1.0, 1.0, 1.0), (1, 1, 1)))
-    solid = Solid(mesh, [STEEL], averaged=True)
+    solid = Solid(mesh, [STEEL])
     stretch, total, errors = 1e-5, 1.0, []
     for num_steps in (10, 20):
         state = initial_state(mesh.x, mesh.num_cells)
@@ -138,22 +163,27 @@ def test_strain_increments_turn_with_the_body():
     assert errors[1] < errors[0] / 3.5
 
 
-def test_averaged_pressure_derives_from_its_energy():
-    """f = -dU/dx of U = Σ V_a K (J_a ln J_a - J_a + 1), by central differences of U."""
-    mesh = one_body(*box((1.0, 1.0, 1.0), (1, 1, 1)))
+@pytest.mark.parametrize("element", ["averaged", "composite"])
+def test_mean_pressure_derives_from_its_energy(element):
+    """f = -dU/dx of U = Σ V K (J ln J - J + 1), over nodes or composites, by differences of U."""
+    mesh = one_body(*box((1.0, 1.0, 1.0), (1, 1, 1)), element)
     material = Elastic(1.0, -0.999, 1.0)  # a bulk modulus, and a shear modulus to take off
-    solid = Solid(mesh, [material], averaged=True)
+    solid = Solid(mesh, [material], element)
     rng = np.random.default_rng(1)
-    x = mesh.x + 0.05 * rng.standard_normal(mesh.x.shape)
+    x = mesh.x + 0.02 * rng.standard_normal(mesh.x.shape)
     state = initial_state(mesh.x, mesh.num_cells)
     state.x[:] = x  # without velocity: the deviator stays zero
     f = internal_forces(solid, state, 0.0)
 
     def energy(x):
         volume = np.linalg.det(x[mesh.cells[:, 1:]] - x[mesh.cells[:, :1]]) / 6
-        nodal = np.bincount(mesh.cells.ravel(), np.repeat(volume / 4, 4), mesh.num_nodes)
-        J = nodal / solid.node_volume0
-        return (solid.node_volume0 * material.bulk_modulus * (J * np.log(J) - J + 1)).sum()
+        if element == "composite":
+            now, before = (v.reshape(-1, 8).sum(axis=1) for v in (volume, solid.volume0))
+        else:
+            now = np.bincount(mesh.cells.ravel(), np.repeat(volume / 4, 4), mesh.num_nodes)
+            before = solid.node_volume0
+        J = now / before
+        return (before * material.bulk_modulus * (J * np.log(J) - J + 1)).sum()
 
     numeric, step = np.zeros_like(x), 1e-5
     for i in np.ndindex(x.shape):
@@ -187,7 +217,7 @@ def test_yielding_elements_stay_on_the_yield_surface_and_flow_without_volume():
     """Simple shear of a cube to a strain of 0.07 in 2000 steps: q = Y(alpha), tr s = 0."""
     material = J2(100e9, 0.15, 2650.0, ((0.0, 10e6), (0.05, 110e6)))
     mesh = one_body(*box((1.0, 1.0, 1.0), (1, 1, 1)))
-    solid = Solid(mesh, [material], averaged=True)
+    solid = Solid(mesh, [material])
     state = initial_state(mesh.x, mesh.num_cells)
     num_steps, gamma = 2000, 0.07
     for k in range(1, num_steps + 1):

@@ -359,3 +359,6 @@ def test_checkerboard_is_one_where_neighbours_alternate_and_small_where_smooth()
     assert checkerboard(cells, np.ones(n), volume) == pytest.approx(0, abs=1e-12)
     # A linear course has its neighbours' mean but at both ends, where it is off by one step.
     assert checkerboard(cells, np.linspace(1, 2, n), volume) < 0.5 * np.sqrt(2 / n) / (n - 1)
+    # Two in turn with one pressure: from pair to pair.
+    pairs = np.repeat(sign[: n // 2], 2)
+    assert checkerboard(cells, pairs, volume, family=2) == pytest.approx(1, abs=1e-12)

@@ -95,3 +95,57 @@ def test_mass_factor_is_one_for_a_rigid_grain():
             MPI.COMM_SELF, bodies, Rigid(**ROCK), (0, 0, 0), (0, 0, 0), axes="",
             mass_factor=np.linspace(1, 2, 2 * len(points)),
         )  # fmt: skip
+
+
+@pytest.mark.mpi
+def test_nodes_that_contact_does_not_read_need_not_follow():
+    """Balls, a brick and a soft ball that fall on each other: the same to the last bit."""
+    comm = MPI.COMM_WORLD
+    ball, brick = sphere(1e-3, 0.4e-3), box((2e-3, 2e-3, 1e-3), (4, 4, 2), (-1e-3, -1e-3, -1e-3))
+    turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    bodies = [
+        (ball[0] + [0, 0, 1.02e-3], ball[1]),
+        brick,
+        (brick[0] @ turn.T + [0.2e-3, 0.1e-3, 3.9e-3], brick[1]),
+        (ball[0] @ turn + [2.1e-3, 0, 1.2e-3], ball[1]),
+    ]
+    materials = [Rigid(**ROCK), Rigid(**ROCK), Rigid(**ROCK), Elastic(**ROCK)]
+    found = []
+    for everywhere in (True, False):
+        s = on_ranks(comm, bodies, materials)
+        s._follow_search = (lambda: None) if everywhere else _spoiling(s)
+        for _ in range(60):
+            s.step(everywhere)
+        s.complete()
+        assert s.contact.num_searches > 2
+        if not everywhere and s.rigid.num_grains:
+            assert s.rigid.followed.nodes.size < s.rigid.surface.size
+        e = s.energies()
+        assert e["friction"] > 0 and e["contact"] + e["friction"] > 1e-3 * e["kinetic"]
+        found.append((s.state.x.copy(), s.state.u.copy(), s.state.v.copy()))
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def _spoiling(s):
+    """As `_follow_search`; what contact must not read until its next search becomes nan."""
+    follow = s._follow_search
+
+    def spoil():
+        follow()
+        if s.contact.moving is not None:
+            rest = np.ones(s.contact.own.nodes.size, dtype=bool)
+            rest[s.contact.moving] = False
+            s.contact.positions.own[rest] = np.nan
+
+    return spoil
+
+
+def on_ranks(comm, bodies, materials):
+    """Bodies that fly at each other, distributed; none on ranks beyond their number."""
+    centre = np.array([p.mean(axis=0) for p, _ in bodies])
+    return build(
+        comm, bodies, materials, (0, 0, 0), (0, 0, 0), axes="", friction=0.4,
+        velocity=lambda x, grain: -3e4 * (centre[grain] - centre.mean(axis=0)),
+    )  # fmt: skip

@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from mufe_fenicsx.output.contacts import read_contacts
 from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.run import load_mesh, run_scene
-from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, load_scene
+from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, Solver, load_scene
 from tests.bodies import packed_grains
 
 
@@ -43,6 +44,20 @@ def small_scene(**changes):
         oedometer=Oedometer(**(values | changes)),
         output=Output(fields=3, history=21),
     )
+
+
+@pytest.mark.mpi
+def test_run_splits_the_grains_for_composites(folder, grains):
+    comm, out = MPI.COMM_WORLD, folder / "out"
+    given = comm.allreduce(load_mesh(comm, grains).num_cells)
+    scene = replace(small_scene(), solver=Solver(element="composite"))
+    result = run_scene(scene, grains, out, comm, quiet=True)
+    assert result["finished"] and result["num_cells"] == 8 * given
+    history = read_history(out / "history.csv")
+    assert 0 < abs(history["residual"][-1]) < 0.01 * history["work"][-1]
+    # A mean stress for each composite, in the order of the file.
+    pressure = read_state(out, 2).cell_data["pressure"].reshape(-1, 8)
+    assert np.ptp(pressure, axis=1).max() < 1e-9 * np.abs(pressure).max()
 
 
 @pytest.mark.mpi

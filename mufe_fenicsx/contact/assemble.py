@@ -6,9 +6,15 @@ import numpy as np
 from mpi4py import MPI
 
 from ..errors import InputError
-from ..kernels.pairs import add_pair_forces, add_pair_stiffness, largest_move, pair_energy
+from ..kernels.pairs import (
+    add_pair_forces,
+    add_pair_stiffness,
+    largest_move,
+    largest_move_of,
+    pair_energy,
+)
 from ..kernels.points import place_points, spread_points
-from ..kernels.walls import add_rows, gather_rows
+from ..kernels.walls import add_rows, add_some, gather_rows, gather_some
 from .checks import check_law, check_stiffness, check_surface, check_walls
 from .crossings import new_slip
 from .edges import EdgeContact
@@ -135,6 +141,11 @@ class Contact:
         self.positions = None
         self.forces = None
         self._move = np.zeros(1)
+        #: Called before each search; afterwards all positions are those of this moment.
+        self.before_search = None
+        #: Own surface nodes whose positions are followed until the next search; None: all. The
+        #: motion of the others is reported as that of walls is.
+        self.moving = None
         self._search(x, deepest=self._initial_depth())
 
     def _initial_depth(self):
@@ -143,6 +154,9 @@ class Contact:
 
     def _search(self, x, deepest=0.0, ahead=0.0):
         """Find all pairs anew, those within ``ahead`` [m] at least. Collective."""
+        if self.before_search is not None:
+            self.before_search()
+        self.moving = None
         gathered = np.empty((self.own.nodes.size, 3))
         gather_rows(gathered, x, self.own.nodes)
         depth = deepest
@@ -213,7 +227,10 @@ class Contact:
 
     def begin(self, x):
         """Start sending the positions ``x`` of this rank's surface to other ranks."""
-        gather_rows(self.positions.own, x, self.own.nodes)
+        if self.moving is None:
+            gather_rows(self.positions.own, x, self.own.nodes)
+        else:
+            gather_some(self.positions.own, x, self.own.nodes, self.moving)
         self.positions.begin_forward()
 
     def _end_forward(self):
@@ -234,7 +251,8 @@ class Contact:
         Args:
             f: Nodal forces [N], shape (num_nodes, 3).
             x: Positions [m], shape (num_nodes, 3).
-            wall_move: Largest distance that a wall moved since the last call [m].
+            wall_move: Largest distance that a wall, or a node that is not followed, moved
+                since the last call [m].
             adopt: True at the start of a test: what overlaps now is not in contact.
 
         Raises:
@@ -242,9 +260,12 @@ class Contact:
                 all the grains are wide; on all ranks together.
         """
         self._end_forward()
-        self._move[0] = max(
-            largest_move(self.previous, self.positions.array[self.num_before :]), wall_move
-        )
+        nodes = self.positions.array[self.num_before :]
+        if self.moving is None:
+            move = largest_move(self.previous, nodes)
+        else:
+            move = largest_move_of(self.previous, nodes, self.moving)
+        self._move[0] = max(move, wall_move)
         if self.comm.size > 1:
             self.comm.Allreduce(MPI.IN_PLACE, self._move, op=MPI.MAX)
         move = self._move[0]
@@ -278,7 +299,10 @@ class Contact:
             self._dt if self.kinematic else 0.0,
         )  # fmt: skip
         self._add_back()
-        add_rows(f, own.nodes, self.forces.own)
+        if self.moving is None:
+            add_rows(f, own.nodes, self.forces.own)
+        else:
+            add_some(f, own.nodes, self.forces.own, self.moving)
         self.dissipated += dissipated + edge_dissipated + wall_dissipated
         self.num_adopted += num_adopted + edge_adopted + wall_adopted
         self.num_deep += num_deep + edge_deep

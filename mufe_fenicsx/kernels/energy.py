@@ -4,6 +4,8 @@ import math
 
 import numba
 
+from .solid import AVERAGED, COMPOSITE, PARTS, PLAIN
+
 
 @numba.njit(cache=True)
 def kinetic_energy(v, a, dt, mass, runs):
@@ -28,12 +30,19 @@ def kinetic_energy(v, a, dt, mass, runs):
     return total
 
 
+@numba.njit(cache=True, inline="always")
+def _volume_energy(J):
+    """J ln J - J + 1, to rounding of J - 1: near J = 1 it is a small difference of large terms."""
+    d = J - 1.0
+    return J * math.log1p(d) - d
+
+
 @numba.njit(cache=True)
 def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nodes, node_offset,
-                   node_volume0, volume, bulk, shear, averaged):  # fmt: skip
+                   node_volume0, volume, bulk, shear, element):  # fmt: skip
     """Elastic energy of each grain [J], in place.
 
-    s:s/4G over the volume, and K (J ln J - J + 1), J of nodes or of elements.
+    s:s/4G over the volume, and K (J ln J - J + 1), J as the ``element`` takes it.
 
     Args:
         energy: Result, shape (num_grains,).
@@ -42,7 +51,7 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
         others: As in :func:`~mufe_fenicsx.kernels.solid.add_internal_forces`.
     """
     for g in grains:
-        total = 0.0
+        total = now = before = 0.0
         for e in range(cell_offset[g], cell_offset[g + 1]):
             a = cells[e, 0]
             det = 0.0
@@ -55,12 +64,16 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
             s = deviator[e]
             ss = s[0] ** 2 + s[1] ** 2 + s[2] ** 2 + 2.0 * (s[3] ** 2 + s[4] ** 2 + s[5] ** 2)
             total += det / 6.0 * ss / (4.0 * shear[g])
-            if not averaged:
-                J = det / (6.0 * volume0[e])
-                total += volume0[e] * bulk[g] * (J * math.log(J) - J + 1.0)
-        if averaged:
+            if element == COMPOSITE:
+                now += det / 6.0
+                before += volume0[e]
+                if (e + 1 - cell_offset[g]) % PARTS == 0:
+                    total += before * bulk[g] * _volume_energy(now / before)
+                    now = before = 0.0
+            elif element == PLAIN:
+                total += volume0[e] * bulk[g] * _volume_energy(det / (6.0 * volume0[e]))
+        if element == AVERAGED:
             for i in range(node_offset[g], node_offset[g + 1]):
                 n = nodes[i]
-                J = volume[n] / node_volume0[n]
-                total += node_volume0[n] * bulk[g] * (J * math.log(J) - J + 1.0)
+                total += node_volume0[n] * bulk[g] * _volume_energy(volume[n] / node_volume0[n])
         energy[g] = total

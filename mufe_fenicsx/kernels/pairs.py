@@ -26,6 +26,20 @@ def largest_move(previous, x):
     return math.sqrt(largest)
 
 
+@numba.njit(cache=True)
+def largest_move_of(previous, x, rows):
+    """:func:`largest_move` of the nodes ``rows`` alone, shape (num_rows,)."""
+    largest = 0.0
+    for n in rows:
+        dx, dy, dz = x[n, 0] - previous[n, 0], x[n, 1] - previous[n, 1], x[n, 2] - previous[n, 2]
+        square = dx * dx + dy * dy + dz * dz
+        if not square < math.inf:
+            return math.inf
+        largest = max(largest, square)
+        previous[n, 0], previous[n, 1], previous[n, 2] = x[n, 0], x[n, 1], x[n, 2]
+    return math.sqrt(largest)
+
+
 @numba.njit(cache=True, error_model="numpy")
 def _find_closest(pair, clock, x, node, first, candidate, candidate_due, closest, facets):
     """Closest candidate of a pair, testing only those that can be it.

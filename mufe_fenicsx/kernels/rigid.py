@@ -41,20 +41,35 @@ def set_axes(axes, turn):
 
 @numba.njit(cache=True)
 def kick_and_drift(
-    center, velocity, momentum, turn, axes, force, torque, mass, inertia, dt, damping
+    center, velocity, momentum, turn, axes, force, torque, mass, inertia, reach, dt, damping
 ):
     """First half of a step: half a kick with the known loads, then the free motion, in place.
 
     ``damping`` [1/s] takes damping·m·v and damping·L, as nodal forces -damping·m·v do.
+
+    Returns:
+        A bound of the distance that a node moved [m], no farther than ``reach`` [m] from
+        the centre of its body, shape (n,): a turn by the angle a changes the quaternion
+        by 2 sin(a/4) and the place by 2 sin(a/2) reach. Infinity where it is not finite.
     """
     half = 0.5 * dt
+    largest = 0.0
     for b in range(mass.size):
         for i in range(3):
             velocity[b, i] += half * (force[b, i] / mass[b] - damping * velocity[b, i])
             momentum[b, i] += half * (torque[b, i] - damping * momentum[b, i])
             center[b, i] += dt * velocity[b, i]
+        w, i, j, k = turn[b, 0], turn[b, 1], turn[b, 2], turn[b, 3]
         _turn_freely(turn[b], momentum[b], axes[b], inertia[b], dt)
+        change = (turn[b, 0] - w) ** 2 + (turn[b, 1] - i) ** 2
+        change += (turn[b, 2] - j) ** 2 + (turn[b, 3] - k) ** 2
+        speed = velocity[b, 0] ** 2 + velocity[b, 1] ** 2 + velocity[b, 2] ** 2
+        move = dt * math.sqrt(speed) + 2.0 * reach[b] * math.sqrt(change)
+        if not move < math.inf:
+            largest = math.inf
+        largest = max(largest, move)
     set_axes(axes, turn)
+    return largest
 
 
 @numba.njit(cache=True)
@@ -106,6 +121,15 @@ def place_nodes(x, u, x0, nodes, offset, place, center, axes):
                     R[i, 0] * place[k, 0] + R[i, 1] * place[k, 1] + R[i, 2] * place[k, 2]
                 )
                 u[n, i] = x[n, i] - x0[n, i]
+
+
+@numba.njit(cache=True)
+def clear(f, runs, nodes):
+    """Set the rows of ``f`` in ``runs`` (as in kernels.motion) and at ``nodes`` to zero."""
+    for r in range(runs.shape[0]):
+        f[runs[r, 0] : runs[r, 1]] = 0.0
+    for n in nodes:
+        f[n, 0] = f[n, 1] = f[n, 2] = 0.0
 
 
 @numba.njit(cache=True)

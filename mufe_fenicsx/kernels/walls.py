@@ -198,6 +198,22 @@ def gather_rows(out, values, rows):
 
 
 @numba.njit(cache=True)
+def gather_some(out, values, rows, some):
+    """:func:`gather_rows` for the rows ``some`` of ``out`` alone."""
+    for i in some:
+        for k in range(3):
+            out[i, k] = values[rows[i], k]
+
+
+@numba.njit(cache=True)
+def add_some(values, rows, out, some):
+    """:func:`add_rows` for the rows ``some`` of ``out`` alone."""
+    for i in some:
+        for k in range(3):
+            values[rows[i], k] += out[i, k]
+
+
+@numba.njit(cache=True)
 def add_rows(values, rows, out):
     """values[rows[i]] += out[i] for rows of three, in place."""
     for i in range(rows.size):

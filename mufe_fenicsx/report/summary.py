@@ -142,7 +142,9 @@ def sample_rows(start, last, run, history):
             )
         )
     if "pressure" in last.cell_data:
-        part = checkerboard(last.cells, last.cell_data["pressure"], last.quality.volume)
+        part = checkerboard(
+            last.cells, last.cell_data["pressure"], last.quality.volume, run.get("family", 1)
+        )
         rows.append(
             (
                 "Checkerboard of the pressure at the end",

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..launcher import VARIABLES, find_mpirun
+from .bench_elements import elements
 from .bench_search import search, share_of_contact
 
 #: Whole step on one core [element-steps/s], two ranks over one, and memory [bytes a tet].
@@ -215,7 +216,7 @@ def _launch(name, parameters, num_ranks):
     return json.loads(done.stdout.splitlines()[-1])
 
 
-BENCHMARKS = {"box": compare_box, "demo": compare_demo, "search": search}
+BENCHMARKS = {"box": compare_box, "demo": compare_demo, "search": search, "elements": elements}
 MEASUREMENTS = {"box": box, "demo": demo}
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from ..contact.walls import Wall
+from ..geometry.refine import PARTS, split
 from ..mesh import create_grain_mesh, partition_grains
 from ..simulation import Simulation
 from .case import axis_planes
@@ -25,27 +26,31 @@ def build(
         wall_friction: Coefficient by the name of a wall, 0 where absent.
         velocity: ``velocity(x, grain)`` at the start [m/s], for arrays of nodes.
         walls: Further :class:`~mufe_fenicsx.contact.walls.Wall`, in any position.
-        options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
+        options: Of :class:`~mufe_fenicsx.simulation.Simulation`; for ``element = "composite"``
+            the tetrahedra of the bodies are split.
     """
     friction = wall_friction or {}
     walls = [
         Wall(name, point, normal, friction=friction.get(name, 0.0))
         for name, (point, normal) in axis_planes(low, high, axes).items()
     ] + list(walls)
-    mesh = distribute(comm, bodies)
+    mesh = distribute(comm, bodies, options.get("element") == "composite")
     if velocity is not None:
         options["velocity"] = velocity(mesh.x, mesh.grains[mesh.grain_of_node])
     materials = material if isinstance(material, list) else [material] * len(bodies)
     return Simulation(mesh, [materials[g] for g in mesh.grains], walls, **options)
 
 
-def distribute(comm, bodies):
+def distribute(comm, bodies, composite=False):
     """Mesh of a few bodies, each on one rank. Collective.
 
     Args:
         comm: Communicator with at most as many ranks as bodies.
         bodies: List of (points [m], cells), the same on all ranks; labels are 1, 2, …
+        composite: Split every tetrahedron into the eight of a composite one.
     """
+    if composite:
+        bodies = [split(*body) for body in bodies]
     weights = [len(cells) for _, cells in bodies]
     centroids = [points.mean(axis=0) for points, _ in bodies]
     rank_of_grain = partition_grains(weights, centroids, comm.size)
@@ -58,6 +63,7 @@ def distribute(comm, bodies):
         np.repeat(mine, [weights[g] for g in mine]),
         np.arange(1, len(bodies) + 1),
         rank_of_grain,
+        PARTS if composite else 1,
     )
 
 

@@ -1,11 +1,13 @@
 """A free elastic ball that vibrates in its lowest modes."""
 
 import math
+from typing import Literal
 
 import numpy as np
 
 from ..geometry.shapes import sphere
 from ..materials.elastic import Elastic
+from ..solid import ELEMENTS
 from ..theory.sphere_modes import displacement, modes, torsional_frequency, twist
 from .build import build
 from .case import case, compare
@@ -16,7 +18,7 @@ PERIODS = 3.0
 
 
 @case("free-sphere", num_bodies=1)
-def free_sphere(comm, elements_per_radius=8.0, nu=0.15, plain=0.0):
+def free_sphere(comm, elements_per_radius=8.0, nu=0.15, element: Literal[*ELEMENTS] = "averaged"):
     """A free ball in its modes 0T2, 0S2 and 0S0: frequencies of Lamb 1882.
 
     It starts with the velocities of a mode, small; the frequency is that of the
@@ -24,12 +26,13 @@ def free_sphere(comm, elements_per_radius=8.0, nu=0.15, plain=0.0):
 
     Args:
         comm: MPI communicator.
-        elements_per_radius: Radius over the length of edges.
+        elements_per_radius: Radius over the length of edges, of the parts of composites.
         nu: Poisson's ratio.
-        plain: Not 0 for plain linear tetrahedra.
+        element: One of solid.ELEMENTS.
     """
     material = Elastic(E, nu, RHO)
-    points, cells = sphere(RADIUS, RADIUS / elements_per_radius)
+    coarser = 2.0 if element == "composite" else 1.0
+    points, cells = sphere(RADIUS, coarser * RADIUS / elements_per_radius)
     # The mesh's volume is smaller than the ball's: its own radius sets its frequencies.
     corners = points[cells]
     volume = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum() / 6
@@ -51,7 +54,7 @@ def free_sphere(comm, elements_per_radius=8.0, nu=0.15, plain=0.0):
 
         s = build(
             comm, [(points, cells)], material, (0, 0, 0), (0, 0, 0), axes="", velocity=start,
-            averaged=not plain,
+            element=element,
         )  # fmt: skip
         phi = s.solid.mass[:, None] * s.state.v
         course = []

@@ -4,6 +4,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..solid import ELEMENTS
 from .case import case, compare, on_first_ranks
 from .hertz_bodies import NAMES, RADIUS, hertz_at, make, whole_contact
 from .pressed import Pressed, measure
@@ -25,6 +26,7 @@ def hertz(
     a_over_R=0.02,
     nu=0.15,
     growth=0.4,
+    element: Literal[*ELEMENTS] = "averaged",
 ):
     """Elastic balls, cylinders and an ellipsoid in contact: force, size and pressure of Hertz.
 
@@ -42,6 +44,8 @@ def hertz(
         a_over_R: That radius over the effective radius, by Hertz.
         nu: Poisson's ratio.
         growth: Growth of the element size with the distance, times elements_per_radius.
+        element: One of solid.ELEMENTS; for composites on meshes twice as coarse, whose
+            nodes, with those of middles, are as near as those of the others.
     """
     n = elements_per_radius
     # Below 2.5 elements the errors of second order lead.
@@ -49,7 +53,7 @@ def hertz(
     results, simulations = {}, []
 
     def add(name, ratio, line):
-        pressed, rows = errors_of(comm, name, n, ratio, nu, growth)
+        pressed, rows = errors_of(comm, name, n, ratio, nu, growth, element=element)
         simulations.extend([pressed.simulation] if pressed else [])
         results.update({f"{name}: {key}": value for key, value in line(rows).items()})
 
@@ -81,8 +85,9 @@ def hertz(
 
 
 def errors_of(
-    comm, name, elements_per_radius, a_over_R=0.02, nu=0.15, growth=0.4, settle=None, **options
-):
+    comm, name, elements_per_radius, a_over_R=0.02, nu=0.15, growth=0.4, settle=None,
+    element="averaged", **options,
+):  # fmt: skip
     """Press a pair of bodies and compare with theory. Collective.
 
     Args:
@@ -91,6 +96,7 @@ def errors_of(
         elements_per_radius, a_over_R, nu, growth: As of the case.
         settle: Called with the :class:`~.pressed.Pressed` at each indentation before it is
             measured: what a law asks for that has no springs to be at rest on.
+        element: As of the case.
         options: ``variant`` and ``coarser`` of :func:`~.hertz_bodies.make`; others are those
             of :class:`~mufe_fenicsx.simulation.Simulation`.
 
@@ -102,11 +108,13 @@ def errors_of(
         theory's shape).
     """
     mesh_options = {key: options.pop(key) for key in ("variant", "coarser") if key in options}
-    bodies = make(name, elements_per_radius, a_over_R, nu, growth, **mesh_options)
+    # The size of composites before they are split.
+    n = 0.5 * elements_per_radius if element == "composite" else elements_per_radius
+    bodies = make(name, n, a_over_R, nu, growth, **mesh_options)
     pressed = []
 
     def press(part):
-        pressed.append(Pressed(part, bodies, **options))
+        pressed.append(Pressed(part, bodies, element=element, **options))
         return _rows(pressed[0], name, elements_per_radius, a_over_R, nu, settle)
 
     rows = on_first_ranks(comm, len(bodies), press)

@@ -98,7 +98,7 @@ def press_ball(
         mesh,
         [material],
         walls,
-        averaged=element == "averaged",
+        element="p1" if element == "plain" else element,
         mass_factor=slow_mass_factor(mesh),
         **options,
     )

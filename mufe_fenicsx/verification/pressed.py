@@ -5,11 +5,12 @@ with the axes of space, no node with the contact point, no mesh with the other.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..contact.walls import Wall
+from ..geometry.refine import PARTS, split
 from ..mesh import create_grain_mesh, partition_grains
 from ..simulation import Simulation
 from .equilibrium import Equilibrium
@@ -65,11 +66,15 @@ class Pressed:
     Args:
         comm: At most as many ranks as bodies.
         bodies: One or two :class:`Body`.
-        options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
+        options: Of :class:`~mufe_fenicsx.simulation.Simulation`; for ``element = "composite"``
+            the tetrahedra of the bodies are split.
     """
 
     def __init__(self, comm, bodies, **options):
         self.comm = comm
+        composite = options.get("element") == "composite"
+        if composite:
+            bodies = [_split(body) for body in bodies]
         # The second body stands on its pole: half a turn about x.
         flips = [np.eye(3), np.diag([1.0, -1.0, -1.0])]
         places = [b.placed @ (FRAME @ f).T for b, f in zip(bodies, flips, strict=False)]
@@ -86,6 +91,7 @@ class Pressed:
             np.repeat(mine, [len(bodies[k].cells) for k in mine]),
             np.arange(1, len(bodies) + 1),
             rank_of_body,
+            PARTS if composite else 1,
         )
         materials = [bodies[k].material for k in mesh.grains]
         self.simulation = Simulation(mesh, materials, walls, **options)
@@ -152,6 +158,11 @@ class Pressed:
         sign = -1.0 if self.pressing == 0 else 1.0
         base = self.bases.get(self.pressing, np.empty(0, dtype=int))
         return sign * self.equilibrium.reaction(base, AXIS)
+
+
+def _split(body):
+    points, cells = split(body.points, body.cells)
+    return replace(body, points=points, cells=cells)
 
 
 def _nearest(x, nodes, places):

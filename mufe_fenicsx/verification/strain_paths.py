@@ -17,11 +17,11 @@ class Tets:
     Args:
         comm: At most as many ranks as materials.
         materials: One for each tetrahedron.
-        averaged: Averaged nodal pressure or plain tetrahedra; the same for a single one.
+        element: "averaged" or "p1"; the same for a single tetrahedron.
         seed: Of their random shapes.
     """
 
-    def __init__(self, comm, materials, averaged=True, seed=1):
+    def __init__(self, comm, materials, element="averaged", seed=1):
         bodies = []
         corners = 1e-3 * np.vstack([np.zeros(3), np.eye(3)])
         side = math.ceil(len(materials) ** (1 / 3))
@@ -31,7 +31,7 @@ class Tets:
             bodies.append((corners + jog + place, np.array([[0, 1, 2, 3]])))
         self.mesh = mesh = distribute(comm, bodies)
         self.materials = [materials[g] for g in mesh.grains]
-        self.solid = Solid(mesh, self.materials, averaged)
+        self.solid = Solid(mesh, self.materials, element)
         self.state = initial_state(mesh.x, mesh.num_cells)
         #: Number of the path of each local element.
         self.number = mesh.grains[mesh.grain_of_cell]

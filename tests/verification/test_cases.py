@@ -6,6 +6,7 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.solid import ELEMENTS
 from mufe_fenicsx.verification.cases import CASES, run_cases
 
 
@@ -126,8 +127,14 @@ def test_fidelity():
     run("fidelity", layers=2, strain=0.004)
 
 
-def test_free_sphere():
-    run("free-sphere", elements_per_radius=3)
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_free_sphere(element):
+    run("free-sphere", elements_per_radius=3, element=element)
+
+
+@pytest.mark.mpi
+def test_hertz_with_composites():
+    run("hertz", bodies="spheres", element="composite")
 
 
 @pytest.mark.mpi
