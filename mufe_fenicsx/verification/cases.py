@@ -19,6 +19,7 @@ from .oblique_impact import oblique_impact
 from .overlap import overlap
 from .packing import packing
 from .patch import patch
+from .plastic_sphere import plastic_sphere
 from .rigid import rigid_impact, rigid_mix, rigid_rolling, rigid_top
 from .rolling import rolling
 from .sliding import sliding_block, sliding_facets
@@ -50,6 +51,7 @@ CASES = {
     "free-sphere": free_sphere,
     "bar-impact": bar_impact,
     "material-point": material_point,
+    "plastic-sphere": plastic_sphere,
 }
 
 
