@@ -18,6 +18,7 @@ from .mindlin import mindlin
 from .oblique_impact import oblique_impact
 from .overlap import overlap
 from .packing import packing
+from .paper_sphere import paper_sphere
 from .patch import patch
 from .plastic_sphere import plastic_sphere
 from .rigid import rigid_impact, rigid_mix, rigid_rolling, rigid_top
@@ -52,6 +53,7 @@ CASES = {
     "bar-impact": bar_impact,
     "material-point": material_point,
     "plastic-sphere": plastic_sphere,
+    "paper-sphere": paper_sphere,
 }
 
 

@@ -32,16 +32,21 @@ class Course:
     residual: float  #: of the energy balance over the work, at the end
     simulation: Simulation
 
-    def mean(self, elements):
+    def mean(self, elements, approach=None):
         """Approach [m], force [N] and mean pressure [Pa], means over a growth of the contact.
 
         The contact grows through one element, a part 1/``elements`` of its radius, by
         which its edge passes all places within an element; approach goes with the radius
-        squared. The last record is at the end of that.
+        squared.
+
+        Args:
+            elements: Elements per contact radius in the middle of that.
+            approach: In its middle [m]; None: it ends with the last record.
         """
-        end = self.approach[-1]
-        root = np.linspace(*(1 + 0.5 / elements * np.array([-1, 1])), 41) / (1 + 0.5 / elements)
-        approach = end * root**2
+        part = 0.5 / elements
+        if approach is None:
+            approach = self.approach[-1] / (1 + part) ** 2
+        approach = approach * np.linspace(1 - part, 1 + part, 41) ** 2
         force = np.interp(approach, self.approach, self.force)
         area = np.interp(approach, self.approach, self.area)
         return float(approach.mean()), float(force.mean()), float(force.sum() / area.sum())
