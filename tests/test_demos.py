@@ -13,7 +13,8 @@ DEMOS = Path(__file__).resolve().parents[1] / "demos"
 @pytest.mark.parametrize(
     "name",
     [
-        *("calibrate_compliance", "check_intrusion", "contact_verification", "normal_laws"),
+        *("calibrate_compliance", "check_intrusion", "contact_verification", "locking"),
+        "normal_laws",
         "uneven_compliance",
     ],
 )

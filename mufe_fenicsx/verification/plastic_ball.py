@@ -15,6 +15,8 @@ from .pressed import FRAME, turn
 #: Towards the pole; nothing is aligned with the axes of space.
 AXIS = FRAME[:, 2]
 RADIUS = 1e-3
+#: Options of :class:`~mufe_fenicsx.simulation.Simulation` by the name of an element.
+ELEMENTS = {"averaged": {"averaged": True}, "plain": {"averaged": False}}
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def press_ball(
         contact_radius: For which the mesh is made [m].
         elements_per_radius: That radius over the length of edges there.
         growth: Growth of the element size with the distance, times elements_per_radius / 2.5.
-        element: "averaged" or "plain".
+        element: One of :data:`ELEMENTS`.
         periods: Duration over the period of a shear wave between pole and base.
         records: Number of records.
         watch_yield: Look for the first plastic strain at each step.
@@ -103,7 +105,7 @@ def press_ball(
         mesh,
         [material],
         walls,
-        averaged=element == "averaged",
+        **ELEMENTS[element],
         mass_factor=slow_mass_factor(mesh),
         **options,
     )

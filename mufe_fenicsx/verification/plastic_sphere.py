@@ -118,7 +118,7 @@ def mean_pressure(
         nu: Poisson's ratio.
         ratio: E/Y.
         elements_per_radius, a_over_R: As of the case.
-        element: "averaged" or "plain".
+        element: One of :data:`~.plastic_ball.ELEMENTS`.
         options: Of :func:`~.plastic_ball.press_ball`.
     """
     Y, n, a = E / ratio, elements_per_radius, a_over_R * RADIUS
@@ -141,18 +141,13 @@ def on_curve(comm, depth, elements_per_radius, tangent=0.0, element="averaged"):
         depth: δ/δc.
         elements_per_radius: At that depth.
         tangent: Et/E.
-        element: "averaged" or "plain".
+        element: One of :data:`~.plastic_ball.ELEMENTS`.
 
     Returns:
         :class:`~.plastic_ball.Course`; force [N] computed and by theory; contact radius [m],
         the same.
     """
-    table, beyond = ((0.0, STEEL_YIELD),), "flat"
-    if tangent:
-        slope = STEEL * tangent / (1 - tangent)
-        table, beyond = (*table, (1.0, STEEL_YIELD + slope)), "slope"
-    material = J2(STEEL, STEEL_NU, STEEL_RHO, table, beyond)
-    n = elements_per_radius
+    material, n = steel(tangent), elements_per_radius
     delta = depth * onset_of(material)[0]
     _, radius = curve(delta, tangent)
     course = press_ball(
@@ -165,6 +160,15 @@ def on_curve(comm, depth, elements_per_radius, tangent=0.0, element="averaged"):
         (force, float(theory[0])),
         (math.sqrt(force / (math.pi * pressure)), float(theory[1])),
     )
+
+
+def steel(tangent=0.0):
+    """The material of the curves, with the slope Et/E of stress against total strain."""
+    table, beyond = ((0.0, STEEL_YIELD),), "flat"
+    if tangent:
+        slope = STEEL * tangent / (1 - tangent)
+        table, beyond = (*table, (1.0, STEEL_YIELD + slope)), "slope"
+    return J2(STEEL, STEEL_NU, STEEL_RHO, table, beyond)
 
 
 def onset_of(material):
