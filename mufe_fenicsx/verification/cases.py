@@ -20,6 +20,7 @@ from .overlap import overlap
 from .packing import packing
 from .paper_sphere import paper_sphere
 from .patch import patch
+from .plastic_impact import impact_of_plastic_ball
 from .plastic_sphere import plastic_sphere
 from .rigid import rigid_impact, rigid_mix, rigid_rolling, rigid_top
 from .rolling import rolling
@@ -54,6 +55,7 @@ CASES = {
     "material-point": material_point,
     "plastic-sphere": plastic_sphere,
     "paper-sphere": paper_sphere,
+    "plastic-impact": impact_of_plastic_ball,
 }
 
 

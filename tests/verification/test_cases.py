@@ -150,7 +150,12 @@ def test_plastic_sphere_over_approach():
 
 
 def test_paper_sphere():
-    run("paper-sphere", elements_per_radius=3, refinement=1.2, num_yields=2)
+    run("paper-sphere", elements_per_radius=3.5, refinement=1.15, num_yields=2, periods=25)
+
+
+@pytest.mark.mpi
+def test_plastic_impact():
+    run("plastic-impact", num_speeds=2)
 
 
 def test_every_case_of_the_command_line_says_what_it_is():
