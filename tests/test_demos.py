@@ -14,7 +14,7 @@ DEMOS = Path(__file__).resolve().parents[1] / "demos"
     "name",
     [
         *("calibrate_compliance", "check_intrusion", "contact_verification", "fidelity"),
-        *("normal_laws", "uneven_compliance"),
+        *("locking", "normal_laws", "uneven_compliance"),
     ],
 )
 def test_a_demo_says_what_it_does(name):

@@ -93,3 +93,35 @@ def johnson_restitution(v, Y, E, m, R):
     Source: Johnson 1985, section 11.5(c).
     """
     return 3.8 * np.sqrt(Y / E) * (0.5 * m * v**2 / (Y * R**3)) ** (-0.125)
+
+
+#: Elastic energy of a loaded circle of a half-space, times E* a/F²: with the pressure of
+#: Hertz, p ~ (1 - r²/a²)^½, and with an even one. Johnson 1985, eqs (4.24), (3.29).
+HERTZ_PROFILE, EVEN_PROFILE = 3 / 10, 8 / (3 * np.pi**2)
+
+
+def restitution_by_curve(energy, delta, force, radius, E, profile=HERTZ_PROFILE):
+    """Speed of rebound over that of impact, from force and contact radius over the approach.
+
+        e² = c F²/(E* a W),  W = ∫ F dδ = ½ m V²
+
+    Loading ends where its work W is the energy of the impact; unloading is elastic and
+    recovers what the pressure at that moment stores in a half-space. A fully plastic
+    contact has an even pressure, c = 8/3π²; one at the onset of yield that of Hertz, c = 3/10.
+    With Thornton's law of force and a = √(Rδ) and the latter it is Thornton's restitution. But
+    the contact of a plastic sphere is wider, a² up to 2.6 Rδ, and stiffer to load.
+
+    Args:
+        energy: Of the impact [J].
+        delta, force, radius: The curve [m], [N], [m], shape (n,), from no approach on.
+        E: Effective modulus E* [Pa].
+        profile: c, one of the constants above.
+
+    Raises:
+        ValueError: The curve ends before its work is the energy.
+    """
+    work = np.append(0.0, np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(delta)))
+    if not 0 < energy <= work[-1]:
+        raise ValueError(f"energy = {energy} J, expected > 0 and at most {work[-1]} J")
+    F, a = np.interp(energy, work, force), np.interp(energy, work, radius)
+    return float(np.sqrt(min(profile * F**2 / (E * a * energy), 1.0)))

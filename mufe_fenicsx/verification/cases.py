@@ -19,7 +19,10 @@ from .mindlin import mindlin
 from .oblique_impact import oblique_impact
 from .overlap import overlap
 from .packing import packing
+from .paper_sphere import paper_sphere
 from .patch import patch
+from .plastic_impact import impact_of_plastic_ball
+from .plastic_sphere import plastic_sphere
 from .rigid import rigid_impact, rigid_mix, rigid_rolling, rigid_top
 from .rolling import rolling
 from .sliding import sliding_block, sliding_facets
@@ -52,6 +55,9 @@ CASES = {
     "free-sphere": free_sphere,
     "bar-impact": bar_impact,
     "material-point": material_point,
+    "plastic-sphere": plastic_sphere,
+    "paper-sphere": paper_sphere,
+    "plastic-impact": impact_of_plastic_ball,
 }
 
 

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from mpi4py import MPI
 
 from ..contact.walls import Wall
 from ..geometry.half_ball import half_ball
@@ -25,26 +24,32 @@ class Course:
     approach: np.ndarray  #: of the plane and the base, from first touch [m]
     force: np.ndarray  #: on the plane [N]
     base_force: np.ndarray  #: on the base [N]
-    radius: np.ndarray  #: of the contact [m]
+    area: np.ndarray  #: of the contact [m²]
     strain: np.ndarray  #: largest plastic strain
-    radius_at_yield: float  #: radius of the contact by Hertz's law when the first element yields
-    force_at_yield: float  #: force then [N]; nan if none yields
+    force_at_yield: float  #: when the first element below the surface yields [N]; nan if none does
+    force_at_surface_yield: float  #: when the first with a node on the surface does [N]
     kinetic: float  #: largest kinetic energy over the work done, in the second half of the way
     residual: float  #: of the energy balance over the work, at the end
     simulation: Simulation
 
-    @property
-    def pressure(self):
-        """Mean pressure over the contact [Pa]."""
-        return self.force / (math.pi * self.radius**2)
+    def mean(self, elements, approach=None):
+        """Approach [m], force [N] and mean pressure [Pa], means over a growth of the contact.
 
-    def force_at(self, approach):
-        """Force [N] by interpolation."""
-        return np.interp(approach, self.approach, self.force)
+        The contact grows through one element, a part 1/``elements`` of its radius, by
+        which its edge passes all places within an element; approach goes with the radius
+        squared.
 
-    def window(self, elements, h):
-        """Records while the radius grows through its last ``elements`` element sizes ``h``."""
-        return self.radius > self.radius[-1] - elements * h
+        Args:
+            elements: Elements per contact radius in the middle of that.
+            approach: In its middle [m]; None: it ends with the last record.
+        """
+        part = 0.5 / elements
+        if approach is None:
+            approach = self.approach[-1] / (1 + part) ** 2
+        approach = approach * np.linspace(1 - part, 1 + part, 41) ** 2
+        force = np.interp(approach, self.approach, self.force)
+        area = np.interp(approach, self.approach, self.area)
+        return float(approach.mean()), float(force.mean()), float(force.sum() / area.sum())
 
 
 def press_ball(
@@ -73,7 +78,7 @@ def press_ball(
         contact_radius: For which the mesh is made [m].
         elements_per_radius: That radius over the length of edges there.
         growth: Growth of the element size with the distance, times elements_per_radius / 2.5.
-        element: "averaged" or "plain".
+        element: One of solid.ELEMENTS.
         periods: Duration over the period of a shear wave between pole and base.
         records: Number of records.
         watch_yield: Look for the first plastic strain at each step.
@@ -90,7 +95,7 @@ def press_ball(
     turned = points @ (FRAME @ tilt).T
     top = float((turned @ AXIS).max())
     base = FRAME @ tilt[:, 2]
-    mesh = distribute(comm, [(turned, cells)])
+    mesh = distribute(comm, [(turned, cells)], element == "composite")
     walls = [Wall("base", np.zeros(3), base, bonded=True), Wall("plane", top * AXIS, -AXIS)]
     omega = 0.5 * math.pi * math.sqrt(material.shear_modulus / material.rho) / RADIUS
     options = {"damping": 0.3 * omega, "time_step_factor": 0.8} | options
@@ -98,27 +103,33 @@ def press_ball(
         mesh,
         [material],
         walls,
-        element="p1" if element == "plain" else element,
+        element=element,
         mass_factor=slow_mass_factor(mesh),
         **options,
     )
     duration = periods * 2 * math.pi / omega
     plane = s.walls.names.index("plane")
     every = max(int(duration / s.dt / records), 1)
-    rows, first = [], [math.nan, math.nan]
+    own = np.zeros(mesh.num_nodes, dtype=bool)
+    own[s.contact.own.nodes] = True
+    below = ~own[mesh.cells].any(axis=1)
+    first = {"below": math.nan, "surface": math.nan}
+    rows = []
     kinetic = 0.0
 
     def record():
         nonlocal kinetic
         strain = s.state.plastic_strain
         force = -float(s.walls.force[plane] @ s.walls.normal[plane])
-        if watch_yield and math.isnan(first[0]) and strain.max() > 0:
-            first[:] = force, _way(s, plane, top)
+        if watch_yield:
+            for place, on in (("below", below), ("surface", ~below)):
+                if math.isnan(first[place]) and strain[on].max() > 0:
+                    first[place] = force
         if s.state.num_steps % every:
             return
         base_force = -float(s.walls.force[1 - plane] @ s.walls.normal[1 - plane])
         way = _way(s, plane, top)
-        rows.append((way, force, base_force, contact_radius_of(s, plane), float(strain.max())))
+        rows.append((way, force, base_force, contact_area(s, plane), float(strain.max())))
         if way > 0.5 * approach:
             e = s.energies()
             kinetic = max(kinetic, e["kinetic"] / e["work"])
@@ -128,8 +139,8 @@ def press_ball(
     columns = np.array(rows).T
     return Course(
         *columns,
-        radius_at_yield=first[1],
-        force_at_yield=first[0],
+        force_at_yield=first["below"],
+        force_at_surface_yield=first["surface"],
         kinetic=kinetic,
         residual=abs(e["residual"] / e["work"]),
         simulation=s,
@@ -141,17 +152,30 @@ def _way(s, plane, top):
     return RADIUS - float(s.walls.point[plane] @ AXIS)
 
 
-def contact_radius_of(s, wall):
-    """Radius [m] of the circle whose area is that of the closed facets, as they now lie.
+def contact_area(s, wall):
+    """Area [m²] around the nodes that carry more than half of the mean pressure. Local.
 
-    A facet that the edge of the contact crosses counts whole or not at all, by its centroid.
+    Forces of facets are brought to nodes, for yielding bodies leave the pressure on
+    single facets open: there are two for each node, and half of them carry nothing. The mean is
+    weighted by force, so that it is that of the inner nodes. A node in the edge of the
+    contact counts whole or not at all, and right in the mean over many places of the edge.
     """
     pairs, points, own = s.walls.pairs, s.contact.points, s.contact.own
-    on = np.flatnonzero(pairs.closed & (pairs.wall == wall))
-    on = on if points.corner is None else on[points.recess[pairs.node[on]] == 0.0]
-    if points.corner is None:
-        return math.sqrt(points.area[pairs.node[on]].sum() / math.pi)
-    x = s.state.x[own.nodes[points.corner[pairs.node[on]]]]
-    double = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]) @ s.walls.normal[wall]
-    area = s.comm.allreduce(float(0.5 * np.abs(double).sum()), op=MPI.SUM)
-    return math.sqrt(area / math.pi)
+    on = np.flatnonzero(pairs.wall == wall)
+    push = np.zeros((points.num_points, 1))
+    push[pairs.node[on], 0] = np.maximum(pairs.push[on], 0.0)
+    force = points.to_nodes(push, own.nodes.size)[:, 0]
+    total = force.sum()
+    if total == 0.0:
+        return 0.0
+    corner = s.state.x[own.nodes[own.facets]]
+    edges = corner[:, 1:] - corner[:, :1]
+    third = np.abs(np.cross(edges[:, 0], edges[:, 1]) @ s.walls.normal[wall]) / 6
+    area = np.zeros(own.nodes.size)
+    for nodes in own.facets.T:
+        np.add.at(area, nodes, third)
+    loaded = force > 0
+    pressure = np.zeros(own.nodes.size)
+    pressure[loaded] = force[loaded] / area[loaded]
+    mean = force @ pressure / total
+    return float(area[pressure > 0.5 * mean].sum())

@@ -147,6 +147,29 @@ def test_material_point():
     run("material-point", paths=60, steps_per_leg=60)
 
 
+@pytest.mark.mpi
+def test_plastic_sphere():
+    answer = run("plastic-sphere", what="plateau", finest=3.5)
+    lines = answer["results"]
+    plain = [line for name, line in lines.items() if name.endswith("plain P1")]
+    # Flow of constant volume locks plain elements: 1.5 and 1.8 times at E/Y = 1000.
+    assert sum(line["computed"] > 1.4 * line["theory"] for line in plain) == 2
+
+
+@pytest.mark.mpi
+def test_plastic_sphere_over_approach():
+    run("plastic-sphere", what="curves", elements_per_radius=1.5)
+
+
+def test_paper_sphere():
+    run("paper-sphere", elements_per_radius=3.5, refinement=1.15, num_yields=2, periods=25)
+
+
+@pytest.mark.mpi
+def test_plastic_impact():
+    run("plastic-impact", num_speeds=2)
+
+
 def test_every_case_of_the_command_line_says_what_it_is():
     assert len(CASES) > 6
     for function in CASES.values():

@@ -66,3 +66,16 @@ def test_restitution_is_that_of_the_law_of_force():
     # (6√3/5)^½ / (2 √(6/5))^¼, 1e-4 of V_y.
     limit = plastic_impact.restitution(1e8 * v_yield, v_yield)
     assert limit == pytest.approx(1.185 * 1e-2, rel=1e-3)
+
+
+def test_thorntons_law_of_force_has_his_restitution_by_its_curve():
+    R, E, m, p = 1e-3, 50e9, 1e-5, 300e6
+    v = 20 * plastic_impact.yield_speed(p, E, m, R)
+    # Roots of the approach are even: the curve starts as one of its powers.
+    delta = (np.linspace(0, 1, 100001) ** 2) * 0.05 * R
+    start = R * (np.pi * p / (2 * E)) ** 2
+    elastic = hertz.hertz_force(np.minimum(delta, start), R, E)
+    force = elastic + np.pi * R * p * np.maximum(delta - start, 0)
+    found = plastic_impact.restitution_by_curve(0.5 * m * v**2, delta, force, np.sqrt(R * delta), E)
+    # Of the trapezoidal rule.
+    assert found == pytest.approx(plastic_impact.restitution_by_work(v, p, E, m, R), rel=1e-5)

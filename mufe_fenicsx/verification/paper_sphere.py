@@ -1,0 +1,77 @@
+"""Figure 8 of the paper: a ball is stiffer against a platen the higher its yield stress."""
+
+import math
+
+import numpy as np
+
+from ..materials.j2 import J2
+from .case import case, compare
+from .plastic_ball import RADIUS, press_ball
+
+E, NU, RHO = 100e9, 0.15, 2650.0
+YIELD = (40e6, 30e6, 20e6, 10e6)
+#: The paper's hardening: by this much [Pa] until this plastic strain, then none.
+HARDENING, UNTIL = 100e6, 0.05
+#: Parts of the way at which forces are compared: before, the contact has few elements.
+PARTS = np.linspace(0.4, 1.0, 7)
+
+
+@case("paper-sphere", num_bodies=1)
+def paper_sphere(
+    comm, elements_per_radius=5.0, refinement=1.5, approach=0.004, num_yields=4, periods=40.0
+):
+    """A ball of the paper's material with yield 10, 20, 30, 40 MPa: force rises with yield.
+
+    Source of the set-up: S. Nadimi, J. Fonseca, Geotechnique 68, 2018, 290-302, figure 8: E = 100
+    GPa, ν = 0.15, hardening by 100 MPa until a plastic strain of 0.05.
+
+    Args:
+        comm: MPI communicator.
+        elements_per_radius: Contact radius over the length of edges there, at the end.
+        refinement: Of the second mesh.
+        approach: Of plane and base at the end over the radius of the ball.
+        num_yields: How many of the four, from the highest.
+        periods: Duration, as of :func:`~.plastic_ball.press_ball`.
+    """
+    results, simulations, before = {}, [], None
+    meshes = (elements_per_radius, elements_per_radius * refinement)
+    for Y in YIELD[:num_yields]:
+        courses = [force_curve(comm, Y, n, approach, periods) for n in meshes]
+        simulations += [course.simulation for course in courses]
+        coarse, fine = (forces(course, n) for course, n in zip(courses, meshes, strict=True))
+        name = f"yield {Y / 1e6:g} MPa: "
+        # The target of the method: all along the curve.
+        worst = np.argmax(np.abs(coarse / fine - 1))
+        results[name + f"force at {PARTS[worst]:.1f} of the approach, the worst [N]"] = compare(
+            coarse[worst], fine[worst], 0.03
+        )
+        if before is not None:
+            # No tolerance: an order.
+            above = max(0.0, float((1 - before / coarse).max()))
+            results[name + "force above that of the next higher yield"] = compare(above, 0, 0, 1.0)
+        # As of the case plastic-sphere.
+        kinetic = max(course.kinetic for course in courses)
+        results[name + "kinetic energy over work"] = compare(kinetic, 0.0, 2e-3, 1.0)
+        before = coarse
+    return results, simulations
+
+
+def force_curve(comm, Y, elements_per_radius, approach, periods=40.0, **options):
+    """Press a ball that yields first at Y [Pa] by ``approach`` radii. Collective, one rank.
+
+    Returns:
+        :class:`~.plastic_ball.Course`.
+    """
+    material = J2(E, NU, RHO, ((0.0, Y), (UNTIL, Y + HARDENING)))
+    n = elements_per_radius
+    # Between the elastic radius √(Rδ) and that without hardening, 1.5 times as large: measured.
+    a = RADIUS * math.sqrt(2.0 * approach)
+    way = approach * RADIUS * (1 + 0.5 / n) ** 2
+    return press_ball(comm, material, way, a, n, periods=periods, **options)
+
+
+def forces(course, elements_per_radius):
+    """Forces [N] at ``PARTS`` of the way: means over growths of the contact by an element."""
+    n = elements_per_radius
+    way = course.approach[-1] / (1 + 0.5 / n) ** 2
+    return np.array([course.mean(n * math.sqrt(part), part * way)[1] for part in PARTS])

@@ -1,0 +1,213 @@
+"""A ball that yields under a rigid plane: mean pressure, force, onset; and what locks."""
+
+import itertools
+import math
+from typing import Literal
+
+import numpy as np
+
+from ..materials.j2 import J2
+from ..solid import von_mises
+from ..theory import plastic_contact
+from .case import case, compare
+from .hertz_stress import PATCH, recover
+from .plastic_ball import AXIS, RADIUS, press_ball
+
+E, RHO = 100e9, 2650.0
+#: Poisson's ratio and E/Y of the mean pressure.
+FEW = ((0.15, 100.0), (0.15, 1000.0), (0.3, 1000.0))
+ALL = tuple(itertools.product((0.15, 0.3), (100.0, 1000.0, 10000.0)))
+#: The steel of Jackson and Green: E, Y [Pa], ν; and δ/δc at which forces are compared.
+STEEL, STEEL_YIELD, STEEL_RHO = 200e9, 0.5608e9, 7850.0
+STEEL_NU = 0.32
+DEPTHS = (5.0, 20.0, 100.0)
+#: The most that the contact area of a plastic ball grows beyond πRδ, without hardening:
+#: measured 2.1 to 2.6. Only a mesh is made by it.
+LARGEST_SPREAD = 2.6
+
+
+@case("plastic-sphere", num_bodies=1)
+def plastic_sphere(
+    comm,
+    what: Literal["all", "plateau", "curves", "onset"] = "all",
+    ratios: Literal["few", "all"] = "few",
+    elements_per_radius=2.5,
+    finest=7.5,
+    a_over_R=0.1,
+    hardening=0.02,
+):
+    """A ball of a plastic material under a plane: mean pressure, force over approach, onset.
+
+    - plateau: mean pressure over yield stress without hardening, against that of a fine mesh:
+      what an element that locks gets wrong. The contact is fully plastic from about
+      E* a/YR = 50 on; for E/Y = 100 it is not.
+    - curves: force at δ/δc = 5, 20, 100 against Jackson & Green 2005, and Ghaednia et al. 2019
+      with hardening, at twice the elements per radius.
+    - onset: that of the yield below the contact, at twice the elements per radius.
+
+    All are means over a growth of the contact by one element, and of slow loading: the kinetic
+    energy over the work is among the results.
+
+    Args:
+        comm: MPI communicator.
+        what: Which of these.
+        ratios: Pairs of Poisson's ratio and E/Y of the plateau: (0.15, 100), (0.15, 1000) and
+            (0.3, 1000), or both with all of 100, 1000, 10000. At 10000 the plateau misses its
+            target at 2.5 elements per radius, by as much again.
+        elements_per_radius: Contact radius over the length of edges there.
+        finest: The same of the mesh taken for converged.
+        a_over_R: Contact radius of the plateau over that of the ball.
+        hardening: Et/E of the curves with hardening.
+    """
+    results, simulations = {}, []
+    n = elements_per_radius
+    if what in ("all", "plateau"):
+        for nu, ratio in FEW if ratios == "few" else ALL:
+            name = f"nu = {nu:g}, E/Y = {ratio:g}: "
+            computed = {
+                key: mean_pressure(comm, nu, ratio, m, a_over_R, element)
+                for key, m, element in (
+                    ("fine", finest, "averaged"), ("", n, "averaged"), ("plain", n, "p1"),
+                )
+            }  # fmt: skip
+            pressure = {key: value for key, (value, _) in computed.items()}
+            courses = [course for _, course in computed.values()]
+            simulations += [course.simulation for course in courses]
+            # The target of the method, at 2.5 elements.
+            results[name + "mean pressure over Y"] = compare(pressure[""], pressure["fine"], 0.03)
+            # No target: it locks, and the more the stiffer it is; this shows how far.
+            results[name + "the same of plain P1"] = compare(
+                pressure["plain"], pressure["fine"], 10.0
+            )
+            # Inertia: at 0.002 of the work the mean pressure has changed by up to 3 %.
+            kinetic = max(course.kinetic for course in courses)
+            results[name + "kinetic energy over work"] = compare(kinetic, 0.0, 2e-3, 1.0)
+    if what in ("all", "curves"):
+        for tangent, depths in ((0.0, DEPTHS), (hardening, DEPTHS[1:])):
+            law = "Ghaednia" if tangent else "Jackson & Green"
+            for depth in depths:
+                course, force, radius = on_curve(comm, depth, 2 * n, tangent)
+                simulations.append(course.simulation)
+                # The target of the method; both are fits to finite elements to some percent.
+                name = f"{law}, {depth:g} of the approach of onset: "
+                results[name + "force"] = compare(*force, 0.05)
+                if not tangent:
+                    results[name + "contact radius"] = compare(*radius, 0.05)
+    if what in ("all", "onset"):
+        for nu in (0.15, 0.3):
+            name = f"onset, nu = {nu:g}: "
+            course, first, by_stress = onset(comm, nu, 2 * n)
+            simulations.append(course.simulation)
+            # The target of the method. Radius and largest pressure go with force^(1/3).
+            results[name + "contact radius when the first element below the surface yields"] = (
+                compare(first, 1.0, 0.1)
+            )
+            results[name + "contact radius where the stress reaches Y"] = compare(
+                by_stress, 1.0, 0.1
+            )
+    return results, simulations
+
+
+def mean_pressure(
+    comm, nu, ratio, elements_per_radius, a_over_R=0.1, element="averaged", **options
+):
+    """Mean pressure over Y of a perfectly plastic ball, and its course. Collective, one rank.
+
+    Args:
+        comm: MPI communicator of one rank.
+        nu: Poisson's ratio.
+        ratio: E/Y.
+        elements_per_radius, a_over_R: As of the case.
+        element: One of solid.ELEMENTS.
+        options: Of :func:`~.plastic_ball.press_ball`.
+    """
+    Y, n, a = E / ratio, elements_per_radius, a_over_R * RADIUS
+    material = J2(E, nu, RHO, ((0.0, Y),))
+    delta = np.geomspace(1e-8, 0.5, 4000) * RADIUS
+    _, radius = plastic_contact.jackson_green(delta, RADIUS, material.contact_modulus, Y, nu)
+    radius = np.minimum(radius, np.sqrt(LARGEST_SPREAD * RADIUS * delta))
+    approach = float(np.interp(a * (1 + 0.5 / n), radius, delta))
+    # What shakes the contact, density times wave speed times speed, is seen against Y.
+    options = {"periods": 20 * max(1.0, math.sqrt(ratio / 1000))} | options
+    course = press_ball(comm, material, approach, a, n, element=element, **options)
+    return course.mean(n)[2] / Y, course
+
+
+def on_curve(comm, depth, elements_per_radius, tangent=0.0, element="averaged"):
+    """Press a steel ball to ``depth`` times the approach of onset. Collective, one rank.
+
+    Args:
+        comm: MPI communicator of one rank.
+        depth: δ/δc.
+        elements_per_radius: At that depth.
+        tangent: Et/E.
+        element: One of solid.ELEMENTS.
+
+    Returns:
+        :class:`~.plastic_ball.Course`; force [N] computed and by theory; contact radius [m],
+        the same.
+    """
+    material, n = steel(tangent), elements_per_radius
+    delta = depth * onset_of(material)[0]
+    _, radius = curve(delta, tangent)
+    course = press_ball(
+        comm, material, delta * (1 + 0.5 / n) ** 2, float(radius), n, element=element, periods=20.0
+    )
+    delta, force, pressure = course.mean(n)
+    theory = curve(delta, tangent)
+    return (
+        course,
+        (force, float(theory[0])),
+        (math.sqrt(force / (math.pi * pressure)), float(theory[1])),
+    )
+
+
+def steel(tangent=0.0):
+    """The material of the curves, with the slope Et/E of stress against total strain."""
+    table, beyond = ((0.0, STEEL_YIELD),), "flat"
+    if tangent:
+        slope = STEEL * tangent / (1 - tangent)
+        table, beyond = (*table, (1.0, STEEL_YIELD + slope)), "slope"
+    return J2(STEEL, STEEL_NU, STEEL_RHO, table, beyond)
+
+
+def onset_of(material):
+    """Approach [m], force [N], radius [m] of onset by the factor fitted by Jackson and Green."""
+    factor = plastic_contact.fitted_onset_factor(material.nu)
+    Y = material.yield_stress[0][1]
+    return plastic_contact.onset(RADIUS, material.contact_modulus, Y, factor)
+
+
+def curve(delta, tangent=0.0):
+    """Force [N] and radius [m] of the steel ball by the fits."""
+    if tangent:
+        return plastic_contact.ghaednia(
+            delta, RADIUS, STEEL, tangent * STEEL, STEEL_YIELD, STEEL_NU
+        )
+    modulus = STEEL / (1 - STEEL_NU**2)
+    return plastic_contact.jackson_green(delta, RADIUS, modulus, STEEL_YIELD, STEEL_NU)
+
+
+def onset(comm, nu, elements_per_radius, ratio=100.0):
+    """Press a ball to the approach of onset. Collective, one rank.
+
+    The first element yields early: stresses of single elements scatter, and one out of many
+    is first. So the stress is looked at as well: the largest of the smoothed von Mises stress
+    on the axis, at a force F, gives F (Y/q)³ for that of the onset.
+
+    Returns:
+        The course, and the radius of a Hertz contact over that of the onset: when the first
+        element without a node on the surface yields, and where the smoothed stress reaches Y.
+    """
+    n, Y = elements_per_radius, E / ratio
+    material = J2(E, nu, RHO, ((0.0, Y),))
+    modulus = material.contact_modulus
+    delta, force, a = plastic_contact.onset(RADIUS, modulus, Y, plastic_contact.onset_factor(nu))
+    course = press_ball(comm, material, delta, a, n, periods=12.0, watch_yield=True)
+    s = course.simulation
+    zeta = np.linspace(0.2, 1.0, 33)
+    top = s.walls.point[s.walls.names.index("plane")]
+    places = top - a * zeta[:, None] * AXIS
+    stress = von_mises(recover(s, s.state.deviator, places, PATCH * a / n)).max()
+    by_stress = np.cbrt(course.force[-1] / force) * Y / stress
+    return course, float(np.cbrt(course.force_at_yield / force)), float(by_stress)
