@@ -124,7 +124,9 @@ def paper(quick):
     """Figure 8 of the paper and a cut through the stress below."""
     meshes = ((3.0, "--"), (5.0, "-")) if quick else ((5.0, "--"), (7.5, "-"))
     figure, (left, right) = style.new_figure(style.PAGE, 2.9, ncols=2)
-    for Y, colour in zip(YIELD, (style.SKY, style.BLUE, style.ORANGE, style.RED), strict=True):
+    for Y, colour in zip(
+        YIELD[::-1], (style.SKY, style.BLUE, style.ORANGE, style.RED), strict=True
+    ):
         for n, line in meshes:
             course = force_curve(COMM, Y, n, APPROACH)
             way = APPROACH * np.linspace(0, 1, 81)[1:]
@@ -133,7 +135,7 @@ def paper(quick):
                       label=f"{Y / 1e6:g} MPa" if line == "-" else None)  # fmt: skip
     left.set(xlabel="approach / radius of the ball (‰)", ylabel="force (N)")
     left.set(xlim=(0, None), ylim=(0, None))
-    left.legend(title="yield stress", loc="upper left")
+    left.legend(title="yield stress", loc="upper left", reverse=True)
     stress_cut(figure, right, course.simulation, math.sqrt(2 * APPROACH) * RADIUS)
     style.panel_letter(left, 0)
     style.panel_letter(right, 1)
@@ -222,7 +224,10 @@ def impacts(quick):
         plastic_impact.by_curve(0.5 * mass * (v_yield * factor) ** 2, modulus, Y, nu)
         for factor in v
     ])  # fmt: skip
-    axis.fill_between(v, *band.T, color=style.GREY, alpha=0.35, lw=0, label="Jackson & Green")
+    plastic = band[:, 1] < 1
+    axis.fill_between(
+        v[plastic], *band[plastic].T, color=style.GREY, alpha=0.35, lw=0, label="Jackson & Green"
+    )
     for element, (label, colour, mark) in ELEMENTS.items():
         e = [
             plastic_impact.rebound(
@@ -236,10 +241,10 @@ def impacts(quick):
     return (
         figure,
         "Restitution of a perfectly plastic ball on a rigid plane.",
-        f"E/Y = {ratio:g}, ν = {nu}, {n:g} elements per contact radius. Thornton keeps a² = "
-        "Rδ: with one limiting pressure he fits one range of speeds. Grey: force and radius of Jackson & "
-        "Green with elastic unloading, from an even pressure to that of Hertz; the step at the "
-        "left is their passage from Hertz at 1.9 times the approach of onset.",
+        f"E/Y = {ratio:g}, ν = {nu}, {n:g} elements per contact radius. Thornton keeps a² = Rδ: "
+        "with one limiting pressure he fits one range of speeds. Grey: force and radius of Jackson "
+        "& Green with elastic unloading, from an even pressure to that of Hertz, from where "
+        "they leave Hertz.",
         None,
     )
 
