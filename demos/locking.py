@@ -224,7 +224,7 @@ def impacts(quick):
         plastic_impact.by_curve(0.5 * mass * (v_yield * factor) ** 2, modulus, Y, nu)
         for factor in v
     ])  # fmt: skip
-    plastic = band[:, 1] < 1
+    plastic = band[:, 1] < 0.999
     axis.fill_between(
         v[plastic], *band[plastic].T, color=style.GREY, alpha=0.35, lw=0, label="Jackson & Green"
     )
