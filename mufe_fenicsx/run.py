@@ -184,7 +184,7 @@ class Recorder:
             },
             {
                 "stress": stress,
-                "von_mises": von_mises(state.deviator),
+                "von_mises": von_mises(sim.solid.deviator(state)),
                 "pressure": -stress[:, :3].mean(axis=1),
                 "plastic_strain": state.plastic_strain,
             },

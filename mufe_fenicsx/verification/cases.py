@@ -23,6 +23,7 @@ from .rigid import rigid_impact, rigid_mix, rigid_rolling, rigid_top
 from .rolling import rolling
 from .sliding import sliding_block, sliding_facets
 from .spin import spin
+from .strain_cycle import strain_cycle
 from .torsion import torsion
 
 CASES = {
@@ -50,6 +51,7 @@ CASES = {
     "free-sphere": free_sphere,
     "bar-impact": bar_impact,
     "material-point": material_point,
+    "strain-cycle": strain_cycle,
 }
 
 
