@@ -64,8 +64,9 @@ def _press(comm, nu, strain, divisions):
     M, lame = np.linalg.solve(matrix, [stress[2], stress[0] + stress[1]])
 
     theory = oedometric_modulus(E, nu)
-    # Logarithmic strain, current area and Kirchhoff's deviator make a homogeneous state exact. Remain the strain
-    # times its unevenness near the block's edges (some percent), and round-off eps/strain.
+    # Logarithmic strain, current area and Kirchhoff's deviator make a homogeneous state exact.
+    # Remain the strain times its unevenness near the block's edges (some percent), and
+    # round-off eps/strain.
     small = 0.1 * strain + 10 * np.finfo(float).eps / strain
     # The layer takes c h/E* per unit pressure on top and bottom; h is at most a brick's edge.
     layer = 2 * COMPLIANCE * oedometric_modulus(E, nu) * (1 - nu**2) / E / divisions

@@ -30,7 +30,7 @@ def test_patch():
 
 @pytest.mark.mpi
 def test_spin():
-    run("spin", turns=3)
+    run("spin", turns=5)
 
 
 @pytest.mark.mpi
