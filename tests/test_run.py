@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from mufe_fenicsx.output.contacts import read_contacts
 from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.run import load_mesh, run_scene
-from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, load_scene
+from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, Solver, load_scene
 from tests.bodies import packed_grains
 
 
@@ -95,6 +96,22 @@ def test_seating_that_never_ends_stops_with_what_it_has(folder, grains):
         )
     assert "seating" in json.loads((out / "run.json").read_text())["stop_reason"]
     assert len(read_history(out / "history.csv")["step"]) > 1
+
+
+@pytest.mark.mpi
+def test_a_balance_that_does_not_close_stops_with_state_and_history(folder, grains):
+    """No time step is that exact: the limit is far below what central differences conserve."""
+    out, scene = folder / "out", small_scene()
+    scene = replace(scene, solver=Solver(energy_limit=1e-9))
+    expected = r"J (came from nowhere|went missing) at strain .* is in grain \d+, .* element \d+ "
+    with pytest.raises(SolverError, match=expected):
+        run_scene(scene, grains, out, MPI.COMM_WORLD, quiet=True)
+    summary = json.loads((out / "run.json").read_text())
+    assert "energy_limit = 1e-09" in summary["stop_reason"] and not summary["finished"]
+    history, states = read_history(out / "history.csv"), read_states(out)
+    assert abs(history["residual"][-1]) > 1e-9 * history["work"][-1]
+    assert read_state(out, len(states) - 1).n_cells == summary["num_cells"]
+    assert states[-1]["time"] == history["time"][-1]
 
 
 @pytest.mark.mpi
