@@ -7,6 +7,7 @@ import typing
 from ..errors import InputError
 from .bar_impact import bar_impact
 from .column import column
+from .crush import crush
 from .energy import energy
 from .feature_pairs import feature_pairs
 from .free_sphere import free_sphere
@@ -52,6 +53,7 @@ CASES = {
     "bar-impact": bar_impact,
     "material-point": material_point,
     "strain-cycle": strain_cycle,
+    "crush": crush,
 }
 
 

@@ -139,6 +139,10 @@ def test_strain_cycle():
     run("strain-cycle", paths=12, steps=400)
 
 
+def test_crush():
+    run("crush", element_size=0.4, speed=10)
+
+
 def test_every_case_of_the_command_line_says_what_it_is():
     assert len(CASES) > 6
     for function in CASES.values():
