@@ -135,6 +135,7 @@ class Solver:
     time_step: str = "assembled"  #: stability limit of the "assembled" system, or by "element"
     time_step_factor: float = 0.9  #: time step over the stability limit [-]
     damping: float = 0.0  #: force -damping·m·v on each node [1/s]
+    energy_limit: float = 0.1  #: stop at an energy residual over all energy beyond this [-]
 
     def __post_init__(self):
         _one_of("element", self.element, ("averaged", "p1", "composite"))
@@ -146,6 +147,7 @@ class Solver:
             "0 < time_step_factor < 1",
         )
         _require(0 <= self.damping, "damping", self.damping, ">= 0 per second")
+        _require(0 < self.energy_limit, "energy_limit", self.energy_limit, "> 0")
 
 
 @dataclass(frozen=True)

@@ -176,9 +176,15 @@ class Solid:
             return self.pressure[self.mesh.cells].mean(axis=1)
         return self.pressure[: self.mesh.num_cells].copy()
 
+    def deviator(self, state):
+        """Deviator of the Cauchy stress [Pa], xx yy zz xy yz xz, shape (num_cells, 6). Local."""
+        x = state.x[self.mesh.cells]
+        J = np.linalg.det(x[:, 1:] - x[:, :1]) / (6 * self.volume0)
+        return state.deviator / J[:, None]
+
     def stress(self, state):
         """Cauchy stress [Pa], xx yy zz xy yz xz, shape (num_cells, 6). Local."""
-        stress = state.deviator.copy()
+        stress = self.deviator(state)
         stress[:, :3] += self.mean_stress()[:, None]
         return stress
 

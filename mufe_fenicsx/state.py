@@ -16,7 +16,7 @@ class State:
     u: np.ndarray  #: displacements [m], shape (num_nodes, 3)
     v: np.ndarray  #: velocities [m/s], shape (num_nodes, 3)
     a: np.ndarray  #: accelerations [m/s²], shape (num_nodes, 3)
-    deviator: np.ndarray  #: deviator of the Cauchy stress [Pa], xx yy zz xy yz xz, (num_cells, 6)
+    deviator: np.ndarray  #: J times that of Cauchy stress [Pa], xx yy zz xy yz xz, (num_cells, 6)
     plastic_strain: np.ndarray  #: equivalent plastic strain, shape (num_cells,)
     plastic_work: np.ndarray  #: plastic work [J], shape (num_cells,)
 

@@ -66,18 +66,18 @@ def test_nothing_jumps_when_a_grain_begins_to_deform():
 @pytest.mark.mpi
 def test_only_loaded_grains_deform_and_answer_as_j2_does():
     auto, full = balls(SOON), balls(None, J2)
-    force, residual = [], []
+    force = []
     for s in (auto, full):
         forces = []
         while s.state.t < 6e-5:
             s.step()
             forces.append(s.wall_forces().mean())
         force.append(np.mean(forces[-50:]))
-        residual.append(s.energies()["residual"])
+        e = s.energies()
+        # Bodies that begin to deform in the middle of a step leave a part of one step's work.
+        assert abs(e["residual"]) < 1e-4 * e["work"]
     mesh = auto.mesh
     labels = auto.comm.allgather(mesh.labels[mesh.grains[auto.solid.grains]])
     assert sorted(np.concatenate(labels)) == [1, 2]
     # What the bulk would have given way until then: the margin's part of a diameter.
     assert force[0] == pytest.approx(force[1], rel=0.02)
-    # A fast impact on a coarse mesh: what the scheme loses there, and nothing beyond.
-    assert residual[0] == pytest.approx(residual[1], rel=0.05)

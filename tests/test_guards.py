@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.energy_guard import EnergyGuard
 from mufe_fenicsx.errors import SolverError
 from mufe_fenicsx.geometry.shapes import box
 from mufe_fenicsx.kernels.hardening import yield_stress_at
@@ -41,6 +42,31 @@ def test_a_table_that_must_not_be_left_stops_the_computation():
 def test_a_crushed_element_is_named():
     with pytest.raises(SolverError, match=r"element of grain \d+ .*(lost its volume|collapsed)"):
         squeezed(Elastic(100e9, 0.15, 2650.0), 1.2)
+
+
+@pytest.mark.mpi
+def test_energy_from_nowhere_stops_the_computation():
+    """Steps beyond the limit of stability: the grain with the fastest elements is named."""
+    count = max(MPI.COMM_WORLD.size, 2)
+    divisions = [4 if k == count - 1 else 2 for k in range(count)]
+    cubes = [box((SIZE,) * 3, (n, n, n), (2 * k * SIZE, 0, 0)) for k, n in enumerate(divisions)]
+    s = build(
+        MPI.COMM_WORLD, cubes, Elastic(100e9, 0.15, 2650.0), (0, 0, 0),
+        (2 * count * SIZE, SIZE, SIZE), axes="z", refresh=10**9,
+        velocity=lambda x, grain: np.sin(x / SIZE) * [0.1, 0.0, 0.0],
+    )  # fmt: skip
+    guard = EnergyGuard(s, 0.1)
+    for _ in range(20):
+        s.step()
+    guard.check(s.energies(), "at the start")
+    s.time_step_factor = 1.6  # of the springs of contact alone 1.4 is the limit
+    s.update_time_step()
+    with pytest.raises(
+        SolverError, match=rf"came from nowhere soon, .* is in grain {count}, .*time_step_factor"
+    ):
+        for _ in range(200):
+            s.step()
+            guard.check(s.energies(), "soon")
 
 
 def test_hardening_goes_on_with_the_last_slope_where_asked():

@@ -113,6 +113,22 @@ def test_seating_that_never_ends_stops_with_what_it_has(folder, grains):
 
 
 @pytest.mark.mpi
+def test_a_balance_that_does_not_close_stops_with_state_and_history(folder, grains):
+    """No time step is that exact: the limit is far below what central differences conserve."""
+    out, scene = folder / "out", small_scene()
+    scene = replace(scene, solver=Solver(energy_limit=1e-9))
+    expected = r"J (came from nowhere|went missing) at strain .* is in grain \d+, .* element \d+ "
+    with pytest.raises(SolverError, match=expected):
+        run_scene(scene, grains, out, MPI.COMM_WORLD, quiet=True)
+    summary = json.loads((out / "run.json").read_text())
+    assert "energy_limit = 1e-09" in summary["stop_reason"] and not summary["finished"]
+    history, states = read_history(out / "history.csv"), read_states(out)
+    assert abs(history["residual"][-1]) > 1e-9 * history["work"][-1]
+    assert read_state(out, len(states) - 1).n_cells == summary["num_cells"]
+    assert states[-1]["time"] == history["time"][-1]
+
+
+@pytest.mark.mpi
 def test_unusable_folders_are_refused_together(folder, grains):
     comm = MPI.COMM_WORLD
     with pytest.raises(InputError, match="nowhere"):

@@ -42,11 +42,11 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
                    node_volume0, volume, bulk, shear, element):  # fmt: skip
     """Elastic energy of each grain [J], in place.
 
-    s:s/4G over the volume, and K (J ln J - J + 1), J as the ``element`` takes it.
+    t:t/4G over the first volume, t = J s, and K (J ln J - J + 1), J as the ``element`` takes it.
 
     Args:
         energy: Result, shape (num_grains,).
-        deviator: Deviator of the stress [Pa], shape (num_cells, 6).
+        deviator: Deviator of the Kirchhoff stress [Pa], shape (num_cells, 6).
         volume: Current volumes around nodes [m³], shape (num_nodes,).
         others: As in :func:`~mufe_fenicsx.kernels.solid.add_internal_forces`.
     """
@@ -63,7 +63,7 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
                 )
             s = deviator[e]
             ss = s[0] ** 2 + s[1] ** 2 + s[2] ** 2 + 2.0 * (s[3] ** 2 + s[4] ** 2 + s[5] ** 2)
-            total += det / 6.0 * ss / (4.0 * shear[g])
+            total += volume0[e] * ss / (4.0 * shear[g])
             if element == COMPOSITE:
                 now += det / 6.0
                 before += volume0[e]

@@ -18,7 +18,7 @@ def plastic_increment(q, mean, alpha, dt, shear, parameters):
     its last point the yield stress stays constant.
 
     Args:
-        q: Von Mises stress of the trial state [Pa].
+        q: Von Mises stress of the trial state, that of the Kirchhoff stress [Pa].
         mean: Mean stress [Pa], of which this law makes no use.
         alpha: Plastic strain so far [-].
         dt: Time step [s], of which this law makes no use.

@@ -1,7 +1,13 @@
 """Stress update and internal forces of linear tetrahedra, grain by grain.
 
-The Cauchy stress is split into a deviator, integrated in time, and a mean
+The Cauchy stress is split into a deviator s, integrated in time, and a mean
 stress p = K ln J, which is a function of the current volume alone.
+
+What is integrated is that of the Kirchhoff stress, t = J s, J of the element: its rate t' = 2 G
+dev D in the frame that turns with the element makes t:t/4G, over the first volume, the exact
+store of its power, so that no path of strains gains or loses energy, and the tangent is
+symmetric (R. Hill, J. Mech. Phys. Solids 7, 1959, 209-225). The same rate of s itself lets a
+vibrating, turning grain with stresses locked in gain energy exponentially.
 
 Deviator: strain increment and spin at the midpoint of the step (T. J. R.
 Hughes, J. Winget, Int. J. Numer. Methods Eng. 15, 1980, 1862-1867), so that a
@@ -47,8 +53,8 @@ U = numba.uintp
 
 # Elements that are worked on together, so that the compiler can use vector instructions.
 # Their numbers stand in rows of an array: 0-8 edges of node a to b, c, d (later forces),
-# 9-17 their velocities, 18-23 deviator, 24-32 cofactors, 33 volume, 34 mean stress,
-# 35 square of the trial von Mises stress.
+# 9-17 their velocities, 18-23 deviator t, 24-32 cofactors, 33 volume, 34 mean stress,
+# 35 square of the trial von Mises stress (later J).
 LANES = 16
 
 #: Over what J is taken: a linear tetrahedron, the nodes, or a composite tetrahedron.
@@ -172,16 +178,15 @@ def _element_forces(w):
     """Forces of a batch of elements on their nodes b, c, d, into rows 0 to 8 of ``w``."""
     sixth = 1.0 / 6.0
     for i in range(LANES):
-        p = w[34 * LANES + i]
-        txx, tyy, tzz = (
-            sixth * (w[18 * LANES + i] + p),
-            sixth * (w[19 * LANES + i] + p),
-            sixth * (w[20 * LANES + i] + p),
-        )
+        p = sixth * w[34 * LANES + i]
+        part = sixth / w[35 * LANES + i]
+        txx = part * w[18 * LANES + i] + p
+        tyy = part * w[19 * LANES + i] + p
+        tzz = part * w[20 * LANES + i] + p
         txy, tyz, txz = (
-            sixth * w[21 * LANES + i],
-            sixth * w[22 * LANES + i],
-            sixth * w[23 * LANES + i],
+            part * w[21 * LANES + i],
+            part * w[22 * LANES + i],
+            part * w[23 * LANES + i],
         )
         h1x, h1y, h1z = w[24 * LANES + i], w[25 * LANES + i], w[26 * LANES + i]
         h2x, h2y, h2z = w[27 * LANES + i], w[28 * LANES + i], w[29 * LANES + i]
@@ -223,7 +228,7 @@ def add_internal_forces(
 
     Args:
         f: Nodal forces [N], shape (num_nodes, 3).
-        deviator: Deviator of the Cauchy stress [Pa], xx yy zz xy yz xz, shape (num_cells, 6).
+        deviator: Deviator t of the Kirchhoff stress [Pa], xx yy zz xy yz xz, shape (num_cells, 6).
         plastic_strain: Equivalent plastic strain, shape (num_cells,).
         plastic_work: Plastic work so far [J], shape (num_cells,).
         pressure: Mean stress of nodes (of elements unless ``AVERAGED``) [Pa],
@@ -240,7 +245,7 @@ def add_internal_forces(
         bulk, shear: Moduli of the grains [Pa], shape (num_grains,).
         grains: Grains to work on, shape (n,).
         parameters: Of the plastic law of all grains, shape (num_grains, m); the first is the least
-            von Mises stress at which the material can yield [Pa].
+            von Mises stress of t at which the material can yield [Pa].
         element: ``PLAIN``, ``AVERAGED`` or ``COMPOSITE``.
 
     Returns:
@@ -311,9 +316,10 @@ def add_internal_forces(
                         for k in range(18, 24):
                             w[k * LANES + i] *= scale
                         plastic_strain[e] = alpha + dp
-                        plastic_work[e] += 0.5 * (q * scale + before / q) * dp * w[33 * LANES + i]
+                        plastic_work[e] += 0.5 * (q * scale + before / q) * dp * volume0[e]
                 for k in range(6):
                     deviator[e, k] = w[(18 + k) * LANES + i]
+                w[35 * LANES + i] = w[33 * LANES + i] / volume0[e]
 
             _element_forces(w)
             for i in range(count):

@@ -7,6 +7,7 @@ import typing
 from ..errors import InputError
 from .bar_impact import bar_impact
 from .column import column
+from .crush import crush
 from .energy import energy
 from .feature_pairs import feature_pairs
 from .fidelity import fidelity
@@ -27,6 +28,7 @@ from .rigid import rigid_impact, rigid_mix, rigid_rolling, rigid_top
 from .rolling import rolling
 from .sliding import sliding_block, sliding_facets
 from .spin import spin
+from .strain_cycle import strain_cycle
 from .torsion import torsion
 
 CASES = {
@@ -58,6 +60,8 @@ CASES = {
     "plastic-sphere": plastic_sphere,
     "paper-sphere": paper_sphere,
     "plastic-impact": impact_of_plastic_ball,
+    "strain-cycle": strain_cycle,
+    "crush": crush,
 }
 
 

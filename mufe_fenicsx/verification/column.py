@@ -53,6 +53,8 @@ def _press(comm, nu, strain, divisions):
     lengths = SIZE * np.exp(mean_strain)
     area = np.prod(lengths) / lengths
     stress = -0.5 * (force[0::2] + force[1::2]) / area
+    # The deviator that goes with the strain is that of Kirchhoff stress.
+    stress = stress.mean() + math.exp(mean_strain.sum()) * (stress - stress.mean())
     # Two equations for the two moduli.
     across = mean_strain[0] + mean_strain[1]
     matrix = [
@@ -62,8 +64,9 @@ def _press(comm, nu, strain, divisions):
     M, lame = np.linalg.solve(matrix, [stress[2], stress[0] + stress[1]])
 
     theory = oedometric_modulus(E, nu)
-    # Logarithmic strain and current area make a homogeneous state exact. Remain the strain
-    # times its unevenness near the block's edges (some percent), and round-off eps/strain.
+    # Logarithmic strain, current area and Kirchhoff's deviator make a homogeneous state exact.
+    # Remain the strain times its unevenness near the block's edges (some percent), and
+    # round-off eps/strain.
     small = 0.1 * strain + 10 * np.finfo(float).eps / strain
     # The layer takes c h/E* per unit pressure on top and bottom; h is at most a brick's edge.
     layer = 2 * COMPLIANCE * oedometric_modulus(E, nu) * (1 - nu**2) / E / divisions

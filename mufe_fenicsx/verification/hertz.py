@@ -14,7 +14,8 @@ INDENTATIONS = 5
 #: Targets in force, radius and pressure at one element per contact radius, falling as 1/n:
 #: 2, 4 and 5 % at 2.5 elements, 1, 2 and 2.5 % at 5.
 FORCE, SIZE, PRESSURE = 0.05, 0.10, 0.125
-#: Large strain, which Hertz leaves out: the measured change of the force over a/R.
+#: Large strain, which Hertz leaves out: the measured change over a/R, 0.13 of the largest
+#: pressure (it vanishes as a/R does), less of the force.
 LARGE_STRAIN = 0.15
 
 
@@ -65,7 +66,7 @@ def hertz(
             "force": compare(mean["force"], 1.0, FORCE * coarse + strain),
             "force, worst": compare(worst, 1.0, FORCE * coarse + strain),
             "radius": compare(mean["size"], 1.0, SIZE * coarse),
-            "largest pressure": compare(mean["p0"], 1.0, PRESSURE * coarse),
+            "largest pressure": compare(mean["p0"], 1.0, PRESSURE * coarse + strain),
             # Newton's method ends where the energy norm of its correction is 1e-4.
             "reaction of the base": compare(mean["reaction"], 1.0, 5e-4),
         }

@@ -78,7 +78,7 @@ def profile(comm, elements_per_radius, a_over_R=0.02, nu=0.15, growth=0.5, depth
     # The first depth lies in the body: its surface meets the plane but for the contact layer.
     zeta = np.linspace(0.02, depth, num)
     places = middle - theory.a * zeta[:, None] * AXIS
-    stress = recover(s, s.state.deviator, places, PATCH * theory.a / elements_per_radius)
+    stress = recover(s, s.solid.deviator(s.state), places, PATCH * theory.a / elements_per_radius)
     axial, radial = stress_on_axis(zeta, nu)
     return {
         "zeta": zeta,

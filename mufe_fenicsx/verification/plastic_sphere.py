@@ -208,6 +208,6 @@ def onset(comm, nu, elements_per_radius, ratio=100.0):
     zeta = np.linspace(0.2, 1.0, 33)
     top = s.walls.point[s.walls.names.index("plane")]
     places = top - a * zeta[:, None] * AXIS
-    stress = von_mises(recover(s, s.state.deviator, places, PATCH * a / n)).max()
+    stress = von_mises(recover(s, s.solid.deviator(s.state), places, PATCH * a / n)).max()
     by_stress = np.cbrt(course.force[-1] / force) * Y / stress
     return course, float(np.cbrt(course.force_at_yield / force)), float(by_stress)

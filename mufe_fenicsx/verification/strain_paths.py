@@ -36,9 +36,10 @@ class Tets:
         #: Number of the path of each local element.
         self.number = mesh.grains[mesh.grain_of_cell]
         self.force = np.zeros_like(mesh.x)
-        self.outside = 0.0  #: largest distance from the yield surface over the yield stress
+        self.outside = 0.0  #: largest distance from the yield surface over the yield stress, of J2
         of_cell = [self.materials[g] for g in mesh.grain_of_cell]
-        self._like = {m: np.flatnonzero([m == own for own in of_cell]) for m in set(of_cell)}
+        yields = {m for m in of_cell if hasattr(m, "yield_stress")}
+        self._like = {m: np.flatnonzero([m == own for own in of_cell]) for m in yields}
         self._origin = mesh.x[mesh.cells].mean(axis=1)
         self._arm = mesh.x[mesh.cells] - self._origin[:, None]
 
@@ -94,7 +95,7 @@ class MaterialPoints:
         for i, (strain, stress) in enumerate(self.tables):
             self.groups.setdefault((tuple(strain), tuple(stress)), []).append(i)
         self.F = np.tile(np.eye(3), (n, 1, 1))
-        self.deviator = np.zeros((n, 3, 3))
+        self.deviator = np.zeros((n, 3, 3))  # of the Kirchhoff stress
         self.plastic_strain, self.plastic_work = np.zeros(n), np.zeros(n)  # work over V0
 
     def step(self, F):
@@ -113,12 +114,13 @@ class MaterialPoints:
         self.deviator = trial * (1 - 3 * self.G * dp / np.where(q > 0, q, 1))[:, None, None]
         self.plastic_strain += dp
         self.F = F.copy()
-        self.plastic_work += (q - 3 * self.G * dp) * dp * np.linalg.det(F)
+        self.plastic_work += (q - 3 * self.G * dp) * dp
 
     def stress(self):
         """Cauchy stress [Pa], shape (n, 3, 3)."""
-        p = self.K * np.log(np.linalg.det(self.F))
-        return self.deviator + p[:, None, None] * np.eye(3)
+        J = np.linalg.det(self.F)[:, None, None]
+        p = self.K[:, None, None] * np.log(J)
+        return self.deviator / J + p * np.eye(3)
 
 
 def _return(q, alpha, G, strain, stress):

@@ -31,7 +31,7 @@ def test_patch():
 
 @pytest.mark.mpi
 def test_spin():
-    run("spin", turns=3)
+    run("spin", turns=5)
 
 
 @pytest.mark.mpi
@@ -168,6 +168,14 @@ def test_paper_sphere():
 @pytest.mark.mpi
 def test_plastic_impact():
     run("plastic-impact", num_speeds=2)
+
+
+def test_strain_cycle():
+    run("strain-cycle", paths=12, steps=400)
+
+
+def test_crush():
+    run("crush", element_size=0.4, speed=10)
 
 
 def test_every_case_of_the_command_line_says_what_it_is():

@@ -1,5 +1,7 @@
 """Closed forms: their limits and the identities they have to satisfy."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from mufe_fenicsx.theory import (
     elasticity,
     finite_sphere,
     hertz,
+    hypoelastic,
     mindlin,
     rolling,
     rotation,
@@ -241,3 +244,30 @@ def test_creep_of_a_rolling_ball():
     # The same law, but for the coefficient.
     xi = rolling.johnson_creep(0.6 * MU * P, P, MU, A, G, nu) * 16 / (4 - 3 * nu) / 4.12
     assert rolling.creep_force(xi, P, MU, A, G, nu) == pytest.approx(0.6 * MU * P, rel=1e-3)
+
+
+def test_what_a_closed_cycle_of_strain_leaves():
+    """Nothing where the axes of strain stay; else what Jaumann's rate itself adds up to."""
+    rng = np.random.default_rng(1)
+    A, B = rng.normal(size=(2, 3, 3))
+    A, B = (0.5 * (M + M.T) for M in (A, B))
+    t = np.linspace(0, 1, 2001)[:, None, None]
+    straight = np.sin(np.pi * t) * A
+    assert np.abs(hypoelastic.residual_strain(straight)).max() < 1e-14
+
+    a = 1e-2
+    e = a * ((1 - np.cos(2 * np.pi * t)) * A + np.sin(2 * np.pi * t) * B)
+    values, vectors = np.linalg.eigh(e)
+    U = (vectors * np.exp(values)[:, None]) @ vectors.transpose(0, 2, 1)
+    stress = np.zeros((3, 3))
+    for U0, U1 in itertools.pairwise(U):
+        L = 2 * (U1 - U0) @ np.linalg.inv(U0 + U1)
+        D, W = 0.5 * (L + L.T), 0.5 * (L - L.T)
+        R = np.linalg.solve(np.eye(3) - 0.5 * W, np.eye(3) + 0.5 * W)
+        stress = R @ (stress + 0.5 * D) @ R.T + 0.5 * D
+    left = hypoelastic.residual_strain(e)
+    # The series neglects a² of it, times norms of A and B; steps 1/2000² times some tens.
+    assert np.abs(stress - left).max() < 20 * a**2 * np.abs(left).max()
+    length = np.linalg.norm(np.diff(e, axis=0), axis=(1, 2)).sum()
+    bound = hypoelastic.residual_strain_bound(np.linalg.norm(e, axis=(1, 2)).max(), length)
+    assert 0.01 * bound < np.linalg.norm(left) < bound
