@@ -66,7 +66,7 @@ def strain_cycle(comm, paths=48, strain=0.01, steps=6400, largest=0.1, seed=3):
     simulations, sizes, left, few = [half, whole], [0.03 * largest, largest], [], steps // 4
     for a in sizes:
         c = _cycle(comm, planes, axis, a, few)
-        e = np.array([_ellipse(planes, a, t) for t in np.linspace(0, 1, 401)])[:, c.number]
+        e = np.array([_ellipse(planes, a, t) for t in np.linspace(0, 1, 4001)])[:, c.number]
         e -= np.trace(e, axis1=2, axis2=3)[..., None, None] / 3 * np.eye(3)
         theory = residual_strain(e)
         bound = residual_strain_bound(
