@@ -181,9 +181,7 @@ def mesh(
 
 @app.command()
 def synthesize(
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")
-    ],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")],
     shape: Annotated[str | None, typer.Option(help="Voxels of the image: z,y,x.")] = None,
     changes: Annotated[
         list[str] | None,

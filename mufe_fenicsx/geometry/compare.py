@@ -32,9 +32,7 @@ def matched_grains(found, true, overlap=0.5):
     """
     both = (found > 0) & (true > 0)
     base = int(found.max()) + 1
-    key, count = np.unique(
-        true[both].astype(np.int64) * base + found[both], return_counts=True
-    )
+    key, count = np.unique(true[both].astype(np.int64) * base + found[both], return_counts=True)
     t, f = key // base, key % base
     size_t, size_f = np.bincount(true.ravel()), np.bincount(found.ravel())
     same = (count > overlap * size_t[t]) & (count > overlap * size_f[f])
@@ -56,7 +54,8 @@ def compare_labels(found, true, *, min_voxels=0, min_faces=1, true_contacts=None
     Returns:
         A dictionary: num_true, num_found, num_matched, matched_share (of the true grains),
         false_grains (found ones without a partner), split (true grains without a partner
-        that several found ones share), merged, contact_precision, contact_recall,
+        in which several found ones lie), merged (those that lie in a found one with
+        others), contact_precision, contact_recall,
         num_true_contacts, num_found_contacts, mean_diameter_error (relative, signed),
         largest_diameter_error, diameter_error_95 (of 95 % of the matched grains, absolute),
         solid_fraction_error, wrong_voxels (share of the voxels solid in both of matched grains).
@@ -82,8 +81,9 @@ def compare_labels(found, true, *, min_voxels=0, min_faces=1, true_contacts=None
     ]  # fmt: skip
     fate_t = _largest_share(true, found)
     lost = [t for t in asked.tolist() if t not in match]
-    split = sum(any(fate_f[f] == t for f in spare) for t in lost)
-    merged = sum(fate_t[t] > 0 and fate_f[fate_t[t]] != t for t in lost)
+    split = sum(sum(fate_f[f] == t for f in spare) > 1 for t in lost)
+    sharing = np.bincount(fate_t[asked])
+    merged = sum(fate_t[t] > 0 and sharing[fate_t[t]] > 1 for t in lost)
 
     asked_set = set(asked.tolist())
     if true_contacts is None:

@@ -90,9 +90,7 @@ def level(v0, v1, v2, axes, inverse, table):
 def fill_radii(radius, table, directions):
     """Radii of one body along vectors v, shape (m, 3), into ``radius``, shape (m,)."""
     for k in range(radius.size):
-        radius[k] = radius_and_slope(
-            table, directions[k, 0], directions[k, 1], directions[k, 2]
-        )[0]
+        radius[k] = radius_and_slope(table, directions[k, 0], directions[k, 1], directions[k, 2])[0]
 
 
 @numba.njit(cache=True)
@@ -273,8 +271,8 @@ def voxelise(
         moment[b] = 0.0
         for i in range(3):
             n = labels.shape[2 - i]
-            first[i] = max(0, int(math.floor((c[i] - reach[b] - origin[i]) / voxel)))
-            last[i] = min(n, int(math.ceil((c[i] + reach[b] - origin[i]) / voxel)))
+            first[i] = max(0, math.floor((c[i] - reach[b] - origin[i]) / voxel))
+            last[i] = min(n, math.ceil((c[i] + reach[b] - origin[i]) / voxel))
         for kz in range(first[2], last[2]):
             z = origin[2] + (kz + 0.5) * voxel
             for ky in range(first[1], last[1]):
@@ -295,20 +293,22 @@ def voxelise(
                     if d > 1.3 * voxel:
                         continue
                     inside = 0
+                    mx, my, mz = 0.0, 0.0, 0.0  # first moments about the voxel's middle
                     if d < -1.3 * voxel:
                         inside = parts**3
                     else:
                         for k in range(parts**3):
-                            qx = x + ((k % parts + 0.5) / parts - 0.5) * voxel
-                            qy = y + ((k // parts % parts + 0.5) / parts - 0.5) * voxel
-                            qz = z + ((k // parts**2 + 0.5) / parts - 0.5) * voxel
-                            v0, v1, v2 = shape_place(qx, qy, qz, c, R, B, o)
+                            qx = ((k % parts + 0.5) / parts - 0.5) * voxel
+                            qy = ((k // parts % parts + 0.5) / parts - 0.5) * voxel
+                            qz = ((k // parts**2 + 0.5) / parts - 0.5) * voxel
+                            v0, v1, v2 = shape_place(x + qx, y + qy, z + qz, c, R, B, o)
                             length = math.sqrt(v0 * v0 + v1 * v1 + v2 * v2)
                             if length < radius_and_slope(r, v0, v1, v2)[0]:
                                 inside += 1
+                                mx, my, mz = mx + qx, my + qy, mz + qz
                     part = inside * share
                     filled[kz, ky, kx] += part
                     volume[b] += part * cube
-                    moment[b, 0] += part * cube * x
-                    moment[b, 1] += part * cube * y
-                    moment[b, 2] += part * cube * z
+                    moment[b, 0] += cube * (part * x + share * mx)
+                    moment[b, 1] += cube * (part * y + share * my)
+                    moment[b, 2] += cube * (part * z + share * mz)

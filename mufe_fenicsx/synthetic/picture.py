@@ -7,6 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ..geometry.picture import STYLE, length_unit
+from ..report.render import cannot_render, quiet
 from .packing import icosphere
 
 
@@ -22,7 +23,7 @@ def draw_scan(path, grey, labels, packing, which, voxel_size):
         voxel_size: [m].
     """
     colours = _colours(int(labels.max()))
-    view = _view(packing, which, colours)
+    failure = cannot_render()
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(8.4, 7.6), layout="constrained")
         FigureCanvasAgg(figure)
@@ -39,7 +40,10 @@ def draw_scan(path, grey, labels, packing, which, voxel_size):
             axis.set(xlabel=f"x [{name}]", ylabel=f"y [{name}]")
             axis.set_title(f"{title}, z = {height:.3g} {name}", fontsize=9)
             axis.spines[:].set_visible(True)
-        space.imshow(view)
+        if failure:
+            space.text(0.5, 0.5, failure, ha="center", wrap=True)
+        else:
+            space.imshow(_view(packing, which, colours))
         space.set_title(f"the {len(which)} grains of the image, whole", fontsize=9)
         space.axis("off")
         levels.hist(grey.ravel()[:: max(1, grey.size // 10**6)], bins=200, color="#33658a")
@@ -58,13 +62,14 @@ def _view(packing, which, colours):
     body.point_data["colour"] = np.repeat(
         np.round(255 * colours[1 : len(which) + 1]).astype(np.uint8), m, axis=0
     )
-    plotter = pyvista.Plotter(off_screen=True, window_size=(900, 800))
-    plotter.set_background("white")
-    plotter.add_mesh(body, scalars="colour", rgb=True, smooth_shading=True)
-    plotter.view_isometric()
-    plotter.camera.zoom(1.2)
-    image = plotter.screenshot(return_img=True)
-    plotter.close()
+    with quiet():
+        plotter = pyvista.Plotter(off_screen=True, window_size=(900, 800))
+        plotter.set_background("white")
+        plotter.add_mesh(body, scalars="colour", rgb=True, smooth_shading=True)
+        plotter.view_isometric()
+        plotter.camera.zoom(1.2)
+        image = plotter.screenshot(return_img=True)
+        plotter.close()
     return image
 
 

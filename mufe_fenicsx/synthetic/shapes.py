@@ -80,6 +80,7 @@ def make_grains(rng, diameters, elongation, flatness, roughness, falloff, max_de
     Returns:
         `RadialGrains`.
     """
+    diameters, elongation, flatness = map(np.asarray, (diameters, elongation, flatness))
     n = len(diameters)
     nodes = cube_directions(np.linspace(-1, 1, INTERVALS + 1))
     basis, degree = harmonics(nodes.reshape(-1, 3), max_degree)
@@ -93,8 +94,10 @@ def make_grains(rng, diameters, elongation, flatness, roughness, falloff, max_de
     matrix, offset = np.empty((n, 3, 3)), np.empty((n, 3))
     volume, reach = np.empty(n), np.empty(n)
     long_axis = np.cbrt(1 / (elongation**2 * flatness))
-    semi = 0.5 * np.asarray(diameters)[:, None] * np.column_stack(
-        [long_axis, long_axis * elongation, long_axis * elongation * flatness]
+    semi = (
+        0.5
+        * diameters[:, None]
+        * np.column_stack([long_axis, long_axis * elongation, long_axis * elongation * flatness])
     )
     for g in range(n):
         r = radii(table[g], directions)
