@@ -290,11 +290,11 @@ def voxelise(
                         if d < 0.0:
                             labels[kz, ky, kx] = b + 1
                     # Half the diagonal is 0.87 of the edge; d is exact to first order only.
-                    if d > 1.3 * voxel:
+                    if d > voxel:
                         continue
                     inside = 0
                     mx, my, mz = 0.0, 0.0, 0.0  # first moments about the voxel's middle
-                    if d < -1.3 * voxel:
+                    if d < -voxel:
                         inside = parts**3
                     else:
                         for k in range(parts**3):

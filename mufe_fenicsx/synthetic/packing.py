@@ -21,6 +21,8 @@ DAMPING = 0.05
 CONTACT_SHARE = 0.02
 #: Strain of each direction a step: while loose, then while grains touch.
 LOOSE_STRAIN, DENSE_STRAIN = 1e-3, 2e-4
+#: Velocities at the start, over the diameter: a grain goes some lattice spacings while loose.
+AGITATION = 0.005
 #: The compression goes on until contacts are so many times deeper than wanted at the end.
 OVERSHOOT = 4.0
 #: Strain a step of the servo, over the lack of depth over the diameter.
@@ -68,7 +70,9 @@ class Packing:
         return found[np.lexsort(found.T[::-1])].astype(np.int64)
 
 
-def pack(grains, rng, proportions, target_depth, *, max_steps=20000, progress=None):
+def pack(
+    grains, rng, proportions, target_depth, solid_fraction=1.0, *, max_steps=20000, progress=None
+):
     """Pack grains in a box of the given proportions until contacts are ``target_depth`` deep.
 
     Args:
@@ -76,6 +80,8 @@ def pack(grains, rng, proportions, target_depth, *, max_steps=20000, progress=No
         rng: NumPy generator, for places and orientations at the start.
         proportions: Edges of the box, to a factor, (3,).
         target_depth: Mean of the largest depth of each touching pair [m].
+        solid_fraction: Of the box, at which the compression ends although grains do not bear yet;
+            then grains are only moved apart until contacts are no deeper than the target.
         max_steps: After so many the compression has failed.
         progress: Called with the number of steps and the packing.
 
@@ -88,8 +94,10 @@ def pack(grains, rng, proportions, target_depth, *, max_steps=20000, progress=No
     packing, turn = _loose(grains, rng, np.asarray(proportions, dtype=float))
     diameter = float(np.cbrt((grains.diameter**3).mean()))
     mover = _Mover(packing, turn, COARSE)
-    # Coarse surfaces first: loose until the grains bear, then held at a depth by the servo.
-    stage, calm = LOOSE, 0
+    mover.velocity[:] = AGITATION * diameter * rng.standard_normal(mover.velocity.shape)
+    # A gas that forgets its lattice; compression until grains bear; then fine surfaces, held
+    # at a depth by the servo.
+    stage, calm, held = LOOSE, 0, False
     while True:
         if packing.num_steps >= max_steps:
             raise SolverError(
@@ -104,16 +112,21 @@ def pack(grains, rng, proportions, target_depth, *, max_steps=20000, progress=No
                 stage = DENSE
         elif stage == DENSE:
             strain = DENSE_STRAIN
-            if depth > OVERSHOOT * target_depth:
+            held = packing.solid_fraction >= solid_fraction
+            if held or depth > OVERSHOOT * target_depth:
                 stage = SERVO
                 mover.refine(FINE)
+                mover.velocity[:] = mover.momentum[:] = 0.0
         else:
             lack = (target_depth - packing.mean_depth) / diameter
             strain = float(np.clip(GAIN * lack, -DENSE_STRAIN, DENSE_STRAIN))
-            calm = calm + 1 if abs(lack) * diameter < 0.1 * target_depth else 0
+            near = abs(lack) * diameter < 0.1 * target_depth
+            if held:
+                strain, near = 0.0, lack > 0
+            calm = calm + 1 if near else 0
             if calm >= CALM:
                 break
-        mover.step(strain)
+        mover.step(strain, 0.0 if stage == LOOSE else DAMPING)
         if progress:
             progress(packing.num_steps, packing)
     return packing
@@ -148,7 +161,7 @@ class _Mover:
         self.skin = 0.1 * packing.grains.reach.mean()
         self._pairs, self._at = packing.pairs(self.skin), packing.center.copy()
 
-    def step(self, strain):
+    def step(self, strain, damping):
         """One step, in which each edge of the box shortens by ``strain``."""
         p = self.packing
         middle = (p.low + p.high) / 2
@@ -156,7 +169,7 @@ class _Mover:
             points += (middle - points) * strain
         motion.kick_and_drift(
             p.center, self.velocity, self.momentum, self.turn, p.axes, self.force, self.torque,
-            self.mass, self.inertia, 1.0, DAMPING,
+            self.mass, self.inertia, 1.0, damping,
         )  # fmt: skip
         if np.abs(p.center - self._at).max() > self.skin / 4:
             self._list_pairs()
@@ -171,7 +184,7 @@ class _Mover:
         )  # fmt: skip
         motion.kick(
             self.velocity, self.momentum, self.spin, self.force, self.torque, p.axes, self.mass,
-            self.inertia, 1.0, DAMPING,
+            self.inertia, 1.0, damping,
         )  # fmt: skip
         p.num_contacts, p.mean_depth = touching, depths / max(touching, 1)
         p.num_steps += 1

@@ -17,7 +17,7 @@ from .shapes import make_grains, sizes
 from .truth import CONTACTS, contact_rows, grain_rows
 
 #: Solid fraction of the whole box by which the number of grains is chosen: rather too many.
-SOLID_FRACTION = 0.68
+SOLID_FRACTION = 0.68  # unless a looser one is asked for
 #: A gap up to this is a contact of the surfaces [voxels].
 TOLERANCE = 0.05
 
@@ -50,7 +50,12 @@ def synthesize(settings, output_folder, *, overwrite=False, progress=None):
             lambda step, p: progress(step, None, f"solid fraction {p.solid_fraction:.3f}")
         )
         packing = pack(
-            grains, rng_pack, edges, settings.overlap * settings.voxel_size, progress=shown
+            grains,
+            rng_pack,
+            edges,
+            settings.overlap * settings.voxel_size,
+            settings.solid_fraction,
+            progress=shown,
         )
         packed = time.perf_counter()
         voxel, shape = settings.voxel_size, settings.shape
@@ -88,7 +93,8 @@ def sample_grains(settings, rng):
     """As many random grains as the box of the packing holds."""
     trial = sizes(rng, 4000, settings.d50, settings.uniformity)
     volume = np.prod(_box_edges(settings))
-    n = max(2, round(SOLID_FRACTION * volume / (np.pi / 6 * (trial**3).mean())))
+    fraction = min(SOLID_FRACTION, settings.solid_fraction + 0.01)
+    n = max(2, round(fraction * volume / (np.pi / 6 * (trial**3).mean())))
     form = [
         np.clip(rng.normal(mean, settings.form_spread, n), 0.3, 1.0)
         for mean in (settings.elongation, settings.flatness)
@@ -114,7 +120,7 @@ def _write_surfaces(path, packing, which, corner):
     faces = triangles[None] + m * np.arange(len(which))[:, None, None]
     np.savez_compressed(
         path,
-        vertices=x.reshape(-1, 3),
+        vertices=x.reshape(-1, 3).astype(np.float32),
         faces=faces.reshape(-1, 3).astype(np.int32),
         grain_of_face=np.repeat(np.arange(1, len(which) + 1), len(triangles)).astype(np.int32),
     )
@@ -164,5 +170,6 @@ def _numbers(settings, packing, voxels, labels, rows, contacts, **more):
         else 0.0,
         "largest_overlap_voxels": float(overlaps.max(initial=0) / settings.voxel_size),
         "packing_steps": packing.num_steps,
+        "solid_fraction_between_walls": packing.solid_fraction,
         **more,
     }

@@ -31,7 +31,8 @@ class SynthesisSettings:
     roughness: float = 0.06  #: root mean square of ln(radius) over degrees >= 3
     falloff: float = 1.7  #: exponent of that spectrum; larger: rounder
     max_degree: int = 15  #: last degree of the spectrum
-    margin: float = 0.6  #: of the packing around the image, next to its walls [d50]
+    margin: float = 1.0  #: of the packing around the image, next to its walls [d50]
+    solid_fraction: float = 1.0  #: at most, between the walls; 1: as dense as without friction
     overlap: float = 0.1  #: mean depth of contacts at which the packing is done [voxels]
     void_grey: float = 16000.0  #: grey level of voids
     solid_grey: float = 36000.0  #: grey level of grains
@@ -57,6 +58,7 @@ class SynthesisSettings:
         require(0.5 <= self.falloff <= 5, "falloff", self.falloff, "0.5 to 5")
         require(3 <= self.max_degree <= 20, "max_degree", self.max_degree, "3 to 20")
         require(0 <= self.margin <= 5, "margin", self.margin, "0 to 5")
+        require(0.3 <= self.solid_fraction <= 1, "solid_fraction", self.solid_fraction, "0.3 to 1")
         require(0.01 <= self.overlap <= 1, "overlap", self.overlap, "0.01 to 1 voxel")
         require(0 <= self.void_grey < self.solid_grey <= 65535, "solid_grey", self.solid_grey,
                 f"void_grey = {self.void_grey} < solid_grey <= 65535")  # fmt: skip
