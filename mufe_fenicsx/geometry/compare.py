@@ -85,17 +85,18 @@ def compare_labels(found, true, *, min_voxels=0, min_faces=1, true_contacts=None
     sharing = np.bincount(fate_t[asked])
     merged = sum(fate_t[t] > 0 and sharing[fate_t[t]] > 1 for t in lost)
 
-    asked_set = set(asked.tolist())
+    asked_set, false_set = set(asked.tolist()), set(spare)
     if true_contacts is None:
         true_contacts = {p for p, n in touching_labels(true).items() if n >= min_faces}
     wanted = {tuple(sorted(p)) for p in true_contacts if asked_set.issuperset(p)}
     got = set()
     for (a, b), n in touching_labels(found).items():
         if n >= min_faces:
-            # A found grain without partner counts with none of the true contacts.
-            a, b = partner.get(a, -a), partner.get(b, -b)
-            if all(t < 0 or t in asked_set for t in (a, b)):
-                got.add((min(a, b), max(a, b)))
+            # A false grain counts, with none of the true contacts; what lies in a grain that is
+            # not asked for does not.
+            ends = [partner.get(f, -f) for f in (a, b)]
+            if all(t in asked_set if t > 0 else -t in false_set for t in ends):
+                got.add((min(ends), max(ends)))
     hit = len(got & wanted)
 
     ratio = np.array([np.cbrt(size_f[match[t]] / size_t[t]) for t in matched]) - 1
