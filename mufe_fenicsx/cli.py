@@ -260,6 +260,37 @@ def shapes(
 
 
 @app.command()
+def synthesize(
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")],
+    shape: Annotated[str | None, typer.Option(help="Voxels of the image: z,y,x.")] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="K=V", help='Change a setting, as d50="300 um"; repeatable.'),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Of all random numbers.")] = None,
+    overwrite: Overwrite = False,
+    json: Json = None,
+):
+    """Make a synthetic scan of sand whose grains and contacts are known."""
+    _serial_only("synthesize")
+    printer = Printer(json)
+    from .synthetic.settings import settings_from
+
+    given = parameters(changes)
+    if shape is not None:
+        given["shape"] = tuple(whole_numbers("--shape", shape, "z,y,x"))
+    if seed is not None:
+        given["seed"] = seed
+    settings = settings_from(given)
+    from .synthetic.pipeline import synthesize as make
+
+    with progress_bar("packing") as progress:
+        result = make(settings, output, overwrite=overwrite, progress=progress)
+    printer.summary(result)
+    printer.write_json(result)
+
+
+@app.command()
 def run(
     scene: Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")],
     output: Annotated[

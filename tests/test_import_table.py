@@ -32,6 +32,8 @@ TABLE = {
     "integrators": {"state"},
     # geometry: its settings, of which the scene is the written form.
     "scene": {"materials", "contact", "units", "geometry"},
+    # units: its settings; geometry: files and labels; report: pictures without a screen.
+    "synthetic": {"kernels", "geometry", "units", "report"},
     "simulation": {
         *("kernels", "geometry", "state", "mesh", "materials", "solid", "rigid", "contact"),
         *("fidelity", "integrators", "scene", "time_step"),

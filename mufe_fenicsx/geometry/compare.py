@@ -1,0 +1,134 @@
+"""Labels against the truth: grains found one-to-one, contacts, sizes."""
+
+import numpy as np
+
+from ..errors import InputError
+
+
+def touching_labels(labels):
+    """Pairs of labels (a, b), a < b, that share faces of voxels, and how many they share.
+
+    Args:
+        labels: 0 void, grains from 1, shape (z, y, x).
+    """
+    keys, base = [], int(labels.max()) + 1
+    for axis in range(3):
+        a = np.moveaxis(labels, axis, 0)
+        low, high = a[:-1].ravel().astype(np.int64), a[1:].ravel().astype(np.int64)
+        meet = (low != high) & (low > 0) & (high > 0)
+        low, high = low[meet], high[meet]
+        keys.append(np.minimum(low, high) * base + np.maximum(low, high))
+    pairs, count = np.unique(np.concatenate(keys), return_counts=True)
+    return {(int(p // base), int(p % base)): int(c) for p, c in zip(pairs, count, strict=True)}
+
+
+def matched_grains(found, true, overlap=0.5):
+    """Grains that are the same in both: each holds more than ``overlap`` of the other's voxels.
+
+    With an overlap of at least one half no grain can have two partners.
+
+    Returns:
+        Dictionary {label in ``true``: label in ``found``}.
+    """
+    both = (found > 0) & (true > 0)
+    base = int(found.max()) + 1
+    key, count = np.unique(true[both].astype(np.int64) * base + found[both], return_counts=True)
+    t, f = key // base, key % base
+    size_t, size_f = np.bincount(true.ravel()), np.bincount(found.ravel())
+    same = (count > overlap * size_t[t]) & (count > overlap * size_f[f])
+    return dict(zip(t[same].tolist(), f[same].tolist(), strict=True))
+
+
+def compare_labels(found, true, *, min_voxels=0, min_faces=1, true_contacts=None):
+    """How well labels agree with the true ones.
+
+    Args:
+        found: Labels of a segmentation, (z, y, x).
+        true: True labels on the same voxels.
+        min_voxels: Smaller true grains (slivers that the border cuts off) are not asked for, and
+            found grains that lie mostly in them not counted as false.
+        min_faces: Voxel faces that a contact has at least, in both.
+        true_contacts: Pairs of true labels that touch, a < b; None: those that share at least
+            ``min_faces`` voxel faces in ``true``.
+
+    Returns:
+        A dictionary: num_true, num_found, num_matched, matched_share (of the true grains),
+        false_grains (found ones without a partner), split (true grains without a partner
+        in which several found ones lie), merged (those that lie in a found one with
+        others), contact_precision, contact_recall,
+        num_true_contacts, num_found_contacts, mean_diameter_error (relative, signed),
+        largest_diameter_error, diameter_error_95 (of 95 % of the matched grains, absolute),
+        solid_fraction_error, wrong_voxels (share of the voxels solid in both of matched grains).
+
+    Raises:
+        InputError: the shapes differ, or ``true`` holds no grain.
+    """
+    if found.shape != true.shape:
+        raise InputError(f"labels of shape {found.shape}, expected {true.shape} as the true ones")
+    size_t, size_f = np.bincount(true.ravel()), np.bincount(found.ravel())
+    asked = np.flatnonzero(size_t >= max(min_voxels, 1))
+    asked = asked[asked > 0]
+    if len(asked) == 0:
+        raise InputError(f"true labels hold no grain of {min_voxels} voxels, expected some")
+    match = matched_grains(found, true)
+    matched = [t for t in asked.tolist() if t in match]
+    partner = {f: t for t, f in match.items()}
+
+    fate_f = _largest_share(found, true)  # true grain that holds most of each found one
+    spare = [
+        f for f in np.flatnonzero(size_f) if f > 0 and f not in partner
+        and not (fate_f[f] > 0 and size_t[fate_f[f]] < min_voxels)
+    ]  # fmt: skip
+    fate_t = _largest_share(true, found)
+    lost = [t for t in asked.tolist() if t not in match]
+    split = sum(sum(fate_f[f] == t for f in spare) > 1 for t in lost)
+    sharing = np.bincount(fate_t[asked])
+    merged = sum(fate_t[t] > 0 and sharing[fate_t[t]] > 1 for t in lost)
+
+    asked_set, false_set = set(asked.tolist()), set(spare)
+    if true_contacts is None:
+        true_contacts = {p for p, n in touching_labels(true).items() if n >= min_faces}
+    wanted = {tuple(sorted(p)) for p in true_contacts if asked_set.issuperset(p)}
+    got = set()
+    for (a, b), n in touching_labels(found).items():
+        if n >= min_faces:
+            # A false grain counts, with none of the true contacts; what lies in a grain that is
+            # not asked for does not.
+            ends = [partner.get(f, -f) for f in (a, b)]
+            if all(t in asked_set if t > 0 else -t in false_set for t in ends):
+                got.add((min(ends), max(ends)))
+    hit = len(got & wanted)
+
+    ratio = np.array([np.cbrt(size_f[match[t]] / size_t[t]) for t in matched]) - 1
+    same = np.zeros(len(size_t), dtype=np.int64)
+    same[list(match)] = list(match.values())
+    solid = (true > 0) & (found > 0) & (same[true] > 0)
+    return {
+        "num_true": len(asked),
+        "num_found": int((size_f[1:] > 0).sum()),
+        "num_matched": len(matched),
+        "matched_share": len(matched) / len(asked),
+        "false_grains": len(spare),
+        "split": int(split),
+        "merged": int(merged),
+        "num_true_contacts": len(wanted),
+        "num_found_contacts": len(got),
+        "contact_precision": hit / len(got) if got else float(not wanted),
+        "contact_recall": hit / len(wanted) if wanted else 1.0,
+        "mean_diameter_error": float(ratio.mean()) if len(ratio) else 0.0,
+        "largest_diameter_error": float(np.abs(ratio).max()) if len(ratio) else 0.0,
+        "diameter_error_95": float(np.percentile(np.abs(ratio), 95)) if len(ratio) else 0.0,
+        "solid_fraction_error": float((found > 0).mean() - (true > 0).mean()),
+        "wrong_voxels": float((found[solid] != same[true[solid]]).mean()) if solid.any() else 0.0,
+    }
+
+
+def _largest_share(a, b):
+    """For each label of ``a`` the label of ``b``, or 0, that holds most of its solid voxels."""
+    base = int(b.max()) + 1
+    both = (a > 0) & (b > 0)
+    key, count = np.unique(a[both].astype(np.int64) * base + b[both], return_counts=True)
+    order = np.argsort(count, kind="stable")
+    out = np.zeros(int(a.max()) + 1, dtype=np.int64)
+    out[key[order] // base] = key[order] % base
+    return out

@@ -1,0 +1,244 @@
+"""Rigid star-shaped grains packed by isotropic compression between six walls.
+
+The walls come nearer to each other and carry the centres along, as a servo that drives the
+depth of contacts to its target; contact without friction and a damped rigid motion let the
+grains rearrange. Only the end matters, not the way: masses are chosen so that all grains
+answer at the same rate, and the time step is one.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.spatial
+
+from ..errors import SolverError
+from ..kernels import radial
+from ..kernels import rigid as motion
+
+#: Damping a step, of the motion relative to the walls.
+DAMPING = 0.05
+#: Part of a grain's surface that is in contact at most, which sets its mass.
+CONTACT_SHARE = 0.02
+#: Strain of each direction a step: while loose, then while grains touch.
+LOOSE_STRAIN, DENSE_STRAIN = 1e-3, 2e-4
+#: Velocities at the start, over the diameter: a grain goes some lattice spacings while loose.
+AGITATION = 0.005
+#: The compression goes on until contacts are so many times deeper than wanted at the end.
+OVERSHOOT = 4.0
+#: Strain a step of the servo, over the lack of depth over the diameter.
+GAIN = 0.05
+#: Contacts per grain, half of the coordination number, over which depths are averaged.
+CONTACTS = 4
+#: Steps in a row near the wanted depth that end the packing.
+CALM = 50
+LOOSE, DENSE, SERVO = range(3)
+COARSE, FINE = 2, 3  #: subdivisions of the icosahedron: 162 and 642 surface points
+
+
+@dataclass
+class Packing:
+    """Grains in place."""
+
+    grains: object  #: `shapes.RadialGrains`
+    center: np.ndarray  #: [m], (n, 3)
+    axes: np.ndarray  #: columns are the grains' axes, (n, 3, 3)
+    low: np.ndarray  #: corner of the box [m], (3,)
+    high: np.ndarray  #: [m], (3,)
+    num_steps: int = 0
+    mean_depth: float = 0.0  #: mean over touching pairs of their largest overlap [m]
+    largest_depth: float = 0.0  #: [m]
+    num_contacts: int = 0
+
+    @property
+    def solid_fraction(self):
+        """Volume of grains over that of the box, walls included."""
+        return float(self.grains.volume.sum() / np.prod(self.high - self.low))
+
+    @property
+    def arrays(self):
+        """What the kernels need of the bodies."""
+        g = self.grains
+        return self.center, self.axes, g.inverse, g.offset, g.table, g.reach, g.bound
+
+    def pairs(self, skin):
+        """Grains whose spheres around them are nearer than ``skin`` [m], (num_pairs, 2)."""
+        tree = scipy.spatial.cKDTree(self.center)
+        reach = self.grains.reach
+        found = tree.query_pairs(2 * reach.max() + skin, output_type="ndarray")
+        gap = np.linalg.norm(self.center[found[:, 0]] - self.center[found[:, 1]], axis=1)
+        found = found[gap < reach[found].sum(axis=1) + skin]
+        return found[np.lexsort(found.T[::-1])].astype(np.int64)
+
+
+def pack(
+    grains, rng, proportions, target_depth, solid_fraction=1.0, *, max_steps=20000, progress=None
+):
+    """Pack grains in a box of the given proportions until contacts are ``target_depth`` deep.
+
+    Args:
+        grains: `RadialGrains`.
+        rng: NumPy generator, for places and orientations at the start.
+        proportions: Edges of the box, to a factor, (3,).
+        target_depth: Mean of the largest depth of each touching pair [m].
+        solid_fraction: Of the box, at which the compression ends although grains do not bear yet;
+            then grains are only moved apart until contacts are no deeper than the target.
+        max_steps: After so many the compression has failed.
+        progress: Called with the number of steps and the packing.
+
+    Returns:
+        `Packing`.
+
+    Raises:
+        SolverError: no state at rest with the target depth was found.
+    """
+    packing, turn = _loose(grains, rng, np.asarray(proportions, dtype=float))
+    diameter = float(np.cbrt((grains.diameter**3).mean()))
+    mover = _Mover(packing, turn, COARSE)
+    mover.velocity[:] = AGITATION * diameter * rng.standard_normal(mover.velocity.shape)
+    # A gas that forgets its lattice; compression until grains bear; then fine surfaces, held
+    # at a depth by the servo.
+    stage, calm, held = LOOSE, 0, False
+    while True:
+        if packing.num_steps >= max_steps:
+            raise SolverError(
+                f"packing: contacts are {packing.mean_depth:.3g} m deep after {max_steps} steps, "
+                f"expected {target_depth:.3g} m at rest"
+            )
+        # Depths over a nominal number of contacts: few contacts are no bearing structure.
+        depth = packing.mean_depth * packing.num_contacts / (CONTACTS * grains.num_grains)
+        if stage == LOOSE:
+            strain = LOOSE_STRAIN
+            if packing.num_contacts > 0.5 * grains.num_grains:
+                stage = DENSE
+        elif stage == DENSE:
+            strain = DENSE_STRAIN
+            held = packing.solid_fraction >= solid_fraction
+            if held or depth > OVERSHOOT * target_depth:
+                stage = SERVO
+                mover.refine(FINE)
+                mover.velocity[:] = mover.momentum[:] = 0.0
+        else:
+            lack = (target_depth - packing.mean_depth) / diameter
+            strain = float(np.clip(GAIN * lack, -DENSE_STRAIN, DENSE_STRAIN))
+            near = abs(lack) * diameter < 0.1 * target_depth
+            if held:
+                strain, near = 0.0, lack > 0
+            calm = calm + 1 if near else 0
+            if calm >= CALM:
+                break
+        mover.step(strain, 0.0 if stage == LOOSE else DAMPING)
+        if progress:
+            progress(packing.num_steps, packing)
+    return packing
+
+
+class _Mover:
+    """Steps of a packing; holds what moves."""
+
+    def __init__(self, packing, turn, level):
+        self.packing, self.turn = packing, turn
+        n = packing.grains.num_grains
+        self.velocity, self.momentum, self.spin, self.force, self.torque = np.zeros((5, n, 3))
+        self.load = np.zeros(6)
+        self.refine(level)
+        area = self.weight.sum(axis=1)
+        # omega² = (area in contact)(1 + r²/j)/m is at most 1, with r²/j about 3.
+        self.mass = 4 * CONTACT_SHARE * area
+        square = packing.grains.semi_axes**2 / 5
+        self.inertia = self.mass[:, None] * (square.sum(axis=1, keepdims=True) - square)
+        self._list_pairs()
+
+    def refine(self, level):
+        """Take more surface points."""
+        self.level = level
+        directions, triangles = icosphere(level)
+        self.place = self.packing.grains.surface(directions)
+        self.weight = vertex_areas(self.place, triangles)
+        self.x = np.empty_like(self.place)
+
+    def _list_pairs(self):
+        packing = self.packing
+        self.skin = 0.1 * packing.grains.reach.mean()
+        self._pairs, self._at = packing.pairs(self.skin), packing.center.copy()
+
+    def step(self, strain, damping):
+        """One step, in which each edge of the box shortens by ``strain``."""
+        p = self.packing
+        middle = (p.low + p.high) / 2
+        for points in (p.low, p.high, p.center):
+            points += (middle - points) * strain
+        motion.kick_and_drift(
+            p.center, self.velocity, self.momentum, self.turn, p.axes, self.force, self.torque,
+            self.mass, self.inertia, 1.0, damping,
+        )  # fmt: skip
+        if np.abs(p.center - self._at).max() > self.skin / 4:
+            self._list_pairs()
+        radial.surface_points(self.x, self.place, p.center, p.axes)
+        self.force[:] = self.torque[:] = 0.0
+        touching, depths, p.largest_depth = radial.add_contact_forces(
+            self.force, self.torque, self.x, self.weight, self._pairs, *p.arrays
+        )
+        radial.add_wall_forces(
+            self.force, self.torque, self.load, self.x, self.weight, p.low, p.high, p.center,
+            p.grains.reach,
+        )  # fmt: skip
+        motion.kick(
+            self.velocity, self.momentum, self.spin, self.force, self.torque, p.axes, self.mass,
+            self.inertia, 1.0, damping,
+        )  # fmt: skip
+        p.num_contacts, p.mean_depth = touching, depths / max(touching, 1)
+        p.num_steps += 1
+
+
+def _loose(grains, rng, proportions):
+    """Grains turned at random on a lattice in which none reaches its neighbour."""
+    n = grains.num_grains
+    spacing = 2 * grains.reach.max()
+    unit = np.cbrt(n / np.prod(proportions))
+    counts = np.maximum(np.round(unit * proportions), 1).astype(int)
+    while np.prod(counts) < n:
+        counts[np.argmin(counts / proportions)] += 1
+    # The box keeps its proportions, whatever the numbers are.
+    edges = proportions * (counts / proportions).max() * spacing
+    sites = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
+    sites = sites[rng.permutation(len(sites))[:n]]
+    center = (sites + 0.5) / counts * edges
+    turn = rng.standard_normal((n, 4))
+    turn /= np.linalg.norm(turn, axis=1, keepdims=True)
+    axes = np.empty((n, 3, 3))
+    motion.set_axes(axes, turn)
+    return Packing(grains, center, axes, np.zeros(3), edges), turn
+
+
+def icosphere(level):
+    """Unit vectors and triangles, seen from outside, of an icosahedron divided ``level`` times."""
+    a = (1 + np.sqrt(5)) / 2
+    points = [(-1, a, 0), (1, a, 0), (-1, -a, 0), (1, -a, 0), (0, -1, a), (0, 1, a)]
+    points += [(0, -1, -a), (0, 1, -a), (a, 0, -1), (a, 0, 1), (-a, 0, -1), (-a, 0, 1)]
+    x = np.array(points) / np.sqrt(1 + a * a)
+    hull = scipy.spatial.ConvexHull(x).simplices
+    normal = np.cross(x[hull[:, 1]] - x[hull[:, 0]], x[hull[:, 2]] - x[hull[:, 0]])
+    inside_out = np.einsum("ij,ij->i", normal, x[hull[:, 0]]) < 0
+    faces = np.where(inside_out[:, None], hull[:, ::-1], hull).astype(np.int64)
+    for _ in range(level):
+        edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        edges, number = np.unique(edges, axis=0, return_inverse=True)
+        middle = x[edges].sum(axis=1)
+        m = len(x) + number.reshape(-1, 3)
+        x = np.concatenate([x, middle / np.linalg.norm(middle, axis=1, keepdims=True)])
+        a, b, c = faces.T
+        p, q, r = m.T
+        parts = [(a, p, r), (p, b, q), (r, q, c), (p, q, r)]
+        faces = np.concatenate([np.column_stack(part) for part in parts])
+    return x, faces
+
+
+def vertex_areas(points, triangles):
+    """A third of the triangles around each vertex, points (n, m, 3) -> (n, m) [m²]."""
+    a, b, c = (points[:, triangles[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=2) / 6
+    out = np.zeros(points.shape[:2])
+    for i in range(3):
+        for g in range(len(points)):
+            out[g] += np.bincount(triangles[:, i], area[g], points.shape[1])
+    return out

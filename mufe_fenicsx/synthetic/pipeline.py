@@ -1,0 +1,175 @@
+"""A synthetic scan in a folder: image, truth, surfaces, and a scene to go on with."""
+
+import time
+
+import numpy as np
+import tifffile
+
+from ..errors import SolverError
+from ..geometry.compare import touching_labels
+from ..geometry.label_files import write_labels, write_table
+from ..geometry.output import new_folder
+from .imaging import grey_image, voxelise
+from .packing import icosphere, pack
+from .picture import draw_scan
+from .scene_text import scene_text
+from .shapes import make_grains, sizes
+from .truth import CONTACTS, contact_rows, grain_rows
+
+#: Solid fraction of the whole box by which the number of grains is chosen: rather too many.
+SOLID_FRACTION = 0.68  # unless a looser one is asked for
+#: A gap up to this is a contact of the surfaces [voxels].
+TOLERANCE = 0.05
+
+
+def synthesize(settings, output_folder, *, overwrite=False, progress=None):
+    """Make grains, pack them, image the middle of the packing and write all that is known.
+
+    Writes grey.tif, truth_labels.tif, truth_grains.csv, truth_contacts.csv, surfaces.npz (whole
+    grains, for `mufe mesh`), scene.toml and synthetic.png.
+
+    Args:
+        settings: `SynthesisSettings`.
+        output_folder: New folder.
+        overwrite: Replace a folder that was written by this before.
+        progress: Called with steps of the packing, None and a text.
+
+    Returns:
+        A dictionary of numbers: num_grains, porosity, coordination_number, …
+
+    Raises:
+        InputError: the output cannot be written.
+        SolverError: the packing failed.
+    """
+    start = time.perf_counter()
+    with new_folder(output_folder, overwrite=overwrite, marker="truth_labels.tif") as folder:
+        rng_grains, rng_pack, rng_image = np.random.default_rng(settings.seed).spawn(3)
+        grains = sample_grains(settings, rng_grains)
+        edges = _box_edges(settings)
+        shown = progress and (
+            lambda step, p: progress(step, None, f"solid fraction {p.solid_fraction:.3f}")
+        )
+        packing = pack(
+            grains,
+            rng_pack,
+            edges,
+            settings.overlap * settings.voxel_size,
+            settings.solid_fraction,
+            progress=shown,
+        )
+        packed = time.perf_counter()
+        voxel, shape = settings.voxel_size, settings.shape
+        if (packing.high - packing.low < np.array(shape[::-1]) * voxel).any():
+            raise SolverError(
+                f"packing of {grains.num_grains} grains became smaller than the image, "
+                "expected a larger margin"
+            )
+        voxels = voxelise(packing, shape, voxel, settings.supersampling)
+        present, numbered = np.unique(voxels.labels, return_inverse=True)
+        labels = numbered.reshape(shape).astype(np.int32)
+        if present[0] != 0:
+            labels += 1
+        grey = grey_image(voxels.solid, rng_image, settings)
+        rows = grain_rows(packing, voxels, labels, voxel)
+        contacts = contact_rows(packing, voxels, labels, voxel)
+
+        tifffile.imwrite(folder / "grey.tif", grey, photometric="minisblack")
+        write_labels(folder / "truth_labels.tif", labels, voxel)
+        write_table(folder / "truth_grains.csv", rows)
+        write_table(folder / "truth_contacts.csv", contacts, CONTACTS)
+        shown_grains = present[present > 0] - 1
+        _write_surfaces(folder / "surfaces.npz", packing, shown_grains, voxels.low)
+        (folder / "scene.toml").write_text(scene_text(settings), encoding="utf-8")
+        draw_scan(folder / "synthetic.png", grey, labels, packing, shown_grains, voxel)
+    return _numbers(
+        settings, packing, voxels, labels, rows, contacts,
+        output=str(output_folder),
+        packing_seconds=round(packed - start, 2),
+        seconds=round(time.perf_counter() - start, 2),
+    )  # fmt: skip
+
+
+def sample_grains(settings, rng):
+    """As many random grains as the box of the packing holds."""
+    trial = sizes(rng, 4000, settings.d50, settings.uniformity)
+    volume = np.prod(_box_edges(settings))
+    fraction = min(SOLID_FRACTION, settings.solid_fraction + 0.01)
+    n = max(2, round(fraction * volume / (np.pi / 6 * (trial**3).mean())))
+    form = [
+        np.clip(rng.normal(mean, settings.form_spread, n), 0.3, 1.0)
+        for mean in (settings.elongation, settings.flatness)
+    ]
+    return make_grains(
+        rng, sizes(rng, n, settings.d50, settings.uniformity), *form, settings.roughness,
+        settings.falloff, settings.max_degree,
+    )  # fmt: skip
+
+
+def _box_edges(settings):
+    image = np.array(settings.shape[::-1]) * settings.voxel_size
+    return image + 2 * settings.margin * settings.d50
+
+
+def _write_surfaces(path, packing, which, corner):
+    """Whole grains that the image shows, in its coordinates and with its labels."""
+    directions, triangles = icosphere(4)
+    grains = packing.grains.part(which)
+    place = grains.surface(directions)
+    x = packing.center[which, None] + np.einsum("gij,gkj->gki", packing.axes[which], place) - corner
+    m = len(directions)
+    faces = triangles[None] + m * np.arange(len(which))[:, None, None]
+    np.savez_compressed(
+        path,
+        vertices=x.reshape(-1, 3).astype(np.float32),
+        faces=faces.reshape(-1, 3).astype(np.int32),
+        grain_of_face=np.repeat(np.arange(1, len(which) + 1), len(triangles)).astype(np.int32),
+    )
+
+
+def _numbers(settings, packing, voxels, labels, rows, contacts, **more):
+    """What the command prints and writes as JSON."""
+    n = len(rows)
+    inside = [row for row in rows if not row["touches_border"]]
+    own = {row["label"] for row in inside}
+
+    def coordination(pairs):
+        """Mean number of contacts of the grains that the border does not cut."""
+        ends = [label for pair in pairs for label in pair if label in own]
+        return len(ends) / max(len(own), 1)
+
+    touching = [
+        (row["label_a"], row["label_b"])
+        for row in contacts
+        if row["gap_m"] <= TOLERANCE * settings.voxel_size
+    ]
+    overlaps = np.array([max(-row["gap_m"], 0.0) for row in contacts])
+    volume = packing.grains.volume
+    whole = np.array([row["whole_volume_m3"] for row in rows])
+    by_size = np.argsort(packing.grains.diameter)
+    share = np.cumsum(volume[by_size]) / volume.sum()
+    d10, d50, d60 = np.interp([0.1, 0.5, 0.6], share, packing.grains.diameter[by_size])
+    return {
+        "shape": list(labels.shape),
+        "voxel_size": settings.voxel_size,
+        "num_packed_grains": packing.grains.num_grains,
+        "num_grains": n,
+        "num_border_grains": n - len(inside),
+        "d50": float(d50),
+        "uniformity": float(d60 / d10),
+        "mean_elongation": float(np.mean([row["elongation"] for row in rows])),
+        "mean_flatness": float(np.mean([row["flatness"] for row in rows])),
+        "mean_whole_diameter": float(np.cbrt(6 / np.pi * whole).mean()),
+        "porosity": float(1 - voxels.solid.mean(dtype=np.float64)),
+        "porosity_of_labels": float(1 - np.count_nonzero(labels) / labels.size),
+        "coordination_number": coordination(touching),
+        "coordination_number_of_labels": coordination(touching_labels(labels)),
+        "num_contacts": len(touching),
+        "num_label_contacts": len(touching_labels(labels)),
+        "mean_overlap_voxels": float(overlaps[overlaps > 0].mean() / settings.voxel_size)
+        if (overlaps > 0).any()
+        else 0.0,
+        "largest_overlap_voxels": float(overlaps.max(initial=0) / settings.voxel_size),
+        "packing_steps": packing.num_steps,
+        "solid_fraction_between_walls": packing.solid_fraction,
+        **more,
+    }
