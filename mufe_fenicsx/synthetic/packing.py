@@ -169,7 +169,7 @@ class _Mover:
             points += (middle - points) * strain
         motion.kick_and_drift(
             p.center, self.velocity, self.momentum, self.turn, p.axes, self.force, self.torque,
-            self.mass, self.inertia, 1.0, damping,
+            self.mass, self.inertia, p.grains.reach, 1.0, damping,
         )  # fmt: skip
         if np.abs(p.center - self._at).max() > self.skin / 4:
             self._list_pairs()
