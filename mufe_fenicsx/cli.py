@@ -208,6 +208,7 @@ def mesh(
     with progress_bar("meshing") as progress:
         result = mesh_labels(labels, settings, output, overwrite=overwrite, progress=progress)
     printer.summary(result)
+    printer.say(*(f"repaired {notice}" for notice in result["repaired"]))
     printer.say(*_failed_grains(result))
     printer.write_json(result)
 

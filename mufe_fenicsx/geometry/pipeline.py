@@ -116,13 +116,13 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
     """
     start = time.perf_counter()
     with new_folder(output_folder, overwrite=overwrite, marker="grains.h5") as folder:
-        table, trimmed, voxel_size = None, [], None
+        table, trimmed, repaired, voxel_size = None, [], [], None
         if has_bodies(labels_path):
             if settings.conforming:
                 raise InputError(
                     f"conforming = true for the surfaces {labels_path}, expected labels"
                 )
-            bodies = read_bodies(labels_path, settings.scale)
+            bodies = read_bodies(labels_path, settings.scale, repaired)
             jobs, total = surface_jobs(bodies, settings), len(bodies)
             points = np.concatenate([points for _, points, _ in bodies])
             box = np.array([points.min(axis=0), points.max(axis=0)])
@@ -173,6 +173,7 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         "failed": [mesh.label for mesh in failed],
         "reasons": [mesh.quality["reason"] for mesh in failed],
         "trimmed": trimmed,
+        "repaired": repaired,
         "retried": int((column("attempts") > 1).sum()),
         "num_cells": len(grains.cells),
         "num_nodes": len(grains.points),
