@@ -32,6 +32,8 @@ PREVAIL = 0.35
 CELL = 1.0
 #: Rounds of moving nodes evenly along their faces.
 ROUNDS = 25
+#: Difference of smoothed indicators at which a node is not near a place where they are equal.
+LOST = 0.25
 #: Area of facets at least, over the square of a cell's edge, where nodes move.
 FOLD = 0.1
 
@@ -108,7 +110,7 @@ def _offsets(surface, fields, offset, volumes):
         # Moved out by d, a face gains d times its area, and phi falls by its slope times d.
         change = (volumes[label] - volume) / max(size[own].sum(), 1e-12)
         mean_slope = (slope * size)[own].sum() / max(size[own].sum(), 1e-12)
-        offset[label] = np.clip(offset[label] - mean_slope * change, -0.6, 0.6)
+        offset[label] = np.clip(offset[label] - mean_slope * change, -0.3, 0.3)
     return offset
 
 
@@ -300,6 +302,9 @@ def _moved(surface, start, fields, offset, shape, spacing, rounds):
     for turn in range(rounds + 4):
         residual, slopes = _constraints(surface, fields, x, offset)
         inverse = np.linalg.pinv(slopes, rcond=0.1)
+        if turn >= rounds // 2:
+            # In a gap thinner than the filter there is no such place: such nodes are evened out.
+            inverse[np.abs(residual).max(axis=1) > LOST] = 0
         along = average @ x - x
         along -= np.einsum("nij,njk,nk->ni", inverse, slopes, along)
         step = 0.5 * along * (turn < rounds)
