@@ -72,15 +72,15 @@ def grain_complex(labels, size, smoothing, keep_volume=True):
     Returns:
         A `Complex`.
     """
-    fields = {0: _Field(labels == 0, (0, 0, 0), smoothing)}
-    for label, where in grains_in(labels):
-        pad = margin(smoothing)
-        low = np.array([max(s.start - pad, 0) for s in where])
-        part = tuple(slice(a, s.stop + pad) for a, s in zip(low, where, strict=True))
-        fields[label] = _Field(labels[part] == label, low, smoothing)
     cells, spacing = _prevailing(labels, CELL * size)
     surface = _surface_nets(cells, spacing)
     start, offset = surface.x, np.zeros(labels.max() + 1)
+    # A wider filter first: slopes that reach nodes which are far from where they belong.
+    fields = _smoothed(labels, max(smoothing, PREVAIL * size))
+    surface.x = _moved(
+        surface, start, fields, offset, np.array(labels.shape), spacing.min(), ROUNDS // 2
+    )
+    fields = _smoothed(labels, smoothing)
     surface.x = _moved(
         surface, start, fields, offset, np.array(labels.shape), spacing.min(), ROUNDS
     )
@@ -112,6 +112,17 @@ def _offsets(surface, fields, offset, volumes):
         mean_slope = (slope * size)[own].sum() / max(size[own].sum(), 1e-12)
         offset[label] = np.clip(offset[label] - mean_slope * change, -0.3, 0.3)
     return offset
+
+
+def _smoothed(labels, sigma):
+    """A `_Field` for the void and for each grain."""
+    fields = {0: _Field(labels == 0, (0, 0, 0), sigma)}
+    for label, where in grains_in(labels):
+        pad = margin(sigma)
+        low = np.array([max(s.start - pad, 0) for s in where])
+        part = tuple(slice(a, s.stop + pad) for a, s in zip(low, where, strict=True))
+        fields[label] = _Field(labels[part] == label, low, sigma)
+    return fields
 
 
 class _Field:
@@ -304,7 +315,8 @@ def _moved(surface, start, fields, offset, shape, spacing, rounds):
         inverse = np.linalg.pinv(slopes, rcond=0.1)
         if turn >= rounds // 2:
             # In a gap thinner than the filter there is no such place: such nodes are evened out.
-            inverse[np.abs(residual).max(axis=1) > LOST] = 0
+            far = LOST + np.abs(offset).max()
+            inverse[np.abs(residual).max(axis=1) > far] = 0
         along = average @ x - x
         along -= np.einsum("nij,njk,nk->ni", inverse, slopes, along)
         step = 0.5 * along * (turn < rounds)
