@@ -129,12 +129,16 @@ def mesh(
     ],
     scene: SceneOption = None,
     size: Annotated[str | None, typer.Option(help='Length of edges, such as "30 um".')] = None,
+    smallest_size: Annotated[
+        str | None, typer.Option(help="Length of edges at least, in grains too small for --size.")
+    ] = None,
     smoothing: Annotated[str | None, typer.Option(help="Of surfaces, in voxels.")] = None,
     keep_volume: Annotated[
         bool | None,
         typer.Option("--keep-volume/--free-volume", help="Keep the volume of each grain's voxels."),
     ] = None,
     processes: Annotated[int | None, typer.Option(help="Worker processes; 0: all cores.")] = None,
+    time_limit: Annotated[str | None, typer.Option(help='For one grain, such as "2 min".')] = None,
     keep_largest_piece: Annotated[
         bool | None,
         typer.Option(
@@ -162,9 +166,11 @@ def mesh(
         MeshSettings,
         load_scene(scene).mesh if scene is not None else None,
         size=number_or_text(size),
+        smallest_size=number_or_text(smallest_size),
         smoothing=number_or_text(smoothing),
         keep_volume=keep_volume,
         processes=processes,
+        time_limit=number_or_text(time_limit),
         keep_largest_piece=keep_largest_piece,
         voxel_size=number_or_text(voxel_size),
         key=key,

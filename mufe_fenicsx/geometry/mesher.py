@@ -1,21 +1,25 @@
 """Mesh every grain: surface, tetrahedra and a row of the quality table; in worker processes."""
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from . import level_set, measure
 from .bodies import body_surface
+from .distance import surface_distance, voxel_distance
 from .labels import grains_in
-from .remesh import SurfaceError
+from .remesh import SurfaceTooSmall
 from .surface import grain_surface
 from .tetra import DELAUNAY, HXT, fill
-from .workers import run_jobs
+from .workers import WorkerError, run_jobs
 
 #: Where the smallest altitude over h or the kept part of the volume is less, other settings
 #: are tried and the mesh is taken that comes closest to both.
-GOOD_ALTITUDE, GOOD_VOLUME = 0.2, 0.9
+GOOD_ALTITUDE, GOOD_VOLUME = 0.25, 0.9
+#: What a node may leave the surface by to make flat tetrahedra thicker: parts of h, and of the
+#: diameter of the grain, whose volume it changes.
+TOLERANCE, TOLERANCE_OF_GRAIN = 0.02, 0.004
 
 QUALITY = (
     "label",
@@ -30,6 +34,9 @@ QUALITY = (
     "mean_dihedral_deg",
     "min_altitude_over_h",
     "mean_altitude_over_h",
+    "share_below_quarter_h",
+    "distance_median_m",
+    "distance_95_m",
     "attempts",
     "seconds",
     "reason",
@@ -41,16 +48,16 @@ class Attempt:
     """Settings of one try to mesh a grain."""
 
     size: float = 1.0  #: times the wanted length of edges
-    algorithm: int = DELAUNAY
+    algorithm: int = HXT
     smoothing: float = 1.0  #: times the standard deviation of the filter
     closing: float = 0.0  #: clefts in the grain narrower than this are filled [times h]
 
 
 ATTEMPTS = (
     Attempt(),
-    Attempt(size=0.93, algorithm=HXT),
-    Attempt(size=0.85),
-    Attempt(size=0.85, closing=1.0, algorithm=HXT),
+    Attempt(size=0.93),
+    Attempt(size=0.85, algorithm=DELAUNAY),
+    Attempt(size=0.85, closing=1.0),
     Attempt(closing=2.0),
     # The last resort may overlap neighbours, which are smoothed less.
     Attempt(size=0.75, closing=1.0, smoothing=1.6),
@@ -86,6 +93,11 @@ class VoxelGrain:
         points, triangles = grain_surface(body, h, volume)
         return points * self.voxel_size, triangles
 
+    def distance(self, points):
+        """Distances of points on the surface from the faces of the voxels [m]."""
+        at = points[:, ::-1] / self.voxel_size - self.offset
+        return voxel_distance(self.crop == 1, at) * self.voxel_size
+
 
 @dataclass(frozen=True)
 class SurfaceGrain:
@@ -102,6 +114,10 @@ class SurfaceGrain:
     def surface(self, h, attempt):
         """Points [m] and triangles."""
         return body_surface(self.points, self.triangles, h)
+
+    def distance(self, points):
+        """Distances of points from the given surface [m]."""
+        return surface_distance(self.points, self.triangles, points)
 
 
 @dataclass
@@ -127,7 +143,12 @@ class Job:
 
     grain: VoxelGrain | SurfaceGrain
     h: float
+    smallest: float  #: least length of edges in grains that are too small for h
     attempts: tuple = field(default=ATTEMPTS)
+
+    def otherwise(self):
+        """The job for a new try after a worker hung or died: the first settings left out."""
+        return replace(self, attempts=self.attempts[2:])
 
 
 def voxel_jobs(labels, voxel_size, settings):
@@ -144,16 +165,16 @@ def voxel_jobs(labels, voxel_size, settings):
             settings.smoothing,
             settings.keep_volume,
         )
-        yield Job(grain, settings.size)
+        yield Job(grain, settings.size, settings.least_size)
 
 
 def surface_jobs(bodies, settings):
     """A job for each body (label, points [m], triangles)."""
     for label, points, triangles in bodies:
-        yield Job(SurfaceGrain(label, points, triangles), settings.size)
+        yield Job(SurfaceGrain(label, points, triangles), settings.size, settings.least_size)
 
 
-def mesh_grains(jobs, processes=0, progress=None):
+def mesh_grains(jobs, processes=0, progress=None, limit=None):
     """Mesh grains in worker processes.
 
     Scripts that call this need ``if __name__ == "__main__":``, because each
@@ -163,6 +184,8 @@ def mesh_grains(jobs, processes=0, progress=None):
         jobs: From `voxel_jobs` or `surface_jobs`.
         processes: Number of workers; 0: one a core.
         progress: Called with the number of finished grains.
+        limit: Time for one grain [s], after which it is tried once more with other settings;
+            None: none.
 
     Returns:
         One `GrainMesh` a job, in the jobs' order; those that failed say why.
@@ -174,9 +197,13 @@ def mesh_grains(jobs, processes=0, progress=None):
             labels.append(job.grain.label)
             yield job
 
-    results = run_jobs(mesh_one, remembered(), processes, progress)
+    results = run_jobs(
+        mesh_one, remembered(), processes, progress, limit=limit, again=Job.otherwise
+    )
     return [
-        GrainMesh(_row(label, "failed", reason="the worker process died")) if mesh is None else mesh
+        GrainMesh(_row(label, "failed", reason=f"{mesh}, with other settings too"))
+        if isinstance(mesh, WorkerError)
+        else mesh
         for label, mesh in zip(labels, results, strict=True)
     ]
 
@@ -185,18 +212,27 @@ def mesh_one(job):
     """Mesh one grain: try settings until a good mesh comes out, else take the best."""
     start, best, best_score, reasons = time.perf_counter(), None, 0.0, []
     grain, h, num_attempts = job.grain, job.h, 0
+    diameter = np.cbrt(6 / np.pi * grain.volume)
+    tolerance = min(TOLERANCE * h, TOLERANCE_OF_GRAIN * diameter)
     for attempt in job.attempts:
         num_attempts += 1
         try:
-            surface, triangles = grain.surface(h * attempt.size, attempt)
+            surface, triangles, size = _sized_surface(job, attempt)
             # gmsh's tolerances suit bodies of size one.
-            nodes, cells = fill(surface / h, triangles, algorithm=attempt.algorithm)
+            nodes, cells = fill(
+                surface / size,
+                triangles,
+                algorithm=attempt.algorithm,
+                tolerance=tolerance / size,
+            )
+            nodes *= size
+        except SurfaceTooSmall as error:
+            reasons.append(str(error))
+            break
         except Exception as error:  # whatever gmsh, VTK or pyacvd raise: try the next settings
             reasons.append(" ".join(str(error).split()) or type(error).__name__)
-            if isinstance(error, SurfaceError) and "too small" in reasons[-1]:
-                break
             continue
-        row = _measured(grain, nodes * h, cells, len(surface), h)
+        row = _measured(grain, nodes, cells, h)
         if not 0.5 < row["volume_ratio"] < 2:
             reasons.append(f"the mesh has {row['volume_ratio']:.3g} of the volume of the grain")
             continue
@@ -204,10 +240,12 @@ def mesh_one(job):
             row["volume_ratio"] / GOOD_VOLUME, 1
         )
         if score > best_score:
-            best, best_score = GrainMesh(row, nodes * h, cells), score
+            best, best_score = GrainMesh(row, nodes, cells), score
         if score == 1:
             break
-    if best is None:
+    if best is not None:
+        best.quality.update(_distances(grain, best))
+    else:
         # The first reason concerns the settings that the user chose.
         reason = f"{reasons[0]} (the grain has {grain.volume / h**3:.3g} h^3)"
         best = GrainMesh(_row(grain.label, "failed", reason=reason))
@@ -217,7 +255,27 @@ def mesh_one(job):
     return best
 
 
-def _measured(grain, points, cells, num_surface_nodes, h):
+def _sized_surface(job, attempt):
+    """The surface of a grain and its length of edges, which is less than h in a small grain."""
+    size = job.h * attempt.size
+    try:
+        return *job.grain.surface(size, attempt), size
+    except SurfaceTooSmall as error:
+        size *= error.factor
+        if size < job.smallest:
+            raise
+        return *job.grain.surface(size, attempt), size
+
+
+def _distances(grain, mesh):
+    """Distances of nodes and centres of facets of a mesh from the surface that was given."""
+    triangles = measure.boundary_triangles(mesh.cells)
+    at = np.concatenate([mesh.points[np.unique(triangles)], mesh.points[triangles].mean(axis=1)])
+    median, most = np.quantile(grain.distance(at), [0.5, 0.95])
+    return {"distance_median_m": float(median), "distance_95_m": float(most)}
+
+
+def _measured(grain, points, cells, h):
     altitudes = measure.smallest_altitudes(points, cells) / h
     angles = measure.smallest_dihedral_angles(points, cells)
     volume = measure.tet_volumes(points, cells).sum()
@@ -226,7 +284,7 @@ def _measured(grain, points, cells, num_surface_nodes, h):
         "ok",
         tets=len(cells),
         nodes=len(points),
-        surface_nodes=num_surface_nodes,
+        surface_nodes=len(np.unique(measure.boundary_triangles(cells))),
         volume_m3=float(volume),
         voxel_volume_m3=float(grain.volume),
         volume_ratio=float(volume / grain.volume),
@@ -234,6 +292,7 @@ def _measured(grain, points, cells, num_surface_nodes, h):
         mean_dihedral_deg=float(angles.mean()),
         min_altitude_over_h=float(altitudes.min()),
         mean_altitude_over_h=float(altitudes.mean()),
+        share_below_quarter_h=float((altitudes < 0.25).mean()),
     )
 
 

@@ -11,6 +11,7 @@ from . import labels as labelling
 from .bodies import has_bodies, read_bodies
 from .grains import Grains, save_grains
 from .label_files import grain_table, read_labels, write_labels, write_table
+from .measure import smallest_altitudes, worst_share_costs
 from .mesher import QUALITY, mesh_grains, surface_jobs, voxel_jobs
 from .output import new_files, new_folder
 from .picture import draw_quality, draw_segmentation
@@ -115,7 +116,7 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
     """
     start = time.perf_counter()
     with new_folder(output_folder, overwrite=overwrite, marker="grains.h5") as folder:
-        table, trimmed = None, []
+        table, trimmed, voxel_size = None, [], None
         if has_bodies(labels_path):
             bodies = read_bodies(labels_path, settings.scale)
             jobs, total = surface_jobs(bodies, settings), len(bodies)
@@ -133,7 +134,10 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
             box = np.array([[0, 0, 0], np.array(labels.shape[::-1]) * voxel_size])
 
         meshes = mesh_grains(
-            jobs, settings.processes, progress and (lambda finished: progress(finished, total))
+            jobs,
+            settings.processes,
+            progress and (lambda finished: progress(finished, total)),
+            settings.time_limit,
         )
         done = [mesh for mesh in meshes if mesh.ok]
         failed = [mesh for mesh in meshes if not mesh.ok]
@@ -173,5 +177,23 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         "min_altitude_over_h": float(column("min_altitude_over_h").min()),
         "mean_min_altitude_over_h": float(column("min_altitude_over_h").mean()),
         "min_dihedral_deg": float(column("min_dihedral_deg").min()),
+        "share_below_quarter_h": float(
+            (column("share_below_quarter_h") * column("tets")).sum() / len(grains.cells)
+        ),
+        "time_step_without_worst": worst_share_costs(
+            smallest_altitudes(grains.points, grains.cells)
+        ),
+        **_distances(column, voxel_size or settings.size, "voxels" if voxel_size else "sizes"),
         "seconds": round(time.perf_counter() - start, 3),
+    }
+
+
+def _distances(column, length, unit):
+    """Distances of surfaces from those given: the grains' medians and 95 %, by their nodes."""
+    nodes, most = column("surface_nodes"), column("distance_95_m") / length
+    median = column("distance_median_m") / length
+    return {
+        f"distance_median_{unit}": float((median * nodes).sum() / nodes.sum()),
+        f"distance_95_{unit}": float((most * nodes).sum() / nodes.sum()),
+        f"largest_distance_95_{unit}": float(most.max()),
     }

@@ -17,6 +17,26 @@ class SurfaceError(RuntimeError):
     """No usable surface came out: what is wrong with it."""
 
 
+#: Nodes that the surface of a grain takes at least.
+FEWEST_NODES = 20
+
+
+class SurfaceTooSmall(SurfaceError):
+    """A surface takes too few triangles of the wanted size.
+
+    Args:
+        num_nodes: Nodes that it takes.
+    """
+
+    def __init__(self, num_nodes):
+        super().__init__(
+            f"grain is too small: its surface takes {2 * num_nodes:.0f} triangles of the wanted "
+            f"size, expected at least {2 * FEWEST_NODES}"
+        )
+        #: Times the wanted size that would be small enough.
+        self.factor = 0.99 * (num_nodes / FEWEST_NODES) ** 0.5
+
+
 def remesh(points, triangles, h):
     """Even triangles of edges h on a surface, by centroidal clusters (pyacvd).
 
@@ -26,14 +46,12 @@ def remesh(points, triangles, h):
     Source: S. Valette, J.-M. Chassery, Computer Graphics Forum 23 (2004) 381-389.
 
     Raises:
-        SurfaceError: the surface is too small for h, or no closed surface came out.
+        SurfaceTooSmall: the surface takes too few triangles of this size.
+        SurfaceError: no closed surface came out.
     """
     wanted = surface_area(points, triangles) / (h * h * np.sqrt(3) / 2)
-    if wanted < 20:
-        raise SurfaceError(
-            f"grain is too small: its surface takes {2 * wanted:.0f} triangles of the wanted size, "
-            "expected at least 40"
-        )
+    if wanted < FEWEST_NODES:
+        raise SurfaceTooSmall(wanted)
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
         warnings.simplefilter("ignore")
         clusters = pyacvd.Clustering(pyvista.PolyData.from_regular_faces(points, triangles))
@@ -104,6 +122,11 @@ def oriented(points, triangles):
 
     Edges with other than two triangles are not crossed.
     """
+    defect = surface_defect(points, triangles)
+    if not defect:
+        return triangles
+    if defect == "inside out":
+        return np.ascontiguousarray(triangles[:, ::-1])
     at_edge = {}
     for t, (a, b, c) in enumerate(triangles.tolist()):
         for edge in ((a, b), (b, c), (c, a)):

@@ -51,9 +51,11 @@ class MeshSettings:
     """From labels, or surfaces, to tetrahedra."""
 
     size: float  #: wanted length of edges [m]
+    smallest_size: float | None = None  #: in grains too small for size [m]; None: half of it
     smoothing: float = 1.0  #: standard deviation of the filter of surfaces [voxels of the labels]
     keep_volume: bool = True  #: move free surfaces so that each grain keeps its voxels' volume
     processes: int = 0  #: worker processes; 0: one a core
+    time_limit: float = 120.0  #: for a grain, which is then tried once with other settings [s]
     keep_largest_piece: bool = False  #: of a grain in several pieces; otherwise an error
     voxel_size: float | None = None  #: for labels that do not state their own [m]
     key: str | None = None  #: name of the labels in an .npz file
@@ -61,6 +63,13 @@ class MeshSettings:
 
     def __post_init__(self):
         _require(self.size > 0, "size", self.size, "a length > 0 in metres")
+        _require(
+            self.smallest_size is None or 0 < self.smallest_size <= self.size,
+            "smallest_size",
+            self.smallest_size,
+            f"a length in metres > 0 and <= size = {self.size:g}",
+        )
+        _require(self.time_limit > 0, "time_limit", self.time_limit, "a time > 0 in seconds")
         _require(0.3 <= self.smoothing <= 5, "smoothing", self.smoothing, "0.3 to 5 voxels")
         _require(self.processes >= 0, "processes", self.processes, ">= 0")
         _require(
@@ -70,6 +79,11 @@ class MeshSettings:
             "a length > 0 in metres",
         )
         _require(self.scale > 0, "scale", self.scale, "> 0 metres a unit")
+
+    @property
+    def least_size(self):
+        """Least length of edges [m]."""
+        return 0.5 * self.size if self.smallest_size is None else self.smallest_size
 
 
 def _require(holds, name, value, expected):
