@@ -4,8 +4,10 @@ Linear elasticity of the whole body, small strain, without friction or body forc
 given as a pressure on two opposite spots, not found from contact. There are two kinds: "hertz",
 that of flat platens, along the loaded axis and spread as Hertz's pressure; and "uniform", along
 the radii, of the classical solutions (Hondros; Hiramatsu & Oka). Away from the spots only the
-force counts (St Venant): the kinds differ in the middle of the body by about (a/R)² of the tension
-there, 0.2 % for a/R = 0.05. Lengths are in radii; tension is positive.
+force counts (St Venant). For a/R = 0.05 and ν = 0.15 the tension across the axis of the sphere
+differs between the kinds by 0.04 % in the middle, 1 % at six, 3 % at four and 17 % at two
+contact radii below the platen; that in the middle from point forces by (a/R)², 0.3 %. Lengths
+are in radii; tension is positive.
 """
 
 import numpy as np
@@ -93,7 +95,7 @@ def line_contact(force, R, E):
         R: Radius [m].
         E: Effective modulus E* [Pa].
 
-    Source: K. L. Johnson, Contact Mechanics, 1985, eqs (4.43)-(4.45).
+    Source: K. L. Johnson, Contact Mechanics, 1985, section 4.2(c).
     """
     a = np.sqrt(4 * force * R / (np.pi * E))
     return a, 2 * force / (np.pi * a)
@@ -107,7 +109,7 @@ def disc_approach(force, R, E):
     Args:
         force, R, E: As of :func:`line_contact`.
 
-    Source: K. L. Johnson, Contact Mechanics, 1985, eq. (5.58).
+    Source: K. L. Johnson, Contact Mechanics, 1985, section 5.6.
     """
     a, _ = line_contact(force, R, E)
     return force / (np.pi * E) * (2 * np.log(4 * R / a) - 1)
