@@ -130,7 +130,23 @@ def mesh(
     scene: SceneOption = None,
     size: Annotated[str | None, typer.Option(help='Length of edges, such as "30 um".')] = None,
     smallest_size: Annotated[
-        str | None, typer.Option(help="Length of edges at least, in grains too small for --size.")
+        str | None, typer.Option(help="At least, where the size varies and in small grains.")
+    ] = None,
+    sizing: Annotated[
+        str | None, typer.Option(help="What the size follows: uniform, curvature or contact.")
+    ] = None,
+    angle: Annotated[
+        str | None, typer.Option(help="Between neighbouring facets, for --sizing curvature.")
+    ] = None,
+    contact_reach: Annotated[
+        str | None, typer.Option(help="Gaps up to this are meshed finely, for --sizing contact.")
+    ] = None,
+    growth: Annotated[str | None, typer.Option(help="Of the size over distance.")] = None,
+    surface_nodes: Annotated[
+        int | None, typer.Option(help="Of each grain, whose sizes are scaled to that.")
+    ] = None,
+    min_angle: Annotated[
+        str | None, typer.Option(help="Of triangles; grains with less are tried otherwise.")
     ] = None,
     smoothing: Annotated[str | None, typer.Option(help="Of surfaces, in voxels.")] = None,
     keep_volume: Annotated[
@@ -167,6 +183,12 @@ def mesh(
         load_scene(scene).mesh if scene is not None else None,
         size=number_or_text(size),
         smallest_size=number_or_text(smallest_size),
+        sizing=sizing,
+        angle=number_or_text(angle),
+        contact_reach=number_or_text(contact_reach),
+        growth=number_or_text(growth),
+        surface_nodes=surface_nodes,
+        min_angle=number_or_text(min_angle),
         smoothing=number_or_text(smoothing),
         keep_volume=keep_volume,
         processes=processes,

@@ -53,7 +53,7 @@ UNITS = {
     SegmentSettings: _IMAGE_UNITS,
     ImageSettings: _IMAGE_UNITS,
     MeshSettings: {
-        **dict.fromkeys(("size", "smallest_size", "voxel_size", "scale"), "m"),
+        **dict.fromkeys(("size", "smallest_size", "contact_reach", "voxel_size", "scale"), "m"),
         "time_limit": "s",
     },
     Elastic: _ELASTIC_UNITS,

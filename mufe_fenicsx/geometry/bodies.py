@@ -102,17 +102,22 @@ def sound_surface(points, triangles, name):
     return points, triangles
 
 
-def body_surface(points, triangles, h):
-    """A sound surface with triangles of edges h, its vertices on the one given.
+def body_surface(points, triangles, sizes):
+    """A sound surface with triangles of the wanted size, its vertices on the one given.
+
+    Args:
+        points, triangles: The surface.
+        sizes: `Sizes`.
 
     Raises:
-        SurfaceError: the body is too small for h, or no closed surface came out.
+        SurfaceError: the body is too small for its size, or no closed surface came out.
     """
-    scaled = points / h
+    h = sizes.size
+    scaled, sizes = points / h, sizes.scaled(1 / h)
     original = pyvista.PolyData.from_regular_faces(scaled, triangles)
-    x, faces = remesh(scaled, triangles, 1.0)
+    x, faces = remesh(scaled, triangles, sizes)
     for _ in range(2):
-        x, faces = collapse_short_edges(x, faces, 0.55)
+        x, faces = collapse_short_edges(x, faces, 0.55, sizes)
         faces = flip_long_edges(x, faces)
         _, x = original.find_closest_cell(x, return_closest_point=True)
     # Facets cut off what is round: give the volume back, about the body's middle.

@@ -80,7 +80,7 @@ def margin(sigma):
     return int(np.ceil(3 * sigma)) + 3
 
 
-def crop_around(labels, where, sigma):
+def crop_around(labels, where, sigma, more=0):
     """The labels around a grain and the index of their first voxel.
 
     Beyond the border of the image is void: the flat face of a cut grain then comes
@@ -90,8 +90,9 @@ def crop_around(labels, where, sigma):
         labels: The whole image.
         where: Slices of the box around the grain.
         sigma: Standard deviation of the Gaussian [voxels].
+        more: Voxels around that.
     """
-    pad = margin(sigma)
+    pad = margin(sigma) + more
     low = np.array([s.start - pad for s in where])
     high = np.array([s.stop + pad for s in where])
     first, last = np.maximum(low, 0), np.minimum(high, labels.shape)

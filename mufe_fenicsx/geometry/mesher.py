@@ -1,5 +1,6 @@
 """Mesh every grain: surface, tetrahedra and a row of the quality table; in worker processes."""
 
+import math
 import time
 from dataclasses import dataclass, field, replace
 
@@ -10,7 +11,17 @@ from .bodies import body_surface
 from .distance import surface_distance, voxel_distance
 from .labels import grains_in
 from .remesh import SurfaceTooSmall
-from .surface import grain_surface
+from .sizing import (
+    CONTACT,
+    UNIFORM,
+    Sizes,
+    Sizing,
+    gaps_between,
+    sizes_by_curvature,
+    sizes_by_gap,
+    voxel_gaps,
+)
+from .surface import fitted, grain_surface
 from .tetra import DELAUNAY, HXT, fill
 from .workers import WorkerError, run_jobs
 
@@ -32,6 +43,7 @@ QUALITY = (
     "volume_ratio",
     "min_dihedral_deg",
     "mean_dihedral_deg",
+    "min_surface_angle_deg",
     "min_altitude_over_h",
     "mean_altitude_over_h",
     "share_below_quarter_h",
@@ -75,23 +87,37 @@ class VoxelGrain:
     voxel_size: float  #: [m]
     smoothing: float  #: [voxels]
     keep_volume: bool
+    more: int = 0  #: voxels of the crop beyond those that smoothing needs
 
     @property
     def volume(self):
         """Volume of the voxels within the image [m³]."""
         return np.count_nonzero(self.crop == 1) * self.voxel_size**3
 
-    def surface(self, h, attempt):
-        """Points [m] and triangles."""
-        h /= self.voxel_size
-        crop = self.crop
+    def surface(self, sizing, attempt):
+        """Points [m], triangles and `Sizes` [m]."""
+        sizing = sizing.scaled(1 / self.voxel_size)
+        crop, inner = self.crop, slice(self.more, -self.more or None)
+        others = crop == 2
+        crop, offset = crop[inner, inner, inner], np.asarray(self.offset) + self.more
         if attempt.closing:
-            crop = level_set.without_clefts(crop, attempt.closing * h)
+            crop = level_set.without_clefts(crop, attempt.closing * sizing.largest)
         sigma = self.smoothing * attempt.smoothing
-        body = level_set.smoothed(crop, 1, self.offset, self.shape, sigma)
+        body = level_set.smoothed(crop, 1, offset, self.shape, sigma)
         volume = np.count_nonzero(crop == 1) if self.keep_volume else None
-        points, triangles = grain_surface(body, h, volume)
-        return points * self.voxel_size, triangles
+
+        def sizes(body, points, _):
+            if sizing.mode == UNIFORM:
+                return Sizes(sizing.largest)
+            if sizing.mode == CONTACT:
+                gaps = voxel_gaps(others, points - self.offset)
+                return sizes_by_gap(points, gaps, sizing)
+            _, gradient = body.value_and_gradient(points)
+            length = np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-12)
+            return sizes_by_curvature(points, -gradient / length, sizing)
+
+        points, triangles, found = grain_surface(body, sizes, volume, sizing.nodes)
+        return points * self.voxel_size, triangles, found.scaled(self.voxel_size)
 
     def distance(self, points):
         """Distances of points on the surface from the faces of the voxels [m]."""
@@ -106,14 +132,24 @@ class SurfaceGrain:
     label: int
     points: np.ndarray  #: [m]
     triangles: np.ndarray
+    gaps: np.ndarray | None = None  #: distances of the points from other grains [m]
 
     @property
     def volume(self):
         return measure.surface_volume(self.points, self.triangles)
 
-    def surface(self, h, attempt):
-        """Points [m] and triangles."""
-        return body_surface(self.points, self.triangles, h)
+    def surface(self, sizing, attempt):
+        """Points [m], triangles and `Sizes` [m]."""
+        points, triangles = self.points, self.triangles
+        if sizing.mode == UNIFORM:
+            sizes = Sizes(sizing.largest)
+        elif sizing.mode == CONTACT:
+            sizes = sizes_by_gap(points, self.gaps, sizing)
+        else:
+            normals = measure.vertex_normals(points, triangles)
+            sizes = sizes_by_curvature(points, normals, sizing)
+        sizes = fitted(sizes, points, triangles, sizing.nodes)
+        return *body_surface(points, triangles, sizes), sizes
 
     def distance(self, points):
         """Distances of points from the given surface [m]."""
@@ -139,11 +175,11 @@ class GrainMesh:
 
 @dataclass(frozen=True)
 class Job:
-    """One grain and the wanted length of edges [m]."""
+    """One grain and the wanted lengths of its edges [m]."""
 
     grain: VoxelGrain | SurfaceGrain
-    h: float
-    smallest: float  #: least length of edges in grains that are too small for h
+    sizing: Sizing
+    min_angle: float = 0.0  #: of the triangles of a good mesh [degrees]
     attempts: tuple = field(default=ATTEMPTS)
 
     def otherwise(self):
@@ -153,8 +189,11 @@ class Job:
 
 def voxel_jobs(labels, voxel_size, settings):
     """A job for each grain of a label image."""
+    sizing, more = settings.lengths, 0
+    if sizing.mode == CONTACT:
+        more = math.ceil((sizing.largest / sizing.growth + sizing.reach) / voxel_size)
     for label, where in grains_in(labels):
-        crop, offset = level_set.crop_around(labels, where, 1.6 * settings.smoothing)
+        crop, offset = level_set.crop_around(labels, where, 1.6 * settings.smoothing, more)
         codes = np.where(crop == label, 1, np.where(crop == 0, 0, 2)).astype(np.uint8)
         grain = VoxelGrain(
             label,
@@ -164,14 +203,19 @@ def voxel_jobs(labels, voxel_size, settings):
             voxel_size,
             settings.smoothing,
             settings.keep_volume,
+            more,
         )
-        yield Job(grain, settings.size, settings.least_size)
+        yield Job(grain, sizing, settings.min_angle)
 
 
 def surface_jobs(bodies, settings):
     """A job for each body (label, points [m], triangles)."""
-    for label, points, triangles in bodies:
-        yield Job(SurfaceGrain(label, points, triangles), settings.size, settings.least_size)
+    gaps = [None] * len(bodies)
+    if settings.sizing == CONTACT:
+        gaps = gaps_between([points for _, points, _ in bodies])
+    for (label, points, triangles), gap in zip(bodies, gaps, strict=True):
+        grain = SurfaceGrain(label, points, triangles, gap)
+        yield Job(grain, settings.lengths, settings.min_angle)
 
 
 def mesh_grains(jobs, processes=0, progress=None, limit=None):
@@ -211,18 +255,25 @@ def mesh_grains(jobs, processes=0, progress=None, limit=None):
 def mesh_one(job):
     """Mesh one grain: try settings until a good mesh comes out, else take the best."""
     start, best, best_score, reasons = time.perf_counter(), None, 0.0, []
-    grain, h, num_attempts = job.grain, job.h, 0
+    grain, num_attempts = job.grain, 0
+    # Where the size varies, elements are judged by their own mean edge.
+    uniform, h = job.sizing.mode == UNIFORM, job.sizing.largest
+    wanted = job.sizing.nodes is None
     diameter = np.cbrt(6 / np.pi * grain.volume)
-    tolerance = min(TOLERANCE * h, TOLERANCE_OF_GRAIN * diameter)
+    tolerance = min(
+        TOLERANCE * (h if uniform else job.sizing.smallest), TOLERANCE_OF_GRAIN * diameter
+    )
     for attempt in job.attempts:
         num_attempts += 1
         try:
-            surface, triangles, size = _sized_surface(job, attempt)
+            surface, triangles, sizes = _sized_surface(job, attempt)
+            size = sizes.size
             # gmsh's tolerances suit bodies of size one.
             nodes, cells = fill(
                 surface / size,
                 triangles,
                 algorithm=attempt.algorithm,
+                size=1.0 if uniform else None,
                 tolerance=tolerance / size,
             )
             nodes *= size
@@ -232,13 +283,15 @@ def mesh_one(job):
         except Exception as error:  # whatever gmsh, VTK or pyacvd raise: try the next settings
             reasons.append(" ".join(str(error).split()) or type(error).__name__)
             continue
-        row = _measured(grain, nodes, cells, h)
+        row = _measured(grain, nodes, cells, (h if wanted else size) if uniform else None)
         if not 0.5 < row["volume_ratio"] < 2:
             reasons.append(f"the mesh has {row['volume_ratio']:.3g} of the volume of the grain")
             continue
         score = min(row["min_altitude_over_h"] / GOOD_ALTITUDE, 1) * min(
             row["volume_ratio"] / GOOD_VOLUME, 1
         )
+        if job.min_angle > 0:
+            score *= min(row["min_surface_angle_deg"] / job.min_angle, 1)
         if score > best_score:
             best, best_score = GrainMesh(row, nodes, cells), score
         if score == 1:
@@ -256,15 +309,16 @@ def mesh_one(job):
 
 
 def _sized_surface(job, attempt):
-    """The surface of a grain and its length of edges, which is less than h in a small grain."""
-    size = job.h * attempt.size
+    """The surface of a grain and its sizes, which are less than wanted in a small grain."""
+    sizing = job.sizing.times(attempt.size)
     try:
-        return *job.grain.surface(size, attempt), size
+        return job.grain.surface(sizing, attempt)
     except SurfaceTooSmall as error:
-        size *= error.factor
-        if size < job.smallest:
+        largest = sizing.largest * error.factor
+        if largest < job.sizing.smallest:
             raise
-        return *job.grain.surface(size, attempt), size
+        sizing = replace(sizing, largest=largest, smallest=min(sizing.smallest, largest))
+        return job.grain.surface(sizing, attempt)
 
 
 def _distances(grain, mesh):
@@ -276,7 +330,10 @@ def _distances(grain, mesh):
 
 
 def _measured(grain, points, cells, h):
-    altitudes = measure.smallest_altitudes(points, cells) / h
+    """A row of the table; altitudes over h, or over the mean edge of each element."""
+    length = measure.mean_edges(points, cells) if h is None else h
+    altitudes = measure.smallest_altitudes(points, cells) / length
+    surface = measure.boundary_triangles(cells)
     angles = measure.smallest_dihedral_angles(points, cells)
     volume = measure.tet_volumes(points, cells).sum()
     return _row(
@@ -284,12 +341,13 @@ def _measured(grain, points, cells, h):
         "ok",
         tets=len(cells),
         nodes=len(points),
-        surface_nodes=len(np.unique(measure.boundary_triangles(cells))),
+        surface_nodes=len(np.unique(surface)),
         volume_m3=float(volume),
         voxel_volume_m3=float(grain.volume),
         volume_ratio=float(volume / grain.volume),
         min_dihedral_deg=float(angles.min()),
         mean_dihedral_deg=float(angles.mean()),
+        min_surface_angle_deg=measure.smallest_angle(points, surface),
         min_altitude_over_h=float(altitudes.min()),
         mean_altitude_over_h=float(altitudes.mean()),
         share_below_quarter_h=float((altitudes < 0.25).mean()),

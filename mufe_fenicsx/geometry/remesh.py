@@ -10,38 +10,39 @@ import pyacvd
 import pyvista
 import scipy.sparse
 
-from .measure import compact, surface_area, surface_defect, surface_volume
+from .measure import compact, surface_defect, surface_volume
+from .sizing import FEWEST_NODES
 
 
 class SurfaceError(RuntimeError):
     """No usable surface came out: what is wrong with it."""
 
 
-#: Nodes that the surface of a grain takes at least.
-FEWEST_NODES = 20
-
-
 class SurfaceTooSmall(SurfaceError):
     """A surface takes too few triangles of the wanted size.
 
     Args:
-        num_nodes: Nodes that it takes.
+        nodes: Nodes that it takes.
     """
 
-    def __init__(self, num_nodes):
+    def __init__(self, nodes):
         super().__init__(
-            f"grain is too small: its surface takes {2 * num_nodes:.0f} triangles of the wanted "
+            f"grain is too small: its surface takes {2 * nodes:.0f} triangles of the wanted "
             f"size, expected at least {2 * FEWEST_NODES}"
         )
         #: Times the wanted size that would be small enough.
-        self.factor = 0.99 * (num_nodes / FEWEST_NODES) ** 0.5
+        self.factor = 0.99 * (nodes / FEWEST_NODES) ** 0.5
 
 
-def remesh(points, triangles, h):
-    """Even triangles of edges h on a surface, by centroidal clusters (pyacvd).
+def remesh(points, triangles, sizes):
+    """Triangles of the wanted size on a surface, by centroidal clusters (pyacvd).
 
     Clusters across a thin part of a surface can give edges with more than two
     triangles; other numbers of clusters are tried then.
+
+    Args:
+        points, triangles: The surface.
+        sizes: `Sizes`, the wanted length of edges.
 
     Source: S. Valette, J.-M. Chassery, Computer Graphics Forum 23 (2004) 381-389.
 
@@ -49,7 +50,7 @@ def remesh(points, triangles, h):
         SurfaceTooSmall: the surface takes too few triangles of this size.
         SurfaceError: no closed surface came out.
     """
-    wanted = surface_area(points, triangles) / (h * h * np.sqrt(3) / 2)
+    wanted = num_nodes(points, triangles, sizes)
     if wanted < FEWEST_NODES:
         raise SurfaceTooSmall(wanted)
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
@@ -57,6 +58,10 @@ def remesh(points, triangles, h):
         clusters = pyacvd.Clustering(pyvista.PolyData.from_regular_faces(points, triangles))
         while clusters.mesh.n_points < 15 * wanted:
             clusters.subdivide(1)
+        if not sizes.even:
+            # Clusters of equal weight: the weight of an area is the number of nodes it takes.
+            weight = sizes.size**2 / sizes(np.asarray(clusters.mesh.points, dtype=float)) ** 2
+            clusters.area, clusters.wcent = clusters.area * weight, clusters.wcent * weight[:, None]
         for factor in (1.0, 1.04, 0.96, 1.1, 1.2):
             clusters.cluster(round(factor * wanted))
             result = clusters.create_mesh(moveclus=False, flipnorm=False)
@@ -70,6 +75,13 @@ def remesh(points, triangles, h):
             if not defect:
                 return vertices, faces
     raise SurfaceError(f"remeshed surface has {defect}")
+
+
+def num_nodes(points, triangles, sizes):
+    """Nodes that a surface takes where each stands for a hexagon of the wanted size."""
+    x = points[triangles]
+    area = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 2
+    return float((area / sizes(x.mean(axis=1)) ** 2).sum() * 2 / np.sqrt(3))
 
 
 def without_fins(triangles):
@@ -175,17 +187,18 @@ def largest_surface(points, triangles):
     return points[used], numbered.reshape(-1, 3)
 
 
-def collapse_short_edges(points, triangles, shortest):
+def collapse_short_edges(points, triangles, shortest, sizes):
     """Shrink edges shorter than ``shortest`` to their middle; the surface stays closed.
 
     Args:
         points, triangles: A closed surface.
-        shortest: Least length of edges.
+        shortest: Least length of edges, times ``sizes``.
+        sizes: `Sizes`.
     """
     points, triangles, stuck = points.copy(), triangles.copy(), set()
     while True:
         start, end = _edges(triangles)
-        length = np.linalg.norm(points[end] - points[start], axis=1)
+        length = _relative_length(points, start, end, sizes)
         for i in np.argsort(length):
             if length[i] >= shortest:
                 return compact(points, triangles)
@@ -203,13 +216,13 @@ def collapse_short_edges(points, triangles, shortest):
         triangles = triangles[(a != b) & (b != c) & (c != a)]
 
 
-def split_long_edges(points, triangles, longest):
-    """Halve edges longer than ``longest``, the longest first; the surface stays closed."""
+def split_long_edges(points, triangles, longest, sizes):
+    """Halve edges longer than ``longest * sizes``, the longest first; the surface stays closed."""
     points, triangles = list(points), [tuple(t) for t in triangles.tolist()]
     while True:
         x = np.asarray(points)
         start, end = _edges(np.asarray(triangles))
-        length = np.linalg.norm(x[end] - x[start], axis=1)
+        length = _relative_length(x, start, end, sizes)
         changed = set()
         for i in np.argsort(-length):
             if length[i] <= longest:
@@ -274,6 +287,12 @@ def _edges(triangles):
     """Ends of each edge once, start < end."""
     pairs = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     return np.unique(np.sort(pairs, axis=1), axis=0).T
+
+
+def _relative_length(points, start, end, sizes):
+    """Lengths of edges over the wanted ones at their middles."""
+    length = np.linalg.norm(points[end] - points[start], axis=1)
+    return length / sizes((points[start] + points[end]) / 2)
 
 
 def _may_collapse(points, triangles, keep, gone):

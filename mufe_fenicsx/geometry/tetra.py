@@ -3,7 +3,7 @@
 import numpy as np
 
 from .gmsh_model import gmsh_model, tetrahedra
-from .measure import smallest_altitudes
+from .measure import mean_edges, smallest_altitudes
 from .slivers import thickened
 
 DELAUNAY, HXT = 1, 10
@@ -16,7 +16,7 @@ def fill(points, triangles, *, algorithm=HXT, size=1.0, tolerance=0.02):
         points: Nodes of the surface, about 1 apart (gmsh's tolerances are absolute).
         triangles: Seen from outside, shape (m, 3).
         algorithm: HXT or DELAUNAY.
-        size: Length by which altitudes are judged: a number.
+        size: Length by which altitudes are judged; None: the mean edge of each tetrahedron.
         tolerance: What nodes of the surface may leave it by, to make flat tetrahedra thicker.
 
     Raises:
@@ -38,4 +38,6 @@ def fill(points, triangles, *, algorithm=HXT, size=1.0, tolerance=0.02):
         nodes, cells = tetrahedra()
     if smallest_altitudes(nodes, cells).min() <= 0:
         raise RuntimeError("gmsh made a tetrahedron without volume")
+    if size is None:
+        size = mean_edges(nodes, cells)
     return thickened(nodes, cells, size, tolerance=tolerance), cells
