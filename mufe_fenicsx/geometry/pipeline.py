@@ -15,6 +15,7 @@ from .measure import smallest_altitudes, worst_share_costs
 from .mesher import QUALITY, mesh_grains, surface_jobs, voxel_jobs
 from .output import new_files, new_folder
 from .picture import draw_quality, draw_segmentation
+from .segmentation import separate_grains
 from .threshold import find_threshold
 
 
@@ -54,13 +55,9 @@ def segment_image(image_path, settings, output, *, overwrite=False):
         pore_voxels = 0
         if settings.fill_pores:
             filled = labelling.fill_pores(solid)
-            pore_voxels, solid = int(filled.sum() - solid.sum()), filled
-        labels, dropped, dropped_voxels = labelling.separate_grains(
-            solid,
-            settings.marker_depth * settings.upsample,
-            settings.min_grain_voxels,
-            settings.tightening * settings.upsample,
-        )
+            pore_voxels = int(np.count_nonzero(filled) - np.count_nonzero(solid))
+            solid = filled
+        labels, separated = separate_grains(solid, settings, settings.upsample)
         num_grains = int(labels.max())
         if num_grains < 2:
             raise InputError(
@@ -84,8 +81,7 @@ def segment_image(image_path, settings, output, *, overwrite=False):
         "threshold_method": settings.threshold if isinstance(settings.threshold, str) else "given",
         "num_grains": num_grains,
         "num_border_grains": sum(row["touches_border"] for row in rows),
-        "dropped_fragments": dropped,
-        "dropped_voxels": dropped_voxels,
+        **separated,
         "filled_pore_voxels": pore_voxels,
         "solid_fraction": float(np.count_nonzero(labels) / labels.size),
         "median_diameter": float(np.median(diameters)),

@@ -19,7 +19,10 @@ class SegmentSettings:
     filter: str = "gaussian"  #: "gaussian", "median" or "none"
     filter_radius: float = 1.0  #: standard deviation, or radius of the median's ball [voxels]
     threshold: str | float = "otsu"  #: "otsu", "gaussians" or a grey level
-    marker_depth: float = 0.75  #: grains part where the distance map dips by this much [voxels]
+    separation: str = "depth"  #: "depth", "level" (as ITK's watershed filter) or "markers"
+    marker_depth: float | None = None  #: grains part where the distance map dips more [voxels]; 0.5
+    watershed_threshold: float | None = None  #: ITK's threshold, of the largest distance [-]; 0.04
+    watershed_level: float | None = None  #: ITK's level, of the largest distance [-]; 0.2
     tightening: float = 1.5  #: width over which faces between grains are drawn tight [voxels]
     fill_pores: bool = True  #: voids enclosed on all sides become part of the solid
     min_grain_voxels: int = (
@@ -42,9 +45,36 @@ class SegmentSettings:
             repr(self.threshold),
             '"otsu", "gaussians" or a grey level',
         )
-        _require(self.marker_depth > 0, "marker_depth", self.marker_depth, "> 0 voxels")
+        _require(
+            self.separation in ("depth", "level", "markers"),
+            "separation",
+            repr(self.separation),
+            '"depth", "level" or "markers"',
+        )
+        for name in ("watershed_threshold", "watershed_level"):
+            value = getattr(self, name)
+            _require(value is None or 0 <= value <= 1, name, value, "0 to 1")
+            only = 'a value only where separation = "level"'
+            _require(value is None or self.separation == "level", name, value, only)
+        depth = self.marker_depth
+        _require(depth is None or depth > 0, "marker_depth", depth, "> 0 voxels")
+        only = 'a value only where separation = "depth" or "markers"'
+        _require(depth is None or self.separation != "level", "marker_depth", depth, only)
         _require(0 <= self.tightening <= 10, "tightening", self.tightening, "0 to 10 voxels")
         _require(self.min_grain_voxels >= 0, "min_grain_voxels", self.min_grain_voxels, ">= 0")
+
+    @property
+    def depth(self):
+        """Dip of the distance map that parts grains [voxels]."""
+        return 0.5 if self.marker_depth is None else self.marker_depth
+
+    @property
+    def threshold_and_level(self):
+        """Of ITK's watershed filter; unless stated, those of Nadimi & Fonseca (2018)."""
+        return (
+            0.04 if self.watershed_threshold is None else self.watershed_threshold,
+            0.2 if self.watershed_level is None else self.watershed_level,
+        )
 
 
 @dataclass(frozen=True)
