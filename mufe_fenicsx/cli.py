@@ -161,6 +161,10 @@ def mesh(
         str | None, typer.Option(help="Of triangles; grains with less are tried otherwise.")
     ] = None,
     smoothing: Annotated[str | None, typer.Option(help="Of surfaces, in voxels.")] = None,
+    conforming: Annotated[
+        bool | None,
+        typer.Option("--conforming/--apart", help="Grains that touch share their facets there."),
+    ] = None,
     keep_volume: Annotated[
         bool | None,
         typer.Option("--keep-volume/--free-volume", help="Keep the volume of each grain's voxels."),
@@ -202,6 +206,7 @@ def mesh(
         surface_nodes=surface_nodes,
         min_angle=number_or_text(min_angle),
         smoothing=number_or_text(smoothing),
+        conforming=conforming,
         keep_volume=keep_volume,
         processes=processes,
         time_limit=number_or_text(time_limit),
@@ -215,6 +220,7 @@ def mesh(
     with progress_bar("meshing") as progress:
         result = mesh_labels(labels, settings, output, overwrite=overwrite, progress=progress)
     printer.summary(result)
+    printer.say(*(f"repaired {notice}" for notice in result["repaired"]))
     printer.say(*_failed_grains(result))
     printer.write_json(result)
 

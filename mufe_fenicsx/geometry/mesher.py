@@ -8,9 +8,10 @@ import numpy as np
 
 from . import level_set, measure
 from .bodies import body_surface
+from .complexes import grain_complex
 from .distance import surface_distance, voxel_distance
 from .labels import grains_in
-from .remesh import SurfaceTooSmall
+from .remesh import SurfaceError, SurfaceTooSmall, oriented
 from .sizing import (
     CONTACT,
     UNIFORM,
@@ -27,7 +28,9 @@ from .workers import WorkerError, run_jobs
 
 #: Where the smallest altitude over h or the kept part of the volume is less, other settings
 #: are tried and the mesh is taken that comes closest to both.
-GOOD_ALTITUDE, GOOD_VOLUME = 0.25, 0.9
+GOOD_ALTITUDE, GOOD_VOLUME = 0.25, 0.97
+#: The same where the surface is given and other settings change little.
+FAIR_ALTITUDE = 0.1
 #: What a node may leave the surface by to make flat tetrahedra thicker: parts of h, and of the
 #: diameter of the grain, whose volume it changes.
 TOLERANCE, TOLERANCE_OF_GRAIN = 0.02, 0.004
@@ -68,6 +71,8 @@ class Attempt:
 ATTEMPTS = (
     Attempt(),
     Attempt(size=0.93),
+    # A slice of a few voxels vanishes in the filter; may overlap neighbours a little.
+    Attempt(size=0.85, smoothing=0.5),
     Attempt(size=0.85, algorithm=DELAUNAY),
     Attempt(size=0.85, closing=1.0),
     Attempt(closing=2.0),
@@ -156,6 +161,38 @@ class SurfaceGrain:
         return surface_distance(self.points, self.triangles, points)
 
 
+@dataclass(frozen=True)
+class SharedGrain:
+    """A grain of voxels whose surface is made already, together with its neighbours'."""
+
+    voxels: VoxelGrain
+    points: np.ndarray  #: [m]
+    triangles: np.ndarray
+    shared: np.ndarray  #: nodes that belong to a neighbour too
+
+    @property
+    def label(self):
+        return self.voxels.label
+
+    @property
+    def volume(self):
+        return self.voxels.volume
+
+    def surface(self, sizing, attempt):
+        """Points [m], triangles and `Sizes` [m]."""
+        if len(self.triangles) == 0:
+            raise SurfaceError("no cell of the size of elements lies in the grain")
+        triangles = oriented(self.points, self.triangles)
+        defect = measure.surface_defect(self.points, triangles)
+        if defect:
+            raise SurfaceError(f"surface has {defect}")
+        return self.points, triangles, Sizes(sizing.largest)
+
+    def distance(self, points):
+        """Distances of points on the surface from the faces of the voxels [m]."""
+        return self.voxels.distance(points)
+
+
 @dataclass
 class GrainMesh:
     """What became of one grain; points and cells are None if it failed."""
@@ -180,11 +217,12 @@ class Job:
     grain: VoxelGrain | SurfaceGrain
     sizing: Sizing
     min_angle: float = 0.0  #: of the triangles of a good mesh [degrees]
+    good_altitude: float = GOOD_ALTITUDE  #: below it other settings are tried [h]
     attempts: tuple = field(default=ATTEMPTS)
 
     def otherwise(self):
-        """The job for a new try after a worker hung or died: the first settings left out."""
-        return replace(self, attempts=self.attempts[2:])
+        """The job for a new try after a worker hung or died: the first settings are left out."""
+        return replace(self, attempts=self.attempts[len(self.attempts) // 2 :])
 
 
 def voxel_jobs(labels, voxel_size, settings):
@@ -206,6 +244,19 @@ def voxel_jobs(labels, voxel_size, settings):
             more,
         )
         yield Job(grain, sizing, settings.min_angle)
+
+
+def shared_jobs(labels, voxel_size, settings):
+    """A job for each grain of a label image, where grains that touch share their facets."""
+    surface = grain_complex(
+        labels, settings.size / voxel_size, settings.smoothing, settings.keep_volume
+    )
+    points = np.ascontiguousarray(surface.x[:, ::-1]) * voxel_size
+    attempts = (Attempt(), Attempt(algorithm=DELAUNAY))
+    for job in voxel_jobs(labels, voxel_size, settings):
+        nodes, triangles, shared = surface.grain(job.grain.label)
+        grain = SharedGrain(job.grain, points[nodes], triangles, np.flatnonzero(shared))
+        yield replace(job, grain=grain, attempts=attempts, good_altitude=FAIR_ALTITUDE)
 
 
 def surface_jobs(bodies, settings):
@@ -275,8 +326,11 @@ def mesh_one(job):
                 algorithm=attempt.algorithm,
                 size=1.0 if uniform else None,
                 tolerance=tolerance / size,
+                fixed=grain.shared if isinstance(grain, SharedGrain) else None,
             )
             nodes *= size
+            if isinstance(grain, SharedGrain):
+                nodes[grain.shared] = surface[grain.shared]  # to the last digit
         except SurfaceTooSmall as error:
             reasons.append(str(error))
             break
@@ -287,7 +341,7 @@ def mesh_one(job):
         if not 0.5 < row["volume_ratio"] < 2:
             reasons.append(f"the mesh has {row['volume_ratio']:.3g} of the volume of the grain")
             continue
-        score = min(row["min_altitude_over_h"] / GOOD_ALTITUDE, 1) * min(
+        score = min(row["min_altitude_over_h"] / job.good_altitude, 1) * min(
             row["volume_ratio"] / GOOD_VOLUME, 1
         )
         if job.min_angle > 0:

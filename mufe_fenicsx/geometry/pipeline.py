@@ -12,7 +12,7 @@ from .bodies import has_bodies, read_bodies
 from .grains import Grains, save_grains
 from .label_files import grain_table, read_labels, write_labels, write_table
 from .measure import smallest_altitudes, worst_share_costs
-from .mesher import QUALITY, mesh_grains, surface_jobs, voxel_jobs
+from .mesher import QUALITY, mesh_grains, shared_jobs, surface_jobs, voxel_jobs
 from .output import new_files, new_folder
 from .picture import draw_quality, draw_segmentation
 from .segmentation import separate_grains
@@ -112,9 +112,13 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
     """
     start = time.perf_counter()
     with new_folder(output_folder, overwrite=overwrite, marker="grains.h5") as folder:
-        table, trimmed, voxel_size = None, [], None
+        table, trimmed, repaired, voxel_size = None, [], [], None
         if has_bodies(labels_path):
-            bodies = read_bodies(labels_path, settings.scale)
+            if settings.conforming:
+                raise InputError(
+                    f"conforming = true for the surfaces {labels_path}, expected labels"
+                )
+            bodies = read_bodies(labels_path, settings.scale, repaired)
             jobs, total = surface_jobs(bodies, settings), len(bodies)
             points = np.concatenate([points for _, points, _ in bodies])
             box = np.array([points.min(axis=0), points.max(axis=0)])
@@ -126,7 +130,8 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
                 labels, keep_largest_piece=settings.keep_largest_piece, source=str(labels_path)
             )
             table = grain_table(labels, voxel_size)
-            jobs, total = voxel_jobs(labels, voxel_size, settings), len(table)
+            make = shared_jobs if settings.conforming else voxel_jobs
+            jobs, total = make(labels, voxel_size, settings), len(table)
             box = np.array([[0, 0, 0], np.array(labels.shape[::-1]) * voxel_size])
 
         meshes = mesh_grains(
@@ -164,6 +169,7 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         "failed": [mesh.label for mesh in failed],
         "reasons": [mesh.quality["reason"] for mesh in failed],
         "trimmed": trimmed,
+        "repaired": repaired,
         "retried": int((column("attempts") > 1).sum()),
         "num_cells": len(grains.cells),
         "num_nodes": len(grains.points),

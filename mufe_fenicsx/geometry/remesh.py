@@ -241,8 +241,14 @@ def split_long_edges(points, triangles, longest, sizes):
             return np.asarray(points), np.asarray(triangles)
 
 
-def flip_long_edges(points, triangles):
-    """Flip edges where that makes the flatter of their two triangles less flat."""
+def flip_long_edges(points, triangles, taken=None):
+    """Flip edges where that makes the flatter of their two triangles less flat.
+
+    Args:
+        points, triangles: A surface, which may be open.
+        taken: Edges (start < end) that a flip may not make, a set to which those made are added.
+    """
+    taken = set() if taken is None else taken
     triangles = triangles.copy()
     for _ in range(20):
         shape = _flatness(points, triangles)
@@ -254,9 +260,10 @@ def flip_long_edges(points, triangles):
         for t in np.argsort(shape)[: np.count_nonzero(shape < 0.6)]:
             if touched[triangles[t]].any():
                 continue
-            flip = _best_flip(points, triangles, t, shape, corner_across)
+            flip = _best_flip(points, triangles, t, shape, corner_across, taken)
             if flip is not None and not touched[flip[1]].any():
                 (first, second), new = flip
+                taken.add((min(new[0, 1:]), max(new[0, 1:])))
                 triangles[first], triangles[second] = new
                 touched[new] = True
         if not touched.any():
@@ -264,13 +271,15 @@ def flip_long_edges(points, triangles):
     return triangles
 
 
-def _best_flip(points, triangles, t, shape, corner_across):
+def _best_flip(points, triangles, t, shape, corner_across, taken):
     """The two triangles to exchange and what for; None if no flip of triangle t helps."""
     best, gain = None, 1.05
     for i in range(3):
         a, b, c = np.roll(triangles[t], -i).tolist()
-        other, d = corner_across[b, a]
-        if (c, d) in corner_across or (d, c) in corner_across:
+        other, d = corner_across.get((b, a), (-1, -1))
+        if other < 0 or (c, d) in corner_across or (d, c) in corner_across:
+            continue
+        if (min(c, d), max(c, d)) in taken:
             continue
         new = np.array([[a, d, c], [d, b, c]])
         # The surface may neither fold nor leave its shape: normals stay close.

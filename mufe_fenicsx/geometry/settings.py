@@ -89,6 +89,7 @@ class MeshSettings:
     growth: float = 0.4  #: of the size over distance and over the gap
     surface_nodes: int | None = None  #: of each grain, whose sizes are scaled to that
     min_angle: float = 0.0  #: of triangles; other settings are tried where one is less [degrees]
+    conforming: bool = False  #: grains that touch share their nodes and facets there
     smoothing: float = 1.0  #: standard deviation of the filter of surfaces [voxels of the labels]
     keep_volume: bool = True  #: move free surfaces so that each grain keeps its voxels' volume
     processes: int = 0  #: worker processes; 0: one a core
@@ -108,6 +109,12 @@ class MeshSettings:
         )
         modes = (UNIFORM, CURVATURE, CONTACT)
         _require(self.sizing in modes, "sizing", repr(self.sizing), f"one of {', '.join(modes)}")
+        _require(
+            not self.conforming or (self.sizing == UNIFORM and self.surface_nodes is None),
+            "conforming",
+            "true",
+            'sizing = "uniform" and no surface_nodes beside it',
+        )
         _require(1 <= self.angle <= 90, "angle", self.angle, "1 to 90 degrees")
         _require(
             self.contact_reach is None or self.contact_reach >= 0,

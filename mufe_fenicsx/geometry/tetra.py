@@ -9,7 +9,7 @@ from .slivers import thickened
 DELAUNAY, HXT = 1, 10
 
 
-def fill(points, triangles, *, algorithm=HXT, size=1.0, tolerance=0.02):
+def fill(points, triangles, *, algorithm=HXT, size=1.0, tolerance=0.02, fixed=None):
     """Tetrahedra whose size follows the triangles of the surface, which keeps its triangles.
 
     Args:
@@ -18,6 +18,8 @@ def fill(points, triangles, *, algorithm=HXT, size=1.0, tolerance=0.02):
         algorithm: HXT or DELAUNAY.
         size: Length by which altitudes are judged; None: the mean edge of each tetrahedron.
         tolerance: What nodes of the surface may leave it by, to make flat tetrahedra thicker.
+
+        fixed: Nodes of the surface that may not move, or None.
 
     Raises:
         Exception: gmsh fails; its message says where.
@@ -40,4 +42,4 @@ def fill(points, triangles, *, algorithm=HXT, size=1.0, tolerance=0.02):
         raise RuntimeError("gmsh made a tetrahedron without volume")
     if size is None:
         size = mean_edges(nodes, cells)
-    return thickened(nodes, cells, size, tolerance=tolerance), cells
+    return thickened(nodes, cells, size, tolerance=tolerance, fixed=fixed), cells
