@@ -5,6 +5,7 @@ import scipy.ndimage
 import skimage.morphology
 import skimage.segmentation
 
+from .contact_faces import open_gaps
 from .labels import grains_in, is_thick, largest_piece
 from .watershed import watershed
 
@@ -12,18 +13,21 @@ from .watershed import watershed
 SLAB = 2**23
 
 
-def separate_grains(solid, settings, scale=1.0):
+def separate_grains(solid, settings, scale=1.0, grey=None, phases=None):
     """Cut a solid into grains along the necks of its distance map.
 
     Args:
         solid: True in grains, shape (z, y, x).
         settings: `SegmentSettings`; its lengths are in raw voxels.
         scale: Voxels of ``solid`` per raw voxel.
+        grey: The filtered image on the same voxels; None: labels touch where they meet.
+        phases: Grey levels of void and solid.
 
     Returns:
         labels 1 … n, int32, each grain in one piece and at least two voxels thick; and a
         dictionary: merge_depth (how deep a dip of the distance map was overlooked, in voxels of
-        ``solid``), dropped_fragments, dropped_voxels.
+        ``solid``), opened_contacts (pairs that the grey level parts), dropped_fragments,
+        dropped_voxels.
     """
     distance = distance_map(solid)
     depth = settings.depth * scale
@@ -38,10 +42,22 @@ def separate_grains(solid, settings, scale=1.0):
     del distance
     if settings.tightening > 0:
         labels = straightened(labels, settings.tightening * scale)
+    num_opened, opened = 0, np.empty(0, dtype=np.int64)
+    if grey is not None and settings.contact_level > 0:
+        # Noise is averaged over about a voxel of the image, whatever the filter was.
+        filtered = settings.filter_radius if settings.filter == "gaussian" else 0.0
+        more = scale * np.sqrt(max(0.0, 1.0 - filtered**2))
+        if more > 0:
+            grey = scipy.ndimage.gaussian_filter(grey, more, mode="nearest")
+        num_opened, opened = open_gaps(labels, grey, *phases, settings.contact_level)
+        del grey
     labels = sound_grains(labels, settings.min_grain_voxels)
-    fragments, num_fragments = scipy.ndimage.label(solid & (labels == 0))
+    left = solid & (labels == 0)
+    left.ravel()[opened] = False
+    fragments, num_fragments = scipy.ndimage.label(left)
     return labels, {
         "merge_depth": float(depth),
+        "opened_contacts": num_opened,
         "dropped_fragments": int(num_fragments),
         "dropped_voxels": int(np.count_nonzero(fragments)),
     }
