@@ -69,9 +69,24 @@ def segment(
     upsample: Annotated[str | None, typer.Option(help="Label voxels per image voxel.")] = None,
     filter: Annotated[str | None, typer.Option(help="gaussian, median or none.")] = None,
     filter_radius: Annotated[str | None, typer.Option(help="Of the filter, in voxels.")] = None,
-    threshold: Annotated[str | None, typer.Option(help="otsu, gaussians or a grey level.")] = None,
+    threshold: Annotated[
+        str | None, typer.Option(help="middle, gaussians, otsu or a grey level.")
+    ] = None,
+    separation: Annotated[
+        str | None, typer.Option(help="depth, level (ITK's watershed filter) or markers.")
+    ] = None,
     marker_depth: Annotated[
         str | None, typer.Option(help="Dip of the distance map that parts grains, in voxels.")
+    ] = None,
+    watershed_threshold: Annotated[
+        str | None, typer.Option(help="ITK's threshold, with separation level.")
+    ] = None,
+    watershed_level: Annotated[
+        str | None, typer.Option(help="ITK's level, with separation level.")
+    ] = None,
+    contact_level: Annotated[
+        str | None,
+        typer.Option(help="Least brightness of a contact, void 0, solid 1; 0: none asked."),
     ] = None,
     fill_pores: Annotated[
         bool | None, typer.Option("--fill-pores/--keep-pores", help="Fill voids inside grains.")
@@ -103,7 +118,11 @@ def segment(
         filter=filter,
         filter_radius=number_or_text(filter_radius),
         threshold=number_or_text(threshold),
+        separation=separation,
         marker_depth=number_or_text(marker_depth),
+        watershed_threshold=number_or_text(watershed_threshold),
+        watershed_level=number_or_text(watershed_level),
+        contact_level=number_or_text(contact_level),
         fill_pores=fill_pores,
         min_grain_voxels=min_grain_voxels,
     )
@@ -112,6 +131,7 @@ def segment(
     path = image_path(in_scene.file if image is None else image)
     result = segment_image(path, settings, output, overwrite=overwrite)
     printer.summary(result)
+    printer.say(*(f"warning: {line}" for line in result["warnings"]))
     printer.write_json(result)
 
 

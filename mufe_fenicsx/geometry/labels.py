@@ -1,111 +1,23 @@
-"""From grains and voids to one label a grain, and the checks that labels have to pass.
+"""Labels: their pieces, and the checks that they have to pass.
 
 Labels are integers of shape (z, y, x): 0 is void, grains are positive.
 """
 
 import numpy as np
 import scipy.ndimage
-import skimage.morphology
-import skimage.segmentation
 
 from ..errors import InputError
 
 
-def separate_grains(solid, marker_depth=1.5, min_grain_voxels=0, tightening=3.0):
-    """Cut a solid into grains along the necks of its distance map.
-
-    Each marker is a maximum of the distance map (distance to the void) from
-    which every way to a higher one dips by at least ``marker_depth``; the
-    watershed of the inverted distance map grows the markers until they meet.
-    The markers of grains that come out too small are taken away and their
-    voxels left to their neighbours; what has no neighbour is dropped.
-
-    Args:
-        solid: True in grains, shape (z, y, x).
-        marker_depth: Least dip between two grains [voxels].
-        min_grain_voxels: Least size of a grain [voxels].
-        tightening: Width over which faces between grains are drawn tight
-            [voxels]; 0: they stay as the watershed left them.
-
-    Returns:
-        labels 1 … n, int32, each grain in one piece and at least two voxels
-        thick; the number of fragments that were dropped and their voxels.
-    """
-    # Faces of the image are no surfaces of grains: the distance ignores them.
-    distance = scipy.ndimage.distance_transform_edt(solid)
-    # Distances to voxels are rugged; a little smoothing removes false maxima.
-    distance = scipy.ndimage.gaussian_filter(distance, 1.0, mode="nearest") * solid
-    lowered = skimage.morphology.reconstruction(distance - marker_depth, distance)
-    maxima = skimage.morphology.local_maxima(lowered, connectivity=1) & solid
-    markers, _ = scipy.ndimage.label(maxima, np.ones((3, 3, 3)))
-    while True:
-        labels = skimage.segmentation.watershed(-distance, markers, mask=solid, connectivity=1)
-        voxels = np.bincount(labels.ravel(), minlength=markers.max() + 1)
-        small = voxels < min_grain_voxels
-        small[0] = False
-        # Smallest first: two crumbs side by side may make one grain.
-        small &= voxels <= np.median(voxels[small]) if small.any() else False
-        small &= voxels > 0
-        if not small.any():
-            break
-        markers[small[markers]] = 0
-    if tightening > 0:
-        labels = straightened(labels, tightening)
-    labels = _sound_grains(labels, min_grain_voxels)
-    fragments, _ = scipy.ndimage.label(solid & (labels == 0))
-    return labels, int(fragments.max()), int(np.count_nonzero(fragments))
-
-
-def straightened(labels, sigma, rounds=4):
-    """Labels whose faces between grains have been drawn tight.
-
-    The watershed cuts along the directions of the grid. Each round smooths
-    the indicator of every grain and gives each voxel of the solid to the grain
-    that is strongest there; faces so shrink towards the narrowest cut near
-    them. The solid does not change.
-
-    Source: B. Merriman, J. K. Bence, S. J. Osher, J. Computational Physics 112
-    (1994) 334-363.
-
-    Args:
-        labels: 0 void, grains from 1.
-        sigma: Standard deviation of the Gaussian [voxels].
-        rounds: Times that this is done.
-    """
-    pad = int(np.ceil(3 * sigma))
-    solid = labels > 0
-    for _ in range(rounds):
-        strongest = np.zeros(labels.shape, dtype=np.float32)
-        winner = np.zeros_like(labels)
-        for grain, where in grains_in(labels):
-            around = tuple(slice(max(s.start - pad, 0), s.stop + pad) for s in where)
-            strength = scipy.ndimage.gaussian_filter(
-                (labels[around] == grain).astype(np.float32), sigma, mode="nearest", truncate=3.0
-            )
-            wins = strength > strongest[around]
-            strongest[around][wins] = strength[wins]
-            winner[around][wins] = grain
-        labels = np.where(solid, winner, 0)
-    return labels
-
-
-def _sound_grains(labels, min_voxels):
-    """The largest piece of each grain if it is large and thick enough, numbered anew."""
-    result = np.zeros(labels.shape, dtype=np.int32)
-    number = 0
-    for grain, where in enumerate(scipy.ndimage.find_objects(labels), start=1):
-        if where is None:
-            continue
-        mask = largest_piece(labels[where] == grain)
-        if mask.sum() >= max(min_voxels, 1) and is_thick(mask):
-            number += 1
-            result[where][mask] = number
-    return result
-
-
 def fill_pores(solid):
     """The solid with all voids filled that it encloses on all sides."""
-    return scipy.ndimage.binary_fill_holes(solid)
+    voids, num_voids = scipy.ndimage.label(~solid)
+    open_ = np.zeros(num_voids + 1, dtype=bool)
+    for axis in range(3):
+        for end in (0, -1):
+            open_[np.unique(voids.take(end, axis=axis))] = True
+    open_[0] = False
+    return ~open_[voids]
 
 
 def pieces(mask):

@@ -29,6 +29,8 @@ from .workers import WorkerError, run_jobs
 #: Where the smallest altitude over h or the kept part of the volume is less, other settings
 #: are tried and the mesh is taken that comes closest to both.
 GOOD_ALTITUDE, GOOD_VOLUME = 0.25, 0.97
+#: Where the filter may take what it does to curved surfaces.
+FREE_VOLUME = 0.9
 #: The same where the surface is given and other settings change little.
 FAIR_ALTITUDE = 0.1
 #: What a node may leave the surface by to make flat tetrahedra thicker: parts of h, and of the
@@ -314,6 +316,7 @@ def mesh_one(job):
     tolerance = min(
         TOLERANCE * (h if uniform else job.sizing.smallest), TOLERANCE_OF_GRAIN * diameter
     )
+    good_volume = GOOD_VOLUME if getattr(grain, "keep_volume", True) else FREE_VOLUME
     for attempt in job.attempts:
         num_attempts += 1
         try:
@@ -342,7 +345,7 @@ def mesh_one(job):
             reasons.append(f"the mesh has {row['volume_ratio']:.3g} of the volume of the grain")
             continue
         score = min(row["min_altitude_over_h"] / job.good_altitude, 1) * min(
-            row["volume_ratio"] / GOOD_VOLUME, 1
+            row["volume_ratio"] / good_volume, 1
         )
         if job.min_angle > 0:
             score *= min(row["min_surface_angle_deg"] / job.min_angle, 1)

@@ -9,20 +9,26 @@ from ..errors import InputError
 from . import image as images
 from . import labels as labelling
 from .bodies import has_bodies, read_bodies
+from .contact_faces import contact_table
+from .doubts import mark_doubts
 from .grains import Grains, save_grains
 from .label_files import grain_table, read_labels, write_labels, write_table
 from .measure import smallest_altitudes, worst_share_costs
 from .mesher import QUALITY, mesh_grains, shared_jobs, surface_jobs, voxel_jobs
 from .output import new_files, new_folder
 from .picture import draw_quality, draw_segmentation
-from .threshold import find_threshold
+from .segmentation import separate_grains
+from .threshold import doubt_about, find_threshold
+
+#: Of the table of contacts, which may have no rows.
+CONTACT_COLUMNS = ("label_a", "label_b", "area_m2", "neck_ratio", "doubt")
 
 
 def segment_image(image_path, settings, output, *, overwrite=False):
     """From a grey image to a label image.
 
-    Writes ``output`` (TIFF), beside it the table of grains (.csv) and a
-    picture of slices with the outlines of labels (.png).
+    Writes ``output`` (TIFF), beside it the tables of grains (.csv) and of pairs that touch
+    (_contacts.csv) and a picture of slices with the outlines of labels (.png).
 
     Args:
         image_path: See `image.read_image`.
@@ -41,7 +47,8 @@ def segment_image(image_path, settings, output, *, overwrite=False):
     if output.suffix.lower() not in images.TIFF:
         raise InputError(f"output {output} ends in {output.suffix!r}, expected .tif")
     table, picture = output.with_suffix(".csv"), output.with_suffix(".png")
-    with new_files(output, table, picture, overwrite=overwrite) as folder:
+    contacts = output.with_name(f"{output.stem}_contacts.csv")
+    with new_files(output, table, contacts, picture, overwrite=overwrite) as folder:
         raw = images.read_image(
             image_path, shape=settings.shape, dtype=settings.dtype, key=settings.key
         )
@@ -50,16 +57,15 @@ def segment_image(image_path, settings, output, *, overwrite=False):
         grey = images.smooth(raw, settings.filter, settings.filter_radius)
         grey = images.resample(grey, settings.upsample)
         threshold = find_threshold(grey, settings.threshold)
+        warning, void, solid_level = doubt_about(grey, threshold)
         solid = grey > threshold
         pore_voxels = 0
         if settings.fill_pores:
             filled = labelling.fill_pores(solid)
-            pore_voxels, solid = int(filled.sum() - solid.sum()), filled
-        labels, dropped, dropped_voxels = labelling.separate_grains(
-            solid,
-            settings.marker_depth * settings.upsample,
-            settings.min_grain_voxels,
-            settings.tightening * settings.upsample,
+            pore_voxels = int(np.count_nonzero(filled) - np.count_nonzero(solid))
+            solid = filled
+        labels, separated = separate_grains(
+            solid, settings, settings.upsample, grey, (void, solid_level)
         )
         num_grains = int(labels.max())
         if num_grains < 2:
@@ -70,25 +76,33 @@ def segment_image(image_path, settings, output, *, overwrite=False):
             )
         voxel_size = settings.voxel_size / settings.upsample
         rows = grain_table(labels, voxel_size)
+        pairs = contact_table(labels, voxel_size)
+        doubts = mark_doubts(rows, pairs, labels)
         write_labels(folder / output.name, labels, voxel_size)
+        write_table(folder / contacts.name, pairs, CONTACT_COLUMNS)
         write_table(folder / table.name, rows)
         draw_segmentation(folder / picture.name, grey, labels, voxel_size)
     diameters = np.array([row["equivalent_diameter_m"] for row in rows])
     return {
         "labels": str(output),
         "table": str(table),
+        "contacts": str(contacts),
         "picture": str(picture),
         "shape": list(labels.shape),
         "voxel_size": voxel_size,
         "threshold": threshold,
         "threshold_method": settings.threshold if isinstance(settings.threshold, str) else "given",
+        "void_grey": void,
+        "solid_grey": solid_level,
         "num_grains": num_grains,
         "num_border_grains": sum(row["touches_border"] for row in rows),
-        "dropped_fragments": dropped,
-        "dropped_voxels": dropped_voxels,
+        "num_contacts": len(pairs),
+        **separated,
         "filled_pore_voxels": pore_voxels,
         "solid_fraction": float(np.count_nonzero(labels) / labels.size),
         "median_diameter": float(np.median(diameters)),
+        **doubts,
+        "warnings": [] if warning is None else [warning],
         "seconds": round(time.perf_counter() - start, 3),
     }
 

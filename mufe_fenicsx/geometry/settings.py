@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from ..errors import InputError
 from .sizing import CONTACT, CURVATURE, FEWEST_NODES, UNIFORM, Sizing
+from .threshold import check_method
 
 
 @dataclass(frozen=True)
@@ -17,10 +18,14 @@ class SegmentSettings:
     crop: tuple | None = None  #: ((z0, z1), (y0, y1), (x0, x1)) in raw voxels
     upsample: float = 1.0  #: voxels of the labels per raw voxel
     filter: str = "gaussian"  #: "gaussian", "median" or "none"
-    filter_radius: float = 1.0  #: standard deviation, or radius of the median's ball [voxels]
-    threshold: str | float = "otsu"  #: "otsu", "gaussians" or a grey level
-    marker_depth: float = 0.75  #: grains part where the distance map dips by this much [voxels]
+    filter_radius: float = 0.7  #: standard deviation, or radius of the median's ball [voxels]
+    threshold: str | float = "middle"  #: "middle" of both phases, "gaussians", "otsu", or a level
+    separation: str = "depth"  #: "depth", "level" (as ITK's watershed filter) or "markers"
+    marker_depth: float | None = None  #: grains part where the distance map dips more [voxels]; 0.5
+    watershed_threshold: float | None = None  #: ITK's threshold, of the largest distance [-]; 0.04
+    watershed_level: float | None = None  #: ITK's level, of the largest distance [-]; 0.2
     tightening: float = 1.5  #: width over which faces between grains are drawn tight [voxels]
+    contact_level: float = 0.7  #: grains touch where their face gets as bright, void 0, solid 1
     fill_pores: bool = True  #: voids enclosed on all sides become part of the solid
     min_grain_voxels: int = (
         200  #: smaller fragments join a neighbour or are dropped [voxels of labels]
@@ -36,15 +41,38 @@ class SegmentSettings:
             '"gaussian", "median" or "none"',
         )
         _require(self.filter_radius >= 0, "filter_radius", self.filter_radius, ">= 0 voxels")
+        check_method(self.threshold)
         _require(
-            not isinstance(self.threshold, str) or self.threshold in ("otsu", "gaussians"),
-            "threshold",
-            repr(self.threshold),
-            '"otsu", "gaussians" or a grey level',
+            self.separation in ("depth", "level", "markers"),
+            "separation",
+            repr(self.separation),
+            '"depth", "level" or "markers"',
         )
-        _require(self.marker_depth > 0, "marker_depth", self.marker_depth, "> 0 voxels")
+        for name in ("watershed_threshold", "watershed_level"):
+            value = getattr(self, name)
+            _require(value is None or 0 <= value <= 1, name, value, "0 to 1")
+            only = 'a value only where separation = "level"'
+            _require(value is None or self.separation == "level", name, value, only)
+        depth = self.marker_depth
+        _require(depth is None or depth > 0, "marker_depth", depth, "> 0 voxels")
+        only = 'a value only where separation = "depth" or "markers"'
+        _require(depth is None or self.separation != "level", "marker_depth", depth, only)
         _require(0 <= self.tightening <= 10, "tightening", self.tightening, "0 to 10 voxels")
+        _require(0 <= self.contact_level < 1, "contact_level", self.contact_level, "0 to below 1")
         _require(self.min_grain_voxels >= 0, "min_grain_voxels", self.min_grain_voxels, ">= 0")
+
+    @property
+    def depth(self):
+        """Dip of the distance map that parts grains [voxels]."""
+        return 0.5 if self.marker_depth is None else self.marker_depth
+
+    @property
+    def threshold_and_level(self):
+        """Of ITK's watershed filter; unless stated, those of Nadimi & Fonseca (2018)."""
+        return (
+            0.04 if self.watershed_threshold is None else self.watershed_threshold,
+            0.2 if self.watershed_level is None else self.watershed_level,
+        )
 
 
 @dataclass(frozen=True)

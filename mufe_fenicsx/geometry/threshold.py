@@ -9,9 +9,20 @@ from ..errors import InputError
 
 NUM_BINS = 256
 
+METHODS = ("otsu", "gaussians", "middle")
+#: Of the contrast of both phases: a threshold farther than this from Otsu's is reported.
+DISAGREEMENT = 0.1
+
+
+def check_method(method):
+    """Raise InputError unless ``method`` is one of `METHODS` or a number."""
+    if isinstance(method, str) and method not in METHODS:
+        names = ", ".join(f'"{name}"' for name in METHODS)
+        raise InputError(f"threshold = {method!r}, expected {names} or a grey level")
+
 
 def find_threshold(image, method):
-    """The threshold by ``method``: "otsu", "gaussians" or a grey level.
+    """The threshold by ``method``: "otsu", "gaussians", "middle" or a grey level.
 
     Raises:
         InputError: the image is constant, the method is unknown or does not
@@ -20,12 +31,14 @@ def find_threshold(image, method):
     low, high = float(image.min()), float(image.max())
     if not low < high:
         raise InputError(f"image is constant, all voxels = {low:g}, expected grains and voids")
+    check_method(method)
     if method == "otsu":
         level = otsu(image)
     elif method == "gaussians":
         level = between_gaussians(image)
-    elif isinstance(method, str):
-        raise InputError(f'threshold = {method!r}, expected "otsu", "gaussians" or a grey level')
+    elif method == "middle":
+        (_, m1, _), (_, m2, _) = fitted_gaussians(image)
+        level = (m1 + m2) / 2
     else:
         level = float(method)
     if not low <= level < high:
@@ -41,8 +54,43 @@ def otsu(image):
     return float(skimage.filters.threshold_otsu(image, nbins=NUM_BINS))
 
 
+def doubt_about(image, level):
+    """A line on what speaks against a threshold, or None; and the grey levels of both phases.
+
+    Otsu's level lies off the middle of the phases where one of them fills more of the image or
+    many voxels are cut by surfaces. The phases are the modes of the histogram on either side.
+    """
+    void, solid = modes(image, level)
+    reference = otsu(image)
+    part = (level - reference) / max(solid - void, 1e-300)
+    if abs(part) <= DISAGREEMENT:
+        return None, void, solid
+    return (
+        f"the threshold {level:g} lies {abs(part):.0%} of the contrast ({void:g} to {solid:g}) "
+        f"{'above' if part > 0 else 'below'} Otsu's {reference:g}, expected at most "
+        f"{DISAGREEMENT:.0%}: look at the outlines in the picture",
+        void,
+        solid,
+    )
+
+
+def modes(image, level):
+    """The most frequent grey levels below and above ``level``."""
+    density, levels = _histogram(image)
+    split = int(np.clip(np.searchsorted(levels, level), 1, NUM_BINS - 1))
+    first, second = np.argmax(density[:split]), split + np.argmax(density[split:])
+    return float(levels[first]), float(levels[second])
+
+
 def between_gaussians(image):
-    """The minimum between two Gaussians fitted to the modes of the histogram.
+    """The minimum between two Gaussians fitted to the modes of the histogram."""
+    (a1, m1, s1), (a2, m2, s2) = fitted_gaussians(image)
+    x = np.linspace(m1, m2, 2001)
+    return float(x[np.argmin(_log_sum(x, a1, m1, s1, a2, m2, s2))])
+
+
+def fitted_gaussians(image):
+    """Height, mean and deviation of two Gaussians fitted to the modes of the histogram.
 
     Only the upper half of each mode, above the valley, is fitted: voxels cut by
     a surface fill the valley and belong to neither.
@@ -50,9 +98,7 @@ def between_gaussians(image):
     Raises:
         InputError: the histogram has no two modes with a valley between them.
     """
-    counts, edges = np.histogram(image, bins=NUM_BINS)
-    level = (edges[1:] + edges[:-1]) / 2
-    density = scipy.ndimage.gaussian_filter1d(counts / counts.max(), 1.0)
+    density, level = _histogram(image)
     unit = (level - level[0]) / np.ptp(level)
     split = int(np.clip(np.searchsorted(level, otsu(image)), 1, NUM_BINS - 1))
     modes = [int(np.argmax(density[:split])), split + int(np.argmax(density[split:]))]
@@ -74,14 +120,26 @@ def between_gaussians(image):
     if not (min(a1, a2) > 0 and m2 - m1 > 2 / NUM_BINS):
         raise _not_bimodal(level)
     x = np.linspace(m1, m2, 2001)
-    log_sum = np.logaddexp(
-        np.log(a1) - (x - m1) ** 2 / (2 * s1**2), np.log(a2) - (x - m2) ** 2 / (2 * s2**2)
-    )
-    lowest = x[np.argmin(log_sum)]
+    lowest = x[np.argmin(_log_sum(x, a1, m1, s1, a2, m2, s2))]
     peaks = np.interp([m1, m2], unit, density)
     if lowest in (m1, m2) or np.interp(lowest, unit, density) > 0.8 * peaks.min():
         raise _not_bimodal(level)
-    return float(level[0] + lowest * np.ptp(level))
+    whole = float(np.ptp(level))
+    return tuple((float(a), float(level[0] + m * whole), float(s * whole))
+                 for a, m, s in ((a1, m1, s1), (a2, m2, s2)))  # fmt: skip
+
+
+def _histogram(image):
+    """Smoothed counts over the highest one, and the grey levels of the bins."""
+    counts, edges = np.histogram(image, bins=NUM_BINS)
+    density = scipy.ndimage.gaussian_filter1d(counts / counts.max(), 1.0)
+    return density, (edges[1:] + edges[:-1]) / 2
+
+
+def _log_sum(x, a1, m1, s1, a2, m2, s2):
+    return np.logaddexp(
+        np.log(a1) - (x - m1) ** 2 / (2 * s1**2), np.log(a2) - (x - m2) ** 2 / (2 * s2**2)
+    )
 
 
 def two_gaussians(x, a1, m1, s1, a2, m2, s2):
@@ -92,6 +150,6 @@ def two_gaussians(x, a1, m1, s1, a2, m2, s2):
 
 def _not_bimodal(level):
     return InputError(
-        f"threshold = gaussians: the histogram from {level[0]:g} to {level[-1]:g} has no two modes "
-        "with a valley between them; choose otsu or a grey level"
+        f"threshold: the histogram from {level[0]:g} to {level[-1]:g} has no two modes "
+        "with a valley between them, expected two; choose otsu or a grey level"
     )

@@ -14,8 +14,7 @@ title = "Synthetic sand, seed {seed}"
 [image]
 file = "grey.tif"
 voxel_size = "{voxel:.9g} m"
-filter_radius = 1.0       # [voxels]
-threshold = "otsu"
+threshold = "middle"      # of the grey levels of both phases
 min_grain_voxels = {min_voxels}
 
 [mesh]

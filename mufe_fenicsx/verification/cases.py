@@ -28,6 +28,7 @@ from .rigid import rigid_impact, rigid_mix, rigid_rolling, rigid_top
 from .rolling import rolling
 from .sliding import sliding_block, sliding_facets
 from .spin import spin
+from .splitting import disc, hiramatsu_oka
 from .strain_cycle import strain_cycle
 from .torsion import torsion
 
@@ -41,6 +42,8 @@ CASES = {
     "hertz": hertz,
     "hertz-convergence": hertz_convergence,
     "hertz-stress": hertz_stress,
+    "disc": disc,
+    "hiramatsu-oka": hiramatsu_oka,
     "overlap": overlap,
     "packing": packing,
     "impact": impact,

@@ -51,6 +51,7 @@ def test_an_image_becomes_grain_meshes(tmp_path):
         "labels.csv",
         "labels.png",
         "labels.tif",
+        "labels_contacts.csv",
     ]
 
 

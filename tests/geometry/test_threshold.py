@@ -5,7 +5,13 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.threshold import between_gaussians, find_threshold, otsu, two_gaussians
+from mufe_fenicsx.geometry.threshold import (
+    between_gaussians,
+    doubt_about,
+    find_threshold,
+    otsu,
+    two_gaussians,
+)
 
 
 def two_phases(s1, s2, weight=0.5, n=200_000):
@@ -31,6 +37,20 @@ def test_minimum_between_gaussians():
     assert lowest < 145
     # The fit sees 200 000 voxels, so that mode and width are known to about 1 %.
     assert between_gaussians(image) == pytest.approx(lowest, abs=2)
+
+
+def test_the_middle_lies_half_way_whatever_the_widths_and_shares_are():
+    for image in (two_phases(12, 24), two_phases(15, 15, weight=0.8)):
+        # As above: means to about 1 % of the deviations, and half a bin.
+        assert find_threshold(image, "middle") == pytest.approx(150, abs=1)
+
+
+def test_a_threshold_far_from_otsus_is_reported():
+    image = two_phases(12, 12)
+    line, void, solid = doubt_about(image, 150.0)
+    assert line is None and (void, solid) == pytest.approx((100, 200), abs=4)
+    line, _, _ = doubt_about(image, 130.0)
+    assert line.startswith("the threshold 130 lies") and "below Otsu's" in line
 
 
 def test_a_number_is_taken_as_it_is():
