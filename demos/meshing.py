@@ -10,7 +10,8 @@ surface, with edges that follow the distance from the next grain, and with facet
 neighbours share. For each: nodes and elements, how far the surface is from the faces of the
 voxels, how thin elements are, and the longest stable time step of the worst grain, 2/ω of its
 highest frequency. It ends in a check: half of each surface is within half a voxel of the voxels,
-no grain's volume is off by over two hundredths, and shared facets are equal to the last digit.
+no grain's volume is off by over a thirtieth (coarse, or with facets that neighbours share) or a
+thousandth (the others), and shared facets are equal to the last digit.
 """
 
 import argparse
@@ -263,7 +264,9 @@ def main():
     for name, (meshes, _) in results.items():
         # Voxels know a surface to half of one.
         assert np.mean([np.median(away(mesh)) for mesh in meshes]) < 0.5, name
-        assert all(abs(mesh.quality["volume_ratio"] - 1) < 0.02 for mesh in meshes), name
+        # A grain between others has little free surface that could make up for its volume.
+        allowed = 0.03 if name in ("even, coarse", "conforming") else 1e-3
+        assert all(abs(mesh.quality["volume_ratio"] - 1) < allowed for mesh in meshes), name
         assert (num_shared(meshes) > 0) == (name == "conforming"), name
     print(page)
 
