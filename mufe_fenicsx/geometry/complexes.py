@@ -369,11 +369,9 @@ def _wanted_normals(surface, fields, x):
     """Normals of the smooth faces at the centres of facets; of the image's faces where they lie."""
     center = x[surface.facets].mean(axis=1)
     slope = np.zeros((len(center), 3))
-    for label, field in fields.items():
-        for side, sign in ((0, 1.0), (1, -1.0)):
-            at = np.flatnonzero(surface.sides[:, side] == label)
-            if len(at):
-                slope[at] += sign * field(center[at])[1]
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        for label, at in _places(surface.sides[:, side]).items():
+            slope[at] += sign * fields[label](center[at])[1]
     held = surface.held[surface.facets].all(axis=1)
     areas = _areas(x, surface.facets)
     # On a face of the image, and where no slope is left, the normal that there is.
@@ -387,10 +385,10 @@ def _constraints(surface, fields, x, offset):
     """phi_k - phi_first for the labels around each node and their gradients; zero where fewer."""
     n = len(x)
     values, slopes = np.zeros((n, MOST_LABELS)), np.zeros((n, MOST_LABELS, 3))
-    for label, field in fields.items():
-        node, which = np.nonzero(surface.labels == label)
-        if len(node):
-            values[node, which], slopes[node, which] = field(x[node])
+    for label, at in _places(surface.labels).items():
+        if label >= 0:
+            node, which = np.divmod(at, MOST_LABELS)
+            values[node, which], slopes[node, which] = fields[label](x[node])
     known = surface.labels >= 0
     grains = surface.labels > 0
     gained = np.where(grains, offset[np.maximum(surface.labels, 0)], 0).sum(axis=1)
@@ -399,6 +397,14 @@ def _constraints(surface, fields, x, offset):
     gradient = np.where(known[:, 1:, None], slopes[:, 1:] - slopes[:, :1], 0)
     gradient[np.broadcast_to(surface.held[:, None, :], gradient.shape)] = 0
     return residual, gradient
+
+
+def _places(labels):
+    """Where each label stands in an array, as indices into it laid flat."""
+    flat = labels.ravel()
+    order = np.argsort(flat, kind="stable")
+    found, first = np.unique(flat[order], return_index=True)
+    return dict(zip(found.tolist(), np.split(order, first[1:]), strict=True))
 
 
 def _average_within(surface):
