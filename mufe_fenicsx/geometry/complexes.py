@@ -432,5 +432,5 @@ def _flipped(surface, x):
     taken = set(map(tuple, np.sort(ends, axis=1).tolist()))
     for p in range(len(pair)):
         part = order[first[p] : first[p + 1]]
-        facets[part] = flip_long_edges(x, facets[part], taken)
+        facets[part] = flip_long_edges(x, facets[part], taken, flat=0.4, passes=5)
     return facets

@@ -241,23 +241,25 @@ def split_long_edges(points, triangles, longest, sizes):
             return np.asarray(points), np.asarray(triangles)
 
 
-def flip_long_edges(points, triangles, taken=None):
+def flip_long_edges(points, triangles, taken=None, flat=0.6, passes=20):
     """Flip edges where that makes the flatter of their two triangles less flat.
 
     Args:
         points, triangles: A surface, which may be open.
         taken: Edges (start < end) that a flip may not make, a set to which those made are added.
+        flat: Triangles of less than this flatness are tried, 1 being equilateral.
+        passes: Over these triangles at most.
     """
     taken = set() if taken is None else taken
     triangles = triangles.copy()
-    for _ in range(20):
+    for _ in range(passes):
         shape = _flatness(points, triangles)
         corner_across = {}
         for t, (a, b, c) in enumerate(triangles.tolist()):
             corner_across[a, b], corner_across[b, c], corner_across[c, a] = (t, c), (t, a), (t, b)
         # One pass flips edges that have no vertex in common.
         touched = np.zeros(len(points), dtype=bool)
-        for t in np.argsort(shape)[: np.count_nonzero(shape < 0.6)]:
+        for t in np.argsort(shape)[: np.count_nonzero(shape < flat)]:
             if touched[triangles[t]].any():
                 continue
             flip = _best_flip(points, triangles, t, shape, corner_across, taken)
