@@ -1,4 +1,4 @@
-"""From a solid to one label a grain: distance map, watershed, faces between grains drawn tight."""
+"""From a grey image to one label a grain: threshold, distance map, watershed, contacts."""
 
 import numpy as np
 import scipy.ndimage
@@ -6,11 +6,49 @@ import skimage.morphology
 import skimage.segmentation
 
 from .contact_faces import open_gaps
-from .labels import grains_in, is_thick, largest_piece
+from .image import resample, smooth
+from .labels import fill_pores, grains_in, is_thick, largest_piece
+from .threshold import doubt_about, find_threshold
 from .watershed import watershed
 
 #: Voxels of a slab in which distances are found at once.
 SLAB = 2**23
+
+
+def segment(raw, settings):
+    """Labels of a grey image: filter, threshold, pores, grains.
+
+    Args:
+        raw: Grey levels of cubic voxels, (z, y, x).
+        settings: `SegmentSettings`.
+
+    Returns:
+        labels, and the filtered image, both on the voxels of labels; and a dictionary: threshold,
+        void_grey and solid_grey (modes of the histogram), warning (text or None),
+        filled_pore_voxels, and what `separate_grains` found.
+
+    Raises:
+        InputError: see `threshold.find_threshold` and `image.resample`.
+    """
+    grey = smooth(raw, settings.filter, settings.filter_radius)
+    grey = resample(grey, settings.upsample)
+    threshold = find_threshold(grey, settings.threshold)
+    warning, void, full = doubt_about(grey, threshold)
+    solid = grey > threshold
+    num_pores = 0
+    if settings.fill_pores:
+        num_pores = -np.count_nonzero(solid)
+        solid = fill_pores(solid)
+        num_pores += np.count_nonzero(solid)
+    labels, separated = separate_grains(solid, settings, settings.upsample, grey, (void, full))
+    found = {
+        "threshold": threshold,
+        "void_grey": void,
+        "solid_grey": full,
+        "warning": warning,
+        "filled_pore_voxels": int(num_pores),
+    }
+    return labels, grey, found | separated
 
 
 def separate_grains(solid, settings, scale=1.0, grey=None, phases=None):
