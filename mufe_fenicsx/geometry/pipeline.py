@@ -18,9 +18,8 @@ from .measure import smallest_altitudes, worst_share_costs
 from .mesher import QUALITY, mesh_grains, shared_jobs, surface_jobs, voxel_jobs
 from .output import new_files, new_folder
 from .picture import draw_quality, draw_segmentation
-from .segmentation import separate_grains
+from .segmentation import segment
 from .stated_size import known_voxel_size
-from .threshold import doubt_about, find_threshold
 
 #: Of the table of contacts, which may have no rows.
 CONTACT_COLUMNS = ("label_a", "label_b", "area_m2", "neck_ratio", "doubt")
@@ -61,24 +60,12 @@ def segment_image(image_path, settings, output, *, overwrite=False):
         )
         size = known_voxel_size(settings.voxel_size, stated, image_path)
         raw, edge = images.to_cubes(raw, size)
-        grey = images.smooth(raw, settings.filter, settings.filter_radius)
-        grey = images.resample(grey, settings.upsample)
-        threshold = find_threshold(grey, settings.threshold)
-        warning, void, solid_level = doubt_about(grey, threshold)
-        solid = grey > threshold
-        pore_voxels = 0
-        if settings.fill_pores:
-            filled = labelling.fill_pores(solid)
-            pore_voxels = int(np.count_nonzero(filled) - np.count_nonzero(solid))
-            solid = filled
-        labels, separated = separate_grains(
-            solid, settings, settings.upsample, grey, (void, solid_level)
-        )
+        labels, grey, found = segment(raw, settings)
         num_grains = int(labels.max())
         if num_grains < 2:
             raise InputError(
                 f"image {image_path}: {num_grains} grains of at least "
-                f"{settings.min_grain_voxels} voxels above the threshold {threshold:g}, "
+                f"{settings.min_grain_voxels} voxels above the threshold {found['threshold']:g}, "
                 "expected at least 2"
             )
         voxel_size = edge / settings.upsample
@@ -89,6 +76,7 @@ def segment_image(image_path, settings, output, *, overwrite=False):
         write_table(folder / contacts.name, pairs, CONTACT_COLUMNS)
         write_table(folder / table.name, rows)
         draw_segmentation(folder / picture.name, grey, labels, voxel_size)
+    warning = found.pop("warning")
     diameters = np.array([row["equivalent_diameter_m"] for row in rows])
     return {
         "labels": str(output),
@@ -99,15 +87,11 @@ def segment_image(image_path, settings, output, *, overwrite=False):
         "image_voxel_size": list(size),
         "image_voxel_size_from": "the file" if settings.voxel_size is None else "the settings",
         "voxel_size": voxel_size,
-        "threshold": threshold,
         "threshold_method": settings.threshold if isinstance(settings.threshold, str) else "given",
-        "void_grey": void,
-        "solid_grey": solid_level,
         "num_grains": num_grains,
         "num_border_grains": sum(row["touches_border"] for row in rows),
         "num_contacts": len(pairs),
-        **separated,
-        "filled_pore_voxels": pore_voxels,
+        **found,
         "solid_fraction": float(np.count_nonzero(labels) / labels.size),
         "median_diameter": float(np.median(diameters)),
         **doubts,

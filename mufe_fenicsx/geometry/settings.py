@@ -22,7 +22,9 @@ class SegmentSettings:
     filter_radius: float = 0.7  #: standard deviation, or radius of the median's ball [voxels]
     threshold: str | float = "middle"  #: "middle" of both phases, "gaussians", "otsu", or a level
     separation: str = "depth"  #: "depth", "level" (as ITK's watershed filter) or "markers"
-    marker_depth: float | None = None  #: grains part where the distance map dips more [voxels]; 0.5
+    marker_depth: float | None = (
+        None  #: grains part where the distance map dips more [voxels]; 0.35
+    )
     watershed_threshold: float | None = None  #: ITK's threshold, of the largest distance [-]; 0.04
     watershed_level: float | None = None  #: ITK's level, of the largest distance [-]; 0.2
     tightening: float = 1.5  #: width over which faces between grains are drawn tight [voxels]
@@ -65,7 +67,7 @@ class SegmentSettings:
     @property
     def depth(self):
         """Dip of the distance map that parts grains [voxels]."""
-        return 0.5 if self.marker_depth is None else self.marker_depth
+        return 0.35 if self.marker_depth is None else self.marker_depth
 
     @property
     def threshold_and_level(self):
