@@ -40,6 +40,13 @@ def crop_ranges(text):
         raise InputError(f'--crop = "{text}", expected z0:z1,y0:y1,x0:x1') from None
 
 
+def lengths(text):
+    """A number or text, or a list of them from a text with commas: "5 um,5 um,10 um"."""
+    if text is None or "," not in text:
+        return number_or_text(text)
+    return [number_or_text(part.strip()) for part in text.split(",")]
+
+
 def number_or_text(text):
     """A number where the text is one; else the text, or None."""
     try:

@@ -12,6 +12,7 @@ import typer
 from .arguments import (
     crop_ranges,
     known_names,
+    lengths,
     merged_settings,
     number_or_text,
     parameters,
@@ -45,6 +46,13 @@ Changes = Annotated[
 CaseNames = Annotated[list[str] | None, typer.Argument(metavar="CASE...", show_default=False)]
 ListCases = Annotated[bool, typer.Option("--list", help="List the cases and end.")]
 
+RawShape = Annotated[str | None, typer.Option(help="Of a raw file, along its axes: z,y,x.")]
+RawType = Annotated[
+    str | None, typer.Option(help='Of a raw file, such as "<u2"; ">" is big endian.')
+]
+Key = Annotated[str | None, typer.Option(help="Name of the array in a .npz or .h5 file.")]
+Axes = Annotated[str | None, typer.Option(help="Order of the file's axes, slowest first: zyx.")]
+
 
 def main(arguments=None):
     """Run `mufe` with the given arguments (default: those of the process) and exit. Collective."""
@@ -61,10 +69,13 @@ def segment(
         typer.Argument(metavar="IMAGE", help="Grey image; left out: the one that the scene names."),
     ] = None,
     scene: SceneOption = None,
-    voxel_size: Annotated[str | None, typer.Option(help='Edge of a voxel, such as "5 um".')] = None,
-    shape: Annotated[str | None, typer.Option(help="Of a raw file: z,y,x.")] = None,
-    dtype: Annotated[str | None, typer.Option(help='Of a raw file, such as "<u2".')] = None,
-    key: Annotated[str | None, typer.Option(help="Name of the array in an .npz file.")] = None,
+    voxel_size: Annotated[
+        str | None, typer.Option(help='Edge of a voxel, "5 um", or along z,y,x.')
+    ] = None,
+    shape: RawShape = None,
+    dtype: RawType = None,
+    key: Key = None,
+    axes: Axes = None,
     crop: Annotated[str | None, typer.Option(help="Voxels to keep: z0:z1,y0:y1,x0:x1.")] = None,
     upsample: Annotated[str | None, typer.Option(help="Label voxels per image voxel.")] = None,
     filter: Annotated[str | None, typer.Option(help="gaussian, median or none.")] = None,
@@ -109,7 +120,8 @@ def segment(
     settings = merged_settings(
         SegmentSettings,
         in_scene,
-        voxel_size=number_or_text(voxel_size),
+        voxel_size=lengths(voxel_size),
+        axes=axes,
         shape=shape and whole_numbers("--shape", shape, "z,y,x"),
         dtype=dtype,
         key=key,
@@ -141,7 +153,7 @@ def mesh(
         Path,
         typer.Argument(
             metavar="LABELS",
-            help="Labels (TIFF, .npy, .npz), surfaces (.npz), or a folder of STL files.",
+            help="Labels (any image format), surfaces (.npz), or a folder of STL files.",
         ),
     ],
     output: Annotated[
@@ -187,9 +199,12 @@ def mesh(
         ),
     ] = None,
     voxel_size: Annotated[
-        str | None, typer.Option(help='For labels that state none, such as "5 um".')
+        str | None, typer.Option(help='For labels that state none, "5 um", or along z,y,x.')
     ] = None,
-    key: Annotated[str | None, typer.Option(help="Name of the labels in an .npz file.")] = None,
+    shape: RawShape = None,
+    dtype: RawType = None,
+    key: Key = None,
+    axes: Axes = None,
     scale: Annotated[
         str | None, typer.Option(help='Length unit of surfaces, such as "1 mm".')
     ] = None,
@@ -219,7 +234,10 @@ def mesh(
         processes=processes,
         time_limit=number_or_text(time_limit),
         keep_largest_piece=keep_largest_piece,
-        voxel_size=number_or_text(voxel_size),
+        voxel_size=lengths(voxel_size),
+        axes=axes,
+        shape=shape and whole_numbers("--shape", shape, "z,y,x"),
+        dtype=dtype,
         key=key,
         scale=number_or_text(scale),
     )

@@ -67,7 +67,15 @@ UNITS = {
 }
 
 #: Shapes of the fields that are arrays; -1 is any length.
-SHAPES = {"shape": (3,), "crop": (3, 2), "yield_stress": (-1, 2), "labels": (-1,)}
+SHAPES = {
+    "shape": (3,),
+    "voxel_size": (3,),
+    "crop": (3, 2),
+    "yield_stress": (-1, 2),
+    "labels": (-1,),
+}
+#: Those of them that hold numbers with a fraction; a single number is no array of `voxel_size`.
+FLOAT_ARRAYS = ("yield_stress", "voxel_size")
 
 
 def register_material(name, cls, units=None):
@@ -290,13 +298,11 @@ def _expected(hint, unit):
 
 def _convert(value, hint, unit, key, name, folder):
     """A value of the type that a field declares, in SI units."""
-    if key in SHAPES:
+    kinds = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    if key in SHAPES and (float not in kinds or isinstance(value, list | tuple)):
         if isinstance(unit, str):
             unit = (unit,) * SHAPES[key][-1]
-        return _convert_array(
-            value, SHAPES[key], unit, float if key == "yield_stress" else int, name
-        )
-    kinds = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+        return _convert_array(value, SHAPES[key], unit, float if key in FLOAT_ARRAYS else int, name)
     if Path in kinds:
         return _convert_path(value, name, folder)
     if float in kinds and not (str in kinds and isinstance(value, str)):

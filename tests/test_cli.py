@@ -253,7 +253,7 @@ USAGE = [
     (("run",), "Missing argument 'SCENE'"),
     (("segment", "a.tif"), "Missing option '--output'"),
     (("segment", "-o", "x.tif"), "IMAGE is missing"),
-    (("segment", "a.tif", "-o", "x.tif"), "--voxel-size is missing, expected a length"),
+    (("segment", "a.tif", "-o", "x.tif", "--axes", "zz"), "--axes = 'zz', expected an order"),
     (("segment", "a.tif", "-o", "x.tif", "--voxel-size", "5 kg"), '--voxel-size = "5 kg"'),
     (("segment", "a", "-o", "x.tif", "--voxel-size", "1", "--crop", "1-2"), '--crop = "1-2"'),
     (("segment", "a", "-o", "x.tif", "--voxel-size", "1", "--shape", "a"), '--shape = "a"'),

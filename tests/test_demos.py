@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 DEMOS = Path(__file__).resolve().parents[1] / "demos"
@@ -14,7 +15,7 @@ DEMOS = Path(__file__).resolve().parents[1] / "demos"
     "name",
     [
         *("calibrate_compliance", "check_intrusion", "contact_verification", "fidelity"),
-        *("locking", "meshing", "normal_laws", "uneven_compliance"),
+        *("locking", "meshing", "normal_laws", "segmentation", "uneven_compliance"),
     ],
 )
 def test_a_demo_says_what_it_does(name):
@@ -32,6 +33,23 @@ def test_the_page_on_meshing(tmp_path):
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "page" / "meshing.html").read_text(encoding="utf-8")
     assert page.count("<img") == 3 and "conforming" in page
+
+
+def test_the_page_on_segmentation(tmp_path):
+    """A small image of eight balls that touch: the page has its three figures."""
+    grey = np.full((36, 36, 36), 60.0)
+    z, y, x = np.indices(grey.shape) % 18 - 8.5
+    grey[z * z + y * y + x * x < 8.9**2] = 180.0
+    np.save(tmp_path / "balls.npy", grey + np.random.default_rng(3).normal(0, 8, grey.shape))
+    done = subprocess.run(
+        [sys.executable, DEMOS / "segmentation.py", tmp_path / "page", "--quick", "--image",
+         tmp_path / "balls.npy"],
+        capture_output=True,
+        text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "page" / "segmentation.html").read_text(encoding="utf-8")
+    assert page.count("<img") == 3 and "balls.npy" in page
 
 
 @pytest.fixture(scope="module")

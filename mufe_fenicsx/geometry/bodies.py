@@ -9,7 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from ..errors import InputError
-from .image import natural_order
+from .image_files import natural_order
 from .measure import compact, surface_defect, surface_volume
 from .remesh import closed, collapse_short_edges, flip_long_edges, oriented, remesh
 from .self_crossing import crossing_triangles

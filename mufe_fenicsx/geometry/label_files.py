@@ -9,7 +9,10 @@ import scipy.ndimage
 import tifffile
 
 from ..errors import InputError
-from .image import read_image
+from .image import to_cubes
+from .image_files import TIFF, read_with_size
+from .labels import whole_numbers
+from .stated_size import known_voxel_size, own_voxel_size
 
 TABLE = (
     "label",
@@ -41,16 +44,18 @@ def write_labels(path, labels, voxel_size):
         raise InputError(f"labels {path} cannot be written: {error}") from error
 
 
-def read_labels(path, *, voxel_size=None, key=None):
+def read_labels(path, *, voxel_size=None, key=None, shape=None, dtype=None, axes="zyx"):
     """Read labels and their voxel size.
 
     Args:
-        path: TIFF, .npy or .npz with an array "labels", from here or elsewhere.
-        voxel_size: Voxel size of a file that does not state it [m].
-        key: Name of the array in an .npz file.
+        path: An image (see `image_files.read_with_size`), from here or elsewhere; a .npz
+            with an array "labels". Fiji writes labels as floating point numbers: those are taken
+            if they are whole.
+        voxel_size: Voxel size of a file that does not state it [m], or three (z, y, x).
+        key, shape, dtype, axes: See `image_files.read_with_size`.
 
     Returns:
-        labels as they are in the file, not checked; and the voxel size [m].
+        labels on cubes, else as they are in the file, not checked; and the voxel size [m].
 
     Raises:
         InputError: the file cannot be read or the voxel size is not known.
@@ -58,16 +63,15 @@ def read_labels(path, *, voxel_size=None, key=None):
     path = Path(path)
     if key is None and path.suffix.lower() == ".npz" and path.is_file():
         key = _labels_key(path)
-    labels = read_image(path, key=key)
-    stated = _stated_voxel_size(path)
-    if voxel_size is not None and stated is not None and abs(voxel_size / stated - 1) > 1e-9:
+    labels, stated = read_with_size(path, shape=shape, dtype=dtype, key=key, axes=axes)
+    size = known_voxel_size(voxel_size, stated, path)
+    own = _own_voxel_size(path)
+    if own is not None and abs(max(size) / own - 1) + abs(min(size) / own - 1) > 1e-9:
         raise InputError(
-            f"voxel_size = {voxel_size} m, but {path} states {stated} m, expected one of them only"
+            f"voxel_size = {voxel_size} m, but {path} states {own} m, expected one of them only"
         )
-    voxel_size = stated if voxel_size is None else voxel_size
-    if voxel_size is None:
-        raise InputError(f"voxel_size of {path} is not stated, expected a length in metres")
-    return labels, float(voxel_size)
+    labels, edge = to_cubes(whole_numbers(labels, path), size, labels=True)
+    return labels, edge
 
 
 def grain_table(labels, voxel_size):
@@ -115,14 +119,9 @@ def _labels_key(path):
         return None  # read_image says what is wrong
 
 
-def _stated_voxel_size(path):
-    """The voxel size in a TIFF's description; None if it has none."""
-    if path.is_dir() or path.suffix.lower() not in (".tif", ".tiff"):
+def _own_voxel_size(path):
+    """The voxel size in the description of a TIFF that was written here, or None."""
+    if path.is_dir() or path.suffix.lower() not in TIFF:
         return None
     with tifffile.TiffFile(path) as file:
-        text = file.pages[0].description
-    try:
-        size = json.loads(text).get("voxel_size")
-    except (ValueError, AttributeError):
-        return None
-    return float(size) if isinstance(size, int | float) and size > 0 else None
+        return own_voxel_size(file)

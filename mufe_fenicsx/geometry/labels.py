@@ -41,6 +41,30 @@ def is_thick(mask):
     return bool((pairs[:, :, 1:] & pairs[:, :, :-1]).any())
 
 
+def whole_numbers(labels, source="labels"):
+    """Labels as integers, where they are floating point numbers without a fraction.
+
+    Raises:
+        InputError: they have fractions, or are too large to be told apart.
+    """
+    if labels.dtype.kind != "f":
+        return labels
+    fraction = labels != np.floor(labels)
+    if fraction.any():
+        at = np.argwhere(fraction)[0]
+        raise InputError(
+            f"{source}: type of labels is {labels.dtype}, with {labels[tuple(at)]:g} at "
+            f"(z, y, x) = {tuple(at.tolist())}, expected whole numbers"
+        )
+    largest, safe = labels.max(initial=0), 2.0 ** (np.finfo(labels.dtype).nmant + 1)
+    if largest > min(safe, 2**31 - 1):
+        raise InputError(
+            f"{source}: largest label is {largest:g} as {labels.dtype}, "
+            f"expected up to {min(safe, 2**31 - 1):.0f}"
+        )
+    return labels.astype(np.int32)
+
+
 def checked_labels(labels, *, keep_largest_piece=False, source="labels"):
     """Labels fit for meshing, as int32.
 
@@ -60,6 +84,7 @@ def checked_labels(labels, *, keep_largest_piece=False, source="labels"):
     labels = np.asarray(labels)
     if labels.ndim != 3:
         raise InputError(f"{source}: {labels.ndim} axes, expected 3: (z, y, x)")
+    labels = whole_numbers(labels, source)
     if labels.dtype.kind not in "biu":
         raise InputError(f"{source}: type of labels is {labels.dtype}, expected integers")
     if labels.dtype.kind == "i" and labels.min() < 0:
@@ -72,6 +97,12 @@ def checked_labels(labels, *, keep_largest_piece=False, source="labels"):
         raise InputError(f"{source}: no grain, all voxels are 0, expected at least two grains")
     if len(grains) == 1:
         raise InputError(f"{source}: one grain only, label {grains[0]}, expected at least two")
+    differ = _differing_neighbours(labels)
+    if len(grains) > 50 and differ > 0.5:
+        raise InputError(
+            f"{source}: {len(grains)} labels, and {differ:.0%} of neighbouring voxels above 0 "
+            "differ, expected grains of many voxels; these look like grey levels"
+        )
     trimmed = []
     for grain, where in grains_in(labels):
         mask = labels[where] == grain
@@ -100,6 +131,13 @@ def grains_in(labels):
     for index, where in enumerate(scipy.ndimage.find_objects(labels)):
         if where is not None:
             yield index + 1, where
+
+
+def _differing_neighbours(labels):
+    """Of the voxels above 0 that are neighbours along x, the part that differs."""
+    a, b = labels[:, :, :-1], labels[:, :, 1:]
+    solid = (a > 0) & (b > 0)
+    return np.count_nonzero((a != b) & solid) / max(np.count_nonzero(solid), 1)
 
 
 def _few(numbers):

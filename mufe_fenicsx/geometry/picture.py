@@ -39,14 +39,14 @@ def draw_segmentation(path, grey, labels, voxel_size):
         FigureCanvasAgg(figure)
         axes = figure.subplots(2, 3)
         low, high = np.percentile(grey, [0.5, 99.5])
-        colours = _label_colours(int(labels.max()))
+        colours = label_colours(int(labels.max()))
         for column, (across, up, where) in enumerate(planes):
             part, part_labels = grey[where], labels[where]
             extent = (0, part.shape[1] * size, 0, part.shape[0] * size)
             shown = {"extent": extent, "origin": "lower", "interpolation": "nearest"}
             top, bottom = axes[:, column]
             top.imshow(part, cmap="gray", vmin=low, vmax=high, **shown)
-            lines = _outlines(part_labels) * size
+            lines = outlines(part_labels) * size
             top.add_collection(LineCollection(lines, colors=RED, linewidths=0.9))
             bottom.imshow(colours[part_labels], **shown)
             for axis in (top, bottom):
@@ -111,7 +111,7 @@ def length_unit(length):
     return 1e-9, "nm"
 
 
-def _outlines(labels):
+def outlines(labels):
     """Edges between pixels of different labels, as segments (n, 2, 2) of (x, y) in pixels."""
     y, x = np.nonzero(labels[1:] != labels[:-1])
     level = np.stack([np.stack([x, y + 1], axis=1), np.stack([x + 1, y + 1], axis=1)], axis=1)
@@ -120,7 +120,7 @@ def _outlines(labels):
     return np.concatenate([level, upright]).astype(float)
 
 
-def _label_colours(num_labels):
+def label_colours(num_labels):
     """RGB a label: void white, grains in different pale colours, the same in every run."""
     rng = np.random.default_rng(1)
     hue = rng.permutation(num_labels + 1) / (num_labels + 1)

@@ -12,13 +12,14 @@ from .bodies import has_bodies, read_bodies
 from .contact_faces import contact_table
 from .doubts import mark_doubts
 from .grains import Grains, save_grains
+from .image_files import TIFF, read_with_size
 from .label_files import grain_table, read_labels, write_labels, write_table
 from .measure import smallest_altitudes, worst_share_costs
 from .mesher import QUALITY, mesh_grains, shared_jobs, surface_jobs, voxel_jobs
 from .output import new_files, new_folder
 from .picture import draw_quality, draw_segmentation
-from .segmentation import separate_grains
-from .threshold import doubt_about, find_threshold
+from .segmentation import segment
+from .stated_size import known_voxel_size
 
 #: Of the table of contacts, which may have no rows.
 CONTACT_COLUMNS = ("label_a", "label_b", "area_m2", "neck_ratio", "doubt")
@@ -31,7 +32,7 @@ def segment_image(image_path, settings, output, *, overwrite=False):
     (_contacts.csv) and a picture of slices with the outlines of labels (.png).
 
     Args:
-        image_path: See `image.read_image`.
+        image_path: See `image_files.read_with_size`.
         settings: `SegmentSettings`.
         output: Path of the labels, ending in .tif or .tiff.
         overwrite: Replace files that are there.
@@ -44,37 +45,30 @@ def segment_image(image_path, settings, output, *, overwrite=False):
     """
     start = time.perf_counter()
     output = Path(output)
-    if output.suffix.lower() not in images.TIFF:
+    if output.suffix.lower() not in TIFF:
         raise InputError(f"output {output} ends in {output.suffix!r}, expected .tif")
     table, picture = output.with_suffix(".csv"), output.with_suffix(".png")
     contacts = output.with_name(f"{output.stem}_contacts.csv")
     with new_files(output, table, contacts, picture, overwrite=overwrite) as folder:
-        raw = images.read_image(
-            image_path, shape=settings.shape, dtype=settings.dtype, key=settings.key
+        raw, stated = read_with_size(
+            image_path,
+            shape=settings.shape,
+            dtype=settings.dtype,
+            key=settings.key,
+            axes=settings.axes,
+            crop=settings.crop,
         )
-        if settings.crop is not None:
-            raw = images.crop(raw, settings.crop)
-        grey = images.smooth(raw, settings.filter, settings.filter_radius)
-        grey = images.resample(grey, settings.upsample)
-        threshold = find_threshold(grey, settings.threshold)
-        warning, void, solid_level = doubt_about(grey, threshold)
-        solid = grey > threshold
-        pore_voxels = 0
-        if settings.fill_pores:
-            filled = labelling.fill_pores(solid)
-            pore_voxels = int(np.count_nonzero(filled) - np.count_nonzero(solid))
-            solid = filled
-        labels, separated = separate_grains(
-            solid, settings, settings.upsample, grey, (void, solid_level)
-        )
+        size = known_voxel_size(settings.voxel_size, stated, image_path)
+        raw, edge = images.to_cubes(raw, size)
+        labels, grey, found = segment(raw, settings)
         num_grains = int(labels.max())
         if num_grains < 2:
             raise InputError(
                 f"image {image_path}: {num_grains} grains of at least "
-                f"{settings.min_grain_voxels} voxels above the threshold {threshold:g}, "
+                f"{settings.min_grain_voxels} voxels above the threshold {found['threshold']:g}, "
                 "expected at least 2"
             )
-        voxel_size = settings.voxel_size / settings.upsample
+        voxel_size = edge / settings.upsample
         rows = grain_table(labels, voxel_size)
         pairs = contact_table(labels, voxel_size)
         doubts = mark_doubts(rows, pairs, labels)
@@ -82,6 +76,7 @@ def segment_image(image_path, settings, output, *, overwrite=False):
         write_table(folder / contacts.name, pairs, CONTACT_COLUMNS)
         write_table(folder / table.name, rows)
         draw_segmentation(folder / picture.name, grey, labels, voxel_size)
+    warning = found.pop("warning")
     diameters = np.array([row["equivalent_diameter_m"] for row in rows])
     return {
         "labels": str(output),
@@ -89,16 +84,14 @@ def segment_image(image_path, settings, output, *, overwrite=False):
         "contacts": str(contacts),
         "picture": str(picture),
         "shape": list(labels.shape),
+        "image_voxel_size": list(size),
+        "image_voxel_size_from": "the file" if settings.voxel_size is None else "the settings",
         "voxel_size": voxel_size,
-        "threshold": threshold,
         "threshold_method": settings.threshold if isinstance(settings.threshold, str) else "given",
-        "void_grey": void,
-        "solid_grey": solid_level,
         "num_grains": num_grains,
         "num_border_grains": sum(row["touches_border"] for row in rows),
         "num_contacts": len(pairs),
-        **separated,
-        "filled_pore_voxels": pore_voxels,
+        **found,
         "solid_fraction": float(np.count_nonzero(labels) / labels.size),
         "median_diameter": float(np.median(diameters)),
         **doubts,
@@ -142,7 +135,12 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
             box = np.array([points.min(axis=0), points.max(axis=0)])
         else:
             labels, voxel_size = read_labels(
-                labels_path, voxel_size=settings.voxel_size, key=settings.key
+                labels_path,
+                voxel_size=settings.voxel_size,
+                key=settings.key,
+                shape=settings.shape,
+                dtype=settings.dtype,
+                axes=settings.axes,
             )
             labels, trimmed = labelling.checked_labels(
                 labels, keep_largest_piece=settings.keep_largest_piece, source=str(labels_path)

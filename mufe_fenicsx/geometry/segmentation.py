@@ -1,4 +1,4 @@
-"""From a solid to one label a grain: distance map, watershed, faces between grains drawn tight."""
+"""From a grey image to one label a grain: threshold, distance map, watershed, contacts."""
 
 import numpy as np
 import scipy.ndimage
@@ -6,11 +6,49 @@ import skimage.morphology
 import skimage.segmentation
 
 from .contact_faces import open_gaps
-from .labels import grains_in, is_thick, largest_piece
+from .image import resample, smooth
+from .labels import fill_pores, grains_in, is_thick, largest_piece
+from .threshold import doubt_about, find_threshold
 from .watershed import watershed
 
 #: Voxels of a slab in which distances are found at once.
 SLAB = 2**23
+
+
+def segment(raw, settings):
+    """Labels of a grey image: filter, threshold, pores, grains.
+
+    Args:
+        raw: Grey levels of cubic voxels, (z, y, x).
+        settings: `SegmentSettings`.
+
+    Returns:
+        labels, and the filtered image, both on the voxels of labels; and a dictionary: threshold,
+        void_grey and solid_grey (modes of the histogram), warning (text or None),
+        filled_pore_voxels, and what `separate_grains` found.
+
+    Raises:
+        InputError: see `threshold.find_threshold` and `image.resample`.
+    """
+    grey = smooth(raw, settings.filter, settings.filter_radius)
+    grey = resample(grey, settings.upsample)
+    threshold = find_threshold(grey, settings.threshold)
+    warning, void, full = doubt_about(grey, threshold)
+    solid = grey > threshold
+    num_pores = 0
+    if settings.fill_pores:
+        num_pores = -np.count_nonzero(solid)
+        solid = fill_pores(solid)
+        num_pores += np.count_nonzero(solid)
+    labels, separated = separate_grains(solid, settings, settings.upsample, grey, (void, full))
+    found = {
+        "threshold": threshold,
+        "void_grey": void,
+        "solid_grey": full,
+        "warning": warning,
+        "filled_pore_voxels": int(num_pores),
+    }
+    return labels, grey, found | separated
 
 
 def separate_grains(solid, settings, scale=1.0, grey=None, phases=None):
@@ -118,8 +156,8 @@ def straightened(labels, sigma, rounds=4):
     """Labels whose faces between grains have been drawn tight.
 
     The watershed cuts along the directions of the grid. Each round smooths
-    the indicator of every grain near its faces with others and gives each voxel there to the
-    grain that is strongest; faces so shrink towards the narrowest cut near
+    the indicator of every grain and gives each voxel of the solid to the grain
+    that is strongest there; faces so shrink towards the narrowest cut near
     them. The solid does not change.
 
     Source: B. Merriman, J. K. Bence, S. J. Osher, J. Computational Physics 112
@@ -131,57 +169,21 @@ def straightened(labels, sigma, rounds=4):
         rounds: Times that this is done.
     """
     pad = int(np.ceil(3 * sigma))
+    void = labels == 0
     for _ in range(rounds):
-        result = labels.copy()
-        for _, where in faces_between(labels, int(np.ceil(2 * sigma))):
-            # Around the part that may change, as much as the filter sees.
+        strongest = np.zeros(labels.shape, dtype=np.float32)
+        winner = np.zeros_like(labels)
+        for grain, where in grains_in(labels):
             around = tuple(slice(max(s.start - pad, 0), s.stop + pad) for s in where)
-            inner = tuple(
-                slice(s.start - r.start, s.stop - r.start)
-                for s, r in zip(where, around, strict=True)
+            strength = scipy.ndimage.gaussian_filter(
+                (labels[around] == grain).astype(np.float32), sigma, mode="nearest", truncate=3.0
             )
-            seen = labels[around]
-            strongest = np.zeros(seen[inner].shape, dtype=np.float32)
-            winner = np.zeros_like(seen[inner])
-            for grain in np.unique(seen):
-                if grain == 0:
-                    continue
-                strength = scipy.ndimage.gaussian_filter(
-                    (seen == grain).astype(np.float32), sigma, mode="nearest", truncate=3.0
-                )[inner]
-                wins = strength > strongest
-                strongest[wins] = strength[wins]
-                winner[wins] = grain
-            winner[seen[inner] == 0] = 0
-            result[where] = winner
-        labels = result
+            wins = strength > strongest[around]
+            np.copyto(strongest[around], strength, where=wins)
+            np.copyto(winner[around], grain, where=wins)
+        winner[void] = 0
+        labels = winner
     return labels
-
-
-def faces_between(labels, pad=0):
-    """Pairs of labels that touch, with the slices of the box around their faces and ``pad``."""
-    box = {}
-    for axis in range(3):
-        here, there = np.moveaxis(labels, axis, 0)[:-1], np.moveaxis(labels, axis, 0)[1:]
-        at = np.nonzero((here != there) & (here > 0) & (there > 0))
-        a, b = here[at].astype(np.int64), there[at].astype(np.int64)
-        key = np.minimum(a, b) * (int(labels.max()) + 1) + np.maximum(a, b)
-        order = np.argsort(key, kind="stable")
-        key = key[order]
-        first = np.flatnonzero(np.diff(key, prepend=-1))
-        place = np.moveaxis(np.array(at)[:, order], 1, 0)
-        # Back from (axis, others) to (z, y, x).
-        place = np.insert(place[:, 1:], axis, place[:, 0], axis=1)
-        lows, highs = (np.ufunc.reduceat(f, place, first) if len(first) else [] for f in
-                       (np.minimum, np.maximum))  # fmt: skip
-        for pair, low, high in zip(key[first].tolist(), lows, highs, strict=True):
-            old = box.get(pair, (low, high))
-            box[pair] = np.minimum(old[0], low), np.maximum(old[1], high)
-    base = int(labels.max(initial=0)) + 1
-    for key in sorted(box):
-        low, high = box[key]
-        where = tuple(slice(max(a - pad, 0), b + 2 + pad) for a, b in zip(low, high, strict=True))
-        yield (key // base, key % base), where
 
 
 def sound_grains(labels, min_voxels):

@@ -11,17 +11,20 @@ from .threshold import check_method
 class SegmentSettings:
     """From a grey image to labelled grains. Lengths in voxels mean voxels of the raw image."""
 
-    voxel_size: float  #: edge of a voxel of the raw image [m]
-    shape: tuple | None = None  #: (z, y, x) of a raw file
+    voxel_size: float | tuple | None = None  #: edge of an image voxel, or (z, y, x) [m]; as stated
+    shape: tuple | None = None  #: voxels of a raw file along its axes, the last one fastest
     dtype: str | None = None  #: type of a raw file's voxels, such as "<u2"
-    key: str | None = None  #: name of the array in an .npz file
+    key: str | None = None  #: name of the array in an .npz or .h5 file
+    axes: str = "zyx"  #: order of the axes in the file, slowest first
     crop: tuple | None = None  #: ((z0, z1), (y0, y1), (x0, x1)) in raw voxels
     upsample: float = 1.0  #: voxels of the labels per raw voxel
     filter: str = "gaussian"  #: "gaussian", "median" or "none"
     filter_radius: float = 0.7  #: standard deviation, or radius of the median's ball [voxels]
     threshold: str | float = "middle"  #: "middle" of both phases, "gaussians", "otsu", or a level
     separation: str = "depth"  #: "depth", "level" (as ITK's watershed filter) or "markers"
-    marker_depth: float | None = None  #: grains part where the distance map dips more [voxels]; 0.5
+    marker_depth: float | None = (
+        None  #: grains part where the distance map dips more [voxels]; 0.35
+    )
     watershed_threshold: float | None = None  #: ITK's threshold, of the largest distance [-]; 0.04
     watershed_level: float | None = None  #: ITK's level, of the largest distance [-]; 0.2
     tightening: float = 1.5  #: width over which faces between grains are drawn tight [voxels]
@@ -32,7 +35,7 @@ class SegmentSettings:
     )
 
     def __post_init__(self):
-        _require(self.voxel_size > 0, "voxel_size", self.voxel_size, "a length > 0 in metres")
+        _require_voxels(self)
         _require(self.upsample > 0, "upsample", self.upsample, "> 0")
         _require(
             self.filter in ("gaussian", "median", "none"),
@@ -64,7 +67,7 @@ class SegmentSettings:
     @property
     def depth(self):
         """Dip of the distance map that parts grains [voxels]."""
-        return 0.5 if self.marker_depth is None else self.marker_depth
+        return 0.35 if self.marker_depth is None else self.marker_depth
 
     @property
     def threshold_and_level(self):
@@ -93,8 +96,11 @@ class MeshSettings:
     processes: int = 0  #: worker processes; 0: one a core
     time_limit: float = 120.0  #: for a grain, which is then tried once with other settings [s]
     keep_largest_piece: bool = False  #: of a grain in several pieces; otherwise an error
-    voxel_size: float | None = None  #: for labels that do not state their own [m]
-    key: str | None = None  #: name of the labels in an .npz file
+    voxel_size: float | tuple | None = None  #: of labels that do not state it, or (z, y, x) [m]
+    shape: tuple | None = None  #: voxels of a raw file along its axes, the last one fastest
+    dtype: str | None = None  #: type of a raw file's voxels, such as "<u2"
+    key: str | None = None  #: name of the labels in an .npz or .h5 file
+    axes: str = "zyx"  #: order of the axes in the file, slowest first
     scale: float = 1.0  #: metres a unit of length of foreign surfaces
 
     def __post_init__(self):
@@ -131,12 +137,7 @@ class MeshSettings:
         _require(self.time_limit > 0, "time_limit", self.time_limit, "a time > 0 in seconds")
         _require(0.3 <= self.smoothing <= 5, "smoothing", self.smoothing, "0.3 to 5 voxels")
         _require(self.processes >= 0, "processes", self.processes, ">= 0")
-        _require(
-            self.voxel_size is None or self.voxel_size > 0,
-            "voxel_size",
-            self.voxel_size,
-            "a length > 0 in metres",
-        )
+        _require_voxels(self)
         _require(self.scale > 0, "scale", self.scale, "> 0 metres a unit")
 
     @property
@@ -152,6 +153,14 @@ class MeshSettings:
     def least_size(self):
         """Least length of edges [m]."""
         return 0.5 * self.size if self.smallest_size is None else self.smallest_size
+
+
+def _require_voxels(settings):
+    size = settings.voxel_size
+    edges = size if isinstance(size, tuple) else (1.0 if size is None else size,)
+    _require(all(edge > 0 for edge in edges), "voxel_size", size, "a length > 0 in metres")
+    order = 'an order of z, y and x such as "zyx"'
+    _require(sorted(settings.axes) == ["x", "y", "z"], "axes", repr(settings.axes), order)
 
 
 def _require(holds, name, value, expected):

@@ -37,8 +37,7 @@ def find_threshold(image, method):
     elif method == "gaussians":
         level = between_gaussians(image)
     elif method == "middle":
-        (_, m1, _), (_, m2, _) = fitted_gaussians(image)
-        level = (m1 + m2) / 2
+        level = sum(modes(image, otsu(image), parted=True)) / 2
     else:
         level = float(method)
     if not low <= level < high:
@@ -63,7 +62,9 @@ def doubt_about(image, level):
     void, solid = modes(image, level)
     reference = otsu(image)
     part = (level - reference) / max(solid - void, 1e-300)
-    if abs(part) <= DISAGREEMENT:
+    lower, upper = sorted((level, reference))
+    none_between = np.count_nonzero((image > lower) & (image <= upper)) < 1e-4 * image.size
+    if abs(part) <= DISAGREEMENT or none_between:
         return None, void, solid
     return (
         f"the threshold {level:g} lies {abs(part):.0%} of the contrast ({void:g} to {solid:g}) "
@@ -74,12 +75,26 @@ def doubt_about(image, level):
     )
 
 
-def modes(image, level):
-    """The most frequent grey levels below and above ``level``."""
+def modes(image, level, *, parted=False):
+    """The most frequent grey levels below and above ``level``: middles of the peaks' upper halves.
+
+    Raises:
+        InputError: ``parted`` is asked for, and no valley parts the peaks.
+    """
+    low, high = float(image.min()), float(image.max())
+    if np.all((image == low) | (image == high)):  # parted before
+        return low, high
     density, levels = _histogram(image)
     split = int(np.clip(np.searchsorted(levels, level), 1, NUM_BINS - 1))
-    first, second = np.argmax(density[:split]), split + np.argmax(density[split:])
-    return float(levels[first]), float(levels[second])
+    peaks = [int(np.argmax(density[:split])), split + int(np.argmax(density[split:]))]
+    valley = density[peaks[0] : peaks[1] + 1].min()
+    if parted and valley > 0.8 * density[peaks].min():
+        raise _not_bimodal(levels)
+    result = []
+    for peak in peaks:
+        around = _upper_half(density, peak, valley)
+        result.append(float(np.average(levels[around], weights=density[around])))
+    return tuple(result)
 
 
 def between_gaussians(image):
@@ -105,8 +120,7 @@ def fitted_gaussians(image):
     valley = density[modes[0] : modes[1] + 1].min()
     fitted, first_guess = np.zeros(NUM_BINS, dtype=bool), []
     for mode in modes:
-        runs, _ = scipy.ndimage.label(density >= (density[mode] + valley) / 2)
-        around = runs == runs[mode]
+        around = _upper_half(density, mode, valley)
         fitted |= around
         first_guess += [density[mode], unit[mode], max(around.sum() / 2.35, 1) / NUM_BINS]
     # In units of the range and the highest bin, all six parameters are of order one or less.
@@ -134,6 +148,12 @@ def _histogram(image):
     counts, edges = np.histogram(image, bins=NUM_BINS)
     density = scipy.ndimage.gaussian_filter1d(counts / counts.max(), 1.0)
     return density, (edges[1:] + edges[:-1]) / 2
+
+
+def _upper_half(density, peak, valley):
+    """Bins around a peak that are higher than half-way from the valley."""
+    runs, _ = scipy.ndimage.label(density >= (density[peak] + valley) / 2)
+    return runs == runs[peak]
 
 
 def _log_sum(x, a1, m1, s1, a2, m2, s2):

@@ -26,6 +26,7 @@ from .plastic_impact import impact_of_plastic_ball
 from .plastic_sphere import plastic_sphere
 from .rigid import rigid_impact, rigid_mix, rigid_rolling, rigid_top
 from .rolling import rolling
+from .segmentation import segmentation
 from .sliding import sliding_block, sliding_facets
 from .spin import spin
 from .splitting import disc, hiramatsu_oka
@@ -65,6 +66,7 @@ CASES = {
     "plastic-impact": impact_of_plastic_ball,
     "strain-cycle": strain_cycle,
     "crush": crush,
+    "segmentation": segmentation,
 }
 
 

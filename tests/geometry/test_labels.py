@@ -89,6 +89,9 @@ def test_foreign_labels_need_a_voxel_size(tmp_path):
         read_labels(tmp_path / "foreign.npz")
 
 
+GREY_LEVELS = np.random.default_rng(1).normal(120, 20, (12, 12, 12)).astype(np.uint8)
+
+
 def changed(value, where=np.s_[14, 14, 14], dtype=np.int32):
     labels = two_balls().astype(dtype)
     labels[where] = value
@@ -99,7 +102,12 @@ def changed(value, where=np.s_[14, 14, 14], dtype=np.int32):
     ("labels", "message"),
     [
         (two_balls()[0], "2 axes"),
-        (two_balls().astype(float), "type of labels is float64"),
+        (two_balls() + 0.25, r"float64, with 0.25 at \(z, y, x\) = \(0, 0, 0\)"),
+        (
+            two_balls().astype(np.float32) * np.float32(2e7),
+            "largest label is 4e[+]07 as float32, expected up to 167",
+        ),
+        (GREY_LEVELS, r"[0-9]+ labels, and 9[0-9]% of neighbouring voxels .* like grey levels"),
         (changed(-3), "smallest label is -3"),
         (two_balls() * 0, "no grain, all voxels are 0"),
         (np.minimum(two_balls(), 1), "one grain only, label 1"),
@@ -111,6 +119,11 @@ def test_labels_that_cannot_be_meshed_are_refused(labels, message):
     with pytest.raises(InputError, match=message) as caught:
         checked_labels(labels)
     assert "\n" not in str(caught.value)
+
+
+def test_labels_of_fiji_are_floating_point_numbers():
+    labels, _ = checked_labels(two_balls().astype(np.float32))
+    assert labels.dtype == np.int32 and np.array_equal(labels, two_balls())
 
 
 def test_largest_piece_is_kept_on_request():

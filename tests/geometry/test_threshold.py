@@ -45,6 +45,12 @@ def test_the_middle_lies_half_way_whatever_the_widths_and_shares_are():
         assert find_threshold(image, "middle") == pytest.approx(150, abs=1)
 
 
+def test_an_image_that_was_parted_before_keeps_its_phases():
+    image = (np.random.default_rng(1).uniform(size=(20, 20, 20)) < 0.2) * np.uint8(190) + 10
+    assert find_threshold(image, "middle") == 105
+    assert doubt_about(image, 105)[0] is None
+
+
 def test_a_threshold_far_from_otsus_is_reported():
     image = two_phases(12, 12)
     line, void, solid = doubt_about(image, 150.0)

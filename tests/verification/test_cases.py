@@ -80,6 +80,12 @@ def test_overlap():
     run("overlap", element_size=0.5, steps=20)
 
 
+def test_segmentation():
+    """Without meshes or steps: labels of an image."""
+    (answer,) = run_cases(["segmentation"], {"edge": 60, "d50": 200e-6}, MPI.COMM_SELF)
+    assert answer["passed"], answer["results"]
+
+
 def test_packing():
     run("packing", columns=2, layers=2, states=5)
 
