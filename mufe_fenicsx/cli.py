@@ -119,7 +119,7 @@ def segment(
         raise InputError("IMAGE is missing, expected an image or a --scene with [image] file")
     settings = merged_settings(
         SegmentSettings,
-        in_scene,
+        in_scene if in_scene is None else in_scene.separated_by(separation),
         voxel_size=lengths(voxel_size),
         axes=axes,
         shape=shape and whole_numbers("--shape", shape, "z,y,x"),

@@ -1,6 +1,6 @@
 """What a user may choose about segmenting an image and meshing its grains."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..errors import InputError
 from .threshold import check_method
@@ -62,6 +62,13 @@ class SegmentSettings:
         _require(0 <= self.tightening <= 10, "tightening", self.tightening, "0 to 10 voxels")
         _require(0 <= self.contact_level < 1, "contact_level", self.contact_level, "0 to below 1")
         _require(self.min_grain_voxels >= 0, "min_grain_voxels", self.min_grain_voxels, ">= 0")
+
+    def separated_by(self, separation):
+        """These settings with another way to part grains, without what only the old one uses."""
+        if separation in (None, self.separation):
+            return self
+        unused = dict.fromkeys(("marker_depth", "watershed_threshold", "watershed_level"))
+        return replace(self, separation=separation, **unused)
 
     @property
     def depth(self):
