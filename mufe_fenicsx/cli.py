@@ -161,12 +161,36 @@ def mesh(
     ],
     scene: SceneOption = None,
     size: Annotated[str | None, typer.Option(help='Length of edges, such as "30 um".')] = None,
+    smallest_size: Annotated[
+        str | None, typer.Option(help="At least, where the size varies and in small grains.")
+    ] = None,
+    sizing: Annotated[
+        str | None, typer.Option(help="What the size follows: uniform, curvature or contact.")
+    ] = None,
+    angle: Annotated[
+        str | None, typer.Option(help="Between neighbouring facets, for --sizing curvature.")
+    ] = None,
+    contact_reach: Annotated[
+        str | None, typer.Option(help="Gaps up to this are meshed finely, for --sizing contact.")
+    ] = None,
+    growth: Annotated[str | None, typer.Option(help="Of the size over distance.")] = None,
+    surface_nodes: Annotated[
+        int | None, typer.Option(help="Of each grain, whose sizes are scaled to that.")
+    ] = None,
+    min_angle: Annotated[
+        str | None, typer.Option(help="Of triangles; grains with less are tried otherwise.")
+    ] = None,
     smoothing: Annotated[str | None, typer.Option(help="Of surfaces, in voxels.")] = None,
+    conforming: Annotated[
+        bool | None,
+        typer.Option("--conforming/--apart", help="Grains that touch share their facets there."),
+    ] = None,
     keep_volume: Annotated[
         bool | None,
         typer.Option("--keep-volume/--free-volume", help="Keep the volume of each grain's voxels."),
     ] = None,
     processes: Annotated[int | None, typer.Option(help="Worker processes; 0: all cores.")] = None,
+    time_limit: Annotated[str | None, typer.Option(help='For one grain, such as "2 min".')] = None,
     keep_largest_piece: Annotated[
         bool | None,
         typer.Option(
@@ -197,9 +221,18 @@ def mesh(
         MeshSettings,
         load_scene(scene).mesh if scene is not None else None,
         size=number_or_text(size),
+        smallest_size=number_or_text(smallest_size),
+        sizing=sizing,
+        angle=number_or_text(angle),
+        contact_reach=number_or_text(contact_reach),
+        growth=number_or_text(growth),
+        surface_nodes=surface_nodes,
+        min_angle=number_or_text(min_angle),
         smoothing=number_or_text(smoothing),
+        conforming=conforming,
         keep_volume=keep_volume,
         processes=processes,
+        time_limit=number_or_text(time_limit),
         keep_largest_piece=keep_largest_piece,
         voxel_size=lengths(voxel_size),
         axes=axes,
@@ -213,6 +246,7 @@ def mesh(
     with progress_bar("meshing") as progress:
         result = mesh_labels(labels, settings, output, overwrite=overwrite, progress=progress)
     printer.summary(result)
+    printer.say(*(f"repaired {notice}" for notice in result["repaired"]))
     printer.say(*_failed_grains(result))
     printer.write_json(result)
 

@@ -52,7 +52,10 @@ _ELASTIC_UNITS = {"E": "Pa", "rho": "kg/m^3"}
 UNITS = {
     SegmentSettings: _IMAGE_UNITS,
     ImageSettings: _IMAGE_UNITS,
-    MeshSettings: {"size": "m", "voxel_size": "m", "scale": "m"},
+    MeshSettings: {
+        **dict.fromkeys(("size", "smallest_size", "contact_reach", "voxel_size", "scale"), "m"),
+        "time_limit": "s",
+    },
     Elastic: _ELASTIC_UNITS,
     Rigid: _ELASTIC_UNITS,
     J2: {**_ELASTIC_UNITS, "yield_stress": ("", "Pa")},

@@ -74,7 +74,7 @@ def test_momentum_angular_momentum_and_dissipation_of_a_collision():
 @pytest.mark.mpi
 def test_smooth_contact_dissipates_nothing():
     """Balls meet and part: the scheme keeps its energy, the better the shorter the step."""
-    errors = []
+    worsts = []
     for factor in (FACTOR, FACTOR / 4):
         s = collision(friction=0.0, speed=10.0, factor=factor)
         contacts, worst = 0, 0.0
@@ -85,13 +85,11 @@ def test_smooth_contact_dissipates_nothing():
                 contacts = max(contacts, s.num_contacts)
         assert contacts > 0 and s.num_contacts == 0
         assert COMM.allreduce(s.contact.dissipated) == 0.0
-        # While one facet carries a whole ball its elements strain by per cents: the rate form
-        # of elasticity then stores 5e-4 less than it was given, whatever the step.
-        assert worst < 1e-3
-        errors.append(abs(s.energies()["residual"]) / s.initial_kinetic)
-    # Measured 7e-5 and 1e-5: points that meet and part within a step, of the order of it.
-    assert errors[0] < 2e-4
-    assert errors[1] < 0.5 * errors[0]
+        worsts.append(worst)
+    # Points that meet and part within a step leave a residual that goes away with the step:
+    # measured 6.1e-5, 1.5e-5 and, with a sixteenth of the step, 7e-7.
+    assert worsts[0] < 1.2e-4
+    assert worsts[1] < 0.5 * worsts[0]
 
 
 @pytest.mark.mpi

@@ -15,7 +15,7 @@ DEMOS = Path(__file__).resolve().parents[1] / "demos"
     "name",
     [
         *("calibrate_compliance", "check_intrusion", "contact_verification", "fidelity"),
-        *("locking", "normal_laws", "segmentation", "uneven_compliance"),
+        *("locking", "meshing", "normal_laws", "segmentation", "uneven_compliance"),
     ],
 )
 def test_a_demo_says_what_it_does(name):
@@ -24,6 +24,15 @@ def test_a_demo_says_what_it_does(name):
     )
     assert done.returncode == 0
     assert "usage" in done.stdout
+
+
+def test_the_page_on_meshing(tmp_path):
+    """The demo checks volumes, distances and shared facets itself, and says so by its status."""
+    command = [sys.executable, DEMOS / "meshing.py", tmp_path / "page", "--quick"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "page" / "meshing.html").read_text(encoding="utf-8")
+    assert page.count("<img") == 3 and "conforming" in page
 
 
 def test_the_page_on_segmentation(tmp_path):

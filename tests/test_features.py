@@ -83,8 +83,9 @@ def tip(at, direction):
     direction = np.asarray(direction) / np.linalg.norm(direction)
     axis = np.cross([0.0, 0.0, -1.0], direction)
     x = feature_up("V")
-    if np.linalg.norm(axis) > 1e-12:
-        x = x @ rotation(axis, np.arccos(-direction[2])).T
+    if np.linalg.norm(axis) < 1e-12:
+        axis = np.array([1.0, 0.0, 0.0])  # straight up or down: any level one
+    x = x @ rotation(axis, np.arccos(-direction[2])).T
     return x + at, np.array([[0, 1, 2, 3]])
 
 

@@ -17,7 +17,7 @@ TABLE = {
     "errors": set(),
     "kernels": set(),
     "theory": set(),
-    "geometry": set(),
+    "geometry": {"kernels"},
     "state": set(),
     "units": set(),
     "mesh": set(),

@@ -11,12 +11,16 @@ from scipy.sparse.csgraph import connected_components
 from ..errors import InputError
 from .image_files import natural_order
 from .measure import compact, surface_defect, surface_volume
-from .remesh import collapse_short_edges, flip_long_edges, oriented, remesh
+from .remesh import closed, collapse_short_edges, flip_long_edges, oriented, remesh
+from .self_crossing import crossing_triangles
+
+#: Edges around a hole that is closed.
+LARGEST_HOLE = 12
 
 FORMATS = (".stl", ".ply", ".obj", ".off", ".vtk", ".vtu", ".msh")
 
 
-def read_bodies(path, scale=1.0):
+def read_bodies(path, scale=1.0, notices=None):
     """Read surfaces of grains.
 
     Args:
@@ -25,13 +29,15 @@ def read_bodies(path, scale=1.0):
             labels 1 … n in the natural order of their names. Or one such file with many
             bodies, which are labelled in the order of their first triangles.
         scale: Metres a unit of length of the files.
+        notices: A list to which one line is added for each surface that was repaired.
 
     Returns:
         A list of (label, points [m], triangles seen from outside).
 
     Raises:
-        InputError: nothing to read, or a surface that bounds no body.
+        InputError: nothing to read, or a surface that bounds no body or crosses itself.
     """
+    notices = [] if notices is None else notices
     path = Path(path)
     if not scale > 0:
         raise InputError(f"scale = {scale}, expected > 0 metres a unit of length")
@@ -57,7 +63,12 @@ def read_bodies(path, scale=1.0):
     if len(surfaces) == 0:
         raise InputError(f"{path} holds no grain, expected at least one")
     return [
-        (label, *sound_surface(points * scale, triangles, f"{path.name}: grain {label} ({name})"))
+        (
+            label,
+            *sound_surface(
+                points * scale, triangles, f"{path.name}: grain {label} ({name})", notices
+            ),
+        )
         for label, name, points, triangles in surfaces
     ]
 
@@ -78,11 +89,14 @@ def has_bodies(path):
         return False
 
 
-def sound_surface(points, triangles, name):
-    """Points without doubles and triangles seen from outside.
+def sound_surface(points, triangles, name, notices):
+    """Points without doubles and triangles seen from outside, repaired where that is safe.
+
+    Triangles are turned, and holes of up to `LARGEST_HOLE` edges closed; a line in ``notices``
+    says so.
 
     Raises:
-        InputError: the surface is open or not manifold.
+        InputError: the surface is open, not manifold, or crosses itself.
     """
     points = np.asarray(points, dtype=float)
     if not np.isfinite(points).all() or len(triangles) < 4:
@@ -95,24 +109,54 @@ def sound_surface(points, triangles, name):
     points, triangles = compact(points, triangles[(a != b) & (b != c) & (c != a)])
     defect = surface_defect(points, triangles)
     if defect:
-        triangles = oriented(points, triangles)
-        defect = surface_defect(points, triangles)
+        filled = closed(triangles, LARGEST_HOLE)
+        repaired = oriented(points, filled)
+        new, defect = len(filled) - len(triangles), surface_defect(points, repaired)
+        if not defect:
+            turned = np.count_nonzero((repaired[: len(triangles)] != triangles).any(axis=1))
+            done = [f"{turned} triangles turned"] if turned else []
+            done += [f"holes closed by {new} triangles"] if new else []
+            notices.append(f"{name}: {', '.join(done)}")
+        triangles = repaired
     if defect:
-        raise InputError(f"{name}: surface has {defect}, expected a closed surface")
+        holes = _num_open_edges(triangles)
+        raise InputError(
+            f"{name}: surface has {defect}{f' ({holes})' if holes else ''}, expected a closed "
+            f"surface, or holes of at most {LARGEST_HOLE} edges"
+        )
+    crossing = crossing_triangles(points, triangles)
+    if len(crossing):
+        at = points[triangles[crossing[0, 0]]].mean(axis=0)
+        raise InputError(
+            f"{name}: surface crosses itself at {len(crossing)} pairs of triangles, first near "
+            f"({at[0]:.6g}, {at[1]:.6g}, {at[2]:.6g}) m, expected one that does not"
+        )
     return points, triangles
 
 
-def body_surface(points, triangles, h):
-    """A sound surface with triangles of edges h, its vertices on the one given.
+def _num_open_edges(triangles):
+    """Edges with one triangle only."""
+    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2), axis=2)
+    _, count = np.unique(edges.reshape(-1, 2), axis=0, return_counts=True)
+    return int((count == 1).sum())
+
+
+def body_surface(points, triangles, sizes):
+    """A sound surface with triangles of the wanted size, its vertices on the one given.
+
+    Args:
+        points, triangles: The surface.
+        sizes: `Sizes`.
 
     Raises:
-        SurfaceError: the body is too small for h, or no closed surface came out.
+        SurfaceError: the body is too small for its size, or no closed surface came out.
     """
-    scaled = points / h
+    h = sizes.size
+    scaled, sizes = points / h, sizes.scaled(1 / h)
     original = pyvista.PolyData.from_regular_faces(scaled, triangles)
-    x, faces = remesh(scaled, triangles, 1.0)
+    x, faces = remesh(scaled, triangles, sizes)
     for _ in range(2):
-        x, faces = collapse_short_edges(x, faces, 0.55)
+        x, faces = collapse_short_edges(x, faces, 0.55, sizes)
         faces = flip_long_edges(x, faces)
         _, x = original.find_closest_cell(x, return_closest_point=True)
     # Facets cut off what is round: give the volume back, about the body's middle.

@@ -8,11 +8,14 @@ from .gmsh_model import gmsh_model
 from .shapes import _even, _positive, _refine_at, _tets
 
 
-def half_cylinder(radius, length, h_contact, growth=0.1, contact_radius=None, h_max=None):
+def half_cylinder(
+    radius, length, h_contact, growth=0.1, contact_radius=None, h_max=None, line=False
+):
     """Upper half of a cylinder around the x axis that is fine at its pole (0, 0, radius).
 
-    The size is ``h_contact`` within 1.5 contact radii of the pole and grows from there by
-    ``growth`` per unit distance. The pole itself is a node, the base lies in z = 0.
+    The size is ``h_contact`` within 1.5 contact radii of the pole, or of the whole line through
+    it, and grows from there by ``growth`` per unit distance. The pole itself is a node, the base
+    lies in z = 0.
     The curved facets enclose the volume of the body, so their nodes lie a little outside.
 
     Args:
@@ -22,6 +25,7 @@ def half_cylinder(radius, length, h_contact, growth=0.1, contact_radius=None, h_
         growth: Increase of the size with the distance [-].
         contact_radius: Largest radius of the contact [m]; ``4 h_contact`` if None.
         h_max: Largest size [m]; a third of the radius if None.
+        line: Fine along the line y = 0 of the surface, for a contact with a plane.
 
     Returns:
         points (N, 3) [m] and positively oriented cells (M, 4).
@@ -58,7 +62,7 @@ def half_cylinder(radius, length, h_contact, growth=0.1, contact_radius=None, h_
             tag for _, tag in gmsh.model.getEntities(2) if gmsh.model.getType(2, tag) == "Cylinder"
         ]
         gmsh.model.mesh.embed(0, [pole], 2, curved)
-        _refine_at(gmsh, [1], h, growth, fine)
+        _refine_at(gmsh, [1], h, growth, fine, line)
         points, cells = _tets(gmsh)
     if not points.size:
         raise InputError(f"element size at the contact = {h_contact}, expected a mesh")

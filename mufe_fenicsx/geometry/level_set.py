@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.ndimage
 
+from ..kernels.spline import spline_value_and_gradient
+
 #: Range of beta; its upper end leaves a margin to the 1/2 at which voids close.
 BETA = (-0.4, 0.4)
 
@@ -57,27 +59,20 @@ class LevelSet:
 
     def value_and_gradient(self, x):
         """psi and its gradient [1/voxel] at positions x, shape (n, 3); not cut off."""
-        at = (x - self.offset).T
-        values = self._interpolate(at)
-        step = 0.25
-        gradient = np.empty((len(x), 3))
-        for axis in range(3):
-            d = np.zeros((3, 1))
-            d[axis] = step
-            gradient[:, axis] = (self._interpolate(at + d) - self._interpolate(at - d)) / (2 * step)
-        return values, gradient
+        value, gradient = np.empty(len(x)), np.empty((len(x), 3))
+        spline_value_and_gradient(value, gradient, self._spline(), x - self.offset)
+        return value - 0.5, gradient
 
-    def _interpolate(self, at):
+    def _spline(self):
+        """Coefficients of psi + 1/2: linear in the fields, and so in beta."""
         if self._splines is None:
             self._splines = [
                 scipy.ndimage.spline_filter(f, order=3, mode="nearest", output=np.float64)
                 for f in (self.grain, self.void)
             ]
         if self._psi_beta != self.beta:
-            # Splines are linear in the field, and so is psi in beta.
             self._psi, self._psi_beta = self._splines[0] + self.beta * self._splines[1], self.beta
-        psi = scipy.ndimage.map_coordinates(self._psi, at, order=3, mode="nearest", prefilter=False)
-        return psi - 0.5
+        return self._psi
 
 
 def margin(sigma):
@@ -85,7 +80,7 @@ def margin(sigma):
     return int(np.ceil(3 * sigma)) + 3
 
 
-def crop_around(labels, where, sigma):
+def crop_around(labels, where, sigma, more=0):
     """The labels around a grain and the index of their first voxel.
 
     Beyond the border of the image is void: the flat face of a cut grain then comes
@@ -95,8 +90,9 @@ def crop_around(labels, where, sigma):
         labels: The whole image.
         where: Slices of the box around the grain.
         sigma: Standard deviation of the Gaussian [voxels].
+        more: Voxels around that.
     """
-    pad = margin(sigma)
+    pad = margin(sigma) + more
     low = np.array([s.start - pad for s in where])
     high = np.array([s.stop + pad for s in where])
     first, last = np.maximum(low, 0), np.minimum(high, labels.shape)

@@ -34,6 +34,33 @@ def smallest_altitudes(points, cells):
     return 3 * tet_volumes(points, cells) / largest_face
 
 
+def mean_edges(points, cells):
+    """Mean length of the six edges of each tetrahedron [m]."""
+    x = points[cells]
+    i, j = np.triu_indices(4, 1)
+    return np.linalg.norm(x[:, i] - x[:, j], axis=2).mean(axis=1)
+
+
+def smallest_angle(points, triangles):
+    """Smallest angle of a triangle surface [degrees]."""
+    x = points[triangles]
+    a, b = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
+    sine = np.linalg.norm(np.cross(a, b), axis=2)
+    return float(np.degrees(np.arctan2(sine, (a * b).sum(axis=2)).min()))
+
+
+def worst_share_costs(altitudes, share=1e-3):
+    """How many times longer the element-bound time step would be without the worst elements.
+
+    The bound is altitude / wave speed of the smallest altitude, so the speed drops out.
+
+    Args:
+        altitudes: Smallest altitude of each tetrahedron [m].
+        share: Of the elements that are left out.
+    """
+    return float(np.quantile(altitudes, share, method="lower") / altitudes.min())
+
+
 def smallest_dihedral_angles(points, cells):
     """Smallest angle between two faces of each tetrahedron [degrees]."""
     normals = face_normals(points, cells)
@@ -61,6 +88,16 @@ def surface_volume(points, triangles):
     """Volume inside a closed surface [m³]; negative where it is inside out."""
     x = points[triangles] - points[triangles[:1]].mean(axis=1)
     return np.einsum("ij,ij->", x[:, 0], np.cross(x[:, 1], x[:, 2])) / 6
+
+
+def vertex_normals(points, triangles):
+    """Unit normals of vertices, the mean of the facets around each by area, shape (n, 3)."""
+    x = points[triangles]
+    normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    sums = np.zeros((len(points), 3))
+    for corner in range(3):
+        np.add.at(sums, triangles[:, corner], normal)
+    return sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300)
 
 
 def surface_area(points, triangles):

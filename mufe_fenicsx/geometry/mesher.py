@@ -1,21 +1,41 @@
 """Mesh every grain: surface, tetrahedra and a row of the quality table; in worker processes."""
 
+import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from . import level_set, measure
 from .bodies import body_surface
+from .complexes import grain_complex
+from .distance import surface_distance, voxel_distance
 from .labels import grains_in
-from .remesh import SurfaceError
-from .surface import grain_surface
+from .remesh import SurfaceError, SurfaceTooSmall, oriented
+from .sizing import (
+    CONTACT,
+    UNIFORM,
+    Sizes,
+    Sizing,
+    gaps_between,
+    sizes_by_curvature,
+    sizes_by_gap,
+    voxel_gaps,
+)
+from .surface import fitted, grain_surface
 from .tetra import DELAUNAY, HXT, fill
-from .workers import run_jobs
+from .workers import WorkerError, run_jobs
 
 #: Where the smallest altitude over h or the kept part of the volume is less, other settings
 #: are tried and the mesh is taken that comes closest to both.
-GOOD_ALTITUDE, GOOD_VOLUME = 0.2, 0.9
+GOOD_ALTITUDE, GOOD_VOLUME = 0.25, 0.97
+#: Where the filter may take what it does to curved surfaces.
+FREE_VOLUME = 0.9
+#: The same where the surface is given and other settings change little.
+FAIR_ALTITUDE = 0.1
+#: What a node may leave the surface by to make flat tetrahedra thicker: parts of h, and of the
+#: diameter of the grain, whose volume it changes.
+TOLERANCE, TOLERANCE_OF_GRAIN = 0.02, 0.004
 
 QUALITY = (
     "label",
@@ -28,8 +48,12 @@ QUALITY = (
     "volume_ratio",
     "min_dihedral_deg",
     "mean_dihedral_deg",
+    "min_surface_angle_deg",
     "min_altitude_over_h",
     "mean_altitude_over_h",
+    "share_below_quarter_h",
+    "distance_median_m",
+    "distance_95_m",
     "attempts",
     "seconds",
     "reason",
@@ -41,16 +65,18 @@ class Attempt:
     """Settings of one try to mesh a grain."""
 
     size: float = 1.0  #: times the wanted length of edges
-    algorithm: int = DELAUNAY
+    algorithm: int = HXT
     smoothing: float = 1.0  #: times the standard deviation of the filter
     closing: float = 0.0  #: clefts in the grain narrower than this are filled [times h]
 
 
 ATTEMPTS = (
     Attempt(),
-    Attempt(size=0.93, algorithm=HXT),
-    Attempt(size=0.85),
-    Attempt(size=0.85, closing=1.0, algorithm=HXT),
+    Attempt(size=0.93),
+    # A slice of a few voxels vanishes in the filter; may overlap neighbours a little.
+    Attempt(size=0.85, smoothing=0.5),
+    Attempt(size=0.85, algorithm=DELAUNAY),
+    Attempt(size=0.85, closing=1.0),
     Attempt(closing=2.0),
     # The last resort may overlap neighbours, which are smoothed less.
     Attempt(size=0.75, closing=1.0, smoothing=1.6),
@@ -68,23 +94,42 @@ class VoxelGrain:
     voxel_size: float  #: [m]
     smoothing: float  #: [voxels]
     keep_volume: bool
+    more: int = 0  #: voxels of the crop beyond those that smoothing needs
 
     @property
     def volume(self):
         """Volume of the voxels within the image [m³]."""
         return np.count_nonzero(self.crop == 1) * self.voxel_size**3
 
-    def surface(self, h, attempt):
-        """Points [m] and triangles."""
-        h /= self.voxel_size
-        crop = self.crop
+    def surface(self, sizing, attempt):
+        """Points [m], triangles and `Sizes` [m]."""
+        sizing = sizing.scaled(1 / self.voxel_size)
+        crop, inner = self.crop, slice(self.more, -self.more or None)
+        others = crop == 2
+        crop, offset = crop[inner, inner, inner], np.asarray(self.offset) + self.more
         if attempt.closing:
-            crop = level_set.without_clefts(crop, attempt.closing * h)
+            crop = level_set.without_clefts(crop, attempt.closing * sizing.largest)
         sigma = self.smoothing * attempt.smoothing
-        body = level_set.smoothed(crop, 1, self.offset, self.shape, sigma)
+        body = level_set.smoothed(crop, 1, offset, self.shape, sigma)
         volume = np.count_nonzero(crop == 1) if self.keep_volume else None
-        points, triangles = grain_surface(body, h, volume)
-        return points * self.voxel_size, triangles
+
+        def sizes(body, points, _):
+            if sizing.mode == UNIFORM:
+                return Sizes(sizing.largest)
+            if sizing.mode == CONTACT:
+                gaps = voxel_gaps(others, points - self.offset)
+                return sizes_by_gap(points, gaps, sizing)
+            _, gradient = body.value_and_gradient(points)
+            length = np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-12)
+            return sizes_by_curvature(points, -gradient / length, sizing)
+
+        points, triangles, found = grain_surface(body, sizes, volume, sizing.nodes)
+        return points * self.voxel_size, triangles, found.scaled(self.voxel_size)
+
+    def distance(self, points):
+        """Distances of points on the surface from the faces of the voxels [m]."""
+        at = points[:, ::-1] / self.voxel_size - self.offset
+        return voxel_distance(self.crop == 1, at) * self.voxel_size
 
 
 @dataclass(frozen=True)
@@ -94,14 +139,60 @@ class SurfaceGrain:
     label: int
     points: np.ndarray  #: [m]
     triangles: np.ndarray
+    gaps: np.ndarray | None = None  #: distances of the points from other grains [m]
 
     @property
     def volume(self):
         return measure.surface_volume(self.points, self.triangles)
 
-    def surface(self, h, attempt):
-        """Points [m] and triangles."""
-        return body_surface(self.points, self.triangles, h)
+    def surface(self, sizing, attempt):
+        """Points [m], triangles and `Sizes` [m]."""
+        points, triangles = self.points, self.triangles
+        if sizing.mode == UNIFORM:
+            sizes = Sizes(sizing.largest)
+        elif sizing.mode == CONTACT:
+            sizes = sizes_by_gap(points, self.gaps, sizing)
+        else:
+            normals = measure.vertex_normals(points, triangles)
+            sizes = sizes_by_curvature(points, normals, sizing)
+        sizes = fitted(sizes, points, triangles, sizing.nodes)
+        return *body_surface(points, triangles, sizes), sizes
+
+    def distance(self, points):
+        """Distances of points from the given surface [m]."""
+        return surface_distance(self.points, self.triangles, points)
+
+
+@dataclass(frozen=True)
+class SharedGrain:
+    """A grain of voxels whose surface is made already, together with its neighbours'."""
+
+    voxels: VoxelGrain
+    points: np.ndarray  #: [m]
+    triangles: np.ndarray
+    shared: np.ndarray  #: nodes that belong to a neighbour too
+
+    @property
+    def label(self):
+        return self.voxels.label
+
+    @property
+    def volume(self):
+        return self.voxels.volume
+
+    def surface(self, sizing, attempt):
+        """Points [m], triangles and `Sizes` [m]."""
+        if len(self.triangles) == 0:
+            raise SurfaceError("no cell of the size of elements lies in the grain")
+        triangles = oriented(self.points, self.triangles)
+        defect = measure.surface_defect(self.points, triangles)
+        if defect:
+            raise SurfaceError(f"surface has {defect}")
+        return self.points, triangles, Sizes(sizing.largest)
+
+    def distance(self, points):
+        """Distances of points on the surface from the faces of the voxels [m]."""
+        return self.voxels.distance(points)
 
 
 @dataclass
@@ -123,17 +214,26 @@ class GrainMesh:
 
 @dataclass(frozen=True)
 class Job:
-    """One grain and the wanted length of edges [m]."""
+    """One grain and the wanted lengths of its edges [m]."""
 
     grain: VoxelGrain | SurfaceGrain
-    h: float
+    sizing: Sizing
+    min_angle: float = 0.0  #: of the triangles of a good mesh [degrees]
+    good_altitude: float = GOOD_ALTITUDE  #: below it other settings are tried [h]
     attempts: tuple = field(default=ATTEMPTS)
+
+    def otherwise(self):
+        """The job for a new try after a worker hung or died: the first settings are left out."""
+        return replace(self, attempts=self.attempts[len(self.attempts) // 2 :])
 
 
 def voxel_jobs(labels, voxel_size, settings):
     """A job for each grain of a label image."""
+    sizing, more = settings.lengths, 0
+    if sizing.mode == CONTACT:
+        more = math.ceil((sizing.largest / sizing.growth + sizing.reach) / voxel_size)
     for label, where in grains_in(labels):
-        crop, offset = level_set.crop_around(labels, where, 1.6 * settings.smoothing)
+        crop, offset = level_set.crop_around(labels, where, 1.6 * settings.smoothing, more)
         codes = np.where(crop == label, 1, np.where(crop == 0, 0, 2)).astype(np.uint8)
         grain = VoxelGrain(
             label,
@@ -143,17 +243,35 @@ def voxel_jobs(labels, voxel_size, settings):
             voxel_size,
             settings.smoothing,
             settings.keep_volume,
+            more,
         )
-        yield Job(grain, settings.size)
+        yield Job(grain, sizing, settings.min_angle)
+
+
+def shared_jobs(labels, voxel_size, settings):
+    """A job for each grain of a label image, where grains that touch share their facets."""
+    surface = grain_complex(
+        labels, settings.size / voxel_size, settings.smoothing, settings.keep_volume
+    )
+    points = np.ascontiguousarray(surface.x[:, ::-1]) * voxel_size
+    attempts = (Attempt(), Attempt(algorithm=DELAUNAY))
+    for job in voxel_jobs(labels, voxel_size, settings):
+        nodes, triangles, shared = surface.grain(job.grain.label)
+        grain = SharedGrain(job.grain, points[nodes], triangles, np.flatnonzero(shared))
+        yield replace(job, grain=grain, attempts=attempts, good_altitude=FAIR_ALTITUDE)
 
 
 def surface_jobs(bodies, settings):
     """A job for each body (label, points [m], triangles)."""
-    for label, points, triangles in bodies:
-        yield Job(SurfaceGrain(label, points, triangles), settings.size)
+    gaps = [None] * len(bodies)
+    if settings.sizing == CONTACT:
+        gaps = gaps_between([points for _, points, _ in bodies])
+    for (label, points, triangles), gap in zip(bodies, gaps, strict=True):
+        grain = SurfaceGrain(label, points, triangles, gap)
+        yield Job(grain, settings.lengths, settings.min_angle)
 
 
-def mesh_grains(jobs, processes=0, progress=None):
+def mesh_grains(jobs, processes=0, progress=None, limit=None):
     """Mesh grains in worker processes.
 
     Scripts that call this need ``if __name__ == "__main__":``, because each
@@ -163,6 +281,8 @@ def mesh_grains(jobs, processes=0, progress=None):
         jobs: From `voxel_jobs` or `surface_jobs`.
         processes: Number of workers; 0: one a core.
         progress: Called with the number of finished grains.
+        limit: Time for one grain [s], after which it is tried once more with other settings;
+            None: none.
 
     Returns:
         One `GrainMesh` a job, in the jobs' order; those that failed say why.
@@ -174,9 +294,13 @@ def mesh_grains(jobs, processes=0, progress=None):
             labels.append(job.grain.label)
             yield job
 
-    results = run_jobs(mesh_one, remembered(), processes, progress)
+    results = run_jobs(
+        mesh_one, remembered(), processes, progress, limit=limit, again=Job.otherwise
+    )
     return [
-        GrainMesh(_row(label, "failed", reason="the worker process died")) if mesh is None else mesh
+        GrainMesh(_row(label, "failed", reason=f"{mesh}, with other settings too"))
+        if isinstance(mesh, WorkerError)
+        else mesh
         for label, mesh in zip(labels, results, strict=True)
     ]
 
@@ -184,30 +308,54 @@ def mesh_grains(jobs, processes=0, progress=None):
 def mesh_one(job):
     """Mesh one grain: try settings until a good mesh comes out, else take the best."""
     start, best, best_score, reasons = time.perf_counter(), None, 0.0, []
-    grain, h, num_attempts = job.grain, job.h, 0
+    grain, num_attempts = job.grain, 0
+    # Where the size varies, elements are judged by their own mean edge.
+    uniform, h = job.sizing.mode == UNIFORM, job.sizing.largest
+    wanted = job.sizing.nodes is None
+    diameter = np.cbrt(6 / np.pi * grain.volume)
+    tolerance = min(
+        TOLERANCE * (h if uniform else job.sizing.smallest), TOLERANCE_OF_GRAIN * diameter
+    )
+    good_volume = GOOD_VOLUME if getattr(grain, "keep_volume", True) else FREE_VOLUME
     for attempt in job.attempts:
         num_attempts += 1
         try:
-            surface, triangles = grain.surface(h * attempt.size, attempt)
+            surface, triangles, sizes = _sized_surface(job, attempt)
+            size = sizes.size
             # gmsh's tolerances suit bodies of size one.
-            nodes, cells = fill(surface / h, triangles, algorithm=attempt.algorithm)
+            nodes, cells = fill(
+                surface / size,
+                triangles,
+                algorithm=attempt.algorithm,
+                size=1.0 if uniform else None,
+                tolerance=tolerance / size,
+                fixed=grain.shared if isinstance(grain, SharedGrain) else None,
+            )
+            nodes *= size
+            if isinstance(grain, SharedGrain):
+                nodes[grain.shared] = surface[grain.shared]  # to the last digit
+        except SurfaceTooSmall as error:
+            reasons.append(str(error))
+            break
         except Exception as error:  # whatever gmsh, VTK or pyacvd raise: try the next settings
             reasons.append(" ".join(str(error).split()) or type(error).__name__)
-            if isinstance(error, SurfaceError) and "too small" in reasons[-1]:
-                break
             continue
-        row = _measured(grain, nodes * h, cells, len(surface), h)
+        row = _measured(grain, nodes, cells, (h if wanted else size) if uniform else None)
         if not 0.5 < row["volume_ratio"] < 2:
             reasons.append(f"the mesh has {row['volume_ratio']:.3g} of the volume of the grain")
             continue
-        score = min(row["min_altitude_over_h"] / GOOD_ALTITUDE, 1) * min(
-            row["volume_ratio"] / GOOD_VOLUME, 1
+        score = min(row["min_altitude_over_h"] / job.good_altitude, 1) * min(
+            row["volume_ratio"] / good_volume, 1
         )
+        if job.min_angle > 0:
+            score *= min(row["min_surface_angle_deg"] / job.min_angle, 1)
         if score > best_score:
-            best, best_score = GrainMesh(row, nodes * h, cells), score
+            best, best_score = GrainMesh(row, nodes, cells), score
         if score == 1:
             break
-    if best is None:
+    if best is not None:
+        best.quality.update(_distances(grain, best))
+    else:
         # The first reason concerns the settings that the user chose.
         reason = f"{reasons[0]} (the grain has {grain.volume / h**3:.3g} h^3)"
         best = GrainMesh(_row(grain.label, "failed", reason=reason))
@@ -217,8 +365,32 @@ def mesh_one(job):
     return best
 
 
-def _measured(grain, points, cells, num_surface_nodes, h):
-    altitudes = measure.smallest_altitudes(points, cells) / h
+def _sized_surface(job, attempt):
+    """The surface of a grain and its sizes, which are less than wanted in a small grain."""
+    sizing = job.sizing.times(attempt.size)
+    try:
+        return job.grain.surface(sizing, attempt)
+    except SurfaceTooSmall as error:
+        largest = sizing.largest * error.factor
+        if largest < job.sizing.smallest:
+            raise
+        sizing = replace(sizing, largest=largest, smallest=min(sizing.smallest, largest))
+        return job.grain.surface(sizing, attempt)
+
+
+def _distances(grain, mesh):
+    """Distances of nodes and centres of facets of a mesh from the surface that was given."""
+    triangles = measure.boundary_triangles(mesh.cells)
+    at = np.concatenate([mesh.points[np.unique(triangles)], mesh.points[triangles].mean(axis=1)])
+    median, most = np.quantile(grain.distance(at), [0.5, 0.95])
+    return {"distance_median_m": float(median), "distance_95_m": float(most)}
+
+
+def _measured(grain, points, cells, h):
+    """A row of the table; altitudes over h, or over the mean edge of each element."""
+    length = measure.mean_edges(points, cells) if h is None else h
+    altitudes = measure.smallest_altitudes(points, cells) / length
+    surface = measure.boundary_triangles(cells)
     angles = measure.smallest_dihedral_angles(points, cells)
     volume = measure.tet_volumes(points, cells).sum()
     return _row(
@@ -226,14 +398,16 @@ def _measured(grain, points, cells, num_surface_nodes, h):
         "ok",
         tets=len(cells),
         nodes=len(points),
-        surface_nodes=num_surface_nodes,
+        surface_nodes=len(np.unique(surface)),
         volume_m3=float(volume),
         voxel_volume_m3=float(grain.volume),
         volume_ratio=float(volume / grain.volume),
         min_dihedral_deg=float(angles.min()),
         mean_dihedral_deg=float(angles.mean()),
+        min_surface_angle_deg=measure.smallest_angle(points, surface),
         min_altitude_over_h=float(altitudes.min()),
         mean_altitude_over_h=float(altitudes.mean()),
+        share_below_quarter_h=float((altitudes < 0.25).mean()),
     )
 
 

@@ -14,7 +14,8 @@ from .doubts import mark_doubts
 from .grains import Grains, save_grains
 from .image_files import TIFF, read_with_size
 from .label_files import grain_table, read_labels, write_labels, write_table
-from .mesher import QUALITY, mesh_grains, surface_jobs, voxel_jobs
+from .measure import smallest_altitudes, worst_share_costs
+from .mesher import QUALITY, mesh_grains, shared_jobs, surface_jobs, voxel_jobs
 from .output import new_files, new_folder
 from .picture import draw_quality, draw_segmentation
 from .segmentation import segment
@@ -122,9 +123,13 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
     """
     start = time.perf_counter()
     with new_folder(output_folder, overwrite=overwrite, marker="grains.h5") as folder:
-        table, trimmed = None, []
+        table, trimmed, repaired, voxel_size = None, [], [], None
         if has_bodies(labels_path):
-            bodies = read_bodies(labels_path, settings.scale)
+            if settings.conforming:
+                raise InputError(
+                    f"conforming = true for the surfaces {labels_path}, expected labels"
+                )
+            bodies = read_bodies(labels_path, settings.scale, repaired)
             jobs, total = surface_jobs(bodies, settings), len(bodies)
             points = np.concatenate([points for _, points, _ in bodies])
             box = np.array([points.min(axis=0), points.max(axis=0)])
@@ -141,11 +146,15 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
                 labels, keep_largest_piece=settings.keep_largest_piece, source=str(labels_path)
             )
             table = grain_table(labels, voxel_size)
-            jobs, total = voxel_jobs(labels, voxel_size, settings), len(table)
+            make = shared_jobs if settings.conforming else voxel_jobs
+            jobs, total = make(labels, voxel_size, settings), len(table)
             box = np.array([[0, 0, 0], np.array(labels.shape[::-1]) * voxel_size])
 
         meshes = mesh_grains(
-            jobs, settings.processes, progress and (lambda finished: progress(finished, total))
+            jobs,
+            settings.processes,
+            progress and (lambda finished: progress(finished, total)),
+            settings.time_limit,
         )
         done = [mesh for mesh in meshes if mesh.ok]
         failed = [mesh for mesh in meshes if not mesh.ok]
@@ -176,6 +185,7 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         "failed": [mesh.label for mesh in failed],
         "reasons": [mesh.quality["reason"] for mesh in failed],
         "trimmed": trimmed,
+        "repaired": repaired,
         "retried": int((column("attempts") > 1).sum()),
         "num_cells": len(grains.cells),
         "num_nodes": len(grains.points),
@@ -185,5 +195,23 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         "min_altitude_over_h": float(column("min_altitude_over_h").min()),
         "mean_min_altitude_over_h": float(column("min_altitude_over_h").mean()),
         "min_dihedral_deg": float(column("min_dihedral_deg").min()),
+        "share_below_quarter_h": float(
+            (column("share_below_quarter_h") * column("tets")).sum() / len(grains.cells)
+        ),
+        "time_step_without_worst": worst_share_costs(
+            smallest_altitudes(grains.points, grains.cells)
+        ),
+        **_distances(column, voxel_size or settings.size, "voxels" if voxel_size else "sizes"),
         "seconds": round(time.perf_counter() - start, 3),
+    }
+
+
+def _distances(column, length, unit):
+    """Distances of surfaces from those given: the grains' medians and 95 %, by their nodes."""
+    nodes, most = column("surface_nodes"), column("distance_95_m") / length
+    median = column("distance_median_m") / length
+    return {
+        f"distance_median_{unit}": float((median * nodes).sum() / nodes.sum()),
+        f"distance_95_{unit}": float((most * nodes).sum() / nodes.sum()),
+        f"largest_distance_95_{unit}": float(most.max()),
     }

@@ -10,35 +10,58 @@ import pyacvd
 import pyvista
 import scipy.sparse
 
-from .measure import compact, surface_area, surface_defect, surface_volume
+from .measure import compact, surface_defect, surface_volume
+from .sizing import FEWEST_NODES
 
 
 class SurfaceError(RuntimeError):
     """No usable surface came out: what is wrong with it."""
 
 
-def remesh(points, triangles, h):
-    """Even triangles of edges h on a surface, by centroidal clusters (pyacvd).
+class SurfaceTooSmall(SurfaceError):
+    """A surface takes too few triangles of the wanted size.
+
+    Args:
+        nodes: Nodes that it takes.
+    """
+
+    def __init__(self, nodes):
+        super().__init__(
+            f"grain is too small: its surface takes {2 * nodes:.0f} triangles of the wanted "
+            f"size, expected at least {2 * FEWEST_NODES}"
+        )
+        #: Times the wanted size that would be small enough.
+        self.factor = 0.99 * (nodes / FEWEST_NODES) ** 0.5
+
+
+def remesh(points, triangles, sizes):
+    """Triangles of the wanted size on a surface, by centroidal clusters (pyacvd).
 
     Clusters across a thin part of a surface can give edges with more than two
     triangles; other numbers of clusters are tried then.
 
+    Args:
+        points, triangles: The surface.
+        sizes: `Sizes`, the wanted length of edges.
+
     Source: S. Valette, J.-M. Chassery, Computer Graphics Forum 23 (2004) 381-389.
 
     Raises:
-        SurfaceError: the surface is too small for h, or no closed surface came out.
+        SurfaceTooSmall: the surface takes too few triangles of this size.
+        SurfaceError: no closed surface came out.
     """
-    wanted = surface_area(points, triangles) / (h * h * np.sqrt(3) / 2)
-    if wanted < 20:
-        raise SurfaceError(
-            f"grain is too small: its surface takes {2 * wanted:.0f} triangles of the wanted size, "
-            "expected at least 40"
-        )
+    wanted = num_nodes(points, triangles, sizes)
+    if wanted < FEWEST_NODES:
+        raise SurfaceTooSmall(wanted)
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
         warnings.simplefilter("ignore")
         clusters = pyacvd.Clustering(pyvista.PolyData.from_regular_faces(points, triangles))
         while clusters.mesh.n_points < 15 * wanted:
             clusters.subdivide(1)
+        if not sizes.even:
+            # Clusters of equal weight: the weight of an area is the number of nodes it takes.
+            weight = sizes.size**2 / sizes(np.asarray(clusters.mesh.points, dtype=float)) ** 2
+            clusters.area, clusters.wcent = clusters.area * weight, clusters.wcent * weight[:, None]
         for factor in (1.0, 1.04, 0.96, 1.1, 1.2):
             clusters.cluster(round(factor * wanted))
             result = clusters.create_mesh(moveclus=False, flipnorm=False)
@@ -52,6 +75,13 @@ def remesh(points, triangles, h):
             if not defect:
                 return vertices, faces
     raise SurfaceError(f"remeshed surface has {defect}")
+
+
+def num_nodes(points, triangles, sizes):
+    """Nodes that a surface takes where each stands for a hexagon of the wanted size."""
+    x = points[triangles]
+    area = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 2
+    return float((area / sizes(x.mean(axis=1)) ** 2).sum() * 2 / np.sqrt(3))
 
 
 def without_fins(triangles):
@@ -104,6 +134,11 @@ def oriented(points, triangles):
 
     Edges with other than two triangles are not crossed.
     """
+    defect = surface_defect(points, triangles)
+    if not defect:
+        return triangles
+    if defect == "inside out":
+        return np.ascontiguousarray(triangles[:, ::-1])
     at_edge = {}
     for t, (a, b, c) in enumerate(triangles.tolist()):
         for edge in ((a, b), (b, c), (c, a)):
@@ -152,17 +187,18 @@ def largest_surface(points, triangles):
     return points[used], numbered.reshape(-1, 3)
 
 
-def collapse_short_edges(points, triangles, shortest):
+def collapse_short_edges(points, triangles, shortest, sizes):
     """Shrink edges shorter than ``shortest`` to their middle; the surface stays closed.
 
     Args:
         points, triangles: A closed surface.
-        shortest: Least length of edges.
+        shortest: Least length of edges, times ``sizes``.
+        sizes: `Sizes`.
     """
     points, triangles, stuck = points.copy(), triangles.copy(), set()
     while True:
         start, end = _edges(triangles)
-        length = np.linalg.norm(points[end] - points[start], axis=1)
+        length = _relative_length(points, start, end, sizes)
         for i in np.argsort(length):
             if length[i] >= shortest:
                 return compact(points, triangles)
@@ -180,13 +216,13 @@ def collapse_short_edges(points, triangles, shortest):
         triangles = triangles[(a != b) & (b != c) & (c != a)]
 
 
-def split_long_edges(points, triangles, longest):
-    """Halve edges longer than ``longest``, the longest first; the surface stays closed."""
+def split_long_edges(points, triangles, longest, sizes):
+    """Halve edges longer than ``longest * sizes``, the longest first; the surface stays closed."""
     points, triangles = list(points), [tuple(t) for t in triangles.tolist()]
     while True:
         x = np.asarray(points)
         start, end = _edges(np.asarray(triangles))
-        length = np.linalg.norm(x[end] - x[start], axis=1)
+        length = _relative_length(x, start, end, sizes)
         changed = set()
         for i in np.argsort(-length):
             if length[i] <= longest:
@@ -205,8 +241,14 @@ def split_long_edges(points, triangles, longest):
             return np.asarray(points), np.asarray(triangles)
 
 
-def flip_long_edges(points, triangles):
-    """Flip edges where that makes the flatter of their two triangles less flat."""
+def flip_long_edges(points, triangles, taken=None):
+    """Flip edges where that makes the flatter of their two triangles less flat.
+
+    Args:
+        points, triangles: A surface, which may be open.
+        taken: Edges (start < end) that a flip may not make, a set to which those made are added.
+    """
+    taken = set() if taken is None else taken
     triangles = triangles.copy()
     for _ in range(20):
         shape = _flatness(points, triangles)
@@ -218,9 +260,10 @@ def flip_long_edges(points, triangles):
         for t in np.argsort(shape)[: np.count_nonzero(shape < 0.6)]:
             if touched[triangles[t]].any():
                 continue
-            flip = _best_flip(points, triangles, t, shape, corner_across)
+            flip = _best_flip(points, triangles, t, shape, corner_across, taken)
             if flip is not None and not touched[flip[1]].any():
                 (first, second), new = flip
+                taken.add((min(new[0, 1:]), max(new[0, 1:])))
                 triangles[first], triangles[second] = new
                 touched[new] = True
         if not touched.any():
@@ -228,13 +271,15 @@ def flip_long_edges(points, triangles):
     return triangles
 
 
-def _best_flip(points, triangles, t, shape, corner_across):
+def _best_flip(points, triangles, t, shape, corner_across, taken):
     """The two triangles to exchange and what for; None if no flip of triangle t helps."""
     best, gain = None, 1.05
     for i in range(3):
         a, b, c = np.roll(triangles[t], -i).tolist()
-        other, d = corner_across[b, a]
-        if (c, d) in corner_across or (d, c) in corner_across:
+        other, d = corner_across.get((b, a), (-1, -1))
+        if other < 0 or (c, d) in corner_across or (d, c) in corner_across:
+            continue
+        if (min(c, d), max(c, d)) in taken:
             continue
         new = np.array([[a, d, c], [d, b, c]])
         # The surface may neither fold nor leave its shape: normals stay close.
@@ -251,6 +296,12 @@ def _edges(triangles):
     """Ends of each edge once, start < end."""
     pairs = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     return np.unique(np.sort(pairs, axis=1), axis=0).T
+
+
+def _relative_length(points, start, end, sizes):
+    """Lengths of edges over the wanted ones at their middles."""
+    length = np.linalg.norm(points[end] - points[start], axis=1)
+    return length / sizes((points[start] + points[end]) / 2)
 
 
 def _may_collapse(points, triangles, keep, gone):

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 from ..errors import InputError
+from .sizing import CONTACT, CURVATURE, FEWEST_NODES, UNIFORM, Sizing
 from .threshold import check_method
 
 
@@ -88,10 +89,19 @@ class SegmentSettings:
 class MeshSettings:
     """From labels, or surfaces, to tetrahedra."""
 
-    size: float  #: wanted length of edges [m]
+    size: float  #: wanted length of edges, at most [m]
+    smallest_size: float | None = None  #: at least, where size varies and in small grains [m]
+    sizing: str = "uniform"  #: "uniform", "curvature" or "contact": what the size follows
+    angle: float = 20.0  #: between neighbouring facets, by which curvature sets the size [degrees]
+    contact_reach: float | None = None  #: gaps up to this get the smallest size [m]; None: it
+    growth: float = 0.4  #: of the size over distance and over the gap
+    surface_nodes: int | None = None  #: of each grain, whose sizes are scaled to that
+    min_angle: float = 0.0  #: of triangles; other settings are tried where one is less [degrees]
+    conforming: bool = False  #: grains that touch share their nodes and facets there
     smoothing: float = 1.0  #: standard deviation of the filter of surfaces [voxels of the labels]
     keep_volume: bool = True  #: move free surfaces so that each grain keeps its voxels' volume
     processes: int = 0  #: worker processes; 0: one a core
+    time_limit: float = 120.0  #: for a grain, which is then tried once with other settings [s]
     keep_largest_piece: bool = False  #: of a grain in several pieces; otherwise an error
     voxel_size: float | tuple | None = None  #: of labels that do not state it, or (z, y, x) [m]
     shape: tuple | None = None  #: voxels of a raw file along its axes, the last one fastest
@@ -102,10 +112,54 @@ class MeshSettings:
 
     def __post_init__(self):
         _require(self.size > 0, "size", self.size, "a length > 0 in metres")
+        _require(
+            self.smallest_size is None or 0 < self.smallest_size <= self.size,
+            "smallest_size",
+            self.smallest_size,
+            f"a length in metres > 0 and <= size = {self.size:g}",
+        )
+        modes = (UNIFORM, CURVATURE, CONTACT)
+        _require(self.sizing in modes, "sizing", repr(self.sizing), f"one of {', '.join(modes)}")
+        _require(
+            not self.conforming or (self.sizing == UNIFORM and self.surface_nodes is None),
+            "conforming",
+            "true",
+            'sizing = "uniform" and no surface_nodes beside it',
+        )
+        _require(1 <= self.angle <= 90, "angle", self.angle, "1 to 90 degrees")
+        _require(
+            self.contact_reach is None or self.contact_reach >= 0,
+            "contact_reach",
+            self.contact_reach,
+            "a length >= 0 in metres",
+        )
+        _require(0.05 <= self.growth <= 2, "growth", self.growth, "0.05 to 2")
+        _require(
+            self.surface_nodes is None or self.surface_nodes >= FEWEST_NODES,
+            "surface_nodes",
+            self.surface_nodes,
+            f">= {FEWEST_NODES}",
+        )
+        _require(0 <= self.min_angle <= 35, "min_angle", self.min_angle, "0 to 35 degrees")
+        _require(self.time_limit > 0, "time_limit", self.time_limit, "a time > 0 in seconds")
         _require(0.3 <= self.smoothing <= 5, "smoothing", self.smoothing, "0.3 to 5 voxels")
         _require(self.processes >= 0, "processes", self.processes, ">= 0")
         _require_voxels(self)
         _require(self.scale > 0, "scale", self.scale, "> 0 metres a unit")
+
+    @property
+    def lengths(self):
+        """What the surface's edges follow: a `Sizing`."""
+        least = self.least_size
+        reach = least if self.contact_reach is None else self.contact_reach
+        return Sizing(
+            self.sizing, self.size, least, self.angle, reach, self.growth, self.surface_nodes
+        )
+
+    @property
+    def least_size(self):
+        """Least length of edges [m]."""
+        return 0.5 * self.size if self.smallest_size is None else self.smallest_size
 
 
 def _require_voxels(settings):

@@ -133,14 +133,17 @@ def bulged_ball(points, cells, low=-np.inf):
     return bulged(points, cells, curved, points, 2.0)
 
 
-def _refine_at(gmsh, heights, smallest, growth, fine):
-    """Size ``smallest`` within ``fine`` of points on the y axis, growing from there."""
+def _refine_at(gmsh, heights, smallest, growth, fine, line=False):
+    """Size ``smallest`` within ``fine`` of points on the y axis, growing from there.
+
+    With ``line`` of the lines through them along z.
+    """
     field = gmsh.model.mesh.field
     # gmsh reads plain numbers only: the text of NumPy's would end the program.
     smallest, growth, fine = float(smallest), float(growth), float(fine)
     sides = []
     for y in heights:
-        distance = f"Sqrt(x^2+(y-({y}))^2+z^2)"
+        distance = f"Sqrt(x^2+(y-({y}))^2{'' if line else '+z^2'})"
         sides.append(field.add("MathEval"))
         field.setString(sides[-1], "F", f"{smallest!r}+{growth!r}*({distance}-{fine!r})")
     nearest = field.add("Min")

@@ -11,6 +11,7 @@ from .remesh import (
     collapse_short_edges,
     flip_long_edges,
     largest_surface,
+    num_nodes,
     oriented,
     remesh,
     split_long_edges,
@@ -20,28 +21,32 @@ from .remesh import (
 SNAP = 0.1
 
 
-def grain_surface(level_set, h, volume=None):
-    """Triangles of edges h on the zero of a level set.
+def grain_surface(level_set, sizes, volume=None, nodes=None):
+    """Triangles of the wanted size on the zero of a level set.
 
     Args:
         level_set: `LevelSet` of the grain; its beta is changed.
-        h: Wanted length of edges [voxels].
+        sizes: Called with the level set and its isosurface; returns `Sizes` in voxels, for
+            positions (z, y, x) as those of the level set.
         volume: Volume that the surface is to enclose [voxels]; None: as it comes.
+        nodes: Nodes that the surface is to take, as `fitted`; None: as many as it takes.
 
     Returns:
         points in voxels, order (x, y, z) and counted from the corner of the
-        image, shape (n, 3); triangles seen from outside, shape (m, 3).
+        image, shape (n, 3); triangles seen from outside, shape (m, 3); `Sizes`.
 
     Raises:
-        SurfaceError: the grain is too small for h or its surface is not sound.
+        SurfaceError: the grain is too small for its size or its surface is not sound.
     """
     if volume is not None:
         level_set.beta = BETA[1] / 2
-    x, faces = remesh(*isosurface(level_set), h)
+    fine = isosurface(level_set)
+    sizes = fitted(sizes(level_set, *fine), *fine, nodes)
+    x, faces = remesh(*fine, sizes)
     x = relaxed(x, faces, level_set)
     for _ in range(3):
-        x, faces = split_long_edges(x, faces, 1.6 * h)
-        x, faces = collapse_short_edges(x, faces, 0.55 * h)
+        x, faces = split_long_edges(x, faces, 1.6, sizes)
+        x, faces = collapse_short_edges(x, faces, 0.55, sizes)
         faces = flip_long_edges(x, faces)
         x = relaxed(x, faces, level_set)
     if volume is not None:
@@ -54,7 +59,14 @@ def grain_surface(level_set, h, volume=None):
     defect = surface_defect(xyz, faces)
     if defect:
         raise SurfaceError(f"surface has {defect}")
-    return xyz, faces
+    return xyz, faces, sizes
+
+
+def fitted(sizes, points, triangles, nodes):
+    """Sizes times the factor that gives a surface so many nodes; as they are if that is None."""
+    if nodes is None:
+        return sizes
+    return sizes.times((num_nodes(points, triangles, sizes) / nodes) ** 0.5)
 
 
 def isosurface(level_set):

@@ -3,24 +3,30 @@
 import numpy as np
 
 from .gmsh_model import gmsh_model, tetrahedra
-from .measure import smallest_altitudes
+from .measure import mean_edges, smallest_altitudes
+from .slivers import thickened
 
 DELAUNAY, HXT = 1, 10
 
 
-def fill(points, triangles, *, algorithm=DELAUNAY, rounds=2):
-    """Tetrahedra whose size follows the triangles of the surface, which stays as it is.
+def fill(points, triangles, *, algorithm=HXT, size=1.0, tolerance=0.02, fixed=None):
+    """Tetrahedra whose size follows the triangles of the surface, which keeps its triangles.
 
     Args:
         points: Nodes of the surface, about 1 apart (gmsh's tolerances are absolute).
         triangles: Seen from outside, shape (m, 3).
-        algorithm: DELAUNAY or HXT.
-        rounds: Times that the optimiser is run.
+        algorithm: HXT or DELAUNAY.
+        size: Length by which altitudes are judged; None: the mean edge of each tetrahedron.
+        tolerance: What nodes of the surface may leave it by, to make flat tetrahedra thicker.
+
+        fixed: Nodes of the surface that may not move, or None.
 
     Raises:
         Exception: gmsh fails; its message says where.
     """
-    options = {"Mesh.Algorithm3D": algorithm, "Mesh.Optimize": 1}
+    # Netgen's optimiser takes longer than all the rest; without it the stable time step of the
+    # grains, from their highest frequency, is a fifth shorter at the same smallest altitude.
+    options = {"Mesh.Algorithm3D": algorithm, "Mesh.Optimize": 0}
     with gmsh_model(options) as gmsh:
         surface = gmsh.model.addDiscreteEntity(2)
         tags = np.arange(1, len(points) + 1)
@@ -30,10 +36,10 @@ def fill(points, triangles, *, algorithm=DELAUNAY, rounds=2):
         gmsh.model.geo.addVolume([loop])
         gmsh.model.geo.synchronize()
         gmsh.model.mesh.generate(3)
-        for _ in range(rounds):
-            gmsh.model.mesh.optimize("Netgen")
-            gmsh.model.mesh.optimize("Relocate3D", niter=3)
+        gmsh.model.mesh.optimize("Netgen")
         nodes, cells = tetrahedra()
     if smallest_altitudes(nodes, cells).min() <= 0:
         raise RuntimeError("gmsh made a tetrahedron without volume")
-    return nodes, cells
+    if size is None:
+        size = mean_edges(nodes, cells)
+    return thickened(nodes, cells, size, tolerance=tolerance, fixed=fixed), cells

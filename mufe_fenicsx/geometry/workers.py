@@ -1,81 +1,141 @@
-"""Run one function over many jobs in worker processes, some of which may die."""
+"""Run one function over many jobs in worker processes, some of which may die or hang."""
 
+import contextlib
 import multiprocessing
 import os
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+import time
+from multiprocessing.connection import wait
 
 
-def run_jobs(function, jobs, processes=0, progress=None):
+class WorkerError(RuntimeError):
+    """Why a job has no result: its worker died or was stopped."""
+
+
+def run_jobs(function, jobs, processes=0, progress=None, *, limit=None, again=None):
     """Results of ``function(job)`` in the order of the jobs.
 
-    gmsh is one session a process and may take its process down with it. The
-    jobs that were running when a worker died are run again, each alone; one
-    that kills its worker again has the result None.
+    gmsh is one session a process; it may take its process down with it, or never come back.
+    A worker that dies, or works on one job for longer than ``limit``, is replaced; its job is run
+    once more, and if that fails too its result is a `WorkerError`.
 
     Args:
         function: Of a module that workers can import.
         jobs: Iterable; only a few jobs are held at a time.
         processes: Number of workers; 0: one a core.
         progress: Called with the number of finished jobs.
+        limit: Time for one job [s]; None: none.
+        again: Called with a job that failed; returns the job to run in its place.
+
+    Raises:
+        RuntimeError: workers die and none has ever finished a job.
+        Exception: one that ``function`` raised.
     """
     processes = processes or len(os.sched_getaffinity(0))
-    results, suspects, running, finished, num_broken = {}, {}, {}, 0, 0
-    waiting = enumerate(jobs)
-    pool = _pool(processes)
+    results, second, deaths, waiting = {}, [], 0, enumerate(jobs)
+    workers = [_Worker(function) for _ in range(processes)]
     try:
         while True:
-            while len(running) < 2 * processes:
-                number, job = next(waiting, (None, None))
-                if job is None:
-                    break
-                running[pool.submit(function, job)] = (number, job)
-            if not running:
-                break
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
-            broken = False
-            for future in done:
-                number, job = running.pop(future)
-                try:
-                    results[number] = future.result()
-                    finished += 1
-                except BrokenProcessPool:
-                    suspects[number], broken = job, True
-            if progress and not broken:
-                progress(finished)
-            if broken:
-                suspects.update(running.values())
-                running.clear()
-                pool.shutdown(wait=False, cancel_futures=True)
-                num_broken += 1
-                if num_broken > 2 and not results:
-                    raise RuntimeError(
-                        "every worker process died; a script that starts workers has to do so "
-                        'below if __name__ == "__main__":'
-                    )
-                pool = _pool(processes)
+            for worker in workers:
+                if worker.number is None:
+                    number, job = second[-1] if second else next(waiting, (None, None))
+                    if number is not None:
+                        worker.start(number, job, first=not second)
+                        second = second[:-1]
+            busy = [worker for worker in workers if worker.number is not None]
+            if not busy:
+                return [results[number] for number in sorted(results)]
+            ready = wait([worker.connection for worker in busy], _soonest(busy, limit))
+            for worker in busy:
+                number, error = worker.number, None
+                if worker.connection in ready:
+                    error = worker.collect(results)
+                elif limit is not None and worker.seconds > limit:
+                    error = WorkerError(f"stopped after {limit:g} s")
+                if error is not None:
+                    deaths += 1
+                    if deaths > processes and not results and limit is None:
+                        raise RuntimeError(
+                            "every worker process died; a script that starts workers has to do so "
+                            'below if __name__ == "__main__":'
+                        )
+                    if worker.first:
+                        second.append((number, again(worker.job) if again else worker.job))
+                    else:
+                        results[number] = error
+                    worker.stop()
+                    workers[workers.index(worker)] = _Worker(function)
+                if progress and number in results:
+                    progress(len(results))
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-    for number, job in suspects.items():
-        with _pool(1) as alone:
-            try:
-                results[number] = alone.submit(function, job).result()
-            except BrokenProcessPool:
-                results[number] = None
-        finished += 1
-        if progress:
-            progress(finished)
-    return [results[number] for number in sorted(results)]
+        for worker in workers:
+            worker.stop()
 
 
-def _pool(processes):
-    # "spawn": a fork would inherit gmsh's, VTK's and MPI's state half-way.
-    context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(processes, mp_context=context, initializer=_silence)
+class _Worker:
+    """A process and the job that it runs."""
+
+    def __init__(self, function):
+        # "spawn": a fork would inherit gmsh's, VTK's and MPI's state half-way.
+        context = multiprocessing.get_context("spawn")
+        self.connection, other = context.Pipe()
+        self.process = context.Process(target=_serve, args=(function, other), daemon=True)
+        self.process.start()
+        other.close()
+        self.number = self.job = None
+        #: When the job began; while the process still loads its libraries: None.
+        self.started = None
+        self.loaded = False
+
+    def start(self, number, job, first):
+        self.number, self.job, self.first = number, job, first
+        self.started = time.monotonic() if self.loaded else None
+        with contextlib.suppress(OSError):  # it has died already, which `collect` will find
+            self.connection.send(job)
+
+    @property
+    def seconds(self):
+        return 0.0 if self.started is None else time.monotonic() - self.started
+
+    def collect(self, results):
+        """Put the result of the job into its place; an error if the process has died."""
+        try:
+            kind, value = self.connection.recv()
+        except (EOFError, OSError):
+            return WorkerError("the worker process died")
+        if kind == "error":
+            raise value
+        if kind == "loaded":
+            self.loaded, self.started = True, time.monotonic()
+        else:
+            results[self.number] = value
+            self.number = self.job = None
+        return None
+
+    def stop(self):
+        self.process.kill()
+        self.process.join()
+        self.connection.close()
 
 
-def _silence():
+def _soonest(busy, limit):
+    """Time until the first of the busy workers has used its time up [s]."""
+    if limit is None:
+        return None
+    return max(0.0, limit - max(worker.seconds for worker in busy)) + 0.01
+
+
+def _serve(function, connection):
+    """What a worker does: job after job until the pipe closes."""
     # gmsh's mesh generators write to the terminal themselves; errors arrive as exceptions.
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
+    with contextlib.suppress(EOFError, OSError):  # the pipe closes when nobody waits any more
+        connection.send(("loaded", None))
+        while True:
+            job = connection.recv()
+            try:
+                answer = ("done", function(job))
+            except Exception as error:
+                answer = ("error", error)
+            connection.send(answer)

@@ -29,6 +29,7 @@ from .rolling import rolling
 from .segmentation import segmentation
 from .sliding import sliding_block, sliding_facets
 from .spin import spin
+from .splitting import disc, hiramatsu_oka
 from .strain_cycle import strain_cycle
 from .torsion import torsion
 
@@ -42,6 +43,8 @@ CASES = {
     "hertz": hertz,
     "hertz-convergence": hertz_convergence,
     "hertz-stress": hertz_stress,
+    "disc": disc,
+    "hiramatsu-oka": hiramatsu_oka,
     "overlap": overlap,
     "packing": packing,
     "impact": impact,

@@ -14,9 +14,11 @@ INDENTATIONS = 5
 #: Targets in force, radius and pressure at one element per contact radius, falling as 1/n:
 #: 2, 4 and 5 % at 2.5 elements, 1, 2 and 2.5 % at 5.
 FORCE, SIZE, PRESSURE = 0.05, 0.10, 0.125
-#: Large strain, which Hertz leaves out: the measured change over a/R, 0.13 of the largest
-#: pressure (it vanishes as a/R does), less of the force.
+#: Large strain, which Hertz leaves out: the change of the largest pressure over a/R, 0 to 0.6
+#: by the mesh, 0.2 in the mean (between a/R = 0.005 and 0.02), less of the force.
 LARGE_STRAIN = 0.15
+#: Contact radii over R at which the finite size of a ball shows.
+FINITE = (0.16, 0.04)
 
 
 @case("hertz", num_bodies=2)
@@ -24,7 +26,7 @@ def hertz(
     comm,
     bodies: Literal["all", *NAMES] = "all",
     elements_per_radius=2.5,
-    a_over_R=0.02,
+    a_over_R=0.005,
     nu=0.15,
     growth=0.4,
     element: Literal[*ELEMENTS] = "averaged",
@@ -42,7 +44,8 @@ def hertz(
         comm: MPI communicator.
         bodies: Which of them, or all.
         elements_per_radius: Contact radius √(ab) over the length of edges there.
-        a_over_R: That radius over the effective radius, by Hertz.
+        a_over_R: That radius over the effective radius, by Hertz. Strains are of its order:
+            at 0.02 they add 0.1 to 0.4 % to the largest pressure.
         nu: Poisson's ratio.
         growth: Growth of the element size with the distance, times elements_per_radius.
         element: One of solid.ELEMENTS; for composites on meshes twice as coarse, whose
@@ -75,7 +78,7 @@ def hertz(
     for name in names:
         add(name, a_over_R, lines)
     if names[0] == "sphere-plane":
-        for ratio in (8 * a_over_R, 2 * a_over_R):
+        for ratio in FINITE:
             add(names[0], ratio, lambda rows, ratio=ratio: {
                 f"force over Hertz at a/R = {ratio:g}": compare(
                     np.mean(rows["force over Hertz"]), np.mean(rows["finite size"]),

@@ -12,8 +12,11 @@ from .pressed import AXIS, FRAME, Pressed
 
 #: Size of the patch for :func:`recover`, in elements.
 PATCH = 2.5
-#: Powers of x, y, z of a quadratic function, the constant first.
-POWERS = sorted((k for k in itertools.product(range(3), repeat=3) if sum(k) <= 2), key=sum)
+#: Powers of the coordinates of a quadratic function in the plane and in space, the constant first.
+POWERS = {
+    dim: sorted((k for k in itertools.product(range(3), repeat=dim) if sum(k) <= 2), key=sum)
+    for dim in (2, 3)
+}
 #: Barycentric coordinates of four points in a tetrahedron, exact for quadratic functions.
 POINTS = 0.1381966011250105 + 0.4472135954999579 * np.eye(4)
 
@@ -106,18 +109,37 @@ def recover(s, values, places, reach):
     Source: after O. C. Zienkiewicz, J. Z. Zhu, Int. J. Numer. Methods Eng. 33, 1992, 1331-1364.
     """
     corners = s.state.x[s.mesh.cells]
+    return fit(corners, s.solid.volume0, values, places, np.full(len(places), reach))
+
+
+def fit(corners, volume, values, places, reach):
+    """The fit of :func:`recover`, in space or in a plane onto which the tetrahedra are projected.
+
+    In a plane the function is a mean over the thickness.
+
+    Args:
+        corners: Of the tetrahedra [m], shape (num_cells, 4, dim), dim 2 or 3.
+        volume: Their volumes [m³], shape (num_cells,).
+        values: Shape (num_cells, k).
+        places: [m], shape (n, dim).
+        reach: [m], shape (n,).
+
+    Returns:
+        Values, shape (n, k).
+    """
+    powers = POWERS[corners.shape[2]]
     centroid = corners.mean(axis=1)
     result = np.empty((len(places), values.shape[1]))
-    for i, place in enumerate(places):
-        distance2 = ((centroid - place) ** 2).sum(axis=1) / reach**2
+    for i, (place, h) in enumerate(zip(places, reach, strict=True)):
+        distance2 = ((centroid - place) ** 2).sum(axis=1) / h**2
         near = distance2 < 1
-        if near.sum() < 2 * len(POWERS):
+        if near.sum() < 2 * len(powers):
             raise ValueError(
-                f"tetrahedra = {near.sum()} within {reach:g} m of {place}, expected 20"
+                f"tetrahedra = {near.sum()} within {h:g} m of {place}, expected {2 * len(powers)}"
             )
-        points = (np.einsum("qi,nij->nqj", POINTS, corners[near]) - place) / reach
-        means = np.stack([np.prod(points**k, axis=2).mean(axis=1) for k in POWERS], axis=1)
-        weight = np.sqrt(s.solid.volume0[near]) * (1 - distance2[near])
-        fit = np.linalg.lstsq(means * weight[:, None], values[near] * weight[:, None], rcond=None)
-        result[i] = fit[0][0]  # of the power 0
+        points = (np.einsum("qi,nij->nqj", POINTS, corners[near]) - place) / h
+        means = np.stack([np.prod(points**k, axis=2).mean(axis=1) for k in powers], axis=1)
+        weight = np.sqrt(volume[near]) * (1 - distance2[near])
+        found = np.linalg.lstsq(means * weight[:, None], values[near] * weight[:, None], rcond=None)
+        result[i] = found[0][0]  # of the power 0
     return result

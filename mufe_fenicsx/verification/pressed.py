@@ -44,6 +44,9 @@ class Body:
     material: object
     jog: object = None  #: function of points: the mesh slid along its surface
     spin: float = 0.0  #: rotation about the normal of the contact [rad]
+    #: Function of points: pairs (nodes, unit vector along x or y) that do not move along it, beside
+    #: the base along z; None: three directions at two nodes of the base.
+    held: object = None
 
     def __post_init__(self):
         points = np.asarray(self.points, dtype=float)
@@ -53,15 +56,17 @@ class Body:
         placed = points if self.jog is None else self.jog(points)
         self.placed = placed @ turn([0, 0, self.spin]).T - [0, 0, self.height]
         self.base = np.flatnonzero(on_base)
-        self.middle, self.far = self.base[middle], self.base[far]
+        middle, far = self.base[middle], self.base[far]
+        x, y, _ = np.eye(3)
+        self.holds = self.held(points) if self.held else [(middle, x), (middle, y), (far, y)]
 
 
 class Pressed:
     """One body pressed on a rigid plane, or two on each other. Collective.
 
     The displacement of each base along the normal is prescribed and even; bases slide
-    freely otherwise, but for three directions at two nodes that keep a body from
-    moving as a whole. By symmetry a half ball so held is half of a ball between two planes.
+    freely otherwise, but for what keeps a body from moving as a whole (:attr:`Body.held`). By
+    symmetry a half ball so held is half of a ball between two planes.
 
     Args:
         comm: At most as many ranks as bodies.
@@ -100,11 +105,11 @@ class Pressed:
         for k in mine:
             on = np.flatnonzero(mesh.grains[mesh.grain_of_node] == k)
             body, side = bodies[k], FRAME @ turn([0, 0, bodies[k].spin])
-            base, middle, far = (
-                _nearest(mesh.x, on, places[k][np.atleast_1d(nodes)])
-                for nodes in (body.base, body.middle, body.far)
-            )
-            held += [(base, AXIS), (middle, side[:, 0]), (middle, side[:, 1]), (far, side[:, 1])]
+            base = _nearest(mesh.x, on, places[k][body.base])
+            held.append((base, AXIS))
+            for nodes, direction in body.holds:
+                at = _nearest(mesh.x, on, places[k][np.atleast_1d(nodes)])
+                held.append((at, side @ direction))
             self.bases[int(k)] = base
         self.pressing = len(bodies) - 1
         # Nodes of the body that is moved; the other one, or the plane, stays.

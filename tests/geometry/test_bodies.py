@@ -58,7 +58,13 @@ def test_orientation_is_repaired(tmp_path, ball):
         faces=np.concatenate([triangles[:, ::-1], mixed + len(points)]),
         grain_of_face=np.repeat([4, 9], len(triangles)),
     )
-    bodies = read_bodies(tmp_path / "bodies.npz")
+    notices = []
+    bodies = read_bodies(tmp_path / "bodies.npz", notices=notices)
+    n, some = len(triangles), len(triangles[::3])
+    assert [notice.partition(": grain ")[2] for notice in notices] == [
+        f"4 (bodies.npz): {n} triangles turned",
+        f"9 (bodies.npz): {some} triangles turned",
+    ]
     assert [label for label, _, _ in bodies] == [4, 9]
     for _, body_points, body_triangles in bodies:
         assert measure.surface_defect(body_points, body_triangles) == ""
@@ -66,8 +72,30 @@ def test_orientation_is_repaired(tmp_path, ball):
 
 def test_open_surfaces_are_refused(tmp_path, ball):
     points, triangles = ball
-    meshio.write_points_cells(tmp_path / "open.ply", points, [("triangle", triangles[3:])])
-    with pytest.raises(InputError, match=r"open.ply.*surface has open edges"):
+    # A cap of a third of the ball is gone: more than a hole.
+    cut = triangles[points[triangles][:, :, 2].mean(axis=1) < 0.7]
+    meshio.write_points_cells(tmp_path / "open.ply", points, [("triangle", cut)])
+    with pytest.raises(InputError, match=r"open.ply.*surface has open edges \(\d+\), expected"):
+        read_bodies(tmp_path)
+
+
+def test_small_holes_are_closed(tmp_path, ball):
+    points, triangles = ball
+    gone = (triangles == triangles[0, 0]).any(axis=1)  # all around one vertex
+    meshio.write_points_cells(tmp_path / "hole.ply", points, [("triangle", triangles[~gone])])
+    notices = []
+    ((_, found, faces),) = read_bodies(tmp_path, notices=notices)
+    assert measure.surface_defect(found, faces) == ""
+    # A ring of k edges takes k - 2 triangles.
+    assert notices[0].endswith(f"holes closed by {np.count_nonzero(gone) - 2} triangles")
+
+
+def test_surfaces_that_cross_themselves_are_refused(tmp_path, ball):
+    points, triangles = ball
+    dented = points.copy()
+    dented[np.argmax(points[:, 2]), 2] = -2.5  # the top node pulled out through the bottom
+    meshio.write_points_cells(tmp_path / "crossed.ply", dented, [("triangle", triangles)])
+    with pytest.raises(InputError, match=r"crossed.ply.*crosses itself at \d+ pairs.*near"):
         read_bodies(tmp_path)
 
 

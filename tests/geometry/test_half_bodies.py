@@ -54,6 +54,14 @@ def test_half_body(make, volume, distance):
     assert H < edges_near(points, cells, pole) < 1.35 * H
 
 
+def test_half_cylinder_that_is_fine_along_its_line():
+    points, cells = half_cylinder(1.0, 0.3, H, GROWTH, FINE, line=True)
+    assert volumes(points, cells).sum() == pytest.approx(0.15 * np.pi, rel=0.01)
+    # At the ends as at the pole.
+    for x in (-0.15, 0.0, 0.15):
+        assert H < edges_near(points, cells, [x, 0.0, 1.0]) < 1.35 * H
+
+
 def test_bad_sizes_are_refused():
     with pytest.raises(InputError, match="length of half cylinder = 0"):
         half_cylinder(1.0, 0.0, H)

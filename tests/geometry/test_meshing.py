@@ -1,16 +1,19 @@
 """Grains in voxels become bodies of tetrahedra that are closed, keep their volume and lie apart."""
 
-import os
+import itertools
 
 import numpy as np
 import pytest
 import pyvista
+import scipy.ndimage
 from scenes import ball, positions, two_balls
 
 from mufe_fenicsx.geometry import measure
+from mufe_fenicsx.geometry.distance import voxel_distance
 from mufe_fenicsx.geometry.mesher import mesh_grains, mesh_one, voxel_jobs
 from mufe_fenicsx.geometry.settings import MeshSettings
-from mufe_fenicsx.geometry.workers import run_jobs
+from mufe_fenicsx.geometry.slivers import thickened
+from mufe_fenicsx.kernels.spline import spline_value_and_gradient
 
 S = 1e-5  # voxel size [m]
 H = 3 * S
@@ -103,15 +106,57 @@ def test_a_grain_that_is_too_small_is_named():
     assert "too small" in meshes[2].quality["reason"]
 
 
-def half_or_die(number):
-    """A job of which one kills its process."""
-    if number == 3:
-        os._exit(1)
-    return number / 2
+def test_flat_tetrahedra_become_thicker_and_the_surface_stays():
+    """A cube meshed evenly whose inner node was pushed against a face, and one edge node along."""
+    points, cells = block()
+    inner = np.flatnonzero(np.all(points == 1.0, axis=1))[0]
+    points[inner] = (1.0, 1.0, 0.02)
+    edge = np.flatnonzero(np.all(points == (1.0, 0.0, 0.0), axis=1))[0]
+    points[edge] = (0.05, 0.0, 0.0)
+    before = measure.smallest_altitudes(points, cells)
+    assert before.min() < 0.05
+    moved = thickened(points, cells, 1.0, tolerance=1e-6)
+    assert measure.smallest_altitudes(moved, cells).min() > 0.35
+    # A cube's faces and edges let nodes slide along them only: its volume stays to round-off.
+    assert measure.tet_volumes(moved, cells).sum() == pytest.approx(8, rel=1e-6)
+    held = thickened(points, cells, 1.0, tolerance=1e-6, fixed=[edge])
+    assert np.array_equal(held[edge], points[edge])
 
 
-def test_a_worker_that_dies_costs_only_its_own_job():
-    seen = []
-    results = run_jobs(half_or_die, range(1, 7), processes=2, progress=seen.append)
-    assert results == [0.5, 1.0, None, 2.0, 2.5, 3.0]
-    assert seen[-1] == 6
+def block():
+    """A cube of edge 2 in six tetrahedra a unit cube (Kuhn)."""
+    grid = np.stack(np.meshgrid(*[np.arange(3.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    steps = [np.eye(3)[list(order)].cumsum(axis=0) for order in itertools.permutations(range(3))]
+    corners = np.concatenate([np.zeros((6, 1, 3)), np.array(steps)], axis=1)
+    low = np.array(list(itertools.product((0, 1), repeat=3)))
+    at = (low[:, None, None] + corners).reshape(-1, 4, 3) @ (9, 3, 1)
+    return grid, measure.positively_oriented(grid, at.astype(np.int64))
+
+
+def test_distance_from_voxels():
+    """A plate of voxels with one voxel on it: distances to its faces and edges, by hand."""
+    inside = np.zeros((6, 9, 9), dtype=bool)
+    inside[2:4, 1:8, 1:8] = True
+    inside[4, 4, 4] = True
+    at = np.array([(3, 4.5, 4.5), (4.3, 2.2, 2.2), (5.3, 5.4, 4.5), (4.2, 4.5, 5.1), (2.5, 8.3, 9)])
+    expected = (1, 0.3, np.hypot(0.3, 0.4), 0.1, np.hypot(0.3, 1))
+    assert voxel_distance(inside, at) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_spline_and_its_gradient():
+    """Against SciPy's spline and central differences, also on the border of the grid."""
+    field = scipy.ndimage.gaussian_filter(np.random.default_rng(1).random((9, 8, 7)), 1.0)
+    at = np.random.default_rng(2).random((50, 3)) * (np.array(field.shape) - 1)
+    coefficients = scipy.ndimage.spline_filter(field, mode="nearest", output=float)
+    value, gradient = np.empty(50), np.empty((50, 3))
+    spline_value_and_gradient(value, gradient, coefficients, at)
+
+    def spline(x):
+        return scipy.ndimage.map_coordinates(coefficients, x.T, mode="nearest", prefilter=False)
+
+    inner = np.all((at > 1) & (at < np.array(field.shape) - 2), axis=1)
+    # Beyond the grid SciPy reflects and this one goes on evenly: the same inside, to round-off.
+    assert value[inner] == pytest.approx(spline(at)[inner], rel=1e-12)
+    for axis, d in enumerate(1e-5 * np.eye(3)):
+        central = (spline(at + d) - spline(at - d)) / 2e-5
+        assert gradient[inner, axis] == pytest.approx(central[inner], rel=1e-6, abs=1e-8)

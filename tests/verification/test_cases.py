@@ -66,6 +66,16 @@ def test_hertz_stress():
     run("hertz-stress", elements_per_radius=2.5)
 
 
+@pytest.mark.mpi
+def test_disc():
+    run("disc", ends="held", elements_per_radius=2, a_over_R=0.1)
+
+
+@pytest.mark.mpi
+def test_hiramatsu_oka():
+    run("hiramatsu-oka", elements_per_radius=2, a_over_R=0.1)
+
+
 def test_overlap():
     run("overlap", element_size=0.5, steps=20)
 
@@ -201,6 +211,7 @@ def test_every_case_of_the_command_line_says_what_it_is():
         (["column"], {"divisions": 2.5}, "whole number"),
         (["column"], {"strain": "nan"}, "number"),
         (["hertz"], {"bodies": "sphere"}, "sphere"),
+        (["disc"], {"a_over_R": 0.25}, "below 0.25"),
     ],
 )
 def test_what_cannot_be_run_is_said_on_all_ranks(names, parameters, expected):

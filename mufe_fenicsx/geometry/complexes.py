@@ -1,0 +1,430 @@
+"""One surface for all grains: faces that two grains share are there once.
+
+A grid of cells of about the wanted size takes in each cell the label that prevails there.
+Surface nets (S. F. F. Gibson, MICCAI 1998, 888-898; here VTK's) put a node where cells of
+different labels meet and a facet between each two of them. Nodes then move to where the smoothed
+indicators phi of all labels around them are equal,
+
+    phi_a = phi_b        on a face (void counts as a label),
+    phi_a = phi_b = phi_c  on a line where three meet, and so on,
+
+and evenly along these. Lengths in voxels of the image, positions (z, y, x) from its corner.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyvista
+import scipy.ndimage
+import scipy.sparse
+import vtk
+
+from ..kernels.spline import spline_value_and_gradient
+from .labels import grains_in
+from .level_set import margin
+from .remesh import flip_long_edges
+
+#: Labels that meet at a node at most; rarer meetings keep the first ones.
+MOST_LABELS = 4
+#: Standard deviation of the filter by which cells choose their label, over their edge.
+PREVAIL = 0.35
+#: Edge of cells over the wanted length of edges, which on average are longer by their diagonals.
+CELL = 1.0
+#: Rounds of moving nodes evenly along their faces.
+ROUNDS = 25
+#: Difference of smoothed indicators at which a node is not near a place where they are equal.
+LOST = 0.25
+#: Area of facets at least, over the square of a cell's edge, where nodes move.
+FOLD = 0.1
+
+
+@dataclass
+class Complex:
+    """Facets between labels."""
+
+    x: np.ndarray  #: nodes, shape (num_nodes, 3)
+    facets: np.ndarray  #: shape (num_facets, 3), seen from the second label of each
+    sides: np.ndarray  #: labels on both sides of a facet, 0 void, shape (num_facets, 2)
+    labels: np.ndarray  #: labels around each node, -1 none, shape (num_nodes, MOST_LABELS)
+    held: np.ndarray  #: nodes on a face of the image normal to an axis, shape (num_nodes, 3)
+
+    def grain(self, label):
+        """Nodes of a grain, its triangles seen from outside, and which nodes it shares."""
+        mine = (self.sides == label).any(axis=1)
+        triangles = self.facets[mine].copy()
+        inward = self.sides[mine, 1] == label
+        triangles[inward] = triangles[inward][:, ::-1]
+        nodes, numbered = np.unique(triangles, return_inverse=True)
+        other = np.where(inward, self.sides[mine, 0], self.sides[mine, 1])
+        shared = np.isin(nodes, triangles[other > 0])
+        return nodes, numbered.reshape(-1, 3), shared
+
+
+def grain_complex(labels, size, smoothing, keep_volume=True):
+    """The facets between all grains of an image, and between them and the void.
+
+    Args:
+        labels: 0 void, grains from 1.
+        size: Wanted length of edges [voxels].
+        smoothing: Standard deviation of the filter of surfaces [voxels].
+        keep_volume: Move free faces so that each grain keeps the volume of its voxels.
+
+    Returns:
+        A `Complex`.
+    """
+    cells, spacing = _prevailing(labels, CELL * size)
+    surface = _surface_nets(cells, spacing)
+    start, offset = surface.x, np.zeros(labels.max() + 1)
+    # A wider filter first: slopes that reach nodes which are far from where they belong.
+    fields = _smoothed(labels, max(smoothing, PREVAIL * size))
+    surface.x = _moved(
+        surface, start, fields, offset, np.array(labels.shape), spacing.min(), ROUNDS // 2
+    )
+    fields = _smoothed(labels, smoothing)
+    surface.x = _moved(
+        surface, start, fields, offset, np.array(labels.shape), spacing.min(), ROUNDS
+    )
+    for _ in range(3 if keep_volume else 0):
+        offset = _offsets(surface, fields, offset, np.bincount(labels.ravel()))
+        surface.x = _moved(surface, start, fields, offset, np.array(labels.shape), spacing.min(), 0)
+    return surface
+
+
+def _offsets(surface, fields, offset, volumes):
+    """What phi of the void gains around each grain, whose free face then encloses its volume."""
+    offset = offset.copy()
+    x = surface.x
+    areas = _areas(x, surface.facets)
+    # Facets are seen from their second side.
+    inside = np.einsum("ij,ij->i", x[surface.facets].mean(axis=1), areas) / 3
+    size = np.linalg.norm(areas, axis=1)
+    free = (surface.sides == 0).any(axis=1) & ~surface.held[surface.facets].all(axis=1).any(axis=1)
+    _, slopes = _constraints(surface, fields, x, offset)
+    slope = np.linalg.norm(slopes[:, 0], axis=1)[surface.facets].mean(axis=1)
+    for label in fields:
+        first, second = surface.sides[:, 0] == label, surface.sides[:, 1] == label
+        own = free & (first | second)
+        if label == 0 or not own.any():
+            continue
+        volume = abs(inside[first].sum() - inside[second].sum())
+        # Moved out by d, a face gains d times its area, and phi falls by its slope times d.
+        change = (volumes[label] - volume) / max(size[own].sum(), 1e-12)
+        mean_slope = (slope * size)[own].sum() / max(size[own].sum(), 1e-12)
+        offset[label] = np.clip(offset[label] - mean_slope * change, -0.3, 0.3)
+    return offset
+
+
+def _smoothed(labels, sigma):
+    """A `_Field` for the void and for each grain."""
+    fields = {0: _Field(labels == 0, (0, 0, 0), sigma)}
+    for label, where in grains_in(labels):
+        pad = margin(sigma)
+        low = np.array([max(s.start - pad, 0) for s in where])
+        part = tuple(slice(a, s.stop + pad) for a, s in zip(low, where, strict=True))
+        fields[label] = _Field(labels[part] == label, low, sigma)
+    return fields
+
+
+class _Field:
+    """The smoothed indicator of one label on the voxels around it."""
+
+    def __init__(self, inside, low, sigma):
+        smooth = scipy.ndimage.gaussian_filter(inside.astype(np.float32), sigma, mode="nearest")
+        self.coefficients = scipy.ndimage.spline_filter(smooth, mode="nearest", output=np.float64)
+        self.low = np.asarray(low)
+
+    def __call__(self, x):
+        value, gradient = np.empty(len(x)), np.empty((len(x), 3))
+        spline_value_and_gradient(value, gradient, self.coefficients, x - 0.5 - self.low)
+        return value, gradient
+
+
+def _prevailing(labels, wanted):
+    """The label that prevails in each cell of a coarser grid, and the edges of its cells."""
+    shape = np.maximum(np.round(np.array(labels.shape) / wanted).astype(int), 1)
+    spacing = np.array(labels.shape) / shape
+    best, cells = np.zeros(shape), np.zeros(shape, dtype=np.int32)
+    sigma = PREVAIL * wanted
+    for label, where in [(0, [slice(0, n) for n in labels.shape]), *grains_in(labels)]:
+        pad = int(np.ceil(3 * sigma)) + 1
+        low = np.array([max(s.start - pad, 0) for s in where])
+        high = np.array([min(s.stop + pad, n) for s, n in zip(where, labels.shape, strict=True)])
+        part = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+        smooth = scipy.ndimage.gaussian_filter(
+            (labels[part] == label).astype(np.float32), sigma, mode="nearest", truncate=3.0
+        )
+        first = np.ceil(low / spacing - 0.5).astype(int)
+        last = np.minimum(np.floor(high / spacing - 0.5).astype(int) + 1, shape)
+        axes = [
+            (np.arange(a, b) + 0.5) * s - 0.5 - o
+            for a, b, s, o in zip(first, last, spacing, low, strict=True)
+        ]
+        found = scipy.ndimage.map_coordinates(
+            smooth, np.meshgrid(*axes, indexing="ij"), order=1, mode="nearest"
+        )
+        there = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
+        more = found > best[there]
+        best[there][more] = found[more]
+        cells[there][more] = label
+    return _without_pinches(cells), spacing
+
+
+def _without_pinches(cells, turns=30):
+    """Cells changed until every grain is one piece whose surface does not touch itself.
+
+    Around each corner the cells of a grain, and all others, have to hang together by faces; the
+    cell that hangs on least becomes void, or what else is there.
+    """
+    cells = cells.copy()
+    for _ in range(turns):
+        for label, where in grains_in(cells):
+            part = cells[where]
+            pieces, count = scipy.ndimage.label(part == label)
+            if count > 1:
+                largest = 1 + np.argmax(np.bincount(pieces.ravel())[1:])
+                part[(pieces > 0) & (pieces != largest)] = 0
+        # Outside the image cells go on: only what lies within has to hang together.
+        padded = np.pad(cells, 1, mode="edge")
+        steps = list(np.ndindex(2, 2, 2))
+        block = np.stack(
+            [padded[tuple(slice(d, d - 1 or None) for d in step)] for step in steps], axis=-1
+        )
+        same = (block[..., None, :] == block[..., :, None]) @ (1 << np.arange(8))
+        wrong = ((block > 0) & ~SOUND[same]).any(axis=-1)
+        if not wrong.any():
+            break
+        for at in np.argwhere(wrong):
+            near = [np.clip(at + step - 1, 0, np.array(cells.shape) - 1) for step in steps]
+            values = np.array([cells[tuple(c)] for c in near])
+            pattern = (values[None, :] == values[:, None]) @ (1 << np.arange(8))
+            bad = np.flatnonzero((values > 0) & ~SOUND[pattern])
+            if len(bad) == 0:
+                continue
+            k = min(bad, key=lambda i: _num_alike(cells, near[i]))
+            others = values[values != values[k]]
+            cells[tuple(near[k])] = 0 if (others == 0).any() else np.bincount(others).argmax()
+    return cells
+
+
+def _num_alike(cells, at):
+    """Cells with a face in common with one that have its label."""
+    count = 0
+    for step in (*np.eye(3, dtype=int), *-np.eye(3, dtype=int)):
+        next_to = at + step
+        if np.all((next_to >= 0) & (next_to < cells.shape)):
+            count += int(cells[tuple(next_to)] == cells[tuple(at)])
+    return count
+
+
+def _sound_patterns():
+    """For each set of the eight cells around a corner: do they and the others hang together?"""
+    sound = np.zeros(256, dtype=bool)
+    for pattern in range(256):
+        inside = np.array([pattern >> k & 1 for k in range(8)], dtype=bool).reshape(2, 2, 2)
+        sound[pattern] = all(scipy.ndimage.label(part)[1] <= 1 for part in (inside, ~inside))
+    return sound
+
+
+#: See `_sound_patterns`.
+SOUND = _sound_patterns()
+
+
+def _surface_nets(cells, spacing):
+    """Surface nets of labelled cells, nodes at the corners of cells."""
+    padded = np.pad(cells, 1)
+    image = pyvista.ImageData(dimensions=padded.shape[::-1])
+    image["label"] = padded.ravel()
+    nets = vtk.vtkSurfaceNets3D()
+    nets.SetInputData(image)
+    nets.SetOutputMeshTypeToTriangles()
+    nets.SmoothingOff()
+    nets.SetBackgroundLabel(0)
+    labels = np.unique(cells[cells > 0])
+    nets.SetNumberOfLabels(len(labels))
+    for i, label in enumerate(labels):
+        nets.SetLabel(i, int(label))
+    nets.Update()
+    found = pyvista.wrap(nets.GetOutput())
+    corner = np.round(np.asarray(found.points, dtype=float)[:, ::-1] - 0.5).astype(int)
+    facets = np.array(found.regular_faces, dtype=np.int64)
+    sides = np.array(found.cell_data["BoundaryLabels"], dtype=np.int64)
+    sides[sides < 0] = 0
+    # The eight cells around a node, those of the image only.
+    around = np.full((len(corner), 8), -1)
+    for k, step in enumerate(np.ndindex(2, 2, 2)):
+        at = corner + step - 1
+        inside = np.all((at >= 0) & (at < cells.shape), axis=1)
+        around[inside, k] = cells[tuple(at[inside].T)]
+    around = np.sort(around, axis=1)
+    around[:, 1:][around[:, 1:] == around[:, :-1]] = -1
+    around = -np.sort(-around, axis=1)[:, :MOST_LABELS]
+    held = (corner == 0) | (corner == np.array(cells.shape))
+    facets = _without_ears(facets, sides, len(corner))
+    return Complex(corner * spacing, facets, sides, around, held)
+
+
+def _without_ears(facets, sides, num_nodes):
+    """Facets with the edge flipped that cuts a corner off a face.
+
+    The three nodes of such a facet all come to lie on the line around the face.
+    """
+    facets = facets.copy()
+    _, face = np.unique(sides, axis=0, return_inverse=True)
+    ends = np.sort(np.stack([facets, np.roll(facets, -1, axis=1)], axis=2), axis=2)
+    edge = ends[..., 0] * num_nodes + ends[..., 1]
+    key = edge + num_nodes**2 * face.reshape(-1, 1)
+    _, number, count = np.unique(key.ravel(), return_inverse=True, return_counts=True)
+    number = number.reshape(-1, 3)
+    inner = count[number] == 2
+    order = np.argsort(number.ravel(), kind="stable")
+    first = np.concatenate([[0], np.cumsum(count)])
+    taken, touched = set(edge.ravel().tolist()), np.zeros(len(facets), dtype=bool)
+    for t in np.flatnonzero(inner.sum(axis=1) == 1):
+        i = int(np.flatnonzero(inner[t])[0])
+        both = order[first[number[t, i]] : first[number[t, i] + 1]]
+        other = int(both[both // 3 != t][0] // 3)
+        if touched[t] or touched[other]:
+            continue
+        a, b, c = np.roll(facets[t], -i)
+        (d,) = set(facets[other].tolist()) - {int(a), int(b)}
+        made = min(c, d) * num_nodes + max(c, d)
+        if made in taken:
+            continue
+        taken.add(int(made))
+        facets[t], facets[other] = (a, d, c), (d, b, c)
+        touched[[t, other]] = True
+    return facets
+
+
+def _moved(surface, start, fields, offset, shape, spacing, rounds):
+    """Nodes on the level sets of their labels, in so many rounds evenly along them.
+
+    Args:
+        surface: A `Complex`, whose facets may be flipped.
+        start: Corners of cells, which nodes stay near, shape (num_nodes, 3).
+        fields: A `_Field` a label.
+        offset: See `_offsets`, shape (largest label + 1,).
+        shape: Of the image.
+        spacing: Edge of the cells.
+        rounds: Of evening out.
+    """
+    x = surface.x.copy()
+    average = _average_within(surface)
+    for turn in range(rounds + 4):
+        residual, slopes = _constraints(surface, fields, x, offset)
+        inverse = np.linalg.pinv(slopes, rcond=0.1)
+        if turn >= rounds // 2:
+            # In a gap thinner than the filter there is no such place: such nodes are evened out.
+            far = LOST + np.abs(offset).max()
+            inverse[np.abs(residual).max(axis=1) > far] = 0
+        along = average @ x - x
+        along -= np.einsum("nij,njk,nk->ni", inverse, slopes, along)
+        step = 0.5 * along * (turn < rounds)
+        back = -np.einsum("nij,nj->ni", inverse, residual)
+        step += (
+            back
+            * np.minimum(1, 0.3 * spacing / np.maximum(np.linalg.norm(back, axis=1), 1e-12))[
+                :, None
+            ]
+        )
+        new = np.clip(x + np.where(surface.held, 0, step), start - spacing, start + spacing)
+        step = np.clip(new, 0, shape) - x
+        if turn % 5 == 0:
+            wanted = _wanted_normals(surface, fields, x)
+        x = x + step * _without_folds(surface.facets, x, step, wanted, FOLD * spacing**2)[:, None]
+        if rounds and turn in (rounds // 3, 2 * rounds // 3):
+            surface.facets = _flipped(surface, x)
+            average = _average_within(surface)
+            wanted = _wanted_normals(surface, fields, x)
+    return x
+
+
+def _without_folds(facets, x, step, wanted, least):
+    """Parts of the steps that let no facet turn over or shrink below an area, shape (num_nodes,).
+
+    Args:
+        facets: Shape (num_facets, 3).
+        x, step: Nodes and their moves, shape (num_nodes, 3).
+        wanted: Unit normals that facets ought to have, shape (num_facets, 3).
+        least: Area along that normal below which a facet may only grow.
+    """
+    part = np.ones(len(x))
+    before = (_areas(x, facets) * wanted).sum(axis=1)
+    for turn in range(30):
+        after = (_areas(x + part[:, None] * step, facets) * wanted).sum(axis=1)
+        bad = (after < least) & (after < before - 1e-9 * least)
+        if not bad.any():
+            return part
+        part[facets[bad]] *= 0.4 if turn < 4 else 0.0
+    return np.zeros(len(x))
+
+
+def _areas(x, facets):
+    """Area vectors of facets."""
+    a, b, c = x[facets[:, 0]], x[facets[:, 1]], x[facets[:, 2]]
+    return np.cross(b - a, c - a) / 2
+
+
+def _wanted_normals(surface, fields, x):
+    """Normals of the smooth faces at the centres of facets; of the image's faces where they lie."""
+    center = x[surface.facets].mean(axis=1)
+    slope = np.zeros((len(center), 3))
+    for label, field in fields.items():
+        for side, sign in ((0, 1.0), (1, -1.0)):
+            at = np.flatnonzero(surface.sides[:, side] == label)
+            if len(at):
+                slope[at] += sign * field(center[at])[1]
+    held = surface.held[surface.facets].all(axis=1)
+    areas = _areas(x, surface.facets)
+    # On a face of the image, and where no slope is left, the normal that there is.
+    keep = held.any(axis=1) | (np.linalg.norm(slope, axis=1) < 1e-6)
+    sign = np.sign((slope * areas).sum(axis=1)[~keep].sum())
+    slope[keep] = sign * np.where(held, areas, 0)[keep] if keep.any() else slope[keep]
+    return sign * slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-12)
+
+
+def _constraints(surface, fields, x, offset):
+    """phi_k - phi_first for the labels around each node and their gradients; zero where fewer."""
+    n = len(x)
+    values, slopes = np.zeros((n, MOST_LABELS)), np.zeros((n, MOST_LABELS, 3))
+    for label, field in fields.items():
+        node, which = np.nonzero(surface.labels == label)
+        if len(node):
+            values[node, which], slopes[node, which] = field(x[node])
+    known = surface.labels >= 0
+    grains = surface.labels > 0
+    gained = np.where(grains, offset[np.maximum(surface.labels, 0)], 0).sum(axis=1)
+    values += np.where(surface.labels == 0, (gained / grains.sum(axis=1))[:, None], 0)
+    residual = np.where(known[:, 1:], values[:, 1:] - values[:, :1], 0)
+    gradient = np.where(known[:, 1:, None], slopes[:, 1:] - slopes[:, :1], 0)
+    gradient[np.broadcast_to(surface.held[:, None, :], gradient.shape)] = 0
+    return residual, gradient
+
+
+def _average_within(surface):
+    """Mean over those neighbours of a node that lie on all that it lies on."""
+    ends = np.concatenate([surface.facets[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
+    ends = np.unique(np.concatenate([ends, ends[:, ::-1]]), axis=0)
+    mine, other = surface.labels[ends[:, 0]], surface.labels[ends[:, 1]]
+    within = ((mine[:, :, None] == other[:, None, :]).any(axis=2) | (mine < 0)).all(axis=1)
+    within &= (~surface.held[ends[:, 0]] | surface.held[ends[:, 1]]).all(axis=1)
+    ends, n = ends[within], len(surface.x)
+    count = np.bincount(ends[:, 0], minlength=n)
+    alone = np.flatnonzero(count == 0)
+    ends = np.concatenate([ends, np.column_stack([alone, alone])])
+    weight = 1.0 / np.maximum(count, 1)[ends[:, 0]]
+    return scipy.sparse.csr_array((weight, ends.T), shape=(n, n))
+
+
+def _flipped(surface, x):
+    """Facets of each face between two labels with long edges flipped."""
+    facets = surface.facets.copy()
+    pair, number = np.unique(surface.sides, axis=0, return_inverse=True)
+    order = np.argsort(number.ravel(), kind="stable")
+    first = np.searchsorted(number.ravel()[order], np.arange(len(pair) + 1))
+    ends = np.concatenate([facets[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
+    taken = set(map(tuple, np.sort(ends, axis=1).tolist()))
+    for p in range(len(pair)):
+        part = order[first[p] : first[p + 1]]
+        facets[part] = flip_long_edges(x, facets[part], taken)
+    return facets

@@ -1,0 +1,37 @@
+"""Jobs in worker processes that die, hang or raise."""
+
+import os
+import time
+
+import pytest
+
+from mufe_fenicsx.geometry.workers import WorkerError, run_jobs
+
+
+def half_or_worse(number):
+    """A job of which one kills its process and one never comes back."""
+    if number == 3:
+        os._exit(1)
+    if number == 5:
+        time.sleep(1000)
+    if number == 9:
+        raise ValueError("nine")
+    return number / 2
+
+
+def test_a_worker_that_dies_or_hangs_costs_only_its_own_job():
+    seen = []
+    results = run_jobs(half_or_worse, range(1, 7), 2, seen.append, limit=0.3)
+    assert [results[i] for i in (0, 1, 3, 5)] == [0.5, 1.0, 2.0, 3.0]
+    assert all(isinstance(results[i], WorkerError) for i in (2, 4))
+    assert "died" in str(results[2]) and "stopped after 0.3 s" in str(results[4])
+    assert sorted(seen) == [1, 2, 3, 4, 5, 6]
+
+
+def test_a_job_that_hung_is_run_again_otherwise():
+    assert run_jobs(half_or_worse, [5], 1, limit=0.3, again=lambda job: job + 1) == [3.0]
+
+
+def test_what_a_job_raises_is_raised():
+    with pytest.raises(ValueError, match="nine"):
+        run_jobs(half_or_worse, [1, 9], 1)
