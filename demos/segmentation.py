@@ -57,6 +57,10 @@ LABELS = {
 }
 
 
+#: Where a value of a sweep gives no labels.
+NOTHING = dict.fromkeys(("grains", "one-to-one", "ARI", "precision", "recall"), np.nan)
+
+
 @dataclasses.dataclass
 class Scan:
     """An image, how it is parted by default, and the truth if that is known."""
@@ -173,7 +177,12 @@ def sweeps(scan, quick):
         values = values[::2] if quick else values
         found = []
         for value in values:
-            labels, _, _ = segment(scan.grey, scan.changed(panel, value))
+            try:
+                labels, _, _ = segment(scan.grey, scan.changed(panel, value))
+            except InputError as error:  # a filter so wide that no two phases are left
+                found.append(NOTHING)
+                rows.append((LABELS[panel], f"{value:g}", str(error).partition(":")[0]))
+                continue
             found.append(scan.judged(labels))
             numbers = found[-1]
             rows.append((
@@ -193,7 +202,7 @@ def sweeps(scan, quick):
             other = axis.twinx()
             other.plot(values, [n["grains"] for n in found], "s--", ms=3, lw=0.8,
                        color=style.GREY, label="grains")  # fmt: skip
-            other.set_ylim(0, 1.1 * max(n["grains"] for n in found))
+            other.set_ylim(0, 1.1 * np.nanmax([n["grains"] for n in found]))
             other.spines["right"].set_visible(True)
             if k in (2, 4):
                 other.set_ylabel("grains (dashed)")

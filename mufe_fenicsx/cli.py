@@ -89,6 +89,9 @@ def segment(
     marker_depth: Annotated[
         str | None, typer.Option(help="Dip of the distance map that parts grains, in voxels.")
     ] = None,
+    relative_depth: Annotated[
+        str | None, typer.Option(help="The same, over the grain's largest distance to the void.")
+    ] = None,
     watershed_threshold: Annotated[
         str | None, typer.Option(help="ITK's threshold, with separation level.")
     ] = None,
@@ -119,7 +122,7 @@ def segment(
         raise InputError("IMAGE is missing, expected an image or a --scene with [image] file")
     settings = merged_settings(
         SegmentSettings,
-        in_scene,
+        in_scene if in_scene is None else in_scene.separated_by(separation),
         voxel_size=lengths(voxel_size),
         axes=axes,
         shape=shape and whole_numbers("--shape", shape, "z,y,x"),
@@ -132,6 +135,7 @@ def segment(
         threshold=number_or_text(threshold),
         separation=separation,
         marker_depth=number_or_text(marker_depth),
+        relative_depth=number_or_text(relative_depth),
         watershed_threshold=number_or_text(watershed_threshold),
         watershed_level=number_or_text(watershed_level),
         contact_level=number_or_text(contact_level),

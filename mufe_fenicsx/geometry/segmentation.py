@@ -73,7 +73,7 @@ def separate_grains(solid, settings, scale=1.0, grey=None, phases=None):
         labels = grown_markers(solid, distance, depth, settings.min_grain_voxels)
     else:
         np.negative(distance, out=distance)
-        how = {"depth": depth}
+        how = {"depth": depth, "relative": settings.relative}
         if settings.separation == "level":
             how = dict(zip(("threshold", "level"), settings.threshold_and_level, strict=True))
         labels, depth = watershed(distance, solid, min_voxels=settings.min_grain_voxels, **how)

@@ -1,6 +1,6 @@
 """What a user may choose about segmenting an image and meshing its grains."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..errors import InputError
 from .sizing import CONTACT, CURVATURE, FEWEST_NODES, UNIFORM, Sizing
@@ -25,6 +25,7 @@ class SegmentSettings:
     marker_depth: float | None = (
         None  #: grains part where the distance map dips more [voxels]; 0.35
     )
+    relative_depth: float | None = None  #: and more than this part of its local maximum [-]; 0.06
     watershed_threshold: float | None = None  #: ITK's threshold, of the largest distance [-]; 0.04
     watershed_level: float | None = None  #: ITK's level, of the largest distance [-]; 0.2
     tightening: float = 1.5  #: width over which faces between grains are drawn tight [voxels]
@@ -58,16 +59,34 @@ class SegmentSettings:
             _require(value is None or self.separation == "level", name, value, only)
         depth = self.marker_depth
         _require(depth is None or depth > 0, "marker_depth", depth, "> 0 voxels")
+        share = self.relative_depth
+        _require(share is None or 0 <= share < 1, "relative_depth", share, "0 to below 1")
+        only = 'a value only where separation = "depth"'
+        _require(share is None or self.separation == "depth", "relative_depth", share, only)
         only = 'a value only where separation = "depth" or "markers"'
         _require(depth is None or self.separation != "level", "marker_depth", depth, only)
         _require(0 <= self.tightening <= 10, "tightening", self.tightening, "0 to 10 voxels")
         _require(0 <= self.contact_level < 1, "contact_level", self.contact_level, "0 to below 1")
         _require(self.min_grain_voxels >= 0, "min_grain_voxels", self.min_grain_voxels, ">= 0")
 
+    def separated_by(self, separation):
+        """These settings with another way to part grains, without what only the old one uses."""
+        if separation in (None, self.separation):
+            return self
+        unused = dict.fromkeys(
+            ("marker_depth", "relative_depth", "watershed_threshold", "watershed_level")
+        )
+        return replace(self, separation=separation, **unused)
+
     @property
     def depth(self):
         """Dip of the distance map that parts grains [voxels]."""
         return 0.35 if self.marker_depth is None else self.marker_depth
+
+    @property
+    def relative(self):
+        """The same, over the largest distance in the smaller of two grains [-]."""
+        return 0.06 if self.relative_depth is None else self.relative_depth
 
     @property
     def threshold_and_level(self):

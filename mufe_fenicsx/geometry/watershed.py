@@ -12,7 +12,7 @@ import scipy.sparse
 WAYS = ((0, -1), (1, -1), (2, -1), (2, 1), (1, 1), (0, 1))
 
 
-def watershed(height, mask, threshold=0.0, level=0.0, depth=None, min_voxels=0):
+def watershed(height, mask, threshold=0.0, level=0.0, depth=None, relative=0.0, min_voxels=0):
     """Regions of a height function, from which water runs to the same minimum.
 
     Args:
@@ -24,6 +24,8 @@ def watershed(height, mask, threshold=0.0, level=0.0, depth=None, min_voxels=0):
             part of the largest of these up to which they are made [-]; see `depth_of_level`.
         depth: A region merges with the one across its lowest edge if that edge is at most this
             above its minimum [units of height]; None: as ``level`` says.
+        relative: So does one whose edge is at most this part of its depth below the highest voxel
+            above its minimum [-].
         min_voxels: So do regions that are smaller, smallest first; one without neighbours stays.
 
     Returns:
@@ -42,7 +44,8 @@ def watershed(height, mask, threshold=0.0, level=0.0, depth=None, min_voxels=0):
     pairs, edges = lowest_edges(height, basins)
     if depth is None:
         depth = depth_of_level(minima, pairs, edges, level, high - low)
-    region, _ = merged_by_depth(minima, pairs, edges, depth)
+    least = np.maximum(depth, relative * (high - minima))
+    region, _ = merged_by_depth(minima, pairs, edges, least)
     if min_voxels > 0:
         voxels = np.bincount(basins.ravel(), minlength=len(minima) + 1)[1:]
         region = merged_by_size(region, voxels, pairs, edges, min_voxels)
@@ -65,7 +68,7 @@ def depth_of_level(minima, pairs, edges, level, whole):
         level: [-].
         whole: Range of heights.
     """
-    _, depths = merged_by_depth(minima, pairs, edges, level * whole)
+    _, depths = merged_by_depth(minima, pairs, edges, np.full(len(minima), level * whole))
     return level * max(depths, default=0.0)
 
 
@@ -135,21 +138,29 @@ def lowest_edges(height, basins):
     return np.stack([key[first] // base, key[first] % base], axis=1) - 1, edge[first]
 
 
-def merged_by_depth(minima, pairs, edges, depth):
+def merged_by_depth(minima, pairs, edges, least):
     """Region of each basin: one of its basins; and how deep each merged region was.
 
-    A region whose lowest edge is at most ``depth`` above its minimum merges across
+    A region whose lowest edge is at most ``least`` above its minimum merges across
     that edge. Edges taken from the lowest upwards meet each region at its lowest one first.
+
+    Args:
+        minima: Height of each basin's minimum.
+        pairs, edges: Of `lowest_edges`.
+        least: Of each basin; a region has that of its lowest one.
     """
-    parent, lowest, depths = list(range(len(minima))), minima.tolist(), []
+    parent, lowest, least, depths = list(range(len(minima))), minima.tolist(), least.tolist(), []
     order = np.argsort(edges, kind="stable")
     for (a, b), edge in zip(pairs[order].tolist(), edges[order].tolist(), strict=True):
         a, b = _root(parent, a), _root(parent, b)
-        if a != b and edge - max(lowest[a], lowest[b]) <= depth:
-            depths.append(edge - max(lowest[a], lowest[b]))
-            a, b = min(a, b), max(a, b)
-            parent[b] = a
-            lowest[a] = min(lowest[a], lowest[b])
+        if a == b:
+            continue
+        higher, lower = (a, b) if lowest[a] >= lowest[b] else (b, a)
+        if edge - lowest[higher] <= least[higher]:
+            depths.append(edge - lowest[higher])
+            first, other = min(a, b), max(a, b)
+            parent[other] = first
+            lowest[first], least[first] = lowest[lower], least[lower]
     return np.array([_root(parent, a) for a in range(len(parent))]), depths
 
 

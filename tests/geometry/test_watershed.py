@@ -78,6 +78,14 @@ def test_valleys_merge_at_their_depth():
     assert labels.max() == 2 and (labels[:, :, 6] == 0).all()
 
 
+def test_valleys_merge_by_a_part_of_their_depth():
+    """Sills 2 below the top: valleys that dip by 1 and 3 are 3 and 5 deep."""
+    height, ground = valleys([4, 1, 3], sill=-2.0), np.ones((2, 2, 13), dtype=bool)
+    height[:, :, 0] = 0.0
+    for relative, number in ((0.3, 3), (0.4, 2), (0.58, 2), (0.62, 1)):
+        assert watershed(height, ground, depth=0.0, relative=relative)[0].max() == number
+
+
 def test_small_regions_join_their_lowest_neighbour():
     height, ground = valleys([4, 4, 4, 4]), np.ones((2, 2, 17), dtype=bool)
     height[:, :, 8] = -1  # the lowest sill
