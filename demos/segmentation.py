@@ -208,7 +208,7 @@ def sweeps(scan, quick):
             other.spines["right"].set_visible(True)
             if k in (2, 4):
                 other.set_ylabel("grains (dashed)")
-        places = {"depth": "lower left", "level": "upper right"}
+        places = {"depth": "lower left", "level": "lower left"}
         axis.legend(loc=places.get(panel, "lower right"))
         style.panel_letter(axis, k)
     return (
