@@ -78,8 +78,10 @@ class Scan:
         if panel == "threshold":
             contrast = self.found["solid_grey"] - self.found["void_grey"]
             value = self.found["threshold"] + value * contrast
-        separation = "level" if panel in ("level", "T") else self.settings.separation
-        return dataclasses.replace(self.settings, separation=separation, **{name: value})
+        more = {"separation": "level"} if panel in ("level", "T") else {}
+        if panel == "depth":
+            more = {"relative_depth": 0.0}  # alone
+        return dataclasses.replace(self.settings, **more, **{name: value})
 
     def judged(self, labels):
         """Numbers on labels: against the truth, or against the default labels."""
@@ -206,7 +208,8 @@ def sweeps(scan, quick):
             other.spines["right"].set_visible(True)
             if k in (2, 4):
                 other.set_ylabel("grains (dashed)")
-        axis.legend(loc="lower right" if panel != "depth" else "lower left")
+        places = {"depth": "lower left", "level": "lower left"}
+        axis.legend(loc=places.get(panel, "lower right"))
         style.panel_letter(axis, k)
     return (
         figure,
