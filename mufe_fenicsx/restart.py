@@ -31,7 +31,7 @@ def snapshot(simulation):
     Returns:
         Tables of this rank: dict of dicts of arrays, each with a column ``grain``. What this
         rank has added up, or the largest it has seen: dict of arrays, the latter with names
-        that begin with ``largest``; ``single`` is what only this rank can use. And numbers that all ranks have in common, fit for JSON.
+        that begin with ``largest``. And numbers that all ranks have in common, fit for JSON.
     """
     s, rigid, contact, walls = (
         simulation.state, simulation.rigid, simulation.contact, simulation.walls,
@@ -76,7 +76,6 @@ def snapshot(simulation):
         "largest_radius": walls._radius,
         "largest_everything_moves": contact.moving is None,
         "largest_chosen": rigid.chosen,
-        "single_previous": contact.previous[contact.own.nodes.size :],
     }
     common = {
         "simulation": {name: getattr(simulation, name) for name in OF_SIMULATION},
@@ -148,8 +147,6 @@ def restore(simulation, tables, own, common):
     for name, value in common["walls"].items():
         getattr(walls, name)[:] = np.reshape(value, getattr(walls, name).shape)
     restore_contact(contact, mesh, tables, bool(own["largest_everything_moves"]))
-    if "single_previous" in own:
-        contact.previous[contact.own.nodes.size :] = own["single_previous"]
     if simulation._any_rigid and own["largest_chosen"]:
         rigid.follow(at_nodes["followed"])
 

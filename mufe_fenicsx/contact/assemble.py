@@ -223,7 +223,8 @@ class Contact:
         self.positions.begin_forward()
         self._near = np.arange(self.num_before, dtype=np.int32)
         self._end_forward()
-        self.previous = self.positions.array[self.num_before :].copy()
+        # Where own surface nodes were when their motion was measured last.
+        self.previous = gathered.copy()
 
     def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local."""
@@ -235,6 +236,11 @@ class Contact:
             self.facet_layer *= factor
             self.surface.layer_of_facet[:] *= factor
             self.pairs.stiffness /= factor
+
+    def follow_all(self, x):
+        """Follow all own surface nodes from now on, the motion up to ``x`` being known. Local."""
+        gather_rows(self.previous, x, self.own.nodes)
+        self.moving = None
 
     def begin(self, x):
         """Start sending the positions ``x`` of this rank's surface to other ranks."""
@@ -271,11 +277,10 @@ class Contact:
                 all the grains are wide; on all ranks together.
         """
         self._end_forward()
-        nodes = self.positions.array[self.num_before :]
         if self.moving is None:
-            move = largest_move(self.previous, nodes)
+            move = largest_move(self.previous, self.positions.own)
         else:
-            move = largest_move_of(self.previous, nodes, self.moving)
+            move = largest_move_of(self.previous, self.positions.own, self.moving)
         self._move[0] = max(move, wall_move)
         if self.comm.size > 1:
             self.comm.Allreduce(MPI.IN_PLACE, self._move, op=MPI.MAX)

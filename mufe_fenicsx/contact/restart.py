@@ -224,8 +224,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
     contact.positions.own[:] = previous
     contact.positions.begin_forward()
     contact._end_forward()
-    own_only = slice(None if everything_moves else own.nodes.size)
-    contact.previous[own_only] = contact.positions.array[contact.num_before :][own_only]
+    contact.previous[:] = previous
 
 
 def _pairs(contact, names, table, candidates):

@@ -178,7 +178,7 @@ def read_tables(comm, checkpoint, grains):
     """Tables with the rows of this rank's grains, and what ranks had of their own. Collective.
 
     On another number of ranks what they had added up is found on rank 0, and the largest of
-    all (names that begin with ``largest``) on every one; ``single`` ones are left out.
+    all (names that begin with ``largest``) on every one.
 
     Args:
         comm: MPI communicator.
@@ -227,7 +227,7 @@ def _joined(parts, rank):
         values = [own[name] for _, own in parts]
         if name.startswith("largest"):
             own[name] = np.max(values, axis=0)
-        elif not name.startswith("single"):
+        else:
             own[name] = np.sum(values, axis=0) * (rank == 0)
     return tables, own
 
