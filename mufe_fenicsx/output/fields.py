@@ -242,6 +242,7 @@ def _write_rows(path, arrays, layout):
             while data:
                 written = os.pwrite(file, data, at)
                 data, at = data[written:], at + written
+        os.fsync(file)
     finally:
         os.close(file)
 
