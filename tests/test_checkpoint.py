@@ -10,6 +10,7 @@ import sys
 import time
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -41,7 +42,7 @@ def scene(**output):
             "hard": Group((2,), Rigid(*ROCK)),
             "late": Group((3, 5), Auto(*ROCK, TABLE, margin=0.05)),
         },
-        contact=Contact(friction=0.4, wall_friction=0.2),
+        contact=Contact(friction=0.4, friction_kinetic=0.3, wall_friction=0.2),
         oedometer=Oedometer(strain=0.008, speed=20.0, seating_stress=1e4),
         walls={"x_max": Wall(stress=2e5, speed=1.0)},
         output=Output(fields=3, history=41, **output),
@@ -73,10 +74,11 @@ def files(path):
 @pytest.mark.mpi
 def test_resumed_runs_give_the_same_bytes(folder, monkeypatch):
     """Stopped before and after grains begin to deform, then by a signal that one rank receives."""
-    whole = run(folder, "whole")
+    often = scene(checkpoint_steps=40)
+    whole = run(folder, "whole", scene=often)
     assert whole["finished"]
-    run(folder, "parts", max_steps=100)
-    run(folder, "parts", max_steps=145, resume=True)
+    run(folder, "parts", scene=often, max_steps=100)
+    run(folder, "parts", scene=often, max_steps=145, resume=True)
     write_state = Recorder.write_state
 
     def interrupt(recorder):
@@ -87,18 +89,30 @@ def test_resumed_runs_give_the_same_bytes(folder, monkeypatch):
     monkeypatch.setattr(Recorder, "write_state", interrupt)
     monkeypatch.setattr(interruption, "LATENCY", 1e-3)
     with pytest.raises(Interrupted, match="stopped by SIGINT") as stopped:
-        run(folder, "parts", resume=True)
+        run(folder, "parts", scene=often, resume=True)
     assert stopped.value.signal == signal.SIGINT
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     monkeypatch.undo()
-    parts = run(folder, "parts", resume=True)
+    parts = run(folder, "parts", scene=often, resume=True)
     assert parts["finished"] and parts["resumed_at_steps"][:2] == [100, 145]
     assert len(parts["resumed_at_steps"]) == 3
     if COMM.rank == 0:
         assert files(folder / "parts") == files(folder / "whole")
+        assert last_step(folder / "whole") == last_step(folder / "parts")
+    for one, other in zip(*(arrays(folder / name) for name in ("whole", "parts")), strict=True):
+        assert one == other
     assert parts["stages"] == whole["stages"] and parts["contact"] == whole["contact"]
     with pytest.raises(InputError, match="is finished"):
-        run(folder, "parts", resume=True)
+        run(folder, "parts", scene=often, resume=True)
+
+
+def arrays(run_folder):
+    """Name and bytes of all that this rank has in the last checkpoint."""
+    path = max(run_folder.glob("checkpoints/step-*")) / f"rank-{COMM.rank:04d}.h5"
+    found = []
+    with h5py.File(path) as file:
+        file.visititems(lambda name, item: found.append((name, item)))
+        return [(n, v[()].tobytes()) for n, v in found if isinstance(v, h5py.Dataset)]
 
 
 @pytest.fixture
