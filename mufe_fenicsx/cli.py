@@ -385,6 +385,9 @@ def run(
         int | None, typer.Option(min=1, help="Stop after so many time steps.")
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print the last summary only.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on from the last checkpoint in the folder.")
+    ] = False,
     overwrite: Overwrite = False,
     json: Json = None,
 ):
@@ -400,6 +403,8 @@ def run(
             "sample.grains is missing, expected the folder that `mufe mesh` wrote, or --grains"
         )
     output = Path("runs") / scene.stem if output is None else output
+    if resume and overwrite:
+        raise InputError("--overwrite beside --resume, expected one of them")
     result = run_scene(
         loaded,
         grains,
@@ -410,6 +415,7 @@ def run(
         # JSON on standard output stands alone there.
         quiet=quiet or json == "-",
         command=["mufe", *sys.argv[1:]],
+        resume=resume,
     )
     printer.summary(result or {})
     printer.write_json(result)

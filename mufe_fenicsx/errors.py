@@ -1,4 +1,4 @@
-"""The two ways in which a run ends early."""
+"""The ways in which a run ends early."""
 
 
 class InputError(ValueError):
@@ -10,3 +10,16 @@ class InputError(ValueError):
 
 class SolverError(RuntimeError):
     """A computation went wrong while running: what happened and what to change."""
+
+
+class Interrupted(RuntimeError):
+    """Somebody asked the program to end: by which signal, and what was kept.
+
+    Args:
+        message: One line.
+        signal: Number of the signal.
+    """
+
+    def __init__(self, message, signal):
+        super().__init__(message)
+        self.signal = int(signal)

@@ -3,6 +3,7 @@
 0  done
 1  a verification failed, or a computation did
 2  unusable input, or a file system that is full or not writable
+130, 143  stopped by an interrupt (Ctrl-C), by a request to end (SIGTERM)
 """
 
 import math
@@ -11,7 +12,7 @@ import sys
 import time
 import traceback
 
-from .errors import InputError, SolverError
+from .errors import InputError, Interrupted, SolverError
 
 FAILED = 1
 UNUSABLE_INPUT = 2
@@ -43,6 +44,8 @@ def run_to_exit(action):
         status = action()
     except KeyboardInterrupt:
         failure = (INTERRUPTED, "interrupted")
+    except Interrupted as error:
+        failure = (128 + error.signal, str(error))
     except BrokenPipeError:  # whoever read our output has left, as in `mufe ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         failure = (FAILED, "")

@@ -21,6 +21,10 @@ STRAIN_DEFINITION = (
 LARGEST_SEATING = 0.25
 
 
+#: What changes in the course of a test, beside the walls.
+KEPT = ("stage", "stages", "first_height", "reference_height", "_speed", "_speed_at_start")
+
+
 def smooth_step(s):
     """0 below 0, 1 above 1, between them the quintic with two vanishing derivatives."""
     s = min(max(s, 0.0), 1.0)
@@ -70,6 +74,15 @@ class OedometerLoading:
     @property
     def finished(self):
         return self.stage == LOADING and self.progress >= self.final_strain
+
+    def keep(self):
+        """What a loading that goes on from here has to know, fit for JSON."""
+        return {name: getattr(self, name) for name in KEPT}
+
+    def go_on(self, kept):
+        """Go on from what :meth:`keep` gave."""
+        for name in KEPT:
+            setattr(self, name, kept[name])
 
     def _note(self):
         state = self.simulation.state

@@ -102,6 +102,20 @@ class GrainMesh:
         """Local grain of each row of ``cells``, shape (num_cells,)."""
         return np.repeat(np.arange(self.num_grains, dtype=np.int32), np.diff(self.cell_offset))
 
+    @cached_property
+    def named_nodes(self):
+        """Nodes grain after grain, in each as they were given: an order that knows no ranks."""
+        given = np.empty(self.num_nodes, dtype=np.int64)
+        geometry = self.mesh.geometry
+        given[self.V.dofmap.list] = geometry.input_global_indices[geometry.dofmaps[0]]
+        return np.lexsort((given, self.grain_of_node))
+
+    @cached_property
+    def named_cells(self):
+        """Rows of ``cells`` grain after grain, in each as they were given."""
+        given = self.mesh.topology.original_cell_index[self.cell_order]
+        return np.lexsort((given, self.grain_of_cell))
+
     def cell_function(self, values):
         """Piecewise constant DOLFINx function from values in the order of ``cells``."""
         function = fem.Function(fem.functionspace(self.mesh, ("DG", 0)))

@@ -266,6 +266,7 @@ class RigidGrains:
     def drift(self, x, u, dt, damping):
         """Half a kick, then the motion over a step ``dt``; chosen nodes follow. Local."""
         if not self.grains.size:
+            self.moved = 0.0
             return
         near = self.followed
         self.moved = kernels.kick_and_drift(

@@ -3,8 +3,10 @@
 import csv
 import math
 import os
+import signal
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -15,23 +17,27 @@ from .contact.nodal import nodal_contact
 from .contact.separation import separate
 from .contact.walls import Wall
 from .energy_guard import EnergyGuard
-from .errors import InputError, SolverError
+from .errors import InputError, Interrupted, SolverError
 from .geometry.grains import load_grains, read_grain_table
 from .geometry.refine import PARTS, split
+from .interruption import Interruption
 from .launcher import TERMINAL
 from .loading import LOADING, STRAIN_DEFINITION, OedometerLoading
 from .memory import peak_memory, return_freed_arrays
 from .mesh import create_grain_mesh, partition_grains
+from .output.checkpoint import CheckpointWriter, file_checksum, find_checkpoint, read_tables
 from .output.contacts import ContactWriter
 from .output.fields import FieldWriter
 from .output.history import HistoryWriter
 from .output.run_folder import (
     create_run_folder,
     raise_together,
+    read_run_json,
     versions,
     write_atomically,
     write_run_json,
 )
+from .restart import restore, restore_reference, snapshot
 from .scene import WALLS, load_scene, scene_to_toml
 from .simulation import ENERGIES, Simulation
 from .solid import von_mises
@@ -115,20 +121,40 @@ def make_walls(scene, low, high):
 
 
 class Recorder:
-    """Writes history and fields of a test as it goes on. Collective."""
+    """Writes history and fields of a test as it goes on. Collective.
 
-    def __init__(self, folder, simulation, loading, area, output, energy_limit):
+    With ``kept``, of :meth:`keep`, it goes on from there; ``same_ranks``: on as many ranks.
+    """
+
+    def __init__(
+        self, folder, simulation, loading, area, output, energy_limit, kept=None, same_ranks=True
+    ):
         mesh = simulation.mesh
+        kept = kept or {}
         self.simulation, self.loading, self.area = simulation, loading, area
         self.guard = EnergyGuard(simulation, energy_limit)
-        self.history = HistoryWriter(folder / "history.csv", comm=mesh.comm)
+        self.history = HistoryWriter(
+            folder / "history.csv", comm=mesh.comm, kept=kept.get("history")
+        )
         labels = mesh.labels[mesh.grains[mesh.grain_of_cell]]
-        self.fields = FieldWriter(mesh.comm, folder, mesh.x, mesh.cells, labels)
-        self.contacts = ContactWriter(mesh.comm, folder)
-        self.num_states = 0
+        self.fields = FieldWriter(
+            mesh.comm, folder, mesh.x, mesh.cells, labels, kept.get("fields"), same_ranks
+        )
+        self.contacts = ContactWriter(mesh.comm, folder, kept.get("contacts", ()))
+        self.num_states = kept.get("num_states", 0)
         self._history_interval = loading.final_strain / (output.history - 1)
         self._field_interval = loading.final_strain / (output.fields - 1)
-        self._stage, self._next_row, self._next_state = None, 0.0, 0.0
+        self._stage, self._next_row, self._next_state = kept.get("next", (None, 0.0, 0.0))
+
+    def keep(self):
+        """What a recorder that goes on from here has to know, fit for JSON; rows are on disk."""
+        return {
+            "history": self.history.sync(),
+            "fields": self.fields.kept,
+            "contacts": self.contacts.kept,
+            "num_states": self.num_states,
+            "next": (self._stage, self._next_row, self._next_state),
+        }
 
     def after_step(self):
         """Write what is due."""
@@ -206,6 +232,7 @@ def run_scene(
     max_steps=None,
     quiet=False,
     command=(),
+    resume=False,
 ):
     """Run the test of a scene. Collective.
 
@@ -218,6 +245,8 @@ def run_scene(
         max_steps: Stop after so many steps.
         quiet: Print nothing.
         command: The command line, to be kept with the run.
+        resume: Go on from the last checkpoint in the folder, with the same scene and grains, on
+            any number of ranks.
 
     Returns:
         What run.json holds, on every rank.
@@ -225,23 +254,38 @@ def run_scene(
     Raises:
         InputError: Something the user gave cannot be used; nothing was written.
         SolverError: The computation failed; all up to there was written.
+        Interrupted: A signal asked it to end; there is a checkpoint of the last step.
     """
     return_freed_arrays()
     started = time.perf_counter()
+    identity = {"scene": scene_to_toml(scene), "grains": _grains_checksum(comm, grains_folder)}
+    checkpoint = None
+    if resume:
+        checkpoint = find_checkpoint(comm, output_folder)
+        _check_origin(comm, checkpoint, identity, Path(output_folder), quiet)
+        started -= checkpoint.header["wall_s"]
     mesh = load_mesh(comm, grains_folder, scene.solver.element)
     materials = scene.materials_of(mesh.labels[mesh.grains], mesh.labels)
     sample, separation = scene.sample, None
-    if sample.separation:
-        separation = separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
-    folder = create_run_folder(comm, Path(output_folder), overwrite)
-    message = None
-    if comm.rank == 0:
-        try:
-            write_atomically(folder / "scene.toml", scene_to_toml(scene))
-            _copy_tables(Path(grains_folder), folder)
-        except (InputError, OSError) as error:
-            message = str(error)
-    raise_together(comm, message)
+    if checkpoint is not None:
+        separation = checkpoint.header["separation"]
+        tables, own = read_tables(comm, checkpoint, mesh.grains)
+        restore_reference(mesh, tables)
+        folder = Path(output_folder)
+    else:
+        if sample.separation:
+            separation = separate(
+                mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h
+            ).as_dict()
+        folder = create_run_folder(comm, Path(output_folder), overwrite)
+        message = None
+        if comm.rank == 0:
+            try:
+                write_atomically(folder / "scene.toml", identity["scene"])
+                _copy_tables(Path(grains_folder), folder)
+            except (InputError, OSError) as error:
+                message = str(error)
+        raise_together(comm, message)
 
     low, high = np.empty(3), np.empty(3)
     comm.Allreduce(mesh.x.min(axis=0), low, op=MPI.MIN)
@@ -271,7 +315,17 @@ def run_scene(
         oedometer.seating_stress * area,
         oedometer.seating_speed,
     )
-    recorder = Recorder(folder, simulation, loading, area, scene.output, solver.energy_limit)
+    kept, same_ranks = None, True
+    checkpoints = CheckpointWriter(comm, folder)
+    if checkpoint is not None:
+        restore(simulation, tables, own, checkpoint.header["state"])
+        loading.go_on(checkpoint.header["loading"])
+        kept, same_ranks = checkpoint.header["recorder"], checkpoint.num_ranks == comm.size
+        del tables
+        checkpoints.remove_after(checkpoint)
+    recorder = Recorder(
+        folder, simulation, loading, area, scene.output, solver.energy_limit, kept, same_ranks
+    )
     summary = {
         "title": scene.title,
         "command": list(command),
@@ -287,21 +341,50 @@ def run_scene(
         "strain_definition": STRAIN_DEFINITION,
         "area": area,
         "first_height": float(loading.first_height),
-        "separation": separation.as_dict() if separation else None,
+        "separation": separation,
         "failed_grains": _failed_grains(folder / "quality.csv"),
         "setup_s": time.perf_counter() - started,
+        "resumed_at_steps": [],
     }
+    if checkpoint is not None:
+        summary["setup_s"] = checkpoint.header["setup_s"]
+        before = checkpoint.header["resumed_at_steps"]
+        summary["resumed_at_steps"] = [*before, checkpoint.header["step"]]
+
+    def save():
+        """Write a checkpoint, unless there is one of this step."""
+        step = simulation.state.num_steps
+        if checkpoints.last is not None and checkpoints.last.name == f"step-{step:09d}":
+            return
+        tables, own, state = snapshot(simulation)
+        header = {
+            "state": state,
+            "loading": loading.keep(),
+            "recorder": recorder.keep(),
+            "wall_s": time.perf_counter() - started,
+            **{k: summary[k] for k in ("setup_s", "separation", "resumed_at_steps")},
+            **identity,
+        }
+        checkpoints.write(step, tables, own, header)
+
     if comm.rank == 0:
         write_run_json(folder, _now(summary, simulation, loading, started, 0))
 
     error = None
     try:
-        summary["stop_reason"] = _march(simulation, loading, recorder, max_steps, quiet)
+        summary["stop_reason"] = _march(
+            simulation, loading, recorder, scene.output, save, max_steps, quiet, resume
+        )
         summary["finished"] = bool(loading.finished)
-    except SolverError as failure:
+    except (SolverError, Interrupted) as failure:
         error = failure
         summary["stop_reason"] = str(failure)
-        recorder.write_state()
+        if isinstance(failure, SolverError):
+            recorder.write_state()
+    except InputError as failure:  # a disk that is full
+        if checkpoints.last is None:
+            raise
+        raise InputError(f"{failure}; --resume goes on from {checkpoints.last}") from failure
     memory = peak_memory(comm)
     summary = _now(summary, simulation, loading, started, memory)
     summary["contact"] = {
@@ -318,17 +401,35 @@ def run_scene(
     return summary
 
 
-def _march(simulation, loading, recorder, max_steps, quiet):
+def _march(simulation, loading, recorder, output, save, max_steps, quiet, resumed):
     """Step until the end of the test; returns why it stopped. Collective."""
-    with _Progress(simulation.comm, loading, quiet) as progress:
+    state = simulation.state
+    due = _Due(output, loading)
+    with (
+        _Progress(simulation.comm, loading, quiet) as progress,
+        Interruption(simulation.comm, output.checkpoint) as interruption,
+    ):
         while True:
-            recorder.after_step()
+            if not resumed:  # that step is recorded already
+                recorder.after_step()
+            resumed = False
             progress.update(simulation)
             if loading.finished:
                 break
-            if max_steps is not None and simulation.state.num_steps >= max_steps:
+            if max_steps is not None and state.num_steps >= max_steps:
+                save()
                 recorder.write_row()
                 return f"max_steps = {max_steps} reached"
+            number, by_time = interruption()
+            if number or by_time or due(state.num_steps):
+                save()
+                interruption.saved()
+            if number:
+                raise Interrupted(
+                    f"stopped by {signal.Signals(number).name} at step {state.num_steps}, strain "
+                    f"{loading.strain:.4f}, after a checkpoint: --resume goes on from it",
+                    number,
+                )
             loading.before_step()
             simulation.step(everywhere=False)
     simulation.check()
@@ -348,6 +449,91 @@ def _now(summary, simulation, loading, started, memory):
         "wall_s": time.perf_counter() - started,
         "peak_memory_bytes": memory,
     }
+
+
+class _Due:
+    """Whether a checkpoint is due by steps or by strain."""
+
+    def __init__(self, output, loading):
+        self.output, self.loading = output, loading
+        self._passed = self._count()
+
+    def _count(self):
+        interval = self.output.checkpoint_strain
+        return math.floor(self.loading.strain / interval) if interval else 0
+
+    def __call__(self, step):
+        before, self._passed = self._passed, self._count()
+        interval = self.output.checkpoint_steps
+        return self._passed > before or bool(interval and step and step % interval == 0)
+
+
+def _grains_checksum(comm, grains_folder):
+    """Checksum of the file of grains. Collective."""
+    found, message = None, None
+    if comm.rank == 0:
+        path = Path(grains_folder)
+        try:
+            found = file_checksum(path / "grains.h5" if path.is_dir() else path)
+        except InputError as error:
+            message = str(error)
+    raise_together(comm, message)
+    return comm.bcast(found)
+
+
+#: Keys of a scene that may differ where a run goes on, and tables that came before it.
+FREE_KEYS = ("title", "sample.grains", "output.checkpoint", "output.checkpoint_strain",
+             "output.checkpoint_steps")  # fmt: skip
+FREE_TABLES = ("image", "mesh")
+
+
+def _check_origin(comm, checkpoint, identity, folder, quiet):
+    """See that a checkpoint belongs to this scene and these grains, of an unfinished run.
+
+    Raises:
+        InputError: It does not; on all ranks.
+    """
+    message = None
+    if comm.rank == 0:
+        if not quiet:
+            for notice in checkpoint.notices:
+                print(f"mufe: {notice}", file=sys.stderr, flush=True)
+        header = checkpoint.header
+        changed = _first_difference(header["scene"], identity["scene"])
+        if changed:
+            message = f"{changed}, expected the value of checkpoint {checkpoint.path}"
+        elif header["grains"] != identity["grains"]:
+            message = (
+                f"grains of checkpoint {checkpoint.path} are others than those given, "
+                "expected the grains that the run began with"
+            )
+        else:
+            try:
+                if read_run_json(folder).get("finished"):
+                    message = f"run in {folder} is finished, expected one to go on with"
+            except InputError as error:
+                message = str(error)
+    raise_together(comm, message)
+
+
+def _first_difference(old, new):
+    """`key = new value, was old value` of the first key in which two scenes differ, or None."""
+    old, new = (_flat(tomllib.loads(text)) for text in (old, new))
+    for key in [*new, *(k for k in old if k not in new)]:
+        if key in FREE_KEYS or key.split(".")[0] in FREE_TABLES or new.get(key) == old.get(key):
+            continue
+        return f"{key} = {new.get(key, 'not set')}, was {old.get(key, 'not set')}"
+    return None
+
+
+def _flat(table, prefix=""):
+    flat = {}
+    for key, value in table.items():
+        if isinstance(value, dict):
+            flat |= _flat(value, f"{prefix}{key}.")
+        else:
+            flat[prefix + key] = value
+    return flat
 
 
 def _copy_tables(grains_folder, folder):

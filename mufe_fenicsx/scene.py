@@ -207,10 +207,15 @@ class Output:
 
     fields: int = 11  #: states with all fields, including the start and the end
     history: int = 500  #: rows of history.csv
+    checkpoint: float = 300.0  #: time of the clock between two checkpoints [s]; 0: none by time
+    checkpoint_strain: float = 0.0  #: strain between two checkpoints [-]; 0: none by strain
+    checkpoint_steps: int = 0  #: time steps between two checkpoints; 0: none by steps
 
     def __post_init__(self):
         _require(2 <= self.fields, "fields", self.fields, ">= 2: the start and the end")
         _require(2 <= self.history, "history", self.history, ">= 2: the start and the end")
+        for name in ("checkpoint", "checkpoint_strain", "checkpoint_steps"):
+            _require(0 <= getattr(self, name), name, getattr(self, name), ">= 0; 0: none")
 
 
 @dataclass(frozen=True)

@@ -62,6 +62,7 @@ UNITS = {
     Auto: {**_ELASTIC_UNITS, "yield_stress": ("", "Pa")},
     Sample: {"close_gaps": "m"},
     Solver: {"damping": "s^-1"},
+    Output: {"checkpoint": "s"},
     Wall: {"velocity": "m/s", "stress": "Pa", "speed": "m/s"},
     Oedometer: {"speed": "m/s", "seating_stress": "Pa", "seating_speed": "m/s"},
 }

@@ -200,6 +200,7 @@ class Simulation:
         nodes = near.nodes[np.repeat(which, np.diff(near.offset))]
         s.a[nodes] = self._f[nodes] / self.solid.mass[nodes, None]
         rigid.release(which)
+        self.contact.follow_all(s.x)
         self._watch.release(which)
         grains = np.arange(self.mesh.num_grains)
         self.solid.set_deforming(grains[~np.isin(grains, rigid.grains)])
@@ -215,8 +216,6 @@ class Simulation:
         self.walls.add_work()
         self.bonded.move(s.x, s.u, s.v, self.mesh.x, dt)
         positions = s.x
-        if not self.rigid.chosen:
-            self.contact.moving = None
         if not self.contact.kinematic:
             self.contact.begin(positions)
         if self.contact.moving is None:

@@ -11,6 +11,7 @@ from .errors import InputError
 QUANTITIES = {
     "m": ("a length", "5 um"),
     "m/s": ("a speed", "10 mm/s"),
+    "s": ("a time", "5 min"),
     "Pa": ("a stress", "10 MPa"),
     "kg/m^3": ("a density", "2.65 g/cm^3"),
     "s^-1": ("a rate", "100 s^-1"),

@@ -10,7 +10,13 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "mufe_fenicsx"
 
 #: Modules that are one part of the design under more than one name.
-PART_OF = {"scene_io": "scene", "loading": "simulation", "energy_guard": "simulation"}
+PART_OF = {
+    "scene_io": "scene",
+    "loading": "simulation",
+    "energy_guard": "simulation",
+    "restart": "simulation",
+    "interruption": "run",
+}
 
 #: What each part may import, besides itself and `errors`, which any may.
 TABLE = {

@@ -195,6 +195,7 @@ def test_scene_of_the_demonstration():
     assert scene.material == J2(100e9, 0.15, 2650.0, ((0.0, 10e6), (0.05, 110e6)))
     assert scene.contact.friction == 0.23
     assert scene.oedometer.strain == 0.1
+    assert scene.output.checkpoint == 300.0  # "5 min"
     assert all(wall.friction == 0 for wall in scene.walls.values())
 
 

@@ -169,26 +169,8 @@ class Contact:
         old, old_surface, old_crossings = self.pairs, self.surface, self.edges.pairs
         if old is not None:
             self.edges.slip += new_slip(self)
-        self.surface, ghosts = exchange_surface(
-            self.comm, self.own, self.facet_layer, gathered, reach
-        )
-        for vector in (self.positions, self.forces):
-            if vector is not None:
-                vector.destroy()
+        self.exchange(gathered, reach)
         num_own, num_points = self.own.nodes.size, self.points.num_points
-        self.positions = SurfaceVector(self.comm, num_own, ghosts, self.num_before)
-        self.forces = SurfaceVector(self.comm, num_own, ghosts, self.num_before)
-        self.facets = self.surface.facets + np.int32(self.num_before)
-        self.ring_offset, self.ring = self.surface.ring_offset, self.surface.ring
-        if self.num_before:
-            offset, ring = self.points.ring_offset, self.points.ring
-            self.ring_offset = np.concatenate([offset[:-1], ring.size + self.ring_offset])
-            self.ring = np.concatenate([ring, self.ring])
-        self.positions.own[:] = gathered
-        self.positions.begin_forward()
-        self._near = np.arange(self.num_before, dtype=np.int32)
-        self._end_forward()
-        self.previous = self.positions.array[self.num_before :].copy()
 
         self.pairs = search_pairs(
             self.positions.array,
@@ -214,6 +196,36 @@ class Contact:
         self.searched_at = self.clock
         self.num_searches += 1
 
+    def exchange(self, gathered, reach):
+        """Fetch what other ranks have near this one's surface. Collective.
+
+        Args:
+            gathered: Positions of own surface nodes [m], shape (num_nodes, 3).
+            reach: Distance [m].
+        """
+        self.searched, self.reach = gathered, reach
+        self.surface, ghosts = exchange_surface(
+            self.comm, self.own, self.facet_layer, gathered, reach
+        )
+        for vector in (self.positions, self.forces):
+            if vector is not None:
+                vector.destroy()
+        num_own = self.own.nodes.size
+        self.positions = SurfaceVector(self.comm, num_own, ghosts, self.num_before)
+        self.forces = SurfaceVector(self.comm, num_own, ghosts, self.num_before)
+        self.facets = self.surface.facets + np.int32(self.num_before)
+        self.ring_offset, self.ring = self.surface.ring_offset, self.surface.ring
+        if self.num_before:
+            offset, ring = self.points.ring_offset, self.points.ring
+            self.ring_offset = np.concatenate([offset[:-1], ring.size + self.ring_offset])
+            self.ring = np.concatenate([ring, self.ring])
+        self.positions.own[:] = gathered
+        self.positions.begin_forward()
+        self._near = np.arange(self.num_before, dtype=np.int32)
+        self._end_forward()
+        # Where own surface nodes were when their motion was measured last.
+        self.previous = gathered.copy()
+
     def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local."""
         if self.kinematic and dt != self._dt:
@@ -224,6 +236,11 @@ class Contact:
             self.facet_layer *= factor
             self.surface.layer_of_facet[:] *= factor
             self.pairs.stiffness /= factor
+
+    def follow_all(self, x):
+        """Follow all own surface nodes from now on, the motion up to ``x`` being known. Local."""
+        gather_rows(self.previous, x, self.own.nodes)
+        self.moving = None
 
     def begin(self, x):
         """Start sending the positions ``x`` of this rank's surface to other ranks."""
@@ -260,11 +277,10 @@ class Contact:
                 all the grains are wide; on all ranks together.
         """
         self._end_forward()
-        nodes = self.positions.array[self.num_before :]
         if self.moving is None:
-            move = largest_move(self.previous, nodes)
+            move = largest_move(self.previous, self.positions.own)
         else:
-            move = largest_move_of(self.previous, nodes, self.moving)
+            move = largest_move_of(self.previous, self.positions.own, self.moving)
         self._move[0] = max(move, wall_move)
         if self.comm.size > 1:
             self.comm.Allreduce(MPI.IN_PLACE, self._move, op=MPI.MAX)

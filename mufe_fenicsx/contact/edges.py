@@ -85,12 +85,20 @@ class EdgeContact:
             Energy of closed pairs that no longer exist [J]: an edge became blunt.
         """
         old = self.pairs
+        self.list_edges(x, num_own, surface)
+        self.pairs = _search(x, self.edges, reach, clock)
+        return 0.0 if old is None else self._carry(old)
+
+    def list_edges(self, x, num_own, surface):
+        """Find the sharp edges, arguments as of :meth:`search`. Local."""
         self.edges = _Edges(x, num_own, surface, self.ratio_of_node)
         sharp = np.zeros(len(x), dtype=bool)
         sharp[self.edges.ends] = True
         self.beside = sharp[surface.facets].any(axis=1)
-        self.pairs = _search(x, self.edges, reach, clock)
-        return 0.0 if old is None else self._carry(old)
+
+    def set_pairs(self, first, second, clock):
+        """Make the pairs those of the edges ``first`` and ``second``, without any past. Local."""
+        self.pairs = _EdgePairs(first, second, self.edges, clock)
 
     def _carry(self, old):
         new = self.pairs

@@ -25,7 +25,12 @@ import numpy as np
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.history import read_history
-from mufe_fenicsx.output.run_folder import raise_together, reason, write_atomically
+from mufe_fenicsx.output.run_folder import (
+    keep_states,
+    raise_together,
+    reason,
+    write_atomically,
+)
 
 SERIES = "states.vtkhdf.series"
 
@@ -69,16 +74,26 @@ class ContactWriter:
     Args:
         comm: MPI communicator; rank 0 writes.
         folder: The run folder, which exists.
+        kept: What :attr:`kept` was, where a run goes on: later states are removed.
 
     Raises:
         InputError: The folder cannot be made; on all ranks together.
     """
 
-    def __init__(self, comm, folder):
+    def __init__(self, comm, folder, kept=()):
         self.comm = comm
         self.folder = Path(folder) / "contacts"
-        self._states = []
+        self._states = list(kept)
         self._on_first_rank(lambda: self.folder.mkdir(exist_ok=True))
+        message = None
+        if comm.rank == 0:
+            message = keep_states(self.folder, self._states, "*.vtkhdf", "*.csv")
+        raise_together(comm, message)
+
+    @property
+    def kept(self):
+        """What a writer that goes on from here has to know, fit for JSON."""
+        return list(self._states)
 
     def write(self, index, time, network):
         """Write one state.

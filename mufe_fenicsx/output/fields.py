@@ -16,7 +16,14 @@ import h5py
 import numpy as np
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.output.run_folder import raise_together, reason, write_atomically
+from mufe_fenicsx.output.run_folder import (
+    attempt,
+    keep_states,
+    raise_together,
+    reason,
+    try_room,
+    write_atomically,
+)
 
 VTK_TETRA = 10
 MESH = "mesh.h5"
@@ -31,8 +38,6 @@ MESH_ARRAYS = (
     "Types",
     "CellData/grain",
 )
-#: Room for what a file holds beside its arrays [bytes].
-HEADERS = 64 * 1024
 
 
 class FieldWriter:
@@ -46,16 +51,23 @@ class FieldWriter:
         points: Reference positions of this rank's nodes [m], shape (num_nodes, 3).
         cells: Local nodes of this rank's tetrahedra, shape (num_cells, 4).
         grain_of_cell: Label of each cell's grain, shape (num_cells,).
+        kept: What :attr:`kept` was, where a run goes on: later states are removed.
+        same_ranks: Whether it goes on on the ranks that wrote so far: the mesh is there.
 
     Raises:
         InputError: A file cannot be written; on all ranks together.
     """
 
-    def __init__(self, comm, folder, points, cells, grain_of_cell):
+    def __init__(self, comm, folder, points, cells, grain_of_cell, kept=None, same_ranks=True):
         self.comm = comm
         self.folder = Path(folder) / "fields"
-        self._states = []
+        self._mesh, self._states = MESH, []
         message = None
+        if kept is not None:
+            self._mesh, self._states = kept["mesh"], list(kept["states"])
+            if comm.rank == 0:
+                message = keep_states(self.folder, self._states, "*.vtkhdf")
+            raise_together(comm, message)
         if comm.rank == 0:
             try:
                 self.folder.mkdir(exist_ok=True)
@@ -70,8 +82,13 @@ class FieldWriter:
         if comm.rank == 0:
             offsets = np.append(0, offsets)
         num_nodes, num_cells = self._nodes.total, self._cells.total
+        if kept is not None:
+            if same_ranks:
+                return
+            # Other ranks have nodes and cells in another order: stored states keep their mesh.
+            self._mesh = f"mesh_{len(self._states):04d}.h5"
         self._write_file(
-            MESH,
+            self._mesh,
             [
                 ("Points", np.asarray(points, np.float64), self._nodes),
                 (
@@ -90,6 +107,11 @@ class FieldWriter:
             },
             links=(),
         )
+
+    @property
+    def kept(self):
+        """What a writer that goes on from here has to know, fit for JSON."""
+        return {"mesh": self._mesh, "states": list(self._states)}
 
     def write(self, index, time, strain, stage, point_data, cell_data):
         """Write one state and list it in the series.
@@ -139,15 +161,17 @@ class FieldWriter:
         layout = None
         if self.comm.rank == 0:
             size = sum(r.total * v.itemsize * int(np.prod(v.shape[1:])) for _, v, r in arrays)
-            message, _ = _attempt(path, lambda: _try_room(part, size))
+            message, _ = attempt(path, lambda: try_room(part, size))
             if message is None:
-                message, layout = _attempt(path, lambda: _lay_out(part, arrays, small, links))
+                message, layout = attempt(
+                    path, lambda: _lay_out(part, arrays, small, self._mesh, links)
+                )
         self._raise_together(message, part)
         layout = self.comm.bcast(layout)
-        message, _ = _attempt(path, lambda: _write_rows(part, arrays, layout))
+        message, _ = attempt(path, lambda: _write_rows(part, arrays, layout))
         self._raise_together(message, part)
         if self.comm.rank == 0:
-            message, _ = _attempt(path, lambda: os.replace(part, path))
+            message, _ = attempt(path, lambda: os.replace(part, path))
         self._raise_together(message, part)
 
     def _raise_together(self, message, part):
@@ -158,14 +182,6 @@ class FieldWriter:
             if self.comm.rank == 0:
                 part.unlink(missing_ok=True)
             raise
-
-
-def _attempt(path, action):
-    """(what went wrong or None, result or None) of something that writes to a file."""
-    try:
-        return None, action()
-    except (OSError, RuntimeError) as error:  # HDF5 raises either
-        return f"{path} cannot be written ({reason(error)})", None
 
 
 class _Rows:
@@ -186,17 +202,7 @@ def _wrong_shape(arrays):
     return None
 
 
-def _try_room(path, size):
-    """Raise OSError unless ``size`` bytes and the headers fit on the disk.
-
-    HDF5 may end the whole program where it cannot write its headers.
-    """
-    with path.open("wb") as file:
-        if hasattr(os, "posix_fallocate"):
-            os.posix_fallocate(file.fileno(), 0, size + HEADERS)
-
-
-def _lay_out(path, arrays, small, links):
+def _lay_out(path, arrays, small, mesh, links):
     """Create the file; the byte where each array starts. On rank 0."""
     plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     plist.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
@@ -209,7 +215,7 @@ def _lay_out(path, arrays, small, links):
         for folder in ("PointData", "CellData", "FieldData"):
             group.create_group(folder)
         for name in links:
-            group[name] = h5py.ExternalLink(MESH, f"/VTKHDF/{name}")
+            group[name] = h5py.ExternalLink(mesh, f"/VTKHDF/{name}")
         for name, values in small.items():
             group[name] = np.asarray(values)
         for name, values, rows in arrays:
@@ -236,6 +242,7 @@ def _write_rows(path, arrays, layout):
             while data:
                 written = os.pwrite(file, data, at)
                 data, at = data[written:], at + written
+        os.fsync(file)
     finally:
         os.close(file)
 

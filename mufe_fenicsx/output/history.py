@@ -2,6 +2,7 @@
 
 import csv
 import io
+import os
 from pathlib import Path
 
 import numpy as np
@@ -51,13 +52,14 @@ class HistoryWriter:
         path: The CSV file; an existing one is replaced.
         columns: Names of the columns.
         comm: MPI communicator or None.
+        kept: Bytes of an existing file to go on from, what :meth:`sync` returned; None: a new one.
 
     Raises:
         InputError: It cannot be written (disk full, folder not writable).
     """
 
-    def __init__(self, path, columns=COLUMNS, comm=None):
-        self.path = Path(path)
+    def __init__(self, path, columns=COLUMNS, comm=None, kept=None):
+        self.path, self._kept = Path(path), kept
         self.columns = tuple(columns)
         self.comm = comm
         self._file = None
@@ -70,6 +72,17 @@ class HistoryWriter:
             row: dict column -> number or text; every column, nothing else.
         """
         self._together(lambda: self._append(row))
+
+    def sync(self):
+        """Wait until all rows are on disk; returns their bytes, on rank 0. Collective."""
+        size = []
+
+        def sync():
+            os.fsync(self._file.fileno())
+            size.append(self._file.tell())
+
+        self._together(sync)
+        return size[0] if size else None
 
     def close(self):
         if self._file is not None:
@@ -96,6 +109,13 @@ class HistoryWriter:
 
     def _open(self):
         # Unbuffered: a row is one system call, and closing has nothing left to fail on.
+        if self._kept is not None:
+            self._file = open(self.path, "r+b", buffering=0)
+            if self._file.seek(0, os.SEEK_END) < self._kept:
+                raise OSError(f"it has lost rows that the checkpoint counts, {self._kept} bytes")
+            self._file.truncate(self._kept)
+            self._file.seek(self._kept)
+            return
         self._file = open(self.path, "wb", buffering=0)
         self._write(self.columns)
 

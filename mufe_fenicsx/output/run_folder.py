@@ -30,7 +30,13 @@ OWN_FILES = (
     "contacts/*.vtkhdf",
     "contacts/*.part",
     "contacts/states.vtkhdf.series",
+    "fields/mesh_*.h5",
+    "checkpoints/step-*/rank-*.h5",
+    "checkpoints/step-*/manifest.json",
 )
+
+#: Room for what an HDF5 file holds beside its arrays [bytes].
+HEADERS = 64 * 1024
 
 
 def raise_together(comm, message):
@@ -51,6 +57,56 @@ def raise_together(comm, message):
 def reason(error):
     """Short text of an OSError or of an HDF5 error, without the path."""
     return (getattr(error, "strerror", None) or str(error)).splitlines()[0]
+
+
+def attempt(path, action):
+    """(what went wrong or None, result or None) of something that writes to a file."""
+    try:
+        return None, action()
+    except (OSError, RuntimeError) as error:  # HDF5 raises either
+        return f"{path} cannot be written ({reason(error)})", None
+
+
+def try_room(path, size):
+    """Raise OSError unless ``size`` bytes and the headers of HDF5 fit on the disk.
+
+    HDF5 may end the whole program where it cannot write its headers.
+    """
+    with path.open("wb") as file:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(file.fileno(), 0, size + HEADERS)
+
+
+def keep_states(folder, states, *patterns):
+    """Remove what was stored in a folder after ``states``; what went wrong, or None.
+
+    Args:
+        folder: Of the files.
+        states: List of dicts whose ``name`` is the file of a state; its stem is its number.
+        patterns: Of the files whose names end with that number.
+    """
+    kept = {Path(state["name"]).stem for state in states}
+    try:
+        for name in (state["name"] for state in states):
+            if not (folder / name).is_file():
+                return f"{folder / name} is missing, expected the state that the checkpoint counts"
+        for path in folder.glob("*.part"):
+            path.unlink()
+        for pattern in patterns:
+            for path in folder.glob(pattern):
+                if path.stem[-4:] not in kept:
+                    path.unlink()
+        series = folder / "states.vtkhdf.series"
+        if states:
+            content = {"file-series-version": "1.0", "files": states}
+            write_atomically(series, json.dumps(content, indent=1) + "\n")
+        else:
+            series.unlink(missing_ok=True)
+    except InputError as error:
+        return str(error)
+    except OSError as error:
+        return f"{folder} cannot be written ({reason(error)})"
+    return None
 
 
 def create_run_folder(comm, folder, overwrite=False):
@@ -98,8 +154,8 @@ def _remove_own_files(folder):
     for pattern in OWN_FILES:
         for path in folder.glob(pattern):
             path.unlink()
-    for name in ("fields", "figures", "contacts"):
-        path = folder / name
+    folders = [folder / name for name in ("fields", "figures", "contacts", "checkpoints")]
+    for path in [*folder.glob("checkpoints/step-*"), *folders]:
         if path.is_dir() and not any(path.iterdir()):
             path.rmdir()
 
@@ -113,7 +169,10 @@ def write_atomically(path, text):
     path = Path(path)
     part = path.with_name(path.name + ".part")
     try:
-        part.write_text(text, encoding="utf-8")
+        with part.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
         os.replace(part, path)
     except OSError as error:
         part.unlink(missing_ok=True)
@@ -130,11 +189,12 @@ def write_run_json(folder, run):
     Raises:
         InputError: It cannot be written.
     """
-    text = json.dumps(run, indent=2, default=_plain, ensure_ascii=False)
+    text = json.dumps(run, indent=2, default=plain, ensure_ascii=False)
     write_atomically(Path(folder) / "run.json", text + "\n")
 
 
-def _plain(value):
+def plain(value):
+    """A NumPy scalar or array, or a path, as JSON can hold it."""
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, Path):

@@ -1,0 +1,290 @@
+"""What contact remembers, in names that know no ranks, and contact made again from it.
+
+Tables are dicts of arrays with one row a thing and a column ``grain``, the global index of the
+grain whose rank keeps it. A surface node is named by its number among those of its grain; a
+facet by the numbers of its three nodes; a point of contact by its facet and its place in it,
+or as -1 - n where it is the node n. The order of rows is that of the rank that wrote them, so
+that sums over them give the same bits on the same number of ranks.
+"""
+
+import numpy as np
+
+from ..errors import InputError
+from .pairs import REMEMBERED, Pairs
+from .walls import _WallPairs
+
+#: Bits of the number of a surface node in the name of a facet.
+BITS = 21
+#: What pairs keep from step to step, beside what a search carries over.
+KEPT = (*REMEMBERED, "due", "work")
+WALLS_KEPT = (
+    "due", "gap", "offset", "closed", "anchor", "shear", "slip", "push", "work", "sliding",
+)  # fmt: skip
+EDGES_KEPT = (
+    "due", "outside", "pierced", "place", "normal", "gap", "offset", "closed", "stiffness",
+    "anchor", "shear", "slip", "work",
+)  # fmt: skip
+
+
+class Names:
+    """Names of what contact on this rank knows. Collective.
+
+    Args:
+        contact: :class:`~mufe_fenicsx.contact.assemble.Contact`; what is on its way in its vector
+            of forces is lost.
+        mesh: Its :class:`~mufe_fenicsx.mesh.GrainMesh`.
+    """
+
+    def __init__(self, contact, mesh):
+        own, points = contact.own, contact.points
+        row = np.full(mesh.num_nodes, -1, dtype=np.int64)
+        row[own.nodes] = np.arange(own.nodes.size)
+        #: own surface nodes grain after grain, in each by their names
+        self.order = row[mesh.named_nodes]
+        self.order = self.order[self.order >= 0]
+        self.grains = mesh.grains
+        grain = mesh.grain_of_node[own.nodes[self.order]]
+        first = np.searchsorted(grain, np.arange(mesh.num_grains))
+        number = np.empty(own.nodes.size, dtype=np.int64)
+        number[self.order] = np.arange(own.nodes.size) - first[grain]
+        if number.max(initial=0) >= 1 << BITS:
+            raise InputError(
+                f"surface nodes of one grain = {number.max() + 1}, expected at most {1 << BITS} "
+                "where checkpoints are written"
+            )
+        names = contact.forces
+        names.own[:, 0] = number
+        names.begin_forward()
+        names.end_forward()
+        #: of surface nodes, those of other ranks included
+        self.node = names.array[contact.num_before :, 0].astype(np.int64)
+        names.array[:] = 0.0
+        self.facet = _joined(self.node[contact.surface.facets])
+        self.facet_grain = contact.surface.grain_of_facet
+        self.point_grain = points.grain_of_point
+        if points.corner is None:
+            self.point, self.part = -1 - number, np.zeros(number.size, np.int8)
+        else:
+            # Points of facets come first, those of sharp vertices after them.
+            single = np.flatnonzero((points.corner == points.corner[:, :1]).all(axis=1))
+            of_facets = points.num_points - single.size
+            n = of_facets // max(len(own.facets), 1)
+            self.point = np.concatenate(
+                [np.repeat(_joined(number[own.facets]), n), -1 - number[points.corner[single, 0]]]
+            )
+            self.part = np.concatenate(
+                [np.arange(of_facets) % max(n, 1), np.zeros(single.size)]
+            ).astype(np.int8)
+
+    def points(self, rows):
+        """Columns that name the points of contact ``rows``."""
+        return {
+            "grain": self.point_grain[rows],
+            "point": self.point[rows],
+            "part": self.part[rows],
+        }
+
+    def rows_of_points(self, table):
+        """Own points of contact that a table names."""
+        known = (self.point_grain, self.point, self.part)
+        return find_rows(known, (table["grain"], table["point"], table["part"]), "point")
+
+
+def find_rows(known, wanted, what):
+    """For each wanted tuple the row of the known ones; columns of integers.
+
+    Raises:
+        InputError: One is not known.
+    """
+    n = known[0].size
+    columns = [np.concatenate([k, w]).astype(np.int64) for k, w in zip(known, wanted, strict=True)]
+    order = np.lexsort(columns[::-1])
+    ordered = np.stack([c[order] for c in columns])
+    new = np.ones(order.size, dtype=bool)
+    new[1:] = (ordered[:, 1:] != ordered[:, :-1]).any(axis=0)
+    number = np.empty(order.size, dtype=np.int64)
+    number[order] = np.cumsum(new) - 1
+    row = np.full(order.size, -1, dtype=np.int64)
+    row[number[:n]] = np.arange(n)
+    found = row[number[n:]]
+    if (found < 0).any():
+        missing = int((found < 0).sum())
+        raise InputError(
+            f"a {what} of contact in the checkpoint, one of {missing}, is not part of these "
+            "grains, expected the grains that it was written with"
+        )
+    return found
+
+
+def contact_tables(contact, mesh):
+    """All that contact remembers, as tables. Collective; nothing changes."""
+    names, p, w = Names(contact, mesh), contact.pairs, contact.walls.pairs
+    edges, e = contact.edges.edges, contact.edges.pairs
+    order, own = names.order, contact.own
+    closest = np.where(p.closest >= 0, p.closest - p.first[:-1], -1)
+    count = np.diff(p.first)
+    moving = np.zeros(own.nodes.size, dtype=bool)
+    moving[slice(None) if contact.moving is None else contact.moving] = True
+    ends = names.node[edges.ends]
+    everything = slice(None)
+    return {
+        "surface": {
+            "grain": own.grain_of_node[order],
+            "searched": contact.searched[order],
+            "previous": contact.positions.own[order],
+            "slip": contact.edges.slip[order],
+            "moving": moving[order],
+        },
+        "facets": {
+            "grain": own.grain_of_facet,
+            "facet": names.facet[: len(own.facets)],
+            "layer": contact.facet_layer,
+        },
+        "points": {
+            **names.points(everything),
+            "layer": contact.layer,
+            "slip": contact.ledger._slip,
+        },
+        "pairs": {
+            **names.points(p.node),
+            "partner": p.grain,
+            "count": count,
+            "closest": closest,
+            **{name: getattr(p, name) for name in KEPT},
+        },
+        "candidates": {
+            "grain": np.repeat(names.point_grain[p.node], count),
+            "facet": names.facet[p.candidate],
+            "due": p.candidate_due,
+        },
+        "wall_pairs": {
+            **names.points(w.node),
+            "wall": w.wall,
+            **{name: getattr(w, name) for name in WALLS_KEPT},
+        },
+        "edge_pairs": {
+            "grain": e.grain,
+            "partner": e.partner,
+            "first": ends[e.first],
+            "second": ends[e.second],
+            **{name: getattr(e, name) for name in EDGES_KEPT},
+        },
+        "accounts": {
+            "grain": contact.ledger.grain,
+            "partner": contact.ledger.partner,
+            "work": contact.ledger.work,
+        },
+    }
+
+
+def restore_contact(contact, mesh, tables, everything_moves):
+    """Make contact what it was. Collective.
+
+    Args:
+        contact: :class:`~mufe_fenicsx.contact.assemble.Contact` of the same grains, its ``clock``
+            and ``reach`` those of then.
+        mesh: Its :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        tables: Of :func:`contact_tables`, with the rows of this rank's grains.
+        everything_moves: Whether all surface nodes were followed then, on this rank.
+
+    Raises:
+        InputError: The tables are not those of these grains; on one rank or more.
+    """
+    own, walls = contact.own, contact.walls
+    names = Names(contact, mesh)
+    surface, order = tables["surface"], names.order
+    searched, previous = np.empty((2, own.nodes.size, 3))
+    searched[order], previous[order] = surface["searched"], surface["previous"]
+    contact.edges.slip[order] = surface["slip"]
+    known = (own.grain_of_facet, names.facet[: len(own.facets)])
+    facets = tables["facets"]
+    rows = find_rows(known, (facets["grain"], facets["facet"]), "facet")
+    contact.facet_layer[rows] = facets["layer"]
+    rows = names.rows_of_points(tables["points"])
+    contact.layer[rows] = tables["points"]["layer"]
+    contact.ledger._slip[rows] = tables["points"]["slip"]
+    accounts = tables["accounts"]
+    by_pair = np.lexsort((accounts["partner"], accounts["grain"]))
+    for name in ("grain", "partner", "work"):
+        setattr(contact.ledger, name, accounts[name][by_pair])
+
+    contact.exchange(searched, contact.reach)
+    names = Names(contact, mesh)
+    nodes = contact.positions.array[contact.num_before :]
+    contact.edges.list_edges(nodes, own.nodes.size, contact.surface)
+    contact.pairs = _pairs(contact, names, tables["pairs"], tables["candidates"])
+    walls.pairs = _wall_pairs(contact, names, tables["wall_pairs"])
+    _set_edge_pairs(contact, names, tables["edge_pairs"])
+    if contact.num_before:
+        contact._near = np.union1d(contact.pairs.node, walls.pairs.node)
+
+    moving = np.empty(own.nodes.size, dtype=bool)
+    moving[order] = surface["moving"]
+    contact.moving = None if everything_moves else np.flatnonzero(moving)
+    contact.positions.own[:] = previous
+    contact.positions.begin_forward()
+    contact._end_forward()
+    contact.previous[:] = previous
+
+
+def _pairs(contact, names, table, candidates):
+    node = names.rows_of_points(table).astype(np.int32)
+    order = np.lexsort((table["partner"], node))
+    first = np.concatenate([[0], np.cumsum(table["count"])])
+    count = table["count"][order]
+    new_first = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+    # Where each candidate stands in the table.
+    place = np.repeat(first[:-1][order] - new_first[:-1], count) + np.arange(new_first[-1])
+    partner = table["partner"][order]
+    facet = find_rows(
+        (names.facet_grain, names.facet),
+        (np.repeat(partner, count), candidates["facet"][place]),
+        "facet",
+    ).astype(np.int32)
+    pairs = Pairs(node[order], partner, new_first, facet, contact.clock)
+    pairs.candidate_due[:] = candidates["due"][place]
+    closest = table["closest"][order]
+    pairs.closest[:] = np.where(closest >= 0, new_first[:-1] + closest, -1)
+    for name in KEPT:
+        getattr(pairs, name)[:] = table[name][order]
+    return pairs
+
+
+def _wall_pairs(contact, names, table):
+    node = names.rows_of_points(table).astype(np.int32)
+    order = np.lexsort((table["wall"], node))
+    pairs = _WallPairs(node[order], table["wall"][order], contact.clock)
+    for name in WALLS_KEPT:
+        getattr(pairs, name)[:] = table[name][order]
+    return pairs
+
+
+def _set_edge_pairs(contact, names, table):
+    edges = contact.edges.edges
+    ends = names.node[edges.ends]
+    # The direction of an edge may depend on the number of ranks.
+    grain = np.concatenate([edges.grain, edges.grain])
+    known = (grain, *np.vstack([ends, ends[:, ::-1]]).T)
+    first, second = (
+        find_rows(known, (table[grain], *table[edge].T), "edge")
+        for grain, edge in (("grain", "first"), ("partner", "second"))
+    )
+    num = edges.grain.size
+    contact.edges.set_pairs(
+        (first % max(num, 1)).astype(np.int32), (second % max(num, 1)).astype(np.int32),
+        contact.clock,
+    )  # fmt: skip
+    pairs = contact.edges.pairs
+    for name in EDGES_KEPT:
+        getattr(pairs, name)[:] = table[name]
+    for column, edge in enumerate((first, second)):
+        turned = edge >= num
+        for name in ("place", "anchor"):
+            values = getattr(pairs, name)
+            values[turned, column] = 1.0 - values[turned, column]
+
+
+def _joined(numbers):
+    """One number from three of at most ``BITS`` bits, of shape (n, 3)."""
+    a, b, c = numbers.astype(np.int64).T
+    return (a << (2 * BITS)) | (b << BITS) | c

@@ -1,0 +1,301 @@
+"""Checkpoints of a run: everything that it needs to go on, each whole or not there.
+
+A checkpoint is the folder ``checkpoints/step-000012345`` of a run: a file ``rank-0000.h5`` of
+each rank with the tables of its grains, and ``manifest.json`` with what all ranks have in
+common, sizes and checksums of these files. It is written beside under another name, brought to
+the disk, and then renamed: a folder without that name's end ``.part`` is complete. The last two
+are kept.
+
+Tables have a column ``grain``: any number of ranks can read them, each the rows of its grains.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.output.run_folder import attempt, plain, raise_together, reason, try_room
+
+FORMAT, VERSION = "mufe checkpoint", 1
+MANIFEST = "manifest.json"
+#: Checkpoints that stay.
+NUM_KEPT = 2
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A checkpoint that was found whole."""
+
+    path: Path  #: its folder
+    num_ranks: int  #: ranks that wrote it
+    header: dict  #: what all ranks have in common
+    notices: tuple = ()  #: a line for each later one that cannot be used
+
+
+class CheckpointWriter:
+    """Writes the checkpoints of a run. Collective, as its methods.
+
+    Args:
+        comm: MPI communicator.
+        folder: The run folder, which exists.
+    """
+
+    def __init__(self, comm, folder):
+        self.comm, self.folder = comm, Path(folder) / "checkpoints"
+        self.last = None  #: folder of the last one, if any
+
+    def write(self, step, tables, own, header):
+        """Write one, and remove all but the last two.
+
+        Args:
+            step: Number of time steps so far.
+            tables: dict of dicts of arrays of this rank, each with a column ``grain``.
+            own: dict of arrays of this rank.
+            header: What all ranks have in common, fit for JSON; that of rank 0 counts.
+
+        Returns:
+            Folder of the checkpoint.
+
+        Raises:
+            InputError: It cannot be written, as on a full disk; on all ranks together, and
+                earlier ones stay as they are.
+        """
+        path = self.folder / f"step-{step:09d}"
+        part = self.folder / (path.name + ".part")
+        message = None
+        if self.comm.rank == 0:
+            message, _ = attempt(part, lambda: _new_folder(part))
+        raise_together(self.comm, message)
+        name = f"rank-{self.comm.rank:04d}.h5"
+        message, file = attempt(path, lambda: _write_tables(part / name, tables, own))
+        files = self.comm.gather(file)
+        try:
+            raise_together(self.comm, message)
+            if self.comm.rank == 0:
+                content = {"num_ranks": self.comm.size, "step": step, "files": files, **header}
+                message, _ = attempt(path, lambda: self._finish(part, path, content))
+            raise_together(self.comm, message)
+        except InputError:
+            if self.comm.rank == 0:
+                shutil.rmtree(part, ignore_errors=True)
+            raise
+        self.last = path
+        return path
+
+    def _finish(self, part, path, content):
+        text = _dump(content)
+        manifest = {"format": FORMAT, "version": VERSION, "checksum": _checksum(text.encode())}
+        with (part / MANIFEST).open("w", encoding="utf-8") as file:
+            file.write(json.dumps(manifest)[:-1] + ', "content": ' + text + "}\n")
+            file.flush()
+            os.fsync(file.fileno())
+        _sync_folder(part)
+        if path.exists():  # of the same step, by an earlier start
+            shutil.rmtree(path)
+        os.rename(part, path)
+        _sync_folder(self.folder)
+        for old in sorted(_folders(self.folder))[:-NUM_KEPT]:
+            _remove(old)
+
+    def remove_after(self, checkpoint):
+        """Remove all that is later than the checkpoint that a run goes on from, and torn parts."""
+        message = None
+        if self.comm.rank == 0:
+            later = [p for p in _folders(self.folder) if p.name > checkpoint.path.name]
+            parts = list(self.folder.glob("*.part"))
+            message, _ = attempt(self.folder, lambda: [_remove(p) for p in later + parts])
+        raise_together(self.comm, message)
+        self.last = checkpoint.path
+
+
+def find_checkpoint(comm, run_folder):
+    """The last checkpoint of a run that is whole. Collective.
+
+    Raises:
+        InputError: There is none, or it is of another version of the program.
+    """
+    found, message = None, None
+    if comm.rank == 0:
+        try:
+            found = _find(Path(run_folder) / "checkpoints")
+        except InputError as error:
+            message = str(error)
+    raise_together(comm, message)
+    return comm.bcast(found)
+
+
+def _find(folder):
+    notices = []
+    for path in sorted(_folders(folder), reverse=True):
+        content, damage = _read_manifest(path)
+        if content is not None:
+            return Checkpoint(path, content["num_ranks"], content, tuple(notices))
+        notices.append(f"checkpoint {path} is damaged ({damage}), the one before it is used")
+    if notices:
+        first = notices[0].removesuffix(", the one before it is used")
+        raise InputError(f"{first}, expected a whole one, and there is no other")
+    raise InputError(f"no checkpoint in {folder}, expected one to go on from")
+
+
+def _read_manifest(path):
+    """Content of the manifest of a whole checkpoint and None, or None and what is wrong."""
+    try:
+        manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
+        kind = manifest["format"], manifest["version"]
+    except OSError as error:
+        return None, f"{MANIFEST}: {reason(error)}"
+    except (ValueError, KeyError, TypeError):
+        return None, f"{MANIFEST} is torn"
+    if kind != (FORMAT, VERSION):
+        raise InputError(
+            f"format of checkpoint {path} is {kind[0]} {kind[1]}, expected {FORMAT} {VERSION}: "
+            "continue it with the version of the program that wrote it"
+        )
+    content = manifest.get("content")
+    if not isinstance(content, dict) or manifest.get("checksum") != _checksum(
+        _dump(content).encode()
+    ):
+        return None, f"{MANIFEST} has changed"
+    for file in content["files"]:
+        try:
+            if (path / file["name"]).stat().st_size != file["size"]:
+                return None, f"{file['name']} is torn"
+            with (path / file["name"]).open("rb") as stream:
+                if _checksum(stream) != file["checksum"]:
+                    return None, f"{file['name']} has changed"
+        except OSError as error:
+            return None, f"{file['name']}: {reason(error)}"
+    return content, None
+
+
+def read_tables(comm, checkpoint, grains):
+    """Tables with the rows of this rank's grains, and what ranks had of their own. Collective.
+
+    On another number of ranks what they had added up is found on rank 0, and the largest of
+    all (names that begin with ``largest``) on every one.
+
+    Args:
+        comm: MPI communicator.
+        checkpoint: :class:`Checkpoint`.
+        grains: Global indices of this rank's grains, increasing, shape (num_grains,).
+
+    Raises:
+        InputError: A file cannot be read; on all ranks together.
+    """
+    same = comm.size == checkpoint.num_ranks
+    ranks = [comm.rank] if same else range(checkpoint.num_ranks)
+    result, message = None, None
+    try:
+        parts = [_read_part(checkpoint.path / f"rank-{r:04d}.h5", grains, same) for r in ranks]
+        result = parts[0] if same else _joined(parts, comm.rank)
+    except (OSError, KeyError, RuntimeError) as error:
+        message = f"checkpoint {checkpoint.path} cannot be read ({reason(error)})"
+    raise_together(comm, message)
+    return result
+
+
+def _read_part(path, grains, everything):
+    tables = {}
+    with h5py.File(path, "r") as file:
+        for name, group in file["tables"].items():
+            keep = slice(None) if everything else np.isin(group["grain"][:], grains)
+            tables[name] = {column: values[:][keep] for column, values in group.items()}
+        own = {name: values[()] for name, values in file["own"].items()}
+    return tables, own
+
+
+def _joined(parts, rank):
+    """Tables of several parts one after the other; nodes and cells grain after grain."""
+    tables = {}
+    for name in parts[0][0]:
+        columns = {
+            column: np.concatenate([tables[name][column] for tables, _ in parts])
+            for column in parts[0][0][name]
+        }
+        if name in ("nodes", "cells", "surface"):
+            order = np.argsort(columns["grain"], kind="stable")
+            columns = {column: values[order] for column, values in columns.items()}
+        tables[name] = columns
+    own = {}
+    for name in parts[0][1]:
+        values = [own[name] for _, own in parts]
+        if name.startswith("largest"):
+            own[name] = np.max(values, axis=0)
+        else:
+            own[name] = np.sum(values, axis=0) * (rank == 0)
+    return tables, own
+
+
+def _write_tables(path, tables, own):
+    """Write the file of one rank to the disk; its name, size and checksum."""
+    columns = [values for table in tables.values() for values in table.values()]
+    size = sum(np.asarray(values).nbytes for values in [*columns, *own.values()])
+    try_room(path, size + 1024 * len(columns))
+    with h5py.File(path, "w") as file:
+        for name, table in tables.items():
+            for column, values in table.items():
+                file[f"tables/{name}/{column}"] = values
+        for name, values in own.items():
+            file[f"own/{name}"] = values
+    with path.open("rb") as stream:
+        os.fsync(stream.fileno())
+        return {"name": path.name, "size": path.stat().st_size, "checksum": _checksum(stream)}
+
+
+def file_checksum(path):
+    """Checksum of a file, as text.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    try:
+        with Path(path).open("rb") as stream:
+            return _checksum(stream)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({reason(error)})") from error
+
+
+def _checksum(data):
+    if isinstance(data, bytes):
+        return hashlib.blake2b(data, digest_size=16).hexdigest()
+    return hashlib.file_digest(data, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
+
+
+def _dump(content):
+    return json.dumps(content, default=plain)
+
+
+def _folders(folder):
+    """Checkpoints that were completed."""
+    return [p for p in folder.glob("step-*") if p.is_dir() and not p.name.endswith(".part")]
+
+
+def _new_folder(part):
+    part.parent.mkdir(exist_ok=True)
+    if part.exists():
+        shutil.rmtree(part)
+    part.mkdir()
+
+
+def _remove(path):
+    """Remove a folder; it is never seen in part under its own name."""
+    gone = path if path.name.endswith(".part") else path.with_name(path.name + ".part")
+    if gone != path:
+        if gone.exists():
+            shutil.rmtree(gone)
+        os.rename(path, gone)
+    shutil.rmtree(gone)
+
+
+def _sync_folder(folder):
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

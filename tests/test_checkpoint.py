@@ -1,0 +1,319 @@
+"""A run that stops, by whatever, goes on as if it had not."""
+
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx import interruption
+from mufe_fenicsx.errors import InputError, Interrupted
+from mufe_fenicsx.geometry.grains import save_grains
+from mufe_fenicsx.launcher import VARIABLES, find_mpirun
+from mufe_fenicsx.materials.auto import Auto
+from mufe_fenicsx.materials.j2 import J2
+from mufe_fenicsx.materials.rigid import Rigid
+from mufe_fenicsx.output import checkpoint as checkpoints
+from mufe_fenicsx.output.fields import read_state
+from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.run import Recorder, run_scene
+from mufe_fenicsx.scene import Contact, Group, Oedometer, Output, Scene, Wall, scene_to_toml
+from tests.bodies import RADIUS, packed_grains
+
+COMM = MPI.COMM_WORLD
+ROCK = (100e9, 0.15, 2650.0)
+TABLE = ((0.0, 10e6), (0.05, 110e6))
+
+
+def scene(**output):
+    """Friction, yielding, a rigid grain, one that is so until loaded, and a wall with a servo."""
+    return Scene(
+        material=J2(*ROCK, TABLE),
+        materials={
+            "hard": Group((2,), Rigid(*ROCK)),
+            "late": Group((3, 5), Auto(*ROCK, TABLE, margin=0.05)),
+        },
+        contact=Contact(friction=0.4, friction_kinetic=0.3, wall_friction=0.2),
+        oedometer=Oedometer(strain=0.008, speed=20.0, seating_stress=1e4),
+        walls={"x_max": Wall(stress=2e5, speed=1.0)},
+        output=Output(fields=3, history=41, **output),
+    )
+
+
+@pytest.fixture
+def folder(tmp_path_factory):
+    """A folder that all ranks share, with the grains: two layers of spheres."""
+    path = COMM.bcast(tmp_path_factory.mktemp("keep") if COMM.rank == 0 else None)
+    if COMM.rank == 0:
+        save_grains(path / "grains", packed_grains((2, 2, 2), h=0.7 * RADIUS))
+    COMM.Barrier()
+    return path
+
+
+def run(folder, name, **options):
+    given = options.pop("scene", scene())
+    return run_scene(given, folder / "grains", folder / name, COMM, quiet=True, **options)
+
+
+def files(path):
+    """Names of all files of a run that hold results, and the bytes of the text ones."""
+    names = [p for p in path.rglob("*") if p.is_file() and "checkpoints" not in p.parts]
+    text = (".csv", ".series", ".toml")
+    return {str(p.relative_to(path)): p.read_bytes() if p.suffix in text else b"" for p in names}
+
+
+@pytest.mark.mpi
+def test_resumed_runs_give_the_same_bytes(folder, monkeypatch):
+    """Stopped before and after grains begin to deform, then by a signal that one rank receives."""
+    often = scene(checkpoint_steps=40)
+    whole = run(folder, "whole", scene=often)
+    assert whole["finished"]
+    run(folder, "parts", scene=often, max_steps=100)
+    run(folder, "parts", scene=often, max_steps=145, resume=True)
+    write_state = Recorder.write_state
+
+    def interrupt(recorder):
+        write_state(recorder)
+        if COMM.rank == COMM.size - 1:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(Recorder, "write_state", interrupt)
+    monkeypatch.setattr(interruption, "LATENCY", 1e-3)
+    with pytest.raises(Interrupted, match="stopped by SIGINT") as stopped:
+        run(folder, "parts", scene=often, resume=True)
+    assert stopped.value.signal == signal.SIGINT
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    monkeypatch.undo()
+    parts = run(folder, "parts", scene=often, resume=True)
+    assert parts["finished"] and parts["resumed_at_steps"][:2] == [100, 145]
+    assert len(parts["resumed_at_steps"]) == 3
+    if COMM.rank == 0:
+        assert files(folder / "parts") == files(folder / "whole")
+        assert last_step(folder / "whole") == last_step(folder / "parts")
+    for one, other in zip(*(arrays(folder / name) for name in ("whole", "parts")), strict=True):
+        assert one == other
+    assert parts["stages"] == whole["stages"] and parts["contact"] == whole["contact"]
+    with pytest.raises(InputError, match="is finished"):
+        run(folder, "parts", scene=often, resume=True)
+
+
+def arrays(run_folder):
+    """Name and bytes of all that this rank has in the last checkpoint."""
+    path = max(run_folder.glob("checkpoints/step-*")) / f"rank-{COMM.rank:04d}.h5"
+    found = []
+    with h5py.File(path) as file:
+        file.visititems(lambda name, item: found.append((name, item)))
+        return [(n, v[()].tobytes()) for n, v in found if isinstance(v, h5py.Dataset)]
+
+
+@pytest.fixture
+def serial():
+    if COMM.size > 1:
+        pytest.skip("starts processes of its own")
+
+
+def start(folder, name, num_ranks=1, resume=False):
+    """Start the command `mufe run` with a checkpoint every 20 steps, as an MPI world of its own."""
+    path = folder / "scene.toml"
+    path.write_text(scene_to_toml(scene(checkpoint_steps=20)))
+    command = [sys.executable, "-m", "mufe_fenicsx", "run", path, "--grains", folder / "grains"]
+    command += ["-o", folder / name, "--quiet", *(["--resume"] if resume else [])]
+    if num_ranks > 1:
+        command = [find_mpirun(), "-n", num_ranks, *command]
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(VARIABLES)}
+    return subprocess.Popen(
+        [str(word) for word in command], env=environment | {"OMP_NUM_THREADS": "1"}, text=True,
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        start_new_session=True,
+    )  # fmt: skip
+
+
+def wait_for_checkpoint(process, run_folder, after=-1):
+    """Wait for a checkpoint of a later step than ``after``, or the end of the process."""
+    deadline = time.monotonic() + 60
+    while process.poll() is None and time.monotonic() < deadline:
+        steps = [int(p.name[5:]) for p in run_folder.glob("checkpoints/step-*[0-9]")]
+        if max(steps, default=-1) > after:
+            return
+        time.sleep(0.002)
+
+
+def last_step(run_folder):
+    return int(max(run_folder.glob("checkpoints/step-*[0-9]")).name[5:])
+
+
+def kill_and_resume(folder, name, kills, chance, num_ranks=1):
+    """Kill a run so often at random moments; returns how often it was killed in the end."""
+    killed, process = 0, start(folder, name, num_ranks)
+    for _ in range(kills):
+        known = any((folder / name).glob("checkpoints/step-*[0-9]"))
+        wait_for_checkpoint(process, folder / name, last_step(folder / name) if known else -1)
+        time.sleep(chance.uniform(0.0, 0.05))
+        if process.poll() is not None:
+            break
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        killed += 1
+        process = start(folder, name, num_ranks, resume=True)
+    _, error = process.communicate(timeout=120)
+    assert process.returncode == 0, error
+    return killed
+
+
+def test_a_killed_run_goes_on_to_the_same_bytes(folder, serial):
+    run(folder, "whole", scene=scene(checkpoint_steps=20))
+    assert kill_and_resume(folder, "parts", 2, random.Random(1))
+    assert files(folder / "parts") == files(folder / "whole")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("num_ranks", [1, 3])
+def test_thirty_kills_leave_the_same_bytes(folder, serial, num_ranks):
+    process = start(folder, "whole", num_ranks)
+    process.communicate()
+    chance, killed, trial = random.Random(2), 0, 0
+    while killed < 30:
+        shutil.rmtree(folder / "parts", ignore_errors=True)
+        killed += kill_and_resume(folder, "parts", 6, chance, num_ranks)
+        trial += 1
+        assert trial < 30
+        assert files(folder / "parts") == files(folder / "whole")
+
+
+def test_a_signal_ends_all_ranks_after_a_checkpoint(folder, serial):
+    process = start(folder, "out", 2)
+    wait_for_checkpoint(process, folder / "out")
+    process.send_signal(signal.SIGTERM)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 128 + signal.SIGTERM
+    step = last_step(folder / "out")
+    lines = [line for line in error.splitlines() if line.startswith("mufe: ")]
+    assert len(lines) == 1 and f"SIGTERM at step {step}," in lines[0], error
+    summary = json.loads((folder / "out" / "run.json").read_text())
+    assert summary["num_steps"] == step and "SIGTERM" in summary["stop_reason"]
+
+
+@pytest.mark.mpi
+def test_damage_is_found_and_the_one_before_used(folder, capfd):
+    run(folder, "out", max_steps=20)
+    run(folder, "out", max_steps=30, resume=True)
+    good, torn = (folder / "out" / "checkpoints" / f"step-{n:09d}" for n in (20, 30))
+    assert checkpoints.find_checkpoint(COMM, folder / "out").path == torn
+    COMM.Barrier()
+    if COMM.rank == 0:  # one digit of a number that parses as well
+        text = (torn / "manifest.json").read_text()
+        (torn / "manifest.json").write_text(text.replace('"clock": ', '"clock": 1'))
+    found = checkpoints.find_checkpoint(COMM, folder / "out")
+    assert found.path == good and "is damaged (manifest.json has changed)" in found.notices[0]
+    COMM.Barrier()
+    if COMM.rank == 0:
+        (torn / "manifest.json").write_text(text)
+        os.truncate(torn / "rank-0000.h5", 5000)
+    found = checkpoints.find_checkpoint(COMM, folder / "out")
+    assert found.path == good and "rank-0000.h5 is torn" in found.notices[0]
+    again = run_scene(
+        scene(), folder / "grains", folder / "out", COMM, max_steps=25, resume=True, quiet=False
+    )
+    assert again["resumed_at_steps"] == [20]
+    if COMM.rank == 0:
+        assert not torn.exists()
+        assert capfd.readouterr().err.count("is damaged") == 1
+        for path in (folder / "out" / "checkpoints").iterdir():
+            data = bytearray((path / "rank-0000.h5").read_bytes())
+            data[len(data) // 2] ^= 1
+            (path / "rank-0000.h5").write_bytes(data)
+    COMM.Barrier()
+    with pytest.raises(InputError, match=r"rank-0000.h5 has changed.*there is no other"):
+        run(folder, "out", resume=True)
+
+
+@pytest.mark.mpi
+def test_a_checkpoint_of_something_else_is_refused(folder, monkeypatch):
+    with pytest.raises(InputError, match=r"no checkpoint in .*, expected one to go on from"):
+        run(folder, "out", resume=True)
+    run(folder, "out", max_steps=5)
+    other = replace(scene(), contact=Contact(friction=0.3, wall_friction=0.2))
+    with pytest.raises(InputError, match=r"contact.friction = 0.3, was 0.4, expected"):
+        run(folder, "out", resume=True, scene=other)
+    monkeypatch.setattr(checkpoints, "VERSION", checkpoints.VERSION + 1)
+    with pytest.raises(InputError, match=r"format of checkpoint .* is mufe checkpoint 1, expected"):
+        run(folder, "out", resume=True)
+    monkeypatch.undo()
+    COMM.Barrier()
+    if COMM.rank == 0:
+        save_grains(folder / "grains", packed_grains((2, 2, 2), h=0.8 * RADIUS))
+    COMM.Barrier()
+    with pytest.raises(InputError, match=r"grains of checkpoint .* are others than those given"):
+        run(folder, "out", resume=True)
+
+
+@pytest.mark.mpi
+def test_a_full_disk_leaves_the_last_checkpoint(folder, monkeypatch):
+    def full(path, size, room=checkpoints.try_room):
+        if "step-000000040" in str(path):
+            raise OSError(28, "No space left on device")
+        room(path, size)
+
+    monkeypatch.setattr(checkpoints, "try_room", full)
+    often = scene(checkpoint_steps=20)
+    message = r"step-000000040 cannot be written \(No space.*goes on from .*step-000000020"
+    with pytest.raises(InputError, match=message):
+        run(folder, "out", scene=often)
+    monkeypatch.undo()
+    COMM.Barrier()
+    assert [p.name for p in (folder / "out" / "checkpoints").iterdir()] == ["step-000000020"]
+    assert run(folder, "out", max_steps=21, resume=True)["resumed_at_steps"] == [20]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("before", ["one", "several"])
+def test_another_number_of_ranks_goes_on(folder, before):
+    """Grains, contacts and sums find their new ranks: forces differ by rounding alone.
+
+    The bound is that of sums in another order, 1e-16, which hundreds of steps amplify.
+    """
+    if COMM.size == 1:
+        pytest.skip("needs several ranks")
+
+    def on(which, name, **options):
+        if which == "several" or COMM.rank == 0:
+            comm = COMM if which == "several" else MPI.COMM_SELF
+            run_scene(scene(), folder / "grains", folder / name, comm, quiet=True, **options)
+        COMM.Barrier()
+
+    # Before grains begin to deform, and after; all kinds of contact are there.
+    step, after = (120, "several") if before == "one" else (200, "one")
+    on(before, "same", max_steps=step)
+    if COMM.rank == 0:
+        shutil.copytree(folder / "same", folder / "other")
+    COMM.Barrier()
+    on(before, "same", resume=True)
+    on(after, "other", resume=True)
+    if COMM.rank == 0:
+        check_alike(folder / "same", folder / "other", after=step)
+
+
+def check_alike(same, other, after):
+    one, two = (read_history(path / "history.csv") for path in (same, other))
+    assert one["step"][-1] > after and np.array_equal(one["step"], two["step"])
+    scale = np.abs(one["force_z_max"]).max()
+    for name in (name for name in one if name.startswith("force")):
+        assert np.abs(one[name] - two[name]).max() < 1e-9 * scale
+    # The mean stress of each grain, from states with the mesh in its own order.
+    for index in range(3):
+        means = []
+        for path in (same, other):
+            state = read_state(path, index)
+            weight = state.compute_cell_sizes()["Volume"][:, None] * state["stress"]
+            grain = state["grain"]
+            means.append([weight[grain == g].sum(axis=0) for g in np.unique(grain)])
+        assert np.allclose(*means, rtol=0, atol=1e-9 * np.abs(means[0]).max())
