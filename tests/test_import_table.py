@@ -157,3 +157,11 @@ def test_the_command_line_loads_nothing_heavy():
     code = f"import sys, mufe_fenicsx.cli; print([m for m in {heavy} if m in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"
+
+
+def test_a_run_loads_nothing_for_images_and_pictures():
+    """Each rank of `mufe run` would pay for it in memory."""
+    heavy = "skimage SimpleITK pyvista matplotlib tifffile scipy.optimize scipy.stats".split()
+    code = f"import sys, mufe_fenicsx.run; print([m for m in {heavy} if m in sys.modules])"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"

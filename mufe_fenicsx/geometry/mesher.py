@@ -10,18 +10,10 @@ from . import level_set, measure
 from .bodies import body_surface
 from .complexes import grain_complex
 from .distance import surface_distance, voxel_distance
+from .edge_sizes import Sizes, gaps_between, sizes_by_curvature, sizes_by_gap, voxel_gaps
 from .labels import grains_in
 from .remesh import SurfaceError, SurfaceTooSmall, oriented
-from .sizing import (
-    CONTACT,
-    UNIFORM,
-    Sizes,
-    Sizing,
-    gaps_between,
-    sizes_by_curvature,
-    sizes_by_gap,
-    voxel_gaps,
-)
+from .sizing import CONTACT, UNIFORM, Sizing
 from .surface import fitted, grain_surface
 from .tetra import DELAUNAY, HXT, fill
 from .workers import WorkerError, run_jobs

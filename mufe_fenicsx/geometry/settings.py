@@ -4,7 +4,9 @@ from dataclasses import dataclass, replace
 
 from ..errors import InputError
 from .sizing import CONTACT, CURVATURE, FEWEST_NODES, UNIFORM, Sizing
-from .threshold import check_method
+
+#: Ways to find the grey level between void and solid.
+METHODS = ("otsu", "gaussians", "middle")
 
 
 @dataclass(frozen=True)
@@ -185,3 +187,10 @@ def _require_voxels(settings):
 def _require(holds, name, value, expected):
     if not holds:
         raise InputError(f"{name} = {value}, expected {expected}")
+
+
+def check_method(method):
+    """Raise InputError unless a threshold is one of `METHODS` or a number."""
+    if isinstance(method, str) and method not in METHODS:
+        names = ", ".join(f'"{name}"' for name in METHODS)
+        raise InputError(f"threshold = {method!r}, expected {names} or a grey level")

@@ -6,19 +6,12 @@ import scipy.optimize
 import skimage.filters
 
 from ..errors import InputError
+from .settings import check_method
 
 NUM_BINS = 256
 
-METHODS = ("otsu", "gaussians", "middle")
 #: Of the contrast of both phases: a threshold farther than this from Otsu's is reported.
 DISAGREEMENT = 0.1
-
-
-def check_method(method):
-    """Raise InputError unless ``method`` is one of `METHODS` or a number."""
-    if isinstance(method, str) and method not in METHODS:
-        names = ", ".join(f'"{name}"' for name in METHODS)
-        raise InputError(f"threshold = {method!r}, expected {names} or a grey level")
 
 
 def find_threshold(image, method):
