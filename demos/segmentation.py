@@ -31,7 +31,7 @@ from mufe_fenicsx.geometry.image_files import read_image
 from mufe_fenicsx.geometry.labels import fill_pores
 from mufe_fenicsx.geometry.picture import label_colours, outlines
 from mufe_fenicsx.geometry.segmentation import distance_map, segment
-from mufe_fenicsx.geometry.settings import SegmentSettings
+from mufe_fenicsx.geometry.settings import METHODS, SegmentSettings
 from mufe_fenicsx.geometry.watershed import watershed
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.page import write_page
@@ -147,7 +147,7 @@ def levels(scan):
         axis.semilogy(edges[:-1], np.maximum(counts, 0.5) / counts.sum(), line,
                       color=style.BLACK, lw=0.9, label=name)  # fmt: skip
     looks = ((style.RED, "-"), (style.GREEN, "--"), (style.BLUE, "-"))
-    for method, (colour, line) in zip(thresholds.METHODS, looks, strict=True):
+    for method, (colour, line) in zip(METHODS, looks, strict=True):
         try:
             level = thresholds.find_threshold(scan.filtered, method)
         except InputError:
