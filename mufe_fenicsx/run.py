@@ -6,7 +6,6 @@ import os
 import signal
 import sys
 import time
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +24,14 @@ from .launcher import TERMINAL
 from .loading import LOADING, STRAIN_DEFINITION, OedometerLoading
 from .memory import peak_memory, return_freed_arrays
 from .mesh import create_grain_mesh, partition_grains
-from .output.checkpoint import CheckpointWriter, file_checksum, find_checkpoint, read_tables
+from .origin import check_origin, grains_checksum
+from .output.checkpoint import CheckpointWriter, find_checkpoint, read_tables
 from .output.contacts import ContactWriter
 from .output.fields import FieldWriter
 from .output.history import HistoryWriter
 from .output.run_folder import (
     create_run_folder,
     raise_together,
-    read_run_json,
     versions,
     write_atomically,
     write_run_json,
@@ -258,11 +257,11 @@ def run_scene(
     """
     return_freed_arrays()
     started = time.perf_counter()
-    identity = {"scene": scene_to_toml(scene), "grains": _grains_checksum(comm, grains_folder)}
+    identity = {"scene": scene_to_toml(scene), "grains": grains_checksum(comm, grains_folder)}
     checkpoint = None
     if resume:
         checkpoint = find_checkpoint(comm, output_folder)
-        _check_origin(comm, checkpoint, identity, Path(output_folder), quiet)
+        check_origin(comm, checkpoint, identity, Path(output_folder), quiet)
         started -= checkpoint.header["wall_s"]
     mesh = load_mesh(comm, grains_folder, scene.solver.element)
     materials = scene.materials_of(mesh.labels[mesh.grains], mesh.labels)
@@ -466,74 +465,6 @@ class _Due:
         before, self._passed = self._passed, self._count()
         interval = self.output.checkpoint_steps
         return self._passed > before or bool(interval and step and step % interval == 0)
-
-
-def _grains_checksum(comm, grains_folder):
-    """Checksum of the file of grains. Collective."""
-    found, message = None, None
-    if comm.rank == 0:
-        path = Path(grains_folder)
-        try:
-            found = file_checksum(path / "grains.h5" if path.is_dir() else path)
-        except InputError as error:
-            message = str(error)
-    raise_together(comm, message)
-    return comm.bcast(found)
-
-
-#: Keys of a scene that may differ where a run goes on, and tables that came before it.
-FREE_KEYS = ("title", "sample.grains", "output.checkpoint", "output.checkpoint_strain",
-             "output.checkpoint_steps")  # fmt: skip
-FREE_TABLES = ("image", "mesh")
-
-
-def _check_origin(comm, checkpoint, identity, folder, quiet):
-    """See that a checkpoint belongs to this scene and these grains, of an unfinished run.
-
-    Raises:
-        InputError: It does not; on all ranks.
-    """
-    message = None
-    if comm.rank == 0:
-        if not quiet:
-            for notice in checkpoint.notices:
-                print(f"mufe: {notice}", file=sys.stderr, flush=True)
-        header = checkpoint.header
-        changed = _first_difference(header["scene"], identity["scene"])
-        if changed:
-            message = f"{changed}, expected the value of checkpoint {checkpoint.path}"
-        elif header["grains"] != identity["grains"]:
-            message = (
-                f"grains of checkpoint {checkpoint.path} are others than those given, "
-                "expected the grains that the run began with"
-            )
-        else:
-            try:
-                if read_run_json(folder).get("finished"):
-                    message = f"run in {folder} is finished, expected one to go on with"
-            except InputError as error:
-                message = str(error)
-    raise_together(comm, message)
-
-
-def _first_difference(old, new):
-    """`key = new value, was old value` of the first key in which two scenes differ, or None."""
-    old, new = (_flat(tomllib.loads(text)) for text in (old, new))
-    for key in [*new, *(k for k in old if k not in new)]:
-        if key in FREE_KEYS or key.split(".")[0] in FREE_TABLES or new.get(key) == old.get(key):
-            continue
-        return f"{key} = {new.get(key, 'not set')}, was {old.get(key, 'not set')}"
-    return None
-
-
-def _flat(table, prefix=""):
-    flat = {}
-    for key, value in table.items():
-        if isinstance(value, dict):
-            flat |= _flat(value, f"{prefix}{key}.")
-        else:
-            flat[prefix + key] = value
-    return flat
 
 
 def _copy_tables(grains_folder, folder):

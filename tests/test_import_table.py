@@ -16,6 +16,7 @@ PART_OF = {
     "energy_guard": "simulation",
     "restart": "simulation",
     "interruption": "run",
+    "origin": "run",
 }
 
 #: What each part may import, besides itself and `errors`, which any may.

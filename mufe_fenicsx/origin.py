@@ -1,0 +1,77 @@
+"""Whether a checkpoint belongs to the scene and the grains that a run is to go on with."""
+
+import sys
+import tomllib
+from pathlib import Path
+
+from .errors import InputError
+from .output.checkpoint import file_checksum
+from .output.run_folder import raise_together, read_run_json
+
+
+def grains_checksum(comm, grains_folder):
+    """Checksum of the file of grains. Collective."""
+    found, message = None, None
+    if comm.rank == 0:
+        path = Path(grains_folder)
+        try:
+            found = file_checksum(path / "grains.h5" if path.is_dir() else path)
+        except InputError as error:
+            message = str(error)
+    raise_together(comm, message)
+    return comm.bcast(found)
+
+
+#: Keys of a scene that may differ where a run goes on, and tables that came before it.
+FREE_KEYS = ("title", "sample.grains", "output.checkpoint", "output.checkpoint_strain",
+             "output.checkpoint_steps")  # fmt: skip
+FREE_TABLES = ("image", "mesh")
+
+
+def check_origin(comm, checkpoint, identity, folder, quiet):
+    """See that a checkpoint belongs to this scene and these grains, of an unfinished run.
+
+    Raises:
+        InputError: It does not; on all ranks.
+    """
+    message = None
+    if comm.rank == 0:
+        if not quiet:
+            for notice in checkpoint.notices:
+                print(f"mufe: {notice}", file=sys.stderr, flush=True)
+        header = checkpoint.header
+        changed = _first_difference(header["scene"], identity["scene"])
+        if changed:
+            message = f"{changed}, expected the value of checkpoint {checkpoint.path}"
+        elif header["grains"] != identity["grains"]:
+            message = (
+                f"grains of checkpoint {checkpoint.path} are others than those given, "
+                "expected the grains that the run began with"
+            )
+        else:
+            try:
+                if read_run_json(folder).get("finished"):
+                    message = f"run in {folder} is finished, expected one to go on with"
+            except InputError as error:
+                message = str(error)
+    raise_together(comm, message)
+
+
+def _first_difference(old, new):
+    """`key = new value, was old value` of the first key in which two scenes differ, or None."""
+    old, new = (_flat(tomllib.loads(text)) for text in (old, new))
+    for key in [*new, *(k for k in old if k not in new)]:
+        if key in FREE_KEYS or key.split(".")[0] in FREE_TABLES or new.get(key) == old.get(key):
+            continue
+        return f"{key} = {new.get(key, 'not set')}, was {old.get(key, 'not set')}"
+    return None
+
+
+def _flat(table, prefix=""):
+    flat = {}
+    for key, value in table.items():
+        if isinstance(value, dict):
+            flat |= _flat(value, f"{prefix}{key}.")
+        else:
+            flat[prefix + key] = value
+    return flat
