@@ -80,14 +80,13 @@ class Solid:
         x = mesh.x
         edges = x[mesh.cells[:, 1:]] - x[mesh.cells[:, :1]]
         self.volume0 = np.linalg.det(edges) / 6
-        self.node_volume0 = np.zeros(mesh.num_nodes)
-        nodal_volumes(self.node_volume0, x, mesh.cells)
         self.pressure = np.zeros(max(mesh.num_nodes, mesh.num_cells))
         self._advance = InternalForces(
             mesh.cells, self.volume0, mesh.cell_offset, mesh.nodes[mesh.node_offset[:-1]],
-            np.diff(mesh.node_offset), self.node_volume0, self.bulk,
-            self.shear, self.parameters, self.pressure, self._kind,
+            np.diff(mesh.node_offset), self.bulk, self.shear, self.parameters, self.pressure,
+            self._kind, x,
         )  # fmt: skip
+        self.node_volume0 = self._advance.node_volume0
         #: Grains that deform now or later, shape (num_deformable,).
         self.deformable = np.flatnonzero([not isinstance(m, Rigid) for m in materials])
         self.first_time_step = self.element_time_step(x)

@@ -34,7 +34,7 @@ checkerboard than averaged tetrahedra, and far less than plain ones.
 
 Grains are the outer loop: the data of one grain stay in the cache from the pass over volumes to
 the pass over stresses. The loop over elements is in C (tets.c), for its loads and stores of whole
-vectors: it takes 0.5 to 0.6 of the time of the same loop by numba (`mufe bench tets`).
+vectors, which numba cannot be made to use.
 """
 
 import ctypes
@@ -103,25 +103,29 @@ class InternalForces:
         cell_offset: First element of each grain, int64, shape (num_grains + 1,).
         first_node, num_nodes: First node of each grain, whose nodes are numbered in a row, and
             their number, shape (num_grains,).
-        node_volume0: First volumes around the nodes [m³], shape (num_nodes,).
         bulk, shear: Moduli of the grains [Pa], shape (num_grains,).
         parameters: Of the plastic law of all grains, shape (num_grains, m); the first is the least
             von Mises stress of t at which the material can yield [Pa].
         pressure: Written at each call: mean stress of nodes (of elements unless ``AVERAGED``)
             [Pa], tension positive, shape (max(num_nodes, num_cells),).
         element: ``PLAIN``, ``AVERAGED`` or ``COMPOSITE``.
+        x: First positions [m], shape (num_nodes, 3).
+
+    Attributes:
+        node_volume0: First volumes around the nodes [m³], shape (num_nodes,).
     """
 
-    def __init__(self, cells, volume0, cell_offset, first_node, num_nodes, node_volume0, bulk,
-                 shear, parameters, pressure, element):  # fmt: skip
+    def __init__(self, cells, volume0, cell_offset, first_node, num_nodes, bulk, shear, parameters,
+                 pressure, element, x):  # fmt: skip
         real, whole = np.float64, np.int64
+        self.node_volume0 = np.empty(x.shape[0])
         largest = int(num_nodes.max(initial=0))
         # What C holds on to must stay where it is.
         self._arrays = [
             np.ascontiguousarray(array, dtype)
             for array, dtype in (
                 (cells, np.int32), (volume0, real), (cell_offset, whole), (first_node, whole),
-                (num_nodes, whole), (node_volume0, real), (bulk, real), (shear, real),
+                (num_nodes, whole), (self.node_volume0, real), (bulk, real), (shear, real),
                 (parameters, real), (np.empty(2 * parameters.shape[1] + 2), real),
                 (_aligned(SCRATCH * largest + BESIDES), real), (pressure, real),
             )
@@ -130,8 +134,10 @@ class InternalForces:
             raise ValueError(f"pressure: {pressure.dtype}, expected contiguous float64")
         self._model = (ctypes.c_void_p * len(self._arrays))(*(a.ctypes.data for a in self._arrays))
         self._row, self._element = parameters.shape[1], element
-        self._call = load("tets").mufe_add_internal_forces
-        pointer, integer = ctypes.c_void_p, ctypes.c_int64
+        library, pointer, integer = load("tets"), ctypes.c_void_p, ctypes.c_int64
+        library.mufe_nodal_volumes.argtypes = [pointer, pointer, pointer, integer]
+        library.mufe_nodal_volumes(self._model, _at(self.node_volume0), _at(x), first_node.size)
+        self._call = library.mufe_add_internal_forces
         self._call.argtypes = [*[pointer] * 8, ctypes.c_double, *[integer] * 3, pointer]
         self._call.restype = integer
 

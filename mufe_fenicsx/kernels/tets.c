@@ -385,11 +385,10 @@ INLINE vec six_volumes(const grain_type *g, int64_t e, int count) {
          e1[2] * (e2[0] * e3[1] - e2[1] * e3[0]);
 }
 
-/* Pressures of the nodes of a grain, the first of which is ``first``, into their packed data. */
-INLINE void nodal_pressure(const grain_type *g, int64_t num_cells, node_type *node, double *volume,
-                           const double *volume0, double *pressure, int64_t num_nodes,
-                           int64_t first) {
-  memset(volume, 0, (num_nodes + LANES) * sizeof(double));
+/* Volumes around the nodes of a grain, the first of which is ``first``. */
+INLINE void nodal_volumes(const grain_type *g, int64_t num_cells, double *volume,
+                          int64_t num_nodes, int64_t first) {
+  memset(volume, 0, num_nodes * sizeof(double));
   double *of_node = volume - first;
   for (int64_t e = 0; e < num_cells; e += LANES) {
     const int count = num_cells - e < LANES ? (int)(num_cells - e) : LANES;
@@ -402,6 +401,11 @@ INLINE void nodal_pressure(const grain_type *g, int64_t num_cells, node_type *no
       for (int k = 0; k < 4; k++) of_node[(uint32_t)c[k]] += quarter[i];
     }
   }
+}
+
+/* Pressures of the nodes of a grain, into their packed data too. */
+INLINE void nodal_pressure(const grain_type *g, node_type *node, const double *volume,
+                           const double *volume0, double *pressure, int64_t num_nodes) {
   int64_t n = 0;
   for (; n + LANES <= num_nodes; n += LANES) {
     vec p = g->bulk * logarithm(*(const vec_at *)(volume + n) / *(const vec_at *)(volume0 + n));
@@ -437,6 +441,19 @@ typedef struct {
   const double *node_volume0, *bulk, *shear, *parameters;
   double *segments, *scratch, *pressure;
 } model_type;
+
+/* Volumes around all nodes, by the same sums as in each step: at rest their ratio is one. */
+void mufe_nodal_volumes(const model_type *m, double *volume, const double *x, int64_t num_grains) {
+  node_type *node = (node_type *)m->scratch;
+  for (int64_t i = 0; i < num_grains; i++) {
+    const int64_t first = m->first_node[i], num_nodes = m->num_nodes[i];
+    const int64_t begin = m->cell_offset[i], count = m->cell_offset[i + 1] - begin;
+    const double *xn = x + 3 * first;
+    for (int64_t n = 0; n < num_nodes; n++, xn += 3) node[n].x = (v4){xn[0], xn[1], xn[2], 0.0};
+    const grain_type grain = {.node = node - first, .cells = m->cells + 4 * begin};
+    nodal_volumes(&grain, count, volume + first, num_nodes, first);
+  }
+}
 
 int64_t mufe_add_internal_forces(const model_type *m, double *f, double *deviator, double *strain,
                                  double *work, const double *x, const double *v,
@@ -481,8 +498,8 @@ int64_t mufe_add_internal_forces(const model_type *m, double *f, double *deviato
                               .law = law};
     int64_t found;
     if (element == AVERAGED) {
-      nodal_pressure(&grain, count, node, volume, m->node_volume0 + first, m->pressure + first,
-                     num_nodes, first);
+      nodal_volumes(&grain, count, volume, num_nodes, first);
+      nodal_pressure(&grain, node, volume, m->node_volume0 + first, m->pressure + first, num_nodes);
       found = elements_of(&grain, count, AVERAGED);
     } else if (element == PLAIN) {
       found = elements_of(&grain, count, PLAIN);
