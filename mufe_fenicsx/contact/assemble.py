@@ -303,8 +303,8 @@ class Contact:
             p.normal, p.gap, p.offset, p.closed, p.stiffness, p.anchor, p.shear, p.slip, p.push,
             p.work, p.sliding, self.clock, x, *self._corners, p.node, p.first, p.candidate,
             self.facets, s.neighbor, self.ring_offset, self.ring, self.edges.beside, self.layer,
-            s.layer_of_facet, area, self.points.facet_area, self.points.recess, self.ratio, self.friction,
-            self.friction_kinetic, self.largest_depth, adopt,
+            s.layer_of_facet, area, self.points.facet_area, self.points.recess, self.ratio,
+            self.friction, self.friction_kinetic, self.largest_depth, adopt,
         )  # fmt: skip
         edge_dissipated, edge_adopted, edge_deep, edge_deepest = 0.0, 0, 0, 0.0
         if not self.kinematic:
