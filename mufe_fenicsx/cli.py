@@ -473,15 +473,15 @@ def bench(
     list_cases: ListCases = False,
     json: Json = None,
 ):
-    """Measure the throughput; without CASE, all benchmarks."""
+    """Measure the throughput; without CASE, all that take minutes."""
     comm = _world()
     printer = Printer(json, comm.rank)
-    from .verification.bench import BENCHMARKS, run_benchmarks
+    from .verification.bench import BENCHMARKS, USUAL, run_benchmarks
 
     if list_cases:
         _list(printer, BENCHMARKS)
         return 0
-    names = known_names(cases, BENCHMARKS)
+    names = known_names(cases or USUAL, BENCHMARKS)
     results = run_benchmarks(names, parameters(changes), comm)
     rows = []
     for result in results:
