@@ -23,8 +23,10 @@ from .scene import (
     Contact,
     Group,
     ImageSettings,
+    MassScaling,
     Oedometer,
     Output,
+    QuasiStatic,
     Sample,
     Scene,
     Solver,
@@ -42,6 +44,8 @@ TABLES = {
     "contact": Contact,
     "solver": Solver,
     "oedometer": Oedometer,
+    "quasi_static": QuasiStatic,
+    "mass_scaling": MassScaling,
     "output": Output,
 }
 
@@ -63,7 +67,9 @@ UNITS = {
     Sample: {"close_gaps": "m"},
     Solver: {"damping": "s^-1"},
     Output: {"checkpoint": "s"},
+    MassScaling: {"time_step": "s"},
     Wall: {"velocity": "m/s", "stress": "Pa", "speed": "m/s"},
+    QuasiStatic: {"slowest": "m/s", "fastest": "m/s"},
     Oedometer: {"speed": "m/s", "seating_stress": "Pa", "seating_speed": "m/s"},
 }
 
@@ -187,7 +193,7 @@ def write_scene(scene) -> str:
         lines += _write_table(name, getattr(scene, name))
     for wall in WALLS:
         lines += _write_table(f"walls.{wall}", scene.walls[wall])
-    for name in ("oedometer", "output"):
+    for name in ("oedometer", "quasi_static", "mass_scaling", "output"):
         lines += _write_table(name, getattr(scene, name))
     return "\n".join(lines) + "\n"
 

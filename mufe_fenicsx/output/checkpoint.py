@@ -22,7 +22,7 @@ import numpy as np
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.run_folder import attempt, plain, raise_together, reason, try_room
 
-FORMAT, VERSION = "mufe checkpoint", 1
+FORMAT, VERSION = "mufe checkpoint", 2
 MANIFEST = "manifest.json"
 #: Checkpoints that stay.
 NUM_KEPT = 2
@@ -114,8 +114,13 @@ class CheckpointWriter:
         self.last = checkpoint.path
 
 
-def find_checkpoint(comm, run_folder):
+def find_checkpoint(comm, run_folder, before=None):
     """The last checkpoint of a run that is whole. Collective.
+
+    Args:
+        comm: MPI communicator.
+        run_folder: The run folder.
+        before: An earlier one than this :class:`Checkpoint`, or None where there is none.
 
     Raises:
         InputError: There is none, or it is of another version of the program.
@@ -123,16 +128,18 @@ def find_checkpoint(comm, run_folder):
     found, message = None, None
     if comm.rank == 0:
         try:
-            found = _find(Path(run_folder) / "checkpoints")
+            found = _find(Path(run_folder) / "checkpoints", before)
         except InputError as error:
-            message = str(error)
+            message = None if before else str(error)
     raise_together(comm, message)
     return comm.bcast(found)
 
 
-def _find(folder):
+def _find(folder, before=None):
     notices = []
     for path in sorted(_folders(folder), reverse=True):
+        if before is not None and path.name >= before.path.name:
+            continue
         content, damage = _read_manifest(path)
         if content is not None:
             return Checkpoint(path, content["num_ranks"], content, tuple(notices))

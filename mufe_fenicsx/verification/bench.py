@@ -68,7 +68,7 @@ def demo(comm, *, grains, strain=0.01, speed=20.0, steps=100, repeats=5):
     """
     from ..contact.separation import separate
     from ..demo import demo_scene
-    from ..run import load_mesh, make_walls, read_scene
+    from ..preparation import load_mesh, make_walls, read_scene
     from ..simulation import Simulation
 
     scene = read_scene(comm, demo_scene())
