@@ -88,10 +88,19 @@ class Recorder:
         row.update({f"force_{name}": f for name, f in zip(WALLS, forces, strict=True)})
         row.update({name: energies[name] for name in ENERGIES})
         self.history.append(row)
+        self.check_energy(energies)
+        return energies
+
+    def check_energy(self, energies):
+        """Stop where the balance of these energies is off. Collective.
+
+        Raises:
+            UnstableError: It is.
+        """
+        loading = self.loading
         self.guard.check(
             energies, f"at strain {loading.strain:.4f}", loaded=loading.stage == LOADING
         )
-        return energies
 
     def write_state(self):
         """One state of all fields."""

@@ -32,7 +32,8 @@ class Recovery:
         self.comm, self.folder, self.quiet = comm, folder, quiet
         self.limit, self.factor = solver.retries, solver.time_step_factor
         self.done = []  #: a dict for each retry so far
-        self._used = None  # name of the checkpoint that the last retry began from
+        self._used = None  # checkpoint that the last retry began from; None: the start
+        self._failed_at = 0.0  # time of the last failure [s]
 
     @property
     def shorter(self):
@@ -47,17 +48,19 @@ class Recovery:
     def answer(self, failure, simulation, checkpoints):
         """Where to go on after a failure, or None if there were retries enough. Collective.
 
-        From the last checkpoint that is whole; where the last retry began there too, from the one
-        before it, if any: the trouble may be older than the last.
+        From the last checkpoint that is whole. Where the last retry came no further than the run
+        before it, the trouble is older than where it began: from the checkpoint before that one, or
+        from the start where there is none.
         """
         if len(self.done) >= self.limit:
             return None
-        found = None
-        if checkpoints.last is not None:
+        found, time = None, simulation.state.t
+        again = self.done and time <= self._failed_at
+        if checkpoints.last is not None and not again:
             found = find_checkpoint(self.comm, self.folder)
-            if found.path.name == self._used:
-                found = find_checkpoint(self.comm, self.folder, before=found) or found
-            self._used = found.path.name
+        elif self._used is not None:
+            found = find_checkpoint(self.comm, self.folder, before=self._used)
+        self._used, self._failed_at = found, max(time, self._failed_at)
         step = found.header["step"] if found else 0
         self.done.append(
             {

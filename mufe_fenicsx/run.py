@@ -199,6 +199,8 @@ class _Test:
             self.loading.go_on(header["loading"])
             recorder, same_ranks = header["recorder"], checkpoint.num_ranks == self.comm.size
             self.checkpoints.remove_after(checkpoint)
+        else:
+            self.checkpoints.remove_after(None)
         self.recorder = Recorder(
             self.folder, self.simulation, self.loading, self.area, scene.output,
             scene.solver.energy_limit, recorder, same_ranks,
@@ -214,7 +216,7 @@ class _Test:
         self.begin(checkpoint, kept)
 
     def save(self):
-        """Write a checkpoint of a sound state, unless there is one of this step.
+        """Write a checkpoint, unless there is one of this step.
 
         Raises:
             UnstableError: The state is not sound.
@@ -223,6 +225,7 @@ class _Test:
         if self.checkpoints.last is not None and self.checkpoints.last.name == f"step-{step:09d}":
             return
         self.simulation.check()
+        self.recorder.check_energy(self.simulation.energies())
         tables, own, state = snapshot(self.simulation)
         header = {
             "state": state,

@@ -104,14 +104,19 @@ class CheckpointWriter:
             _remove(old)
 
     def remove_after(self, checkpoint):
-        """Remove all that is later than the checkpoint that a run goes on from, and torn parts."""
+        """Remove all that is later than the checkpoint that a run goes on from, and torn parts.
+
+        Args:
+            checkpoint: :class:`Checkpoint`, or None for the start of the run.
+        """
+        after = "" if checkpoint is None else checkpoint.path.name
         message = None
         if self.comm.rank == 0:
-            later = [p for p in _folders(self.folder) if p.name > checkpoint.path.name]
+            later = [p for p in _folders(self.folder) if p.name > after]
             parts = list(self.folder.glob("*.part"))
             message, _ = attempt(self.folder, lambda: [_remove(p) for p in later + parts])
         raise_together(self.comm, message)
-        self.last = checkpoint.path
+        self.last = None if checkpoint is None else checkpoint.path
 
 
 def find_checkpoint(comm, run_folder, before=None):
