@@ -153,11 +153,15 @@ def restore(simulation, tables, own, common):
     rigid.moved = float(own["largest_moved"])
     walls.work, walls._radius = float(own["work"]), own["largest_radius"]
     walls.force[:], walls.torque[:] = own["force"], own["torque"]
-    for target, part in ((simulation, "simulation"), (s, "state"), (contact, "contact")):
-        for name, value in common[part].items():
-            setattr(target, name, value)
-    for name, value in common["walls"].items():
-        getattr(walls, name)[:] = np.reshape(value, getattr(walls, name).shape)
+    for target, part, names in (
+        (simulation, "simulation", OF_SIMULATION),
+        (s, "state", OF_STATE),
+        (contact, "contact", OF_CONTACT),
+    ):
+        for name in names:
+            setattr(target, name, common[part][name])
+    for name in OF_WALLS:
+        getattr(walls, name)[:] = np.reshape(common["walls"][name], getattr(walls, name).shape)
     restore_contact(contact, mesh, tables, bool(own["largest_everything_moves"]))
     if simulation._any_rigid and own["largest_chosen"]:
         rigid.follow(at_nodes["followed"])

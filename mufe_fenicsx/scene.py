@@ -401,7 +401,7 @@ def image_path(file) -> Path:
 
 
 def load_scene(path) -> Scene:
-    """Read a scene file. Paths in it are relative to it.
+    """Read a scene file. Relative paths in it stay in its folder; absolute ones lead anywhere.
 
     Raises:
         InputError: not TOML, an unknown or missing key, a wrong type or unit, or a

@@ -2,6 +2,7 @@
 
 import difflib
 import json
+import os
 import re
 import tomllib
 import types
@@ -349,7 +350,15 @@ def _convert_path(value, name, folder):
     if str(value) in PACKAGED_IMAGES:
         return str(value)
     path = Path(value).expanduser()
-    return path if folder is None else folder / path
+    if folder is None or path.is_absolute():
+        return path
+    path = Path(os.path.normpath(folder / path))
+    if not path.is_relative_to(folder):
+        raise InputError(
+            f"{name} = {shown(str(value))} leaves the folder of the scene, expected a path in "
+            f"{folder} or an absolute one"
+        )
+    return path
 
 
 def _write_material(table, material, scatter, first_lines=()):
