@@ -17,13 +17,14 @@ earlier. At constant k the speed of a linear sample grows with its strain, v̇/v
 force difference over F is 3k/2.
 
 The control samples both every T/32, takes the mean of k and the root mean square of the force
-difference over the force, d, over about T (exponentially weighted), and has
+difference over the force, d, over about T/2 (exponentially weighted), and has
 
     r = max( sqrt(k/k_target), d/d_target ),
 
-1 where a target is reached. While r < 1 the speed grows by F v/2U, what a constant k asks for, and
-towards r = 0.8 within 4 T; that is an aperiodic loop with a filter of T. Once r exceeds 1 the speed
-only falls, until r < 0.8 (hysteresis). The acceleration obeys, in this order,
+1 where a target is reached. While r < 1 the speed follows the kinetic energy that is allowed,
+v̇/v = F v/2U + (half of the rate at which ln k_target changes), and goes towards r = 0.9 within 2 T;
+that is an aperiodic loop with a filter of T/2. Once r exceeds 1 the speed only falls, until
+r < 0.9 (hysteresis). The acceleration obeys, in this order,
 
     |v̇| ≤ v/T  and  m |v̇|/2 ≤ half of the force difference that is allowed,
 
@@ -41,9 +42,11 @@ import math
 #: Samples within the time T that a wave travels.
 SAMPLES = 32
 #: r that the control aims at.
-AIM = 0.8
-#: Time over T within which it gets there: four times the lag of the filter.
-RESPONSE = 4.0
+AIM = 0.9
+#: Lag of the filter over T.
+FILTER = 0.5
+#: Time over T within which it gets there: four times that lag.
+RESPONSE = 2.0
 #: Time over T within which the acceleration follows its aim, and the speed its limits.
 SMOOTHING = 0.25
 #: Share of the allowed force difference that the acceleration may make.
@@ -53,7 +56,7 @@ LEAST = 0.1
 
 #: What changes in the course of a test.
 KEPT = ("speed", "acceleration", "travel_time", "falling", "_last", "_next", "_square", "_force",
-        "_kinetic", "range", "worst")  # fmt: skip
+        "_kinetic", "_target", "range", "worst")  # fmt: skip
 
 
 class QuasiStaticSpeed:
@@ -70,9 +73,10 @@ class QuasiStaticSpeed:
         self._platens = top, bottom
         self.speed = self.acceleration = 0.0
         self.travel_time = 0.0  #: T at the last sample [s]; 0 before the first one
-        self.falling = False  #: the speed only falls, until r < 0.8
+        self.falling = False  #: the speed only falls, until r < 0.9
         self._last = self._next = 0.0  # times of the last and the next sample [s]
         self._square = self._force = self._kinetic = 0.0  # filtered: d², F, k
+        self._target = 0.0  # k_target of the last sample
         self.range = [math.inf, 0.0]  #: slowest and fastest so far [m/s]
         self.worst = [0.0, 0.0]  #: largest k and d since the strain ``loaded`` [-]
 
@@ -129,7 +133,7 @@ class QuasiStaticSpeed:
             return
         elapsed, self._last = t - self._last, t
         self._next = t + T / SAMPLES
-        weight = 1.0 if self._force == 0.0 else 1.0 - math.exp(-elapsed / T)
+        weight = 1.0 if self._force == 0.0 else 1.0 - math.exp(-elapsed / (FILTER * T))
         self._force += weight * (force - self._force)
         # Ratios are filtered, not their parts: they change little while the load grows.
         k = energies["kinetic"] / internal if internal > 0.0 else 1.0
@@ -138,15 +142,16 @@ class QuasiStaticSpeed:
         self._square += weight * (d * d - self._square)
         k, d = self._kinetic, math.sqrt(self._square)
         k_target, d_target = self.targets(strain)
-        loaded = strain >= self.settings.loaded
-        if loaded:
+        more = 0.5 * math.log(k_target / self._target) / elapsed if self._target else 0.0
+        self._target = k_target
+        if strain >= self.settings.loaded:
             self.worst = [max(self.worst[0], k), max(self.worst[1], d)]
         # Far off is far off: by how much is no matter, and the logarithm of it stays finite.
         r = min(max(math.sqrt(k / k_target), d / d_target, 1e-3), 1e3)
         self.falling = r > 1.0 or (self.falling and r > AIM)
         rate = -math.log(r / AIM) / (RESPONSE * T)
         if not self.falling:
-            rate = max(0.0, rate + (force * v / (2.0 * internal) if loaded else 0.0))
+            rate = max(0.0, rate + max(0.0, more + force * v / max(2.0 * internal, 1e-300)))
         aim = min(max(rate, -1.0 / T), 1.0 / T) * v
         most = 2.0 * SHARE * d_target * max(self._force, 0.0) / mass
         aim = min(max(aim, -most), most)
