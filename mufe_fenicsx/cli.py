@@ -394,7 +394,8 @@ def run(
     """Run the test of a scene; also under mpirun."""
     comm = _world()
     printer = Printer(json, comm.rank)
-    from .run import read_scene, run_scene
+    from .preparation import read_scene
+    from .run import run_scene
 
     loaded = read_scene(comm, scene)
     grains = loaded.sample.grains if grains is None else grains

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .errors import SolverError
+from .errors import UnstableError
 
 #: A sample counts as loaded once its energies are those of this strain throughout. Below it,
 #: at the first touch, round-off of the terms is all there is.
@@ -35,7 +35,7 @@ class EnergyGuard:
                 touch is a blow that few steps resolve, and small in the end.
 
         Raises:
-            SolverError: The balance is off, or not a number; on all ranks.
+            UnstableError: The balance is off, or not a number; on all ranks.
         """
         residual = energies["residual"]
         put_in = self.simulation.initial_kinetic + abs(energies["work"])
@@ -46,7 +46,7 @@ class EnergyGuard:
             return
         part, grain, cell = self._most_agitated()
         way = "came from nowhere" if residual < 0 else "went missing"
-        raise SolverError(
+        raise UnstableError(
             f"{abs(residual):.3g} J {way} {where}, {abs(residual) / scale:.0%} of all energy "
             f"(solver.energy_limit = {self.limit:g}); {part:.0%} of the motion is in grain "
             f"{grain}, fastest at element {cell} of its rank: reduce solver.time_step_factor or "

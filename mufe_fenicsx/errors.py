@@ -12,6 +12,10 @@ class SolverError(RuntimeError):
     """A computation went wrong while running: what happened and what to change."""
 
 
+class UnstableError(SolverError):
+    """The same where a shorter time step may be the answer."""
+
+
 class Interrupted(RuntimeError):
     """Somebody asked the program to end: by which signal, and what was kept.
 

@@ -7,6 +7,7 @@ first step at which top and bottom both carry the seating stress.
 """
 
 from .errors import SolverError
+from .speed_control import QuasiStaticSpeed
 
 TOP, BOTTOM = "z_max", "z_min"
 SEATING, LOADING = "seating", "loading"
@@ -41,14 +42,21 @@ class OedometerLoading:
         ramp: Strain over which the speed rises smoothly, at the start of each stage.
         seating_force: Force on top and bottom that ends the seating [N].
         seating_speed: Speed of the top platen while seating [m/s].
+        quasi_static: Settings of a speed that adapts (scene.QuasiStatic), from the end of the
+            seating on; None: ``speed`` throughout, reached over ``ramp``.
     """
 
-    def __init__(self, simulation, strain, speed, ramp, seating_force, seating_speed):
+    def __init__(
+        self, simulation, strain, speed, ramp, seating_force, seating_speed, quasi_static=None
+    ):
         self.simulation = simulation
         self.final_strain, self.speed, self.ramp = strain, speed, ramp
         self.seating_force, self.seating_speed = seating_force, seating_speed
         walls = simulation.walls
         self._top, self._bottom = walls.names.index(TOP), walls.names.index(BOTTOM)
+        self.control = None
+        if quasi_static is not None:
+            self.control = QuasiStaticSpeed(simulation, quasi_static, self._top, self._bottom)
         self.first_height = self.height
         self.reference_height = self.first_height
         self._speed = self._speed_at_start = 0.0
@@ -72,17 +80,25 @@ class OedometerLoading:
         return 1.0 - self.height / self.reference_height
 
     @property
+    def speed_now(self):
+        """Speed of the top platen in the last step [m/s]."""
+        return self._speed
+
+    @property
     def finished(self):
         return self.stage == LOADING and self.progress >= self.final_strain
 
     def keep(self):
         """What a loading that goes on from here has to know, fit for JSON."""
-        return {name: getattr(self, name) for name in KEPT}
+        kept = {name: getattr(self, name) for name in KEPT}
+        return kept if self.control is None else kept | {"control": self.control.keep()}
 
     def go_on(self, kept):
         """Go on from what :meth:`keep` gave."""
         for name in KEPT:
             setattr(self, name, kept[name])
+        if self.control is not None:
+            self.control.go_on(kept["control"])
 
     def _note(self):
         state = self.simulation.state
@@ -102,10 +118,14 @@ class OedometerLoading:
                 self.stage = LOADING
                 self.reference_height = self.height
                 self.stages.append(self._note())
+                if self.control is not None:
+                    self.control.begin(self._speed)
         if self.stage == SEATING:
             ramp_time = self.ramp * self.first_height / self.seating_speed
             s = self.simulation.state.t / ramp_time if ramp_time > 0 else 1.0
             self._speed = self._speed_at_start = self.seating_speed * smooth_step(s)
+        elif self.control is not None:
+            self._speed = self.control(self.progress)
         else:
             s = self.progress / self.ramp if self.ramp > 0 else 1.0
             start = self._speed_at_start

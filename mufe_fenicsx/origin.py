@@ -22,14 +22,16 @@ def grains_checksum(comm, grains_folder):
     return comm.bcast(found)
 
 
-#: Keys of a scene that may differ where a run goes on, and tables that came before it.
-FREE_KEYS = ("title", "sample.grains", "output.checkpoint", "output.checkpoint_strain",
-             "output.checkpoint_steps")  # fmt: skip
-FREE_TABLES = ("image", "mesh")
+#: Keys of a scene that may differ where a run goes on, beside when the test ends; tables that
+#: came before it, and when what is written.
+FREE_KEYS = ("title", "sample.grains")
+FREE_TABLES = ("image", "mesh", "output")
+#: Where the test ends: it may do so later, or earlier but not before the checkpoint.
+END = "oedometer.strain"
 
 
 def check_origin(comm, checkpoint, identity, folder, quiet):
-    """See that a checkpoint belongs to this scene and these grains, of an unfinished run.
+    """See that a checkpoint belongs to this scene and these grains, and that there is more to do.
 
     Raises:
         InputError: It does not; on all ranks.
@@ -42,7 +44,10 @@ def check_origin(comm, checkpoint, identity, folder, quiet):
         header = checkpoint.header
         changed = _first_difference(header["scene"], identity["scene"])
         if changed:
-            message = f"{changed}, expected the value of checkpoint {checkpoint.path}"
+            message = (
+                f"{changed}, expected the value of checkpoint {checkpoint.path}: a run that goes "
+                f"on may only change {END} and [output]"
+            )
         elif header["grains"] != identity["grains"]:
             message = (
                 f"grains of checkpoint {checkpoint.path} are others than those given, "
@@ -50,18 +55,34 @@ def check_origin(comm, checkpoint, identity, folder, quiet):
             )
         else:
             try:
-                if read_run_json(folder).get("finished"):
-                    message = f"run in {folder} is finished, expected one to go on with"
+                message = _nothing_to_do(header, identity["scene"], folder)
             except InputError as error:
                 message = str(error)
     raise_together(comm, message)
+
+
+def _nothing_to_do(header, scene, folder):
+    """What is wrong with the end of the test that a scene wants, or None."""
+    old, new = (tomllib.loads(text)["oedometer"]["strain"] for text in (header["scene"], scene))
+    if read_run_json(folder).get("finished") and new <= old:
+        return (
+            f"run in {folder} is finished, expected one to go on with, or {END} above {old:g} "
+            "to prolong it"
+        )
+    if new < header["strain"]:
+        return f"{END} = {new:g}, expected more than {header['strain']:.4g}, which is reached"
+    return None
 
 
 def _first_difference(old, new):
     """`key = new value, was old value` of the first key in which two scenes differ, or None."""
     old, new = (_flat(tomllib.loads(text)) for text in (old, new))
     for key in [*new, *(k for k in old if k not in new)]:
-        if key in FREE_KEYS or key.split(".")[0] in FREE_TABLES or new.get(key) == old.get(key):
+        if (
+            key in (*FREE_KEYS, END)
+            or key.split(".")[0] in FREE_TABLES
+            or new.get(key) == old.get(key)
+        ):
             continue
         return f"{key} = {new.get(key, 'not set')}, was {old.get(key, 'not set')}"
     return None

@@ -16,6 +16,7 @@ OF_SIMULATION = ("dt", "dt_element", "initial_kinetic", "_margin", "_clock_at_re
                  "_followed_search")  # fmt: skip
 OF_STATE = ("t", "dt", "num_steps")
 OF_CONTACT = ("clock", "searched_at", "reach", "num_searches", "_dt")
+OF_SCALING = ("wanted", "reached")
 OF_WALLS = ("point", "normal", "velocity", "angular_velocity", "rotation", "_push", "_turn")
 OF_RIGID = ("mass", "inertia", "center", "turn", "axes", "radius", "velocity", "momentum", "spin",
             "force", "torque")  # fmt: skip
@@ -40,6 +41,8 @@ def snapshot(simulation):
     nodes, cells = mesh.named_nodes, mesh.named_cells
     at_nodes = {"reference": mesh.x, "x": s.x, "u": s.u, "v": s.v, "a": s.a, "f": simulation._f}
     in_cells = {name: getattr(s, name) for name in ("deviator", "plastic_strain", "plastic_work")}
+    if simulation.scaling is not None:
+        in_cells["added_density"] = simulation.scaling.added
     if solid.element == "averaged":
         at_nodes["pressure"] = solid.pressure[: mesh.num_nodes]
     else:
@@ -77,7 +80,9 @@ def snapshot(simulation):
         "largest_everything_moves": contact.moving is None,
         "largest_chosen": rigid.chosen,
     }
+    scaling = simulation.scaling
     common = {
+        "scaling": scaling and {name: getattr(scaling, name) for name in OF_SCALING},
         "simulation": {name: getattr(simulation, name) for name in OF_SIMULATION},
         "state": {name: getattr(s, name) for name in OF_STATE},
         "contact": {name: getattr(contact, name) for name in OF_CONTACT},
@@ -114,9 +119,16 @@ def restore(simulation, tables, own, common):
     _deform_again(simulation, tables["rigid"]["grain"])
     at_nodes = _scattered(tables["nodes"], mesh.named_nodes)
     in_cells = _scattered(tables["cells"], mesh.named_cells)
+    simulation._f[:] = at_nodes["f"]
+    scaling = simulation.scaling
+    if scaling is not None:
+        scaling.added[:] = in_cells["added_density"]
+        scaling.set_masses()
+        simulation.take_masses()
+        for name in OF_SCALING:
+            setattr(scaling, name, common["scaling"][name])
     for name in ("x", "u", "v", "a"):
         getattr(s, name)[:] = at_nodes[name]
-    simulation._f[:] = at_nodes["f"]
     for name in ("deviator", "plastic_strain", "plastic_work"):
         getattr(s, name)[:] = in_cells[name]
     pressure = (at_nodes if solid.element == "averaged" else in_cells)["pressure"]
@@ -141,11 +153,15 @@ def restore(simulation, tables, own, common):
     rigid.moved = float(own["largest_moved"])
     walls.work, walls._radius = float(own["work"]), own["largest_radius"]
     walls.force[:], walls.torque[:] = own["force"], own["torque"]
-    for target, part in ((simulation, "simulation"), (s, "state"), (contact, "contact")):
-        for name, value in common[part].items():
-            setattr(target, name, value)
-    for name, value in common["walls"].items():
-        getattr(walls, name)[:] = np.reshape(value, getattr(walls, name).shape)
+    for target, part, names in (
+        (simulation, "simulation", OF_SIMULATION),
+        (s, "state", OF_STATE),
+        (contact, "contact", OF_CONTACT),
+    ):
+        for name in names:
+            setattr(target, name, common[part][name])
+    for name in OF_WALLS:
+        getattr(walls, name)[:] = np.reshape(common["walls"][name], getattr(walls, name).shape)
     restore_contact(contact, mesh, tables, bool(own["largest_everything_moves"]))
     if simulation._any_rigid and own["largest_chosen"]:
         rigid.follow(at_nodes["followed"])

@@ -7,7 +7,7 @@ and write the file.
 
 import importlib.util
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -136,6 +136,7 @@ class Solver:
     time_step_factor: float = 0.9  #: time step over the stability limit [-]
     damping: float = 0.0  #: force -damping·m·v on each node [1/s]
     energy_limit: float = 0.1  #: stop at an energy residual over all energy beyond this [-]
+    retries: int = 3  #: times that an unstable run goes back and on with half the time step
 
     def __post_init__(self):
         _one_of("element", self.element, ("averaged", "p1", "composite"))
@@ -148,6 +149,7 @@ class Solver:
         )
         _require(0 <= self.damping, "damping", self.damping, ">= 0 per second")
         _require(0 < self.energy_limit, "energy_limit", self.energy_limit, "> 0")
+        _require(0 <= self.retries <= 10, "retries", self.retries, "0 <= retries <= 10")
 
 
 @dataclass(frozen=True)
@@ -202,6 +204,47 @@ class Oedometer:
 
 
 @dataclass(frozen=True)
+class QuasiStatic:
+    """[quasi_static]: the speed of loading follows from what it does to the sample.
+
+    Without this table it is ``oedometer.speed`` throughout; with it, that is the first speed.
+    """
+
+    kinetic: float = 0.01  #: kinetic over internal energy to stay below [-]
+    unbalanced: float = 0.02  #: difference of top and bottom force over their mean, likewise [-]
+    loaded: float = 0.0  #: strain from which on; before, the same energy and force as there [-]
+    slowest: float | None = None  #: speed of the platen [m/s]; None: oedometer.speed / 10
+    fastest: float | None = None  #: the same; None: oedometer.speed * 10
+
+    def __post_init__(self):
+        for name in ("kinetic", "unbalanced"):
+            value = getattr(self, name)
+            _require(0 < value < 1, name, value, f"0 < {name} < 1")
+        _require(0 <= self.loaded < 1, "loaded", self.loaded, "0 <= loaded < 1")
+        for name in ("slowest", "fastest"):
+            value = getattr(self, name)
+            _require(value is None or 0 < value, name, value or 0.0, "> 0 m/s")
+
+
+@dataclass(frozen=True)
+class MassScaling:
+    """[mass_scaling]: mass added to the worst elements for a longer time step."""
+
+    added: float  #: most that may be added to all grains, over their mass [-]
+    added_to_grain: float | None = None  #: most added to one, over its mass; None: ten times added
+    time_step: float | None = None  #: of a single element, wanted [s]; None: what is allowed
+
+    def __post_init__(self):
+        _require(0 < self.added <= 1, "added", self.added, "0 < added <= 1")
+        if self.added_to_grain is None:
+            object.__setattr__(self, "added_to_grain", min(10 * self.added, 1.0))
+        _require(0 < self.added_to_grain <= 1, "added_to_grain", self.added_to_grain,
+                 "0 < added_to_grain <= 1")  # fmt: skip
+        if self.time_step is not None:
+            _require(0 < self.time_step, "time_step", self.time_step, "> 0 s")
+
+
+@dataclass(frozen=True)
 class Output:
     """[output]: what is stored during the loading stage."""
 
@@ -236,6 +279,8 @@ class Scene:
     solver: Solver = Solver()
     walls: dict[str, Wall] = field(default_factory=dict)
     output: Output = Output()
+    quasi_static: QuasiStatic | None = None  #: None: constant speed
+    mass_scaling: MassScaling | None = None  #: None: no mass is added
     scatter: Scatter | None = None  #: of ``material``; None: all grains alike
     materials: dict[str, Group] = field(default_factory=dict)  #: of grains that differ
 
@@ -251,6 +296,8 @@ class Scene:
         for name in self.walls:
             if name not in WALLS:
                 raise InputError(f"walls.{name} is not a wall, expected one of {', '.join(WALLS)}")
+        if self.mass_scaling is not None:
+            self._check_mass_scaling()
         models = [self.material, *(group.material for group in self.materials.values())]
         if any(isinstance(model, Rigid | Auto) for model in models):
             if self.contact.law == "kinematic":
@@ -266,6 +313,8 @@ class Scene:
                     f"walls.{TOP_PLATEN}.{key} = {getattr(top, key)}, expected none: "
                     "[oedometer] moves the top platen"
                 )
+        if self.quasi_static is not None:
+            object.__setattr__(self, "quasi_static", self._between_speeds())
         object.__setattr__(self, "walls", {name: self._wall(name) for name in WALLS})
 
     def materials_of(self, labels, known):
@@ -294,6 +343,34 @@ class Scene:
             scatter = group.scatter
             found.append(scatter.of(group.material, label) if scatter else group.material)
         return found
+
+    def _check_mass_scaling(self):
+        """Raise InputError where mass must not be added: laws that depend on it, bodies."""
+        groups = [("material", self.material)]
+        groups += [(f"materials.{name}", group.material) for name, group in self.materials.items()]
+        for name, material in groups:
+            if isinstance(material, Rigid | Auto):
+                raise InputError(
+                    f"[mass_scaling] is given, expected none for {name}, which is rigid"
+                )
+        for key, value, wanted in (
+            ("contact.law", self.contact.law, "matched"),
+            ("solver.time_step", self.solver.time_step, "assembled"),
+        ):
+            if value != wanted:
+                raise InputError(f'{key} = "{value}", expected "{wanted}" with [mass_scaling]')
+
+    def _between_speeds(self):
+        """Settings of the speed of loading with both limits filled in."""
+        wanted, speed = self.quasi_static, self.oedometer.speed
+        slowest = speed / 10 if wanted.slowest is None else wanted.slowest
+        fastest = speed * 10 if wanted.fastest is None else wanted.fastest
+        if not slowest <= speed <= fastest:
+            raise InputError(
+                f"oedometer.speed = {speed:g}, expected quasi_static.slowest = {slowest:g} "
+                f"<= speed <= quasi_static.fastest = {fastest:g}"
+            )
+        return replace(wanted, slowest=slowest, fastest=fastest)
 
     def _wall(self, name):
         wall = self.walls.get(name, Wall())
@@ -324,7 +401,7 @@ def image_path(file) -> Path:
 
 
 def load_scene(path) -> Scene:
-    """Read a scene file. Paths in it are relative to it.
+    """Read a scene file. Relative paths in it stay in its folder; absolute ones lead anywhere.
 
     Raises:
         InputError: not TOML, an unknown or missing key, a wrong type or unit, or a

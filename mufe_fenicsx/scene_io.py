@@ -2,6 +2,7 @@
 
 import difflib
 import json
+import os
 import re
 import tomllib
 import types
@@ -23,8 +24,10 @@ from .scene import (
     Contact,
     Group,
     ImageSettings,
+    MassScaling,
     Oedometer,
     Output,
+    QuasiStatic,
     Sample,
     Scene,
     Solver,
@@ -42,6 +45,8 @@ TABLES = {
     "contact": Contact,
     "solver": Solver,
     "oedometer": Oedometer,
+    "quasi_static": QuasiStatic,
+    "mass_scaling": MassScaling,
     "output": Output,
 }
 
@@ -63,7 +68,9 @@ UNITS = {
     Sample: {"close_gaps": "m"},
     Solver: {"damping": "s^-1"},
     Output: {"checkpoint": "s"},
+    MassScaling: {"time_step": "s"},
     Wall: {"velocity": "m/s", "stress": "Pa", "speed": "m/s"},
+    QuasiStatic: {"slowest": "m/s", "fastest": "m/s"},
     Oedometer: {"speed": "m/s", "seating_stress": "Pa", "seating_speed": "m/s"},
 }
 
@@ -187,7 +194,7 @@ def write_scene(scene) -> str:
         lines += _write_table(name, getattr(scene, name))
     for wall in WALLS:
         lines += _write_table(f"walls.{wall}", scene.walls[wall])
-    for name in ("oedometer", "output"):
+    for name in ("oedometer", "quasi_static", "mass_scaling", "output"):
         lines += _write_table(name, getattr(scene, name))
     return "\n".join(lines) + "\n"
 
@@ -343,7 +350,15 @@ def _convert_path(value, name, folder):
     if str(value) in PACKAGED_IMAGES:
         return str(value)
     path = Path(value).expanduser()
-    return path if folder is None else folder / path
+    if folder is None or path.is_absolute():
+        return path
+    path = Path(os.path.normpath(folder / path))
+    if not path.is_relative_to(folder):
+        raise InputError(
+            f"{name} = {shown(str(value))} leaves the folder of the scene, expected a path in "
+            f"{folder} or an absolute one"
+        )
+    return path
 
 
 def _write_material(table, material, scatter, first_lines=()):

@@ -12,12 +12,13 @@ from .contact.laws import COMPLIANCE
 from .contact.near import near_nodes
 from .contact.network import num_active_pairs
 from .contact.walls import Walls
-from .errors import SolverError
+from .errors import SolverError, UnstableError
 from .fidelity import LoadWatch
 from .integrators.explicit import central_difference
 from .kernels.energy import kinetic_energy
 from .kernels.motion import accelerate_and_half_kick, half_kick_and_drift, predict
 from .kernels.rigid import clear
+from .mass_scaling import FALLEN, MassScaling
 from .rigid import RigidGrains, check_rigid
 from .solid import Solid
 from .state import initial_state
@@ -48,6 +49,7 @@ class Simulation:
         mass_factor: Nodal masses times this, shape (num_nodes,), where only slow loading is
             of interest; 1 if None. Not seen by the time step of single elements.
         self_contact: Concave grains meet themselves too: nodes with facets.
+        mass_scaling: Settings of mass added for a longer step (scene.MassScaling), or None.
     """
 
     def __init__(
@@ -69,6 +71,7 @@ class Simulation:
         velocity=None,
         mass_factor=None,
         self_contact=False,
+        mass_scaling=None,
     ):
         self.mesh, self.comm = mesh, mesh.comm
         self.damping, self.assembled = float(damping), assembled
@@ -78,6 +81,11 @@ class Simulation:
         self._watch = LoadWatch(self.rigid, materials)
         if mass_factor is not None:
             self.solid.mass *= mass_factor
+        self.scaling = None
+        if mass_scaling is not None:
+            rho = np.array([m.rho for m in materials])
+            self.scaling = MassScaling(self.solid, rho, mass_scaling)
+            self.scaling.adjust(mesh.x)
         self.walls = Walls(walls)
         self.contact = Contact(
             mesh,
@@ -161,8 +169,8 @@ class Simulation:
         # Early where contacts may close that the last evaluation did not count.
         moved = self.contact.clock - self._clock_at_refresh > self._margin
         if moved or (self.state.num_steps % self.refresh == 0 and self.state.num_steps):
-            self.update_time_step(early=moved)
             self.check()
+            self.update_time_step(early=moved)
         central_difference(self.state, self.dt, self._drift, self._forces, self._kick)
         if everywhere:
             self.complete()
@@ -252,19 +260,21 @@ class Simulation:
         """Stop where an element fails or a value is not finite. Collective.
 
         Raises:
-            SolverError: An element turned inside out, collapsed or left its table of yield
-                stresses, or the motion is not finite; on all ranks.
+            UnstableError: An element turned inside out or collapsed, or the motion is not
+                finite; on all ranks.
+            SolverError: An element left its table of yield stresses; on all ranks.
         """
         finite = math.isfinite(self._kinetic()) and not diverged
         failure = None
         if finite or self._inverted >= 0:
             failure = self.solid.failure(self.state, self._inverted)
         found = self.comm.allgather((failure, finite))
-        messages = [message for message, _ in found if message]
-        if messages:
-            raise SolverError(messages[0])
+        failures = [failure for failure, _ in found if failure]
+        if failures:
+            message, unstable = failures[0]
+            raise (UnstableError if unstable else SolverError)(message)
         if not all(ok for _, ok in found):
-            raise SolverError(
+            raise UnstableError(
                 f"the motion is no longer finite at step {self.state.num_steps}: reduce "
                 "solver.time_step_factor or oedometer.speed"
             )
@@ -297,23 +307,58 @@ class Simulation:
         speed = np.sqrt(max((s.v**2).sum(axis=1).max(), (self.walls.velocity**2).sum()))
         ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
         self._margin = max(2.0 * moved, ahead, 1e-3 * self.contact.edge)
-        if self.assembled:
-            highest = self._highest()
-            limit = 2.0 / highest if highest > 0.0 else math.inf
-        else:
-            stiffest = self.comm.allreduce(self._stiffest_contact(), op=MPI.MAX)
-            limit = 2.0 / math.sqrt((2.0 / self.dt_element) ** 2 + 2.0 * stiffest)
-        # A node that meets a spring of rate w at speed v leaves it one step later at up to
-        # |1 - (w dt)^2| v: contacts that open and close need (w dt)^2 <= 2 of the springs alone.
-        rate = 0.0 if self.contact.kinematic else self._highest_of_springs()
-        if rate > 0.0:
-            limit = min(limit, math.sqrt(2.0) / rate)
-        limit = min(limit, self.comm.allreduce(self._contact_step, op=MPI.MIN))
+        limit = self._limit(self._highest, self._highest_of_springs)
+        if self.scaling is not None and not early and limit < FALLEN * self.scaling.reached:
+            if self._add_mass():
+                limit = self._limit(self._highest, self._highest_of_springs)
+            self.scaling.reached = limit
+        elif self.scaling is not None and not self.scaling.reached:
+            self.scaling.reached = limit
         dt = _rounded_down(self.time_step_factor * limit)
         # A change costs accuracy of the energies: small ones are not worth it.
         if not 0.99 * self.dt <= dt <= (math.inf if early else 1.05 * self.dt):
             self.dt = dt
             self.contact.set_time_step(dt)
+
+    def _limit(self, highest, highest_of_springs):
+        """Limit of stability [s] by the highest frequencies of all and of springs. Collective."""
+        if self.assembled:
+            rate = highest()
+            limit = 2.0 / rate if rate > 0.0 else math.inf
+        else:
+            stiffest = self.comm.allreduce(self._stiffest_contact(), op=MPI.MAX)
+            limit = 2.0 / math.sqrt((2.0 / self.dt_element) ** 2 + 2.0 * stiffest)
+        # A node that meets a spring of rate w at speed v leaves it one step later at up to
+        # |1 - (w dt)^2| v: contacts that open and close need (w dt)^2 <= 2 of the springs alone.
+        rate = 0.0 if self.contact.kinematic else highest_of_springs()
+        if rate > 0.0:
+            limit = min(limit, math.sqrt(2.0) / rate)
+        return min(limit, self.comm.allreduce(self._contact_step, op=MPI.MIN))
+
+    def _add_mass(self):
+        """Adjust the added mass to the present geometry; whether there is more. Collective."""
+        before = self._kinetic()
+        changed = self.scaling.adjust(self.state.x)
+        self.take_masses()
+        self.damped += before - self._kinetic()
+        return changed
+
+    def take_masses(self):
+        """Follow a change of the nodal masses; velocities and forces stay. Local."""
+        s, mass = self.state, self.solid.mass
+        self._free_mass = self.bonded.free_mass(mass)
+        s.a[:] = self._f / mass[:, None]
+        for highest in (self._highest, self._highest_of_springs):
+            highest.set_mass(mass)
+
+    def limits_with_and_without_added_mass(self):
+        """Stable steps of the present state [s], each estimated from scratch. Collective."""
+        adds = self._add_stiffness, self._add_springs
+        masses = self.solid.mass, self.scaling.first_mass
+        return [
+            self._limit(*(HighestFrequency(self.comm, m, self.mesh.x, add) for add in adds))
+            for m in masses
+        ]
 
     def _stiffest_contact(self):
         """Largest sum over mass of a node's contact springs [1/s²], all closed. Collective.

@@ -191,6 +191,9 @@ class Solid:
     def failure(self, state, inverted=-1):
         """What went wrong in an element of this rank, or None. Local.
 
+        Returns:
+            None, or a message and whether a shorter time step may be the answer.
+
         Args:
             state: The state of the grains.
             inverted: An element that turned inside out, or -1.
@@ -199,7 +202,7 @@ class Solid:
             return (
                 f"{self._name(inverted)} lost its volume: load more slowly, use a coarser or "
                 "better shaped mesh near it, or reduce solver.time_step_factor"
-            )
+            ), True
         grains = np.flatnonzero(np.isfinite(self.largest_plastic_strain))
         for grain in grains:
             begin = self.mesh.cell_offset[grain]
@@ -210,7 +213,7 @@ class Solid:
                     f"{self._name(begin + strain.argmax())} reached a plastic strain of "
                     f"{strain.max():.3g}, beyond the table of yield stresses, which ends at "
                     f'{limit:g}: extend material.yield_stress, or set material.beyond = "flat"'
-                )
+                ), False
         step, cell = element_time_step(
             state.x, self.mesh.cells, self.grains, self.mesh.cell_offset, self.wave_speed
         )
@@ -219,7 +222,7 @@ class Solid:
                 f"{self._name(cell)} collapsed: it allows {step / self.first_time_step:.2%} of the "
                 "first time step; the grain deforms more than its mesh can: end the test earlier, "
                 "use a coarser mesh there, or a harder material"
-            )
+            ), True
         return None
 
     def _name(self, cell):

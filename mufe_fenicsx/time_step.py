@@ -27,12 +27,16 @@ class HighestFrequency:
 
     def __init__(self, comm, mass, x, add_stiffness, size=8, tolerance=0.02, max_sweeps=12):
         self.comm = comm
-        self.inverse_root = 1 / np.sqrt(mass if mass.ndim == 2 else mass[:, None])
+        self.set_mass(mass)
         self.noise = _noise(x, np.sqrt(comm.allreduce(np.vdot(x, x)) / comm.allreduce(x.size)))
         self.add_stiffness = add_stiffness
         self.size, self.tolerance, self.max_sweeps = size, tolerance, max_sweeps
         self.vector = None
         self.num_products = 0  #: products with K so far
+
+    def set_mass(self, mass):
+        """Take other masses, shaped as those before. Local."""
+        self.inverse_root = 1 / np.sqrt(mass if mass.ndim == 2 else mass[:, None])
 
     def _dot(self, a, b):
         return self.comm.allreduce(float(np.vdot(a, b)))

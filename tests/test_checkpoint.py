@@ -25,8 +25,19 @@ from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.output import checkpoint as checkpoints
 from mufe_fenicsx.output.fields import read_state
 from mufe_fenicsx.output.history import read_history
-from mufe_fenicsx.run import Recorder, run_scene
-from mufe_fenicsx.scene import Contact, Group, Oedometer, Output, Scene, Wall, scene_to_toml
+from mufe_fenicsx.recorder import Recorder
+from mufe_fenicsx.run import run_scene
+from mufe_fenicsx.scene import (
+    Contact,
+    Group,
+    MassScaling,
+    Oedometer,
+    Output,
+    QuasiStatic,
+    Scene,
+    Wall,
+    scene_to_toml,
+)
 from tests.bodies import RADIUS, packed_grains
 
 COMM = MPI.COMM_WORLD
@@ -46,6 +57,7 @@ def scene(**output):
         oedometer=Oedometer(strain=0.008, speed=20.0, seating_stress=1e4),
         walls={"x_max": Wall(stress=2e5, speed=1.0)},
         output=Output(fields=3, history=41, **output),
+        quasi_static=QuasiStatic(kinetic=0.5, unbalanced=0.2, loaded=0.004),
     )
 
 
@@ -245,7 +257,7 @@ def test_a_checkpoint_of_something_else_is_refused(folder, monkeypatch):
     with pytest.raises(InputError, match=r"contact.friction = 0.3, was 0.4, expected"):
         run(folder, "out", resume=True, scene=other)
     monkeypatch.setattr(checkpoints, "VERSION", checkpoints.VERSION + 1)
-    with pytest.raises(InputError, match=r"format of checkpoint .* is mufe checkpoint 1, expected"):
+    with pytest.raises(InputError, match=r"format of checkpoint .* is mufe checkpoint 2, expected"):
         run(folder, "out", resume=True)
     monkeypatch.undo()
     COMM.Barrier()
@@ -254,6 +266,41 @@ def test_a_checkpoint_of_something_else_is_refused(folder, monkeypatch):
     COMM.Barrier()
     with pytest.raises(InputError, match=r"grains of checkpoint .* are others than those given"):
         run(folder, "out", resume=True)
+
+
+@pytest.mark.mpi
+def test_a_finished_test_is_prolonged_to_the_same_bytes(folder):
+    """The longer test from the start, in the same rows and states: only the end was moved."""
+
+    def ending(strain, rows, states):
+        given = scene(checkpoint_strain=0.003)
+        return replace(
+            given,
+            material=J2(*ROCK, TABLE),
+            materials={},
+            mass_scaling=MassScaling(0.01),
+            oedometer=replace(given.oedometer, strain=strain, ramp=0.0),
+            output=replace(given.output, history=rows, fields=states),
+        )
+
+    short, long = ending(0.004, 21, 2), ending(0.008, 41, 3)
+    whole = run(folder, "whole", scene=long)
+    assert run(folder, "parts", scene=short)["finished"]
+    with pytest.raises(InputError, match=r"is finished, .* or oedometer.strain above 0.004 to"):
+        run(folder, "parts", scene=short, resume=True)
+    with pytest.raises(InputError, match=r"oedometer.speed = 30.0, was 20.0, .* may only change"):
+        other = replace(long, oedometer=replace(long.oedometer, speed=30.0))
+        run(folder, "parts", scene=other, resume=True)
+    with pytest.raises(InputError, match=r"run in .* is finished, expected"):
+        run(folder, "parts", scene=ending(0.002, 11, 2), resume=True)
+    parts = run(folder, "parts", scene=long, resume=True)
+    assert parts["finished"] and parts["num_steps"] == whole["num_steps"]
+    assert parts["mass_scaling"] == whole["mass_scaling"]
+    assert parts["quasi_static"] == whole["quasi_static"]
+    if COMM.rank == 0:
+        assert files(folder / "parts") == files(folder / "whole")
+    for one, other in zip(*(arrays(folder / name) for name in ("whole", "parts")), strict=True):
+        assert one == other
 
 
 @pytest.mark.mpi

@@ -17,6 +17,12 @@ PART_OF = {
     "restart": "simulation",
     "interruption": "run",
     "origin": "run",
+    "preparation": "run",
+    "recorder": "run",
+    "march": "run",
+    "progress": "run",
+    "recovery": "run",
+    "speed_control": "simulation",
 }
 
 #: What each part may import, besides itself and `errors`, which any may.
@@ -29,6 +35,7 @@ TABLE = {
     "units": set(),
     "mesh": set(),
     "time_step": set(),
+    "mass_scaling": {"mesh", "solid"},
     "launcher": set(),
     "memory": set(),
     "materials": {"kernels"},
@@ -43,7 +50,7 @@ TABLE = {
     "synthetic": {"kernels", "geometry", "units", "report"},
     "simulation": {
         *("kernels", "geometry", "state", "mesh", "materials", "solid", "rigid", "contact"),
-        *("fidelity", "integrators", "scene", "time_step"),
+        *("fidelity", "integrators", "scene", "time_step", "mass_scaling"),
     },
     # geometry: measures of tetrahedra, which are numbers from arrays.
     "analysis": {"mesh", "state", "solid", "contact", "geometry"},
@@ -52,6 +59,7 @@ TABLE = {
     "run": {
         *("kernels", "geometry", "state", "mesh", "materials", "solid", "rigid", "contact"),
         *("integrators", "scene", "time_step", "simulation", "output", "launcher", "memory"),
+        "mass_scaling",
     },
     "report": {"analysis", "output"},
 }

@@ -14,7 +14,8 @@ from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.output.contacts import read_contacts
 from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
-from mufe_fenicsx.run import load_mesh, run_scene
+from mufe_fenicsx.preparation import load_mesh
+from mufe_fenicsx.run import run_scene
 from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, Solver, load_scene
 from tests.bodies import packed_grains
 

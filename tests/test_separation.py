@@ -9,7 +9,7 @@ from mufe_fenicsx.contact.separation import TOLERANCE, separate
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
-from mufe_fenicsx.run import load_mesh
+from mufe_fenicsx.preparation import load_mesh
 from mufe_fenicsx.verification.build import build
 from mufe_fenicsx.verification.case import on_first_ranks
 from tests.bodies import RADIUS, packed_spheres, simulation_of

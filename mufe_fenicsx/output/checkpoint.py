@@ -22,7 +22,7 @@ import numpy as np
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.run_folder import attempt, plain, raise_together, reason, try_room
 
-FORMAT, VERSION = "mufe checkpoint", 1
+FORMAT, VERSION = "mufe checkpoint", 2
 MANIFEST = "manifest.json"
 #: Checkpoints that stay.
 NUM_KEPT = 2
@@ -104,18 +104,28 @@ class CheckpointWriter:
             _remove(old)
 
     def remove_after(self, checkpoint):
-        """Remove all that is later than the checkpoint that a run goes on from, and torn parts."""
+        """Remove all that is later than the checkpoint that a run goes on from, and torn parts.
+
+        Args:
+            checkpoint: :class:`Checkpoint`, or None for the start of the run.
+        """
+        after = "" if checkpoint is None else checkpoint.path.name
         message = None
         if self.comm.rank == 0:
-            later = [p for p in _folders(self.folder) if p.name > checkpoint.path.name]
+            later = [p for p in _folders(self.folder) if p.name > after]
             parts = list(self.folder.glob("*.part"))
             message, _ = attempt(self.folder, lambda: [_remove(p) for p in later + parts])
         raise_together(self.comm, message)
-        self.last = checkpoint.path
+        self.last = None if checkpoint is None else checkpoint.path
 
 
-def find_checkpoint(comm, run_folder):
+def find_checkpoint(comm, run_folder, before=None):
     """The last checkpoint of a run that is whole. Collective.
+
+    Args:
+        comm: MPI communicator.
+        run_folder: The run folder.
+        before: An earlier one than this :class:`Checkpoint`, or None where there is none.
 
     Raises:
         InputError: There is none, or it is of another version of the program.
@@ -123,16 +133,18 @@ def find_checkpoint(comm, run_folder):
     found, message = None, None
     if comm.rank == 0:
         try:
-            found = _find(Path(run_folder) / "checkpoints")
+            found = _find(Path(run_folder) / "checkpoints", before)
         except InputError as error:
-            message = str(error)
+            message = None if before else str(error)
     raise_together(comm, message)
     return comm.bcast(found)
 
 
-def _find(folder):
+def _find(folder, before=None):
     notices = []
     for path in sorted(_folders(folder), reverse=True):
+        if before is not None and path.name >= before.path.name:
+            continue
         content, damage = _read_manifest(path)
         if content is not None:
             return Checkpoint(path, content["num_ranks"], content, tuple(notices))

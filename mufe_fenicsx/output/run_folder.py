@@ -5,6 +5,7 @@ import importlib.metadata
 import json
 import os
 import platform
+import sys
 import tempfile
 from pathlib import Path
 
@@ -31,6 +32,7 @@ OWN_FILES = (
     "contacts/*.part",
     "contacts/states.vtkhdf.series",
     "fields/mesh_*.h5",
+    "retries.log",
     "checkpoints/step-*/rank-*.h5",
     "checkpoints/step-*/manifest.json",
 )
@@ -177,6 +179,24 @@ def write_atomically(path, text):
     except OSError as error:
         part.unlink(missing_ok=True)
         raise InputError(f"{path} cannot be written ({reason(error)})") from error
+
+
+def append_line(comm, path, line, show=False):
+    """Add a line to a log, and show it on the terminal where asked. Collective.
+
+    Raises:
+        InputError: It cannot be written; on all ranks.
+    """
+    message = None
+    if comm.rank == 0:
+        if show:
+            print(f"mufe: {line}", file=sys.stderr, flush=True)
+        try:
+            with Path(path).open("a", encoding="utf-8") as file:
+                file.write(line + "\n")
+        except OSError as error:
+            message = f"{path} cannot be written ({reason(error)})"
+    raise_together(comm, message)
 
 
 def write_run_json(folder, run):

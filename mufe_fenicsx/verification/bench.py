@@ -93,7 +93,7 @@ def demo(comm, *, grains, scene=None, strain=0.01, speed=20.0, steps=100, repeat
     """
     from ..contact.separation import separate
     from ..demo import demo_scene
-    from ..run import load_mesh, make_walls, read_scene
+    from ..preparation import load_mesh, make_walls, read_scene
     from ..simulation import Simulation
 
     start = time.perf_counter()

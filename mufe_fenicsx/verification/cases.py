@@ -28,6 +28,7 @@ from .rigid import rigid_impact, rigid_mix, rigid_rolling, rigid_top
 from .rolling import rolling
 from .segmentation import segmentation
 from .sliding import sliding_block, sliding_facets
+from .soak import soak
 from .spin import spin
 from .splitting import disc, hiramatsu_oka
 from .strain_cycle import strain_cycle
@@ -67,6 +68,7 @@ CASES = {
     "strain-cycle": strain_cycle,
     "crush": crush,
     "segmentation": segmentation,
+    "soak": soak,
 }
 
 

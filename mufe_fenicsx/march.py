@@ -1,0 +1,82 @@
+"""The loop over time steps of a test, with rows, states and checkpoints as they fall due."""
+
+import math
+import signal
+
+from .errors import Interrupted, SolverError
+from .interruption import Interruption
+from .progress import ProgressLine
+
+
+def march(simulation, loading, recorder, output, save, max_steps, quiet, resumed):
+    """Step until the end of the test; returns why it stopped. Collective.
+
+    Args:
+        simulation, loading: What moves.
+        recorder: :class:`~mufe_fenicsx.recorder.Recorder`.
+        output: Of the scene: when checkpoints are due.
+        save: Writes one.
+        max_steps: Stop after so many steps, or None.
+        quiet: No line on the terminal.
+        resumed: The present step is recorded already.
+
+    Raises:
+        SolverError: The computation failed.
+        Interrupted: A signal came.
+        InputError: A file cannot be written.
+    """
+    state = simulation.state
+    due = _Due(output, loading)
+    with (
+        ProgressLine(simulation.comm, loading, quiet) as progress,
+        Interruption(simulation.comm, output.checkpoint) as interruption,
+    ):
+        while True:
+            if not resumed:  # that step is recorded already
+                recorder.after_step()
+            resumed = False
+            progress.update(simulation)
+            if loading.finished:
+                break
+            if max_steps is not None and state.num_steps >= max_steps:
+                save()
+                recorder.write_row()
+                return f"max_steps = {max_steps} reached"
+            number, by_time = interruption()
+            if number:
+                raise _interrupted(number, save, state.num_steps, loading.strain)
+            if by_time or due(state.num_steps):
+                save()
+                interruption.saved()
+            loading.before_step()
+            simulation.step(everywhere=False)
+    save()  # a longer test can go on from here
+    return "final strain reached"
+
+
+def _interrupted(number, save, step, strain):
+    """The error that ends a run on a signal, after a checkpoint if the state is sound."""
+    what = "after a checkpoint: --resume goes on from it"
+    try:
+        save()
+    except SolverError as failure:
+        what = f"where it had failed ({failure}): --resume goes on from the last checkpoint, if any"
+    name = signal.Signals(number).name
+    return Interrupted(f"stopped by {name} at step {step}, strain {strain:.4f}, {what}", number)
+
+
+class _Due:
+    """Whether a checkpoint is due by steps or by strain."""
+
+    def __init__(self, output, loading):
+        self.output, self.loading = output, loading
+        self._passed = self._count()
+
+    def _count(self):
+        interval = self.output.checkpoint_strain
+        return math.floor(self.loading.strain / interval) if interval else 0
+
+    def __call__(self, step):
+        before, self._passed = self._passed, self._count()
+        interval = self.output.checkpoint_steps
+        return self._passed > before or bool(interval and step and step % interval == 0)

@@ -1,0 +1,142 @@
+"""Mass added to the worst elements for a longer time step, bounded and accounted for.
+
+The stable step of one element is proportional to the root of its density. Elements whose own step
+t_e lies below a wanted one t get the density
+
+    rho_e' = rho_e (t/t_e)²
+
+(conventional mass scaling). Mass only lowers the frequencies of the assembled system: its stable
+step, which is estimated anew with the new mass, can but grow, also where springs of contact limit
+it, for these are stiffest over mass at small elements. Inertia is changed, statics is not. Since
+each grain becomes heavier by a share a_g, the speed of waves falls by up to 1/sqrt(1 + a_g), and
+its kinetic energy at a given speed grows by 1 + a_g.
+
+Two bounds hold at all times: added mass over the mass of all grains, and the same of each grain.
+t is the longest step that meets both, or the one asked for if that is shorter.
+
+Added mass never goes away. Where mass is added later to nodes that move, they keep their
+velocities; the kinetic energy that this takes is booked as negative damping.
+
+The selective form (L. Olovsson, K. Simonsson, M. Unosson, Int. J. Numer. Meth. Engng 63, 2005,
+1436-1445) keeps the mass of each element's translation, at the price of a mass matrix that has to
+be solved with in every step. What limits the step here are springs of contact on nodes of little
+mass; they ask for translational mass, of which a thousandth of the sample's does most of the work.
+"""
+
+import math
+
+import numpy as np
+from mpi4py import MPI
+
+#: Bisections for the wanted step: it is then known to 2^-30 of the interval's logarithm.
+BISECTIONS = 30
+#: Mass is adjusted when the stable step falls below this part of what it was.
+FALLEN = 0.95
+
+
+def element_steps(x, cells, wave_speed):
+    """Proven stable step of each element by itself [s], shape (num_cells,).
+
+    Args:
+        x: Positions [m], shape (num_nodes, 3).
+        cells: Nodes, shape (num_cells, 4).
+        wave_speed: Speed of compression waves [m/s], shape (num_cells,).
+
+    Source: as :func:`~mufe_fenicsx.kernels.stiffness.element_time_step`, one over
+    c sqrt(sum_a |grad N_a|²).
+    """
+    corner = x[cells]
+    edge = corner[:, 1:] - corner[:, :1]
+    h = np.stack([np.cross(edge[:, i - 2], edge[:, i - 1]) for i in range(3)], axis=1)
+    volume6 = np.einsum("ij,ij->i", edge[:, 0], h[:, 0])
+    total = (h**2).sum(axis=(1, 2)) + (h.sum(axis=1) ** 2).sum(axis=1)
+    return np.abs(volume6) / (wave_speed * np.sqrt(total))
+
+
+class MassScaling:
+    """Added densities of the elements of one rank. Collective, as its methods.
+
+    Args:
+        solid: :class:`~mufe_fenicsx.solid.Solid`, its masses those of the material.
+        rho: Densities of this rank's grains [kg/m³], shape (num_grains,).
+        settings: :class:`~mufe_fenicsx.scene.MassScaling`.
+    """
+
+    def __init__(self, solid, rho, settings):
+        self.solid, self.mesh, self.settings = solid, solid.mesh, settings
+        self.comm = solid.mesh.comm
+        mesh = self.mesh
+        self.first_mass = solid.mass.copy()  #: of the nodes, without additions [kg]
+        self._element_mass = rho[mesh.grain_of_cell] * solid.volume0
+        self._grain_mass = self._of_grains(self._element_mass)
+        self._total = self.comm.allreduce(float(self._grain_mass.sum()))
+        self.added = np.zeros(mesh.num_cells)  #: added density over that of the material
+        self.wanted = 0.0  #: step of the worst element that it was last adjusted to [s]
+        self.reached = 0.0  #: stable step after the last adjustment [s]
+
+    def _of_grains(self, values):
+        return np.add.reduceat(values, self.mesh.cell_offset[:-1])
+
+    def shares(self):
+        """Added mass over the mass of all grains, and the largest such share of a grain."""
+        return self._shares(self.added)
+
+    def _shares(self, added):
+        of_grains = self._of_grains(added * self._element_mass)
+        total = self.comm.allreduce(float(of_grains.sum()))
+        largest = float((of_grains / self._grain_mass).max(initial=0.0))
+        return total / self._total, self.comm.allreduce(largest, op=MPI.MAX)
+
+    def adjust(self, x):
+        """Add what the elements want at the positions ``x``; whether any mass was added."""
+        s = self.settings
+        own = element_steps(x, self.mesh.cells, self.solid.wave_speed[self.mesh.grain_of_cell])
+        low = self.comm.allreduce(float(own.min(initial=math.inf)), op=MPI.MIN)
+        high = self.comm.allreduce(float(own.max(initial=0.0)), op=MPI.MAX)
+        if s.time_step is not None:
+            high = min(high, s.time_step)
+        if not 0.0 < low < high:
+            return False
+
+        def at(step):
+            return np.maximum(self.added, (step / own) ** 2 - 1.0)
+
+        def allowed(step):
+            share, largest = self._shares(at(step))
+            return share <= s.added and largest <= s.added_to_grain
+
+        if not allowed(high):
+            for _ in range(BISECTIONS):
+                middle = math.sqrt(low * high)
+                low, high = (middle, high) if allowed(middle) else (low, middle)
+            high = low
+        if not allowed(high):  # what is there already takes all that is allowed
+            return False
+        added = at(high)
+        changed = self.comm.allreduce(bool((added > self.added).any()), op=MPI.LOR)
+        self.added, self.wanted = added, high
+        self.set_masses()
+        return changed
+
+    def set_masses(self):
+        """Give the nodes their masses, those of the material and what was added."""
+        share = np.repeat(0.25 * self.added * self._element_mass, 4)
+        more = np.bincount(self.mesh.cells.ravel(), share, self.mesh.num_nodes)
+        self.solid.mass[:] = self.first_mass + more
+
+    def summary(self, limits):
+        """What was added and what it is worth, for run.json.
+
+        Args:
+            limits: Stable steps of the present state with and without the added mass [s].
+        """
+        share, largest = self.shares()
+        return {
+            "added": share,
+            "added_to_grain": largest,
+            "num_elements": self.comm.allreduce(int(np.count_nonzero(self.added))),
+            "element_step": self.wanted,
+            "stable_step": limits[0],
+            "stable_step_without": limits[1],
+            "gain": limits[0] / limits[1],
+        }

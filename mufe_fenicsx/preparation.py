@@ -1,0 +1,123 @@
+"""From a scene file and grains on disk to the simulation of a test."""
+
+import numpy as np
+from mpi4py import MPI
+
+from .contact.walls import Wall
+from .errors import InputError
+from .geometry.grains import load_grains, read_grain_table
+from .geometry.refine import PARTS, split
+from .mesh import create_grain_mesh, partition_grains
+from .output.run_folder import raise_together
+from .scene import WALLS, load_scene
+from .simulation import Simulation
+
+
+def read_scene(comm, path):
+    """The scene in the file ``path``, read by rank 0 alone. Collective.
+
+    Raises:
+        InputError: The file cannot be read, or holds what a scene must not.
+    """
+    scene, message = None, None
+    if comm.rank == 0:
+        try:
+            scene = load_scene(path)
+        except InputError as error:
+            message = str(error)
+    raise_together(comm, message)
+    return comm.bcast(scene)
+
+
+def load_mesh(comm, grains_folder, element="averaged"):
+    """Read each rank's own grains and make the distributed mesh. Collective.
+
+    Args:
+        comm: MPI communicator.
+        grains_folder: Folder that `mufe mesh` wrote.
+        element: Tetrahedra are split where it is "composite".
+
+    Raises:
+        InputError: The folder cannot be used, or there are more ranks than grains.
+    """
+    table, message = None, None
+    try:
+        table = read_grain_table(grains_folder)
+    except (InputError, OSError) as error:
+        message = str(error)
+    raise_together(comm, message)
+    labels, num_cells, _, centroids = table
+    if comm.size > labels.size:
+        raise InputError(
+            f"number of ranks = {comm.size}, expected at most the number of grains, {labels.size}"
+        )
+    rank_of_grain = partition_grains(num_cells, centroids, comm.size)
+    mine = np.flatnonzero(rank_of_grain == comm.rank)
+    grains = load_grains(grains_folder, which=mine)
+    cell_grain = np.repeat(mine, np.diff(grains.cell_offset))
+    points, cells, family = grains.points, grains.cells, 1
+    if element == "composite":
+        points, cells = split(points, cells)
+        cell_grain, family = np.repeat(cell_grain, PARTS), PARTS
+    return create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, family)
+
+
+def make_walls(scene, low, high):
+    """The six walls of a scene at the faces of the box from ``low`` to ``high`` [m]."""
+    walls = []
+    size = high - low
+    for name in WALLS:
+        settings = scene.walls[name]
+        axis = "xyz".index(name[0])
+        normal = np.zeros(3)
+        normal[axis] = 1.0 if name.endswith("min") else -1.0
+        area = size[(axis + 1) % 3] * size[(axis + 2) % 3]
+        walls.append(
+            Wall(
+                name=name,
+                point=(low if name.endswith("min") else high).copy(),
+                normal=normal,
+                friction=settings.friction,
+                friction_kinetic=settings.friction_kinetic,
+                velocity=settings.velocity * normal,
+                target=None if not settings.stress else settings.stress * area,
+                speed=settings.speed or 0.0,
+            )
+        )
+    return walls
+
+
+def bounding_box(mesh):
+    """Corners of the box around all grains [m], two arrays of shape (3,). Collective."""
+    low, high = np.empty(3), np.empty(3)
+    mesh.comm.Allreduce(mesh.x.min(axis=0), low, op=MPI.MIN)
+    mesh.comm.Allreduce(mesh.x.max(axis=0), high, op=MPI.MAX)
+    return low, high
+
+
+def make_simulation(scene, mesh, low, high, shorter=1.0):
+    """The :class:`Simulation` of a scene at its start, walls around a box. Collective.
+
+    Args:
+        scene: :class:`~mufe_fenicsx.scene.Scene`.
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        low, high: Corners of the box [m], shape (3,).
+        shorter: The scene's time step times this.
+    """
+    contact, solver = scene.contact, scene.solver
+    return Simulation(
+        mesh,
+        scene.materials_of(mesh.labels[mesh.grains], mesh.labels),
+        make_walls(scene, low, high),
+        friction=contact.friction,
+        friction_kinetic=contact.friction_kinetic,
+        compliance=contact.compliance,
+        points=contact.points,
+        law=contact.law,
+        self_contact=contact.self_contact,
+        element=solver.element,
+        damping=solver.damping,
+        assembled=solver.time_step == "assembled",
+        mass_scaling=scene.mass_scaling,
+        time_step_factor=solver.time_step_factor * shorter,
+    )

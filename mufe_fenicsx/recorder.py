@@ -1,0 +1,129 @@
+"""What a test writes as it goes on: rows of its history and states of all fields."""
+
+import math
+
+from .contact.network import find_network
+from .contact.nodal import nodal_contact
+from .energy_guard import EnergyGuard
+from .loading import LOADING
+from .output.contacts import ContactWriter
+from .output.fields import FieldWriter
+from .output.history import HistoryWriter
+from .scene import WALLS
+from .simulation import ENERGIES
+from .solid import von_mises
+
+
+class Recorder:
+    """Writes history and fields of a test as it goes on. Collective.
+
+    With ``kept``, of :meth:`keep`, it goes on from there; ``same_ranks``: on as many ranks.
+    """
+
+    def __init__(
+        self, folder, simulation, loading, area, output, energy_limit, kept=None, same_ranks=True
+    ):
+        mesh = simulation.mesh
+        kept = kept or {}
+        self.simulation, self.loading, self.area = simulation, loading, area
+        self.guard = EnergyGuard(simulation, energy_limit)
+        self.history = HistoryWriter(
+            folder / "history.csv", comm=mesh.comm, kept=kept.get("history")
+        )
+        labels = mesh.labels[mesh.grains[mesh.grain_of_cell]]
+        self.fields = FieldWriter(
+            mesh.comm, folder, mesh.x, mesh.cells, labels, kept.get("fields"), same_ranks
+        )
+        self.contacts = ContactWriter(mesh.comm, folder, kept.get("contacts", ()))
+        self.num_states = kept.get("num_states", 0)
+        self._history_interval = loading.final_strain / (output.history - 1)
+        self._field_interval = loading.final_strain / (output.fields - 1)
+        self._stage, self._next_row, self._next_state = kept.get("next", (None, 0.0, 0.0))
+
+    def keep(self):
+        """What a recorder that goes on from here has to know, fit for JSON; rows are on disk."""
+        return {
+            "history": self.history.sync(),
+            "fields": self.fields.kept,
+            "contacts": self.contacts.kept,
+            "num_states": self.num_states,
+            "next": (self._stage, self._next_row, self._next_state),
+        }
+
+    def after_step(self):
+        """Write what is due."""
+        loading = self.loading
+        if loading.stage != self._stage:
+            self._stage, self._next_row, self._next_state = loading.stage, 0.0, 0.0
+        progress = loading.progress
+        if loading.stage == LOADING and progress >= self._next_state:
+            self._next_state += self._field_interval * (1 - 1e-12)
+            self.write_state()
+        if progress >= self._next_row:
+            self._next_row = progress - math.fmod(progress, self._history_interval)
+            self._next_row += self._history_interval * (1 - 1e-12)
+            self.write_row()
+
+    def write_row(self):
+        """One row of the history. Returns its energies [J]."""
+        sim, loading = self.simulation, self.loading
+        forces, energies = sim.wall_forces(), sim.energies()
+        active = sim.num_active_grains()
+        added, largest = sim.scaling.shares() if sim.scaling else (0.0, 0.0)
+        row = {
+            "step": sim.state.num_steps,
+            "time": sim.state.t,
+            "dt": sim.dt,
+            "stage": loading.stage,
+            "strain": loading.strain,
+            "height": loading.height,
+            "speed": loading.speed_now,
+            "stress": 0.5 * (forces[4] + forces[5]) / self.area,
+            "added_mass": added,
+            "added_mass_of_grain": largest,
+            "num_contacts": sim.num_contacts,
+            "num_active_grains": active,
+            "num_active_contacts": sim.mean_active_contacts(),
+        }
+        row.update({f"force_{name}": f for name, f in zip(WALLS, forces, strict=True)})
+        row.update({name: energies[name] for name in ENERGIES})
+        self.history.append(row)
+        self.check_energy(energies)
+        return energies
+
+    def check_energy(self, energies):
+        """Stop where the balance of these energies is off. Collective.
+
+        Raises:
+            UnstableError: It is.
+        """
+        loading = self.loading
+        self.guard.check(
+            energies, f"at strain {loading.strain:.4f}", loaded=loading.stage == LOADING
+        )
+
+    def write_state(self):
+        """One state of all fields."""
+        sim, state = self.simulation, self.simulation.state
+        sim.complete()
+        stress = sim.solid.stress(state)
+        self.fields.write(
+            self.num_states,
+            state.t,
+            self.loading.strain,
+            self.loading.stage,
+            {
+                "displacement": state.u,
+                "velocity": state.v,
+                **nodal_contact(sim.contact, sim.mesh.num_nodes),
+            },
+            {
+                "stress": stress,
+                "von_mises": von_mises(sim.solid.deviator(state)),
+                "pressure": -stress[:, :3].mean(axis=1),
+                "plastic_strain": state.plastic_strain,
+            },
+        )
+        network = find_network(sim.contact, sim.mesh, sim.solid.mass, state.x)
+        self.contacts.write(self.num_states, state.t, network)
+        self.num_states += 1
