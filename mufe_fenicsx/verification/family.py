@@ -42,6 +42,13 @@ strain = {strain:g}
 speed = "{speed:g} m/s"
 seating_stress = "1.5 MPa"
 
+[quasi_static]
+kinetic = 0.008
+unbalanced = 0.015
+
+[mass_scaling]
+added = 0.005
+
 [output]
 fields = 5
 history = 500
