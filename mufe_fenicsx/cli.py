@@ -388,6 +388,9 @@ def run(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the last checkpoint in the folder.")
     ] = False,
+    profile: Annotated[
+        bool, typer.Option("--profile", help="Time of the parts of a step, on each rank.")
+    ] = False,
     overwrite: Overwrite = False,
     json: Json = None,
 ):
@@ -417,8 +420,14 @@ def run(
         quiet=quiet or json == "-",
         command=["mufe", *sys.argv[1:]],
         resume=resume,
+        profile=profile,
     )
-    printer.summary(result or {})
+    measured = result.get("profile")
+    printer.summary({name: value for name, value in result.items() if name != "profile"})
+    if measured:
+        from .profile import profile_rows
+
+        printer.table(*profile_rows(measured))
     printer.write_json(result)
 
 

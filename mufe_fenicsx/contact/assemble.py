@@ -149,13 +149,13 @@ class Contact:
         #: Own surface nodes whose positions are followed until the next search; None: all. The
         #: motion of the others is reported as that of walls is.
         self.moving = None
-        self._search(x, deepest=self._initial_depth())
+        self.search(x, deepest=self._initial_depth())
 
     def _initial_depth(self):
         """Overlaps at the start are found up to one facet edge deep."""
         return self.edge
 
-    def _search(self, x, deepest=0.0, ahead=0.0):
+    def search(self, x, deepest=0.0, ahead=0.0):
         """Find all pairs anew, those within ``ahead`` [m] at least. Collective."""
         if self.before_search is not None:
             self.before_search()
@@ -251,7 +251,27 @@ class Contact:
             gather_rows(self.positions.own, x, self.own.nodes)
         else:
             gather_some(self.positions.own, x, self.own.nodes, self.moving)
+        self.send()
+
+    def send(self):
+        """Own positions start on their way to the ranks that know them. Collective."""
         self.positions.begin_forward()
+
+    def receive(self):
+        """Positions from other ranks have arrived afterwards. Collective."""
+        self.positions.end_forward()
+
+    def agree(self, move):
+        """The largest of the ranks' ``move``. Collective."""
+        if self.comm.size > 1:
+            self._move[0] = move
+            self.comm.Allreduce(MPI.IN_PLACE, self._move, op=MPI.MAX)
+            return self._move[0]
+        return move
+
+    def give_back(self):
+        """Forces on nodes of other ranks go there and add up. Collective."""
+        self.forces.add_back()
 
     def _end_forward(self):
         """Positions of nodes of other ranks, then of all points."""
@@ -277,21 +297,18 @@ class Contact:
             FloatingPointError: A position is not finite, or left the others by more than
                 all the grains are wide; on all ranks together.
         """
-        self.positions.end_forward()
+        self.receive()
         if self.moving is None:
             move = largest_move(self.previous, self.positions.own)
         else:
             move = largest_move_of(self.previous, self.positions.own, self.moving)
-        self._move[0] = max(move, wall_move)
-        if self.comm.size > 1:
-            self.comm.Allreduce(MPI.IN_PLACE, self._move, op=MPI.MAX)
-        move = self._move[0]
+        move = self.agree(max(move, wall_move))
         if not move < self.width:
             raise FloatingPointError("positions are not finite")
         self.clock += 2.0 * move
         # The motion of the next step, at twice its speed now, must not leave the skin.
         if self.clock + 4.0 * move - self.searched_at > self.skin:
-            self._search(x, ahead=4.0 * move)
+            self.search(x, ahead=4.0 * move)
         self._evaluate(f, adopt)
 
     def _evaluate(self, f, adopt):
@@ -315,7 +332,7 @@ class Contact:
             forces, x, self._corners, self.clock, self.layer, area, self.points.recess, self.ratio,
             adopt, self._dt if self.kinematic else 0.0,
         )  # fmt: skip
-        self.forces.add_back()
+        self.give_back()
         if self.moving is None:
             add_rows(f, own.nodes, self.forces.own)
         else:
