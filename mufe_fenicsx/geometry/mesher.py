@@ -76,6 +76,16 @@ ATTEMPTS = (
 
 
 @dataclass(frozen=True)
+class Surface:
+    """Triangles that tetrahedra are to fill."""
+
+    points: np.ndarray  #: [m]
+    triangles: np.ndarray
+    sizes: Sizes  #: [m]
+    held: np.ndarray | None = None  #: coordinates of points that may not change, (n, 3)
+
+
+@dataclass(frozen=True)
 class VoxelGrain:
     """A grain given by the labels around it."""
 
@@ -94,7 +104,7 @@ class VoxelGrain:
         return np.count_nonzero(self.crop == 1) * self.voxel_size**3
 
     def surface(self, sizing, attempt):
-        """Points [m], triangles and `Sizes` [m]."""
+        """`Surface` of the wanted sizes."""
         sizing = sizing.scaled(1 / self.voxel_size)
         crop, inner = self.crop, slice(self.more, -self.more or None)
         others = crop == 2
@@ -105,7 +115,7 @@ class VoxelGrain:
         body = level_set.smoothed(crop, 1, offset, self.shape, sigma)
         volume = np.count_nonzero(crop == 1) if self.keep_volume else None
 
-        def sizes(body, points, _):
+        def sizes(body, points, triangles, tags):
             if sizing.mode == UNIFORM:
                 return Sizes(sizing.largest)
             if sizing.mode == CONTACT:
@@ -113,10 +123,13 @@ class VoxelGrain:
                 return sizes_by_gap(points, gaps, sizing)
             _, gradient = body.value_and_gradient(points)
             length = np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-12)
-            return sizes_by_curvature(points, -gradient / length, sizing)
+            plane = np.ones(len(points), dtype=bool)
+            plane[triangles[tags == 0]] = False
+            return sizes_by_curvature(points, -gradient / length, sizing, plane)
 
-        points, triangles, found = grain_surface(body, sizes, volume, sizing.nodes)
-        return points * self.voxel_size, triangles, found.scaled(self.voxel_size)
+        points, triangles, found, held = grain_surface(body, sizes, volume, sizing.nodes)
+        found = found.scaled(self.voxel_size)
+        return Surface(points * self.voxel_size, triangles, found, held)
 
     def distance(self, points):
         """Distances of points on the surface from the faces of the voxels [m]."""
@@ -138,7 +151,7 @@ class SurfaceGrain:
         return measure.surface_volume(self.points, self.triangles)
 
     def surface(self, sizing, attempt):
-        """Points [m], triangles and `Sizes` [m]."""
+        """`Surface` of the wanted sizes."""
         points, triangles = self.points, self.triangles
         if sizing.mode == UNIFORM:
             sizes = Sizes(sizing.largest)
@@ -148,7 +161,7 @@ class SurfaceGrain:
             normals = measure.vertex_normals(points, triangles)
             sizes = sizes_by_curvature(points, normals, sizing)
         sizes = fitted(sizes, points, triangles, sizing.nodes)
-        return *body_surface(points, triangles, sizes), sizes
+        return Surface(*body_surface(points, triangles, sizes), sizes)
 
     def distance(self, points):
         """Distances of points from the given surface [m]."""
@@ -173,14 +186,16 @@ class SharedGrain:
         return self.voxels.volume
 
     def surface(self, sizing, attempt):
-        """Points [m], triangles and `Sizes` [m]."""
+        """`Surface` of the wanted sizes."""
         if len(self.triangles) == 0:
             raise SurfaceError("no cell of the size of elements lies in the grain")
         triangles = oriented(self.points, self.triangles)
         defect = measure.surface_defect(self.points, triangles)
         if defect:
             raise SurfaceError(f"surface has {defect}")
-        return self.points, triangles, Sizes(sizing.largest)
+        held = np.zeros(self.points.shape, dtype=bool)
+        held[self.shared] = True
+        return Surface(self.points, triangles, Sizes(sizing.largest), held)
 
     def distance(self, points):
         """Distances of points on the surface from the faces of the voxels [m]."""
@@ -312,20 +327,20 @@ def mesh_one(job):
     for attempt in job.attempts:
         num_attempts += 1
         try:
-            surface, triangles, sizes = _sized_surface(job, attempt)
-            size = sizes.size
+            surface = _sized_surface(job, attempt)
+            size, held = surface.sizes.size, surface.held
             # gmsh's tolerances suit bodies of size one.
             nodes, cells = fill(
-                surface / size,
-                triangles,
+                surface.points / size,
+                surface.triangles,
                 algorithm=attempt.algorithm,
                 size=1.0 if uniform else None,
                 tolerance=tolerance / size,
-                fixed=grain.shared if isinstance(grain, SharedGrain) else None,
+                fixed=None if held is None else np.flatnonzero(held.all(axis=1)),
             )
             nodes *= size
-            if isinstance(grain, SharedGrain):
-                nodes[grain.shared] = surface[grain.shared]  # to the last digit
+            if held is not None:  # to the last digit
+                nodes[: len(held)] = np.where(held, surface.points, nodes[: len(held)])
         except SurfaceTooSmall as error:
             reasons.append(str(error))
             break
