@@ -20,14 +20,16 @@ from .workers import WorkerError, run_jobs
 
 #: Where the smallest altitude over h or the kept part of the volume is less, other settings
 #: are tried and the mesh is taken that comes closest to both.
-GOOD_ALTITUDE, GOOD_VOLUME = 0.25, 0.97
+GOOD_ALTITUDE, GOOD_VOLUME = 0.25, 0.99
 #: Where the filter may take what it does to curved surfaces.
 FREE_VOLUME = 0.9
 #: The same where the surface is given and other settings change little.
 FAIR_ALTITUDE = 0.1
+#: Part of the thickness of a slice that is a good altitude where that is less.
+GOOD_PART_OF_SLICE = 0.35
 #: What a node may leave the surface by to make flat tetrahedra thicker: parts of h, and of the
-#: diameter of the grain, whose volume it changes.
-TOLERANCE, TOLERANCE_OF_GRAIN = 0.02, 0.004
+#: thickness of the grain (2 V / A, a third of the diameter of a ball), whose volume it changes.
+TOLERANCE, TOLERANCE_OF_GRAIN = 0.02, 0.012
 
 QUALITY = (
     "label",
@@ -319,16 +321,17 @@ def mesh_one(job):
     # Where the size varies, elements are judged by their own mean edge.
     uniform, h = job.sizing.mode == UNIFORM, job.sizing.largest
     wanted = job.sizing.nodes is None
-    diameter = np.cbrt(6 / np.pi * grain.volume)
-    tolerance = min(
-        TOLERANCE * (h if uniform else job.sizing.smallest), TOLERANCE_OF_GRAIN * diameter
-    )
     good_volume = GOOD_VOLUME if getattr(grain, "keep_volume", True) else FREE_VOLUME
     for attempt in job.attempts:
         num_attempts += 1
         try:
             surface = _sized_surface(job, attempt)
             size, held = surface.sizes.size, surface.held
+            thickness = 2 * grain.volume / measure.surface_area(surface.points, surface.triangles)
+            tolerance = min(
+                TOLERANCE * (h if uniform else job.sizing.smallest),
+                TOLERANCE_OF_GRAIN * thickness,
+            )
             # gmsh's tolerances suit bodies of size one.
             nodes, cells = fill(
                 surface.points / size,
@@ -351,7 +354,8 @@ def mesh_one(job):
         if not 0.5 < row["volume_ratio"] < 2:
             reasons.append(f"the mesh has {row['volume_ratio']:.3g} of the volume of the grain")
             continue
-        score = min(row["min_altitude_over_h"] / job.good_altitude, 1) * min(
+        good_altitude = min(job.good_altitude, GOOD_PART_OF_SLICE * thickness / h)
+        score = min(row["min_altitude_over_h"] / good_altitude, 1) * min(
             row["volume_ratio"] / good_volume, 1
         )
         if job.min_angle > 0:

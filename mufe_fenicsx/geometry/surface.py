@@ -105,11 +105,12 @@ def isosurface(level_set):
     points = np.column_stack(
         [np.interp(at[:, i], np.arange(len(positions[i])), positions[i]) for i in range(3)]
     )
-    points, number = np.unique(points, axis=0, return_inverse=True)
-    triangles = number.ravel()[triangles]
-    a, b, c = triangles.T
-    kept = (a != b) & (b != c) & (c != a)
-    triangles, tags = triangles[kept], tags[kept]
+    if tags.any():  # points on edges of the image have come together
+        points, number = np.unique(points, axis=0, return_inverse=True)
+        triangles = number.ravel()[triangles]
+        a, b, c = triangles.T
+        kept = (a != b) & (b != c) & (c != a)
+        triangles, tags = triangles[kept], tags[kept]
     kept = in_largest_surface(points, triangles)
     return *compact(points, triangles[kept]), tags[kept]
 
