@@ -84,18 +84,6 @@ def test_slanted_faces_do_not_overlap():
     assert deepest_overlap(first, second) < 0.05 * H
 
 
-def test_faces_on_the_border_of_the_image_are_flat():
-    shape = (22, 22, 22)
-    labels = ball(shape, (4, 11, 11), 9).astype(np.int32)
-    (mesh,) = meshes_of(labels)
-    points, _ = surface(mesh)
-    z = points[:, 2] / S
-    assert z.min() == 0
-    # The cut is a disc of radius sqrt(81 - 16) = 8.1 voxels: 205 h² / 9 / 0.87 nodes.
-    assert np.count_nonzero(z == 0) > 15
-    assert mesh.quality["volume_ratio"] == pytest.approx(1, abs=0.01)
-
-
 def test_a_grain_that_is_too_small_is_named():
     labels = two_balls()
     labels[1:4, 1:4, 1:4] = 7
