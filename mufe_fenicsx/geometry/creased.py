@@ -14,7 +14,7 @@ import pyvista
 import scipy.sparse
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from .creases import crease_chains
+from .creases import crease_chains, sides
 from .measure import compact, surface_defect
 from .remesh import (
     SurfaceError,
@@ -69,10 +69,8 @@ def remesh_creased(points, triangles, tags, sizes):
 
 def _without_small_faces(points, triangles, tags, sizes):
     """Tags, where faces that are too small for triangles of their own take a tag around them."""
-    edges = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
-    edges, owner = np.sort(edges, axis=1), np.repeat(np.arange(len(triangles)), 3)
-    order = np.lexsort((edges[:, 1], edges[:, 0]))
-    owner = owner[order].reshape(-1, 2)  # both triangles of each edge of a closed surface
+    order = np.argsort(sides(triangles)[0], axis=None, kind="stable")
+    owner = (order // 3).reshape(-1, 2)  # both triangles of each edge of a closed surface
     inner = tags[owner[:, 0]] == tags[owner[:, 1]]
     n = len(triangles)
     graph = scipy.sparse.coo_matrix((np.ones(inner.sum()), owner[inner].T), shape=(n, n))
@@ -191,8 +189,9 @@ def _where_parts_meet(places, corners, tags):
 
 def _subdivided(points, triangles, tags):
     """Each triangle split into four at the middles of its edges."""
-    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2), axis=2)
-    edges, number = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
+    number, n = sides(triangles)
+    edges, number = np.unique(number, return_inverse=True)
+    edges = np.column_stack(np.divmod(edges, n))
     middle = len(points) + number.reshape(-1, 3)
     (a, b, c), (ab, bc, ca) = triangles.T, middle.T
     new = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]

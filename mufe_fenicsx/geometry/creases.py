@@ -6,14 +6,25 @@ The plane faces that the border of the image cuts have a tag each, the rest of t
 import numpy as np
 
 
+def sides(triangles):
+    """The three sides of each triangle as one number each, equal for the same two nodes.
+
+    Returns:
+        Numbers, shape (m, 3), and by what to divide them: their quotient and remainder are the
+        nodes, the lower one first.
+    """
+    n = int(triangles.max(initial=0)) + 1
+    start, end = triangles.astype(np.int64), np.roll(triangles, -1, axis=1).astype(np.int64)
+    return np.minimum(start, end) * n + np.maximum(start, end), n
+
+
 def crease_edges(triangles, tags):
-    """Edges whose two triangles have different tags, start < end, shape (n, 2)."""
-    edges = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
-    edges, tag = np.sort(edges, axis=1), np.repeat(tags, 3)
-    order = np.lexsort((edges[:, 1], edges[:, 0]))
-    edges, tag = edges[order], tag[order]
-    pair = (edges[1:] == edges[:-1]).all(axis=1) & (tag[1:] != tag[:-1])
-    return edges[1:][pair]
+    """Edges whose two triangles have different tags, start < end, shape (k, 2)."""
+    number, n = sides(triangles)
+    order = np.argsort(number, axis=None, kind="stable")
+    number, tag = number.ravel()[order], tags[order // 3]
+    pair = (number[1:] == number[:-1]) & (tag[1:] != tag[:-1])
+    return np.column_stack(np.divmod(number[1:][pair], n))
 
 
 class Creases:

@@ -106,9 +106,14 @@ def isosurface(level_set):
         [np.interp(at[:, i], np.arange(len(positions[i])), positions[i]) for i in range(3)]
     )
     if tags.any():  # points on edges of the image have come together
-        points, number = np.unique(points, axis=0, return_inverse=True)
-        triangles = number.ravel()[triangles]
-        a, b, c = triangles.T
+        on_faces = (points == level_set.lower) | (points == level_set.upper)
+        together = np.flatnonzero(on_faces.sum(axis=1) > 1)
+        _, first, number = np.unique(
+            points[together], axis=0, return_index=True, return_inverse=True
+        )
+        same = np.arange(len(points))
+        same[together] = together[first][number.ravel()]
+        a, b, c = (triangles := same[triangles]).T
         kept = (a != b) & (b != c) & (c != a)
         triangles, tags = triangles[kept], tags[kept]
     kept = in_largest_surface(points, triangles)
