@@ -42,6 +42,15 @@ class Creases:
         self.rank = np.where(degree == 0, 0, np.where(degree == 2, 1, 2))
         self._next = None
 
+    def neighbours(self):
+        """The two neighbours along their crease of nodes on one, shape (num_nodes, 2); else -1."""
+        found = np.full((len(self.rank), 2), -1)
+        ends = np.concatenate([self.edges, self.edges[:, ::-1]])
+        ends = ends[self.rank[ends[:, 0]] == 1]
+        ends = ends[np.argsort(ends[:, 0], kind="stable")]
+        found[ends[::2, 0]] = np.column_stack([ends[::2, 1], ends[1::2, 1]])
+        return found
+
     def weight(self, a, b):
         """Where the edge from a to b may shrink to: part of a in that place; None if it may not."""
         first, second = self.rank[a], self.rank[b]

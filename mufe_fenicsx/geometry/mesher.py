@@ -15,7 +15,7 @@ from .labels import grains_in
 from .remesh import SurfaceError, SurfaceTooSmall, oriented
 from .sizing import CONTACT, UNIFORM, Sizing
 from .surface import fitted, grain_surface
-from .tetra import DELAUNAY, HXT, fill
+from .tetra import DELAUNAY, GMSH, HXT, NETGEN, fill
 from .workers import WorkerError, run_jobs
 
 #: Where the smallest altitude over h or the kept part of the volume is less, other settings
@@ -26,7 +26,9 @@ FREE_VOLUME = 0.9
 #: The same where the surface is given and other settings change little.
 FAIR_ALTITUDE = 0.1
 #: Part of the thickness of a slice that is a good altitude where that is less.
-GOOD_PART_OF_SLICE = 0.35
+GOOD_PART_OF_SLICE = 0.4
+#: Grains with sharp edges that are thinner than this are optimised by gmsh [h].
+THIN = 3.0
 #: What a node may leave the surface by to make flat tetrahedra thicker: parts of h, and of the
 #: thickness of the grain (2 V / A, a third of the diameter of a ball), whose volume it changes.
 TOLERANCE, TOLERANCE_OF_GRAIN = 0.02, 0.012
@@ -85,6 +87,12 @@ class Surface:
     triangles: np.ndarray
     sizes: Sizes  #: [m]
     held: np.ndarray | None = None  #: coordinates of points that may not change, (n, 3)
+    along: np.ndarray | None = None  #: neighbours of points along edges of the body, (n, 2), or -1
+
+    @property
+    def sharp(self):
+        """Whether it has edges that are to stay."""
+        return self.along is not None and bool((self.along >= 0).any())
 
 
 @dataclass(frozen=True)
@@ -129,9 +137,9 @@ class VoxelGrain:
             plane[triangles[tags == 0]] = False
             return sizes_by_curvature(points, -gradient / length, sizing, plane)
 
-        points, triangles, found, held = grain_surface(body, sizes, volume, sizing.nodes)
+        points, triangles, found, *held = grain_surface(body, sizes, volume, sizing.nodes)
         found = found.scaled(self.voxel_size)
-        return Surface(points * self.voxel_size, triangles, found, held)
+        return Surface(points * self.voxel_size, triangles, found, *held)
 
     def distance(self, points):
         """Distances of points on the surface from the faces of the voxels [m]."""
@@ -337,9 +345,11 @@ def mesh_one(job):
                 surface.points / size,
                 surface.triangles,
                 algorithm=attempt.algorithm,
+                optimizer=GMSH if surface.sharp and thickness < THIN * size else NETGEN,
                 size=1.0 if uniform else None,
                 tolerance=tolerance / size,
                 fixed=None if held is None else np.flatnonzero(held.all(axis=1)),
+                along=surface.along,
             )
             nodes *= size
             if held is not None:  # to the last digit

@@ -39,9 +39,9 @@ def grain_surface(level_set, sizes, volume=None, nodes=None):
 
     Returns:
         points in voxels, order (x, y, z) and counted from the corner of the
-        image, shape (n, 3); triangles seen from outside, shape (m, 3); `Sizes`;
-        and which coordinates of each point the border of the image holds, shape (n, 3), where all
-        three are held along its edges.
+        image, shape (n, 3); triangles seen from outside, shape (m, 3); `Sizes`; which coordinates
+        of each point the border of the image holds, shape (n, 3), all three where its edges meet;
+        and the neighbours of each point along its edges, shape (n, 2), -1 where there are none.
 
     Raises:
         SurfaceError: the grain is too small for its size or its surface is not sound.
@@ -67,14 +67,15 @@ def grain_surface(level_set, sizes, volume=None, nodes=None):
 
     xyz = np.ascontiguousarray(x[:, ::-1] + 0.5)
     held = Held(x, faces, tags, level_set)
-    held = np.where(held.creased[:, None], True, held.planes)[:, ::-1]
+    planes, along = held.planes[:, ::-1].copy(), held.creases.neighbours()
+    planes[held.creases.rank == 2] = True
     faces = oriented(xyz, faces)
     defect = surface_defect(xyz, faces)
     if not defect and tags.any() and len(crossing_triangles(xyz, faces)):
         defect = "triangles that cut through each other"
     if defect:
         raise SurfaceError(f"surface has {defect}")
-    return xyz, faces, sizes, held
+    return xyz, faces, sizes, planes, along
 
 
 def fitted(sizes, points, triangles, nodes):
@@ -140,10 +141,8 @@ class Held:
         lower = x - level_set.lower < level_set.upper - x
         #: Positions along each axis that it is held at.
         self.place = np.where(lower, level_set.lower, level_set.upper)
-        creases = Creases(faces, tags, n)
-        #: Where it lies on an edge between faces.
-        self.creased = creases.rank > 0
-        self._average = _neighbour_average(faces, creases)
+        self.creases = Creases(faces, tags, n)
+        self._average = _neighbour_average(faces, self.creases)
 
     def average(self, x):
         """Mean of the neighbours of each vertex, of those along its edge if it is on one."""
