@@ -25,6 +25,8 @@ GOOD_ALTITUDE, GOOD_VOLUME = 0.25, 0.99
 FREE_VOLUME = 0.9
 #: The same where the surface is given and other settings change little.
 FAIR_ALTITUDE = 0.1
+#: No mesh has flatter elements [h].
+LEAST_ALTITUDE = 0.01
 #: Part of the thickness of a slice that is a good altitude where that is less.
 GOOD_PART_OF_SLICE = 0.4
 #: Grains with sharp edges that are thinner than this are optimised by gmsh [h].
@@ -363,6 +365,9 @@ def mesh_one(job):
         row = _measured(grain, nodes, cells, (h if wanted else size) if uniform else None)
         if not 0.5 < row["volume_ratio"] < 2:
             reasons.append(f"the mesh has {row['volume_ratio']:.3g} of the volume of the grain")
+            continue
+        if row["min_altitude_over_h"] < LEAST_ALTITUDE:
+            reasons.append(f"the flattest element is {row['min_altitude_over_h']:.2g} h thick")
             continue
         good_altitude = min(job.good_altitude, GOOD_PART_OF_SLICE * thickness / h)
         score = min(row["min_altitude_over_h"] / good_altitude, 1) * min(

@@ -7,7 +7,7 @@ import skimage.measure
 from .creased import remesh_creased
 from .creases import Creases
 from .level_set import BETA
-from .measure import compact, surface_defect, surface_volume
+from .measure import compact, smallest_angle, surface_defect, surface_volume
 from .remesh import (
     SurfaceError,
     collapse_short_edges,
@@ -23,6 +23,8 @@ from .self_crossing import crossing_triangles
 #: Free surfaces keep this distance from the border of the image, except where they end there
 #: [voxels].
 CLEARANCE = 0.05
+#: A triangle with a smaller angle is a line [degrees].
+LEAST_ANGLE = 0.5
 
 
 def grain_surface(level_set, sizes, volume=None, nodes=None):
@@ -49,6 +51,8 @@ def grain_surface(level_set, sizes, volume=None, nodes=None):
     if volume is not None:
         level_set.beta = BETA[1] / 2
     fine = isosurface(level_set)
+    if volume is not None and fine[2].any():
+        fine = _isosurface_around(level_set, volume, fine)
     points, triangles, tags = fine
     sizes = fitted(sizes(level_set, *fine), points, triangles, nodes)
     if tags.any():
@@ -67,12 +71,15 @@ def grain_surface(level_set, sizes, volume=None, nodes=None):
 
     xyz = np.ascontiguousarray(x[:, ::-1] + 0.5)
     held = Held(x, faces, tags, level_set)
-    planes, along = held.planes[:, ::-1].copy(), held.creases.neighbours()
+    planes, along = held.planes[:, ::-1].copy(), held.along
     planes[held.creases.rank == 2] = True
     faces = oriented(xyz, faces)
     defect = surface_defect(xyz, faces)
-    if not defect and tags.any() and len(crossing_triangles(xyz, faces)):
-        defect = "triangles that cut through each other"
+    if not defect and tags.any():
+        if smallest_angle(xyz, faces) < LEAST_ANGLE:
+            defect = "triangles without area"
+        elif len(crossing_triangles(xyz, faces)):
+            defect = "triangles that cut through each other"
     if defect:
         raise SurfaceError(f"surface has {defect}")
     return xyz, faces, sizes, planes, along
@@ -121,6 +128,28 @@ def isosurface(level_set):
     return *compact(points, triangles[kept]), tags[kept]
 
 
+def _isosurface_around(level_set, volume, found):
+    """The isosurface after beta was set so that it encloses about ``volume`` (secant rule).
+
+    The faces that the border cuts are then as large, and as many, as they are to be: a small one
+    would otherwise vanish later, when the volume is restored.
+    """
+    beta0, excess0 = level_set.beta, abs(surface_volume(*found[:2])) - volume
+    beta1 = beta0 - np.sign(excess0) * 0.1
+    for _ in range(5):
+        level_set.beta = float(np.clip(beta1, *BETA))
+        found = isosurface(level_set)
+        excess1 = abs(surface_volume(*found[:2])) - volume
+        if abs(excess1) < 2e-3 * volume or excess1 == excess0:
+            break
+        slope = (excess1 - excess0) / (level_set.beta - beta0)
+        beta0, excess0 = level_set.beta, excess1
+        beta1 = float(np.clip(beta0 - excess1 / slope, *BETA))
+        if beta1 == beta0:
+            break
+    return found
+
+
 class Held:
     """What each vertex of a surface is held by, from the tags of the triangles around it.
 
@@ -142,11 +171,25 @@ class Held:
         #: Positions along each axis that it is held at.
         self.place = np.where(lower, level_set.lower, level_set.upper)
         self.creases = Creases(faces, tags, n)
-        self._average = _neighbour_average(faces, self.creases)
+        self._average = _neighbour_average(faces, n)
+        #: Neighbours along the edge that it is on, -1 if it is on none, shape (n, 2).
+        self.along = self.creases.neighbours()
 
-    def average(self, x):
-        """Mean of the neighbours of each vertex, of those along its edge if it is on one."""
-        return self._average @ x
+    def evened(self, x):
+        """Moves that bring vertices half-way to the mean of their neighbours.
+
+        On an edge, those that make the distances to both neighbours along it more alike (means of
+        neighbours would draw three vertices around a small face into one). Where edges meet, none.
+        """
+        move = 0.5 * (self._average @ x - x)
+        move[self.creases.rank > 0] = 0
+        on = np.flatnonzero(self.creases.rank == 1)
+        before, after = x[self.along[on]].transpose(1, 0, 2)
+        tangent = after - before
+        tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
+        differ = np.linalg.norm(after - x[on], axis=1) - np.linalg.norm(before - x[on], axis=1)
+        move[on] = 0.25 * differ[:, None] * tangent
+        return move
 
 
 def relaxed(x, faces, tags, level_set, rounds=5):
@@ -154,7 +197,7 @@ def relaxed(x, faces, tags, level_set, rounds=5):
     held = Held(x, faces, tags, level_set)
     x = project(x, level_set, held)
     for _ in range(rounds):
-        move = 0.5 * (held.average(x) - x)
+        move = held.evened(x)
         _, normal = level_set.value_and_gradient(x)
         normal[held.planes] = 0
         normal[~held.free] = 0
@@ -205,21 +248,11 @@ def _restore_volume(x, faces, tags, level_set, volume):
     return x
 
 
-def _neighbour_average(faces, creases):
-    """Sparse matrix that takes the mean over the neighbours of each vertex.
-
-    Of those along a crease for vertices on one; where creases meet, vertices stay.
-    """
-    rank, n = creases.rank, len(creases.rank)
+def _neighbour_average(faces, n):
+    """Sparse matrix that takes the mean over the neighbours of each vertex."""
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    edges = np.concatenate([edges, edges[:, ::-1]])
-    edges, along = (
-        edges[rank[edges[:, 0]] == 0],
-        np.concatenate([creases.edges, creases.edges[:, ::-1]]),
-    )
-    stay = np.flatnonzero(rank == 2)
-    edges = np.concatenate([edges, along[rank[along[:, 0]] == 1], np.column_stack([stay, stay])])
-    matrix = scipy.sparse.coo_matrix((np.ones(len(edges)), edges.T), shape=(n, n)).tocsr()
+    rows, columns = np.concatenate([edges, edges[:, ::-1]]).T
+    matrix = scipy.sparse.coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n)).tocsr()
     matrix.data[:] = 1
     degree = np.maximum(np.asarray(matrix.sum(axis=1)).ravel(), 1)
     return scipy.sparse.diags_array(1 / degree) @ matrix
