@@ -71,9 +71,9 @@ class Attempt:
 ATTEMPTS = (
     Attempt(),
     Attempt(size=0.93),
-    # A slice of a few voxels vanishes in the filter; may overlap neighbours a little.
-    Attempt(size=0.85, smoothing=0.5),
     Attempt(size=0.85, algorithm=DELAUNAY),
+    # A sheet of a few voxels vanishes in the filter; may overlap neighbours a little.
+    Attempt(size=0.85, smoothing=0.5),
     Attempt(size=0.85, closing=1.0),
     Attempt(closing=2.0),
     # The last resort may overlap neighbours, which are smoothed less.
