@@ -109,6 +109,12 @@ def test_flat_tetrahedra_become_thicker_and_the_surface_stays():
     assert measure.tet_volumes(moved, cells).sum() == pytest.approx(8, rel=1e-6)
     held = thickened(points, cells, 1.0, tolerance=1e-6, fixed=[edge])
     assert np.array_equal(held[edge], points[edge])
+    along = np.full((len(points), 2), -1)
+    ends = [(0.0, 0.0, 0.0), (2.0, 0.0, 0.0)]
+    along[edge] = [np.flatnonzero(np.all(points == end, axis=1))[0] for end in ends]
+    slid = thickened(points, cells, 1.0, tolerance=1e-6, along=along)
+    assert slid[edge][0] > 0.3 and np.array_equal(slid[edge][1:], (0.0, 0.0))
+    assert measure.smallest_altitudes(slid, cells).min() > 0.3
 
 
 def block():
