@@ -25,6 +25,11 @@ class Sizes:
     def even(self):
         return self._tree is None
 
+    @property
+    def known(self):
+        """Positions and lengths that it goes through."""
+        return self._tree.data, self.values
+
     def __call__(self, x):
         """Lengths at positions x, shape (n, 3)."""
         if self.even:
@@ -66,8 +71,17 @@ def curvature(points, normals, radius):
     return np.sqrt(np.where(np.isfinite(quotient), quotient, 0).sum(1) / np.maximum(ok.sum(1), 1))
 
 
-def sizes_by_curvature(points, normals, sizing):
-    """Facets next to each other turn by about ``sizing.angle``: h κ = angle."""
+def sizes_by_curvature(points, normals, sizing, plane=None):
+    """Facets next to each other turn by about ``sizing.angle``: h κ = angle.
+
+    Points where ``plane`` is true are on plane faces.
+    """
+    if plane is not None and plane.any():
+        curved = points[~plane], normals[~plane]
+        field = sizes_by_curvature(*curved, sizing)
+        known, wanted = field.known
+        known = np.concatenate([known, points[plane]])
+        return _graded(known, np.append(wanted, np.full(plane.sum(), sizing.largest)), sizing)
     # Neighbourhoods a little above the smallest size see features of that size.
     keep = _thinned(points, 0.5 * sizing.smallest)
     points, normals = points[keep], normals[keep]

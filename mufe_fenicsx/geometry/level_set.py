@@ -22,6 +22,11 @@ from ..kernels.spline import spline_value_and_gradient
 BETA = (-0.4, 0.4)
 
 
+def face_tag(axis, side):
+    """Number of a face of the image: normal to an axis, side 0 at its lower end; from 1 on."""
+    return 1 + 2 * axis + side
+
+
 @dataclass
 class LevelSet:
     """psi on the voxels around one grain; positions in voxels, order (z, y, x).
@@ -48,14 +53,34 @@ class LevelSet:
         return np.asarray(self.shape) - 0.5
 
     def nodes(self):
-        """psi at the centres of voxels, cut off at the faces of the image."""
+        """psi on a grid within the image whose outermost layers are negative.
+
+        The grid ends on the faces of the image, with two layers in the same place: psi there, and
+        -1. An isosurface between these two lies in the face, and has a sharp edge where it ends.
+
+        Returns:
+            psi; the positions of its layers along each axis; the tags of the faces that its first
+            and last layers lie in, shape (3, 2), 0 where they lie in none.
+        """
         psi = self.grain + self.beta * self.void - 0.5
+        positions, faces = [], np.zeros((3, 2), dtype=np.int64)
         for axis in range(3):
-            position = self.offset[axis] + np.arange(psi.shape[axis])
-            # Linear interpolation puts the zero of this on the face exactly.
-            inside = np.minimum(position - self.lower[axis], self.upper[axis] - position)
-            psi = np.minimum(psi, 0.02 * inside.reshape([-1 if a == axis else 1 for a in range(3)]))
-        return psi
+            at = self.offset[axis] + np.arange(psi.shape[axis], dtype=float)
+            inside = np.flatnonzero((at >= 0) & (at <= self.upper[axis]))
+            ends = []
+            for side, end, face in ((0, inside[0], self.lower), (1, inside[-1], self.upper)):
+                outer, here = end + (1 if side else -1), psi.take([end], axis)
+                if 0 <= outer < len(at):
+                    # Labels go on beyond the image: psi is known on both sides of the face.
+                    layer = 0.5 * (here + psi.take([outer], axis))
+                    ends.append(([layer, np.full_like(here, -1)], [face[axis]] * 2))
+                    faces[axis, side] = face_tag(axis, side)
+                else:
+                    ends.append(([np.full_like(here, -0.5)], [at[end] + (1 if side else -1)]))
+            (low, low_at), (high, high_at) = ends
+            psi = np.concatenate([*low[::-1], psi.take(inside, axis), *high], axis)
+            positions.append(np.concatenate([low_at[::-1], at[inside], high_at]))
+        return psi, positions, faces
 
     def value_and_gradient(self, x):
         """psi and its gradient [1/voxel] at positions x, shape (n, 3); not cut off."""
@@ -83,8 +108,7 @@ def margin(sigma):
 def crop_around(labels, where, sigma, more=0):
     """The labels around a grain and the index of their first voxel.
 
-    Beyond the border of the image is void: the flat face of a cut grain then comes
-    to lie on the border, half-way between two voxels, with its edge rounded a little.
+    Beyond the border of the image is void.
 
     Args:
         labels: The whole image.
@@ -110,8 +134,21 @@ def without_clefts(crop, width):
     return np.where(closed & (crop == 0), 1, crop).astype(crop.dtype)
 
 
+def continued(crop, offset, shape):
+    """A crop whose outermost voxels within the image go on beyond its border.
+
+    Surfaces of smoothed labels then meet the border where the voxels do, and a slice of a grain
+    that the border cuts off keeps its thickness.
+    """
+    before = np.maximum(-np.asarray(offset), 0)
+    after = np.maximum(np.asarray(offset) + crop.shape - shape, 0)
+    inside = tuple(slice(b, n - a) for b, n, a in zip(before, crop.shape, after, strict=True))
+    return np.pad(crop[inside], np.column_stack([before, after]), mode="edge")
+
+
 def smoothed(crop, label, offset, shape, sigma):
     """The level set of one grain with beta = 0."""
+    crop = continued(crop, offset, shape)
     fields = [
         scipy.ndimage.gaussian_filter(
             (crop == number).astype(np.float32), sigma, mode="nearest", truncate=3.0

@@ -15,19 +15,25 @@ from .labels import grains_in
 from .remesh import SurfaceError, SurfaceTooSmall, oriented
 from .sizing import CONTACT, UNIFORM, Sizing
 from .surface import fitted, grain_surface
-from .tetra import DELAUNAY, HXT, fill
+from .tetra import DELAUNAY, GMSH, HXT, NETGEN, fill
 from .workers import WorkerError, run_jobs
 
 #: Where the smallest altitude over h or the kept part of the volume is less, other settings
 #: are tried and the mesh is taken that comes closest to both.
-GOOD_ALTITUDE, GOOD_VOLUME = 0.25, 0.97
+GOOD_ALTITUDE, GOOD_VOLUME = 0.25, 0.99
 #: Where the filter may take what it does to curved surfaces.
 FREE_VOLUME = 0.9
 #: The same where the surface is given and other settings change little.
 FAIR_ALTITUDE = 0.1
+#: No mesh has flatter elements [h].
+LEAST_ALTITUDE = 0.01
+#: Part of the thickness of a slice that is a good altitude where that is less.
+GOOD_PART_OF_SLICE = 0.4
+#: Grains with sharp edges that are thinner than this are optimised by gmsh [h].
+THIN = 3.0
 #: What a node may leave the surface by to make flat tetrahedra thicker: parts of h, and of the
-#: diameter of the grain, whose volume it changes.
-TOLERANCE, TOLERANCE_OF_GRAIN = 0.02, 0.004
+#: thickness of the grain (2 V / A, a third of the diameter of a ball), whose volume it changes.
+TOLERANCE, TOLERANCE_OF_GRAIN = 0.02, 0.012
 
 QUALITY = (
     "label",
@@ -65,14 +71,30 @@ class Attempt:
 ATTEMPTS = (
     Attempt(),
     Attempt(size=0.93),
-    # A slice of a few voxels vanishes in the filter; may overlap neighbours a little.
-    Attempt(size=0.85, smoothing=0.5),
     Attempt(size=0.85, algorithm=DELAUNAY),
+    # A sheet of a few voxels vanishes in the filter; may overlap neighbours a little.
+    Attempt(size=0.85, smoothing=0.5),
     Attempt(size=0.85, closing=1.0),
     Attempt(closing=2.0),
     # The last resort may overlap neighbours, which are smoothed less.
     Attempt(size=0.75, closing=1.0, smoothing=1.6),
 )
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Triangles that tetrahedra are to fill."""
+
+    points: np.ndarray  #: [m]
+    triangles: np.ndarray
+    sizes: Sizes  #: [m]
+    held: np.ndarray | None = None  #: coordinates of points that may not change, (n, 3)
+    along: np.ndarray | None = None  #: neighbours of points along edges of the body, (n, 2), or -1
+
+    @property
+    def sharp(self):
+        """Whether it has edges that are to stay."""
+        return self.along is not None and bool((self.along >= 0).any())
 
 
 @dataclass(frozen=True)
@@ -94,7 +116,7 @@ class VoxelGrain:
         return np.count_nonzero(self.crop == 1) * self.voxel_size**3
 
     def surface(self, sizing, attempt):
-        """Points [m], triangles and `Sizes` [m]."""
+        """`Surface` of the wanted sizes."""
         sizing = sizing.scaled(1 / self.voxel_size)
         crop, inner = self.crop, slice(self.more, -self.more or None)
         others = crop == 2
@@ -105,7 +127,7 @@ class VoxelGrain:
         body = level_set.smoothed(crop, 1, offset, self.shape, sigma)
         volume = np.count_nonzero(crop == 1) if self.keep_volume else None
 
-        def sizes(body, points, _):
+        def sizes(body, points, triangles, tags):
             if sizing.mode == UNIFORM:
                 return Sizes(sizing.largest)
             if sizing.mode == CONTACT:
@@ -113,10 +135,13 @@ class VoxelGrain:
                 return sizes_by_gap(points, gaps, sizing)
             _, gradient = body.value_and_gradient(points)
             length = np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-12)
-            return sizes_by_curvature(points, -gradient / length, sizing)
+            plane = np.ones(len(points), dtype=bool)
+            plane[triangles[tags == 0]] = False
+            return sizes_by_curvature(points, -gradient / length, sizing, plane)
 
-        points, triangles, found = grain_surface(body, sizes, volume, sizing.nodes)
-        return points * self.voxel_size, triangles, found.scaled(self.voxel_size)
+        points, triangles, found, *held = grain_surface(body, sizes, volume, sizing.nodes)
+        found = found.scaled(self.voxel_size)
+        return Surface(points * self.voxel_size, triangles, found, *held)
 
     def distance(self, points):
         """Distances of points on the surface from the faces of the voxels [m]."""
@@ -138,7 +163,7 @@ class SurfaceGrain:
         return measure.surface_volume(self.points, self.triangles)
 
     def surface(self, sizing, attempt):
-        """Points [m], triangles and `Sizes` [m]."""
+        """`Surface` of the wanted sizes."""
         points, triangles = self.points, self.triangles
         if sizing.mode == UNIFORM:
             sizes = Sizes(sizing.largest)
@@ -148,7 +173,7 @@ class SurfaceGrain:
             normals = measure.vertex_normals(points, triangles)
             sizes = sizes_by_curvature(points, normals, sizing)
         sizes = fitted(sizes, points, triangles, sizing.nodes)
-        return *body_surface(points, triangles, sizes), sizes
+        return Surface(*body_surface(points, triangles, sizes), sizes)
 
     def distance(self, points):
         """Distances of points from the given surface [m]."""
@@ -173,14 +198,16 @@ class SharedGrain:
         return self.voxels.volume
 
     def surface(self, sizing, attempt):
-        """Points [m], triangles and `Sizes` [m]."""
+        """`Surface` of the wanted sizes."""
         if len(self.triangles) == 0:
             raise SurfaceError("no cell of the size of elements lies in the grain")
         triangles = oriented(self.points, self.triangles)
         defect = measure.surface_defect(self.points, triangles)
         if defect:
             raise SurfaceError(f"surface has {defect}")
-        return self.points, triangles, Sizes(sizing.largest)
+        held = np.zeros(self.points.shape, dtype=bool)
+        held[self.shared] = True
+        return Surface(self.points, triangles, Sizes(sizing.largest), held)
 
     def distance(self, points):
         """Distances of points on the surface from the faces of the voxels [m]."""
@@ -304,28 +331,31 @@ def mesh_one(job):
     # Where the size varies, elements are judged by their own mean edge.
     uniform, h = job.sizing.mode == UNIFORM, job.sizing.largest
     wanted = job.sizing.nodes is None
-    diameter = np.cbrt(6 / np.pi * grain.volume)
-    tolerance = min(
-        TOLERANCE * (h if uniform else job.sizing.smallest), TOLERANCE_OF_GRAIN * diameter
-    )
     good_volume = GOOD_VOLUME if getattr(grain, "keep_volume", True) else FREE_VOLUME
     for attempt in job.attempts:
         num_attempts += 1
         try:
-            surface, triangles, sizes = _sized_surface(job, attempt)
-            size = sizes.size
+            surface = _sized_surface(job, attempt)
+            size, held = surface.sizes.size, surface.held
+            thickness = 2 * grain.volume / measure.surface_area(surface.points, surface.triangles)
+            tolerance = min(
+                TOLERANCE * (h if uniform else job.sizing.smallest),
+                TOLERANCE_OF_GRAIN * thickness,
+            )
             # gmsh's tolerances suit bodies of size one.
             nodes, cells = fill(
-                surface / size,
-                triangles,
+                surface.points / size,
+                surface.triangles,
                 algorithm=attempt.algorithm,
+                optimizer=GMSH if surface.sharp and thickness < THIN * size else NETGEN,
                 size=1.0 if uniform else None,
                 tolerance=tolerance / size,
-                fixed=grain.shared if isinstance(grain, SharedGrain) else None,
+                fixed=None if held is None else np.flatnonzero(held.all(axis=1)),
+                along=surface.along,
             )
             nodes *= size
-            if isinstance(grain, SharedGrain):
-                nodes[grain.shared] = surface[grain.shared]  # to the last digit
+            if held is not None:  # to the last digit
+                nodes[: len(held)] = np.where(held, surface.points, nodes[: len(held)])
         except SurfaceTooSmall as error:
             reasons.append(str(error))
             break
@@ -336,7 +366,11 @@ def mesh_one(job):
         if not 0.5 < row["volume_ratio"] < 2:
             reasons.append(f"the mesh has {row['volume_ratio']:.3g} of the volume of the grain")
             continue
-        score = min(row["min_altitude_over_h"] / job.good_altitude, 1) * min(
+        if row["min_altitude_over_h"] < LEAST_ALTITUDE:
+            reasons.append(f"the flattest element is {row['min_altitude_over_h']:.2g} h thick")
+            continue
+        good_altitude = min(job.good_altitude, GOOD_PART_OF_SLICE * thickness / h)
+        score = min(row["min_altitude_over_h"] / good_altitude, 1) * min(
             row["volume_ratio"] / good_volume, 1
         )
         if job.min_angle > 0:

@@ -10,6 +10,7 @@ import pyacvd
 import pyvista
 import scipy.sparse
 
+from .creases import Creases
 from .measure import compact, surface_defect, surface_volume
 from .sizing import FEWEST_NODES
 
@@ -50,9 +51,7 @@ def remesh(points, triangles, sizes):
         SurfaceTooSmall: the surface takes too few triangles of this size.
         SurfaceError: no closed surface came out.
     """
-    wanted = num_nodes(points, triangles, sizes)
-    if wanted < FEWEST_NODES:
-        raise SurfaceTooSmall(wanted)
+    wanted = nodes_wanted(points, triangles, sizes)
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
         warnings.simplefilter("ignore")
         clusters = pyacvd.Clustering(pyvista.PolyData.from_regular_faces(points, triangles))
@@ -82,6 +81,18 @@ def num_nodes(points, triangles, sizes):
     x = points[triangles]
     area = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 2
     return float((area / sizes(x.mean(axis=1)) ** 2).sum() * 2 / np.sqrt(3))
+
+
+def nodes_wanted(points, triangles, sizes):
+    """The same, where they are enough for a body.
+
+    Raises:
+        SurfaceTooSmall: they are not.
+    """
+    wanted = num_nodes(points, triangles, sizes)
+    if wanted < FEWEST_NODES:
+        raise SurfaceTooSmall(wanted)
+    return wanted
 
 
 def without_fins(triangles):
@@ -170,55 +181,79 @@ def oriented(points, triangles):
 
 def largest_surface(points, triangles):
     """The connected part that encloses the largest volume; pores inside go."""
+    return compact(points, triangles[in_largest_surface(points, triangles)])
+
+
+def in_largest_surface(points, triangles):
+    """True for the triangles of the connected part that encloses the largest volume."""
     n = len(points)
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]])
     graph = scipy.sparse.coo_matrix((np.ones(len(edges)), edges.T), shape=(n, n))
     num_parts, part = scipy.sparse.csgraph.connected_components(graph, directed=False)
-    if num_parts > 1:
-        part_of_triangle = part[triangles[:, 0]]
-        volumes = [
-            abs(surface_volume(points, triangles[part_of_triangle == p]))
-            if np.any(part_of_triangle == p)
-            else 0.0
-            for p in range(num_parts)
-        ]
-        triangles = triangles[part_of_triangle == np.argmax(volumes)]
-    used, numbered = np.unique(triangles, return_inverse=True)
-    return points[used], numbered.reshape(-1, 3)
+    part_of_triangle = part[triangles[:, 0]]
+    if num_parts == 1:
+        return np.ones(len(triangles), dtype=bool)
+    volumes = [
+        abs(surface_volume(points, triangles[part_of_triangle == p]))
+        if np.any(part_of_triangle == p)
+        else 0.0
+        for p in range(num_parts)
+    ]
+    return part_of_triangle == np.argmax(volumes)
 
 
-def collapse_short_edges(points, triangles, shortest, sizes):
+def collapse_short_edges(points, triangles, shortest, sizes, tags=None):
     """Shrink edges shorter than ``shortest`` to their middle; the surface stays closed.
+
+    Edges between faces, triangles of different tags, stay: their nodes move along them only, and
+    their ends, where they meet others, do not move.
 
     Args:
         points, triangles: A closed surface.
         shortest: Least length of edges, times ``sizes``.
         sizes: `Sizes`.
+        tags: Face that each triangle belongs to, or None.
+
+    Returns:
+        points, triangles; and tags if they were given.
     """
+    given = tags is not None
     points, triangles, stuck = points.copy(), triangles.copy(), set()
+    tags = tags if given else np.zeros(len(triangles), dtype=np.int64)
     while True:
         start, end = _edges(triangles)
         length = _relative_length(points, start, end, sizes)
+        creases = Creases(triangles, tags, len(points)) if given else None
         for i in np.argsort(length):
             if length[i] >= shortest:
-                return compact(points, triangles)
+                return (*compact(points, triangles), tags)[: 2 + given]
             keep, gone = int(start[i]), int(end[i])
             if (keep, gone) in stuck:
                 continue
-            if len(triangles) > 8 and _may_collapse(points, triangles, keep, gone):
-                break
+            weight = 0.5 if creases is None else creases.weight(keep, gone)
+            if weight is not None:
+                place = weight * points[keep] + (1 - weight) * points[gone]
+                if len(triangles) > 8 and _may_collapse(points, triangles, keep, gone, place):
+                    break
             stuck.add((keep, gone))
         else:
-            return compact(points, triangles)
-        points[keep] = (points[keep] + points[gone]) / 2
+            return (*compact(points, triangles), tags)[: 2 + given]
+        points[keep] = place
         triangles[triangles == gone] = keep
         a, b, c = triangles.T
-        triangles = triangles[(a != b) & (b != c) & (c != a)]
+        whole = (a != b) & (b != c) & (c != a)
+        triangles, tags = triangles[whole], tags[whole]
 
 
-def split_long_edges(points, triangles, longest, sizes):
-    """Halve edges longer than ``longest * sizes``, the longest first; the surface stays closed."""
+def split_long_edges(points, triangles, longest, sizes, tags=None):
+    """Halve edges longer than ``longest * sizes``, the longest first; the surface stays closed.
+
+    Returns:
+        points, triangles; and the tags of the triangles if they were given.
+    """
     points, triangles = list(points), [tuple(t) for t in triangles.tolist()]
+    given = tags is not None
+    tags = tags.tolist() if given else [0] * len(triangles)
     while True:
         x = np.asarray(points)
         start, end = _edges(np.asarray(triangles))
@@ -228,20 +263,21 @@ def split_long_edges(points, triangles, longest, sizes):
             if length[i] <= longest:
                 break
             a, b = int(start[i]), int(end[i])
-            sides = [t for t in triangles if a in t and b in t]
-            if any(v in changed for t in sides for v in t):
+            sides = [k for k, t in enumerate(triangles) if a in t and b in t]
+            if any(v in changed for k in sides for v in triangles[k]):
                 continue
-            for t in sides:
+            for k in sides:
+                t = triangles[k]
                 changed.update(t)
-                triangles.remove(t)
-                triangles.append(tuple(len(points) if v == a else v for v in t))
+                triangles[k] = tuple(len(points) if v == a else v for v in t)
                 triangles.append(tuple(len(points) if v == b else v for v in t))
+                tags.append(tags[k])
             points.append((points[a] + points[b]) / 2)
         if not changed:
-            return np.asarray(points), np.asarray(triangles)
+            return (np.asarray(points), np.asarray(triangles), np.asarray(tags))[: 2 + given]
 
 
-def flip_long_edges(points, triangles, taken=None, flat=0.6, passes=20):
+def flip_long_edges(points, triangles, taken=None, flat=0.6, passes=20, tags=None):
     """Flip edges where that makes the flatter of their two triangles less flat.
 
     Args:
@@ -249,6 +285,7 @@ def flip_long_edges(points, triangles, taken=None, flat=0.6, passes=20):
         taken: Edges (start < end) that a flip may not make, a set to which those made are added.
         flat: Triangles of less than this flatness are tried, 1 being equilateral.
         passes: Over these triangles at most.
+        tags: Face that each triangle belongs to, or None; edges between faces stay.
     """
     taken = set() if taken is None else taken
     triangles = triangles.copy()
@@ -262,7 +299,7 @@ def flip_long_edges(points, triangles, taken=None, flat=0.6, passes=20):
         for t in np.argsort(shape)[: np.count_nonzero(shape < flat)]:
             if touched[triangles[t]].any():
                 continue
-            flip = _best_flip(points, triangles, t, shape, corner_across, taken)
+            flip = _best_flip(points, triangles, t, shape, corner_across, taken, tags)
             if flip is not None and not touched[flip[1]].any():
                 (first, second), new = flip
                 taken.add((min(new[0, 1:]), max(new[0, 1:])))
@@ -273,7 +310,7 @@ def flip_long_edges(points, triangles, taken=None, flat=0.6, passes=20):
     return triangles
 
 
-def _best_flip(points, triangles, t, shape, corner_across, taken):
+def _best_flip(points, triangles, t, shape, corner_across, taken, tags):
     """The two triangles to exchange and what for; None if no flip of triangle t helps."""
     best, gain = None, 1.05
     for i in range(3):
@@ -282,6 +319,8 @@ def _best_flip(points, triangles, t, shape, corner_across, taken):
         if other < 0 or (c, d) in corner_across or (d, c) in corner_across:
             continue
         if (min(c, d), max(c, d)) in taken:
+            continue
+        if tags is not None and tags[t] != tags[other]:
             continue
         new = np.array([[a, d, c], [d, b, c]])
         # The surface may neither fold nor leave its shape: normals stay close.
@@ -306,8 +345,8 @@ def _relative_length(points, start, end, sizes):
     return length / sizes((points[start] + points[end]) / 2)
 
 
-def _may_collapse(points, triangles, keep, gone):
-    """Whether an edge may shrink to its middle.
+def _may_collapse(points, triangles, keep, gone, place):
+    """Whether an edge may shrink to a place.
 
     Its ends have to share exactly the two corners opposite to it (link
     condition), and no triangle may turn over.
@@ -325,7 +364,7 @@ def _may_collapse(points, triangles, keep, gone):
     has_keep, has_gone = (triangles == keep).any(axis=1), (triangles == gone).any(axis=1)
     around = triangles[has_keep ^ has_gone]
     moved = points.copy()
-    moved[[keep, gone]] = (points[keep] + points[gone]) / 2
+    moved[[keep, gone]] = place
     return bool(((_normals(points, around) * _normals(moved, around)).sum(axis=1) > 0.5).all())
 
 

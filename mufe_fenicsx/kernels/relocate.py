@@ -7,7 +7,7 @@ import numpy as np
 
 from .closest import closest_point
 
-FIXED, INTERIOR, SURFACE = 0, 1, 2
+FIXED, INTERIOR, SURFACE, EDGE = 0, 1, 2, 3
 
 #: Directions from a node to try: the corners, edges and faces of a cube around it.
 CUBE = np.array(
@@ -37,14 +37,15 @@ def altitude(x, a, b, c, d):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def relocate(x, drift, cells, size, star_offset, star, facets, ring_offset, ring, kind, target,
-             tolerance, rounds):  # fmt: skip
+def relocate(x, drift, cells, size, star_offset, star, facets, ring_offset, ring, kind, along,
+             target, tolerance, rounds):  # fmt: skip
     """Move nodes, one after the other, where that raises the smallest altitude around them.
 
     Only nodes with an altitude below ``target`` around them move: along the directions of a
     cube, those of the surface along it, by steps that shrink from a quarter to a sixtieth of the
     elements' size (compass search). A node of the surface may leave the facets around it, and these
-    leave its old place, by no more than ``tolerance`` in all, so that edges and corners stay.
+    leave its old place, by no more than ``tolerance`` in all, so that edges and corners stay. Nodes
+    of kind EDGE move towards their neighbours along an edge of the body only.
 
     Args:
         x: Positions, shape (num_nodes, 3).
@@ -54,7 +55,8 @@ def relocate(x, drift, cells, size, star_offset, star, facets, ring_offset, ring
         star_offset, star: Cells around each node, compressed rows.
         facets: Triangles of the surface, shape (num_facets, 3).
         ring_offset, ring: Facets around each node, compressed rows.
-        kind: FIXED, INTERIOR or SURFACE, shape (num_nodes,).
+        kind: FIXED, INTERIOR, SURFACE or EDGE, shape (num_nodes,).
+        along: Neighbours along their edge of nodes of kind EDGE, shape (num_nodes, 2).
         target: Altitude over size that is good enough.
         tolerance: Of the surface, a length.
         rounds: Sweeps over the nodes at most.
@@ -72,7 +74,11 @@ def relocate(x, drift, cells, size, star_offset, star, facets, ring_offset, ring
             quality = _worst(x, cells, size, star_offset, star, v)
             if quality >= target:
                 continue
-            count = _directions(directions, x, facets, ring_offset, ring, v, kind[v] == SURFACE)
+            if kind[v] == EDGE:
+                count = _along_edge(directions, x, along, v)
+            else:
+                on_surface = kind[v] == SURFACE
+                count = _directions(directions, x, facets, ring_offset, ring, v, on_surface)
             length = 0.0
             for s in range(star_offset[v], star_offset[v + 1]):
                 length += size[star[s]]
@@ -88,7 +94,7 @@ def relocate(x, drift, cells, size, star_offset, star, facets, ring_offset, ring
                     if found <= best + 1e-4:
                         continue
                     left = 0.0
-                    if kind[v] == SURFACE:
+                    if kind[v] != INTERIOR:
                         left = _left(x, facets, ring_offset, ring, v, ox, oy, oz)
                         if drift[v] + left > tolerance:
                             continue
@@ -145,6 +151,19 @@ def _directions(directions, x, facets, ring_offset, ring, v, on_surface):
                 directions[count, 2] = sign * dz / norm
                 count += 1
     return count
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _along_edge(directions, x, along, v):
+    """Fill in unit vectors to the two neighbours along an edge; their number."""
+    for k in range(2):
+        length = 0.0
+        for i in range(3):
+            directions[k, i] = x[along[v, k], i] - x[v, i]
+            length += directions[k, i] ** 2
+        for i in range(3):
+            directions[k, i] /= math.sqrt(length)
+    return 2
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -84,18 +84,6 @@ def test_slanted_faces_do_not_overlap():
     assert deepest_overlap(first, second) < 0.05 * H
 
 
-def test_faces_on_the_border_of_the_image_are_flat():
-    shape = (22, 22, 22)
-    labels = ball(shape, (4, 11, 11), 9).astype(np.int32)
-    (mesh,) = meshes_of(labels)
-    points, _ = surface(mesh)
-    z = points[:, 2] / S
-    assert z.min() == 0
-    # The cut is a disc of radius sqrt(81 - 16) = 8.1 voxels: 205 h² / 9 / 0.87 nodes.
-    assert np.count_nonzero(z == 0) > 15
-    assert mesh.quality["volume_ratio"] == pytest.approx(1, abs=0.01)
-
-
 def test_a_grain_that_is_too_small_is_named():
     labels = two_balls()
     labels[1:4, 1:4, 1:4] = 7
@@ -121,6 +109,12 @@ def test_flat_tetrahedra_become_thicker_and_the_surface_stays():
     assert measure.tet_volumes(moved, cells).sum() == pytest.approx(8, rel=1e-6)
     held = thickened(points, cells, 1.0, tolerance=1e-6, fixed=[edge])
     assert np.array_equal(held[edge], points[edge])
+    along = np.full((len(points), 2), -1)
+    ends = [(0.0, 0.0, 0.0), (2.0, 0.0, 0.0)]
+    along[edge] = [np.flatnonzero(np.all(points == end, axis=1))[0] for end in ends]
+    slid = thickened(points, cells, 1.0, tolerance=1e-6, along=along)
+    assert slid[edge][0] > 0.3 and np.array_equal(slid[edge][1:], (0.0, 0.0))
+    assert measure.smallest_altitudes(slid, cells).min() > 0.3
 
 
 def block():

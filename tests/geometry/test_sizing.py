@@ -61,7 +61,8 @@ def test_edges_follow_the_next_grain():
         mesh = mesh_one(job)
         middle, length = edges(mesh)
         gap = np.abs(middle[:, 0] / S - 22)
-        assert length[gap < 2].mean() == pytest.approx(2 * S, rel=0.15)
+        # Some of the edges that begin there lead to coarser ones, a sixth longer.
+        assert length[gap < 2].mean() == pytest.approx(2.15 * S, rel=0.15)
         # 2 + 0.4 (gap - 2): 6 voxels from 12 on; edges that lead there from finer ones are shorter.
         assert 4.5 * S < length[gap > 13].mean() < 6.3 * S
 
