@@ -11,6 +11,7 @@ from .bodies import body_surface
 from .complexes import grain_complex
 from .distance import surface_distance, voxel_distance
 from .edge_sizes import Sizes, gaps_between, sizes_by_curvature, sizes_by_gap, voxel_gaps
+from .joined import joined
 from .labels import grains_in
 from .remesh import SurfaceError, SurfaceTooSmall, oriented
 from .sizing import CONTACT, UNIFORM, Sizing
@@ -332,7 +333,9 @@ def mesh_one(job):
         except Exception as error:  # whatever gmsh, VTK or pyacvd raise: try the next settings
             reasons.append(" ".join(str(error).split()) or type(error).__name__)
             continue
-        row = _measured(grain, nodes, cells, (h if wanted else size) if uniform else None)
+        row = _measured(
+            grain.label, grain.volume, nodes, cells, (h if wanted else size) if uniform else None
+        )
         if not 0.5 < row["volume_ratio"] < 2:
             reasons.append(f"the mesh has {row['volume_ratio']:.3g} of the volume of the grain")
             continue
@@ -378,7 +381,22 @@ def _distances(grain, mesh):
     return {"distance_median_m": float(median), "distance_95_m": float(most)}
 
 
-def _measured(grain, points, cells, h):
+def make_thicker_together(meshes, size):
+    """Improve meshes of grains that share facets, in place (see `joined.joined`); table rows too.
+
+    Distances from the voxels stay those before: nodes of surfaces move by a few hundredths of h.
+    """
+    done = [mesh for mesh in meshes if mesh.ok]
+    if not done:
+        return
+    points = joined([mesh.points for mesh in done], [mesh.cells for mesh in done], size)
+    for mesh, x in zip(done, points, strict=True):
+        mesh.points, row = x, mesh.quality
+        new = _measured(mesh.label, row["voxel_volume_m3"], x, mesh.cells, size)
+        row.update({name: value for name, value in new.items() if value != ""})
+
+
+def _measured(label, given_volume, points, cells, h):
     """A row of the table; altitudes over h, or over the mean edge of each element."""
     length = measure.mean_edges(points, cells) if h is None else h
     altitudes = measure.smallest_altitudes(points, cells) / length
@@ -386,14 +404,14 @@ def _measured(grain, points, cells, h):
     angles = measure.smallest_dihedral_angles(points, cells)
     volume = measure.tet_volumes(points, cells).sum()
     return _row(
-        grain.label,
+        label,
         "ok",
         tets=len(cells),
         nodes=len(points),
         surface_nodes=len(np.unique(surface)),
         volume_m3=float(volume),
-        voxel_volume_m3=float(grain.volume),
-        volume_ratio=float(volume / grain.volume),
+        voxel_volume_m3=float(given_volume),
+        volume_ratio=float(volume / given_volume),
         min_dihedral_deg=float(angles.min()),
         mean_dihedral_deg=float(angles.mean()),
         min_surface_angle_deg=measure.smallest_angle(points, surface),
