@@ -381,7 +381,7 @@ def _distances(grain, mesh):
     return {"distance_median_m": float(median), "distance_95_m": float(most)}
 
 
-def make_thicker_together(meshes, size):
+def make_thicker_together(meshes, size, box):
     """Improve meshes of grains that share facets, in place (see `joined.joined`); table rows too.
 
     Distances from the voxels stay those before: nodes of surfaces move by a few hundredths of h.
@@ -389,7 +389,13 @@ def make_thicker_together(meshes, size):
     done = [mesh for mesh in meshes if mesh.ok]
     if not done:
         return
-    points = joined([mesh.points for mesh in done], [mesh.cells for mesh in done], size)
+    points = joined(
+        [mesh.points for mesh in done],
+        [mesh.cells for mesh in done],
+        size,
+        np.array([mesh.quality["voxel_volume_m3"] for mesh in done]),
+        box,
+    )
     for mesh, x in zip(done, points, strict=True):
         mesh.points, row = x, mesh.quality
         new = _measured(mesh.label, row["voxel_volume_m3"], x, mesh.cells, size)

@@ -164,7 +164,7 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
             settings.time_limit,
         )
         if table is not None and settings.conforming:
-            make_thicker_together(meshes, settings.size)
+            make_thicker_together(meshes, settings.size, box)
         done = [mesh for mesh in meshes if mesh.ok]
         failed = [mesh for mesh in meshes if not mesh.ok]
         if not done:

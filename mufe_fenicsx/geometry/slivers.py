@@ -65,7 +65,7 @@ class Relocation:
             kind[fixed] = FIXED
         relocate(x, self.drift, *self.around, kind, target, tolerance, ROUNDS)
 
-    def allowed(self, x, new, least=0.15):
+    def allowed(self, x, new, least=0.2):
         """Whether each node may go to a new place: no altitude falls below ``least`` times the
         size that was above, and none that was below falls."""
         moved = np.flatnonzero((x != new).any(axis=1))
