@@ -23,7 +23,7 @@ from ..kernels.spline import spline_value_and_gradient
 from .complex_edges import evened, opened
 from .joined import parted
 from .labels import grains_in
-from .level_set import margin
+from .level_set import BETA, margin
 from .measure import surface_volume
 
 #: Labels that meet at a node at most; rarer meetings keep the first ones.
@@ -92,7 +92,7 @@ def grain_complex(labels, size, smoothing, keep_volume=True):
         surface = _evened(surface, coarse * size)
         surface.x = _moved(surface, surface.x, fields, offset, shape, spacing.min(), 6)
     start = surface.x
-    for _ in range(3 if keep_volume else 0):
+    for _ in range(4 if keep_volume else 0):
         offset = _offsets(surface, fields, offset, np.bincount(labels.ravel()))
         surface.x = _moved(surface, start, fields, offset, shape, spacing.min(), 0)
     surface = _evened(surface, size)
@@ -140,7 +140,7 @@ def _offsets(surface, fields, offset, volumes):
         # Moved out by d, a face gains d times its area, and phi falls by its slope times d.
         change = (volumes[label] - volume) / max(size[own].sum(), 1e-12)
         mean_slope = (slope * size)[own].sum() / max(size[own].sum(), 1e-12)
-        offset[label] = np.clip(offset[label] - mean_slope * change, -0.3, 0.3)
+        offset[label] = np.clip(offset[label] - mean_slope * change, *BETA)
     return offset
 
 

@@ -14,7 +14,7 @@ PASSES = ((0.02, 0.42, False), (0.1, 0.27, True))
 #: Distance from a face of the image, over the same, of nodes on it.
 NEAR = 0.05
 #: Times that free nodes are moved towards the volumes of grains that are off by more than this.
-ROUNDS, OFF = 3, 3e-3
+ROUNDS, OFF = 10, 3e-3
 #: A node less deep inside a neighbour than this part of the wanted length touches it.
 TOUCHING = 1e-3
 #: Gap to which nodes inside a neighbour are brought, and how far gaps are looked for, likewise.
@@ -56,7 +56,10 @@ def joined(points, cells, size, volumes, box):
         relocation.surface(x, target, tolerance * size, np.flatnonzero(outside & held))
     for _ in range(ROUNDS):
         step = _towards_volumes(x, facets, owner, volumes, outside, size)
+        if not step.any():
+            break
         x += relocation.allowed(x, x + step)[:, None] * step
+        relocation.inside(x)
     parted(x, facets, owner, size, lambda new, step: relocation.allowed(x, new))
     relocation.inside(x)
     return [x[number[a:b]] for a, b in itertools.pairwise(offset)]
@@ -77,7 +80,7 @@ def _towards_volumes(x, facets, owner, volumes, outside, size):
     free = (first == last) & ~outside
     length = np.linalg.norm(nodal, axis=1)
     whole = np.bincount(first[free], length[free], len(volumes))
-    way = np.clip(change / np.maximum(whole, 1e-300), -0.03 * size, 0.03 * size)
+    way = np.clip(change / np.maximum(whole, 1e-300), -0.04 * size, 0.04 * size)
     step = np.zeros_like(x)
     step[free] = way[first[free], None] * nodal[free] / length[free, None]
     return step
