@@ -79,8 +79,7 @@ def grain_complex(labels, size, smoothing, keep_volume=True):
         A `Complex`.
     """
     wide = max(smoothing, PREVAIL * CELL * size)
-    cells, spacing = _prevailing(labels, CELL * size, wide)
-    surface = _surface_nets(cells, spacing)
+    surface, spacing = raw_complex(labels, CELL * size, wide)
     start, offset, shape = surface.x, np.zeros(labels.max() + 1), np.array(labels.shape)
     fields = _smoothed(labels, wide)
     surface.x = _moved(surface, start, fields, offset, shape, spacing.min(), ROUNDS)
@@ -98,6 +97,18 @@ def grain_complex(labels, size, smoothing, keep_volume=True):
     surface = _evened(surface, size)
     _part(surface, size)
     return surface
+
+
+def raw_complex(labels, size, smoothing):
+    """The complex of cells of about a size, and their edges along each axis.
+
+    Args:
+        labels: 0 void, grains from 1.
+        size: Edge of cells [voxels].
+        smoothing: Standard deviation of the filter by which cells choose their label [voxels].
+    """
+    cells, spacing = _prevailing(labels, size, smoothing)
+    return _surface_nets(cells, spacing), spacing
 
 
 def _part(surface, size):
@@ -212,17 +223,11 @@ def _without_pinches(cells, turns=30):
             if count > 1:
                 largest = 1 + np.argmax(np.bincount(pieces.ravel())[1:])
                 part[(pieces > 0) & (pieces != largest)] = 0
-        # Outside the image cells go on: only what lies within has to hang together.
-        padded = np.pad(cells, 1, mode="edge")
-        steps = list(np.ndindex(2, 2, 2))
-        block = np.stack(
-            [padded[tuple(slice(d, d - 1 or None) for d in step)] for step in steps], axis=-1
-        )
-        same = (block[..., None, :] == block[..., :, None]) @ (1 << np.arange(8))
-        wrong = ((block > 0) & ~SOUND[same]).any(axis=-1)
-        if not wrong.any():
+        wrong = _where_cells_pinch(cells)
+        if not len(wrong):
             break
-        for at in np.argwhere(wrong):
+        steps = list(np.ndindex(2, 2, 2))
+        for at in wrong:
             near = [np.clip(at + step - 1, 0, np.array(cells.shape) - 1) for step in steps]
             values = np.array([cells[tuple(c)] for c in near])
             pattern = (values[None, :] == values[:, None]) @ (1 << np.arange(8))
@@ -233,6 +238,23 @@ def _without_pinches(cells, turns=30):
             others = values[values != values[k]]
             cells[tuple(near[k])] = 0 if (others == 0).any() else np.bincount(others).argmax()
     return cells
+
+
+def _where_cells_pinch(cells):
+    """Corners around which the cells of a grain, or all others, do not hang together, (n, 3)."""
+    # Outside the image cells go on: only what lies within has to hang together.
+    padded = np.pad(cells, 1, mode="edge")
+    parts = [padded[tuple(slice(d, d - 1 or None) for d in step)] for step in np.ndindex(2, 2, 2)]
+    mixed = np.zeros(parts[0].shape, dtype=bool)
+    for part in parts[1:]:
+        mixed |= part != parts[0]
+    at = np.argwhere(mixed)
+    block = [part[mixed] for part in parts]
+    wrong = np.zeros(len(at), dtype=bool)
+    for mine in block:
+        pattern = sum((other == mine).astype(np.uint8) << k for k, other in enumerate(block))
+        wrong |= (mine > 0) & ~SOUND[pattern]
+    return at[wrong]
 
 
 def _num_alike(cells, at):
