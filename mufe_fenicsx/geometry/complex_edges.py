@@ -70,8 +70,8 @@ def _rings(facets, num_nodes):
 def _edges(x, facets):
     """Ends of each edge once, start < end, and lengths."""
     ends = np.concatenate([facets[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
-    key = np.unique(ends.min(axis=1) * len(x) + ends.max(axis=1))
-    start, end = np.divmod(key, len(x))
+    key = np.sort(ends.min(axis=1) * len(x) + ends.max(axis=1))
+    start, end = np.divmod(key[np.diff(key, prepend=-1) > 0], len(x))
     return start, end, np.linalg.norm(x[start] - x[end], axis=1)
 
 

@@ -345,7 +345,7 @@ def _moved(surface, start, fields, offset, shape, spacing, rounds):
         rounds: Of evening out.
     """
     x = surface.x.copy()
-    average = _average_within(surface)
+    average = _average_within(surface) if rounds else None
     for turn in range(rounds + 4):
         residual, slopes = _constraints(surface, fields, x, offset)
         inverse = _inverse(slopes)
@@ -353,9 +353,11 @@ def _moved(surface, start, fields, offset, shape, spacing, rounds):
             # In a gap thinner than the filter there is no such place: such nodes are evened out.
             far = LOST + np.abs(offset).max()
             inverse[np.abs(residual).max(axis=1) > far] = 0
-        along = average @ x - x
-        along -= np.einsum("nij,njk,nk->ni", inverse, slopes, along)
-        step = 0.5 * along * (turn < rounds)
+        step = np.zeros_like(x)
+        if turn < rounds:
+            along = average @ x - x
+            across = np.einsum("njk,nk->nj", slopes, along)
+            step = 0.5 * (along - np.einsum("nij,nj->ni", inverse, across))
         back = -np.einsum("nij,nj->ni", inverse, residual)
         step += (
             back
@@ -473,7 +475,8 @@ def _average_within(surface):
     """Mean over those neighbours of a node that lie on all that it lies on."""
     ends = np.concatenate([surface.facets[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
     ends = np.concatenate([ends, ends[:, ::-1]])
-    ends = np.column_stack(np.divmod(np.unique(ends @ [len(surface.x), 1]), len(surface.x)))
+    key = np.sort(ends @ [len(surface.x), 1])
+    ends = np.column_stack(np.divmod(key[np.diff(key, prepend=-1) > 0], len(surface.x)))
     mine, other = surface.labels[ends[:, 0]], surface.labels[ends[:, 1]]
     within = ((mine[:, :, None] == other[:, None, :]).any(axis=2) | (mine < 0)).all(axis=1)
     within &= (~surface.held[ends[:, 0]] | surface.held[ends[:, 1]]).all(axis=1)
