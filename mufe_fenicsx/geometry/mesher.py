@@ -214,6 +214,7 @@ class Job:
     min_angle: float = 0.0  #: of the triangles of a good mesh [degrees]
     good_altitude: float = GOOD_ALTITUDE  #: below it other settings are tried [h]
     attempts: tuple = field(default=ATTEMPTS)
+    inner_size: float = 1.0  #: of edges inside, times those of the surface
 
     def otherwise(self):
         """The job for a new try after a worker hung or died: the first settings are left out."""
@@ -238,7 +239,7 @@ def voxel_jobs(labels, voxel_size, settings):
             settings.keep_volume,
             more,
         )
-        yield Job(grain, sizing, settings.min_angle)
+        yield Job(grain, sizing, settings.min_angle, inner_size=settings.inner_size)
 
 
 def shared_jobs(labels, voxel_size, settings):
@@ -261,7 +262,7 @@ def surface_jobs(bodies, settings):
         gaps = gaps_between([points for _, points, _ in bodies])
     for (label, points, triangles), gap in zip(bodies, gaps, strict=True):
         grain = SurfaceGrain(label, points, triangles, gap)
-        yield Job(grain, settings.lengths, settings.min_angle)
+        yield Job(grain, settings.lengths, settings.min_angle, inner_size=settings.inner_size)
 
 
 def mesh_grains(jobs, processes=0, progress=None, limit=None):
@@ -323,6 +324,7 @@ def mesh_one(job):
                 size=1.0 if uniform else None,
                 tolerance=tolerance / size,
                 fixed=grain.shared if isinstance(grain, SharedGrain) else None,
+                inner=job.inner_size,
             )
             nodes *= size
             if isinstance(grain, SharedGrain):

@@ -9,7 +9,7 @@ from .slivers import thickened
 DELAUNAY, HXT = 1, 10
 
 
-def fill(points, triangles, *, algorithm=HXT, size=1.0, tolerance=0.02, fixed=None):
+def fill(points, triangles, *, algorithm=HXT, size=1.0, tolerance=0.02, fixed=None, inner=1.0):
     """Tetrahedra whose size follows the triangles of the surface, which keeps its triangles.
 
     Args:
@@ -18,8 +18,8 @@ def fill(points, triangles, *, algorithm=HXT, size=1.0, tolerance=0.02, fixed=No
         algorithm: HXT or DELAUNAY.
         size: Length by which altitudes are judged; None: the mean edge of each tetrahedron.
         tolerance: What nodes of the surface may leave it by, to make flat tetrahedra thicker.
-
         fixed: Nodes of the surface that may not move, or None.
+        inner: Wanted length of edges far inside; 1: as on the surface around.
 
     Raises:
         Exception: gmsh fails; its message says where.
@@ -27,6 +27,9 @@ def fill(points, triangles, *, algorithm=HXT, size=1.0, tolerance=0.02, fixed=No
     # Netgen's optimiser takes longer than all the rest; without it the stable time step of the
     # grains, from their highest frequency, is a fifth shorter at the same smallest altitude.
     options = {"Mesh.Algorithm3D": algorithm, "Mesh.Optimize": 0}
+    if inner > 1:
+        options["Mesh.MeshSizeExtendFromBoundary"] = 0
+        options["Mesh.MeshSizeMin"] = options["Mesh.MeshSizeMax"] = inner
     with gmsh_model(options) as gmsh:
         surface = gmsh.model.addDiscreteEntity(2)
         tags = np.arange(1, len(points) + 1)
