@@ -181,6 +181,9 @@ def mesh(
     surface_nodes: Annotated[
         int | None, typer.Option(help="Of each grain, whose sizes are scaled to that.")
     ] = None,
+    inner_size: Annotated[
+        str | None, typer.Option(help="Of edges inside grains, times those of the surface.")
+    ] = None,
     min_angle: Annotated[
         str | None, typer.Option(help="Of triangles; grains with less are tried otherwise.")
     ] = None,
@@ -231,6 +234,7 @@ def mesh(
         contact_reach=number_or_text(contact_reach),
         growth=number_or_text(growth),
         surface_nodes=surface_nodes,
+        inner_size=number_or_text(inner_size),
         min_angle=number_or_text(min_angle),
         smoothing=number_or_text(smoothing),
         conforming=conforming,

@@ -1,14 +1,16 @@
 """One surface for all grains: faces that two grains share are there once.
 
-A grid of cells of about the wanted size takes in each cell the label that prevails there.
-Surface nets (S. F. F. Gibson, MICCAI 1998, 888-898; here VTK's) put a node where cells of
+A grid of cells of half the wanted length of edges takes in each cell the label that prevails
+there. Surface nets (S. F. F. Gibson, MICCAI 1998, 888-898; here VTK's) put a node where cells of
 different labels meet and a facet between each two of them. Nodes then move to where the smoothed
 indicators phi of all labels around them are equal,
 
     phi_a = phi_b        on a face (void counts as a label),
     phi_a = phi_b = phi_c  on a line where three meet, and so on,
 
-and evenly along these. Lengths in voxels of the image, positions (z, y, x) from its corner.
+and evenly along these, while edges are brought to the wanted length (`complex_edges`). Contacts
+that are narrower than an element are opened: both grains get a face of their own. Lengths in
+voxels of the image, positions (z, y, x) from its corner.
 """
 
 from dataclasses import dataclass
@@ -20,18 +22,25 @@ import scipy.sparse
 import vtk
 
 from ..kernels.spline import spline_value_and_gradient
+from .cells import prevailing
+from .complex_edges import evened, opened
+from .joined import parted
 from .labels import grains_in
-from .level_set import margin
-from .remesh import flip_long_edges
+from .level_set import BETA, margin
+from .measure import surface_volume
 
 #: Labels that meet at a node at most; rarer meetings keep the first ones.
 MOST_LABELS = 4
-#: Standard deviation of the filter by which cells choose their label, over their edge.
+#: Standard deviation of the filter by which cells choose their label, over their edge, at least.
 PREVAIL = 0.35
-#: Edge of cells over the wanted length of edges, which on average are longer by their diagonals.
-CELL = 1.0
+#: Edge of cells over the wanted length of edges.
+CELL = 0.5
 #: Rounds of moving nodes evenly along their faces.
-ROUNDS = 25
+ROUNDS = 6
+#: Lengths that edges are brought to in turn, over the wanted one.
+COARSENED = (0.7, 1.0, 1.0, 1.0)
+#: Area of a face between two grains at least, over the square of the wanted length of edges.
+SMALLEST = 0.8
 #: Difference of smoothed indicators at which a node is not near a place where they are equal.
 LOST = 0.25
 #: Area of facets at least, over the square of a cell's edge, where nodes move.
@@ -72,22 +81,57 @@ def grain_complex(labels, size, smoothing, keep_volume=True):
     Returns:
         A `Complex`.
     """
-    cells, spacing = _prevailing(labels, CELL * size)
-    surface = _surface_nets(cells, spacing)
-    start, offset = surface.x, np.zeros(labels.max() + 1)
-    # A wider filter first: slopes that reach nodes which are far from where they belong.
-    fields = _smoothed(labels, max(smoothing, PREVAIL * size))
-    surface.x = _moved(
-        surface, start, fields, offset, np.array(labels.shape), spacing.min(), ROUNDS // 2
-    )
-    fields = _smoothed(labels, smoothing)
-    surface.x = _moved(
-        surface, start, fields, offset, np.array(labels.shape), spacing.min(), ROUNDS
-    )
-    for _ in range(3 if keep_volume else 0):
+    wide = max(smoothing, PREVAIL * CELL * size)
+    surface, spacing = raw_complex(labels, CELL * size, wide)
+    start, offset, shape = surface.x, np.zeros(labels.max() + 1), np.array(labels.shape)
+    fields = _smoothed(labels, wide)
+    surface.x = _moved(surface, start, fields, offset, shape, spacing.min(), ROUNDS)
+    if wide > smoothing:
+        # The wider filter had slopes that reach nodes which are far from where they belong.
+        fields = _smoothed(labels, smoothing)
+        surface.x = _moved(surface, start, fields, offset, shape, spacing.min(), ROUNDS)
+    for coarse in COARSENED:
+        surface = _evened(surface, coarse * size)
+        surface.x = _moved(surface, surface.x, fields, offset, shape, spacing.min(), 6)
+    start = surface.x
+    for _ in range(4 if keep_volume else 0):
         offset = _offsets(surface, fields, offset, np.bincount(labels.ravel()))
-        surface.x = _moved(surface, start, fields, offset, np.array(labels.shape), spacing.min(), 0)
+        surface.x = _moved(surface, start, fields, offset, shape, spacing.min(), 0)
+    surface = _evened(surface, size)
+    _part(surface, size)
     return surface
+
+
+def raw_complex(labels, size, smoothing):
+    """The complex of cells of about a size, and their edges along each axis.
+
+    Args:
+        labels: 0 void, grains from 1.
+        size: Edge of cells [voxels].
+        smoothing: Standard deviation of the filter by which cells choose their label [voxels].
+    """
+    cells, spacing = prevailing(labels, size, smoothing)
+    return _surface_nets(cells, spacing), spacing
+
+
+def _part(surface, size):
+    """Move nodes out of grains that they are inside of: faces of coarse facets near an edge."""
+    facets, owner = [], []
+    for label in np.unique(surface.sides[surface.sides > 0]):
+        nodes, triangles, _ = surface.grain(label)
+        x = surface.x[nodes]
+        if surface_volume(x, triangles) < 0:
+            triangles = triangles[:, ::-1]
+        facets.append(nodes[triangles])
+        owner.append(np.full(len(triangles), label))
+    areas = _areas(surface.x, surface.facets)
+    normal = areas / np.maximum(np.linalg.norm(areas, axis=1, keepdims=True), 1e-300)
+
+    def safe(new, step):
+        step[surface.held] = 0
+        return _without_folds(surface.facets, new - step, step, normal, FOLD * size**2)
+
+    return parted(surface.x, np.concatenate(facets), np.concatenate(owner), size, safe)
 
 
 def _offsets(surface, fields, offset, volumes):
@@ -110,7 +154,7 @@ def _offsets(surface, fields, offset, volumes):
         # Moved out by d, a face gains d times its area, and phi falls by its slope times d.
         change = (volumes[label] - volume) / max(size[own].sum(), 1e-12)
         mean_slope = (slope * size)[own].sum() / max(size[own].sum(), 1e-12)
-        offset[label] = np.clip(offset[label] - mean_slope * change, -0.3, 0.3)
+        offset[label] = np.clip(offset[label] - mean_slope * change, *BETA)
     return offset
 
 
@@ -137,96 +181,6 @@ class _Field:
         value, gradient = np.empty(len(x)), np.empty((len(x), 3))
         spline_value_and_gradient(value, gradient, self.coefficients, x - 0.5 - self.low)
         return value, gradient
-
-
-def _prevailing(labels, wanted):
-    """The label that prevails in each cell of a coarser grid, and the edges of its cells."""
-    shape = np.maximum(np.round(np.array(labels.shape) / wanted).astype(int), 1)
-    spacing = np.array(labels.shape) / shape
-    best, cells = np.zeros(shape), np.zeros(shape, dtype=np.int32)
-    sigma = PREVAIL * wanted
-    for label, where in [(0, [slice(0, n) for n in labels.shape]), *grains_in(labels)]:
-        pad = int(np.ceil(3 * sigma)) + 1
-        low = np.array([max(s.start - pad, 0) for s in where])
-        high = np.array([min(s.stop + pad, n) for s, n in zip(where, labels.shape, strict=True)])
-        part = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
-        smooth = scipy.ndimage.gaussian_filter(
-            (labels[part] == label).astype(np.float32), sigma, mode="nearest", truncate=3.0
-        )
-        first = np.ceil(low / spacing - 0.5).astype(int)
-        last = np.minimum(np.floor(high / spacing - 0.5).astype(int) + 1, shape)
-        axes = [
-            (np.arange(a, b) + 0.5) * s - 0.5 - o
-            for a, b, s, o in zip(first, last, spacing, low, strict=True)
-        ]
-        found = scipy.ndimage.map_coordinates(
-            smooth, np.meshgrid(*axes, indexing="ij"), order=1, mode="nearest"
-        )
-        there = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
-        more = found > best[there]
-        best[there][more] = found[more]
-        cells[there][more] = label
-    return _without_pinches(cells), spacing
-
-
-def _without_pinches(cells, turns=30):
-    """Cells changed until every grain is one piece whose surface does not touch itself.
-
-    Around each corner the cells of a grain, and all others, have to hang together by faces; the
-    cell that hangs on least becomes void, or what else is there.
-    """
-    cells = cells.copy()
-    for _ in range(turns):
-        for label, where in grains_in(cells):
-            part = cells[where]
-            pieces, count = scipy.ndimage.label(part == label)
-            if count > 1:
-                largest = 1 + np.argmax(np.bincount(pieces.ravel())[1:])
-                part[(pieces > 0) & (pieces != largest)] = 0
-        # Outside the image cells go on: only what lies within has to hang together.
-        padded = np.pad(cells, 1, mode="edge")
-        steps = list(np.ndindex(2, 2, 2))
-        block = np.stack(
-            [padded[tuple(slice(d, d - 1 or None) for d in step)] for step in steps], axis=-1
-        )
-        same = (block[..., None, :] == block[..., :, None]) @ (1 << np.arange(8))
-        wrong = ((block > 0) & ~SOUND[same]).any(axis=-1)
-        if not wrong.any():
-            break
-        for at in np.argwhere(wrong):
-            near = [np.clip(at + step - 1, 0, np.array(cells.shape) - 1) for step in steps]
-            values = np.array([cells[tuple(c)] for c in near])
-            pattern = (values[None, :] == values[:, None]) @ (1 << np.arange(8))
-            bad = np.flatnonzero((values > 0) & ~SOUND[pattern])
-            if len(bad) == 0:
-                continue
-            k = min(bad, key=lambda i: _num_alike(cells, near[i]))
-            others = values[values != values[k]]
-            cells[tuple(near[k])] = 0 if (others == 0).any() else np.bincount(others).argmax()
-    return cells
-
-
-def _num_alike(cells, at):
-    """Cells with a face in common with one that have its label."""
-    count = 0
-    for step in (*np.eye(3, dtype=int), *-np.eye(3, dtype=int)):
-        next_to = at + step
-        if np.all((next_to >= 0) & (next_to < cells.shape)):
-            count += int(cells[tuple(next_to)] == cells[tuple(at)])
-    return count
-
-
-def _sound_patterns():
-    """For each set of the eight cells around a corner: do they and the others hang together?"""
-    sound = np.zeros(256, dtype=bool)
-    for pattern in range(256):
-        inside = np.array([pattern >> k & 1 for k in range(8)], dtype=bool).reshape(2, 2, 2)
-        sound[pattern] = all(scipy.ndimage.label(part)[1] <= 1 for part in (inside, ~inside))
-    return sound
-
-
-#: See `_sound_patterns`.
-SOUND = _sound_patterns()
 
 
 def _surface_nets(cells, spacing):
@@ -259,49 +213,34 @@ def _surface_nets(cells, spacing):
     around[:, 1:][around[:, 1:] == around[:, :-1]] = -1
     around = -np.sort(-around, axis=1)[:, :MOST_LABELS]
     held = (corner == 0) | (corner == np.array(cells.shape))
-    facets = _without_ears(facets, sides, len(corner))
     return Complex(corner * spacing, facets, sides, around, held)
 
 
-def _without_ears(facets, sides, num_nodes):
-    """Facets with the edge flipped that cuts a corner off a face.
-
-    The three nodes of such a facet all come to lie on the line around the face.
-    """
-    facets = facets.copy()
-    _, face = np.unique(sides, axis=0, return_inverse=True)
-    ends = np.sort(np.stack([facets, np.roll(facets, -1, axis=1)], axis=2), axis=2)
-    edge = ends[..., 0] * num_nodes + ends[..., 1]
-    key = edge + num_nodes**2 * face.reshape(-1, 1)
-    _, number, count = np.unique(key.ravel(), return_inverse=True, return_counts=True)
-    number = number.reshape(-1, 3)
-    inner = count[number] == 2
-    order = np.argsort(number.ravel(), kind="stable")
-    first = np.concatenate([[0], np.cumsum(count)])
-    taken, touched = set(edge.ravel().tolist()), np.zeros(len(facets), dtype=bool)
-    for t in np.flatnonzero(inner.sum(axis=1) == 1):
-        i = int(np.flatnonzero(inner[t])[0])
-        both = order[first[number[t, i]] : first[number[t, i] + 1]]
-        other = int(both[both // 3 != t][0] // 3)
-        if touched[t] or touched[other]:
-            continue
-        a, b, c = np.roll(facets[t], -i)
-        (d,) = set(facets[other].tolist()) - {int(a), int(b)}
-        made = min(c, d) * num_nodes + max(c, d)
-        if made in taken:
-            continue
-        taken.add(int(made))
-        facets[t], facets[other] = (a, d, c), (d, b, c)
-        touched[[t, other]] = True
-    return facets
+def _evened(surface, size):
+    """The same faces of triangles whose edges are of a length: a new `Complex`."""
+    bits = surface.held[surface.facets].all(axis=1) @ np.array([1, 2, 4])
+    found = opened(surface.x, surface.facets, surface.sides, bits, SMALLEST * size**2)
+    x, facets, sides, bits = evened(*found, size)
+    # What a node lies on: what the facets around it part.
+    base = sides.max() + 1
+    corner, free = np.repeat(facets.ravel(), 2), np.repeat(sides, 3, axis=0).ravel()
+    known = (free > 0) | (np.repeat(bits, 6) == 0)
+    node, label = np.divmod(np.unique(corner[known] * base + free[known]), base)
+    place = np.arange(len(node)) - np.searchsorted(node, node)
+    labels = np.full((len(x), MOST_LABELS), -1)
+    labels[node[place < MOST_LABELS], place[place < MOST_LABELS]] = label[place < MOST_LABELS]
+    held = np.zeros((len(x), 3), dtype=bool)
+    for axis in range(3):
+        held[facets[bits >> axis & 1 == 1].ravel(), axis] = True
+    return Complex(x, facets, sides, labels, held)
 
 
 def _moved(surface, start, fields, offset, shape, spacing, rounds):
     """Nodes on the level sets of their labels, in so many rounds evenly along them.
 
     Args:
-        surface: A `Complex`, whose facets may be flipped.
-        start: Corners of cells, which nodes stay near, shape (num_nodes, 3).
+        surface: A `Complex`.
+        start: Places that nodes stay near, within a cell, shape (num_nodes, 3).
         fields: A `_Field` a label.
         offset: See `_offsets`, shape (largest label + 1,).
         shape: Of the image.
@@ -309,17 +248,19 @@ def _moved(surface, start, fields, offset, shape, spacing, rounds):
         rounds: Of evening out.
     """
     x = surface.x.copy()
-    average = _average_within(surface)
+    average = _average_within(surface) if rounds else None
     for turn in range(rounds + 4):
         residual, slopes = _constraints(surface, fields, x, offset)
-        inverse = np.linalg.pinv(slopes, rcond=0.1)
+        inverse = _inverse(slopes)
         if turn >= rounds // 2:
             # In a gap thinner than the filter there is no such place: such nodes are evened out.
             far = LOST + np.abs(offset).max()
             inverse[np.abs(residual).max(axis=1) > far] = 0
-        along = average @ x - x
-        along -= np.einsum("nij,njk,nk->ni", inverse, slopes, along)
-        step = 0.5 * along * (turn < rounds)
+        step = np.zeros_like(x)
+        if turn < rounds:
+            along = average @ x - x
+            across = np.einsum("njk,nk->nj", slopes, along)
+            step = 0.5 * (along - np.einsum("nij,nj->ni", inverse, across))
         back = -np.einsum("nij,nj->ni", inverse, residual)
         step += (
             back
@@ -332,10 +273,6 @@ def _moved(surface, start, fields, offset, shape, spacing, rounds):
         if turn % 5 == 0:
             wanted = _wanted_normals(surface, fields, x)
         x = x + step * _without_folds(surface.facets, x, step, wanted, FOLD * spacing**2)[:, None]
-        if rounds and turn in (rounds // 3, 2 * rounds // 3):
-            surface.facets = _flipped(surface, x)
-            average = _average_within(surface)
-            wanted = _wanted_normals(surface, fields, x)
     return x
 
 
@@ -349,13 +286,21 @@ def _without_folds(facets, x, step, wanted, least):
         least: Area along that normal below which a facet may only grow.
     """
     part = np.ones(len(x))
-    before = (_areas(x, facets) * wanted).sum(axis=1)
+    around = np.flatnonzero(step[facets].any(axis=(1, 2)))
+    before = (_areas(x, facets[around]) * wanted[around]).sum(axis=1)
     for turn in range(30):
-        after = (_areas(x + part[:, None] * step, facets) * wanted).sum(axis=1)
+        corners = facets[around]
+        new = x[corners] + part[corners][..., None] * step[corners]
+        after = np.cross(new[:, 1] - new[:, 0], new[:, 2] - new[:, 0]) / 2
+        after = (after * wanted[around]).sum(axis=1)
         bad = (after < least) & (after < before - 1e-9 * least)
         if not bad.any():
             return part
-        part[facets[bad]] *= 0.4 if turn < 4 else 0.0
+        slower = np.zeros(len(x), dtype=bool)
+        slower[corners[bad]] = True
+        part[slower] *= 0.4 if turn < 4 else 0.0
+        near = slower[corners].any(axis=1)
+        around, before = around[near], before[near]
     return np.zeros(len(x))
 
 
@@ -382,21 +327,43 @@ def _wanted_normals(surface, fields, x):
 
 
 def _constraints(surface, fields, x, offset):
-    """phi_k - phi_first for the labels around each node and their gradients; zero where fewer."""
+    """phi_k - phi_first for the labels around each node and their gradients; zero where fewer.
+
+    On a free face 2 phi_a - 1 = 2 b phi_0 in place of phi_a = phi_0 + b, b being its offset: the
+    same where no other grain is near, while faces of two grains across a thin gap, where the void
+    nowhere prevails, stay apart.
+    """
     n = len(x)
     values, slopes = np.zeros((n, MOST_LABELS)), np.zeros((n, MOST_LABELS, 3))
     for label, at in _places(surface.labels).items():
         if label >= 0:
             node, which = np.divmod(at, MOST_LABELS)
             values[node, which], slopes[node, which] = fields[label](x[node])
-    known = surface.labels >= 0
-    grains = surface.labels > 0
+    known, void, grains = surface.labels >= 0, surface.labels == 0, surface.labels > 0
     gained = np.where(grains, offset[np.maximum(surface.labels, 0)], 0).sum(axis=1)
-    values += np.where(surface.labels == 0, (gained / grains.sum(axis=1))[:, None], 0)
+    gained /= np.maximum(grains.sum(axis=1), 1)
+    free = np.flatnonzero((known.sum(axis=1) == 2) & void.any(axis=1))
+    own, other = np.argmax(grains[free], axis=1), np.argmax(void[free], axis=1)
+    b = gained[free]
+    face = 2 * values[free, own] - 1 - 2 * b * values[free, other]
+    across = 2 * slopes[free, own] - 2 * b[:, None] * slopes[free, other]
+    values += np.where(void, gained[:, None], 0)
     residual = np.where(known[:, 1:], values[:, 1:] - values[:, :1], 0)
     gradient = np.where(known[:, 1:, None], slopes[:, 1:] - slopes[:, :1], 0)
+    residual[free], gradient[free] = 0, 0
+    residual[free, 0], gradient[free, 0] = face, across
     gradient[np.broadcast_to(surface.held[:, None, :], gradient.shape)] = 0
     return residual, gradient
+
+
+def _inverse(slopes):
+    """Pseudo-inverses, shape (num_nodes, 3, MOST_LABELS - 1); of nodes on faces in closed form."""
+    inverse = np.zeros((len(slopes), 3, slopes.shape[1]))
+    square = (slopes[:, 0] ** 2).sum(axis=1)
+    inverse[:, :, 0] = slopes[:, 0] / np.maximum(square, 1e-12)[:, None]
+    lines = slopes[:, 1:].any(axis=(1, 2))
+    inverse[lines] = np.linalg.pinv(slopes[lines], rcond=0.1)
+    return inverse
 
 
 def _places(labels):
@@ -410,7 +377,9 @@ def _places(labels):
 def _average_within(surface):
     """Mean over those neighbours of a node that lie on all that it lies on."""
     ends = np.concatenate([surface.facets[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
-    ends = np.unique(np.concatenate([ends, ends[:, ::-1]]), axis=0)
+    ends = np.concatenate([ends, ends[:, ::-1]])
+    key = np.sort(ends @ [len(surface.x), 1])
+    ends = np.column_stack(np.divmod(key[np.diff(key, prepend=-1) > 0], len(surface.x)))
     mine, other = surface.labels[ends[:, 0]], surface.labels[ends[:, 1]]
     within = ((mine[:, :, None] == other[:, None, :]).any(axis=2) | (mine < 0)).all(axis=1)
     within &= (~surface.held[ends[:, 0]] | surface.held[ends[:, 1]]).all(axis=1)
@@ -420,17 +389,3 @@ def _average_within(surface):
     ends = np.concatenate([ends, np.column_stack([alone, alone])])
     weight = 1.0 / np.maximum(count, 1)[ends[:, 0]]
     return scipy.sparse.csr_array((weight, ends.T), shape=(n, n))
-
-
-def _flipped(surface, x):
-    """Facets of each face between two labels with long edges flipped."""
-    facets = surface.facets.copy()
-    pair, number = np.unique(surface.sides, axis=0, return_inverse=True)
-    order = np.argsort(number.ravel(), kind="stable")
-    first = np.searchsorted(number.ravel()[order], np.arange(len(pair) + 1))
-    ends = np.concatenate([facets[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
-    taken = set(map(tuple, np.sort(ends, axis=1).tolist()))
-    for p in range(len(pair)):
-        part = order[first[p] : first[p + 1]]
-        facets[part] = flip_long_edges(x, facets[part], taken, flat=0.4, passes=5)
-    return facets

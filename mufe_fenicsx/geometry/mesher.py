@@ -11,6 +11,7 @@ from .bodies import body_surface
 from .complexes import grain_complex
 from .distance import surface_distance, voxel_distance
 from .edge_sizes import Sizes, gaps_between, sizes_by_curvature, sizes_by_gap, voxel_gaps
+from .joined import joined
 from .labels import grains_in
 from .remesh import SurfaceError, SurfaceTooSmall, oriented
 from .sizing import CONTACT, UNIFORM, Sizing
@@ -240,6 +241,7 @@ class Job:
     min_angle: float = 0.0  #: of the triangles of a good mesh [degrees]
     good_altitude: float = GOOD_ALTITUDE  #: below it other settings are tried [h]
     attempts: tuple = field(default=ATTEMPTS)
+    inner_size: float = 1.0  #: of edges inside, times those of the surface
 
     def otherwise(self):
         """The job for a new try after a worker hung or died: the first settings are left out."""
@@ -264,7 +266,7 @@ def voxel_jobs(labels, voxel_size, settings):
             settings.keep_volume,
             more,
         )
-        yield Job(grain, sizing, settings.min_angle)
+        yield Job(grain, sizing, settings.min_angle, inner_size=settings.inner_size)
 
 
 def shared_jobs(labels, voxel_size, settings):
@@ -287,7 +289,7 @@ def surface_jobs(bodies, settings):
         gaps = gaps_between([points for _, points, _ in bodies])
     for (label, points, triangles), gap in zip(bodies, gaps, strict=True):
         grain = SurfaceGrain(label, points, triangles, gap)
-        yield Job(grain, settings.lengths, settings.min_angle)
+        yield Job(grain, settings.lengths, settings.min_angle, inner_size=settings.inner_size)
 
 
 def mesh_grains(jobs, processes=0, progress=None, limit=None):
@@ -352,6 +354,7 @@ def mesh_one(job):
                 tolerance=tolerance / size,
                 fixed=None if held is None else np.flatnonzero(held.all(axis=1)),
                 along=surface.along,
+                inner=job.inner_size,
             )
             nodes *= size
             if held is not None:  # to the last digit
@@ -362,7 +365,9 @@ def mesh_one(job):
         except Exception as error:  # whatever gmsh, VTK or pyacvd raise: try the next settings
             reasons.append(" ".join(str(error).split()) or type(error).__name__)
             continue
-        row = _measured(grain, nodes, cells, (h if wanted else size) if uniform else None)
+        row = _measured(
+            grain.label, grain.volume, nodes, cells, (h if wanted else size) if uniform else None
+        )
         if not 0.5 < row["volume_ratio"] < 2:
             reasons.append(f"the mesh has {row['volume_ratio']:.3g} of the volume of the grain")
             continue
@@ -412,7 +417,28 @@ def _distances(grain, mesh):
     return {"distance_median_m": float(median), "distance_95_m": float(most)}
 
 
-def _measured(grain, points, cells, h):
+def make_thicker_together(meshes, size, box):
+    """Improve meshes of grains that share facets, in place (see `joined.joined`); table rows too.
+
+    Distances from the voxels stay those before: nodes of surfaces move by a few hundredths of h.
+    """
+    done = [mesh for mesh in meshes if mesh.ok]
+    if not done:
+        return
+    points = joined(
+        [mesh.points for mesh in done],
+        [mesh.cells for mesh in done],
+        size,
+        np.array([mesh.quality["voxel_volume_m3"] for mesh in done]),
+        box,
+    )
+    for mesh, x in zip(done, points, strict=True):
+        mesh.points, row = x, mesh.quality
+        new = _measured(mesh.label, row["voxel_volume_m3"], x, mesh.cells, size)
+        row.update({name: value for name, value in new.items() if value != ""})
+
+
+def _measured(label, given_volume, points, cells, h):
     """A row of the table; altitudes over h, or over the mean edge of each element."""
     length = measure.mean_edges(points, cells) if h is None else h
     altitudes = measure.smallest_altitudes(points, cells) / length
@@ -420,14 +446,14 @@ def _measured(grain, points, cells, h):
     angles = measure.smallest_dihedral_angles(points, cells)
     volume = measure.tet_volumes(points, cells).sum()
     return _row(
-        grain.label,
+        label,
         "ok",
         tets=len(cells),
         nodes=len(points),
         surface_nodes=len(np.unique(surface)),
         volume_m3=float(volume),
-        voxel_volume_m3=float(grain.volume),
-        volume_ratio=float(volume / grain.volume),
+        voxel_volume_m3=float(given_volume),
+        volume_ratio=float(volume / given_volume),
         min_dihedral_deg=float(angles.min()),
         mean_dihedral_deg=float(angles.mean()),
         min_surface_angle_deg=measure.smallest_angle(points, surface),

@@ -15,7 +15,14 @@ from .grains import Grains, save_grains
 from .image_files import TIFF, read_with_size
 from .label_files import grain_table, read_labels, write_labels, write_table
 from .measure import smallest_altitudes, worst_share_costs
-from .mesher import QUALITY, mesh_grains, shared_jobs, surface_jobs, voxel_jobs
+from .mesher import (
+    QUALITY,
+    make_thicker_together,
+    mesh_grains,
+    shared_jobs,
+    surface_jobs,
+    voxel_jobs,
+)
 from .output import new_files, new_folder
 from .picture import draw_quality, draw_segmentation
 from .segmentation import segment
@@ -156,6 +163,8 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
             progress and (lambda finished: progress(finished, total)),
             settings.time_limit,
         )
+        if table is not None and settings.conforming:
+            make_thicker_together(meshes, settings.size, box)
         done = [mesh for mesh in meshes if mesh.ok]
         failed = [mesh for mesh in meshes if not mesh.ok]
         if not done:

@@ -110,6 +110,7 @@ class MeshSettings:
     contact_reach: float | None = None  #: gaps up to this get the smallest size [m]; None: it
     growth: float = 0.4  #: of the size over distance and over the gap
     surface_nodes: int | None = None  #: of each grain, whose sizes are scaled to that
+    inner_size: float = 1.0  #: length of edges inside grains, times that of the surface [-]
     min_angle: float = 0.0  #: of triangles; other settings are tried where one is less [degrees]
     conforming: bool = False  #: grains that touch share their nodes and facets there
     smoothing: float = 1.0  #: standard deviation of the filter of surfaces [voxels of the labels]
@@ -154,6 +155,7 @@ class MeshSettings:
             self.surface_nodes,
             f">= {FEWEST_NODES}",
         )
+        _require(1 <= self.inner_size <= 5, "inner_size", self.inner_size, "1 to 5")
         _require(0 <= self.min_angle <= 35, "min_angle", self.min_angle, "0 to 35 degrees")
         _require(self.time_limit > 0, "time_limit", self.time_limit, "a time > 0 in seconds")
         _require(0.3 <= self.smoothing <= 5, "smoothing", self.smoothing, "0.3 to 5 voxels")

@@ -24,6 +24,7 @@ def fill(
     tolerance=0.02,
     fixed=None,
     along=None,
+    inner=1.0,
 ):
     """Tetrahedra whose size follows the triangles of the surface, which keeps its triangles.
 
@@ -36,11 +37,15 @@ def fill(
         fixed: Nodes of the surface that may not move, or None.
         optimizer: NETGEN or GMSH.
         along: Of nodes on edges of the body, as `thickened` wants them, or None.
+        inner: Wanted length of edges far inside; 1: as on the surface around.
 
     Raises:
         Exception: gmsh fails; its message says where.
     """
     options = {"Mesh.Algorithm3D": algorithm, "Mesh.Optimize": 0}
+    if inner > 1:
+        options["Mesh.MeshSizeExtendFromBoundary"] = 0
+        options["Mesh.MeshSizeMin"] = options["Mesh.MeshSizeMax"] = inner
     with gmsh_model(options) as gmsh:
         surface = gmsh.model.addDiscreteEntity(2)
         tags = np.arange(1, len(points) + 1)

@@ -116,6 +116,35 @@ def relocate(x, drift, cells, size, star_offset, star, facets, ring_offset, ring
 
 
 @numba.njit(cache=True, error_model="numpy")
+def may_move(x, new, nodes, cells, size, star_offset, star, least):
+    """Whether nodes, one after the other, may go to new places, where they then are in ``x``.
+
+    The smallest altitude around a node may not fall below ``least``, or not fall where it is below.
+    Those that may not stay. ``x`` is unchanged in the end.
+
+    Args:
+        x, new: Positions, shape (num_nodes, 3).
+        nodes: Which to try.
+        cells, size, star_offset, star: As in :func:`relocate`.
+        least: Altitude over size.
+    """
+    good = np.zeros(nodes.size, np.bool_)
+    old = np.empty((nodes.size, 3))
+    for k in range(nodes.size):
+        v = nodes[k]
+        before = _worst(x, cells, size, star_offset, star, v)
+        old[k] = x[v]
+        x[v] = new[v]
+        after = _worst(x, cells, size, star_offset, star, v)
+        good[k] = after >= min(before, least)
+        if not good[k]:
+            x[v] = old[k]
+    for k in range(nodes.size):
+        x[nodes[k]] = old[k]
+    return good
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _worst(x, cells, size, star_offset, star, v):
     """Smallest altitude over size of the cells around a node."""
     worst = np.inf

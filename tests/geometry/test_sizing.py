@@ -67,6 +67,22 @@ def test_edges_follow_the_next_grain():
         assert 4.5 * S < length[gap > 13].mean() < 6.3 * S
 
 
+def test_edges_inside_are_longer_where_asked():
+    """The same surface, half the nodes inside, and no flatter elements than even meshes have."""
+    inside = np.linalg.norm(positions((40, 40, 40)) - 20, axis=-1) < 16
+    rows = []
+    for inner in (1.0, 2.0):
+        settings = MeshSettings(size=3.5 * S, inner_size=inner)
+        (job,) = voxel_jobs(inside.astype(np.int32), S, settings)
+        rows.append(mesh_one(job).quality)
+    even, coarse = rows
+    assert coarse["surface_nodes"] == even["surface_nodes"]
+    # Edges inside grow from h to 2 h over the radius of 4.6 h: less than half the nodes are left.
+    assert coarse["nodes"] - coarse["surface_nodes"] < (even["nodes"] - even["surface_nodes"]) / 2
+    assert coarse["min_altitude_over_h"] > 0.25
+    assert coarse["volume_ratio"] == pytest.approx(1, abs=1e-3)
+
+
 def test_each_grain_takes_so_many_surface_nodes():
     points, cells = sphere(2.0, 0.4)
     ball = measure.compact(points, measure.boundary_triangles(cells))
