@@ -51,6 +51,9 @@ def run(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the last checkpoint in the folder.")
     ] = False,
+    profile: Annotated[
+        bool, typer.Option("--profile", help="Time of the parts of a step, on each rank.")
+    ] = False,
     overwrite: Overwrite = False,
     json: Json = None,
 ):
@@ -80,8 +83,14 @@ def run(
         quiet=quiet or json == "-",
         command=["mufe", *sys.argv[1:]],
         resume=resume,
+        profile=profile,
     )
-    printer.summary(result or {})
+    measured = result.get("profile")
+    printer.summary({name: value for name, value in result.items() if name != "profile"})
+    if measured:
+        from .profile import profile_rows
+
+        printer.table(*profile_rows(measured))
     printer.write_json(result)
 
 
@@ -137,15 +146,15 @@ def bench(
     list_cases: ListCases = False,
     json: Json = None,
 ):
-    """Measure the throughput; without CASE, all benchmarks."""
+    """Measure the throughput; without CASE, all that take minutes."""
     comm = world()
     printer = Printer(json, comm.rank)
-    from .verification.bench import BENCHMARKS, run_benchmarks
+    from .verification.bench import BENCHMARKS, USUAL, run_benchmarks
 
     if list_cases:
         _list(printer, BENCHMARKS)
         return 0
-    names = known_names(cases, BENCHMARKS)
+    names = known_names(cases or USUAL, BENCHMARKS)
     results = run_benchmarks(names, parameters(changes), comm)
     rows = []
     for result in results:

@@ -8,6 +8,8 @@ import basix.ufl
 import numpy as np
 from dolfinx import fem, graph, mesh
 
+from .errors import InputError
+
 #: Faces of a positively oriented cell, seen from outside.
 OUTWARD_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
@@ -134,6 +136,9 @@ def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, fa
         labels: Labels of all grains, shape (num_grains_global,).
         rank_of_grain: Rank of all grains, shape (num_grains_global,).
         family: So many tetrahedra in turn belong together, and stay so in the order given.
+
+    Raises:
+        InputError: A grain is in pieces.
     """
     first_node = comm.exscan(points.shape[0]) or 0
     first_cell = comm.exscan(cells.shape[0]) or 0
@@ -177,6 +182,7 @@ def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, fa
     grain_of_node[dofs] = local_grain[:, None]
     nodes = np.argsort(grain_of_node, kind="stable").astype(np.int32)
     node_offset = np.searchsorted(grain_of_node[nodes], np.arange(grains.size + 1))
+    _check_whole(comm, nodes, node_offset, np.asarray(labels)[grains])
 
     facets, grain_of_facet = _boundary(dofs, cell_offset)
     tags = mesh.meshtags(
@@ -203,6 +209,21 @@ def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, fa
         grain_of_facet=grain_of_facet,
         family=family,
     )
+
+
+def _check_whole(comm, nodes, node_offset, labels):
+    """The nodes of each grain are numbered in a row; so they are in a connected body. Collective.
+
+    Raises:
+        InputError: A grain is in pieces; on all ranks.
+    """
+    last = nodes[node_offset[1:] - 1] - nodes[node_offset[:-1]]
+    torn = labels[last + 1 != np.diff(node_offset)]
+    torn = [label for rank in comm.allgather(torn.tolist()) for label in rank]
+    if torn:
+        raise InputError(
+            f"grain {torn[0]} is in pieces, expected tetrahedra that hang together at their nodes"
+        )
 
 
 def _order(grain_of_cell, original, family):

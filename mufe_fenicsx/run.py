@@ -21,6 +21,7 @@ from .output.run_folder import (
     write_run_json,
 )
 from .preparation import bounding_box, load_mesh, make_simulation
+from .profile import Profile
 from .recorder import Recorder
 from .recovery import Recovery
 from .restart import restore, restore_reference, snapshot
@@ -38,6 +39,7 @@ def run_scene(
     quiet=False,
     command=(),
     resume=False,
+    profile=False,
 ):
     """Run the test of a scene. Collective.
 
@@ -52,6 +54,8 @@ def run_scene(
         command: The command line, to be kept with the run.
         resume: Go on from the last checkpoint in the folder, with the same scene and grains, on
             any number of ranks; a finished test too, where the scene's strain is larger now.
+
+        profile: Keep the time of the parts of a step; "profile" in the result.
 
     Returns:
         What run.json holds, on every rank.
@@ -79,14 +83,15 @@ def run_scene(
         separation = _separate(scene.sample, mesh)
         create_run_folder(comm, folder, overwrite)
     _write_inputs(comm, folder, identity["scene"], None if resume else Path(grains_folder))
-    test = _Test(scene, mesh, folder, identity, started, quiet, list(command), separation)
+    test = _Test(scene, mesh, folder, identity, started, quiet, list(command), separation, profile)
     return test.run(checkpoint, kept, max_steps)
 
 
 class _Test:
     """One test: what stays the same when it begins anew from a checkpoint. Collective."""
 
-    def __init__(self, scene, mesh, folder, identity, started, quiet, command, separation):
+    def __init__(self, scene, mesh, folder, identity, started, quiet, command, separation, profile):
+        self.wants_profile = profile
         self.scene, self.mesh, self.folder = scene, mesh, folder
         self.comm, self.quiet = mesh.comm, quiet
         self.identity, self.started = identity, started
@@ -166,6 +171,8 @@ class _Test:
             "num_too_deep": comm.allreduce(contact.num_deep),
             "deepest_adopted": comm.allreduce(contact.deepest, op=MPI.MAX),
         }
+        if self.profile is not None:
+            summary["profile"] = self.profile.summary()
         if comm.rank == 0:
             write_run_json(self.folder, summary)
         comm.Barrier()  # every rank finds complete files when this returns
@@ -205,6 +212,10 @@ class _Test:
             self.folder, self.simulation, self.loading, self.area, scene.output,
             scene.solver.energy_limit, recorder, same_ranks,
         )  # fmt: skip
+        self.profile = Profile(self.simulation) if self.wants_profile else None
+        if self.profile is not None:
+            after_step = self.profile.timed(self.recorder.after_step, "output")
+            self.recorder.after_step = after_step
         if self.first_kept is None and checkpoint is None:
             self.first_kept = self.recorder.keep()
 

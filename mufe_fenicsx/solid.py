@@ -6,15 +6,13 @@ from dolfinx import fem
 
 from .errors import InputError
 from .kernels.energy import elastic_energy
-from .kernels.hardening import plastic_increment
 from .kernels.solid import (
     AVERAGED,
     COMPOSITE,
     PARTS,
     PLAIN,
-    add_internal_forces,
+    InternalForces,
     nodal_volumes,
-    with_law,
 )
 from .kernels.stiffness import add_elastic_stiffness, element_time_step
 from .materials.auto import Auto
@@ -82,9 +80,13 @@ class Solid:
         x = mesh.x
         edges = x[mesh.cells[:, 1:]] - x[mesh.cells[:, :1]]
         self.volume0 = np.linalg.det(edges) / 6
-        self.node_volume0 = np.zeros(mesh.num_nodes)
-        nodal_volumes(self.node_volume0, x, mesh.cells)
         self.pressure = np.zeros(max(mesh.num_nodes, mesh.num_cells))
+        self._advance = InternalForces(
+            mesh.cells, self.volume0, mesh.cell_offset, mesh.nodes[mesh.node_offset[:-1]],
+            np.diff(mesh.node_offset), self.bulk, self.shear, self.parameters, self.pressure,
+            self._kind, x,
+        )  # fmt: skip
+        self.node_volume0 = self._advance.node_volume0
         #: Grains that deform now or later, shape (num_deformable,).
         self.deformable = np.flatnonzero([not isinstance(m, Rigid) for m in materials])
         self.first_time_step = self.element_time_step(x)
@@ -106,13 +108,11 @@ class Solid:
         Returns:
             An inverted element, or -1. Local.
         """
-        m, bad = self.mesh, -1
-        for kernel, grains in self._laws:
-            found = kernel(
-                f, state.deviator, state.plastic_strain, state.plastic_work, self.pressure,
-                state.x, state.v, dt, m.cells, self.volume0, m.cell_offset, m.nodes,
-                m.node_offset, self.node_volume0, self.bulk, self.shear, grains,
-                self.parameters, self._kind,
+        bad = -1
+        for increment, grains in self._laws:
+            found = self._advance(
+                f, state.deviator, state.plastic_strain, state.plastic_work, state.x, state.v,
+                dt, grains, increment,
             )  # fmt: skip
             bad = max(bad, found)
         return bad
@@ -245,14 +245,8 @@ def _rows(parameters):
 
 
 def _laws(grains, increments):
-    """A kernel for each law of plastic flow, and those of the ``grains`` that it works on."""
+    """The laws of plastic flow, and those of the ``grains`` that each is for."""
     grains_of = {}
     for grain in grains:
         grains_of.setdefault(increments[grain], []).append(grain)
-    return [
-        (
-            add_internal_forces if increment is plastic_increment else with_law(increment),
-            np.array(grains),
-        )
-        for increment, grains in grains_of.items()
-    ]
+    return [(increment, np.array(grains)) for increment, grains in grains_of.items()]

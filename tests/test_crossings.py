@@ -172,7 +172,7 @@ def test_what_a_search_drops_is_booked():
     stored = COMM.allreduce(contact.energy()[0])
     assert stored > 0 and ridges.dissipated() == 0
     contact.edges.pairs.key[:] *= -1  # as if none were found again
-    contact._search(ridges.x)
+    contact.search(ridges.x)
     assert ridges.dissipated() == pytest.approx(stored, rel=1e-12)
     ridges.move(np.zeros(3), 1)
     assert not ridges.table().contacts.active.any()

@@ -22,6 +22,7 @@ PART_OF = {
     "march": "run",
     "progress": "run",
     "recovery": "run",
+    "profile": "run",
     "speed_control": "simulation",
 }
 

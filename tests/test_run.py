@@ -155,3 +155,24 @@ def test_unwritable_folder(folder, grains):
     folder.chmod(0o500)
     with pytest.raises(InputError, match="cannot"):
         run_scene(small_scene(), grains, folder / "out", MPI.COMM_WORLD, quiet=True)
+
+
+@pytest.mark.mpi
+def test_a_profile_changes_nothing_and_adds_up(folder, grains):
+    """The same bits as without; every part is there once, and "other" is what is left."""
+    comm = MPI.COMM_WORLD
+    plain = run_scene(small_scene(), grains, folder / "a", comm, quiet=True, max_steps=60)
+    timed = run_scene(
+        small_scene(), grains, folder / "b", comm, quiet=True, max_steps=60, profile=True
+    )
+    assert timed["time"] == plain["time"] and "profile" not in plain
+    last = [read_history(folder / run / "history.csv")["work"][-1] for run in ("a", "b")]
+    assert last[0] == last[1]
+    profile = timed["profile"]
+    assert profile["steps"] == 60 and len(profile["ranks"]) == comm.size
+    for rank in profile["ranks"]:
+        seconds = rank["seconds"]
+        # A part counted twice would leave less than nothing for the rest.
+        assert min(seconds.values()) >= 0.0 and seconds["tets"] > 0.0 and seconds["other"] > 0.0
+        assert (rank["bytes_per_step"] > 0) == (comm.size > 1)
+    assert sum(rank["cells"] for rank in profile["ranks"]) == timed["num_cells"]

@@ -110,6 +110,9 @@ class Contact:
         self.num_before = 0 if self.points.corner is None else self.points.num_points
         if self.num_before:
             self._corner = self.points.corner + np.int32(self.num_before)
+            self._corners = (self._corner, self.points.weight)
+        else:
+            self._corners = (np.empty((0, 3), np.int32), np.empty((0, 3)))
         self.ratio = tangential_ratio[self.points.local_grain]
 
         total = self.comm.allreduce(np.array([own.facet_area.sum(), own.facet_area.size]))
@@ -146,13 +149,13 @@ class Contact:
         #: Own surface nodes whose positions are followed until the next search; None: all. The
         #: motion of the others is reported as that of walls is.
         self.moving = None
-        self._search(x, deepest=self._initial_depth())
+        self.search(x, deepest=self._initial_depth())
 
     def _initial_depth(self):
         """Overlaps at the start are found up to one facet edge deep."""
         return self.edge
 
-    def _search(self, x, deepest=0.0, ahead=0.0):
+    def search(self, x, deepest=0.0, ahead=0.0):
         """Find all pairs anew, those within ``ahead`` [m] at least. Collective."""
         if self.before_search is not None:
             self.before_search()
@@ -248,19 +251,37 @@ class Contact:
             gather_rows(self.positions.own, x, self.own.nodes)
         else:
             gather_some(self.positions.own, x, self.own.nodes, self.moving)
+        self.send()
+
+    def send(self):
+        """Own positions start on their way to the ranks that know them. Collective."""
         self.positions.begin_forward()
+
+    def receive(self):
+        """Positions from other ranks have arrived afterwards. Collective."""
+        self.positions.end_forward()
+
+    def agree(self, move):
+        """The largest of the ranks' ``move``. Collective."""
+        if self.comm.size > 1:
+            self._move[0] = move
+            self.comm.Allreduce(MPI.IN_PLACE, self._move, op=MPI.MAX)
+            return self._move[0]
+        return move
+
+    def give_back(self):
+        """Forces on nodes of other ranks go there and add up. Collective."""
+        self.forces.add_back()
 
     def _end_forward(self):
         """Positions of nodes of other ranks, then of all points."""
         self.positions.end_forward()
+        self.place_points()
+
+    def place_points(self):
+        """Bring all points of pairs to where their nodes are; a step places those it needs."""
         if self.num_before:
             place_points(self.positions.array, self._near, self._corner, self.points.weight)
-
-    def _add_back(self):
-        """Forces on points go to their nodes, those on nodes of other ranks to their owners."""
-        if self.num_before:
-            spread_points(self.forces.array, self._near, self._corner, self.points.weight)
-        self.forces.add_back()
 
     def add_forces(self, f, x, wall_move=0.0, adopt=False):
         """Add the contact forces at the positions sent by :meth:`begin` to ``f``. Collective.
@@ -276,21 +297,18 @@ class Contact:
             FloatingPointError: A position is not finite, or left the others by more than
                 all the grains are wide; on all ranks together.
         """
-        self._end_forward()
+        self.receive()
         if self.moving is None:
             move = largest_move(self.previous, self.positions.own)
         else:
             move = largest_move_of(self.previous, self.positions.own, self.moving)
-        self._move[0] = max(move, wall_move)
-        if self.comm.size > 1:
-            self.comm.Allreduce(MPI.IN_PLACE, self._move, op=MPI.MAX)
-        move = self._move[0]
+        move = self.agree(max(move, wall_move))
         if not move < self.width:
             raise FloatingPointError("positions are not finite")
         self.clock += 2.0 * move
         # The motion of the next step, at twice its speed now, must not leave the skin.
         if self.clock + 4.0 * move - self.searched_at > self.skin:
-            self._search(x, ahead=4.0 * move)
+            self.search(x, ahead=4.0 * move)
         self._evaluate(f, adopt)
 
     def _evaluate(self, f, adopt):
@@ -298,12 +316,12 @@ class Contact:
         forces, x = self.forces.array, self.positions.array
         forces[self.num_before :] = 0.0
         dissipated, num_adopted, num_deep, deepest = add_pair_forces(
-            forces, p.due, p.candidate_due, p.closest, p.weights, p.normal, p.gap, p.offset,
-            p.closed, p.stiffness, p.anchor, p.shear, p.slip, p.push, p.work, p.sliding,
-            self.clock, x, p.node, p.first, p.candidate, self.facets, s.neighbor,
-            self.ring_offset, self.ring, self.edges.beside, self.layer, s.layer_of_facet, area,
-            self.points.facet_area, self.points.recess, self.ratio, self.friction,
-            self.friction_kinetic, self.largest_depth, adopt,
+            forces, p.due_pairs, p.state, p.due, p.candidate_due, p.closest, p.weights,
+            p.normal, p.gap, p.offset, p.closed, p.stiffness, p.anchor, p.shear, p.slip, p.push,
+            p.work, p.sliding, self.clock, x, *self._corners, p.node, p.first, p.candidate,
+            self.facets, s.neighbor, self.ring_offset, self.ring, self.edges.beside, self.layer,
+            s.layer_of_facet, area, self.points.facet_area, self.points.recess, self.ratio,
+            self.friction, self.friction_kinetic, self.largest_depth, adopt,
         )  # fmt: skip
         edge_dissipated, edge_adopted, edge_deep, edge_deepest = 0.0, 0, 0, 0.0
         if not self.kinematic:
@@ -311,10 +329,10 @@ class Contact:
                 forces[self.num_before :], x[self.num_before :], self.clock, self.friction, adopt
             )
         wall_dissipated, wall_adopted = self.walls.add_forces(
-            forces, x, self.clock, self.layer, area, self.points.recess, self.ratio, adopt,
-            self._dt if self.kinematic else 0.0,
+            forces, x, self._corners, self.clock, self.layer, area, self.points.recess, self.ratio,
+            adopt, self._dt if self.kinematic else 0.0,
         )  # fmt: skip
-        self._add_back()
+        self.give_back()
         if self.moving is None:
             add_rows(f, own.nodes, self.forces.own)
         else:
@@ -345,7 +363,9 @@ class Contact:
             forces[self.num_before :], move[self.num_before :], margin, self.clock
         )
         self.walls.add_stiffness(forces, move, margin, self.clock, self.layer, area, self.ratio)
-        self._add_back()
+        if self.num_before:
+            spread_points(forces, self._near, self._corner, self.points.weight)
+        self.forces.add_back()
         add_rows(y, own.nodes, self.forces.own)
         self.positions.array[:] = positions
 

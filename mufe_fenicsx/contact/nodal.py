@@ -67,6 +67,7 @@ def current_gaps(contact):
     In the course of a test a pair that cannot close yet is not looked at. Positions are
     those of the last forces.
     """
+    contact.place_points()
     p, s = contact.pairs, contact.surface
     gap, normal = np.empty(p.node.size), np.empty((p.node.size, 3))
     find_gaps(
@@ -78,6 +79,7 @@ def current_gaps(contact):
 
 def _to_walls(contact):
     """Gaps of all pairs of points and walls now [m]. Local."""
+    contact.place_points()
     w, walls = contact.walls.pairs, contact.walls
     apart = contact.positions.array[w.node] - walls.point[w.wall]
     return np.einsum("ij,ij->i", apart, walls.normal[w.wall])

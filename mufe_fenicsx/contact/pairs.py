@@ -32,18 +32,16 @@ class Pairs:
         self.due = np.full(num_pairs, clock)
         self.candidate_due = np.full(candidate.size, clock)
         self.closest = np.full(num_pairs, -1, dtype=np.int64)
-        self.weights = np.zeros((num_pairs, 3))
-        self.normal = np.zeros((num_pairs, 3))
-        self.gap = np.full(num_pairs, np.inf)
-        self.offset = np.zeros(num_pairs)
         self.closed = np.zeros(num_pairs, dtype=bool)
-        self.stiffness = np.zeros(num_pairs)
-        self.anchor = np.zeros((num_pairs, 3))
-        self.shear = np.zeros((num_pairs, 3))
-        self.slip = np.zeros(num_pairs)
-        self.push = np.zeros(num_pairs)
-        self.work = np.zeros(num_pairs)
         self.sliding = np.zeros(num_pairs, dtype=bool)
+        # What a contact reads and writes lies side by side, two or three cache lines a pair.
+        self.state = state = np.zeros((num_pairs, 18))
+        self.due_pairs = np.empty(num_pairs, dtype=np.int64)
+        for k, name in enumerate(("weights", "normal", "anchor", "shear")):
+            setattr(self, name, state[:, 3 * k : 3 * k + 3])
+        for k, name in enumerate(("gap", "offset", "stiffness", "slip", "push", "work"), 12):
+            setattr(self, name, state[:, k])
+        self.gap[:] = np.inf
 
     def carry(self, old, facet_of_global, old_global_facet):
         """Take over what ``old`` pairs remember, the closest facet by its global number."""

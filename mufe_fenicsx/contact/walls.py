@@ -156,9 +156,10 @@ class Walls:
                 getattr(pairs, name)[at_new] = getattr(self.pairs, name)[at_old]
         self.pairs = pairs
 
-    def add_forces(self, f, x, clock, layer, area, recess, ratio, adopt, ahead=0.0):
+    def add_forces(self, f, x, corner, clock, layer, area, recess, ratio, adopt, ahead=0.0):
         """Add wall forces to ``f``; returns the friction's dissipation [J] and adopted pairs.
 
+        ``corner`` are the nodes and weights of points in facets, kernels.points.
         ``ahead`` is how much later than the planes the positions ``x`` are [s].
         """
         self.force[:] = 0.0
@@ -167,8 +168,8 @@ class Walls:
         point = self.point + ahead * self.velocity if ahead else self.point
         return add_wall_forces(
             f, self.force, self.torque, p.due, p.gap, p.offset, p.closed, p.anchor, p.shear, p.slip,
-            p.push, p.work, p.sliding, clock, x, p.node, p.wall, point, self.normal, layer, area,
-            recess, ratio, self.friction, self.friction_kinetic, adopt,
+            p.push, p.work, p.sliding, clock, x, *corner, p.node, p.wall, point, self.normal, layer,
+            area, recess, ratio, self.friction, self.friction_kinetic, adopt,
         )  # fmt: skip
 
     def add_stiffness(self, y, q, margin, clock, layer, area, ratio):

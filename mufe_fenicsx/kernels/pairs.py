@@ -6,7 +6,12 @@ import numba
 
 from .closest import INTERIOR, closest_point, facet_normal, pseudo_normal
 from .facing import BESIDE, faces, find_facing
+from .points import place_point, spread_point
+from .prefetch import prefetch
 from .springs import stored_energy
+
+#: Pairs ahead of the present one whose facets are asked for; twice as many for the pairs.
+AHEAD = 8
 
 
 @numba.njit(cache=True)
@@ -120,9 +125,58 @@ def _anchor(sx, sy, sz, px, py, pz, nx, ny, nz, x, a, b, c):
     return _project(px - sx + along * nx, py - sy + along * ny, pz - sz + along * nz, x, a, b, c)
 
 
+@numba.njit(cache=True)
+def _fetch_pair(p, state, closest, node, first, candidate, candidate_due):
+    """Ask for what a pair keeps; its row of ``state`` takes three cache lines."""
+    prefetch(state, p)
+    prefetch(state[:, 8:], p)
+    prefetch(state[:, 16:], p)
+    prefetch(closest, p)
+    prefetch(node, p)
+    prefetch(first, p)
+    k = first[p]
+    prefetch(candidate, k)
+    prefetch(candidate_due, k)
+
+
+@numba.njit(cache=True)
+def _fetch_facets(p, closest, node, first, candidate, facets, corner, corner_weight, of_points,
+                  of_facets):  # fmt: skip
+    """Ask for the candidates of a pair, and what belongs to its point and its closest facet."""
+    n = node[p]
+    for array in of_points:
+        prefetch(array, n)
+    if corner.shape[0]:
+        prefetch(corner, n)
+        prefetch(corner_weight, n)
+    for k in range(first[p], first[p + 1]):
+        prefetch(facets, candidate[k])
+    if closest[p] >= 0:
+        t = candidate[closest[p]]
+        prefetch(of_facets[0], t)
+        prefetch(of_facets[1], t)
+        prefetch(of_facets[2], t)
+
+
+@numba.njit(cache=True)
+def _fetch_nodes(p, x, f, node, first, candidate, facets, corner):
+    """Ask for the nodes of the candidates and of the point."""
+    n = node[p]
+    prefetch(x, n)
+    if corner.shape[0]:
+        for m in range(3):
+            prefetch(x, corner[n, m])
+            prefetch(f, corner[n, m])
+    for k in range(first[p], first[p + 1]):
+        for m in range(3):
+            prefetch(x, facets[candidate[k], m])
+
+
 @numba.njit(cache=True, error_model="numpy")
 def add_pair_forces(
     f,
+    due_pairs,
+    state,
     due,
     candidate_due,
     closest,
@@ -140,6 +194,8 @@ def add_pair_forces(
     sliding,
     clock,
     x,
+    corner,
+    corner_weight,
     node,
     first,
     candidate,
@@ -172,6 +228,8 @@ def add_pair_forces(
 
     Args:
         f: Forces on surface nodes [N], shape (num_nodes_with_ghosts, 3).
+        due_pairs: Scratch, int64, shape (num_pairs,).
+        state: What pairs keep, side by side: weights, normal, anchor and others are columns of it.
         due: Reading of the clock before which a pair cannot close, shape (num_pairs,).
         candidate_due: The same for each candidate, shape (num_candidates,).
         closest: Candidate that was closest last, -1 unknown, shape (num_pairs,).
@@ -186,7 +244,10 @@ def add_pair_forces(
         work: Energy dissipated since the last search [J], shape (num_pairs,).
         sliding: Whether the pair slipped in this step, shape (num_pairs,).
         clock: Bound of all relative motion so far [m].
-        x: Positions [m], shape (num_nodes_with_ghosts, 3).
+        x: Positions [m], shape (num_nodes_with_ghosts, 3); of points in facets those of pairs that
+            are due are set here.
+        corner, corner_weight: As in kernels.points, where the nodes of pairs are points in
+            facets, which hand their forces on; else of shape (0, 3).
         node, first, candidate: Pairs, as in kernels.search.
         facets, neighbor, ring_offset, ring: Surface, as in kernels.closest.
         sharp: Whether a facet has a vertex on a sharp edge, shape (num_facets,).
@@ -205,10 +266,31 @@ def add_pair_forces(
         beyond the largest depth; largest adopted depth [m].
     """
     dissipated, num_adopted, num_deep, deepest = 0.0, 0, 0, 0.0
+    of_points = (area, layer_of_node, facet_area, recess, ratio_of_node)
+    of_facets = (neighbor, sharp, layer_of_facet)
+    num_due = 0
     for p in range(node.size):
-        if due[p] > clock:
-            continue
+        if due[p] <= clock:
+            due_pairs[num_due] = p
+            num_due += 1
+    for i in range(min(num_due, 2 * AHEAD)):
+        _fetch_pair(due_pairs[i], state, closest, node, first, candidate, candidate_due)
+    for i in range(min(num_due, AHEAD)):
+        _fetch_facets(due_pairs[i], closest, node, first, candidate, facets, corner, corner_weight,
+                      of_points, of_facets)  # fmt: skip
+    for i in range(num_due):
+        if i + 2 * AHEAD < num_due:
+            _fetch_pair(due_pairs[i + 2 * AHEAD], state, closest, node, first, candidate,
+                        candidate_due)  # fmt: skip
+        if i + AHEAD < num_due:
+            _fetch_facets(due_pairs[i + AHEAD], closest, node, first, candidate, facets, corner,
+                          corner_weight, of_points, of_facets)  # fmt: skip
+        if i + AHEAD // 2 < num_due:
+            _fetch_nodes(due_pairs[i + AHEAD // 2], x, f, node, first, candidate, facets, corner)
+        p = due_pairs[i]
         n = node[p]
+        if corner.shape[0]:
+            place_point(x, n, corner, corner_weight)
         before = closest[p]
         d, k, feature, wa, wb, wc = _find_closest(
             p, clock, x, node, first, candidate, candidate_due, closest, facets
@@ -290,10 +372,10 @@ def add_pair_forces(
         elif before >= 0 and candidate[before] != t:
             # Another facet: the spring keeps its length and turns with the normal.
             o = candidate[before]
-            i, j, m = facets[o, 0], facets[o, 1], facets[o, 2]
-            sx = x[n, 0] - anchor[p, 0] * x[i, 0] - anchor[p, 1] * x[j, 0] - anchor[p, 2] * x[m, 0]
-            sy = x[n, 1] - anchor[p, 0] * x[i, 1] - anchor[p, 1] * x[j, 1] - anchor[p, 2] * x[m, 1]
-            sz = x[n, 2] - anchor[p, 0] * x[i, 2] - anchor[p, 1] * x[j, 2] - anchor[p, 2] * x[m, 2]
+            q, r, m = facets[o, 0], facets[o, 1], facets[o, 2]
+            sx = x[n, 0] - anchor[p, 0] * x[q, 0] - anchor[p, 1] * x[r, 0] - anchor[p, 2] * x[m, 0]
+            sy = x[n, 1] - anchor[p, 0] * x[q, 1] - anchor[p, 1] * x[r, 1] - anchor[p, 2] * x[m, 1]
+            sz = x[n, 2] - anchor[p, 0] * x[q, 2] - anchor[p, 1] * x[r, 2] - anchor[p, 2] * x[m, 2]
             along = sx * ox + sy * oy + sz * oz
             sx, sy, sz = sx - along * ox, sy - along * oy, sz - along * oz
             length2 = sx * sx + sy * sy + sz * sz
@@ -352,9 +434,12 @@ def add_pair_forces(
         shear[p, 0], shear[p, 1], shear[p, 2] = tx, ty, tz
 
         fx, fy, fz = N * nx + tx, N * ny + ty, N * nz + tz
-        f[n, 0] += fx
-        f[n, 1] += fy
-        f[n, 2] += fz
+        if corner.shape[0]:
+            spread_point(f, n, corner, corner_weight, fx, fy, fz)
+        else:
+            f[n, 0] += fx
+            f[n, 1] += fy
+            f[n, 2] += fz
         # Couple height x friction as normal forces on the facet: h_i = height grad N_i . T.
         ux, uy, uz = facet_normal(x, a, b, c)
         e1x, e1y, e1z = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]

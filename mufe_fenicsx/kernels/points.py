@@ -3,6 +3,24 @@
 import numba
 
 
+@numba.njit(cache=True, inline="always")
+def place_point(x, p, corner, weight):
+    """:func:`place_points` for the point ``p`` alone."""
+    a, b, c = corner[p, 0], corner[p, 1], corner[p, 2]
+    for i in range(3):
+        x[p, i] = weight[p, 0] * x[a, i] + weight[p, 1] * x[b, i] + weight[p, 2] * x[c, i]
+
+
+@numba.njit(cache=True, inline="always")
+def spread_point(f, p, corner, weight, fx, fy, fz):
+    """Add the force on the point ``p`` to its nodes."""
+    for m in range(3):
+        n = corner[p, m]
+        f[n, 0] += weight[p, m] * fx
+        f[n, 1] += weight[p, m] * fy
+        f[n, 2] += weight[p, m] * fz
+
+
 @numba.njit(cache=True)
 def place_points(x, points, corner, weight):
     """Rows ``points`` of ``x`` become the weighted means of the rows in ``corner``, in place.
@@ -14,13 +32,7 @@ def place_points(x, points, corner, weight):
         weight: Their weights, shape (num_points, 3).
     """
     for k in range(points.size):
-        p = points[k]
-        for i in range(3):
-            x[p, i] = (
-                weight[p, 0] * x[corner[p, 0], i]
-                + weight[p, 1] * x[corner[p, 1], i]
-                + weight[p, 2] * x[corner[p, 2], i]
-            )
+        place_point(x, points[k], corner, weight)
 
 
 @numba.njit(cache=True)
@@ -32,8 +44,4 @@ def spread_points(f, points, corner, weight):
         if fx == 0.0 and fy == 0.0 and fz == 0.0:
             continue
         f[p, 0] = f[p, 1] = f[p, 2] = 0.0
-        for m in range(3):
-            n = corner[p, m]
-            f[n, 0] += weight[p, m] * fx
-            f[n, 1] += weight[p, m] * fy
-            f[n, 2] += weight[p, m] * fz
+        spread_point(f, p, corner, weight, fx, fy, fz)

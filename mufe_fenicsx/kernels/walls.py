@@ -5,6 +5,8 @@ import math
 import numba
 import numpy as np
 
+from .points import place_point, spread_point
+
 
 @numba.njit(cache=True)
 def find_wall_candidates(x, bonded, point, normal, reach):
@@ -55,6 +57,8 @@ def add_wall_forces(
     sliding,
     clock,
     x,
+    corner,
+    corner_weight,
     node,
     wall,
     point,
@@ -83,6 +87,7 @@ def add_wall_forces(
         work: Energy dissipated by friction since the last search [J], shape (num_pairs,).
         clock: Bound of all relative motion so far [m].
         x: Positions [m], shape (num_nodes, 3).
+        corner, corner_weight: As in :func:`~mufe_fenicsx.kernels.pairs.add_pair_forces`.
         node, wall: The pairs, shape (num_pairs,).
         point, normal: Planes, shape (num_walls, 3).
         layer: Compliance c h/E* of the nodes [m/Pa], shape (num_nodes,).
@@ -101,6 +106,8 @@ def add_wall_forces(
         if due[p] > clock:
             continue
         n, w = node[p], wall[p]
+        if corner.shape[0]:
+            place_point(x, n, corner, corner_weight)
         nx, ny, nz = normal[w, 0], normal[w, 1], normal[w, 2]
         rx, ry, rz = x[n, 0] - point[w, 0], x[n, 1] - point[w, 1], x[n, 2] - point[w, 2]
         g = rx * nx + ry * ny + rz * nz + recess[n]
@@ -149,9 +156,12 @@ def add_wall_forces(
             anchor[p, 0], anchor[p, 1], anchor[p, 2] = rx - sx, ry - sy, rz - sz
         shear[p, 0], shear[p, 1], shear[p, 2] = -kt * sx, -kt * sy, -kt * sz
         fx, fy, fz = N * nx - kt * sx, N * ny - kt * sy, N * nz - kt * sz
-        f[n, 0] += fx
-        f[n, 1] += fy
-        f[n, 2] += fz
+        if corner.shape[0]:
+            spread_point(f, n, corner, corner_weight, fx, fy, fz)
+        else:
+            f[n, 0] += fx
+            f[n, 1] += fy
+            f[n, 2] += fz
         wall_force[w, 0] -= fx
         wall_force[w, 1] -= fy
         wall_force[w, 2] -= fz

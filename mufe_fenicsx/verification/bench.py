@@ -5,9 +5,7 @@ given, and ranks are compared by taking turns within one run.
 """
 
 import json
-import os
 import statistics
-import subprocess
 import sys
 import time
 from dataclasses import replace
@@ -16,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..launcher import VARIABLES, find_mpirun
 from .bench_elements import elements
+from .bench_family import family, packing, paper
+from .bench_launch import launch, row
 from .bench_search import search, share_of_contact
 
 #: Whole step on one core [element-steps/s], two ranks over one, and memory [bytes a tet].
@@ -57,11 +56,37 @@ def box(comm, *, divisions=40, model="j2", steps=30, repeats=5):
     return _measure(comm, simulation, steps, repeats)
 
 
-def demo(comm, *, grains, strain=0.01, speed=20.0, steps=100, repeats=5):
-    """The demonstration's sample between its walls, loaded. Collective.
+def blocks(comm, *, divisions=32, steps=30, repeats=5):
+    """Two unlike J2 boxes pressed face to face, one a rank where there are two. Collective.
+
+    Args:
+        divisions: Cubes along an edge of the lower one; the upper one has one more.
+        steps, repeats: Steps of one measurement, and measurements.
+    """
+    from ..geometry.shapes import box as box_shape
+    from ..materials.j2 import J2
+    from .build import build
+
+    n = int(divisions)
+    bodies = [
+        box_shape((1.0, 1.0, 1.0), (m,) * 3, (0.0, 0.0, z)) for m, z in ((n, 0.0), (n + 1, 1.0))
+    ]
+    material = J2(100e9, 0.15, 2650.0, ((0.0, 10e6), (0.05, 110e6)))
+    simulation = build(
+        comm, bodies, material, np.zeros(3), np.array([1.0, 1.0, 2.0]), friction=0.23
+    )
+    simulation.walls.velocity[5, 2] = -10.0
+    while simulation.state.t * 10.0 < 2e-3:
+        simulation.step()
+    return _measure(comm, simulation, steps, repeats)
+
+
+def demo(comm, *, grains, scene=None, strain=0.01, speed=20.0, steps=100, repeats=5):
+    """A sample between its walls, loaded; by default the demonstration's. Collective.
 
     Args:
         grains: Folder that `mufe mesh` wrote.
+        scene: Scene file of its material and contact.
         strain: Approach of the platens over the height before measuring.
         speed: Speed of the top platen meanwhile [m/s].
         steps, repeats: Steps of one measurement, and measurements.
@@ -71,7 +96,8 @@ def demo(comm, *, grains, strain=0.01, speed=20.0, steps=100, repeats=5):
     from ..preparation import load_mesh, make_walls, read_scene
     from ..simulation import Simulation
 
-    scene = read_scene(comm, demo_scene())
+    start = time.perf_counter()
+    scene = read_scene(comm, scene or demo_scene())
     mesh = load_mesh(comm, grains)
     separate(mesh, scene.sample.max_shift)
     low = comm.allgather(mesh.x.min(axis=0))
@@ -88,11 +114,13 @@ def demo(comm, *, grains, strain=0.01, speed=20.0, steps=100, repeats=5):
         law=scene.contact.law,
         self_contact=scene.contact.self_contact,
     )
+    setup = time.perf_counter() - start
     simulation.walls.velocity[5, 2] = -speed
     while simulation.state.t < strain * (high - low)[2] / speed:
         simulation.step()
     result = _measure(comm, simulation, steps, repeats)
     result["num_contacts"] = simulation.num_contacts
+    result["setup_s"] = setup
     result |= share_of_contact(simulation, int(steps) * int(repeats))
     return result
 
@@ -131,6 +159,11 @@ def compare_box(parameters):
     return _compare("box", parameters)
 
 
+def compare_blocks(parameters):
+    """`blocks` on one and on two ranks."""
+    return _compare("blocks", parameters)
+
+
 def compare_demo(parameters):
     """`demo` on one and on two ranks, on the demonstration's image with a finer mesh.
 
@@ -160,22 +193,22 @@ def _refined_demo(cache, size):
 
 def _compare(name, parameters, ranks=(1, 2)):
     """Measure on several numbers of ranks, each in a program of its own."""
-    rows = {n: _launch(name, parameters, n) for n in ranks}
+    rows = {n: launch(name, parameters, n) for n in ranks}
     first, second = rows[ranks[0]], rows[ranks[-1]]
     results = {
         "num_cells": {"computed": first["num_cells"]},
-        "rate_1_rank": _row(first["rate"], TARGET_RATE, first["rate"] >= TARGET_RATE),
+        "rate_1_rank": row(first["rate"], TARGET_RATE, first["rate"] >= TARGET_RATE),
         "rate_1_rank_slowest": {"computed": first["slowest"]},
         "rate_1_rank_fastest": {"computed": first["fastest"]},
         "rate_2_ranks": {"computed": second["rate"]},
-        "speedup_2_ranks": _row(
+        "speedup_2_ranks": row(
             second["rate"] / first["rate"],
             TARGET_SPEEDUP,
             second["rate"] >= TARGET_SPEEDUP * first["rate"],
         ),
         "bytes_per_tet_1_rank": {"computed": first["bytes_per_tet"]},
         "peak_bytes_per_tet_1_rank": {"computed": first["peak_bytes_per_tet"]},
-        "bytes_per_tet_2_ranks": _row(
+        "bytes_per_tet_2_ranks": row(
             second["bytes_per_tet"], TARGET_MEMORY, second["bytes_per_tet"] <= TARGET_MEMORY
         ),
         # The libraries' code, which two ranks share, counted twice.
@@ -185,39 +218,25 @@ def _compare(name, parameters, ranks=(1, 2)):
         results["num_contacts"] = {"computed": first["num_contacts"]}
         # Contact shall cost no more than the tets.
         share = first["contact_over_tets"]
-        results["contact_over_tets_1_rank"] = _row(share, 1.0, share <= 1.0)
+        results["contact_over_tets_1_rank"] = row(share, 1.0, share <= 1.0)
         results["steps_per_search_1_rank"] = {"computed": first["steps_per_search"]}
     passed = all(row.get("passed", True) for row in results.values())
     return {"case": name, "parameters": parameters, "results": results, "passed": passed}
 
 
-def _row(computed, target, passed):
-    return {"computed": computed, "target": target, "passed": bool(passed)}
-
-
-def _launch(name, parameters, num_ranks):
-    """One measurement under the environment's own mpirun."""
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(VARIABLES)}
-    command = [
-        find_mpirun(),
-        "-n",
-        str(num_ranks),
-        sys.executable,
-        "-m",
-        "mufe_fenicsx.verification.bench",
-        name,
-        json.dumps(parameters),
-    ]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise InputError(
-            f"benchmark {name} on {num_ranks} ranks failed: {done.stderr.strip()[-500:]}"
-        )
-    return json.loads(done.stdout.splitlines()[-1])
-
-
-BENCHMARKS = {"box": compare_box, "demo": compare_demo, "search": search, "elements": elements}
-MEASUREMENTS = {"box": box, "demo": demo}
+BENCHMARKS = {
+    "box": compare_box,
+    "blocks": compare_blocks,
+    "demo": compare_demo,
+    "packing": packing,
+    "family": family,
+    "paper": paper,
+    "search": search,
+    "elements": elements,
+}
+#: What `mufe bench` runs without a name: the others take an hour or more.
+USUAL = ("box", "blocks", "demo", "search", "elements")
+MEASUREMENTS = {"box": box, "blocks": blocks, "demo": demo}
 
 
 def run_benchmarks(names, parameters, comm):

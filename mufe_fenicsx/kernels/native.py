@@ -1,0 +1,87 @@
+"""C sources of this folder, compiled at their first use for the processor at hand.
+
+A compiler is there wherever DOLFINx works, since it compiles forms. What it made is kept in
+the user's cache folder, one file for each state of source, compiler, options and processor.
+"""
+
+import ctypes
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import llvmlite.binding
+
+#: Not one that changes results between two runs on one processor.
+OPTIONS = (
+    "-O2",
+    "-march=native",
+    "-ffp-contract=fast",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-fno-schedule-insns2",
+)
+
+
+@cache
+def load(name, *more_options):
+    """The library made of the C source ``name`` of this folder. Local.
+
+    Args:
+        name: File name without its ending.
+        more_options: For the compiler, after :data:`OPTIONS`.
+
+    Raises:
+        RuntimeError: There is no C compiler, or it fails.
+    """
+    source = Path(__file__).with_name(f"{name}.c")
+    compiler = _compiler()
+    options = [*OPTIONS, *more_options]
+    version = subprocess.run([compiler, "--version"], capture_output=True, text=True).stdout
+    state = [source.read_text(), compiler, version, *options, _processor()]
+    key = hashlib.sha256("\0".join(state).encode()).hexdigest()[:20]
+    folder = _cache_folder()
+    library = folder / f"{name}-{key}.so"
+    if not library.exists():
+        # Ranks that start together each make one; the last to rename it wins, all are alike.
+        handle, made = tempfile.mkstemp(suffix=".so", dir=folder)
+        os.close(handle)
+        command = [compiler, *options, "-shared", "-fPIC", str(source), "-o", made, "-lm"]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode:
+            os.unlink(made)
+            raise RuntimeError(
+                f"{' '.join(command)} failed: {done.stderr.strip()[-400:]}; expected GCC or clang "
+                "in PATH or in the variable CC"
+            )
+        os.replace(made, library)
+    return ctypes.CDLL(str(library))
+
+
+def _compiler():
+    for name in os.environ.get("CC", "").split()[:1] or ["cc", "gcc", "clang"]:
+        if found := shutil.which(name):
+            return found
+    raise RuntimeError("C compiler = none in PATH, expected GCC or clang, which DOLFINx needs too")
+
+
+def _processor():
+    features = llvmlite.binding.get_host_cpu_features().flatten()
+    return f"{llvmlite.binding.get_host_cpu_name()} {features}"
+
+
+@cache
+def _cache_folder():
+    """The user's own; a folder of this process alone where there is none to write to."""
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = base / "mufe_fenicsx"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK | os.X_OK):
+            return folder
+    except OSError:
+        pass
+    return Path(tempfile.mkdtemp(prefix="mufe_fenicsx-"))

@@ -1,0 +1,516 @@
+/* Stress update and internal forces of linear tetrahedra, eight (or four) at a time.
+
+   The method, its sources and all arguments are described in kernels/solid.py. Here is how it is
+   made fast. The nodes of a grain are packed, one cache line each (position, pressure, half the
+   displacement of the step), so that the loads of an element are whole vectors, which are turned
+   into vectors of one component of several elements. The forces go back the same way into a
+   packed array, which is added to the nodal forces at the end. All data of one grain but the
+   stress stay in the cache from the pass over volumes to the end. */
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+/* Elements that are worked on together: a vector register of one component of each. */
+#ifdef __AVX512DQ__
+#include <immintrin.h>
+#define LANES 8
+#else
+#define LANES 4
+#endif
+
+typedef double v4 __attribute__((vector_size(32)));
+typedef double vec __attribute__((vector_size(8 * LANES)));
+typedef int64_t mask __attribute__((vector_size(8 * LANES)));
+/* The same where they may begin at any double. */
+typedef double v4_at __attribute__((vector_size(32), aligned(8), may_alias));
+typedef double vec_at __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
+
+#define INLINE static inline __attribute__((always_inline))
+enum { PLAIN, AVERAGED, COMPOSITE };
+#define FAMILY 8 /* linear tetrahedra of a composite one */
+#define AHEAD 16 /* elements whose stress is fetched early */
+
+/* Increment of the plastic strain of one element, see kernels/hardening.py. */
+typedef double (*law_type)(double q, double mean, double alpha, double dt, double shear,
+                           const double *parameters);
+
+#if defined(__clang__) || __GNUC__ >= 12
+#define PICK(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else
+#define PICK(a, b, ...) __builtin_shuffle(a, b, (mask){__VA_ARGS__})
+#endif
+
+/* Four numbers of each element <-> a vector of each number. Row j holds element j, or with
+   eight lanes element FIRST(j) and behind it the second next. */
+#if LANES == 8
+#define FIRST(j) ((j) < 2 ? (j) : (j) + 2)
+#define SECOND 2
+INLINE vec join(v4 a, v4 b) {
+  return (vec)_mm512_insertf64x4(_mm512_castpd256_pd512((__m256d)a), (__m256d)b, 1);
+}
+INLINE v4 low(vec a) { return (v4)_mm512_castpd512_pd256((__m512d)a); }
+INLINE v4 high(vec a) { return (v4)_mm512_extractf64x4_pd((__m512d)a, 1); }
+INLINE int any(mask m) { return _mm512_movepi64_mask((__m512i)m) != 0; }
+#define EVEN(a, b) PICK(a, b, 0, 8, 2, 10, 4, 12, 6, 14)
+#define ODD(a, b) PICK(a, b, 1, 9, 3, 11, 5, 13, 7, 15)
+INLINE void to_lanes(vec r[4]) {
+  vec a = EVEN(r[0], r[1]), b = ODD(r[0], r[1]), c = EVEN(r[2], r[3]), d = ODD(r[2], r[3]);
+  r[0] = PICK(a, c, 0, 1, 4, 5, 8, 9, 12, 13);
+  r[1] = PICK(b, d, 0, 1, 4, 5, 8, 9, 12, 13);
+  r[2] = PICK(a, c, 2, 3, 6, 7, 10, 11, 14, 15);
+  r[3] = PICK(b, d, 2, 3, 6, 7, 10, 11, 14, 15);
+}
+INLINE void to_rows(vec r[4]) {
+  vec a = EVEN(r[0], r[1]), b = ODD(r[0], r[1]), c = EVEN(r[2], r[3]), d = ODD(r[2], r[3]);
+  r[0] = PICK(a, c, 0, 1, 8, 9, 2, 3, 10, 11);
+  r[1] = PICK(b, d, 0, 1, 8, 9, 2, 3, 10, 11);
+  r[2] = PICK(a, c, 4, 5, 12, 13, 6, 7, 14, 15);
+  r[3] = PICK(b, d, 4, 5, 12, 13, 6, 7, 14, 15);
+}
+#define LAST_FROM(a, b) PICK(a, b, 0, 1, 2, 11, 4, 5, 6, 15)
+INLINE vec all(double a) { return (vec){a, a, a, a, a, a, a, a}; }
+#else
+#define FIRST(j) (j)
+#define SECOND 0
+INLINE vec join(v4 a, v4 b) { return a; }
+INLINE v4 low(vec a) { return a; }
+INLINE v4 high(vec a) { return a; }
+INLINE int any(mask m) { return (m[0] | m[1] | m[2] | m[3]) != 0; }
+INLINE void to_lanes(vec r[4]) {
+  vec a = PICK(r[0], r[1], 0, 4, 2, 6), b = PICK(r[0], r[1], 1, 5, 3, 7);
+  vec c = PICK(r[2], r[3], 0, 4, 2, 6), d = PICK(r[2], r[3], 1, 5, 3, 7);
+  r[0] = PICK(a, c, 0, 1, 4, 5);
+  r[1] = PICK(b, d, 0, 1, 4, 5);
+  r[2] = PICK(a, c, 2, 3, 6, 7);
+  r[3] = PICK(b, d, 2, 3, 6, 7);
+}
+#define to_rows to_lanes
+#define LAST_FROM(a, b) PICK(a, b, 0, 1, 2, 7)
+INLINE vec all(double a) { return (vec){a, a, a, a}; }
+#endif
+
+/* a where m, else b. */
+INLINE vec where(mask m, vec a, vec b) { return (vec)((m & (mask)a) | (~m & (mask)b)); }
+
+INLINE vec square_root(vec a) {
+  vec r;
+  for (int i = 0; i < LANES; i++) r[i] = sqrt(a[i]);
+  return r;
+}
+
+/* ln J. Near 1 by 2 artanh((J - 1)/(J + 1)), whose series then ends at 1e-17. */
+INLINE vec logarithm(vec J) {
+  vec d = J - 1.0, z = d / (J + 1.0), s = z * z;
+  vec sum = 1.0 / 13.0 * s + 1.0 / 11.0;
+  sum = sum * s + 1.0 / 9.0;
+  sum = sum * s + 1.0 / 7.0;
+  sum = sum * s + 1.0 / 5.0;
+  sum = sum * s + 1.0 / 3.0;
+  vec r = 2.0 * z * (sum * s + 1.0);
+  mask near = (d < 0.1) & (d > -0.09);
+  if (any(~near))
+    for (int i = 0; i < LANES; i++)
+      if (!near[i]) r[i] = log(J[i]);
+  return r;
+}
+
+/* One node: x y z and pressure; half the displacement of this step and nothing. */
+typedef struct { v4 x, d; } node_type;
+
+typedef struct {
+  const node_type *node; /* of node 0 of the rank, were it in this grain */
+  v4 *force;             /* likewise */
+  const int32_t *cells;  /* of the first element */
+  double *deviator, *strain, *work, *pressure; /* of the first element */
+  const double *volume0;
+  double dt, bulk, shear;
+  const double *parameters; /* of the law */
+  const double *segments;   /* slope of each segment of the table, then 1/(3 G + slope) */
+  law_type law;
+} grain_type;
+
+/* Von Mises with a table, as in kernels/hardening.py, for all lanes. */
+INLINE vec plastic_increment(vec q, vec alpha, const grain_type *g) {
+  const int last = (int)g->parameters[1] - 1;
+  const double *strain = g->parameters + 2, *stress = strain + last + 1;
+  vec dp = (q - stress[last]) * (1.0 / (3.0 * g->shear));
+  dp = where(dp > 0.0, dp, all(0.0));
+  /* From the last segment to the first: what is valid in an earlier one wins. */
+  for (int k = last - 1; k >= 0; k--) {
+    vec Y = stress[k] + g->segments[k] * (alpha - strain[k]);
+    vec here = (q - Y) * g->segments[last + k];
+    mask valid = (alpha < strain[k + 1]) & (alpha + here <= strain[k + 1]);
+    dp = where(valid, where(here > 0.0, here, all(0.0)), dp);
+  }
+  return dp;
+}
+
+#define NODE(n) (g->node + (uint32_t)(n))
+#define FORCE(n) g->force[(uint32_t)(n)]
+
+/* Elements e to e + count - 1 of the grain; the lanes beyond repeat the last one.
+   Returns the first that has no volume, or -1. */
+INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element) {
+  const int32_t *cells = g->cells + 4 * e;
+  double *stress = g->deviator + 6 * e, tail[6 * LANES];
+  const double *from = stress;
+  if (count < LANES) {
+    for (int i = 0; i < LANES; i++)
+      memcpy(tail + 6 * i, stress + 6 * (i < count ? i : count - 1), 6 * sizeof(double));
+    from = tail;
+  }
+#pragma GCC unroll 6
+  for (int i = 0; i < 6; i++) __builtin_prefetch(stress + 6 * AHEAD + LANES * i, 1);
+
+  vec e1[4], e2[4], e3[4], d1[4], d2[4], d3[4], o1[4], o2[4];
+#pragma GCC unroll 4
+  for (int j = 0; j < 4; j++) {
+    const int i = FIRST(j), k = i + SECOND;
+    const int32_t *c = cells + 4 * (i < count ? i : count - 1);
+    const int32_t *cc = cells + 4 * (k < count ? k : count - 1);
+    vec x = join(NODE(c[0])->x, NODE(cc[0])->x), d = join(NODE(c[0])->d, NODE(cc[0])->d);
+    vec x1 = join(NODE(c[1])->x, NODE(cc[1])->x), x2 = join(NODE(c[2])->x, NODE(cc[2])->x);
+    vec x3 = join(NODE(c[3])->x, NODE(cc[3])->x);
+    e1[j] = x1 - x;
+    e2[j] = x2 - x;
+    e3[j] = x3 - x;
+    if (element == AVERAGED) e3[j] = LAST_FROM(e3[j], x + x1 + x2 + x3);
+    d1[j] = join(NODE(c[1])->d, NODE(cc[1])->d) - d;
+    d2[j] = join(NODE(c[2])->d, NODE(cc[2])->d) - d;
+    d3[j] = join(NODE(c[3])->d, NODE(cc[3])->d) - d;
+    o1[j] = join(*(const v4_at *)(from + 6 * i), *(const v4_at *)(from + 6 * k));
+    o2[j] = join(*(const v4_at *)(from + 6 * i + 2), *(const v4_at *)(from + 6 * k + 2));
+  }
+  to_lanes(e1);
+  to_lanes(e2);
+  to_lanes(e3);
+  to_lanes(d1);
+  to_lanes(d2);
+  to_lanes(d3);
+  to_lanes(o1);
+  to_lanes(o2);
+  vec e1x = e1[0], e1y = e1[1], e1z = e1[2], d1x = d1[0], d1y = d1[1], d1z = d1[2];
+  vec e2x = e2[0], e2y = e2[1], e2z = e2[2], d2x = d2[0], d2y = d2[1], d2z = d2[2];
+  vec e3x = e3[0], e3y = e3[1], e3z = e3[2], d3x = d3[0], d3y = d3[1], d3z = d3[2];
+  vec oxx = o1[0], oyy = o1[1], ozz = o1[2], oxy = o1[3], oyz = o2[2], oxz = o2[3];
+
+  /* Gradient of the displacement at the middle of the step, times six volumes. */
+  vec m1x = e1x - d1x, m1y = e1y - d1y, m1z = e1z - d1z;
+  vec m2x = e2x - d2x, m2y = e2y - d2y, m2z = e2z - d2z;
+  vec m3x = e3x - d3x, m3y = e3y - d3y, m3z = e3z - d3z;
+  vec g1x = m2y * m3z - m2z * m3y, g1y = m2z * m3x - m2x * m3z, g1z = m2x * m3y - m2y * m3x;
+  vec g2x = m3y * m1z - m3z * m1y, g2y = m3z * m1x - m3x * m1z, g2z = m3x * m1y - m3y * m1x;
+  vec g3x = m1y * m2z - m1z * m2y, g3y = m1z * m2x - m1x * m2z, g3z = m1x * m2y - m1y * m2x;
+  vec inv = 1.0 / (m1x * g1x + m1y * g1y + m1z * g1z);
+  vec lxx = d1x * g1x + d2x * g2x + d3x * g3x, lxy = d1x * g1y + d2x * g2y + d3x * g3y;
+  vec lxz = d1x * g1z + d2x * g2z + d3x * g3z, lyx = d1y * g1x + d2y * g2x + d3y * g3x;
+  vec lyy = d1y * g1y + d2y * g2y + d3y * g3y, lyz = d1y * g1z + d2y * g2z + d3y * g3z;
+  vec lzx = d1z * g1x + d2z * g2x + d3z * g3x, lzy = d1z * g1y + d2z * g2y + d3z * g3y;
+  vec lzz = d1z * g1z + d2z * g2z + d3z * g3z;
+
+  /* Half of the stress increment; it turns along with the stress, and the other half not. */
+  vec third = (1.0 / 3.0) * (lxx + lyy + lzz), Gi = (2.0 * g->shear) * inv, Gh = g->shear * inv;
+  vec hxx = Gi * (lxx - third), hyy = Gi * (lyy - third), hzz = Gi * (lzz - third);
+  vec hxy = Gh * (lxy + lyx), hyz = Gh * (lyz + lzy), hxz = Gh * (lxz + lzx);
+
+  /* Rotation R = I + t (Q + Q Q), q half the axial vector of the spin. */
+  vec quarter = 0.5 * inv;
+  vec qx = quarter * (lzy - lyz), qy = quarter * (lxz - lzx), qz = quarter * (lyx - lxy);
+  vec xx = qx * qx, yy = qy * qy, zz = qz * qz;
+  vec sq = xx + yy + zz, t = 2.0 - 2.0 * sq * (1.0 - sq * (1.0 - sq * (1.0 - sq)));
+  if (any(sq > 5e-4)) t = 2.0 / (1.0 + sq);
+  vec rxx = 1.0 - t * (yy + zz), ryy = 1.0 - t * (xx + zz), rzz = 1.0 - t * (xx + yy);
+  vec tx = t * qx, ty = t * qy, tz = t * qz;
+  vec xy = tx * qy, xz = tx * qz, yz = ty * qz;
+  vec rxy = xy - tz, ryx = xy + tz, rxz = xz + ty, rzx = xz - ty, ryz = yz - tx, rzy = yz + tx;
+
+  vec sxx = oxx + hxx, syy = oyy + hyy, szz = ozz + hzz;
+  vec sxy = oxy + hxy, syz = oyz + hyz, sxz = oxz + hxz;
+  vec ax = rxx * sxx + rxy * sxy + rxz * sxz, ay = rxx * sxy + rxy * syy + rxz * syz;
+  vec az = rxx * sxz + rxy * syz + rxz * szz, bx = ryx * sxx + ryy * sxy + ryz * sxz;
+  vec by = ryx * sxy + ryy * syy + ryz * syz, bz = ryx * sxz + ryy * syz + ryz * szz;
+  vec cx = rzx * sxx + rzy * sxy + rzz * sxz, cy = rzx * sxy + rzy * syy + rzz * syz;
+  vec cz = rzx * sxz + rzy * syz + rzz * szz;
+  sxx = hxx + ax * rxx + ay * rxy + az * rxz;
+  syy = hyy + bx * ryx + by * ryy + bz * ryz;
+  szz = hzz + cx * rzx + cy * rzy + cz * rzz;
+  sxy = hxy + ax * ryx + ay * ryy + az * ryz;
+  syz = hyz + bx * rzx + by * rzy + bz * rzz;
+  sxz = hxz + ax * rzx + ay * rzy + az * rzz;
+
+  /* Volume and gradients at the end of the step. */
+  vec h1x = e2y * e3z - e2z * e3y, h1y = e2z * e3x - e2x * e3z, h1z = e2x * e3y - e2y * e3x;
+  vec h2x = e3y * e1z - e3z * e1y, h2y = e3z * e1x - e3x * e1z, h2z = e3x * e1y - e3y * e1x;
+  vec h3x = e1y * e2z - e1z * e2y, h3y = e1z * e2x - e1x * e2z, h3z = e1x * e2y - e1y * e2x;
+  vec volume = (1.0 / 6.0) * (e1x * h1x + e1y * h1y + e1z * h1z);
+  int64_t bad = -1;
+  if (any(~(volume > 0.0)))
+    for (int i = count - 1; i >= 0; i--)
+      if (!(volume[i] > 0.0)) bad = e + i;
+
+  vec volume0 = all(1.0);
+  if (count == LANES)
+    volume0 = *(const vec_at *)(g->volume0 + e);
+  else
+    for (int i = 0; i < LANES; i++) volume0[i] = g->volume0[e + (i < count ? i : count - 1)];
+  vec mean;
+  if (element == AVERAGED) {
+    mean = 0.25 * e3[3];
+  } else if (element == PLAIN) {
+    mean = g->bulk * logarithm(volume / volume0);
+    for (int i = 0; i < count; i++) g->pressure[e + i] = mean[i];
+  } else {
+    mean = *(const vec_at *)(g->pressure + e);
+  }
+
+  vec q2 = 1.5 * (sxx * sxx + syy * syy + szz * szz) + 3.0 * (sxy * sxy + syz * syz + sxz * sxz);
+  const double first_yield = g->parameters[0];
+  if (any(q2 > first_yield * first_yield)) {
+    double *strain = g->strain + e, *work = g->work + e;
+    vec alpha = all(0.0), q = square_root(q2), dp = all(0.0);
+    if (count == LANES)
+      alpha = *(const vec_at *)strain;
+    else
+      for (int i = 0; i < LANES; i++) alpha[i] = strain[i < count ? i : count - 1];
+    if (g->law) {
+      for (int i = 0; i < LANES; i++)
+        dp[i] = q[i] > first_yield
+                    ? g->law(q[i], mean[i], alpha[i], g->dt, g->shear, g->parameters)
+                    : 0.0;
+    } else {
+      dp = plastic_increment(q, alpha, g);
+    }
+    /* Half of the start's stress and half of the end's: the rule by which the nodal
+       forces do their work. Where nothing flows, q may be 0. */
+    mask flows = dp > 0.0;
+    dp = where(flows, dp, all(0.0));
+    q = where(flows, q, all(1.0));
+    vec before = 1.5 * (oxx * sxx + oyy * syy + ozz * szz) +
+                3.0 * (oxy * sxy + oyz * syz + oxz * sxz);
+    vec scale = 1.0 - 3.0 * g->shear * dp / q;
+    vec done = 0.5 * (q * scale + before / q) * dp * volume0;
+    sxx *= scale, syy *= scale, szz *= scale, sxy *= scale, syz *= scale, sxz *= scale;
+    alpha += dp;
+    if (count == LANES) {
+      *(vec_at *)strain = alpha;
+      *(vec_at *)work += done;
+    } else {
+      for (int i = 0; i < count; i++) strain[i] = alpha[i], work[i] += done[i];
+    }
+  }
+
+  /* Back into rows of six: xx yy zz xy of an element, and then the last four. */
+  double *to = count < LANES ? tail : stress;
+  vec first[4] = {sxx, syy, szz, sxy}, last[4] = {szz, sxy, syz, sxz};
+  to_rows(first);
+  to_rows(last);
+#pragma GCC unroll 4
+  for (int j = 0; j < 4; j++) {
+    const int i = FIRST(j), k = i + SECOND;
+    *(v4_at *)(to + 6 * i) = low(first[j]);
+    *(v4_at *)(to + 6 * i + 2) = low(last[j]);
+    if (SECOND) *(v4_at *)(to + 6 * k) = high(first[j]);
+    if (SECOND) *(v4_at *)(to + 6 * k + 2) = high(last[j]);
+  }
+  if (count < LANES) memcpy(stress, tail, 6 * count * sizeof(double));
+
+  /* Forces on nodes b, c, d: Cauchy stress times gradient times volume. */
+  vec share = (1.0 / 6.0) * volume0 / volume, p = (1.0 / 6.0) * mean;
+  sxx = share * sxx + p, syy = share * syy + p, szz = share * szz + p;
+  sxy *= share, syz *= share, sxz *= share;
+  vec f1x = sxx * h1x + sxy * h1y + sxz * h1z, f1y = sxy * h1x + syy * h1y + syz * h1z;
+  vec f1z = sxz * h1x + syz * h1y + szz * h1z, f2x = sxx * h2x + sxy * h2y + sxz * h2z;
+  vec f2y = sxy * h2x + syy * h2y + syz * h2z, f2z = sxz * h2x + syz * h2y + szz * h2z;
+  vec f3x = sxx * h3x + sxy * h3y + sxz * h3z, f3y = sxy * h3x + syy * h3y + syz * h3z;
+  vec f3z = sxz * h3x + syz * h3y + szz * h3z;
+  vec f1[4] = {f1x, f1y, f1z, all(0.0)}, f2[4] = {f2x, f2y, f2z, all(0.0)};
+  vec f3[4] = {f3x, f3y, f3z, all(0.0)}, f0[4];
+  to_rows(f1);
+  to_rows(f2);
+  to_rows(f3);
+#pragma GCC unroll 4
+  for (int j = 0; j < 4; j++) {
+    const int i = FIRST(j), k = i + SECOND;
+    f0[j] = f1[j] + f2[j] + f3[j];
+    if (i < count) {
+      const int32_t *c = cells + 4 * i;
+      FORCE(c[0]) += low(f0[j]);
+      FORCE(c[1]) -= low(f1[j]);
+      FORCE(c[2]) -= low(f2[j]);
+      FORCE(c[3]) -= low(f3[j]);
+    }
+    if (SECOND && k < count) {
+      const int32_t *c = cells + 4 * k;
+      FORCE(c[0]) += high(f0[j]);
+      FORCE(c[1]) -= high(f1[j]);
+      FORCE(c[2]) -= high(f2[j]);
+      FORCE(c[3]) -= high(f3[j]);
+    }
+  }
+  return bad;
+}
+
+INLINE int64_t elements_of(const grain_type *g, int64_t count, int element) {
+  int64_t bad = -1, e = 0;
+  for (; e + LANES <= count; e += LANES) {
+    int64_t found = batch(g, e, LANES, element);
+    if (found >= 0) bad = found;
+  }
+  if (e < count) {
+    int64_t found = batch(g, e, (int)(count - e), element);
+    if (found >= 0) bad = found;
+  }
+  return bad;
+}
+
+/* Six times the volumes of a batch of elements. */
+INLINE vec six_volumes(const grain_type *g, int64_t e, int count) {
+  const int32_t *cells = g->cells + 4 * e;
+  vec e1[4], e2[4], e3[4];
+#pragma GCC unroll 4
+  for (int j = 0; j < 4; j++) {
+    const int i = FIRST(j), k = i + SECOND;
+    const int32_t *c = cells + 4 * (i < count ? i : count - 1);
+    const int32_t *cc = cells + 4 * (k < count ? k : count - 1);
+    vec x = join(NODE(c[0])->x, NODE(cc[0])->x);
+    e1[j] = join(NODE(c[1])->x, NODE(cc[1])->x) - x;
+    e2[j] = join(NODE(c[2])->x, NODE(cc[2])->x) - x;
+    e3[j] = join(NODE(c[3])->x, NODE(cc[3])->x) - x;
+  }
+  to_lanes(e1);
+  to_lanes(e2);
+  to_lanes(e3);
+  return e1[0] * (e2[1] * e3[2] - e2[2] * e3[1]) + e1[1] * (e2[2] * e3[0] - e2[0] * e3[2]) +
+         e1[2] * (e2[0] * e3[1] - e2[1] * e3[0]);
+}
+
+/* Volumes around the nodes of a grain, the first of which is ``first``. */
+INLINE void nodal_volumes(const grain_type *g, int64_t num_cells, double *volume,
+                          int64_t num_nodes, int64_t first) {
+  memset(volume, 0, num_nodes * sizeof(double));
+  double *of_node = volume - first;
+  for (int64_t e = 0; e < num_cells; e += LANES) {
+    const int count = num_cells - e < LANES ? (int)(num_cells - e) : LANES;
+    vec quarter = count == LANES ? six_volumes(g, e, LANES) : six_volumes(g, e, count);
+    quarter *= 1.0 / 24.0;
+#pragma GCC unroll 8
+    for (int i = 0; i < LANES; i++) {
+      if (i == count) break;
+      const int32_t *c = g->cells + 4 * (e + i);
+      for (int k = 0; k < 4; k++) of_node[(uint32_t)c[k]] += quarter[i];
+    }
+  }
+}
+
+/* Pressures of the nodes of a grain, into their packed data too. */
+INLINE void nodal_pressure(const grain_type *g, node_type *node, const double *volume,
+                           const double *volume0, double *pressure, int64_t num_nodes) {
+  int64_t n = 0;
+  for (; n + LANES <= num_nodes; n += LANES) {
+    vec p = g->bulk * logarithm(*(const vec_at *)(volume + n) / *(const vec_at *)(volume0 + n));
+    *(vec_at *)(pressure + n) = p;
+#pragma GCC unroll 8
+    for (int i = 0; i < LANES; i++) node[n + i].x[3] = p[i];
+  }
+  for (; n < num_nodes; n++)
+    pressure[n] = node[n].x[3] = g->bulk * logarithm(all(volume[n] / volume0[n]))[0];
+}
+
+/* Pressures of the composite elements of a grain. */
+INLINE void composite_pressure(const grain_type *g, int64_t num_cells) {
+  for (int64_t e = 0; e < num_cells; e += FAMILY) {
+    double now = 0.0, before = 0.0;
+    for (int part = 0; part < FAMILY; part += LANES) {
+      vec six = six_volumes(g, e + part, LANES);
+      for (int i = 0; i < LANES; i++) {
+        now += six[i];
+        before += g->volume0[e + part + i];
+      }
+    }
+    const double mean = g->bulk * log(now / (6.0 * before));
+    for (int i = 0; i < FAMILY; i++) g->pressure[e + i] = mean;
+  }
+}
+
+/* What stays the same from step to step, in the order of kernels/solid.py. */
+typedef struct {
+  const int32_t *cells;
+  const double *volume0;
+  const int64_t *cell_offset, *first_node, *num_nodes;
+  const double *node_volume0, *bulk, *shear, *parameters;
+  double *segments, *scratch, *pressure;
+} model_type;
+
+/* Volumes around all nodes, by the same sums as in each step: at rest their ratio is one. */
+void mufe_nodal_volumes(const model_type *m, double *volume, const double *x, int64_t num_grains) {
+  node_type *node = (node_type *)m->scratch;
+  for (int64_t i = 0; i < num_grains; i++) {
+    const int64_t first = m->first_node[i], num_nodes = m->num_nodes[i];
+    const int64_t begin = m->cell_offset[i], count = m->cell_offset[i + 1] - begin;
+    const double *xn = x + 3 * first;
+    for (int64_t n = 0; n < num_nodes; n++, xn += 3) node[n].x = (v4){xn[0], xn[1], xn[2], 0.0};
+    const grain_type grain = {.node = node - first, .cells = m->cells + 4 * begin};
+    nodal_volumes(&grain, count, volume + first, num_nodes, first);
+  }
+}
+
+int64_t mufe_add_internal_forces(const model_type *m, double *f, double *deviator, double *strain,
+                                 double *work, const double *x, const double *v,
+                                 const int64_t *grains, double dt, int64_t num_grains,
+                                 int64_t num_parameters, int64_t element, law_type law) {
+  int64_t bad = -1;
+  const double half = 0.5 * dt;
+  for (int64_t k = 0; k < num_grains; k++) {
+    const int64_t i = grains[k], begin = m->cell_offset[i], count = m->cell_offset[i + 1] - begin;
+    const int64_t first = m->first_node[i], num_nodes = m->num_nodes[i];
+    node_type *node = (node_type *)m->scratch;
+    v4 *force = (v4 *)(node + num_nodes);
+    double *volume = (double *)(force + num_nodes);
+    const double *xn = x + 3 * first, *vn = v + 3 * first;
+    for (int64_t n = 0; n < num_nodes; n++, xn += 3, vn += 3) {
+      node[n].x = (v4){xn[0], xn[1], xn[2], 0.0};
+      node[n].d = (v4){half * vn[0], half * vn[1], half * vn[2], 0.0};
+      force[n] = (v4){0.0, 0.0, 0.0, 0.0};
+    }
+    const double *table = m->parameters + i * num_parameters;
+    if (!law && isfinite(table[0])) {
+      const int last = (int)table[1] - 1;
+      for (int s = 0; s < last; s++) {
+        const double *strain_at = table + 2 + s, *stress_at = strain_at + last + 1;
+        m->segments[s] = (stress_at[1] - stress_at[0]) / (strain_at[1] - strain_at[0]);
+        m->segments[last + s] = 1.0 / (3.0 * m->shear[i] + m->segments[s]);
+      }
+    }
+    const grain_type grain = {.node = node - first,
+                              .force = force - first,
+                              .cells = m->cells + 4 * begin,
+                              .deviator = deviator + 6 * begin,
+                              .strain = strain + begin,
+                              .work = work + begin,
+                              .pressure = m->pressure + begin,
+                              .volume0 = m->volume0 + begin,
+                              .dt = dt,
+                              .bulk = m->bulk[i],
+                              .shear = m->shear[i],
+                              .parameters = table,
+                              .segments = m->segments,
+                              .law = law};
+    int64_t found;
+    if (element == AVERAGED) {
+      nodal_volumes(&grain, count, volume, num_nodes, first);
+      nodal_pressure(&grain, node, volume, m->node_volume0 + first, m->pressure + first, num_nodes);
+      found = elements_of(&grain, count, AVERAGED);
+    } else if (element == PLAIN) {
+      found = elements_of(&grain, count, PLAIN);
+    } else {
+      composite_pressure(&grain, count);
+      found = elements_of(&grain, count, COMPOSITE);
+    }
+    if (found >= 0) bad = begin + found;
+    double *fn = f + 3 * first;
+    for (int64_t n = 0; n < num_nodes; n++, fn += 3)
+      for (int c = 0; c < 3; c++) fn[c] += force[n][c];
+  }
+  return bad;
+}

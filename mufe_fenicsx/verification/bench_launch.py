@@ -1,0 +1,39 @@
+"""Measurements in programs of their own, under the environment's own mpirun."""
+
+import json
+import os
+import subprocess
+import sys
+
+from ..errors import InputError
+from ..launcher import VARIABLES, find_mpirun
+
+
+def row(computed, target, passed):
+    """A figure and what it is to reach."""
+    return {"computed": computed, "target": target, "passed": bool(passed)}
+
+
+def launch(name, parameters, num_ranks):
+    """The measurement ``name`` of bench.MEASUREMENTS on so many ranks; what it returned.
+
+    Raises:
+        InputError: It failed.
+    """
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(VARIABLES)}
+    command = [
+        find_mpirun(),
+        "-n",
+        str(num_ranks),
+        sys.executable,
+        "-m",
+        "mufe_fenicsx.verification.bench",
+        name,
+        json.dumps(parameters),
+    ]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise InputError(
+            f"benchmark {name} on {num_ranks} ranks failed: {done.stderr.strip()[-500:]}"
+        )
+    return json.loads(done.stdout.splitlines()[-1])

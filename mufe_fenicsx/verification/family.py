@@ -1,0 +1,116 @@
+"""The benchmark scene: a sand as that of Nadimi & Fonseca (2018), and smaller parts of it.
+
+400 × 400 × 200 voxels of 5 µm, d50 = 300 µm by mass, packed without friction, then imaged and
+segmented like a scan; some 550 grains, those cut by the image's border included. Meshed to about
+1.9 million tetrahedra, as the paper's 630 grains of 3080 each. Smaller members are cut out of the
+labels and meshed to the same size of elements.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import scipy.ndimage
+
+from ..errors import InputError
+
+VOXEL = 5e-6
+#: Voxels (z, y, x) of the members, by the number of grains that they are named after.
+MEMBERS = {20: (110, 110, 110), 60: (150, 150, 150), 200: (200, 245, 245), 630: (200, 400, 400)}
+#: What is left of a grain by the cut is kept from so many voxels on, and this thickness [voxels].
+LEAST_VOXELS, LEAST_THICKNESS = 650, 4
+#: Wanted length of edges [m].
+SIZE = 17.5e-6
+SCENE = """\
+title = "Sand of {number} grains, oedometer test as of Nadimi & Fonseca (2018)"
+
+[sample]
+grains = "grains"
+
+[material]
+model = "j2"
+E = "100 GPa"
+nu = 0.15
+rho = "2650 kg/m^3"
+yield_stress = [[0.0, "10 MPa"], [0.05, "110 MPa"]]
+
+[contact]
+friction = 0.23
+
+[oedometer]
+strain = {strain:g}
+speed = "{speed:g} m/s"
+seating_stress = "1.5 MPa"
+
+[quasi_static]
+kinetic = 0.008
+unbalanced = 0.015
+
+[mass_scaling]
+added = 0.005
+
+[output]
+fields = 5
+history = 500
+checkpoint = "10 min"
+"""
+
+
+def member(cache, number, size=SIZE):
+    """Folder of a member's grain meshes, made where absent.
+
+    Args:
+        cache: Folder where scan, labels and meshes are kept for the next time.
+        number: One of ``MEMBERS``.
+        size: Wanted length of edges [m].
+
+    Raises:
+        InputError: There is no such member.
+    """
+    from ..geometry.pipeline import mesh_labels
+    from ..geometry.settings import MeshSettings
+
+    if number not in MEMBERS:
+        raise InputError(f"grains = {number}, expected one of {', '.join(map(str, MEMBERS))}")
+    folder = Path(cache) / f"sand-{number}-{size * 1e6:g}um"
+    if not (folder / "grains").exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        labels = _labels(Path(cache), number, folder)
+        mesh_labels(labels, MeshSettings(size=size, keep_largest_piece=True), folder / "grains")
+    return folder.resolve()
+
+
+def scene_file(folder, number, strain=0.1, speed=2.0):
+    """Write the scene of a member into its folder; returns its path."""
+    path = folder / "scene.toml"
+    path.write_text(SCENE.format(number=number, strain=strain, speed=speed), encoding="utf-8")
+    return path
+
+
+def _labels(cache, number, folder):
+    """Label image of a member: a corner of that of the largest."""
+    from ..geometry.label_files import read_labels, write_labels
+    from ..geometry.pipeline import segment_image
+    from ..scene import load_scene
+    from ..synthetic.pipeline import synthesize
+    from ..synthetic.settings import SynthesisSettings
+
+    scan = cache / "sand-scan"
+    if not scan.exists():
+        synthesize(SynthesisSettings(shape=MEMBERS[630]), scan)
+    whole = scan / "labels.tif"
+    if not whole.exists():
+        settings = replace(load_scene(scan / "scene.toml").image)
+        segment_image(settings.path, settings, whole)
+    labels, voxel = read_labels(whole)
+    part = labels[tuple(slice(n) for n in MEMBERS[number])].copy()
+    # Shavings of grains that the cut leaves at its faces.
+    for label, box in enumerate(scipy.ndimage.find_objects(part), 1):
+        if box is not None:
+            mine = part[box] == label
+            if mine.sum() < LEAST_VOXELS or min(mine.shape) < LEAST_THICKNESS:
+                part[box][mine] = 0
+    _, numbered = np.unique(part, return_inverse=True)
+    path = folder / "labels.tif"
+    write_labels(path, numbered.reshape(part.shape), voxel)
+    return path
