@@ -1,4 +1,4 @@
-"""The command `mufe`: a thin layer over the functions that do the work.
+"""The command `mufe`: runs, reports and cases; those from an image to grains are in `cli_grains`.
 
 What a command needs is imported where it runs, so that `mufe --help` is quick.
 """
@@ -9,36 +9,13 @@ from typing import Annotated
 
 import typer
 
-from .arguments import (
-    crop_ranges,
-    known_names,
-    lengths,
-    merged_settings,
-    number_or_text,
-    parameters,
-    whole_numbers,
-)
+from . import cli_grains  # noqa: F401, its commands come first
+from .arguments import known_names, parameters
+from .cli_app import Json, Overwrite, app, serial_only, world
 from .errors import InputError
 from .exit_status import FAILED, run_to_exit
-from .launcher import forget_launcher
-from .terminal import Printer, number, progress_bar
+from .terminal import Printer, number
 
-app = typer.Typer(
-    name="mufe",
-    help="Micro finite-element model of sand: from a CT scan to grains in frictional contact.",
-    add_completion=False,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
-
-Json = Annotated[
-    str | None,
-    typer.Option("--json", metavar="PATH", help="Write the result as JSON; - for standard output."),
-]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace earlier output.")]
-SceneOption = Annotated[
-    Path | None, typer.Option("--scene", metavar="SCENE", help="Take the settings of a scene file.")
-]
 Changes = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="K=V", help="Change a parameter of the cases; repeatable."),
@@ -46,328 +23,10 @@ Changes = Annotated[
 CaseNames = Annotated[list[str] | None, typer.Argument(metavar="CASE...", show_default=False)]
 ListCases = Annotated[bool, typer.Option("--list", help="List the cases and end.")]
 
-RawShape = Annotated[str | None, typer.Option(help="Of a raw file, along its axes: z,y,x.")]
-RawType = Annotated[
-    str | None, typer.Option(help='Of a raw file, such as "<u2"; ">" is big endian.')
-]
-Key = Annotated[str | None, typer.Option(help="Name of the array in a .npz or .h5 file.")]
-Axes = Annotated[str | None, typer.Option(help="Order of the file's axes, slowest first: zyx.")]
-
 
 def main(arguments=None):
     """Run `mufe` with the given arguments (default: those of the process) and exit. Collective."""
     run_to_exit(lambda: _dispatch(arguments))
-
-
-@app.command()
-def segment(
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="LABELS", help="Labels to write (TIFF).")
-    ],
-    image: Annotated[
-        str | None,
-        typer.Argument(metavar="IMAGE", help="Grey image; left out: the one that the scene names."),
-    ] = None,
-    scene: SceneOption = None,
-    voxel_size: Annotated[
-        str | None, typer.Option(help='Edge of a voxel, "5 um", or along z,y,x.')
-    ] = None,
-    shape: RawShape = None,
-    dtype: RawType = None,
-    key: Key = None,
-    axes: Axes = None,
-    crop: Annotated[str | None, typer.Option(help="Voxels to keep: z0:z1,y0:y1,x0:x1.")] = None,
-    upsample: Annotated[str | None, typer.Option(help="Label voxels per image voxel.")] = None,
-    filter: Annotated[str | None, typer.Option(help="gaussian, median or none.")] = None,
-    filter_radius: Annotated[str | None, typer.Option(help="Of the filter, in voxels.")] = None,
-    threshold: Annotated[
-        str | None, typer.Option(help="middle, gaussians, otsu or a grey level.")
-    ] = None,
-    separation: Annotated[
-        str | None, typer.Option(help="depth, level (ITK's watershed filter) or markers.")
-    ] = None,
-    marker_depth: Annotated[
-        str | None, typer.Option(help="Dip of the distance map that parts grains, in voxels.")
-    ] = None,
-    relative_depth: Annotated[
-        str | None, typer.Option(help="The same, over the grain's largest distance to the void.")
-    ] = None,
-    watershed_threshold: Annotated[
-        str | None, typer.Option(help="ITK's threshold, with separation level.")
-    ] = None,
-    watershed_level: Annotated[
-        str | None, typer.Option(help="ITK's level, with separation level.")
-    ] = None,
-    contact_level: Annotated[
-        str | None,
-        typer.Option(help="Least brightness of a contact, void 0, solid 1; 0: none asked."),
-    ] = None,
-    fill_pores: Annotated[
-        bool | None, typer.Option("--fill-pores/--keep-pores", help="Fill voids inside grains.")
-    ] = None,
-    min_grain_voxels: Annotated[
-        int | None, typer.Option(help="Smaller fragments are no grains.")
-    ] = None,
-    overwrite: Overwrite = False,
-    json: Json = None,
-):
-    """Part the grains of a grey image: threshold, distance map, watershed."""
-    _serial_only("segment")
-    printer = Printer(json)
-    from .geometry.settings import SegmentSettings
-    from .scene import image_path, load_scene
-
-    in_scene = load_scene(scene).image if scene is not None else None
-    if image is None and in_scene is None:
-        raise InputError("IMAGE is missing, expected an image or a --scene with [image] file")
-    settings = merged_settings(
-        SegmentSettings,
-        in_scene if in_scene is None else in_scene.separated_by(separation),
-        voxel_size=lengths(voxel_size),
-        axes=axes,
-        shape=shape and whole_numbers("--shape", shape, "z,y,x"),
-        dtype=dtype,
-        key=key,
-        crop=crop and crop_ranges(crop),
-        upsample=number_or_text(upsample),
-        filter=filter,
-        filter_radius=number_or_text(filter_radius),
-        threshold=number_or_text(threshold),
-        separation=separation,
-        marker_depth=number_or_text(marker_depth),
-        relative_depth=number_or_text(relative_depth),
-        watershed_threshold=number_or_text(watershed_threshold),
-        watershed_level=number_or_text(watershed_level),
-        contact_level=number_or_text(contact_level),
-        fill_pores=fill_pores,
-        min_grain_voxels=min_grain_voxels,
-    )
-    from .geometry.pipeline import segment_image
-
-    path = image_path(in_scene.file if image is None else image)
-    result = segment_image(path, settings, output, overwrite=overwrite)
-    printer.summary(result)
-    printer.say(*(f"warning: {line}" for line in result["warnings"]))
-    printer.write_json(result)
-
-
-@app.command()
-def mesh(
-    labels: Annotated[
-        Path,
-        typer.Argument(
-            metavar="LABELS",
-            help="Labels (any image format), surfaces (.npz), or a folder of STL files.",
-        ),
-    ],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="GRAINS", help="Folder to write.")
-    ],
-    scene: SceneOption = None,
-    size: Annotated[str | None, typer.Option(help='Length of edges, such as "30 um".')] = None,
-    smallest_size: Annotated[
-        str | None, typer.Option(help="At least, where the size varies and in small grains.")
-    ] = None,
-    sizing: Annotated[
-        str | None, typer.Option(help="What the size follows: uniform, curvature or contact.")
-    ] = None,
-    angle: Annotated[
-        str | None, typer.Option(help="Between neighbouring facets, for --sizing curvature.")
-    ] = None,
-    contact_reach: Annotated[
-        str | None, typer.Option(help="Gaps up to this are meshed finely, for --sizing contact.")
-    ] = None,
-    growth: Annotated[str | None, typer.Option(help="Of the size over distance.")] = None,
-    surface_nodes: Annotated[
-        int | None, typer.Option(help="Of each grain, whose sizes are scaled to that.")
-    ] = None,
-    inner_size: Annotated[
-        str | None, typer.Option(help="Of edges inside grains, times those of the surface.")
-    ] = None,
-    min_angle: Annotated[
-        str | None, typer.Option(help="Of triangles; grains with less are tried otherwise.")
-    ] = None,
-    smoothing: Annotated[str | None, typer.Option(help="Of surfaces, in voxels.")] = None,
-    conforming: Annotated[
-        bool | None,
-        typer.Option("--conforming/--apart", help="Grains that touch share their facets there."),
-    ] = None,
-    keep_volume: Annotated[
-        bool | None,
-        typer.Option("--keep-volume/--free-volume", help="Keep the volume of each grain's voxels."),
-    ] = None,
-    processes: Annotated[int | None, typer.Option(help="Worker processes; 0: all cores.")] = None,
-    time_limit: Annotated[str | None, typer.Option(help='For one grain, such as "2 min".')] = None,
-    keep_largest_piece: Annotated[
-        bool | None,
-        typer.Option(
-            "--keep-largest-piece/--whole-grains",
-            help="Of a grain in several pieces; otherwise that is an error.",
-        ),
-    ] = None,
-    voxel_size: Annotated[
-        str | None, typer.Option(help='For labels that state none, "5 um", or along z,y,x.')
-    ] = None,
-    shape: RawShape = None,
-    dtype: RawType = None,
-    key: Key = None,
-    axes: Axes = None,
-    scale: Annotated[
-        str | None, typer.Option(help='Length unit of surfaces, such as "1 mm".')
-    ] = None,
-    overwrite: Overwrite = False,
-    json: Json = None,
-):
-    """Mesh each grain with tetrahedra and print their quality."""
-    _serial_only("mesh")
-    printer = Printer(json)
-    from .geometry.settings import MeshSettings
-    from .scene import load_scene
-
-    settings = merged_settings(
-        MeshSettings,
-        load_scene(scene).mesh if scene is not None else None,
-        size=number_or_text(size),
-        smallest_size=number_or_text(smallest_size),
-        sizing=sizing,
-        angle=number_or_text(angle),
-        contact_reach=number_or_text(contact_reach),
-        growth=number_or_text(growth),
-        surface_nodes=surface_nodes,
-        inner_size=number_or_text(inner_size),
-        min_angle=number_or_text(min_angle),
-        smoothing=number_or_text(smoothing),
-        conforming=conforming,
-        keep_volume=keep_volume,
-        processes=processes,
-        time_limit=number_or_text(time_limit),
-        keep_largest_piece=keep_largest_piece,
-        voxel_size=lengths(voxel_size),
-        axes=axes,
-        shape=shape and whole_numbers("--shape", shape, "z,y,x"),
-        dtype=dtype,
-        key=key,
-        scale=number_or_text(scale),
-    )
-    from .geometry.pipeline import mesh_labels
-
-    with progress_bar("meshing") as progress:
-        result = mesh_labels(labels, settings, output, overwrite=overwrite, progress=progress)
-    printer.summary(result)
-    printer.say(*(f"repaired {notice}" for notice in result["repaired"]))
-    printer.say(*_failed_grains(result))
-    printer.write_json(result)
-
-
-@app.command()
-def export(
-    grains: Annotated[
-        Path, typer.Argument(metavar="GRAINS", help="Folder that `mufe mesh` wrote.")
-    ],
-    output: Annotated[
-        Path,
-        typer.Option("--output", "-o", metavar="FILE", help=".msh, .vtu, .vtk, .xdmf or .inp"),
-    ],
-    overwrite: Overwrite = False,
-):
-    """Write the meshes of all grains for another program, with the label of each cell."""
-    _serial_only("export")
-    from .geometry.exchange import export_grains
-    from .geometry.grains import load_grains
-
-    export_grains(output, load_grains(grains), overwrite=overwrite)
-
-
-@app.command("import")
-def import_meshes(
-    mesh: Annotated[Path, typer.Argument(metavar="FILE", help="Tetrahedra that meshio can read.")],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="GRAINS", help="Folder to write.")
-    ],
-    scale: Annotated[str, typer.Option(help='Length unit of the file, such as "1 mm".')] = "1 m",
-    overwrite: Overwrite = False,
-    json: Json = None,
-):
-    """Take tetrahedral meshes of grains from another program as they are."""
-    _serial_only("import")
-    printer = Printer(json)
-    from .geometry.exchange import import_grains
-    from .geometry.grains import save_grains
-    from .geometry.output import new_folder
-    from .units import to_si
-
-    grains = import_grains(mesh, to_si(number_or_text(scale), "m", "--scale"))
-    with new_folder(output, overwrite=overwrite, marker="grains.h5") as folder:
-        save_grains(folder, grains)
-    result = {
-        "grains": str(output),
-        "num_grains": grains.num_grains,
-        "num_cells": len(grains.cells),
-        "num_nodes": len(grains.points),
-        "element_size": grains.element_size,
-    }
-    printer.summary(result)
-    printer.write_json(result)
-
-
-@app.command()
-def shapes(
-    source: Annotated[
-        Path, typer.Argument(metavar="SOURCE", help="Folder that `mufe mesh` wrote, or labels.")
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder for shapes.csv and shapes.png."),
-    ] = None,
-    voxel_size: Annotated[
-        str | None, typer.Option(help='Of labels that do not state it, such as "5 um".')
-    ] = None,
-    key: Annotated[str | None, typer.Option(help="Name of the labels in an .npz file.")] = None,
-    overwrite: Overwrite = False,
-    json: Json = None,
-):
-    """Size and form of each grain: lengths, sphericity, inertia, orientation, size distribution."""
-    _serial_only("shapes")
-    printer = Printer(json)
-    from .geometry.shape_table import write_shapes
-    from .units import to_si
-
-    size = None if voxel_size is None else to_si(number_or_text(voxel_size), "m", "--voxel-size")
-    output = Path(f"{source.stem}-shapes") if output is None else output
-    result = write_shapes(source, output, voxel_size=size, key=key, overwrite=overwrite)
-    printer.summary(result)
-    printer.write_json(result)
-
-
-@app.command()
-def synthesize(
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")],
-    shape: Annotated[str | None, typer.Option(help="Voxels of the image: z,y,x.")] = None,
-    changes: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="K=V", help='Change a setting, as d50="300 um"; repeatable.'),
-    ] = None,
-    seed: Annotated[int | None, typer.Option(help="Of all random numbers.")] = None,
-    overwrite: Overwrite = False,
-    json: Json = None,
-):
-    """Make a synthetic scan of sand whose grains and contacts are known."""
-    _serial_only("synthesize")
-    printer = Printer(json)
-    from .synthetic.settings import settings_from
-
-    given = parameters(changes)
-    if shape is not None:
-        given["shape"] = tuple(whole_numbers("--shape", shape, "z,y,x"))
-    if seed is not None:
-        given["seed"] = seed
-    settings = settings_from(given)
-    from .synthetic.pipeline import synthesize as make
-
-    with progress_bar("packing") as progress:
-        result = make(settings, output, overwrite=overwrite, progress=progress)
-    printer.summary(result)
-    printer.write_json(result)
 
 
 @app.command()
@@ -399,7 +58,7 @@ def run(
     json: Json = None,
 ):
     """Run the test of a scene; also under mpirun."""
-    comm = _world()
+    comm = world()
     printer = Printer(json, comm.rank)
     from .preparation import read_scene
     from .run import run_scene
@@ -441,7 +100,7 @@ def report(
     json: Json = None,
 ):
     """Draw the figures of a run and write report.html beside them."""
-    _serial_only("report")
+    serial_only("report")
     printer = Printer(json)
     from .report import write_report
 
@@ -458,7 +117,7 @@ def verify(
     json: Json = None,
 ):
     """Compare with closed-form solutions; without CASE, all of them."""
-    comm = _world()
+    comm = world()
     printer = Printer(json, comm.rank)
     from .verification.cases import CASES, run_cases
 
@@ -488,7 +147,7 @@ def bench(
     json: Json = None,
 ):
     """Measure the throughput; without CASE, all that take minutes."""
-    comm = _world()
+    comm = world()
     printer = Printer(json, comm.rank)
     from .verification.bench import BENCHMARKS, USUAL, run_benchmarks
 
@@ -519,26 +178,13 @@ def demo(
     json: Json = None,
 ):
     """Oedometer test on a real image: segment, mesh, run, report."""
-    _serial_only("demo")
+    serial_only("demo")
     printer = Printer(json)
     from .demo import run_demo
 
     result = run_demo(output, overwrite, printer)
     printer.write_json(result)
     return result["status"]
-
-
-def _failed_grains(result, num_reasons=10):
-    """Lines that name every grain without a mesh, with the reasons of the first ones."""
-    failed = result["failed"]
-    if not failed:
-        return []
-    lines = [f"grains not meshed: {len(failed)}, of label {', '.join(map(str, failed))}"]
-    first = list(zip(failed, result["reasons"], strict=True))[:num_reasons]
-    lines += [f"  grain {label}: {reason}" for label, reason in first]
-    if len(failed) > num_reasons:
-        lines.append(f"  the other reasons are in {Path(result['grains']) / 'quality.csv'}")
-    return lines
 
 
 def _dispatch(arguments):
@@ -557,20 +203,6 @@ def _dispatch(arguments):
         message = error.format_message().rstrip(".")
         raise InputError(f"{message}. See {command} --help.") from None
     return status if isinstance(status, int) else 0
-
-
-def _world():
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
-
-
-def _serial_only(command):
-    """Refuse several ranks; on one, worker processes shall not take themselves for it."""
-    size = _world().size
-    if size > 1:
-        raise InputError(f"mufe {command} on {size} ranks, expected one: run it without mpirun")
-    forget_launcher()
 
 
 def _list(printer, cases):

@@ -68,6 +68,8 @@ TABLE = {
 #: The program around the parts, and the cases of verification: they import anything.
 ANYTHING = {
     "cli",
+    "cli_app",
+    "cli_grains",
     "arguments",
     "terminal",
     "exit_status",

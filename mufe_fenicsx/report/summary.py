@@ -45,6 +45,9 @@ def run_rows(run):
         ("Contacts found inside a grain", _adopted(run.get("contact"))),
         ("Grains that failed to mesh", _failed(run.get("failed_grains"))),
         ("Stages", _stages(run.get("stages"))),
+        ("Speed led by targets", _quasi_static(run.get("quasi_static"))),
+        ("Added mass", _mass_scaling(run.get("mass_scaling"))),
+        ("Retries", _retries(run.get("retries"))),
         ("End", _end(run)),
         ("Command", _command(run.get("command"))),
         ("Versions", ", ".join(f"{k} {v}" for k, v in (run.get("versions") or {}).items())),
@@ -238,6 +241,35 @@ def _stages(stages):
         f"{s.get('name')} from step {s.get('step')}, t = {quantity(s.get('time'), 's')}, "
         f"strain {number(s.get('strain'))}"
         for s in stages or ()
+    )
+
+
+def _quasi_static(found):
+    if not found or not found.get("slowest"):
+        return None
+    return (
+        f"{found['slowest']:.3g} to {found['fastest']:.3g} m/s; largest kinetic "
+        f"over internal energy {found['largest_kinetic']:.2%}, force difference "
+        f"{found['largest_unbalanced']:.2%} (filtered over a wave's way through the sample)"
+    )
+
+
+def _mass_scaling(found):
+    if not found:
+        return None
+    return (
+        f"{found['added']:.2%} of all, at most {found['added_to_grain']:.2%} of one grain, in "
+        f"{number(found['num_elements'])} tetrahedra; stable step {found['gain']:.2f} times as long"
+    )
+
+
+def _retries(done):
+    if not done:
+        return None
+    return "; ".join(
+        f"from step {r['from_step']} with time step factor {r['time_step_factor']:g} after step "
+        f"{r['failed_at_step']}: {r['cause']}"
+        for r in done
     )
 
 

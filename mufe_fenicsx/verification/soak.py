@@ -16,10 +16,12 @@ MATERIAL = J2(100e9, 0.15, 2650.0, ((0.0, 10e6), (0.05, 110e6)))
 
 #: Parts of the steps after which the memory is compared with that at the end, and the forces.
 WARM, HELD = 0.1, 0.5
+#: Of the platen while it closes the gaps [m/s].
+SEATING_SPEED = 0.5
 
 
 @case("soak", num_bodies=4)
-def soak(comm, steps=1_000_000, strain=0.05, speed=0.2, element_size=0.9):
+def soak(comm, steps=1_000_000, strain=0.1, speed=0.5, element_size=0.9):
     """Twenty yielding grains, compressed and then held, over a million steps.
 
     The energy balance has to close, no memory to be taken step by step, and the forces to stay
@@ -38,10 +40,10 @@ def soak(comm, steps=1_000_000, strain=0.05, speed=0.2, element_size=0.9):
     low = np.min(comm.allgather(mesh.x.min(axis=0)), axis=0)
     high = np.max(comm.allgather(mesh.x.max(axis=0)), axis=0)
     walls = [Wall(name, *plane) for name, plane in axis_planes(low, high).items()]
-    # Waves of the sample, 10 mm high, die within some thousand steps.
-    s = Simulation(mesh, [MATERIAL] * mesh.num_grains, walls, friction=0.3, damping=2e4)
+    # Speeds halve within some 10 000 steps: little while it is loaded, all while it is held.
+    s = Simulation(mesh, [MATERIAL] * mesh.num_grains, walls, friction=0.3, damping=5e3)
     area = (high - low)[0] * (high - low)[1]
-    loading = OedometerLoading(s, strain, speed, 0.1 * strain, 1e5 * area, speed)
+    loading = OedometerLoading(s, strain, speed, 0.1 * strain, 1e6 * area, SEATING_SPEED)
     memory, early, late = None, [], []
     every = max(1, steps // 1000)
     while s.state.num_steps < steps:

@@ -1,0 +1,40 @@
+"""The program `mufe` as typer sees it, and what its commands share."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .errors import InputError
+from .launcher import forget_launcher
+
+app = typer.Typer(
+    name="mufe",
+    help="Micro finite-element model of sand: from a CT scan to grains in frictional contact.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+
+Json = Annotated[
+    str | None,
+    typer.Option("--json", metavar="PATH", help="Write the result as JSON; - for standard output."),
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace earlier output.")]
+SceneOption = Annotated[
+    Path | None, typer.Option("--scene", metavar="SCENE", help="Take the settings of a scene file.")
+]
+
+
+def world():
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+def serial_only(command):
+    """Refuse several ranks; on one, worker processes shall not take themselves for it."""
+    size = world().size
+    if size > 1:
+        raise InputError(f"mufe {command} on {size} ranks, expected one: run it without mpirun")
+    forget_launcher()
