@@ -5,11 +5,16 @@ t_e lies below a wanted one t get the density
 
     rho_e' = rho_e (t/t_e)²
 
-(conventional mass scaling). Mass only lowers the frequencies of the assembled system: its stable
-step, which is estimated anew with the new mass, can but grow, also where springs of contact limit
-it, for these are stiffest over mass at small elements. Inertia is changed, statics is not. Since
-each grain becomes heavier by a share a_g, the speed of waves falls by up to 1/sqrt(1 + a_g), and
-its kinetic energy at a given speed grows by 1 + a_g.
+(conventional mass scaling). Springs of contact that hold a node of the surface by up to k in all
+have a stable step of their own there, T = sqrt(2 m/k): contacts that open and close need
+(w T)² <= 2. Such a node gets the mass k T²/2 of the step T = 2.3 t that the assembled tetrahedra of
+elements with the step t allow at least. Nodes along the sharp edges of a grain that walls hold are
+those: they have little mass, and two or three walls.
+
+Mass only lowers the frequencies of the assembled system: its stable step, which is estimated anew
+with the new mass, can but grow. Inertia is changed, statics is not. Since each grain becomes
+heavier by a share a_g, the speed of waves falls by up to 1/sqrt(1 + a_g), and its kinetic energy at
+a given speed grows by 1 + a_g.
 
 Two bounds hold at all times: added mass over the mass of all grains, and the same of each grain.
 t is the longest step that meets both, or the one asked for if that is shorter.
@@ -28,6 +33,8 @@ import math
 import numpy as np
 from mpi4py import MPI
 
+#: Stable step of the assembled tetrahedra over that of the worst one, at least (2.3 to 3.4).
+ASSEMBLED = 2.3
 #: Bisections for the wanted step: it is then known to 2^-30 of the interval's logarithm.
 BISECTIONS = 30
 #: Mass is adjusted when the stable step falls below this part of what it was.
@@ -71,6 +78,7 @@ class MassScaling:
         self._grain_mass = self._of_grains(self._element_mass)
         self._total = self.comm.allreduce(float(self._grain_mass.sum()))
         self.added = np.zeros(mesh.num_cells)  #: added density over that of the material
+        self.added_to_node = np.zeros(mesh.num_nodes)  #: mass added for springs of contact [kg]
         self.wanted = 0.0  #: step of the worst element that it was last adjusted to [s]
         self.reached = 0.0  #: stable step after the last adjustment [s]
 
@@ -79,19 +87,30 @@ class MassScaling:
 
     def shares(self):
         """Added mass over the mass of all grains, and the largest such share of a grain."""
-        return self._shares(self.added)
+        return self._shares(self.added, self.added_to_node)
 
-    def _shares(self, added):
+    def _shares(self, added, added_to_node):
         of_grains = self._of_grains(added * self._element_mass)
+        of_grains += np.bincount(self.mesh.grain_of_node, added_to_node, of_grains.size)
         total = self.comm.allreduce(float(of_grains.sum()))
         largest = float((of_grains / self._grain_mass).max(initial=0.0))
         return total / self._total, self.comm.allreduce(largest, op=MPI.MAX)
 
-    def adjust(self, x):
-        """Add what the elements want at the positions ``x``; whether any mass was added."""
+    def adjust(self, x, springs=None):
+        """Add what elements and springs want at the positions ``x``; whether any mass was added.
+
+        Args:
+            x: Positions [m], shape (num_nodes, 3).
+            springs: Nodes that contact may hold and bounds of its springs there [N/m]; or None.
+        """
         s = self.settings
         own = element_steps(x, self.mesh.cells, self.solid.wave_speed[self.mesh.grain_of_cell])
-        low = self.comm.allreduce(float(own.min(initial=math.inf)), op=MPI.MIN)
+        nodes, stiffness = (np.empty(0, int), np.empty(0)) if springs is None else springs
+        held = stiffness > 0.0
+        nodes, stiffness = nodes[held], stiffness[held]
+        of_springs = np.sqrt(2.0 * self.first_mass[nodes] / stiffness) / ASSEMBLED
+        low = min(own.min(initial=math.inf), of_springs.min(initial=math.inf))
+        low = self.comm.allreduce(float(low), op=MPI.MIN)
         high = self.comm.allreduce(float(own.max(initial=0.0)), op=MPI.MAX)
         if s.time_step is not None:
             high = min(high, s.time_step)
@@ -99,10 +118,16 @@ class MassScaling:
             return False
 
         def at(step):
-            return np.maximum(self.added, (step / own) ** 2 - 1.0)
+            to_elements = np.maximum(self.added, (step / own) ** 2 - 1.0)
+            wanted = 0.5 * stiffness * (ASSEMBLED * step) ** 2
+            # What the elements around a node get counts for it.
+            there = self.first_mass + self._at_nodes(to_elements)
+            to_nodes = self.added_to_node.copy()
+            to_nodes[nodes] = np.maximum(to_nodes[nodes], wanted - there[nodes])
+            return to_elements, to_nodes
 
         def allowed(step):
-            share, largest = self._shares(at(step))
+            share, largest = self._shares(*at(step))
             return share <= s.added and largest <= s.added_to_grain
 
         if not allowed(high):
@@ -112,17 +137,21 @@ class MassScaling:
             high = low
         if not allowed(high):  # what is there already takes all that is allowed
             return False
-        added = at(high)
-        changed = self.comm.allreduce(bool((added > self.added).any()), op=MPI.LOR)
-        self.added, self.wanted = added, high
+        added, to_nodes = at(high)
+        more = (added > self.added).any() or (to_nodes > self.added_to_node).any()
+        changed = self.comm.allreduce(bool(more), op=MPI.LOR)
+        self.added, self.added_to_node, self.wanted = added, to_nodes, high
         self.set_masses()
         return changed
 
     def set_masses(self):
         """Give the nodes their masses, those of the material and what was added."""
-        share = np.repeat(0.25 * self.added * self._element_mass, 4)
-        more = np.bincount(self.mesh.cells.ravel(), share, self.mesh.num_nodes)
-        self.solid.mass[:] = self.first_mass + more
+        self.solid.mass[:] = self.first_mass + self._at_nodes(self.added) + self.added_to_node
+
+    def _at_nodes(self, added):
+        """Mass that added densities of elements bring to the nodes [kg]."""
+        share = np.repeat(0.25 * added * self._element_mass, 4)
+        return np.bincount(self.mesh.cells.ravel(), share, self.mesh.num_nodes)
 
     def summary(self, limits):
         """What was added and what it is worth, for run.json.
@@ -135,6 +164,7 @@ class MassScaling:
             "added": share,
             "added_to_grain": largest,
             "num_elements": self.comm.allreduce(int(np.count_nonzero(self.added))),
+            "num_contact_nodes": self.comm.allreduce(int(np.count_nonzero(self.added_to_node))),
             "element_step": self.wanted,
             "stable_step": limits[0],
             "stable_step_without": limits[1],

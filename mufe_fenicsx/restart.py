@@ -43,6 +43,7 @@ def snapshot(simulation):
     in_cells = {name: getattr(s, name) for name in ("deviator", "plastic_strain", "plastic_work")}
     if simulation.scaling is not None:
         in_cells["added_density"] = simulation.scaling.added
+        at_nodes["added_mass"] = simulation.scaling.added_to_node
     if solid.element == "averaged":
         at_nodes["pressure"] = solid.pressure[: mesh.num_nodes]
     else:
@@ -123,6 +124,7 @@ def restore(simulation, tables, own, common):
     scaling = simulation.scaling
     if scaling is not None:
         scaling.added[:] = in_cells["added_density"]
+        scaling.added_to_node[:] = at_nodes["added_mass"]
         scaling.set_masses()
         simulation.take_masses()
         for name in OF_SCALING:

@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from .contact.assemble import Contact
 from .contact.bonded import Bonded
+from .contact.bounds import spring_bounds
 from .contact.laws import COMPLIANCE
 from .contact.near import near_nodes
 from .contact.network import num_active_pairs
@@ -85,7 +86,6 @@ class Simulation:
         if mass_scaling is not None:
             rho = np.array([m.rho for m in materials])
             self.scaling = MassScaling(self.solid, rho, mass_scaling)
-            self.scaling.adjust(mesh.x)
         self.walls = Walls(walls)
         self.contact = Contact(
             mesh,
@@ -307,6 +307,9 @@ class Simulation:
         speed = np.sqrt(max((s.v**2).sum(axis=1).max(), (self.walls.velocity**2).sum()))
         ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
         self._margin = max(2.0 * moved, ahead, 1e-3 * self.contact.edge)
+        if self.scaling is not None and not self.scaling.reached:
+            # What is within an edge now, the walls above all, is held some time.
+            self._scale_masses(max(self._margin, self.contact.edge))
         limit = self._limit(self._highest, self._highest_of_springs)
         if self.scaling is not None and not early and limit < FALLEN * self.scaling.reached:
             if self._add_mass():
@@ -338,9 +341,15 @@ class Simulation:
     def _add_mass(self):
         """Adjust the added mass to the present geometry; whether there is more. Collective."""
         before = self._kinetic()
-        changed = self.scaling.adjust(self.state.x)
-        self.take_masses()
+        changed = self._scale_masses(self._margin)
         self.damped += before - self._kinetic()
+        return changed
+
+    def _scale_masses(self, margin):
+        """Masses for elements and contacts nearer than ``margin`` [m]; whether there is more."""
+        springs = self.contact.own.nodes, spring_bounds(self.contact, margin)
+        changed = self.scaling.adjust(self.state.x, springs)
+        self.take_masses()
         return changed
 
     def take_masses(self):

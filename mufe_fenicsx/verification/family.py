@@ -47,7 +47,8 @@ kinetic = 0.008
 unbalanced = 0.015
 
 [mass_scaling]
-added = 0.005
+added = 0.02
+added_to_grain = 1.0     # slices of grains at the walls are small
 
 [output]
 fields = 5
