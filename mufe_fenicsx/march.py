@@ -3,19 +3,22 @@
 import math
 import signal
 
+from .balance import INTERVAL
 from .errors import Interrupted, SolverError
 from .interruption import Interruption
 from .progress import ProgressLine
 
 
-def march(simulation, loading, recorder, output, save, max_steps, quiet, resumed):
-    """Step until the end of the test; returns why it stopped. Collective.
+def march(simulation, loading, recorder, output, save, balance, max_steps, quiet, resumed):
+    """Step until the end of the test; returns why it stopped, or None to begin anew. Collective.
 
     Args:
         simulation, loading: What moves.
         recorder: :class:`~mufe_fenicsx.recorder.Recorder`.
         output: Of the scene: when checkpoints are due.
         save: Writes one.
+        balance: Shares the work of the ranks anew where that is worth it, and writes a checkpoint
+            to begin anew from; returns whether it did.
         max_steps: Stop after so many steps, or None.
         quiet: No line on the terminal.
         resumed: The present step is recorded already.
@@ -26,7 +29,7 @@ def march(simulation, loading, recorder, output, save, max_steps, quiet, resumed
         InputError: A file cannot be written.
     """
     state = simulation.state
-    due = _Due(output, loading)
+    due, balance_due = _Due(output, loading), EachStrain(INTERVAL, loading)
     with (
         ProgressLine(simulation.comm, loading, quiet) as progress,
         Interruption(simulation.comm, output.checkpoint) as interruption,
@@ -45,6 +48,8 @@ def march(simulation, loading, recorder, output, save, max_steps, quiet, resumed
             number, by_time = interruption()
             if number:
                 raise _interrupted(number, save, state.num_steps, loading.strain)
+            if balance_due() and balance():
+                return None
             if by_time or due(state.num_steps):
                 save()
                 interruption.saved()
@@ -65,18 +70,28 @@ def _interrupted(number, save, step, strain):
     return Interrupted(f"stopped by {name} at step {step}, strain {strain:.4f}, {what}", number)
 
 
+class EachStrain:
+    """Whether the strain has passed another multiple of an interval since the last call."""
+
+    def __init__(self, interval, loading):
+        self.interval, self.loading = interval, loading
+        self._passed = self._count()
+
+    def _count(self):
+        return math.floor(self.loading.strain / self.interval) if self.interval else 0
+
+    def __call__(self):
+        before, self._passed = self._passed, self._count()
+        return self._passed > before
+
+
 class _Due:
     """Whether a checkpoint is due by steps or by strain."""
 
     def __init__(self, output, loading):
-        self.output, self.loading = output, loading
-        self._passed = self._count()
-
-    def _count(self):
-        interval = self.output.checkpoint_strain
-        return math.floor(self.loading.strain / interval) if interval else 0
+        self.steps = output.checkpoint_steps
+        self.by_strain = EachStrain(output.checkpoint_strain, loading)
 
     def __call__(self, step):
-        before, self._passed = self._passed, self._count()
-        interval = self.output.checkpoint_steps
-        return self._passed > before or bool(interval and step and step % interval == 0)
+        by_strain = self.by_strain()
+        return by_strain or bool(self.steps and step and step % self.steps == 0)

@@ -29,13 +29,14 @@ def read_scene(comm, path):
     return comm.bcast(scene)
 
 
-def load_mesh(comm, grains_folder, element="averaged"):
+def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None):
     """Read each rank's own grains and make the distributed mesh. Collective.
 
     Args:
         comm: MPI communicator.
         grains_folder: Folder that `mufe mesh` wrote.
         element: Tetrahedra are split where it is "composite".
+        rank_of_grain: Ranks of the grains, shape (num_grains,); None: evenly by their cells.
 
     Raises:
         InputError: The folder cannot be used, or there are more ranks than grains.
@@ -51,7 +52,9 @@ def load_mesh(comm, grains_folder, element="averaged"):
         raise InputError(
             f"number of ranks = {comm.size}, expected at most the number of grains, {labels.size}"
         )
-    rank_of_grain = partition_grains(num_cells, centroids, comm.size)
+    if rank_of_grain is None:
+        rank_of_grain = partition_grains(num_cells, centroids, comm.size)
+    rank_of_grain = np.asarray(rank_of_grain, dtype=np.int32)
     mine = np.flatnonzero(rank_of_grain == comm.rank)
     grains = load_grains(grains_folder, which=mine)
     cell_grain = np.repeat(mine, np.diff(grains.cell_offset))

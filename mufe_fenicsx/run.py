@@ -2,17 +2,20 @@
 
 import csv
 import time
+from functools import partial
 from pathlib import Path
 
+import numpy as np
 from mpi4py import MPI
 
+from .balance import better_partition
 from .contact.separation import separate
 from .errors import InputError, Interrupted, SolverError, UnstableError
 from .loading import STRAIN_DEFINITION, OedometerLoading
 from .march import march
 from .memory import peak_memory, return_freed_arrays
 from .origin import check_origin, grains_checksum
-from .output.checkpoint import CheckpointWriter, find_checkpoint, read_tables
+from .output.checkpoint import CheckpointWriter, find_checkpoint, read_tables, written_by
 from .output.run_folder import (
     create_run_folder,
     raise_together,
@@ -73,24 +76,35 @@ def run_scene(
         checkpoint = find_checkpoint(comm, folder)
         check_origin(comm, checkpoint, identity, folder, quiet)
         started -= checkpoint.header["wall_s"]
-    mesh = load_mesh(comm, grains_folder, scene.solver.element)
+    partition = checkpoint and _partition(checkpoint, comm)
+    mesh = load_mesh(comm, grains_folder, scene.solver.element, partition)
     scene.materials_of(mesh.labels[mesh.grains], mesh.labels)  # refused before anything is written
     if checkpoint is not None:
         separation = checkpoint.header["separation"]
-        kept = read_tables(comm, checkpoint, mesh.grains)
+        kept = read_tables(comm, checkpoint, mesh.grains, mesh.rank_of_grain)
         restore_reference(mesh, kept[0])
     else:
         separation = _separate(scene.sample, mesh)
         create_run_folder(comm, folder, overwrite)
     _write_inputs(comm, folder, identity["scene"], None if resume else Path(grains_folder))
-    test = _Test(scene, mesh, folder, identity, started, quiet, list(command), separation, profile)
+    load = partial(load_mesh, comm, grains_folder, scene.solver.element)
+    test = _Test(
+        scene, mesh, load, folder, identity, started, quiet, list(command), separation, profile
+    )
     return test.run(checkpoint, kept, max_steps)
+
+
+#: Of the summary, what checkpoints keep.
+KEPT = ("setup_s", "separation", "resumed_at_steps", "balanced_at_steps")
 
 
 class _Test:
     """One test: what stays the same when it begins anew from a checkpoint. Collective."""
 
-    def __init__(self, scene, mesh, folder, identity, started, quiet, command, separation, profile):
+    def __init__(
+        self, scene, mesh, load, folder, identity, started, quiet, command, separation, profile
+    ):
+        self.load = load  #: makes the mesh for given ranks of the grains
         self.wants_profile = profile
         self.scene, self.mesh, self.folder = scene, mesh, folder
         self.comm, self.quiet = mesh.comm, quiet
@@ -117,6 +131,7 @@ class _Test:
             "separation": separation,
             "failed_grains": _failed_grains(folder / "quality.csv"),
             "resumed_at_steps": [],
+            "balanced_at_steps": [],
         }
 
     def run(self, checkpoint, kept, max_steps):
@@ -129,15 +144,21 @@ class _Test:
             summary["setup_s"] = checkpoint.header["setup_s"]
             before = checkpoint.header["resumed_at_steps"]
             summary["resumed_at_steps"] = [*before, checkpoint.header["step"]]
+            summary["balanced_at_steps"] = checkpoint.header["balanced_at_steps"]
         if comm.rank == 0:
             write_run_json(self.folder, self.now())
         error = None
         while True:
             try:
-                summary["stop_reason"] = march(
+                reason = march(
                     self.simulation, self.loading, self.recorder, self.scene.output, self.save,
-                    max_steps, self.quiet, resumed,
+                    self.balance, max_steps, self.quiet, resumed,
                 )  # fmt: skip
+                if reason is None:
+                    self.begin_again(find_checkpoint(comm, self.folder))
+                    resumed = True
+                    continue
+                summary["stop_reason"] = reason
                 summary["finished"] = bool(self.loading.finished)
                 break
             except UnstableError as failure:
@@ -204,7 +225,8 @@ class _Test:
             if len(header["retries"]) < len(self.recovery.done):
                 self.simulation.update_time_step()
             self.loading.go_on(header["loading"])
-            recorder, same_ranks = header["recorder"], checkpoint.num_ranks == self.comm.size
+            recorder = header["recorder"]
+            same_ranks = written_by(checkpoint, self.comm.size, self.mesh.rank_of_grain)
             self.checkpoints.remove_after(checkpoint)
         else:
             self.checkpoints.remove_after(None)
@@ -223,17 +245,39 @@ class _Test:
         """Go back to a checkpoint, or to the start if that is None."""
         self.recorder.history.close()
         self.simulation = self.loading = self.recorder = None  # their memory is free now
-        kept = checkpoint and read_tables(self.comm, checkpoint, self.mesh.grains)
+        partition = checkpoint and _partition(checkpoint, self.comm)
+        if partition is not None and (partition != self.mesh.rank_of_grain).any():
+            self.mesh = None
+            self.mesh = self.load(partition)
+            restore_reference(self.mesh, self.read(checkpoint)[0])
+        kept = checkpoint and self.read(checkpoint)
         self.begin(checkpoint, kept)
 
-    def save(self):
-        """Write a checkpoint, unless there is one of this step.
+    def read(self, checkpoint):
+        """Tables of a checkpoint for this rank's grains."""
+        return read_tables(self.comm, checkpoint, self.mesh.grains, self.mesh.rank_of_grain)
+
+    def balance(self):
+        """Share the work of the ranks anew, by a checkpoint to begin from; whether it did."""
+        better = better_partition(self.simulation)
+        if better is None:
+            return False
+        self.save(better)
+        self.summary["balanced_at_steps"].append(self.simulation.state.num_steps)
+        return True
+
+    def save(self, partition=None):
+        """Write a checkpoint, unless there is one of this step; with ``partition`` in any case.
+
+        Args:
+            partition: Ranks of the grains from here on, shape (num_grains,); None: as they are.
 
         Raises:
             UnstableError: The state is not sound.
         """
         step = self.simulation.state.num_steps
-        if self.checkpoints.last is not None and self.checkpoints.last.name == f"step-{step:09d}":
+        last = self.checkpoints.last
+        if partition is None and last is not None and last.name == f"step-{step:09d}":
             return
         self.simulation.check()
         self.recorder.check_energy(self.simulation.energies())
@@ -245,7 +289,9 @@ class _Test:
             "retries": self.recovery.done,
             "strain": float(self.loading.strain),
             "wall_s": time.perf_counter() - self.started,
-            **{k: self.summary[k] for k in ("setup_s", "separation", "resumed_at_steps")},
+            "written_by": self.mesh.rank_of_grain.tolist(),
+            "rank_of_grain": (self.mesh.rank_of_grain if partition is None else partition).tolist(),
+            **{k: self.summary[k] for k in KEPT},
             **self.identity,
         }
         self.checkpoints.write(step, tables, own, header)
@@ -268,6 +314,13 @@ class _Test:
         if loading.control is not None:
             found["quasi_static"] = loading.control.summary()
         return found
+
+
+def _partition(checkpoint, comm):
+    """Ranks of the grains that a checkpoint asks for; None on another number of ranks."""
+    if checkpoint.num_ranks != comm.size:
+        return None
+    return np.array(checkpoint.header["rank_of_grain"], dtype=np.int32)
 
 
 def _separate(sample, mesh):

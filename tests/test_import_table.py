@@ -23,6 +23,7 @@ PART_OF = {
     "progress": "run",
     "recovery": "run",
     "profile": "run",
+    "balance": "run",
     "speed_control": "simulation",
 }
 

@@ -186,21 +186,22 @@ def _read_manifest(path):
     return content, None
 
 
-def read_tables(comm, checkpoint, grains):
+def read_tables(comm, checkpoint, grains, rank_of_grain):
     """Tables with the rows of this rank's grains, and what ranks had of their own. Collective.
 
-    On another number of ranks what they had added up is found on rank 0, and the largest of
-    all (names that begin with ``largest``) on every one.
+    Where grains are on other ranks than those that wrote it, what they had added up is found on
+    rank 0, and the largest of all (names that begin with ``largest``) on every one.
 
     Args:
         comm: MPI communicator.
         checkpoint: :class:`Checkpoint`.
         grains: Global indices of this rank's grains, increasing, shape (num_grains,).
+        rank_of_grain: Ranks of all grains, shape (num_grains_global,).
 
     Raises:
         InputError: A file cannot be read; on all ranks together.
     """
-    same = comm.size == checkpoint.num_ranks
+    same = written_by(checkpoint, comm.size, rank_of_grain)
     ranks = [comm.rank] if same else range(checkpoint.num_ranks)
     result, message = None, None
     try:
@@ -210,6 +211,12 @@ def read_tables(comm, checkpoint, grains):
         message = f"checkpoint {checkpoint.path} cannot be read ({reason(error)})"
     raise_together(comm, message)
     return result
+
+
+def written_by(checkpoint, num_ranks, rank_of_grain):
+    """Whether as many ranks wrote a checkpoint, each with the same grains."""
+    same = num_ranks == checkpoint.num_ranks
+    return same and bool(np.array_equal(checkpoint.header["written_by"], rank_of_grain))
 
 
 def _read_part(path, grains, everything):
