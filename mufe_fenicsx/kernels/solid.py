@@ -71,25 +71,6 @@ def _cofactors(x, a, b, c, d):
     return c1x, c1y, c1z, c2x, c2y, c2z, c3x, c3y, c3z, det
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def nodal_volumes(volume, x, cells):
-    """Add a quarter of each element's volume [m³] to its nodes, in place.
-
-    Args:
-        volume: Volumes around nodes, shape (num_nodes,).
-        x: Positions [m], shape (num_nodes, 3).
-        cells: Nodes of the elements, shape (num_cells, 4).
-    """
-    for e in range(cells.shape[0]):
-        a, b, c, d = U(cells[e, 0]), U(cells[e, 1]), U(cells[e, 2]), U(cells[e, 3])
-        det = _cofactors(x, a, b, c, d)[9]
-        quarter = det / 24.0
-        volume[a] += quarter
-        volume[b] += quarter
-        volume[c] += quarter
-        volume[d] += quarter
-
-
 #: Doubles of scratch that tets.c needs for each node of the largest grain, and besides.
 SCRATCH, BESIDES = 13, 32
 
@@ -135,11 +116,20 @@ class InternalForces:
         self._model = (ctypes.c_void_p * len(self._arrays))(*(a.ctypes.data for a in self._arrays))
         self._row, self._element = parameters.shape[1], element
         library, pointer, integer = load("tets"), ctypes.c_void_p, ctypes.c_int64
-        library.mufe_nodal_volumes.argtypes = [pointer, pointer, pointer, integer]
-        library.mufe_nodal_volumes(self._model, _at(self.node_volume0), _at(x), first_node.size)
+        self._volumes, self._num_grains = library.mufe_nodal_volumes, first_node.size
+        self._volumes.argtypes = [pointer, pointer, pointer, integer]
+        self._volumes.restype = None
+        self.nodal_volumes(self.node_volume0, x)
         self._call = library.mufe_add_internal_forces
         self._call.argtypes = [*[pointer] * 8, ctypes.c_double, *[integer] * 3, pointer]
         self._call.restype = integer
+
+    def nodal_volumes(self, volume, x):
+        """Volumes around all nodes [m³] at positions ``x``, into ``volume``, shape (num_nodes,).
+
+        Summed up as in each step, so that those of a grain at rest are its first ones.
+        """
+        self._volumes(self._model, _at(volume), _at(x), self._num_grains)
 
     def __call__(self, f, deviator, strain, work, x, v, dt, grains, increment=plastic_increment):
         """One step of some grains, in place.
