@@ -22,6 +22,8 @@ INTERRUPTED = 130
 #: once where an error is raised together; a rank that does not come is waiting
 #: for this one in another collective call, and would for ever.
 PATIENCE = 10.0
+#: What a launcher on a busy machine takes to pass on a line [s].
+FORWARDING = 1.0
 
 
 def run_to_exit(action):
@@ -55,12 +57,12 @@ def run_to_exit(action):
         traceback.print_exc()
         sys.stderr.flush()
         if comm.size > 1:
-            MPI.COMM_WORLD.Abort(FAILED)
+            _abort(MPI.COMM_WORLD, FAILED)
         sys.exit(FAILED)
 
     if not _others_end_too(comm, PATIENCE if failure else math.inf):
         _print_line(failure[1])
-        MPI.COMM_WORLD.Abort(failure[0])
+        _abort(MPI.COMM_WORLD, failure[0])
 
     failures = [one for one in comm.allgather(failure) if one is not None]
     if failures:
@@ -68,6 +70,12 @@ def run_to_exit(action):
         if comm.rank == 0:
             _print_line(line)
     sys.exit(status)
+
+
+def _abort(comm, status):
+    """End all ranks, once the launcher had time to pass on what was printed: it drops the rest."""
+    time.sleep(FORWARDING)
+    comm.Abort(status)
 
 
 def _others_end_too(comm, patience):
