@@ -6,6 +6,7 @@ from dolfinx import fem
 
 from .errors import InputError
 from .kernels.energy import elastic_energy
+from .kernels.native import load
 from .kernels.solid import (
     AVERAGED,
     COMPOSITE,
@@ -52,7 +53,8 @@ class Solid:
         element: One of :data:`ELEMENTS`.
 
     Raises:
-        InputError: There is no such element, or the mesh is not made of composites.
+        InputError: There is no such element, the mesh is not made of composites, or there is no
+            C compiler.
     """
 
     def __init__(self, mesh, materials, element="averaged"):
@@ -80,6 +82,7 @@ class Solid:
         edges = x[mesh.cells[:, 1:]] - x[mesh.cells[:, :1]]
         self.volume0 = np.linalg.det(edges) / 6
         self.pressure = np.zeros(max(mesh.num_nodes, mesh.num_cells))
+        _compile_once(mesh.comm)
         self._advance = InternalForces(
             mesh.cells, self.volume0, mesh.cell_offset, mesh.nodes[mesh.node_offset[:-1]],
             np.diff(mesh.node_offset), self.bulk, self.shear, self.parameters, self.pressure,
@@ -227,6 +230,23 @@ class Solid:
     def _name(self, cell):
         label = self.mesh.labels[self.mesh.grains[self.mesh.grain_of_cell[cell]]]
         return f"an element of grain {label} (element {cell} of its rank)"
+
+
+def _compile_once(comm):
+    """Rank 0 has the kernel made where it is not; the others find it. Collective.
+
+    Raises:
+        InputError: There is no C compiler; on all ranks.
+    """
+    message = None
+    if comm.rank == 0:
+        try:
+            load("tets")
+        except InputError as error:
+            message = str(error)
+    message = comm.bcast(message)
+    if message:
+        raise InputError(message)
 
 
 def von_mises(deviator):

@@ -1,10 +1,12 @@
 """Compiled loops against slow twins."""
 
 import math
+import platform
 
 import mufe_fenicsx  # noqa: F401, before dolfinx: it loads MPI
 
 # isort: split
+import numba
 import numpy as np
 import pytest
 import ufl
@@ -12,10 +14,14 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from mufe_fenicsx.contact.surface import neighbors, rings
+from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.refine import split
 from mufe_fenicsx.geometry.shapes import box, sphere
+from mufe_fenicsx.kernels import native
+from mufe_fenicsx.kernels import solid as kernels
 from mufe_fenicsx.kernels.closest import closest_point, pseudo_normal
 from mufe_fenicsx.kernels.hardening import plastic_increment, yield_stress_at
+from mufe_fenicsx.kernels.native import load
 from mufe_fenicsx.kernels.search import find_candidates, sort_into_cells
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
@@ -53,6 +59,48 @@ def move(state, x_new, dt):
 
 
 # --- solid ------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="four lanes are forced by its options")
+@pytest.mark.parametrize("element", ELEMENTS)
+@pytest.mark.parametrize("change", ["lanes", "law"])
+def test_kernel_with_four_lanes_and_with_a_law_from_outside(element, change, monkeypatch):
+    """Both are the same arithmetic: forces, stress and plastic work to round-off.
+
+    Elements shrink to half of their volume, beyond the series of ln J; their number is no
+    multiple of the lanes, and some yield across both segments of the table.
+    """
+    points, cells = box((1.0, 1.0, 1.0), (3, 3, 1))
+    material = J2(1e9, 0.15, 2650.0, ((0.0, 1e6), (0.02, 2e6), (0.1, 2.5e6)))
+    found = []
+    for other in (False, True):
+        if other and change == "lanes":
+            monkeypatch.setattr(kernels, "load", lambda name: load(name, "-mno-avx512f"))
+        mesh = one_body(points, cells[:-1] if element != "composite" else cells, element)
+        solid = Solid(mesh, [material], element)
+        if other and change == "law":
+            solid._laws = [
+                (numba.njit(plastic_increment.py_func), grains) for _, grains in solid._laws
+            ]
+        state = initial_state(mesh.x, mesh.num_cells)
+        rng = np.random.default_rng(5)
+        for _ in range(4):
+            new = 0.84 * state.x @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+            move(state, new + 0.01 * rng.normal(size=new.shape), 1.0)
+            forces = internal_forces(solid, state, 1.0)
+        found.append((forces, state.deviator, state.plastic_strain, state.plastic_work))
+    assert 0.02 < found[0][2].max() and found[0][2].min() < found[0][2].max()
+    for one, two in zip(*found, strict=True):
+        assert np.abs(one - two).max() < 1e-11 * np.abs(one).max()
+
+
+def test_without_a_compiler_there_is_one_clear_line(monkeypatch, tmp_path):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    monkeypatch.setattr(native, "_cache_folder", lambda: tmp_path)
+    native.load.cache_clear()
+    with pytest.raises(InputError, match="C compiler = none in PATH, expected GCC or clang"):
+        Solid(one_body(*box((1.0, 1.0, 1.0), (1, 1, 1))), [STEEL])
+    native.load.cache_clear()
 
 
 def test_elastic_forces_are_those_of_a_ufl_form():

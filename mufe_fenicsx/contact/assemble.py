@@ -6,13 +6,8 @@ import numpy as np
 from mpi4py import MPI
 
 from ..errors import InputError
-from ..kernels.pairs import (
-    add_pair_forces,
-    add_pair_stiffness,
-    largest_move,
-    largest_move_of,
-    pair_energy,
-)
+from ..kernels.motion import largest_move, largest_move_of
+from ..kernels.pairs import add_pair_forces, add_pair_stiffness, pair_energy
 from ..kernels.points import place_points, spread_points
 from ..kernels.walls import add_rows, add_some, gather_rows, gather_some
 from .checks import check_law, check_stiffness, check_surface, check_walls
@@ -316,7 +311,7 @@ class Contact:
         forces, x = self.forces.array, self.positions.array
         forces[self.num_before :] = 0.0
         dissipated, num_adopted, num_deep, deepest = add_pair_forces(
-            forces, p.due_pairs, p.state, p.due, p.candidate_due, p.closest, p.weights,
+            forces, p.due_pairs, p.due, p.candidate_due, p.closest, p.weights,
             p.normal, p.gap, p.offset, p.closed, p.stiffness, p.anchor, p.shear, p.slip, p.push,
             p.work, p.sliding, self.clock, x, *self._corners, p.node, p.first, p.candidate,
             self.facets, s.neighbor, self.ring_offset, self.ring, self.edges.beside, self.layer,

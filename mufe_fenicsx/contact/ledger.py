@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..kernels.pairs import carry_pairs
+from ..kernels.carry import carry_pairs
 
 
 class Ledger:

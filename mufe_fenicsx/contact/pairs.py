@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..kernels.pairs import carry_pairs, find_again
+from ..kernels.carry import carry_pairs, find_again
 from ..kernels.search import find_candidates, group_by_grain, sort_into_cells
 from ..kernels.self_contact import find_self_candidates
 
@@ -35,7 +35,7 @@ class Pairs:
         self.closed = np.zeros(num_pairs, dtype=bool)
         self.sliding = np.zeros(num_pairs, dtype=bool)
         # What a contact reads and writes lies side by side, two or three cache lines a pair.
-        self.state = state = np.zeros((num_pairs, 18))
+        state = np.zeros((num_pairs, 18))
         self.due_pairs = np.empty(num_pairs, dtype=np.int64)
         for k, name in enumerate(("weights", "normal", "anchor", "shear")):
             setattr(self, name, state[:, 3 * k : 3 * k + 3])

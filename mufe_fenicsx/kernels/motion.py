@@ -1,8 +1,10 @@
-"""The updates of central differences, each one pass over the nodes.
+"""The updates of central differences, each one pass over the nodes, and how far nodes move.
 
 ``runs`` are ranges of nodes, shape (num_runs, 2), first and end of each: the nodes of
 rigid grains are left out.
 """
+
+import math
 
 import numba
 
@@ -53,3 +55,34 @@ def predict(x_next, x, v, f, mass, dt):
     for n in range(mass.size):
         for i in range(3):
             x_next[n, i] = x[n, i] + dt * (v[n, i] + dt * f[n, i] / mass[n])
+
+
+@numba.njit(cache=True)
+def largest_move(previous, x):
+    """Largest distance [m] that a node moved since the last call; ``previous`` becomes ``x``.
+
+    Both of shape (num_nodes, 3). Infinity where a position is not finite.
+    """
+    largest = 0.0
+    for n in range(x.shape[0]):
+        dx, dy, dz = x[n, 0] - previous[n, 0], x[n, 1] - previous[n, 1], x[n, 2] - previous[n, 2]
+        square = dx * dx + dy * dy + dz * dz
+        if not square < math.inf:
+            return math.inf
+        largest = max(largest, square)
+        previous[n, 0], previous[n, 1], previous[n, 2] = x[n, 0], x[n, 1], x[n, 2]
+    return math.sqrt(largest)
+
+
+@numba.njit(cache=True)
+def largest_move_of(previous, x, rows):
+    """:func:`largest_move` of the nodes ``rows`` alone, shape (num_rows,)."""
+    largest = 0.0
+    for n in rows:
+        dx, dy, dz = x[n, 0] - previous[n, 0], x[n, 1] - previous[n, 1], x[n, 2] - previous[n, 2]
+        square = dx * dx + dy * dy + dz * dz
+        if not square < math.inf:
+            return math.inf
+        largest = max(largest, square)
+        previous[n, 0], previous[n, 1], previous[n, 2] = x[n, 0], x[n, 1], x[n, 2]
+    return math.sqrt(largest)

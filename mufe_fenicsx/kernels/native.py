@@ -1,7 +1,8 @@
 """C sources of this folder, compiled at their first use for the processor at hand.
 
 A compiler is there wherever DOLFINx works, since it compiles forms. What it made is kept in
-the user's cache folder, one file for each state of source, compiler, options and processor.
+the user's cache folder, one file for each state of source, options and processor: another compiler
+later changes no results, and nodes without one share what was made.
 """
 
 import ctypes
@@ -14,6 +15,8 @@ from functools import cache
 from pathlib import Path
 
 import llvmlite.binding
+
+from ..errors import InputError
 
 #: Not one that changes results between two runs on one processor.
 OPTIONS = (
@@ -35,25 +38,24 @@ def load(name, *more_options):
         more_options: For the compiler, after :data:`OPTIONS`.
 
     Raises:
-        RuntimeError: There is no C compiler, or it fails.
+        InputError: There is no C compiler, or it fails.
     """
     source = Path(__file__).with_name(f"{name}.c")
-    compiler = _compiler()
     options = [*OPTIONS, *more_options]
-    version = subprocess.run([compiler, "--version"], capture_output=True, text=True).stdout
-    state = [source.read_text(), compiler, version, *options, _processor()]
+    state = [source.read_text(encoding="utf-8"), *options, _processor()]
     key = hashlib.sha256("\0".join(state).encode()).hexdigest()[:20]
     folder = _cache_folder()
     library = folder / f"{name}-{key}.so"
     if not library.exists():
-        # Ranks that start together each make one; the last to rename it wins, all are alike.
+        compiler = _compiler()
+        # Processes that start together each make one; the last to rename it wins, all are alike.
         handle, made = tempfile.mkstemp(suffix=".so", dir=folder)
         os.close(handle)
         command = [compiler, *options, "-shared", "-fPIC", str(source), "-o", made, "-lm"]
         done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode:
             os.unlink(made)
-            raise RuntimeError(
+            raise InputError(
                 f"{' '.join(command)} failed: {done.stderr.strip()[-400:]}; expected GCC or clang "
                 "in PATH or in the variable CC"
             )
@@ -65,7 +67,7 @@ def _compiler():
     for name in os.environ.get("CC", "").split()[:1] or ["cc", "gcc", "clang"]:
         if found := shutil.which(name):
             return found
-    raise RuntimeError("C compiler = none in PATH, expected GCC or clang, which DOLFINx needs too")
+    raise InputError("C compiler = none in PATH, expected GCC or clang, which DOLFINx needs too")
 
 
 def _processor():

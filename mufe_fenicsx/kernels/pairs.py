@@ -5,44 +5,10 @@ import math
 import numba
 
 from .closest import INTERIOR, closest_point, facet_normal, pseudo_normal
+from .due import AHEAD, fetch_ahead, find_due
 from .facing import BESIDE, faces, find_facing
-from .points import place_point, spread_point
-from .prefetch import prefetch
+from .points import add_force, place_point
 from .springs import stored_energy
-
-#: Pairs ahead of the present one whose facets are asked for; twice as many for the pairs.
-AHEAD = 8
-
-
-@numba.njit(cache=True)
-def largest_move(previous, x):
-    """Largest distance [m] that a node moved since the last call; ``previous`` becomes ``x``.
-
-    Both of shape (num_nodes, 3). Infinity where a position is not finite.
-    """
-    largest = 0.0
-    for n in range(x.shape[0]):
-        dx, dy, dz = x[n, 0] - previous[n, 0], x[n, 1] - previous[n, 1], x[n, 2] - previous[n, 2]
-        square = dx * dx + dy * dy + dz * dz
-        if not square < math.inf:
-            return math.inf
-        largest = max(largest, square)
-        previous[n, 0], previous[n, 1], previous[n, 2] = x[n, 0], x[n, 1], x[n, 2]
-    return math.sqrt(largest)
-
-
-@numba.njit(cache=True)
-def largest_move_of(previous, x, rows):
-    """:func:`largest_move` of the nodes ``rows`` alone, shape (num_rows,)."""
-    largest = 0.0
-    for n in rows:
-        dx, dy, dz = x[n, 0] - previous[n, 0], x[n, 1] - previous[n, 1], x[n, 2] - previous[n, 2]
-        square = dx * dx + dy * dy + dz * dz
-        if not square < math.inf:
-            return math.inf
-        largest = max(largest, square)
-        previous[n, 0], previous[n, 1], previous[n, 2] = x[n, 0], x[n, 1], x[n, 2]
-    return math.sqrt(largest)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -125,58 +91,10 @@ def _anchor(sx, sy, sz, px, py, pz, nx, ny, nz, x, a, b, c):
     return _project(px - sx + along * nx, py - sy + along * ny, pz - sz + along * nz, x, a, b, c)
 
 
-@numba.njit(cache=True)
-def _fetch_pair(p, state, closest, node, first, candidate, candidate_due):
-    """Ask for what a pair keeps; its row of ``state`` takes three cache lines."""
-    prefetch(state, p)
-    prefetch(state[:, 8:], p)
-    prefetch(state[:, 16:], p)
-    prefetch(closest, p)
-    prefetch(node, p)
-    prefetch(first, p)
-    k = first[p]
-    prefetch(candidate, k)
-    prefetch(candidate_due, k)
-
-
-@numba.njit(cache=True)
-def _fetch_facets(p, closest, node, first, candidate, facets, corner, corner_weight, of_points,
-                  of_facets):  # fmt: skip
-    """Ask for the candidates of a pair, and what belongs to its point and its closest facet."""
-    n = node[p]
-    for array in of_points:
-        prefetch(array, n)
-    if corner.shape[0]:
-        prefetch(corner, n)
-        prefetch(corner_weight, n)
-    for k in range(first[p], first[p + 1]):
-        prefetch(facets, candidate[k])
-    if closest[p] >= 0:
-        t = candidate[closest[p]]
-        prefetch(of_facets[0], t)
-        prefetch(of_facets[1], t)
-        prefetch(of_facets[2], t)
-
-
-@numba.njit(cache=True)
-def _fetch_nodes(p, x, f, node, first, candidate, facets, corner):
-    """Ask for the nodes of the candidates and of the point."""
-    n = node[p]
-    prefetch(x, n)
-    if corner.shape[0]:
-        for m in range(3):
-            prefetch(x, corner[n, m])
-            prefetch(f, corner[n, m])
-    for k in range(first[p], first[p + 1]):
-        for m in range(3):
-            prefetch(x, facets[candidate[k], m])
-
-
 @numba.njit(cache=True, error_model="numpy")
 def add_pair_forces(
     f,
     due_pairs,
-    state,
     due,
     candidate_due,
     closest,
@@ -229,7 +147,6 @@ def add_pair_forces(
     Args:
         f: Forces on surface nodes [N], shape (num_nodes_with_ghosts, 3).
         due_pairs: Scratch, int64, shape (num_pairs,).
-        state: What pairs keep, side by side: weights, normal, anchor and others are columns of it.
         due: Reading of the clock before which a pair cannot close, shape (num_pairs,).
         candidate_due: The same for each candidate, shape (num_candidates,).
         closest: Candidate that was closest last, -1 unknown, shape (num_pairs,).
@@ -266,27 +183,14 @@ def add_pair_forces(
         beyond the largest depth; largest adopted depth [m].
     """
     dissipated, num_adopted, num_deep, deepest = 0.0, 0, 0, 0.0
-    of_points = (area, layer_of_node, facet_area, recess, ratio_of_node)
-    of_facets = (neighbor, sharp, layer_of_facet)
-    num_due = 0
-    for p in range(node.size):
-        if due[p] <= clock:
-            due_pairs[num_due] = p
-            num_due += 1
-    for i in range(min(num_due, 2 * AHEAD)):
-        _fetch_pair(due_pairs[i], state, closest, node, first, candidate, candidate_due)
-    for i in range(min(num_due, AHEAD)):
-        _fetch_facets(due_pairs[i], closest, node, first, candidate, facets, corner, corner_weight,
-                      of_points, of_facets)  # fmt: skip
-    for i in range(num_due):
-        if i + 2 * AHEAD < num_due:
-            _fetch_pair(due_pairs[i + 2 * AHEAD], state, closest, node, first, candidate,
-                        candidate_due)  # fmt: skip
-        if i + AHEAD < num_due:
-            _fetch_facets(due_pairs[i + AHEAD], closest, node, first, candidate, facets, corner,
-                          corner_weight, of_points, of_facets)  # fmt: skip
-        if i + AHEAD // 2 < num_due:
-            _fetch_nodes(due_pairs[i + AHEAD // 2], x, f, node, first, candidate, facets, corner)
+    num_due = find_due(due_pairs, due, clock)
+    for i in range(-2 * AHEAD, num_due):
+        fetch_ahead(
+            i, num_due, due_pairs, weights, shear, work, closest, node, first, candidate,
+            candidate_due, facets, corner, corner_weight, x, f,
+        )  # fmt: skip
+        if i < 0:
+            continue
         p = due_pairs[i]
         n = node[p]
         if corner.shape[0]:
@@ -434,12 +338,7 @@ def add_pair_forces(
         shear[p, 0], shear[p, 1], shear[p, 2] = tx, ty, tz
 
         fx, fy, fz = N * nx + tx, N * ny + ty, N * nz + tz
-        if corner.shape[0]:
-            spread_point(f, n, corner, corner_weight, fx, fy, fz)
-        else:
-            f[n, 0] += fx
-            f[n, 1] += fy
-            f[n, 2] += fz
+        add_force(f, n, corner, corner_weight, fx, fy, fz)
         # Couple height x friction as normal forces on the facet: h_i = height grad N_i . T.
         ux, uy, uz = facet_normal(x, a, b, c)
         e1x, e1y, e1z = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
@@ -520,31 +419,3 @@ def add_pair_stiffness(y, q, x, margin, due, clock, node, first, candidate, clos
             y[n, i] += s
             for m in range(3):
                 y[facets[t, m], i] -= weights[p, m] * s
-
-
-@numba.njit(cache=True)
-def carry_pairs(old_node, old_grain, new_node, new_grain):
-    """For each new pair the old pair of the same node and grain, or -1.
-
-    Both lists increase in node, then in grain.
-    """
-    source = new_node.copy()
-    o = 0
-    for p in range(new_node.size):
-        while o < old_node.size and (
-            old_node[o] < new_node[p]
-            or (old_node[o] == new_node[p] and old_grain[o] < new_grain[p])
-        ):
-            o += 1
-        same = o < old_node.size and old_node[o] == new_node[p] and old_grain[o] == new_grain[p]
-        source[p] = o if same else -1
-    return source
-
-
-@numba.njit(cache=True)
-def find_again(closest, pairs, facets, first, candidate):
-    """Set ``closest`` of ``pairs`` to the candidate that is the given facet, in place."""
-    for i in range(pairs.size):
-        for k in range(first[pairs[i]], first[pairs[i] + 1]):
-            if candidate[k] == facets[i]:
-                closest[pairs[i]] = k

@@ -21,6 +21,20 @@ def spread_point(f, p, corner, weight, fx, fy, fz):
         f[n, 2] += weight[p, m] * fz
 
 
+@numba.njit(cache=True, inline="always")
+def add_force(f, p, corner, weight, fx, fy, fz):
+    """Add a force to the point ``p``: to its nodes, or to itself where points are nodes.
+
+    ``corner`` and ``weight`` have the shape (0, 3) there.
+    """
+    if corner.shape[0]:
+        spread_point(f, p, corner, weight, fx, fy, fz)
+    else:
+        f[p, 0] += fx
+        f[p, 1] += fy
+        f[p, 2] += fz
+
+
 @numba.njit(cache=True)
 def place_points(x, points, corner, weight):
     """Rows ``points`` of ``x`` become the weighted means of the rows in ``corner``, in place.

@@ -1,8 +1,4 @@
-"""Early loads: contact touches few scattered rows in each step, and without them waits for each.
-
-Between two steps the tetrahedra stream through the caches, so that each row comes from memory,
-a hundred times slower than arithmetic; rows that are asked for some pairs ahead come together.
-"""
+"""A loop of numba asks for memory before it needs it."""
 
 from llvmlite import ir
 from numba import types

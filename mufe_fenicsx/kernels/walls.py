@@ -5,7 +5,7 @@ import math
 import numba
 import numpy as np
 
-from .points import place_point, spread_point
+from .points import add_force, place_point
 
 
 @numba.njit(cache=True)
@@ -156,12 +156,7 @@ def add_wall_forces(
             anchor[p, 0], anchor[p, 1], anchor[p, 2] = rx - sx, ry - sy, rz - sz
         shear[p, 0], shear[p, 1], shear[p, 2] = -kt * sx, -kt * sy, -kt * sz
         fx, fy, fz = N * nx - kt * sx, N * ny - kt * sy, N * nz - kt * sz
-        if corner.shape[0]:
-            spread_point(f, n, corner, corner_weight, fx, fy, fz)
-        else:
-            f[n, 0] += fx
-            f[n, 1] += fy
-            f[n, 2] += fz
+        add_force(f, n, corner, corner_weight, fx, fy, fz)
         wall_force[w, 0] -= fx
         wall_force[w, 1] -= fy
         wall_force[w, 2] -= fz

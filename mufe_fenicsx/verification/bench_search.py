@@ -11,6 +11,7 @@ from mpi4py import MPI
 from ..contact.assemble import Contact
 from ..contact.laws import COMPLIANCE
 from ..contact.walls import Walls
+from ..profile import Profile
 
 #: Surfaces of so many grains of 1280 facets each.
 GRAINS = (8, 27, 64, 216, 512, 800)
@@ -139,36 +140,16 @@ def share_of_contact(simulation, num_steps):
     """How steps divide between tets and contact, and how rare searches are. Collective.
 
     Returns:
-        dict: ``contact_over_tets``, times of this rank where it has most of both; and
-        ``steps_per_search``.
+        dict: ``contact_over_tets``, sums over the ranks; and ``steps_per_search``.
     """
-    spent = {"tets": 0.0, "contact": 0.0}
-    solid, contact = simulation.solid, simulation.contact
-    watched = [
-        (solid, "add_internal_forces", "tets"),
-        (contact, "begin", "contact"),
-        (contact, "add_forces", "contact"),
-    ]
-    for owner, name, part in watched:
-        setattr(owner, name, _timed(getattr(owner, name), spent, part))
-    before = contact.num_searches
+    profile = Profile(simulation)
     for _ in range(num_steps):
         simulation.step()
-    for owner, name, _ in watched:
-        delattr(owner, name)
-    tets, both = simulation.comm.allreduce(np.array([spent["tets"], spent["contact"]]))
+    found = profile.summary()
+    seconds = [rank["seconds"] for rank in found["ranks"]]
+    contact = ("contact search", "contact forces", "walls", "communication")
     return {
-        "contact_over_tets": float(both / tets),
-        "steps_per_search": num_steps / max(contact.num_searches - before, 1),
+        "contact_over_tets": sum(s[part] for s in seconds for part in contact)
+        / sum(s["tets"] for s in seconds),
+        "steps_per_search": num_steps / max(found["searches"], 1),
     }
-
-
-def _timed(function, spent, part):
-    def timed(*arguments, **named):
-        start = time.perf_counter()
-        try:
-            return function(*arguments, **named)
-        finally:
-            spent[part] += time.perf_counter() - start
-
-    return timed

@@ -21,40 +21,6 @@ MEMBERS = {20: (110, 110, 110), 60: (150, 150, 150), 200: (200, 245, 245), 630: 
 LEAST_VOXELS, LEAST_THICKNESS = 650, 4
 #: Wanted length of edges [m].
 SIZE = 17.5e-6
-SCENE = """\
-title = "Sand of {number} grains, oedometer test as of Nadimi & Fonseca (2018)"
-
-[sample]
-grains = "grains"
-
-[material]
-model = "j2"
-E = "100 GPa"
-nu = 0.15
-rho = "2650 kg/m^3"
-yield_stress = [[0.0, "10 MPa"], [0.05, "110 MPa"]]
-
-[contact]
-friction = 0.23
-
-[oedometer]
-strain = {strain:g}
-speed = "{speed:g} m/s"
-seating_stress = "1.5 MPa"
-
-[quasi_static]
-kinetic = 0.008
-unbalanced = 0.015
-
-[mass_scaling]
-added = 0.02
-added_to_grain = 1.0     # slices of grains at the walls are small
-
-[output]
-fields = 5
-history = 500
-checkpoint = "10 min"
-"""
 
 
 def member(cache, number, size=SIZE):
@@ -82,9 +48,26 @@ def member(cache, number, size=SIZE):
 
 
 def scene_file(folder, number, strain=0.1, speed=2.0):
-    """Write the scene of a member into its folder; returns its path."""
+    """Write the test of a member into its folder; returns its path.
+
+    Material, friction and seating are those of any synthetic scan; the speed follows targets, and
+    slices of grains at the walls may double their mass for a longer step.
+    """
+    from ..scene import MassScaling, Output, QuasiStatic, load_scene, scene_to_toml
+
+    of_scan = load_scene(folder.parent / "sand-scan" / "scene.toml")
+    scene = replace(
+        of_scan,
+        title=f"Sand of {number} grains, oedometer test as of Nadimi & Fonseca (2018)",
+        image=None,
+        sample=replace(of_scan.sample, grains=folder / "grains"),
+        oedometer=replace(of_scan.oedometer, strain=strain, speed=speed),
+        quasi_static=QuasiStatic(kinetic=0.008, unbalanced=0.015),
+        mass_scaling=MassScaling(added=0.02, added_to_grain=1.0),
+        output=Output(fields=5, history=500, checkpoint=600.0),
+    )
     path = folder / "scene.toml"
-    path.write_text(SCENE.format(number=number, strain=strain, speed=speed), encoding="utf-8")
+    path.write_text(scene_to_toml(scene), encoding="utf-8")
     return path
 
 
@@ -101,7 +84,7 @@ def _labels(cache, number, folder):
         synthesize(SynthesisSettings(shape=MEMBERS[630]), scan)
     whole = scan / "labels.tif"
     if not whole.exists():
-        settings = replace(load_scene(scan / "scene.toml").image)
+        settings = load_scene(scan / "scene.toml").image
         segment_image(settings.path, settings, whole)
     labels, voxel = read_labels(whole)
     part = labels[tuple(slice(n) for n in MEMBERS[number])].copy()
