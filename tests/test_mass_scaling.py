@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.contact.bounds import spring_bounds
 from mufe_fenicsx.errors import InputError, SolverError
 from mufe_fenicsx.geometry.shapes import box
-from mufe_fenicsx.mass_scaling import element_steps
+from mufe_fenicsx.mass_scaling import ASSEMBLED, element_steps
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.scene import Contact, MassScaling, Oedometer, Scene, Solver
+from mufe_fenicsx.time_step import HighestFrequency
 from mufe_fenicsx.verification.build import build
 from tests.bodies import packed_spheres, simulation_of
 
@@ -43,6 +45,41 @@ def test_both_bounds_hold_and_the_worst_element_is_at_the_step_found():
         )
     asked = spheres(MassScaling(0.05, time_step=1.05 * smallest)).scaling
     assert asked.wanted == 1.05 * smallest and asked.shares()[0] < 0.05
+
+
+def held_blocks(**options):
+    """Three blocks in a row, between walls on all sides that touch them."""
+    side = 1e-3
+    bodies = [box((side,) * 3, (n,) * 3, (k * side, 0, 0)) for k, n in enumerate((3, 4, 3))]
+    low, high = np.zeros(3), np.array([3 * side, side, side])
+    return build(MPI.COMM_WORLD, bodies, MATERIAL, low, high, **options)
+
+
+@pytest.mark.mpi
+def test_springs_of_contact_are_bounded_node_by_node():
+    """Highest frequency of all springs: below the bound, and not far (corners meet three walls)."""
+    s = held_blocks()
+    margin = s._margin = s.contact.edge
+    bound = spring_bounds(s.contact, margin) / s.solid.mass[s.contact.own.nodes]
+    largest = s.comm.allreduce(float(bound.max(initial=0.0)), op=MPI.MAX)
+    rate = HighestFrequency(s.comm, s.solid.mass, s.mesh.x, s._add_springs)()
+    assert 0.25 * largest < rate**2 <= largest * (1 + 1e-9)
+
+
+@pytest.mark.mpi
+def test_nodes_that_walls_hold_get_the_mass_that_their_springs_want():
+    s = held_blocks(mass_scaling=MassScaling(0.05, 1.0))
+    scaling, nodes = s.scaling, s.contact.own.nodes
+    assert s.comm.allreduce(int(np.count_nonzero(scaling.added_to_node))) > 0
+    bound = spring_bounds(s.contact, s.contact.edge)
+    held = bound > 0
+    steps = np.sqrt(2 * s.solid.mass[nodes][held] / bound[held])
+    # Every node is at the common step or beyond it; those that got mass are at it.
+    step = ASSEMBLED * scaling.wanted
+    assert steps.min(initial=np.inf) >= step * (1 - 1e-9)
+    more = scaling.added_to_node[nodes][held] > 0
+    assert np.allclose(steps[more], step, rtol=1e-9)
+    assert scaling.shares()[0] <= 0.05
 
 
 @pytest.mark.mpi
