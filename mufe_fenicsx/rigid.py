@@ -110,7 +110,8 @@ class RigidGrains:
         self.uneven = None  #: label of a grain whose mass factor varies
         self.radius = np.empty(n)  #: of the ball of equal volume [m]
         for b, g in enumerate(self.grains):
-            cells = mesh.cells[mesh.cell_offset[g] : mesh.cell_offset[g + 1]]
+            # In an order that knows no ranks: equal moments leave the axes to rounding.
+            cells = mesh.cells[mesh.named_cells[slice(*mesh.cell_offset[g : g + 2])]]
             rho = materials[g].rho
             mass, center, inertia = mass_properties(
                 mesh.x, cells, np.array([0, len(cells)]), np.array([rho])
@@ -354,6 +355,15 @@ class RigidGrains:
         places[free.size :: 2] = self.center[:n]
         places[free.size + 1 :: 2] = self.center[:n] + self.radius[:n, None]
         return rows, places
+
+    def turned_rows(self):
+        """Rows of `free_masses` about principal axes, and these axes as columns. Local.
+
+        Returns:
+            Rows, shape (n,); axes, shape (n, 3, 3).
+        """
+        n, free = self.num_always, self.unconstrained
+        return free.size + 1 + 2 * np.arange(n), self.axes[:n]
 
     def constrained(self, add_stiffness, state):
         """``add(y, q)`` in the rows of `free_masses` from one at nodes: Bᵀ K B q, B rigid motions.

@@ -125,9 +125,11 @@ class Simulation:
         self.damped = 0.0  #: energy taken by the damping on this rank [J]
         self.initial_kinetic = 0.0
         self._inverted = -1
-        rows = self.rigid.free_masses(self.solid.mass)
+        rows, turned = self.rigid.free_masses(self.solid.mass), self.rigid.turned_rows()
         self._highest, self._highest_of_springs = (
-            HighestFrequency(self.comm, *rows, self.rigid.constrained(add, self.state))
+            HighestFrequency(
+                self.comm, *rows, self.rigid.constrained(add, self.state), turned=turned
+            )
             for add in (self._add_stiffness, self._add_springs)
         )
         self._contact_step = self.rigid.contact_step(self.contact.points)

@@ -23,12 +23,21 @@ class HighestFrequency:
         size: Vectors in one sweep.
         tolerance: Residual over eigenvalue at which to stop.
         max_sweeps: Sweeps at most.
+        turned: Rows whose components are along axes of their own, shape (n,), and these axes as
+            columns, shape (n, 3, 3); None: none. The iteration starts from the same vector in
+            space whichever axes were chosen: those of equal moments, and the sign of any, hang
+            on rounding.
     """
 
-    def __init__(self, comm, mass, x, add_stiffness, size=8, tolerance=0.02, max_sweeps=12):
+    def __init__(
+        self, comm, mass, x, add_stiffness, size=8, tolerance=0.02, max_sweeps=12, turned=None
+    ):
         self.comm = comm
         self.set_mass(mass)
         self.noise = _noise(x, np.sqrt(comm.allreduce(np.vdot(x, x)) / comm.allreduce(x.size)))
+        if turned is not None:
+            rows, axes = turned
+            self.noise[rows] = np.einsum("nij,ni->nj", axes, self.noise[rows])
         self.add_stiffness = add_stiffness
         self.size, self.tolerance, self.max_sweeps = size, tolerance, max_sweeps
         self.vector = None
