@@ -60,21 +60,27 @@ class Profile:
 
         Returns:
             dict: "steps", "searches"; "ranks": a dict of each rank with "seconds" by part ("other":
-            the rest), "cells", "contact_points", "contact_pairs", "bytes_per_step"; "imbalance":
-            largest over mean of "cells" and of the seconds in "contact forces".
+            the rest), "cells", "contact_points", "contact_pairs", "ghost_nodes" (of other ranks'
+            surfaces), "ranks_around" (that have those), "bytes_per_step"; "imbalance": largest over
+            mean of "cells" and of the seconds in "contact forces".
         """
         simulation, comm = self.simulation, self.simulation.comm
         total = time.perf_counter() - self._start
         contact, seconds = simulation.contact, dict(self.seconds)
         seconds["other"] = total - sum(seconds.values())
-        ghosts = contact.num_nodes_with_ghosts - contact.own.nodes.size
+        ghosts, owners = contact.positions.ghosts, np.empty(0)
+        if ghosts.size:
+            last = contact.positions.vector.getOwnershipRanges()[1:] // 3
+            owners = np.unique(np.searchsorted(last, ghosts, side="right"))
         mine = {
             "seconds": seconds,
             "cells": simulation.mesh.num_cells,
             "contact_points": contact.points.num_points,
             "contact_pairs": int(contact.pairs.node.size),
+            "ghost_nodes": ghosts.size,
+            "ranks_around": owners.size,
             # Positions in, forces back.
-            "bytes_per_step": 2 * 3 * 8 * ghosts,
+            "bytes_per_step": 2 * 3 * 8 * ghosts.size,
         }
         ranks = comm.allgather(mine)
         work = {
@@ -97,6 +103,7 @@ def profile_rows(summary):
     ranks = summary["ranks"]
     head = ["part", *(f">rank {r} [s]" for r in range(len(ranks)))]
     rows = [[part, *(f"{r['seconds'][part]:.2f}" for r in ranks)] for part in ranks[0]["seconds"]]
-    for name in ("cells", "contact_points", "contact_pairs", "bytes_per_step"):
+    sizes = ("cells", "contact_points", "contact_pairs", "ghost_nodes", "ranks_around")
+    for name in (*sizes, "bytes_per_step"):
         rows.append([name.replace("_", " "), *(str(rank[name]) for rank in ranks)])
     return head, rows

@@ -58,14 +58,11 @@ def test_sharp_edges_of_a_tetrahedron_and_none_of_what_is_flat_or_concave():
     if np.linalg.det(x[1:] - x[0]) < 0:
         x[[0, 1]] = x[[1, 0]]
     numbers = np.arange(4)
-    use = np.ones(4, dtype=bool)
     for sign, angle, expected in ((1, 20, 6), (1, 109, 6), (1, 110, 0), (-1, 20, 0)):
         # Turned inside out all its edges are concave; normals differ by 109.5 degrees.
         facets = TET[:, ::sign].copy()
         cosine = np.cos(np.radians(angle))
-        ends, beyond, sides, key = find_sharp_edges(
-            x, facets, neighbors(facets), use, numbers, cosine
-        )
+        ends, beyond, sides, key = find_sharp_edges(x, facets, neighbors(facets), numbers, cosine)
         assert len(ends) == expected and np.unique(key).size == expected
         for e, o, f in zip(ends, beyond, sides, strict=True):
             assert {*e, *o} == {0, 1, 2, 3}

@@ -179,8 +179,9 @@ class _Edges:
 
     def __init__(self, x, num_own, surface, ratio_of_node):
         s = surface
+        # Those of facets that only complete a ring too: they count at the corners of others.
         self.ends, self.beyond, sides, self.key = find_sharp_edges(
-            x, s.facets, s.neighbor, s.use, s.global_facet, math.cos(SHARP)
+            x, s.facets, s.neighbor, s.global_facet, math.cos(SHARP)
         )
         self.num_own = int(np.count_nonzero(self.ends[:, 0] < num_own))
         self.grain = s.grain_of_facet[sides[:, 0]]

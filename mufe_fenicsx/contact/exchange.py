@@ -3,9 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
+from .occupancy import Cells, occupied_cells
 from .surface import neighbors, rings
+
+#: Tag of the messages between neighbour ranks.
+TAG = 71
 
 
 @dataclass(frozen=True)
@@ -35,6 +40,7 @@ class SurfaceVector:
     def __init__(self, comm, num_own, ghosts, num_points=0):
         self.array = np.zeros((num_points + num_own + ghosts.size, 3))
         self.own = self.array[num_points : num_points + num_own]
+        self.ghosts = ghosts
         self.vector = None
         if comm.size > 1:
             self.vector = PETSc.Vec().createGhostWithArray(
@@ -72,11 +78,13 @@ class SurfaceVector:
 
 
 def exchange_surface(comm, own, layer_of_facet, x, reach):
-    """Fetch the facets of other ranks that lie within ``reach`` of this rank's nodes. Collective.
+    """Fetch the facets of other ranks that lie within ``reach`` of this rank's surface. Collective.
 
-    A facet is sent to a rank where the boxes of both, grown by ``reach``, overlap;
-    the facets around its vertices go along, since normals of edges and vertices
-    need them. No rank ever sees the whole surface.
+    Ranks whose boxes overlap, grown by ``reach``, tell each other which cells of a grid their
+    surface touches there. A facet is sent to a rank where its box, grown by ``reach``, touches
+    such a cell: all that are within reach, and some that are a cell or a facet farther away. The
+    facets around its vertices go along, since normals of edges and vertices need them. No rank
+    ever sees the whole surface: of ranks elsewhere it knows the box.
 
     Args:
         comm: MPI communicator.
@@ -98,26 +106,31 @@ def exchange_surface(comm, own, layer_of_facet, x, reach):
     ghosts = np.empty(0, dtype=np.int64)
     neighbor, ring_offset, ring = own.neighbor, own.ring_offset, own.ring
 
+    far = np.empty((0, 6), dtype=np.int64)
     if comm.size > 1:
-        outgoing = _select(comm, own, layer_of_facet, x, reach, first_node, first_facet)
-        incoming = [part for part in comm.alltoall(outgoing) if part is not None]
-        if incoming:
-            far_nodes = np.concatenate([part["nodes"] for part in incoming])
-            ghosts, far_facets = np.unique(far_nodes, return_inverse=True)
-            far_facets = far_facets.reshape(-1, 3)
-            # Grains are whole on their ranks, so far facets neighbour far facets only.
-            num_near = facets.shape[0]
-            far_neighbor = neighbors(far_facets)
-            far_neighbor[far_neighbor >= 0] += num_near
-            neighbor = np.vstack([neighbor, far_neighbor])
-            far_offset, far_ring = rings(far_facets, ghosts.size)
-            ring_offset = np.concatenate([ring_offset, ring_offset[-1] + far_offset[1:]])
-            ring = np.concatenate([ring, far_ring + np.int32(num_near)])
-            facets = np.vstack([facets, far_facets + num_own]).astype(np.int32)
-            global_facet = np.concatenate([global_facet, *[part["facet"] for part in incoming]])
-            grain = np.concatenate([grain, *[part["grain"] for part in incoming]])
-            layer = np.concatenate([layer, *[part["layer"] for part in incoming]])
-            use = np.concatenate([use, *[part["use"] for part in incoming]])
+        ranks, selected = near_other_ranks(comm, own.facets, x, reach)
+        outgoing = [
+            _packed(own, layer_of_facet, near, x.shape[0], first_node, first_facet)
+            for near in selected
+        ]
+        incoming = [part.view(np.int64).reshape(-1, 6) for part in swap(comm, ranks, outgoing)]
+        far = np.concatenate([far, *incoming])
+    if len(far):
+        ghosts, far_facets = np.unique(far[:, :3], return_inverse=True)
+        far_facets = far_facets.reshape(-1, 3)
+        # Grains are whole on their ranks, so far facets neighbour far facets only.
+        num_near = facets.shape[0]
+        far_neighbor = neighbors(far_facets)
+        far_neighbor[far_neighbor >= 0] += num_near
+        neighbor = np.vstack([neighbor, far_neighbor])
+        far_offset, far_ring = rings(far_facets, ghosts.size)
+        ring_offset = np.concatenate([ring_offset, ring_offset[-1] + far_offset[1:]])
+        ring = np.concatenate([ring, far_ring + np.int32(num_near)])
+        facets = np.vstack([facets, far_facets + num_own]).astype(np.int32)
+        global_facet = np.concatenate([global_facet, far[:, 3]])
+        grain = np.concatenate([grain, far[:, 4] >> 1])
+        use = np.concatenate([use, (far[:, 4] & 1).astype(bool)])
+        layer = np.concatenate([layer, far[:, 5].copy().view(np.float64)])
 
     surface = Surface(
         facets=facets,
@@ -132,27 +145,70 @@ def exchange_surface(comm, own, layer_of_facet, x, reach):
     return surface, ghosts
 
 
-def _select(comm, own, layer, x, reach, first_node, first_facet):
-    """For each rank the facets it may touch, or None."""
-    corners = x[own.facets]
-    low, high = corners.min(axis=1) - reach, corners.max(axis=1) + reach
-    box = np.array([x.min(axis=0), x.max(axis=0)])
-    outgoing = []
-    for rank, (other_low, other_high) in enumerate(comm.allgather(box)):
-        near = np.all((low <= other_high) & (high >= other_low), axis=1)
-        if rank == comm.rank or not near.any():
-            outgoing.append(None)
-            continue
-        touched = np.zeros(x.shape[0], dtype=bool)
-        touched[own.facets[near]] = True
-        send = touched[own.facets].any(axis=1)
-        outgoing.append(
-            {
-                "nodes": own.facets[send].astype(np.int64) + first_node,
-                "facet": first_facet + np.flatnonzero(send),
-                "grain": own.grain_of_facet[send],
-                "layer": layer[send],
-                "use": near[send],
-            }
-        )
-    return outgoing
+def near_other_ranks(comm, facets, x, reach):
+    """Own facets that may come within ``reach`` of the surfaces of other ranks. Collective.
+
+    Args:
+        comm: MPI communicator.
+        facets: Own facets, shape (num_facets, 3).
+        x: Positions of own surface nodes [m], shape (num_nodes, 3).
+        reach: Distance [m].
+
+    Returns:
+        Ranks whose boxes overlap this one's, grown by ``reach``, increasing; such a rank finds
+        this one too. For each of them True for the facets, shape (num_facets,).
+    """
+    reach = reach * (1 + 1e-9)  # what is just within reach is not lost by rounding
+    boxes = np.empty((comm.size, 2, 3))
+    own_box = np.array([x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
+    comm.Allgather(own_box, boxes)
+    apart = np.maximum(boxes[:, 0] - own_box[1], own_box[0] - boxes[:, 1]).max(axis=1)
+    apart[comm.rank] = np.inf
+    ranks = np.flatnonzero(apart <= reach)
+    if not ranks.size:
+        return ranks, []
+    a, b, c = (x[facets[:, i]] for i in range(3))
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    cells = occupied_cells(low, high)
+    outgoing = [cells.within(boxes[r, 0] - reach, boxes[r, 1] + reach).packed() for r in ranks]
+    incoming = swap(comm, ranks, outgoing)
+    return ranks, [Cells.unpacked(part).near(low, high, reach) for part in incoming]
+
+
+def with_rings(facets, near, num_nodes):
+    """Facets that are ``near`` and all around their vertices, increasing, shape (num,). Local."""
+    touched = np.zeros(num_nodes, dtype=bool)
+    touched[facets[near]] = True
+    return np.flatnonzero(touched[facets].any(axis=1))
+
+
+def swap(comm, ranks, messages):
+    """Send a message to each of the ``ranks`` and receive one from each. Collective among them.
+
+    Args:
+        comm: MPI communicator.
+        ranks: Neighbours, each of which has this rank among its own.
+        messages: For each of them an array of bytes, uint8.
+
+    Returns:
+        The messages from them, uint8.
+    """
+    requests = [comm.Isend(m, dest=r, tag=TAG) for r, m in zip(ranks, messages, strict=True)]
+    status, received = MPI.Status(), []
+    for rank in ranks:
+        comm.Probe(source=rank, tag=TAG, status=status)
+        received.append(np.empty(status.Get_count(MPI.BYTE), dtype=np.uint8))
+        comm.Recv(received[-1], source=rank, tag=TAG)
+    MPI.Request.Waitall(requests)
+    return received
+
+
+def _packed(own, layer, near, num_nodes, first_node, first_facet):
+    """Facets that are ``near``, and those around their vertices, as bytes: six numbers each."""
+    send = with_rings(own.facets, near, num_nodes)
+    rows = np.empty((send.size, 6), dtype=np.int64)
+    rows[:, :3] = own.facets[send] + np.int64(first_node)
+    rows[:, 3] = first_facet + send
+    rows[:, 4] = 2 * own.grain_of_facet[send].astype(np.int64) + near[send]
+    rows[:, 5] = layer[send].astype(np.float64).view(np.int64)
+    return rows.reshape(-1).view(np.uint8)

@@ -9,14 +9,13 @@ from .closest import facet_normal
 
 
 @numba.njit(cache=True, error_model="numpy")
-def find_sharp_edges(x, facets, neighbor, use, number, cosine):
+def find_sharp_edges(x, facets, neighbor, number, cosine):
     """Convex edges whose facets' outward normals differ by more than an angle.
 
     Args:
         x: Positions [m], shape (num_nodes, 3).
         facets: Vertices, outward, shape (num_facets, 3).
         neighbor: Facets across the edges 0-1, 1-2, 2-0, shape (num_facets, 3).
-        use: Whether a facet may be touched, shape (num_facets,).
         number: Numbers of the facets over all ranks, shape (num_facets,).
         cosine: Cosine of that angle.
 
@@ -38,7 +37,7 @@ def find_sharp_edges(x, facets, neighbor, use, number, cosine):
         for f in range(facets.shape[0]):
             for k in range(3):
                 o = neighbor[f, k]
-                if o < 0 or number[o] < number[f] or not (use[f] or use[o]):
+                if o < 0 or number[o] < number[f]:
                     continue
                 nx, ny, nz = normal[f, 0], normal[f, 1], normal[f, 2]
                 if not nx * normal[o, 0] + ny * normal[o, 1] + nz * normal[o, 2] <= cosine:

@@ -1,0 +1,79 @@
+"""Facets from other ranks: all that are near, and few that are not."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.contact.assemble import Contact
+from mufe_fenicsx.contact.occupancy import Cells, occupied_cells
+from mufe_fenicsx.contact.restart import contact_tables
+from mufe_fenicsx.contact.walls import Walls
+from mufe_fenicsx.geometry.shapes import box, sphere
+from mufe_fenicsx.verification.build import distribute
+
+
+def test_cells_find_all_boxes_within_reach_and_none_a_cell_farther_away():
+    rng = np.random.default_rng(2)
+    low = rng.random((300, 3)) * [1.0, 1.0, 0.5]
+    other_low = rng.random((2000, 3)) * [1.0, 1.0, 0.6] + [0.2, -0.3, 0.3]
+    high, other_high = (v + 0.05 * rng.random(v.shape) for v in (low, other_low))
+    reach = 0.03
+    cells = occupied_cells(low, high)
+    part = cells.within(other_low.min(axis=0) - reach, other_high.max(axis=0) + reach)
+    assert part.full.size < 0.8 * cells.full.size
+    near = Cells.unpacked(part.packed()).near(other_low, other_high, reach)
+    apart = np.maximum(other_low[:, None] - high, low - other_high[:, None])
+    apart = apart.max(axis=2).min(axis=1)
+    close, distant = apart <= reach, apart > reach + cells.size
+    assert near[close].all() and not near[distant].any()
+    assert close.sum() > 100 and distant.sum() > 100
+
+
+def heap():
+    """Bricks and balls in any position, near each other or a little in each other."""
+    rng = np.random.default_rng(4)
+    kinds = box((1.0, 0.9, 0.7), (5, 4, 4), (-0.5, -0.45, -0.35)), sphere(0.5, 0.17)
+    grid = np.stack(np.meshgrid(*map(np.arange, (3, 2, 2)), indexing="ij"), axis=-1).reshape(-1, 3)
+    bodies = []
+    for k, place in enumerate(grid):
+        points, cells = kinds[k % 3 == 2]
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        turn *= np.sign(np.linalg.det(turn))
+        bodies.append((points @ turn.T + 0.95 * place + 0.1 * rng.random(3), cells))
+    return bodies
+
+
+def found(comm, kind):
+    """Rows that name candidates of all pairs, and crossing edges, on all ranks. Collective."""
+    mesh = distribute(comm, heap())
+    one = np.ones(mesh.num_grains)
+    contact = Contact(mesh, mesh.x, one, one, 0.0, 0.25, Walls([]), kind)
+    contact.search(mesh.x)
+    table, pairs, edges = contact_tables(contact, mesh), contact.pairs, contact.edges
+    p, e = table["pairs"], table["edge_pairs"]
+    point = np.column_stack([p["grain"], p["point"], p["part"], p["partner"]])
+    candidates = np.column_stack(
+        [
+            np.repeat(point, p["count"], axis=0),
+            table["candidates"]["facet"],
+            edges.beside[pairs.candidate],
+        ]
+    )
+    # The direction of an edge may depend on the ranks; each end goes with its share.
+    sides = []
+    for name, which in (("first", edges.pairs.first), ("second", edges.pairs.second)):
+        order = np.argsort(e[name], axis=1)
+        sides += [np.take_along_axis(v, order, 1) for v in (e[name], edges.edges.share[which])]
+    crossings = np.column_stack([e["grain"], e["partner"], *sides])
+    return [np.concatenate(comm.allgather(rows)) for rows in (candidates, crossings)]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("kind", ["facets", "nodes"])
+def test_pairs_are_those_of_one_rank(kind):
+    """Candidates of each point, crossing edges, and what corners share: nothing is missing."""
+    together, alone = found(MPI.COMM_WORLD, kind), found(MPI.COMM_SELF, kind)
+    for rows, expected in zip(together, alone, strict=True):
+        assert len(expected) > 20
+        rows, expected = (r[np.lexsort(r.T[::-1])] for r in (rows, expected))
+        np.testing.assert_array_equal(rows, expected)
