@@ -72,10 +72,15 @@ class HighestFrequency:
             self.num_products += 1
             w = y * self.inverse_root
             diagonal.append(self._dot(w, q))
-            for b in basis:  # full orthogonalisation: the basis is short
-                w -= self._dot(w, b) * b
+            # Against all, for the basis is short, and twice: few springs have few frequencies, so
+            # that of w little more than rounding may be left, which is not orthogonal yet.
+            for _ in range(2):
+                parts = self.comm.allreduce(np.array([np.vdot(w, b) for b in basis]))
+                for part, b in zip(parts, basis, strict=True):
+                    w -= part * b
             norm = math.sqrt(self._dot(w, w))
-            if len(basis) == self.size or norm <= 1e-10 * abs(diagonal[0]):
+            # Less than this is not worth a vector, of which rounding would be the larger part.
+            if len(basis) == self.size or norm <= 1e-4 * self.tolerance * max(diagonal):
                 break
             off.append(norm)
             basis.append(w / norm)

@@ -27,6 +27,26 @@ def test_highest_frequency_of_a_dense_matrix():
     assert found == pytest.approx(exact, rel=1e-6)
 
 
+@pytest.mark.parametrize("split", [1e-8, 1e-9, 1e-10, 1e-11])
+def test_rounding_does_not_decide_where_few_frequencies_are(split):
+    """A few springs on many masses, alike but for ``split``: the vectors are used up soon."""
+    rng = np.random.default_rng(2)
+    n, num = 40, 12
+    modes = np.linalg.qr(rng.standard_normal((3 * n, num)))[0]
+    stiffness = rng.choice([1.0, 0.9, 0.6, 0.3], num) + split * rng.random(num)
+    x, found = rng.random((n, 3)), []
+    for rounding in (0.0, 1e-15):
+
+        def add_stiffness(y, q, rounding=rounding):
+            force = (modes @ (stiffness * (modes.T @ q.ravel()))).reshape(-1, 3)
+            y += force * (1 + rounding * rng.standard_normal((n, 3)))
+
+        highest = HighestFrequency(MPI.COMM_SELF, np.ones(n), x, add_stiffness)
+        found.append([highest() for _ in range(3)])
+    # Rounding over the least part that is still taken for a vector, 2e-6.
+    np.testing.assert_allclose(*found, rtol=1e-9)
+
+
 @pytest.mark.mpi
 def test_assembled_step_is_larger_than_the_element_bound_and_stable():
     """A free body that starts with random velocities keeps its energy at 0.9 of the limit."""
