@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from .bench_elements import elements
+from .bench_exchange import exchange
 from .bench_family import family, packing, paper
 from .bench_launch import launch, row
 from .bench_search import search, share_of_contact
@@ -238,6 +239,7 @@ BENCHMARKS = {
     "family": family,
     "paper": paper,
     "search": search,
+    "exchange": exchange,
     "elements": elements,
 }
 #: What `mufe bench` runs without a name: the others take an hour or more.
