@@ -10,6 +10,9 @@ import numpy as np
 
 from mufe_fenicsx.errors import InputError
 
+#: Mobilised friction from which on a contact counts as sliding.
+SLIDING = 0.99
+
 
 @dataclass(frozen=True)
 class ForceDistribution:
@@ -71,7 +74,7 @@ def mobilised_friction(force, friction, mu):
     return np.divide(size, allowed, out=np.full(size.shape, np.nan), where=allowed > 0)
 
 
-def sliding_fraction(mobilised, limit=0.99):
+def sliding_fraction(mobilised, limit=SLIDING):
     """Share of contacts that slide: the mobilised friction reaches the limit; nan without any."""
     known = np.asarray(mobilised)[np.isfinite(mobilised)]
     return float((known >= limit).mean()) if known.size else np.nan

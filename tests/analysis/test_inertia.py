@@ -76,14 +76,14 @@ numpy.savez(sys.argv[2], moments=moments[1], axis=axes[1, 6:9])
 
 
 def test_inertia_agrees_with_that_of_voxels_by_spam(tmp_path):
-    """An ellipsoid as a mesh, and as voxels a fortieth of its longest half-axis wide."""
+    """An ellipsoid as a mesh, and as voxels a 28th of its longest half-axis wide."""
     if importlib.util.find_spec("spam") is None:
         pytest.skip("needs the package spam")
-    half = np.array([40.0, 26.0, 18.0])
+    half = np.array([28.0, 18.0, 13.0])
     ball, tets = sphere(1.0, 0.12)
     ball *= np.cbrt(4 / 3 * np.pi / tet_volumes(ball, tets).sum())  # the ball's volume
     found = grain_inertia(ball * half @ TURN.T, tets, np.ones(len(tets), int))
-    grid = np.stack(np.indices((90, 90, 90)), axis=-1) - 44.5
+    grid = np.stack(np.indices((62, 62, 62)), axis=-1) - 30.5
     labels = (((grid @ TURN / half) ** 2).sum(axis=-1) <= 1).astype(np.uint32)
     np.save(tmp_path / "labels.npy", labels)
     # Its compiled loops do not compile with every numba.

@@ -17,7 +17,7 @@ def blocks():
     """Blocks beside each other, labels 2, 4, …; and the number of the block of each node."""
     x, tets = box((1.0, 0.7, 0.4), (3, 2, 2))
     count = len(TURNS)
-    points = np.concatenate([x + [2.0 * k, 0, 0] for k in range(count)])
+    points = np.concatenate([x + np.array([2.0 * k, 0, 0]) for k in range(count)])
     cells = np.concatenate([tets + k * len(x) for k in range(count)])
     grain = 2 + 2 * np.repeat(np.arange(count), len(tets))
     return points, cells, grain, np.repeat(np.arange(count), len(x))
