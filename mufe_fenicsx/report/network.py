@@ -30,8 +30,10 @@ def draw_network(contacts, history, reference, cells):
     _draw_rose(polar, normals, np.maximum(force, 0.0))
     _draw_forces(axes[1], force)
     _draw_compression(axes[2], history, reference, cells)
-    for i, axis in enumerate((polar, axes[1], axes[2])):
-        style.panel_letter(axis, i)
+    # A title of its own would be put above the letter of the axis, beyond the figure.
+    polar.set_title("(a)", loc="left", fontweight="bold", y=0.97)
+    for i in (1, 2):
+        style.panel_letter(axes[i], i)
     return figure
 
 
