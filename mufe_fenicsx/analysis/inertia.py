@@ -43,17 +43,14 @@ def grain_inertia(points, cells, grain_of_cell, rho=1.0):
     n = labels.size
     volume = tet_volumes(points, cells)
     total = sum_by_grain(volume, index, n)
-    # Once more about the first centroid: the corners' distance from the origin drops out.
-    near = sum_by_grain(volume[:, None] * points[cells].mean(axis=1), index, n) / total[:, None]
-    corners = points[cells] - near[index][:, None]
+    center = sum_by_grain(volume[:, None] * points[cells].mean(axis=1), index, n) / total[:, None]
+    corners = points[cells] - center[index][:, None]
     sums = corners.sum(axis=1)
-    rest = sum_by_grain(volume[:, None] * sums / 4, index, n) / total[:, None]
     second = np.einsum("cai,caj->cij", corners, corners) + sums[:, :, None] * sums[:, None, :]
     second = sum_by_grain(volume[:, None, None] / 20 * second, index, n)
-    second -= total[:, None, None] * rest[:, :, None] * rest[:, None, :]
     tensor = rho * np.array([inertia_of(s) for s in second])
     moments, axes = zip(*(principal(t) for t in tensor), strict=True)
-    return Inertia(labels, rho * total, near + rest, tensor, np.array(moments), np.array(axes))
+    return Inertia(labels, rho * total, center, tensor, np.array(moments), np.array(axes))
 
 
 def unphysical(moments):
