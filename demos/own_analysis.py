@@ -1,6 +1,6 @@
 """An analysis of one's own: do the grains of force chains turn less, and yield more?
 
-    python demos/own_analysis.py FOLDER         presses 14 balls first, some seconds
+    python demos/own_analysis.py FOLDER         presses 9 balls first, some seconds
     python demos/own_analysis.py FOLDER RUN     takes a folder that `mufe run` wrote
 
 Any run folder opens as arrays and tables, finished, still running, or killed:
@@ -49,22 +49,22 @@ R = 1e-4  # radius of the balls [m]
 
 
 def press_balls(folder):
-    """An oedometer test on 14 balls: layers of 2 x 2 with one ball in each hollow between."""
+    """An oedometer test on 9 balls: two layers of 2 x 2 and one ball in the hollow between."""
     points, cells = sphere(R, 0.5 * R)
     rng = np.random.default_rng(5)
     bodies = []
-    for layer in range(5):
+    for layer in range(3):
         flat = [(1, 1), (1, 3), (3, 1), (3, 3)] if layer % 2 == 0 else [(2, 2)]
         for x, y in flat:
             centre = R * np.array([x, y, 1 + layer * np.sqrt(2)])
-            bodies.append((points * rng.uniform(1.01, 1.03) + centre, cells))
+            bodies.append((points * rng.uniform(1.0, 1.03) + centre, cells))
     labels = np.arange(1, len(bodies) + 1)
     save_grains(folder / "grains", Grains.from_list(labels, bodies, 0.5 * R))
     scene = Scene(
-        title="14 balls",
+        title="9 balls",
         material=J2(100e9, 0.15, 2650.0, ((0.0, 10e6), (0.05, 110e6))),
         contact=Contact(friction=0.23),
-        oedometer=Oedometer(strain=0.03, speed=1.0, seating_stress=0.5e6),
+        oedometer=Oedometer(strain=0.04, speed=1.0, seating_stress=0.5e6),
         solver=Solver(damping=2e5),
         output=Output(fields=5, history=101),
     )

@@ -42,7 +42,7 @@ def test_an_analysis_of_ones_own(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "missing" not in done.stdout and "in force chains" in done.stdout
-    assert (tmp_path / "own_analysis.csv").read_text().count("\n") == 15  # a head and 14 grains
+    assert (tmp_path / "own_analysis.csv").read_text().count("\n") == 10  # a head and 9 grains
     assert (tmp_path / "own_analysis.png").stat().st_size > 20_000
 
 
