@@ -118,7 +118,7 @@ def test_a_killed_run_says_what_is_not_there(whole, tmp_path):
     assert not run.finished and 0 < len(run.history) < 220
     assert len(run.missing) == 3
     for sentence, part in zip(
-        run.missing, ("still runs, or was cut off", "contacts of state 1", "0002.vtkhdf"),
+        run.missing, ("still runs, or was cut off", "contacts of state 1: ", "0002.vtkhdf"),
         strict=True,
     ):  # fmt: skip
         assert part in sentence and "\n" not in sentence
@@ -127,6 +127,9 @@ def test_a_killed_run_says_what_is_not_there(whole, tmp_path):
     with pytest.raises(InputError, match=r"0002\.vtkhdf cannot be read"):
         run.grain_table()
     with pytest.raises(InputError, match="no tables of state 1"):
+        run.contacts(1)
+    assert run.stresses()["state"].tolist() == [0, 2]
+    with pytest.raises(InputError, match=r"0002\.vtkhdf cannot be read"):
         run.network()
 
 

@@ -235,6 +235,12 @@ def write_lines(path, time, network):
         raise
 
 
+def contact_files(run_folder, index):
+    """Paths of the tables of contacts and of grains of one stored state."""
+    folder = Path(run_folder) / "contacts"
+    return [folder / f"{name}_{index:04d}.csv" for name in ("contacts", "grains")]
+
+
 def read_contacts(run_folder, index):
     """The tables of contacts and of grains of one stored state.
 
@@ -244,8 +250,7 @@ def read_contacts(run_folder, index):
     Raises:
         InputError: A table cannot be read.
     """
-    folder = Path(run_folder) / "contacts"
-    paths = [folder / f"{name}_{index:04d}.csv" for name in ("contacts", "grains")]
+    paths = contact_files(run_folder, index)
     if not all(path.exists() for path in paths):
         return {}, {}
     return tuple(read_history(path) for path in paths)

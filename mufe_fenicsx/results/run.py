@@ -10,7 +10,7 @@ import pandas
 
 from ..errors import InputError
 from ..geometry.measure import tet_volumes
-from ..output.contacts import CONTACT_COLUMNS, read_contacts
+from ..output.contacts import CONTACT_COLUMNS, contact_files, read_contacts
 from ..output.fields import MESH, read_arrays, read_states
 from ..output.history import COLUMNS, read_history
 from ..output.run_folder import read_run_json, reason
@@ -129,6 +129,14 @@ class Run:
                 f"contacts_{index:04d}.csv and grains_{index:04d}.csv"
             )
         return pandas.DataFrame(contacts), pandas.DataFrame(grains)
+
+    def with_contacts(self):
+        """The rows of :attr:`states` whose tables of contacts were written, as a DataFrame.
+
+        A run that is killed, or read, just before it writes them has a last state without.
+        """
+        states = self.states
+        return states[[all(p.exists() for p in contact_files(self.path, i)) for i in states.index]]
 
     def table(self, name):
         """A table of the grains that was kept with the run: "labels" or "quality"."""
@@ -273,13 +281,15 @@ class Run:
 
     def _needed_columns(self, index):
         """See that the tables of contacts of a state have all columns."""
-        path = self.path / "contacts" / f"contacts_{index:04d}.csv"
+        contacts, grains = contact_files(self.path, index)
         try:
-            with path.open(newline="", encoding="utf-8") as file:
+            with contacts.open(newline="", encoding="utf-8") as file:
                 columns = next(csv.reader(file), [])
-            (self.path / "contacts" / f"grains_{index:04d}.csv").stat()
+            grains.stat()
         except OSError as error:
-            raise InputError(f"contacts of state {index} cannot be read ({error})") from error
+            raise InputError(
+                f"contacts of state {index}: {error.filename} cannot be read ({reason(error)})"
+            ) from error
         absent = [name for name in CONTACT_COLUMNS if name not in columns]
         if absent:
             raise InputError(f"the tables of contacts have no column {', '.join(absent)}")

@@ -35,13 +35,13 @@ def stresses(run):
     [Pa], compression positive; ``difference_zz`` = contact over wall - 1, the same of xx and yy:
     small where the test is quasi-static; ``closure_zz`` …, the same with the inertia of the
     grains added, which is small at any speed; ``kinetic`` over internal energy; ``unbalanced``,
-    top less bottom force over their mean.
+    top less bottom force over their mean. States without tables of contacts are left out.
     """
     history = run.history
     times, kinetic = history["time"], kinetic_ratio(history)
     sides = run.side_lengths(history)
     rows = []
-    for index, state in run.states.iterrows():
+    for index, state in run.with_contacts().iterrows():
         contacts, grains = run.contacts(index), run.grains(index)
 
         def now(values, at=state["time"]):
@@ -162,10 +162,11 @@ def network(run):
     configuration; the latter only of runs that stored it), ``fabric_xx`` … of their normals,
     ``anisotropy``, ``anisotropy_force`` (normals weighted by the normal force), ``mean_force``,
     ``strong`` (share of the contacts), ``strong_force`` (their share of the sum of forces),
-    ``sliding`` (share of the contacts), ``num_chains`` and ``grains_in_chains``.
+    ``sliding`` (share of the contacts), ``num_chains`` and ``grains_in_chains``. States without
+    tables of contacts are left out.
     """
     rows = []
-    for index, state in run.states.iterrows():
+    for index, state in run.with_contacts().iterrows():
         active, grains = contact_table(run, index), run.grains(index)
         inner = active[active["grain_b"] != 0]
         labels = grains["grain"].to_numpy()
