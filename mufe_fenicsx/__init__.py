@@ -18,3 +18,20 @@ if importlib.util.find_spec("dolfinx_solver") is not None:
     import dolfinx_solver  # noqa: F401
 
 __version__ = "0.1.0"
+
+
+def open_run(path):
+    """What a run folder holds, as arrays and tables; finished, running or killed.
+
+    Args:
+        path: Folder that `mufe run` wrote.
+
+    Returns:
+        :class:`mufe_fenicsx.results.Run`.
+
+    Raises:
+        InputError: It is no such folder.
+    """
+    from .results import Run  # pandas and HDF5 are loaded only where they are used
+
+    return Run(path)

@@ -70,6 +70,7 @@ class Recorder:
         forces, energies = sim.wall_forces(), sim.energies()
         active = sim.num_active_grains()
         added, largest = sim.scaling.shares() if sim.scaling else (0.0, 0.0)
+        low, high = sim.walls.point[0::2], sim.walls.point[1::2]
         row = {
             "step": sim.state.num_steps,
             "time": sim.state.t,
@@ -84,6 +85,8 @@ class Recorder:
             "num_contacts": sim.num_contacts,
             "num_active_grains": active,
             "num_active_contacts": sim.mean_active_contacts(),
+            "length_x": high[0, 0] - low[0, 0],
+            "length_y": high[1, 1] - low[1, 1],
         }
         row.update({f"force_{name}": f for name, f in zip(WALLS, forces, strict=True)})
         row.update({name: energies[name] for name in ENERGIES})

@@ -15,7 +15,8 @@ DEMOS = Path(__file__).resolve().parents[1] / "demos"
     "name",
     [
         *("calibrate_compliance", "check_intrusion", "contact_verification", "fidelity"),
-        *("locking", "meshing", "normal_laws", "segmentation", "uneven_compliance"),
+        *("locking", "meshing", "normal_laws", "own_analysis", "segmentation"),
+        "uneven_compliance",
     ],
 )
 def test_a_demo_says_what_it_does(name):
@@ -33,6 +34,16 @@ def test_the_page_on_meshing(tmp_path):
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "page" / "meshing.html").read_text(encoding="utf-8")
     assert page.count("<img") == 3 and "conforming" in page
+
+
+def test_an_analysis_of_ones_own(tmp_path):
+    """The demo presses balls, and checks the stress of their contacts against the walls itself."""
+    command = [sys.executable, DEMOS / "own_analysis.py", tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "missing" not in done.stdout and "in force chains" in done.stdout
+    assert (tmp_path / "own_analysis.csv").read_text().count("\n") == 10  # a head and 9 grains
+    assert (tmp_path / "own_analysis.png").stat().st_size > 20_000
 
 
 def test_the_page_on_segmentation(tmp_path):

@@ -63,7 +63,9 @@ TABLE = {
         *("integrators", "scene", "time_step", "simulation", "output", "launcher", "memory"),
         "mass_scaling",
     },
-    "report": {"analysis", "output"},
+    "report": {"analysis", "output", "geometry"},
+    # What a user reads of a run folder.
+    "results": {"analysis", "output", "geometry"},
 }
 
 #: The program around the parts, and the cases of verification: they import anything.

@@ -88,7 +88,7 @@ def test_contact_of_two_balls():
     A mesh of a ball has no exact symmetry: the direction is off by some per cent of the
     angle a/R that the contact covers, the force sits off the middle by some of its radius a.
     """
-    network, pressed = on_first_ranks(COMM, 2, meeting_balls)
+    network, pressed, grown = on_first_ranks(COMM, 2, meeting_balls)
     c = network.contacts
     assert c.a.tolist() == [0] and c.b.tolist() == [1]
     line = network.center[0] - network.center[1]
@@ -104,10 +104,18 @@ def test_contact_of_two_balls():
     # The pressures of each side are a quadrature of the whole force, on the facets of
     # that side: with some 6 of them along a radius the two differ by per cents.
     assert force == pytest.approx(pressed, rel=0.03)
+    # Surface strains under a pressure p of Hertz add up to -(1 + nu)(1 - 2 nu) p/E (Johnson, eqs
+    # 3.43, 3.46); facets that count as a whole, and finite slopes, change it by some per cents.
+    strain = -(1 + QUARTZ.nu) * (1 - 2 * QUARTZ.nu) * force / (QUARTZ.E * c.area[0])
+    assert c.area_deformed[0] / c.area[0] - 1 == pytest.approx(strain, rel=0.15)
+    assert grown.area_deformed == pytest.approx(1.21 * c.area, rel=1e-12)
 
 
 def meeting_balls(comm):
-    """The network of two balls that run into each other, and the force from their pressures."""
+    """The network of two balls that run into each other, and the force from their pressures.
+
+    And its contacts where all nodes are at 1.1 times their reference positions.
+    """
     axis, h = np.array([0.48, -0.6, 0.64]), 0.02 * RADIUS
     lower = sphere_near_contact(RADIUS, h, 0.35, axis, 4 * h)
     points, cells = sphere_near_contact(RADIUS, 1.3 * h, 0.35, -axis, 4 * h)
@@ -124,7 +132,19 @@ def meeting_balls(comm):
     assert np.all(fields["contact_gap"][on] < 0) and not fields["contact_shear"].any()
     own = s.contact.own
     pressed = comm.allreduce(0.5 * fields["contact_pressure"][own.nodes] @ own.area)
-    return network_of(s), pressed
+    grown = find_network(s.contact, s.mesh, s.solid.mass, 1.1 * s.mesh.x)
+    return network_of(s), pressed, grown and grown.contacts
+
+
+@pytest.mark.parametrize("kind", ["nodes", "facets", "facets3"])
+def test_stretch_of_facets_around_points(kind):
+    """Turned and grown by a tenth: 1.21 times the area, at sharp vertices too."""
+    mesh = distribute(MPI.COMM_SELF, [ridge(3)])
+    contact = simulation_of(mesh, QUARTZ, [], points=kind).contact
+    turn = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+    found = contact.points.stretch(contact.own, 1.1 * mesh.x @ turn)
+    assert found.shape == (contact.points.num_points,)
+    assert found == pytest.approx(1.21, rel=1e-12)
 
 
 def test_pressure_at_nodes_is_the_force_on_a_wall():

@@ -149,6 +149,17 @@ def test_torn_last_line_is_left_out(tmp_path, lost):
     assert np.array_equal(history.read_history(path)["step"], [0, 1])
 
 
+def test_history_of_another_version_is_not_gone_on_with(tmp_path):
+    """Rows of other columns would follow; the rows that are there stay."""
+    path = tmp_path / "history.csv"
+    with history.HistoryWriter(path, history.COLUMNS[:-2]) as writer:
+        kept = writer.sync()
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="columns are those of another version"):
+        history.HistoryWriter(path, kept=kept)
+    assert path.read_bytes() == before
+
+
 def test_short_line_in_the_middle_is_refused(tmp_path):
     path = tmp_path / "history.csv"
     path.write_text("step,work\n0,1.0\n1\n2,3.0\n")

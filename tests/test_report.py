@@ -16,8 +16,10 @@ from mufe_fenicsx.analysis import (
 from mufe_fenicsx.analysis.checkerboard import checkerboard
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output import fields, history, run_folder
+from mufe_fenicsx.output.contacts import ContactWriter
 from mufe_fenicsx.report import style, write_report
 from mufe_fenicsx.report.sample import boundary_faces
+from tests.networks import lattice_network
 
 from mpi4py import MPI  # isort: skip  (after the package, which may bring MPI)
 
@@ -81,6 +83,8 @@ def fake_history(num_rows=200, strain=0.1, area=1e-6, height=1e-3):
         "num_contacts": (200 + 4e4 * x).astype(int),
         "num_active_grains": 60 + (e > 0.02),
         "num_active_contacts": 3 + 40 * e,
+        "length_x": np.full(e.size, area**0.5),
+        "length_y": np.full(e.size, area**0.5),
     }
     for i, name in enumerate(("x_min", "x_max", "y_min", "y_max")):
         h[f"force_{name}"] = (0.3 + 0.02 * i) * force
@@ -259,6 +263,7 @@ def test_quantities_in_words(value, text):
 def reported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
     h = write_run(folder)
+    ContactWriter(MPI.COMM_SELF, folder).write(2, h["time"][-1], lattice_network(1.0))
     return folder, h, write_report(folder)
 
 
@@ -266,7 +271,7 @@ def test_page_holds_all_figures_and_nothing_from_outside(reported):
     folder, _, result = reported
     page = (folder / "report.html").read_text()
     rendered = not any("3D" in sentence for sentence in result["missing"])
-    assert len(result["figures"]) == (9 if rendered else 7)
+    assert len(result["figures"]) == (10 if rendered else 8)
     assert page.count('src="data:image/png;base64,') == len(result["figures"])
     assert not re.search(r"https?:|file:|<script|<link|url\(|@import", page)
     assert str(folder) not in page

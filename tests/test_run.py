@@ -73,6 +73,7 @@ def test_run_writes_what_it_did(folder, grains):
     step = 20.0 * history["dt"].max() / history["height"][0]
     assert 0.01 <= history["strain"][-1] < 0.01 + 2 * step
     assert loading.sum() in (20, 21, 22)
+    assert history["length_x"] * history["length_y"] == pytest.approx(result["area"], rel=1e-12)
     work = history["work"][-1]
     assert work > 0
     # The budget of the demonstration is 1 %; this sample is small and fast.

@@ -35,6 +35,7 @@ class Contacts:
     b: np.ndarray  #: index of the other grain, or the number of grains + that of the wall
     num_points: np.ndarray  #: points with pressure > 0 of both sides, and crossings of edges
     area: np.ndarray  #: that they stand for, in the reference configuration [m²]
+    area_deformed: np.ndarray  #: the same as their facets are now [m²]
     normal: np.ndarray  #: mean over the area, unit length, shape (num_contacts, 3)
     centroid: np.ndarray  #: of the area [m], shape (num_contacts, 3); nan where open
     branch: np.ndarray  #: from b to a [m], shape (num_contacts, 3)
@@ -113,7 +114,7 @@ def find_network(contact, mesh, mass, x):
     first_moment = np.zeros((mesh.num_grains, 3))
     np.add.at(first_moment, mesh.grain_of_node, mass[:, None] * x)
     parts = comm.gather(
-        (mesh.grains, grain_mass, first_moment / grain_mass[:, None], _own_sums(contact))
+        (mesh.grains, grain_mass, first_moment / grain_mass[:, None], _own_sums(contact, x))
     )
     if comm.rank:
         return None
@@ -146,16 +147,16 @@ def num_active_pairs(contact):
 
 
 #: Columns of the sums over points.
-_COUNT, _AREA, _WORK = 0, 1, 2
-_NORMAL, _PLACE, _FORCE, _FRICTION, _MOMENT = (slice(k, k + 3) for k in range(3, 18, 3))
-_NUM_COLUMNS = 18
+_COUNT, _AREA, _DEFORMED, _WORK = range(4)
+_NORMAL, _PLACE, _FORCE, _FRICTION, _MOMENT = (slice(k, k + 3) for k in range(4, 19, 3))
+_NUM_COLUMNS = 19
 
 
-def _own_sums(contact):
+def _own_sums(contact, x):
     """a and b of this rank's contacts, and sums over its points, shape (num, _NUM_COLUMNS). Local.
 
     Crossings of edges count as points, on the rank that evaluates them.
-    Moments are about the origin.
+    Moments are about the origin. ``x`` are the positions of the nodes [m].
     """
     grain_of_point = contact.points.grain_of_point
     ledger, num_grains = contact.ledger, contact.ledger.num_grains
@@ -166,6 +167,7 @@ def _own_sums(contact):
     work[:, _WORK] = ledger.work
     wall_normal = contact.walls.normal[w.wall[at]]
     crossings = closed_crossings(contact)
+    stretch = contact.points.stretch(contact.own, x)
     grain = [
         grain_of_point[p.node[on]],
         grain_of_point[w.node[at]],
@@ -174,26 +176,27 @@ def _own_sums(contact):
     ]
     partner = [p.grain[on], w.wall[at] + num_grains, crossings.partner, ledger.partner]
     sums = [
-        _sums_of_points(contact, p, on, p.normal[on], contact.areas(on)),
-        _sums_of_points(contact, w, at, wall_normal, contact.points.area[w.node[at]]),
+        _sums_of_points(contact, p, on, p.normal[on], contact.areas(on), stretch),
+        _sums_of_points(contact, w, at, wall_normal, contact.points.area[w.node[at]], stretch),
         _sums_of_crossings(contact, crossings),
         work,
     ]
     grain, partner, sums = (np.concatenate(part) for part in (grain, partner, sums))
     # Seen from the grain with the lower index, what has a direction changes its sign.
     swap = partner < grain
-    sums[swap, 3:] *= -1.0
+    sums[swap, 4:] *= -1.0
     sums[swap, _PLACE] *= -1.0
     (a, b), (sums,) = sum_by_pair(np.minimum(grain, partner), np.maximum(grain, partner), sums)
     return a, b, sums
 
 
-def _sums_of_points(contact, pairs, on, normal, area):
+def _sums_of_points(contact, pairs, on, normal, area, stretch):
     """Terms of the sums for pairs ``on``, seen from the grain of the point."""
     place = contact.positions.array[pairs.node[on]]
     terms = np.zeros((on.size, _NUM_COLUMNS))
     terms[:, _COUNT] = 1
     terms[:, _AREA] = area
+    terms[:, _DEFORMED] = area * stretch[pairs.node[on]]
     terms[:, _NORMAL] = area[:, None] * normal
     terms[:, _PLACE] = area[:, None] * place
     terms[:, _FRICTION] = pairs.shear[on]
@@ -210,7 +213,7 @@ def _sums_of_crossings(contact, crossings):
     place = 0.5 * np.einsum("ck,cki->ci", c.share, ends)
     terms = np.zeros((c.push.size, _NUM_COLUMNS))
     terms[:, _COUNT] = 1
-    terms[:, _AREA] = c.area
+    terms[:, _AREA] = terms[:, _DEFORMED] = c.area
     terms[:, _NORMAL] = c.area[:, None] * c.normal
     terms[:, _PLACE] = c.area[:, None] * place
     terms[:, _FRICTION] = c.friction
@@ -239,6 +242,7 @@ def _contacts(a, b, sums, center, walls):
         b=b,
         num_points=sums[:, _COUNT].astype(np.int64),
         area=sums[:, _AREA],
+        area_deformed=sums[:, _DEFORMED],
         normal=normal,
         centroid=centroid,
         branch=branch,

@@ -51,6 +51,20 @@ class Points:
         """Surface nodes of the given points: one array for points at nodes, else three."""
         return (points,) if self.corner is None else tuple(self.corner[points].T)
 
+    def stretch(self, own, x):
+        """Area of the facets around each point now over the reference one, (num_points,).
+
+        Args:
+            own: :class:`~mufe_fenicsx.contact.surface.OwnSurface` that the points belong to.
+            x: Positions of the mesh's nodes [m], shape (num_nodes, 3).
+        """
+        a, b, c = (x[own.nodes[own.facets[:, i]]] for i in range(3))
+        now = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        ring, offset = (
+            (own.ring, own.ring_offset) if self.corner is None else (self.ring, self.ring_offset)
+        )
+        return _sums(now[ring], offset) / _sums(own.facet_area[ring], offset)
+
     def to_nodes(self, values, num_nodes):
         """Values at points, shape (num_points, k), spread to surface nodes (num_nodes, k)."""
         if self.corner is None:
@@ -116,6 +130,11 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
         ring=np.concatenate([facets, *around]).astype(own.ring.dtype),
         recess=both(np.zeros(own.facet_area.size), RECESS * edge_of_area(own.area, 2)),
     )
+
+
+def _sums(values, offset):
+    """Sums over rows of compressed rows, none of them empty, shape (num_rows,)."""
+    return np.add.reduceat(values, offset[:-1]) if values.size else np.zeros(0)
 
 
 def sharp_vertices(own, x):

@@ -45,6 +45,7 @@ CONTACT_COLUMNS = (
     "wall",  # name of the wall; empty between grains
     "num_points",  # with pressure > 0 on both sides, and crossings of edges; 0: contact is open
     "area",  # [m²], in the reference configuration
+    "area_deformed",  # the same facets as they are now [m²]
     *_vector("normal"),  # mean over the area, from b to a
     *_vector("centroid"),  # of the area [m]
     *_vector("branch"),  # from the centre of b (or the centroid on the wall) to that of a [m]
@@ -58,7 +59,7 @@ CONTACT_COLUMNS = (
 
 GRAIN_COLUMNS = (
     "grain",  # label
-    "mass",  # [kg]
+    "mass",  # [kg], with what mass scaling added
     *_vector("center"),  # of mass [m]
     "num_active_contacts",  # neighbours that press on it, N_cA of Nadimi & Fonseca (2018)
     "num_active_walls",  # walls that press on it
@@ -149,6 +150,7 @@ def contact_rows(network):
         [walls[b] for b in c.b],
         c.num_points,
         c.area,
+        c.area_deformed,
         *c.normal.T,
         *c.centroid.T,
         *c.branch.T,
@@ -233,6 +235,12 @@ def write_lines(path, time, network):
         raise
 
 
+def contact_files(run_folder, index):
+    """Paths of the tables of contacts and of grains of one stored state."""
+    folder = Path(run_folder) / "contacts"
+    return [folder / f"{name}_{index:04d}.csv" for name in ("contacts", "grains")]
+
+
 def read_contacts(run_folder, index):
     """The tables of contacts and of grains of one stored state.
 
@@ -242,8 +250,7 @@ def read_contacts(run_folder, index):
     Raises:
         InputError: A table cannot be read.
     """
-    folder = Path(run_folder) / "contacts"
-    paths = [folder / f"{name}_{index:04d}.csv" for name in ("contacts", "grains")]
+    paths = contact_files(run_folder, index)
     if not all(path.exists() for path in paths):
         return {}, {}
     return tuple(read_history(path) for path in paths)

@@ -267,6 +267,36 @@ def read_states(run_folder):
         raise InputError(f"{path} is not a list of states ({error})") from error
 
 
+def read_arrays(run_folder, index, names=None):
+    """Arrays of one stored state, only those asked for, without VTK.
+
+    Args:
+        run_folder: The run folder.
+        index: Number of the state, or the name of a file beside the states, as :data:`MESH`.
+        names: As "Points", "Connectivity", "PointData/displacement", "CellData/stress"; None:
+            all names that there are, and no array.
+
+    Returns:
+        dict name -> array; with ``names`` None a dict name -> shape.
+
+    Raises:
+        InputError: The state or an array is absent or cannot be read.
+    """
+    name = index if isinstance(index, str) else f"{index:04d}.vtkhdf"
+    path = Path(run_folder) / "fields" / name
+    try:
+        with h5py.File(path, "r") as file:
+            group = file["VTKHDF"]
+            if names is None:
+                found = {k: group[k] for k in ("Points", "Connectivity")}
+                for folder in ("PointData", "CellData", "FieldData"):
+                    found |= {f"{folder}/{k}": v for k, v in group[folder].items()}
+                return {k: v.shape for k, v in found.items()}
+            return {name: group[name][:] for name in names}
+    except (OSError, KeyError, ValueError, AttributeError) as error:
+        raise InputError(f"state {path} cannot be read ({reason(error)})") from error
+
+
 def read_state(run_folder, index):
     """One stored state with the nodes at their reference positions.
 

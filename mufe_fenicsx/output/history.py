@@ -39,7 +39,11 @@ COLUMNS = (
     "num_contacts",
     "num_active_grains",
     "num_active_contacts",
+    "length_x",
+    "length_y",
 )
+#: Those that runs of earlier versions lack: distances of the side walls [m].
+NEWER_COLUMNS = ("length_x", "length_y")
 TEXT_COLUMNS = ("stage", "wall")
 
 
@@ -116,6 +120,10 @@ class HistoryWriter:
             self._file = open(self.path, "r+b", buffering=0)
             if self._file.seek(0, os.SEEK_END) < self._kept:
                 raise OSError(f"it has lost rows that the checkpoint counts, {self._kept} bytes")
+            self._file.seek(0)
+            first = self._file.readline().decode("utf-8", "replace").strip()
+            if first != ",".join(self.columns):
+                raise OSError(f"its columns are those of another version of the program: {first}")
             self._file.truncate(self._kept)
             self._file.seek(self._kept)
             return

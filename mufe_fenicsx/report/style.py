@@ -4,6 +4,7 @@ import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 #: Width of a figure across one column or the page of a journal [inch].
 COLUMN, PAGE = 90 / 25.4, 180 / 25.4
@@ -105,6 +106,13 @@ def number(value, digits=3):
 def panel_letter(axis, index):
     """Mark a panel (a), (b) and so on, above its upper left corner."""
     axis.set_title(f"({'abcdefgh'[index]})", loc="left", fontweight="bold")
+
+
+def plain_log_ticks(axis):
+    """Numbers 1, 2, 5, 10 … at a logarithmic axis, which fit where few decades are shown."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def scale_bar(axis, width):

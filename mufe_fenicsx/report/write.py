@@ -8,10 +8,11 @@ import numpy as np
 import mufe_fenicsx
 from mufe_fenicsx.analysis.mesh_quality import mesh_quality
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.output.contacts import read_contacts
 from mufe_fenicsx.output.fields import read_states
-from mufe_fenicsx.output.history import COLUMNS, read_history
+from mufe_fenicsx.output.history import COLUMNS, NEWER_COLUMNS, read_history
 from mufe_fenicsx.output.run_folder import read_run_json, reason
-from mufe_fenicsx.report import curves, histograms, style, views
+from mufe_fenicsx.report import curves, histograms, network, style, views
 from mufe_fenicsx.report.checks import check_run
 from mufe_fenicsx.report.page import write_page
 from mufe_fenicsx.report.render import cannot_render
@@ -104,7 +105,8 @@ class _Report:
     def _read_history(self):
         path = self.folder / "history.csv"
         history = read_history(path)
-        absent = [name for name in COLUMNS if name not in history]
+        needed = [name for name in COLUMNS if name not in NEWER_COLUMNS]
+        absent = [name for name in needed if name not in history]
         if absent:
             raise InputError(f"{path} has no column {', '.join(absent)}")
         if not len(history["step"]):
@@ -165,6 +167,7 @@ class _Report:
         )
         if not why_not:
             self._draw_grain(end)
+        self._draw_network(start)
         cells_per_grain = np.unique(end.grain, return_counts=True)[1]
         self._add(
             "mesh-quality",
@@ -174,6 +177,23 @@ class _Report:
             "Quality of the mesh, as built and after the test",
             "Small dihedral angles spoil the accuracy; the smallest altitude of all bounds the "
             "time step. Where the red line reaches zero, tetrahedra were flattened by the test.",
+            "wide",
+        )
+
+    def _draw_network(self, start):
+        last = read_states(self.folder)[-1]
+        contacts = self._try(lambda: read_contacts(self.folder, last["index"])[0], "contacts")
+        if not contacts or self.history is None:
+            self.missing.append("No picture of the contact network: it was not stored.")
+            return
+        self._add(
+            "contact-network",
+            network.draw_network(contacts, self.history, start.reference, start.cells),
+            f"The contact network at strain {last['strain']:.3f}: (a) directions of contacts "
+            "between grains in vertical planes, (b) their normal forces; (c) compression",
+            "(a) Contacts of a compressed sample point upwards more often than sideways, strong "
+            "ones more so. (b) Right of the dotted line is the strong network. (c) Void ratio "
+            "against the stress over the present area; its slope is the compression index.",
             "wide",
         )
 

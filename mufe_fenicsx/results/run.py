@@ -1,0 +1,295 @@
+"""A run folder opened for reading: what is there, what is not, and what follows from it."""
+
+import csv
+import tomllib
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas
+
+from ..errors import InputError
+from ..geometry.measure import tet_volumes
+from ..output.contacts import CONTACT_COLUMNS, contact_files, read_contacts
+from ..output.fields import MESH, read_arrays, read_states
+from ..output.history import COLUMNS, read_history
+from ..output.run_folder import read_run_json, reason
+from . import tables
+from .state import State
+
+#: By one of these a folder is known as that of a run.
+SIGNS = ("run.json", "history.csv", "fields")
+
+
+class Run:
+    """A run folder: finished, still running, or killed.
+
+    Files are read when they are asked for. :attr:`missing` says what is not there; what needs it
+    raises an InputError of one line. Lengths are in m, stresses in Pa, all else in SI units.
+
+    Args:
+        path: Folder that `mufe run` wrote.
+
+    Raises:
+        InputError: It is no such folder.
+    """
+
+    def __init__(self, path):
+        self.path = Path(path)
+        if not self.path.is_dir():
+            raise InputError(f"run folder {path} is absent, expected a folder that mufe run wrote")
+        if not any((self.path / name).exists() for name in SIGNS):
+            raise InputError(
+                f"run folder {path} has none of run.json, history.csv and fields, expected a "
+                "folder that mufe run wrote"
+            )
+
+    def __repr__(self):
+        return f"Run {self.path}: {len(self._states)} states, {len(self.missing)} things missing"
+
+    # --- what the files hold --------------------------------------------------------------
+
+    @cached_property
+    def summary(self):
+        """run.json, a dict."""
+        return read_run_json(self.path)
+
+    @cached_property
+    def scene(self):
+        """scene.toml with every default written out, a dict of dicts in SI units."""
+        path = self.path / "scene.toml"
+        try:
+            return tomllib.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"{path} cannot be read ({reason(error)})") from error
+        except ValueError as error:
+            raise InputError(f"{path} is not valid TOML ({error})") from error
+
+    @property
+    def finished(self):
+        """Whether the test reached its end, as run.json says it; False without that file."""
+        try:
+            return bool(self.summary.get("finished"))
+        except InputError:
+            return False
+
+    @property
+    def history(self):
+        """history.csv as it is now, a DataFrame with a row a record."""
+        return pandas.DataFrame(read_history(self.path / "history.csv"))
+
+    @property
+    def _states(self):
+        return read_states(self.path)
+
+    @property
+    def states(self):
+        """The stored states: time [s], strain, stage; the index is their number."""
+        table = pandas.DataFrame(self._states, columns=["index", "time", "strain", "stage"])
+        return table.set_index("index")
+
+    def state(self, number=-1):
+        """One stored state, :class:`~mufe_fenicsx.results.state.State`; -1 is the last.
+
+        Raises:
+            InputError: It was not stored.
+        """
+        listed = self._states
+        if number < 0:
+            found = listed[number] if -number <= len(listed) else None
+        else:
+            found = next((s for s in listed if s["index"] == number), None)
+        if found is None:
+            raise InputError(
+                f"state {number} is not in {self.path / 'fields'}, expected one of the "
+                f"{len(listed)} that are stored"
+            )
+        return State(self.path, found)
+
+    def contacts(self, number=-1):
+        """Contacts of a stored state, a DataFrame: a row a pair of grains, or grain and wall.
+
+        Columns: :data:`mufe_fenicsx.output.contacts.CONTACT_COLUMNS`.
+        """
+        return self._network(number)[0]
+
+    def grains(self, number=-1):
+        """Grains of a stored state, a DataFrame with a row a grain.
+
+        Columns: :data:`mufe_fenicsx.output.contacts.GRAIN_COLUMNS`.
+        """
+        return self._network(number)[1]
+
+    def _network(self, number):
+        index = self.state(number).index
+        contacts, grains = read_contacts(self.path, index)
+        if not contacts:
+            raise InputError(
+                f"{self.path / 'contacts'} has no tables of state {index}, expected "
+                f"contacts_{index:04d}.csv and grains_{index:04d}.csv"
+            )
+        return pandas.DataFrame(contacts), pandas.DataFrame(grains)
+
+    def with_contacts(self):
+        """The rows of :attr:`states` whose tables of contacts were written, as a DataFrame.
+
+        A run that is killed, or read, just before it writes them has a last state without.
+        """
+        states = self.states
+        return states[[all(p.exists() for p in contact_files(self.path, i)) for i in states.index]]
+
+    def table(self, name):
+        """A table of the grains that was kept with the run: "labels" or "quality"."""
+        path = self.path / f"{name}.csv"
+        try:
+            return pandas.read_csv(path)
+        except OSError as error:
+            raise InputError(f"{path} cannot be read ({reason(error)})") from error
+        except ValueError as error:  # pandas' errors of parsing, and torn text
+            raise InputError(f"{path} is not a table ({reason(error)})") from error
+
+    # --- the box and its content ----------------------------------------------------------
+
+    @cached_property
+    def _start(self):
+        """Corners of the box at the start [m], shape (2, 3), and volume of the grains [m³]."""
+        arrays = read_arrays(self.path, MESH, ["Points", "Connectivity"])
+        points = arrays["Points"]
+        volume = tet_volumes(points, arrays["Connectivity"].reshape(-1, 4)).sum()
+        return np.array([points.min(axis=0), points.max(axis=0)]), float(volume)
+
+    @property
+    def box(self):
+        """Corners of the box between the walls at the start of the run [m], shape (2, 3)."""
+        return self._start[0]
+
+    @property
+    def solid_volume(self):
+        """Volume of all grains in the reference configuration [m³]."""
+        return self._start[1]
+
+    def side_lengths(self, history):
+        """Distances of the side walls along x and y [m], shape (num_rows, 2).
+
+        Raises:
+            InputError: They moved, and the history does not say how far.
+        """
+        if "length_x" in history:
+            return np.column_stack([history["length_x"], history["length_y"]])
+        walls = self.scene.get("walls", {})
+        for name in ("x_min", "x_max", "y_min", "y_max"):
+            wall = walls.get(name, {})
+            if wall.get("velocity") or wall.get("stress"):
+                raise InputError(
+                    f"wall {name} moved, and {self.path / 'history.csv'} has no columns length_x "
+                    "and length_y, expected those of a newer version of the program"
+                )
+        size = self.box[1] - self.box[0]
+        return np.tile(size[:2], (len(history), 1))
+
+    # --- what follows ---------------------------------------------------------------------
+
+    def curves(self, width=0.01):
+        """Stress, void ratio, moduli and K0 a row of the history, a DataFrame.
+
+        Columns: those of :func:`mufe_fenicsx.analysis.macro.oedometer_curves`, time and stage.
+        """
+        return tables.curves(self, width)
+
+    def stresses(self):
+        """Stress of the contacts against that of the walls at each stored state, a DataFrame.
+
+        See :func:`mufe_fenicsx.results.tables.stresses`.
+        """
+        return tables.stresses(self)
+
+    def network(self):
+        """Fabric, coordination, sliding and force chains at each stored state, a DataFrame.
+
+        See :func:`mufe_fenicsx.results.tables.network`.
+        """
+        return tables.network(self)
+
+    def contact_table(self, number=-1):
+        """Active contacts with their part in the network, a DataFrame.
+
+        See :func:`mufe_fenicsx.results.tables.contact_table`.
+        """
+        return tables.contact_table(self, number)
+
+    def wall_friction(self, number=-1):
+        """Normal and tangential force on each wall, a DataFrame with a row a wall."""
+        return tables.wall_friction(self, number)
+
+    def grain_table(self, number=-1):
+        """Form, motion, stress and contacts of each grain at a stored state, a DataFrame.
+
+        See :func:`mufe_fenicsx.results.tables.grain_table`.
+        """
+        return tables.grain_table(self, number)
+
+    def first_yield(self):
+        """When and where each grain was first seen to yield, a DataFrame with a row a grain.
+
+        See :func:`mufe_fenicsx.results.tables.first_yield_table`.
+        """
+        return tables.first_yield_table(self)
+
+    def probe(self, points=None, grains=None):
+        """Displacement and stress of places or of grains through all stored states.
+
+        See :func:`mufe_fenicsx.results.tables.probe`.
+        """
+        return tables.probe(self, points, grains)
+
+    # --- what is not there ----------------------------------------------------------------
+
+    @property
+    def missing(self):
+        """Sentences about what the folder lacks or what cannot be read; empty: all is there."""
+        found = []
+
+        def attempt(read):
+            try:
+                return read()
+            except InputError as error:
+                found.append(f"{error}.")
+                return None
+
+        summary = attempt(lambda: read_run_json(self.path))
+        if summary is not None and not summary.get("finished"):
+            why = summary.get("stop_reason") or "no reason recorded"
+            if why == "running":
+                why = "it still runs, or was cut off"
+            found.append(f"The rest of the run, which did not finish ({why}).")
+        attempt(lambda: self.scene)
+        history = attempt(lambda: self.history)
+        if history is not None:
+            absent = [name for name in COLUMNS if name not in history]
+            if absent:
+                found.append(f"history.csv has no column {', '.join(absent)}.")
+            if "stage" in history and not (history["stage"] != "seating").any():
+                found.append("The loading stage: history.csv has no row of it.")
+        states = attempt(lambda: self._states)
+        if states == []:
+            found.append("Stored states: there is none in the folder fields.")
+        mesh = attempt(lambda: self._start)
+        for state in states or [] if mesh is not None else []:
+            attempt(lambda s=state: read_arrays(self.path, s["index"]))
+            attempt(lambda s=state: self._needed_columns(s["index"]))
+        return list(dict.fromkeys(found))
+
+    def _needed_columns(self, index):
+        """See that the tables of contacts of a state have all columns."""
+        contacts, grains = contact_files(self.path, index)
+        try:
+            with contacts.open(newline="", encoding="utf-8") as file:
+                columns = next(csv.reader(file), [])
+            grains.stat()
+        except OSError as error:
+            raise InputError(
+                f"contacts of state {index}: {error.filename} cannot be read ({reason(error)})"
+            ) from error
+        absent = [name for name in CONTACT_COLUMNS if name not in columns]
+        if absent:
+            raise InputError(f"the tables of contacts have no column {', '.join(absent)}")

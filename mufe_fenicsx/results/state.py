@@ -1,0 +1,108 @@
+"""One stored state of a run: its arrays, read when they are asked for."""
+
+from functools import cached_property
+
+import numpy as np
+
+from ..errors import InputError
+from ..geometry.measure import tet_volumes
+from ..output.fields import read_arrays
+
+
+class State:
+    """One stored state; nodes and cells in the order of its file.
+
+    A run that went on with another number of ranks has another order from there on: compare
+    states by grain, or by place, not by number of node.
+
+    Args:
+        run_folder: The run folder.
+        listed: Its entry of :func:`mufe_fenicsx.output.fields.read_states`.
+    """
+
+    def __init__(self, run_folder, listed):
+        self._folder = run_folder
+        self.index = listed["index"]
+        self.time, self.strain, self.stage = listed["time"], listed["strain"], listed["stage"]
+
+    def __repr__(self):
+        return f"State {self.index}: {self.stage}, strain {self.strain:.6g}, time {self.time:.6g} s"
+
+    def _array(self, name):
+        return read_arrays(self._folder, self.index, [name])[name]
+
+    @cached_property
+    def fields(self):
+        """Names of the fields, dict name -> shape; :meth:`field` reads one."""
+        shapes = read_arrays(self._folder, self.index)
+        data = ("PointData/", "CellData/")
+        return {k.split("/")[1]: v for k, v in shapes.items() if k.startswith(data)}
+
+    def field(self, name):
+        """A field at nodes or of cells by its name, in SI units.
+
+        Raises:
+            InputError: There is none, or it cannot be read.
+        """
+        shapes = read_arrays(self._folder, self.index)
+        for place in ("PointData", "CellData"):
+            if f"{place}/{name}" in shapes:
+                return self._array(f"{place}/{name}")
+        raise InputError(
+            f"state {self.index} has no field {name}, expected one of {', '.join(self.fields)}"
+        )
+
+    @cached_property
+    def reference(self):
+        """Nodes in the reference configuration [m], shape (num_nodes, 3)."""
+        return self._array("Points")
+
+    @cached_property
+    def cells(self):
+        """Nodes of the tetrahedra, shape (num_cells, 4)."""
+        return self._array("Connectivity").reshape(-1, 4)
+
+    @cached_property
+    def grain(self):
+        """Label of each cell's grain, shape (num_cells,)."""
+        return self.field("grain")
+
+    @cached_property
+    def displacement(self):
+        """[m], shape (num_nodes, 3)."""
+        return self.field("displacement")
+
+    @property
+    def points(self):
+        """Nodes now [m], shape (num_nodes, 3)."""
+        return self.reference + self.displacement
+
+    @cached_property
+    def stress(self):
+        """Cauchy stress xx, yy, zz, xy, yz, xz, tension positive [Pa], shape (num_cells, 6)."""
+        return self.field("stress")
+
+    @cached_property
+    def von_mises(self):
+        """[Pa], shape (num_cells,)."""
+        return self.field("von_mises")
+
+    @cached_property
+    def plastic_strain(self):
+        """Equivalent plastic strain [-], shape (num_cells,)."""
+        return self.field("plastic_strain")
+
+    @cached_property
+    def contact_pressure(self):
+        """[Pa], shape (num_nodes,)."""
+        return self.field("contact_pressure")
+
+    @cached_property
+    def volume(self):
+        """Volumes of the tetrahedra now [m³], shape (num_cells,)."""
+        return tet_volumes(self.points, self.cells)
+
+    @cached_property
+    def labels(self):
+        """Labels of the grains, increasing, shape (num_grains,)."""
+        return np.unique(self.grain)

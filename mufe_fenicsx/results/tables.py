@@ -1,0 +1,348 @@
+"""Tables that follow from the files of a run: analysis applied to what is stored."""
+
+import numpy as np
+import pandas
+
+from ..analysis import contact_forces, fabric, grain_stress, inertia, kinematics, macro, probes
+from ..analysis.quasi_static import kinetic_ratio
+from ..analysis.yield_place import yield_place
+from ..errors import InputError
+
+STRESS = ("xx", "yy", "zz", "xy", "yz", "xz")
+WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
+
+
+def vectors(table, name):
+    """Columns name_x, name_y, name_z of a table, shape (num_rows, 3)."""
+    return table[[f"{name}_{axis}" for axis in "xyz"]].to_numpy(dtype=float)
+
+
+def _columns(name, values, ends="xyz"):
+    return {f"{name}_{end}": column for end, column in zip(ends, values.T, strict=True)}
+
+
+def curves(run, width=0.01):
+    """Stress, void ratio, moduli and K0 a row of the history, see :meth:`Run.curves`."""
+    history = run.history
+    found = macro.oedometer_curves(history, run.side_lengths(history), run.solid_volume, width)
+    return pandas.DataFrame({"time": history["time"], "stage": history["stage"], **found})
+
+
+def stresses(run):
+    """Stress of the contacts (Love and Weber) against that of the walls, a row a stored state.
+
+    Columns: ``contact_xx`` … ``contact_xz`` (symmetric part), ``wall_xx``, ``wall_yy``, ``wall_zz``
+    [Pa], compression positive; ``difference_zz`` = contact over wall - 1, the same of xx and yy:
+    small where the test is quasi-static; ``closure_zz`` …, the same with the inertia of the
+    grains added, which is small at any speed; ``kinetic`` over internal energy; ``unbalanced``,
+    top less bottom force over their mean. States without tables of contacts are left out.
+    """
+    history = run.history
+    times, kinetic = history["time"], kinetic_ratio(history)
+    sides = run.side_lengths(history)
+    rows = []
+    for index, state in run.with_contacts().iterrows():
+        contacts, grains = run.contacts(index), run.grains(index)
+
+        def now(values, at=state["time"]):
+            return float(np.interp(at, times, values))
+
+        lengths = np.array([now(sides[:, 0]), now(sides[:, 1]), now(history["height"])])
+        normal = contacts.groupby("wall")["normal_force"].sum().reindex(WALLS).fillna(0.0)
+        wall = macro.wall_stress(normal.to_numpy(), lengths)
+        volume = lengths.prod()
+        inner = macro.contact_stress(
+            vectors(contacts, "force"), vectors(contacts, "branch"), volume
+        )
+        dynamic = macro.inertial_stress(
+            vectors(grains, "force"), vectors(grains, "center"), _middle(run, contacts), volume
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            difference = np.diag(inner) / wall - 1
+            closure = np.diag(inner + dynamic) / wall - 1
+            unbalanced = (normal["z_max"] - normal["z_min"]) / (
+                0.5 * (normal["z_max"] + normal["z_min"])
+            )
+        both = 0.5 * (inner + inner.T)
+        rows.append(
+            {"state": index, "time": state["time"], "strain": state["strain"]}
+            | {f"contact_{e}": both["xyz".index(e[0]), "xyz".index(e[1])] for e in STRESS}
+            | {f"wall_{a}{a}": value for a, value in zip("xyz", wall, strict=True)}
+            | {f"difference_{a}{a}": value for a, value in zip("xyz", difference, strict=True)}
+            | {f"closure_{a}{a}": value for a, value in zip("xyz", closure, strict=True)}
+            | {"kinetic": now(kinetic), "unbalanced": unbalanced}
+        )
+    return pandas.DataFrame(rows)
+
+
+def _middle(run, contacts):
+    """Middle of the box between the walls [m], each wall where its contacts are."""
+    walls = run.box.T.ravel().copy()  # x_min, x_max, y_min, …
+    for number, name in enumerate(WALLS):
+        at = contacts[(contacts["wall"] == name) & (contacts["num_points"] > 0)]
+        force = at["normal_force"].to_numpy(dtype=float)
+        if force.sum() > 0:
+            walls[number] = force @ at[f"centroid_{name[0]}"] / force.sum()
+    return walls.reshape(3, 2).mean(axis=1)
+
+
+def contact_table(run, number=-1):
+    """Active contacts of a stored state with their part in the network.
+
+    The columns of the stored table, and ``ratio`` f/<f> of the normal force over the mean of its
+    kind (between grains, or with walls), ``strong`` (at least 1), ``mobilised`` (friction over
+    μ times the normal force), ``sliding``, and ``chain`` (both grains are linked in one; its
+    number, -1: none).
+    """
+    contacts, grains = run.contacts(number), run.grains(number)
+    contacts = contacts[contacts["num_points"] > 0].reset_index(drop=True)
+    force = contacts["normal_force"].to_numpy(dtype=float)
+    wall = contacts["grain_b"].to_numpy() == 0
+    ratio = np.full(force.shape, np.nan)
+    for kind in (wall, ~wall):
+        if kind.any() and force[kind].mean() > 0:
+            ratio[kind] = force[kind] / force[kind].mean()
+    contacts["ratio"], contacts["strong"] = ratio, ratio >= 1
+    mobilised = contact_forces.mobilised_friction(
+        vectors(contacts, "force"), vectors(contacts, "friction"), _friction(run, contacts)
+    )
+    contacts["mobilised"] = mobilised
+    contacts["sliding"] = np.nan_to_num(mobilised) >= contact_forces.SLIDING
+    chains, first = _chains(run, number, contacts, grains)
+    number_of_chain = np.full(force.shape, -1)
+    number_of_chain[~wall] = np.where(chains.links, chains.chain[first], -1)
+    contacts["chain"] = number_of_chain
+    return contacts
+
+
+def _friction(run, contacts):
+    """Coefficient of friction of each contact while it slides, shape (num_contacts,)."""
+    try:
+        among = run.scene["contact"]
+        of = {"": among} | {name: run.scene["walls"][name] for name in WALLS}
+        mu = {name: float(c.get("friction_kinetic", c["friction"])) for name, c in of.items()}
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{run.path / 'scene.toml'} has no friction of contacts and walls ({error!r}), "
+            "expected the scene that mufe run writes"
+        ) from error
+    return contacts["wall"].map(mu).to_numpy(dtype=float)
+
+
+def _chains(run, number, active, grains):
+    """Force chains of a state, and the first grain of each active contact between grains."""
+    labels = grains["grain"].to_numpy()
+    wall = active["grain_b"].to_numpy() == 0
+    first = np.searchsorted(labels, active["grain_a"].to_numpy())
+    second = np.where(wall, -1, np.searchsorted(labels, active["grain_b"].to_numpy()))
+    state = run.state(number)
+    found, volume = grain_volumes(state)
+    if not np.array_equal(found, labels):
+        raise InputError(f"state {state.index} has other grains in fields than in contacts")
+    center = vectors(grains, "center")
+    stress = contact_forces.contact_stress_of_grains(
+        first, second, vectors(active, "force"), vectors(active, "centroid"), center, volume
+    )
+    chains = contact_forces.force_chains(stress, center, first[~wall], second[~wall])
+    return chains, first[~wall]
+
+
+def grain_volumes(state):
+    """Labels and present volumes [m³] of the grains of a state, both of shape (num_grains,)."""
+    labels, index = np.unique(state.grain, return_inverse=True)
+    return labels, np.bincount(index, state.volume)
+
+
+def network(run):
+    """The contact network in numbers, a row a stored state.
+
+    Columns: ``num_contacts`` between grains and ``num_wall_contacts`` (active ones), ``N_cA`` (mean
+    of the active contacts of a grain), ``coordination`` (the same without grains that have none or
+    one), ``area`` and ``area_deformed`` of the contacts between grains (reference and present
+    configuration; the latter only of runs that stored it), ``fabric_xx`` … of their normals,
+    ``anisotropy``, ``anisotropy_force`` (normals weighted by the normal force), ``mean_force``,
+    ``strong`` (share of the contacts), ``strong_force`` (their share of the sum of forces),
+    ``sliding`` (share of the contacts), ``num_chains`` and ``grains_in_chains``. States without
+    tables of contacts are left out.
+    """
+    rows = []
+    for index, state in run.with_contacts().iterrows():
+        active, grains = contact_table(run, index), run.grains(index)
+        inner = active[active["grain_b"] != 0]
+        labels = grains["grain"].to_numpy()
+        ends = [np.searchsorted(labels, inner[k].to_numpy()) for k in ("grain_a", "grain_b")]
+        count = contact_forces.active_contacts(*ends, labels.size)
+        normals, force = vectors(inner, "normal"), inner["normal_force"].to_numpy(dtype=float)
+        tensor = fabric.fabric_tensor(normals)
+        chain = inner["chain"].to_numpy()
+        in_chains = np.unique(np.concatenate([end[chain >= 0] for end in ends]))
+        strong_force = force[inner["strong"]].sum() / force.sum() if force.size else np.nan
+        row = {
+            "state": index,
+            "time": state["time"],
+            "strain": state["strain"],
+            "num_contacts": len(inner),
+            "num_wall_contacts": len(active) - len(inner),
+            "N_cA": count.mean(),
+            "coordination": contact_forces.mechanical_coordination(count),
+            "area": inner["area"].sum(),
+        }
+        if "area_deformed" in inner:
+            row["area_deformed"] = inner["area_deformed"].sum()
+        row |= {f"fabric_{e}": tensor["xyz".index(e[0]), "xyz".index(e[1])] for e in STRESS}
+        rows.append(
+            row
+            | {
+                "anisotropy": fabric.anisotropy(tensor),
+                "anisotropy_force": fabric.anisotropy(
+                    fabric.fabric_tensor(normals, np.maximum(force, 0))
+                ),
+                "mean_force": force.mean() if force.size else np.nan,
+                "strong": inner["strong"].mean(),
+                "strong_force": strong_force,
+                "sliding": contact_forces.sliding_fraction(inner["mobilised"].to_numpy()),
+                "num_chains": len(np.unique(chain[chain >= 0])),
+                "grains_in_chains": in_chains.size,
+            }
+        )
+    return pandas.DataFrame(rows)
+
+
+def wall_friction(run, number=-1):
+    """Normal and tangential force of the grains on each wall, a row a wall.
+
+    Columns: ``wall``, ``num_contacts``, ``normal`` [N], ``shear_x`` … [N], ``mobilised``: Σ |t| by
+    Σ n of its contacts.
+    """
+    contacts = run.contacts(number)
+    rows = []
+    for name in WALLS:
+        at = contacts[(contacts["wall"] == name) & (contacts["num_points"] > 0)]
+        found = macro.wall_friction(vectors(at, "force"), vectors(at, "normal"))
+        rows.append(
+            {"wall": name, "num_contacts": len(at), "normal": found.normal}
+            | {f"shear_{a}": value for a, value in zip("xyz", found.shear, strict=True)}
+            | {"mobilised": found.mobilised}
+        )
+    return pandas.DataFrame(rows)
+
+
+def grain_table(run, number=-1):
+    """Form, motion and stress of each grain at a stored state, a row a grain.
+
+    Columns: ``grain`` (label), ``volume`` [m³]; ``inertia_1`` … ``inertia_3``, principal moments in
+    the reference configuration for unit density [m⁵]; ``translation_x`` …, ``rotation_x`` …
+    (rotation vector [rad]), ``angle`` [rad], ``misfit`` [m] of the best rigid motion;
+    ``volume_strain`` and ``shear_strain`` (√(2/3 e:e) of the deviator) of what it leaves;
+    ``stress_xx`` …, ``mean``, ``peak``, ``percentile_95`` of von Mises stress [Pa];
+    ``plastic_fraction`` of the volume; ``unstressed``: mean below 1 % of the sample's.
+    """
+    state = run.state(number)
+    mesh = state.cells, state.grain
+    form = inertia.grain_inertia(state.reference, *mesh)
+    motion = kinematics.grain_motion(state.reference, state.points, *mesh)
+    found = grain_stress.grain_stress(
+        state.stress, state.von_mises, state.plastic_strain, state.volume, state.grain
+    )
+    strain = motion.remaining_strain
+    deviator = strain - np.trace(strain, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+    return pandas.DataFrame(
+        {"grain": found.labels, "volume": found.volume}
+        | _columns("inertia", form.moments, "123")
+        | _columns("translation", motion.translation)
+        | _columns("rotation", motion.rotation_vector)
+        | {
+            "angle": motion.angle,
+            "misfit": motion.misfit,
+            "volume_strain": motion.volume_ratio - 1,
+            "shear_strain": np.sqrt(2 / 3 * (deviator**2).sum(axis=(1, 2))),
+        }
+        | _columns("stress", found.stress, STRESS)
+        | {
+            "mean": found.mean,
+            "peak": found.peak,
+            "percentile_95": found.percentile,
+            "plastic_fraction": found.plastic_fraction,
+            "unstressed": grain_stress.unstressed(found.mean, found.volume),
+        }
+    )
+
+
+def first_yield_table(run):
+    """When and where each grain was first seen to yield, a row a grain.
+
+    Columns: ``grain``; ``state`` (its number, -1: never), ``strain``, ``rank`` (1: the first; those
+    of one state share it); in that state the largest ``plastic_strain``, and at its cell ``depth``
+    under the surface, ``under_contact``, ``edge_distance`` to the edge of the contact and its
+    ``contact_radius`` [m], see :func:`mufe_fenicsx.analysis.yield_place.yield_place`.
+    """
+    states = [run.state(index) for index in run.states.index]
+    found = grain_stress.first_yield([(s.plastic_strain, s.grain) for s in states])
+    rows = []
+    for label, at, rank in zip(found.labels, found.state, found.rank, strict=True):
+        row = {"grain": label, "state": -1, "strain": np.nan, "rank": rank}
+        row |= {"plastic_strain": 0.0, "depth": np.nan, "under_contact": False}
+        row |= {"edge_distance": np.nan, "contact_radius": np.nan}
+        if at >= 0:
+            state = states[at]
+            mine = state.grain == label
+            place = yield_place(
+                state.points, state.cells[mine], state.plastic_strain[mine], state.contact_pressure
+            )
+            row |= {"state": state.index, "strain": state.strain, "depth": place.depth}
+            row |= {"under_contact": place.under_contact, "edge_distance": place.edge_distance}
+            row |= {"contact_radius": place.contact_radius}
+            row |= {"plastic_strain": state.plastic_strain[mine].max()}
+        rows.append(row)
+    return pandas.DataFrame(rows)
+
+
+def probe(run, points=None, grains=None):
+    """Displacement and stress of places or grains through all stored states.
+
+    Args:
+        run: :class:`~mufe_fenicsx.results.run.Run`.
+        points: Places in the reference configuration [m], shape (num_points, 3); they move with
+            the grain. Displacement is linear in a cell, stress that of the cell.
+        grains: Labels: means over the volumes of these grains.
+
+    Returns:
+        DataFrame with a row a state and probe: ``state``, ``time``, ``strain``, ``probe`` (number
+        of the place, or label), ``grain``, ``displacement_x`` … [m], ``stress_xx`` … [Pa],
+        ``von_mises`` [Pa], ``plastic_strain``.
+
+    Raises:
+        InputError: Not one of both was given, a place is in no grain, or a label unknown.
+    """
+    if (points is None) == (grains is None):
+        raise InputError("probe of both or neither of points and grains, expected one of them")
+    tables = []
+    for index in run.states.index:
+        state = run.state(index)
+        at_nodes = {"displacement": state.displacement}
+        cells = {
+            "stress": state.stress,
+            "von_mises": state.von_mises,
+            "plastic_strain": state.plastic_strain,
+        }
+        if points is not None:
+            where = probes.find_cells(state.reference, state.cells, points)
+            values = probes.at_places(state.cells, *where, at_nodes, cells | {"grain": state.grain})
+            name = np.arange(len(where[0]))
+        else:
+            name = np.atleast_1d(grains)
+            values = probes.of_grains(
+                state.points, state.cells, state.grain, name, at_nodes, cells
+            ) | {"grain": name}
+        tables.append(
+            pandas.DataFrame(
+                {"state": index, "time": state.time, "strain": state.strain, "probe": name}
+                | {"grain": values["grain"]}
+                | _columns("displacement", values["displacement"])
+                | _columns("stress", values["stress"], STRESS)
+                | {k: values[k] for k in ("von_mises", "plastic_strain")}
+            )
+        )
+    if not tables:
+        raise InputError(f"{run.path / 'fields'} has no stored states, expected some to probe")
+    return pandas.concat(tables, ignore_index=True)

@@ -1,0 +1,44 @@
+"""Contact networks of which all is known."""
+
+import numpy as np
+
+from mufe_fenicsx.contact.network import Contacts, Network
+
+
+def lattice_network(force, counts=(2, 2, 3), D=2e-4):
+    """Balls on a lattice of spacing D under a vertical force on each column, at rest.
+
+    Friction, half of what is allowed, acts in the contacts between grains and adds up to nothing.
+    """
+    places = np.array(list(np.ndindex(*counts)))
+    number = {tuple(p): k for k, p in enumerate(places)}
+    center = D * (places + 0.5)
+    a, b, at, f, t, branch = [], [], [], [], [], []
+    up = np.array([0.0, 0.0, 1.0])
+    shear = 0.25 * force * np.array([1.0, 0.0, 0.0])
+    for (x, y, z), k in number.items():
+        if z == 0:  # on the floor
+            a, b = [*a, k], [*b, len(places) + 4]
+            at, f, t = [*at, center[k] - D / 2 * up], [*f, force * up], [*t, 0 * up]
+            branch = [*branch, D / 2 * up]
+        if z + 1 < counts[2]:
+            a, b = [*a, k], [*b, number[x, y, z + 1]]
+            sign = (-1) ** (x + y)
+            at, f = [*at, center[k] + D / 2 * up], [*f, -force * up + sign * shear]
+            t, branch = [*t, sign * shear], [*branch, -D * up]
+        else:
+            a, b = [*a, k], [*b, len(places) + 5]
+            at, f, t = [*at, center[k] + D / 2 * up], [*f, -force * up], [*t, 0 * up]
+            branch = [*branch, -D / 2 * up]
+    order = np.lexsort((b, a))
+    a, b, at, f, t, branch = (np.array(v)[order] for v in (a, b, at, f, t, branch))
+    n = len(a)
+    normal = (f - t) / force
+    contacts = Contacts(
+        a=a, b=b, num_points=np.full(n, 3), area=np.full(n, 1e-10),
+        area_deformed=np.full(n, 1.1e-10), normal=normal, centroid=at, branch=branch, force=f,
+        friction=t, torque=np.zeros((n, 3)), work=np.zeros(n),
+    )  # fmt: skip
+    walls = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"]
+    labels = np.arange(10, 10 + len(places))
+    return Network(labels, walls, np.ones(len(places)), center, contacts)

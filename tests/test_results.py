@@ -1,0 +1,174 @@
+"""Run folders opened for reading: whole, torn, and the same numbers as computed another way."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+import mufe_fenicsx
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.output.contacts import ContactWriter
+from mufe_fenicsx.output.fields import read_state
+from mufe_fenicsx.results import Run
+from tests.networks import lattice_network
+from tests.test_report import write_run
+
+from mpi4py import MPI  # isort: skip  (after the package, which may bring MPI)
+
+SCENE = "[contact]\nfriction = 0.5\n" + "".join(
+    f"[walls.{axis}_{end}]\nfriction = 0.25\n" for axis in "xyz" for end in ("min", "max")
+)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A made-up run of 2 x 2 x 3 lumpy balls, with the contacts of a loaded lattice."""
+    folder = tmp_path_factory.mktemp("run")
+    write_run(folder)
+    (folder / "scene.toml").write_text(SCENE)
+    writer = ContactWriter(MPI.COMM_SELF, folder)
+    for index in range(3):
+        writer.write(index, 1e-6 * index, lattice_network(1.0 + index))
+    return folder
+
+
+def test_a_whole_run_lacks_nothing(whole):
+    run = mufe_fenicsx.open_run(whole)
+    assert isinstance(run, Run) and run.missing == [] and run.finished
+    assert run.summary["num_grains"] == 12 and run.scene["contact"]["friction"] == 0.5
+    assert run.states["strain"].tolist() == [0.0, 0.05, 0.1]
+    state, grid = run.state(), read_state(whole, 2)
+    assert state.index == 2 and np.array_equal(state.stress, grid.cell_data["stress"])
+    assert np.array_equal(state.points, grid.points + grid.point_data["displacement"])
+    assert np.array_equal(state.field("velocity"), grid.point_data["velocity"])
+    assert state.fields["stress"] == state.stress.shape and len(state.labels) == 12
+    assert len(run.contacts(0)) == 16 and run.grains()["grain"].tolist() == list(range(10, 22))
+    with pytest.raises(InputError, match="state 7 is not in"):
+        run.state(7)
+    with pytest.raises(InputError, match="no field nothing, expected one of contact_pressure"):
+        state.field("nothing")
+
+
+def test_tables_of_a_lattice(whole):
+    """What is known of it: stress F/D², vertical contacts, half of the friction mobilised."""
+    run = mufe_fenicsx.open_run(whole)
+    stresses = run.stresses()
+    D, height = 2e-4, run.history["height"].to_numpy()
+    at = np.interp(run.states["time"], run.history["time"], height)
+    # Friction is balanced; branches are those of the height of 3 D, the volume is that now.
+    walls = stresses["wall_zz"].to_numpy()
+    assert walls == pytest.approx(np.array([1.0, 2, 3]) / D**2, rel=1e-12)
+    exact = walls * 3 * D / at
+    assert stresses["contact_zz"].to_numpy() == pytest.approx(exact, rel=1e-12)
+    assert np.abs(stresses["contact_xx"]).max() < 1e-9 * exact.max()
+    network = run.network().iloc[-1]
+    assert network["num_contacts"] == network["num_wall_contacts"] == 8
+    assert network["N_cA"] == pytest.approx(16 / 12) and network["coordination"] == 2
+    assert network["fabric_zz"] == pytest.approx(1) and network["anisotropy"] == pytest.approx(7.5)
+    assert network["area_deformed"] == pytest.approx(8 * 1.1e-10)
+    contacts = run.contact_table()
+    assert contacts["ratio"].to_numpy() == pytest.approx(1)
+    wall = (contacts["wall"] != "").to_numpy()
+    assert contacts["mobilised"].to_numpy() == pytest.approx(np.where(wall, 0.0, 0.5))
+    assert not contacts["sliding"].any() and network["sliding"] == 0
+    friction = run.wall_friction().set_index("wall")["normal"]
+    assert friction["z_max"] == pytest.approx(12) and friction["x_min"] == 0
+
+
+def test_tables_of_curves_grains_and_probes(whole):
+    run = mufe_fenicsx.open_run(whole)
+    history, curves = run.history, run.curves()
+    assert curves["stress"].to_numpy() == pytest.approx(history["stress"].to_numpy(), rel=0.02)
+    area = run.summary["area"]
+    assert np.prod(run.box[1, :2] - run.box[0, :2]) == pytest.approx(area, rel=0.1)
+    e = area * history["height"] / run.solid_volume - 1
+    assert curves["void_ratio"].to_numpy() == pytest.approx(e.to_numpy(), rel=1e-12)
+    grains, state = run.grain_table(), run.state()
+    assert grains["volume"].sum() == pytest.approx(state.volume.sum(), rel=1e-12)
+    assert grains["peak"].max() == state.von_mises.max()
+    probe = run.probe(grains=[10, 15])
+    assert probe["probe"].tolist() == [10, 15] * 3
+    row = grains[grains["grain"] == 15].iloc[0]
+    assert probe["stress_zz"].iloc[-1] == pytest.approx(row["stress_zz"], rel=1e-12)
+    middle = state.reference[state.cells[7]].mean(axis=0)
+    place = run.probe(points=[middle])
+    assert place["von_mises"].iloc[-1] == state.von_mises[7]
+    assert place["grain"].iloc[0] == state.grain[7]
+    first = run.first_yield()
+    assert set(first["state"]) <= {-1, 1, 2} and (first["depth"][first["state"] > 0] > 0).all()
+    for wrong in ({}, {"points": [middle], "grains": [10]}):
+        with pytest.raises(InputError, match="expected one of them"):
+            run.probe(**wrong)
+
+
+def torn(folder, name, keep=0.6):
+    path = folder / name
+    path.write_bytes(path.read_bytes()[: int(keep * path.stat().st_size)])
+
+
+def test_a_killed_run_says_what_is_not_there(whole, tmp_path):
+    folder = shutil.copytree(whole, tmp_path / "run")
+    run = json.loads((folder / "run.json").read_text()) | {"finished": False}
+    (folder / "run.json").write_text(json.dumps(run | {"stop_reason": "running"}))
+    torn(folder, "history.csv")  # the end of its last row is lost with it
+    torn(folder, "fields/0002.vtkhdf")
+    (folder / "contacts/contacts_0001.csv").unlink()
+    run = mufe_fenicsx.open_run(folder)
+    assert not run.finished and 0 < len(run.history) < 220
+    assert len(run.missing) == 3
+    for sentence, part in zip(
+        run.missing, ("still runs, or was cut off", "contacts of state 1: ", "0002.vtkhdf"),
+        strict=True,
+    ):  # fmt: skip
+        assert part in sentence and "\n" not in sentence
+    # What is whole can still be used.
+    assert len(run.contacts(0)) and run.grain_table(1)["volume"].sum() > 0
+    with pytest.raises(InputError, match=r"0002\.vtkhdf cannot be read"):
+        run.grain_table()
+    with pytest.raises(InputError, match="no tables of state 1"):
+        run.contacts(1)
+    assert run.stresses()["state"].tolist() == [0, 2]
+    with pytest.raises(InputError, match=r"0002\.vtkhdf cannot be read"):
+        run.network()
+
+
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("run.json", lambda run: run.summary),
+        ("scene.toml", lambda run: run.scene),
+        ("fields/mesh.h5", lambda run: run.curves()),
+        ("fields/states.vtkhdf.series", lambda run: run.states),
+    ],
+)
+def test_a_torn_file_is_one_clear_line(whole, tmp_path, name, call):
+    folder = shutil.copytree(whole, tmp_path / "run")
+    torn(folder, name, 1 - 20 / len(SCENE) if name == "scene.toml" else 0.5)
+    run = mufe_fenicsx.open_run(folder)
+    with pytest.raises(InputError, match=name.split("/")[-1].replace(".", r"\.")) as failure:
+        call(run)
+    assert "\n" not in str(failure.value)
+    assert any(name.split("/")[-1] in sentence for sentence in run.missing)
+
+
+def test_side_walls_that_moved_need_their_places(whole, tmp_path):
+    """In a history without them, as of earlier versions; at rest they are where they were."""
+    folder = shutil.copytree(whole, tmp_path / "run")
+    lines = (folder / "history.csv").read_text().splitlines()
+    old = [line.rsplit(",", 2)[0] for line in lines]
+    (folder / "history.csv").write_text("\n".join(old) + "\n")
+    run = mufe_fenicsx.open_run(folder)
+    assert "length_x" not in run.history and run.missing[0].endswith("length_x, length_y.")
+    sides = run.box[1] - run.box[0]
+    assert run.side_lengths(run.history)[-1].tolist() == sides[:2].tolist()
+    moved = SCENE.replace("[walls.y_max]\n", "[walls.y_max]\nstress = 1e5\n")
+    (folder / "scene.toml").write_text(moved)
+    with pytest.raises(InputError, match="wall y_max moved"):
+        mufe_fenicsx.open_run(folder).curves()
+
+
+def test_what_is_no_run_is_refused(tmp_path):
+    for path, message in ((tmp_path, "none of run.json"), (tmp_path / "nothing", "is absent")):
+        with pytest.raises(InputError, match=message):
+            mufe_fenicsx.open_run(path)
