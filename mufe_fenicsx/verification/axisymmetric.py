@@ -30,6 +30,9 @@ from .axisymmetric_mesh import quarter_disc
 BASES = ("smooth", "glued")
 #: Degree up to which integrals are exact.
 DEGREE = 4
+#: Line searches, one after the other until one converges: full steps overshoot where much flows,
+#: shorter ones can stop where elements begin or cease to flow in turn.
+SEARCHES = ("bt", "basic", "nleqerr")
 #: Halvings of a step of the approach at which Newton's method does not converge.
 HALVINGS = 5
 
@@ -61,16 +64,18 @@ class Ball:
         material: :class:`~mufe_fenicsx.materials.elastic.Elastic` or
             :class:`~mufe_fenicsx.materials.j2.J2`.
         contact_radius: Largest one expected, for the mesh.
-        elements: Edges per that radius on the surface.
+        elements: Edges per that radius, but for ``surface``.
+        surface: How much shorter edges are on the surface. A node is closed or open, so that the
+            area that carries a perfectly plastic contact, and the force, grows in steps.
         base: "smooth" slides freely in its plane, "glued" does not.
         finite: Large strain and rotation, or linear kinematics.
     """
 
-    def __init__(self, material, contact_radius, elements, base="smooth", finite=True):
+    def __init__(self, material, contact_radius, elements, surface=1, base="smooth", finite=True):
         if base not in BASES:
             raise InputError(f'base = "{base}", expected "' + '" or "'.join(BASES) + '"')
         # All sizes shrink alike.
-        self.h = contact_radius / elements
+        self.h = contact_radius / (elements * surface)
         self.mesh = quarter_disc(
             self.h, 7.2 / elements, min(1.3 * contact_radius, 0.8), min(4.8 / elements, 0.15)
         )
@@ -142,7 +147,6 @@ class Ball:
         self.R = self.f.duplicate()
         self.snes = snes = PETSc.SNES().create(MPI.COMM_SELF)
         snes.setType("newtonls")
-        snes.getLineSearch().setType("basic")
         snes.setFunction(self._function, self.f)
         snes.setJacobian(self._jacobian, self.A)
         snes.getKSP().setType("preonly")
@@ -186,7 +190,8 @@ class Ball:
         """
         start, done, part = self.delta, 0.0, 1.0
         while done < 1.0:
-            if self._newton(start + (delta - start) * min(done + part, 1.0)):
+            goal = start + (delta - start) * min(done + part, 1.0)
+            if any(self._newton(goal, search) for search in SEARCHES):
                 done += part
             elif part > 0.5**HALVINGS:
                 part *= 0.5
@@ -197,7 +202,7 @@ class Ball:
                 )
         return self._measured()
 
-    def _newton(self, delta):
+    def _newton(self, delta, search):
         """True and the state of that approach, or False and that of before."""
         self.goal = delta
         before = self.w_before.x.array
@@ -207,6 +212,7 @@ class Ball:
             self.x.array[:] += (delta - self.delta) * self.rate
         # Of the force of Hertz, and what rounding leaves of 1 + strain.
         accuracy = 1e-8 * delta**1.5 + 1e-15
+        self.snes.getLineSearch().setType(search)
         self.snes.setTolerances(rtol=1e-30, atol=accuracy, stol=0.0, max_it=25)
         self.snes.solve(None, self.x)
         if self.snes.getConvergedReason() <= 0:
