@@ -1,7 +1,7 @@
 """Balls under a rigid plane by axisymmetric finite elements: the reference, and how it is made.
 
-    python demos/axisymmetric_reference.py FOLDER          about ten minutes on one core
-    python demos/axisymmetric_reference.py FOLDER --quick  coarse, seconds once compiled
+    python demos/axisymmetric_reference.py FOLDER          about four minutes on one core
+    python demos/axisymmetric_reference.py FOLDER --quick  coarse, ten seconds
 
 Hertz and Jackson & Green tell what a ball should do to some percent: one leaves out its finite
 size and large strain, the others fitted a formula to finite elements. Here the same balls as in
