@@ -8,15 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mufe_fenicsx.verification.reference import load
+
 DEMOS = Path(__file__).resolve().parents[1] / "demos"
 
 
 @pytest.mark.parametrize(
     "name",
     [
-        *("calibrate_compliance", "check_intrusion", "contact_verification", "fidelity"),
-        *("locking", "meshing", "normal_laws", "own_analysis", "segmentation"),
-        "uneven_compliance",
+        *("axisymmetric_reference", "calibrate_compliance", "check_intrusion"),
+        *("contact_verification", "fidelity", "locking", "meshing", "normal_laws"),
+        *("own_analysis", "segmentation", "uneven_compliance"),
     ],
 )
 def test_a_demo_says_what_it_does(name):
@@ -61,6 +63,15 @@ def test_the_page_on_segmentation(tmp_path):
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "page" / "segmentation.html").read_text(encoding="utf-8")
     assert page.count("<img") == 3 and "balls.npy" in page
+
+
+def test_the_axisymmetric_reference_can_be_made_again(tmp_path):
+    """Coarse: the demo compares the forces with the stored ones itself."""
+    command = [sys.executable, DEMOS / "axisymmetric_reference.py", tmp_path, "--quick"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert load(tmp_path / "axisymmetric.csv")
+    assert (tmp_path / "axisymmetric.png").exists()
 
 
 @pytest.fixture(scope="module")

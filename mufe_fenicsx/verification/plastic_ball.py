@@ -32,12 +32,11 @@ class Course:
     residual: float  #: of the energy balance over the work, at the end
     simulation: Simulation
 
-    def mean(self, elements, approach=None):
-        """Approach [m], force [N] and mean pressure [Pa], means over a growth of the contact.
+    def window(self, elements, approach=None):
+        """Approaches [m] over which the contact grows by one element, shape (41,).
 
-        The contact grows through one element, a part 1/``elements`` of its radius, by
-        which its edge passes all places within an element; approach goes with the radius
-        squared.
+        It grows through a part 1/``elements`` of its radius, by which its edge passes all places
+        within an element; approach goes with the radius squared.
 
         Args:
             elements: Elements per contact radius in the middle of that.
@@ -46,7 +45,11 @@ class Course:
         part = 0.5 / elements
         if approach is None:
             approach = self.approach[-1] / (1 + part) ** 2
-        approach = approach * np.linspace(1 - part, 1 + part, 41) ** 2
+        return approach * np.linspace(1 - part, 1 + part, 41) ** 2
+
+    def mean(self, elements, approach=None):
+        """Approach [m], force [N] and mean pressure [Pa], means over :meth:`window`."""
+        approach = self.window(elements, approach)
         force = np.interp(approach, self.approach, self.force)
         area = np.interp(approach, self.approach, self.area)
         return float(approach.mean()), float(force.mean()), float(force.sum() / area.sum())
