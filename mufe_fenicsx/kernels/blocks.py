@@ -100,3 +100,36 @@ def add_products(blocks, first, node, left, right, factor, offset, columns):
                     blocks[s, 0, k] += ax * b
                     blocks[s, 1, k] += ay * b
                     blocks[s, 2, k] += az * b
+
+
+@numba.njit(cache=True)
+def add_blocks(values, slots, blocks):
+    """values[slots[i]] += blocks[i], in place."""
+    for i in range(slots.size):
+        for m in range(3):
+            for k in range(3):
+                values[slots[i], m, k] += blocks[i, m, k]
+
+
+@numba.njit(cache=True)
+def project_blocks(blocks, offset, columns, projector, held):
+    """Blocks P_row K P_column of compressed rows, in place, where either node is held.
+
+    Args:
+        blocks: Shape (num_blocks, 3, 3).
+        offset, columns: The rows.
+        projector: Of each node, shape (num_nodes, 3, 3).
+        held: Whether it differs from one, shape (num_nodes,).
+    """
+    for n in range(offset.size - 1):
+        for s in range(offset[n], offset[n + 1]):
+            if held[n] or held[columns[s]]:
+                blocks[s] = projector[n] @ (blocks[s] @ projector[columns[s]])
+
+
+@numba.njit(cache=True)
+def project_pairs(blocks, rows, columns, projector, held):
+    """:func:`project_blocks` of blocks with their nodes."""
+    for s in range(rows.size):
+        if held[rows[s]] or held[columns[s]]:
+            blocks[s] = projector[rows[s]] @ (blocks[s] @ projector[columns[s]])
