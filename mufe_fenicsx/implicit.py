@@ -41,7 +41,7 @@ FEW, MANY = 7, 14
 LONGER, SHORTER, FAILED = 1.5, 0.7, 0.4
 #: Searches within one increment.
 MAX_SEARCHES = 6
-#: A nodal force that is none, over E* times the facet area.
+#: A residual that is none, over E* times the square of an edge.
 NO_FORCE = 1e-9
 
 
@@ -115,7 +115,7 @@ class ImplicitSimulation(Simulation):
         floor = self.comm.allreduce(float(modulus.max(initial=0.0)), op=MPI.MAX)
         self._newton = Newton(
             self.system, self._residual, self._set_tangent, "mufe_", tolerance,
-            NO_FORCE * floor * self.contact.edge**2, max_iterations,
+            NO_FORCE * floor * self.contact.edge**2 / tolerance, max_iterations,
         )  # fmt: skip
         self._drag = self._drag_coefficients()
         self._last = None  # displacement of the last increment and its length
@@ -167,6 +167,19 @@ class ImplicitSimulation(Simulation):
     def _kinetic(self):
         s = self.state
         return 0.5 * float(self._free_mass @ (s.v**2).sum(axis=1))
+
+    def take_over(self):
+        """Go on from a state that another integrator left. Collective.
+
+        Static increments know no motion: its energy counts as damped.
+        """
+        s = self.state
+        self.dt, self._last = self.first_step, None
+        if self.method is None:
+            self.damped += self._kinetic()
+            s.v[:], s.a[:] = 0.0, 0.0
+        else:
+            s.a[:] = self._f / self.solid.mass[:, None]
 
     # --- an increment ----------------------------------------------------------------------
 

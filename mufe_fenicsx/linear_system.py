@@ -1,12 +1,16 @@
 """A PETSc matrix of 3 × 3 blocks whose pattern follows the contacts, and its solver."""
 
+from contextlib import contextmanager
+
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from .kernels.blocks import add_blocks
 
-#: Unknowns up to which the direct solver is the default.
-LARGEST_DIRECT = 150_000
+#: Unknowns of the largest grain up to which the direct solver is the default: grains hang together
+#: by few nodes, so that the factors are about those of the single grains.
+LARGEST_DIRECT = 6_000
 
 #: Options of PETSc by the name of a solver, all of which a user may change.
 SOLVERS = {
@@ -18,6 +22,9 @@ SOLVERS = {
         "ksp_max_it": 500,
         "pc_type": "gamg",
         "pc_gamg_threshold": 0.01,
+        # Setting it up costs more than it gains by following the contacts.
+        "snes_lag_preconditioner": 10,
+        "snes_lag_preconditioner_persists": True,
         # Displacements of a node belong together, and held directions are not those of the axes.
         "mg_levels_pc_type": "pbjacobi",
         "mg_levels_ksp_type": "chebyshev",
@@ -32,7 +39,7 @@ class LinearSystem:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         offset, columns: Pattern of this rank's own part, local nodes in compressed rows.
         prefix: Of the options of PETSc.
-        solver: One of ``SOLVERS``; None: by the number of unknowns.
+        solver: One of ``SOLVERS``; None: by the largest grain.
         options: Further options of PETSc, without the prefix: dict.
     """
 
@@ -46,18 +53,32 @@ class LinearSystem:
         self._keys = np.empty(0, dtype=np.int64)
         self._values = None
         if solver is None:
-            solver = "direct" if 3 * self.size <= LARGEST_DIRECT else "multigrid"
+            own = 3 * int(np.diff(mesh.node_offset).max(initial=0))
+            largest = self.comm.allreduce(own, op=MPI.MAX)
+            solver = "direct" if largest <= LARGEST_DIRECT else "multigrid"
         database = PETSc.Options(prefix)
-        for name, value in {**SOLVERS[solver], **(options or {})}.items():
-            # The command line comes before the scene, and the scene before the defaults.
-            if not database.hasName(name):
-                database[name] = value
+        # The command line comes before the scene, and the scene before the defaults.
+        chosen = {**SOLVERS[solver], **(options or {})}
+        self._options = {name: v for name, v in chosen.items() if not database.hasName(name)}
+        self._prefix = prefix
         n = 3 * mesh.num_nodes
         self.matrix = PETSc.Mat().create(self.comm)
         self.matrix.setSizes(((n, PETSc.DECIDE), (n, PETSc.DECIDE)))
         self.matrix.setType("aij")
         self.matrix.setBlockSize(3)
         self.num_patterns = 0  #: times that the pattern was made
+
+    @contextmanager
+    def options(self):
+        """The options of this solver are those of PETSc within; solvers read them as they go."""
+        database = PETSc.Options(self._prefix)
+        for name, value in self._options.items():
+            database[name] = value
+        try:
+            yield
+        finally:
+            for name in self._options:
+                database.delValue(name)
 
     def set(self, own, rows, columns, blocks):
         """Make the matrix that of these blocks. Collective.

@@ -5,6 +5,8 @@ import math
 import numpy as np
 from petsc4py import PETSc
 
+#: Line searches of PETSc, tried in turn.
+LINE_SEARCHES = ("basic", "cp")
 _REASONS = PETSc.SNES.ConvergedReason
 
 
@@ -18,7 +20,7 @@ class Newton:
         tangent: ``tangent()`` puts the derivative at the last ``q`` of ``residual`` into the system.
         prefix: Of the options of PETSc.
         tolerance: Of the norm of r over that size.
-        floor: A size of forces that are none [N].
+        floor: Size of the forces below which it is taken for this [N].
         max_iterations: Newton iterations at most.
     """
 
@@ -37,14 +39,31 @@ class Newton:
         snes.setConvergenceTest(self._test)
         snes.setTolerances(max_it=max_iterations)
         snes.setType("newtonls")
-        snes.getLineSearch().setType("bt")
-        snes.setFromOptions()
+        with system.options():
+            snes.setFromOptions()
+        #: Whether the options of PETSc name no line search.
+        self._free_choice = not PETSc.Options(prefix).hasName("snes_linesearch_type")
 
     def __call__(self, guess):
-        """The solution from ``guess``, shape (num_nodes, 3); None if there is none. Collective."""
+        """The solution from ``guess``, shape (num_nodes, 3); None if there is none. Collective.
+
+        Full steps come first: where contacts close or slip, the residual may rise on the way to
+        the solution. Where they fail, those follow that a line search along the residual allows.
+        """
+        for line_search in LINE_SEARCHES[: None if self._free_choice else 1]:
+            if self._free_choice:
+                self.snes.getLineSearch().setType(line_search)
+                self.snes.getLineSearch().setTolerances(max_its=8)
+            found = self._solve(guess)
+            if found is not None:
+                break
+        return found
+
+    def _solve(self, guess):
         self.history, self._at = [], None
         self.x.array[:] = guess.ravel()
-        self.snes.solve(None, self.x)
+        with self.system.options():
+            self.snes.solve(None, self.x)
         self.num_iterations = self.snes.getIterationNumber()
         self.num_linear = self.snes.getLinearSolveIterations()
         if self.snes.getConvergedReason() <= 0:
