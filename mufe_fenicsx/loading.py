@@ -98,7 +98,10 @@ class OedometerLoading:
         for name in KEPT:
             setattr(self, name, kept[name])
         if self.control is not None:
-            self.control.go_on(kept["control"])
+            if "control" in kept:
+                self.control.go_on(kept["control"])
+            elif self.stage == LOADING:  # the speed was constant before
+                self.control.begin(self._speed)
 
     def _note(self):
         state = self.simulation.state

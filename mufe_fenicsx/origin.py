@@ -23,9 +23,11 @@ def grains_checksum(comm, grains_folder):
 
 
 #: Keys of a scene that may differ where a run goes on, beside when the test ends; tables that
-#: came before it, and when what is written.
-FREE_KEYS = ("title", "sample.grains")
-FREE_TABLES = ("image", "mesh", "output")
+#: came before it, when what is written, and how time goes on.
+FREE_KEYS = ("title", "sample.grains", "solver.integrator")
+FREE_TABLES = ("image", "mesh", "output", "implicit")
+#: Tables that may differ where the integrator does: what drives only one of them.
+OF_INTEGRATOR = ("quasi_static", "mass_scaling")
 #: Where the test ends: it may do so later, or earlier but not before the checkpoint.
 END = "oedometer.strain"
 
@@ -46,7 +48,7 @@ def check_origin(comm, checkpoint, identity, folder, quiet):
         if changed:
             message = (
                 f"{changed}, expected the value of checkpoint {checkpoint.path}: a run that goes "
-                f"on may only change {END} and [output]"
+                f"on may only change {END}, [output], solver.integrator and [implicit]"
             )
         elif header["grains"] != identity["grains"]:
             message = (
@@ -59,6 +61,11 @@ def check_origin(comm, checkpoint, identity, folder, quiet):
             except InputError as error:
                 message = str(error)
     raise_together(comm, message)
+
+
+def integrator_of(scene):
+    """The integrator of a scene in TOML."""
+    return tomllib.loads(scene)["solver"].get("integrator", "explicit")
 
 
 def _nothing_to_do(header, scene, folder):
@@ -77,10 +84,13 @@ def _nothing_to_do(header, scene, folder):
 def _first_difference(old, new):
     """`key = new value, was old value` of the first key in which two scenes differ, or None."""
     old, new = (_flat(tomllib.loads(text)) for text in (old, new))
+    free = FREE_TABLES
+    if old.get("solver.integrator") != new.get("solver.integrator"):
+        free = (*FREE_TABLES, *OF_INTEGRATOR)
     for key in [*new, *(k for k in old if k not in new)]:
         if (
             key in (*FREE_KEYS, END)
-            or key.split(".")[0] in FREE_TABLES
+            or key.split(".")[0] in free
             or new.get(key) == old.get(key)
         ):
             continue

@@ -7,6 +7,7 @@ from .contact.walls import Wall
 from .errors import InputError
 from .geometry.grains import load_grains, read_grain_table
 from .geometry.refine import PARTS, split
+from .implicit import ImplicitSimulation
 from .mesh import create_grain_mesh, partition_grains
 from .output.run_folder import raise_together
 from .scene import WALLS, load_scene
@@ -108,10 +109,14 @@ def make_simulation(scene, mesh, low, high, shorter=1.0):
         shorter: The scene's time step times this.
     """
     contact, solver = scene.contact, scene.solver
-    return Simulation(
+    make, more = Simulation, {"mass_scaling": scene.mass_scaling}
+    if solver.integrator != "explicit":
+        make, more = ImplicitSimulation, _increments(scene, high[2] - low[2], shorter)
+    return make(
         mesh,
         scene.materials_of(mesh.labels[mesh.grains], mesh.labels),
         make_walls(scene, low, high),
+        **more,
         friction=contact.friction,
         friction_kinetic=contact.friction_kinetic,
         compliance=contact.compliance,
@@ -121,6 +126,23 @@ def make_simulation(scene, mesh, low, high, shorter=1.0):
         element=solver.element,
         damping=solver.damping,
         assembled=solver.time_step == "assembled",
-        mass_scaling=scene.mass_scaling,
         time_step_factor=solver.time_step_factor * shorter,
     )
+
+
+def _increments(scene, height, shorter):
+    """Options of an :class:`ImplicitSimulation`, strains turned into times."""
+    settings, dynamic = scene.implicit, scene.solver.integrator == "implicit"
+    second = shorter * height / scene.oedometer.speed  # for a strain of one
+    smallest, largest = settings.smallest, settings.largest
+    return {
+        "first_step": settings.step * second,
+        "smallest_step": None if smallest is None else smallest * second,
+        "largest_step": None if largest is None else largest * second,
+        "spectral_radius": settings.spectral_radius if dynamic else None,
+        "stabilisation": settings.stabilisation,
+        "tolerance": settings.tolerance,
+        "max_iterations": settings.max_iterations,
+        "linear_solver": settings.linear_solver,
+        "petsc": settings.petsc_options(),
+    }

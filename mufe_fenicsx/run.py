@@ -14,7 +14,7 @@ from .errors import InputError, Interrupted, SolverError, UnstableError
 from .loading import STRAIN_DEFINITION, OedometerLoading
 from .march import march
 from .memory import peak_memory, return_freed_arrays
-from .origin import check_origin, grains_checksum
+from .origin import check_origin, grains_checksum, integrator_of
 from .output.checkpoint import CheckpointWriter, find_checkpoint, read_tables, written_by
 from .output.run_folder import (
     create_run_folder,
@@ -224,6 +224,8 @@ class _Test:
             restore(self.simulation, *kept, header["state"])
             if len(header["retries"]) < len(self.recovery.done):
                 self.simulation.update_time_step()
+            if integrator_of(header["scene"]) != scene.solver.integrator:
+                self.simulation.take_over()
             self.loading.go_on(header["loading"])
             recorder = header["recorder"]
             same_ranks = written_by(checkpoint, self.comm.size, self.mesh.rank_of_grain)

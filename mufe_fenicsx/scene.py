@@ -7,6 +7,7 @@ and write the file.
 
 import importlib.util
 import math
+import shlex
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -22,6 +23,9 @@ from .materials.scatter import Scatter
 
 #: Walls by name: the axis that they are normal to and the side of the sample.
 WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
+
+#: How time goes on: central differences, generalised-α, or without inertia.
+INTEGRATORS = ("explicit", "implicit", "static")
 
 #: The wall that `Oedometer` drives.
 TOP_PLATEN = "z_max"
@@ -131,6 +135,7 @@ class Contact:
 class Solver:
     """[solver]: element and time integration."""
 
+    integrator: str = "explicit"  #: or "implicit" dynamics, or "static"; see [implicit]
     element: str = "averaged"  #: "averaged" nodal pressure, plain "p1", or "composite"
     time_step: str = "assembled"  #: stability limit of the "assembled" system, or by "element"
     time_step_factor: float = 0.9  #: time step over the stability limit [-]
@@ -139,6 +144,7 @@ class Solver:
     retries: int = 3  #: times that an unstable run goes back and on with half the time step
 
     def __post_init__(self):
+        _one_of("integrator", self.integrator, INTEGRATORS)
         _one_of("element", self.element, ("averaged", "p1", "composite"))
         _one_of("time_step", self.time_step, ("assembled", "element"))
         _require(
@@ -150,6 +156,53 @@ class Solver:
         _require(0 <= self.damping, "damping", self.damping, ">= 0 per second")
         _require(0 < self.energy_limit, "energy_limit", self.energy_limit, "> 0")
         _require(0 <= self.retries <= 10, "retries", self.retries, "0 <= retries <= 10")
+
+
+@dataclass(frozen=True)
+class Implicit:
+    """[implicit]: increments of a test with solver.integrator = "implicit" or "static".
+
+    Lengths of increments are strains that the platen makes at the speed of loading.
+    """
+
+    step: float = 5e-4  #: strain of the first increment [-]
+    smallest: float | None = None  #: at which a test gives up [-]; None: step / 10 000
+    largest: float | None = None  #: [-]; None: 4 times step
+    spectral_radius: float = 0.8  #: of "implicit", what is left of the highest frequencies [-]
+    stabilisation: float = 1e-6  #: of "static", drag on grains over their stiffness [-]
+    tolerance: float = 1e-6  #: residual over the internal forces [-]
+    max_iterations: int = 30  #: of Newton's method in an increment
+    linear_solver: str | None = None  #: "direct" or "multigrid"; None: by the largest grain
+    petsc: str = ""  #: further options of PETSc, for the prefix mufe_, e.g. "-ksp_rtol 1e-8"
+
+    def __post_init__(self):
+        _require(0 < self.step < 1, "step", self.step, "0 < step < 1")
+        if self.smallest is not None:
+            _require(0 < self.smallest <= self.step, "smallest", self.smallest,
+                     f"0 < smallest <= step = {self.step}")  # fmt: skip
+        if self.largest is not None:
+            _require(self.step <= self.largest < 1, "largest", self.largest,
+                     f"step = {self.step} <= largest < 1")  # fmt: skip
+        _require(0 <= self.spectral_radius <= 1, "spectral_radius", self.spectral_radius,
+                 "0 <= spectral_radius <= 1")  # fmt: skip
+        _require(0 <= self.stabilisation < 1, "stabilisation", self.stabilisation,
+                 "0 <= stabilisation < 1")  # fmt: skip
+        _require(0 < self.tolerance < 1, "tolerance", self.tolerance, "0 < tolerance < 1")
+        _require(1 <= self.max_iterations, "max_iterations", self.max_iterations, ">= 1")
+        if self.linear_solver is not None:
+            _one_of("linear_solver", self.linear_solver, ("direct", "multigrid"))
+        self.petsc_options()
+
+    def petsc_options(self):
+        """The options as a dict. Raises InputError where they are none."""
+        words, found = shlex.split(self.petsc), {}
+        while words:
+            name = words.pop(0)
+            if not name.startswith("-") or len(name) < 2:
+                raise InputError(f'petsc = "{self.petsc}", expected options like "-ksp_rtol 1e-8"')
+            has_value = words and not (words[0].startswith("-") and words[0][1:2].isalpha())
+            found[name[1:]] = words.pop(0) if has_value else None
+        return found
 
 
 @dataclass(frozen=True)
@@ -277,6 +330,7 @@ class Scene:
     mesh: MeshSettings | None = None
     sample: Sample = Sample()
     solver: Solver = Solver()
+    implicit: Implicit = Implicit()
     walls: dict[str, Wall] = field(default_factory=dict)
     output: Output = Output()
     quasi_static: QuasiStatic | None = None  #: None: constant speed
@@ -298,6 +352,8 @@ class Scene:
                 raise InputError(f"walls.{name} is not a wall, expected one of {', '.join(WALLS)}")
         if self.mass_scaling is not None:
             self._check_mass_scaling()
+        if self.solver.integrator != "explicit":
+            self._check_implicit()
         models = [self.material, *(group.material for group in self.materials.values())]
         if any(isinstance(model, Rigid | Auto) for model in models):
             if self.contact.law == "kinematic":
@@ -359,6 +415,20 @@ class Scene:
         ):
             if value != wanted:
                 raise InputError(f'{key} = "{value}", expected "{wanted}" with [mass_scaling]')
+
+    def _check_implicit(self):
+        """Raise InputError where an implicit or static solver cannot do what the scene wants."""
+        wanted = f'for solver.integrator = "{self.solver.integrator}"'
+        groups = [("material", self.material)]
+        groups += [(f"materials.{name}", group.material) for name, group in self.materials.items()]
+        for name, material in groups:
+            if isinstance(material, Rigid | Auto):
+                raise InputError(f"{name} is rigid, expected grains that deform {wanted}")
+        if self.contact.law == "kinematic":
+            raise InputError(f'contact.law = "kinematic", expected "matched" {wanted}')
+        for name, table in (("mass_scaling", self.mass_scaling), ("quasi_static", self.quasi_static)):
+            if table is not None:
+                raise InputError(f"[{name}] is given, expected none {wanted}")
 
     def _between_speeds(self):
         """Settings of the speed of loading with both limits filled in."""

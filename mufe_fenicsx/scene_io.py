@@ -24,6 +24,7 @@ from .scene import (
     Contact,
     Group,
     ImageSettings,
+    Implicit,
     MassScaling,
     Oedometer,
     Output,
@@ -44,6 +45,7 @@ TABLES = {
     "sample": Sample,
     "contact": Contact,
     "solver": Solver,
+    "implicit": Implicit,
     "oedometer": Oedometer,
     "quasi_static": QuasiStatic,
     "mass_scaling": MassScaling,
@@ -190,7 +192,7 @@ def write_scene(scene) -> str:
     for key, group in scene.materials.items():
         labels = f"labels = [{', '.join(map(str, group.labels))}]"
         lines += _write_material(f"materials.{_key(key)}", group.material, group.scatter, [labels])
-    for name in ("contact", "solver"):
+    for name in ("contact", "solver", "implicit"):
         lines += _write_table(name, getattr(scene, name))
     for wall in WALLS:
         lines += _write_table(f"walls.{wall}", scene.walls[wall])

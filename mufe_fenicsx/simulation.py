@@ -258,6 +258,14 @@ class Simulation:
         self.damped += self.rigid.kick(dt, self.damping)
         self.bonded.give_velocity(s.v)
 
+    def take_over(self):
+        """Go on from a state that another integrator left. Collective."""
+        s = self.state
+        s.a[:] = self._f / self.solid.mass[:, None]
+        s.dt, self.dt = 0.0, math.nan
+        self._clock_at_refresh = self.contact.clock
+        self.update_time_step()
+
     def check(self, diverged=False):
         """Stop where an element fails or a value is not finite. Collective.
 

@@ -304,9 +304,13 @@ class Contact:
         # The motion of the next step, at twice its speed now, must not leave the skin.
         if self.clock + 4.0 * move - self.searched_at > self.skin:
             self.search(x, ahead=4.0 * move)
-        self._evaluate(f, adopt)
+        self.evaluate(f, adopt)
 
-    def _evaluate(self, f, adopt):
+    def evaluate(self, f, adopt=False):
+        """Add the forces of the known pairs at the positions that were received. Collective.
+
+        Arguments as of :meth:`add_forces`; ``clock`` has to bound the motion already.
+        """
         p, s, own, area = self.pairs, self.surface, self.own, self.points.area
         forces, x = self.forces.array, self.positions.array
         forces[self.num_before :] = 0.0

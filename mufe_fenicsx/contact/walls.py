@@ -107,6 +107,11 @@ class Walls:
             self._turn[:] = 0.0
         return max(moved, default=0.0)
 
+    def turn_back(self):
+        """Undo what the last :meth:`move` did to the anchors of walls that turn. Local."""
+        for i in np.flatnonzero(self._turn.any(axis=1)):
+            turn_rows(self.pairs.anchor, self.pairs.wall, i, rotation_of(-self._turn[i]))
+
     def add_work(self):
         """Add half of the work of the forces that act now along the last move."""
         self.work -= 0.5 * (np.vdot(self._push, self.force) + np.vdot(self._turn, self.torque))

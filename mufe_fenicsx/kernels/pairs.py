@@ -48,7 +48,7 @@ def _find_closest(pair, clock, x, node, first, candidate, candidate_due, closest
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _project(px, py, pz, x, a, b, c):
+def project(px, py, pz, x, a, b, c):
     """Weights of the foot of a point on the plane of the triangle a, b, c."""
     ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
     vx, vy, vz = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
@@ -77,7 +77,7 @@ def _share(own_area, x, a, b, c):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _anchor(sx, sy, sz, px, py, pz, nx, ny, nz, x, a, b, c):
+def anchor_of(sx, sy, sz, px, py, pz, nx, ny, nz, x, a, b, c):
     """Weights of the point of the facet a, b, c that a spring s from the node leads to.
 
     ``p`` is the closest point of the facet to the node and ``n`` the normal of the contact,
@@ -88,7 +88,7 @@ def _anchor(sx, sy, sz, px, py, pz, nx, ny, nz, x, a, b, c):
     ux, uy, uz = facet_normal(x, a, b, c)
     slant = nx * ux + ny * uy + nz * uz
     along = (sx * ux + sy * uy + sz * uz) / slant if slant > 0.1 else 0.0
-    return _project(px - sx + along * nx, py - sy + along * ny, pz - sz + along * nz, x, a, b, c)
+    return project(px - sx + along * nx, py - sy + along * ny, pz - sz + along * nz, x, a, b, c)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -287,7 +287,7 @@ def add_pair_forces(
             sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
             now2 = sx * sx + sy * sy + sz * sz
             keep = math.sqrt(length2 / now2) if now2 > 0.0 else 0.0
-            anchor[p, 0], anchor[p, 1], anchor[p, 2] = _anchor(
+            anchor[p, 0], anchor[p, 1], anchor[p, 2] = anchor_of(
                 keep * sx, keep * sy, keep * sz, x[n, 0] - height * nx, x[n, 1] - height * ny,
                 x[n, 2] - height * nz, nx, ny, nz, x, a, b, c,
             )  # fmt: skip
@@ -319,7 +319,7 @@ def add_pair_forces(
             slip[p] += slipped
             sx, sy, sz = keep * sx, keep * sy, keep * sz
             # The anchor that leaves just this much of the spring.
-            anchor[p, 0], anchor[p, 1], anchor[p, 2] = _anchor(
+            anchor[p, 0], anchor[p, 1], anchor[p, 2] = anchor_of(
                 sx,
                 sy,
                 sz,

@@ -17,6 +17,7 @@ from ..errors import InputError
 from .bench_elements import elements
 from .bench_exchange import exchange
 from .bench_family import family, packing, paper
+from .bench_hertz import hertz_cost
 from .bench_launch import launch, row
 from .bench_search import search, share_of_contact
 
@@ -238,12 +239,13 @@ BENCHMARKS = {
     "packing": packing,
     "family": family,
     "paper": paper,
+    "hertz": hertz_cost,
     "search": search,
     "exchange": exchange,
     "elements": elements,
 }
 #: What `mufe bench` runs without a name: the others take an hour or more.
-USUAL = ("box", "blocks", "demo", "search", "elements")
+USUAL = ("box", "blocks", "demo", "search", "elements", "hertz")
 MEASUREMENTS = {"box": box, "blocks": blocks, "demo": demo}
 
 

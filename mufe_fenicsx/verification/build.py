@@ -6,6 +6,7 @@ import numpy as np
 
 from ..contact.walls import Wall
 from ..geometry.refine import PARTS, split
+from ..implicit import ImplicitSimulation
 from ..mesh import create_grain_mesh, partition_grains
 from ..simulation import Simulation
 from .case import axis_planes
@@ -65,6 +66,17 @@ def distribute(comm, bodies, composite=False):
         rank_of_grain,
         PARTS if composite else 1,
     )
+
+
+def simulate(mesh, materials, walls, increment=None, **options):
+    """Time steps, or static increments of the length ``increment`` [s]. Collective.
+
+    Options are those of :class:`~mufe_fenicsx.simulation.Simulation`.
+    """
+    if increment is None:
+        return Simulation(mesh, materials, walls, **options)
+    options = {"first_step": increment, "largest_step": increment} | options
+    return ImplicitSimulation(mesh, materials, walls, **options)
 
 
 def drive(simulation, moves, duration, at_step=None, turns=None):

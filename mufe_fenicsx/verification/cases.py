@@ -15,6 +15,7 @@ from .free_sphere import free_sphere
 from .hertz import hertz, hertz_convergence
 from .hertz_stress import hertz_stress
 from .impact import impact
+from .integrators import integrators
 from .material_point import material_point
 from .mindlin import mindlin
 from .oblique_impact import oblique_impact
@@ -52,6 +53,7 @@ CASES = {
     "oblique-impact": oblique_impact,
     "mindlin": mindlin,
     "torsion": torsion,
+    "integrators": integrators,
     "rolling": rolling,
     "rigid-top": rigid_top,
     "rigid-rolling": rigid_rolling,

@@ -8,8 +8,7 @@ from mpi4py import MPI
 
 from ..contact.walls import Wall, rotation_of
 from ..geometry.half_ball import half_ball
-from ..simulation import Simulation
-from .build import distribute
+from .build import distribute, simulate
 
 #: Rows: along, across and up. Nothing is aligned with the axes.
 FRAME = rotation_of(np.array([0.7, -0.4, 1.1]))
@@ -55,7 +54,7 @@ class HalfBalls:
         """Both caps at rest, each on one rank where there are two. Collective."""
         bodies, walls = self.make()
         mesh = distribute(comm, bodies)
-        return Simulation(
+        return simulate(
             mesh,
             [material] * mesh.num_grains,
             walls,

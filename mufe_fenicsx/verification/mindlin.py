@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -17,6 +18,8 @@ E, RHO, RADIUS = 100e9, 2650.0, 1e-3
 #: Height of the caps over their radius: where their base makes up for their narrow pole.
 HEIGHT = 0.3
 
+#: Static increments of half a cycle: as finely recorded as the time steps.
+INCREMENTS = 50
 #: After the cycles at constant approach, both change: shear and approach, in parts of the first.
 VARYING = ((0.3, 1.25), (-0.5, 0.9), (-0.2, 0.9), (0.6, 1.1))
 
@@ -31,6 +34,7 @@ def mindlin(
     ratio=0.8,
     growth=0.3,
     periods=24.0,
+    integrator: Literal["explicit", "static"] = "explicit",
 ):
     """Elastic ball on elastic ball, sheared to and fro: curve, energy per cycle, stick radius.
 
@@ -49,8 +53,11 @@ def mindlin(
         ratio: Largest tangential force over μP.
         growth: Growth of the element size with the distance from the contact.
         periods: Duration of half a cycle over the period of a cap on its base.
+        integrator: Time steps, or ``INCREMENTS`` static ones in half a cycle.
     """
-    s = shear_balls(comm, elements_per_radius, a_over_R, nu, friction, ratio, growth, periods)
+    s = shear_balls(
+        comm, elements_per_radius, a_over_R, nu, friction, ratio, growth, periods, integrator
+    )
     _, first, back, again = s.turns[:4]
     N, Q = s.normal, s.force
     error = np.abs(Q - s.theory) / (2 * ratio * friction * N[first])
@@ -107,7 +114,10 @@ class Sheared:
         return (0.75 * force * 0.5 * RADIUS / self.modulus) ** (1 / 3)
 
 
-def shear_balls(comm, elements_per_radius, a_over_R, nu, friction, ratio, growth, periods):
+def shear_balls(
+    comm, elements_per_radius, a_over_R, nu, friction, ratio, growth, periods,
+    integrator="explicit",
+):  # fmt: skip
     """Press and shear, as the case does, whose parameters these are. Collective.
 
     Returns:
@@ -117,13 +127,16 @@ def shear_balls(comm, elements_per_radius, a_over_R, nu, friction, ratio, growth
     a, radius = a_over_R * RADIUS, 0.5 * RADIUS
     balls = HalfBalls(RADIUS, HEIGHT * RADIUS, a, a / elements_per_radius, growth)
     omega = balls.frequency(material)
-    s = balls.simulation(comm, material, friction, damping=0.3 * omega, time_step_factor=0.8)
+    half_cycle = periods * 2 * math.pi / omega
+    s = balls.simulation(
+        comm, material, friction, damping=0.3 * omega, time_step_factor=0.8,
+        increment=half_cycle / INCREMENTS if integrator == "static" else None,
+    )  # fmt: skip
     modulus = hertz.effective_modulus((E, nu), (E, nu))
     S = theory.tangential_compliance((E, nu), (E, nu))
     beyond = shear_compliance(balls, material) if comm.rank == 0 else None
     beyond = 2 * comm.bcast(beyond)
 
-    half_cycle = periods * 2 * math.pi / omega
     every = max(int(half_cycle / s.dt / 100), 1)
     rows = []
 

@@ -1,6 +1,7 @@
 """A half ball on a bonded base into which a rigid plane is pressed, and what is measured."""
 
 import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from ..contact.walls import Wall
 from ..geometry.half_ball import half_ball
 from ..simulation import Simulation
-from .build import distribute, drive
+from .build import distribute, drive, simulate
 from .half_balls import slow_mass_factor
 from .pressed import FRAME, turn
 
@@ -30,6 +31,7 @@ class Course:
     force_at_surface_yield: float  #: when the first with a node on the surface does [N]
     kinetic: float  #: largest kinetic energy over the work done, in the second half of the way
     residual: float  #: of the energy balance over the work, at the end
+    seconds: float  #: wall time without making the mesh
     simulation: Simulation
 
     def window(self, elements, approach=None):
@@ -66,6 +68,7 @@ def press_ball(
     periods=6.0,
     records=200,
     watch_yield=False,
+    increments=None,
     **options,
 ):
     """Press a plane into the pole of a half ball by ``approach`` and record. Collective, one rank.
@@ -85,6 +88,7 @@ def press_ball(
         periods: Duration over the period of a shear wave between pole and base.
         records: Number of records.
         watch_yield: Look for the first plastic strain at each step.
+        increments: Number of static increments; None for time steps.
         options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
 
     Returns:
@@ -100,17 +104,19 @@ def press_ball(
     base = FRAME @ tilt[:, 2]
     mesh = distribute(comm, [(turned, cells)], element == "composite")
     walls = [Wall("base", np.zeros(3), base, bonded=True), Wall("plane", top * AXIS, -AXIS)]
+    started = time.perf_counter()
     omega = 0.5 * math.pi * math.sqrt(material.shear_modulus / material.rho) / RADIUS
     options = {"damping": 0.3 * omega, "time_step_factor": 0.8} | options
-    s = Simulation(
+    duration = periods * 2 * math.pi / omega
+    s = simulate(
         mesh,
         [material],
         walls,
+        increment=duration / increments if increments else None,
         element=element,
         mass_factor=slow_mass_factor(mesh),
         **options,
     )
-    duration = periods * 2 * math.pi / omega
     plane = s.walls.names.index("plane")
     every = max(int(duration / s.dt / records), 1)
     own = np.zeros(mesh.num_nodes, dtype=bool)
@@ -146,6 +152,7 @@ def press_ball(
         force_at_surface_yield=first["surface"],
         kinetic=kinetic,
         residual=abs(e["residual"] / e["work"]),
+        seconds=time.perf_counter() - started,
         simulation=s,
     )
 

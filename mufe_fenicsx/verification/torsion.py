@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from .half_balls import FRAME, UP, HalfBalls, low_load
 
 E, RHO, RADIUS = 100e9, 2650.0, 1e-3
 HEIGHT = 0.3
+#: Static increments of half a cycle.
+INCREMENTS = 40
 
 
 @case("torsion", num_bodies=2)
@@ -26,6 +29,7 @@ def torsion(
     ratio=0.75,
     growth=0.3,
     periods=32.0,
+    integrator: Literal["explicit", "static"] = "explicit",
 ):
     """Elastic ball on elastic ball, twisted to and fro and until it slides: Lubkin, Deresiewicz.
 
@@ -42,8 +46,11 @@ def torsion(
         ratio: Moment at the turns over that of sliding.
         growth: Growth of the element size with the distance from the contact.
         periods: Duration of half a cycle over the period of a cap on its base.
+        integrator: Time steps, or ``INCREMENTS`` static ones in half a cycle.
     """
-    t = twist_balls(comm, elements_per_radius, a_over_R, nu, friction, ratio, growth, periods)
+    t = twist_balls(
+        comm, elements_per_radius, a_over_R, nu, friction, ratio, growth, periods, integrator
+    )
     _, first, back, again, last = t.turns
     M, N = t.moment, t.normal
     error = np.abs(M - t.theory) / (2 * t.theory[first])
@@ -82,7 +89,10 @@ class Twisted:
     simulation: object
 
 
-def twist_balls(comm, elements_per_radius, a_over_R, nu, friction, ratio, growth, periods):
+def twist_balls(
+    comm, elements_per_radius, a_over_R, nu, friction, ratio, growth, periods,
+    integrator="explicit",
+):  # fmt: skip
     """Press and twist, as the case does, whose parameters these are. Collective.
 
     Returns:
@@ -93,8 +103,11 @@ def twist_balls(comm, elements_per_radius, a_over_R, nu, friction, ratio, growth
     a = a_over_R * RADIUS
     balls = HalfBalls(RADIUS, HEIGHT * RADIUS, a, a / elements_per_radius, growth)
     omega = balls.frequency(material)
-    s = balls.simulation(comm, material, friction, damping=0.5 * omega, time_step_factor=0.8)
     half_cycle = periods * 2 * math.pi / omega
+    s = balls.simulation(
+        comm, material, friction, damping=0.5 * omega, time_step_factor=0.8,
+        increment=half_cycle / INCREMENTS if integrator == "static" else None,
+    )  # fmt: skip
     modulus = hertz.effective_modulus((E, nu), (E, nu))
 
     def contact(force):

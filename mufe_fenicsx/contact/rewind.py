@@ -1,0 +1,68 @@
+"""The state of all contacts kept, to evaluate them again from there."""
+
+import numpy as np
+
+from .restart import EDGES_KEPT, WALLS_KEPT
+
+#: Arrays that an evaluation changes, of pairs with facets; those of their rows besides, which lie
+#: side by side in the array that ``weights`` is part of.
+OF_PAIRS = ("due", "candidate_due", "closest", "closed", "sliding")
+#: Numbers of the contact operator itself.
+NUMBERS = ("dissipated", "num_adopted", "num_deep", "deepest", "clock")
+
+
+class ContactMark:
+    """What the contacts were when it was made. Local.
+
+    Args:
+        contact: :class:`~mufe_fenicsx.contact.assemble.Contact`.
+    """
+
+    def __init__(self, contact):
+        self.contact = contact
+        self.num_searches = contact.num_searches
+        self._kept = [(array, array.copy()) for array in _arrays(contact)]
+        self._numbers = {name: getattr(contact, name) for name in NUMBERS}
+        self._lost = contact.edges.lost
+        self.positions = contact.positions.own.copy()
+
+    @property
+    def clock(self):
+        """Reading of the clock then [m]."""
+        return self._numbers["clock"]
+
+    def restore(self):
+        """Make the contacts what they were; a search since then must not have been.
+
+        Raises:
+            RuntimeError: There was one.
+        """
+        contact = self.contact
+        if contact.num_searches != self.num_searches:
+            raise RuntimeError("contacts were searched anew, expected the pairs of the mark")
+        for array, kept in self._kept:
+            np.copyto(array, kept)
+        for name, value in self._numbers.items():
+            setattr(contact, name, value)
+        contact.edges.lost = self._lost
+
+    def before(self, name):
+        """``closed`` or ``slip`` then: of pairs with facets, of edges and with walls."""
+        pairs = self.contact.pairs
+        of_edges = self._kept[len(OF_PAIRS) + 1 :][EDGES_KEPT.index(name)][1]
+        of_walls = self._kept[-len(WALLS_KEPT) :][WALLS_KEPT.index(name)][1]
+        if name in OF_PAIRS:
+            return self._kept[OF_PAIRS.index(name)][1], of_edges, of_walls
+        column = getattr(pairs, name)
+        column = (column.ctypes.data - column.base.ctypes.data) // column.itemsize
+        return self._kept[len(OF_PAIRS)][1][:, column], of_edges, of_walls
+
+
+def _arrays(contact):
+    pairs, edges, walls = contact.pairs, contact.edges.pairs, contact.walls.pairs
+    return (
+        [getattr(pairs, name) for name in OF_PAIRS]
+        + [pairs.weights.base]
+        + [getattr(edges, name) for name in EDGES_KEPT]
+        + [getattr(walls, name) for name in WALLS_KEPT]
+    )

@@ -1,0 +1,405 @@
+"""Grains, contact and walls, stepped together by implicit increments: static or dynamic.
+
+Forces are those of the explicit simulation, evaluated from the state at the start of the
+increment: stress update, contact and friction are the same functions of positions, and a state
+can go from one integrator to another and back. Newton's method solves for the displacements; the
+tangent is that of `tangent` and `contact.tangent`. Pairs of contact are those of one search
+through all iterations of an increment; where grains move further than it saw, it is repeated
+from the start of the increment, for a longer way.
+
+Static increments leave inertia out. What no contact holds would then float, and a drag holds it:
+
+    F = -c ΔU/Δt,   c = s E* V^(1/3) Δt_first m/M,
+
+on a node of mass m of a grain of mass M and volume V, s the ``stabilisation``. Over the first
+step Δt_first it is a spring of s times about the stiffness of the grain, and it grows as steps
+shrink: where a grain snaps to another place, shorter steps follow it as if through a viscous fluid.
+Its work counts as damping.
+"""
+
+import math
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from .contact.rewind import ContactMark
+from .contact.tangent import ContactTangent
+from .errors import InputError, SolverError
+from .integrators.generalized_alpha import GeneralizedAlpha
+from .integrators.newton import Newton
+from .kernels.blocks import project_blocks, project_pairs
+from .linear_system import LinearSystem
+from .simulation import Simulation
+from .tangent import SolidTangent
+
+#: Largest motion of a node within an increment, over the mean facet edge.
+LARGEST_MOVE = 0.5
+#: Iterations up to which the next increment is longer, and from which on it is shorter.
+FEW, MANY = 7, 14
+#: Factors of the length of an increment: after few and many iterations, and where it failed.
+LONGER, SHORTER, FAILED = 1.5, 0.7, 0.4
+#: Searches within one increment.
+MAX_SEARCHES = 6
+#: A residual that is none, over E* times the square of an edge.
+NO_FORCE = 1e-9
+
+
+class ImplicitSimulation(Simulation):
+    """As :class:`~mufe_fenicsx.simulation.Simulation`, by implicit increments. Collective.
+
+    Args:
+        mesh, materials, walls, options: Of the explicit simulation; no rigid grains, no kinematic
+            law, no mass scaling.
+        first_step: Length of the first increment [s].
+        smallest_step, largest_step: Bounds of the length [s]; None: 1e-4 of and 4 times the first.
+        spectral_radius: Of :class:`~.integrators.generalized_alpha.GeneralizedAlpha`; None for
+            static increments.
+        stabilisation: s of static ones.
+        tolerance: Residual over the internal forces, in the norm over all nodes.
+        max_iterations: Newton iterations of an increment.
+        linear_solver: One of linear_system.SOLVERS; None: by size.
+        petsc: Further options of PETSc, without the prefix ``mufe_``.
+        held: Pairs (nodes of this rank, unit vector (3,)): displacements along the vector are
+            those of :attr:`prescribed` at these nodes.
+
+    Attributes:
+        prescribed: Displacements of held nodes in the next increment [m], (num_nodes, 3).
+        report: Of each increment since the start: (time, length [s], Newton iterations, linear
+            iterations, residual at the last three iterations).
+    """
+
+    def __init__(
+        self,
+        mesh,
+        materials,
+        walls=(),
+        *,
+        first_step,
+        smallest_step=None,
+        largest_step=None,
+        spectral_radius=None,
+        stabilisation=1e-6,
+        tolerance=1e-6,
+        max_iterations=30,
+        linear_solver=None,
+        petsc=None,
+        held=(),
+        **options,
+    ):
+        self.first_step = float(first_step)
+        self.smallest_step = 1e-4 * first_step if smallest_step is None else smallest_step
+        self.largest_step = 4.0 * first_step if largest_step is None else largest_step
+        if not 0 < self.smallest_step <= self.first_step <= self.largest_step:
+            raise InputError(
+                f"first_step = {first_step} s, expected 0 < smallest_step = {self.smallest_step} "
+                f"<= first_step <= largest_step = {self.largest_step}"
+            )
+        self.method = None if spectral_radius is None else GeneralizedAlpha(spectral_radius)
+        self.stabilisation = 0.0 if self.method else float(stabilisation)
+        super().__init__(mesh, materials, walls, **options)
+        if self._any_rigid:
+            raise InputError("rigid grains, expected deformable ones for an implicit solver")
+        if self.scaling is not None:
+            raise InputError("[mass_scaling] is given, expected none for an implicit solver")
+        self.held = [(np.asarray(nodes), np.asarray(d, float)) for nodes, d in held]
+        self.prescribed = np.zeros_like(mesh.x)
+        self._contact_tangent = ContactTangent(self.contact, mesh)
+        self._u0 = fem.Function(mesh.V)
+        self._tangent = SolidTangent(self.solid, self.u, self._u0)
+        self.system = LinearSystem(
+            mesh, self._tangent.offset, self._tangent.columns, "mufe_", linear_solver, petsc
+        )
+        self._make_projector()
+        modulus = self.solid.contact_modulus
+        floor = self.comm.allreduce(float(modulus.max(initial=0.0)), op=MPI.MAX)
+        self._newton = Newton(
+            self.system, self._residual, self._set_tangent, "mufe_", tolerance,
+            NO_FORCE * floor * self.contact.edge**2 / tolerance, max_iterations,
+        )  # fmt: skip
+        self._drag = self._drag_coefficients()
+        self._last = None  # displacement of the last increment and its length
+        self.report = []
+        self.num_failed = 0  #: increments that had to be shortened
+
+    # --- what stays the same ---------------------------------------------------------------
+
+    def _drag_coefficients(self):
+        """c of each node [N s/m], shape (num_nodes,)."""
+        mesh, solid = self.mesh, self.solid
+        volume = np.add.reduceat(solid.volume0, mesh.cell_offset[:-1])
+        mass = np.bincount(mesh.grain_of_node, solid.mass, mesh.num_grains)
+        stiffness = self.stabilisation * solid.contact_modulus * np.cbrt(volume)
+        return (stiffness / mass)[mesh.grain_of_node] * solid.mass * self.first_step
+
+    def _make_projector(self):
+        """P of each node: motions that are free, of those with held or glued nodes."""
+        n = self.mesh.num_nodes
+        self._projector = np.tile(np.eye(3), (n, 1, 1))
+        directions = {}
+        for nodes, d in self.held:
+            for node in np.atleast_1d(nodes):
+                directions.setdefault(int(node), []).append(d)
+        for node in self.bonded.nodes:
+            directions[int(node)] = list(np.eye(3))
+        for node, along in directions.items():
+            basis, size = np.linalg.svd(np.array(along))[2], np.linalg.matrix_rank(along)
+            for d in basis[:size]:
+                self._projector[node] -= np.outer(d, d)
+        self._is_held = np.zeros(n, dtype=bool)
+        self._is_held[list(directions)] = True
+        self._any_held = self.comm.allreduce(int(self._is_held.any())) > 0
+        self._projected = -1
+
+    def _project(self, values):
+        """The free part of nodal vectors, in place."""
+        held = self._is_held
+        values[held] = np.einsum("nij,nj->ni", self._projector[held], values[held])
+        return values
+
+    def update_time_step(self, early=False):
+        """The length of increments follows from their success; there is no limit of stability."""
+        if math.isnan(self.dt):
+            self.dt = self.first_step
+            own = self.solid.element_time_step(self.state.x)
+            self.dt_element = self.comm.allreduce(own, op=MPI.MIN)
+
+    def _kinetic(self):
+        s = self.state
+        return 0.5 * float(self._free_mass @ (s.v**2).sum(axis=1))
+
+    def take_over(self):
+        """Go on from a state that another integrator left. Collective.
+
+        Static increments know no motion: its energy counts as damped.
+        """
+        s = self.state
+        self.dt, self._last = self.first_step, None
+        if self.method is None:
+            self.damped += self._kinetic()
+            s.v[:], s.a[:] = 0.0, 0.0
+        else:
+            s.a[:] = self._f / self.solid.mass[:, None]
+
+    # --- an increment ----------------------------------------------------------------------
+
+    def step(self, everywhere=True):
+        """One increment, shortened until it converges. Collective.
+
+        Raises:
+            SolverError: It does not converge at the smallest length; the state is the last one
+                that did. On all ranks.
+            UnstableError, SolverError: As of :meth:`check`.
+        """
+        while True:
+            dt = self.dt
+            if self._increment(dt):
+                break
+            self.num_failed += 1
+            self._last = None
+            if dt <= self.smallest_step:
+                raise SolverError(
+                    f"no equilibrium found from t = {self.state.t:g} s on, with increments down "
+                    f"to {dt:g} s ({self._reason}): the last one found is kept; load in smaller "
+                    "steps, with more stabilisation or less friction, or go on with "
+                    'solver.integrator = "explicit"'
+                )
+            self.dt = max(FAILED * dt, self.smallest_step)
+        iterations = self._newton.num_iterations
+        if iterations <= FEW:
+            self.dt = min(LONGER * dt, self.largest_step)
+        elif iterations >= MANY:
+            self.dt = max(SHORTER * dt, self.smallest_step)
+        self.check()
+
+    def _increment(self, dt):
+        """One increment of length ``dt``; whether it converged. The state stays where not."""
+        s, walls = self.state, self.walls
+        self._begin(dt)
+        guess = self._guess(dt)
+        found = None
+        for _ in range(MAX_SEARCHES):
+            self._too_far = 0.0
+            found = self._newton(guess)
+            if found is not None or not self._too_far:
+                break
+            self._search(4.0 * self._too_far)
+        if found is None:
+            self._reason = (
+                f"{self._newton.num_iterations} iterations, residual "
+                f"{min(self._newton.history, default=math.nan):.1e} of the internal forces"
+            )
+            self._rewind()
+            return False
+        self._finish(found, dt)
+        history = self._newton.history
+        self.report.append(
+            (s.t, dt, self._newton.num_iterations, self._newton.num_linear, history[-3:])
+        )
+        walls.add_work()
+        if walls.has_servo:
+            walls.adjust(self.wall_forces())
+        return True
+
+    def _begin(self, dt):
+        """Keep the state, and move walls and what is prescribed."""
+        s, walls = self.state, self.walls
+        names = ("x", "u", "v", "a", "deviator", "plastic_strain", "plastic_work")
+        self._start_state = {name: getattr(s, name).copy() for name in names}
+        self._start_force = self._f.copy()
+        self._start_walls = {
+            name: getattr(walls, name).copy()
+            for name in ("point", "normal", "rotation", "force", "torque")
+        }
+        self._start_work, self._start_bonded = walls.work, self.bonded.before.copy()
+        self._dt = dt
+        self._u0.x.array[:] = s.u.ravel()
+        self._wall_move = walls.move(dt)
+        # Anchors on walls that turned have gone along.
+        self._mark = ContactMark(self.contact)
+        walls.add_work()
+        self._reach = self.contact.searched_at + self.contact.skin
+        if self.bonded.nodes.size:
+            x, u, v = s.x.copy(), s.u.copy(), s.v.copy()
+            self.bonded.move(x, u, v, self.mesh.x, dt)
+            self.prescribed[self.bonded.nodes] = (x - s.x)[self.bonded.nodes]
+        expected = self._wall_move
+        if self._last is not None:
+            expected = max(expected, float(np.abs(self._last[0]).max()) * dt / self._last[1])
+        expected = self.comm.allreduce(expected, op=MPI.MAX)
+        if self.contact.clock + 3.0 * expected > self._reach:
+            self._search(4.0 * expected)
+
+    def _search(self, ahead):
+        """Pairs anew at the start of the increment, for motions of ``ahead`` [m]."""
+        self._mark.restore()
+        x0 = self._start_state["x"]
+        self.contact.search(x0, ahead=ahead)
+        self._reach = self.contact.searched_at + max(self.contact.skin, ahead)
+        self._mark = ContactMark(self.contact)
+        self.system.forget()
+
+    def _guess(self, dt):
+        """First guess of the displacement."""
+        s = self.state
+        if self.method:
+            guess = dt * s.v + 0.5 * dt**2 * s.a
+        elif self._last is not None:
+            guess = self._last[0] * (dt / self._last[1])
+        else:
+            guess = np.zeros_like(s.x)
+        return self._project(guess) + self.prescribed
+
+    def _residual(self, du):
+        """Minus the sum of all forces after the displacement ``du``, and the internal ones' size.
+
+        For :class:`~.integrators.newton.Newton`.
+        """
+        s, start, contact, dt = self.state, self._start_state, self.contact, self._dt
+        f, method = self._f, self.method
+        move = float(np.abs(du).max(initial=0.0)) if np.isfinite(du).all() else math.inf
+        move = self.comm.allreduce(max(math.sqrt(3.0) * move, self._wall_move), op=MPI.MAX)
+        if not move < LARGEST_MOVE * contact.edge:
+            return None, 0.0
+        self._mark.restore()
+        contact.clock = self._mark.clock + 2.0 * move
+        if contact.clock > self._reach:
+            self._too_far = max(self._too_far, move)
+            return None, 0.0
+        s.x[:] = start["x"] + du
+        s.u[:] = s.x - self.mesh.x
+        s.v[:] = du / dt
+        for name in ("deviator", "plastic_strain", "plastic_work"):
+            getattr(s, name)[:] = start[name]
+        f[:] = 0.0
+        contact.begin(s.x)
+        inverted = self.solid.add_internal_forces(f, s, dt)
+        if self.comm.allreduce(int(inverted >= 0)):
+            contact.receive()
+            return None, 0.0
+        size = float(np.vdot(f, f))
+        contact.receive()
+        contact.evaluate(f)
+        self.bonded.take_forces(f, s.v, s.x)
+        if method:
+            a1 = method.acceleration(du, start["v"], start["a"], dt)
+            v1 = method.velocity(a1, start["v"], start["a"], dt)
+            ma, mf = method.inertia_of_start, method.force_of_start
+            mass = self.solid.mass[:, None]
+            r = mass * ((1 - ma) * a1 + ma * start["a"])
+            size += float(np.vdot(r, r))
+            r -= (1 - mf) * (f - self.damping * mass * v1)
+            r -= mf * (self._start_force - self.damping * mass * start["v"])
+        else:
+            drag = (self._drag / dt)[:, None] * du
+            r = drag - f
+        return self._project(r), math.sqrt(self.comm.allreduce(size))
+
+    def _set_tangent(self):
+        """The derivative of :meth:`_residual` at its last argument, into the linear system."""
+        s, start, method, dt = self.state, self._start_state, self.method, self._dt
+        tangent = self._tangent
+        tangent.take(s, start["deviator"], start["plastic_strain"], dt)
+        blocks = tangent.assemble(s.x)
+        rows, columns, contact = self._contact_tangent(self._mark)
+        nodes = self._contact_tangent.global_nodes()
+        factor = 1.0
+        if method:
+            factor = 1.0 - method.force_of_start
+            slope = method.inertia_slope(dt)
+            slope += factor * self.damping * method.velocity_slope(dt)
+            diagonal = slope * self.solid.mass
+        else:
+            diagonal = self._drag / dt
+        blocks *= factor
+        contact *= factor
+        blocks[tangent.diagonal] += diagonal[:, None, None] * np.eye(3)
+        if self._any_held:
+            largest = float(np.abs(blocks[tangent.diagonal]).max(initial=0.0))
+            project_blocks(
+                blocks, tangent.offset, tangent.columns, self._projector, self._is_held
+            )
+            blocks[tangent.diagonal] += largest * (np.eye(3) - self._projector)
+            project_pairs(contact, rows, columns, *self._surface_projector())
+        self.system.set(blocks, nodes[rows], nodes[columns], contact)
+
+    def _surface_projector(self):
+        """Projectors at surface nodes and ghosts, and where they differ from one."""
+        if self._projected != self.contact.num_searches:
+            self._projected = self.contact.num_searches
+            own = self._projector[self.contact.own.nodes]
+            forward = self._contact_tangent.forward
+            projector = np.stack([forward(own[:, i]) for i in range(3)], axis=1)
+            held = np.abs(projector - np.eye(3)).max(axis=(1, 2)) > 0
+            self._of_surface = projector, held
+        return self._of_surface
+
+    def _finish(self, du, dt):
+        """Take the state that was found."""
+        s, start, method = self.state, self._start_state, self.method
+        if method:
+            s.a[:] = method.acceleration(du, start["v"], start["a"], dt)
+            s.v[:] = method.velocity(s.a, start["v"], start["a"], dt)
+            middle = 0.5 * (s.v + start["v"])
+            mass = self._free_mass[:, None]
+            self.damped += self.damping * dt * float((mass * middle**2).sum())
+        else:
+            s.a[:], s.v[:] = 0.0, 0.0
+            self.damped += float(((self._drag / dt)[:, None] * du**2).sum())
+        self._last = (du, dt)
+        self.contact.previous[:] = self.contact.positions.own
+        s.t += dt
+        s.dt = dt
+        s.num_steps += 1
+
+    def _rewind(self):
+        """Back to the start of the increment."""
+        s, walls = self.state, self.walls
+        self._mark.restore()
+        walls.turn_back()
+        for name, values in self._start_state.items():
+            getattr(s, name)[:] = values
+        for name, values in self._start_walls.items():
+            getattr(walls, name)[:] = values
+        walls.work, self._f[:] = self._start_work, self._start_force
+        self.bonded.before[:] = self._start_bonded

@@ -1,0 +1,329 @@
+"""Derivatives of the forces of closed contacts by the positions of their nodes.
+
+A contact joins a few nodes, so that differences over all of their coordinates cost little. The
+force is written down here as a function of these alone, kernels.pairs and kernels.edges for one
+contact: facet, feature, side, anchor, offset and stiffness are those of the last evaluation, and
+whether it slips. Positions are taken relative to one of the nodes, and central differences over
+``STEP`` of the size of a contact leave some 1e-9 of the stiffness, by truncation and by rounding.
+Walls are planes; their derivative is written out.
+"""
+
+import math
+
+import numba
+import numpy as np
+
+from .closest import EDGE, INTERIOR, VERTEX, closest_point, facet_normal
+from .pairs import anchor_of, project
+
+#: Step of the differences over the size of a contact.
+STEP = 1e-5
+#: A foot found again is the same up to this part of a facet.
+SAME = 1e-7
+#: Nodes of a contact of a point with a facet, and of two edges.
+OF_PAIR, OF_EDGES = 6, 4
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _foot(X, feature):
+    """Weights in the triangle X[3:6] of the foot of X[6] on a feature that goes on beyond its end.
+
+    Features as in kernels.closest.
+    """
+    if feature == INTERIOR:
+        return project(X[6, 0], X[6, 1], X[6, 2], X, 3, 4, 5)
+    w = np.zeros(3)
+    if feature < EDGE:
+        w[feature - VERTEX] = 1.0
+    else:
+        i, j = feature - EDGE, (feature - EDGE + 1) % 3
+        along = length = 0.0
+        for m in range(3):
+            e = X[3 + j, m] - X[3 + i, m]
+            along += e * (X[6, m] - X[3 + i, m])
+            length += e * e
+        w[j] = along / length
+        w[i] = 1.0 - w[j]
+    return w[0], w[1], w[2]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset, recess, largest, anchor):
+    """Forces F (6, 3) on the nodes of a contact at positions X (6, 3), the point at X[6].
+
+    ``fixed``: normal where the point lies on an edge or a vertex, zero elsewhere; ``mu``: the
+    coefficient of a contact that slips, negative for one that sticks.
+    """
+    for m in range(3):
+        X[6, m] = weight[0] * X[0, m] + weight[1] * X[1, m] + weight[2] * X[2, m]
+    wa, wb, wc = _foot(X, feature)
+    rx = X[6, 0] - wa * X[3, 0] - wb * X[4, 0] - wc * X[5, 0]
+    ry = X[6, 1] - wa * X[3, 1] - wb * X[4, 1] - wc * X[5, 1]
+    rz = X[6, 2] - wa * X[3, 2] - wb * X[4, 2] - wc * X[5, 2]
+    ux, uy, uz = facet_normal(X, 3, 4, 5)
+    if feature == INTERIOR:
+        nx, ny, nz = ux, uy, uz
+        height = rx * nx + ry * ny + rz * nz
+    elif fixed[0] != 0.0 or fixed[1] != 0.0 or fixed[2] != 0.0:
+        nx, ny, nz = fixed[0], fixed[1], fixed[2]
+        height = rx * nx + ry * ny + rz * nz
+    else:
+        height = side * math.sqrt(rx * rx + ry * ry + rz * rz)
+        nx, ny, nz = rx / height, ry / height, rz / height
+    N = kn * min(offset - height - recess, largest)
+    sx = X[6, 0] - anchor[0] * X[3, 0] - anchor[1] * X[4, 0] - anchor[2] * X[5, 0]
+    sy = X[6, 1] - anchor[0] * X[3, 1] - anchor[1] * X[4, 1] - anchor[2] * X[5, 1]
+    sz = X[6, 2] - anchor[0] * X[3, 2] - anchor[1] * X[4, 2] - anchor[2] * X[5, 2]
+    along = sx * nx + sy * ny + sz * nz
+    sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
+    if mu >= 0.0:
+        length = math.sqrt(sx * sx + sy * sy + sz * sz)
+        keep = mu * N / (kt * length) if length > 0.0 else 0.0
+        sx, sy, sz = keep * sx, keep * sy, keep * sz
+    tx, ty, tz = -kt * sx, -kt * sy, -kt * sz
+    fx, fy, fz = N * nx + tx, N * ny + ty, N * nz + tz
+    for m in range(3):
+        F[m, 0], F[m, 1], F[m, 2] = weight[m] * fx, weight[m] * fy, weight[m] * fz
+    # The couple of height and friction, borne by the facet.
+    e1x, e1y, e1z = X[4, 0] - X[3, 0], X[4, 1] - X[3, 1], X[4, 2] - X[3, 2]
+    e2x, e2y, e2z = X[5, 0] - X[3, 0], X[5, 1] - X[3, 1], X[5, 2] - X[3, 2]
+    twice = ux * (e1y * e2z - e1z * e2y) + uy * (e1z * e2x - e1x * e2z)
+    twice += uz * (e1x * e2y - e1y * e2x)
+    tilt = (tx * ux + ty * uy + tz * uz) / (nx * ux + ny * uy + nz * uz)
+    tx, ty, tz = tx - tilt * nx, ty - tilt * ny, tz - tilt * nz
+    cx, cy, cz = e2y * uz - e2z * uy, e2z * ux - e2x * uz, e2x * uy - e2y * ux
+    hb = height / twice * (tx * cx + ty * cy + tz * cz)
+    cx, cy, cz = uy * e1z - uz * e1y, uz * e1x - ux * e1z, ux * e1y - uy * e1x
+    hc = height / twice * (tx * cx + ty * cy + tz * cz)
+    ha = -hb - hc
+    F[3, 0], F[3, 1], F[3, 2] = ha * nx - wa * fx, ha * ny - wa * fy, ha * nz - wa * fz
+    F[4, 0], F[4, 1], F[4, 2] = hb * nx - wb * fx, hb * ny - wb * fy, hb * nz - wb * fz
+    F[5, 0], F[5, 1], F[5, 2] = hc * nx - wc * fx, hc * ny - wc * fy, hc * nz - wc * fz
+
+
+@numba.njit(cache=True, error_model="numpy")
+def pair_tangent(
+    rows, columns, blocks, x, num_before, corner, corner_weight, node, candidate, closest, closed,
+    closed0, weights, normal, gap, offset, stiffness, anchor, shear, slip, slip0, push, sliding, facets,
+    area, recess, ratio_of_node, friction_kinetic, largest_depth,
+):  # fmt: skip
+    """Minus the derivative of the forces of all closed pairs, in turn, as blocks of two nodes.
+
+    Args:
+        rows, columns: Written: nodes of each block, shape (36 num_closed,), int32.
+        blocks: Written: [N/m], shape (36 num_closed, 3, 3).
+        x: Positions of points and nodes of the last evaluation [m].
+        num_before: Rows of ``x`` before those of nodes.
+        closed0: Whether the pairs were closed before the increment: anchors begin where those that
+            were not are now, without friction yet.
+        slip, slip0: Accumulated slip [m] after that evaluation and before the increment,
+            shape (num_pairs,).
+        others: As in :func:`~.pairs.add_pair_forces`.
+    """
+    X, F, G = np.zeros((7, 3)), np.zeros((6, 3)), np.zeros((6, 3))
+    at, weight, fixed = np.empty(6, np.int32), np.zeros(3), np.zeros(3)
+    spring = np.zeros(3)
+    count = 0
+    for p in range(node.size):
+        if not closed[p]:
+            continue
+        n, t = node[p], candidate[closest[p]]
+        if corner.shape[0]:
+            for m in range(3):
+                at[m], weight[m] = corner[n, m], corner_weight[n, m]
+        else:
+            at[:3] = n
+            weight[0], weight[1], weight[2] = 1.0, 0.0, 0.0
+        for m in range(3):
+            at[3 + m] = facets[t, m]
+        for i in range(6):
+            for m in range(3):
+                X[i, m] = x[at[i], m] - x[at[0], m]
+        for m in range(3):
+            X[6, m] = weight[0] * X[0, m] + weight[1] * X[1, m] + weight[2] * X[2, m]
+        wa, wb, wc, feature = closest_point(X[6, 0], X[6, 1], X[6, 2], X, 3, 4, 5)
+        off = abs(wa - weights[p, 0]) + abs(wb - weights[p, 1]) + abs(wc - weights[p, 2])
+        if off > SAME:  # the plane of a facet that it came through beside a sharp edge
+            feature = INTERIOR
+        height = gap[p] - recess[n]
+        size = math.sqrt(area[n])
+        on_it = feature != INTERIOR and abs(height) <= 1e-8 * size
+        for m in range(3):
+            fixed[m] = normal[p, m] if on_it else 0.0
+        kn = stiffness[p]
+        kt = kn * ratio_of_node[n] if closed0[p] else 0.0
+        mu = -1.0
+        a0, a1, a2 = anchor[p, 0], anchor[p, 1], anchor[p, 2]
+        if sliding[p] and closed0[p]:
+            mu = friction_kinetic
+            limit = mu * push[p]
+            if limit > 0.0:  # back to the spring before the slip
+                scale = -(limit + kt * (slip[p] - slip0[p])) / (limit * kt)
+                for m in range(3):
+                    spring[m] = scale * shear[p, m]
+                a0, a1, a2 = anchor_of(
+                    spring[0], spring[1], spring[2], X[6, 0] - height * normal[p, 0],
+                    X[6, 1] - height * normal[p, 1], X[6, 2] - height * normal[p, 2],
+                    normal[p, 0], normal[p, 1], normal[p, 2], X, 3, 4, 5,
+                )  # fmt: skip
+            else:
+                mu = 0.0
+        trial = (a0, a1, a2)
+        side = 1.0 if height >= 0.0 else -1.0
+        step = STEP * size
+        for j in range(6):
+            for k in range(3):
+                if j < 3 and weight[j] == 0.0:
+                    G[:] = 0.0
+                    F[:] = 0.0
+                else:
+                    before = X[j, k]
+                    X[j, k] = before + step
+                    _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset[p], recess[n],
+                             largest_depth, trial)  # fmt: skip
+                    X[j, k] = before - step
+                    _of_pair(G, X, weight, feature, side, fixed, kn, kt, mu, offset[p], recess[n],
+                             largest_depth, trial)  # fmt: skip
+                    X[j, k] = before
+                for i in range(6):
+                    b = count + 6 * i + j
+                    rows[b], columns[b] = at[i] - num_before, at[j] - num_before
+                    for m in range(3):
+                        blocks[b, m, k] = (G[i, m] - F[i, m]) / (2.0 * step)
+        count += 36
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _of_edges(F, X, side, kn, kt, mu, offset, largest, anchor_s, anchor_t):
+    """Forces F (4, 3) on the ends X (4, 3) of two edges that cross, as kernels.edges."""
+    ux, uy, uz = X[1, 0] - X[0, 0], X[1, 1] - X[0, 1], X[1, 2] - X[0, 2]
+    vx, vy, vz = X[3, 0] - X[2, 0], X[3, 1] - X[2, 1], X[3, 2] - X[2, 2]
+    wx, wy, wz = X[0, 0] - X[2, 0], X[0, 1] - X[2, 1], X[0, 2] - X[2, 2]
+    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    det = nx * nx + ny * ny + nz * nz
+    scale = side / math.sqrt(det)
+    nx, ny, nz = nx * scale, ny * scale, nz * scale
+    uv = ux * vx + uy * vy + uz * vz
+    uw, vw = ux * wx + uy * wy + uz * wz, vx * wx + vy * wy + vz * wz
+    s, t = (uv * vw - vv * uw) / det, (uu * vw - uv * uw) / det
+    gap = wx * nx + wy * ny + wz * nz
+    N = kn * min(offset - gap, largest)
+    ds, dt = anchor_s - s, anchor_t - t
+    dx, dy, dz = ds * ux - dt * vx, ds * uy - dt * vy, ds * uz - dt * vz
+    if mu >= 0.0:
+        length = math.sqrt(dx * dx + dy * dy + dz * dz)
+        keep = mu * N / (kt * length) if length > 0.0 else 0.0
+        ds, dt, dx, dy, dz = keep * ds, keep * dt, keep * dx, keep * dy, keep * dz
+    h0, h1 = -kt * gap * ds, kt * gap * dt
+    ps, pt = s + ds, t + dt
+    for m in range(3):
+        n = nx if m == 0 else (ny if m == 1 else nz)
+        T = -kt * (dx if m == 0 else (dy if m == 1 else dz))
+        F[0, m] = ((1.0 - s) * N - h0) * n + (1.0 - ps) * T
+        F[1, m] = (s * N + h0) * n + ps * T
+        F[2, m] = -((1.0 - t) * N + h1) * n - (1.0 - pt) * T
+        F[3, m] = -(t * N - h1) * n - pt * T
+
+
+@numba.njit(cache=True, error_model="numpy")
+def edge_tangent(
+    rows, columns, blocks, x, first, second, ends, closed, closed0, place, normal, gap, offset, stiffness,
+    anchor, shear, slip, slip0, ratio, friction, largest_depth,
+):  # fmt: skip
+    """Minus the derivative of the forces of all closed crossings of edges, in turn, as blocks.
+
+    Arguments as of :func:`pair_tangent` and of :func:`~.edges.add_edge_forces`; 16 blocks each.
+    """
+    X, F, G = np.zeros((4, 3)), np.zeros((4, 3)), np.zeros((4, 3))
+    at = np.empty(4, np.int32)
+    count = 0
+    for p in range(first.size):
+        if not closed[p]:
+            continue
+        i, j = first[p], second[p]
+        at[0], at[1], at[2], at[3] = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
+        size = 0.0
+        for k in range(4):
+            for m in range(3):
+                X[k, m] = x[at[k], m] - x[at[0], m]
+        ux, uy, uz = X[1, 0], X[1, 1], X[1, 2]
+        vx, vy, vz = X[3, 0] - X[2, 0], X[3, 1] - X[2, 1], X[3, 2] - X[2, 2]
+        side = normal[p, 0] * (uy * vz - uz * vy) + normal[p, 1] * (uz * vx - ux * vz)
+        side = math.copysign(1.0, side + normal[p, 2] * (ux * vy - uy * vx))
+        size = math.sqrt(min(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz))
+        kn = stiffness[p]
+        kt = kn * ratio[i] if closed0[p] else 0.0
+        mu, scale = -1.0, 1.0
+        slipped = slip[p] - slip0[p]
+        if slipped > 0.0 and closed0[p]:
+            mu = friction
+            limit = mu * kn * min(offset[p] - gap[p], largest_depth)
+            scale = (limit + kt * slipped) / limit if limit > 0.0 else 0.0
+        trial_s = place[p, 0] + scale * (anchor[p, 0] - place[p, 0])
+        trial_t = place[p, 1] + scale * (anchor[p, 1] - place[p, 1])
+        step = STEP * size
+        for c in range(4):
+            for k in range(3):
+                before = X[c, k]
+                X[c, k] = before + step
+                _of_edges(F, X, side, kn, kt, mu, offset[p], largest_depth, trial_s, trial_t)
+                X[c, k] = before - step
+                _of_edges(G, X, side, kn, kt, mu, offset[p], largest_depth, trial_s, trial_t)
+                X[c, k] = before
+                for r in range(4):
+                    b = count + 4 * r + c
+                    rows[b], columns[b] = at[r], at[c]
+                    for m in range(3):
+                        blocks[b, m, k] = (G[r, m] - F[r, m]) / (2.0 * step)
+        count += 16
+
+
+@numba.njit(cache=True, error_model="numpy")
+def wall_tangent(
+    rows, columns, blocks, num_before, corner, corner_weight, node, wall, closed, closed0, normal, shear,
+    slip, slip0, push, sliding, layer, area, ratio, friction_kinetic,
+):  # fmt: skip
+    """Minus the derivative of the forces of all closed pairs with walls, in turn, as blocks.
+
+    Sticking kn n nᵀ + kt (1 - n nᵀ); slipping with the coefficient mu in the direction e of the
+    force, after a trial force T: kn n nᵀ + mu kn e nᵀ + kt mu N/T (1 - n nᵀ - e eᵀ).
+    Arguments as of :func:`pair_tangent` and of :func:`~.walls.add_wall_forces`; 9 blocks each.
+    """
+    K = np.zeros((3, 3))
+    at, weight = np.empty(3, np.int32), np.zeros(3)
+    count = 0
+    for p in range(node.size):
+        if not closed[p]:
+            continue
+        n, w = node[p], wall[p]
+        if corner.shape[0]:
+            for m in range(3):
+                at[m], weight[m] = corner[n, m], corner_weight[n, m]
+        else:
+            at[:] = n
+            weight[0], weight[1], weight[2] = 1.0, 0.0, 0.0
+        kn = area[n] / layer[n]
+        kt = kn * ratio[n] if closed0[p] else 0.0
+        mu = limit = keep = 0.0
+        if sliding[p] and closed0[p]:
+            mu = friction_kinetic[w]
+            limit = mu * push[p]
+            if limit > 0.0:
+                keep = limit / (limit + kt * (slip[p] - slip0[p]))
+            kt *= keep
+        for i in range(3):
+            ei = shear[p, i] / limit if limit > 0.0 else 0.0
+            for j in range(3):
+                ej = shear[p, j] / limit if limit > 0.0 else 0.0
+                nn = normal[w, i] * normal[w, j]
+                K[i, j] = kn * nn + kt * ((1.0 if i == j else 0.0) - nn - ei * ej)
+                K[i, j] += mu * kn * ei * normal[w, j]
+        for i in range(3):
+            for j in range(3):
+                b = count + 3 * i + j
+                rows[b], columns[b] = at[i] - num_before, at[j] - num_before
+                for m in range(3):
+                    for k in range(3):
+                        blocks[b, m, k] = weight[i] * weight[j] * K[m, k]
+        count += 9

@@ -1,0 +1,133 @@
+"""A PETSc matrix of 3 × 3 blocks whose pattern follows the contacts, and its solver."""
+
+from contextlib import contextmanager
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from .kernels.blocks import add_blocks
+
+#: Unknowns of the largest grain up to which the direct solver is the default: grains hang together
+#: by few nodes, so that the factors are about those of the single grains.
+LARGEST_DIRECT = 6_000
+
+#: Options of PETSc by the name of a solver, all of which a user may change.
+SOLVERS = {
+    "direct": {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"},
+    "multigrid": {
+        "ksp_type": "gmres",
+        "ksp_gmres_restart": 100,
+        "ksp_rtol": 1e-6,
+        "ksp_max_it": 500,
+        "pc_type": "gamg",
+        "pc_gamg_threshold": 0.01,
+        # Setting it up costs more than it gains by following the contacts.
+        "snes_lag_preconditioner": 10,
+        "snes_lag_preconditioner_persists": True,
+        # Displacements of a node belong together, and held directions are not those of the axes.
+        "mg_levels_pc_type": "pbjacobi",
+        "mg_levels_ksp_type": "chebyshev",
+    },
+}
+
+
+class LinearSystem:
+    """K q = r with one row of blocks for each node of the mesh. Collective.
+
+    Args:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        offset, columns: Pattern of this rank's own part, local nodes in compressed rows.
+        prefix: Of the options of PETSc.
+        solver: One of ``SOLVERS``; None: by the largest grain.
+        options: Further options of PETSc, without the prefix: dict.
+    """
+
+    def __init__(self, mesh, offset, columns, prefix, solver=None, options=None):
+        self.mesh, self.comm = mesh, mesh.comm
+        index_map = mesh.V.dofmap.index_map
+        self.first, self.size = index_map.local_range[0], index_map.size_global
+        self._offset, self._columns = offset, columns
+        rows = np.repeat(np.arange(mesh.num_nodes), np.diff(offset))
+        self._own = (self.first + rows, self.first + columns.astype(np.int64))
+        self._keys = np.empty(0, dtype=np.int64)
+        self._values = None
+        if solver is None:
+            own = 3 * int(np.diff(mesh.node_offset).max(initial=0))
+            largest = self.comm.allreduce(own, op=MPI.MAX)
+            solver = "direct" if largest <= LARGEST_DIRECT else "multigrid"
+        database = PETSc.Options(prefix)
+        # The command line comes before the scene, and the scene before the defaults.
+        chosen = {**SOLVERS[solver], **(options or {})}
+        self._options = {name: v for name, v in chosen.items() if not database.hasName(name)}
+        self._prefix = prefix
+        n = 3 * mesh.num_nodes
+        self.matrix = PETSc.Mat().create(self.comm)
+        self.matrix.setSizes(((n, PETSc.DECIDE), (n, PETSc.DECIDE)))
+        self.matrix.setType("aij")
+        self.matrix.setBlockSize(3)
+        self.num_patterns = 0  #: times that the pattern was made
+
+    @contextmanager
+    def options(self):
+        """The options of this solver are those of PETSc within; solvers read them as they go."""
+        database = PETSc.Options(self._prefix)
+        for name, value in self._options.items():
+            database[name] = value
+        try:
+            yield
+        finally:
+            for name in self._options:
+                database.delValue(name)
+
+    def set(self, own, rows, columns, blocks):
+        """Make the matrix that of these blocks. Collective.
+
+        Its pattern holds all pairs of nodes that have been in contact since it was made, and is
+        made again when another one comes.
+
+        Args:
+            own: Blocks of the pattern of this rank's own part, (num_own_blocks, 3, 3).
+            rows, columns: Nodes of further blocks, numbers over all ranks, shape (n,).
+            blocks: Their values, shape (n, 3, 3); they add up.
+        """
+        keys = rows * self.size + columns
+        if self.comm.allreduce(int(self._values is None or not _contained(keys, self._keys))):
+            self._make(np.union1d(self._keys, keys))
+        self._values[: own.size] = own.ravel()
+        more = self._values[own.size :].reshape(-1, 3, 3)
+        more[:] = 0.0
+        add_blocks(more, np.searchsorted(self._keys, keys), blocks)
+        self.matrix.setValuesCOO(self._values, PETSc.InsertMode.INSERT_VALUES)
+
+    def forget(self):
+        """Begin a new pattern at the next call of :meth:`set`. Collective."""
+        self._keys, self._values = self._keys[:0], None
+
+    def _make(self, keys):
+        self._keys = keys
+        rows = np.concatenate([self._own[0], keys // self.size])
+        columns = np.concatenate([self._own[1], keys % self.size])
+        row, column = np.divmod(np.arange(9), 3)
+        I = (3 * rows[:, None] + row).astype(PETSc.IntType)
+        J = (3 * columns[:, None] + column).astype(PETSc.IntType)
+        self.matrix.setPreallocationCOO(I.ravel(), J.ravel())
+        self._values = np.empty(I.size)
+        places = PETSc.Vec().createWithArray(self.mesh.x.ravel().copy(), bsize=3, comm=self.comm)
+        self.matrix.setNearNullSpace(PETSc.NullSpace().createRigidBody(places))
+        self.num_patterns += 1
+
+    def vector(self):
+        """A vector of nodal values."""
+        size = (3 * self.mesh.num_nodes, PETSc.DECIDE)
+        return PETSc.Vec().createMPI(size, bsize=3, comm=self.comm)
+
+
+def _contained(keys, known):
+    """Whether all ``keys`` are among the sorted ``known``."""
+    if not keys.size:
+        return True
+    if not known.size:
+        return False
+    place = np.minimum(np.searchsorted(known, keys), known.size - 1)
+    return bool((known[place] == keys).all())
