@@ -356,9 +356,7 @@ class ImplicitSimulation(Simulation):
         blocks[tangent.diagonal] += diagonal[:, None, None] * np.eye(3)
         if self._any_held:
             largest = float(np.abs(blocks[tangent.diagonal]).max(initial=0.0))
-            project_blocks(
-                blocks, tangent.offset, tangent.columns, self._projector, self._is_held
-            )
+            project_blocks(blocks, tangent.offset, tangent.columns, self._projector, self._is_held)
             blocks[tangent.diagonal] += largest * (np.eye(3) - self._projector)
             project_pairs(contact, rows, columns, *self._surface_projector())
         self.system.set(blocks, nodes[rows], nodes[columns], contact)

@@ -88,11 +88,7 @@ def _first_difference(old, new):
     if old.get("solver.integrator") != new.get("solver.integrator"):
         free = (*FREE_TABLES, *OF_INTEGRATOR)
     for key in [*new, *(k for k in old if k not in new)]:
-        if (
-            key in (*FREE_KEYS, END)
-            or key.split(".")[0] in free
-            or new.get(key) == old.get(key)
-        ):
+        if key in (*FREE_KEYS, END) or key.split(".")[0] in free or new.get(key) == old.get(key):
             continue
         return f"{key} = {new.get(key, 'not set')}, was {old.get(key, 'not set')}"
     return None

@@ -426,7 +426,10 @@ class Scene:
                 raise InputError(f"{name} is rigid, expected grains that deform {wanted}")
         if self.contact.law == "kinematic":
             raise InputError(f'contact.law = "kinematic", expected "matched" {wanted}')
-        for name, table in (("mass_scaling", self.mass_scaling), ("quasi_static", self.quasi_static)):
+        for name, table in (
+            ("mass_scaling", self.mass_scaling),
+            ("quasi_static", self.quasi_static),
+        ):
             if table is not None:
                 raise InputError(f"[{name}] is given, expected none {wanted}")
 

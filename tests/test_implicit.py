@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 import mufe_fenicsx  # noqa: F401  first: the wheel's MPI
 
 # isort: split
@@ -83,7 +84,9 @@ def stacked():
         (box((0.9, 0.9, 1.0), (3, 3, 3)), (0.07, 0.02, 1.0)),
         (box((0.4, 0.4, 0.4), (1, 1, 1)), (2, 0, 0.5)),
     ]
-    return distribute(COMM, [(points + np.array(place), cells) for (points, cells), place in shapes])
+    return distribute(
+        COMM, [(points + np.array(place), cells) for (points, cells), place in shapes]
+    )
 
 
 def sheared_cubes():
@@ -103,7 +106,8 @@ def test_tangent_of_contact_is_the_derivative_of_its_forces():
     """Sticking and slipping, on a wall and between grains, at an odd state in the fourth increment.
 
     No point passes over an edge between facets, where the spring turns: that is left out of the
-    derivative. Tolerance: the target of the method. The two cubes are on two ranks where there are some.
+    derivative. Tolerance: the target of the method. The cubes are on ranks of
+    their own where there are three.
     """
     sim = sheared_cubes()
     sim.dt = 1.0
@@ -148,9 +152,7 @@ def test_newtons_method_is_quadratic_and_finds_equilibrium():
 
 def swinging_box(radius, dt, speed=1.0):
     """A bar that swings along its axis, strained by up to some per mille."""
-    sim = build(
-        MPI.COMM_SELF, [box((1.0, 0.2, 0.2), (5, 1, 1))], STEEL, (-9, -9, -9), (9, 9, 9)
-    )
+    sim = build(MPI.COMM_SELF, [box((1.0, 0.2, 0.2), (5, 1, 1))], STEEL, (-9, -9, -9), (9, 9, 9))
     mesh = sim.mesh
     x = mesh.x - mesh.x.mean(axis=0)
     velocity = speed * np.sin(np.pi * x[:, :1] / 1.0) * np.array([1.0, 0.0, 0.0])

@@ -25,6 +25,7 @@ PART_OF = {
     "profile": "run",
     "balance": "run",
     "speed_control": "simulation",
+    "implicit": "simulation",
 }
 
 #: What each part may import, besides itself and `errors`, which any may.
@@ -46,13 +47,16 @@ TABLE = {
     "fidelity": {"materials", "rigid"},
     "contact": {"mesh", "kernels"},
     "integrators": {"state"},
+    "tangent": {"solid", "kernels"},
+    "linear_system": {"kernels"},
     # geometry: its settings, of which the scene is the written form.
     "scene": {"materials", "contact", "units", "geometry"},
     # units: its settings; geometry: files and labels; report: pictures without a screen.
     "synthetic": {"kernels", "geometry", "units", "report"},
     "simulation": {
         *("kernels", "geometry", "state", "mesh", "materials", "solid", "rigid", "contact"),
-        *("fidelity", "integrators", "scene", "time_step", "mass_scaling"),
+        *("fidelity", "integrators", "scene", "time_step", "mass_scaling", "tangent"),
+        "linear_system",
     },
     # geometry: measures of tetrahedra, which are numbers from arrays.
     "analysis": {"mesh", "state", "solid", "contact", "geometry"},

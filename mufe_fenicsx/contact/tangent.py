@@ -75,19 +75,20 @@ class ContactTangent:
         x, before = c.positions.array, c.num_before
         pair_tangent(
             *parts[0], x, before, *c._corners, p.node, p.candidate, p.closest, p.closed, closed,
-            p.weights, p.normal, p.gap, p.offset, p.stiffness, p.anchor, p.shear, p.slip, slip, p.push,
-            p.sliding, c.facets, c.points.area, c.points.recess, c.ratio, c.friction_kinetic,
-            c.largest_depth,
+            p.weights, p.normal, p.gap, p.offset, p.stiffness, p.anchor, p.shear, p.slip, slip,
+            p.push, p.sliding, c.facets, c.points.area, c.points.recess, c.ratio,
+            c.friction_kinetic, c.largest_depth,
         )  # fmt: skip
         q = e.pairs
         edge_tangent(
             *parts[1], x[before:], q.first, q.second, e.edges.ends, q.closed, edge_closed, q.place,
-            q.normal, q.gap, q.offset, q.stiffness, q.anchor, q.shear, q.slip, edge_slip, e.edges.ratio,
-            c.friction, c.largest_depth,
+            q.normal, q.gap, q.offset, q.stiffness, q.anchor, q.shear, q.slip, edge_slip,
+            e.edges.ratio, c.friction, c.largest_depth,
         )  # fmt: skip
         v = w.pairs
         wall_tangent(
             *parts[2], before, *c._corners, v.node, v.wall, v.closed, wall_closed, w.normal,
-            v.shear, v.slip, wall_slip, v.push, v.sliding, c.layer, c.points.area, c.ratio, w.friction_kinetic,
+            v.shear, v.slip, wall_slip, v.push, v.sliding, c.layer, c.points.area, c.ratio,
+            w.friction_kinetic,
         )  # fmt: skip
         return rows, columns, blocks

@@ -17,7 +17,7 @@ class Newton:
         system: :class:`~mufe_fenicsx.linear_system.LinearSystem`, whose matrix the tangent is in.
         residual: ``residual(q)`` gives r [N] and the size of what it balances [N], the same on all
             ranks; arrays of shape (num_nodes, 3); None instead of r where there is no such state.
-        tangent: ``tangent()`` puts the derivative at the last ``q`` of ``residual`` into the system.
+        tangent: ``tangent()`` puts the derivative at the last ``q`` of ``residual`` there.
         prefix: Of the options of PETSc.
         tolerance: Of the norm of r over that size.
         floor: Size of the forces below which it is taken for this [N].

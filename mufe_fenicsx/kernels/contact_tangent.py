@@ -104,8 +104,8 @@ def _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset, recess, lar
 @numba.njit(cache=True, error_model="numpy")
 def pair_tangent(
     rows, columns, blocks, x, num_before, corner, corner_weight, node, candidate, closest, closed,
-    closed0, weights, normal, gap, offset, stiffness, anchor, shear, slip, slip0, push, sliding, facets,
-    area, recess, ratio_of_node, friction_kinetic, largest_depth,
+    closed0, weights, normal, gap, offset, stiffness, anchor, shear, slip, slip0, push, sliding,
+    facets, area, recess, ratio_of_node, friction_kinetic, largest_depth,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed pairs, in turn, as blocks of two nodes.
 
@@ -228,8 +228,8 @@ def _of_edges(F, X, side, kn, kt, mu, offset, largest, anchor_s, anchor_t):
 
 @numba.njit(cache=True, error_model="numpy")
 def edge_tangent(
-    rows, columns, blocks, x, first, second, ends, closed, closed0, place, normal, gap, offset, stiffness,
-    anchor, shear, slip, slip0, ratio, friction, largest_depth,
+    rows, columns, blocks, x, first, second, ends, closed, closed0, place, normal, gap, offset,
+    stiffness, anchor, shear, slip, slip0, ratio, friction, largest_depth,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed crossings of edges, in turn, as blocks.
 
@@ -281,8 +281,8 @@ def edge_tangent(
 
 @numba.njit(cache=True, error_model="numpy")
 def wall_tangent(
-    rows, columns, blocks, num_before, corner, corner_weight, node, wall, closed, closed0, normal, shear,
-    slip, slip0, push, sliding, layer, area, ratio, friction_kinetic,
+    rows, columns, blocks, num_before, corner, corner_weight, node, wall, closed, closed0, normal,
+    shear, slip, slip0, push, sliding, layer, area, ratio, friction_kinetic,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed pairs with walls, in turn, as blocks.
 

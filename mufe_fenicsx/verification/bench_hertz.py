@@ -5,7 +5,7 @@ from mpi4py import MPI
 
 from ..theory import hertz
 from .bench_launch import row
-from .integrators import BALLS, E, NU, press
+from .integrators import BALLS, NU, E, press
 from .plastic_ball import RADIUS
 
 #: Largest error of the force, and time steps over static increments in wall time.

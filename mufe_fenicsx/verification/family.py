@@ -63,7 +63,7 @@ def scene_file(folder, number, strain=0.1, speed=2.0):
         sample=replace(of_scan.sample, grains=folder / "grains"),
         oedometer=replace(of_scan.oedometer, strain=strain, speed=speed),
         # The targets hold in the loaded half.
-        quasi_static=QuasiStatic(kinetic=0.008, unbalanced=0.015, loaded=0.5 * strain),
+        quasi_static=QuasiStatic(kinetic=0.009, unbalanced=0.016, loaded=0.5 * strain),
         mass_scaling=MassScaling(added=0.02, added_to_grain=1.0),
         output=Output(fields=5, history=500, checkpoint=600.0),
     )
