@@ -61,11 +61,8 @@ class LinearSystem:
         chosen = {**SOLVERS[solver], **(options or {})}
         self._options = {name: v for name, v in chosen.items() if not database.hasName(name)}
         self._prefix = prefix
-        n = 3 * mesh.num_nodes
-        self.matrix = PETSc.Mat().create(self.comm)
-        self.matrix.setSizes(((n, PETSc.DECIDE), (n, PETSc.DECIDE)))
-        self.matrix.setType("aij")
-        self.matrix.setBlockSize(3)
+        self._before = None
+        self.matrix = self._new_matrix()
         self.num_patterns = 0  #: times that the pattern was made
 
     @contextmanager
@@ -111,11 +108,21 @@ class LinearSystem:
         row, column = np.divmod(np.arange(9), 3)
         rows = (3 * rows[:, None] + row).astype(PETSc.IntType).ravel()
         columns = (3 * columns[:, None] + column).astype(PETSc.IntType).ravel()
+        # A matrix on several ranks cannot be given another pattern. The one before may be in use.
+        self._before, self.matrix = self.matrix, self._new_matrix()
         self.matrix.setPreallocationCOO(rows, columns)
         self._values = np.empty(rows.size)
         places = PETSc.Vec().createWithArray(self.mesh.x.ravel().copy(), bsize=3, comm=self.comm)
         self.matrix.setNearNullSpace(PETSc.NullSpace().createRigidBody(places))
         self.num_patterns += 1
+
+    def _new_matrix(self):
+        n = 3 * self.mesh.num_nodes
+        matrix = PETSc.Mat().create(self.comm)
+        matrix.setSizes(((n, PETSc.DECIDE), (n, PETSc.DECIDE)))
+        matrix.setType("aij")
+        matrix.setBlockSize(3)
+        return matrix
 
     def vector(self):
         """A vector of nodal values."""

@@ -87,6 +87,8 @@ class Newton:
     def _jacobian(self, snes, x, matrix, preconditioner):
         self._evaluate(x)
         self.tangent()
+        if self.system.matrix.handle != matrix.handle:  # it has another pattern
+            snes.setJacobian(self._jacobian, self.system.matrix)
 
     def _test(self, snes, iteration, norms):
         error = norms[2] / self._scale
