@@ -118,7 +118,7 @@ class ImplicitSimulation(Simulation):
             NO_FORCE * floor * self.contact.edge**2 / tolerance, max_iterations,
         )  # fmt: skip
         self._drag = self._drag_coefficients()
-        self._last = None  # displacement of the last increment and its length
+        self._last = None  # displacement of the last increment, its length, motion of its walls
         self.report = []
         self.num_failed = 0  #: increments that had to be shortened
 
@@ -285,10 +285,22 @@ class ImplicitSimulation(Simulation):
         if self.method:
             guess = dt * s.v + 0.5 * dt**2 * s.a
         elif self._last is not None:
-            guess = self._last[0] * (dt / self._last[1])
+            guess = self._last[0] * self._as_far(dt)
         else:
             guess = np.zeros_like(s.x)
         return self._project(guess) + self.prescribed
+
+    def _as_far(self, dt):
+        """How far this increment goes over the last one: by what moves walls, else by time."""
+        before, now = self._last[2], self._wall_motion()
+        if now.any() or before.any():
+            size = np.vdot(before, before)
+            return np.vdot(before, now) / size if size > 0.0 else 0.0
+        return dt / self._last[1]
+
+    def _wall_motion(self):
+        """The last motion of all walls, turns over an edge of facets [m]."""
+        return np.concatenate([self.walls._push, self.contact.edge * self.walls._turn])
 
     def _residual(self, du):
         """Minus the sum of all forces after the displacement ``du``, and the internal ones' size.
@@ -384,7 +396,7 @@ class ImplicitSimulation(Simulation):
         else:
             s.a[:], s.v[:] = 0.0, 0.0
             self.damped += float(((self._drag / dt)[:, None] * du**2).sum())
-        self._last = (du, dt)
+        self._last = (du, dt, self._wall_motion())
         self.contact.previous[:] = self.contact.positions.own
         s.t += dt
         s.dt = dt
