@@ -49,8 +49,8 @@ class ImplicitSimulation(Simulation):
     """As :class:`~mufe_fenicsx.simulation.Simulation`, by implicit increments. Collective.
 
     Args:
-        mesh, materials, walls, options: Of the explicit simulation; no rigid grains, no kinematic
-            law, no mass scaling.
+        mesh, materials, walls, options: Of the explicit simulation; no rigid grains, no servo, no
+            kinematic law, no mass scaling. Damping acts in dynamics only.
         first_step: Length of the first increment [s].
         smallest_step, largest_step: Bounds of the length [s]; None: 1e-4 of and 4 times the first.
         spectral_radius: Of :class:`~.integrators.generalized_alpha.GeneralizedAlpha`; None for
@@ -100,6 +100,10 @@ class ImplicitSimulation(Simulation):
         super().__init__(mesh, materials, walls, **options)
         if self._any_rigid:
             raise InputError("rigid grains, expected deformable ones for an implicit solver")
+        if self.walls.has_servo:
+            raise InputError(
+                "a wall is held at a force, expected walls at rest or moving for increments"
+            )
         if self.scaling is not None:
             raise InputError("[mass_scaling] is given, expected none for an implicit solver")
         self.held = [(np.asarray(nodes), np.asarray(d, float)) for nodes, d in held]
@@ -237,8 +241,6 @@ class ImplicitSimulation(Simulation):
             (s.t, dt, self._newton.num_iterations, self._newton.num_linear, history[-3:])
         )
         walls.add_work()
-        if walls.has_servo:
-            walls.adjust(self.wall_forces())
         return True
 
     def _begin(self, dt):

@@ -7,7 +7,6 @@ from .contact.walls import Wall
 from .errors import InputError
 from .geometry.grains import load_grains, read_grain_table
 from .geometry.refine import PARTS, split
-from .implicit import ImplicitSimulation
 from .mesh import create_grain_mesh, partition_grains
 from .output.run_folder import raise_together
 from .scene import WALLS, load_scene
@@ -111,6 +110,8 @@ def make_simulation(scene, mesh, low, high, shorter=1.0):
     contact, solver = scene.contact, scene.solver
     make, more = Simulation, {"mass_scaling": scene.mass_scaling}
     if solver.integrator != "explicit":
+        from .implicit import ImplicitSimulation  # a tenth of a second that others need not wait
+
         make, more = ImplicitSimulation, _increments(scene, high[2] - low[2], shorter)
     return make(
         mesh,

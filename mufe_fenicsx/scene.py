@@ -6,8 +6,6 @@ and write the file.
 """
 
 import importlib.util
-import math
-import shlex
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -20,6 +18,8 @@ from .materials.auto import Auto
 from .materials.elastic import IsotropicSolid
 from .materials.rigid import Rigid
 from .materials.scatter import Scatter
+from .scene_checks import one_of, require, require_kinetic
+from .scene_implicit import Implicit
 
 #: Walls by name: the axis that they are normal to and the side of the sample.
 WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
@@ -32,22 +32,6 @@ TOP_PLATEN = "z_max"
 
 #: Images that installed packages carry: name -> (package, path inside it).
 PACKAGED_IMAGES = {"spam:snow": ("spam", "data/snow/snow.tif")}
-
-
-def _require(holds, name, value, expectation):
-    if not (holds and math.isfinite(value)):
-        raise InputError(f"{name} = {value}, expected {expectation}")
-
-
-def _require_kinetic(name, value, other_name, other):
-    if value is not None:
-        _require(0 <= value <= other, name, value, f"0 <= {name} <= {other_name} = {other}")
-
-
-def _one_of(name, value, choices):
-    if value not in choices:
-        listed = " or ".join(f'"{choice}"' for choice in choices)
-        raise InputError(f'{name} = "{value}", expected {listed}')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,12 +57,12 @@ class Sample:
     close_gaps_over_h: float = 0.0  #: the same, over the mesh size [-]
 
     def __post_init__(self):
-        _require(0 < self.max_shift <= 1, "max_shift", self.max_shift, "0 < max_shift <= 1")
+        require(0 < self.max_shift <= 1, "max_shift", self.max_shift, "0 < max_shift <= 1")
         for name in ("close_gaps", "close_gaps_over_h"):
             value = getattr(self, name)
-            _require(0 <= value, name, value, ">= 0")
-            _require(value == 0 or self.separation, name, value, "0 where separation = false")
-        _require(
+            require(0 <= value, name, value, ">= 0")
+            require(value == 0 or self.separation, name, value, "0 where separation = false")
+        require(
             self.close_gaps == 0 or self.close_gaps_over_h == 0,
             "close_gaps_over_h",
             self.close_gaps_over_h,
@@ -120,13 +104,13 @@ class Contact:
     self_contact: bool = False  #: concave grains meet themselves too
 
     def __post_init__(self):
-        _require(0 <= self.friction, "friction", self.friction, ">= 0")
-        _one_of("points", self.points, ("facets", "facets3", "nodes"))
-        _one_of("law", self.law, ("matched", "kinematic"))
-        _require(0 < self.compliance, "compliance", self.compliance, "> 0")
-        _require(0 <= self.wall_friction, "wall_friction", self.wall_friction, ">= 0")
-        _require_kinetic("friction_kinetic", self.friction_kinetic, "friction", self.friction)
-        _require_kinetic(
+        require(0 <= self.friction, "friction", self.friction, ">= 0")
+        one_of("points", self.points, ("facets", "facets3", "nodes"))
+        one_of("law", self.law, ("matched", "kinematic"))
+        require(0 < self.compliance, "compliance", self.compliance, "> 0")
+        require(0 <= self.wall_friction, "wall_friction", self.wall_friction, ">= 0")
+        require_kinetic("friction_kinetic", self.friction_kinetic, "friction", self.friction)
+        require_kinetic(
             "wall_friction_kinetic", self.wall_friction_kinetic, "wall_friction", self.wall_friction
         )
 
@@ -144,65 +128,18 @@ class Solver:
     retries: int = 3  #: times that an unstable run goes back and on with half the time step
 
     def __post_init__(self):
-        _one_of("integrator", self.integrator, INTEGRATORS)
-        _one_of("element", self.element, ("averaged", "p1", "composite"))
-        _one_of("time_step", self.time_step, ("assembled", "element"))
-        _require(
+        one_of("integrator", self.integrator, INTEGRATORS)
+        one_of("element", self.element, ("averaged", "p1", "composite"))
+        one_of("time_step", self.time_step, ("assembled", "element"))
+        require(
             0 < self.time_step_factor < 1,
             "time_step_factor",
             self.time_step_factor,
             "0 < time_step_factor < 1",
         )
-        _require(0 <= self.damping, "damping", self.damping, ">= 0 per second")
-        _require(0 < self.energy_limit, "energy_limit", self.energy_limit, "> 0")
-        _require(0 <= self.retries <= 10, "retries", self.retries, "0 <= retries <= 10")
-
-
-@dataclass(frozen=True)
-class Implicit:
-    """[implicit]: increments of a test with solver.integrator = "implicit" or "static".
-
-    Lengths of increments are strains that the platen makes at the speed of loading.
-    """
-
-    step: float = 5e-4  #: strain of the first increment [-]
-    smallest: float | None = None  #: at which a test gives up [-]; None: step / 10 000
-    largest: float | None = None  #: [-]; None: 4 times step
-    spectral_radius: float = 0.8  #: of "implicit", what is left of the highest frequencies [-]
-    stabilisation: float = 1e-6  #: of "static", drag on grains over their stiffness [-]
-    tolerance: float = 1e-6  #: residual over the internal forces [-]
-    max_iterations: int = 30  #: of Newton's method in an increment
-    linear_solver: str | None = None  #: "direct" or "multigrid"; None: by the largest grain
-    petsc: str = ""  #: further options of PETSc, for the prefix mufe_, e.g. "-ksp_rtol 1e-8"
-
-    def __post_init__(self):
-        _require(0 < self.step < 1, "step", self.step, "0 < step < 1")
-        if self.smallest is not None:
-            _require(0 < self.smallest <= self.step, "smallest", self.smallest,
-                     f"0 < smallest <= step = {self.step}")  # fmt: skip
-        if self.largest is not None:
-            _require(self.step <= self.largest < 1, "largest", self.largest,
-                     f"step = {self.step} <= largest < 1")  # fmt: skip
-        _require(0 <= self.spectral_radius <= 1, "spectral_radius", self.spectral_radius,
-                 "0 <= spectral_radius <= 1")  # fmt: skip
-        _require(0 <= self.stabilisation < 1, "stabilisation", self.stabilisation,
-                 "0 <= stabilisation < 1")  # fmt: skip
-        _require(0 < self.tolerance < 1, "tolerance", self.tolerance, "0 < tolerance < 1")
-        _require(1 <= self.max_iterations, "max_iterations", self.max_iterations, ">= 1")
-        if self.linear_solver is not None:
-            _one_of("linear_solver", self.linear_solver, ("direct", "multigrid"))
-        self.petsc_options()
-
-    def petsc_options(self):
-        """The options as a dict. Raises InputError where they are none."""
-        words, found = shlex.split(self.petsc), {}
-        while words:
-            name = words.pop(0)
-            if not name.startswith("-") or len(name) < 2:
-                raise InputError(f'petsc = "{self.petsc}", expected options like "-ksp_rtol 1e-8"')
-            has_value = words and not (words[0].startswith("-") and words[0][1:2].isalpha())
-            found[name[1:]] = words.pop(0) if has_value else None
-        return found
+        require(0 <= self.damping, "damping", self.damping, ">= 0 per second")
+        require(0 < self.energy_limit, "energy_limit", self.energy_limit, "> 0")
+        require(0 <= self.retries <= 10, "retries", self.retries, "0 <= retries <= 10")
 
 
 @dataclass(frozen=True)
@@ -217,21 +154,21 @@ class Wall:
 
     def __post_init__(self):
         if self.stress is not None:
-            _require(
+            require(
                 self.velocity == 0, "velocity", self.velocity, "none where a stress is prescribed"
             )
-            _require(0 <= self.stress, "stress", self.stress, ">= 0 Pa (compression)")
+            require(0 <= self.stress, "stress", self.stress, ">= 0 Pa (compression)")
             if self.speed is None:
                 raise InputError("speed is missing, expected the largest speed of the servo")
         if self.speed is not None:
-            _require(self.stress is not None, "speed", self.speed, "none without a stress")
-            _require(0 < self.speed, "speed", self.speed, "> 0 m/s")
+            require(self.stress is not None, "speed", self.speed, "none without a stress")
+            require(0 < self.speed, "speed", self.speed, "> 0 m/s")
         if self.friction is not None:
-            _require(0 <= self.friction, "friction", self.friction, ">= 0")
+            require(0 <= self.friction, "friction", self.friction, ">= 0")
         if self.friction_kinetic is not None:
-            _require(self.friction is not None, "friction_kinetic", self.friction_kinetic,
+            require(self.friction is not None, "friction_kinetic", self.friction_kinetic,
                      "a friction beside it")  # fmt: skip
-            _require_kinetic("friction_kinetic", self.friction_kinetic, "friction", self.friction)
+            require_kinetic("friction_kinetic", self.friction_kinetic, "friction", self.friction)
 
 
 @dataclass(frozen=True)
@@ -245,15 +182,15 @@ class Oedometer:
     seating_speed: float | None = None  #: of the platen while seating [m/s]; None: speed
 
     def __post_init__(self):
-        _require(0 < self.strain < 1, "strain", self.strain, "0 < strain < 1")
-        _require(0 < self.speed, "speed", self.speed, "> 0 m/s")
-        _require(
+        require(0 < self.strain < 1, "strain", self.strain, "0 < strain < 1")
+        require(0 < self.speed, "speed", self.speed, "> 0 m/s")
+        require(
             0 <= self.ramp <= self.strain, "ramp", self.ramp, f"0 <= ramp <= strain = {self.strain}"
         )
-        _require(0 < self.seating_stress, "seating_stress", self.seating_stress, "> 0 Pa")
+        require(0 < self.seating_stress, "seating_stress", self.seating_stress, "> 0 Pa")
         if self.seating_speed is None:
             object.__setattr__(self, "seating_speed", self.speed)
-        _require(0 < self.seating_speed, "seating_speed", self.seating_speed, "> 0 m/s")
+        require(0 < self.seating_speed, "seating_speed", self.seating_speed, "> 0 m/s")
 
 
 @dataclass(frozen=True)
@@ -272,11 +209,11 @@ class QuasiStatic:
     def __post_init__(self):
         for name in ("kinetic", "unbalanced"):
             value = getattr(self, name)
-            _require(0 < value < 1, name, value, f"0 < {name} < 1")
-        _require(0 <= self.loaded < 1, "loaded", self.loaded, "0 <= loaded < 1")
+            require(0 < value < 1, name, value, f"0 < {name} < 1")
+        require(0 <= self.loaded < 1, "loaded", self.loaded, "0 <= loaded < 1")
         for name in ("slowest", "fastest"):
             value = getattr(self, name)
-            _require(value is None or 0 < value, name, value or 0.0, "> 0 m/s")
+            require(value is None or 0 < value, name, value or 0.0, "> 0 m/s")
 
 
 @dataclass(frozen=True)
@@ -288,13 +225,13 @@ class MassScaling:
     time_step: float | None = None  #: of a single element, wanted [s]; None: what is allowed
 
     def __post_init__(self):
-        _require(0 < self.added <= 1, "added", self.added, "0 < added <= 1")
+        require(0 < self.added <= 1, "added", self.added, "0 < added <= 1")
         if self.added_to_grain is None:
             object.__setattr__(self, "added_to_grain", min(10 * self.added, 1.0))
-        _require(0 < self.added_to_grain <= 1, "added_to_grain", self.added_to_grain,
+        require(0 < self.added_to_grain <= 1, "added_to_grain", self.added_to_grain,
                  "0 < added_to_grain <= 1")  # fmt: skip
         if self.time_step is not None:
-            _require(0 < self.time_step, "time_step", self.time_step, "> 0 s")
+            require(0 < self.time_step, "time_step", self.time_step, "> 0 s")
 
 
 @dataclass(frozen=True)
@@ -308,10 +245,10 @@ class Output:
     checkpoint_steps: int = 0  #: time steps between two checkpoints; 0: none by steps
 
     def __post_init__(self):
-        _require(2 <= self.fields, "fields", self.fields, ">= 2: the start and the end")
-        _require(2 <= self.history, "history", self.history, ">= 2: the start and the end")
+        require(2 <= self.fields, "fields", self.fields, ">= 2: the start and the end")
+        require(2 <= self.history, "history", self.history, ">= 2: the start and the end")
         for name in ("checkpoint", "checkpoint_strain", "checkpoint_steps"):
-            _require(0 <= getattr(self, name), name, getattr(self, name), ">= 0; 0: none")
+            require(0 <= getattr(self, name), name, getattr(self, name), ">= 0; 0: none")
 
 
 @dataclass(frozen=True)
@@ -330,7 +267,7 @@ class Scene:
     mesh: MeshSettings | None = None
     sample: Sample = Sample()
     solver: Solver = Solver()
-    implicit: Implicit = Implicit()
+    implicit: Implicit = field(default_factory=Implicit)
     walls: dict[str, Wall] = field(default_factory=dict)
     output: Output = Output()
     quasi_static: QuasiStatic | None = None  #: None: constant speed
@@ -424,6 +361,10 @@ class Scene:
         for name, material in groups:
             if isinstance(material, Rigid | Auto):
                 raise InputError(f"{name} is rigid, expected grains that deform {wanted}")
+        for name, wall in self.walls.items():
+            # A servo follows the force after the increment: over long ones it would overshoot.
+            if wall.stress is not None:
+                raise InputError(f"walls.{name}.stress = {wall.stress}, expected none {wanted}")
         if self.contact.law == "kinematic":
             raise InputError(f'contact.law = "kinematic", expected "matched" {wanted}')
         for name, table in (

@@ -12,6 +12,8 @@ PACKAGE = Path(__file__).resolve().parents[1] / "mufe_fenicsx"
 #: Modules that are one part of the design under more than one name.
 PART_OF = {
     "scene_io": "scene",
+    "scene_checks": "scene",
+    "scene_implicit": "scene",
     "loading": "simulation",
     "energy_guard": "simulation",
     "restart": "simulation",

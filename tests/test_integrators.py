@@ -21,6 +21,7 @@ from mufe_fenicsx.scene import (
     QuasiStatic,
     Scene,
     Solver,
+    Wall,
     load_scene,
     scene_to_toml,
 )
@@ -97,6 +98,7 @@ def test_scenes_keep_what_concerns_increments(tmp_path):
     ("changes", "message"),
     [
         ({"material": Rigid(*ROCK)}, "material is rigid"),
+        ({"walls": {"x_max": Wall(stress=1e5, speed=1.0)}}, "walls.x_max.stress"),
         ({"mass_scaling": MassScaling(added=0.01)}, "mass_scaling"),
         ({"quasi_static": QuasiStatic()}, "quasi_static"),
         ({"contact": Contact(friction=0.1, law="kinematic")}, "kinematic"),

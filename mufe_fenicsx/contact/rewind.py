@@ -24,7 +24,6 @@ class ContactMark:
         self._kept = [(array, array.copy()) for array in _arrays(contact)]
         self._numbers = {name: getattr(contact, name) for name in NUMBERS}
         self._lost = contact.edges.lost
-        self.positions = contact.positions.own.copy()
 
     @property
     def clock(self):
