@@ -17,6 +17,7 @@ shrink: where a grain snaps to another place, shorter steps follow it as if thro
 Its work counts as damping.
 """
 
+import itertools
 import math
 
 import numpy as np
@@ -35,8 +36,9 @@ from .tangent import SolidTangent
 
 #: Largest motion of a node within an increment, over the mean facet edge.
 LARGEST_MOVE = 0.5
-#: Iterations up to which the next increment is longer, and from which on it is shorter.
-FEW, MANY = 7, 14
+#: Iterations over the most allowed, up to which the next increment is longer, and from which on it
+#: is shorter.
+FEW, MANY = 0.25, 0.5
 #: Factors of the length of an increment: after few and many iterations, and where it failed.
 LONGER, SHORTER, FAILED = 1.5, 0.7, 0.4
 #: Searches within one increment.
@@ -121,20 +123,21 @@ class ImplicitSimulation(Simulation):
             self.system, self._residual, self._set_tangent, "mufe_", tolerance,
             NO_FORCE * floor * self.contact.edge**2 / tolerance, max_iterations,
         )  # fmt: skip
-        self._drag = self._drag_coefficients()
+        self._stiffness = self._share_of_stiffness()
+        self._drag = self.stabilisation * self.first_step * self._stiffness
         self._last = None  # displacement of the last increment, its length, motion of its walls
         self.report = []
         self.num_failed = 0  #: increments that had to be shortened
 
     # --- what stays the same ---------------------------------------------------------------
 
-    def _drag_coefficients(self):
-        """c of each node [N s/m], shape (num_nodes,)."""
+    def _share_of_stiffness(self):
+        """E* V^(1/3) m/M of each node [N/m], shape (num_nodes,)."""
         mesh, solid = self.mesh, self.solid
         volume = np.add.reduceat(solid.volume0, mesh.cell_offset[:-1])
         mass = np.bincount(mesh.grain_of_node, solid.mass, mesh.num_grains)
-        stiffness = self.stabilisation * solid.contact_modulus * np.cbrt(volume)
-        return (stiffness / mass)[mesh.grain_of_node] * solid.mass * self.first_step
+        stiffness = solid.contact_modulus * np.cbrt(volume)
+        return (stiffness / mass)[mesh.grain_of_node] * solid.mass
 
     def _make_projector(self):
         """P of each node: motions that are free, of those with held or glued nodes."""
@@ -195,12 +198,13 @@ class ImplicitSimulation(Simulation):
                 that did. On all ranks.
             UnstableError, SolverError: As of :meth:`check`.
         """
-        while True:
+        for tries in itertools.count(1):
             dt = self.dt
             if self._increment(dt):
                 break
             self.num_failed += 1
-            self._last = None
+            if tries > 1:  # perhaps it is the guess
+                self._last = None
             if dt <= self.smallest_step:
                 raise SolverError(
                     f"no equilibrium found from t = {self.state.t:g} s on, with increments down "
@@ -209,10 +213,10 @@ class ImplicitSimulation(Simulation):
                     'solver.integrator = "explicit"'
                 )
             self.dt = max(FAILED * dt, self.smallest_step)
-        iterations = self._newton.num_iterations
-        if iterations <= FEW:
+        effort = self._newton.effort
+        if effort <= FEW:
             self.dt = min(LONGER * dt, self.largest_step)
-        elif iterations >= MANY:
+        elif effort >= MANY:
             self.dt = max(SHORTER * dt, self.smallest_step)
         self.check()
 
@@ -349,8 +353,11 @@ class ImplicitSimulation(Simulation):
             r = drag - f
         return self._project(r), math.sqrt(self.comm.allreduce(size))
 
-    def _set_tangent(self):
-        """The derivative of :meth:`_residual` at its last argument, into the linear system."""
+    def _set_tangent(self, regularisation=0.0):
+        """The derivative of :meth:`_residual` at its last argument, into the linear system.
+
+        ``regularisation`` times the share of each node in its grain's stiffness is added.
+        """
         s, start, method, dt = self.state, self._start_state, self.method, self._dt
         tangent = self._tangent
         tangent.take(s, start["deviator"], start["plastic_strain"], dt)
@@ -365,6 +372,7 @@ class ImplicitSimulation(Simulation):
             diagonal = slope * self.solid.mass
         else:
             diagonal = self._drag / dt
+        diagonal = diagonal + regularisation * self._stiffness
         blocks *= factor
         contact *= factor
         blocks[tangent.diagonal] += diagonal[:, None, None] * np.eye(3)

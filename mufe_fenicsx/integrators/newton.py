@@ -5,8 +5,10 @@ import math
 import numpy as np
 from petsc4py import PETSc
 
-#: Line searches of PETSc, tried in turn.
-LINE_SEARCHES = ("basic", "cp")
+from .guarded import GuardedNewton
+
+#: Iterations without a smaller residual after which full steps are given up.
+PATIENCE = 5
 _REASONS = PETSc.SNES.ConvergedReason
 
 
@@ -17,7 +19,8 @@ class Newton:
         system: :class:`~mufe_fenicsx.linear_system.LinearSystem`, whose matrix the tangent is in.
         residual: ``residual(q)`` gives r [N] and the size of what it balances [N], the same on all
             ranks; arrays of shape (num_nodes, 3); None instead of r where there is no such state.
-        tangent: ``tangent()`` puts the derivative at the last ``q`` of ``residual`` there.
+        tangent: ``tangent(μ)`` puts the derivative at the last ``q`` of ``residual`` there, and μ
+            times a stiffness of the nodes, for :mod:`.guarded`.
         prefix: Of the options of PETSc.
         tolerance: Of the norm of r over that size.
         floor: Size of the forces below which it is taken for this [N].
@@ -30,48 +33,59 @@ class Newton:
         self.history = []  #: norms of the residual of the last call, over its size
         self.num_iterations = 0  #: of the last call
         self.num_linear = 0  #: iterations of the linear solver in it
+        self.effort = 0.0  #: iterations over the most allowed, of what ended the last call
         self._scale, self._at, self._f = floor, None, None
-        self.x, self.f = system.vector(), system.vector()
-        snes = self.snes = PETSc.SNES().create(system.comm)
+        self.x, self.f, self._trial = system.vector(), system.vector(), system.vector()
+        self.snes = self._make_snes(prefix, max_iterations)
+        #: The second way, where the options of PETSc do not name one themselves.
+        self.guarded = None
+        options = PETSc.Options(prefix)
+        if not (options.hasName("snes_type") or options.hasName("snes_linesearch_type")):
+            self.guarded = self._make_snes(prefix, 2 * max_iterations)
+            self.guarded.setKSP(self.snes.getKSP())
+            self.guarded.setType("python")
+            self.guarded.setPythonContext(GuardedNewton(self))
+            self.snes.getLineSearch().setType("basic")
+
+    def _make_snes(self, prefix, max_iterations):
+        snes = PETSc.SNES().create(self.system.comm)
         snes.setOptionsPrefix(prefix)
         snes.setFunction(self._function, self.f)
-        snes.setJacobian(self._jacobian, system.matrix)
+        snes.setJacobian(self._jacobian, self.system.matrix)
         snes.setConvergenceTest(self._test)
         snes.setTolerances(max_it=max_iterations)
         snes.setType("newtonls")
-        with system.options():
+        with self.system.options():
             snes.setFromOptions()
-        #: Whether the options of PETSc name no line search.
-        self._free_choice = not PETSc.Options(prefix).hasName("snes_linesearch_type")
+        return snes
 
     def __call__(self, guess):
         """The solution from ``guess``, shape (num_nodes, 3); None if there is none. Collective.
 
-        Full steps come first: where contacts close or slip, the residual may rise on the way to
-        the solution. Where they fail, those follow that a line search along the residual allows.
+        Full Newton steps come first: where contacts close or slip, the residual may rise on the
+        way to the solution. Where they fail, guarded ones follow from the guess.
         """
-        for line_search in LINE_SEARCHES[: None if self._free_choice else 1]:
-            if self._free_choice:
-                self.snes.getLineSearch().setType(line_search)
-                self.snes.getLineSearch().setTolerances(max_its=8)
-            found = self._solve(guess)
-            if found is not None:
-                break
+        found = self._solve(self.snes, guess)
+        if found is None and self.guarded is not None:
+            found = self._solve(self.guarded, guess)
         return found
 
-    def _solve(self, guess):
+    def _solve(self, snes, guess):
         self.history, self._at = [], None
         self.x.array[:] = guess.ravel()
         with self.system.options():
-            self.snes.solve(None, self.x)
-        self.num_iterations = self.snes.getIterationNumber()
-        self.num_linear = self.snes.getLinearSolveIterations()
-        if self.snes.getConvergedReason() <= 0:
+            snes.solve(None, self.x)
+        self.num_iterations = snes.getIterationNumber()
+        self.effort = self.num_iterations / snes.getTolerances()[3]
+        self.num_linear = snes.getLinearSolveIterations()
+        if snes is self.guarded:
+            self.num_linear = snes.getPythonContext().num_linear
+        if snes.getConvergedReason() <= 0:
             return None
-        self._evaluate(self.x)  # the last evaluation is that of the solution
+        self.evaluate(self.x)  # the last evaluation is that of the solution
         return self.x.array_r.reshape(-1, 3).copy()
 
-    def _evaluate(self, x):
+    def evaluate(self, x):
         """Residual at ``x``, unless that was the last one."""
         same = self._at is not None and bool((self._at == x.array_r).all())
         if self.system.comm.allreduce(int(not same)):
@@ -81,22 +95,35 @@ class Newton:
             self._scale = max(scale, self.floor) if r is not None else self._scale
 
     def _function(self, snes, x, f):
-        self._evaluate(x)
+        self.evaluate(x)
         f.array[:] = self._f
 
+    def residual_vector(self, x):
+        """r at ``x``, infinite where there is none; a vector that the next call overwrites."""
+        self._function(None, x, self._trial)
+        return self._trial
+
     def _jacobian(self, snes, x, matrix, preconditioner):
-        self._evaluate(x)
-        self.tangent()
+        self.evaluate(x)
+        self.tangent(0.0)
         if self.system.matrix.handle != matrix.handle:  # it has another pattern
             snes.setJacobian(self._jacobian, self.system.matrix)
 
     def _test(self, snes, iteration, norms):
-        error = norms[2] / self._scale
+        reason = self.test(iteration, norms[2], snes.getTolerances()[3])
+        best = int(np.argmin(self.history))
+        if reason == _REASONS.ITERATING and self.guarded and iteration - best >= PATIENCE:
+            return _REASONS.DIVERGED_DTOL
+        return reason
+
+    def test(self, iteration, norm, max_iterations):
+        """Reason to end, after an iteration that left a residual of ``norm`` [N]."""
+        error = norm / self._scale
         self.history.append(error)
         if not math.isfinite(error):
             return _REASONS.DIVERGED_FNORM_NAN
         if error <= self.tolerance:
             return _REASONS.CONVERGED_FNORM_RELATIVE
-        if iteration >= snes.getTolerances()[3]:
+        if iteration >= max_iterations:
             return _REASONS.DIVERGED_MAX_IT
         return _REASONS.ITERATING
