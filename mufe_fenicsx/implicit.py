@@ -36,11 +36,11 @@ from .tangent import SolidTangent
 
 #: Largest motion of a node within an increment, over the mean facet edge.
 LARGEST_MOVE = 0.5
-#: Iterations over the most allowed, up to which the next increment is longer, and from which on it
-#: is shorter.
-FEW, MANY = 0.25, 0.5
-#: Factors of the length of an increment: after few and many iterations, and where it failed.
-LONGER, SHORTER, FAILED = 1.5, 0.7, 0.4
+#: Iterations over the most allowed, up to which the next increment is much and a little longer, and
+#: from which on it is shorter.
+FEW, SOME, MANY = 0.25, 0.5, 0.75
+#: Factors of the length of an increment then, and where it failed.
+LONGER, LITTLE_LONGER, SHORTER, FAILED = 1.5, 1.2, 0.7, 0.4
 #: Searches within one increment.
 MAX_SEARCHES = 6
 #: A residual that is none, over E* times the square of an edge.
@@ -214,8 +214,9 @@ class ImplicitSimulation(Simulation):
                 )
             self.dt = max(FAILED * dt, self.smallest_step)
         effort = self._newton.effort
-        if effort <= FEW:
-            self.dt = min(LONGER * dt, self.largest_step)
+        if effort <= SOME:
+            factor = LONGER if effort <= FEW else LITTLE_LONGER
+            self.dt = min(factor * dt, self.largest_step)
         elif effort >= MANY:
             self.dt = max(SHORTER * dt, self.smallest_step)
         self.check()

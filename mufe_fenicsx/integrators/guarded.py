@@ -5,8 +5,8 @@ adding up to that of the grain: as if each iteration were an implicit step of a 
 length 1/μ (pseudo-transient continuation: C. T. Kelley, D. E. Keyes, SIAM J. Numer. Anal. 35, 1998,
 508-523). Without it a grain that hardly anything holds goes very far, and keeps all others from
 going on. λ is where the energy along d is least as far as there is one: a root of r(q + λ d) · d,
-bracketed and found by the Illinois rule. μ falls where full steps are taken and rises where they
-are not, and vanishes at last: it changes the way to the solution, not the solution.
+bracketed and found by the Illinois rule. μ follows the residual down and up, rises where steps
+are short, and vanishes at last: it changes the way to the solution, not the solution.
 """
 
 import math
@@ -14,10 +14,10 @@ import math
 import numpy as np
 from petsc4py import PETSc
 
-#: μ at first; factors where the step was full, and where it was short; below which it is none.
-FIRST, EASIER, HARDER, NONE, LARGEST = 1e-2, 0.2, 5.0, 1e-7, 1e2
-#: Steps from which on the way counts as full, and up to which as short.
-FULL, SHORT = 0.9, 0.3
+#: μ at first; bounds of its change in an iteration; below which it is none, and at most.
+FIRST, EASIER, HARDER, NONE, LARGEST = 1e-2, 0.1, 5.0, 1e-8, 1e2
+#: λ up to which a step is short.
+SHORT = 0.3
 #: Part of the slope at the start of a step that may be left at its end, and trials for that.
 SLOPE, TRIALS = 0.3, 10
 #: Shortest step.
@@ -49,6 +49,8 @@ class GuardedNewton:
             snes.logConvergenceHistory(norm)
             snes.monitor(iteration, norm)
             reason = newton.test(iteration, norm, snes.getTolerances()[3])
+            if reason == _REASONS.ITERATING and newton.stalled():
+                reason = _REASONS.CONVERGED_SNORM_RELATIVE
             if reason != _REASONS.ITERATING:
                 break
             length = None
@@ -60,16 +62,16 @@ class GuardedNewton:
                 self.num_linear += ksp.getIterationNumber()
                 d.scale(-1.0)
                 length = self._length(snes, x, d, trial, f)
-                if length is None or length <= SHORT:
+                if length is None:
                     regularisation = max(HARDER * regularisation, FIRST)
-                elif length >= FULL:
-                    regularisation *= EASIER
-                    regularisation = 0.0 if regularisation < NONE else regularisation
             if length is None:
                 reason = _REASONS.DIVERGED_LINE_SEARCH
                 break
             x.axpy(length, d)
             snes.computeFunction(x, f)
+            change = f.norm() / norm if length > SHORT else HARDER
+            regularisation = max(regularisation, NONE) * min(max(change, EASIER), HARDER)
+            regularisation = 0.0 if regularisation < NONE else regularisation
             iteration += 1
         snes.setConvergedReason(reason)
 

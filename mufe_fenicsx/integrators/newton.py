@@ -9,6 +9,9 @@ from .guarded import GuardedNewton
 
 #: Iterations without a smaller residual after which full steps are given up.
 PATIENCE = 5
+#: Iterations without half the residual after which guarded ones end, as found where they are within
+#: this multiple of the tolerance: where points pass from a facet to the next, forces jump a little.
+STALLED, NEARLY = 12, 100.0
 _REASONS = PETSc.SNES.ConvergedReason
 
 
@@ -121,9 +124,16 @@ class Newton:
         error = norm / self._scale
         self.history.append(error)
         if not math.isfinite(error):
-            return _REASONS.DIVERGED_FNORM_NAN
+            return _REASONS.DIVERGED_FUNCTION_NANORINF
         if error <= self.tolerance:
             return _REASONS.CONVERGED_FNORM_RELATIVE
         if iteration >= max_iterations:
             return _REASONS.DIVERGED_MAX_IT
         return _REASONS.ITERATING
+
+    def stalled(self):
+        """Whether the residuals of the last iterations are as good as it gets."""
+        before, last = self.history[:-STALLED], self.history[-STALLED:]
+        if not before or min(last) < 0.5 * min(before):
+            return False
+        return self.history[-1] <= min(NEARLY * self.tolerance, 2.0 * min(last))

@@ -19,6 +19,7 @@ from .bench_exchange import exchange
 from .bench_family import family, packing, paper
 from .bench_hertz import hertz_cost
 from .bench_launch import launch, row
+from .bench_linear import linear
 from .bench_search import search, share_of_contact
 
 #: Whole step on one core [element-steps/s], two ranks over one, and memory [bytes a tet].
@@ -240,6 +241,7 @@ BENCHMARKS = {
     "family": family,
     "paper": paper,
     "hertz": hertz_cost,
+    "linear": linear,
     "search": search,
     "exchange": exchange,
     "elements": elements,
