@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test verify bench lint clean
+.PHONY: demo test test-debian verify bench docs lint clean
 
 demo: $(STAMP)
 	$(BIN)/mufe demo --output demo-output --overwrite
@@ -14,12 +14,26 @@ demo: $(STAMP)
 test: $(STAMP)
 	$(BIN)/python -m tests
 
+# Everything in a folder with Debian's own packages instead of the wheel; needs root and debootstrap.
+test-debian:
+	packaging/debian_root.sh test
+
 verify: $(STAMP)
+	$(BIN)/python -m pytest -m slow tests/test_docs.py
 	$(BIN)/mufe verify
 	$(BIN)/mpirun -n 3 $(BIN)/mufe verify
 
 bench: $(STAMP)
 	$(BIN)/mufe bench
+
+# The documentation, in build/docs; a warning is an error.
+docs: $(VENV)/.docs-installed
+	$(BIN)/sphinx-build -W --keep-going --quiet -b html -d build/doctrees -c docs . build/docs
+	@echo "documentation: $(CURDIR)/build/docs/index.html"
+
+$(VENV)/.docs-installed: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	@touch $@
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

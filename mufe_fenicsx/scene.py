@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .contact.laws import COMPLIANCE
+from .contact.laws import COMPLIANCE, law_names
 from .errors import InputError
 from .geometry.settings import MeshSettings, SegmentSettings
 from .materials.auto import Auto
@@ -106,7 +106,7 @@ class Contact:
     def __post_init__(self):
         require(0 <= self.friction, "friction", self.friction, ">= 0")
         one_of("points", self.points, ("facets", "facets3", "nodes"))
-        one_of("law", self.law, ("matched", "kinematic"))
+        one_of("law", self.law, law_names())
         require(0 < self.compliance, "compliance", self.compliance, "> 0")
         require(0 <= self.wall_friction, "wall_friction", self.wall_friction, ">= 0")
         require_kinetic("friction_kinetic", self.friction_kinetic, "friction", self.friction)

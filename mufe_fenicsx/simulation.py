@@ -40,7 +40,7 @@ class Simulation:
         friction_kinetic: Coefficient while a contact slips; ``friction`` if None.
         compliance: Constant c of the contact layer.
         points: Where contact acts, one of contact.points.KINDS.
-        law: Normal law of contact, one of contact.laws.LAWS.
+        law: Normal law of contact, one of contact.laws.law_names().
         element: One of solid.ELEMENTS: "averaged", "p1" or "composite".
         damping: Force -damping m v on every node [1/s].
         assembled: Time step from the assembled system (True) or from single elements.

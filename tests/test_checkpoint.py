@@ -18,7 +18,7 @@ from mpi4py import MPI
 from mufe_fenicsx import interruption
 from mufe_fenicsx.errors import InputError, Interrupted
 from mufe_fenicsx.geometry.grains import save_grains
-from mufe_fenicsx.launcher import VARIABLES, find_mpirun
+from mufe_fenicsx.launcher import environment_without_launcher, find_mpirun
 from mufe_fenicsx.materials.auto import Auto
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.materials.rigid import Rigid
@@ -142,7 +142,7 @@ def start(folder, name, num_ranks=1, resume=False):
     command += ["-o", folder / name, "--quiet", *(["--resume"] if resume else [])]
     if num_ranks > 1:
         command = [find_mpirun(), "-n", num_ranks, *command]
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(VARIABLES)}
+    environment = environment_without_launcher()
     return subprocess.Popen(
         [str(word) for word in command], env=environment | {"OMP_NUM_THREADS": "1"}, text=True,
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,

@@ -6,6 +6,7 @@ user would start it; elsewhere the test calls `main`, which is quicker.
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -19,6 +20,7 @@ from mufe_fenicsx.arguments import known_names, parameters
 from mufe_fenicsx.cli import main
 from mufe_fenicsx.demo import demo_commands, demo_scene
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.launcher import find_mpirun
 from mufe_fenicsx.terminal import plain
 
 #: Longest time for a command that has nothing to do [s]; one that hangs is ended then.
@@ -62,10 +64,10 @@ def mufe(*arguments, cwd, num_ranks=None):
 def run(command, cwd, num_ranks=None):
     """Run a command, under mpirun where ``num_ranks`` is given."""
     if num_ranks is not None:
-        mpirun = Path(sys.executable).parent / "mpirun"
-        if not mpirun.exists():
-            pytest.skip("no mpirun beside this Python")
-        command = [str(mpirun), "-n", str(num_ranks), *command]
+        mpirun = find_mpirun()
+        if mpirun is None:
+            pytest.skip("no mpirun beside Python or on PATH")
+        command = [mpirun, "-n", str(num_ranks), *command]
     process = subprocess.Popen(
         command,
         cwd=cwd,
@@ -81,6 +83,8 @@ def run(command, cwd, num_ranks=None):
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
         pytest.fail(f"{' '.join(command)} hangs")
+    # Open MPI's launcher adds texts of its own between two rules.
+    err = re.sub(r"^-{20,}\n.*?^-{20,}\n", "", err, flags=re.DOTALL | re.MULTILINE)
     return subprocess.CompletedProcess(command, process.returncode, out, err)
 
 

@@ -1,7 +1,6 @@
 """Contact between grains and with walls: balance, energy, Coulomb's law, any number of ranks."""
 
 import json
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +11,7 @@ from mpi4py import MPI
 
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.geometry.shapes import box
+from mufe_fenicsx.launcher import find_mpirun
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.verification.build import build, drive, settle
 from tests.bodies import RADIUS, packed_spheres, simulation_of
@@ -189,8 +189,7 @@ def test_one_two_and_three_ranks_agree(tmp_path):
 
     Sums over ranks differ by rounding, which 800 stable steps do not amplify beyond that.
     """
-    beside = Path(sys.executable).parent / "mpirun"
-    mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
+    mpirun = find_mpirun()
     if mpirun is None:
         pytest.skip("no mpirun beside Python or on PATH")
     answers = []

@@ -15,11 +15,12 @@ from .crossings import new_slip
 from .edges import EdgeContact
 from .exchange import SurfaceVector, exchange_surface
 from .laws import (
-    LAWS,
+    KINEMATIC,
+    LAYERS,
     foundation_depth,
     inertial_layers,
     kinetic_of,
-    matched_layers,
+    law_names,
     replace_layers,
 )
 from .ledger import Ledger
@@ -48,7 +49,7 @@ class Contact:
         compliance: Constant c of the layer that matches stiffness to mesh.
         walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
         points: Where contact acts, one of contact.points.KINDS.
-        law: Normal law, one of contact.laws.LAWS.
+        law: Normal law, one of contact.laws.law_names().
         mass: Nodal masses [kg], shape (num_nodes,), for the kinematic law.
         friction_kinetic: Coefficient while a contact slips; ``friction`` if None.
         self_contact: Nodes of a grain also meet facets of the same grain across a void.
@@ -87,15 +88,17 @@ class Contact:
         self.friction_kinetic = kinetic_of(self.friction, friction_kinetic, "between grains")
         self.walls = walls
         own = self.own
-        if law not in LAWS:
-            raise InputError(f"normal law of contact = {law}, expected one of {', '.join(LAWS)}")
-        self.kinematic = law == "kinematic"
+        if law not in law_names():
+            names = ", ".join(law_names())
+            raise InputError(f"normal law of contact = {law}, expected one of {names}")
+        self.kinematic = law == KINEMATIC
         self._dt = 1.0  # of the step that kinematic layers are made for [s]
         if self.kinematic:
             layers = inertial_layers(own, mass[own.nodes])
         else:
             modulus = contact_modulus[mesh.grain_of_node[own.nodes]]
-            layers = matched_layers(own, modulus, contact_modulus[mesh.grain_of_facet], compliance)
+            of_facets = contact_modulus[mesh.grain_of_facet]
+            layers = LAYERS[law](own, modulus, of_facets, compliance)
             if rigid_layer is not None:
                 replace_layers(mesh, own, layers, rigid_layer)
         self.points = surface_points(points, mesh, own, x, *layers)

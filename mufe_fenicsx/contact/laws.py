@@ -25,7 +25,7 @@ from mpi4py import MPI
 
 from ..errors import InputError
 
-LAWS = ("matched", "kinematic")
+KINEMATIC = "kinematic"
 #: c of the layer, for tetrahedra with averaged pressure and contact at facets.
 COMPLIANCE = 0.25
 
@@ -46,6 +46,35 @@ def matched_layers(own, node_modulus, facet_modulus, c):
     # A nodal area is that of two triangles.
     node = c * edge_of_area(own.area, 2) / node_modulus
     return node, c * edge_of_area(own.facet_area, 1) / facet_modulus
+
+
+#: Layers by the name of their law.
+LAYERS = {"matched": matched_layers}
+
+
+def law_names():
+    """Names of all normal laws."""
+    return (*LAYERS, KINEMATIC)
+
+
+def register_law(name, layers):
+    """Let scene files say ``contact.law = name`` for layers of one's own.
+
+    A pair of a point and a facet that overlap by d carries the pressure d/(l1 + l2), l1 the layer
+    of the point's side and l2 that of the facet's. Energies, friction and the time step follow.
+
+    Args:
+        name: Its name in scene files.
+        layers: Called as :func:`matched_layers`; its answer is as well the compliance of nodes
+            and of facets [m/Pa], each > 0. ``contact.compliance`` of the scene is its last
+            argument.
+
+    Raises:
+        InputError: The name is taken.
+    """
+    if name == KINEMATIC or LAYERS.get(name, layers) is not layers:
+        raise InputError(f'contact law "{name}" is there already, expected a new name')
+    LAYERS[name] = layers
 
 
 def replace_layers(mesh, own, layers, rigid_layer):

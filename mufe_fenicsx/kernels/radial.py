@@ -251,7 +251,7 @@ def voxelise(
     """Labels of voxels and the part of each voxel that is solid, in place.
 
     A voxel whose middle lies in several bodies goes to the one in which it lies deepest, so
-    labels never overlap. Voxels near a surface are divided into ``parts``³ points.
+    labels never overlap. Voxels near a surface are divided into ``parts`` cubed points.
 
     Args:
         labels: Body + 1 at the voxel's middle, zeros at first, shape (z, y, x).

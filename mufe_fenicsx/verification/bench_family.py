@@ -1,7 +1,6 @@
 """Cost of the paper's sample and of smaller ones, and the paper's test from end to end."""
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -10,7 +9,7 @@ import time
 import numpy as np
 
 from ..errors import InputError
-from ..launcher import VARIABLES, find_mpirun
+from ..launcher import environment_without_launcher, find_mpirun
 from .bench_launch import launch, row
 from .family import MEMBERS, SIZE, member, scene_file
 
@@ -113,7 +112,7 @@ def _test(folder, scene, ranks):
 
     run = folder / "run"
     shutil.rmtree(run, ignore_errors=True)
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(VARIABLES)}
+    environment = environment_without_launcher()
     command = [find_mpirun(), "-n", str(ranks), sys.executable, "-m", "mufe_fenicsx", "run"]
     start = time.perf_counter()
     done = subprocess.run(

@@ -1,12 +1,11 @@
 """Measurements in programs of their own, under the environment's own mpirun."""
 
 import json
-import os
 import subprocess
 import sys
 
 from ..errors import InputError
-from ..launcher import VARIABLES, find_mpirun
+from ..launcher import environment_without_launcher, find_mpirun
 
 
 def row(computed, target, passed):
@@ -20,7 +19,7 @@ def launch(name, parameters, num_ranks):
     Raises:
         InputError: It failed.
     """
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(VARIABLES)}
+    environment = environment_without_launcher()
     command = [
         find_mpirun(),
         "-n",

@@ -1,0 +1,185 @@
+"""Settings of Sphinx: `make docs` builds these pages into build/docs, where a warning is an error.
+
+The source folder is the root of the repository, so that links between README.md, docs/ and
+demos/ lead to the same places here and where the repository is read. Pages of the API reference
+are written anew at each build, one for each part of the package, into docs/api.
+"""
+
+import os
+import pkgutil
+import posixpath
+import re
+from pathlib import Path
+
+# Compiled loops are shown as the Python functions that they are made of.
+os.environ["NUMBA_DISABLE_JIT"] = "1"
+
+import docutils.nodes
+import latex2mathml.converter
+
+import mufe_fenicsx
+
+ROOT = Path(__file__).resolve().parents[1]
+
+project = "mufe_fenicsx"
+author = "The mufe_fenicsx authors"
+version = release = mufe_fenicsx.__version__
+
+root_doc = "docs/index"
+include_patterns = [
+    "README.md",
+    "CHANGELOG.md",
+    "docs/*.md",
+    "docs/**/*.md",
+    "docs/api/*.rst",
+    "demos/*.md",
+]
+exclude_patterns = [
+    ".venv",
+    ".git",
+    "build",
+    "dist",
+    "runs",
+    "demo-output",
+    "bench-cache",
+    "meshes",
+]
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+needs_sphinx = "8.0"
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 3
+html_theme = "furo"
+html_title = f"mufe_fenicsx {release}"
+html_math_renderer = "mathml"
+html_show_sphinx = html_show_copyright = False
+
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True, "show-inheritance": False}
+autodoc_typehints = "none"
+autodoc_preserve_defaults = True
+napoleon_numpy_docstring = False
+napoleon_use_rtype = False  # what stands before a colon in "Returns:" is text, not a type
+
+#: Sections of Google's style, whose indented lines belong to them.
+SECTIONS = {"Args:", "Returns:", "Raises:", "Yields:", "Note:", "Attributes:", "Example:"}
+LITERAL = re.compile(r"(``[^`]+``|:[a-z:]+:`[^`]+`)")
+SINGLE = re.compile(r"(?<![`\w])`([^`\n]+)`(?!`)")
+
+
+def as_rst(app, what, name, obj, options, lines):
+    """Docstrings are plain text: indented formulae are kept as they stand, signs stay signs."""
+    out, header, before = [], False, ""
+    literal = False
+    for i, line in enumerate(lines):
+        indented, text = line.startswith("    "), line.strip()
+        if text and not indented:
+            header, literal = text in SECTIONS, False
+        starts = indented and text and not header and not lines[i - 1].strip()
+        if starts and not literal and not before.lstrip().startswith(("- ", "* ")):
+            out += ["::", ""]
+            literal = True
+        if text and not indented:
+            before = line
+        out.append(line if literal else _escaped(line))
+    # A line of its own before: else napoleon takes what stands before a colon for a type.
+    lines[:] = ["", *out] if what in ("attribute", "data") else out
+
+
+def _escaped(line):
+    parts = LITERAL.split(SINGLE.sub(r"``\1``", line))
+    for i in range(0, len(parts), 2):
+        parts[i] = re.sub(r"[|*]", r"\\\g<0>", parts[i])
+        parts[i] = re.sub(r"(?<=\w)_(?![\w`])", r"\\_", parts[i])
+    return "".join(parts)
+
+
+def complete_navigation(app, docname, source):
+    """Pages that index.md lists and are not there are left out; those that it lacks come last."""
+    if docname != root_doc:
+        return
+    entry = re.compile(r"(?:.*<)?([\w./]+)>?")
+    known, listed, lines, inside = app.env.found_docs, {root_doc}, [], False
+    for line in source[0].splitlines():
+        inside = line.startswith("```{toctree}") or (inside and line != "```")
+        found = entry.fullmatch(line)
+        if inside and found:
+            page = posixpath.normpath(posixpath.join("docs", found[1]))
+            if page not in known:
+                continue
+            listed.add(page)
+        lines.append(line)
+    others = sorted(page for page in known - listed if not page.startswith("docs/api/"))
+    if others:
+        lines += ["", "```{toctree}", ":caption: More", ":maxdepth: 1", ""]
+        lines += [*(f"/{page}" for page in others), "```"]
+    source[0] = "\n".join(lines) + "\n"
+
+
+def write_api_pages(app):
+    """A page for each part of the package, in docs/api."""
+    folder = ROOT / "docs" / "api"
+    folder.mkdir(exist_ok=True)
+    names = [m.name for m in pkgutil.walk_packages(mufe_fenicsx.__path__, "mufe_fenicsx.")]
+    names = ["mufe_fenicsx", *(n for n in names if not n.endswith("__main__"))]
+    parts = {}
+    for name in names:
+        words = name.split(".")
+        folder_of = ROOT.joinpath(*words[:2])
+        parts.setdefault(words[1] if folder_of.is_dir() and len(words) > 1 else "", []).append(name)
+    pages = {
+        f"{part or 'program'}.rst": _page(
+            f"mufe_fenicsx.{part}" if part else "The program", modules
+        )
+        for part, modules in sorted(parts.items())
+    }
+    listed = "\n".join(f"   {name.removesuffix('.rst')}" for name in pages)
+    title = _heading("Reference of the package", "=")
+    pages["index.rst"] = (
+        f"{title}\nWhat the docstrings say, part by part.\n\n.. toctree::\n\n{listed}\n"
+    )
+    for old in folder.glob("*.rst"):
+        if old.name not in pages:
+            old.unlink()
+    for name, text in pages.items():
+        path = folder / name
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+def _page(title, modules):
+    lines = [_heading(title, "=")]
+    for module in modules:
+        lines += [_heading(module, "-"), f".. automodule:: {module}", ""]
+    return "\n".join(lines)
+
+
+def _heading(title, line):
+    return f"{title}\n{line * len(title)}\n"
+
+
+def visit_math(translator, node):
+    """Equations as MathML: browsers show it as it is, without a script from elsewhere."""
+    block = node.tagname == "math_block"
+    mathml = latex2mathml.converter.convert(node.astext(), display="block" if block else "inline")
+    translator.body.append(f'<div class="math">{mathml}</div>' if block else mathml)
+    raise docutils.nodes.SkipNode
+
+
+def write_front_page(app, exception):
+    """build/docs/index.html leads to the first page."""
+    if exception is None and app.builder.name == "html":
+        Path(app.outdir, "index.html").write_text(
+            '<!DOCTYPE html><meta charset="utf-8"><title>mufe_fenicsx</title>'
+            '<meta http-equiv="refresh" content="0; url=docs/index.html">'
+            '<a href="docs/index.html">mufe_fenicsx</a>\n',
+            encoding="utf-8",
+        )
+
+
+def setup(app):
+    app.add_html_math_renderer("mathml", (visit_math, None), (visit_math, None))
+    app.connect("autodoc-process-docstring", as_rst, priority=100)
+    app.connect("builder-inited", write_api_pages)
+    app.connect("source-read", complete_navigation)
+    app.connect("build-finished", write_front_page)

@@ -1,0 +1,185 @@
+"""Every command of README and of the pages under docs is run, page by page, as a reader would."""
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+from mufe_fenicsx.demo import demo_scene
+from tests.docs_pages import (
+    ROOT,
+    SHELL,
+    Reader,
+    blocks_of,
+    check_mufe,
+    commands_in,
+    mufe_part,
+    pages,
+    write_programs,
+)
+
+BLOCKS, UNREADABLE = {}, []
+for path in pages():
+    page = str(path.relative_to(ROOT))
+    try:
+        BLOCKS[page] = blocks_of(path.read_text(encoding="utf-8"), page)
+    except ValueError as error:
+        UNREADABLE.append(str(error))
+ALL = [block for blocks in BLOCKS.values() for block in blocks]
+
+#: What makes the demonstration's scene small: eight balls instead of its image, and little strain.
+SMALLER = {
+    r'file = "spam:snow".*': 'file = "scan.npy"',
+    r"crop = .*\n": "",
+    r"upsample = .*\n": "",
+    r'size = "40 um".*': 'size = "120 um"',
+    r"strain = 0.1 .*": "strain = 0.004",
+    r'speed = "1 m/s".*': 'speed = "40 m/s"',
+    r"ramp = .*": "ramp = 0.001",
+    r"fields = .*": "fields = 4",
+    r"history = .*": "history = 21",
+}
+
+
+def small_scene():
+    text = demo_scene().read_text(encoding="utf-8")
+    for pattern, value in SMALLER.items():
+        text, number = re.subn(pattern, value, text)
+        assert number == 1, f"{pattern} is in the demonstration's scene {number} times"
+    return text
+
+
+@pytest.fixture(scope="module")
+def start(tmp_path_factory):
+    """What a reader has: a scan, the demos, a scene, and the labels, grains and results of it."""
+    bin_folder = write_programs(tmp_path_factory.mktemp("programs") / "bin")
+    folder = tmp_path_factory.mktemp("start")
+    (folder / ".venv" / "bin").mkdir(parents=True)
+    (folder / ".venv" / "bin" / "activate").touch()  # the programs are on PATH already
+    shutil.copytree(ROOT / "demos", folder / "demos")
+    (folder / "demos" / demo_scene().name).write_text(small_scene(), encoding="utf-8")
+    (folder / "mine.toml").write_text(small_scene(), encoding="utf-8")
+    grey = np.full((36, 36, 36), 60, np.uint8)
+    z, y, x = np.indices(grey.shape) % 18 - 8.5
+    grey[z * z + y * y + x * x < 8.9**2] = 180
+    np.save(folder / "scan.npy", grey)
+    reader = Reader(folder, bin_folder)
+    reader.run(
+        blocks_of(
+            "```sh\n"
+            "mufe segment --scene mine.toml -o labels.tif\n"
+            "mufe mesh labels.tif --scene mine.toml -o grains\n"
+            "mufe run mine.toml --grains grains -o results --quiet\n```\n",
+            "start",
+        )[0]
+    )
+    return folder, bin_folder
+
+
+def go_through(page, start, tmp_path, with_slow):
+    folder = tmp_path / "page"
+    shutil.copytree(start[0], folder)
+    reader = Reader(folder, start[1])
+    for block in BLOCKS[page]:
+        if block.reason is None and (with_slow or not block.slow):
+            reader.run(block)
+
+
+def test_every_fence_is_understood():
+    assert not UNREADABLE, "\n".join(UNREADABLE)
+
+
+@pytest.mark.parametrize("page", [page for page, blocks in BLOCKS.items() if blocks])
+def test_blocks_of_a_page(page, start, tmp_path, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    go_through(page, start, tmp_path, with_slow=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [p for p, blocks in BLOCKS.items() if any(b.slow for b in blocks)])
+def test_blocks_of_a_page_with_those_that_take_minutes(page, start, tmp_path, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    go_through(page, start, tmp_path, with_slow=True)
+
+
+@pytest.mark.parametrize("block", [b for b in ALL if b.reason is not None], ids=lambda b: b.place)
+def test_a_block_that_is_not_run(block):
+    """Its commands exist with these options; the summary of the tests lists it as skipped."""
+    assert block.reason, f"{block.place}: expected a reason"
+    if block.language in SHELL:
+        for words in commands_in(block.text):
+            if (arguments := mufe_part(words)) is not None:
+                check_mufe(arguments)
+    pytest.skip(f"{block.place} is not run: {block.reason}")
+
+
+def test_commands_within_sentences():
+    """`mufe …`, `make …` and demos that the text names exist, with these options."""
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    wrong = []
+    for path in pages():
+        text = re.sub(r"^ *```.*?^ *```", "", path.read_text(encoding="utf-8"), flags=re.S | re.M)
+        for span in re.findall(r"`((?:mufe|make|python demos/)[^`\n]*)`", text):
+            words = span.split()
+            if "…" in span or len(words) == 1 or not re.fullmatch(r"[a-z-]+", words[1]):
+                names = re.findall(r"demos/\w+\.py", span)
+                wrong += [f"{path.name}: {name}" for name in names if not (ROOT / name).exists()]
+            elif words[0] == "make" and words[1] not in targets:
+                wrong.append(f"{path.name}: {span}")
+            elif words[0] == "mufe":
+                try:
+                    known = [w for w in words[1:] if w.startswith("--") and w != "--set"]
+                    check_options(words[1], known)
+                except AssertionError as error:
+                    wrong.append(f"{path.name}: {span}: {error}")
+    assert not wrong, "\n".join(wrong)
+
+
+def check_options(name, options):
+    import typer
+
+    from mufe_fenicsx.cli import app
+
+    command = typer.main.get_command(app).commands.get(name)
+    assert command is not None, f"no command {name}"
+    known = {o for p in command.params for o in (*p.opts, *p.secondary_opts)} | {"--help"}
+    unknown = [option for option in options if option.split("=")[0] not in known]
+    assert not unknown, f"no option {', '.join(unknown)}"
+
+
+def test_links_between_pages_lead_somewhere():
+    wrong = []
+    for path in [*pages(), *sorted((ROOT / "demos").glob("*.md"))]:
+        text = re.sub(r"```.*?```|`[^`]*`", "", path.read_text(encoding="utf-8"), flags=re.S)
+        for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
+            if "://" not in target and not (path.parent / target).exists():
+                wrong.append(f"{path.relative_to(ROOT)}: {target}")
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("```sh\nmufe run nowhere.toml --grains grains -o new\n```", "(?s)page:2: .*status 2"),
+        ("```sh\nls nowhere | cat\nfalse\n```", "(?s)page:2: .*status 1"),
+        ("```python\nassert run is None\n```", "page:2: NameError"),
+        ("```toml\n[oedometer]\nspeed = -1\n```", "page:2: InputError: oedometer.speed = -1"),
+    ],
+)
+def test_a_block_that_fails_is_named(text, message, tmp_path):
+    reader = Reader(tmp_path, write_programs(tmp_path / "bin"))
+    with pytest.raises(AssertionError, match=message):
+        reader.run(blocks_of(text, "page")[0])
+
+
+def test_marks():
+    text = "<!-- test: not run: no cluster here -->\n```sh\nsrun mufe run a.toml\n```\n"
+    (block,) = blocks_of(text, "page")
+    assert block.reason == "no cluster here"
+    with pytest.raises(ValueError, match='mark "sometimes"'):
+        blocks_of("<!-- test: sometimes -->\n```sh\nls\n```\n", "page")
+    with pytest.raises(ValueError, match="a fence in fish"):
+        blocks_of("```fish\nls\n```\n", "page")
+    with pytest.raises(Exception, match="No such option"):
+        check_mufe(["run", "a.toml", "--fast"])
