@@ -46,6 +46,11 @@ class OedometerLoading:
             seating on; None: ``speed`` throughout, reached over ``ramp``.
     """
 
+    columns = ()  #: of history.csv beyond the usual ones
+    end = "final strain reached"  #: why a test stops that does all it should
+    strain_definition = STRAIN_DEFINITION
+    follows = False  #: whether the start of a stage is the stored end of another one
+
     def __init__(
         self, simulation, strain, speed, ramp, seating_force, seating_speed, quasi_static=None
     ):
@@ -83,6 +88,24 @@ class OedometerLoading:
     def speed_now(self):
         """Speed of the top platen in the last step [m/s]."""
         return self._speed
+
+    @property
+    def loaded(self):
+        """Whether the seating is over."""
+        return self.stage == LOADING
+
+    @property
+    def part_done(self):
+        """Of the whole test."""
+        return self.strain / self.final_strain
+
+    def interval(self, count):
+        """Progress between two of ``count`` records of the loading stage."""
+        return self.final_strain / (count - 1)
+
+    def row(self, forces):
+        """Columns of history.csv that this loading adds: none."""
+        return {}
 
     @property
     def finished(self):

@@ -56,7 +56,7 @@ def march(simulation, loading, recorder, output, save, balance, max_steps, quiet
             loading.before_step()
             simulation.step(everywhere=False)
     save()  # a longer test can go on from here
-    return "final strain reached"
+    return loading.end
 
 
 def _interrupted(number, save, step, strain):

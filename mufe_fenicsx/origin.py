@@ -30,6 +30,8 @@ FREE_TABLES = ("image", "mesh", "output", "implicit")
 OF_INTEGRATOR = ("quasi_static", "mass_scaling")
 #: Where the test ends: it may do so later, or earlier but not before the checkpoint.
 END = "oedometer.strain"
+#: Parts of a test: those that have not begun may be others.
+STAGES = "stage"
 
 
 def check_origin(comm, checkpoint, identity, folder, quiet):
@@ -48,7 +50,8 @@ def check_origin(comm, checkpoint, identity, folder, quiet):
         if changed:
             message = (
                 f"{changed}, expected the value of checkpoint {checkpoint.path}: a run that goes "
-                f"on may only change {END}, [output], solver.integrator and [implicit]"
+                f"on may only change {END}, [[stage]] to come, [output], solver.integrator and "
+                "[implicit]"
             )
         elif header["grains"] != identity["grains"]:
             message = (
@@ -70,6 +73,9 @@ def integrator_of(scene):
 
 def _nothing_to_do(header, scene, folder):
     """What is wrong with the end of the test that a scene wants, or None."""
+    old, new = (tomllib.loads(text).get(STAGES) for text in (header["scene"], scene))
+    if new is not None:
+        return _wrong_stages(old, new, header["loading"]["index"] + 1, folder)
     old, new = (tomllib.loads(text)["oedometer"]["strain"] for text in (header["scene"], scene))
     if read_run_json(folder).get("finished") and new <= old:
         return (
@@ -81,6 +87,16 @@ def _nothing_to_do(header, scene, folder):
     return None
 
 
+def _wrong_stages(old, new, num_begun, folder):
+    """What is wrong with the stages that a scene wants, or None."""
+    begun = f"{num_begun} stage{'s' if num_begun > 1 else ''} of the run in {folder}"
+    if new[:num_begun] != old[:num_begun]:
+        return f"[[stage]] of the scene differ in the first {begun}, which have begun"
+    if read_run_json(folder).get("finished") and len(new) == num_begun:
+        return f"all {begun} are done, expected further [[stage]] to go on with"
+    return None
+
+
 def _first_difference(old, new):
     """`key = new value, was old value` of the first key in which two scenes differ, or None."""
     old, new = (_flat(tomllib.loads(text)) for text in (old, new))
@@ -88,7 +104,8 @@ def _first_difference(old, new):
     if old.get("solver.integrator") != new.get("solver.integrator"):
         free = (*FREE_TABLES, *OF_INTEGRATOR)
     for key in [*new, *(k for k in old if k not in new)]:
-        if key in (*FREE_KEYS, END) or key.split(".")[0] in free or new.get(key) == old.get(key):
+        is_free = key in (*FREE_KEYS, END, STAGES) or key.split(".")[0] in free
+        if is_free or new.get(key) == old.get(key):
             continue
         return f"{key} = {new.get(key, 'not set')}, was {old.get(key, 'not set')}"
     return None

@@ -31,9 +31,7 @@ class ProgressLine:
                 console=Console(stderr=True, force_terminal=True),
             )
             self.bar.start()
-            self.task = self.bar.add_task(
-                self.loading.stage, total=self.loading.final_strain, text=""
-            )
+            self.task = self.bar.add_task(self.loading.stage, total=1.0, text="")
             self.last, self.last_steps = time.perf_counter(), 0
         return self
 
@@ -49,7 +47,7 @@ class ProgressLine:
         self.bar.update(
             self.task,
             description=self.loading.stage,
-            completed=self.loading.strain,
+            completed=self.loading.part_done,
             text=f"strain {self.loading.strain:.4f}  {rate:.0f} steps/s",
         )
 

@@ -5,10 +5,9 @@ import math
 from .contact.network import find_network
 from .contact.nodal import nodal_contact
 from .energy_guard import EnergyGuard
-from .loading import LOADING
 from .output.contacts import ContactWriter
 from .output.fields import FieldWriter
-from .output.history import HistoryWriter
+from .output.history import COLUMNS, HistoryWriter
 from .scene import WALLS
 from .simulation import ENERGIES
 from .solid import von_mises
@@ -28,7 +27,10 @@ class Recorder:
         self.simulation, self.loading, self.area = simulation, loading, area
         self.guard = EnergyGuard(simulation, energy_limit)
         self.history = HistoryWriter(
-            folder / "history.csv", comm=mesh.comm, kept=kept.get("history")
+            folder / "history.csv",
+            (*COLUMNS, *loading.columns),
+            comm=mesh.comm,
+            kept=kept.get("history"),
         )
         labels = mesh.labels[mesh.grains[mesh.grain_of_cell]]
         self.fields = FieldWriter(
@@ -36,8 +38,8 @@ class Recorder:
         )
         self.contacts = ContactWriter(mesh.comm, folder, kept.get("contacts", ()))
         self.num_states = kept.get("num_states", 0)
-        self._history_interval = loading.final_strain / (output.history - 1)
-        self._field_interval = loading.final_strain / (output.fields - 1)
+        self._history_interval = loading.interval(output.history)
+        self._field_interval = loading.interval(output.fields)
         self._stage, self._next_row, self._next_state = kept.get("next", (None, 0.0, 0.0))
 
     def keep(self):
@@ -55,8 +57,10 @@ class Recorder:
         loading = self.loading
         if loading.stage != self._stage:
             self._stage, self._next_row, self._next_state = loading.stage, 0.0, 0.0
+            if loading.follows:
+                self._next_state = self._field_interval * (1 - 1e-12)
         progress = loading.progress
-        if loading.stage == LOADING and progress >= self._next_state:
+        if loading.loaded and progress >= self._next_state:
             self._next_state += self._field_interval * (1 - 1e-12)
             self.write_state()
         if progress >= self._next_row:
@@ -90,6 +94,7 @@ class Recorder:
         }
         row.update({f"force_{name}": f for name, f in zip(WALLS, forces, strict=True)})
         row.update({name: energies[name] for name in ENERGIES})
+        row.update(loading.row(forces))
         self.history.append(row)
         self.check_energy(energies)
         return energies
@@ -101,9 +106,7 @@ class Recorder:
             UnstableError: It is.
         """
         loading = self.loading
-        self.guard.check(
-            energies, f"at strain {loading.strain:.4f}", loaded=loading.stage == LOADING
-        )
+        self.guard.check(energies, f"at strain {loading.strain:.4f}", loaded=loading.loaded)
 
     def write_state(self):
         """One state of all fields."""

@@ -1,4 +1,4 @@
-"""An oedometer test from a scene to a run folder."""
+"""A test from a scene to a run folder."""
 
 import csv
 import time
@@ -11,7 +11,7 @@ from mpi4py import MPI
 from .balance import better_partition
 from .contact.separation import separate
 from .errors import InputError, Interrupted, SolverError, UnstableError
-from .loading import STRAIN_DEFINITION, OedometerLoading
+from .loading import OedometerLoading
 from .march import march
 from .memory import peak_memory, return_freed_arrays
 from .origin import check_origin, grains_checksum, integrator_of
@@ -29,6 +29,7 @@ from .recorder import Recorder
 from .recovery import Recovery
 from .restart import restore, restore_reference, snapshot
 from .scene import scene_to_toml
+from .staged_loading import StagedLoading
 
 
 def run_scene(
@@ -126,7 +127,7 @@ class _Test:
             "family": mesh.family,
             "finished": False,
             "stop_reason": "running",
-            "strain_definition": STRAIN_DEFINITION,
+            "strain_definition": None,
             "area": self.area,
             "separation": separation,
             "failed_grains": _failed_grains(folder / "quality.csv"),
@@ -139,6 +140,7 @@ class _Test:
         comm, summary, resumed = self.comm, self.summary, checkpoint is not None
         self.begin(checkpoint, kept)
         summary["first_height"] = float(self.loading.first_height)
+        summary["strain_definition"] = self.loading.strain_definition
         summary["setup_s"] = time.perf_counter() - self.started
         if resumed:
             summary["setup_s"] = checkpoint.header["setup_s"]
@@ -203,21 +205,13 @@ class _Test:
 
     def begin(self, checkpoint=None, kept=None):
         """Simulation, loading and recorder of the start, or of a checkpoint and its tables."""
-        scene, oedometer = self.scene, self.scene.oedometer
+        scene = self.scene
         if checkpoint is not None:
             self.recovery.know(checkpoint.header["retries"])
         self.simulation = make_simulation(
             scene, self.mesh, self.low, self.high, self.recovery.shorter
         )
-        self.loading = OedometerLoading(
-            self.simulation,
-            oedometer.strain,
-            oedometer.speed,
-            oedometer.ramp,
-            oedometer.seating_stress * self.area,
-            oedometer.seating_speed,
-            scene.quasi_static,
-        )
+        self.loading = self.make_loading()
         recorder, same_ranks = self.first_kept, True
         if checkpoint is not None:
             header = checkpoint.header
@@ -242,6 +236,21 @@ class _Test:
             self.recorder.after_step = after_step
         if self.first_kept is None and checkpoint is None:
             self.first_kept = self.recorder.keep()
+
+    def make_loading(self):
+        """What moves the walls of the present simulation, at its start. Collective."""
+        scene, oedometer = self.scene, self.scene.oedometer
+        if oedometer is None:
+            return StagedLoading(self.simulation, scene.loading, scene.stages, scene.quasi_static)
+        return OedometerLoading(
+            self.simulation,
+            oedometer.strain,
+            oedometer.speed,
+            oedometer.ramp,
+            oedometer.seating_stress * self.area,
+            oedometer.seating_speed,
+            scene.quasi_static,
+        )
 
     def begin_again(self, checkpoint):
         """Go back to a checkpoint, or to the start if that is None."""

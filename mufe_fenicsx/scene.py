@@ -20,6 +20,7 @@ from .materials.rigid import Rigid
 from .materials.scatter import Scatter
 from .scene_checks import one_of, require, require_kinetic
 from .scene_implicit import Implicit
+from .scene_loading import Loading, Stage, named
 
 #: Walls by name: the axis that they are normal to and the side of the sample.
 WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
@@ -197,14 +198,15 @@ class Oedometer:
 class QuasiStatic:
     """[quasi_static]: the speed of loading follows from what it does to the sample.
 
-    Without this table it is ``oedometer.speed`` throughout; with it, that is the first speed.
+    Without this table it is ``oedometer.speed`` (or ``loading.speed``) throughout; with it, that
+    is the first speed, in a test by stages that of each stage.
     """
 
     kinetic: float = 0.01  #: kinetic over internal energy to stay below [-]
     unbalanced: float = 0.02  #: difference of top and bottom force over their mean, likewise [-]
     loaded: float = 0.0  #: strain from which on; before, the same energy and force as there [-]
-    slowest: float | None = None  #: speed of the platen [m/s]; None: oedometer.speed / 10
-    fastest: float | None = None  #: the same; None: oedometer.speed * 10
+    slowest: float | None = None  #: speed of the platen [m/s]; None: a tenth of the first one
+    fastest: float | None = None  #: the same [m/s]; None: ten times the first one
 
     def __post_init__(self):
         for name in ("kinetic", "unbalanced"):
@@ -256,12 +258,13 @@ class Scene:
     """A whole test. ``walls`` always has all six, each with its friction filled in.
 
     Raises:
-        InputError: a wall that does not exist, or that two tables move; a grain in two groups.
+        InputError: a wall that does not exist, or that two tables move; a grain in two groups;
+            no test, or two.
     """
 
     material: IsotropicSolid
     contact: Contact
-    oedometer: Oedometer
+    oedometer: Oedometer | None = None  #: or ``loading`` with ``stages``
     title: str = ""
     image: ImageSettings | None = None
     mesh: MeshSettings | None = None
@@ -274,8 +277,11 @@ class Scene:
     mass_scaling: MassScaling | None = None  #: None: no mass is added
     scatter: Scatter | None = None  #: of ``material``; None: all grains alike
     materials: dict[str, Group] = field(default_factory=dict)  #: of grains that differ
+    loading: Loading | None = None  #: of a test by stages
+    stages: tuple[Stage, ...] = ()  #: [[stage]]: parts of that test, in their order
 
     def __post_init__(self):
+        self._check_test()
         group_of = {}
         for name, group in self.materials.items():
             for label in group.labels:
@@ -299,13 +305,7 @@ class Scene:
                 raise InputError(
                     'solver.time_step = "element", expected "assembled" for rigid grains'
                 )
-        top = self.walls.get(TOP_PLATEN, Wall())
-        for key, rest in (("velocity", 0), ("stress", None)):
-            if getattr(top, key) != rest:
-                raise InputError(
-                    f"walls.{TOP_PLATEN}.{key} = {getattr(top, key)}, expected none: "
-                    "[oedometer] moves the top platen"
-                )
+        self._check_walls()
         if self.quasi_static is not None:
             object.__setattr__(self, "quasi_static", self._between_speeds())
         object.__setattr__(self, "walls", {name: self._wall(name) for name in WALLS})
@@ -336,6 +336,39 @@ class Scene:
             scatter = group.scatter
             found.append(scatter.of(group.material, label) if scatter else group.material)
         return found
+
+    def _check_test(self):
+        """Raise InputError unless there is one test; name its stages."""
+        if self.oedometer is not None:
+            for name, given in (("[loading]", self.loading), ("[[stage]]", self.stages)):
+                if given:
+                    raise InputError(f"{name} is given, expected none beside [oedometer]")
+            return
+        if self.loading is None:
+            raise InputError("[oedometer] is missing, expected it, or [loading] with [[stage]]")
+        if not self.stages:
+            raise InputError("[[stage]] is missing, expected at least one with [loading]")
+        object.__setattr__(self, "stages", named(self.stages))
+        if self.solver.integrator != "explicit":
+            raise InputError(
+                "[loading] is given, expected [oedometer] for solver.integrator = "
+                f'"{self.solver.integrator}": a servo follows the force after an increment'
+            )
+        if self.contact.law == "kinematic":
+            raise InputError('contact.law = "kinematic", expected "matched" with [loading]')
+
+    def _check_walls(self):
+        """Raise InputError where a wall is moved by its own table and by the test."""
+        moved, by = (TOP_PLATEN,), "[oedometer] moves the top platen"
+        if self.loading is not None:
+            moved, by = WALLS, "[[stage]] moves the walls"
+        for name in moved:
+            wall = self.walls.get(name, Wall())
+            for key, rest in (("velocity", 0), ("stress", None)):
+                if getattr(wall, key) != rest:
+                    raise InputError(
+                        f"walls.{name}.{key} = {getattr(wall, key)}, expected none: {by}"
+                    )
 
     def _check_mass_scaling(self):
         """Raise InputError where mass must not be added: laws that depend on it, bodies."""
@@ -376,12 +409,13 @@ class Scene:
 
     def _between_speeds(self):
         """Settings of the speed of loading with both limits filled in."""
-        wanted, speed = self.quasi_static, self.oedometer.speed
+        wanted, table = self.quasi_static, "loading" if self.oedometer is None else "oedometer"
+        speed = getattr(self, table).speed
         slowest = speed / 10 if wanted.slowest is None else wanted.slowest
         fastest = speed * 10 if wanted.fastest is None else wanted.fastest
         if not slowest <= speed <= fastest:
             raise InputError(
-                f"oedometer.speed = {speed:g}, expected quasi_static.slowest = {slowest:g} "
+                f"{table}.speed = {speed:g}, expected quasi_static.slowest = {slowest:g} "
                 f"<= speed <= quasi_static.fastest = {fastest:g}"
             )
         return replace(wanted, slowest=slowest, fastest=fastest)

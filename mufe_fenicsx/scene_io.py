@@ -1,5 +1,6 @@
 """Scene files: TOML to the dataclasses of `scene` and back."""
 
+import dataclasses
 import difflib
 import json
 import os
@@ -25,6 +26,7 @@ from .scene import (
     Group,
     ImageSettings,
     Implicit,
+    Loading,
     MassScaling,
     Oedometer,
     Output,
@@ -32,13 +34,15 @@ from .scene import (
     Sample,
     Scene,
     Solver,
+    Stage,
     Wall,
 )
+from .scene_loading import Axis, Until
 from .units import expected, shown, to_si
 
 MODELS = {"j2": J2, "elastic": Elastic, "rigid": Rigid, "auto": Auto}
 
-#: Table of the file -> its class; [material] and [walls.*] are read apart.
+#: Table of the file -> its class; [material], [walls.*] and [[stage]] are read apart.
 TABLES = {
     "image": ImageSettings,
     "mesh": MeshSettings,
@@ -47,6 +51,7 @@ TABLES = {
     "solver": Solver,
     "implicit": Implicit,
     "oedometer": Oedometer,
+    "loading": Loading,
     "quasi_static": QuasiStatic,
     "mass_scaling": MassScaling,
     "output": Output,
@@ -73,6 +78,13 @@ UNITS = {
     MassScaling: {"time_step": "s"},
     Wall: {"velocity": "m/s", "stress": "Pa", "speed": "m/s"},
     QuasiStatic: {"slowest": "m/s", "fastest": "m/s"},
+    Loading: {"speed": "m/s"},
+    Stage: {"hold": "s"},
+    Axis: {"stress": "Pa", "speed": "m/s"},
+    Until: {
+        **dict.fromkeys(("stress_x", "stress_y", "stress_z", "mean_stress", "deviator"), "Pa"),
+        "time": "s",
+    },
     Oedometer: {"speed": "m/s", "seating_stress": "Pa", "seating_speed": "m/s"},
 }
 
@@ -117,9 +129,10 @@ def read_scene(path) -> Scene:
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"scene {path} is not valid TOML: {error}") from error
 
-    _check_keys(tables, ["title", *TABLES, "material", "materials", "walls"], "")
+    _check_keys(tables, ["title", *TABLES, "material", "materials", "walls", "stage"], "")
     folder = path.resolve().parent
-    for name in ("material", "contact", "oedometer"):
+    test = () if "loading" in tables else ("oedometer",)
+    for name in ("material", "contact", *test):
         if name not in tables:
             raise InputError(f"[{name}] is missing in scene {path}, expected this table")
     title = tables.get("title", "")
@@ -147,6 +160,7 @@ def read_scene(path) -> Scene:
             )
             for wall in walls
         },
+        stages=_read_stages(tables.get("stage", [])),
         **parts,
     )
 
@@ -196,9 +210,28 @@ def write_scene(scene) -> str:
         lines += _write_table(name, getattr(scene, name))
     for wall in WALLS:
         lines += _write_table(f"walls.{wall}", scene.walls[wall])
-    for name in ("oedometer", "quasi_static", "mass_scaling", "output"):
+    for name in ("oedometer", "loading", "quasi_static", "mass_scaling", "output"):
         lines += _write_table(name, getattr(scene, name))
+    for stage in scene.stages:
+        lines += ["", "[[stage]]"]
+        lines += [f"{key} = {_toml(value)}" for key, value in _stated(stage).items()]
     return "\n".join(lines) + "\n"
+
+
+def _read_stages(tables):
+    """The tables [[stage]], in their order."""
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise InputError(f"stage = {shown(tables)}, expected tables [[stage]]")
+    return tuple(
+        build(Stage, table, lambda key, number=number: f"stage[{number}].{key}")
+        for number, table in enumerate(tables, start=1)
+    )
+
+
+def _stated(content):
+    """Fields of a dataclass that are not None, by name."""
+    values = {field.name: getattr(content, field.name) for field in fields(content)}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _read_groups(tables, common):
@@ -315,6 +348,11 @@ def _convert(value, hint, unit, key, name, folder):
         return _convert_array(value, SHAPES[key], unit, float if key in FLOAT_ARRAYS else int, name)
     if Path in kinds:
         return _convert_path(value, name, folder)
+    for kind in kinds:
+        if dataclasses.is_dataclass(kind):
+            if not isinstance(value, dict):
+                raise InputError(f"{name} = {shown(value)}, expected a table like {{ … }}")
+            return build(kind, value, lambda inner: f"{name}.{inner}", folder)
     if float in kinds and not (str in kinds and isinstance(value, str)):
         return to_si(value, unit, name)
     if int in kinds and (isinstance(value, bool) or not isinstance(value, int)):
@@ -398,6 +436,9 @@ def _toml(value):
         return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, tuple):
         return "[" + ", ".join(_toml(item) for item in value) + "]"
+    if dataclasses.is_dataclass(value):
+        pairs = (f"{name} = {_toml(item)}" for name, item in _stated(value).items())
+        return "{ " + ", ".join(pairs) + " }"
     if isinstance(value, float) and abs(value) >= 1e5:  # 1e+11 is easier to read than its zeros
         return format(Decimal(repr(value)).normalize(), "e")
     return repr(value)

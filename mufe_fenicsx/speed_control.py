@@ -70,7 +70,7 @@ class QuasiStaticSpeed:
 
     def __init__(self, simulation, settings, top, bottom):
         self.simulation, self.settings = simulation, settings
-        self._platens = top, bottom
+        self.platens = top, bottom
         self.speed = self.acceleration = 0.0
         self.travel_time = 0.0  #: T at the last sample [s]; 0 before the first one
         self.falling = False  #: the speed only falls, until r < 0.9
@@ -118,7 +118,7 @@ class QuasiStaticSpeed:
         sim, v = self.simulation, self.speed
         forces, energies = sim.wall_forces(), sim.energies()
         mass = sim.comm.allreduce(float(sim.solid.mass.sum()))
-        top, bottom = (forces[i] for i in self._platens)
+        top, bottom = (forces[i] for i in self.platens)
         force = 0.5 * (top + bottom)
         internal = energies["elastic"] + energies["plastic"]
         if internal <= 0.0:  # rigid grains: all is in the springs of contact

@@ -1,0 +1,249 @@
+"""New scenes to begin with: a commented scene file, its JSON schema, and grains."""
+
+import difflib
+import functools
+
+import numpy as np
+
+from .errors import InputError
+from .geometry.grains import Grains, save_grains
+from .geometry.output import new_folder
+from .geometry.shapes import sphere, sphere_near_contact
+from .scene_schema import schema_text
+from .synthetic.packing import pack
+from .synthetic.shapes import make_grains, sizes
+
+SCHEMA_FILE = "scene.schema.json"
+
+#: Balls of the sample of sand: number, median diameter by mass [m] and d60/d10.
+NUM_BALLS, D50, UNIFORMITY = 18, 300e-6, 1.3
+#: Depth of contacts at which their packing is done, over D50.
+DEPTH = 2e-3
+#: Element size over radius of these balls.
+COARSE = 0.35
+#: Radius of a single ball [m]; element size at its poles and radius of contact over the radius.
+RADIUS, FINE, CONTACT = 0.5e-3, 0.04, 0.1
+
+HEAD = """\
+#:schema ./scene.schema.json
+# {title}. Run it, and look at it:
+#
+#     mufe run scene.toml -o results          (or: mpirun -n 4 mufe run ...)
+#     mufe report results
+#
+# Numbers without a unit are in SI units; a text carries one: "20 um", "100 GPa". A key that is
+# left out takes its default: `mufe scene scene.toml` lists all of them, and
+# `mufe scene --explain KEY` says what one means. The first line lets an editor with a TOML
+# language server (Taplo: "Even Better TOML" for VS Code) complete and check keys.
+
+title = "{title}"
+
+[sample]
+grains = "grains"         # {grains};
+                          # instead of it, the folder that `mufe mesh` wrote of your own scan
+
+[material]                # as in Nadimi & Fonseca (2018), doi 10.1680/jgeot.16.p.147
+model = "j2"              # elasto-plastic; or "elastic", "rigid", "auto"
+E = "100 GPa"
+nu = 0.15
+rho = "2650 kg/m^3"
+yield_stress = [[0.0, "{first}"], [0.05, "{last}"]]   # at plastic strain
+
+[contact]
+friction = {friction}           # between grains
+wall_friction = {wall}       # between grains and walls
+"""
+
+OEDOMETER = """
+[oedometer]               # the top platen moves, all other walls rest
+strain = 0.02             # vertical, counted from the end of seating
+speed = "0.5 m/s"         # of the top platen: slow enough if kinetic energy stays small
+ramp = 0.002              # strain over which the platen reaches this speed
+seating_stress = "0.5 MPa" # the platen first closes the gaps, up to this stress
+seating_speed = "2 m/s"
+"""
+
+ISOTROPIC = """
+[loading]                 # a test by stages: the six walls move
+speed = "0.5 m/s"         # at which a length of the sample changes, at most
+ramp = 0.001              # strain over which walls get to it
+tolerance = 0.01          # of stresses
+
+[[stage]]                 # close the gaps; strains count from its end
+zero = true
+xyz = { stress = "0.5 MPa", speed = "3 m/s" }
+
+[[stage]]
+name = "load"
+xyz = { stress = "5 MPa" }
+
+[[stage]]
+name = "unload"
+xyz = { stress = "1 MPa" }
+
+[[stage]]
+name = "reload"
+xyz = { stress = "8 MPa" }
+hold = "5 us"             # stresses are held so long
+"""
+
+TRIAXIAL = """
+[loading]                 # a test by stages: the six walls move
+speed = "1 m/s"           # at which a length of the sample changes, at most
+ramp = 0.001              # strain over which walls get to it
+tolerance = 0.01          # of stresses
+
+[[stage]]                 # close the gaps; strains count from its end
+zero = true
+xyz = { stress = "0.5 MPa", speed = "3 m/s" }
+
+[[stage]]
+name = "isotropic"
+xyz = { stress = "5 MPa" }
+
+[[stage]]                 # x and y go on at the stress that they hold
+name = "shear"
+z = { strain = 0.02 }
+
+# A true-triaxial test says what each axis does:
+#
+#     [[stage]]
+#     name = "shear"
+#     x = { stress = "3 MPa" }
+#     y = { stress = "5 MPa" }
+#     z = { stress = "9 MPa" }
+"""
+
+BALL = """
+[loading]                 # a test by stages: the six walls move
+speed = "1 m/s"           # at which a length of the sample changes, at most
+ramp = 0.002              # strain over which walls get to it
+
+[[stage]]                 # the walls at the sides go out of the way
+name = "aside"
+xy = { strain = -0.05, speed = "5 m/s" }
+
+[[stage]]
+name = "press"
+z = { strain = 0.01 }
+
+[[stage]]
+name = "unload"
+z = { strain = 0.0 }
+"""
+
+BALLS = """
+[loading]                 # a test by stages: the six walls move
+speed = "0.5 m/s"         # at which a length of the sample changes, at most
+ramp = 0.002              # strain over which walls get to it
+tolerance = 0.02          # of stresses
+
+[[stage]]                 # the walls at the sides stay near: balls on end roll away otherwise
+name = "aside"
+xy = { strain = -0.001 }
+
+[[stage]]                 # led by the mean stress of top and bottom: 2 MPa are 2.2 N here
+name = "press"
+z = { stress = "2 MPa" }
+
+[[stage]]
+name = "unload"
+z = { stress = "0.5 MPa" }
+
+[[stage]]
+name = "reload"
+z = { stress = "2 MPa" }
+"""
+
+OUTPUT = """
+[output]
+fields = 11               # states with all fields, for ParaView and the report
+history = 300             # rows of history.csv
+checkpoint = "5 min"      # by the clock; `mufe run --resume` goes on from the last one
+"""
+
+
+def write_new_scene(kind, folder, *, overwrite=False):
+    """Write scene.toml, its JSON schema and grains into a new folder.
+
+    Args:
+        kind: One of `KINDS`.
+        folder: New folder.
+        overwrite: Replace a folder that was written by this before.
+
+    Returns:
+        What was written: folder, num_grains, num_cells, and the command that runs it.
+
+    Raises:
+        InputError: there is no such kind, or the folder cannot be written.
+    """
+    if kind not in KINDS:
+        near = difflib.get_close_matches(kind, KINDS, n=1, cutoff=0.6)
+        raise InputError(f'kind = "{kind}", expected {near[0] if near else " or ".join(KINDS)}')
+    text, make = KINDS[kind]
+    with new_folder(folder, overwrite=overwrite, marker=SCHEMA_FILE) as new:
+        grains = make()
+        save_grains(new / "grains", grains)
+        (new / "scene.toml").write_text(text, encoding="utf-8")
+        (new / SCHEMA_FILE).write_text(schema_text(), encoding="utf-8")
+    return {
+        "folder": str(folder),
+        "num_grains": grains.num_grains,
+        "num_cells": len(grains.cells),
+        "next": f"mufe run {folder}/scene.toml -o {folder}/results",
+    }
+
+
+@functools.cache
+def ball_packing():
+    """`Grains` of a dense random packing of balls without friction."""
+    rng = np.random.default_rng(1)
+    ones = np.ones(NUM_BALLS)
+    balls = make_grains(rng, sizes(rng, NUM_BALLS, D50, UNIFORMITY), ones, ones, 0.0, 1.7, 3)
+    packing = pack(balls, rng, np.ones(3), DEPTH * D50)
+    points, cells = sphere(1.0, COARSE)
+    meshes = [
+        (center + radius * points @ axes.T, cells)
+        for center, radius, axes in zip(
+            packing.center, 0.5 * balls.diameter, packing.axes, strict=True
+        )
+    ]
+    return Grains.from_list(np.arange(1, NUM_BALLS + 1), meshes, 0.5 * COARSE * D50)
+
+
+def column_of_balls(number):
+    """`Grains` of equal balls on top of each other."""
+    points, cells = sphere_near_contact(
+        RADIUS, FINE * RADIUS, 0.3, (0.0, 0.0, 1.0), CONTACT * RADIUS, both_poles=True
+    )
+    height = np.ptp(points[:, 2])
+    meshes = [(points + np.array([0.0, 0.0, k * height]), cells) for k in range(number)]
+    return Grains.from_list(np.arange(1, number + 1), meshes, FINE * RADIUS)
+
+
+def _text(title, test, grains, friction=0.23, wall=0.0, first="10 MPa", last="110 MPa"):
+    head = HEAD.format(
+        title=title, grains=grains, friction=friction, wall=wall, first=first, last=last
+    )
+    return head + test + OUTPUT
+
+
+_SAND = f"{NUM_BALLS} balls in a dense packing, meshed coarsely"
+_HARD = {"first": "1 GPa", "last": "2 GPa"}
+
+#: Scenes by name: text of the file and the function that makes the grains.
+KINDS = {
+    "oedometer": (_text("Oedometer test on balls", OEDOMETER, _SAND, **_HARD), ball_packing),
+    "isotropic": (
+        _text("Isotropic compression of balls", ISOTROPIC, _SAND, **_HARD), ball_packing
+    ),
+    "triaxial": (_text("Triaxial test on balls", TRIAXIAL, _SAND, **_HARD), ball_packing),
+    "single-grain": (
+        _text("A ball between two platens", BALL, "one ball of 1 mm", wall=0.2),
+        functools.partial(column_of_balls, 1),
+    ),
+    "two-spheres": (
+        _text("Two balls pressed together", BALLS, "two balls of 1 mm", wall=0.2, **_HARD),
+        functools.partial(column_of_balls, 2),
+    ),
+}  # fmt: skip

@@ -1,0 +1,146 @@
+"""[loading] and [[stage]] of a scene: tests by stages, led by stress, strain or speed."""
+
+from dataclasses import dataclass, fields, replace
+
+from .errors import InputError
+from .scene_checks import one_of, require
+
+#: Keys of a stage that say what the walls across one, two or all three axes do.
+AXIS_KEYS = ("x", "y", "z", "xy", "xz", "yz", "xyz")
+
+#: Walls across an axis that may move.
+MOVING = ("both", "min", "max")
+
+
+@dataclass(frozen=True)
+class Loading:
+    """[loading]: what all stages of a test have in common."""
+
+    speed: float  #: at which a length of the sample changes, at most [m/s]
+    ramp: float = 0.005  #: strain over which walls speed up, and slow down before a strain [-]
+    tolerance: float = 0.01  #: of a stress that is held, over that stress [-]
+    largest_strain: float = 0.25  #: of an axis without a strain to reach in a stage; then it fails
+
+    def __post_init__(self):
+        require(0 < self.speed, "speed", self.speed, "> 0 m/s")
+        require(0 <= self.ramp < 1, "ramp", self.ramp, "0 <= ramp < 1")
+        require(0 < self.tolerance < 1, "tolerance", self.tolerance, "0 < tolerance < 1")
+        require(0 < self.largest_strain < 1, "largest_strain", self.largest_strain,
+                 "0 < largest_strain < 1")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What the walls across an axis do in a stage: one of stress and strain, or speed alone.
+
+    Compression is positive. Strain is the shortening over the length at strain 0.
+    """
+
+    stress: float | None = None  #: to reach, and to hold from then on [Pa]
+    strain: float | None = None  #: to reach; then the walls rest [-]
+    speed: float | None = None  #: of the length: alone, all stage long; else at most [m/s]
+    walls: str = "both"  #: walls that move: "both", "min" or "max"
+
+    def __post_init__(self):
+        one_of("walls", self.walls, MOVING)
+        if self.stress is not None:
+            require(self.strain is None, "strain", self.strain or 0.0, "none beside a stress")
+            require(0 < self.stress, "stress", self.stress, "> 0 Pa (compression)")
+        if self.strain is not None:
+            require(-1 < self.strain < 1, "strain", self.strain, "-1 < strain < 1")
+        if self.speed is not None:
+            if self.leads and self.speed <= 0:
+                raise InputError(f"speed = {self.speed}, expected > 0 m/s beside what to reach")
+            require(abs(self.speed) < 1e6, "speed", self.speed, "a speed of walls in m/s")
+        if not self.leads and self.speed is None:
+            raise InputError("stress is missing, expected a stress, a strain or a speed")
+
+    @property
+    def leads(self):
+        """Whether there is something to reach."""
+        return self.stress is not None or self.strain is not None
+
+
+@dataclass(frozen=True)
+class Until:
+    """What ends a stage: the first of these values that is passed, from either side.
+
+    Stresses are those of the walls, the mean of both of an axis.
+    """
+
+    stress_x: float | None = None  #: along x [Pa]
+    stress_y: float | None = None  #: along y [Pa]
+    stress_z: float | None = None  #: along z [Pa]
+    mean_stress: float | None = None  #: p = (σx + σy + σz)/3 [Pa]
+    deviator: float | None = None  #: q = √(½((σx-σy)² + (σy-σz)² + (σz-σx)²)) [Pa]
+    strain_x: float | None = None  #: along x [-]
+    strain_y: float | None = None  #: along y [-]
+    strain_z: float | None = None  #: along z [-]
+    strain_volume: float | None = None  #: loss of volume over the volume at strain 0 [-]
+    time: float | None = None  #: since the start of the stage [s]
+
+    def __post_init__(self):
+        given = self.given
+        if not given:
+            raise InputError("stress_z is missing, expected at least one value that ends the stage")
+        for name, value in given.items():
+            if name == "time":
+                require(0 < value, name, value, "> 0 s")
+            require(abs(value) < 1e30, name, value, "a finite number")
+
+    @property
+    def given(self):
+        """The values that are stated, by name."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class Stage:
+    """[[stage]]: one part of the test. Axes that it leaves out go on as they were.
+
+    That is: held at the stress that they had reached, or at rest.
+    """
+
+    name: str = ""  #: in history.csv; left out: "seating" where zero = true, else "stage N"
+    x: Axis | None = None  #: what the walls across x do
+    y: Axis | None = None  #: what the walls across y do
+    z: Axis | None = None  #: what the walls across z do
+    xy: Axis | None = None  #: the same for x and y
+    xz: Axis | None = None  #: the same for x and z
+    yz: Axis | None = None  #: the same for y and z
+    xyz: Axis | None = None  #: the same for all three
+    until: Until | None = None  #: what ends the stage, if not what its axes are to reach
+    hold: float = 0.0  #: time at its end in which stresses are held and all else rests [s]
+    zero: bool = False  #: strains are counted from the end of this stage
+
+    def __post_init__(self):
+        require(0 <= self.hold, "hold", self.hold, ">= 0 s")
+        seen = {}
+        for key in AXIS_KEYS:
+            for axis in key if getattr(self, key) is not None else "":
+                if seen.setdefault(axis, key) != key:
+                    raise InputError(f"{key} is given, expected {axis} once: {seen[axis]} has it")
+        axes = self.axes
+        if axes and self.until is None and not any(axis.leads for axis in axes.values()):
+            raise InputError("until is missing, expected what ends a stage that has speeds alone")
+        if not axes and self.until is None and self.hold == 0:
+            raise InputError("hold = 0, expected a time > 0 s where no axis and no until is given")
+
+    @property
+    def axes(self):
+        """The axes that it states: "x", "y", "z" -> :class:`Axis`."""
+        return {a: getattr(self, key) for key in AXIS_KEYS if getattr(self, key) for a in key}
+
+
+def named(stages):
+    """The stages, each with its name filled in. Raises InputError where a name is there twice."""
+    found = []
+    for number, stage in enumerate(stages, start=1):
+        name = stage.name or ("seating" if stage.zero else f"stage {number}")
+        if name in [other.name for other in found]:
+            raise InputError(f'stage[{number}].name = "{name}", expected names that differ')
+        if not name.isprintable():
+            raise InputError(f"stage[{number}].name = {name!r}, expected one line of text")
+        found.append(replace(stage, name=name))
+    return tuple(found)
