@@ -228,25 +228,6 @@ def mesh(
     printer.write_json(result)
 
 
-@app.command()
-def export(
-    grains: Annotated[
-        Path, typer.Argument(metavar="GRAINS", help="Folder that `mufe mesh` wrote.")
-    ],
-    output: Annotated[
-        Path,
-        typer.Option("--output", "-o", metavar="FILE", help=".msh, .vtu, .vtk, .xdmf or .inp"),
-    ],
-    overwrite: Overwrite = False,
-):
-    """Write the meshes of all grains for another program, with the label of each cell."""
-    serial_only("export")
-    from .geometry.exchange import export_grains
-    from .geometry.grains import load_grains
-
-    export_grains(output, load_grains(grains), overwrite=overwrite)
-
-
 @app.command("import")
 def import_meshes(
     mesh: Annotated[Path, typer.Argument(metavar="FILE", help="Tetrahedra that meshio can read.")],

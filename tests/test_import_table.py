@@ -75,6 +75,10 @@ TABLE = {
         "mass_scaling",
     },
     "report": {"analysis", "output", "geometry"},
+    # Files for other programs; a test becomes a deck with what a run makes of it.
+    "peers": {
+        *("kernels", "geometry", "mesh", "materials", "contact", "scene", "units", "run"),
+    },
     # What a user reads of a run folder.
     "results": {"analysis", "output", "geometry"},
 }
@@ -86,6 +90,7 @@ ANYTHING = {
     "cli_grains",
     "cli_scene",
     "new_scene",
+    "cli_peers",
     "arguments",
     "terminal",
     "exit_status",
