@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from . import cli_grains, cli_peers, cli_scene  # noqa: F401, their commands come first
+from . import cli_grains, cli_paraview, cli_peers, cli_scene, cli_watch  # noqa: F401, their commands come first
 from .arguments import known_names, parameters
 from .cli_app import Json, Overwrite, app, serial_only, world
 from .errors import InputError

@@ -74,13 +74,16 @@ TABLE = {
         *("integrators", "scene", "time_step", "simulation", "output", "launcher", "memory"),
         "mass_scaling",
     },
-    "report": {"analysis", "output", "geometry"},
     # Files for other programs; a test becomes a deck with what a run makes of it.
     "peers": {
         *("kernels", "geometry", "mesh", "materials", "contact", "scene", "units", "run"),
     },
+
     # What a user reads of a run folder.
     "results": {"analysis", "output", "geometry"},
+    # results: the tables of a run, which its page and ParaView show too.
+    "report": {"analysis", "output", "geometry", "results"},
+    "watch": {"analysis", "output"},
 }
 
 #: The program around the parts, and the cases of verification: they import anything.
@@ -91,6 +94,8 @@ ANYTHING = {
     "cli_scene",
     "new_scene",
     "cli_peers",
+    "cli_paraview",
+    "cli_watch",
     "arguments",
     "terminal",
     "exit_status",

@@ -273,7 +273,8 @@ def test_page_holds_all_figures_and_nothing_from_outside(reported):
     rendered = not any("3D" in sentence for sentence in result["missing"])
     assert len(result["figures"]) == (10 if rendered else 8)
     assert page.count('src="data:image/png;base64,') == len(result["figures"])
-    assert not re.search(r"https?:|file:|<script|<link|url\(|@import", page)
+    assert not re.search(r"https?:|file:|\ssrc=(?!\"data:image/png)|<link|url\(|@import", page)
+    assert "default-src 'none'" in page and "eval(" not in page
     assert str(folder) not in page
     assert "Made-up &lt;sand&gt; &amp; gravel" in page
 

@@ -22,6 +22,9 @@ OWN_FILES = (
     "grains.csv",
     "labels.csv",
     "report.html",
+    "paraview_state.py",
+    "paraview/*.vtp",
+    "paraview/contacts.vtp.series",
     "fields/*.vtkhdf",
     "fields/*.part",
     "fields/mesh.h5",
@@ -36,6 +39,8 @@ OWN_FILES = (
     "checkpoints/step-*/rank-*.h5",
     "checkpoints/step-*/manifest.json",
 )
+
+OWN_FOLDERS = ("fields", "figures", "contacts", "checkpoints", "paraview")
 
 #: Room for what an HDF5 file holds beside its arrays [bytes].
 HEADERS = 64 * 1024
@@ -156,7 +161,7 @@ def _remove_own_files(folder):
     for pattern in OWN_FILES:
         for path in folder.glob(pattern):
             path.unlink()
-    folders = [folder / name for name in ("fields", "figures", "contacts", "checkpoints")]
+    folders = [folder / name for name in OWN_FOLDERS]
     for path in [*folder.glob("checkpoints/step-*"), *folders]:
         if path.is_dir() and not any(path.iterdir()):
             path.rmdir()

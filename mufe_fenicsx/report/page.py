@@ -27,14 +27,18 @@ figure.wide img { width: 100%; } figure.narrow { display: flex; gap: 1.6em;
 figure.narrow { flex-wrap: nowrap; }
 img { height: auto; display: block; } figcaption { font-size: .92em; }
 figcaption b { display: block; } figcaption .how { color: #444; }
+nav { font-size: .92em; margin: 0 0 1em; } nav a { margin-right: 1.2em; }
 footer { margin-top: 3em; color: #666; font-size: .85em; }
 @media (max-width: 44em) { figure.narrow { display: block; } figure.narrow img { width: 100%; } }
-@media print { body { margin: 0; max-width: none; font-size: 10pt; }
+@media print { nav { display: none; } body { margin: 0; max-width: none; font-size: 10pt; }
   h2 { break-after: avoid; } ul.checks li { background: none; } tr { break-inside: avoid; } }
 """
 
+#: What the browser may load: nothing but what the page holds.
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
-def write_page(path, title, lead, checks, missing, figures, tables, footer):
+
+def write_page(path, title, lead, checks, missing, figures, tables, footer, view=None):
     """Write the page.
 
     Args:
@@ -45,28 +49,42 @@ def write_page(path, title, lead, checks, missing, figures, tables, footer):
         figures: List of (png path, caption, how to read it, "wide" or "narrow").
         tables: List of (heading, rows of cells).
         footer: A closing sentence.
+        view: :class:`mufe_fenicsx.report.view.View`, or None.
     """
+    sections = []
+    if checks:
+        lines = "\n".join(_check(check) for check in checks)
+        sections.append(
+            ("checks", "Can the result be believed?", f"<ul class='checks'>\n{lines}\n</ul>")
+        )
+    if missing:
+        lines = "\n".join(f"<li>{escape(sentence)}</li>" for sentence in missing)
+        sections.append(("missing", "Not in this report", f"<ul>\n{lines}\n</ul>"))
+    if view is not None:
+        sections.append(("view", "The grains in 3D", view.section))
+    if figures:
+        lines = "\n".join(_figure(i, *figure) for i, figure in enumerate(figures, start=1))
+        sections.append(("figures", "Figures", lines))
+    for number, (heading, rows) in enumerate(tables, start=1):
+        if rows:
+            sections.append((f"table-{number}", heading, _table(rows)))
+    links = "\n".join(f'<a href="#{name}">{escape(head)}</a>' for name, head, _ in sections)
+    css = CSS if view is None else CSS + view.css
     parts = [
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{escape(title)}</title>\n<style>{CSS}</style>\n</head>\n<body>",
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">',
+        f"<title>{escape(title)}</title>\n<style>{css}</style>\n</head>\n<body>",
         f'<h1>{escape(title)}</h1>\n<p class="lead">{escape(lead)}</p>',
+        f"<nav>{links}</nav>",
+        *(
+            f'<section id="{name}">\n<h2>{escape(heading)}</h2>\n{content}\n</section>'
+            for name, heading, content in sections
+        ),
+        f"<footer>{escape(footer)}</footer>",
+        "" if view is None else view.program,
+        "</body>\n</html>\n",
     ]
-    if checks:
-        parts.append("<h2>Can the result be believed?</h2>\n<ul class='checks'>")
-        parts += [_check(check) for check in checks]
-        parts.append("</ul>")
-    if missing:
-        parts.append("<h2>Not in this report</h2>\n<ul>")
-        parts += [f"<li>{escape(sentence)}</li>" for sentence in missing]
-        parts.append("</ul>")
-    if figures:
-        parts.append("<h2>Figures</h2>")
-        parts += [_figure(i, *figure) for i, figure in enumerate(figures, start=1)]
-    for heading, rows in tables:
-        if rows:
-            parts.append(f"<h2>{escape(heading)}</h2>\n{_table(rows)}")
-    parts.append(f"<footer>{escape(footer)}</footer>\n</body>\n</html>\n")
     path = Path(path)
     part = path.with_name(path.name + ".part")
     part.write_text("\n".join(parts), encoding="utf-8")

@@ -18,6 +18,8 @@ from mufe_fenicsx.report.page import write_page
 from mufe_fenicsx.report.render import cannot_render
 from mufe_fenicsx.report.sample import load_states
 from mufe_fenicsx.report.summary import failed_grains, largest_values, run_rows, sample_rows
+from mufe_fenicsx.report.view import make_view
+from mufe_fenicsx.results import Run
 
 
 def write_report(run_folder):
@@ -221,6 +223,8 @@ class _Report:
         )
 
     def _write_page(self, checks):
+        view, missing = make_view(Run(self.folder), self.states[0] if self.states else None)
+        self.missing += missing
         history, run = self.history, self.run
         last = self.states[-1] if self.states else None
         about = run_rows(run)
@@ -241,6 +245,7 @@ class _Report:
             f"Written by mufe_fenicsx {mufe_fenicsx.__version__}, a micro finite-element model of "
             "sand after Nadimi & Fonseca (2018), Géotechnique 68(4), 290–302, "
             "doi 10.1680/jgeot.16.p.147.",
+            view,
         )
 
     def _lead(self):

@@ -1,0 +1,143 @@
+"""Files for ParaView: contacts as lines with what they carry, and a script that shows the run.
+
+Written into a run folder: ``paraview/contacts_0003.vtp`` of each stored state, their list
+``paraview/contacts.vtp.series`` with times, and ``paraview_state.py``.
+"""
+
+import json
+import pprint
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pyvista
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.output.run_folder import reason, write_atomically
+from mufe_fenicsx.report import style
+
+FOLDER, SERIES, SCRIPT = "paraview", "contacts.vtp.series", "paraview_state.py"
+#: What a line carries, by its name in the table of contacts; vectors have three columns there.
+NUMBERS = {
+    "normal_force": np.float64,
+    "area": np.float64,
+    "friction_work": np.float64,
+    "ratio": np.float64,
+    "mobilised": np.float64,
+    "strong": np.int8,
+    "sliding": np.int8,
+    "chain": np.int32,
+    "grain_a": np.int32,
+    "grain_b": np.int32,
+}
+VECTORS = ("normal", "force", "shear", "friction", "torque", "centroid")
+#: Where the script holds what was found in the run.
+MARK = "SETTINGS = {}"
+
+
+def write_paraview(run):
+    """Write the files into the run folder.
+
+    Args:
+        run: :class:`mufe_fenicsx.results.Run`.
+
+    Returns:
+        dict of plain values: ``script`` (path), ``contacts`` (number of states with contacts),
+        ``stages`` (strains of the three stages side by side), ``missing`` (sentences).
+
+    Raises:
+        InputError: No state was stored, or the folder cannot be written to.
+    """
+    states, missing = run.states, []
+    if states.empty:
+        raise InputError(f"{run.path / 'fields'} has no stored states, expected some to show")
+    folder = run.path / FOLDER
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be created ({reason(error)})") from error
+    listed = []
+    for index, state in states.iterrows():
+        try:
+            lines = contact_lines(run, index)
+        except InputError as error:
+            missing.append(f"No contacts of state {index}: {error}.")
+            continue
+        name = f"contacts_{index:04d}.vtp"
+        _save(lines, folder / name)
+        listed.append({"name": name, "time": float(state["time"])})
+    series = {"file-series-version": "1.0", "files": listed}
+    write_atomically(folder / SERIES, json.dumps(series, indent=1) + "\n")
+    settings = _settings(run, bool(listed))
+    text = (files("mufe_fenicsx.report") / "assets" / SCRIPT).read_text(encoding="utf-8")
+    text = text.replace(MARK, f"SETTINGS = {pprint.pformat(settings, sort_dicts=False)}", 1)
+    write_atomically(run.path / SCRIPT, text)
+    return {
+        "script": str(run.path / SCRIPT),
+        "contacts": len(listed),
+        "stages": [stage["strain"] for stage in settings["stages"]],
+        "missing": missing,
+    }
+
+
+def contact_lines(run, number):
+    """Active contacts of a stored state as lines between centres, or from wall to centre.
+
+    Returns:
+        pyvista.PolyData: a line a contact, in the order of ``run.contact_table(number)``, from
+        grain_a to grain_b. Cell data are those of the table (SI units): ``force`` on grain_a,
+        ``normal`` towards it, ``normal_force``, ``ratio`` over the mean of its kind,
+        ``mobilised`` friction, ``sliding``, ``strong``, ``chain``, ``grain_a``, ``grain_b`` (0: a
+        wall); point data ``grain``.
+
+    Raises:
+        InputError: The tables of contacts, or of the scene's friction, are not there.
+    """
+    table, grains = run.contact_table(number), run.grains(number)
+    centers = grains[["center_x", "center_y", "center_z"]].to_numpy()
+    a = np.searchsorted(grains["grain"].to_numpy(), table["grain_a"].to_numpy())
+    start = centers[a]
+    end = start - table[["branch_x", "branch_y", "branch_z"]].to_numpy()
+    points = np.stack([start, end], axis=1).reshape(-1, 3)
+    lines = np.column_stack([np.full(len(a), 2), np.arange(len(points)).reshape(-1, 2)])
+    found = pyvista.PolyData(points, lines=lines.ravel()) if len(a) else pyvista.PolyData()
+    for name, kind in NUMBERS.items():
+        found.cell_data[name] = table[name].to_numpy().astype(kind)
+    for name in VECTORS:
+        found.cell_data[name] = table[[f"{name}_{axis}" for axis in "xyz"]].to_numpy(dtype=float)
+    ends = table[["grain_a", "grain_b"]].to_numpy().ravel()
+    found.point_data["grain"] = ends.astype(np.int32)
+    return found
+
+
+def _save(lines, path):
+    part = path.with_name(f"part-{path.name}")
+    try:
+        lines.save(part)
+        part.replace(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({reason(error)})") from error
+
+
+def _settings(run, contacts):
+    """What the script needs to know: folder, three stages, ends of the colours, the box."""
+    states = run.states
+    places = np.unique(np.linspace(0, len(states) - 1, 3).round().astype(int))
+    chosen = states.iloc[places]
+    limit = max(float(np.percentile(run.state(i).von_mises, 99)) for i in chosen.index)
+    force = 0.0
+    if contacts:
+        last = run.with_contacts().index[-1]
+        table = run.contact_table(last)
+        force = float(table["normal_force"].max()) if len(table) else 0.0
+    return {
+        "folder": str(Path(run.path).resolve()),
+        "stages": [
+            {"file": f"fields/{index:04d}.vtkhdf", "strain": float(state["strain"])}
+            for index, state in chosen.iterrows()
+        ],
+        "stress": style.round_limit(limit),
+        "contacts": contacts,
+        "force": style.round_limit(force),
+        "box": run.box.tolist(),
+    }
