@@ -47,6 +47,16 @@ def lengths(text):
     return [number_or_text(part.strip()) for part in text.split(",")]
 
 
+def place(text):
+    """A place [m] of a text "x,y,z", numbers in m or with units: "0.1 mm,0.2 mm,50 um"."""
+    from .units import to_si
+
+    parts = [number_or_text(part.strip()) for part in text.split(",")]
+    if len(parts) != 3:
+        raise InputError(f'--point "{text}", expected three coordinates x,y,z')
+    return [to_si(part, "m", "--point") for part in parts]
+
+
 def number_or_text(text):
     """A number where the text is one; else the text, or None."""
     try:

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from . import cli_grains, cli_paraview, cli_peers, cli_scene, cli_watch  # noqa: F401, their commands come first
-from .arguments import known_names, parameters
+from .arguments import known_names, parameters, place
 from .cli_app import Json, Overwrite, app, serial_only, world
 from .errors import InputError
 from .exit_status import FAILED, run_to_exit
@@ -96,15 +96,37 @@ def run(
 
 @app.command()
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `mufe run` wrote.")],
+    folders: Annotated[
+        list[Path],
+        typer.Argument(metavar="DIR...", help="Folder that `mufe run` wrote; several: compared."),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Folder of the report. Default: DIR, or comparison."),
+    ] = None,
+    grain: Annotated[
+        list[int] | None, typer.Option(help="Label of a grain to show; repeat for more.")
+    ] = None,
+    point: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X,Y,Z", help="Place [m] whose course is shown; repeat for more."),
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Draw this figure only; repeatable.")
+    ] = None,
+    skip: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Leave this figure out; repeatable.")
+    ] = None,
     json: Json = None,
 ):
-    """Draw the figures of a run and write report.html beside them."""
+    """Draw the figures of a run, or of several together, and write report.html beside them."""
     serial_only("report")
     printer = Printer(json)
+    points = [place(text) for text in point or ()]
     from .report import write_report
 
-    result = write_report(folder)
+    result = write_report(folders, output, grain, points, only, skip)
+    printer.say(*(f"not in the report: {sentence}" for sentence in result["missing"]))
     printer.say(f"report: {result['report']}")
     printer.write_json(result)
 

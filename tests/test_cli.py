@@ -266,6 +266,7 @@ USAGE = [
     (("run", "s.toml", "--frobnicate"), "--frobnicate"),
     (("frobnicate",), "frobnicate"),
     (("report", "none"), "none"),
+    (("report", "none", "--point", "1,2"), '--point "1,2", expected three coordinates'),
     (("report", "none", "--json", "none/x.json"), "--json none/x.json, expected a file in"),
     (("verify", "frobnicate"), "case frobnicate is not known, expected"),
     (("verify", "--set", "nonsense"), '--set "nonsense", expected name=value'),

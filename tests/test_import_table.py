@@ -78,7 +78,6 @@ TABLE = {
     "peers": {
         *("kernels", "geometry", "mesh", "materials", "contact", "scene", "units", "run"),
     },
-
     # What a user reads of a run folder.
     "results": {"analysis", "output", "geometry"},
     # results: the tables of a run, which its page and ParaView show too.

@@ -3,10 +3,14 @@
 import re
 
 import numpy as np
+import pandas
 import pytest
+from scipy.spatial.transform import Rotation
 
+import mufe_fenicsx
 from mufe_fenicsx.analysis import (
     energy_check,
+    grain_energy,
     grain_means,
     mesh_quality,
     quasi_static,
@@ -17,8 +21,9 @@ from mufe_fenicsx.analysis.checkerboard import checkerboard
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output import fields, history, run_folder
 from mufe_fenicsx.output.contacts import ContactWriter
-from mufe_fenicsx.report import style, write_report
+from mufe_fenicsx.report import chains, compare, list_figures, motion, style, write_report
 from mufe_fenicsx.report.sample import boundary_faces
+from mufe_fenicsx.report.source import Source
 from tests.networks import lattice_network
 
 from mpi4py import MPI  # isort: skip  (after the package, which may bring MPI)
@@ -256,32 +261,118 @@ def test_quantities_in_words(value, text):
     assert style.quantity(value, "Pa") == text
 
 
+def test_energies_of_a_bar_under_even_stress():
+    """Uniaxial stress: elastic energy σ²/2E; plastic work is the area under the table."""
+    points, cells = ball(2, 1.0, np.random.default_rng(0))
+    volume = mesh_quality.mesh_quality(points, cells).volume
+    E, nu, sigma = 1e9, 0.3, -3e4
+    stress = np.tile([0, 0, sigma, 0, 0, 0], (len(cells), 1))
+    strain = np.full(len(cells), 0.06)
+    velocity = np.tile([0.0, 3.0, 4.0], (len(points), 1))
+    moved = points * (1 + sigma / E * np.array([-nu, -nu, 1]))
+    V = volume.sum()
+    for element in ("averaged", "p1", "composite"):
+        found = grain_energy.grain_energy(
+            points, moved, cells, np.full(len(cells), 5), stress, strain, velocity,
+            E, nu, 2000.0, [[0.0, 1e7], [0.05, 1.1e8]], "flat", element, 6,
+        )  # fmt: skip
+        # Small strain, but for terms of the next order in σ/E.
+        assert found.elastic == pytest.approx(sigma**2 / (2 * E) * V, rel=5 * abs(sigma) / E)
+    assert found.labels == [5]
+    assert found.plastic == pytest.approx((0.05 * 6e7 + 0.01 * 1.1e8) * V, rel=ROUND_OFF)
+    assert found.kinetic == pytest.approx(0.5 * 2000 * 25 * V, rel=ROUND_OFF)
+    x = np.array([0.0, 0.02, 0.05, 0.07])
+    slope = grain_energy.plastic_work(x, [[0.0, 1e7], [0.05, 1.1e8]], "slope")
+    assert slope == pytest.approx(1e7 * x + 1e9 * x**2, rel=ROUND_OFF)
+
+
+def test_mean_motion_of_a_linear_field_is_that_field():
+    rng = np.random.default_rng(2)
+    x, weight, A = rng.random((9, 3)), rng.random(9) + 0.1, rng.normal(size=(3, 3))
+    field = x @ A.T + [1, 2, 3]
+    # Rounding of a least-squares fit of well-spread points.
+    assert motion.mean_motion(x, field, weight) == pytest.approx(field, abs=1e-12)
+    noise = rng.normal(size=(9, 3))
+    left = field + noise - motion.mean_motion(x, field + noise, weight)
+    assert np.abs(weight @ left).max() < 1e-12 and np.abs(left).max() > 0.01
+
+
+def test_tubes_have_their_radius_and_ends():
+    start, end = np.array([[0, 0, 0], [1, 2, 3]]), np.array([[0, 0, 2], [3, 1, 2]])
+    points, quads = chains.tubes(start, end, np.array([0.1, 0.2]), sides=6)
+    assert points.shape == (24, 3) and quads.shape == (12, 4)
+    for k, radius in enumerate((0.1, 0.2)):
+        axis = (end - start)[k] / np.linalg.norm((end - start)[k])
+        away = points[12 * k : 12 * (k + 1)] - start[k]
+        across = away - np.outer(away @ axis, axis)
+        assert np.linalg.norm(across, axis=1) == pytest.approx(radius, rel=ROUND_OFF)
+        ends = np.repeat([0, np.linalg.norm((end - start)[k])], 6)
+        assert away @ axis == pytest.approx(ends, abs=1e-12)
+    # Each quadrilateral is of one tube, with two corners at either end.
+    assert (quads // 12 == quads[:, :1] // 12).all() and ((quads % 12 >= 6).sum(axis=1) == 2).all()
+
+
+def test_runs_are_named_by_what_differs(tmp_path):
+    sources = []
+    for k, (stress, title) in enumerate(((1e7, "a"), (2e7, "b"))):
+        folder = tmp_path / f"run{k}"
+        folder.mkdir()
+        write_history(folder, fake_history(40))
+        text = SCENE.replace("1e7", f"{stress:g}").replace('"title"', f'"{title}"')
+        (folder / "scene.toml").write_text(text)
+        sources.append(Source(folder))
+    assert compare.name_runs(sources) == ["yield 10 MPa", "yield 20 MPa"]
+    (tmp_path / "run1" / "scene.toml").unlink()
+    assert compare.name_runs([Source(s.folder) for s in sources]) == ["run0", "run1"]
+
+
 # -- the page -----------------------------------------------------------------------------
+
+SCENE = (
+    'title = "title"\n[material]\nmodel = "j2"\nE = 1e11\nnu = 0.15\nrho = 2650.0\n'
+    "yield_stress = [[0.0, 1e7]]\n[contact]\nfriction = 0.5\n"
+) + "".join(f"[walls.{a}_{end}]\nfriction = 0.25\n" for a in "xyz" for end in ("min", "max"))
+
+
+def write_whole_run(folder, **options):
+    """A made-up run that lacks nothing, with the contacts of a loaded lattice."""
+    h = write_run(folder, **options)
+    (folder / "scene.toml").write_text(SCENE)
+    writer = ContactWriter(MPI.COMM_SELF, folder)
+    for index in range(3):
+        writer.write(index, 1e-6 * index, lattice_network(1.0 + index))
+    return h
 
 
 @pytest.fixture(scope="module")
 def reported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
-    h = write_run(folder)
-    ContactWriter(MPI.COMM_SELF, folder).write(2, h["time"][-1], lattice_network(1.0))
-    return folder, h, write_report(folder)
+    h = write_whole_run(folder)
+    return folder, h, write_report(folder, folder / "out")
 
 
-def test_page_holds_all_figures_and_nothing_from_outside(reported):
+@pytest.fixture(scope="module")
+def reported_page(reported):
+    return (reported[0] / "out" / "report.html").read_text()
+
+
+def test_page_holds_all_figures_and_nothing_from_outside(reported, reported_page):
     folder, _, result = reported
-    page = (folder / "report.html").read_text()
+    page = reported_page
     rendered = not any("3D" in sentence for sentence in result["missing"])
-    assert len(result["figures"]) == (10 if rendered else 8)
-    assert page.count('src="data:image/png;base64,') == len(result["figures"])
-    assert not re.search(r"https?:|file:|\ssrc=(?!\"data:image/png)|<link|url\(|@import", page)
+    assert len(result["figures"]) == (20 if rendered else 15)
+    if rendered:
+        assert result["missing"] == []
+    assert page.count('src="data:image/') == len(result["figures"])
+    assert not re.search(r"https?:|file:|\ssrc=(?!\"data:image/)|<link|url\(|@import", page)
     assert "default-src 'none'" in page and "eval(" not in page
     assert str(folder) not in page
     assert "Made-up &lt;sand&gt; &amp; gravel" in page
 
 
-def test_numbers_of_the_page_are_those_of_the_history(reported):
+def test_numbers_of_the_page_are_those_of_the_history(reported, reported_page):
     folder, h, result = reported
-    page = (folder / "report.html").read_text()
+    page = reported_page
     largest = h["stress"].max() / 1e6
     assert f"{largest:.4g} MPa" in page
     assert f"{h['force_z_max'].max():.4g} N" in page
@@ -299,16 +390,89 @@ def test_figures_are_not_empty(reported):
 
     for path in reported[2]["figures"]:
         image = imread(path)[..., :3]
-        # A picture for print (300 dpi, at least a column wide) with some ink in it.
-        assert image.shape[1] >= 1000
-        assert (image.min(axis=2) < 0.5).mean() > 1e-3
+        # A picture for print (300 dpi, at least a column of 84 mm wide) with some ink in it.
+        assert image.shape[1] >= (700 if path.endswith("gif") else 84 / 25.4 * 300 - 1)
+        assert (image.min(axis=2) < 0.5 * image.max()).mean() > 1e-3
+
+
+def test_each_figure_has_its_files_and_its_list(reported):
+    folder = reported[0] / "out"
+    listed = list_figures(folder)
+    assert [str(folder / "figures" / f["image"]) for f in listed] == reported[2]["figures"]
+    for figure in listed:
+        assert figure["caption"] and figure["how"] and figure["data"]
+        for name in (*figure["data"], figure["vector"] or figure["image"]):
+            assert (folder / "figures" / name).stat().st_size > 0
+    # Pictures of bodies in space have no vector file.
+    flat = {f["name"] for f in listed if f["vector"]}
+    space = {"stress-3d", "chosen-grains", "force-chains", "displacement-split", "animation"}
+    assert flat == {f["name"] for f in listed} - space
+
+
+def test_data_beside_the_figures_are_those_of_the_run(reported):
+    folder, h, _ = reported
+    run = mufe_fenicsx.open_run(folder)
+
+    def data(name):
+        return pandas.read_csv(folder / "out" / "figures" / f"{name}.csv")
+
+    table = data("stress-strain")
+    assert np.array_equal(table["vertical stress [Pa]"], h["stress"])
+    assert np.array_equal(table["strain [-]"], h["strain"])
+    curves = run.curves()
+    loading = (curves["stage"] != "seating").to_numpy()
+    found = data("compression")["K0 [-]"].to_numpy()
+    assert found == pytest.approx(curves["K0"][loading].to_numpy(), rel=ROUND_OFF)
+    assert data("active-contacts-state2")["active contacts [-]"].tolist() == (
+        run.grains(2)["num_active_contacts"].tolist()
+    )
+    assert data("active-contacts-mean")["mean of all grains [-]"].tolist() == (
+        run.network()["N_cA"].tolist()
+    )
+    grains, parts = run.grain_table(), data("displacement-split")
+    for ours, theirs in (
+        ("translation z [m]", "translation_z"),
+        ("by strain [m]", "misfit"),
+        ("shear strain [-]", "shear_strain"),
+    ):
+        scale = grains[theirs].abs().max()
+        assert np.abs(parts[ours] - grains[theirs]).max() < 1e-9 * scale  # rounding of both
+    table = data("table-1-inertia")
+    first = table[table["strain [-]"] == 0].set_index("grain")
+    for label, row in first.iterrows():
+        mine = grains[grains["grain"] == label].iloc[0]
+        assert row["I_1 [kg m²]"] == pytest.approx(2650 * mine["inertia_1"], rel=1e-9)
+        assert row["N_cA [-]"] == run.grains(0).set_index("grain")["num_active_contacts"][label]
+    label = int(table["grain"][0])
+    course = data(f"course-grain-{label}-most-loaded")
+    assert course["von Mises stress [Pa]"].tolist() == (
+        run.probe(grains=[label])["von_mises"].tolist()
+    )
+
+
+def test_displacement_by_rotation_is_that_of_the_nodes(tmp_path):
+    """A grain that turns by a known angle: root mean square of (R - 1) r over its volume."""
+    points, cells = ball(2, 1e-4, np.random.default_rng(3))
+    R = Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix()
+    volume = mesh_quality.mesh_quality(points, cells).volume
+    center = volume @ points[cells].mean(axis=1) / volume.sum()
+    moved = (points - center) @ R.T + center - points
+    writer = fields.FieldWriter(MPI.COMM_SELF, tmp_path, points, cells, np.ones(len(cells), int))
+    writer.write(0, 1.0, 0.0, "loading", {"displacement": moved}, {"von_mises": volume})
+    parts = motion.displacement_parts(Source(tmp_path))
+    a = moved[cells]
+    square = (np.einsum("cai,cai->c", a, a) + (a.sum(axis=1) ** 2).sum(axis=1)) / 20
+    exact = np.sqrt(volume @ square / volume.sum())
+    assert parts["by rotation [m]"] == pytest.approx(exact, rel=1e-9)
+    assert parts["translation [m]"][0] < 1e-9 * exact
+    assert parts["rotation [degrees]"] == pytest.approx(np.degrees(np.sqrt(0.14)), rel=1e-9)
 
 
 def test_missed_target_is_said(tmp_path):
     h = fake_history()
     h["kinetic"] = 0.1 * (h["elastic"] + h["plastic"])
     write_history(tmp_path, h)
-    result = write_report(tmp_path)
+    result = write_report(tmp_path, only=["quasi-static"])
     passed = {c["name"]: c["passed"] for c in result["checks"]}
     assert not passed["kinetic"] and passed["platens"] and not passed["residual"]
     assert not result["passed"]
@@ -321,34 +485,84 @@ def test_run_that_stopped_early(tmp_path):
     path = tmp_path / "history.csv"
     path.write_bytes(path.read_bytes()[:-9])
     result = write_report(tmp_path)
-    assert len(result["figures"]) == 5
+    assert len(result["figures"]) == 5  # those that need no states
     page = (tmp_path / "report.html").read_text()
     assert "run.json" in page and "no stored states" in page
+
+
+def test_torn_states_and_absent_contacts(tmp_path):
+    """A file cut in the middle: that state is left out and named, the others are drawn."""
+    write_whole_run(tmp_path, n=2)
+    torn = tmp_path / "fields" / "0002.vtkhdf"
+    torn.write_bytes(torn.read_bytes()[: torn.stat().st_size // 2])
+    (tmp_path / "contacts" / "contacts_0001.csv").unlink()
+    names = ["stress-cut", "active-contacts", "course", "yield-initiation"]
+    result = write_report(tmp_path, tmp_path / "out", only=names)
+    drawn = [f["name"] for f in list_figures(tmp_path / "out")]
+    assert sorted(drawn) == sorted(names)
+    text = " ".join(result["missing"])
+    assert "0002.vtkhdf cannot be read" in text and "contacts of state 1" in text
+    course = pandas.read_csv(tmp_path / "out" / "figures" / "yield-initiation-share.csv")
+    assert course["strain [-]"].tolist() == [0.0, 0.05]
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_two_runs_in_one_report(tmp_path):
+    h = []
+    for k in range(2):
+        folder = tmp_path / f"run{k}"
+        folder.mkdir()
+        h.append(fake_history(60))
+        h[k]["stress"] = (1 + k) * h[k]["stress"]
+        write_history(folder, h[k])
+        (folder / "scene.toml").write_text(SCENE.replace("1e7", f"{k + 1}e7"))
+    result = write_report([tmp_path / "run0", tmp_path / "run1"])
+    out = tmp_path / "comparison"
+    assert result["report"] == str(out / "report.html") and len(result["figures"]) == 3
+    page = (out / "report.html").read_text()
+    assert "yield 10 MPa" in page and "yield 20 MPa" in page
+    for k, name in enumerate(("yield-10-MPa", "yield-20-MPa")):
+        table = pandas.read_csv(out / "figures" / f"runs-stress-strain-{name}.csv")
+        rows_of = h[k]["stage"] != "seating"
+        assert np.array_equal(table["vertical stress [Pa]"], h[k]["stress"][rows_of])
+    with pytest.raises(InputError, match="given twice"):
+        write_report([tmp_path / "run0", tmp_path / "run0"])
+
+
+def test_unknown_grain_or_place_is_refused_before_anything_is_written(tmp_path):
+    write_run(tmp_path, (1, 1, 2), 2, 1)
+    for options in ({"grains": [99]}, {"points": [[1.0, 0.0, 0.0]]}):
+        with pytest.raises(InputError, match=r"grain 99 is not|is in no grain"):
+            write_report(tmp_path, tmp_path / "out", **options)
+    with pytest.raises(InputError, match="figure forcs is not known, expected forces or"):
+        write_report(tmp_path, tmp_path / "out", only=["forcs"])
+    assert not (tmp_path / "out").exists()
 
 
 def test_only_states(tmp_path):
     write_run(tmp_path, (1, 1, 2), 2, 1, finished=False)
     (tmp_path / "history.csv").unlink()
-    result = write_report(tmp_path)
-    assert result["figures"] and not result["passed"]
+    result = write_report(tmp_path, only=["stress-cut", "forces"])
+    assert len(result["figures"]) == 1 and not result["passed"]
     page = (tmp_path / "report.html").read_text()
     assert "history.csv" in page and "interrupted" in page
 
 
 def test_without_graphics(tmp_path, monkeypatch):
     """Where nothing can be rendered the page says so and shows the rest."""
-    monkeypatch.setattr("mufe_fenicsx.report.write.cannot_render", lambda: "no driver")
+    monkeypatch.setattr("mufe_fenicsx.report.source.cannot_render", lambda probe: "no driver")
     write_run(tmp_path, (1, 1, 2), 2, 2)
-    result = write_report(tmp_path)
-    assert len(result["figures"]) == 7
-    assert "No 3D pictures: no driver" in (tmp_path / "report.html").read_text()
+    write_report(tmp_path, only=["stress-cut", "stress-3d", "chosen-grains", "animation"])
+    drawn = {f["name"] for f in list_figures(tmp_path)}
+    assert "stress-cut" in drawn and not drawn & {"stress-3d", "chosen-grains", "animation"}
+    assert "no 3D pictures: no driver" in (tmp_path / "report.html").read_text()
 
 
 def test_grains_that_failed_are_named(tmp_path):
     """By the mesher's table where the run does not list them."""
     run_folder.write_run_json(tmp_path, {"title": "t", "finished": True, "num_grains": 1})
     (tmp_path / "quality.csv").write_text("label,status\n3,ok\n8,failed\n11,failed\n")
-    write_report(tmp_path)
+    write_report(tmp_path, only=["forces"])
     assert "2, not in the test: 8, 11" in (tmp_path / "report.html").read_text()
 
 

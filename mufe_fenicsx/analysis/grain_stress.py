@@ -86,7 +86,8 @@ def first_yield(states):
 
     Args:
         states: For each state in order of time, plastic strain and label of the grain of the
-            cells, a pair of arrays of shape (num_cells,); cells may change their order.
+            cells, a pair of arrays of shape (num_cells,); cells may change their order. An
+            iterable, so that memory need not hold all.
 
     Returns:
         :class:`FirstYield`, grains in the order of their labels.

@@ -85,14 +85,17 @@ def of_grains(points, cells, grain_of_cell, chosen, point_data, cell_data):
     Raises:
         InputError: There is no grain of such a label.
     """
-    labels, index = index_grains(grain_of_cell)
+    labels = np.unique(grain_of_cell)
     unknown = np.setdiff1d(chosen, labels)
     if unknown.size:
         raise InputError(
             f"grain {unknown[0]} is not in the run, expected a label between {labels[0]} and "
             f"{labels[-1]} that it has"
         )
+    mine = np.isin(grain_of_cell, chosen)
+    labels, index = index_grains(grain_of_cell[mine])
     at = np.searchsorted(labels, chosen)
+    cells = cells[mine]
     volume = tet_volumes(points, cells)
     total = sum_by_grain(volume, index, labels.size)
 
@@ -102,4 +105,4 @@ def of_grains(points, cells, grain_of_cell, chosen, point_data, cell_data):
         return sums / total[at].reshape(-1, *(1,) * (values.ndim - 1))
 
     values = {name: mean(np.asarray(v)[cells].mean(axis=1)) for name, v in point_data.items()}
-    return values | {name: mean(np.asarray(v)) for name, v in cell_data.items()}
+    return values | {name: mean(np.asarray(v)[mine]) for name, v in cell_data.items()}

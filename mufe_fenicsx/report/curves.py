@@ -1,39 +1,105 @@
-"""Figures 1 to 5: curves from the history."""
+"""Figures from the history: stress, forces, energies, monitors, compression."""
 
 import numpy as np
 from matplotlib.ticker import FuncFormatter
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.analysis.rows import largest, loaded_rows, loading_rows
+from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.checks import TARGETS
+from mufe_fenicsx.report.figure import Drawing
 
-STRAIN = r"Vertical strain, $\varepsilon$"
+STRAIN = r"Vertical strain, $\varepsilon$: %"
+STRESS = r"Vertical stress, $\sigma_{\mathrm{v}}$"
+PAPER = "of Nadimi & Fonseca (2018)"
+
+#: Energies below this part of the work are not drawn; the data have them.
+SEEN = 1e-6
+#: label, colour and line of each energy.
+ENERGIES = {
+    "plastic": ("plastic", style.RED, "-"),
+    "friction": ("friction", style.ORANGE, "-"),
+    "elastic": ("elastic", style.BLUE, "-"),
+    "contact": ("contact springs", style.SKY, "--"),
+    "damping": ("damping", style.PINK, "-."),
+    "kinetic": ("kinetic", style.GREEN, ":"),
+}
 
 
-def draw_stress_strain(history):
-    """Vertical stress against strain; the seating stage in grey."""
+def draw_stress_strain(source):
+    """Vertical stress against strain; the seating stage in grey; stress of the contacts."""
+    history, loading = source.history, loading_rows(source.history)
+    source.loading  # noqa: B018  there has to be some
     figure, axis = style.new_figure()
     factor, unit = style.unit_of(history["stress"], "Pa")
-    strain, stress, loading = history["strain"], history["stress"] / factor, loading_rows(history)
+    strain, stress = 100 * history["strain"], history["stress"] / factor
     if (~loading).any():
         axis.plot(
             strain[~loading], stress[~loading], color=style.GREY, linewidth=0.9, label="seating"
         )
-    axis.plot(strain[loading], stress[loading], color=style.BLUE, label="loading")
-    axis.set(xlabel=STRAIN, ylabel=rf"Vertical stress, $\sigma_{{\mathrm{{v}}}}$: {unit}")
+    axis.plot(strain[loading], stress[loading], color=style.BLUE, label="platens")
+    tables = {
+        "": {
+            "strain [-]": history["strain"],
+            "vertical stress [Pa]": history["stress"],
+            "stage": history["stage"],
+        }
+    }
+    contacts = _contact_stress(source)
+    if contacts is not None:
+        axis.plot(
+            100 * contacts["strain"],
+            contacts["contact_zz"] / factor,
+            "o",
+            color=style.RED,
+            markersize=3.5,
+            markerfacecolor="none",
+            markeredgewidth=0.8,
+            label="contacts",
+        )
+        tables["contacts"] = {
+            "strain [-]": contacts["strain"],
+            "vertical stress of the contacts [Pa]": contacts["contact_zz"],
+            "vertical stress of the platens [Pa]": contacts["wall_zz"],
+        }
+    axis.set(xlabel=STRAIN, ylabel=f"{STRESS}: {unit}")
     axis.set_ylim(bottom=min(0, 1.05 * stress.min()))
     axis.legend(loc="upper left")
-    return figure
+    return Drawing(
+        "stress-strain",
+        figure,
+        f"Vertical stress against vertical strain (Fig. 9 {PAPER})",
+        "The line is the mean force of both platens over the cross-section, compression positive. "
+        "Strain counts from the end of seating, so that gaps left by the segmentation do not "
+        "count. The slope is the constrained modulus."
+        + (
+            " Circles are the mean stress from forces and branch vectors of the contacts (Love, "
+            "Weber), independent of the line."
+            if contacts is not None
+            else ""
+        ),
+        tables,
+    )
 
 
-def draw_forces(history, reference_height):
+def _contact_stress(source):
+    """A row a state, or None where the run does not have what it takes."""
+    try:
+        if len(source.run.with_contacts()):
+            return source.run.stresses()
+    except InputError:
+        pass  # contacts are drawn, or said to be absent, by figures of their own
+    return None
+
+
+def draw_forces(source):
     """Forces on all walls against the displacement of the top platen."""
     figure, (left, right) = style.new_figure(style.PAGE, 2.6, ncols=2)
-    rows = loading_rows(history)
-    travel = stress_strain.displacement(history, reference_height)[rows]
-    platens = {"top platen": history["force_z_max"][rows], "bottom": history["force_z_min"][rows]}
-    sides = {name: force[rows] for name, force in stress_strain.side_forces(history).items()}
+    history = source.loading
+    travel = stress_strain.displacement(history, source.reference_height)
+    platens = {"top platen": history["force_z_max"], "bottom": history["force_z_min"]}
+    sides = stress_strain.side_forces(history)
     scale, unit_u = style.unit_of(travel, "m")
     for axis, forces, colours in (
         (left, platens, (style.BLUE, style.ORANGE)),
@@ -51,77 +117,113 @@ def draw_forces(history, reference_height):
         axis.legend(loc="upper left", title="side walls" if axis is right else None)
     style.panel_letter(left, 0)
     style.panel_letter(right, 1)
-    return figure
-
-
-def draw_energies(history):
-    """Work of the walls and what it became, against strain."""
-    figure, axis = style.new_figure()
-    rows = loading_rows(history)
-    factor, unit = style.unit_of(history["work"][rows], "J")
-    axis.plot(
-        history["strain"][rows],
-        history["work"][rows] / factor,
-        color=style.BLACK,
-        label="work of the walls",
+    columns = {"displacement [m]": travel, "strain [-]": history["strain"]}
+    columns |= {f"force {n} [N]": history[f"force_{n}"] for n in (*sides, "z_min", "z_max")}
+    return Drawing(
+        "forces",
+        figure,
+        "Normal forces (a) on the platens and (b) on the side walls",
+        "Top and bottom should coincide: what separates them is inertia or friction on the side "
+        "walls. Side walls that differ show an uneven packing or a small sample.",
+        {"": columns},
+        "wide",
     )
-    names = {
-        "plastic": ("plastic", style.RED, "-"),
-        "friction": ("friction", style.ORANGE, "-"),
-        "elastic": ("elastic", style.BLUE, "-"),
-        "contact": ("contact springs", style.SKY, "--"),
-        "damping": ("damping", style.PINK, "-."),
-        "kinetic": ("kinetic", style.GREEN, ":"),
-    }
-    for name, (label, colour, line) in names.items():
-        if not history[name][rows].any():
-            continue
-        axis.plot(
-            history["strain"][rows], history[name][rows] / factor, line, color=colour, label=label
-        )
-    axis.set(xlabel=STRAIN, ylabel=f"Energy: {unit}")
-    axis.legend(loc="upper left")
-    return figure
 
 
-def draw_dissipation(history):
-    """Dissipated energies on a logarithmic axis."""
-    figure, axis = style.new_figure()
-    rows = loading_rows(history)
-    strain = history["strain"][rows]
-    factor, unit = style.unit_of(history["plastic"][rows], "J")
-    top = 0.0
-    for name, colour, line in (
-        ("plastic", style.RED, "-"),
-        ("friction", style.ORANGE, "--"),
-        ("damping", style.PINK, "-."),
+def draw_energies(source):
+    """Work of the walls and what it became; kinetic beside internal energy."""
+    figure, (left, right) = style.new_figure(style.PAGE, 2.6, ncols=2)
+    history = source.loading
+    strain, work = 100 * history["strain"], history["work"]
+    factor, unit = style.unit_of(work, "J")
+    left.plot(strain, work / factor, color=style.BLACK, label="work of the walls")
+    for name, (label, colour, line) in ENERGIES.items():
+        if history[name].max() > SEEN * work.max():
+            left.plot(strain, history[name] / factor, line, color=colour, label=label)
+    left.set(xlabel=STRAIN, ylabel=f"Energy: {unit}")
+    left.legend(loc="upper left")
+    internal = history["elastic"] + history["plastic"]
+    for values, label, colour, line in (
+        (internal, "internal (elastic + plastic)", style.BLUE, "-"),
+        (history["kinetic"], "kinetic", style.GREEN, ":"),
     ):
-        values = history[name][rows] / factor
-        if (values > 0).any():
-            axis.plot(strain[values > 0], values[values > 0], line, color=colour, label=name)
-            top = max(top, values.max())
-    if top > 0:
-        axis.set_yscale("log")
-        # What dissipated before the grains yield would stretch the axis.
-        axis.set_ylim(max(axis.get_ylim()[0], 1e-5 * top), 2 * top)
-        axis.legend(loc="lower right")
+        positive = values > 0
+        right.plot(strain[positive], values[positive] / factor, line, color=colour, label=label)
+    right.set_yscale("log")
+    style.few_decades(right, [internal / factor, history["kinetic"] / factor])
+    right.set(xlabel=STRAIN, ylabel=f"Energy: {unit}")
+    right.legend(loc="best")
+    for i, axis in enumerate((left, right)):
+        style.panel_letter(axis, i)
+    columns = {"strain [-]": history["strain"], "work [J]": work}
+    columns |= {f"{name} [J]": history[name] for name in ENERGIES}
+    return Drawing(
+        "energies",
+        figure,
+        f"Energy balance (Fig. 11 {PAPER}): (a) work of the walls and what it became, (b) kinetic "
+        "beside internal energy, logarithmic",
+        "The coloured curves of (a) add up to the black one if the balance closes. The test is "
+        "quasi-static where the kinetic energy is a small part of the internal one.",
+        {"": columns},
+        "wide",
+    )
+
+
+def draw_dissipation(source):
+    """Plastic and frictional dissipation, and their ratio."""
+    figure, (left, right) = style.new_figure(style.PAGE, 2.6, ncols=2)
+    history = source.loading
+    strain = 100 * history["strain"]
+    factor, unit = style.unit_of(np.append(history["plastic"], history["friction"]), "J")
+    least = SEEN * history["work"].max()
+    names = ("plastic", "friction", "damping")
+    shown = {name: history[name] for name in names if history[name].max() > least}
+    lines = {"plastic": "-", "friction": "--", "damping": "-."}
+    for name, values in shown.items():
+        look = {"color": ENERGIES[name][1], "label": name}
+        left.plot(strain, values / factor, lines[name], **look)
+        positive = values > 0
+        right.plot(strain[positive], values[positive] / factor, lines[name], **look)
+    for i, axis in enumerate((left, right)):
+        axis.set(xlabel=STRAIN, ylabel=f"Dissipated energy: {unit}")
+        style.panel_letter(axis, i)
+    if any((values > 0).any() for values in shown.values()):
+        right.set_yscale("log")
+        style.few_decades(right, [values / factor for values in shown.values()])
+        left.legend(loc="upper left")
     else:
-        axis.text(0.5, 0.5, "nothing was dissipated", transform=axis.transAxes, ha="center")
-    axis.set(xlabel=STRAIN, ylabel=f"Dissipated energy: {unit}")
-    return figure
+        for axis in (left, right):
+            axis.text(0.5, 0.5, "nothing was dissipated", transform=axis.transAxes, ha="center")
+    columns = {"strain [-]": history["strain"]}
+    columns |= {f"{name} [J]": history[name] for name in ("plastic", "friction", "damping")}
+    share = energy_check.friction_share(history)
+    at_end = f" Here it is {share:.1%} of it at the end." if np.isfinite(share) else ""
+    return Drawing(
+        "dissipation",
+        figure,
+        f"Plastic and frictional dissipation (Fig. 12 {PAPER}), (a) linear, (b) logarithmic",
+        "Nadimi & Fonseca found the frictional dissipation an order of magnitude below the "
+        f"plastic one.{at_end} Damping, if used, should be far below both.",
+        {"": columns},
+        "wide",
+    )
 
 
-def draw_monitors(history):
+def draw_monitors(source):
     """Kinetic ratio, balance of the platens and energy residual, each with its target."""
+    history = source.history
     figure, axes = style.new_figure(style.PAGE, 2.4, ncols=3)
     rows, loaded = loading_rows(history), loaded_rows(history)
+    source.loading  # noqa: B018  there has to be some
     panels = (
         ("kinetic", quasi_static.kinetic_ratio(history), "Kinetic / internal energy"),
         ("platens", quasi_static.force_difference(history), "|top − bottom| / mean force"),
         ("residual", energy_check.residual_ratio(history), "|Energy residual| / work"),
     )
-    strain = history["strain"]
+    strain = 100 * history["strain"]
+    columns = {"strain [-]": history["strain"][rows]}
     for i, (axis, (name, values, label)) in enumerate(zip(axes, panels, strict=True)):
+        columns[f"{label.replace('−', '-')} [-]"] = values[rows]
         target = TARGETS[name]
         positive = rows & (values > 0)
         axis.plot(strain[positive], values[positive], color=style.BLUE, linewidth=0.9)
@@ -135,8 +237,61 @@ def draw_monitors(history):
             axis.axvspan(
                 strain[loaded].min(), strain[loaded].max(), color="0.93", linewidth=0, zorder=0
             )
-        axis.set_title(f"- - target {100 * target:g} %", loc="right", color=style.RED, fontsize=7)
+        axis.set_title(f"- - target {100 * target:g} %", loc="right", color=style.RED, fontsize=7.5)
         axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{100 * y:g} %"))
         axis.set(xlabel=STRAIN, ylabel=label)
         style.panel_letter(axis, i)
-    return figure
+    return Drawing(
+        "quasi-static",
+        figure,
+        "Quasi-static monitors: (a) kinetic over internal energy, (b) difference of the platens' "
+        "forces, (c) energy residual over work",
+        "Grey is the part where the sample counts as loaded (beyond half of the final strain); "
+        "there the curves should stay below the dashed targets.",
+        {"": columns},
+        "wide",
+    )
+
+
+def draw_compression(source):
+    """e-log σ' curve, constrained modulus and K0 over the vertical stress."""
+    width = 0.2 * source.loading["strain"].max()
+    curves = source.run.curves(width)
+    curves = curves[(curves["stage"] != "seating") & (curves["stress"] > 0)]
+    if not len(curves):
+        raise InputError("the walls were never loaded")
+    figure, axes = style.new_figure(style.PAGE, 2.4, ncols=3)
+    factor, unit = style.unit_of(curves["stress"], "Pa")
+    modulus, unit_m = style.unit_of(curves["modulus"], "Pa")
+    for axis, values, label in (
+        (axes[0], curves["void_ratio"], "Void ratio, $e$: –"),
+        (axes[1], curves["modulus"] / modulus, f"Constrained modulus, $M$: {unit_m}"),
+        (axes[2], curves["K0"], r"$K_{\mathrm{0}} = \sigma_{\mathrm{h}} / \sigma_{\mathrm{v}}$: –"),
+    ):
+        axis.plot(curves["stress"] / factor, values, color=style.BLUE)
+        axis.set_xscale("log")
+        style.plain_log_ticks(axis.xaxis)
+        axis.set(xlabel=f"{STRESS}: {unit}", ylabel=label)
+    for axis in axes[1:]:
+        axis.set_ylim(bottom=min(0, *axis.get_ylim()))
+    for i, axis in enumerate(axes):
+        style.panel_letter(axis, i)
+    return Drawing(
+        "compression",
+        figure,
+        "(a) Compression curve e–log σ′, (b) constrained modulus and (c) coefficient of earth "
+        "pressure at rest against the vertical stress",
+        "Void ratio with the grains' own volume at the start as solids. The modulus is the slope "
+        "of a line fitted over a fifth of the strain reached. K0 is the mean stress of the side "
+        "walls over that of the platens.",
+        {
+            "": {
+                "strain [-]": curves["strain"],
+                "vertical stress [Pa]": curves["stress"],
+                "void ratio [-]": curves["void_ratio"],
+                "constrained modulus [Pa]": curves["modulus"],
+                "K0 [-]": curves["K0"],
+            }
+        },
+        "wide",
+    )

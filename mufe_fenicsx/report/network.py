@@ -1,86 +1,185 @@
-"""Figure of the contact network: where contacts point, how forces are spread, compression."""
+"""Figures of the contact network: directions, forces, active contacts."""
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
-from mufe_fenicsx.analysis.contact_forces import force_distribution
+from mufe_fenicsx.analysis.contact_forces import active_contacts, force_distribution
 from mufe_fenicsx.analysis.fabric import rose
-from mufe_fenicsx.analysis.macro import oedometer_curves
-from mufe_fenicsx.geometry.measure import tet_volumes
+from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
+from mufe_fenicsx.report.curves import PAPER, STRAIN
+from mufe_fenicsx.report.figure import Drawing
+from mufe_fenicsx.results.tables import vectors
 
-#: Bins of the rose, and of f/<f> up to the largest that is drawn.
+#: Bins of the rose, and the largest f/<f> that is drawn.
 NUM_BINS, LARGEST = 24, 5.0
 
 
-def draw_network(contacts, history, reference, cells):
-    """Rose of the contacts, distribution of their forces, void ratio over stress.
+def bins_for(force):
+    """Number of bins up to the largest f/<f>: few where few forces would leave them empty."""
+    return int(np.clip(np.sqrt(len(force)), 8, 25))
 
-    Args:
-        contacts: Table of the contacts of one state, dict column -> array.
-        history: dict column -> array.
-        reference: Nodes in the reference configuration [m], shape (num_nodes, 3).
-        cells: Nodes of the tetrahedra, shape (num_cells, 4).
+
+def between_grains(source, index):
+    """Active contacts between grains of a state.
+
+    Raises:
+        InputError: There is none.
     """
-    inner = (contacts["num_points"] > 0) & (contacts["wall"] == "")
-    normals = np.column_stack([contacts[f"normal_{a}"][inner] for a in "xyz"])
-    force = contacts["normal_force"][inner]
-    figure, axes = style.new_figure(style.PAGE, 2.5, ncols=3)
-    axes[0].remove()
-    polar = figure.add_subplot(axes[0].get_subplotspec(), projection="polar")
-    _draw_rose(polar, normals, np.maximum(force, 0.0))
-    _draw_forces(axes[1], force)
-    _draw_compression(axes[2], history, reference, cells)
-    # A title of its own would be put above the letter of the axis, beyond the figure.
-    polar.set_title("(a)", loc="left", fontweight="bold", y=0.97)
-    for i in (1, 2):
-        style.panel_letter(axes[i], i)
-    return figure
+    table = source.contact_table(index)
+    inner = table[table["wall"] == ""]
+    if not len(inner):
+        raise InputError(f"state {index} has no active contact between grains")
+    return inner
 
 
-def _draw_rose(axis, normals, force):
-    """Two vertical planes together: directions from the horizontal ones to z."""
+def draw_rose(source):
+    """Roses of the contacts' directions in three planes, by number and by force."""
+    index = source.contact_states[-1]
+    inner = between_grains(source, index)
+    normals = vectors(inner, "normal")
+    force = np.maximum(inner["normal_force"].to_numpy(dtype=float), 0.0)
+    figure, axes = style.new_figure(style.PAGE, 2.5, ncols=3, subplot_kw={"projection": "polar"})
     angle = np.linspace(0, 2 * np.pi, NUM_BINS * 20)  # steps round the circle
-    for weights, colour, label in (
-        (None, style.BLUE, "contacts"),
-        (force, style.RED, "by force"),
-    ):
-        density = 0.5 * sum(
-            np.nan_to_num(rose(normals, plane, NUM_BINS, weights).density) for plane in ("xz", "yz")
-        )
-        steps = np.repeat(density, 20)
-        axis.plot(
-            np.append(angle, 0), np.append(steps, steps[0]), color=colour, linewidth=1, label=label
-        )
-    even = np.full(angle.shape, 1 / (2 * np.pi))
-    axis.plot(angle, even, ":", color=style.GREY, linewidth=1, label="isotropic")
-    axis.set_yticks([])
-    axis.set_xticks(np.radians([0, 90, 180, 270]), ["x, y", "z", "", ""])
-    axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=3, handlelength=1.2)
-
-
-def _draw_forces(axis, force):
-    found = force_distribution(force, 20, LARGEST)
-    axis.stairs(found.density, found.edges, fill=True, color=style.SKY, alpha=0.7)
-    x = np.linspace(0, LARGEST, 60)
-    axis.plot(x, np.exp(-x), "--", color=style.BLACK, linewidth=0.9, label="exp(−f/⟨f⟩)")
-    axis.axvline(1, color=style.GREY, linestyle=":", linewidth=0.9)
-    axis.set(xlabel="Normal force over its mean, f/⟨f⟩", ylabel="Probability density")
-    axis.set_title(f"mean {style.quantity(found.mean, 'N')}", fontsize=7, loc="right")
-    axis.legend(loc="upper right")
-
-
-def _draw_compression(axis, history, reference, cells):
-    if "length_x" in history:
-        lengths = np.column_stack([history["length_x"], history["length_y"]])
-    else:  # of an earlier version: the box at the start
-        lengths = np.tile(np.ptp(reference, axis=0)[:2], (len(history["step"]), 1))
-    curves = oedometer_curves(history, lengths, tet_volumes(reference, cells).sum())
-    loading = (history["stage"] != "seating") & (curves["stress"] > 0)
-    factor, unit = style.unit_of(curves["stress"][loading], "Pa")
-    axis.semilogx(
-        curves["stress"][loading] / factor, curves["void_ratio"][loading], color=style.BLUE
+    tables, planes = {}, ("xz", "yz", "xy")
+    for i, (axis, plane) in enumerate(zip(axes, planes, strict=True)):
+        columns = {}
+        for weights, colour, line, label in (
+            (None, style.BLUE, "-", "contacts"),
+            (force, style.RED, "-", "by normal force"),
+        ):
+            found = rose(normals, plane, NUM_BINS, weights)
+            steps = np.repeat(np.nan_to_num(found.density), 20)
+            axis.plot(
+                np.append(angle, 0),
+                np.append(steps, steps[0]),
+                line,
+                color=colour,
+                linewidth=1,
+                label=label,
+            )
+            columns |= {"angle [rad]": found.angle, f"{label} [1/rad]": found.density}
+        even = np.full(angle.shape, 1 / (2 * np.pi))
+        axis.plot(angle, even, ":", color=style.GREY, linewidth=1, label="isotropic")
+        axis.set_yticks([])
+        axis.set_xticks(np.radians([0, 90, 180, 270]), [plane[0], plane[1], "", ""])
+        axis.set_title(f"({'abc'[i]})", loc="left", fontweight="bold", y=0.97)
+        tables[plane] = columns
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return Drawing(
+        "fabric-rose",
+        figure,
+        "Directions of the contacts between grains, projected on (a) x–z, (b) y–z, (c) x–y, at "
+        f"strain {source.strain_of(index):.3f}",
+        f"{len(inner)} contacts, each with its normal and the opposite one; radius: share for a "
+        "radian. A compressed sample has more contacts, and stronger ones, along z.",
+        tables,
+        "wide",
     )
-    style.plain_log_ticks(axis.xaxis)
-    axis.set(
-        xlabel=rf"Vertical stress, $\sigma_{{\mathrm{{v}}}}$: {unit}", ylabel="Void ratio, $e$"
+
+
+def draw_force_distribution(source):
+    """P(f/<f>) of the normal forces, logarithmic, at up to three stages."""
+    figure, axis = style.new_figure()
+    tables = {}
+    middle = None
+    for k, index in enumerate(source.contact_states):
+        try:
+            force = between_grains(source, index)["normal_force"].to_numpy(dtype=float)
+        except InputError:
+            continue  # before anything touches
+        found = force_distribution(force, bins_for(force), LARGEST)
+        if not np.isfinite(found.mean):
+            continue
+        middle = 0.5 * (found.edges[1:] + found.edges[:-1])
+        some = found.density > 0
+        strain = source.strain_of(index)
+        axis.plot(
+            middle[some],
+            found.density[some],
+            style.MARKERS[k] + style.LINES[k],
+            color=style.SERIES[k],
+            markersize=3,
+            linewidth=0.8,
+            label=f"{style.percent(strain)}, ⟨f⟩ = {style.quantity(found.mean, 'N')}",
+        )
+        tables[f"state{index}"] = {"f/<f> [-]": middle, "P [-]": found.density}
+    if middle is None:
+        raise InputError("no state has active contacts between grains")
+    x = np.linspace(0, LARGEST, 60)
+    axis.plot(x, np.exp(-x), "--", color=style.GREY, linewidth=0.9, label="exp(−f/⟨f⟩)")
+    axis.axvline(1, color=style.GREY, linestyle=":", linewidth=0.8)
+    axis.set_yscale("log")
+    axis.set(xlabel="Normal force over its mean, f/⟨f⟩: –", ylabel="Probability density: –")
+    axis.set_ylim(top=40)
+    axis.legend(loc="upper right", title="strain")
+    return Drawing(
+        "force-distribution",
+        figure,
+        "Distribution of the normal forces between grains",
+        "A line of slope −1 (grey) is what random packings show above the mean; right of the "
+        "dotted line is the strong network.",
+        tables,
+    )
+
+
+def draw_active_contacts(source):
+    """Number of active contacts of a grain: histogram of stages, mean against strain."""
+    figure, (left, right) = style.new_figure(style.PAGE, 2.5, ncols=2)
+    counts, tables = {}, {}
+    for index in source.contact_states:
+        table, grains = source.contact_table(index), source.run.grains(index)
+        inner, labels = table[table["wall"] == ""], grains["grain"].to_numpy()
+        ends = [np.searchsorted(labels, inner[k].to_numpy()) for k in ("grain_a", "grain_b")]
+        counts[index] = active_contacts(*ends, labels.size)
+        tables[f"state{index}"] = {"grain": labels, "active contacts [-]": counts[index]}
+    top = max(count.max(initial=0) for count in counts.values())
+    edges = np.arange(-0.5, top + 1.5)
+    for k, (index, count) in enumerate(counts.items()):
+        strain = style.percent(source.strain_of(index))
+        left.stairs(
+            np.histogram(count, edges)[0],
+            edges,
+            color=style.SERIES[k],
+            linestyle=style.LINES[k],
+            linewidth=1.2,
+            label=rf"$\varepsilon$ = {strain}, mean {count.mean():.2f}",
+        )
+    left.set(xlabel=r"Active contacts of a grain, $N_{\mathrm{cA}}$: –", ylabel="Grains: –")
+    left.legend(loc="upper right")
+    left.set_ylim(top=1.35 * left.get_ylim()[1])
+    for axis in (left.xaxis, left.yaxis):
+        axis.set_major_locator(MaxNLocator(6, integer=True))
+    network = source.network
+    strain = 100 * network["strain"]
+    for k, (name, label) in enumerate(
+        (("N_cA", "all grains"), ("coordination", "grains with two or more"))
+    ):
+        right.plot(
+            strain,
+            network[name],
+            style.MARKERS[k] + style.LINES[k],
+            color=style.SERIES[k],
+            markersize=3,
+            label=label,
+        )
+    right.set(xlabel=STRAIN, ylabel="Mean number of active contacts: –")
+    right.set_ylim(bottom=0)
+    right.legend(loc="lower right")
+    tables["mean"] = {
+        "strain [-]": network["strain"],
+        "mean of all grains [-]": network["N_cA"],
+        "mean of grains with two or more [-]": network["coordination"],
+    }
+    for i, axis in enumerate((left, right)):
+        style.panel_letter(axis, i)
+    return Drawing(
+        "active-contacts",
+        figure,
+        "Active contacts with other grains: (a) how many grains have how many, (b) their mean in "
+        "the course of the test",
+        f"A contact is active where it carries pressure, as N_cA {PAPER}; walls do not count. "
+        "The mean without grains of no or one contact is the mechanical coordination number.",
+        tables,
+        "wide",
     )

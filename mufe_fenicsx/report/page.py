@@ -46,7 +46,7 @@ def write_page(path, title, lead, checks, missing, figures, tables, footer, view
         title, lead: Its heading and a sentence below.
         checks: List of :class:`mufe_fenicsx.report.checks.Check`.
         missing: Sentences about what is not in the report.
-        figures: List of (png path, caption, how to read it, "wide" or "narrow").
+        figures: List of (path of a PNG or GIF, caption, how to read it, "wide" or "narrow").
         tables: List of (heading, rows of cells).
         footer: A closing sentence.
         view: :class:`mufe_fenicsx.report.view.View`, or None.
@@ -96,10 +96,11 @@ def _check(check):
     return f'<li class="{kind}"><span class="mark">{mark}</span>{escape(check.text)}</li>'
 
 
-def _figure(index, png, caption, how, shape):
-    data = base64.b64encode(Path(png).read_bytes()).decode("ascii")
+def _figure(index, image, caption, how, shape):
+    data = base64.b64encode(Path(image).read_bytes()).decode("ascii")
+    kind = f"image/{Path(image).suffix[1:]}"  # png or gif
     return (
-        f'<figure class="{shape}"><img alt="{escape(caption)}" src="data:image/png;base64,{data}">'
+        f'<figure class="{shape}"><img alt="{escape(caption)}" src="data:{kind};base64,{data}">'
         f"<figcaption><b>Figure {index}. {escape(caption)}</b> "
         f'<span class="how">{escape(how)}</span></figcaption></figure>'
     )

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pyvista
@@ -18,21 +18,36 @@ raise SystemExit(0 if image.min() < image.max() else 3)
 """
 
 
-def cannot_render():
+def start_probe():
+    """Start to try whether 3D pictures can be drawn here; :func:`cannot_render` asks it.
+
+    In a process of its own, since graphics drivers may abort or hang it.
+    """
+    return subprocess.Popen(
+        [sys.executable, "-c", PROBE],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def cannot_render(probe=None):
     """Why 3D pictures cannot be drawn here, or None if they can.
 
-    Tried in a process of its own, since graphics drivers may abort or hang it.
+    Args:
+        probe: What :func:`start_probe` returned; None: starts one.
     """
+    probe = probe or start_probe()
     try:
-        done = subprocess.run(
-            [sys.executable, "-c", PROBE], capture_output=True, text=True, timeout=120
-        )
+        stderr = probe.communicate(timeout=120)[1]
     except subprocess.TimeoutExpired:
+        probe.kill()
+        probe.communicate()
         return "off-screen rendering did not answer within 120 s"
-    if done.returncode == 0:
+    if probe.returncode == 0:
         return None
-    lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
-    why = lines[-1] if lines else f"the renderer ended with status {done.returncode}"
+    lines = [line.strip() for line in stderr.splitlines() if line.strip()]
+    why = lines[-1] if lines else f"the renderer ended with status {probe.returncode}"
     return f"off-screen rendering does not work on this machine ({why})"
 
 
@@ -78,63 +93,78 @@ class Camera:
         return cls(focus, direction, up, float(half))
 
 
-def render(surface, scalars, colours, limits, camera, size, box=None, edges=False):
-    """Picture of a surface.
+@dataclass
+class Layer:
+    """A body of a picture: in one colour, or coloured by data with a map and its limits."""
+
+    mesh: object  #: pyvista.PolyData
+    color: str | None = None
+    scalars: str | None = None
+    colours: object = None  #: matplotlib colour map
+    limits: tuple = (0.0, 1.0)
+    edges: bool = False  #: draw the edges of the facets
+    options: dict = field(default_factory=dict)  #: more for pyvista's add_mesh
+
+
+def render(layers, camera, size, box=None, headlight=False):
+    """Picture of bodies.
 
     Args:
-        surface: pyvista.PolyData.
-        scalars: Name of the data that colour it.
-        colours: A matplotlib colour map.
-        limits: Values at both ends of the map.
+        layers: List of :class:`Layer`.
         camera: Camera.
-        size: Width and height [pixels].
+        size: Width and height [pixels]. It is drawn at twice the size and averaged.
         box: Corners of a box whose edges are drawn [m], shape (2, 3), or None.
-        edges: Draw the edges of the facets.
+        headlight: Light from the eye, which darkens the rims of bodies, instead of two lamps.
 
     Returns:
         RGB image, uint8, shape (height, width, 3).
     """
     with quiet():
-        plotter = pyvista.Plotter(off_screen=True, window_size=size, lighting="none")
-        plotter.set_background("white")
-        plotter.add_mesh(
-            surface,
-            scalars=scalars,
-            cmap=colours,
-            clim=limits,
-            show_scalar_bar=False,
-            smooth_shading=False,
-            ambient=0.5,
-            diffuse=0.6,
-            specular=0.0,
-            show_edges=edges,
-            edge_color="#404040",
-            edge_opacity=0.35,
-            line_width=0.6,
+        plotter = pyvista.Plotter(
+            off_screen=True, window_size=[2 * s for s in size], lighting="none"
         )
+        plotter.set_background("white")
+        for layer in layers:
+            look = {"color": layer.color}
+            if layer.scalars:
+                look = {"scalars": layer.scalars, "cmap": layer.colours, "clim": layer.limits}
+            if layer.edges:
+                look |= {"show_edges": True, "edge_color": "#404040"}
+                look |= {"edge_opacity": 0.35, "line_width": 1.2}
+            look |= {"ambient": 0.5, "diffuse": 0.6, "specular": 0.0, "smooth_shading": False}
+            plotter.add_mesh(layer.mesh, show_scalar_bar=False, **(look | layer.options))
         if box is not None:
             bounds = np.asarray(box).T.ravel()
             plotter.add_mesh(
                 pyvista.Box(bounds).extract_feature_edges(),
                 color="#303030",
-                line_width=2.5,
+                line_width=6e-3 * size[1],
                 lighting=False,
             )
-        _look(plotter, camera)
-        plotter.enable_anti_aliasing("ssaa")
-        image = plotter.screenshot(return_img=True)
+        _look(plotter, camera, headlight)
+        image = plotter.screenshot(return_img=True)[..., :3]
         plotter.close()
-    return image[..., :3]
+    height, width = image.shape[0] // 2, image.shape[1] // 2
+    four = image[: 2 * height, : 2 * width].reshape(height, 2, width, 2, 3)
+    return four.mean(axis=(1, 3)).round().astype(np.uint8)
 
 
-def _look(plotter, camera):
+def over(front, back, fade=0.0):
+    """A picture on white laid over another one that fades towards white by a part 0 to 1."""
+    empty = (front == 255).all(axis=2, keepdims=True)
+    pale = back + fade * (255.0 - back)
+    return np.where(empty, pale.round().astype(np.uint8), front)
+
+
+def _look(plotter, camera, headlight):
     """Place the camera, a light above its left shoulder and a weaker one at its right."""
     distance = 20 * camera.half_height
     eye = camera.focus + distance * camera.direction
     right = np.cross(camera.up, camera.direction)
     right /= np.linalg.norm(right)
     up = np.cross(camera.direction, right)
-    for side, above, strength in ((-0.5, 0.7, 0.75), (0.8, 0.1, 0.35)):
+    lamps = ((0.0, 0.0, 0.9),) if headlight else ((-0.5, 0.7, 0.75), (0.8, 0.1, 0.35))
+    for side, above, strength in lamps:
         place = eye + distance * (side * right + above * up)
         light = pyvista.Light(
             position=place, focal_point=camera.focus, intensity=strength, light_type="scene light"

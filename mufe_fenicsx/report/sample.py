@@ -9,7 +9,7 @@ from mufe_fenicsx.analysis.grain_means import grain_means
 from mufe_fenicsx.analysis.mesh_quality import mesh_quality
 from mufe_fenicsx.analysis.rows import SEATING
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.output.fields import VTK_TETRA, read_state
+from mufe_fenicsx.output.fields import VTK_TETRA
 
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
@@ -18,54 +18,75 @@ class State:
     """One stored state.
 
     Args:
-        run_folder: The run folder.
-        listed: Its entry of :func:`mufe_fenicsx.output.fields.read_states`.
+        stored: :class:`mufe_fenicsx.results.State`, which reads its arrays when asked for.
         height: Height of the sample then [m], or None.
-        faces: Those of another state of the run, which are the same, or None.
+        like: Another State of the run with the same mesh, whose faces are taken, or None.
     """
 
-    def __init__(self, run_folder, listed, height, faces=None):
-        grid = read_state(run_folder, listed["index"])
-        self.strain, self.time, self.stage = listed["strain"], listed["time"], listed["stage"]
-        self.height = height
-        self._faces = faces
-        for name, data in (
-            ("displacement", grid.point_data),
-            ("von_mises", grid.cell_data),
-            ("grain", grid.cell_data),
-        ):
-            if name not in data:
-                raise InputError(f"state {listed['name']} has no field {name}, expected one")
-        self.cells = grid.cells_dict[VTK_TETRA]
-        self.reference = np.array(grid.points)
-        self.points = self.reference + grid.point_data["displacement"]
-        self.point_data = {name: np.array(v) for name, v in grid.point_data.items()}
-        self.cell_data = {name: np.array(v) for name, v in grid.cell_data.items()}
+    def __init__(self, stored, height, like=None):
+        self.stored, self.height = stored, height
+        self.index, self.time = stored.index, stored.time
+        self.strain, self.stage = stored.strain, stored.stage
+        for name in ("displacement", "von_mises", "grain"):
+            if not self.has(name):
+                raise InputError(f"state {self.index} has no field {name}, expected one")
+        self._like = like
+
+    def has(self, name):
+        """Whether the state has a field."""
+        return name in self.stored.fields
+
+    def field(self, name):
+        """A field at nodes or of cells."""
+        return self.stored.field(name)
+
+    @property
+    def cells(self):
+        return self.stored.cells
+
+    @property
+    def reference(self):
+        return self.stored.reference
+
+    @cached_property
+    def points(self):
+        """Nodes now [m], shape (num_nodes, 3)."""
+        return self.stored.points
 
     @property
     def grain(self):
-        return self.cell_data["grain"]
+        return self.stored.grain
 
     @property
     def von_mises(self):
-        return self.cell_data["von_mises"]
+        return self.stored.von_mises
+
+    @property
+    def volume(self):
+        """Of the tetrahedra now [m³]."""
+        return self.stored.volume
 
     @cached_property
     def quality(self):
         """Mesh quality of the deformed mesh."""
         return mesh_quality(self.points, self.cells)
 
-    @property
+    @cached_property
     def faces(self):
         """Outward boundary faces, shape (num_faces, 3), and the cell of each."""
-        if self._faces is None:
-            self._faces = boundary_faces(self.cells)
-        return self._faces
+        if self._like is not None and np.array_equal(self._like.cells, self.cells):
+            return self._like.faces
+        return boundary_faces(self.cells)
+
+    @cached_property
+    def grain_means(self):
+        """Labels, increasing, and volume means of von Mises stress [Pa], shape (num_grains,)."""
+        return grain_means(self.von_mises, self.volume, self.grain)
 
     def surface(self, grain=None):
         """Deformed surface of all grains or of one, as pyvista.PolyData.
 
-        Cell data: ``von_mises``, ``grain``; point data of the state for one grain.
+        Cell data: ``von_mises``, ``grain``; point data ``node``, the number of the node.
         """
         faces, cell = self.faces
         if grain is not None:
@@ -75,19 +96,26 @@ class State:
         surface = pyvista.PolyData.from_regular_faces(self.points[nodes], faces.reshape(-1, 3))
         surface.cell_data["von_mises"] = self.von_mises[cell]
         surface.cell_data["grain"] = self.grain[cell]
-        for name, values in self.point_data.items():
-            surface.point_data[name] = values[nodes]
+        surface.point_data["node"] = nodes
         return surface
 
-    def grid(self):
-        """The deformed mesh as pyvista.UnstructuredGrid with cell data ``von_mises``."""
-        grid = pyvista.UnstructuredGrid({VTK_TETRA: self.cells}, self.points)
-        grid.cell_data["von_mises"] = self.von_mises
+    def grid(self, chosen, **cell_data):
+        """Some of the deformed cells as pyvista.UnstructuredGrid with cell data.
+
+        Args:
+            chosen: Which cells, booleans, shape (num_cells,).
+            cell_data: Arrays, shape (num_cells,).
+        """
+        cells = self.cells[chosen]
+        nodes, cells = np.unique(cells, return_inverse=True)
+        grid = pyvista.UnstructuredGrid({VTK_TETRA: cells.reshape(-1, 4)}, self.points[nodes])
+        for name, values in cell_data.items():
+            grid.cell_data[name] = values[chosen]
         return grid
 
     def most_loaded_grain(self):
         """(label, volume mean of von Mises stress [Pa]) of the grain where that is largest."""
-        labels, means = grain_means(self.von_mises, self.quality.volume, self.grain)
+        labels, means = self.grain_means
         first = int(np.argmax(means))
         return int(labels[first]), float(means[first])
 
@@ -104,26 +132,32 @@ class State:
 
 def boundary_faces(cells):
     """Faces of only one tetrahedron, outward, shape (num_faces, 3), and the cell of each."""
-    faces = cells[:, FACES].reshape(-1, 3)
+    faces = np.asarray(cells)[:, FACES].reshape(-1, 3)
     nodes = np.sort(faces, axis=1).astype(np.int64)
-    order = np.lexsort(nodes.T)
-    same = (nodes[order][1:] == nodes[order][:-1]).all(axis=1)
+    n = int(nodes.max()) + 1
+    if n < 2**21:  # the three numbers fit into one
+        key = (nodes[:, 0] * n + nodes[:, 1]) * n + nodes[:, 2]
+        order = np.argsort(key)
+        same = key[order][1:] == key[order][:-1]
+    else:
+        order = np.lexsort(nodes.T)
+        same = (nodes[order][1:] == nodes[order][:-1]).all(axis=1)
     single = ~(np.append(False, same) | np.append(same, False))
     chosen = np.sort(order[single])
     return faces[chosen], chosen // 4
 
 
-def load_states(run_folder, states, history):
+def load_states(run, history):
     """The states at the start, middle and end of loading; fewer if fewer were stored.
 
     Args:
-        run_folder: The run folder.
-        states: List of :func:`mufe_fenicsx.output.fields.read_states`.
+        run: :class:`mufe_fenicsx.results.Run` with at least one state.
         history: dict column -> array, or None.
 
     Returns:
         List of State in order of time.
     """
+    states = [{"index": int(i), **row} for i, row in run.states.to_dict("index").items()]
     loading = [s for s in states if s["stage"] != SEATING and s["strain"] >= 0]
     # The end of seating is the start of loading.
     seated = [s for s in states if s["stage"] == SEATING][-1:]
@@ -134,8 +168,8 @@ def load_states(run_folder, states, history):
     picked = sorted({s["index"]: s for s in (first, middle, last)}.values(), key=_index)
     loaded = []
     for s in picked:
-        faces = loaded[0].faces if loaded else None
-        loaded.append(State(run_folder, s, _height(history, s["time"]), faces))
+        like = loaded[0] if loaded else None
+        loaded.append(State(run.state(s["index"]), height_at(history, s["time"]), like))
     return loaded
 
 
@@ -143,7 +177,7 @@ def _index(state):
     return state["index"]
 
 
-def _height(history, time):
+def height_at(history, time):
     """Height of the sample at a time [m], None without a history."""
     if history is None or not len(history["time"]):
         return None

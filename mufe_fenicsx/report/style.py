@@ -6,8 +6,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-#: Width of a figure across one column or the page of a journal [inch].
-COLUMN, PAGE = 90 / 25.4, 180 / 25.4
+#: Width of a figure across one column or the page of a journal, 84 mm and 174 mm [inch].
+COLUMN, PAGE = 84 / 25.4, 174 / 25.4
 DPI = 300
 
 #: Colours that the colour-blind tell apart (Okabe & Ito 2008).
@@ -16,15 +16,17 @@ BLUE, RED, PINK, GREY = "#0072B2", "#D55E00", "#CC79A7", "#7F7F7F"
 
 #: Maps of even lightness: stress in the grains, pressure on their surfaces.
 STRESS_MAP, PRESSURE_MAP = "viridis", "plasma"
+#: Of forces in contacts, of lengths of displacement, and of angles and strains of grains.
+CHAIN_MAP, LENGTH_MAP, GRAIN_MAP = "inferno_r", "cividis", "viridis"
 
 RC = {
     "font.family": "DejaVu Sans",
-    "font.size": 7.5,
+    "font.size": 8,
     "axes.labelsize": 8,
     "axes.titlesize": 8,
-    "legend.fontsize": 7,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
+    "legend.fontsize": 7.5,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
     "axes.linewidth": 0.6,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -39,8 +41,14 @@ RC = {
     "mathtext.default": "it",
     "mathtext.fontset": "dejavusans",
     "savefig.dpi": DPI,
+    "pdf.fonttype": 42,  # letters stay letters for the journal
     "image.interpolation": "none",
 }
+
+#: Colours and lines of stages of one test, or of several tests.
+SERIES = (BLUE, RED, GREEN, ORANGE, PINK, SKY, BLACK, GREY)
+LINES = ("-", "--", "-.", ":")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
@@ -54,9 +62,15 @@ def new_figure(width=COLUMN, height=None, **subplots):
         width, height: Size [inch].
         subplots: Arguments of ``Figure.subplots``.
     """
+    figure = blank_figure(width, height)
+    return figure, figure.subplots(**subplots)
+
+
+def blank_figure(width=COLUMN, height=None):
+    """A figure without axes, as :func:`new_figure`."""
     figure = Figure(figsize=(width, height or 0.75 * width), layout="constrained")
     FigureCanvasAgg(figure)
-    return figure, figure.subplots(**subplots)
+    return figure
 
 
 def unit_of(values, symbol):
@@ -105,14 +119,33 @@ def number(value, digits=3):
 
 def panel_letter(axis, index):
     """Mark a panel (a), (b) and so on, above its upper left corner."""
-    axis.set_title(f"({'abcdefgh'[index]})", loc="left", fontweight="bold")
+    axis.set_title(f"({'abcdefghijkl'[index]})", loc="left", fontweight="bold")
+
+
+def percent(strain):
+    """A strain in per cent, plain: "0 %" where it is below a hundredth of a per cent."""
+    return f"{round(100 * strain, 2):.3g} %"
+
+
+def heading(axis, text):
+    """A line of text above the middle of a picture."""
+    axis.text(0.5, 1.02, text, transform=axis.transAxes, ha="center", va="bottom", fontsize=8)
 
 
 def plain_log_ticks(axis):
-    """Numbers 1, 2, 5, 10 … at a logarithmic axis, which fit where few decades are shown."""
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    """Plain numbers at a logarithmic axis, 1, 2, 5, 10 … where few decades are shown."""
+    low, high = axis.get_view_interval()
+    few = low > 0 and high / low < 100
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())
+
+
+def few_decades(axes, curves, decades=5):
+    """Limit a logarithmic y axis: what happens before loading starts would stretch it."""
+    top = max((np.max(c) for c in curves if np.size(c)), default=0)
+    if top > 0:
+        axes.set_ylim(max(axes.get_ylim()[0], 10.0**-decades * top), 3 * top)
 
 
 def scale_bar(axis, width):

@@ -8,8 +8,8 @@ import numpy as np
 from mufe_fenicsx.analysis import energy_check, stress_strain
 from mufe_fenicsx.analysis.checkerboard import checkerboard
 from mufe_fenicsx.analysis.grain_means import sample_stress, void_ratio
-from mufe_fenicsx.analysis.mesh_quality import mesh_quality
 from mufe_fenicsx.analysis.rows import loading_rows
+from mufe_fenicsx.geometry.measure import tet_volumes
 from mufe_fenicsx.report.style import number, quantity
 
 
@@ -106,14 +106,14 @@ def _state_rows(state):
         ("von Mises stress", quantity(state.von_mises.max(), "Pa"), f"grain {grain}, {where}"),
         ("von Mises stress, mean of a grain", quantity(mean, "Pa"), f"grain {label}, {where}"),
     ]
-    if "plastic_strain" in state.cell_data:
-        values = state.cell_data["plastic_strain"]
+    if state.has("plastic_strain"):
+        values = state.field("plastic_strain")
         worst = state.grain[int(np.argmax(values))]
         rows.append(("Plastic strain", number(values.max()), f"grain {worst}, {where}"))
-        share = state.quality.volume[values > 0].sum() / state.quality.volume.sum()
+        share = state.volume[values > 0].sum() / state.volume.sum()
         rows.append(("Volume that has yielded", f"{share:.1%}", where))
-    if "contact_pressure" in state.point_data:
-        pressure = state.point_data["contact_pressure"].max()
+    if state.has("contact_pressure"):
+        pressure = state.field("contact_pressure").max()
         rows.append(("Contact pressure", quantity(pressure, "Pa"), where))
     moved = np.linalg.norm(state.points - state.reference, axis=1).max()
     rows.append(("Displacement", quantity(moved, "m"), where))
@@ -129,13 +129,13 @@ def sample_rows(start, last, run, history):
     area, height = run.get("area"), last.height
     if not area or not height:
         return []
-    solid = mesh_quality(start.reference, start.cells).volume.sum()
+    solid = tet_volumes(start.reference, start.cells).sum()
     rows = []
     if start.height:
         ratios = [void_ratio(solid, area * h) for h in (start.height, height)]
         rows.append(("Void ratio, start → end", f"{ratios[0]:.3f} → {ratios[1]:.3f}"))
-    if "stress" in last.cell_data:
-        inside = -sample_stress(last.cell_data["stress"], last.quality.volume, area * height)[2]
+    if last.has("stress"):
+        inside = -sample_stress(last.field("stress"), last.volume, area * height)[2]
         walls = float(np.interp(last.time, history["time"], history["stress"]))
         rows.append(
             (
@@ -144,10 +144,8 @@ def sample_rows(start, last, run, history):
                 "numbers that equilibrium makes equal",
             )
         )
-    if "pressure" in last.cell_data:
-        part = checkerboard(
-            last.cells, last.cell_data["pressure"], last.quality.volume, run.get("family", 1)
-        )
+    if last.has("pressure"):
+        part = checkerboard(last.cells, last.field("pressure"), last.volume, run.get("family", 1))
         rows.append(
             (
                 "Checkerboard of the pressure at the end",

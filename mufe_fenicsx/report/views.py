@@ -1,12 +1,15 @@
-"""Figures 6 to 8: stress in 3D, a cut, contact pressure on one grain."""
+"""Figures of the whole sample: stress in space and in a cut."""
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.colors import Normalize
 
+from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
-from mufe_fenicsx.report.render import Camera, render
+from mufe_fenicsx.report.curves import PAPER
+from mufe_fenicsx.report.figure import Drawing
+from mufe_fenicsx.report.render import Camera, Layer, render
 
 FROM = (1.0, -1.35, 0.75)  #: the corner that the sample is seen from
 VON_MISES = "von Mises stress"
@@ -17,51 +20,58 @@ def stress_limit(states):
     return style.round_limit(max(np.percentile(s.von_mises, 99) for s in states))
 
 
-def draw_stress_3d(states):
+def box_corners(box):
+    """The eight corners of a box given by two, shape (8, 3)."""
+    return np.array([[x, y, z] for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]])
+
+
+def draw_stress_3d(source):
     """Deformed samples side by side, one camera and one colour scale for all."""
+    states = source.states
+    source.need_rendering()
     limit = stress_limit(states)
     boxes = [state.box(states[0]) for state in states]
-    corners = np.concatenate(boxes)
-    corners = np.array(
-        [[x, y, z] for x in corners[:, 0] for y in corners[:, 1] for z in corners[:, 2]]
-    )
-    aspect = 0.92
-    camera = Camera.around(corners, FROM, aspect)
-    width = 2 * camera.half_height * aspect
-    pixels = (int(1000 * aspect), 1000)
-
-    figure, axes = style.new_figure(style.PAGE, 2.75, ncols=len(states), squeeze=False)
-    axes = axes[0]
+    aspect = 0.92  # width over height of a picture
+    camera = Camera.around(np.concatenate([box_corners(b) for b in boxes]), FROM, aspect)
+    pixels = (int(680 * aspect), 680)
+    figure, axes = style.new_figure(style.PAGE, 2.6, ncols=len(states), squeeze=False)
+    axes, columns = axes[0], {"grain": states[0].grain_means[0]}
     for i, (axis, state, box) in enumerate(zip(axes, states, boxes, strict=True)):
-        image = render(
-            state.surface(), "von_mises", style.STRESS_MAP, (0, limit), camera, pixels, box=box
-        )
-        axis.imshow(image)
+        layer = Layer(state.surface(), None, "von_mises", style.STRESS_MAP, (0, limit))
+        axis.imshow(render([layer], camera, pixels, box=box))
         axis.set_axis_off()
         style.panel_letter(axis, i)
-        axis.text(
-            0.5,
-            1.02,
-            rf"$\varepsilon$ = {state.strain:.3f}",
-            transform=axis.transAxes,
-            ha="center",
-            va="bottom",
-            fontsize=8,
-        )
-        if i == 0:
-            style.scale_bar(axis, width)
-    _colour_bar(figure, axes, limit, style.STRESS_MAP, VON_MISES)
-    return figure
+        style.heading(axis, rf"$\varepsilon$ = {style.percent(state.strain)}")
+        columns[f"mean von Mises stress at strain {state.strain:.6g} [Pa]"] = state.grain_means[1]
+    style.scale_bar(axes[0], 2 * camera.half_height * aspect)
+    colour_bar(figure, axes, limit, style.STRESS_MAP, VON_MISES, "Pa", "max")
+    strains = ", ".join(f"{state.strain:.3f}" for state in states)
+    return Drawing(
+        "stress-3d",
+        figure,
+        f"Von Mises stress in the deformed grains at strain {strains} (Fig. 13 {PAPER})",
+        "All views share the colour scale and the camera (parallel projection; the scale "
+        "bar holds for lengths across the view). The thin box is the space between the "
+        "walls. One per cent of the cells of a state may lie above the scale.",
+        {"": columns},
+        "wide",
+        vector=False,
+    )
 
 
-def draw_cut(start, end):
+def draw_cut(source):
     """Von Mises stress in the vertical plane through the middle of the sample, grains outlined."""
-    box = end.box(start)
-    across = 0
+    end = source.end
+    box = end.box(source.start)
+    across, normal = 0, (0, 1, 0)
     middle = box.mean(axis=0)
-    axis_normal = (0, 1, 0)
-    cut = end.grid().slice(normal=axis_normal, origin=middle)
-    outline = end.surface().slice(normal=axis_normal, origin=middle)
+    y = end.points[:, 1][end.cells]
+    crossed = (y.min(axis=1) <= middle[1]) & (y.max(axis=1) >= middle[1])
+    if not crossed.any():
+        raise InputError("no grain reaches the plane through the middle")
+    cut = end.grid(crossed, von_mises=end.von_mises, grain=end.grain)
+    cut = cut.slice(normal=normal, origin=middle)
+    outline = end.surface().slice(normal=normal, origin=middle)
     scale, unit = style.unit_of(np.ptp(box, axis=0), "m")
     limit = style.round_limit(np.percentile(end.von_mises, 99))
 
@@ -69,24 +79,12 @@ def draw_cut(start, end):
         return (np.asarray(points)[:, [across, 2]] - box[0, [across, 2]]) / scale
 
     size = np.ptp(box, axis=0)
-    width = 4.4
+    width = 1.3 * style.COLUMN
     figure, axis = style.new_figure(width, 0.5 + (width - 1.3) * size[2] / size[across])
-    polygons = [plane(cut.points[face]) for face in _faces(cut.faces)]
-    axis.add_collection(
-        PolyCollection(
-            polygons,
-            array=np.asarray(cut.cell_data["von_mises"]),
-            linewidths=0.05,
-            cmap=style.STRESS_MAP,
-            norm=Normalize(0, limit),
-            edgecolors="face",
-            rasterized=True,
-            antialiased=False,
-            clip_on=False,
-        )
-    )
-    segments = [plane(outline.points[line]) for line in _faces(outline.lines)]
-    axis.add_collection(LineCollection(segments, colors=style.BLACK, linewidths=0.6, clip_on=False))
+    faces = polygons(cut.faces)
+    values = np.asarray(cut.cell_data["von_mises"])
+    axis.add_collection(cut_collection([plane(cut.points[f]) for f in faces], values, limit))
+    add_outline(axis, [plane(outline.points[line]) for line in polygons(outline.lines)])
     # The frame of the axes is the walls.
     axis.spines[:].set(visible=True, color=style.GREY, linewidth=0.8)
     axis.tick_params(direction="out")
@@ -97,82 +95,67 @@ def draw_cut(start, end):
         xlabel=f"{'xyz'[across]}: {unit}",
         ylabel=f"z: {unit}",
     )
-    _colour_bar(figure, [axis], limit, style.STRESS_MAP, VON_MISES)
-    return figure
+    colour_bar(figure, [axis], limit, style.STRESS_MAP, VON_MISES, "Pa", "max")
+    centers = np.array([np.asarray(cut.points[f]).mean(axis=0) for f in faces]).reshape(-1, 3)
+    return Drawing(
+        "stress-cut",
+        figure,
+        f"Von Mises stress in the vertical plane through the middle, strain {end.strain:.3f}",
+        "Black lines are the surfaces of grains, the grey frame is the walls. Force chains "
+        "show as bands of high stress from contact to contact; a stress that changes from "
+        "one tetrahedron to the next says that the mesh is too coarse there.",
+        {
+            "": {
+                "grain": cut.cell_data["grain"],
+                **{f"{a} [m]": centers[:, i] for i, a in enumerate("xyz")},
+                "von Mises stress [Pa]": values,
+            }
+        },
+    )
 
 
-def draw_contact_pressure(state, grain):
-    """Contact pressure on the surface of one grain, seen from two opposite sides."""
-    surface = state.surface(grain)
-    pressure = np.asarray(surface.point_data["contact_pressure"])
-    limit = style.round_limit(pressure.max())
-    # Look at the place of the largest pressure; straight from above has no upward direction.
-    towards = surface.points[np.argmax(pressure)] - surface.points.mean(axis=0)
-    towards /= np.linalg.norm(towards)
-    up = (0, 0, 1) if abs(towards[2]) < 0.95 else (0, 1, 0)
-    points = np.asarray(surface.points)
-    cameras = [Camera.around(points, sign * towards, 1.0, up, 1.15) for sign in (1, -1)]
-    half = max(camera.half_height for camera in cameras)
-
-    colours = _void_grey(style.PRESSURE_MAP)
-    figure, axes = style.new_figure(0.8 * style.PAGE, 2.7, ncols=2)
-    for i, (axis, camera) in enumerate(zip(axes, cameras, strict=True)):
-        camera = Camera(camera.focus, camera.direction, camera.up, half)
-        axis.imshow(
-            render(surface, "contact_pressure", colours, (0, limit), camera, (900, 900), edges=True)
-        )
-        axis.set_axis_off()
-        style.panel_letter(axis, i)
-        axis.text(
-            0.5,
-            1.02,
-            f"seen from {_direction(camera.direction)}",
-            transform=axis.transAxes,
-            ha="center",
-            va="bottom",
-            fontsize=8,
-        )
-    style.scale_bar(axes[0], 2 * half)
-    _colour_bar(figure, axes, limit, colours, "Contact pressure", extend="neither")
-    return figure
+def cut_collection(shapes, values, limit, colours=style.STRESS_MAP):
+    """Coloured polygons of a cut, as a picture inside a vector file."""
+    return PolyCollection(
+        shapes,
+        array=values,
+        linewidths=0.05,
+        cmap=colours,
+        norm=Normalize(0, limit),
+        edgecolors="face",
+        rasterized=True,
+        antialiased=False,
+        clip_on=False,
+    )
 
 
-def _void_grey(name, num_colours=256):
-    """A colour map whose lowest step, no contact, is light grey."""
-    import matplotlib
-
-    colours = matplotlib.colormaps[name](np.linspace(0, 1, num_colours))
-    colours[:2] = (0.86, 0.86, 0.86, 1)
-    return ListedColormap(colours)
+def add_outline(axis, segments):
+    """Surfaces of grains in a cut, black lines."""
+    axis.add_collection(LineCollection(segments, colors=style.BLACK, linewidths=0.6, clip_on=False))
 
 
-def _direction(vector):
-    """A direction in words: "+z", or its components."""
-    along = int(np.argmax(np.abs(vector)))
-    if abs(vector[along]) > 0.995:
-        return ("−" if vector[along] < 0 else "+") + "xyz"[along]
-    return "(" + ", ".join(f"{c:.2f}".replace("-", "−") for c in vector) + ")"
-
-
-def _colour_bar(figure, axes, limit, colours, label, extend="max"):
-    factor, unit = (1e6, "MPa") if limit >= 0.1e6 else style.unit_of([limit], "Pa")
+def colour_bar(figure, axes, limit, colours, label, symbol, extend="neither", **options):
+    """A colour bar from 0 to a limit beside axes; units with a prefix where it has a symbol."""
+    factor, unit = 1.0, ""
+    if symbol:
+        factor, unit = style.unit_of([limit], symbol)
+        if symbol == "Pa" and limit >= 0.1e6:
+            factor, unit = 1e6, "MPa"
     bar = figure.colorbar(
         ScalarMappable(Normalize(0, limit / factor), colours),
         ax=axes,
-        shrink=0.8,
-        aspect=22,
-        pad=0.02,
-        extend=extend,
+        **({"shrink": 0.8, "aspect": 22, "pad": 0.02, "extend": extend} | options),
     )
-    bar.set_label(f"{label}: {unit}")
+    bar.set_label(f"{label}: {unit}" if symbol else label)
     bar.outline.set_linewidth(0.6)
+    return bar
 
 
-def _faces(flat):
+def polygons(flat):
     """Node numbers of polygons or lines stored as n, i₁ … iₙ, n, …"""
     flat = np.asarray(flat)
-    polygons, at = [], 0
+    found, at = [], 0
     while at < flat.size:
-        polygons.append(flat[at + 1 : at + 1 + flat[at]])
+        found.append(flat[at + 1 : at + 1 + flat[at]])
         at += 1 + flat[at]
-    return polygons
+    return found

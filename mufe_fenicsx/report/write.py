@@ -1,87 +1,144 @@
-"""Report of a run: figures as PNG files and one HTML page."""
+"""Report of a run, or of several together: figures, their data, and one HTML page."""
 
+import difflib
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 
 import mufe_fenicsx
-from mufe_fenicsx.analysis.mesh_quality import mesh_quality
+from mufe_fenicsx.analysis.probes import find_cells
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.output.contacts import read_contacts
-from mufe_fenicsx.output.fields import read_states
-from mufe_fenicsx.output.history import COLUMNS, NEWER_COLUMNS, read_history
-from mufe_fenicsx.output.run_folder import read_run_json, reason
-from mufe_fenicsx.report import curves, histograms, network, style, views
+from mufe_fenicsx.output.run_folder import reason
+from mufe_fenicsx.report import (
+    animation,
+    chains,
+    compare,
+    curves,
+    grains,
+    histograms,
+    motion,
+    network,
+    style,
+    views,
+    yielding,
+)
 from mufe_fenicsx.report.checks import check_run
+from mufe_fenicsx.report.figure import remove_listed, save, save_tables, write_index
 from mufe_fenicsx.report.page import write_page
-from mufe_fenicsx.report.render import cannot_render
-from mufe_fenicsx.report.sample import load_states
+from mufe_fenicsx.report.source import Source
 from mufe_fenicsx.report.summary import failed_grains, largest_values, run_rows, sample_rows
 from mufe_fenicsx.report.view import make_view
 from mufe_fenicsx.results import Run
 
+#: Name of each figure, what it shows, and what draws it from a Source, in the page's order.
+FIGURES = (
+    ("stress-strain", "stress against strain", curves.draw_stress_strain),
+    ("forces", "forces on the walls", curves.draw_forces),
+    ("compression", "compression", curves.draw_compression),
+    ("energies", "energy balance", curves.draw_energies),
+    ("dissipation", "dissipation", curves.draw_dissipation),
+    ("energies-of-a-grain", "energies of a grain", grains.draw_energies),
+    ("quasi-static", "quasi-static monitors", curves.draw_monitors),
+    ("stress-3d", "stress in the sample", views.draw_stress_3d),
+    ("stress-cut", "stress in a cut", views.draw_cut),
+    ("chosen-grains", "chosen grains", grains.draw_chosen),
+    ("course", "course of points and grains", grains.draw_course),
+    ("yield-initiation", "yield initiation", yielding.draw_yield),
+    ("force-chains", "force chains", chains.draw_force_chains),
+    ("fabric-rose", "directions of contacts", network.draw_rose),
+    ("force-distribution", "distribution of forces", network.draw_force_distribution),
+    ("active-contacts", "active contacts", network.draw_active_contacts),
+    ("displacement-arrows", "displacement of grains", motion.draw_arrows),
+    ("displacement-split", "translation, rotation and strain of grains", motion.draw_split),
+    ("mesh-quality", "quality of the mesh", histograms.draw_mesh_quality),
+)
+#: All that may be chosen, or left out.
+NAMES = (*(name for name, _, _ in FIGURES), animation.NAME)
+#: So many sentences about states without contacts are given one by one.
+FEW = 2
+FOOTER = (
+    f"Written by mufe_fenicsx {mufe_fenicsx.__version__}, a micro finite-element model of "
+    "sand after Nadimi & Fonseca (2018), Géotechnique 68(4), 290–302, "
+    "doi 10.1680/jgeot.16.p.147."
+)
 
-def write_report(run_folder):
-    """Write ``report.html`` and ``figures/*.png`` into a run folder.
 
-    A run that stopped early, or lacks files, gives a report of what is there, which says what
-    is not.
+def write_report(runs, output=None, grains=None, points=None, only=None, skip=None):
+    """Write ``report.html``, and ``figures`` as PNG, PDF and CSV.
+
+    Of one run: what happened in it. Of several: their curves over each other. A run that stopped
+    early, or lacks files, gives a report of what is there, which says what is not.
 
     Args:
-        run_folder: Folder that ``mufe run`` wrote.
+        runs: Folder that ``mufe run`` wrote, or a list of them.
+        output: Folder of the report; None: the run's own, or ``comparison`` beside the first.
+        grains: Labels of the grains that are shown one by one; None: three by their stress.
+        points: Places [m] whose course is shown, shape (num_points, 3); None: two by stress.
+        only, skip: Names of the figures to draw, or not to draw, of :data:`NAMES`; None: all.
 
     Returns:
-        dict of plain values: ``report`` (path), ``figures`` (paths), ``missing`` (sentences),
-        ``checks`` (a dict name, target, largest, mean, passed each), ``passed`` (all checks).
+        dict of plain values: ``report`` (path), ``figures`` (paths of the pictures), ``missing``
+        (sentences), ``checks`` (a dict name, target, largest, mean, passed each), ``passed``
+        (all checks).
 
     Raises:
-        InputError: There is no run in the folder, or it cannot be written to.
+        InputError: There is no run in a folder, a grain or point is not in it, the same run is
+            given twice, or the report cannot be written.
     """
-    return _Report(Path(run_folder)).write()
+    folders = [Path(runs)] if isinstance(runs, str | Path) else [Path(run) for run in runs]
+    if len(folders) == 1:
+        report = _RunReport(folders[0], output, grains, points, _wanted(only, skip))
+    else:
+        if grains or points or only or skip:
+            raise InputError("grains, points or figures chosen for several runs, expected one run")
+        twice = [f for k, f in enumerate(folders) if f.resolve() in _resolved(folders[:k])]
+        if twice:
+            raise InputError(f"run folder {twice[0]} is given twice, expected different runs")
+        report = _Comparison(folders, output)
+    return report.write()
+
+
+def _wanted(only, skip):
+    """Names of the figures to draw."""
+    for name in (*(only or ()), *(skip or ())):
+        if name not in NAMES:
+            near = difflib.get_close_matches(name, NAMES, n=1, cutoff=0.0)
+            raise InputError(f"figure {name} is not known, expected {near[0]} or another name")
+    return [name for name in only or NAMES if name not in (skip or ())]
+
+
+def _resolved(folders):
+    return [folder.resolve() for folder in folders]
 
 
 class _Report:
-    """What was read, and what was drawn of it."""
+    """What is common to both: a folder, pictures, and sentences about what is missing."""
 
-    def __init__(self, folder):
-        self.folder = folder
-        self.missing = []
-        self.figures = []
-        if not folder.is_dir():
-            raise InputError(
-                f"run folder {folder} is absent, expected a folder that mufe run wrote"
-            )
-        if not any((folder / f).exists() for f in ("run.json", "history.csv", "fields")):
-            raise InputError(
-                f"run folder {folder} has none of run.json, history.csv and fields, "
-                "expected a folder that mufe run wrote"
-            )
-        self.run = self._try(lambda: read_run_json(folder), "the run summary") or {}
-        self.history = self._try(self._read_history, "the curves and the checks")
-        self.states = self._try(self._read_states, "pictures of the sample") or []
-        if self.run and self.run.get("failed_grains") is None:
-            self.run["failed_grains"] = failed_grains(folder / "quality.csv")
-        if self.run and not self.run.get("finished"):
-            why = self.run.get("stop_reason") or "no reason recorded"
-            if why == "running":
-                why = "it still runs, or was cut off"
-            self.missing.append(f"The rest of the run, which did not finish ({why}).")
+    def __init__(self, output):
+        self.output = Path(output)
+        self.missing, self.pictures, self.lacking = [], [], {}
 
     def write(self):
         try:
-            (self.folder / "figures").mkdir(exist_ok=True)
+            self.output.mkdir(parents=True, exist_ok=True)
+            self.figures = self.output / "figures"
+            self.figures.mkdir(exist_ok=True)
+            remove_listed(self.figures)
             with matplotlib.rc_context(style.RC):
-                checks = self._draw_history()
-                self._draw_states()
-            self._write_page(checks)
+                self._draw()
+            for why, what in self.lacking.items():
+                self.missing.append(f"No picture of {_listed(what)}: {why}.")
+            write_index(self.figures, self.pictures)
+            checks = self._write_page()
         except OSError as error:
             raise InputError(
-                f"report in {self.folder} cannot be written ({reason(error)})"
+                f"report in {self.output} cannot be written ({reason(error)})"
             ) from error
         return {
-            "report": str(self.folder / "report.html"),
-            "figures": [str(figure[0]) for figure in self.figures],
+            "report": str(self.output / "report.html"),
+            "figures": [str(picture.image) for picture in self.pictures],
             "missing": self.missing,
             "checks": [
                 {
@@ -96,160 +153,90 @@ class _Report:
             "passed": bool(checks) and all(c.passed for c in checks),
         }
 
-    def _try(self, read, what):
-        """What a reader returns, or None with a sentence about what is therefore missing."""
+    def _try(self, what, draw, *arguments):
+        """Draw and save one figure, or note why it is missing."""
         try:
-            return read()
+            drawing = draw(*arguments)
         except InputError as error:
-            self.missing.append(f"Without {what}: {error}.")
-            return None
-
-    def _read_history(self):
-        path = self.folder / "history.csv"
-        history = read_history(path)
-        needed = [name for name in COLUMNS if name not in NEWER_COLUMNS]
-        absent = [name for name in needed if name not in history]
-        if absent:
-            raise InputError(f"{path} has no column {', '.join(absent)}")
-        if not len(history["step"]):
-            raise InputError(f"{path} has no row, expected one a record")
-        return history
-
-    def _read_states(self):
-        listed = read_states(self.folder)
-        if not listed:
-            raise InputError(f"{self.folder / 'fields'} has no stored states")
-        return load_states(self.folder, listed, self.history)
-
-    def _add(self, name, figure, caption, how, shape="narrow"):
-        path = self.folder / "figures" / f"{name}.png"
-        figure.savefig(path)
-        self.figures.append((path, caption, how, shape))
-
-    def _draw_history(self):
-        history = self.history
-        if history is None:
-            return []
-        if not (history["stage"] != "seating").any():
-            self.missing.append("The loading stage was not reached: there is no strain to show.")
-            return check_run(history)
-        height = self.run.get("reference_height") or float(
-            history["height"][history["stage"] != "seating"][0]
-        )
-        for name, draw, caption, how, shape in CURVES:
-            figure = draw(history, height) if draw is curves.draw_forces else draw(history)
-            self._add(name, figure, caption, how, shape)
-        return check_run(history)
-
-    def _draw_states(self):
-        if not self.states:
+            self.lacking.setdefault(str(error), []).append(what)
             return
-        start, end = self.states[0], self.states[-1]
-        why_not = cannot_render()
-        if why_not:
-            self.missing.append(f"No 3D pictures: {why_not}.")
-        else:
-            strains = ", ".join(f"{state.strain:.3f}" for state in self.states)
-            self._add(
-                "stress-3d",
-                views.draw_stress_3d(self.states),
-                f"Von Mises stress in the deformed grains at strain {strains}",
-                "All views share the colour scale and the camera (parallel projection; the scale "
-                "bar holds for lengths across the view). The thin box is the space between the "
-                "walls. One per cent of the cells of a state may lie above the scale.",
-                "wide",
-            )
-        self._add(
-            "stress-cut",
-            views.draw_cut(start, end),
-            f"Von Mises stress in the vertical plane through the middle, strain {end.strain:.3f}",
-            "Black lines are the surfaces of grains, the grey frame is the walls. Force chains "
-            "show as bands of high stress from contact to contact; a stress that changes from "
-            "one tetrahedron to the next says that the mesh is too coarse there.",
-        )
-        if not why_not:
-            self._draw_grain(end)
-        self._draw_network(start)
-        cells_per_grain = np.unique(end.grain, return_counts=True)[1]
-        self._add(
-            "mesh-quality",
-            histograms.draw_mesh_quality(
-                mesh_quality(end.reference, end.cells), end.quality, cells_per_grain
-            ),
-            "Quality of the mesh, as built and after the test",
-            "Small dihedral angles spoil the accuracy; the smallest altitude of all bounds the "
-            "time step. Where the red line reaches zero, tetrahedra were flattened by the test.",
-            "wide",
-        )
+        self.pictures.append(save(drawing, self.figures))
 
-    def _draw_network(self, start):
-        last = read_states(self.folder)[-1]
-        contacts = self._try(lambda: read_contacts(self.folder, last["index"])[0], "contacts")
-        if not contacts or self.history is None:
-            self.missing.append("No picture of the contact network: it was not stored.")
-            return
-        self._add(
-            "contact-network",
-            network.draw_network(contacts, self.history, start.reference, start.cells),
-            f"The contact network at strain {last['strain']:.3f}: (a) directions of contacts "
-            "between grains in vertical planes, (b) their normal forces; (c) compression",
-            "(a) Contacts of a compressed sample point upwards more often than sideways, strong "
-            "ones more so. (b) Right of the dotted line is the strong network. (c) Void ratio "
-            "against the stress over the present area; its slope is the compression index.",
-            "wide",
-        )
-
-    def _draw_grain(self, end):
-        if "contact_pressure" not in end.point_data:
-            self.missing.append("No picture of contact pressure: the states do not hold it.")
-            return
-        label, mean = end.most_loaded_grain()
-        nodes = np.unique(end.cells[end.grain == label])
-        if not end.point_data["contact_pressure"][nodes].max() > 0:
-            self.missing.append(
-                f"No picture of contact pressure: grain {label}, with the largest mean von Mises "
-                "stress, has no contact in the last stored state."
-            )
-            return
-        self._add(
-            "contact-pressure",
-            views.draw_contact_pressure(end, label),
-            f"Contact pressure on the most loaded grain, number {label}",
-            f"It is the grain with the largest volume mean of von Mises stress, "
-            f"{style.quantity(mean, 'Pa')}, at strain {end.strain:.3f}. Two views from opposite "
-            "sides, the first towards the highest pressure; grey is free surface, lines are "
-            "facets of the mesh. A contact should span several facets.",
-            "wide",
-        )
-
-    def _write_page(self, checks):
-        view, missing = make_view(Run(self.folder), self.states[0] if self.states else None)
-        self.missing += missing
-        history, run = self.history, self.run
-        last = self.states[-1] if self.states else None
-        about = run_rows(run)
-        if last is not None and history is not None:
-            about += sample_rows(self.states[0], last, run, history)
-        tables = [
-            ("Largest values of the loading stage", largest_values(history, last)),
-            ("Run", about),
-        ]
+    def _page(self, title, lead, checks, tables, view=None):
         write_page(
-            self.folder / "report.html",
-            run.get("title") or f"Oedometer test in {self.folder.resolve().name}",
-            self._lead(),
+            self.output / "report.html",
+            title,
+            lead,
             checks,
             self.missing,
-            self.figures,
+            [picture.row for picture in self.pictures],
             tables,
-            f"Written by mufe_fenicsx {mufe_fenicsx.__version__}, a micro finite-element model of "
-            "sand after Nadimi & Fonseca (2018), Géotechnique 68(4), 290–302, "
-            "doi 10.1680/jgeot.16.p.147.",
+            FOOTER,
             view,
         )
 
-    def _lead(self):
-        run, parts = self.run, []
+
+class _RunReport(_Report):
+    """The report of one run."""
+
+    def __init__(self, folder, output, grains, points, wanted):
+        self.source = Source(folder, grains, points)
+        super().__init__(folder if output is None else output)
+        self.folder, self.wanted = folder, wanted
+        self.missing += missing_of(self.source)
+        if grains:
+            self.source.chosen  # noqa: B018  an unknown one is refused before anything is written
+        if points is not None and len(points):
+            state = self.source.start
+            find_cells(state.reference, state.cells, points)
+
+    def _draw(self):
+        source = self.source
+        if source.run._states:
+            source.start_probe()
+        for name, what, draw in FIGURES:
+            if name in self.wanted:
+                self._try(what, draw, source)
+        if animation.NAME in self.wanted:
+            try:
+                self.pictures.append(animation.draw_animation(source, self.figures))
+            except InputError as error:
+                self.lacking.setdefault(str(error), []).append("the test in motion")
+        source.end_probe()
+
+    def _write_page(self):
+        run = self.source.summary
+        history, states = _or_none(self.source, "history"), _or_none(self.source, "states")
+        checks = check_run(history) if history is not None else []
+        last = states[-1] if states else None
+        if run and run.get("failed_grains") is None:
+            run["failed_grains"] = failed_grains(self.folder / "quality.csv")
+        about = run_rows(run)
+        if last is not None and history is not None:
+            about += sample_rows(states[0], last, run, history)
+        tables = [("Largest values of the loading stage", largest_values(history, last))]
+        tables += self._table_of_inertia()
+        tables.append(("Run", about))
+        title = run.get("title") or f"Oedometer test in {self.folder.resolve().name}"
+        view, missing = make_view(self.source.run, states[0] if states else None)
+        self.missing += missing
+        self._page(title, self._lead(run, history), checks, tables, view)
+        return checks
+
+    def _table_of_inertia(self):
+        """Table 1 of the paper, and its CSV file."""
+        try:
+            columns = grains.table_of_inertia(self.source)
+        except InputError as error:
+            self.missing.append(f"No table of inertia: {error}.")
+            (self.figures / "table-1-inertia.csv").unlink(missing_ok=True)  # of an earlier report
+            return []
+        save_tables("table-1-inertia", {"": columns}, self.figures)
+        heading = "Inertia of chosen grains (Table 1 of Nadimi & Fonseca)"
+        return [(heading, grains.inertia_rows(columns))]
+
+    def _lead(self, run, history):
+        parts = []
         if run.get("num_grains") and run.get("num_cells"):
             parts.append(
                 f"Oedometer test on {style.number(run['num_grains'])} deformable grains of "
@@ -257,59 +244,76 @@ class _Report:
             )
         else:
             parts.append("Oedometer test on deformable grains")
-        if self.history is not None:
-            parts.append(f"vertical strain {self.history['strain'][-1]:.4g}")
-            parts.append(f"vertical stress {style.quantity(self.history['stress'][-1], 'Pa', 4)}")
+        if history is not None:
+            parts.append(f"vertical strain {history['strain'][-1]:.4g}")
+            parts.append(f"vertical stress {style.quantity(history['stress'][-1], 'Pa', 4)}")
         return "; ".join(parts) + " at the end."
+
+
+class _Comparison(_Report):
+    """The report of several runs."""
+
+    def __init__(self, folders, output):
+        super().__init__(folders[0].parent / "comparison" if output is None else output)
+        self.sources = []
+        for source in map(Source, folders):
+            name = source.folder.resolve().name
+            self.missing += [f"{name}: {sentence}" for sentence in missing_of(source)]
+            try:
+                source.loading  # noqa: B018  what all figures need
+                self.sources.append(source)
+            except InputError as error:
+                self.missing.append(f"{name} is in no figure: {error}.")
+        if not self.sources:
+            raise InputError("no run has a history of loading, expected one at least")
+        self.names = compare.name_runs(self.sources)
+
+    def _draw(self):
+        for draw in compare.FIGURES:
+            what = draw.__name__.removeprefix("draw_").replace("_", " ")
+            self._try(f"{what} compared", draw, self.sources, self.names)
+
+    def _write_page(self):
+        checks = [
+            replace(check, text=f"{name}. {check.text}")
+            for source, name in zip(self.sources, self.names, strict=True)
+            for check in check_run(source.history)
+        ]
+        folders = ", ".join(source.folder.resolve().name for source in self.sources)
+        self._page(
+            f"{len(self.sources)} oedometer tests compared",
+            f"Runs in the folders {folders}.",
+            checks,
+            [("Runs", compare.rows(self.sources, self.names))],
+        )
+        return checks
+
+
+def missing_of(source):
+    """Sentences about what a run folder lacks; a few for many states without contacts."""
+    sentences, contacts = Run(source.folder).missing, []
+    for sentence in sentences:
+        if sentence.startswith("contacts of state "):
+            contacts.append(sentence)
+    if len(contacts) > FEW:
+        sentences = [s for s in sentences if s not in contacts[FEW:]]
+        sentences.append(f"The contacts of {len(contacts) - FEW} more states.")
+    return sentences
+
+
+def _or_none(source, name):
+    """What a source has, or None; that it is missing was said with the files."""
+    try:
+        return getattr(source, name)
+    except InputError:
+        return None
+
+
+def _listed(words):
+    """Words with commas, and "and" before the last."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def _plain(value):
     """A JSON number, None instead of nan."""
     return float(value) if np.isfinite(value) else None
-
-
-#: (file name, function, caption, how to read it, shape) of the figures from the history.
-CURVES = (
-    (
-        "stress-strain",
-        curves.draw_stress_strain,
-        "Vertical stress against vertical strain",
-        "Stress is the mean force of both platens over the cross-section, compression positive. "
-        "Strain counts from the end of seating, so that gaps left by the segmentation do not "
-        "count. The slope is the constrained modulus.",
-        "narrow",
-    ),
-    (
-        "forces",
-        curves.draw_forces,
-        "Normal forces (a) on the platens and (b) on the side walls",
-        "Top and bottom should coincide: what separates them is inertia or friction on the side "
-        "walls. Side walls that differ show an uneven packing or a small sample.",
-        "wide",
-    ),
-    (
-        "energies",
-        curves.draw_energies,
-        "Work of the walls and what it became",
-        "The coloured curves add up to the black one if the balance closes. Kinetic energy "
-        "should be invisible here.",
-        "narrow",
-    ),
-    (
-        "dissipation",
-        curves.draw_dissipation,
-        "Dissipated energy, logarithmic",
-        "Nadimi & Fonseca found the frictional dissipation an order of magnitude below the "
-        "plastic one. Damping, if used, should be far below both.",
-        "narrow",
-    ),
-    (
-        "quasi-static",
-        curves.draw_monitors,
-        "Quasi-static monitors: (a) kinetic over internal energy, (b) difference of the platens' "
-        "forces, (c) energy residual over work",
-        "Grey is the part where the sample counts as loaded (beyond half of the final strain); "
-        "there the curves should stay below the dashed targets.",
-        "wide",
-    ),
-)

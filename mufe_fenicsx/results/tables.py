@@ -276,25 +276,33 @@ def first_yield_table(run):
     under the surface, ``under_contact``, ``edge_distance`` to the edge of the contact and its
     ``contact_radius`` [m], see :func:`mufe_fenicsx.analysis.yield_place.yield_place`.
     """
-    states = [run.state(index) for index in run.states.index]
-    found = grain_stress.first_yield([(s.plastic_strain, s.grain) for s in states])
-    rows = []
-    for label, at, rank in zip(found.labels, found.state, found.rank, strict=True):
+    numbers = run.states.index
+    # One state in memory at a time.
+    states = (run.state(number) for number in numbers)
+    found = grain_stress.first_yield((s.plastic_strain, s.grain) for s in states)
+    rows = {}
+    for label, rank in zip(found.labels, found.rank, strict=True):
         row = {"grain": label, "state": -1, "strain": np.nan, "rank": rank}
         row |= {"plastic_strain": 0.0, "depth": np.nan, "under_contact": False}
-        row |= {"edge_distance": np.nan, "contact_radius": np.nan}
-        if at >= 0:
-            state = states[at]
+        rows[label] = row | {"edge_distance": np.nan, "contact_radius": np.nan}
+    for at in np.unique(found.state[found.state >= 0]):
+        state = run.state(numbers[at])
+        points = state.points
+        for label in found.labels[found.state == at]:
             mine = state.grain == label
             place = yield_place(
-                state.points, state.cells[mine], state.plastic_strain[mine], state.contact_pressure
+                points, state.cells[mine], state.plastic_strain[mine], state.contact_pressure
             )
-            row |= {"state": state.index, "strain": state.strain, "depth": place.depth}
-            row |= {"under_contact": place.under_contact, "edge_distance": place.edge_distance}
-            row |= {"contact_radius": place.contact_radius}
-            row |= {"plastic_strain": state.plastic_strain[mine].max()}
-        rows.append(row)
-    return pandas.DataFrame(rows)
+            rows[label] |= {
+                "state": state.index,
+                "strain": state.strain,
+                "depth": place.depth,
+                "under_contact": place.under_contact,
+                "edge_distance": place.edge_distance,
+                "contact_radius": place.contact_radius,
+                "plastic_strain": state.plastic_strain[mine].max(),
+            }
+    return pandas.DataFrame(list(rows.values()))
 
 
 def probe(run, points=None, grains=None):
@@ -316,7 +324,7 @@ def probe(run, points=None, grains=None):
     """
     if (points is None) == (grains is None):
         raise InputError("probe of both or neither of points and grains, expected one of them")
-    tables = []
+    tables, before, where = [], None, None
     for index in run.states.index:
         state = run.state(index)
         at_nodes = {"displacement": state.displacement}
@@ -326,7 +334,9 @@ def probe(run, points=None, grains=None):
             "plastic_strain": state.plastic_strain,
         }
         if points is not None:
-            where = probes.find_cells(state.reference, state.cells, points)
+            if before is None or not np.array_equal(before, state.cells):
+                where = probes.find_cells(state.reference, state.cells, points)
+                before = state.cells
             values = probes.at_places(state.cells, *where, at_nodes, cells | {"grain": state.grain})
             name = np.arange(len(where[0]))
         else:

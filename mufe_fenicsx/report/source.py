@@ -1,0 +1,281 @@
+"""What the figures of a run are drawn from, each thing read or computed once."""
+
+from functools import cached_property
+
+import numpy as np
+
+from mufe_fenicsx.analysis import grain_energy, inertia, kinematics
+from mufe_fenicsx.analysis.grain_stress import unstressed
+from mufe_fenicsx.analysis.rows import loading_rows
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry.measure import tet_volumes
+from mufe_fenicsx.output.fields import read_arrays, read_states
+from mufe_fenicsx.output.history import COLUMNS, NEWER_COLUMNS, read_history
+from mufe_fenicsx.report.render import cannot_render, start_probe
+from mufe_fenicsx.report.sample import load_states
+from mufe_fenicsx.results import Run
+
+#: Columns of the history that no figure needs, and that runs of earlier versions may lack.
+UNUSED = (*NEWER_COLUMNS, "dt", "speed", "residual", "added_mass", "added_mass_of_grain")
+
+
+class ReadableRun(Run):
+    """A run of which only the states that can be read are counted."""
+
+    @cached_property
+    def _states(self):
+        try:
+            listed = read_states(self.path)
+        except InputError:
+            return []
+        return [state for state in listed if self._can_be_read(state["index"])]
+
+    def _can_be_read(self, index):
+        try:
+            read_arrays(self.path, index)
+        except InputError:
+            return False  # which `Run.missing` says
+        return True
+
+
+class Source:
+    """A run, and what follows from it.
+
+    Args:
+        folder: The run folder.
+        grains: Labels of the grains that are shown one by one; None: three by their stress.
+        points: Places whose course is shown [m], shape (num_points, 3); None: two by stress.
+
+    Raises:
+        InputError: There is no run; from each attribute, that it cannot be had.
+    """
+
+    def __init__(self, folder, grains=None, points=None):
+        self.run = ReadableRun(folder)
+        self.folder = self.run.path
+        self._grains, self._points = grains, points
+        self._probe = None
+
+    @cached_property
+    def summary(self):
+        """run.json, empty where it cannot be read."""
+        try:
+            return dict(self.run.summary)
+        except InputError:
+            return {}
+
+    @cached_property
+    def history(self):
+        """dict column -> array with at least one row."""
+        path = self.folder / "history.csv"
+        history = read_history(path)
+        absent = [name for name in COLUMNS if name not in {*history, *UNUSED}]
+        if absent:
+            raise InputError(f"{path} has no column {', '.join(absent)}")
+        if not len(history["step"]):
+            raise InputError(f"{path} has no row, expected one a record")
+        return history
+
+    @cached_property
+    def loading(self):
+        """The rows of the history after seating, dict column -> array."""
+        rows = loading_rows(self.history)
+        if not rows.any():
+            raise InputError("the loading stage was not reached")
+        return {name: values[rows] for name, values in self.history.items()}
+
+    @property
+    def reference_height(self):
+        """Height of the sample at strain 0 [m]."""
+        return self.summary.get("reference_height") or float(self.loading["height"][0])
+
+    @cached_property
+    def states(self):
+        """Stored states at the start, middle and end of loading, :class:`State`; one at least."""
+        if not self.run._states:
+            raise InputError(f"{self.folder / 'fields'} has no stored states that can be read")
+        try:
+            history = self.history
+        except InputError:
+            history = None
+        return load_states(self.run, history)
+
+    @property
+    def start(self):
+        return self.states[0]
+
+    @property
+    def end(self):
+        return self.states[-1]
+
+    @cached_property
+    def _cannot_render(self):
+        return cannot_render(self._probe)
+
+    def start_probe(self):
+        """Let another process find out whether pictures can be drawn, while this one goes on."""
+        self._probe = start_probe()
+
+    def end_probe(self):
+        """Wait for that process, if nothing asked for what it found out."""
+        if self._probe is not None:
+            self._cannot_render  # noqa: B018
+
+    def need_rendering(self):
+        """Raise InputError where bodies in space cannot be drawn."""
+        if self._cannot_render:
+            raise InputError(f"no 3D pictures: {self._cannot_render}")
+
+    # --- contacts -------------------------------------------------------------------------
+
+    @cached_property
+    def contact_states(self):
+        """Numbers of the stored states at the start, middle and end that have contacts."""
+        index = self.run.with_contacts().index.to_numpy()
+        if not index.size:
+            raise InputError(f"{self.folder / 'contacts'} has no tables of stored states")
+        wanted = [state.index for state in self.states]
+        chosen = [i for i in wanted if i in index] or [index[-1]]
+        if chosen[-1] != index[-1] and wanted[-1] not in index:
+            chosen.append(index[-1])  # the last that there is
+        return [int(i) for i in chosen]
+
+    def contact_table(self, index):
+        """Active contacts of a state, as `Run.contact_table`."""
+        if index not in self._contact_tables:
+            self._contact_tables[index] = self.run.contact_table(index)
+        return self._contact_tables[index]
+
+    @cached_property
+    def _contact_tables(self):
+        return {}
+
+    def strain_of(self, index):
+        return float(self.run.states.loc[index, "strain"])
+
+    @cached_property
+    def network(self):
+        """A row a state with contacts, as `Run.network`."""
+        if not len(self.run.with_contacts()):
+            raise InputError(f"{self.folder / 'contacts'} has no tables of stored states")
+        return self.run.network()
+
+    # --- grains ---------------------------------------------------------------------------
+
+    @cached_property
+    def inertia(self):
+        """Of the grains in the reference configuration, for unit density."""
+        state = self.end
+        return inertia.grain_inertia(state.reference, state.cells, state.grain)
+
+    @cached_property
+    def motion(self):
+        """Of the grains, from the reference configuration to the last state."""
+        state = self.end
+        return kinematics.grain_motion(state.reference, state.points, state.cells, state.grain)
+
+    @cached_property
+    def chosen(self):
+        """dict label -> why it is shown, of the grains that are shown one by one."""
+        labels, means = self.end.grain_means
+        if self._grains:
+            for label in self._grains:
+                if label not in labels:
+                    raise InputError(
+                        f"grain {label} is not in the run, expected a label between {labels[0]} "
+                        f"and {labels[-1]} that it has"
+                    )
+            return {int(label): "chosen" for label in self._grains}
+        volume = np.bincount(np.searchsorted(labels, self.end.grain), self.end.volume)
+        loaded = np.flatnonzero(~unstressed(means, volume) & (means > 0))
+        if not loaded.size:
+            raise InputError("no grain is loaded in the last stored state")
+        order = loaded[np.argsort(means[loaded])]
+        found = {}
+        n = order.size
+        for at, why in ((-1, "most loaded"), (n // 2, "median"), (n // 4, "lower quartile")):
+            found.setdefault(int(labels[order[at]]), why)
+        return found
+
+    @cached_property
+    def points(self):
+        """dict name -> place in the reference configuration [m], whose course is shown."""
+        if self._points is not None and len(self._points):
+            return {f"point {k}": np.array(x) for k, x in enumerate(self._points, start=1)}
+        label, state = next(iter(self.chosen)), self.end
+        mine = np.flatnonzero(state.grain == label)
+        middle = state.reference[state.cells[mine]].mean(axis=1)
+        center = state.volume[mine] @ middle / state.volume[mine].sum()
+        return {
+            "peak": middle[np.argmax(state.von_mises[mine])],
+            "centre": middle[np.argmin(np.linalg.norm(middle - center, axis=1))],
+        }
+
+    @cached_property
+    def material(self):
+        """E, nu, rho and, where grains yield, the table of the one material of all grains."""
+        scene = self.run.scene
+        found = scene.get("material") or {}
+        if scene.get("materials") or found.get("scatter"):
+            raise InputError("grains differ in material, expected one for all")
+        if found.get("model") not in ("elastic", "j2"):
+            raise InputError(f"material model is {found.get('model')!r}, expected elastic or j2")
+        try:
+            return {name: float(found[name]) for name in ("E", "nu", "rho")} | {
+                "yield_stress": found.get("yield_stress"),
+                "beyond": found.get("beyond", "flat"),
+            }
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"scene.toml has an incomplete [material] ({error!r})") from error
+
+    # --- all states in turn ---------------------------------------------------------------
+
+    @cached_property
+    def course(self):
+        """Numbers of the stored states, of one state after the other, so that memory holds one.
+
+        Returns:
+            dict ``state``, ``strain``, ``yielded`` (share of the grains) and ``plastic_volume``
+            (share of the volume), shape (num_states,); and, where all grains are of one known
+            material, ``labels`` and ``energy``, dict elastic, plastic, kinetic -> [J], shape
+            (num_states, num_grains).
+        """
+        try:
+            material = self.material
+        except InputError:
+            material = None
+        found = {"state": [], "strain": [], "yielded": [], "plastic_volume": []}
+        energies = []
+        for index in self.run.states.index:
+            state = self.run.state(index)
+            yields = state.plastic_strain > 0
+            volume = tet_volumes(state.reference, state.cells)
+            labels = state.labels
+            found["state"].append(index)
+            found["strain"].append(state.strain)
+            found["yielded"].append(np.unique(state.grain[yields]).size / labels.size)
+            found["plastic_volume"].append(volume[yields].sum() / volume.sum())
+            if material is not None:
+                velocity = state.field("velocity") if "velocity" in state.fields else None
+                energies.append(
+                    grain_energy.grain_energy(
+                        state.reference,
+                        state.points,
+                        state.cells,
+                        state.grain,
+                        state.stress,
+                        state.plastic_strain,
+                        velocity,
+                        **material,
+                        element=self.summary.get("element", "averaged"),
+                        family=self.summary.get("family", 1),
+                    )
+                )
+        result = {name: np.array(values) for name, values in found.items()}
+        if energies:
+            result["labels"] = energies[0].labels
+            result["energy"] = {
+                name: np.array([getattr(e, name) for e in energies])
+                for name in ("elastic", "plastic", "kinetic")
+            }
+        return result
