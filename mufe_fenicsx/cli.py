@@ -9,7 +9,15 @@ from typing import Annotated
 
 import typer
 
-from . import cli_grains, cli_paraview, cli_peers, cli_scene, cli_watch  # noqa: F401, their commands come first
+from . import (  # noqa: F401  their commands come first
+    cli_chart,
+    cli_grains,
+    cli_paraview,
+    cli_peers,
+    cli_plan,
+    cli_scene,
+    cli_watch,
+)
 from .arguments import known_names, parameters, place
 from .cli_app import Json, Overwrite, app, serial_only, world
 from .errors import InputError
@@ -72,6 +80,11 @@ def run(
     output = Path("runs") / scene.stem if output is None else output
     if resume and overwrite:
         raise InputError("--overwrite beside --resume, expected one of them")
+    after = None
+    if loaded.accuracy is not None:
+        from .plan_run import planned_scene
+
+        loaded, after = planned_scene(loaded, grains, comm, measure=not resume)
     result = run_scene(
         loaded,
         grains,
@@ -84,6 +97,7 @@ def run(
         command=["mufe", *sys.argv[1:]],
         resume=resume,
         profile=profile,
+        after=after,
     )
     measured = result.get("profile")
     printer.summary({name: value for name, value in result.items() if name != "profile"})
@@ -141,12 +155,12 @@ def verify(
     """Compare with closed-form solutions; without CASE, all of them."""
     comm = world()
     printer = Printer(json, comm.rank)
-    from .verification.cases import CASES, run_cases
+    from .verification.cases import CASES, known_cases, run_cases
 
     if list_cases:
-        _list(printer, CASES)
+        _list(printer, known_cases())
         return 0
-    names = known_names(cases, CASES)
+    names = known_names(cases or CASES, known_cases())
     results = run_cases(names, parameters(changes), comm)
     rows = []
     for result in results:

@@ -44,6 +44,7 @@ def run_scene(
     command=(),
     resume=False,
     profile=False,
+    after=None,
 ):
     """Run the test of a scene. Collective.
 
@@ -60,6 +61,7 @@ def run_scene(
             any number of ranks; a finished test too, where the scene's strain is larger now.
 
         profile: Keep the time of the parts of a step; "profile" in the result.
+        after: Function of the last summary; what it returns, a dict, is added to it.
 
     Returns:
         What run.json holds, on every rank.
@@ -90,8 +92,9 @@ def run_scene(
     _write_inputs(comm, folder, identity["scene"], None if resume else Path(grains_folder))
     load = partial(load_mesh, comm, grains_folder, scene.solver.element)
     test = _Test(
-        scene, mesh, load, folder, identity, started, quiet, list(command), separation, profile
-    )
+        scene, mesh, load, folder, identity, started, quiet, list(command), separation, profile,
+        after,
+    )  # fmt: skip
     return test.run(checkpoint, kept, max_steps)
 
 
@@ -103,8 +106,10 @@ class _Test:
     """One test: what stays the same when it begins anew from a checkpoint. Collective."""
 
     def __init__(
-        self, scene, mesh, load, folder, identity, started, quiet, command, separation, profile
-    ):
+        self, scene, mesh, load, folder, identity, started, quiet, command, separation, profile,
+        after,
+    ):  # fmt: skip
+        self.after = after
         self.load = load  #: makes the mesh for given ranks of the grains
         self.wants_profile = profile
         self.scene, self.mesh, self.folder = scene, mesh, folder
@@ -196,6 +201,8 @@ class _Test:
         }
         if self.profile is not None:
             summary["profile"] = self.profile.summary()
+        if self.after is not None:
+            summary |= self.after(summary)
         if comm.rank == 0:
             write_run_json(self.folder, summary)
         comm.Barrier()  # every rank finds complete files when this returns

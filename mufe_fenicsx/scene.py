@@ -279,8 +279,12 @@ class Scene:
     materials: dict[str, Group] = field(default_factory=dict)  #: of grains that differ
     loading: Loading | None = None  #: of a test by stages
     stages: tuple[Stage, ...] = ()  #: [[stage]]: parts of that test, in their order
+    #: Wanted error of the stress, which plans the rest (planning); None: as the scene states it.
+    accuracy: float | None = None
 
     def __post_init__(self):
+        if self.accuracy is not None:
+            require(0 < self.accuracy < 1, "accuracy", self.accuracy, "0 < accuracy < 1")
         self._check_test()
         group_of = {}
         for name, group in self.materials.items():

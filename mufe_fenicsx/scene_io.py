@@ -129,7 +129,8 @@ def read_scene(path) -> Scene:
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"scene {path} is not valid TOML: {error}") from error
 
-    _check_keys(tables, ["title", *TABLES, "material", "materials", "walls", "stage"], "")
+    known = ["title", "accuracy", *TABLES, "material", "materials", "walls", "stage"]
+    _check_keys(tables, known, "")
     folder = path.resolve().parent
     test = () if "loading" in tables else ("oedometer",)
     for name in ("material", "contact", *test):
@@ -147,8 +148,10 @@ def read_scene(path) -> Scene:
     _check_keys(walls, WALLS, "walls.")
     common = _table(tables, "material")
     material, scatter = _read_material(common)
+    accuracy = tables.get("accuracy")
     return Scene(
         title=title,
+        accuracy=None if accuracy is None else to_si(accuracy, "", "accuracy"),
         material=material,
         scatter=scatter,
         materials=_read_groups(_table(tables, "materials"), common),
@@ -200,6 +203,7 @@ def build(cls, values, name, folder=None):
 def write_scene(scene) -> str:
     """A scene as TOML; see `scene.scene_to_toml`."""
     lines = [f"title = {_toml(scene.title)}"]
+    lines += [] if scene.accuracy is None else [f"accuracy = {_toml(scene.accuracy)}"]
     for name in ("image", "mesh", "sample"):
         lines += _write_table(name, getattr(scene, name))
     lines += _write_material("material", scene.material, scene.scatter)

@@ -370,6 +370,31 @@ class Simulation:
         for highest in (self._highest, self._highest_of_springs):
             highest.set_mass(mass)
 
+    def stable_step_within(self, margin):
+        """Limit of stability [s] if all pairs within ``margin`` [m] were closed. Collective."""
+        before, self._margin = self._margin, margin
+        adds = self._add_stiffness, self._add_springs
+        rows = self.rigid.free_masses(self.solid.mass)
+        turned = self.rigid.turned_rows()
+        limit = self._limit(
+            *(
+                HighestFrequency(
+                    self.comm, *rows, self.rigid.constrained(add, self.state), turned=turned
+                )
+                for add in adds
+            )
+        )
+        self._margin = before
+        return limit
+
+    def stable_step_of_tets(self):
+        """Limit of stability [s] of the tetrahedra without contact; inf for rigid grains."""
+        rate = HighestFrequency(
+            self.comm, self.solid.mass, self.mesh.x,
+            lambda y, q: self.solid.add_stiffness(y, q, self.state.x),
+        )()  # fmt: skip
+        return 2.0 / rate if rate > 0.0 else math.inf
+
     def limits_with_and_without_added_mass(self):
         """Stable steps of the present state [s], each estimated from scratch. Collective."""
         adds = self._add_stiffness, self._add_springs

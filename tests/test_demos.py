@@ -18,7 +18,7 @@ DEMOS = Path(__file__).resolve().parents[1] / "demos"
     [
         *("axisymmetric_reference", "calibrate_compliance", "check_intrusion"),
         *("contact_verification", "fidelity", "locking", "meshing", "normal_laws"),
-        *("own_analysis", "segmentation", "uneven_compliance"),
+        *("own_analysis", "peers", "segmentation", "speed_accuracy", "uneven_compliance"),
     ],
 )
 def test_a_demo_says_what_it_does(name):

@@ -33,6 +33,10 @@ PART_OF = {
     "balance": "run",
     "speed_control": "simulation",
     "implicit": "simulation",
+    "plan_errors": "planning",
+    "plan_cost": "planning",
+    "plan_text": "planning",
+    "plan_run": "planning",
 }
 
 #: What each part may import, besides itself and `errors`, which any may.
@@ -78,6 +82,13 @@ TABLE = {
     "peers": {
         *("kernels", "geometry", "mesh", "materials", "contact", "scene", "units", "run"),
     },
+    # Measured points: a stored table.
+    "evidence": set(),
+    # A scene and what it needs; it steps the scene for a second.
+    "planning": {
+        *("evidence", "scene", "materials", "geometry", "contact", "mesh", "simulation", "run"),
+        *("memory", "output", "kernels"),
+    },
     # What a user reads of a run folder.
     "results": {"analysis", "output", "geometry"},
     # results: the tables of a run, which its page and ParaView show too.
@@ -95,6 +106,9 @@ ANYTHING = {
     "cli_peers",
     "cli_paraview",
     "cli_watch",
+    "cli_chart",
+    "cli_plan",
+    "charts",
     "arguments",
     "terminal",
     "exit_status",

@@ -74,6 +74,13 @@ CASES = {
 }
 
 
+def known_cases():
+    """All cases that can be named: ``CASES``, and the single points of charts."""
+    from ..charts.cases import POINTS  # which are made of these
+
+    return CASES | POINTS
+
+
 def run_cases(names, parameters, comm):
     """Run cases, each with those of the parameters that it knows. Collective.
 
@@ -91,9 +98,10 @@ def run_cases(names, parameters, comm):
     """
     names = list(names) or list(CASES)
     for name in names:
-        if name not in CASES:
-            raise InputError(f"case = {name}, expected {_nearest(name, CASES)}")
-    known = {name: _defaults(CASES[name]) for name in names}
+        if name not in known_cases():
+            raise InputError(f"case = {name}, expected {_nearest(name, known_cases())}")
+    cases = known_cases()
+    known = {name: _defaults(cases[name]) for name in names}
     everything = {key: value for case in known.values() for key, value in case.items()}
     values = {}
     for key, value in parameters.items():
@@ -104,7 +112,7 @@ def run_cases(names, parameters, comm):
             raise InputError(f"parameter {key} = {value}, expected {_nearest(str(value), choices)}")
         values[key] = value if choices else _number(key, value, type(default))
     return [
-        CASES[name](comm, **{key: value for key, value in values.items() if key in known[name]})
+        cases[name](comm, **{key: value for key, value in values.items() if key in known[name]})
         for name in names
     ]
 

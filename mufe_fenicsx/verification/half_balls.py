@@ -13,6 +13,8 @@ from .build import distribute, simulate
 #: Rows: along, across and up. Nothing is aligned with the axes.
 FRAME = rotation_of(np.array([0.7, -0.4, 1.1]))
 ALONG, ACROSS, UP = FRAME
+#: Mass added to small elements, over that of the bodies, where only slow loading is of interest.
+ADDED = 0.3
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,15 @@ class HalfBalls:
             walls.append(Wall(name, (base @ axis) / (UP @ axis) * UP, axis, bonded=True))
         return bodies, walls
 
-    def simulation(self, comm, material, friction, **options):
-        """Both caps at rest, each on one rank where there are two. Collective."""
+    def simulation(self, comm, material, friction, added_mass=ADDED, **options):
+        """Both caps at rest, each on one rank where there are two. Collective.
+
+        Args:
+            comm, material: What they are made of, and where.
+            friction: Coefficient of friction.
+            added_mass: As of :func:`slow_mass_factor`; 0 for none.
+            options: Of :class:`~mufe_fenicsx.simulation.Simulation`, and ``increment``.
+        """
         bodies, walls = self.make()
         mesh = distribute(comm, bodies)
         return simulate(
@@ -59,7 +68,7 @@ class HalfBalls:
             [material] * mesh.num_grains,
             walls,
             friction=friction,
-            mass_factor=slow_mass_factor(mesh),
+            mass_factor=slow_mass_factor(mesh, added_mass) if added_mass else None,
             **options,
         )
 
@@ -68,7 +77,7 @@ class HalfBalls:
         return 0.5 * math.pi * math.sqrt(material.shear_modulus / material.rho) / self.height
 
 
-def slow_mass_factor(mesh, added=0.3):
+def slow_mass_factor(mesh, added=ADDED):
     """Factors of nodal masses that make all elements about equally fast, as static loading allows.
 
     An element of the size h then has the frequency of one of the size H: the factor is

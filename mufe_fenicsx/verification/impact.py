@@ -1,6 +1,7 @@
 """An elastic ball that meets a rigid plane, and two that meet each other, head on."""
 
 import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,7 @@ class NormalImpact:
     restitution: np.ndarray  #: speed after over speed before, shape (2,)
     gain: float  #: largest sum of all energies over the first kinetic one, less 1
     mass: float  #: of the ball's mesh [kg]
+    processor_s: float  #: of the steps alone
     balls: Balls
 
 
@@ -59,23 +61,26 @@ def normal_impact(
         growth=growth,
     )  # fmt: skip
     balls = Balls(comm, impacts, material, **options)
-    time, velocity, energy = balls.run(1.05 * theory.time, every=2)
+    began = time.process_time()
+    t, velocity, energy = balls.run(1.05 * theory.time, every=2)
+    processor_s = time.process_time() - began
     # The ball on the plane, and the upper one of the pair.
     v = velocity[:, :2] @ balls.frame[0]
     mass = balls.rigid_motion().mass[:2]
-    force = mass * np.gradient(v, time, axis=0)
-    way = np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(time)[:, None], axis=0)
+    force = mass * np.gradient(v, t, axis=0)
+    way = np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)[:, None], axis=0)
     approach = -np.concatenate([np.zeros((1, 2)), way]) - balls.gap
     on = force > 1e-6 * force.max(axis=0)
-    contact_time = [np.ptp(time[on[:, k]]) for k in range(2)]
+    contact_time = [np.ptp(t[on[:, k]]) for k in range(2)]
     return NormalImpact(
-        time=time,
+        time=t,
         force=force,
         approach=approach,
         contact_time=np.array(contact_time),
         restitution=-v[-1] / v[0],
         gain=float(energy[:, 1].max() - 1),
         mass=float(mass[0]),
+        processor_s=processor_s,
         balls=balls,
     )
 

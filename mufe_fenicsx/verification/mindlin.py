@@ -1,6 +1,7 @@
 """Two elastic balls pressed together and sheared to and fro, with partial slip."""
 
 import math
+import time
 from dataclasses import dataclass
 from typing import Literal
 
@@ -107,6 +108,7 @@ class Sheared:
     beyond: float  #: compliance of both caps beyond half-spaces [m/N]
     compliance: float  #: tangential one of the theory, of both bodies [1/Pa]
     modulus: float  #: effective one [Pa]
+    processor_s: float  #: of the steps alone
     simulation: object
 
     def contact_radius(self, force):
@@ -116,9 +118,14 @@ class Sheared:
 
 def shear_balls(
     comm, elements_per_radius, a_over_R, nu, friction, ratio, growth, periods,
-    integrator="explicit",
+    integrator="explicit", varying=VARYING, **options,
 ):  # fmt: skip
     """Press and shear, as the case does, whose parameters these are. Collective.
+
+    Args:
+        comm, elements_per_radius, a_over_R, nu, friction, ratio, growth, periods, integrator: Its.
+        varying: Path after the cycles, as ``VARYING``.
+        options: Of :meth:`~.half_balls.HalfBalls.simulation`.
 
     Returns:
         :class:`Sheared`.
@@ -128,10 +135,10 @@ def shear_balls(
     balls = HalfBalls(RADIUS, HEIGHT * RADIUS, a, a / elements_per_radius, growth)
     omega = balls.frequency(material)
     half_cycle = periods * 2 * math.pi / omega
-    s = balls.simulation(
-        comm, material, friction, damping=0.3 * omega, time_step_factor=0.8,
-        increment=half_cycle / INCREMENTS if integrator == "static" else None,
-    )  # fmt: skip
+    options = {"damping": 0.3 * omega, "time_step_factor": 0.8} | options
+    if integrator == "static":
+        options = {"increment": half_cycle / INCREMENTS} | options
+    s = balls.simulation(comm, material, friction, **options)
     modulus = hertz.effective_modulus((E, nu), (E, nu))
     S = theory.tangential_compliance((E, nu), (E, nu))
     beyond = shear_compliance(balls, material) if comm.rank == 0 else None
@@ -147,6 +154,7 @@ def shear_balls(
             rows.append((-up, along, displacement(s, "top")[0], *lost))
 
     approach = a**2 / radius
+    began = time.process_time()
     drive(s, {"top": -approach * UP}, 0.3 * half_cycle)
     drive(s, {"top": 0 * UP}, 0.3 * half_cycle)
     force = -low_load(s)[2]
@@ -159,7 +167,7 @@ def shear_balls(
     turns = [0]
     x, z = 0.0, 1.0
     path = [(1.0, 1.0, 0.6), (-1.0, 1.0, 1.0), (1.0, 1.0, 1.0)]
-    for x_next, z_next, part in path + [(*point, 0.6) for point in VARYING]:
+    for x_next, z_next, part in path + [(*point, 0.6) for point in varying]:
         move = (x_next - x) * largest * ALONG - (z_next - z) * approach * UP
         drive(s, {"top": move}, part * half_cycle, at_step=record)
         x, z = x_next, z_next
@@ -167,6 +175,7 @@ def shear_balls(
         if len(turns) == 2:
             stuck = _stick_radius(s, friction)
 
+    processor_s = time.process_time() - began
     normal, tangential, shift, rubbed, work = np.array(rows).T
     shift = shift - beyond * tangential
     return Sheared(
@@ -181,6 +190,7 @@ def shear_balls(
         beyond=beyond,
         compliance=S,
         modulus=modulus,
+        processor_s=processor_s,
         simulation=s,
     )
 

@@ -10,7 +10,7 @@ from ..contact.walls import Wall
 from ..geometry.half_ball import half_ball
 from ..simulation import Simulation
 from .build import distribute, drive, simulate
-from .half_balls import slow_mass_factor
+from .half_balls import ADDED, slow_mass_factor
 from .pressed import FRAME, turn
 
 #: Towards the pole; nothing is aligned with the axes of space.
@@ -32,6 +32,7 @@ class Course:
     kinetic: float  #: largest kinetic energy over the work done, in the second half of the way
     residual: float  #: of the energy balance over the work, at the end
     seconds: float  #: wall time without making the mesh
+    processor_s: float  #: the same in time of the processor
     simulation: Simulation
 
     def window(self, elements, approach=None):
@@ -69,6 +70,7 @@ def press_ball(
     records=200,
     watch_yield=False,
     increments=None,
+    added_mass=ADDED,
     **options,
 ):
     """Press a plane into the pole of a half ball by ``approach`` and record. Collective, one rank.
@@ -89,6 +91,7 @@ def press_ball(
         records: Number of records.
         watch_yield: Look for the first plastic strain at each step.
         increments: Number of static increments; None for time steps.
+        added_mass: By which small elements are slowed down, over that of the body.
         options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
 
     Returns:
@@ -104,7 +107,7 @@ def press_ball(
     base = FRAME @ tilt[:, 2]
     mesh = distribute(comm, [(turned, cells)], element == "composite")
     walls = [Wall("base", np.zeros(3), base, bonded=True), Wall("plane", top * AXIS, -AXIS)]
-    started = time.perf_counter()
+    started, began = time.perf_counter(), time.process_time()
     omega = 0.5 * math.pi * math.sqrt(material.shear_modulus / material.rho) / RADIUS
     options = {"damping": 0.3 * omega, "time_step_factor": 0.8} | options
     duration = periods * 2 * math.pi / omega
@@ -114,7 +117,7 @@ def press_ball(
         walls,
         increment=duration / increments if increments else None,
         element=element,
-        mass_factor=slow_mass_factor(mesh),
+        mass_factor=slow_mass_factor(mesh, added_mass) if added_mass else None,
         **options,
     )
     plane = s.walls.names.index("plane")
@@ -153,6 +156,7 @@ def press_ball(
         kinetic=kinetic,
         residual=abs(e["residual"] / e["work"]),
         seconds=time.perf_counter() - started,
+        processor_s=time.process_time() - began,
         simulation=s,
     )
 

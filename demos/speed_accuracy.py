@@ -1,0 +1,94 @@
+"""What does accuracy cost? Each choice of model charted, error against time.
+
+For a plane on an elastic ball (hertz), two sheared balls (mindlin), impacts of balls (impact), a
+ball that flows (plastic-sphere) and twenty angular grains in an oedometer, over
+
+- the mesh;
+- the element: plain linear, averaged pressure, composites of eight;
+- the law of contact: layer matched to the mesh, stiff penalty, kinematic, at facets or nodes;
+- the time step: of the assembled system or of single elements; mass added; increments;
+- the speed of loading; rigid, elastic, elasto-plastic grains.
+
+Each point is one command, `mufe verify CASE-point --set …`, which stands in the table beside its
+error and its cost. Figures show the front of what no other choice beats, and the seed's method
+(plain linear elements, the time step of single ones) as a line of its own.
+
+    python demos/speed_accuracy.py FOLDER                 about ten minutes of one processor
+    python demos/speed_accuracy.py FOLDER --full          hours: finer, all lines on all meshes
+    python demos/speed_accuracy.py FOLDER --store         keep the table as what `mufe plan` reads
+    python demos/speed_accuracy.py FOLDER --reference     first the course of stress that those of
+                                                          the oedometer are compared with
+    python demos/speed_accuracy.py FOLDER --minutes 5     stop then; the same command goes on
+"""
+
+import argparse
+import csv
+from pathlib import Path
+
+import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
+
+# isort: split
+import numpy as np
+from mpi4py import MPI
+
+from mufe_fenicsx.charts.cases import STRAIN, press_grains
+from mufe_fenicsx.charts.grid import CHARTS
+from mufe_fenicsx.charts.make import make_charts
+from mufe_fenicsx.evidence import REFERENCE, TABLE, distance, read_points, write_points
+
+#: Length of edges over half of the distance of grains, and loading, of the reference; and of the
+#: coarser one that tells how far it is converged.
+FINE, CHECKS = (0.2, 4.0), ((0.25, 4.0),)
+
+
+def write_reference(path=REFERENCE):
+    """Press the twenty grains on the finest mesh, and on one that tells how far that is right."""
+    grid = np.linspace(0.0, STRAIN, 81)
+    columns = []
+    for size, loading in (FINE, *CHECKS):
+        course = press_grains(MPI.COMM_SELF, size, loading=loading)
+        columns.append(np.interp(grid, course.strain, course.stress))
+        s = course.simulation
+        print(
+            f"edges {size:g}, loading {loading:g}: {s.mesh.num_cells} tets, {s.state.num_steps} "
+            f"steps, {course.processor_s:.0f} s", flush=True,
+        )  # fmt: skip
+    off = [distance(column[10::10], columns[0][10::10]) for column in columns[1:]]
+    with open(path, "w", encoding="utf-8", newline="") as file:
+        file.write(
+            "# made by demos/speed_accuracy.py --reference: stress of 20 grains on a mesh of\n"
+        )
+        file.write(f"# edges {FINE[0]:g} over half of their distance, loading = {FINE[1]:g}\n")
+        for (size, loading), one in zip(CHECKS, off, strict=True):
+            file.write(f"# edges {size:g}, loading = {loading:g}: {one:.4f} from it\n")
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["strain", "stress"])
+        writer.writerows([f"{a:.6g}", f"{b:.6g}"] for a, b in zip(grid, columns[0], strict=True))
+    print(f"{path}: others are {', '.join(f'{100 * one:.2f} %' for one in off)} from it")
+
+
+def main():
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--full", action="store_true")
+    parser.add_argument("--store", action="store_true", help="keep the table in the package")
+    parser.add_argument("--reference", action="store_true", help="compute the oedometer's first")
+    parser.add_argument("--minutes", type=float)
+    parser.add_argument("--cases", nargs="*", default=list(CHARTS), choices=list(CHARTS))
+    given = parser.parse_args()
+    if given.reference:
+        write_reference()
+    made = make_charts(given.cases, given.folder, full=given.full, minutes=given.minutes)
+    for case, rows in made["gains"].items():
+        for error, ours, front in rows:
+            print(f"{case:15} at {100 * error:.3g} %: the seed's method costs {ours:5.3g} times as "
+                  f"much as the default, {front:5.3g} times as much as the best")  # fmt: skip
+    if given.store:
+        write_points(TABLE, read_points(made["table"]))
+        print(f"stored: {TABLE}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,60 @@
+"""The command `mufe plan`: how much model a test needs, and what it will cost here."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .cli_app import Json, app, world
+from .errors import InputError
+from .terminal import Printer
+
+CASES = ("hertz", "mindlin", "impact", "plastic-sphere", "oedometer")
+
+
+@app.command()
+def plan(
+    scene: Annotated[
+        str,
+        typer.Argument(metavar="SCENE", help=f"Scene file (TOML), or a case: {', '.join(CASES)}."),
+    ],
+    accuracy: Annotated[
+        float | None,
+        typer.Option(help="Wanted error of the stress, 0.05 for 5 %; default: the scene's."),
+    ] = None,
+    grains: Annotated[Path | None, typer.Option(metavar="DIR", help="As of `mufe run`.")] = None,
+    json: Json = None,
+):
+    """What a test needs for an accuracy: model, mesh, speed, steps, memory, time; under mpirun too.
+
+    Nothing is written. About a second of the test itself is run to measure this machine.
+    """
+    comm = world()
+    printer = Printer(json, comm.rank)
+    if scene in CASES and not Path(scene).exists():
+        _plan_case(scene, accuracy, printer)
+        return
+    from .plan_text import as_dict, lines
+    from .preparation import read_scene
+
+    loaded = read_scene(comm, Path(scene))
+    if accuracy is None and loaded.accuracy is None:
+        raise InputError("accuracy is missing, expected one in the scene or --accuracy")
+    from .plan_run import make_plan
+
+    made, cost = make_plan(loaded, loaded.sample.grains if grains is None else grains, comm,
+                           accuracy)  # fmt: skip
+    printer.say(*lines(made, cost))
+    printer.write_json(as_dict(made, cost))
+
+
+def _plan_case(case, accuracy, printer):
+    from .planning import plan_case
+
+    point = plan_case(case, accuracy)
+    printer.summary({
+        "case": case, "accuracy": accuracy, "error": point.error, "choice": point.series,
+        "time of a processor [s]": point.seconds, "command": point.command,
+    })  # fmt: skip
+    printer.write_json(asdict(point) | {"accuracy": accuracy})

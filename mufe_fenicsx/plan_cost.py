@@ -1,0 +1,209 @@
+"""What a test will cost on this machine: a second of its own steps, and what follows from them.
+
+    wall = set-up + steps of seating · t₀ + steps of loading · t₁ + rows and states
+
+A step is measured, and costs as many tetrahedra as it has, and ``PAIR_COST`` for each pair in
+contact. How many pairs come into contact is taken from tests of other samples; how much they
+shorten the stable time step follows from the pairs that are near each other at the start.
+"""
+
+import math
+import time
+from dataclasses import dataclass
+from statistics import median
+
+import numpy as np
+from mpi4py import MPI
+
+from .balance import PAIR_COST
+from .contact.separation import separate
+from .loading import LARGEST_SEATING
+from .memory import peak_memory
+from .plan_errors import PACKING
+from .preparation import bounding_box, load_mesh, make_simulation
+
+#: Pairs nearer than this part of an edge count as closed for the stable step under load: so found
+#: it is within 2 % of that of two tests of sand up to a strain of 0.065. Beyond, new contacts
+#: shorten it, by about so much.
+LOADED, LATE, SHORTER = 0.3, 0.07, 0.78
+#: Pairs in contact over points of contact as loading begins, how that grows with the strain, and
+#: its mean while seating over that: 0.03 to 0.05, 0.3 to 0.7 measured.
+PAIRS, PAIRS_BY_STRAIN, PAIRS_SEATING = 0.05, 0.4, 0.6
+#: Part of the height that a platen travels until the sample is seated: 0.008 to 0.018 measured in
+#: samples of scans. Nothing tells it beforehand.
+SEATING = 0.012
+#: Memory of a tetrahedron with its share of nodes, contact and output [bytes]; what a run holds
+#: beyond what its first steps do.
+TET_MEMORY, MORE_MEMORY = 860.0, 1.02
+#: Bytes of a stored state for each node, tetrahedron and grain; of the mesh; of a checkpoint
+#: over a state; of a row of the history.
+STATE_BYTES, MESH_BYTES, CHECKPOINT, ROW_BYTES = (96, 72, 2000), (24, 45), 1.5, 550
+#: What files are written at [bytes/s], and each state and checkpoint takes besides [s].
+WRITING, STATE_S = 2e8, 0.03
+#: Steps of one measurement.
+BLOCK = 20
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """A second of a scene's own steps."""
+
+    num_ranks: int
+    num_grains: int
+    num_cells: int
+    num_nodes: int
+    height: float  #: of the sample [m]
+    setup_s: float
+    step_s: float  #: time of a step, its share of estimates of the stable step included [s]
+    due: float  #: pairs in contact, or about to be, meanwhile
+    points: float  #: of contact: most pairs that there can be
+    row_s: float  #: of a row of the history [s]
+    time_step: float  #: stable step now, with its factor [s]
+    loaded_step: float  #: the same with all pairs closed that are near [s]
+    tets_step: float  #: that of the tetrahedra alone [s]
+    memory: float  #: of all ranks so far [bytes]
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a test is predicted to take."""
+
+    num_ranks: int
+    num_cells: int
+    num_steps: int
+    time_step: float  #: under load [s]
+    wall_s: float
+    setup_s: float
+    memory_bytes: float  #: of all ranks
+    disk_bytes: float
+    limit: str  #: what limits the time step: "contact" or "elements"
+
+
+def benchmark(scene, grains_folder, comm, seconds=1.0):
+    """Set a scene up and step for about ``seconds``. Collective.
+
+    Returns:
+        :class:`Benchmark`, the same on all ranks.
+    """
+    start = time.perf_counter()
+    mesh = load_mesh(comm, grains_folder, scene.solver.element)
+    sample = scene.sample
+    if sample.separation:
+        separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
+    low, high = bounding_box(mesh)
+    s = make_simulation(scene, mesh, low, high)
+    setup = comm.allreduce(time.perf_counter() - start, op=MPI.MAX)
+    top = s.walls.names.index("z_max")
+    s.walls.velocity[top, 2] = -scene.oedometer.seating_speed
+    blocks = []
+    while sum(blocks) < seconds or len(blocks) < 4:
+        comm.Barrier()
+        begin = time.perf_counter()
+        for _ in range(BLOCK):
+            s.step(everywhere=False)
+        blocks.append(comm.allreduce(time.perf_counter() - begin, op=MPI.MAX))
+    estimate = _timed(comm, s.update_time_step)
+    row = _timed(comm, s.energies)
+    factor = s.time_step_factor
+    margin = LOADED * s.contact.edge
+    loaded = factor * s.stable_step_within(margin)
+    due, points = comm.allreduce(np.array([_due(s), s.contact.points.num_points]))
+    return Benchmark(
+        num_ranks=comm.size,
+        num_grains=int(mesh.labels.size),
+        num_cells=comm.allreduce(mesh.num_cells),
+        num_nodes=comm.allreduce(mesh.num_nodes),
+        height=float(high[2] - low[2]),
+        setup_s=setup,
+        step_s=median(blocks[1:]) / BLOCK + estimate / s.refresh,
+        due=float(due),
+        points=float(points),
+        row_s=row,
+        time_step=s.dt,
+        loaded_step=min(loaded, s.dt),
+        tets_step=factor * s.stable_step_of_tets(),
+        memory=float(peak_memory(comm)),
+    )
+
+
+def _timed(comm, function):
+    comm.Barrier()
+    begin = time.perf_counter()
+    function()
+    return comm.allreduce(time.perf_counter() - begin, op=MPI.MAX)
+
+
+def _due(simulation):
+    """Pairs that the next step looks at. Local."""
+    contact = simulation.contact
+    return sum(int((p.due <= contact.clock).sum()) for p in (contact.pairs, contact.walls.pairs))
+
+
+def predict(scene, measured, finer=1.0, shorter=1.0):
+    """:class:`Cost` of a scene from a measured second of it.
+
+    Args:
+        scene: :class:`~mufe_fenicsx.scene.Scene`.
+        measured: :class:`Benchmark` of it.
+        finer: Tetrahedra over those of the grains that were measured.
+        shorter: Length of edges over theirs: time steps go with it.
+    """
+    o, out, b = scene.oedometer, scene.output, measured
+    first, loaded = (shorter * dt for dt in (b.time_step, b.loaded_step))
+    # A ramp of speed that rises smoothly from rest covers half of the way in its time.
+    seating = (SEATING + 0.5 * o.ramp) * b.height / o.seating_speed
+    seating = min(seating, LARGEST_SEATING * b.height / o.seating_speed)
+    speed = mean_speed(scene)
+    loading = o.strain * b.height / speed
+    late = max(0.0, 1 - LATE / o.strain)
+    steps = seating / min(first, 1.1 * loaded), loading / loaded * (1 - late + late / SHORTER)
+    num_cells, num_nodes = finer * b.num_cells, finer * b.num_nodes
+    step_s = finer * b.step_s
+    state = STATE_BYTES[0] * num_nodes + STATE_BYTES[1] * num_cells + STATE_BYTES[2] * b.num_grains
+    pairs = PAIRS * PAIRS_SEATING, PAIRS + 0.5 * PAIRS_BY_STRAIN * o.strain
+    unit = step_s / (b.num_cells + PAIR_COST * b.due)
+    stepping = sum(
+        n * unit * (b.num_cells + PAIR_COST * part * b.points)
+        for n, part in zip(steps, pairs, strict=True)
+    )
+    checkpoints = 1 + (stepping / out.checkpoint if out.checkpoint else 0)
+    written = state * (out.fields + CHECKPOINT * checkpoints)
+    rows = out.history * (1 + SEATING / o.strain)
+    output = rows * finer * b.row_s + written / WRITING + STATE_S * (out.fields + checkpoints)
+    setup = finer * b.setup_s
+    memory = MORE_MEMORY * b.memory + TET_MEMORY * (num_cells - b.num_cells)
+    return Cost(
+        num_ranks=b.num_ranks,
+        num_cells=round(num_cells),
+        num_steps=round(sum(steps)),
+        time_step=loaded,
+        wall_s=setup + stepping + output,
+        setup_s=setup,
+        memory_bytes=memory,
+        disk_bytes=(
+            state * (out.fields + 2 * CHECKPOINT)
+            + MESH_BYTES[0] * num_nodes + MESH_BYTES[1] * num_cells + rows * ROW_BYTES
+        ),
+        limit="contact" if b.loaded_step < 0.9 * b.tets_step else "elements",
+    )  # fmt: skip
+
+
+def mean_speed(scene):
+    """Speed of the platen while loading [m/s], the strain over the time.
+
+    One that adapts ([quasi_static]) grows with the strain of a linear sample so that kinetic over
+    internal energy keeps its target k, v = strain c √(3k), c the speed of waves through the
+    sample, within its limits (speed_control).
+    """
+    o, wanted = scene.oedometer, scene.quasi_static
+    if wanted is None:
+        return o.speed
+    k = min(wanted.kinetic, wanted.unbalanced / 1.5)
+    strain = o.strain * (np.arange(200) + 0.5) / 200
+    speed = np.maximum(strain, wanted.loaded) * packing_wave_speed(scene) * math.sqrt(3 * k)
+    return float(1 / np.mean(1 / np.clip(speed, wanted.slowest, wanted.fastest)))
+
+
+def packing_wave_speed(scene):
+    """Speed of waves through the loaded sample [m/s], a guess from that of its rock."""
+    return PACKING * scene.material.wave_speed

@@ -1,0 +1,221 @@
+"""What each choice adds to the error of a test, from the table of measured points.
+
+The forces in a packing are off by what its mesh does at the contacts, by the inertia of fast
+loading, by added mass, and by grains that do not deform. The error of a plan is their sum: signs
+are not known beforehand.
+
+- Mesh: that of a single contact in the table, of a ball that flows or of an elastic one, over the
+  elements per contact radius.
+- Inertia: kinetic over internal energy of a linear sample is k = (T/s)²/3 at the time s since its
+  first load, T the time of a wave through it; its platens differ by 3k/2 of the force, their
+  mean by half of that (speed_control). The mean over a course of the time t = r T, weighted by
+  the force, is ln(r)/(2 r²).
+- Added mass, and models of grains: distances of measured points that differ in that alone.
+
+Where grains rearrange, another rounding leads another way: that is not an error of the model, and
+is told apart from it (``path``).
+"""
+
+import itertools
+import math
+from dataclasses import dataclass
+
+from .errors import InputError
+from .evidence import distance, read_points, usable
+
+OEDOMETER = "oedometer"
+#: Grains of its sample.
+GRAINS = 20
+#: Beyond the finest mesh of the table errors are taken to fall with the size of elements, up to so
+#: many times as many elements per radius.
+BEYOND = 2.0
+#: Speed of waves through a loaded packing over that of its rock: measured 0.07 to 0.09 in tests of
+#: sand between strains of 0.01 and 0.1 (travel_time of [quasi_static] in run.json).
+PACKING = 0.08
+#: Least time of loading over that of a wave: before, the sum above says nothing.
+FASTEST = 3.0
+#: Contact radius over the diameter of grains: mean weighted by force in the sand of the
+#: demonstration, which yields, 0.08 to 0.12 between strains of 0.01 and 0.1; of elastic grains
+#: that of balls under this mean stress [Pa].
+PLASTIC_RADIUS, STRESS = 0.1, 10e6
+#: Contacts of a grain, each with its own patch of fine elements.
+CONTACTS = 7
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Error laws of one element and law of contact."""
+
+    mesh: tuple  #: (elements per contact radius, error) from coarse to fine, errors falling
+    cells: tuple  #: (elements per contact radius, tetrahedra of a body with one contact)
+    masses: dict  #: added mass -> (error, time steps without over those with it)
+    fidelities: dict  #: model of the grains -> error against j2
+    path: float  #: distance of two tests of ``GRAINS`` that differ in rounding
+
+    def of_mesh(self, n):
+        """Error at n elements per contact radius; inf where that is coarser than any known."""
+        (coarse, _), (fine, least) = self.mesh[0], self.mesh[-1]
+        if n < coarse * (1 - 1e-9):
+            return math.inf
+        return least * fine / n if n >= fine else between(self.mesh, n)
+
+    def elements_for(self, error):
+        """Fewest elements per contact radius for an error; inf where none are known."""
+        low, high = self.mesh[0][0], BEYOND * self.mesh[-1][0]
+        if error < self.of_mesh(high):
+            return math.inf
+        if self.of_mesh(low) <= error:
+            return low
+        for _ in range(60):
+            middle = math.sqrt(low * high)
+            low, high = (low, middle) if self.of_mesh(middle) <= error else (middle, high)
+        return high
+
+    def cells_of_contact(self, n):
+        """Tetrahedra of a body that is fine at one contact and coarse elsewhere."""
+        fine, most = self.cells[-1]
+        return most * (n / fine) ** 2 if n >= fine else between(self.cells, n)
+
+    def of_path(self, num_grains):
+        """By how much two tests part that differ in rounding: a larger sample averages."""
+        return self.path * math.sqrt(GRAINS / max(num_grains, 1))
+
+
+def of_loading(time):
+    """Error of inertia at a time of loading over that of a wave; inf below ``FASTEST``."""
+    return 0.5 * math.log(time) / time**2 if time >= FASTEST * (1 - 1e-9) else math.inf
+
+
+def time_for(error):
+    """Shortest time of loading, over that of a wave, for an error; inf for none."""
+    if error <= 0:
+        return math.inf
+    low, high = FASTEST, 1e6
+    if of_loading(low) <= error:
+        return low
+    for _ in range(80):
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if of_loading(middle) <= error else (middle, high)
+    return high
+
+
+def contact_radius(material):
+    """Radius of a typical contact over the diameter of its grain, a guess.
+
+    Of elastic balls of the diameter d under the stress σ: a = (3 F R/4E*)^(1/3) with F = σ d²,
+    R = d/4 and E* of two like bodies.
+    """
+    if hasattr(material, "yield_stress"):
+        return PLASTIC_RADIUS
+    return (3 * STRESS / (8 * material.contact_modulus)) ** (1 / 3)
+
+
+def between(pairs, x):
+    """Value at x on straight lines of logarithms; below the first pair that of the first."""
+    if x <= pairs[0][0]:
+        return pairs[0][1]
+    for (a, u), (b, v) in itertools.pairwise(pairs):
+        if x <= b:
+            return u * (v / u) ** (math.log(x / a) / math.log(b / a))
+    return pairs[-1][1]
+
+
+def falling(pairs):
+    """(size, error) pairs from coarse to fine, each error at least that of all finer ones."""
+    worst, found = 0.0, []
+    for n, e in sorted(pairs, reverse=True):
+        worst = max(worst, e)
+        found.append((n, worst))
+    return tuple(reversed(found))
+
+
+#: Parameters of a point that changes nothing but its mesh.
+DEFAULTS = {
+    "element": "averaged", "law": "matched", "fidelity": "j2", "time_step": "assembled",
+    "added_mass": "0", "loading": "1", "time_step_factor": "0.9", "integrator": "explicit",
+}  # fmt: skip
+
+
+def sample_errors(points=None, element="averaged", law="matched", yields=True):
+    """The :class:`Errors` of an element and a law of contact, for rock that yields or does not.
+
+    Raises:
+        InputError: The table does not have the computations that are needed.
+    """
+    points = read_points() if points is None else points
+    case = "plastic-sphere" if yields else "hertz"
+    own = usable(points, case)
+    base, mesh = _select(own), _select(own, element=element)
+    if len(mesh) < 2 or not base:
+        raise InputError(
+            f'solver.element = "{element}", expected one of which the table of points has meshes '
+            f"of {case}: run `mufe chart {case}`"
+        )
+    factor = 1.0
+    if law != "matched":
+        pairs = list(_beside(_select(own, law=law), base))
+        if not pairs:
+            raise InputError(f'law of contact "{law}", expected one of which the table has {case}')
+        factor = max(p.error / q.error for p, q in pairs)
+    masses = {0.0: (0.0, 1.0)}
+    for added in ("0.01", "0.05"):
+        pairs = list(_beside(_select(own, added_mass=added), base))
+        if pairs:
+            masses[float(added)] = (
+                min(abs(p.error - q.error) for p, q in pairs),
+                min(q.num_steps / p.num_steps for p, q in pairs),
+            )
+    grains = [p for p in usable(points, OEDOMETER) if p.curve]
+    fidelities = {"j2": 0.0, "elastic": 0.0}
+    for name in ("rigid", "auto"):
+        pairs = list(_beside(_select(grains, fidelity=name), _select(grains)))
+        if pairs:
+            fidelities[name] = max(distance(p.curve, q.curve) for p, q in pairs)
+    others = [p for p in grains if "time_step_factor" in p.parameters]
+    return Errors(
+        mesh=falling((_size(p), factor * p.error) for p in mesh),
+        cells=tuple(sorted((_size(p), p.num_cells) for p in base)),
+        masses=masses,
+        fidelities=fidelities,
+        path=max(
+            (distance(p.curve, q.curve) for p, q in _beside(others, _select(grains))), default=0.0
+        ),
+    )
+
+
+def _select(points, **wanted):
+    """Points that differ from ``DEFAULTS`` in the mesh and in what is wanted alone."""
+    wanted = DEFAULTS | wanted
+    return [p for p in points
+            if all(p.parameters.get(k, DEFAULTS[k]) == v for k, v in wanted.items())]  # fmt: skip
+
+
+def _size(point):
+    """Its parameter of the mesh."""
+    own = point.parameters
+    return float(own.get("elements_per_radius", own.get("element_size", "nan")))
+
+
+def _beside(points, others):
+    """Pairs of points on the same mesh."""
+    return ((p, q) for p in points for q in others if _size(p) == _size(q))
+
+
+def best_law(points=None, yields=True):
+    """Law of contact whose error on the meshes they share is least, the cheapest within 10 %."""
+    points = read_points() if points is None else points
+    own = usable(points, "plastic-sphere" if yields else "hertz")
+    laws = {law: _select(own, law=law) for law in ("matched", "stiff", "kinematic", "nodes")}
+    laws = {law: some for law, some in laws.items() if some}
+    sizes = [{_size(p) for p in some} for some in laws.values()]
+    shared = set.intersection(*sizes) if sizes else set()
+    if not shared:
+        return "matched"
+    laws = {law: [p for p in some if _size(p) in shared] for law, some in laws.items()}
+    worst = {
+        law: (max(p.error for p in some), sum(p.seconds for p in some))
+        for law, some in laws.items()
+    }
+    least = min(error for error, _ in worst.values())
+    good = {law: cost for law, (error, cost) in worst.items() if error <= 1.1 * least}
+    return min(good, key=good.get)

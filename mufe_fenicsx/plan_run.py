@@ -1,0 +1,54 @@
+"""A plan made on all ranks, followed by a run, and what came of its predictions."""
+
+import gc
+
+from .errors import InputError
+from .output.run_folder import raise_together
+from .plan_cost import benchmark, predict
+from .plan_text import brief
+from .planning import follow, plan_scene, read_sample
+
+
+def make_plan(scene, grains, comm, accuracy=None, keep_mesh=False, measure=True):
+    """The plan of a scene and its cost here. Collective.
+
+    Args:
+        scene: :class:`~mufe_fenicsx.scene.Scene`.
+        grains: Folder that `mufe mesh` wrote.
+        comm: MPI communicator.
+        accuracy: Wanted; None: the scene's.
+        keep_mesh: The grains have to do as they are.
+        measure: Measure this machine; without, the cost is None.
+
+    Returns:
+        :class:`~.planning.Plan` and :class:`~.plan_cost.Cost`, the same on all ranks.
+
+    Raises:
+        InputError: No plan meets the accuracy; on all ranks.
+    """
+    made, sample, message = None, None, None
+    if comm.rank == 0:
+        try:
+            sample = read_sample(grains)
+            made = plan_scene(scene, sample, accuracy, keep_mesh=keep_mesh)
+        except InputError as error:
+            message = str(error)
+    raise_together(comm, message)
+    made, sample = comm.bcast((made, sample))
+    if not measure:
+        return made, None
+    planned = follow(scene, made)
+    measured = benchmark(planned, grains, comm)
+    gc.collect()  # what was measured refers to itself
+    return made, predict(planned, measured, made.tets / sample.tets, made.size / sample.size)
+
+
+def planned_scene(scene, grains, comm, measure=True):
+    """The scene that a run follows, and what is kept of its plan. Collective.
+
+    Returns:
+        The scene as planned, and a function of the summary of the finished run that gives
+        {"plan": …} with a line of predicted and actual cost.
+    """
+    made, cost = make_plan(scene, grains, comm, keep_mesh=True, measure=measure)
+    return follow(scene, made), lambda summary: brief(made, cost, summary)

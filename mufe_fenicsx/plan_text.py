@@ -1,0 +1,82 @@
+"""A plan in words and as plain values."""
+
+from dataclasses import asdict
+
+
+def lines(plan, cost):
+    """Lines that tell a plan and its cost; ``cost`` may be None."""
+    model = ", ".join(f"{len(labels)} grains {name}" for name, labels in plan.fidelity.items())
+    parts = ", ".join(f"{name} {percent(part)}" for name, part in plan.parts.items() if part)
+    edges = f"{1e6 * plan.size:.3g} um near contacts, {1e6 * plan.inner_size:.3g} um inside"
+    grains = "mesh the grains again so" if plan.mesh_again else "the grains as they are"
+    rows = [
+        ("accuracy", percent(plan.accuracy)),
+        ("expected error", f"{percent(plan.error)} of forces: {parts}"),
+        (
+            "path",
+            f"two such tests that differ in rounding alone part by about {percent(plan.path)}",
+        ),
+        ("model", f"{model}; solver.element = {plan.element}"),
+        (
+            "mesh",
+            f"{plan.elements_per_radius:.2g} elements per contact radius, edges of {edges}, "
+            f"{plan.tets:.0f} tetrahedra a grain: {grains}",
+        ),
+        *((key, _value(value)) for key, value in plan.settings.items()),
+    ]
+    if cost is not None:
+        rows += [
+            ("size", f"{cost.num_cells} tetrahedra, {cost.num_steps} steps of "
+                     f"{1e9 * cost.time_step:.3g} ns (limited by the {cost.limit})"),
+            ("cost", f"{duration(cost.wall_s)}, {bytes_of(cost.memory_bytes)} of memory, "
+                     f"{bytes_of(cost.disk_bytes)} on disk, on {cost.num_ranks} "
+                     f"{'rank' if cost.num_ranks == 1 else 'ranks'} here"),
+        ]  # fmt: skip
+    rows.append(("what costs most", plan.driver))
+    width = max(len(name) for name, _ in rows)
+    return [
+        *(f"{name:{width}}  {text}" for name, text in rows),
+        "not known beforehand:",
+        *(f"- {text}" for text in plan.unknown),
+    ]
+
+
+def as_dict(plan, cost):
+    """Plain values for JSON."""
+    return asdict(plan) | {"predicted": None if cost is None else asdict(cost)}
+
+
+def brief(plan, cost, summary):
+    """{"plan": …, "plan_line": …} for the summary of a run that followed a plan."""
+    done = {"accuracy": plan.accuracy, "error": plan.error, "settings": plan.settings}
+    if cost is None:
+        return {"plan": done}
+    wall, memory = summary["wall_s"], summary["peak_memory_bytes"]
+    text = (
+        f"predicted {duration(cost.wall_s)}, {cost.num_steps} steps, "
+        f"{bytes_of(cost.memory_bytes)}; actual {duration(wall)}, {summary['num_steps']} steps, "
+        f"{bytes_of(memory)}"
+    )
+    return {"plan": done | {"predicted": asdict(cost)}, "predicted_and_actual": text}
+
+
+def percent(value):
+    return f"{100 * value:.2g} %"
+
+
+def duration(seconds):
+    """A time in the unit that it is handy in."""
+    for limit, factor, unit in ((120, 1, "s"), (7200, 60, "min"), (float("inf"), 3600, "h")):
+        if seconds < limit:
+            return f"{seconds / factor:.3g} {unit}"
+    return "not known"
+
+
+def bytes_of(number):
+    """A size of memory."""
+    factor, unit = (1e9, "GB") if number >= 1e9 else (1e6, "MB")
+    return f"{number / factor:.3g} {unit}"
+
+
+def _value(value):
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,283 @@
+"""The arithmetic of charts and plans, by hand; what the stored table says; what is refused."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx import evidence
+from mufe_fenicsx.cli import main
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.evidence import Point, cheapest, command_of, cost_at, pareto
+from mufe_fenicsx.geometry.grains import save_grains
+from mufe_fenicsx.materials.j2 import J2
+from mufe_fenicsx.materials.rigid import Rigid
+from mufe_fenicsx.plan_cost import (
+    LATE,
+    PAIR_COST,
+    PAIRS,
+    PAIRS_BY_STRAIN,
+    PAIRS_SEATING,
+    SEATING,
+    TET_MEMORY,
+    Benchmark,
+    predict,
+)
+from mufe_fenicsx.plan_errors import GRAINS, falling, of_loading, sample_errors, time_for
+from mufe_fenicsx.plan_run import planned_scene
+from mufe_fenicsx.planning import Sample, follow, plan_case, plan_scene
+from mufe_fenicsx.run import run_scene
+from mufe_fenicsx.scene import Contact, MassScaling, Oedometer, Output, Scene, Solver, load_scene
+from mufe_fenicsx.verification.cases import run_cases
+from tests.bodies import packed_grains
+
+ROCK = {"E": 100e9, "nu": 0.15, "rho": 2650.0}
+J2_ROCK = J2(**ROCK, yield_stress=((0.0, 10e6), (0.05, 110e6)))
+
+
+def point(error, seconds, case="hertz", series="averaged", curve=(), cells=20000, **parameters):
+    command = command_of(case, parameters)
+    return Point(case, series, error, seconds, 1e6 * seconds, cells, 100, "done", command, curve)
+
+
+def test_front_of_the_best():
+    """Of five points three are beaten by none: 1 s 10 %, 2 s 4 %, 8 s 1 %."""
+    a, b, c, d, e = (point(*v) for v in [(0.1, 1), (0.12, 1.5), (0.04, 2), (0.05, 3), (0.01, 8)])
+    assert pareto([d, e, b, c, a]) == [a, c, e]
+    assert cheapest([a, b, c, d, e], 0.05) is c
+    assert cheapest([a, b, c, d, e], 0.005) is None
+
+
+def test_cost_at_an_error_lies_on_a_straight_line_of_logarithms():
+    """Error 0.1 to 0.01 while cost grows 1 to 100: at 0.0316 it is 10, and no more is known."""
+    points = [point(0.1, 1.0), point(0.01, 100.0)]
+    assert cost_at(points, 10**-1.5) == pytest.approx(10.0, rel=1e-12)
+    assert math.isnan(cost_at(points, 0.005)) and cost_at(points, 0.5) == 1.0
+
+
+def test_a_table_gives_back_its_points(tmp_path):
+    wanted = [point(0.125, 2.0, "oedometer", curve=(1.0, 2.5), element="p1", element_size=0.5)]
+    evidence.write_points(tmp_path / "t.csv", wanted)
+    assert evidence.read_points(tmp_path / "t.csv") == wanted
+    assert wanted[0].parameters == {"element": "p1", "element_size": "0.5"}
+
+
+def test_error_of_inertia():
+    """ln(r)/(2 r²): 0.0115 at ten times the time of a wave; and back."""
+    assert of_loading(10.0) == pytest.approx(0.5 * math.log(10) / 100, rel=1e-12)
+    assert time_for(of_loading(10.0)) == pytest.approx(10.0, rel=1e-9)
+    assert math.isinf(of_loading(2.0)) and math.isinf(time_for(0.0))
+
+
+def test_the_mean_error_of_inertia_is_that_of_its_course():
+    """Weighted by a force that grows with the time s: error (T/s)²/4 from s = T on."""
+    s = np.linspace(1.0, 10.0, 200001)
+    mean = np.trapezoid(0.25 / s**2 * s, s) / np.trapezoid(np.linspace(0, 10, 3), dx=5.0)
+    assert of_loading(10.0) == pytest.approx(mean, rel=1e-6)
+
+
+def test_an_error_that_happens_to_vanish_does_not_count():
+    assert falling([(10, 0.2), (20, 0.01), (40, 0.05)]) == ((10, 0.2), (20, 0.05), (40, 0.05))
+
+
+def course(error):
+    """Stress at eight parts of the strain that is off by a part everywhere."""
+    return tuple(1e6 * k * (1 + error) for k in range(1, 9))
+
+
+@pytest.fixture
+def table():
+    """Errors that are known: mesh 32, 8, 2 %; 1 % of mass 0.5 %; rigid 50 %; rounding 0.2 %."""
+
+    def of(error, n, **parameters):
+        return point(error, 1.0, "plastic-sphere", cells=round(500 * n**2),
+                     elements_per_radius=n, **parameters)  # fmt: skip
+
+    def grains(error, **parameters):
+        return point(error, 1.0, "oedometer", curve=course(error), element_size=0.5, **parameters)
+
+    return [
+        *(of(e, n) for e, n in ((0.32, 0.5), (0.08, 1.0), (0.02, 2.0))),
+        *(of(e, n, element="p1") for e, n in ((0.6, 0.5), (0.3, 1.0), (0.15, 2.0))),
+        of(0.085, 1.0, added_mass=0.01),
+        grains(0.0), grains(0.5, fidelity="rigid"), grains(0.002, time_step_factor=0.85),
+    ]  # fmt: skip
+
+
+def scene(material=J2_ROCK, **more):
+    return Scene(material, Contact(0.23), Oedometer(0.1, 1.0), **more)
+
+
+def sample(n, num_grains=500):
+    """Grains of 0.2 mm, 1000 tetrahedra each, n elements per contact radius of 20 um."""
+    labels = tuple(range(1, num_grains + 1))
+    return Sample("grains", labels, num_grains * 1000, 20e-6 / n, 200e-6)
+
+
+def test_errors_follow_from_the_table(table):
+    errors = sample_errors(table)
+    assert errors.of_mesh(1.0) == pytest.approx(0.08)
+    # Half-way in logarithms between 8 and 2 %.
+    assert errors.of_mesh(math.sqrt(2)) == pytest.approx(0.04)
+    assert errors.of_mesh(4.0) == pytest.approx(0.01)  # beyond: with the length of edges
+    assert math.isinf(errors.of_mesh(0.4)) and math.isinf(errors.elements_for(0.009))
+    assert errors.elements_for(0.04) == pytest.approx(math.sqrt(2), rel=1e-6)
+    assert errors.masses[0.01] == pytest.approx((0.005, 1.0))
+    assert errors.fidelities["rigid"] == pytest.approx(0.5)
+    assert errors.of_path(4 * GRAINS) == pytest.approx(0.001)
+    assert sample_errors(table, "p1").of_mesh(1.0) == pytest.approx(0.3)
+
+
+def test_meshes_for_a_contact(table):
+    """Even edges at half the length: eight times as many; or patches, 7 x 500 n²."""
+    errors, grains = sample_errors(table), sample(0.5)
+    assert grains.mesh_for(0.25, 0.1, errors) == pytest.approx((80e-6, 80e-6, 125))
+    assert grains.mesh_for(1.0, 0.1, errors) == pytest.approx((20e-6, 40e-6, 1000 + 3500))
+    even = sample(0.9).mesh_for(1.0, 0.1, errors)
+    assert even == pytest.approx((20e-6, 20e-6, 1000 / 0.9**3))
+
+
+def test_a_plan_keeps_what_it_promises_and_finer_is_never_cheaper(table):
+    costs = []
+    for accuracy in (0.3, 0.12, 0.06, 0.03):
+        plan = plan_scene(scene(), sample(0.5), accuracy, table)
+        assert plan.error == pytest.approx(sum(plan.parts.values())) and plan.error <= accuracy
+        speed = plan.settings["oedometer.speed"]
+        costs.append(plan.tets / plan.size / speed)
+        assert follow(scene(), plan).oedometer.speed == speed
+    assert costs == sorted(costs)
+
+
+def test_a_plan_is_near_the_cheapest_of_all_by_brute_force(table):
+    """Cost n t/h over a fine grid of meshes and times that meet the accuracy."""
+    errors = sample_errors(table)
+    accuracy, grains = 0.06, sample(0.5)
+    plan = plan_scene(scene(), grains, accuracy, table)
+
+    def cost(n, t):
+        size, _, tets = grains.mesh_for(n, 0.1, errors)
+        return tets / size * t
+
+    best = min(
+        cost(n, t)
+        for n in [0.5 * 1.02**k for k in range(104)]
+        for t in [3 * 1.02**k for k in range(200)]
+        if errors.of_mesh(n) + of_loading(t) <= accuracy
+    )
+    found = cost(plan.elements_per_radius, time_for(plan.parts["loading"]))
+    assert found <= 1.05 * best
+
+
+def test_what_cannot_be_reached_is_refused_with_what_would(table):
+    with pytest.raises(InputError, match=r'500 grains rigid.*"j2" would do'):
+        plan_scene(scene(Rigid(**ROCK)), sample(1), 0.05, table + hertz_table(table))
+    with pytest.raises(InputError, match=r"and not 1 \(error about 0.08\).*mesh.size = "):
+        plan_scene(scene(), sample(1), 0.05, table, keep_mesh=True)
+    with pytest.raises(InputError, match=r"accuracy = 0.004, expected more than 0.014"):
+        plan_scene(scene(), sample(1), 0.004, table)
+    with pytest.raises(InputError, match=r"added = 0.5, expected at most 0.01"):
+        plan_scene(scene(mass_scaling=MassScaling(0.5)), sample(1), 0.1, table)
+    with pytest.raises(InputError, match=r'element = "composite", expected one of which'):
+        plan_scene(scene(solver=Solver(element="composite")), sample(1), 0.1, table)
+
+
+def hertz_table(table):
+    """The same errors for elastic contacts."""
+    return [replace(p, case="hertz") for p in table if p.case == "plastic-sphere"]
+
+
+def test_cost_by_hand():
+    """A way of 0.1 mm at 1 m/s and 0.5 ns a step, and that of seating; twice as fine a mesh."""
+    points = 2000.0
+    due = PAIRS * points  # as many as the loading begins with
+    b = Benchmark(1, 10, 10000, 3000, 1e-3, 2.0, 1e-3, due, points, 0.0, 1e-9, 0.5e-9, 1e-9, 4e8)
+    s = Scene(J2_ROCK, Contact(0.23), Oedometer(LATE, 1.0, ramp=0.005))
+    seating = (SEATING + 0.0025) * 1e-3 / (1.1 * 0.5e-9)
+    loading = LATE * 1e-3 / 0.5e-9
+    cost = predict(s, b)
+    assert cost.num_steps == pytest.approx(seating + loading, abs=2)
+    work = 10000 + PAIR_COST * due
+    more = (work + PAIR_COST * 0.5 * PAIRS_BY_STRAIN * LATE * points) / work
+    less = (10000 + PAIR_COST * PAIRS_SEATING * due) / work
+    # States and rows: less than a second.
+    assert cost.wall_s == pytest.approx(2.0 + 1e-3 * (seating * less + loading * more), abs=1.0)
+    assert cost.limit == "contact"
+    finer = predict(s, b, finer=8.0, shorter=0.5)
+    assert finer.num_steps == pytest.approx(2 * cost.num_steps, rel=1e-4)
+    assert finer.wall_s == pytest.approx(16 * (cost.wall_s - 2.0) + 16, rel=0.03)
+    assert finer.memory_bytes - cost.memory_bytes == pytest.approx(70_000 * TET_MEMORY)
+
+
+def test_the_stored_table_repeats():
+    """A cheap point's command gives its stored error again: nothing random, to rounding."""
+    stored = evidence.read_points()
+    point = next(p for p in stored if p.case == "impact" and p.series == "rigid")
+    (answer,) = run_cases(["impact-point"], _typed(point.parameters), MPI.COMM_SELF)
+    # Different processors round differently; impacts of rigid balls do not amplify that.
+    assert answer["results"]["error"]["computed"] == pytest.approx(point.error, rel=1e-3)
+
+
+def _typed(parameters):
+    found = {}
+    for key, text in parameters.items():
+        try:
+            found[key] = float(text)
+        except ValueError:
+            found[key] = text
+    return found
+
+
+@pytest.mark.parametrize("case", ["hertz", "mindlin", "impact", "plastic-sphere", "oedometer"])
+def test_stored_points_plan_their_cases(case):
+    """Finer is never cheaper, and nothing that was measured is cheaper than what is chosen."""
+    stored = evidence.usable(evidence.read_points(), case)
+    best = min(p.error for p in stored)
+    coarse, fine = plan_case(case, min(3 * best, 0.9)), plan_case(case, 1.1 * best)
+    assert fine.error <= 1.1 * best and coarse.seconds <= fine.seconds
+    assert fine.seconds == min(p.seconds for p in stored if p.error <= 1.1 * best)
+    with pytest.raises(InputError, match="accuracy = 1e-06, expected at least"):
+        plan_case(case, 1e-6)
+
+
+@pytest.mark.mpi
+def test_a_run_follows_its_plan_and_tells_what_was_predicted(tmp_path_factory):
+    comm = MPI.COMM_WORLD
+    folder = comm.bcast(tmp_path_factory.mktemp("plan") if comm.rank == 0 else None)
+    if comm.rank == 0:
+        save_grains(folder / "grains", packed_grains((2, 2, 1)))
+    comm.Barrier()
+    wanted = Scene(
+        J2_ROCK, Contact(0.23), Oedometer(0.01, 1.0, seating_stress=1e4, seating_speed=20.0),
+        output=Output(fields=3, history=21), accuracy=0.6,
+    )  # fmt: skip
+    planned, after = planned_scene(wanted, folder / "grains", comm)
+    result = run_scene(planned, folder / "grains", folder / "out", comm, quiet=True, after=after)
+    stored = load_scene(folder / "out" / "scene.toml")
+    for dotted, value in result["plan"]["settings"].items():
+        table, key = dotted.split(".")
+        assert getattr(getattr(stored, table), key) == value
+    assert stored.accuracy == 0.6
+    line = result["predicted_and_actual"]
+    assert line.startswith("predicted ") and f"actual {result['wall_s']:.3g} s" in line
+    # Balls in a lattice stiffen the step as they load; a machine at work makes clocks useless.
+    predicted = result["plan"]["predicted"]
+    assert 0.5 < predicted["num_steps"] / result["num_steps"] < 2
+    assert 0.7 < predicted["memory_bytes"] / result["peak_memory_bytes"] < 1.3
+    # The plan of the planned scene is itself: a run that goes on finds the same.
+    again, _ = planned_scene(stored, folder / "grains", comm, measure=False)
+    assert again == stored
+
+
+def test_mufe_plan_of_a_case(capfd):
+    with pytest.raises(SystemExit) as end:
+        main(["plan", "impact", "--accuracy", "0.05", "--json", "-"])
+    assert end.value.code == 0
+    found = json.loads(capfd.readouterr().out)
+    assert found["error"] <= 0.05 and found["command"].startswith("mufe verify impact-point")
+    with pytest.raises(SystemExit) as end:
+        main(["plan", "hertz", "--accuracy", "1.5"])
+    assert end.value.code == 2
+    assert "accuracy = 1.5, expected 0 < accuracy < 1" in capfd.readouterr().err
