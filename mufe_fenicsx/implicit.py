@@ -24,9 +24,11 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from .contact.augmented import Augmentation
 from .contact.rewind import ContactMark
 from .contact.tangent import ContactTangent
 from .errors import InputError, SolverError
+from .integrators.broyden import Broyden
 from .integrators.generalized_alpha import GeneralizedAlpha
 from .integrators.newton import Newton
 from .kernels.blocks import project_blocks, project_pairs
@@ -43,6 +45,8 @@ FEW, SOME, MANY = 0.25, 0.5, 0.75
 LONGER, LITTLE_LONGER, SHORTER, FAILED = 1.5, 1.2, 0.7, 0.4
 #: Searches within one increment.
 MAX_SEARCHES = 6
+#: Force of a wall that is held at one, less its target, over it.
+SERVO_TOLERANCE = 1e-3
 #: A residual that is none, over E* times the square of an edge.
 NO_FORCE = 1e-9
 
@@ -51,8 +55,9 @@ class ImplicitSimulation(Simulation):
     """As :class:`~mufe_fenicsx.simulation.Simulation`, by implicit increments. Collective.
 
     Args:
-        mesh, materials, walls, options: Of the explicit simulation; no rigid grains, no servo, no
-            kinematic law, no mass scaling. Damping acts in dynamics only.
+        mesh, materials, walls, options: Of the explicit simulation; no rigid grains, no
+            kinematic law, no mass scaling. Damping acts in dynamics only. Walls held at a
+            force, in static increments only, move within each until they carry it.
         first_step: Length of the first increment [s].
         smallest_step, largest_step: Bounds of the length [s]; None: 1e-4 of and 4 times the first.
         spectral_radius: Of :class:`~.integrators.generalized_alpha.GeneralizedAlpha`; None for
@@ -64,11 +69,18 @@ class ImplicitSimulation(Simulation):
         petsc: Further options of PETSc, without the prefix ``mufe_``.
         held: Pairs (nodes of this rank, unit vector (3,)): displacements along the vector are
             those of :attr:`prescribed` at these nodes.
+        gap_tolerance: Of static increments with exact gaps (contact.augmented): largest distance
+            of a closed contact from its gap, over the mean facet edge; None: layers stay.
+        max_augmentations: Times that multipliers are renewed in an increment, at most.
+
+    Raises:
+        InputError: What cannot be used; see the arguments.
 
     Attributes:
         prescribed: Displacements of held nodes in the next increment [m], (num_nodes, 3).
         report: Of each increment since the start: (time, length [s], Newton iterations, linear
-            iterations, residual at the last three iterations).
+            iterations, residual at the last three iterations); those of the last augmentation.
+        augmentations: Of each increment with exact gaps: (how many, largest distance left [m]).
     """
 
     def __init__(
@@ -87,6 +99,8 @@ class ImplicitSimulation(Simulation):
         linear_solver=None,
         petsc=None,
         held=(),
+        gap_tolerance=None,
+        max_augmentations=30,
         **options,
     ):
         self.first_step = float(first_step)
@@ -99,16 +113,22 @@ class ImplicitSimulation(Simulation):
             )
         self.method = None if spectral_radius is None else GeneralizedAlpha(spectral_radius)
         self.stabilisation = 0.0 if self.method else float(stabilisation)
+        if gap_tolerance is not None and self.method:
+            raise InputError(
+                f"gap_tolerance = {gap_tolerance}, expected none for dynamics: augmentations "
+                "belong to static increments"
+            )
         super().__init__(mesh, materials, walls, **options)
         if self._any_rigid:
             raise InputError("rigid grains, expected deformable ones for an implicit solver")
-        if self.walls.has_servo:
+        if self.walls.has_servo and self.method:
             raise InputError(
-                "a wall is held at a force, expected walls at rest or moving for increments"
+                "a wall is held at a force, expected walls at rest or moving for dynamic increments"
             )
         if self.scaling is not None:
             raise InputError("[mass_scaling] is given, expected none for an implicit solver")
         self.held = [(np.asarray(nodes), np.asarray(d, float)) for nodes, d in held]
+        self.held += self.mirrors.held()
         self.prescribed = np.zeros_like(mesh.x)
         self._contact_tangent = ContactTangent(self.contact, mesh)
         self._u0 = fem.Function(mesh.V)
@@ -117,12 +137,24 @@ class ImplicitSimulation(Simulation):
             mesh, self._tangent.offset, self._tangent.columns, "mufe_", linear_solver, petsc
         )
         self._make_projector()
+        self._exact = None if gap_tolerance is None else Augmentation(self.contact)
+        self._gap_tolerance = (gap_tolerance or 0.0) * self.contact.edge
+        self._max_augmentations = max_augmentations
+        self.augmentations = []
+        self._unmet = ""  # what an increment with exact gaps fell short of
         modulus = self.solid.contact_modulus
         floor = self.comm.allreduce(float(modulus.max(initial=0.0)), op=MPI.MAX)
         self._newton = Newton(
             self.system, self._residual, self._set_tangent, "mufe_", tolerance,
             NO_FORCE * floor * self.contact.edge**2 / tolerance, max_iterations,
         )  # fmt: skip
+        self._servo = np.array([w.target is not None for w in self.walls.walls], dtype=bool)
+        held = [wall for wall in self.walls.walls if wall.target is not None]
+        self._target = np.array([wall.target for wall in held])
+        self._fastest = np.array([wall.speed for wall in held])
+        # As the servo of time steps: at full speed while nothing presses on it.
+        slope = self._target / (self._fastest * self.first_step)
+        self._secant = Broyden(slope, SERVO_TOLERANCE * self._target) if held else None
         self._stiffness = self._share_of_stiffness()
         self._drag = self.stabilisation * self.first_step * self._stiffness
         self._last = None  # displacement of the last increment, its length, motion of its walls
@@ -200,7 +232,7 @@ class ImplicitSimulation(Simulation):
         """
         for tries in itertools.count(1):
             dt = self.dt
-            if self._increment(dt):
+            if self._increment(dt) if self._secant is None else self._balance(dt):
                 break
             self.num_failed += 1
             if tries > 1:  # perhaps it is the guess
@@ -221,6 +253,30 @@ class ImplicitSimulation(Simulation):
             self.dt = max(SHORTER * dt, self.smallest_step)
         self.check()
 
+    def _balance(self, dt):
+        """One increment at whose end walls carry their targets, or move at their full speed."""
+        s, walls, servo = self.state, self.walls, self._servo
+        normal, before = walls.normal[servo], None
+        keep = (s.t, s.dt, s.num_steps, self.damped, len(self.report), len(self.augmentations))
+
+        def excess(way):
+            nonlocal before
+            if before is not None:
+                self._rewind()
+                s.t, s.dt, s.num_steps, self.damped = keep[:4]
+                del self.report[keep[4] :], self.augmentations[keep[5] :]
+            walls.velocity[servo] = (way / dt)[:, None] * normal
+            before = way if self._increment(dt) else None
+            return None if before is None else self.wall_forces()[servo] - self._target
+
+        found = self._secant(excess, self.wall_forces()[servo] - self._target, self._fastest * dt)
+        if found is None and before is not None:
+            self._rewind()
+            s.t, s.dt, s.num_steps, self.damped = keep[:4]
+            del self.report[keep[4] :], self.augmentations[keep[5] :]
+            self._reason = f"walls not at their forces after {self._secant.num_evaluations} trials"
+        return found is not None
+
     def _increment(self, dt):
         """One increment of length ``dt``; whether it converged. The state stays where not."""
         s, walls = self.state, self.walls
@@ -230,16 +286,20 @@ class ImplicitSimulation(Simulation):
         for _ in range(MAX_SEARCHES):
             self._too_far = 0.0
             found = self._newton(guess)
+            if self._exact:
+                found = self._augment(found)
             if found is not None or not self._too_far:
                 break
             self._search(4.0 * self._too_far)
         if found is None:
-            self._reason = (
+            self._reason = self._unmet or (
                 f"{self._newton.num_iterations} iterations, residual "
                 f"{min(self._newton.history, default=math.nan):.1e} of the internal forces"
             )
             self._rewind()
             return False
+        if self._exact:
+            self.damped += self._exact.end(self._mark)
         self._finish(found, dt)
         history = self._newton.history
         self.report.append(
@@ -247,6 +307,26 @@ class ImplicitSimulation(Simulation):
         )
         walls.add_work()
         return True
+
+    def _augment(self, found):
+        """From the equilibrium ``found`` to one with exact gaps; None where there is none."""
+        count = 0
+        self._unmet = ""
+        while found is not None:
+            left = self._exact.depth()
+            if left <= self._gap_tolerance:
+                self.augmentations.append((count, left))
+                break
+            if count == self._max_augmentations:
+                self._unmet = (
+                    f"{count} augmentations, {left:.1e} m from the exact gap, wanted "
+                    f"{self._gap_tolerance:.1e} m"
+                )
+                return None
+            self._exact.update(self._mark)
+            found = self._newton(found)
+            count += 1
+        return found
 
     def _begin(self, dt):
         """Keep the state, and move walls and what is prescribed."""
@@ -262,6 +342,8 @@ class ImplicitSimulation(Simulation):
         self._dt = dt
         self._u0.x.array[:] = s.u.ravel()
         self._wall_move = walls.move(dt)
+        if self._exact:
+            self._exact.begin()
         # Anchors on walls that turned have gone along.
         self._mark = ContactMark(self.contact)
         walls.add_work()
@@ -281,7 +363,11 @@ class ImplicitSimulation(Simulation):
         """Pairs anew at the start of the increment, for motions of ``ahead`` [m]."""
         self._mark.restore()
         x0 = self._start_state["x"]
+        if self._exact:
+            self._exact.cancel()
         self.contact.search(x0, ahead=ahead)
+        if self._exact:
+            self._exact.begin()
         self._reach = self.contact.searched_at + max(self.contact.skin, ahead)
         self._mark = ContactMark(self.contact)
         self.system.forget()
@@ -340,6 +426,7 @@ class ImplicitSimulation(Simulation):
         contact.receive()
         contact.evaluate(f)
         self.bonded.take_forces(f, s.v, s.x)
+        self.mirrors.take_forces(f, s.x)
         if method:
             a1 = method.acceleration(du, start["v"], start["a"], dt)
             v1 = method.velocity(a1, start["v"], start["a"], dt)
@@ -417,6 +504,8 @@ class ImplicitSimulation(Simulation):
         """Back to the start of the increment."""
         s, walls = self.state, self.walls
         self._mark.restore()
+        if self._exact:
+            self._exact.cancel()
         walls.turn_back()
         for name, values in self._start_state.items():
             getattr(s, name)[:] = values

@@ -108,6 +108,10 @@ def _first_difference(old, new):
         if is_free or new.get(key) == old.get(key):
             continue
         return f"{key} = {new.get(key, 'not set')}, was {old.get(key, 'not set')}"
+    # With exact gaps no layer of a contact is pressed: time steps would begin without forces.
+    key = "implicit.gap_tolerance"
+    if key in old and new.get("solver.integrator") == "explicit":
+        return f'solver.integrator = "explicit", was "static" with {key} = {old[key]}'
     return None
 
 

@@ -85,6 +85,7 @@ def make_walls(scene, low, high):
                 velocity=settings.velocity * normal,
                 target=None if not settings.stress else settings.stress * area,
                 speed=settings.speed or 0.0,
+                mirror=settings.mirror,
             )
         )
     return walls
@@ -144,6 +145,8 @@ def _increments(scene, height, shorter):
         "stabilisation": settings.stabilisation,
         "tolerance": settings.tolerance,
         "max_iterations": settings.max_iterations,
+        "gap_tolerance": settings.gap_tolerance,
+        "max_augmentations": settings.max_augmentations,
         "linear_solver": settings.linear_solver,
         "petsc": settings.petsc_options(),
     }

@@ -9,6 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from .balance import better_partition
+from .contact.mirrors import check_mirrors
 from .contact.separation import separate
 from .errors import InputError, Interrupted, SolverError, UnstableError
 from .loading import OedometerLoading
@@ -23,7 +24,7 @@ from .output.run_folder import (
     write_atomically,
     write_run_json,
 )
-from .preparation import bounding_box, load_mesh, make_simulation
+from .preparation import bounding_box, load_mesh, make_simulation, make_walls
 from .profile import Profile
 from .recorder import Recorder
 from .recovery import Recovery
@@ -81,7 +82,9 @@ def run_scene(
         started -= checkpoint.header["wall_s"]
     partition = checkpoint and _partition(checkpoint, comm)
     mesh = load_mesh(comm, grains_folder, scene.solver.element, partition)
-    scene.materials_of(mesh.labels[mesh.grains], mesh.labels)  # refused before anything is written
+    # Refused before anything is written.
+    scene.materials_of(mesh.labels[mesh.grains], mesh.labels)
+    check_mirrors(comm, make_walls(scene, *bounding_box(mesh)), mesh.x)
     if checkpoint is not None:
         separation = checkpoint.header["separation"]
         kept = read_tables(comm, checkpoint, mesh.grains, mesh.rank_of_grain)

@@ -145,15 +145,21 @@ class Solver:
 
 @dataclass(frozen=True)
 class Wall:
-    """[walls.x_min] and so on: a rigid plane at rest, moving, or held at a stress."""
+    """[walls.x_min] and so on: a rigid plane at rest, moving, held at a stress, or a mirror."""
 
     velocity: float = 0.0  #: along the normal that points into the sample [m/s]
     stress: float | None = None  #: mean pressure that a servo holds [Pa]
     speed: float | None = None  #: largest speed of that servo [m/s]
     friction: float | None = None  #: with grains [-]; None: contact.wall_friction
     friction_kinetic: float | None = None  #: while they slip [-]; None: as contact, or friction
+    mirror: bool | None = None  #: plane of symmetry that grains are cut by; None: false
 
     def __post_init__(self):
+        if self.mirror:
+            for name, none in (("velocity", 0.0), ("stress", None), ("friction", 0.0)):
+                value = getattr(self, name)
+                if value not in (none, None):
+                    raise InputError(f"{name} = {value}, expected none of a mirror")
         if self.stress is not None:
             require(
                 self.velocity == 0, "velocity", self.velocity, "none where a stress is prescribed"
@@ -301,6 +307,12 @@ class Scene:
             self._check_mass_scaling()
         if self.solver.integrator != "explicit":
             self._check_implicit()
+        if self.implicit.gap_tolerance is not None and self.solver.integrator != "static":
+            raise InputError(
+                f"implicit.gap_tolerance = {self.implicit.gap_tolerance}, expected none for "
+                f'solver.integrator = "{self.solver.integrator}": augmentations belong to "static"'
+            )
+        self._check_mirrors()
         models = [self.material, *(group.material for group in self.materials.values())]
         if any(isinstance(model, Rigid | Auto) for model in models):
             if self.contact.law == "kinematic":
@@ -399,8 +411,8 @@ class Scene:
             if isinstance(material, Rigid | Auto):
                 raise InputError(f"{name} is rigid, expected grains that deform {wanted}")
         for name, wall in self.walls.items():
-            # A servo follows the force after the increment: over long ones it would overshoot.
-            if wall.stress is not None:
+            # Dynamics have no state to iterate for: over long increments a servo would overshoot.
+            if wall.stress is not None and self.solver.integrator == "implicit":
                 raise InputError(f"walls.{name}.stress = {wall.stress}, expected none {wanted}")
         if self.contact.law == "kinematic":
             raise InputError(f'contact.law = "kinematic", expected "matched" {wanted}')
@@ -410,6 +422,29 @@ class Scene:
         ):
             if table is not None:
                 raise InputError(f"[{name}] is given, expected none {wanted}")
+
+    def _check_mirrors(self):
+        """Raise InputError where a plane of symmetry cannot be."""
+        name = next((name for name in self.walls if self.walls[name].mirror), None)
+        if name is None:
+            return
+        if self.walls.get(TOP_PLATEN, Wall()).mirror:
+            raise InputError(
+                f"walls.{TOP_PLATEN}.mirror = true, expected none: [oedometer] moves the top platen"
+            )
+        if self.contact.law == "kinematic":
+            raise InputError(
+                f'contact.law = "kinematic", expected "matched" with walls.{name}.mirror'
+            )
+        if self.sample.separation:
+            # Nodes on the plane would be moved off it.
+            raise InputError(f"sample.separation = true, expected false with walls.{name}.mirror")
+        models = [self.material, *(group.material for group in self.materials.values())]
+        if any(isinstance(model, Rigid | Auto) for model in models):
+            raise InputError(
+                f"walls.{name}.mirror = true, expected false with rigid grains, or grains that "
+                "deform"
+            )
 
     def _between_speeds(self):
         """Settings of the speed of loading with both limits filled in."""
@@ -426,6 +461,8 @@ class Scene:
 
     def _wall(self, name):
         wall = self.walls.get(name, Wall())
+        if wall.mirror:
+            return Wall(friction=0.0, mirror=True)
         friction, kinetic = wall.friction, wall.friction_kinetic
         if friction is None:
             friction, kinetic = self.contact.wall_friction, self.contact.wall_friction_kinetic

@@ -21,6 +21,8 @@ class Implicit:
     stabilisation: float = 1e-6  #: of "static", drag on grains over their stiffness [-]
     tolerance: float = 1e-6  #: residual over the internal forces [-]
     max_iterations: int = 30  #: of Newton's method in an increment
+    gap_tolerance: float | None = None  #: of "static" with exact gaps, over the facet edge [-]
+    max_augmentations: int = 30  #: of an increment, at most
     linear_solver: str | None = None  #: "direct" or "multigrid"; None: by the largest grain
     petsc: str = ""  #: further options of PETSc, for the prefix mufe_, e.g. "-ksp_rtol 1e-8"
 
@@ -38,6 +40,10 @@ class Implicit:
                  "0 <= stabilisation < 1")  # fmt: skip
         require(0 < self.tolerance < 1, "tolerance", self.tolerance, "0 < tolerance < 1")
         require(1 <= self.max_iterations, "max_iterations", self.max_iterations, ">= 1")
+        if self.gap_tolerance is not None:
+            require(0 < self.gap_tolerance < 0.1, "gap_tolerance", self.gap_tolerance,
+                     "0 < gap_tolerance < 0.1")  # fmt: skip
+        require(1 <= self.max_augmentations, "max_augmentations", self.max_augmentations, ">= 1")
         if self.linear_solver is not None:
             one_of("linear_solver", self.linear_solver, ("direct", "multigrid"))
         self.petsc_options()

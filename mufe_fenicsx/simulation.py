@@ -10,6 +10,7 @@ from .contact.assemble import Contact
 from .contact.bonded import Bonded
 from .contact.bounds import spring_bounds
 from .contact.laws import COMPLIANCE
+from .contact.mirrors import Mirrors
 from .contact.near import near_nodes
 from .contact.network import num_active_pairs
 from .contact.walls import Walls
@@ -105,6 +106,10 @@ class Simulation:
         self.bonded = Bonded(
             self.comm, self.walls, self.contact.own.nodes, self.walls.bonded, mesh.x
         )
+        self.mirrors = Mirrors(
+            self.comm, self.walls, mesh.x, self.bonded.nodes, self.rigid.nodes,
+            self.contact.kinematic,
+        )  # fmt: skip
         check_rigid(
             self.comm, self.rigid, self.bonded.nodes, self.contact.kinematic, self.assembled
         )
@@ -122,6 +127,7 @@ class Simulation:
         if velocity is not None:
             self.state.v[:] = velocity
             self.rigid.set_velocity(self.state.v)
+            self.mirrors.project(self.state.v)
         self.damped = 0.0  #: energy taken by the damping on this rank [J]
         self.initial_kinetic = 0.0
         self._inverted = -1
@@ -151,6 +157,7 @@ class Simulation:
         self.solid.add_internal_forces(self._f, s, 0.0)
         self.contact.add_forces(self._f, s.x, adopt=True)
         self.bonded.take_forces(self._f, s.v, s.x)
+        self.mirrors.take_forces(self._f, s.x)
         self.rigid.take_forces(self._f, s.x)
         s.a[self.rigid.soft] = (self._f / self.solid.mass[:, None])[self.rigid.soft]
         self.update_time_step()
@@ -245,6 +252,7 @@ class Simulation:
             self.check(diverged=True)
         self._follow_search()
         self.bonded.take_forces(self._f, s.v, s.x)
+        self.mirrors.take_forces(self._f, s.x)
         self.rigid.take_forces(self._f, s.x)
         self.walls.add_work()
         if self.walls.has_servo:

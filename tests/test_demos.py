@@ -17,8 +17,9 @@ DEMOS = Path(__file__).resolve().parents[1] / "demos"
     "name",
     [
         *("axisymmetric_reference", "calibrate_compliance", "check_intrusion"),
-        *("contact_verification", "fidelity", "locking", "meshing", "normal_laws"),
-        *("own_analysis", "peers", "segmentation", "speed_accuracy", "uneven_compliance"),
+        *("contact_verification", "fidelity", "implicit_vs_explicit", "locking", "meshing"),
+        *("normal_laws", "own_analysis", "peers", "segmentation", "speed_accuracy"),
+        "uneven_compliance",
     ],
 )
 def test_a_demo_says_what_it_does(name):
@@ -36,6 +37,16 @@ def test_the_page_on_meshing(tmp_path):
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "page" / "meshing.html").read_text(encoding="utf-8")
     assert page.count("<img") == 3 and "conforming" in page
+
+
+def test_the_page_on_time_steps_and_increments(tmp_path):
+    """The demo sees to it itself that both ways lead to the same answers."""
+    command = [sys.executable, DEMOS / "implicit_vs_explicit.py", tmp_path, "--quick"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "implicit_vs_explicit.md").read_text(encoding="utf-8")
+    assert text.count("| `") == 5 and "(implicit_vs_explicit.png)" in text
+    assert (tmp_path / "implicit_vs_explicit.png").stat().st_size > 20_000
 
 
 def test_an_analysis_of_ones_own(tmp_path):

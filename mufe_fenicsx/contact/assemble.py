@@ -24,6 +24,7 @@ from .laws import (
     replace_layers,
 )
 from .ledger import Ledger
+from .mirrors import nodes_on_mirrors
 from .pairs import search_pairs
 from .points import RECESS, surface_points
 from .surface import own_surface
@@ -81,7 +82,7 @@ class Contact:
         if self_contact and points != "nodes":
             raise InputError(f'self-contact with points of contact = {points}, expected "nodes"')
         self.comm = mesh.comm
-        self.own = own_surface(mesh, x)
+        self.own = own_surface(mesh, x, nodes_on_mirrors(x, walls.walls), walls.normal)
         check_surface(mesh, self.own)
         check_stiffness(mesh, contact_modulus)
         self.friction = float(friction)
@@ -97,7 +98,7 @@ class Contact:
             layers = inertial_layers(own, mass[own.nodes])
         else:
             modulus = contact_modulus[mesh.grain_of_node[own.nodes]]
-            of_facets = contact_modulus[mesh.grain_of_facet]
+            of_facets = contact_modulus[self.own.local_grain_of_facet]
             layers = LAYERS[law](own, modulus, of_facets, compliance)
             if rigid_layer is not None:
                 replace_layers(mesh, own, layers, rigid_layer)

@@ -19,11 +19,12 @@ def find_bonded(x, walls):
     wall_of_node = np.full(len(x), -1, dtype=np.int32)
     for w, wall in enumerate(walls):
         if wall.bonded:
-            wall_of_node[_on_plane(x, wall)] = w
+            wall_of_node[on_plane(x, wall)] = w
     return wall_of_node
 
 
-def _on_plane(x, wall):
+def on_plane(x, wall):
+    """Whether nodes at ``x`` [m] lie on the plane of a wall, to rounding. Local."""
     width = np.ptp(x, axis=0).max() if len(x) else 0.0
     return np.abs((x - wall.point) @ wall.normal) <= TOLERANCE * width
 
@@ -55,8 +56,8 @@ class Bonded:
         self.before = x[self.nodes].copy()
         self.velocity = np.zeros_like(self.place)
         glued = [wall for wall in walls.walls if wall.bonded]
-        on_plane = [_on_plane(x[nodes], wall) for wall in glued]
-        count = np.array([on.sum() for on in on_plane] + [(np.sum(on_plane, axis=0) > 1).sum()])
+        lying = [on_plane(x[nodes], wall) for wall in glued]
+        count = np.array([on.sum() for on in lying] + [(np.sum(lying, axis=0) > 1).sum()])
         *counts, num_twice = comm.allreduce(count)
         for wall, number in zip(glued, counts, strict=True):
             if number < 3:

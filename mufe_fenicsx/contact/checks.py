@@ -4,7 +4,6 @@ import numpy as np
 from mpi4py import MPI
 
 from ..errors import InputError
-from .surface import neighbors
 
 
 def check_law(friction, compliance):
@@ -31,8 +30,9 @@ def check_surface(mesh, own):
     """
     num_grains = mesh.labels.size
     facets = np.bincount(own.grain_of_facet, minlength=num_grains)
-    across = neighbors(own.facets)
-    open_edges = (across < 0) | (own.grain_of_facet[across] != own.grain_of_facet[:, None])
+    across = own.neighbor
+    open_edges = (across < 0) & (own.mirror < 0)
+    open_edges |= (across >= 0) & (own.grain_of_facet[across] != own.grain_of_facet[:, None])
     edges = np.bincount(own.grain_of_facet, open_edges.sum(axis=1), num_grains)
     facets, edges = mesh.comm.allreduce(np.array([facets, edges]).astype(np.int64))
     if (facets == 0).any():

@@ -44,7 +44,7 @@ def matched_layers(own, node_modulus, facet_modulus, c):
         c: The constant of the layer.
     """
     # A nodal area is that of two triangles.
-    node = c * edge_of_area(own.area, 2) / node_modulus
+    node = c * edge_of_area(own.whole_area, 2) / node_modulus
     return node, c * edge_of_area(own.facet_area, 1) / facet_modulus
 
 
@@ -86,7 +86,7 @@ def replace_layers(mesh, own, layers, rigid_layer):
         layers: Compliance of its nodes and of its facets [m/Pa], changed in place.
         rigid_layer: Compliance of rigid grains [m/Pa], nan for others, shape (num_grains,).
     """
-    grains = mesh.grain_of_node[own.nodes], mesh.grain_of_facet
+    grains = mesh.grain_of_node[own.nodes], own.local_grain_of_facet
     for layer, grain in zip(layers, grains, strict=True):
         rigid = ~np.isnan(rigid_layer[grain])
         layer[rigid] = rigid_layer[grain[rigid]]

@@ -90,7 +90,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
     """
     if kind not in KINDS:
         raise InputError(f"points of contact = {kind}, expected one of {', '.join(KINDS)}")
-    node_grain, facet_grain = mesh.grain_of_node[own.nodes], mesh.grain_of_facet
+    node_grain, facet_grain = mesh.grain_of_node[own.nodes], own.local_grain_of_facet
     if kind == "nodes":
         return Points(
             corner=None,
@@ -99,7 +99,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
             local_grain=node_grain,
             area=own.area,
             layer=node_layer,
-            facet_area=0.5 * own.area,
+            facet_area=0.5 * own.whole_area,
             ring_offset=None,
             ring=None,
             recess=np.zeros(own.area.size),
@@ -125,10 +125,10 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
         local_grain=both(facet_grain, node_grain),
         area=both(own.facet_area / n, own.area),
         layer=both(layer, node_layer),
-        facet_area=both(own.facet_area, 0.5 * own.area),
+        facet_area=both(own.facet_area, 0.5 * own.whole_area),
         ring_offset=np.concatenate([[0], np.cumsum(num_around)]).astype(own.ring_offset.dtype),
         ring=np.concatenate([facets, *around]).astype(own.ring.dtype),
-        recess=both(np.zeros(own.facet_area.size), RECESS * edge_of_area(own.area, 2)),
+        recess=both(np.zeros(own.facet_area.size), RECESS * edge_of_area(own.whole_area, 2)),
     )
 
 
@@ -138,7 +138,10 @@ def _sums(values, offset):
 
 
 def sharp_vertices(own, x):
-    """Whether facets around each node of a surface turn by more than ``SHARP``, (num_nodes,)."""
+    """Whether facets around each node of a surface turn by more than ``SHARP``, (num_nodes,).
+
+    A facet that ends on a mirror has its image for a neighbour.
+    """
     a, b, c = (x[own.nodes[own.facets[:, i]]] for i in range(3))
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -146,7 +149,11 @@ def sharp_vertices(own, x):
     sharp = np.zeros(own.nodes.size, dtype=bool)
     for i in range(3):
         other = across[:, i]
-        turned = (other < 0) | (np.einsum("ij,ij->i", normal, normal[other]) < np.cos(SHARP))
+        cosine = np.einsum("ij,ij->i", normal, normal[other])
+        at = np.flatnonzero(own.mirror[:, i] >= 0)
+        plane = own.mirror_normal[own.mirror[at, i]]
+        cosine[at] = 1.0 - 2.0 * np.einsum("ij,ij->i", normal[at], plane) ** 2
+        turned = ((other < 0) & (own.mirror[:, i] < 0)) | (cosine < np.cos(SHARP))
         sharp[own.facets[turned, i]] = True
         sharp[own.facets[turned, (i + 1) % 3]] = True
     return sharp

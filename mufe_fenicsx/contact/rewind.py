@@ -47,14 +47,23 @@ class ContactMark:
 
     def before(self, name):
         """``closed`` or ``slip`` then: of pairs with facets, of edges and with walls."""
-        pairs = self.contact.pairs
         of_edges = self._kept[len(OF_PAIRS) + 1 :][EDGES_KEPT.index(name)][1]
         of_walls = self._kept[-len(WALLS_KEPT) :][WALLS_KEPT.index(name)][1]
         if name in OF_PAIRS:
             return self._kept[OF_PAIRS.index(name)][1], of_edges, of_walls
-        column = getattr(pairs, name)
+        return self._column(name), of_edges, of_walls
+
+    def of_points(self, name):
+        """An array of pairs with facets and of those with walls then, which may be changed."""
+        listed = name in OF_PAIRS
+        of_pairs = self._kept[OF_PAIRS.index(name)][1] if listed else self._column(name)
+        return of_pairs, self._kept[-len(WALLS_KEPT) :][WALLS_KEPT.index(name)][1]
+
+    def _column(self, name):
+        """What pairs with facets kept side by side."""
+        column = getattr(self.contact.pairs, name)
         column = (column.ctypes.data - column.base.ctypes.data) // column.itemsize
-        return self._kept[len(OF_PAIRS)][1][:, column], of_edges, of_walls
+        return self._kept[len(OF_PAIRS)][1][:, column]
 
 
 def _arrays(contact):

@@ -21,27 +21,58 @@ class OwnSurface:
     neighbor: np.ndarray  #: as returned by :func:`neighbors`
     ring_offset: np.ndarray  #: as returned by :func:`rings`
     ring: np.ndarray
+    local_grain_of_facet: np.ndarray  #: local index of the grain, shape (num_facets,)
+    whole_area: np.ndarray  #: nodal areas with those beyond mirrors [m²], shape (num_nodes,)
+    mirror: np.ndarray  #: wall that an edge without a neighbour lies on, -1 for none, as `neighbor`
+    mirror_normal: np.ndarray  #: unit normals of all walls, shape (num_walls, 3)
 
 
-def own_surface(mesh, x):
-    """Surface of a :class:`~mufe_fenicsx.mesh.GrainMesh` at positions ``x``. Local."""
-    nodes, facets = np.unique(mesh.facets, return_inverse=True)
+def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
+    """Surface of a :class:`~mufe_fenicsx.mesh.GrainMesh` at positions ``x``. Local.
+
+    Args:
+        mesh: The mesh.
+        x: [m], shape (num_nodes, 3).
+        on_mirror: Which of its nodes lie on which mirror, shape (num_nodes, num_walls): facets that
+            lie on one are left out; None: no mirrors.
+        mirror_normal: Unit normals of the walls, shape (num_walls, 3).
+    """
+    if on_mirror is None:
+        on_mirror, mirror_normal = np.zeros((len(x), 0), dtype=bool), np.zeros((0, 3))
+    outside = ~on_mirror[mesh.facets].all(axis=1).any(axis=1)
+    of_mesh, local_grain = mesh.facets[outside], mesh.grain_of_facet[outside]
+    nodes, facets = np.unique(of_mesh, return_inverse=True)
     facets = facets.reshape(-1, 3).astype(np.int32)
-    a, b, c = (x[mesh.facets[:, i]] for i in range(3))
+    a, b, c = (x[of_mesh[:, i]] for i in range(3))
     facet_area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     area = np.bincount(facets.ravel(), np.repeat(facet_area / 3, 3), nodes.size)
     ring_offset, ring = rings(facets, nodes.size)
+    across = neighbors(facets)
     return OwnSurface(
         nodes=nodes.astype(np.int32),
         facets=facets,
         grain_of_node=mesh.grains[mesh.grain_of_node[nodes]].astype(np.int32),
-        grain_of_facet=mesh.grains[mesh.grain_of_facet].astype(np.int32),
+        grain_of_facet=mesh.grains[local_grain].astype(np.int32),
         area=area,
         facet_area=facet_area,
-        neighbor=neighbors(facets),
+        neighbor=across,
         ring_offset=ring_offset,
         ring=ring,
+        local_grain_of_facet=local_grain,
+        # Each of k mirrors at right angles doubles what is around a node.
+        whole_area=area * 2.0 ** on_mirror[nodes].sum(axis=1),
+        mirror=_mirrors_at_edges(on_mirror[of_mesh], across),
+        mirror_normal=mirror_normal,
     )
+
+
+def _mirrors_at_edges(on, across):
+    """Field ``mirror`` of :class:`OwnSurface`, from ``on_mirror`` at the corners of facets."""
+    wall = np.full(across.shape, -1, dtype=np.int32)
+    if on.shape[2]:
+        both = on & np.roll(on, -1, axis=1)  # both ends of the edges 0-1, 1-2, 2-0
+        wall = np.where(both.any(axis=2) & (across < 0), both.argmax(axis=2), -1)
+    return wall.astype(np.int32)
 
 
 def rings(facets, num_nodes):

@@ -10,6 +10,7 @@ from ..kernels.bonded import turn_rows
 from ..kernels.walls import add_wall_forces, add_wall_stiffness, find_wall_candidates, wall_energy
 from .bonded import find_bonded
 from .laws import kinetic_of
+from .mirrors import nodes_on_mirrors
 
 
 @dataclass
@@ -24,7 +25,7 @@ class Wall:
 
     Raises:
         InputError: The normal is not of unit length, the friction negative, or the kinetic
-            friction larger.
+            friction larger; a mirror that moves, presses, glues or rubs.
     """
 
     name: str
@@ -37,12 +38,22 @@ class Wall:
     bonded: bool = False  #: glue the nodes that lie on the plane at the start
     friction_kinetic: float | None = None  #: coefficient while a node slips [-]; None: friction
     angular_velocity: np.ndarray | None = None  #: about ``point`` [rad/s], shape (3,)
+    mirror: bool = False  #: a plane of symmetry that grains are cut by: contact.mirrors
 
     def __post_init__(self):
         length = float(np.linalg.norm(self.normal))
         if not abs(length - 1) < 1e-9:
             raise InputError(f"length of the normal of wall {self.name} = {length}, expected 1")
         kinetic_of(self.friction, self.friction_kinetic, f"of wall {self.name}")
+        if self.mirror:
+            for name, value in (("friction", self.friction), ("velocity", self.velocity),
+                                ("angular_velocity", self.angular_velocity),
+                                ("target", self.target), ("bonded", self.bonded)):  # fmt: skip
+                if value is not None and np.any(value):
+                    raise InputError(
+                        f"{name} of the mirror {self.name} = {value}, expected none: a plane of "
+                        "symmetry is smooth and at rest"
+                    )
 
     def servo_velocity(self, normal_force):
         """Velocity [m/s] that brings ``normal_force`` [N] to the target, shape (3,)."""
@@ -62,6 +73,7 @@ class Walls:
         self.friction_kinetic = np.array(
             [kinetic_of(w.friction, w.friction_kinetic, f"of wall {w.name}") for w in self.walls]
         )
+        self.mirror = np.array([w.mirror for w in self.walls], dtype=bool)
         self.velocity = np.zeros((n, 3))  #: of ``point`` [m/s]
         self.angular_velocity = np.zeros((n, 3))  #: about ``point`` [rad/s]
         for i, wall in enumerate(self.walls):
@@ -145,11 +157,16 @@ class Walls:
             if corner is not None:
                 wall = self.bonded[corner]
                 self._bonded_points = np.where((wall == wall[:, :1]).all(axis=1), wall[:, 0], -1)
+            on = nodes_on_mirrors(nodes, self.walls)
+            self._mirrored_points = on if corner is None else on[corner].all(axis=1)
         if x.size:
             # Until the next search points come nearer by less than ``reach``.
             arm = x[:, None] - self.point[None]
             self._radius = np.sqrt((arm**2).sum(axis=2).max(axis=0)) + reach
         node, wall = find_wall_candidates(x, self._bonded_points, self.point, self.normal, reach)
+        if self.mirror.any():
+            free = ~self._mirrored_points[node, wall]
+            node, wall = node[free], wall[free]
         pairs = _WallPairs(node, wall, clock)
         if self.pairs is not None:
             n = len(self.walls)

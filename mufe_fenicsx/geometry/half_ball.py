@@ -15,6 +15,7 @@ def half_ball(
     contact_radius=None,
     h_max=None,
     height=None,
+    quarter=False,
 ):
     """A cap of a ball, or half of one, that is fine at its pole.
 
@@ -31,6 +32,8 @@ def half_ball(
         contact_radius: Largest radius of the contact [m]; ``4 h_contact`` if None.
         h_max: Largest size [m]; a third of the height if None.
         height: From the base to the pole [m], at most the radius, which is the default.
+        quarter: Only a quarter of it, cut along its axis by two planes at right angles: for the
+            direction z that of x >= 0 and y <= 0, for others that one turned to them.
 
     Returns:
         points (N, 3) [m] and positively oriented cells (M, 4).
@@ -59,19 +62,24 @@ def half_ball(
     # The pole is at +y, away from the seam of gmsh's sphere, and turned afterwards.
     with gmsh_model(_even(h_max / radius, smallest=h)) as gmsh:
         occ = gmsh.model.occ
-        ball, upper = occ.addSphere(0, 0, 0, 1), occ.addBox(-2, base, -2, 4, 2, 4)
+        start = 0 if quarter else -2
+        ball, upper = occ.addSphere(0, 0, 0, 1), occ.addBox(start, base, start, 4, 2, 4)
         ((_, cap),), _ = occ.intersect([(3, ball)], [(3, upper)])
-        pole = occ.addPoint(0, 1, 0)
+        pole = None if quarter else occ.addPoint(0, 1, 0)
         occ.synchronize()
-        (curved,) = [
-            tag
-            for _, tag in gmsh.model.getBoundary([(3, cap)], oriented=False)
-            if gmsh.model.getType(2, tag) == "Sphere"
-        ]
-        gmsh.model.mesh.embed(0, [pole], 2, curved)
+        if pole is not None:  # of a quarter it is a corner
+            (curved,) = [
+                tag
+                for _, tag in gmsh.model.getBoundary([(3, cap)], oriented=False)
+                if gmsh.model.getType(2, tag) == "Sphere"
+            ]
+            gmsh.model.mesh.embed(0, [pole], 2, curved)
         _refine_at(gmsh, [1], h, growth, fine)
         points, cells = _tets(gmsh)
     on_base = np.abs(points[:, 1] - base) < 1e-9
     points[on_base, 1] = base
+    if quarter:
+        cut = points[:, [0, 2]]
+        points[:, [0, 2]] = np.where(np.abs(cut) < 1e-9, 0.0, cut)
     points = bulged_ball(points, cells, base)
     return radius * points @ _rotation_from_y(axis / np.linalg.norm(axis)).T, cells

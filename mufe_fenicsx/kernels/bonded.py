@@ -1,4 +1,4 @@
-"""Nodes glued to rigid planes, and anchors that turn with their plane."""
+"""Nodes glued to rigid planes or held on them, and anchors that turn with their plane."""
 
 import numba
 
@@ -54,6 +54,32 @@ def take_bonded(f, wall_force, wall_torque, x, node, wall, point):
         wall_torque[w, 1] += rz * fx - rx * fz
         wall_torque[w, 2] += rx * fy - ry * fx
         f[n, 0] = f[n, 1] = f[n, 2] = 0.0
+
+
+@numba.njit(cache=True)
+def take_normal(f, wall_force, wall_torque, x, node, wall, point, normal):
+    """Pass what the forces ``f`` on nodes have along the normal of a wall on to it, in place.
+
+    Arguments as of :func:`take_bonded`; a node may be there for several walls, whose normals
+    are at right angles.
+
+    Args:
+        normal: Unit normals of the walls, shape (num_walls, 3).
+    """
+    for k in range(node.size):
+        n, w = node[k], wall[k]
+        push = f[n, 0] * normal[w, 0] + f[n, 1] * normal[w, 1] + f[n, 2] * normal[w, 2]
+        rx, ry, rz = x[n, 0] - point[w, 0], x[n, 1] - point[w, 1], x[n, 2] - point[w, 2]
+        fx, fy, fz = push * normal[w, 0], push * normal[w, 1], push * normal[w, 2]
+        wall_force[w, 0] += fx
+        wall_force[w, 1] += fy
+        wall_force[w, 2] += fz
+        wall_torque[w, 0] += ry * fz - rz * fy
+        wall_torque[w, 1] += rz * fx - rx * fz
+        wall_torque[w, 2] += rx * fy - ry * fx
+        f[n, 0] -= fx
+        f[n, 1] -= fy
+        f[n, 2] -= fz
 
 
 @numba.njit(cache=True)

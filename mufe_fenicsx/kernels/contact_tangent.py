@@ -5,6 +5,8 @@ force is written down here as a function of these alone, kernels.pairs and kerne
 contact: facet, feature, side, anchor, offset and stiffness are those of the last evaluation, and
 whether it slips. Positions are taken relative to one of the nodes, and central differences over
 ``STEP`` of the size of a contact leave some 1e-9 of the stiffness, by truncation and by rounding.
+Friction of a contact that slips has the direction of its spring, and beside an edge or a vertex the
+normal has that of the way to it: steps are ``NEAR`` of these lengths at most.
 Walls are planes; their derivative is written out.
 """
 
@@ -18,6 +20,8 @@ from .pairs import anchor_of, project
 
 #: Step of the differences over the size of a contact.
 STEP = 1e-5
+#: The same over lengths that directions come from; least step over the size of a contact.
+NEAR, LEAST = 1e-4, 1e-9
 #: A foot found again is the same up to this part of a facet.
 SAME = 1e-7
 #: Nodes of a contact of a point with a facet, and of two edges.
@@ -152,13 +156,16 @@ def pair_tangent(
             fixed[m] = normal[p, m] if on_it else 0.0
         kn = stiffness[p]
         kt = kn * ratio_of_node[n] if closed0[p] else 0.0
-        mu = -1.0
+        mu, short = -1.0, math.inf
+        if feature != INTERIOR and not on_it:
+            short = abs(height)
         a0, a1, a2 = anchor[p, 0], anchor[p, 1], anchor[p, 2]
         if sliding[p] and closed0[p]:
             mu = friction_kinetic
             limit = mu * push[p]
             if limit > 0.0:  # back to the spring before the slip
                 scale = -(limit + kt * (slip[p] - slip0[p])) / (limit * kt)
+                short = min(short, -scale * limit)
                 for m in range(3):
                     spring[m] = scale * shear[p, m]
                 a0, a1, a2 = anchor_of(
@@ -170,7 +177,7 @@ def pair_tangent(
                 mu = 0.0
         trial = (a0, a1, a2)
         side = 1.0 if height >= 0.0 else -1.0
-        step = STEP * size
+        step = max(min(STEP * size, NEAR * short), LEAST * size)
         for j in range(6):
             for k in range(3):
                 if j < 3 and weight[j] == 0.0:
@@ -254,15 +261,16 @@ def edge_tangent(
         size = math.sqrt(min(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz))
         kn = stiffness[p]
         kt = kn * ratio[i] if closed0[p] else 0.0
-        mu, scale = -1.0, 1.0
+        mu, scale, short = -1.0, 1.0, math.inf
         slipped = slip[p] - slip0[p]
         if slipped > 0.0 and closed0[p]:
             mu = friction
             limit = mu * kn * min(offset[p] - gap[p], largest_depth)
             scale = (limit + kt * slipped) / limit if limit > 0.0 else 0.0
+            short = limit / kt + slipped
         trial_s = place[p, 0] + scale * (anchor[p, 0] - place[p, 0])
         trial_t = place[p, 1] + scale * (anchor[p, 1] - place[p, 1])
-        step = STEP * size
+        step = max(min(STEP * size, NEAR * short), LEAST * size)
         for c in range(4):
             for k in range(3):
                 before = X[c, k]

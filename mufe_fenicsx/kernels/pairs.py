@@ -151,7 +151,7 @@ def add_pair_forces(
         candidate_due: The same for each candidate, shape (num_candidates,).
         closest: Candidate that was closest last, -1 unknown, shape (num_pairs,).
         weights, normal: Closest point and normal, facet to node, shape (num_pairs, 3).
-        gap, offset: Gap and its offset (<= 0) [m], shape (num_pairs,).
+        gap, offset: Gap and its offset (<= 0, but for multipliers) [m], shape (num_pairs,).
         closed: Whether the pair carries force, shape (num_pairs,).
         stiffness: Of closed pairs [N/m], set when they close, shape (num_pairs,).
         anchor: Weights of the anchor in the closest facet, shape (num_pairs, 3).
@@ -245,7 +245,8 @@ def add_pair_forces(
 
         if not closed[p]:
             # The offset of a pair that moves out follows it, and never grows again.
-            offset[p] = min(max(offset[p], g), 0.0) if offset[p] < 0.0 else 0.0
+            if offset[p] < 0.0:
+                offset[p] = min(max(offset[p], g), 0.0)
             # Motion since the pair was last known to be open bounds its depth.
             if offset[p] - g > 0.0 if adopt else offset[p] - g > clock - due[p] + tiny:
                 num_adopted += 1

@@ -113,7 +113,8 @@ def add_wall_forces(
         g = rx * nx + ry * ny + rz * nz + recess[n]
         gap[p] = g
         if not closed[p]:
-            offset[p] = min(max(offset[p], g), 0.0) if offset[p] < 0.0 else 0.0
+            if offset[p] < 0.0:
+                offset[p] = min(max(offset[p], g), 0.0)
             if adopt and g < offset[p]:
                 num_adopted += 1
                 offset[p] = g

@@ -1,5 +1,7 @@
 """Two equal elastic bars that meet end to end."""
 
+from typing import Literal
+
 import numpy as np
 
 from ..geometry.shapes import box
@@ -11,7 +13,14 @@ E, RHO, LENGTH = 100e9, 2650.0, 1e-2
 
 
 @case("bar-impact", num_bodies=2)
-def bar_impact(comm, divisions=40, speed=1.0, width=2):
+def bar_impact(
+    comm,
+    divisions=40,
+    speed=1.0,
+    width=2,
+    integrator: Literal["explicit", "implicit"] = "explicit",
+    courant=0.5,
+):
     """Two equal bars meet end to end: they touch for 2L/c and swap their velocities.
 
     Without Poisson's effect a bar is one-dimensional: at the contact the pressure is ρ c v
@@ -24,6 +33,8 @@ def bar_impact(comm, divisions=40, speed=1.0, width=2):
         divisions: Bricks along a bar.
         speed: Of both bars against each other, over 2 [m/s].
         width: Bricks across.
+        integrator: Time steps, or increments of the generalised-α method.
+        courant: Way of a wave in an increment over the length of a brick.
 
     Source: D. Doyen, A. Ern, S. Piperno, SIAM J. Sci. Comput. 33, 2011, 223-249.
     """
@@ -37,7 +48,11 @@ def bar_impact(comm, divisions=40, speed=1.0, width=2):
     def velocity(_x, grain):
         return np.where(grain == 0, speed, -speed)[:, None] * [0.0, 0.0, 1.0]
 
-    s = build(comm, bars, material, (0, 0, 0), (0, 0, 0), axes="", velocity=velocity)
+    options = {}
+    if integrator == "implicit":
+        increment = courant * h / material.wave_speed
+        options = {"increment": increment, "spectral_radius": 0.8, "tolerance": 1e-8}
+    s = build(comm, bars, material, (0, 0, 0), (0, 0, 0), axes="", velocity=velocity, **options)
     mass = s.solid.mass
     lower = s.mesh.grains[s.mesh.grain_of_node] == 0
     area, c = side**2, material.wave_speed
@@ -76,8 +91,8 @@ def bar_impact(comm, divisions=40, speed=1.0, width=2):
         "velocity of the second bar after over before": compare(
             end[1] / masses[1] / speed, 1.0, front
         ),
-        # Round-off of the sums.
-        "momentum": compare(change / abs(start).sum(), 0.0, 1e-12, scale=1.0),
+        # Round-off of the sums; of increments what Newton's tolerance leaves.
+        "momentum": compare(change / abs(start).sum(), 0.0, 1e-6 if options else 1e-12, scale=1.0),
         "energy gained": compare(
             max(highest, -energies["residual"], 0.0) / s.initial_kinetic, 0.0, 1e-3, scale=1.0
         ),

@@ -14,7 +14,7 @@ from .case import axis_planes
 
 def build(
     comm, bodies, material, low, high, axes="xyz", wall_friction=None, velocity=None, walls=(),
-    **options,
+    increment=None, **options,
 ):  # fmt: skip
     """Bodies between smooth planes. Collective.
 
@@ -27,6 +27,7 @@ def build(
         wall_friction: Coefficient by the name of a wall, 0 where absent.
         velocity: ``velocity(x, grain)`` at the start [m/s], for arrays of nodes.
         walls: Further :class:`~mufe_fenicsx.contact.walls.Wall`, in any position.
+        increment: Length of implicit increments [s]; None for time steps.
         options: Of :class:`~mufe_fenicsx.simulation.Simulation`; for ``element = "composite"``
             the tetrahedra of the bodies are split.
     """
@@ -39,7 +40,7 @@ def build(
     if velocity is not None:
         options["velocity"] = velocity(mesh.x, mesh.grains[mesh.grain_of_node])
     materials = material if isinstance(material, list) else [material] * len(bodies)
-    return Simulation(mesh, [materials[g] for g in mesh.grains], walls, **options)
+    return simulate(mesh, [materials[g] for g in mesh.grains], walls, increment, **options)
 
 
 def distribute(comm, bodies, composite=False):
@@ -69,9 +70,10 @@ def distribute(comm, bodies, composite=False):
 
 
 def simulate(mesh, materials, walls, increment=None, **options):
-    """Time steps, or static increments of the length ``increment`` [s]. Collective.
+    """Time steps, or increments of the length ``increment`` [s]. Collective.
 
-    Options are those of :class:`~mufe_fenicsx.simulation.Simulation`.
+    Options are those of :class:`~mufe_fenicsx.simulation.Simulation`, and of increments those of
+    :class:`~mufe_fenicsx.implicit.ImplicitSimulation`: static ones without ``spectral_radius``.
     """
     if increment is None:
         return Simulation(mesh, materials, walls, **options)

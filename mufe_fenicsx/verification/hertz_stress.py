@@ -1,6 +1,7 @@
 """The stress below a Hertz contact."""
 
 import itertools
+from typing import Literal
 
 import numpy as np
 
@@ -23,7 +24,14 @@ POINTS = 0.1381966011250105 + 0.4472135954999579 * np.eye(4)
 
 @case("hertz-stress", num_bodies=1)
 def hertz_stress(
-    comm, elements_per_radius=5.0, a_over_R=0.02, nu=0.15, other_nu=0.3, growth=0.25, depth=1.5
+    comm,
+    elements_per_radius=5.0,
+    a_over_R=0.02,
+    nu=0.15,
+    other_nu=0.3,
+    growth=0.25,
+    depth=1.5,
+    integrator: Literal["equilibrium", "explicit", "static"] = "equilibrium",
 ):
     """The largest von Mises stress below a ball on a plane, and its depth.
 
@@ -37,12 +45,15 @@ def hertz_stress(
         elements_per_radius, a_over_R, growth: As of the case `hertz`.
         nu, other_nu: Poisson's ratios of the first and of the second ball.
         depth: How deep to look, over the contact radius.
+        integrator: As of the case `hertz`.
     """
     results, simulations = {}, []
     # The error is of second order; the target holds at 5 elements.
     tolerance = 0.05 * max(5.0 / elements_per_radius, 1.0) ** 2
     for ratio in (nu, other_nu):
-        axis = profile(comm, elements_per_radius, a_over_R, ratio, growth, depth)
+        axis = profile(
+            comm, elements_per_radius, a_over_R, ratio, growth, depth, integrator=integrator
+        )
         theory, computed = axis["theory"].argmax(), axis["computed"].argmax()
         zeta = axis["zeta"]
         results |= {
@@ -64,14 +75,16 @@ def hertz_stress(
     return results, simulations
 
 
-def profile(comm, elements_per_radius, a_over_R=0.02, nu=0.15, growth=0.5, depth=1.5, num=61):
+def profile(comm, elements_per_radius, a_over_R=0.02, nu=0.15, growth=0.5, depth=1.5, num=61,
+            integrator="equilibrium"):  # fmt: skip
     """Von Mises stress on the axis of a ball that is pressed on a plane. One rank.
 
     Returns:
         A dict: zeta, depths below the plane over a, shape (num,); computed and theory, von
         Mises stresses over p0 there; simulation.
     """
-    pressed = Pressed(comm, make("sphere-plane", elements_per_radius, a_over_R, nu, growth))
+    bodies = make("sphere-plane", elements_per_radius, a_over_R, nu, growth)
+    pressed = Pressed(comm, bodies, integrator)
     theory = whole_contact("sphere-plane", a_over_R * RADIUS, nu)
     pressed.press(theory.delta)
     s = pressed.simulation

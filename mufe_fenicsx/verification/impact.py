@@ -3,6 +3,7 @@
 import math
 import time
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -35,8 +36,9 @@ class NormalImpact:
 
 
 def normal_impact(
-    comm, speed, elements_per_radius=2.5, growth=0.3, material=QUARTZ, radius=RADIUS, **options
-):
+    comm, speed, elements_per_radius=2.5, growth=0.3, material=QUARTZ, radius=RADIUS,
+    increments=None, **options,
+):  # fmt: skip
     """Let a ball fly against a plane, and two balls against each other at twice the speed.
 
     Collective, on at most 3 ranks.
@@ -47,6 +49,7 @@ def normal_impact(
         elements_per_radius: Contact radius over the length of edges there.
         growth: Growth of the element size with the distance from the contact.
         material, radius: Of the balls [m].
+        increments: Number of implicit ones during the contact; None for time steps.
         options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
 
     Returns:
@@ -60,9 +63,13 @@ def normal_impact(
         radius, a, a / elements_per_radius, speed, on_plane=((0.0, 0.0),), on_ball=((0.0, 0.0),),
         growth=growth,
     )  # fmt: skip
+    records = {"every": 2}
+    if increments is not None:
+        options |= {"increment": theory.time / increments, "spectral_radius": 0.8}
+        records = {"every": 1, "check": 5}
     balls = Balls(comm, impacts, material, **options)
     began = time.process_time()
-    t, velocity, energy = balls.run(1.05 * theory.time, every=2)
+    t, velocity, energy = balls.run(1.05 * theory.time, **records)
     processor_s = time.process_time() - began
     # The ball on the plane, and the upper one of the pair.
     v = velocity[:, :2] @ balls.frame[0]
@@ -96,7 +103,15 @@ def impact_theory(mass, speed, material=QUARTZ, radius=RADIUS):
 
 
 @case("impact", num_bodies=3)
-def impact(comm, elements_per_radius=2.5, growth=0.3, num_speeds=3, time_step_factor=0.9):
+def impact(
+    comm,
+    elements_per_radius=2.5,
+    growth=0.3,
+    num_speeds=3,
+    time_step_factor=0.9,
+    integrator: Literal["explicit", "implicit"] = "explicit",
+    increments=200,
+):
     """A ball meets a rigid plane, and another ball, head on at 10, 1 and 0.1 m/s: Hertz's impact.
 
     Hertz takes the ball for a half-space with all of its mass far away; that of the whole ball
@@ -111,11 +126,14 @@ def impact(comm, elements_per_radius=2.5, growth=0.3, num_speeds=3, time_step_fa
         num_speeds: How many of the three speeds; the last takes most of the time.
         time_step_factor: Time step over the limit of stability. Nodes meet the plane one
             by one, each slowly: up to 1 they gain 1e-6 of the energy at most, at 1.2 5e-4.
+        integrator: Time steps, or increments of the generalised-α method.
+        increments: How many of these during a contact.
     """
+    implicit = {"increments": increments} if integrator == "implicit" else {}
     results, simulations = {}, []
     for speed in SPEEDS[:num_speeds]:
         found = normal_impact(
-            comm, speed, elements_per_radius, growth, time_step_factor=time_step_factor
+            comm, speed, elements_per_radius, growth, time_step_factor=time_step_factor, **implicit
         )
         simulations.append(found.balls.simulation)
         hertz, whole, loss = impact_theory(found.mass, speed)

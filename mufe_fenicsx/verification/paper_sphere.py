@@ -1,6 +1,7 @@
 """Figure 8 of the paper: a ball is stiffer against a platen the higher its yield stress."""
 
 import math
+from typing import Literal
 
 import numpy as np
 
@@ -22,7 +23,14 @@ REFERENCE = 0.25
 
 @case("paper-sphere", num_bodies=1)
 def paper_sphere(
-    comm, elements_per_radius=5.0, refinement=1.5, approach=0.004, num_yields=4, periods=40.0
+    comm,
+    elements_per_radius=5.0,
+    refinement=1.5,
+    approach=0.004,
+    num_yields=4,
+    periods=40.0,
+    integrator: Literal["explicit", "static"] = "explicit",
+    increments=80,
 ):
     """A ball of the paper's material with yield 10, 20, 30, 40 MPa: force rises with yield.
 
@@ -37,11 +45,14 @@ def paper_sphere(
         approach: Of plane and base at the end over the radius of the ball.
         num_yields: How many of the four, from the highest.
         periods: Duration, as of :func:`~.plastic_ball.press_ball`.
+        integrator: Time steps, or static increments.
+        increments: How many of these; radial return is of the first order in them.
     """
+    options = {"increments": increments if integrator == "static" else None}
     results, simulations, before = {}, [], None
     meshes = (elements_per_radius, elements_per_radius * refinement)
     for Y in YIELD[:num_yields]:
-        courses = [force_curve(comm, Y, n, approach, periods) for n in meshes]
+        courses = [force_curve(comm, Y, n, approach, periods, **options) for n in meshes]
         simulations += [course.simulation for course in courses]
         coarse, fine = (forces(course, n) for course, n in zip(courses, meshes, strict=True))
         name = f"yield {Y / 1e6:g} MPa: "

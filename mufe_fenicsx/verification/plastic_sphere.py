@@ -40,6 +40,8 @@ def plastic_sphere(
     finest=7.5,
     a_over_R=0.1,
     hardening=0.02,
+    integrator: Literal["explicit", "static"] = "explicit",
+    increments=80,
 ):
     """A ball of a plastic material under a plane: mean pressure, force over approach, onset.
 
@@ -64,14 +66,17 @@ def plastic_sphere(
         finest: The same of the mesh taken for converged.
         a_over_R: Contact radius of the plateau over that of the ball.
         hardening: Et/E of the curves with hardening.
+        integrator: Time steps, or static increments.
+        increments: How many of these; radial return is of the first order in them.
     """
     results, simulations = {}, []
     n = elements_per_radius
+    options = {"increments": increments if integrator == "static" else None}
     if what in ("all", "plateau"):
         for nu, ratio in FEW if ratios == "few" else ALL:
             name = f"nu = {nu:g}, E/Y = {ratio:g}: "
             computed = {
-                key: mean_pressure(comm, nu, ratio, m, a_over_R, element)
+                key: mean_pressure(comm, nu, ratio, m, a_over_R, element, **options)
                 for key, m, element in (
                     ("fine", finest, "averaged"), ("", n, "averaged"), ("plain", n, "p1"),
                 )
@@ -102,7 +107,7 @@ def plastic_sphere(
         for tangent, depths in ((0.0, DEPTHS), (hardening, DEPTHS[1:])):
             law = "Ghaednia" if tangent else "Jackson & Green"
             for depth in depths:
-                course, force, radius = on_curve(comm, depth, 2 * n, tangent)
+                course, force, radius = on_curve(comm, depth, 2 * n, tangent, **options)
                 simulations.append(course.simulation)
                 # The target of the method; both are fits to finite elements to some percent.
                 name = f"{law}, {depth:g} of the approach of onset: "
@@ -118,7 +123,7 @@ def plastic_sphere(
     if what in ("all", "onset"):
         for nu in (0.15, 0.3):
             name = f"onset, nu = {nu:g}: "
-            course, first, by_stress = onset(comm, nu, 2 * n)
+            course, first, by_stress = onset(comm, nu, 2 * n, **options)
             simulations.append(course.simulation)
             # The target of the method. Radius and largest pressure go with force^(1/3).
             results[name + "contact radius when the first element below the surface yields"] = (
@@ -155,7 +160,7 @@ def mean_pressure(
     return course.mean(n)[2] / Y, course
 
 
-def on_curve(comm, depth, elements_per_radius, tangent=0.0, element="averaged"):
+def on_curve(comm, depth, elements_per_radius, tangent=0.0, element="averaged", **options):
     """Press a steel ball to ``depth`` times the approach of onset. Collective, one rank.
 
     Args:
@@ -164,6 +169,7 @@ def on_curve(comm, depth, elements_per_radius, tangent=0.0, element="averaged"):
         elements_per_radius: At that depth.
         tangent: Et/E.
         element: One of solid.ELEMENTS.
+        options: Of :func:`~.plastic_ball.press_ball`.
 
     Returns:
         :class:`~.plastic_ball.Course`; force [N] computed and by theory; contact radius [m],
@@ -173,8 +179,9 @@ def on_curve(comm, depth, elements_per_radius, tangent=0.0, element="averaged"):
     delta = depth * onset_of(material)[0]
     _, radius = curve(delta, tangent)
     course = press_ball(
-        comm, material, delta * (1 + 0.5 / n) ** 2, float(radius), n, element=element, periods=20.0
-    )
+        comm, material, delta * (1 + 0.5 / n) ** 2, float(radius), n, element=element,
+        periods=20.0, **options,
+    )  # fmt: skip
     delta, force, pressure = course.mean(n)
     theory = curve(delta, tangent)
     return (
@@ -210,7 +217,7 @@ def curve(delta, tangent=0.0):
     return plastic_contact.jackson_green(delta, RADIUS, modulus, STEEL_YIELD, STEEL_NU)
 
 
-def onset(comm, nu, elements_per_radius, ratio=100.0):
+def onset(comm, nu, elements_per_radius, ratio=100.0, **options):
     """Press a ball to the approach of onset. Collective, one rank.
 
     The first element yields early: stresses of single elements scatter, and one out of many
@@ -225,7 +232,7 @@ def onset(comm, nu, elements_per_radius, ratio=100.0):
     material = J2(E, nu, RHO, ((0.0, Y),))
     modulus = material.contact_modulus
     delta, force, a = plastic_contact.onset(RADIUS, modulus, Y, plastic_contact.onset_factor(nu))
-    course = press_ball(comm, material, delta, a, n, periods=12.0, watch_yield=True)
+    course = press_ball(comm, material, delta, a, n, periods=12.0, watch_yield=True, **options)
     s = course.simulation
     zeta = np.linspace(0.2, 1.0, 33)
     top = s.walls.point[s.walls.names.index("plane")]

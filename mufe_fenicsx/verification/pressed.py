@@ -14,6 +14,7 @@ from ..geometry.refine import PARTS, split
 from ..mesh import create_grain_mesh, partition_grains
 from ..simulation import Simulation
 from .equilibrium import Equilibrium
+from .slow_press import Increments, TimeSteps
 
 
 def turn(vector):
@@ -71,11 +72,13 @@ class Pressed:
     Args:
         comm: At most as many ranks as bodies.
         bodies: One or two :class:`Body`.
+        integrator: "equilibrium", found directly; or the same state by "explicit" time steps or
+            "static" increments.
         options: Of :class:`~mufe_fenicsx.simulation.Simulation`; for ``element = "composite"``
             the tetrahedra of the bodies are split.
     """
 
-    def __init__(self, comm, bodies, **options):
+    def __init__(self, comm, bodies, integrator="equilibrium", **options):
         self.comm = comm
         composite = options.get("element") == "composite"
         if composite:
@@ -99,8 +102,6 @@ class Pressed:
             PARTS if composite else 1,
         )
         materials = [bodies[k].material for k in mesh.grains]
-        self.simulation = Simulation(mesh, materials, walls, **options)
-
         held, self.bases = [], {}
         for k in mine:
             on = np.flatnonzero(mesh.grains[mesh.grain_of_node] == k)
@@ -114,15 +115,28 @@ class Pressed:
         self.pressing = len(bodies) - 1
         # Nodes of the body that is moved; the other one, or the plane, stays.
         self.moved = mesh.grains[mesh.grain_of_node] == self.pressing
-        self.equilibrium = Equilibrium(self.simulation, held)
+        if integrator == "equilibrium":
+            self.simulation = Simulation(mesh, materials, walls, **options)
+            self.slow, self.equilibrium = None, Equilibrium(self.simulation, held)
+        else:
+            make = Increments if integrator == "static" else TimeSteps
+            height = max(body.height for body in bodies)
+            self.slow = make(mesh, materials, walls, held, height, **options)
+            self.simulation, self.equilibrium = self.slow.simulation, self.slow
         self.delta = 0.0
 
     def press(self, delta, **options):
         """Bring the bases to the approach ``delta`` [m] and the bodies to rest. Collective.
 
-        Options are those of :meth:`~.equilibrium.Equilibrium.move`.
+        Options are those of :meth:`~.equilibrium.Equilibrium.move`, for none but it.
         """
         s = self.simulation
+        if self.slow is not None:
+            sign = 1.0 if self.pressing == 0 else -1.0
+            base = self.bases.get(self.pressing, np.empty(0, dtype=int))
+            self.slow.move(base, sign * (delta - self.delta) * AXIS)
+            self.delta = delta
+            return
         # A single body moves up to the plane, a second one down to the first.
         rigid = np.outer(self.moved, (1.0 if self.pressing == 0 else -1.0) * AXIS)
         guess = (delta - self.delta) * rigid

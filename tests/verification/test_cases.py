@@ -160,6 +160,11 @@ def test_bar_impact():
     run("bar-impact", divisions=20)
 
 
+def test_bar_impact_by_increments():
+    """Among its lines: no energy is gained."""
+    run("bar-impact", divisions=10, integrator="implicit")
+
+
 @pytest.mark.mpi
 def test_material_point():
     run("material-point", paths=60, steps_per_leg=60)
@@ -177,6 +182,11 @@ def test_plastic_sphere():
 @pytest.mark.mpi
 def test_plastic_sphere_over_approach():
     run("plastic-sphere", what="curves", elements_per_radius=1.5)
+
+
+def test_paper_sphere_by_increments():
+    run("paper-sphere", elements_per_radius=2, refinement=1.1, num_yields=1, integrator="static",
+        increments=8)  # fmt: skip
 
 
 def test_paper_sphere():

@@ -35,6 +35,19 @@ def test_time_steps_leave_the_equilibrium_at_rest():
     assert s.wall_forces()[0] == pytest.approx(force, rel=1e-6)
 
 
+def test_increments_and_time_steps_find_the_same_state():
+    """One indentation by each; increments to Newton's tolerances, steps to what still swings."""
+    delta = whole_contact("sphere-plane", 0.05 * RADIUS, NU).delta
+    forces = []
+    for integrator in ("equilibrium", "static", "explicit"):
+        pressed = Pressed(MPI.COMM_SELF, make("sphere-plane", 1.5, 0.05, NU, 0.4), integrator)
+        pressed.press(delta)
+        forces.append(pressed.simulation.wall_forces()[0])
+        assert pressed.reaction() == pytest.approx(forces[-1], rel=5e-3)
+    assert forces[1] == pytest.approx(forces[0], rel=1e-4)
+    assert forces[2] == pytest.approx(forces[0], rel=5e-3)
+
+
 def test_size_and_pressure_of_a_sampled_half_ellipsoid():
     a, b, p0 = 2.0, 1.0, 3.0
     n = 400
