@@ -13,6 +13,9 @@ from .errors import InputError
 #: Faces of a positively oriented cell, seen from outside.
 OUTWARD_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
+#: An element with less volume than this times the cube of its longest edge has none.
+FLAT = 1e-9
+
 
 def partition_grains(weights, centroids, num_ranks):
     """Rank of each grain by weighted recursive coordinate bisection.
@@ -185,6 +188,7 @@ def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, fa
     _check_whole(comm, nodes, node_offset, np.asarray(labels)[grains])
 
     facets, grain_of_facet = _boundary(dofs, cell_offset)
+    _check_elements(comm, x, dofs, cell_offset, facets, grain_of_facet, np.asarray(labels)[grains])
     tags = mesh.meshtags(
         domain,
         3,
@@ -224,6 +228,47 @@ def _check_whole(comm, nodes, node_offset, labels):
         raise InputError(
             f"grain {torn[0]} is in pieces, expected tetrahedra that hang together at their nodes"
         )
+
+
+def _check_elements(comm, x, cells, cell_offset, facets, grain_of_facet, labels):
+    """Every element has a volume, and they fill the surface of their grain once. Collective.
+
+    The volume that the surface encloses is the sum of those of the elements with their sign: where
+    some lie inside out among others, as after a node was moved too far, it falls short of theirs.
+
+    Raises:
+        InputError: An element is flat, or some lie inside out; on all ranks.
+    """
+    grain_of_cell = np.repeat(np.arange(cell_offset.size - 1), np.diff(cell_offset))
+    corner = x[cells]
+    edges = corner[:, 1:] - corner[:, :1]
+    volume = np.linalg.det(edges) / 6
+    largest = np.abs(edges).max(axis=(1, 2), initial=0.0)
+    flat = np.flatnonzero(~(volume > FLAT * largest**3))
+    # From a point of each grain: far from the origin its volume would be rounded off.
+    place = x[cells[cell_offset[:-1], 0]]
+    a, b, c = (x[facets[:, i]] - place[grain_of_facet] for i in range(3))
+    enclosed = np.bincount(
+        grain_of_facet, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6, cell_offset.size - 1
+    )
+    filled = np.bincount(grain_of_cell, volume, cell_offset.size - 1)
+    tangled = np.flatnonzero(np.abs(filled - enclosed) > 1e-6 * filled)
+    message = None
+    if flat.size:
+        message = (
+            f"volume of an element of grain {labels[grain_of_cell[flat[0]]]} = "
+            f"{volume[flat[0]]:.3g} m³ on edges of {largest[flat[0]]:.3g} m, expected more than "
+            f"{FLAT:g} of their cube: mesh that grain anew"
+        )
+    elif tangled.size:
+        k = tangled[0]
+        message = (
+            f"volume of the elements of grain {labels[k]} = {filled[k]:.6g} m³ in a surface around "
+            f"{enclosed[k]:.6g} m³, expected the same: elements lie inside out or in each other"
+        )
+    messages = [text for text in comm.allgather(message) if text]
+    if messages:
+        raise InputError(messages[0])
 
 
 def _order(grain_of_cell, original, family):

@@ -9,6 +9,7 @@ from mpi4py import MPI
 from .contact.assemble import Contact
 from .contact.bonded import Bonded
 from .contact.bounds import spring_bounds
+from .contact.depth import check_start, too_deep
 from .contact.laws import COMPLIANCE
 from .contact.mirrors import Mirrors
 from .contact.near import near_nodes
@@ -156,6 +157,7 @@ class Simulation:
         self._f[:] = 0.0
         self.solid.add_internal_forces(self._f, s, 0.0)
         self.contact.add_forces(self._f, s.x, adopt=True)
+        check_start(self.mesh, self.contact)
         self.bonded.take_forces(self._f, s.v, s.x)
         self.mirrors.take_forces(self._f, s.x)
         self.rigid.take_forces(self._f, s.x)
@@ -280,7 +282,8 @@ class Simulation:
         Raises:
             UnstableError: An element turned inside out or collapsed, or the motion is not
                 finite; on all ranks.
-            SolverError: An element left its table of yield stresses; on all ranks.
+            SolverError: An element left its table of yield stresses, or a grain is too deep in
+                another one; on all ranks.
         """
         finite = math.isfinite(self._kinetic()) and not diverged
         failure = None
@@ -296,6 +299,9 @@ class Simulation:
                 f"the motion is no longer finite at step {self.state.num_steps}: reduce "
                 "solver.time_step_factor or oedometer.speed"
             )
+        deep = too_deep(self.mesh, self.contact)
+        if deep is not None:
+            raise SolverError(deep)
 
     # --- time step ------------------------------------------------------------------------
 

@@ -118,9 +118,11 @@ class Contact:
         self.edge = math.sqrt(4 / math.sqrt(3) * total[0] / total[1])
         self.skin = SKIN * self.edge
         self.width = self.comm.allreduce(float(np.ptp(x, axis=0).max()), op=MPI.SUM)
-        self.largest_depth = LARGEST_DEPTH * self.edge
+        self.largest_depth, self.thick_layers = LARGEST_DEPTH * self.edge, False
         if rigid_layer is not None:
             rigid = foundation_depth(self.comm, rigid_layer, contact_modulus, LARGEST_DEPTH)
+            #: Whether grains that do not deform have layers thicker than facets would.
+            self.thick_layers = rigid > self.largest_depth
             self.largest_depth = max(self.largest_depth, rigid)
         # Further behind a facet of its own grain, a node is taken to be on the other side of it.
         self.self_depth = 2 * self.largest_depth if self_contact else None

@@ -32,6 +32,7 @@ from .sliding import sliding_block, sliding_facets
 from .soak import soak
 from .spin import spin
 from .splitting import disc, hiramatsu_oka
+from .stability import STABILITY
 from .strain_cycle import strain_cycle
 from .torsion import torsion
 
@@ -71,7 +72,7 @@ CASES = {
     "crush": crush,
     "segmentation": segmentation,
     "soak": soak,
-}
+} | STABILITY
 
 
 def known_cases():

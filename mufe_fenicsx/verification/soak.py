@@ -20,6 +20,30 @@ WARM, HELD = 0.1, 0.5
 SEATING_SPEED = 0.5
 
 
+def packing_to_hold(comm, strain, speed, element_size):
+    """Twenty angular grains before they are compressed: simulation and loading. Collective."""
+    bodies = angular_grains((2, 2, 5), element_size)
+    mesh = build(comm, bodies, MATERIAL, np.zeros(3), np.zeros(3), axes="").mesh
+    separate(mesh, 0.3)
+    low = np.min(comm.allgather(mesh.x.min(axis=0)), axis=0)
+    high = np.max(comm.allgather(mesh.x.max(axis=0)), axis=0)
+    walls = [Wall(name, *plane) for name, plane in axis_planes(low, high).items()]
+    # Speeds halve within some 10 000 steps: little while it is loaded, all while it is held.
+    s = Simulation(mesh, [MATERIAL] * mesh.num_grains, walls, friction=0.3, damping=5e3)
+    area = (high - low)[0] * (high - low)[1]
+    loading = OedometerLoading(s, strain, speed, 0.1 * strain, 1e6 * area, SEATING_SPEED)
+    return s, loading
+
+
+def advance(s, loading):
+    """One step of the test; once it is finished, with the platen at rest. Collective."""
+    if not loading.finished:
+        loading.before_step()
+    else:
+        s.walls.velocity[s.walls.names.index(TOP)] = 0.0
+    s.step(everywhere=False)
+
+
 @case("soak", num_bodies=4)
 def soak(comm, steps=1_000_000, strain=0.1, speed=0.5, element_size=0.9):
     """Twenty yielding grains, compressed and then held, over a million steps.
@@ -34,24 +58,11 @@ def soak(comm, steps=1_000_000, strain=0.1, speed=0.5, element_size=0.9):
         speed: Of the platen [m/s].
         element_size: Edge of the elements over half of the distance of centres.
     """
-    bodies = angular_grains((2, 2, 5), element_size)
-    mesh = build(comm, bodies, MATERIAL, np.zeros(3), np.zeros(3), axes="").mesh
-    separate(mesh, 0.3)
-    low = np.min(comm.allgather(mesh.x.min(axis=0)), axis=0)
-    high = np.max(comm.allgather(mesh.x.max(axis=0)), axis=0)
-    walls = [Wall(name, *plane) for name, plane in axis_planes(low, high).items()]
-    # Speeds halve within some 10 000 steps: little while it is loaded, all while it is held.
-    s = Simulation(mesh, [MATERIAL] * mesh.num_grains, walls, friction=0.3, damping=5e3)
-    area = (high - low)[0] * (high - low)[1]
-    loading = OedometerLoading(s, strain, speed, 0.1 * strain, 1e6 * area, SEATING_SPEED)
+    s, loading = packing_to_hold(comm, strain, speed, element_size)
     memory, early, late = None, [], []
     every = max(1, steps // 1000)
     while s.state.num_steps < steps:
-        if not loading.finished:
-            loading.before_step()
-        else:
-            s.walls.velocity[s.walls.names.index(TOP)] = 0.0
-        s.step(everywhere=False)
+        advance(s, loading)
         part = s.state.num_steps / steps
         if memory is None and part >= WARM:
             memory = memory_in_use(comm)

@@ -1,0 +1,198 @@
+"""How far explicit and static increments go: limits in closed form, each with its source."""
+
+import numpy as np
+
+
+def growth_per_step(omega_dt):
+    """Largest factor by which central differences multiply an oscillation in a step.
+
+    The characteristic equation z² - (2 - (ω Δt)²) z + 1 = 0 has roots of modulus 1 up to
+    ω Δt = 2; beyond, the larger one is
+
+        |z| = (w + √(w² - 1))²,  w = ω Δt/2.
+
+    Source: T. J. R. Hughes, The Finite Element Method, 1987, section 9.1.
+
+    Args:
+        omega_dt: Angular frequency times time step [-].
+    """
+    w = np.maximum(0.5 * np.asarray(omega_dt, dtype=float), 1.0)
+    return (w + np.sqrt(w**2 - 1.0)) ** 2
+
+
+def rebound_speed(omega_dt, phase):
+    """Speed of a mass after it met a spring, over that before, by central differences.
+
+    The spring acts while its length is negative; the first position behind it is
+    ``phase`` times the way of a step deep. Each step then is v ← v - (ω Δt)² x, x ← x + v
+    (x in ways of a step, v in first speeds). Beyond (ω Δt)² = 2 a mass that is found
+    a whole way deep leaves at (ω Δt)² - 1, faster than it came, without bound; below it gains
+    no more than :func:`rebound_bound` allows.
+
+    Args:
+        omega_dt: √(k/m) Δt [-].
+        phase: In ]0, 1], broadcast with ``omega_dt``.
+    """
+    q, x = np.broadcast_arrays(np.asarray(omega_dt, dtype=float) ** 2, phase)
+    x = x.astype(float)
+    v, inside = np.ones_like(x), np.ones(x.shape, dtype=bool)
+    while inside.any():
+        v = np.where(inside, v - q * x, v)
+        x = np.where(inside, x + v, x)
+        inside &= x > 0.0
+    return np.abs(v)
+
+
+def rebound_bound(omega_dt):
+    """Bound of :func:`rebound_speed`, 1/√(1 - (ω Δt)²/4).
+
+    Steps inside the spring keep w² + (ω Δt)² x x', w the way of a step between x and x'. The
+    product is at least -w²/4 where the mass enters or leaves.
+
+    Source: the invariant of the leapfrog scheme (E. Hairer, C. Lubich, G. Wanner, Acta Numerica
+    12, 2003, section 1) with x and x' on both sides of the end of the spring.
+    """
+    return 1.0 / np.sqrt(1.0 - 0.25 * np.asarray(omega_dt, dtype=float) ** 2)
+
+
+def cap_step(altitude, area, modulus, apex_mass, base_mass):
+    """Stable step of a flat tetrahedron of one apex above its base, in a mesh of thick ones [s].
+
+    The apex swings against the base along its altitude a, strain u/a over the volume A a/3:
+
+        k = M A/(3 a),  1/m = 1/m_apex + Σ 1/(9 m_b),  Δt = 2 √(m/k),
+
+    which falls as √a, for the masses are those of the mesh around. The bound by single elements
+    takes the mass of this one alone and falls as a.
+
+    Args:
+        altitude: a [m].
+        area: Of the base, A [m²].
+        modulus: Stiffness without lateral strain, M [Pa].
+        apex_mass: Of the node above the base [kg].
+        base_mass: Of the nodes of the base [kg], shape (3,).
+    """
+    mass = 1.0 / (1.0 / apex_mass + (1.0 / (9.0 * np.asarray(base_mass))).sum())
+    return 2.0 * np.sqrt(3.0 * mass * altitude / (modulus * area))
+
+
+def inversion_speed(bulk_modulus, rho):
+    """Speed at which the apex of a free, soft tetrahedron has to be shot to reach its base [m/s].
+
+    Without a deviator all that resists is p = K ln J, of the energy K (J ln J - J + 1) a volume:
+    K at J = 0, a finite one. Apex and base have a quarter and three quarters of the mass ρ V:
+
+        ½ (3/16) ρ V v² = K V.
+
+    Args:
+        bulk_modulus: K [Pa].
+        rho: Density [kg/m³].
+
+    Source: the stored energy of J. Bonet, A. J. Burton, Commun. Numer. Methods Eng. 14, 1998.
+    """
+    return np.sqrt(32.0 / 3.0 * bulk_modulus / rho)
+
+
+def self_locking_friction(stiffness, spring, normal, slip):
+    """Coefficient of friction beyond which a dragged point never slips, inf if there is none.
+
+    A point held by the elastic stiffness C⁻¹ presses on a plane by a spring k along n; the plane
+    is drawn along t. While it slips, its force N (n + μ t) moves it by N C (n + μ t), and
+
+        N = k d / (1 + k n·C n + μ k n·C t):
+
+    infinite at μ = -(1/k + n·C n)/(n·C t), where friction draws the point in as fast as the
+    pressure lifts it.
+
+    Args:
+        stiffness: Of the point against all else [N/m], shape (3, 3).
+        spring: k [N/m].
+        normal: n, from the plane to the point, shape (3,).
+        slip: t, the way of the plane, shape (3,).
+
+    Source: A. Klarbring, Ingenieur-Archiv 60, 1990, 529-541, for a point with its own spring.
+    """
+    C = np.linalg.inv(stiffness)
+    across = normal @ C @ slip
+    return -(1.0 / spring + normal @ C @ normal) / across if across < 0.0 else np.inf
+
+
+def sudden_stress(speed, wave_speed, modulus, time, length):
+    """Stress that a platen which starts at full speed feels at a column on a fixed base [Pa].
+
+    Each front brings ρ c v, and twice that whenever it is back after 2 L/c:
+
+        σ = ρ c v (1 + 2 floor(t c/2L)),  ρ c = M/c.
+
+    Args:
+        speed: v [m/s].
+        wave_speed: c [m/s].
+        modulus: M [Pa].
+        time: Since the start [s].
+        length: Of the column [m].
+
+    Source: K. F. Graff, Wave Motion in Elastic Solids, 1975, section 2.2.
+    """
+    turns = np.floor(0.5 * np.asarray(time) * wave_speed / length)
+    return modulus * speed / wave_speed * (1.0 + 2.0 * turns)
+
+
+def necking_strain(first_yield, hardening):
+    """Logarithmic strain at which a bar in tension carries the most: dσ/dε = σ.
+
+    With σ = Y + H ε: ε = 1 - Y/H, none below H = Y, where the bar necks as it yields.
+
+    Args:
+        first_yield: Y [Pa].
+        hardening: H [Pa].
+
+    Source: A. Considère, Annales des Ponts et Chaussées 9, 1885, 574-775.
+    """
+    return max(1.0 - first_yield / hardening, 0.0) if hardening > 0 else 0.0
+
+
+def sealed_speed(contact_modulus, modulus, wave_speed, depth, compliance):
+    """Speed of approach beyond which two equal blocks press no harder [m/s].
+
+    Plane waves stop each of them with the pressure ρ c v/2. Two layers of c h/E* whose
+    force grows no more beyond the depth d carry E* (d/h)/(2 c).
+
+    Args:
+        contact_modulus: E* of one side [Pa].
+        modulus: M = ρ c² [Pa].
+        wave_speed: Of plane waves [m/s].
+        depth: d/h [-].
+        compliance: c of the layers [-].
+    """
+    return contact_modulus / modulus * depth / compliance * wave_speed
+
+
+def swallowed_ratio(relative_pressure, compliance, part):
+    """Size of facets over that of a smaller grain's at which this one is ``part`` h deep.
+
+    Layers of both sides add: d = c (h + H) p/E*, so H/h = part E*/(c p) - 1.
+
+    Args:
+        relative_pressure: p/E* [-].
+        compliance: c [-].
+        part: d/h [-].
+    """
+    return part / (compliance * relative_pressure) - 1.0
+
+
+def drag_error(stabilisation, contact_modulus, modulus, increments):
+    """Force of the drag on a cube in static increments over the force that it carries.
+
+    The platen above a cube of edge L, at rest below, moves by δ/n in each of n even increments,
+    the cube by half of that in the mean; the drag s E* L (δ/2n) is what the platens' forces
+    M L² δ/L differ by:
+
+        s E*/(2 n M).
+
+    Args:
+        stabilisation: s [-].
+        contact_modulus: E* [Pa].
+        modulus: M [Pa].
+        increments: n [-].
+    """
+    return 0.5 * stabilisation * contact_modulus / (increments * modulus)

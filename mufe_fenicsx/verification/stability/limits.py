@@ -1,0 +1,179 @@
+"""What the subjects of the stability map share: small bodies, noise, growth and bisection."""
+
+import math
+
+import numpy as np
+
+from ...contact.rewind import ContactMark
+from ...energy_guard import EnergyGuard
+from ...errors import InputError, SolverError
+from ...geometry.shapes import box
+from ...materials.elastic import Elastic
+from ..build import build, drive, settle
+
+SIZE = 1e-3  #: edge of the blocks [m]
+E, NU, RHO = 100e9, 0.15, 2650.0
+#: Steps after which the limit is evaluated anew, where a step shall stay as it was set.
+NEVER = 10**9
+#: Speed of the noise [m/s]: strains of 1e-12, so that bodies stay linear while it grows.
+NOISE = 1e-8
+
+
+def bisect(fails, low, high, num=14):
+    """Where ``fails(value)`` turns from False to True, the mean of the last interval's ends.
+
+    Intervals are halved in the logarithm. inf if it does not fail at ``high``, 0 if it does at
+    ``low``.
+    """
+    if not fails(high):
+        return math.inf
+    if fails(low):
+        return 0.0
+    for _ in range(num):
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if fails(middle) else (middle, high)
+    return math.sqrt(low * high)
+
+
+class Snapshot:
+    """A state to start from again and again, with its contacts."""
+
+    NAMES = ("x", "u", "v", "a", "deviator", "plastic_strain", "plastic_work")
+
+    def __init__(self, simulation):
+        self.simulation = simulation
+        self._contact = ContactMark(simulation.contact)
+        self._previous = simulation.contact.previous.copy()
+        self._kept = {name: getattr(simulation.state, name).copy() for name in self.NAMES}
+
+    def restore(self):
+        """Make the state what it was."""
+        for name, values in self._kept.items():
+            getattr(self.simulation.state, name)[:] = values
+        contact = self.simulation.contact
+        if contact.num_searches == self._contact.num_searches:
+            self._contact.restore()
+        else:  # a body that touches nothing went far enough: it has no contacts to restore
+            self._contact = ContactMark(contact)
+        contact.previous[:] = self._previous
+
+
+def kinetic(s):
+    """Kinetic energy of the nodes [J], of one rank."""
+    return 0.5 * float(s.solid.mass @ (s.state.v**2).sum(axis=1))
+
+
+def set_step(s, dt):
+    """Steps of length ``dt`` [s] from now on, whatever the limit."""
+    s.dt, s._margin = dt, math.inf  # no motion asks for another one
+    s.contact.set_time_step(dt)
+
+
+def shake(s, speed=NOISE, seed=1):
+    """Add random velocities of up to ``speed`` [m/s]."""
+    s.state.v += speed * np.random.default_rng(seed).uniform(-1, 1, s.state.v.shape)
+
+
+def growth(s, start, dt, num_steps=600, largest=1e14):
+    """Factor of the amplitude of noise in a step of ``dt`` [s], and whether it grows for good.
+
+    Args:
+        s: Simulation on one rank.
+        start: Its :class:`Snapshot`.
+        dt: Time step [s].
+        num_steps: Steps at most.
+        largest: Kinetic energy over that of the noise at which to stop.
+    """
+    start.restore()
+    shake(s)
+    set_step(s, dt)
+    first, course = kinetic(s), []
+    for _ in range(num_steps):
+        s.step()
+        course.append(kinetic(s) / first)
+        if not course[-1] < largest:
+            break
+    start.restore()
+    course = np.log(np.array(course))
+    grown = not course[-1] < math.log(largest)
+    # The last third: by then the fastest mode is alone, unless little grows.
+    last = course[-max(3, len(course) // 3) :]
+    rate = np.polyfit(np.arange(last.size), last, 1)[0] if last.size > 2 else course[-1]
+    return float(np.exp(0.5 * rate)), grown
+
+
+def dense_stiffness(s, bulk=True, springs=True):
+    """Stiffness of bulk and closed springs [N/m], shape (3 num_nodes, 3 num_nodes). One rank."""
+    n = s.state.x.size
+    K, q = np.empty((n, n)), np.zeros_like(s.state.x)
+    for i in range(n):
+        q.flat[i] = 1.0
+        y = np.zeros_like(q)
+        if bulk:
+            s.solid.add_stiffness(y, q, s.state.x)
+        if springs:
+            s.contact.add_stiffness(y, q, 0.0)
+        K[:, i] = y.ravel()
+        q.flat[i] = 0.0
+    return K
+
+
+def highest_frequency(s, bulk=True, springs=True):
+    """ω_max of M⁻¹K by a dense eigenvalue problem [rad/s]. One rank."""
+    root = np.repeat(1 / np.sqrt(s.solid.mass), 3)
+    K = dense_stiffness(s, bulk, springs)
+    top = np.linalg.eigvalsh(root[:, None] * (0.5 * (K + K.T)) * root)[-1]
+    return math.sqrt(max(top, 0.0))
+
+
+def free_block(comm, element="p1", divisions=2, **options):
+    """An elastic cube that touches nothing."""
+    bodies = [box((SIZE,) * 3, (divisions,) * 3)]
+    options = {"refresh": NEVER} | options
+    return build(
+        comm, bodies, Elastic(E, NU, RHO), np.zeros(3), np.zeros(3), axes="", element=element,
+        **options,
+    )  # fmt: skip
+
+
+def pressed_block(comm, element="p1", divisions=2, strain=1e-3, friction=1.0, **options):
+    """A cube at rest between two platens that it sticks to; ν = 0, so that nothing slips."""
+    material = Elastic(E, 0.0, RHO)
+    bodies = [box((SIZE,) * 3, (divisions,) * 3)]
+    s = build(
+        comm, bodies, material, np.zeros(3), np.full(3, SIZE), axes="z", element=element,
+        wall_friction={"z_min": friction, "z_max": friction},
+        damping=math.pi * material.wave_speed / SIZE, **options,
+    )  # fmt: skip
+    drive(s, {"z_max": (0, 0, -strain * SIZE)}, 4 * SIZE / material.wave_speed)
+    settle(s, 1e-18)
+    s.damping, s.refresh = 0.0, NEVER
+    s.state.v[:] = 0.0
+    return s
+
+
+def message_of(function, *arguments, **options):
+    """What the program says where it refuses or stops; "" where it does neither."""
+    try:
+        function(*arguments, **options)
+    except (InputError, SolverError) as error:
+        return str(error)
+    return ""
+
+
+def steps_to_notice(s, limit=0.1, max_steps=4000, every=20):
+    """Steps until the program stops a run, looking at its energies every so often, and its words.
+
+    Returns:
+        Steps (inf if it does not), message.
+    """
+    guard = EnergyGuard(s, limit)
+    first = s.state.num_steps
+    try:
+        while s.state.num_steps - first < max_steps:
+            s.step()
+            if s.state.num_steps % every == 0:
+                guard.check(s.energies(), f"at step {s.state.num_steps}")
+    except SolverError as error:
+        return s.state.num_steps - first, str(error)
+    return math.inf, ""

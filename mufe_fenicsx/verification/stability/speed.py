@@ -1,0 +1,204 @@
+"""Speed of loading and added mass: kinetic energy against the error of the stress."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+
+from ...contact.separation import separate
+from ...contact.walls import Wall
+from ...geometry.shapes import box
+from ...loading import OedometerLoading
+from ...materials.elastic import Elastic
+from ...scene import MassScaling, QuasiStatic
+from ...simulation import Simulation
+from ...theory.stability import sudden_stress
+from ..build import build
+from ..case import axis_planes, case, compare
+from ..fidelity import lattice
+from ..packing import MATERIAL
+from .limits import RHO, SIZE, E, message_of
+
+#: Speed of the platen over wave speed and final strain, v/(c ε).
+RATIOS = (0.003, 0.01, 0.03, 0.1, 0.3)
+#: Speeds of the platen above a packing [m/s].
+SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
+#: Error of the stress that counts as the limit.
+ERROR = 0.05
+
+
+def column_error(comm, ratio, mass_factor=1.0, strain=1e-3, divisions=(2, 2, 24), scaling=None):
+    """An elastic column under a platen that starts at full speed.
+
+    Args:
+        comm: MPI communicator of one rank.
+        ratio: Speed over wave speed times strain.
+        mass_factor: Masses times this.
+        strain: Final strain.
+        divisions: Bricks along the edges.
+        scaling: Settings of mass scaling instead, or None.
+
+    Returns:
+        Largest error of the platen's stress in the last two passages of a wave over that at the
+        end; mean kinetic over elastic energy then; theory of both; the course; simulation.
+    """
+    material, up = Elastic(E, 0.0, RHO), np.eye(3)[2]
+    height = SIZE * divisions[2] / divisions[0]
+    body = box((SIZE, SIZE, height), divisions)
+    c, slow = material.wave_speed, material.wave_speed / math.sqrt(mass_factor)
+    factor = {} if mass_factor == 1.0 else {"mass_factor": np.full(len(body[0]), mass_factor)}
+    walls = [
+        Wall("base", np.zeros(3), up, bonded=True),
+        Wall("platen", height * up, -up, bonded=True),
+    ]
+    s = build(
+        comm, [body], material, np.zeros(3), np.zeros(3), axes="", walls=walls,
+        mass_scaling=scaling, **factor,
+    )  # fmt: skip
+    speed = ratio * c * strain
+    s.walls.velocity[1] = -speed * up
+    end, times, stress, moving = strain * height / speed, [], [], []
+    while s.state.t < end:
+        s.step()
+        times.append(s.state.t)
+        stress.append(s.wall_forces()[1] / SIZE**2)
+        moving.append(s._kinetic())
+    times, stress, moving = np.array(times), np.array(stress), np.array(moving)
+    static = E * speed * times / height
+    late = times > end - 2 * height / slow
+    error = np.abs(_smooth(stress, times, 0.2 * height / slow) - static)[late].max()
+    return SimpleNamespace(
+        ratio=ratio, mass_factor=mass_factor, error=float(error / static[-1]),
+        # Fronts are felt as jumps of 2 ρ c v about the line, and ρ c v/(E ε) = v/(c ε).
+        theory=ratio * math.sqrt(mass_factor),
+        kinetic=float(moving[late].mean() / s.energies()["elastic"]),
+        # What is behind a front moves with v or rests: half of it in the mean.
+        kinetic_theory=0.5 * ratio**2 * mass_factor,
+        times=times, stress=stress, static=static,
+        sudden=sudden_stress(speed, slow, E, times, height), simulation=s,
+    )  # fmt: skip
+
+
+def _smooth(values, times, width):
+    """Means over ``width`` [s]: nodes that swing behind a front are no error of the method."""
+    n = max(1, round(width / np.diff(times).mean()))
+    if values.size < 2 * n:
+        return values
+    padded = np.pad(values, (n // 2, n - 1 - n // 2), mode="edge")
+    return np.convolve(padded, np.full(n, 1.0 / n), "valid")
+
+
+def packing_curves(comm, speeds=SPEEDS, counts=(2, 2, 3), strain=0.005, element_size=0.5):
+    """Stress of a lattice of yielding balls against strain at several speeds, and kinetic energy.
+
+    Angular grains slide past each other at such small strains, at each speed in another way; a
+    lattice does not until it buckles at 0.01.
+
+    Returns:
+        Rows with strain, stress [Pa], kinetic over internal energy, difference of the platens'
+        forces over their mean; simulations.
+    """
+    bodies = lattice(counts, element_size)[: int(np.prod(counts))]
+    rows, simulations = [], []
+    for speed in speeds:
+        mesh = build(comm, bodies, MATERIAL, np.zeros(3), np.zeros(3), axes="").mesh
+        separate(mesh, 0.3)
+        low, high = mesh.x.min(axis=0), mesh.x.max(axis=0)
+        walls = [Wall(name, *plane) for name, plane in axis_planes(low, high).items()]
+        s = Simulation(mesh, [MATERIAL] * mesh.num_grains, walls, friction=0.3)
+        area = (high - low)[0] * (high - low)[1]
+        loading = OedometerLoading(s, strain, speed, 0.1 * strain, 1e4 * area, min(speed, 0.5))
+        records, due = [], 0.0
+        while not loading.finished:
+            loading.before_step()
+            s.step()
+            if loading.strain > due:
+                due += strain / 40
+                forces, e = s.wall_forces(), s.energies()
+                records.append(
+                    (
+                        loading.strain, 0.5 * (forces[4] + forces[5]) / area,
+                        e["kinetic"] / (e["elastic"] + e["plastic"]),
+                        (forces[5] - forces[4]) / max(0.5 * (forces[4] + forces[5]), 1e-300),
+                    )
+                )  # fmt: skip
+        columns = np.array(records).T
+        rows.append(
+            SimpleNamespace(
+                speed=speed, strain=columns[0], stress=columns[1], kinetic=columns[2],
+                unbalanced=columns[3], steps=s.state.num_steps,
+            )
+        )  # fmt: skip
+        simulations.append(s)
+    return rows, simulations
+
+
+def curve_errors(rows):
+    """Of each but the slowest: r.m.s. difference of its curve over the range, mean kinetic ratio.
+
+    In the last half of the strain.
+    """
+    slow = rows[0]
+    late = slow.strain > 0.5 * slow.strain[-1]
+    grid, reference = slow.strain[late], slow.stress[late]
+    found = []
+    for row in rows:
+        stress = np.interp(grid, row.strain, row.stress)
+        error = math.sqrt(np.mean((stress - reference) ** 2)) / slow.stress.max()
+        kinetic = row.kinetic[row.strain > 0.5 * row.strain[-1]].mean()
+        found.append((float(error), float(kinetic)))
+    return found
+
+
+def limit_of(x, errors, limit=ERROR):
+    """Where errors that grow with ``x`` reach the limit, by their logarithms."""
+    return float(np.exp(np.interp(math.log(limit), np.log(errors), np.log(x))))
+
+
+def messages(_comm):
+    """What the program says to bounds that cannot be."""
+    return {
+        "kinetic": message_of(QuasiStatic, kinetic=1.5),
+        "added": message_of(MassScaling, added=2.0),
+    }
+
+
+@case("stability-loading-speed", num_bodies=1)
+def loading_speed(comm):
+    """A column pressed suddenly: the stress is off by v/(c ε), as √(2 k) of the kinetic ratio k.
+
+    Args:
+        comm: MPI communicator.
+    """
+    found = [column_error(comm, ratio) for ratio in (0.02, 0.05, 0.1)]
+    results = {}
+    for one in found:
+        name = f"v/(c ε) = {one.ratio:g}"
+        # Fronts are some elements wide: a twelfth of the column.
+        results[f"{name}: error of the stress over v/(c ε)"] = compare(
+            one.error / one.ratio, one.theory / one.ratio, 0.15
+        )
+        # Over the energy at the end, up to v/(c ε) of which comes and goes.
+        results[f"{name}: mean kinetic over elastic energy"] = compare(
+            one.kinetic, one.kinetic_theory, 0.05 + 2 * one.ratio
+        )
+    return results, [one.simulation for one in found]
+
+
+@case("stability-mass", num_bodies=1)
+def added_mass(comm):
+    """Masses times F do what a speed times √F does, and no more.
+
+    Args:
+        comm: MPI communicator.
+    """
+    found = [column_error(comm, 0.1 / math.sqrt(factor), factor) for factor in (1.0, 16.0, 100.0)]
+    results = {}
+    for one in found[1:]:
+        name = f"F = {one.mass_factor:g}, speed over √F"
+        # The equations are the same; what differs is rounding, and where steps fall.
+        results[f"{name}: error of the stress"] = compare(one.error, found[0].error, 0.02)
+        results[f"{name}: kinetic over elastic energy"] = compare(
+            one.kinetic, found[0].kinetic, 0.05
+        )
+    return results, [one.simulation for one in found]

@@ -1,0 +1,146 @@
+"""Fast impact: blocks that press no harder, sink into each other and are noticed."""
+
+import math
+from contextlib import nullcontext
+from types import SimpleNamespace
+from unittest.mock import patch
+
+import numpy as np
+
+from ...contact.assemble import LARGEST_DEPTH
+from ...contact.laws import COMPLIANCE
+from ...contact.walls import Wall
+from ...errors import SolverError
+from ...geometry.shapes import box
+from ...materials.elastic import Elastic
+from ...simulation import Simulation
+from ...theory.stability import sealed_speed
+from ..build import distribute
+from ..case import case, compare
+from .limits import RHO, SIZE, E, bisect
+
+#: ν = 0: plane waves in a bar without sides held are those of E.
+MATERIAL = Elastic(E, 0.0, RHO)
+SPEEDS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6)
+
+
+def meet(comm, speed, divisions=(4, 4, 12), compliance=COMPLIANCE, check=True, travel=2.5):
+    """Two bars meet end to end at a relative speed over that of waves; ``check``: for depth.
+
+    Returns:
+        Largest depth over the mean edge of facets; evaluations beyond the largest depth that
+        counts; relative speed afterwards over that before (1: passed through, -1: bounced); the
+        words of the program, if it stops; simulation.
+    """
+    side = SIZE
+    length = SIZE * divisions[2] / divisions[0]
+    points, cells = box((side, side, length), divisions)
+    gap = 1e-3 * SIZE
+    # Turned, so that nodes do not meet nodes.
+    turn = np.array([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1.0]])
+    centred = points - [side / 2, side / 2, 0]
+    bodies = [(centred - [0, 0, length], cells), (centred @ turn.T + [0, 0, gap], cells)]
+    mesh = distribute(comm, bodies)
+    sign = np.where(mesh.grains[mesh.grain_of_node] == 1, -1.0, 1.0)
+    v = 0.5 * speed * MATERIAL.wave_speed
+    velocity = np.zeros_like(mesh.x)
+    velocity[:, 2] = sign * v
+    s = Simulation(
+        mesh, [MATERIAL] * mesh.num_grains, [], velocity=velocity, compliance=compliance,
+        refresh=20,
+    )  # fmt: skip
+    end = gap / (2 * v) + travel * length / MATERIAL.wave_speed
+    deepest, message = 0.0, ""
+    mass = s.solid.mass[:, None]
+    guard = nullcontext() if check else patch("mufe_fenicsx.simulation.too_deep", _content)
+    try:
+        with guard:
+            while s.state.t < end:
+                s.step()
+                p = s.contact.pairs
+                if p.closed.any():
+                    deepest = max(deepest, float((p.offset - p.gap)[p.closed].max()))
+    except SolverError as error:
+        message = str(error)
+    momentum = [
+        (mass * s.state.v)[sign == k].sum(axis=0)[2] / mass[sign == k].sum() for k in (1.0, -1.0)
+    ]
+    return SimpleNamespace(
+        speed=speed, deepest=deepest / s.contact.edge, num_deep=s.contact.num_deep,
+        after=(momentum[0] - momentum[1]) / (2 * v), message=message, simulation=s,
+        residual=s.energies()["residual"] / s.initial_kinetic if not message else math.nan,
+    )  # fmt: skip
+
+
+def _content(_mesh, _contact):
+    """In place of the check for depth, to see what would happen without."""
+    return None
+
+
+#: Long bars, so that sinking has the time to show, and compliances for their limits.
+LONG, LAYERS = (4, 4, 32), (COMPLIANCE, 0.5, 1.0, 2.5)
+
+
+def theory(compliance=COMPLIANCE):
+    """Speed over that of waves beyond which bars sink into each other as long as they meet.
+
+    Facets are alike all over a bar, so that the mean edge is that of those that meet.
+    """
+    return sealed_speed(MATERIAL.contact_modulus, E, 1.0, LARGEST_DEPTH, compliance)
+
+
+def limit(comm, compliance=COMPLIANCE, trials=8):
+    """Speed over that of waves at which the program stops long bars: measured, simulations."""
+    last = []
+    expected = theory(compliance)
+
+    def fails(part):
+        found = meet(comm, part * expected, LONG, compliance, travel=1.9)
+        last.append(found.simulation)
+        return bool(found.message)
+
+    return bisect(fails, 0.5, 2.0, trials) * expected, last
+
+
+def through_a_wall(comm, speed=1.0):
+    """A block shot at a plane: depth behind it over its edge; the plane's springs have no end."""
+    points, cells = box((SIZE,) * 3, (3, 3, 3))
+    mesh = distribute(comm, [(points, cells)])
+    v = np.zeros_like(mesh.x)
+    v[:, 2] = -speed * MATERIAL.wave_speed
+    s = Simulation(
+        mesh, [MATERIAL], [Wall("floor", np.array([0, 0, -1e-3 * SIZE]), np.eye(3)[2])],
+        velocity=v, refresh=10,
+    )  # fmt: skip
+    deepest, message = 0.0, ""
+    try:
+        while s.state.t < 2 * SIZE / MATERIAL.wave_speed:
+            s.step()
+            deepest = max(deepest, float(-1e-3 * SIZE - s.state.x[:, 2].min()))
+    except SolverError as error:
+        message = str(error)
+    return SimpleNamespace(depth=deepest / s.contact.edge, message=message, simulation=s)
+
+
+@case("stability-impact", num_bodies=1)
+def fast_impact(comm, trials=7):
+    """Blocks that meet at 0.4 of the speed of waves press as hard as contact can; faster ones sink.
+
+    Args:
+        comm: MPI communicator.
+        trials: Bisections.
+    """
+    results, simulations = {}, []
+    for compliance in (COMPLIANCE, 0.5):
+        measured, more = limit(comm, compliance, trials)
+        simulations += more
+        # Bars are compressed by half of v/c, which theory leaves out, and the rims of their ends
+        # carry beside the facets.
+        results[f"c = {compliance:g}: speed at which bars sink, over theory"] = compare(
+            measured / theory(compliance), 1.0, 0.2
+        )
+    slow, fast = meet(comm, 0.1), meet(comm, 1.6)
+    results["slow: relative speed afterwards over that before"] = compare(slow.after, -1.0, 0.1)
+    results["slow: the program is content"] = compare(float(bool(slow.message)), 0.0, 0.0, 1.0)
+    results["fast: the program says so"] = compare(float(bool(fast.message)), 1.0, 0.0)
+    return results, [*simulations, slow.simulation, fast.simulation]

@@ -1,0 +1,132 @@
+"""Sharp ones of the limits of the stability map, and that the program notices what is beyond."""
+
+import mufe_fenicsx  # noqa: F401, before dolfinx: it loads MPI
+
+# isort: split
+import math
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry.shapes import box, sphere
+from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.simulation import Simulation
+from mufe_fenicsx.theory import stability as theory
+from mufe_fenicsx.verification.build import distribute
+from mufe_fenicsx.verification.stability import (
+    inversion,
+    newton,
+    slivers,
+    time_step,
+    tunnelling,
+    unequal,
+)
+from mufe_fenicsx.verification.stability.limits import (
+    Snapshot,
+    bisect,
+    free_block,
+    growth,
+    highest_frequency,
+    pressed_block,
+)
+
+COMM = MPI.COMM_SELF
+QUARTZ = Elastic(100e9, 0.15, 2650.0)
+
+
+@pytest.mark.parametrize("body", [free_block, pressed_block])
+def test_central_differences_are_stable_up_to_two_over_omega(body):
+    """A cube of plain tetrahedra, free and stuck between platens by its contact springs."""
+    s = body(COMM)
+    exact = 2.0 / highest_frequency(s, springs=body is pressed_block)
+    start = Snapshot(s)
+    measured = bisect(lambda factor: growth(s, start, factor * exact)[1], 0.5, 1.5, 9)
+    # Bisection to 0.1 %; noise needs 1e-4 beyond the limit to grow in 600 steps.
+    assert measured == pytest.approx(1.0, abs=0.02)
+    # A linear system, but others of its modes grow nearly as fast, and noise begins with all.
+    assert growth(s, start, 1.2 * exact)[0] == pytest.approx(theory.growth_per_step(2.4), rel=0.03)
+
+
+def test_a_tip_that_meets_a_spring_leaves_it_as_the_discrete_mass_does():
+    """At (ω Δt)² = 1 with its speed, at 1.5 up to a quarter faster, beyond 2 without bound."""
+    omega_dt = np.sqrt([1.0, 1.5, 2.5])
+    speed, _ = time_step.rebounds(COMM, omega_dt, 8)
+    expected = theory.rebound_speed(omega_dt[:, None], (1 + np.arange(8)) / 8)
+    # The tetrahedron behind the tip pulls by √(compliance), 0.3 %, in each of some steps.
+    np.testing.assert_allclose(speed, expected, atol=0.02)
+    assert expected.max(axis=1) == pytest.approx([1.0, 1.25, 1.5])
+    bound = theory.rebound_bound(omega_dt[:2])
+    assert (expected[:2].max(axis=1) <= bound + 1e-12).all()
+
+
+def test_a_flat_element_costs_the_root_of_its_altitude():
+    rows, _ = slivers.sliver_map(COMM, (1e-4, 1e-2), trials=8)
+    for row in rows:
+        assert row.measured == pytest.approx(row.exact, rel=0.02)
+        # What the elements around add falls with the root of the altitude.
+        assert row.exact == pytest.approx(row.theory, rel=0.02 + math.sqrt(row.part))
+    assert rows[0].element / rows[1].element == pytest.approx(0.01, rel=0.02)
+
+
+def test_a_mesh_with_a_flat_or_turned_element_is_refused():
+    said = slivers.messages(COMM)
+    assert "grain 1" in said["no volume"] and "mesh that grain anew" in said["no volume"]
+    assert "lie inside out or in each other" in said["tangled"]
+
+
+@pytest.mark.parametrize("depth", [0.6, 1.3])
+def test_a_grain_that_starts_deeper_than_an_edge_is_refused(depth):
+    """Two blocks face to face, their overlap known exactly in edges of their facets."""
+    points, cells = box((1e-3,) * 3, (4, 4, 4))
+    edge = math.sqrt(4 / math.sqrt(3) * 0.5 * 0.25e-3**2)
+    upper = points + np.array([0.31e-4, 0.17e-4, 1e-3 - depth * edge])
+    mesh = distribute(COMM, [(points, cells), (upper, cells)])
+    if depth < 1:
+        assert Simulation(mesh, [QUARTZ] * 2).contact.num_adopted
+        return
+    with pytest.raises(InputError, match=r"grain \d starts .* deep in grain \d, 1\.\d* edges"):
+        Simulation(mesh, [QUARTZ] * 2)
+
+
+@pytest.mark.mpi
+def test_a_grain_inside_another_is_refused():
+    """No surface crosses another one: found by the winding number."""
+    comm = MPI.COMM_WORLD
+    bodies = [sphere(1e-3, 0.4e-3), sphere(1e-4, 0.4e-4), sphere(1e-3, 0.4e-3, (3e-3, 0, 0))]
+    if comm.size > len(bodies):
+        comm = COMM
+    mesh = distribute(comm, bodies)
+    with pytest.raises(InputError, match=r"grain [12] has its middle inside grain [12]"):
+        Simulation(mesh, [QUARTZ] * mesh.num_grains)
+
+
+def test_bodies_that_pass_through_each_other_are_noticed():
+    """Two bars at 1.6 times the speed of waves; at a tenth of it they bounce, unnoticed."""
+    fast = tunnelling.meet(COMM, 1.6, (2, 2, 6))
+    assert "contact no longer keeps them apart" in fast.message
+    slow = tunnelling.meet(COMM, 0.1, (2, 2, 6))
+    # What they lose is left in vibrations behind the front: some percent.
+    assert not slow.message and slow.after == pytest.approx(-1.0, abs=0.15)
+
+
+def test_a_grain_swallowed_by_a_far_larger_neighbour_is_noticed():
+    assert "deep in grain 1" in unequal.press(COMM, 1000.0, 1e-2).message
+    assert not unequal.press(COMM, 10.0, 1e-2).message
+
+
+def test_a_strut_locks_where_theory_says():
+    """Static increments: it slips below the critical friction and sticks for good above."""
+    critical = newton.Strut(COMM, 0.3, -1.0).critical
+    below = newton.Strut(COMM, 0.9 * critical, -1.0).draw(way=300.0)
+    above = newton.Strut(COMM, 1.1 * critical, -1.0).draw(way=300.0)
+    assert below.sliding and not above.sliding
+    # Strains of 1e-3 beside linear elasticity, times the 10 of the pole.
+    assert below.normal == pytest.approx(below.theory, rel=0.05)
+
+
+def test_a_soft_tetrahedron_inverts_where_its_motion_has_the_energy_of_its_volume():
+    (row,), _ = inversion.inversion_map(COMM, (0.3,), trials=5)
+    # Bisection to 3 %, flow of a yield stress of 1e-6 E.
+    assert row.measured == pytest.approx(row.theory, rel=0.05)
