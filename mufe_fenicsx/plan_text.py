@@ -8,7 +8,12 @@ def lines(plan, cost):
     model = ", ".join(f"{len(labels)} grains {name}" for name, labels in plan.fidelity.items())
     parts = ", ".join(f"{name} {percent(part)}" for name, part in plan.parts.items() if part)
     edges = f"{1e6 * plan.size:.3g} um near contacts, {1e6 * plan.inner_size:.3g} um inside"
-    grains = "mesh the grains again so" if plan.mesh_again else "the grains as they are"
+    grains = "the grains as they are"
+    if plan.mesh_again:
+        sizes = f'mesh.size = "{1e6 * plan.inner_size:.3g} um"'
+        if plan.size != plan.inner_size:
+            sizes += f', mesh.sizing = "contact", mesh.smallest_size = "{1e6 * plan.size:.3g} um"'
+        grains = f"mesh the grains again with {sizes}"
     rows = [
         ("accuracy", percent(plan.accuracy)),
         ("expected error", f"{percent(plan.error)} of forces: {parts}"),

@@ -32,7 +32,7 @@ from mufe_fenicsx.planning import Sample, follow, plan_case, plan_scene
 from mufe_fenicsx.run import run_scene
 from mufe_fenicsx.scene import Contact, MassScaling, Oedometer, Output, Scene, Solver, load_scene
 from mufe_fenicsx.verification.cases import run_cases
-from tests.bodies import packed_grains
+from tests.bodies import RADIUS, packed_grains
 
 ROCK = {"E": 100e9, "nu": 0.15, "rho": 2650.0}
 J2_ROCK = J2(**ROCK, yield_stress=((0.0, 10e6), (0.05, 110e6)))
@@ -247,7 +247,7 @@ def test_a_run_follows_its_plan_and_tells_what_was_predicted(tmp_path_factory):
     comm = MPI.COMM_WORLD
     folder = comm.bcast(tmp_path_factory.mktemp("plan") if comm.rank == 0 else None)
     if comm.rank == 0:
-        save_grains(folder / "grains", packed_grains((2, 2, 1)))
+        save_grains(folder / "grains", packed_grains((2, 2, 1), h=0.26 * RADIUS))
     comm.Barrier()
     wanted = Scene(
         J2_ROCK, Contact(0.23), Oedometer(0.01, 1.0, seating_stress=1e4, seating_speed=20.0),
