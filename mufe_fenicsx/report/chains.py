@@ -7,7 +7,7 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.render import Camera, Layer, over, render
-from mufe_fenicsx.report.views import FROM, box_corners, colour_bar
+from mufe_fenicsx.report.views import FROM, box_corners, colour_bar, three_in_a_row
 from mufe_fenicsx.results.tables import vectors
 
 #: Sides of a tube, and its radius at the mean force over the mean radius of the grains.
@@ -56,11 +56,10 @@ def draw_force_chains(source):
     source.need_rendering()
     boxes = {i: states[i].box(source.start) for i in shown}
     corners = np.concatenate([box_corners(boxes[i]) for i in shown])
-    aspect = 0.9
+    aspect, pixels, height = three_in_a_row(corners)
     camera = Camera.around(corners, FROM, aspect)
-    pixels = (int(680 * aspect), 680)
     num_panels = len(shown) + 1
-    figure, axes = style.new_figure(style.PAGE, 2.75, ncols=num_panels, squeeze=False)
+    figure, axes = style.new_figure(style.PAGE, height, ncols=num_panels, squeeze=False)
     axes, tables = axes[0], {}
     volume = np.bincount(np.unique(source.end.grain, return_inverse=True)[1], source.end.volume)
     mean_radius = np.cbrt(3 * volume.mean() / (4 * np.pi))

@@ -9,7 +9,7 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.render import Camera, Layer, render
-from mufe_fenicsx.report.views import FROM, box_corners, colour_bar
+from mufe_fenicsx.report.views import FROM, box_corners, colour_bar, three_in_a_row
 
 #: So many grain diameters thick is the slab whose grains have arrows.
 SLAB = 1.0
@@ -69,8 +69,8 @@ def draw_arrows(source):
         raise InputError(f"{len(center)} grains, expected 5 or more for a mean motion")
     left_over = moved - mean_motion(center, moved, form.mass)
     scale, unit = style.unit_of(np.ptp(box, axis=0), "m")
-    aspect = np.ptp(box[:, 2]) / np.ptp(box[:, 0])
-    figure, axes = style.new_figure(style.PAGE, 1.1 + 2.9 * aspect, ncols=2)
+    aspect = np.ptp(source.start.box(source.start)[:, 2]) / np.ptp(box[:, 0])
+    figure, axes = style.new_figure(style.PAGE, 1.35 + 2.9 * aspect, ncols=2)
     # So that three of four arrows stay inside their grain.
     usual = np.percentile(np.linalg.norm(left_over[near][:, [0, 2]], axis=1), 75)
     goal = 0.5 * diameter.mean()
@@ -155,11 +155,12 @@ def draw_split(source):
         ("shear strain [-]", "shear strain: %", "", 100.0),
     )
     source.need_rendering()
-    figure = style.blank_figure(style.PAGE, 4.7)
-    upper, lower = figure.subfigures(2, 1, height_ratios=[1.15, 1.0])
-    axes = upper.subplots(ncols=3)
     box = end.box(source.start)
-    aspect = 1.0
+    aspect, pixels, height = three_in_a_row(box_corners(box), 560)
+    height += 0.6  # the colour bars lie below
+    figure = style.blank_figure(style.PAGE, height + 2.1)
+    upper, lower = figure.subfigures(2, 1, height_ratios=[height, 2.1])
+    axes = upper.subplots(ncols=3)
     camera = Camera.around(box_corners(box), FROM, aspect)
     surface = end.surface()
     at = np.searchsorted(parts["grain"], surface.cell_data["grain"])
@@ -168,7 +169,7 @@ def draw_split(source):
         limit = style.round_limit(np.percentile(values, 98))
         surface.cell_data[name] = values[at]
         layer = Layer(surface, None, name, style.GRAIN_MAP, (0, limit))
-        axis.imshow(render([layer], camera, (560, 560), box=box))
+        axis.imshow(render([layer], camera, pixels, box=box))
         axis.set_axis_off()
         style.panel_letter(axis, i)
         colour_bar(
@@ -218,6 +219,8 @@ def _draw_spread(axis, parts):
             drawstyle="steps-post",
         )
     axis.set_xscale("log")
+    top = axis.get_xlim()[1]
+    axis.set_xlim(left=max(axis.get_xlim()[0], 1e-5 * top))
     axis.set(xlabel=f"Displacement of a grain: {unit}", ylabel="Grains with less: %", ylim=(0, 100))
     axis.legend(loc="upper left")
     style.panel_letter(axis, 3)

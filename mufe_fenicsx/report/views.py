@@ -25,16 +25,33 @@ def box_corners(box):
     return np.array([[x, y, z] for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]])
 
 
+def three_in_a_row(corners, width=640):
+    """How to draw three pictures of a sample beside each other without much white.
+
+    Args:
+        corners: What has to be seen [m], shape (num_corners, 3).
+        width: Of a picture [pixels].
+
+    Returns:
+        Width over height of a picture, its size [pixels], height of the figure [inch].
+    """
+    right = np.cross((0, 0, 1), FROM) / np.linalg.norm(FROM[:2])
+    up = np.cross(FROM, right) / np.linalg.norm(FROM)
+    aspect = float(np.clip(np.ptp(corners @ right) / np.ptp(corners @ up), 0.4, 2.5))
+    # The colour bar takes a tenth of the page, the letters a line.
+    return aspect, (width, round(width / aspect)), 0.3 * style.PAGE / aspect + 0.45
+
+
 def draw_stress_3d(source):
     """Deformed samples side by side, one camera and one colour scale for all."""
     states = source.states
     source.need_rendering()
     limit = stress_limit(states)
     boxes = [state.box(states[0]) for state in states]
-    aspect = 0.92  # width over height of a picture
-    camera = Camera.around(np.concatenate([box_corners(b) for b in boxes]), FROM, aspect)
-    pixels = (int(680 * aspect), 680)
-    figure, axes = style.new_figure(style.PAGE, 2.6, ncols=len(states), squeeze=False)
+    corners = np.concatenate([box_corners(b) for b in boxes])
+    aspect, pixels, height = three_in_a_row(corners)
+    camera = Camera.around(corners, FROM, aspect)
+    figure, axes = style.new_figure(style.PAGE, height, ncols=len(states), squeeze=False)
     axes, columns = axes[0], {"grain": states[0].grain_means[0]}
     for i, (axis, state, box) in enumerate(zip(axes, states, boxes, strict=True)):
         layer = Layer(state.surface(), None, "von_mises", style.STRESS_MAP, (0, limit))
