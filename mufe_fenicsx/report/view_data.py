@@ -233,8 +233,7 @@ class _Builder:
             f"{text}, at {num_stages} of {self.num_stored} stored states. Positions are exact to "
             f"{style.quantity(step, 'm', 2)}. Stress and strain at a node are the mean of the "
             "tetrahedra around it by volume, so that peaks of single tetrahedra are lower here "
-            "than in the tables; one of 255 steps of colour is lost where all are positive, "
-            "half of one elsewhere."
+            "than in the tables. Values are kept in 255 steps, finer where they are small."
         )
 
 
