@@ -285,9 +285,11 @@ def draw_friction(d, new):
     mu, measured, theory, highest, drag, residual = columns(
         d["rows"], "friction", "measured", "theory", "highest", "drag", "residual"
     )
-    left.plot(mu, 100 * theory / highest, color=BLACK, label="eigenvalues")
-    left.plot(mu, 100 * np.maximum(measured, 0) / highest, "o", color=RED, markersize=4,
-              label="measured")  # fmt: skip
+    slides = np.abs(drag - mu) <= 1e-3 * np.maximum(mu, 1e-300)
+    slides |= mu == 0  # elsewhere a part of the face has not let go
+    left.plot(mu[slides], 100 * (theory / highest)[slides], color=BLACK, label="eigenvalues")
+    left.plot(mu[slides], 100 * np.maximum(measured / highest, 0)[slides], "o", color=RED,
+              markersize=4, label="measured")  # fmt: skip
     left.set(xlabel="coefficient of friction", ylabel="rate of growth / highest frequency [%]")
     left.legend()
     safe(right, 0, 2, "energy accounted for")

@@ -163,10 +163,10 @@ def plastic_flow(comm):
     found = flatten(comm)
     late = (found.strain > 0.1) & (found.strain < 0.9)
     results = {
-        # Even flow; beside Y the platen feels waves of some percent.
-        "flattening: stress over yield, mean": compare(found.stress[late].mean(), 1.0, 0.03),
+        # Even flow; contact keeps its first area, so that its layer grows thick beside the cube.
+        "flattening: stress over yield, mean": compare(found.stress[late].mean(), 1.0, 0.05),
         "flattening: strain at which it stops": compare(
-            min(found.stopped, 1.0), collapse_theory(), 0.02
+            min(found.stopped, 1.0), collapse_theory(), 0.05
         ),
         "flattening: energy residual over work": compare(found.residual, 0.0, 0.01, scale=1.0),
         "softening is refused": compare(float(bool(messages(comm)["refused"])), 1.0, 0.0),
