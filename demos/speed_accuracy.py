@@ -13,7 +13,7 @@ Each point is one command, `mufe verify CASE-point --set …`, which stands in t
 error and its cost. Figures show the front of what no other choice beats, and the seed's method
 (plain linear elements, the time step of single ones) as a line of its own.
 
-    python demos/speed_accuracy.py FOLDER                 about ten minutes of one processor
+    python demos/speed_accuracy.py FOLDER                 some twenty minutes of one processor
     python demos/speed_accuracy.py FOLDER --full          hours: finer, all lines on all meshes
     python demos/speed_accuracy.py FOLDER --store         keep the table as what `mufe plan` reads
     python demos/speed_accuracy.py FOLDER --reference     first the course of stress that those of

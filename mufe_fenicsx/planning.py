@@ -41,6 +41,9 @@ LAWS = {"matched": {"law": "matched"}, "kinematic": {"law": "kinematic"},
 CUTS = 40
 #: Grains that are meshed finer than they need be are kept up to this cost over the least.
 WORTH_MESHING = 1.5
+#: Part of an accuracy that a measured point may use up: at another Poisson's ratio, size of contact
+#: or speed errors of points were up to 1.3 times as large (docs/choosing_a_model.md).
+MARGIN = 0.75
 #: Strain between two stored states.
 STATE_STRAIN = 0.01
 
@@ -393,7 +396,7 @@ def _unknown(scene, errors, best):
 
 
 def plan_case(case, accuracy, points=None):
-    """The cheapest measured point of a case of charts within an accuracy.
+    """The cheapest measured point of a case of charts within ``MARGIN`` of an accuracy.
 
     Returns:
         :class:`~mufe_fenicsx.evidence.Point`.
@@ -405,11 +408,12 @@ def plan_case(case, accuracy, points=None):
     own = usable(read_points() if points is None else points, case)
     if not own:
         raise InputError(f"case {case}, expected one of which the table of points has some")
-    found = cheapest(own, accuracy)
+    found = cheapest(own, MARGIN * accuracy)
     if found is None:
         best = min(own, key=lambda p: p.error)
+        least = best.error / MARGIN
         raise InputError(
-            f"accuracy = {accuracy:g}, expected at least {best.error:.2g}: the nearest that was "
+            f"accuracy = {accuracy:g}, expected at least {least:.2g}: the nearest that was "
             f"measured of {case}{SUFFIX} is `{best.command}` in {best.seconds:.3g} s"
         )
     return found
