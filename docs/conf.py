@@ -82,8 +82,14 @@ def as_rst(app, what, name, obj, options, lines):
         if text and not indented:
             before = line
         out.append(line if literal else _escaped(line))
-    # A line of its own before: else napoleon takes what stands before a colon for a type.
-    lines[:] = ["", *out] if what in ("attribute", "data") else out
+    lines[:] = out
+    if what in ("attribute", "data", "property") and not SECTIONS & set(lines):
+        app.kept_texts[name] = out
+
+
+def keep_colons(app, what, name, obj, options, lines):
+    """Of an attribute napoleon takes what stands before a colon for its type; it is text."""
+    lines[:] = app.kept_texts.pop(name, lines)
 
 
 def _escaped(line):
@@ -179,7 +185,9 @@ def write_front_page(app, exception):
 
 def setup(app):
     app.add_html_math_renderer("mathml", (visit_math, None), (visit_math, None))
+    app.kept_texts = {}
     app.connect("autodoc-process-docstring", as_rst, priority=100)
+    app.connect("autodoc-process-docstring", keep_colons, priority=900)  # after napoleon's
     app.connect("builder-inited", write_api_pages)
     app.connect("source-read", complete_navigation)
     app.connect("build-finished", write_front_page)
