@@ -3,7 +3,6 @@
     python demos/stability.py FOLDER                      all subjects, some minutes
     python demos/stability.py FOLDER SUBJECT ...          some of them
     python demos/stability.py FOLDER SUBJECT --draw       figures again, from the numbers there
-    python demos/stability.py FOLDER rest --steps 1000000 a packing at rest, half an hour
 
 Writes SUBJECT.json, the numbers, and SUBJECT.png into FOLDER. The page is demos/stability.md; the
 sharp ones of its numbers are cases of `mufe verify`, whose names begin with `stability-`.
@@ -47,7 +46,6 @@ from mufe_fenicsx.verification.stability import (
     overlap,
     penalty,
     plastic,
-    rest,
     slivers,
     speed,
     time_step,
@@ -76,7 +74,7 @@ def numbers(value):
 # --- measurements: what is in SUBJECT.json ----------------------------------------------------
 
 
-def measure_time_step(_):
+def measure_time_step():
     factors = np.concatenate([np.linspace(0.5, 1.0, 6), np.linspace(1.02, 1.5, 13)])
     omega_dt = np.linspace(0.3, 1.8, 46)
     speeds, _more = time_step.rebounds(COMM, omega_dt)
@@ -91,15 +89,15 @@ def measure_time_step(_):
     }
 
 
-def measure_penalty(_):
+def measure_penalty():
     return {"rows": penalty.penalty_map(COMM)[0], "messages": penalty.messages(COMM)}
 
 
-def measure_friction(_):
+def measure_friction():
     return {"rows": friction.flutter(COMM)[0], "messages": friction.messages(COMM)}
 
 
-def measure_loading_speed(_):
+def measure_loading_speed():
     columns = [speed.column_error(COMM, ratio) for ratio in speed.RATIOS]
     curves, _more = speed.packing_curves(COMM)
     return {
@@ -111,7 +109,7 @@ def measure_loading_speed(_):
     }
 
 
-def measure_mass(_):
+def measure_mass():
     factors = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0)
     rows = [speed.column_error(COMM, 0.01, factor) for factor in factors]
     return {
@@ -121,11 +119,11 @@ def measure_mass(_):
     }
 
 
-def measure_slivers(_):
+def measure_slivers():
     return {"rows": slivers.sliver_map(COMM)[0], "messages": slivers.messages(COMM)}
 
 
-def measure_overlap(_):
+def measure_overlap():
     return {
         "balls": overlap.overlap_map(COMM)[0],
         "blocks": overlap.overlap_map(COMM, kind="blocks")[0],
@@ -134,7 +132,7 @@ def measure_overlap(_):
     }
 
 
-def measure_incompressible(_):
+def measure_incompressible():
     return {
         "steps": incompressible.step_map(COMM)[0],
         "stiffness": incompressible.locking_map(COMM)[0],
@@ -142,7 +140,7 @@ def measure_incompressible(_):
     }
 
 
-def measure_plastic(_):
+def measure_plastic():
     return {
         "flatten": {e: plastic.flatten(COMM, element=e) for e in ("averaged", "p1")},
         "collapse": plastic.collapse_theory(),
@@ -152,14 +150,14 @@ def measure_plastic(_):
     }
 
 
-def measure_inversion(_):
+def measure_inversion():
     return {
         "rows": inversion.inversion_map(COMM)[0],
         "crushed": inversion.crushed(COMM),
     }
 
 
-def measure_impact(_):
+def measure_impact():
     return {
         "rows": [tunnelling.meet(COMM, v, check=False) for v in tunnelling.SPEEDS],
         "guarded": [tunnelling.meet(COMM, v) for v in tunnelling.SPEEDS],
@@ -170,7 +168,7 @@ def measure_impact(_):
     }
 
 
-def measure_size(_):
+def measure_size():
     return {
         "rows": unequal.size_map(COMM)[0],
         "pressed": unequal.size_map(COMM, pressure=1e-2)[0],
@@ -179,11 +177,7 @@ def measure_size(_):
     }
 
 
-def measure_rest(arguments):
-    return {"course": rest.at_rest(COMM, arguments.steps)}
-
-
-def measure_newton(_):
+def measure_newton():
     lock, critical = newton.strut_map(COMM, -1.0)
     return {
         "drag": newton.drag_map(COMM)[0],
@@ -524,24 +518,6 @@ def draw_size(d, new):
     return figure
 
 
-def draw_rest(d, new):
-    figure, (left,) = new(1, 0.55)
-    c = d["course"]
-    n = np.array(c["steps"])
-    for key, colour, label in (
-        ("elastic", BLUE, "stored energy"), ("residual", RED, "energy residual"),
-        ("force", GREEN, "forces of the walls"), ("kinetic", ORANGE, "kinetic energy"),
-    ):  # fmt: skip
-        left.loglog(n, np.maximum(c[key], 1e-20), color=colour, label=label)
-    eps = np.finfo(float).eps
-    left.loglog(n, eps * n, color=BLACK, linestyle="--", linewidth=0.7, label="ε n")
-    left.loglog(n, eps * np.sqrt(n), color=BLACK, linestyle=":", linewidth=0.7, label="ε √n")
-    safe(left, left.get_ylim()[0], 1e-6, "below 1e-6", along="y")
-    left.set(xlabel="steps n at rest", ylabel="drift / value at the start")
-    left.legend(loc="upper left", ncols=2)
-    return figure
-
-
 def draw_newton(d, new):
     figure, (left, right) = new(2)
     s, error, theory = columns(d["drag"], "stabilisation", "error", "theory")
@@ -586,7 +562,6 @@ SUBJECTS = {
     "inversion": (measure_inversion, draw_inversion),
     "impact": (measure_impact, draw_impact),
     "size": (measure_size, draw_size),
-    "rest": (measure_rest, draw_rest),
     "newton": (measure_newton, draw_newton),
 }
 
@@ -615,7 +590,6 @@ def main(arguments=None):
     parser.add_argument("folder", type=Path)
     parser.add_argument("subjects", nargs="*", metavar="SUBJECT", help=", ".join(SUBJECTS))
     parser.add_argument("--draw", action="store_true", help="from the numbers in FOLDER")
-    parser.add_argument("--steps", type=int, default=20000, help="of the packing at rest")
     given = parser.parse_args(arguments)
     unknown = [name for name in given.subjects if name not in SUBJECTS]
     if unknown:
@@ -624,7 +598,7 @@ def main(arguments=None):
     for name in given.subjects or SUBJECTS:
         path, begin = given.folder / f"{name}.json", time.perf_counter()
         if not given.draw:
-            path.write_text(json.dumps(numbers(SUBJECTS[name][0](given)), indent=1))
+            path.write_text(json.dumps(numbers(SUBJECTS[name][0]()), indent=1))
         draw(name, json.loads(path.read_text()), given.folder)
         print(f"{name}: {time.perf_counter() - begin:.1f} s", flush=True)
     return 0

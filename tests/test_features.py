@@ -148,7 +148,8 @@ def notched(at, direction, friction):
     centre = points[cells].mean(axis=1)
     cells = cells[~((centre[:, 0] > 1) & (centre[:, 1] > 1))]
     nodes, cells = np.unique(cells, return_inverse=True)
-    return TwoBodies((points[nodes], cells.reshape(-1, 4)), tip(at, direction), friction)
+    # Minus: turned by a right angle, the body of `tip` lies on the other side of its vertex.
+    return TwoBodies((points[nodes], cells.reshape(-1, 4)), tip(at, -direction), friction)
 
 
 OUT = np.array([1.0, 1.0, 0.0]) / np.sqrt(2)

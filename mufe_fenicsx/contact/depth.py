@@ -133,19 +133,19 @@ def _inside_another(mesh, own, x):
 
 
 def _innermost(mesh, own):
-    """Position of the node of each grain of this rank that is farthest from its surface [m].
+    """Place in each grain of this rank that is far from its surface [m], shape (num_grains, 3).
 
-    Shape (num_grains, 3); a node of the surface where a grain has no others.
+    Of the nodes inside, or of the middles of elements where there are none.
     """
     on_surface = np.zeros(mesh.num_nodes, dtype=bool)
     on_surface[own.nodes] = True
     core = np.empty((mesh.num_grains, 3))
     for grain in range(mesh.num_grains):
         nodes = mesh.nodes[mesh.node_offset[grain] : mesh.node_offset[grain + 1]]
-        inner, outer = nodes[~on_surface[nodes]], nodes[on_surface[nodes]]
-        if inner.size:
-            distance = cKDTree(mesh.x[outer]).query(mesh.x[inner])[0]
-            core[grain] = mesh.x[inner[distance.argmax()]]
-        else:
-            core[grain] = mesh.x[outer[0]]
+        inner = mesh.x[nodes[~on_surface[nodes]]]
+        if not inner.size:
+            begin, end = mesh.cell_offset[grain], mesh.cell_offset[grain + 1]
+            inner = mesh.x[mesh.cells[begin:end]].mean(axis=1)
+        distance = cKDTree(mesh.x[nodes[on_surface[nodes]]]).query(inner)[0]
+        core[grain] = inner[distance.argmax()]
     return core

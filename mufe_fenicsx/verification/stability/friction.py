@@ -129,10 +129,11 @@ def friction_limits(comm, num_steps=4000):
     results = {}
     for row in rows:
         name = f"μ = {row.friction:g}"
-        # Springs across the slip relax while it lasts, which takes a little.
-        results[f"{name}: rate of growth over the highest frequency"] = compare(
-            max(row.measured, 0.0) / row.highest, row.theory / row.highest, 0.005, scale=1.0
-        )
+        if abs(row.drag - row.friction) < 1e-3 * row.friction:  # all of the face slides
+            # Springs across the slip relax while it lasts, which damps a little.
+            results[f"{name}: rate of growth over the highest frequency"] = compare(
+                max(row.measured, 0.0) / row.highest, row.theory / row.highest, 0.005, scale=1.0
+            )
         results[f"{name}: energy residual over work and what is stored"] = compare(
             row.residual, 0.0, 1e-2, scale=1.0
         )
