@@ -93,9 +93,8 @@ def sheared_cubes(**options):
     """Two cubes pressed and sheared so that they begin to slip; walls set for more of that."""
     walls = [Wall("low", np.zeros(3), UP, friction=0.9), Wall("top", 2 * UP, -UP, friction=0.9)]
     sim = static(stacked(), STEEL, walls, friction=0.1, stabilisation=1e-3, **options)
-    for push, side in ((-0.01, 0.0), (-0.01, 0.001)):
+    for push, side, sim.dt in ((-0.01, 0.0, 1.0), (-0.01, 0.001, 0.4)):
         sim.walls.velocity[1] = [side, 0.3 * side, push]
-        sim.dt = 1.0
         sim.step()
     sim.walls.velocity[1] = [0.02, 0.006, -0.001]
     return sim

@@ -7,12 +7,15 @@ from petsc4py import PETSc
 
 from .guarded import GuardedNewton
 
-#: Iterations without a smaller residual after which full steps are given up.
-PATIENCE = 5
+#: Line searches of PETSc, tried in turn, and the iterations without a smaller residual after which
+#: they are given up.
+LINE_SEARCHES, PATIENCE = ("basic", "cp"), 8
 #: Iterations without half the residual after which guarded ones end, as found where they are within
 #: this multiple of the tolerance: where points pass from a facet to the next, forces jump a little.
 STALLED, NEARLY = 12, 100.0
 _REASONS = PETSc.SNES.ConvergedReason
+#: Ends that :meth:`Newton.test` and guarded steps name; PETSc knows more, in units of its own.
+FOUND = (_REASONS.CONVERGED_FNORM_RELATIVE, _REASONS.CONVERGED_SNORM_RELATIVE)
 
 
 class Newton:
@@ -48,7 +51,6 @@ class Newton:
             self.guarded.setKSP(self.snes.getKSP())
             self.guarded.setType("python")
             self.guarded.setPythonContext(GuardedNewton(self))
-            self.snes.getLineSearch().setType("basic")
 
     def _make_snes(self, prefix, max_iterations):
         snes = PETSc.SNES().create(self.system.comm)
@@ -66,12 +68,19 @@ class Newton:
         """The solution from ``guess``, shape (num_nodes, 3); None if there is none. Collective.
 
         Full Newton steps come first: where contacts close or slip, the residual may rise on the
-        way to the solution. Where they fail, guarded ones follow from the guess.
+        way to the solution. Where they fail, those follow that a line search along the residual
+        allows, and then guarded ones, each from the guess.
         """
-        found = self._solve(self.snes, guess)
-        if found is None and self.guarded is not None:
-            found = self._solve(self.guarded, guess)
-        return found
+        if self.guarded is None:
+            return self._solve(self.snes, guess)
+        for line_search in LINE_SEARCHES:
+            self.snes.getLineSearch().setType(line_search)
+            # Its own tolerance is one of forces in newtons, which ends where there is little load.
+            self.snes.getLineSearch().setTolerances(atol=0.0, max_its=8)
+            found = self._solve(self.snes, guess)
+            if found is not None:
+                return found
+        return self._solve(self.guarded, guess)
 
     def _solve(self, snes, guess):
         self.history, self._at = [], None
@@ -83,7 +92,7 @@ class Newton:
         self.num_linear = snes.getLinearSolveIterations()
         if snes is self.guarded:
             self.num_linear = snes.getPythonContext().num_linear
-        if snes.getConvergedReason() <= 0:
+        if snes.getConvergedReason() not in FOUND:
             return None
         self.evaluate(self.x)  # the last evaluation is that of the solution
         return self.x.array_r.reshape(-1, 3).copy()
