@@ -262,9 +262,10 @@ def test_a_run_follows_its_plan_and_tells_what_was_predicted(tmp_path_factory):
     assert stored.accuracy == 0.6
     line = result["predicted_and_actual"]
     assert line.startswith("predicted ") and f"actual {result['wall_s']:.3g} s" in line
-    # Balls in a lattice stiffen the step as they load; a machine at work makes clocks useless.
+    # The step under load is predicted as if all that is near were in contact, which in a lattice of
+    # balls it never is: on the safe side by 1.8 to 2.4. A machine at work makes clocks useless.
     predicted = result["plan"]["predicted"]
-    assert 0.5 < predicted["num_steps"] / result["num_steps"] < 2
+    assert 0.8 < predicted["num_steps"] / result["num_steps"] < 3
     assert 0.7 < predicted["memory_bytes"] / result["peak_memory_bytes"] < 1.3
     # The plan of the planned scene is itself: a run that goes on finds the same.
     again, _ = planned_scene(stored, folder / "grains", comm, measure=False)

@@ -15,7 +15,7 @@ import numpy as np
 from petsc4py import PETSc
 
 #: μ at first; bounds of its change in an iteration; below which it is none, and at most.
-FIRST, EASIER, HARDER, NONE, LARGEST = 1e-2, 0.1, 5.0, 1e-8, 1e2
+FIRST, EASIER, HARDER, NONE, LARGEST = 1e-2, 1e-3, 5.0, 1e-8, 1e2
 #: λ up to which a step is short.
 SHORT = 0.3
 #: Part of the slope at the start of a step that may be left at its end, and trials for that.
