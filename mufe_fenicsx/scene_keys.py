@@ -219,8 +219,11 @@ def _explain_key(table, key):
 
 
 def _body(cls):
-    """The class statement and its lines."""
-    source = textwrap.dedent(inspect.getsource(cls))
+    """The class statement and its lines; an empty one where there is no source to read."""
+    try:
+        source = textwrap.dedent(inspect.getsource(cls))
+    except OSError:  # a material of one's own, typed into Python
+        source = f"class {cls.__name__}: pass"
     return ast.parse(source).body[0], source.splitlines()
 
 
@@ -258,7 +261,10 @@ def _choices(cls, body):
                 name, values = _own(node.left), node.comparators[0]
             if isinstance(values, ast.Name):
                 values = local.get(values.id, values)
-            texts = _constant(values, names) if name else None
+            if isinstance(values, ast.Call) and isinstance(values.func, ast.Name) and name:
+                texts = names[values.func.id]() if not values.args else None
+            else:
+                texts = _constant(values, names) if name else None
             if isinstance(texts, tuple) and all(isinstance(text, str) for text in texts):
                 found[name] = texts
     return found

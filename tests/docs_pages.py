@@ -230,6 +230,7 @@ class Reader:
         found = tomllib.loads(text)
         if "stage" in found:  # another test than the oedometer's
             del tables["oedometer"]
+            tables["loading"] = {"speed": 1.0}
         for name, given in found.items():
             whole = not isinstance(given, dict) or (name == "material" and "model" in given)
             tables[name] = given if whole else {**tables.get(name, {}), **given}

@@ -6,7 +6,9 @@ import shutil
 import numpy as np
 import pytest
 
+from mufe_fenicsx.contact.laws import LAYERS
 from mufe_fenicsx.demo import demo_scene
+from mufe_fenicsx.scene_io import MODELS
 from tests.docs_pages import (
     ROOT,
     SHELL,
@@ -81,9 +83,16 @@ def go_through(page, start, tmp_path, with_slow):
     folder = tmp_path / "page"
     shutil.copytree(start[0], folder)
     reader = Reader(folder, start[1])
-    for block in BLOCKS[page]:
-        if block.reason is None and (with_slow or not block.slow):
-            reader.run(block)
+    # What a page registers is of that page.
+    registered = [(names, dict(names)) for names in (MODELS, LAYERS)]
+    try:
+        for block in BLOCKS[page]:
+            if block.reason is None and (with_slow or not block.slow):
+                reader.run(block)
+    finally:
+        for names, before in registered:
+            names.clear()
+            names.update(before)
 
 
 def test_every_fence_is_understood():
@@ -130,19 +139,23 @@ def test_commands_within_sentences():
             elif words[0] == "mufe":
                 try:
                     known = [w for w in words[1:] if w.startswith("--") and w != "--set"]
-                    check_options(words[1], known)
+                    check_options(words[1:], known)
                 except AssertionError as error:
                     wrong.append(f"{path.name}: {span}: {error}")
     assert not wrong, "\n".join(wrong)
 
 
-def check_options(name, options):
+def check_options(words, options):
     import typer
 
     from mufe_fenicsx.cli import app
 
-    command = typer.main.get_command(app).commands.get(name)
-    assert command is not None, f"no command {name}"
+    command = typer.main.get_command(app)
+    for name in words:
+        if not hasattr(command, "commands"):
+            break
+        command = command.commands.get(name, command.commands.get("mesh"))
+        assert command is not None, f"no command {name}"
     known = {o for p in command.params for o in (*p.opts, *p.secondary_opts)} | {"--help"}
     unknown = [option for option in options if option.split("=")[0] not in known]
     assert not unknown, f"no option {', '.join(unknown)}"

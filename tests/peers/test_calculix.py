@@ -206,7 +206,9 @@ def test_calculix_finds_our_force(tmp_path):
     top, cells2 = half_ball(RADIUS, 0.055 * RADIUS, direction=(0, 0, -1), **options)
     top[:, 2] += low[:, 2].max() - top[:, 2].min()
     save_grains(tmp_path / "g", Grains.from_list([1, 2], [(low, cells), (top, cells2)], 1e-5))
-    scene = scene_of(contact=Contact(0.23, wall_friction=0.5), implicit=Implicit(step=4e-3, largest=4e-3))
+    scene = scene_of(
+        contact=Contact(0.23, wall_friction=0.5), implicit=Implicit(step=4e-3, largest=4e-3)
+    )
     run_scene(scene, tmp_path / "g", tmp_path / "run", MPI.COMM_SELF, quiet=True)
     rows = read_history(tmp_path / "run" / "history.csv")
     way, force = rows["height"][0] - rows["height"], rows["force_z_max"]
