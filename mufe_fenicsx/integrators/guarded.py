@@ -5,8 +5,9 @@ adding up to that of the grain: as if each iteration were an implicit step of a 
 length 1/μ (pseudo-transient continuation: C. T. Kelley, D. E. Keyes, SIAM J. Numer. Anal. 35, 1998,
 508-523). Without it a grain that hardly anything holds goes very far, and keeps all others from
 going on. λ is where the energy along d is least as far as there is one: a root of r(q + λ d) · d,
-bracketed and found by the Illinois rule. μ follows the residual down and up, rises where steps
-are short, and vanishes at last: it changes the way to the solution, not the solution.
+bracketed, then found by false position, the other end's value halved each time (as in the Illinois
+rule). μ follows the residual down and up, rises where steps are short, and vanishes at last: it
+changes the way to the solution, not the solution.
 """
 
 import math
@@ -61,7 +62,7 @@ class GuardedNewton:
                 ksp.solve(f, d)
                 self.num_linear += ksp.getIterationNumber()
                 d.scale(-1.0)
-                length = self._length(snes, x, d, trial, f)
+                length = self._length(x, d, trial, f)
                 if length is None:
                     regularisation = max(HARDER * regularisation, FIRST)
             if length is None:
@@ -75,14 +76,14 @@ class GuardedNewton:
             iteration += 1
         snes.setConvergedReason(reason)
 
-    def _length(self, snes, x, d, trial, f):
+    def _length(self, x, d, trial, f):
         """λ; None where ``d`` leads nowhere. ``f`` is the residual at ``x``."""
         start = f.dot(d)
         if not (math.isfinite(start) and start < 0.0):
             return None
         low, at_low, high, at_high, length = 0.0, start, None, None, 1.0
         for _ in range(TRIALS):
-            slope = self._slope(snes, x, d, trial, length)
+            slope = self._slope(x, d, trial, length)
             if slope is None:  # there is no such state
                 length *= 0.25
                 if length < SHORTEST:
@@ -100,7 +101,8 @@ class GuardedNewton:
             length = min(max(length, low + 0.02 * (high - low)), high - 0.02 * (high - low))
         return length if length >= SHORTEST else None
 
-    def _slope(self, snes, x, d, trial, length):
+    def _slope(self, x, d, trial, length):
+        """r(x + length d) · d; None where there is no such state."""
         trial.waxpy(length, d, x)
         g = self.newton.residual_vector(trial)
         slope = d.dot(g)

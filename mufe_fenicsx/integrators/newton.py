@@ -43,7 +43,7 @@ class Newton:
         self._scale, self._at, self._f = floor, None, None
         self.x, self.f, self._trial = system.vector(), system.vector(), system.vector()
         self.snes = self._make_snes(prefix, max_iterations)
-        #: The second way, where the options of PETSc do not name one themselves.
+        #: The last way, where the options of PETSc do not name one themselves.
         self.guarded = None
         options = PETSc.Options(prefix)
         if not (options.hasName("snes_type") or options.hasName("snes_linesearch_type")):
