@@ -6,7 +6,7 @@ from dolfinx import fem
 
 from .errors import InputError
 from .kernels.energy import elastic_energy
-from .kernels.native import load
+from .kernels.native import SOURCES, load
 from .kernels.solid import (
     AVERAGED,
     COMPOSITE,
@@ -241,7 +241,8 @@ def _compile_once(comm):
     message = None
     if comm.rank == 0:
         try:
-            load("tets")
+            for name in SOURCES:
+                load(name)
         except InputError as error:
             message = str(error)
     message = comm.bcast(message)

@@ -45,7 +45,8 @@ class HighestFrequency:
 
     def set_mass(self, mass):
         """Take other masses, shaped as those before. Local."""
-        self.inverse_root = 1 / np.sqrt(mass if mass.ndim == 2 else mass[:, None])
+        root = 1 / np.sqrt(mass if mass.ndim == 2 else mass[:, None])
+        self.inverse_root = np.ascontiguousarray(np.broadcast_to(root, (len(root), 3)))
 
     def _dot(self, a, b):
         return self.comm.allreduce(float(np.vdot(a, b)))
@@ -62,31 +63,34 @@ class HighestFrequency:
 
     def _sweep(self, start):
         """One sweep: largest Ritz value, its residual and its vector."""
-        basis = [start / math.sqrt(self._dot(start, start))]
+        basis = np.empty((self.size, start.size))
+        root = self.inverse_root
+        y, moved = np.empty_like(start), np.empty_like(start)
+        w = y.reshape(-1)
+        basis[0] = start.reshape(-1) / math.sqrt(self._dot(start, start))
         diagonal, off = [], []
-        y = np.empty_like(start)
-        while True:
-            q = basis[-1]
+        for k in range(self.size):
+            q = basis[k]
+            np.multiply(q.reshape(start.shape), root, out=moved)
             y[:] = 0.0
-            self.add_stiffness(y, q * self.inverse_root)
+            self.add_stiffness(y, moved)
             self.num_products += 1
-            w = y * self.inverse_root
+            y *= root
             diagonal.append(self._dot(w, q))
-            # Against all, for the basis is short, and twice: few springs have few frequencies, so
-            # that of w little more than rounding may be left, which is not orthogonal yet.
-            for _ in range(2):
-                parts = self.comm.allreduce(np.array([np.vdot(w, b) for b in basis]))
-                for part, b in zip(parts, basis, strict=True):
-                    w -= part * b
+            # Most of w lies along the last two vectors. What is left, once more against all: few
+            # springs have few frequencies, so that it may be little more than rounding.
+            known = basis[max(k - 1, 0) : k + 1]
+            w -= np.array([*off[k - 1 : k], diagonal[k]]) @ known
+            w -= self.comm.allreduce(basis[: k + 1] @ w) @ basis[: k + 1]
             norm = math.sqrt(self._dot(w, w))
             # Less than this is not worth a vector, of which rounding would be the larger part.
-            if len(basis) == self.size or norm <= 1e-4 * self.tolerance * max(diagonal):
+            if k + 1 == self.size or norm <= 1e-4 * self.tolerance * max(diagonal):
                 break
             off.append(norm)
-            basis.append(w / norm)
+            np.divide(w, norm, out=basis[k + 1])
         T = np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1)
         values, vectors = np.linalg.eigh(T)
-        ritz = sum(c * b for c, b in zip(vectors[:, -1], basis, strict=True))
+        ritz = (vectors[:, -1] @ basis[: k + 1]).reshape(start.shape)
         return values[-1], abs(norm * vectors[-1, -1]), ritz
 
 

@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 from ..errors import InputError
 from ..kernels.motion import largest_move, largest_move_of
-from ..kernels.pairs import add_pair_forces, add_pair_stiffness, pair_energy
+from ..kernels.pairs import PairForces, add_pair_stiffness, pair_energy
 from ..kernels.points import place_points, spread_points
 from ..kernels.walls import add_rows, add_some, gather_rows, gather_some
 from .checks import check_law, check_stiffness, check_surface, check_walls
@@ -229,6 +229,7 @@ class Contact:
         self._end_forward()
         # Where own surface nodes were when their motion was measured last.
         self.previous = gathered.copy()
+        self._present = None  # scratch of `add_stiffness`
 
     def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local."""
@@ -317,31 +318,33 @@ class Contact:
 
         Arguments as of :meth:`add_forces`; ``clock`` has to bound the motion already.
         """
-        p, s, own, area = self.pairs, self.surface, self.own, self.points.area
-        forces, x = self.forces.array, self.positions.array
+        p, forces, x = self.pairs, self.forces.array, self.positions.array
         forces[self.num_before :] = 0.0
-        dissipated, num_adopted, num_deep, deepest = add_pair_forces(
-            forces, p.due_pairs, p.due, p.candidate_due, p.closest, p.weights,
-            p.normal, p.gap, p.offset, p.closed, p.stiffness, p.anchor, p.shear, p.slip, p.push,
-            p.work, p.sliding, self.clock, x, *self._corners, p.node, p.first, p.candidate,
-            self.facets, s.neighbor, self.ring_offset, self.ring, self.edges.beside, self.layer,
-            s.layer_of_facet, area, self.points.facet_area, self.points.recess, self.ratio,
-            self.friction, self.friction_kinetic, self.largest_depth, adopt,
-        )  # fmt: skip
+        if p.forces is None:
+            s, points = self.surface, self.points
+            p.forces = PairForces(
+                p.state, p.due, p.candidate_due, p.closest, p.node, p.first, p.candidate,
+                self.facets, s.neighbor, self.ring_offset, self.ring,
+                self.edges.beside, self.layer, s.layer_of_facet, points.area, points.facet_area,
+                points.recess, self.ratio, *self._corners, x, forces,
+            )  # fmt: skip
+        dissipated, num_adopted, num_deep, deepest = p.forces(
+            self.clock, self.friction, self.friction_kinetic, self.largest_depth, adopt
+        )
         edge_dissipated, edge_adopted, edge_deep, edge_deepest = 0.0, 0, 0, 0.0
         if not self.kinematic:
             edge_dissipated, edge_adopted, edge_deep, edge_deepest = self.edges.add_forces(
                 forces[self.num_before :], x[self.num_before :], self.clock, self.friction, adopt
             )
         wall_dissipated, wall_adopted = self.walls.add_forces(
-            forces, x, self._corners, self.clock, self.layer, area, self.points.recess, self.ratio,
-            adopt, self._dt if self.kinematic else 0.0,
+            forces, x, self._corners, self.layer, self.points, self.ratio, self.clock, adopt,
+            self._dt if self.kinematic else 0.0,
         )  # fmt: skip
         self.give_back()
         if self.moving is None:
-            add_rows(f, own.nodes, self.forces.own)
+            add_rows(f, self.own.nodes, self.forces.own)
         else:
-            add_some(f, own.nodes, self.forces.own, self.moving)
+            add_some(f, self.own.nodes, self.forces.own, self.moving)
         self.dissipated += dissipated + edge_dissipated + wall_dissipated
         self.num_adopted += num_adopted + edge_adopted + wall_adopted
         self.num_deep += num_deep + edge_deep
@@ -353,7 +356,10 @@ class Contact:
         ``y`` and ``q`` have the shape (num_nodes, 3).
         """
         p, s, own, area = self.pairs, self.surface, self.own, self.points.area
-        positions = self.positions.array.copy()
+        if self._present is None or self._present.shape != self.positions.array.shape:
+            self._present = np.empty_like(self.positions.array)
+        positions = self._present
+        positions[:] = self.positions.array
         gather_rows(self.positions.own, q, own.nodes)
         self.positions.begin_forward()
         self._end_forward()

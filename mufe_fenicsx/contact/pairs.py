@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..kernels.carry import carry_pairs, find_again
+from ..kernels.pairs import ROW, column, rows
 from ..kernels.search import find_candidates, group_by_grain, sort_into_cells
 from ..kernels.self_contact import find_self_candidates
 
@@ -32,16 +33,12 @@ class Pairs:
         self.due = np.full(num_pairs, clock)
         self.candidate_due = np.full(candidate.size, clock)
         self.closest = np.full(num_pairs, -1, dtype=np.int64)
-        self.closed = np.zeros(num_pairs, dtype=bool)
-        self.sliding = np.zeros(num_pairs, dtype=bool)
-        # What a contact reads and writes lies side by side, two or three cache lines a pair.
-        state = np.zeros((num_pairs, 18))
-        self.due_pairs = np.empty(num_pairs, dtype=np.int64)
-        for k, name in enumerate(("weights", "normal", "anchor", "shear")):
-            setattr(self, name, state[:, 3 * k : 3 * k + 3])
-        for k, name in enumerate(("gap", "offset", "stiffness", "slip", "push", "work"), 12):
-            setattr(self, name, state[:, k])
+        self.state = rows(num_pairs, ROW)
+        column(self.state, "node")[:] = node
+        for name in (*REMEMBERED, "work"):
+            setattr(self, name, column(self.state, name))
         self.gap[:] = np.inf
+        self.forces = None  #: kernels.pairs.PairForces, once they are wanted
 
     def carry(self, old, facet_of_global, old_global_facet):
         """Take over what ``old`` pairs remember, the closest facet by its global number."""

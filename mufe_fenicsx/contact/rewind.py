@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from ..kernels.pairs import column
 from .restart import EDGES_KEPT, WALLS_KEPT
 
-#: Arrays that an evaluation changes, of pairs with facets; those of their rows besides, which lie
-#: side by side in the array that ``weights`` is part of.
-OF_PAIRS = ("due", "candidate_due", "closest", "closed", "sliding")
+#: Arrays that an evaluation changes, of pairs with facets, besides their rows.
+OF_PAIRS = ("due", "candidate_due", "closest")
 #: Numbers of the contact operator itself.
 NUMBERS = ("dissipated", "num_adopted", "num_deep", "deepest", "clock")
 
@@ -49,28 +49,23 @@ class ContactMark:
         """``closed`` or ``slip`` then: of pairs with facets, of edges and with walls."""
         of_edges = self._kept[len(OF_PAIRS) + 1 :][EDGES_KEPT.index(name)][1]
         of_walls = self._kept[-len(WALLS_KEPT) :][WALLS_KEPT.index(name)][1]
-        if name in OF_PAIRS:
-            return self._kept[OF_PAIRS.index(name)][1], of_edges, of_walls
-        return self._column(name), of_edges, of_walls
+        return self._of_pairs(name), of_edges, of_walls
 
     def of_points(self, name):
         """An array of pairs with facets and of those with walls then, which may be changed."""
-        listed = name in OF_PAIRS
-        of_pairs = self._kept[OF_PAIRS.index(name)][1] if listed else self._column(name)
-        return of_pairs, self._kept[-len(WALLS_KEPT) :][WALLS_KEPT.index(name)][1]
+        return self._of_pairs(name), self._kept[-len(WALLS_KEPT) :][WALLS_KEPT.index(name)][1]
 
-    def _column(self, name):
-        """What pairs with facets kept side by side."""
-        column = getattr(self.contact.pairs, name)
-        column = (column.ctypes.data - column.base.ctypes.data) // column.itemsize
-        return self._kept[len(OF_PAIRS)][1][:, column]
+    def _of_pairs(self, name):
+        if name in OF_PAIRS:
+            return self._kept[OF_PAIRS.index(name)][1]
+        return column(self._kept[len(OF_PAIRS)][1], name)
 
 
 def _arrays(contact):
     pairs, edges, walls = contact.pairs, contact.edges.pairs, contact.walls.pairs
     return (
         [getattr(pairs, name) for name in OF_PAIRS]
-        + [pairs.weights.base]
+        + [pairs.state]
         + [getattr(edges, name) for name in EDGES_KEPT]
         + [getattr(walls, name) for name in WALLS_KEPT]
     )

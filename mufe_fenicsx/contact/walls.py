@@ -7,10 +7,22 @@ import numpy as np
 
 from ..errors import InputError
 from ..kernels.bonded import turn_rows
-from ..kernels.walls import add_wall_forces, add_wall_stiffness, find_wall_candidates, wall_energy
+from ..kernels.motion import advance, work_of
+from ..kernels.pairs import column, rows
+from ..kernels.walls import (
+    COLUMNS,
+    ROW,
+    WallForces,
+    add_wall_stiffness,
+    find_wall_candidates,
+    wall_energy,
+)
 from .bonded import find_bonded
 from .laws import kinetic_of
 from .mirrors import nodes_on_mirrors
+
+#: What a pair keeps when the pairs are searched anew.
+REMEMBERED = ("gap", "offset", "closed", "anchor", "shear", "slip", "push", "sliding")
 
 
 @dataclass
@@ -101,23 +113,21 @@ class Walls:
 
         Moved is the plane, not the material in it: a turn about the normal counts nothing.
         """
-        self._push[:] = self.velocity
-        self._push *= dt
-        self.point += self._push
-        moved = np.sqrt((self._push**2).sum(axis=1))
-        if self.angular_velocity.any():
-            self._turn[:] = self.angular_velocity
-            self._turn *= dt
-            for i in np.flatnonzero(self._turn.any(axis=1)):
-                turn = rotation_of(self._turn[i])
-                swing = np.linalg.norm(np.cross(self._turn[i], self.normal[i]))
-                moved[i] += swing * self._radius[i]
-                self.rotation[i] = turn @ self.rotation[i]
-                self.normal[i] = self.rotation[i] @ self._first_normal[i]
-                turn_rows(self.pairs.anchor, self.pairs.wall, i, turn)
-        else:
+        moved = advance(self.point, self._push, self.velocity, dt)
+        if not self.angular_velocity.any():
             self._turn[:] = 0.0
-        return max(moved, default=0.0)
+            return moved
+        moved = np.sqrt((self._push**2).sum(axis=1))
+        self._turn[:] = self.angular_velocity
+        self._turn *= dt
+        for i in np.flatnonzero(self._turn.any(axis=1)):
+            turn = rotation_of(self._turn[i])
+            swing = np.linalg.norm(np.cross(self._turn[i], self.normal[i]))
+            moved[i] += swing * self._radius[i]
+            self.rotation[i] = turn @ self.rotation[i]
+            self.normal[i] = self.rotation[i] @ self._first_normal[i]
+            turn_rows(self.pairs.anchor, self.pairs.wall, i, turn)
+        return moved.max()
 
     def turn_back(self):
         """Undo what the last :meth:`move` did to the anchors of walls that turn. Local."""
@@ -126,7 +136,7 @@ class Walls:
 
     def add_work(self):
         """Add half of the work of the forces that act now along the last move."""
-        self.work -= 0.5 * (np.vdot(self._push, self.force) + np.vdot(self._turn, self.torque))
+        self.work -= 0.5 * work_of(self.force, self._push, self.torque, self._turn)
 
     def loads(self, comm):
         """Forces on walls [N] and their torques about ``point`` [N m], (num_walls, 3). Collective.
@@ -174,25 +184,33 @@ class Walls:
             _, at_old, at_new = np.intersect1d(
                 old, node.astype(np.int64) * n + wall, return_indices=True
             )
-            for name in ("gap", "offset", "closed", "anchor", "shear", "slip", "push", "sliding"):
+            for name in REMEMBERED:
                 getattr(pairs, name)[at_new] = getattr(self.pairs, name)[at_old]
         self.pairs = pairs
 
-    def add_forces(self, f, x, corner, clock, layer, area, recess, ratio, adopt, ahead=0.0):
+    def add_forces(self, f, x, corners, layer, points, ratio, clock, adopt, ahead=0.0):
         """Add wall forces to ``f``; returns the friction's dissipation [J] and adopted pairs.
 
-        ``corner`` are the nodes and weights of points in facets, kernels.points.
-        ``ahead`` is how much later than the planes the positions ``x`` are [s].
+        Args:
+            f, x: Forces [N] and positions [m] of points and nodes, which stay where they are
+                until the next search.
+            corners: Nodes and weights of points in facets, kernels.points.
+            layer, ratio: As of :class:`~mufe_fenicsx.kernels.walls.WallForces`.
+            points: :class:`~mufe_fenicsx.contact.points.Points`.
+            clock: Reading of the clock of relative motion [m].
+            adopt: Whether what overlaps now is not in contact.
+            ahead: How much later than the planes the positions ``x`` are [s].
         """
         self.force[:] = 0.0
         self.torque[:] = 0.0
         p = self.pairs
-        point = self.point + ahead * self.velocity if ahead else self.point
-        return add_wall_forces(
-            f, self.force, self.torque, p.due, p.gap, p.offset, p.closed, p.anchor, p.shear, p.slip,
-            p.push, p.work, p.sliding, clock, x, *corner, p.node, p.wall, point, self.normal, layer,
-            area, recess, ratio, self.friction, self.friction_kinetic, adopt,
-        )  # fmt: skip
+        if p.forces is None:
+            p.forces = WallForces(
+                p.state, p.due, p.node, p.wall, layer, points.area,
+                points.recess, ratio, *corners, x, f, self.force, self.torque, self.point,
+                self.normal, self.velocity, self.friction, self.friction_kinetic,
+            )  # fmt: skip
+        return p.forces(clock, adopt, ahead)
 
     def add_stiffness(self, y, q, margin, clock, layer, area, ratio):
         """Add the wall springs times ``q`` to ``y``. Local."""
@@ -217,16 +235,15 @@ def rotation_of(turn):
 
 
 class _WallPairs:
+    """Node-wall pairs of one rank. Arrays as in kernels.walls."""
+
     def __init__(self, node, wall, clock):
         n = node.size
         self.node, self.wall = node, wall
         self.due = np.full(n, clock)
-        self.gap = np.full(n, np.inf)
-        self.offset = np.zeros(n)
-        self.closed = np.zeros(n, dtype=bool)
-        self.anchor = np.zeros((n, 3))
-        self.shear = np.zeros((n, 3))
-        self.slip = np.zeros(n)
-        self.push = np.zeros(n)
-        self.work = np.zeros(n)
-        self.sliding = np.zeros(n, dtype=bool)
+        self.state = rows(n, ROW)
+        column(self.state, "node", COLUMNS)[:] = node
+        for name in (*REMEMBERED, "work"):
+            setattr(self, name, column(self.state, name, COLUMNS))
+        self.gap[:] = np.inf
+        self.forces = None  #: kernels.walls.WallForces, once they are wanted

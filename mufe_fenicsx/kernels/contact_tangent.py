@@ -15,8 +15,7 @@ import math
 import numba
 import numpy as np
 
-from .closest import EDGE, INTERIOR, VERTEX, closest_point, facet_normal
-from .pairs import anchor_of, project
+from .closest import EDGE, INTERIOR, VERTEX, closest_point, facet_normal, project
 
 #: Step of the differences over the size of a contact.
 STEP = 1e-5
@@ -26,6 +25,21 @@ NEAR, LEAST = 1e-4, 1e-9
 SAME = 1e-7
 #: Nodes of a contact of a point with a facet, and of two edges.
 OF_PAIR, OF_EDGES = 6, 4
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _anchor_of(sx, sy, sz, px, py, pz, nx, ny, nz, x, a, b, c):
+    """Weights of the point of the facet a, b, c that a spring s from the node leads to.
+
+    ``p`` is the closest point of the facet to the node and ``n`` the normal of the contact,
+    which differs from that of the facet on its edges and vertices. The spring lies
+    across n, so its end is moved along n into the facet: along the facet's own normal a
+    node at depth would find another spring in the next step.
+    """
+    ux, uy, uz = facet_normal(x, a, b, c)
+    slant = nx * ux + ny * uy + nz * uz
+    along = (sx * ux + sy * uy + sz * uz) / slant if slant > 0.1 else 0.0
+    return project(px - sx + along * nx, py - sy + along * ny, pz - sz + along * nz, x, a, b, c)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -122,7 +136,7 @@ def pair_tangent(
             were not are now, without friction yet.
         slip, slip0: Accumulated slip [m] after that evaluation and before the increment,
             shape (num_pairs,).
-        others: As in :func:`~.pairs.add_pair_forces`.
+        others: As of :class:`~.pairs.PairForces`.
     """
     X, F, G = np.zeros((7, 3)), np.zeros((6, 3)), np.zeros((6, 3))
     at, weight, fixed = np.empty(6, np.int32), np.zeros(3), np.zeros(3)
@@ -168,7 +182,7 @@ def pair_tangent(
                 short = min(short, -scale * limit)
                 for m in range(3):
                     spring[m] = scale * shear[p, m]
-                a0, a1, a2 = anchor_of(
+                a0, a1, a2 = _anchor_of(
                     spring[0], spring[1], spring[2], X[6, 0] - height * normal[p, 0],
                     X[6, 1] - height * normal[p, 1], X[6, 2] - height * normal[p, 2],
                     normal[p, 0], normal[p, 1], normal[p, 2], X, 3, 4, 5,
@@ -296,7 +310,7 @@ def wall_tangent(
 
     Sticking kn n nᵀ + kt (1 - n nᵀ); slipping with the coefficient mu in the direction e of the
     force, after a trial force T: kn n nᵀ + mu kn e nᵀ + kt mu N/T (1 - n nᵀ - e eᵀ).
-    Arguments as of :func:`pair_tangent` and of :func:`~.walls.add_wall_forces`; 9 blocks each.
+    Arguments as of :func:`pair_tangent` and of :class:`~.walls.WallForces`; 9 blocks each.
     """
     K = np.zeros((3, 3))
     at, weight = np.empty(3, np.int32), np.zeros(3)

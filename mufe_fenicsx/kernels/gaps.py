@@ -12,7 +12,7 @@ def find_gaps(gap, normal, x, node, first, candidate, facets, neighbor, ring_off
     """Signed distance of each pair's node from the other grain's candidates, and its direction.
 
     Closest feature first, then the side by its pseudo-normal, as in
-    :func:`~mufe_fenicsx.kernels.pairs.add_pair_forces`.
+    :class:`~mufe_fenicsx.kernels.pairs.PairForces`.
 
     Args:
         gap: Distances, negative inside [m], shape (num_pairs,).

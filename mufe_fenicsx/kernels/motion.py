@@ -1,4 +1,4 @@
-"""The updates of central differences, each one pass over the nodes, and how far nodes move.
+"""The updates of central differences, each one pass over the nodes; motion of nodes and planes.
 
 ``runs`` are ranges of nodes, shape (num_runs, 2), first and end of each: the nodes of
 rigid grains are left out.
@@ -33,13 +33,18 @@ def accelerate_and_half_kick(a, v, f, mass, runs, dt, damping):
     """
     half = 0.5 * dt
     scale = 1.0 / (1.0 + half * damping)
-    lost = 0.0
     for r in range(runs.shape[0]):
         for n in range(runs[r, 0], runs[r, 1]):
+            inverse = 1.0 / mass[n]
             for i in range(3):
-                a[n, i] = f[n, i] / mass[n]
+                a[n, i] = f[n, i] * inverse
                 v[n, i] = (v[n, i] + half * a[n, i]) * scale
-                lost += mass[n] * v[n, i] * v[n, i]
+    lost = 0.0
+    if damping > 0.0:
+        for r in range(runs.shape[0]):
+            for n in range(runs[r, 0], runs[r, 1]):
+                for i in range(3):
+                    lost += mass[n] * v[n, i] * v[n, i]
     return dt * damping * lost
 
 
@@ -86,3 +91,27 @@ def largest_move_of(previous, x, rows):
         largest = max(largest, square)
         previous[n, 0], previous[n, 1], previous[n, 2] = x[n, 0], x[n, 1], x[n, 2]
     return math.sqrt(largest)
+
+
+@numba.njit(cache=True)
+def advance(point, push, velocity, dt):
+    """Planes move by ``push`` = dt velocity, in place, (num_walls, 3); the largest of it [m]."""
+    largest = 0.0
+    for w in range(point.shape[0]):
+        square = 0.0
+        for i in range(3):
+            push[w, i] = dt * velocity[w, i]
+            point[w, i] += push[w, i]
+            square += push[w, i] * push[w, i]
+        largest = max(largest, square)
+    return math.sqrt(largest)
+
+
+@numba.njit(cache=True)
+def work_of(force, push, torque, turn):
+    """Work of forces along ``push`` and of torques along ``turn`` [J], all of shape (n, 3)."""
+    work = 0.0
+    for w in range(force.shape[0]):
+        for i in range(3):
+            work += force[w, i] * push[w, i] + torque[w, i] * turn[w, i]
+    return work

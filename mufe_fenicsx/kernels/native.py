@@ -15,12 +15,16 @@ from functools import cache
 from pathlib import Path
 
 import llvmlite.binding
+import numpy as np
 
 from ..errors import InputError
 
+#: What there is to load.
+SOURCES = ("tets", "pairs", "walls")
 #: Not one that changes results between two runs on one processor.
 OPTIONS = (
     "-O2",
+    "-g",
     "-march=native",
     "-ffp-contract=fast",
     "-fno-math-errno",
@@ -42,7 +46,8 @@ def load(name, *more_options):
     """
     source = Path(__file__).with_name(f"{name}.c")
     options = [*OPTIONS, *more_options]
-    state = [source.read_text(encoding="utf-8"), *options, _processor()]
+    read = [source, *sorted(source.parent.glob("*.h"))]
+    state = [*(path.read_text(encoding="utf-8") for path in read), *options, _processor()]
     key = hashlib.sha256("\0".join(state).encode()).hexdigest()[:20]
     folder = _cache_folder()
     library = folder / f"{name}-{key}.so"
@@ -87,3 +92,28 @@ def _cache_folder():
     except OSError:
         pass
     return Path(tempfile.mkdtemp(prefix="mufe_fenicsx-"))
+
+
+class Pointers:
+    """Addresses of arrays, as a C function that takes a struct of pointers wants them.
+
+    Args:
+        *arrays: Contiguous arrays and their types, in the order of the struct: (array, dtype); None
+            for a pointer to nothing. Kept, for what C holds on to must stay where it is.
+
+    Raises:
+        ValueError: An array is of another type, or not contiguous.
+    """
+
+    def __init__(self, *arrays):
+        self._arrays = arrays
+        self.table = (ctypes.c_void_p * len(arrays))(
+            *(None if pair is None else address(*pair) for pair in arrays)
+        )
+
+
+def address(array, dtype=np.float64):
+    """Address of the numbers of a contiguous array of that type."""
+    if array.dtype != dtype or not array.flags.c_contiguous:
+        raise ValueError(f"array of {array.dtype}, expected contiguous {np.dtype(dtype)}")
+    return array.ctypes.data

@@ -44,7 +44,7 @@ import numba
 import numpy as np
 
 from .hardening import plastic_increment
-from .native import load
+from .native import address, load
 
 # Reassociation and contraction only: NaN and infinity keep their meaning.
 FAST = {"contract", "reassoc", "arcp", "nsz"}
@@ -129,7 +129,7 @@ class InternalForces:
 
         Summed up as in each step, so that those of a grain at rest are its first ones.
         """
-        self._volumes(self._model, _at(volume), _at(x), self._num_grains)
+        self._volumes(self._model, address(volume), address(x), self._num_grains)
 
     def __call__(self, f, deviator, strain, work, x, v, dt, grains, increment=plastic_increment):
         """One step of some grains, in place.
@@ -156,9 +156,9 @@ class InternalForces:
         """
         law = None if increment is plastic_increment else _c_function(increment, self._row)
         return self._call(
-            self._model, _at(f), _at(deviator), _at(strain), _at(work), _at(x), _at(v),
-            _at(grains, np.int64), dt, grains.size, self._row, self._element,
-            law and law.address,
+            self._model, address(f), address(deviator), address(strain), address(work),
+            address(x), address(v), address(grains, np.int64), dt, grains.size, self._row,
+            self._element, law and law.address,
         )  # fmt: skip
 
 
@@ -172,13 +172,6 @@ def _c_function(increment, num_parameters):
         return increment(q, mean, alpha, dt, shear, numba.carray(parameters, num_parameters))
 
     return law
-
-
-def _at(array, dtype=np.float64):
-    """Address of the numbers of an array."""
-    if array.dtype != dtype or not array.flags.c_contiguous:
-        raise ValueError(f"array of {array.dtype}, expected contiguous {np.dtype(dtype)}")
-    return array.ctypes.data
 
 
 def _aligned(size):

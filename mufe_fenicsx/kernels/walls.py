@@ -1,11 +1,31 @@
 """Contact of nodes with rigid planes."""
 
-import math
+import ctypes
 
 import numba
 import numpy as np
 
-from .points import add_force, place_point
+from .native import Pointers, load
+from .pairs import column
+
+#: What a pair keeps, as in kernels.pairs; the rest of the row is as in walls.c.
+ROW = 16
+COLUMNS = {
+    "node": (np.int32, 0),
+    "wall": (np.int32, 1),
+    "closed": (np.bool_, 8),
+    "sliding": (np.bool_, 9),
+    "gap": (np.float64, 2),
+    "offset": (np.float64, 3),
+    "push": (np.float64, 4),
+    "area": (np.float64, 5),
+    "recess": (np.float64, 6),
+    "ratio": (np.float64, 7),
+    "anchor": (np.float64, slice(8, 11)),
+    "shear": (np.float64, slice(11, 14)),
+    "slip": (np.float64, 14),
+    "work": (np.float64, 15),
+}
 
 
 @numba.njit(cache=True)
@@ -40,131 +60,77 @@ def find_wall_candidates(x, bonded, point, normal, reach):
     return node, wall
 
 
-@numba.njit(cache=True, error_model="numpy")
-def add_wall_forces(
-    f,
-    wall_force,
-    wall_torque,
-    due,
-    gap,
-    offset,
-    closed,
-    anchor,
-    shear,
-    slip,
-    push,
-    work,
-    sliding,
-    clock,
-    x,
-    corner,
-    corner_weight,
-    node,
-    wall,
-    point,
-    normal,
-    layer,
-    area,
-    recess,
-    ratio,
-    friction,
-    friction_kinetic,
-    adopt,
-):
-    """Add the forces of closed node-wall pairs to ``f`` and ``wall_force``, in place.
+class WallForces:
+    """Adds the forces of closed node-wall pairs to nodes and walls; local.
 
-    The law is that of :func:`~mufe_fenicsx.kernels.pairs.add_pair_forces`, on the
+    The law is that of :class:`~mufe_fenicsx.kernels.pairs.PairForces`, on the
     whole nodal area since one side only carries nodes; anchors move with the wall.
 
+    All arrays are changed where they are, and must stay there.
+
     Args:
-        f: Forces on nodes [N], shape (num_nodes, 3).
-        wall_force: Forces on walls [N], shape (num_walls, 3).
-        wall_torque: Their torques about ``point`` [N m], shape (num_walls, 3).
-        due, gap, offset, closed, slip, sliding: State of the pairs, shape (num_pairs,).
-        anchor: Anchors relative to ``point`` [m], shape (num_pairs, 3).
-        shear: Friction on the node [N], shape (num_pairs, 3).
-        push: Normal force on the node [N], shape (num_pairs,).
-        work: Energy dissipated by friction since the last search [J], shape (num_pairs,).
-        clock: Bound of all relative motion so far [m].
-        x: Positions [m], shape (num_nodes, 3).
-        corner, corner_weight: As in :func:`~mufe_fenicsx.kernels.pairs.add_pair_forces`.
-        node, wall: The pairs, shape (num_pairs,).
-        point, normal: Planes, shape (num_walls, 3).
+        state: A row of each pair, shape (num_pairs, ROW), with the columns
+            anchor: Anchor relative to ``point`` [m];
+            shear: Friction on the node [N];
+            gap, offset: Gap and its offset [m];
+            slip: Accumulated slip [m];
+            push: Normal force on the node [N];
+            work: Energy dissipated by friction since the last search [J];
+            closed, sliding: As of PairForces.
+        due: As of PairForces, shape (num_pairs,).
+        node, wall: The pairs, int32, shape (num_pairs,).
         layer: Compliance c h/E* of the nodes [m/Pa], shape (num_nodes,).
         area: Areas that the nodes stand for [m²], shape (num_nodes,).
         recess: How far the nodes lie behind the surface that carries contact [m], (num_nodes,).
         ratio: Tangential over normal stiffness, shape (num_nodes,).
+        corner, corner_weight, x, f: As of PairForces.
+        wall_force: Forces on walls [N], shape (num_walls, 3).
+        wall_torque: Their torques about ``point`` [N m], shape (num_walls, 3).
+        point, normal, velocity: Planes [m, 1, m/s], shape (num_walls, 3).
         friction: Coefficients of friction that a pair has to overcome, shape (num_walls,).
         friction_kinetic: Coefficients while it slips; until a step in which it sticks.
-        adopt: True to adopt every node behind its wall (start of a test).
 
-    Returns:
-        Energy dissipated by friction [J]; number of adopted pairs.
+    Raises:
+        ValueError: An array is of another type, or not contiguous.
     """
-    dissipated, num_adopted = 0.0, 0
-    for p in range(node.size):
-        if due[p] > clock:
-            continue
-        n, w = node[p], wall[p]
-        if corner.shape[0]:
-            place_point(x, n, corner, corner_weight)
-        nx, ny, nz = normal[w, 0], normal[w, 1], normal[w, 2]
-        rx, ry, rz = x[n, 0] - point[w, 0], x[n, 1] - point[w, 1], x[n, 2] - point[w, 2]
-        g = rx * nx + ry * ny + rz * nz + recess[n]
-        gap[p] = g
-        if not closed[p]:
-            if offset[p] < 0.0:
-                offset[p] = min(max(offset[p], g), 0.0)
-            if adopt and g < offset[p]:
-                num_adopted += 1
-                offset[p] = g
-        depth = offset[p] - g
-        kn = area[n] / layer[n]
-        kt = kn * ratio[n]
-        if depth <= 0.0:
-            if closed[p]:
-                t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
-                lost = t2 / (2.0 * kt)
-                dissipated += lost
-                work[p] += lost
-                closed[p] = sliding[p] = False
-                push[p] = 0.0
-                shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
-            due[p] = clock + max(g, 0.0)
-            continue
-        due[p] = clock
-        if not closed[p]:
-            closed[p] = True
-            anchor[p, 0], anchor[p, 1], anchor[p, 2] = rx, ry, rz
-        N = kn * depth
-        push[p] = N
-        sx, sy, sz = rx - anchor[p, 0], ry - anchor[p, 1], rz - anchor[p, 2]
-        along = sx * nx + sy * ny + sz * nz
-        sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
-        T = kt * math.sqrt(sx * sx + sy * sy + sz * sz)
-        sliding[p] = T > (friction_kinetic[w] if sliding[p] else friction[w]) * N
-        if sliding[p]:
-            limit = friction_kinetic[w] * N
-            keep = limit / T
-            # Work of the mean friction of the step: exact for the trapezoidal rule.
-            before2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
-            slipped = (T - limit) / kt
-            lost = 0.5 * (math.sqrt(before2) + limit) * slipped
-            dissipated += lost
-            work[p] += lost
-            slip[p] += slipped
-            sx, sy, sz = keep * sx, keep * sy, keep * sz
-            anchor[p, 0], anchor[p, 1], anchor[p, 2] = rx - sx, ry - sy, rz - sz
-        shear[p, 0], shear[p, 1], shear[p, 2] = -kt * sx, -kt * sy, -kt * sz
-        fx, fy, fz = N * nx - kt * sx, N * ny - kt * sy, N * nz - kt * sz
-        add_force(f, n, corner, corner_weight, fx, fy, fz)
-        wall_force[w, 0] -= fx
-        wall_force[w, 1] -= fy
-        wall_force[w, 2] -= fz
-        wall_torque[w, 0] -= ry * fz - rz * fy
-        wall_torque[w, 1] -= rz * fx - rx * fz
-        wall_torque[w, 2] -= rx * fy - ry * fx
-    return dissipated, num_adopted
+
+    def __init__(self, state, due, node, wall, layer, area, recess, ratio, corner,
+                 corner_weight, x, f, wall_force, wall_torque, point, normal, velocity, friction,
+                 friction_kinetic):  # fmt: skip
+        real, short = np.float64, np.int32
+        self._num_pairs = node.size
+        self._totals = np.zeros(2)
+        scratch = np.empty(node.size + 1, short)
+        column(state, "wall", COLUMNS)[:] = wall
+        of_nodes = {"area": area, "recess": recess, "ratio": ratio}
+        for name, values in of_nodes.items():
+            column(state, name, COLUMNS)[:] = values[node]
+        points = ((corner, short), (corner_weight, real)) if corner.size else (None, None)
+        self._pointers = Pointers(
+            (state, real), (due, real), (scratch, short), (layer, real), *points, (x, real), (f, real), (wall_force, real), (wall_torque, real),
+            (point, real), (normal, real), (velocity, real), (friction, real),
+            (friction_kinetic, real),
+        )  # fmt: skip
+        pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
+        self._call = load("walls").mufe_add_wall_forces
+        self._call.argtypes = [pointer, pointer, number, number, integer, integer]
+        self._call.restype = None
+
+    def __call__(self, clock, adopt, ahead=0.0):
+        """Add the forces at the positions ``x``.
+
+        Args:
+            clock: Bound of all relative motion so far [m].
+            adopt: True to adopt every node behind its wall (start of a test).
+            ahead: How much later than the planes the positions are [s].
+
+        Returns:
+            Energy dissipated by friction [J]; number of adopted pairs.
+        """
+        totals = self._totals
+        self._call(self._pointers.table, totals.ctypes.data, clock, ahead, self._num_pairs, adopt)
+        dissipated, adopted = totals.tolist()
+        return dissipated, int(adopted)
 
 
 @numba.njit(cache=True)

@@ -1,0 +1,24 @@
+/* Pairs that can have closed, and early loads of what their evaluation reads.
+
+   Between two steps the tetrahedra stream through the caches, so that what pairs read, scattered
+   over many arrays, comes from memory; what is asked for some pairs ahead comes together. */
+
+#ifndef MUFE_DUE_H
+#define MUFE_DUE_H
+
+#include "vectors.h"
+
+#define AHEAD 8 /* pairs ahead of the present one that are asked for, and twice as many */
+#define FETCH(address) __builtin_prefetch(address, 1)
+
+/* List the pairs whose ``due`` the clock has reached; how many there are. */
+INLINE int64_t find_due(int32_t *pairs, const double *due, double clock, int64_t num_pairs) {
+  int64_t count = 0;
+  for (int64_t p = 0; p < num_pairs; p++) {
+    pairs[count] = (int32_t)p;
+    count += due[p] <= clock;
+  }
+  return count;
+}
+
+#endif
