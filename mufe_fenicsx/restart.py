@@ -13,7 +13,7 @@ from .contact.restart import contact_tables, restore_contact
 
 #: Numbers that are the same on all ranks: attribute of the simulation, its state or contact.
 OF_SIMULATION = ("dt", "dt_element", "initial_kinetic", "_margin", "_clock_at_refresh",
-                 "_followed_search")  # fmt: skip
+                 "_refreshed_at", "_followed_search")  # fmt: skip
 OF_STATE = ("t", "dt", "num_steps")
 OF_CONTACT = ("clock", "searched_at", "reach", "num_searches", "_dt")
 OF_SCALING = ("wanted", "reached")

@@ -30,6 +30,9 @@ from .time_step import HighestFrequency
 #: Names of the terms of the energy balance, in the order of history.csv.
 ENERGIES = ("kinetic", "elastic", "plastic", "friction", "contact", "damping", "work", "residual")
 
+#: How much faster than so far grains may move before the time step is evaluated early.
+FASTER = 1.25
+
 
 class Simulation:
     """A set of grains between walls, on all ranks of ``mesh.comm``. Collective.
@@ -141,7 +144,7 @@ class Simulation:
         )
         self._contact_step = self.rigid.contact_step(self.contact.points)
         self._margin = 0.0
-        self._clock_at_refresh = 0.0
+        self._clock_at_refresh, self._refreshed_at = 0.0, 0
         self.dt = math.nan
         self.dt_element = math.nan
         self._start()
@@ -179,9 +182,10 @@ class Simulation:
             self._release_loaded()
         # Early where contacts may close that the last evaluation did not count.
         moved = self.contact.clock - self._clock_at_refresh > self._margin
-        if moved or (self.state.num_steps % self.refresh == 0 and self.state.num_steps):
+        waited = self.state.num_steps - self._refreshed_at
+        if moved or waited >= self.refresh:
             self.check()
-            self.update_time_step(early=moved)
+            self.update_time_step(early=2 * waited < self.refresh)
         central_difference(self.state, self.dt, self._drift, self._forces, self._kick)
         if everywhere:
             self.complete()
@@ -317,7 +321,7 @@ class Simulation:
     def update_time_step(self, early=False):
         """Set ``dt`` from the limit of stability at the present state. Collective.
 
-        An ``early`` call, for contacts that may close, only ever shortens it.
+        An ``early`` call, soon after the last one for contacts that may close, only shortens it.
         """
         s = self.state
         self.complete()
@@ -326,11 +330,12 @@ class Simulation:
         self.dt_element = self.comm.allreduce(own, op=MPI.MIN)
         # Pairs that can close before the next evaluation count as closed.
         moved = self.contact.clock - self._clock_at_refresh
-        self._clock_at_refresh = self.contact.clock
+        moved *= self.refresh / max(s.num_steps - self._refreshed_at, 1)
+        self._clock_at_refresh, self._refreshed_at = self.contact.clock, s.num_steps
         # The first step is counted too, by its speed: an assembled step is up to 3 times longer.
         speed = np.sqrt(max((s.v**2).sum(axis=1).max(), (self.walls.velocity**2).sum()))
         ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
-        self._margin = max(2.0 * moved, ahead, 1e-3 * self.contact.edge)
+        self._margin = max(FASTER * moved, ahead, 1e-3 * self.contact.edge)
         if self.scaling is not None and not self.scaling.reached:
             # What is within an edge now, the walls above all, is held some time.
             self._scale_masses(max(self._margin, self.contact.edge))

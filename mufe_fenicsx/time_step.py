@@ -77,11 +77,11 @@ class HighestFrequency:
             self.num_products += 1
             y *= root
             diagonal.append(self._dot(w, q))
-            # Most of w lies along the last two vectors. What is left, once more against all: few
-            # springs have few frequencies, so that it may be little more than rounding.
-            known = basis[max(k - 1, 0) : k + 1]
-            w -= np.array([*off[k - 1 : k], diagonal[k]]) @ known
-            w -= self.comm.allreduce(basis[: k + 1] @ w) @ basis[: k + 1]
+            # Against the last two vectors, twice: few springs have few frequencies, so that w can
+            # be little more than rounding. The others are orthogonal to it in so short a sweep.
+            last = basis[max(k - 1, 0) : k + 1]
+            w -= np.array([*off[k - 1 : k], diagonal[k]]) @ last
+            w -= self.comm.allreduce(last @ w) @ last
             norm = math.sqrt(self._dot(w, w))
             # Less than this is not worth a vector, of which rounding would be the larger part.
             if k + 1 == self.size or norm <= 1e-4 * self.tolerance * max(diagonal):
