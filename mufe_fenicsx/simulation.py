@@ -8,12 +8,12 @@ from mpi4py import MPI
 
 from .contact.assemble import Contact
 from .contact.bonded import Bonded
-from .contact.bounds import spring_bounds
 from .contact.depth import check_start, too_deep
 from .contact.laws import COMPLIANCE
 from .contact.mirrors import Mirrors
 from .contact.near import near_nodes
 from .contact.network import num_active_pairs
+from .contact.springs import list_edge_springs, list_springs
 from .contact.walls import Walls
 from .errors import SolverError, UnstableError
 from .fidelity import LoadWatch
@@ -73,7 +73,7 @@ class Simulation:
         damping=0.0,
         assembled=True,
         time_step_factor=0.9,
-        refresh=400,
+        refresh=150,
         velocity=None,
         mass_factor=None,
         self_contact=False,
@@ -314,9 +314,8 @@ class Simulation:
         self._add_springs(y, q)
 
     def _add_springs(self, y, q):
-        if self.contact.kinematic:
-            return
-        self.contact.add_stiffness(y, q, self._margin)
+        if not self.contact.kinematic:
+            self._springs.add(y, q)
 
     def update_time_step(self, early=False):
         """Set ``dt`` from the limit of stability at the present state. Collective.
@@ -354,6 +353,7 @@ class Simulation:
 
     def _limit(self, highest, highest_of_springs):
         """Limit of stability [s] by the highest frequencies of all and of springs. Collective."""
+        self._springs = list_springs(self.contact, self._margin)
         if self.assembled:
             rate = highest()
             limit = 2.0 / rate if rate > 0.0 else math.inf
@@ -376,7 +376,8 @@ class Simulation:
 
     def _scale_masses(self, margin):
         """Masses for elements and contacts nearer than ``margin`` [m]; whether there is more."""
-        springs = self.contact.own.nodes, spring_bounds(self.contact, margin)
+        bounds = list_springs(self.contact, margin).bounds()
+        springs = self.contact.own.nodes, bounds
         changed = self.scaling.adjust(self.state.x, springs)
         self.take_masses()
         return changed
@@ -434,7 +435,9 @@ class Simulation:
             return 0.0
         mass = self.solid.mass[c.own.nodes]
         spring = c.points.to_nodes((c.points.area / c.layer)[:, None], mass.size)[:, 0]
-        return float(((2.0 * spring + c.edge_bounds(self._margin)) / mass).max(initial=0.0))
+        return float(
+            ((2.0 * spring + list_edge_springs(c, self._margin).bounds()) / mass).max(initial=0.0)
+        )
 
     # --- numbers --------------------------------------------------------------------------
 

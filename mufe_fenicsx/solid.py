@@ -5,6 +5,7 @@ import ufl
 from dolfinx import fem
 
 from .errors import InputError
+from .kernels.element_step import element_time_step
 from .kernels.energy import elastic_energy
 from .kernels.native import SOURCES, load
 from .kernels.solid import (
@@ -14,7 +15,6 @@ from .kernels.solid import (
     PLAIN,
     InternalForces,
 )
-from .kernels.stiffness import add_elastic_stiffness, element_time_step
 from .materials.auto import Auto
 from .materials.rigid import Rigid
 
@@ -93,7 +93,6 @@ class Solid:
         self.deformable = np.flatnonzero([not isinstance(m, Rigid) for m in materials])
         self.first_time_step = self.element_time_step(x)
         self.set_deforming(np.flatnonzero([not isinstance(m, Rigid | Auto) for m in materials]))
-        self._scratch = np.zeros(mesh.num_nodes)
 
     def set_deforming(self, grains):
         """Say which grains deform; the others cost nothing, and keep their stress. Local.
@@ -121,23 +120,7 @@ class Solid:
 
     def add_stiffness(self, y, q, x):
         """Add the elastic tangent at positions ``x`` times ``q`` to ``y``. Local."""
-        m = self.mesh
-        add_elastic_stiffness(
-            y,
-            self._scratch,
-            q,
-            x,
-            m.cells,
-            self.volume0,
-            self.deformable,
-            m.cell_offset,
-            m.nodes,
-            m.node_offset,
-            self.node_volume0,
-            self.bulk,
-            self.shear,
-            self._kind,
-        )
+        self._advance.add_stiffness(y, q, x, self.deformable)
 
     def element_time_step(self, x):
         """Proven bound of the stable time step from single elements [s], inf without any. Local."""

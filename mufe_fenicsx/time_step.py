@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+from .kernels.lanczos import scale, subtract, weigh
+
 
 class HighestFrequency:
     """Lanczos iteration on M⁻¹K, started again from its last vector at each call.
@@ -54,35 +56,31 @@ class HighestFrequency:
     def __call__(self):
         """Highest angular frequency [rad/s]. Collective."""
         start = self.noise if self.vector is None else self.vector + 0.05 * self.noise
+        basis = np.empty((self.size, start.size))
+        y, moved = np.empty_like(start), np.empty_like(start)
         for _ in range(self.max_sweeps):
-            value, residual, start = self._sweep(start)
+            value, residual, start = self._sweep(start, basis, y, moved)
             if residual <= self.tolerance * value:
                 break
         self.vector = start
         return math.sqrt(value + residual)
 
-    def _sweep(self, start):
-        """One sweep: largest Ritz value, its residual and its vector."""
-        basis = np.empty((self.size, start.size))
-        root = self.inverse_root
-        y, moved = np.empty_like(start), np.empty_like(start)
-        w = y.reshape(-1)
-        basis[0] = start.reshape(-1) / math.sqrt(self._dot(start, start))
+    def _sweep(self, start, basis, y, moved):
+        """One sweep: largest Ritz value, its residual and its vector; the others are scratch."""
+        root, w = self.inverse_root.reshape(-1), y.reshape(-1)
+        np.divide(start.reshape(-1), math.sqrt(self._dot(start, start)), out=basis[0])
         diagonal, off = [], []
         for k in range(self.size):
-            q = basis[k]
-            np.multiply(q.reshape(start.shape), root, out=moved)
-            y[:] = 0.0
+            q, before = basis[k], basis[max(k - 1, 0)]
+            scale(moved.reshape(-1), w, q, root)
             self.add_stiffness(y, moved)
             self.num_products += 1
-            y *= root
-            diagonal.append(self._dot(w, q))
+            diagonal.append(self.comm.allreduce(weigh(w, root, q, before, off[-1] if k else 0.0)))
             # Against the last two vectors, twice: few springs have few frequencies, so that w can
             # be little more than rounding. The others are orthogonal to it in so short a sweep.
-            last = basis[max(k - 1, 0) : k + 1]
-            w -= np.array([*off[k - 1 : k], diagonal[k]]) @ last
-            w -= self.comm.allreduce(last @ w) @ last
-            norm = math.sqrt(self._dot(w, w))
+            left = self._sums(subtract(w, q, diagonal[k], before, 0.0))
+            left = self._sums(subtract(w, q, left[0], before, left[1] if k else 0.0))
+            norm = math.sqrt(left[2])
             # Less than this is not worth a vector, of which rounding would be the larger part.
             if k + 1 == self.size or norm <= 1e-4 * self.tolerance * max(diagonal):
                 break
@@ -92,6 +90,9 @@ class HighestFrequency:
         values, vectors = np.linalg.eigh(T)
         ritz = (vectors[:, -1] @ basis[: k + 1]).reshape(start.shape)
         return values[-1], abs(norm * vectors[-1, -1]), ritz
+
+    def _sums(self, values):
+        return self.comm.allreduce(np.array(values)) if self.comm.size > 1 else values
 
 
 def _noise(x, scale):

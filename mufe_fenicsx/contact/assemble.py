@@ -7,8 +7,8 @@ from mpi4py import MPI
 
 from ..errors import InputError
 from ..kernels.motion import largest_move, largest_move_of
-from ..kernels.pairs import PairForces, add_pair_stiffness, pair_energy
-from ..kernels.points import place_points, spread_points
+from ..kernels.pairs import PairForces, pair_energy
+from ..kernels.points import place_points
 from ..kernels.walls import add_rows, add_some, gather_rows, gather_some
 from .checks import check_law, check_stiffness, check_surface, check_walls
 from .crossings import new_slip
@@ -27,6 +27,7 @@ from .ledger import Ledger
 from .mirrors import nodes_on_mirrors
 from .pairs import search_pairs
 from .points import RECESS, surface_points
+from .springs import list_springs
 from .surface import own_surface
 
 #: Candidates reach this far beyond the closed gap, in mean facet edges.
@@ -229,7 +230,6 @@ class Contact:
         self._end_forward()
         # Where own surface nodes were when their motion was measured last.
         self.previous = gathered.copy()
-        self._present = None  # scratch of `add_stiffness`
 
     def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local."""
@@ -353,39 +353,9 @@ class Contact:
     def add_stiffness(self, y, q, margin):
         """Add the contact springs nearer than ``margin`` [m] times ``q`` to ``y``. Collective.
 
-        ``y`` and ``q`` have the shape (num_nodes, 3).
+        ``y`` and ``q`` have the shape (num_nodes, 3). For many products see `list_springs`.
         """
-        p, s, own, area = self.pairs, self.surface, self.own, self.points.area
-        if self._present is None or self._present.shape != self.positions.array.shape:
-            self._present = np.empty_like(self.positions.array)
-        positions = self._present
-        positions[:] = self.positions.array
-        gather_rows(self.positions.own, q, own.nodes)
-        self.positions.begin_forward()
-        self._end_forward()
-        move, forces = self.positions.array, self.forces.array
-        forces[self.num_before :] = 0.0
-        add_pair_stiffness(
-            forces, move, positions, margin, p.due, self.clock, p.node, p.first, p.candidate,
-            p.closest, p.closed, p.weights, p.normal, p.stiffness, self.facets, self.layer,
-            s.layer_of_facet, area, self.points.facet_area, self.ratio,
-        )  # fmt: skip
-        self.edges.add_stiffness(
-            forces[self.num_before :], move[self.num_before :], margin, self.clock
-        )
-        self.walls.add_stiffness(forces, move, margin, self.clock, self.layer, area, self.ratio)
-        if self.num_before:
-            spread_points(forces, self._near, self._corner, self.points.weight)
-        self.forces.add_back()
-        add_rows(y, own.nodes, self.forces.own)
-        self.positions.array[:] = positions
-
-    def edge_bounds(self, margin):
-        """Bounds of the springs of crossing edges at own surface nodes [N/m]. Collective."""
-        self.forces.array[:] = 0.0
-        self.edges.add_bounds(self.forces.array[self.num_before :], margin, self.clock)
-        self.forces.add_back()
-        return self.forces.own[:, 0]
+        list_springs(self, margin).add(y, q)
 
     def energy(self):
         """Energy in the contact springs [J] and number of closed contacts. Local.

@@ -11,9 +11,8 @@ from ..kernels.edge_search import (
     sort_edges_into_cells,
 )
 from ..kernels.edge_springs import (
-    add_edge_bounds,
-    add_edge_stiffness,
     edge_energy,
+    find_edge_springs,
 )
 from ..kernels.edges import add_edge_forces
 from ..kernels.springs import stored_energy
@@ -142,24 +141,22 @@ class EdgeContact:
         self.lost += lost
         return dissipated, num_adopted, num_deep, deepest
 
-    def add_stiffness(self, y, q, margin, clock):
-        """Add the springs nearer than ``margin`` [m] times ``q`` to ``y``. Local."""
-        p, e = self.pairs, self.edges
-        if p.first.size:
-            add_edge_stiffness(
-                y, q, margin, self.size, p.due, p.outside, p.gap, clock, p.place, p.normal,
-                p.closed, p.stiffness, p.first, p.second, e.ends, e.area, e.layer, e.share,
-                e.ratio,
-            )  # fmt: skip
+    def springs(self, margin, clock):
+        """Springs of closed pairs and of those that a motion of ``margin`` [m] can close. Local.
 
-    def add_bounds(self, y, margin, clock):
-        """Add bounds of these springs to the nodes of ``y`` [N/m], shape (num_nodes, 3). Local."""
+        Returns:
+            Nodes, shares and normals as of :func:`~mufe_fenicsx.kernels.springs.add_springs`, with
+            four nodes each; stiffness along and across [N/m].
+        """
         p, e = self.pairs, self.edges
-        if p.first.size:
-            add_edge_bounds(
-                y, margin, self.size, p.due, p.outside, p.gap, clock, p.place, p.closed,
-                p.stiffness, p.first, p.second, e.ends, e.area, e.layer, e.share,
-            )  # fmt: skip
+        on, kn = find_edge_springs(
+            margin, self.size, p.due, p.outside, p.gap, clock, p.place, p.closed, p.stiffness,
+            p.first, p.second, e.area, e.layer, e.share,
+        )  # fmt: skip
+        first, second = p.first[on], p.second[on]
+        s, t = np.clip(p.place[on], 0.0, 1.0).T
+        nodes = np.concatenate([e.ends[first], e.ends[second]], axis=1)
+        return nodes, np.stack([1 - s, s, t - 1, -t], axis=1), p.normal[on], kn, kn * e.ratio[first]
 
     def energy(self):
         """Energy in the springs [J] and number of closed pairs. Local."""

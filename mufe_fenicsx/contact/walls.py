@@ -13,7 +13,6 @@ from ..kernels.walls import (
     COLUMNS,
     ROW,
     WallForces,
-    add_wall_stiffness,
     find_wall_candidates,
     wall_energy,
 )
@@ -211,13 +210,6 @@ class Walls:
                 self.normal, self.velocity, self.friction, self.friction_kinetic,
             )  # fmt: skip
         return p.forces(clock, adopt, ahead)
-
-    def add_stiffness(self, y, q, margin, clock, layer, area, ratio):
-        """Add the wall springs times ``q`` to ``y``. Local."""
-        p = self.pairs
-        add_wall_stiffness(
-            y, q, margin, p.due, clock, p.node, p.wall, p.closed, self.normal, layer, area, ratio
-        )
 
     def energy(self, layer, area, ratio):
         """Energy in the wall springs [J] and number of closed pairs. Local."""

@@ -1,6 +1,7 @@
 """Springs of crossing edges: their stiffness, their energy, and their part in the time step."""
 
 import numba
+import numpy as np
 
 from .springs import stored_energy
 
@@ -45,51 +46,26 @@ def _can_close(outside, gap, wait, margin, size):
 
 
 @numba.njit(cache=True)
-def add_edge_stiffness(y, q, margin, size, due, outside, gap, clock, place, normal, closed,
-                       stiffness, first, second, ends, area, layer, share, ratio):  # fmt: skip
-    """Add the springs of all pairs nearer than ``margin`` [m] times ``q`` to ``y``, in place.
+def find_edge_springs(margin, size, due, outside, gap, clock, place, closed, stiffness, first,
+                      second, area, layer, share):  # fmt: skip
+    """Pairs that are closed or can close by a motion of ``margin`` [m], and their stiffness.
 
-    Pairs that slide count with their tangential spring, and crossings that come between
-    edges and facets by such a motion count too: an upper bound. ``y`` and ``q`` have the
-    shape (num_nodes, 3); others as in :func:`add_edge_forces`.
+    Crossings that come between edges and facets by such a motion count too: an upper bound.
+
+    Args:
+        others: As in :func:`~.edges.add_edge_forces`.
+
+    Returns:
+        Pairs, shape (n,); stiffness [N/m], shape (n,).
     """
+    found, k = np.empty(first.size, np.int64), np.empty(first.size)
+    n = 0
     for p in range(first.size):
         if not (closed[p] or _can_close(outside[p], gap[p], due[p] - clock, margin, size)):
             continue
-        i, j = first[p], second[p]
-        a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
         s, t = min(max(place[p, 0], 0.0), 1.0), min(max(place[p, 1], 0.0), 1.0)
-        kn = stiffness[p] if closed[p] else crossing_stiffness(i, j, s, t, area, layer, share)
-        kt = kn * ratio[i]
-        along = 0.0
-        for m in range(3):
-            move = (1.0 - s) * q[a, m] + s * q[b, m] - (1.0 - t) * q[c, m] - t * q[d, m]
-            along += normal[p, m] * move
-        for m in range(3):
-            move = (1.0 - s) * q[a, m] + s * q[b, m] - (1.0 - t) * q[c, m] - t * q[d, m]
-            force = kt * move + (kn - kt) * along * normal[p, m]
-            y[a, m] += (1.0 - s) * force
-            y[b, m] += s * force
-            y[c, m] -= (1.0 - t) * force
-            y[d, m] -= t * force
-
-
-@numba.njit(cache=True)
-def add_edge_bounds(y, margin, size, due, outside, gap, clock, place, closed, stiffness, first,
-                    second, ends, area, layer, share):  # fmt: skip
-    """Add to ``y`` the row sums of the springs of :func:`add_edge_stiffness`, in place [N/m].
-
-    By Gershgorin they bound what the springs add to the eigenvalues. ``y`` has the
-    shape (num_nodes, 3).
-    """
-    for p in range(first.size):
-        if not (closed[p] or _can_close(outside[p], gap[p], due[p] - clock, margin, size)):
-            continue
-        i, j = first[p], second[p]
-        s, t = min(max(place[p, 0], 0.0), 1.0), min(max(place[p, 1], 0.0), 1.0)
-        k = stiffness[p] if closed[p] else crossing_stiffness(i, j, s, t, area, layer, share)
-        for m in range(3):
-            y[ends[i, 0], m] += 2.0 * k * (1.0 - s)
-            y[ends[i, 1], m] += 2.0 * k * s
-            y[ends[j, 0], m] += 2.0 * k * (1.0 - t)
-            y[ends[j, 1], m] += 2.0 * k * t
+        found[n], k[n] = p, stiffness[p]
+        if not closed[p]:
+            k[n] = crossing_stiffness(first[p], second[p], s, t, area, layer, share)
+        n += 1
+    return found[:n], k[:n]

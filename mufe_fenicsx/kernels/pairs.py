@@ -1,4 +1,4 @@
-"""Contact of nodes with the facets of other grains: forces, energy and stiffness."""
+"""Contact of nodes with the facets of other grains: forces and energy."""
 
 import ctypes
 
@@ -135,21 +135,6 @@ class PairForces:
         return dissipated, int(adopted), int(deep), deepest
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _share(own_area, x, a, b, c):
-    """Part of a contact that a point carries whose facet has ``own_area``, against facet a, b, c.
-
-    Both surfaces carry points, and what they find of each other adds up to one contact.
-    The finer one carries the greater part: few points of a coarse surface would load a
-    fine one unevenly.
-    """
-    ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-    vx, vy, vz = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
-    cx, cy, cz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    other2 = 0.25 * (cx * cx + cy * cy + cz * cz)
-    return other2 / (other2 + own_area * own_area)
-
-
 @numba.njit(cache=True)
 def pair_energy(gap, offset, closed, stiffness, shear, node, ratio_of_node, largest_depth):
     """Energy stored in the springs of closed pairs [J], and their number."""
@@ -161,42 +146,3 @@ def pair_energy(gap, offset, closed, stiffness, shear, node, ratio_of_node, larg
             energy += stored_energy(stiffness[p], offset[p] - gap[p], largest_depth)
             energy += 0.5 * t2 / (stiffness[p] * ratio_of_node[node[p]])
     return energy, count
-
-
-@numba.njit(cache=True)
-def add_pair_stiffness(y, q, x, margin, due, clock, node, first, candidate, closest, closed,
-                       weights, normal, stiffness, facets, layer_of_node, layer_of_facet, area,
-                       facet_area, ratio_of_node):  # fmt: skip
-    """Add the springs of all pairs nearer than ``margin`` [m] times ``q`` to ``y``, in place.
-
-    ``x`` are the positions. Sliding pairs count with their tangential spring: an upper
-    bound. ``y`` and ``q`` have the shape of ``x``; others as of :class:`PairForces`.
-    """
-    for p in range(node.size):
-        if closest[p] < 0 or not (closed[p] or due[p] - clock < margin):
-            continue
-        n, t = node[p], candidate[closest[p]]
-        kn = stiffness[p]
-        if not closed[p]:
-            share = _share(facet_area[n], x, facets[t, 0], facets[t, 1], facets[t, 2])
-            kn = share * area[n] / (layer_of_node[n] + layer_of_facet[t])
-        kt = kn * ratio_of_node[n]
-        along = 0.0
-        for i in range(3):
-            along += normal[p, i] * (
-                q[n, i]
-                - weights[p, 0] * q[facets[t, 0], i]
-                - weights[p, 1] * q[facets[t, 1], i]
-                - weights[p, 2] * q[facets[t, 2], i]
-            )
-        for i in range(3):
-            d = (
-                q[n, i]
-                - weights[p, 0] * q[facets[t, 0], i]
-                - weights[p, 1] * q[facets[t, 1], i]
-                - weights[p, 2] * q[facets[t, 2], i]
-            )
-            s = kt * d + (kn - kt) * along * normal[p, i]
-            y[n, i] += s
-            for m in range(3):
-                y[facets[t, m], i] -= weights[p, m] * s

@@ -120,6 +120,9 @@ class InternalForces:
         self._volumes.argtypes = [pointer, pointer, pointer, integer]
         self._volumes.restype = None
         self.nodal_volumes(self.node_volume0, x)
+        self._stiffness = library.mufe_add_stiffness
+        self._stiffness.argtypes = [*[pointer] * 5, integer, integer]
+        self._stiffness.restype = None
         self._call = library.mufe_add_internal_forces
         self._call.argtypes = [*[pointer] * 8, ctypes.c_double, *[integer] * 3, pointer]
         self._call.restype = integer
@@ -130,6 +133,23 @@ class InternalForces:
         Summed up as in each step, so that those of a grain at rest are its first ones.
         """
         self._volumes(self._model, address(volume), address(x), self._num_grains)
+
+    def add_stiffness(self, y, q, x, grains):
+        """Add K q of some grains to ``y``, in place: the elastic tangent at the positions ``x``.
+
+        The stress that is there already (geometric stiffness) is left out: it is of
+        the order stress/E beside the elastic terms.
+
+        Args:
+            y: Forces [N], shape (num_nodes, 3).
+            q: Displacements [m], shape (num_nodes, 3).
+            x: Positions [m], shape (num_nodes, 3).
+            grains: Grains to work on, int64, shape (n,).
+        """
+        self._stiffness(
+            self._model, address(y), address(q), address(x), address(grains, np.int64),
+            grains.size, self._element,
+        )  # fmt: skip
 
     def __call__(self, f, deviator, strain, work, x, v, dt, grains, increment=plastic_increment):
         """One step of some grains, in place.

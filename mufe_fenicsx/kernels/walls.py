@@ -107,9 +107,9 @@ class WallForces:
             column(state, name, COLUMNS)[:] = values[node]
         points = ((corner, short), (corner_weight, real)) if corner.size else (None, None)
         self._pointers = Pointers(
-            (state, real), (due, real), (scratch, short), (layer, real), *points, (x, real), (f, real), (wall_force, real), (wall_torque, real),
-            (point, real), (normal, real), (velocity, real), (friction, real),
-            (friction_kinetic, real),
+            (state, real), (due, real), (scratch, short), (layer, real), *points, (x, real),
+            (f, real), (wall_force, real), (wall_torque, real), (point, real), (normal, real),
+            (velocity, real), (friction, real), (friction_kinetic, real),
         )  # fmt: skip
         pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
         self._call = load("walls").mufe_add_wall_forces
@@ -145,20 +145,6 @@ def wall_energy(gap, offset, closed, shear, node, layer, area, ratio):
             depth = offset[p] - gap[p]
             energy += 0.5 * kn * depth * depth + 0.5 * t2 / (kn * ratio[node[p]])
     return energy, count
-
-
-@numba.njit(cache=True)
-def add_wall_stiffness(y, q, margin, due, clock, node, wall, closed, normal, layer, area, ratio):
-    """Add the springs of node-wall pairs nearer than ``margin`` [m] times ``q`` to ``y``."""
-    for p in range(node.size):
-        if not (closed[p] or due[p] - clock < margin):
-            continue
-        n, w = node[p], wall[p]
-        kn = area[n] / layer[n]
-        kt = kn * ratio[n]
-        along = q[n, 0] * normal[w, 0] + q[n, 1] * normal[w, 1] + q[n, 2] * normal[w, 2]
-        for i in range(3):
-            y[n, i] += kt * q[n, i] + (kn - kt) * along * normal[w, i]
 
 
 @numba.njit(cache=True)
