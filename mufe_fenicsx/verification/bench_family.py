@@ -2,9 +2,11 @@
 
 import json
 import shutil
+import statistics
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -55,25 +57,73 @@ def family(parameters):
 def packing(parameters):
     """The 200 grains at strain 0.05, beside the box of the same material; one rank and two.
 
-    Parameters: ``cache``, ``size``, ``grains``; others of `bench.demo`.
+    Parameters: ``cache``, ``size``; ``grains``, another member; ``strain`` and ``speed`` [m/s] of
+    the test that brings it there, whose run is kept for the next time; ``steps`` and ``repeats``.
     """
     cache, size = _options(parameters)
-    number = int(parameters.pop("grains", 200))
-    more = _of_member(number, cache, size, {"strain": 0.05, "speed": 20.0, **parameters})
-    box = launch("box", {"model": "j2"}, 1)
-    one, two = (launch("demo", more, n) for n in (1, 2))
-    part, speedup = one["rate"] / box["rate"], two["rate"] / one["rate"]
+    number, strain = int(parameters.pop("grains", 200)), float(parameters.pop("strain", 0.05))
+    folder = member(cache, number, size)
+    run = folder / f"run-to-{strain:g}"
+    if not _finished(run):
+        scene = scene_file(folder, number, strain, float(parameters.pop("speed", 4.0)))
+        _run(scene, run, 2)
+    more = {"run": str(run), **parameters}
+    # By turns, for a shared machine is not always as fast.
+    boxes, ones, twos = [], [], []
+    for _ in range(3):
+        boxes.append(launch("box", {"model": "j2"}, 1)["rate"])
+        ones.append(launch("resumed", more, 1))
+        twos.append(launch("resumed", more, 2))
+    box, one, two = (statistics.median(rates) for rates in (boxes, _rates(ones), _rates(twos)))
     results = {
-        "num_cells": {"computed": one["num_cells"]},
-        "rate_box": {"computed": box["rate"]},
-        "rate_1_rank": {"computed": one["rate"]},
-        "rate_2_ranks": {"computed": two["rate"]},
-        "part_of_box_rate": row(part, TARGET_PART, part >= TARGET_PART),
-        "speedup_2_ranks": row(speedup, TARGET_SPEEDUP, speedup >= TARGET_SPEEDUP),
-        "contact_over_tets": {"computed": one["contact_over_tets"]},
-        "num_contacts": {"computed": one["num_contacts"]},
+        "num_cells": {"computed": ones[0]["num_cells"]},
+        "rate_box": {"computed": box},
+        "rate_1_rank": {"computed": one},
+        "rate_2_ranks": {"computed": two},
+        "part_of_box_rate": row(one / box, TARGET_PART, one >= TARGET_PART * box),
+        "speedup_2_ranks": row(two / one, TARGET_SPEEDUP, two >= TARGET_SPEEDUP * one),
+        "contact_over_tets": {"computed": ones[0]["contact_over_tets"]},
+        "num_contacts": {"computed": ones[0]["num_contacts"]},
     }
     return _case("packing", parameters, results)
+
+
+def _rates(found):
+    return [one["rate"] for one in found]
+
+
+def _finished(run):
+    """Whether a run came to its end."""
+    summary = run / "run.json"
+    return summary.exists() and json.loads(summary.read_text(encoding="utf-8"))["finished"]
+
+
+def resumed(comm, *, run, steps=50, repeats=7):
+    """The sample that a run left, going on at rest of its walls. Collective.
+
+    Args:
+        run: Run folder with a checkpoint.
+        steps, repeats: Steps of one measurement, and measurements.
+    """
+    from ..output.checkpoint import find_checkpoint, read_tables
+    from ..preparation import bounding_box, load_mesh, make_simulation, read_scene
+    from ..restart import restore, restore_reference
+    from .bench import measure
+    from .bench_search import share_of_contact
+
+    scene = read_scene(comm, Path(run) / "scene.toml")
+    checkpoint = find_checkpoint(comm, Path(run))
+    ranks = None
+    if checkpoint.num_ranks == comm.size:
+        ranks = np.array(checkpoint.header["rank_of_grain"], dtype=np.int32)
+    mesh = load_mesh(comm, scene.sample.grains, scene.solver.element, ranks)
+    kept = read_tables(comm, checkpoint, mesh.grains, mesh.rank_of_grain)
+    restore_reference(mesh, kept[0])
+    simulation = make_simulation(scene, mesh, *bounding_box(mesh))
+    restore(simulation, *kept, checkpoint.header["state"])
+    result = measure(comm, simulation, steps, repeats)
+    result["num_contacts"] = simulation.num_contacts
+    return result | share_of_contact(simulation, int(steps))
 
 
 def paper(parameters):
@@ -111,17 +161,7 @@ def _test(folder, scene, ranks):
     from ..output.history import read_history
 
     run = folder / "run"
-    shutil.rmtree(run, ignore_errors=True)
-    environment = environment_without_launcher()
-    command = [find_mpirun(), "-n", str(ranks), sys.executable, "-m", "mufe_fenicsx", "run"]
-    start = time.perf_counter()
-    done = subprocess.run(
-        [*command, str(scene), "-o", str(run), "--quiet"],
-        env=environment, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    wall = time.perf_counter() - start
-    if done.returncode:
-        raise InputError(f"the test failed: {done.stderr.strip()[-500:]}")
+    wall = _run(scene, run, ranks)
     summary = json.loads((run / "run.json").read_text(encoding="utf-8"))
     history = read_history(run / "history.csv")
     loaded = loaded_rows(history)
@@ -139,6 +179,25 @@ def _test(folder, scene, ranks):
         results[f"{name}_largest"] = row(worst, target, worst <= target)
         results[f"{name}_mean"] = {"computed": float(np.nanmean(values[name]))}
     return results
+
+
+def _run(scene, run, ranks):
+    """`mufe run` of a scene into a new folder; its wall time [s].
+
+    Raises:
+        InputError: It failed.
+    """
+    shutil.rmtree(run, ignore_errors=True)
+    environment = environment_without_launcher()
+    command = [find_mpirun(), "-n", str(ranks), sys.executable, "-m", "mufe_fenicsx", "run"]
+    start = time.perf_counter()
+    done = subprocess.run(
+        [*command, str(scene), "-o", str(run), "--quiet"],
+        env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        raise InputError(f"the test failed: {done.stderr.strip()[-500:]}")
+    return time.perf_counter() - start
 
 
 def _case(name, parameters, results):

@@ -96,7 +96,7 @@ def _measure(num_grains, repeats, points):
     searches = []
     for _ in range(repeats):
         start = time.perf_counter()
-        contact._search(center + 1.006 * local)
+        contact.search(center + 1.006 * local)
         searches.append(time.perf_counter() - start)
     grow(1.006)
     steps = [grow(1.006 + 1e-6 * k) for k in range(5 * repeats)]
