@@ -334,7 +334,8 @@ class Simulation:
         # The first step is counted too, by its speed: an assembled step is up to 3 times longer.
         speed = np.sqrt(max((s.v**2).sum(axis=1).max(), (self.walls.velocity**2).sum()))
         ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
-        self._margin = max(FASTER * moved, ahead, 1e-3 * self.contact.edge)
+        moved = min(FASTER * moved, self.contact.skin)
+        self._margin = max(moved, ahead, 1e-3 * self.contact.edge)
         if self.scaling is not None and not self.scaling.reached:
             # What is within an edge now, the walls above all, is held some time.
             self._scale_masses(max(self._margin, self.contact.edge))

@@ -52,7 +52,7 @@ def test_energy_from_nowhere_stops_the_computation():
     cubes = [box((SIZE,) * 3, (n, n, n), (2 * k * SIZE, 0, 0)) for k, n in enumerate(divisions)]
     s = build(
         MPI.COMM_WORLD, cubes, Elastic(100e9, 0.15, 2650.0), (0, 0, 0),
-        (2 * count * SIZE, SIZE, SIZE), axes="z", refresh=10**9,
+        (2 * count * SIZE, SIZE, SIZE), axes="z", refresh=400,
         velocity=lambda x, grain: np.sin(x / SIZE) * [0.1, 0.0, 0.0],
     )  # fmt: skip
     guard = EnergyGuard(s, 0.1)

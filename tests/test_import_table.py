@@ -48,7 +48,7 @@ TABLE = {
     "state": set(),
     "units": set(),
     "mesh": set(),
-    "time_step": set(),
+    "time_step": {"kernels"},
     "mass_scaling": {"mesh", "solid"},
     "launcher": set(),
     "memory": set(),

@@ -12,6 +12,7 @@ from ..kernels.points import place_points
 from ..kernels.walls import add_rows, add_some, gather_rows, gather_some
 from .checks import check_law, check_stiffness, check_surface, check_walls
 from .crossings import new_slip
+from .depth import NOT_SUNK
 from .edges import EdgeContact
 from .exchange import SurfaceVector, exchange_surface
 from .laws import (
@@ -138,6 +139,10 @@ class Contact:
         self.num_adopted = 0  #: contacts that were found deep, on this rank
         self.num_deep = 0  #: evaluations beyond the largest depth, on this rank
         self.deepest = 0.0  #: largest depth adopted on this rank [m]
+        #: Deepest of all pairs since this was reset, on this rank: depth over the edge of the finer
+        #: facet, depth [m], grain and the one that it is in; steps set it, searches for
+        #: an equilibrium do not.
+        self.sunk = NOT_SUNK
         self.num_searches = 0
         self.clock = 0.0  #: bound of all relative motion so far, the same on all ranks [m]
         self.searched_at = 0.0
@@ -312,23 +317,38 @@ class Contact:
         if self.clock + 4.0 * move - self.searched_at > self.skin:
             self.search(x, ahead=4.0 * move)
         self.evaluate(f, adopt)
+        part, pair = self._sunk
+        if part > self.sunk[0] and not adopt:
+            p = self.pairs
+            depth = p.offset[pair] - p.gap[pair]
+            grain = self.points.grain_of_point[p.node[pair]]
+            if not (self.thick_layers and depth <= 5.0 * self.largest_depth):
+                self.sunk = (part, float(depth), int(grain), int(p.grain[pair]))
+
+    def bind(self):
+        """Let the kernels know the arrays of new pairs, which stay where they are. Local."""
+        p, points = self.pairs, self.points
+        x, forces = self.positions.array, self.forces.array
+        if p.forces is None:
+            s = self.surface
+            p.forces = PairForces(
+                p.state, p.due, p.candidate_due, p.closest, p.node, p.first, p.candidate,
+                self.facets, s.neighbor, self.ring_offset, self.ring, self.edges.beside,
+                self.layer, s.layer_of_facet, points.area, points.facet_area, points.recess,
+                self.ratio, *self._corners, x, forces,
+            )  # fmt: skip
+        if self.walls.pairs.forces is None:
+            self.walls.bind(forces, x, self._corners, self.layer, points, self.ratio)
 
     def evaluate(self, f, adopt=False):
         """Add the forces of the known pairs at the positions that were received. Collective.
 
         Arguments as of :meth:`add_forces`; ``clock`` has to bound the motion already.
         """
+        self.bind()
         p, forces, x = self.pairs, self.forces.array, self.positions.array
         forces[self.num_before :] = 0.0
-        if p.forces is None:
-            s, points = self.surface, self.points
-            p.forces = PairForces(
-                p.state, p.due, p.candidate_due, p.closest, p.node, p.first, p.candidate,
-                self.facets, s.neighbor, self.ring_offset, self.ring,
-                self.edges.beside, self.layer, s.layer_of_facet, points.area, points.facet_area,
-                points.recess, self.ratio, *self._corners, x, forces,
-            )  # fmt: skip
-        dissipated, num_adopted, num_deep, deepest = p.forces(
+        dissipated, num_adopted, num_deep, deepest, self._sunk = p.forces(
             self.clock, self.friction, self.friction_kinetic, self.largest_depth, adopt
         )
         edge_dissipated, edge_adopted, edge_deep, edge_deepest = 0.0, 0, 0, 0.0
@@ -336,10 +356,8 @@ class Contact:
             edge_dissipated, edge_adopted, edge_deep, edge_deepest = self.edges.add_forces(
                 forces[self.num_before :], x[self.num_before :], self.clock, self.friction, adopt
             )
-        wall_dissipated, wall_adopted = self.walls.add_forces(
-            forces, x, self._corners, self.layer, self.points, self.ratio, self.clock, adopt,
-            self._dt if self.kinematic else 0.0,
-        )  # fmt: skip
+        ahead = self._dt if self.kinematic else 0.0
+        wall_dissipated, wall_adopted = self.walls.add_forces(self.clock, adopt, ahead)
         self.give_back()
         if self.moving is None:
             add_rows(f, self.own.nodes, self.forces.own)

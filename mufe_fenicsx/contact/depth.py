@@ -13,6 +13,9 @@ DEEPEST_START = 1.0
 #: Depth beyond the offset, over the same, up to which contact is one: five times the depth at
 #: which its force grows no more. Deeper, nothing keeps grains from passing through each other.
 DEEPEST = 0.5
+#: Depth over edge, depth [m], grain and the one that it is in, where no pair is beyond the depth at
+#: which forces grow no more.
+NOT_SUNK = (0.0, 0.0, -1, -1)
 
 
 def check_start(mesh, contact):
@@ -43,14 +46,18 @@ def check_start(mesh, contact):
 
 
 def too_deep(mesh, contact):
-    """What to say where a grain sinks too deep into another now, or None. Collective.
+    """What to say where a grain sank too deep into another since the last call. Collective.
+
+    Also where it has come out since: fast bodies pass through each other between two calls.
+    None where none did.
 
     Args:
         mesh, contact: As above.
     """
     pairs = contact.pairs
     depth = np.where(pairs.closed, pairs.offset - pairs.gap, 0.0)
-    found = deepest(contact, depth, DEEPEST)
+    found = deepest(contact, depth, DEEPEST) or _all_ranks(contact.comm, contact.sunk, DEEPEST)
+    contact.sunk = NOT_SUNK
     if found is None:
         return None
     depth, part, grain, other = found
@@ -90,9 +97,14 @@ def deepest(contact, depth, limit):
         k = int(part.argmax())
         grain = contact.points.grain_of_point[node[k]]
         worst = (float(part[k]), float(depth[on][k]), int(grain), int(pairs.grain[on][k]))
-    if not contact.comm.allreduce(int(worst[0] > limit)):
+    return _all_ranks(contact.comm, worst, limit)
+
+
+def _all_ranks(comm, worst, limit):
+    """The worst of all ranks, if beyond the limit: depth, depth over edge, grains. Collective."""
+    if not comm.allreduce(int(worst[0] > limit)):
         return None
-    part, depth, grain, other = max(contact.comm.allgather(worst))
+    part, depth, grain, other = max(comm.allgather(worst))
     return depth, part, grain, other
 
 

@@ -35,7 +35,7 @@ class Pairs:
         self.closest = np.full(num_pairs, -1, dtype=np.int64)
         self.state = rows(num_pairs, ROW)
         column(self.state, "node")[:] = node
-        for name in (*REMEMBERED, "work"):
+        for name in (*REMEMBERED, "work", "known", "other_due", "vertices", "sharp"):
             setattr(self, name, column(self.state, name))
         self.gap[:] = np.inf
         self.forces = None  #: kernels.pairs.PairForces, once they are wanted

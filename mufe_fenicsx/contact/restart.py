@@ -16,7 +16,7 @@ from .walls import _WallPairs
 #: Bits of the number of a surface node in the name of a facet.
 BITS = 21
 #: What pairs keep from step to step, beside what a search carries over.
-KEPT = (*REMEMBERED, "due", "work")
+KEPT = (*REMEMBERED, "due", "work", "known", "other_due")
 WALLS_KEPT = (
     "due", "gap", "offset", "closed", "anchor", "shear", "slip", "push", "work", "sliding",
 )  # fmt: skip
@@ -212,7 +212,10 @@ def restore_contact(contact, mesh, tables, everything_moves):
     names = Names(contact, mesh)
     nodes = contact.positions.array[contact.num_before :]
     contact.edges.list_edges(nodes, own.nodes.size, contact.surface)
-    contact.pairs = _pairs(contact, names, tables["pairs"], tables["candidates"])
+    contact.pairs = pairs = _pairs(contact, names, tables["pairs"], tables["candidates"])
+    known = np.flatnonzero(pairs.known)
+    facet = pairs.candidate[pairs.closest[known]]
+    pairs.vertices[known], pairs.sharp[known] = contact.facets[facet], contact.edges.beside[facet]
     walls.pairs = _wall_pairs(contact, names, tables["wall_pairs"])
     _set_edge_pairs(contact, names, tables["edge_pairs"])
     if contact.num_before:

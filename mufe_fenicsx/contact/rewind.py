@@ -19,6 +19,7 @@ class ContactMark:
     """
 
     def __init__(self, contact):
+        contact.bind()  # which completes the rows of pairs
         self.contact = contact
         self.num_searches = contact.num_searches
         self._kept = [(array, array.copy()) for array in _arrays(contact)]

@@ -187,29 +187,33 @@ class Walls:
                 getattr(pairs, name)[at_new] = getattr(self.pairs, name)[at_old]
         self.pairs = pairs
 
-    def add_forces(self, f, x, corners, layer, points, ratio, clock, adopt, ahead=0.0):
-        """Add wall forces to ``f``; returns the friction's dissipation [J] and adopted pairs.
+    def bind(self, f, x, corners, layer, points, ratio):
+        """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
 
         Args:
-            f, x: Forces [N] and positions [m] of points and nodes, which stay where they are
-                until the next search.
+            f, x: Forces [N] and positions [m] of points and nodes.
             corners: Nodes and weights of points in facets, kernels.points.
             layer, ratio: As of :class:`~mufe_fenicsx.kernels.walls.WallForces`.
             points: :class:`~mufe_fenicsx.contact.points.Points`.
+        """
+        p = self.pairs
+        p.forces = WallForces(
+            p.state, p.due, p.node, p.wall, layer, points.area, points.recess, ratio, *corners,
+            x, f, self.force, self.torque, self.point, self.normal, self.velocity, self.friction,
+            self.friction_kinetic,
+        )  # fmt: skip
+
+    def add_forces(self, clock, adopt, ahead=0.0):
+        """Add wall forces to those bound; returns the friction's dissipation [J], adopted pairs.
+
+        Args:
             clock: Reading of the clock of relative motion [m].
             adopt: Whether what overlaps now is not in contact.
-            ahead: How much later than the planes the positions ``x`` are [s].
+            ahead: How much later than the planes the positions are [s].
         """
         self.force[:] = 0.0
         self.torque[:] = 0.0
-        p = self.pairs
-        if p.forces is None:
-            p.forces = WallForces(
-                p.state, p.due, p.node, p.wall, layer, points.area,
-                points.recess, ratio, *corners, x, f, self.force, self.torque, self.point,
-                self.normal, self.velocity, self.friction, self.friction_kinetic,
-            )  # fmt: skip
-        return p.forces(clock, adopt, ahead)
+        return self.pairs.forces(clock, adopt, ahead)
 
     def energy(self, layer, area, ratio):
         """Energy in the wall springs [J] and number of closed pairs. Local."""

@@ -54,6 +54,12 @@ INLINE double share(double own_area, triangle t) {
   return other2 / (other2 + own_area * own_area);
 }
 
+/* Edge of the smaller of both facets, were it equilateral. */
+INLINE double finer_edge(double own_area, triangle t) {
+  vec3 c = cross(minus(t.b, t.a), minus(t.c, t.a));
+  return sqrt(4.0 / sqrt(3.0) * least(own_area, 0.5 * length(c)));
+}
+
 /* Weights of the point of a facet that a spring s from the node p leads to. ``foot`` is the
    closest point and ``n`` the normal of the contact, which differs from that of the facet on its
    edges and vertices. The spring lies across n, so its end is moved along n into the facet: along
@@ -71,10 +77,9 @@ INLINE triangle vertices_at(const int32_t *v, const double *x) {
 /* Closest candidate of the pair p, testing only those that can be it: ``candidate_due`` is the
    reading of the clock at which a candidate can be at distance zero; the clock advances by all
    relative motion, so that due - clock is a lower bound of the distance now. */
-static double find_closest(const pairs_type *m, int64_t p, double clock, vec3 point,
-                           int64_t *closest, int *feature, vec3 *weights, triangle *facet) {
+static int64_t find_closest(const pairs_type *m, int64_t p, double clock, vec3 point) {
   double best = INFINITY;
-  int64_t begin = m->first[p], end = m->first[p + 1], remembered = m->closest[p];
+  int64_t begin = m->first[p], end = m->first[p + 1], remembered = m->closest[p], closest = -1;
   for (int64_t trial = begin - 1; trial < end; trial++) {
     int64_t k = trial;
     if (trial < begin) {
@@ -84,13 +89,13 @@ static double find_closest(const pairs_type *m, int64_t p, double clock, vec3 po
       continue;
     }
     triangle t = facet_at(&m->surface, m->x, m->candidate[k]);
-    int found;
-    vec3 w = closest_point(point, t, &found);
+    int feature;
+    vec3 w = closest_point(point, t, &feature);
     double distance = length(minus(point, mean(w, t.a, t.b, t.c)));
     m->candidate_due[k] = clock + distance;
-    if (distance < best) best = distance, *closest = k, *feature = found, *weights = w, *facet = t;
+    if (distance < best) best = distance, closest = k;
   }
-  return best;
+  return closest;
 }
 
 /* Make the candidate k what is known of the pair p. */
@@ -180,11 +185,12 @@ INLINE void fetch_ahead(const pairs_type *m, int64_t i, int64_t num_due) {
 }
 
 /* See kernels/pairs.py; ``totals``: energy dissipated, adopted pairs, pairs beyond the largest
-   depth, largest adopted depth. */
+   depth, largest adopted depth, largest depth over the edge of the finer facet, and its pair. */
 void mufe_add_pair_forces(const pairs_type *m, double *totals, double clock, double friction,
                           double friction_kinetic, double largest_depth, int64_t num_pairs,
                           int64_t adopt) {
-  double dissipated = 0.0, num_adopted = 0.0, num_deep = 0.0, deepest = 0.0;
+  double dissipated = 0.0, num_adopted = 0.0, num_deep = 0.0, deepest = 0.0, sunk = 0.0;
+  int64_t sunken = -1;
   double *x = m->x, *f = m->f;
   const surface_type *surface = &m->surface;
   int64_t num_due = find_due(m->scratch, m->due, clock, num_pairs);
@@ -196,22 +202,23 @@ void mufe_add_pair_forces(const pairs_type *m, double *totals, double clock, dou
     const int64_t n = s->node;
     const vec3 point = place(&m->points, x, n);
 
-    /* The closest point: most often in the facet where it was, the others being too far. */
+    /* The closest point: most often in the facet where it was, the others being too far. All is
+       computed in one place, so that a run that is resumed finds the same last digits. */
     const int64_t before = m->closest[p];
-    int64_t k = before;
     int feature = INTERIOR;
     vec3 w = {1.0, 0.0, 0.0};
     triangle t = {point, point, point};
-    double distance = -INFINITY;
-    if (s->known) {
-      t = vertices_at(s->vertices, x);
-      w = closest_point(point, t, &feature);
-      distance = length(minus(point, mean(w, t.a, t.b, t.c)));
+    double distance = 0.0;
+    for (int looked = 0;; looked = 1) {
+      if (s->known) {
+        t = vertices_at(s->vertices, x);
+        w = closest_point(point, t, &feature);
+        distance = length(minus(point, mean(w, t.a, t.b, t.c)));
+        if (looked || s->other_due - clock >= distance) break;
+      }
+      know(m, p, find_closest(m, p, clock, point));
     }
-    if (!s->known || s->other_due - clock < distance) {
-      distance = find_closest(m, p, clock, point, &k, &feature, &w, &t);
-      know(m, p, k);
-    }
+    int64_t k = m->closest[p];
 
     /* The gap, and the normal from the facet to the point. */
     vec3 facet_normal = normal_of(t);
@@ -294,6 +301,8 @@ void mufe_add_pair_forces(const pairs_type *m, double *totals, double clock, dou
     }
     if (depth > largest_depth) {
       num_deep += 1.0;
+      double part = depth / finer_edge(m->facet_area[n], t);
+      if (part > sunk) sunk = part, sunken = p;
       depth = largest_depth;
     }
     m->due[p] = clock;
@@ -334,4 +343,5 @@ void mufe_add_pair_forces(const pairs_type *m, double *totals, double clock, dou
     add_to(f, v[2], along(times(hc, normal), -w.z, force));
   }
   totals[0] = dissipated, totals[1] = num_adopted, totals[2] = num_deep, totals[3] = deepest;
+  totals[4] = sunk, totals[5] = (double)sunken;
 }

@@ -12,9 +12,13 @@ from .springs import stored_energy
 #: counted in numbers of that type. The rest of the row is as in pairs.c.
 ROW = 24
 COLUMNS = {
+    "other_due": (np.float64, 0),
     "node": (np.int32, 2),
     "closed": (np.bool_, 12),
     "sliding": (np.bool_, 13),
+    "sharp": (np.bool_, 14),
+    "known": (np.bool_, 15),
+    "vertices": (np.int32, slice(4, 7)),
     "recess": (np.float64, 4),
     "ratio": (np.float64, 5),
     "gap": (np.float64, 6),
@@ -67,7 +71,9 @@ class PairForces:
             push: Normal force on the node [N];
             work: Energy dissipated since the last search [J];
             closed: Whether the pair carries force;
-            sliding: Whether the pair slipped in this step.
+            sliding: Whether the pair slipped in this step;
+            known: Whether the facet that was closest last is: its ``vertices``, whether it is
+            ``sharp``, and ``other_due``, the least ``candidate_due`` of the other candidates.
         due: Reading of the clock before which a pair cannot close [m], shape (num_pairs,).
         candidate_due: The same for each candidate, shape (num_candidates,).
         closest: Candidate that was closest last, -1 unknown, int64, shape (num_pairs,).
@@ -95,7 +101,7 @@ class PairForces:
                  facet_area, recess, ratio_of_node, corner, corner_weight, x, f):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
-        self._totals = np.zeros(4)
+        self._totals = np.zeros(6)
         scratch = np.empty(node.size + 1, short)
         for name, of_nodes in (("recess", recess), ("ratio", ratio_of_node)):
             column(state, name)[:] = of_nodes[node]
@@ -124,15 +130,16 @@ class PairForces:
 
         Returns:
             Energy dissipated [J]; number of adopted pairs; number of pairs
-            beyond the largest depth; largest adopted depth [m].
+            beyond the largest depth; largest adopted depth [m]; of pairs beyond the largest depth
+            the largest one over the edge of the finer facet, and its pair, -1 if none.
         """
         totals = self._totals
         self._call(
             self._pointers.table, totals.ctypes.data, clock, friction, friction_kinetic,
             largest_depth, self._num_pairs, adopt,
         )  # fmt: skip
-        dissipated, adopted, deep, deepest = totals.tolist()
-        return dissipated, int(adopted), int(deep), deepest
+        dissipated, adopted, deep, deepest, sunk, pair = totals.tolist()
+        return dissipated, int(adopted), int(deep), deepest, (sunk, int(pair))
 
 
 @numba.njit(cache=True)

@@ -47,7 +47,7 @@ def meet(comm, speed, divisions=(4, 4, 12), compliance=COMPLIANCE, check=True, t
     velocity[:, 2] = sign * v
     s = Simulation(
         mesh, [MATERIAL] * mesh.num_grains, [], velocity=velocity, compliance=compliance,
-        refresh=20,
+        refresh=10,
     )  # fmt: skip
     end = gap / (2 * v) + travel * length / MATERIAL.wave_speed
     deepest, message = 0.0, ""
