@@ -25,8 +25,12 @@ class Ledger:
         self._grain_of_point = grain_of_point
         self._slip = np.zeros(grain_of_point.size)
 
-    def collect(self, pairs, walls, crossings):
-        """Move the work of pairs with grains, with walls and of edges into the accounts."""
+    def totals(self, pairs, walls, crossings):
+        """Work of all accounts with what pairs with grains, with walls and of edges did since.
+
+        Returns:
+            Grain, partner and work [J] of each account, shape (num_accounts,).
+        """
         grain, partner, work = [self.grain], [self.partner], [self.work]
         mine = self._grain_of_point
         for p, own, other in (
@@ -38,14 +42,14 @@ class Ledger:
             grain.append(own[some])
             partner.append(other[some])
             work.append(p.work[some])
-            p.work[:] = 0.0
-        (self.grain, self.partner), (self.work,) = sum_by_pair(
+        (grain, partner), (work,) = sum_by_pair(
             np.concatenate(grain), np.concatenate(partner), np.concatenate(work)
         )
+        return grain, partner, work
 
     def change(self, old, new, old_walls, new_walls, old_crossings):
         """Close the accounts of the old pairs, and keep the slip of those that are dropped."""
-        self.collect(old, old_walls, old_crossings)
+        self.grain, self.partner, self.work = self.totals(old, old_walls, old_crossings)
         for a, b, of in ((old, new, "grain"), (old_walls, new_walls, "wall")):
             dropped = carry_pairs(b.node, getattr(b, of), a.node, getattr(a, of)) < 0
             np.add.at(self._slip, a.node[dropped], a.slip[dropped])

@@ -159,12 +159,12 @@ def _own_sums(contact, x):
     Moments are about the origin. ``x`` are the positions of the nodes [m].
     """
     grain_of_point = contact.points.grain_of_point
-    ledger, num_grains = contact.ledger, contact.ledger.num_grains
+    num_grains = contact.ledger.num_grains
     p, w = contact.pairs, contact.walls.pairs
-    ledger.collect(p, w, contact.edges.pairs)
+    of_work, with_work, done = contact.ledger.totals(p, w, contact.edges.pairs)
     on, at = np.flatnonzero(p.closed), np.flatnonzero(w.closed)
-    work = np.zeros((ledger.work.size, _NUM_COLUMNS))
-    work[:, _WORK] = ledger.work
+    work = np.zeros((done.size, _NUM_COLUMNS))
+    work[:, _WORK] = done
     wall_normal = contact.walls.normal[w.wall[at]]
     crossings = closed_crossings(contact)
     stretch = contact.points.stretch(contact.own, x)
@@ -172,9 +172,9 @@ def _own_sums(contact, x):
         grain_of_point[p.node[on]],
         grain_of_point[w.node[at]],
         crossings.grain,
-        ledger.grain,
+        of_work,
     ]
-    partner = [p.grain[on], w.wall[at] + num_grains, crossings.partner, ledger.partner]
+    partner = [p.grain[on], w.wall[at] + num_grains, crossings.partner, with_work]
     sums = [
         _sums_of_points(contact, p, on, p.normal[on], contact.areas(on), stretch),
         _sums_of_points(contact, w, at, wall_normal, contact.points.area[w.node[at]], stretch),
