@@ -139,7 +139,7 @@ def report(
     points = [place(text) for text in point or ()]
     from .report import write_report
 
-    result = write_report(folders, output, grain, points, only, skip)
+    result = write_report(folders, output, grain, points, only, skip, processes=0)
     printer.say(*(f"not in the report: {sentence}" for sentence in result["missing"]))
     printer.say(f"report: {result['report']}")
     printer.write_json(result)

@@ -169,6 +169,9 @@ class Watch:
 
     def _seconds_left(self, history, values, speed, since):
         """Steps to the last strain, at the strain a step of the last rows, by the speed [s]."""
+        if self._stages():
+            steps = _steps_left(history, *self._stages())
+            return None if steps is None or not speed else max(steps / speed - since, 0.0)
         target = self._target()
         rows = (history["stage"] == values["stage"]).nonzero()[0][-RECENT:]
         if values["stage"] == "seating" or target is None or not speed or len(rows) < 2:
@@ -179,6 +182,15 @@ class Watch:
             return None
         return max(float((target - values["strain"]) * steps / strain / speed - since), 0.0)
 
+    def _stages(self):
+        """Number of stages of the test and rows of each, by the scene; None without stages."""
+        try:
+            scene = tomllib.loads((self.folder / "scene.toml").read_text(encoding="utf-8"))
+            num = len(scene["stage"])
+            return num, math.ceil((int(scene["output"]["history"]) - 1) / num)
+        except (OSError, ValueError, KeyError, TypeError, ZeroDivisionError):
+            return None
+
     def _target(self):
         """Strain at which the run ends, by its scene; None where that does not say."""
         try:
@@ -186,6 +198,25 @@ class Watch:
             return float(scene["oedometer"]["strain"])
         except (OSError, ValueError, KeyError, TypeError):
             return None
+
+
+def _steps_left(history, num_stages, num_rows):
+    """Steps to the end of a test by stages, None where nothing tells.
+
+    A stage has so many rows at most, even ones of its progress; stages that come are taken to
+    have as many steps as the present one, by its rows so far. While walls still come on to the
+    sample nothing tells when they meet it.
+    """
+    stage, step = history["stage"], history["step"]
+    if stage[-1] == "seating":
+        return None
+    changes = (stage[1:] != stage[:-1]).nonzero()[0] + 1
+    first = int(changes[-1]) if len(changes) else 0
+    done = len(stage) - 1 - first
+    if done < 2 or not step[-1] > step[first]:
+        return None
+    a_stage = float(step[-1] - step[first]) * max(num_rows / done, 1.0)
+    return a_stage - (step[-1] - step[first]) + a_stage * (num_stages - 1 - len(changes))
 
 
 def _mean_speed(run):

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from mufe_fenicsx.analysis.by_grain import index_grains
+
 
 def grain_means(values, volumes, grain_of_cell):
     """Volume mean of a scalar in each grain.
@@ -14,7 +16,7 @@ def grain_means(values, volumes, grain_of_cell):
     Returns:
         labels, increasing, and means, both of shape (num_grains,).
     """
-    labels, index = np.unique(grain_of_cell, return_inverse=True)
+    labels, index = index_grains(grain_of_cell)
     total = np.bincount(index, weights=volumes)
     return labels, np.bincount(index, weights=values * volumes) / total
 

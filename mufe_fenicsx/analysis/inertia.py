@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mufe_fenicsx.analysis.by_grain import index_grains, sum_by_grain
+from mufe_fenicsx.analysis.by_grain import blocks, index_grains, sum_by_grain
 from mufe_fenicsx.geometry.measure import tet_volumes
 from mufe_fenicsx.geometry.shape import inertia_of, principal
 
@@ -43,11 +43,15 @@ def grain_inertia(points, cells, grain_of_cell, rho=1.0):
     n = labels.size
     volume = tet_volumes(points, cells)
     total = sum_by_grain(volume, index, n)
-    center = sum_by_grain(volume[:, None] * points[cells].mean(axis=1), index, n) / total[:, None]
-    corners = points[cells] - center[index][:, None]
-    sums = corners.sum(axis=1)
-    second = np.einsum("cai,caj->cij", corners, corners) + sums[:, :, None] * sums[:, None, :]
-    second = sum_by_grain(volume[:, None, None] / 20 * second, index, n)
+    center, second = np.zeros((n, 3)), np.zeros((n, 3, 3))
+    for part in blocks(len(cells)):
+        mass = volume[part, None] / total[index[part], None]
+        center += sum_by_grain(mass * points[cells[part]].mean(axis=1), index[part], n)
+    for part in blocks(len(cells)):
+        corners = points[cells[part]] - center[index[part]][:, None]
+        sums = corners.sum(axis=1)
+        squares = np.swapaxes(corners, 1, 2) @ corners + sums[:, :, None] * sums[:, None, :]
+        second += sum_by_grain(volume[part, None, None] / 20 * squares, index[part], n)
     tensor = rho * np.array([inertia_of(s) for s in second])
     moments, axes = zip(*(principal(t) for t in tensor), strict=True)
     return Inertia(labels, rho * total, center, tensor, np.array(moments), np.array(axes))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mufe_fenicsx.analysis.by_grain import index_grains, sum_by_grain
+from mufe_fenicsx.analysis.by_grain import blocks, index_grains, sum_by_grain
 from mufe_fenicsx.geometry.measure import tet_volumes
 
 
@@ -63,29 +63,43 @@ def grain_motion(reference, points, cells, grain_of_cell):
     """
     labels, index = index_grains(grain_of_cell)
     n = labels.size
-    before, now = reference[cells], points[cells]
     volume = tet_volumes(reference, cells)
     total = sum_by_grain(volume, index, n)
+    first, last, moment, gradient = (
+        np.zeros((n, *shape)) for shape in ((3,), (3,), (3, 3), (3, 3))
+    )
+    misfit = np.zeros(n)
+    for part in blocks(len(cells)):
+        mass, at = volume[part, None] / total[index[part], None], index[part]
+        first += sum_by_grain(mass * reference[cells[part]].mean(axis=1), at, n)
+        last += sum_by_grain(mass * points[cells[part]].mean(axis=1), at, n)
 
-    def centre(corners):
-        return sum_by_grain(volume[:, None] * corners.mean(axis=1), index, n) / total[:, None]
+    def corners(part):
+        """Of some cells, from the centres of their grains, before and now."""
+        at, nodes = index[part], cells[part]
+        return reference[nodes] - first[at][:, None], points[nodes] - last[at][:, None]
 
-    first, last = centre(before), centre(now)
-    before, now = before - first[index][:, None], now - last[index][:, None]
-    moment = np.einsum("c,cai,caj->cij", volume / 4, now, before)
-    u, _, vt = np.linalg.svd(sum_by_grain(moment, index, n))
+    for part in blocks(len(cells)):
+        before, now = corners(part)
+        products = np.swapaxes(volume[part, None, None] / 4 * now, 1, 2) @ before
+        moment += sum_by_grain(products, index[part], n)
+        edges, edges_now = (np.swapaxes(x[:, 1:] - x[:, :1], 1, 2) for x in (before, now))
+        gradients = volume[part, None, None] * (edges_now @ np.linalg.inv(edges))
+        gradient += sum_by_grain(gradients, index[part], n)
+    u, _, vt = np.linalg.svd(moment)
     u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
     rotation = u @ vt
-    left = now - np.einsum("cij,caj->cai", rotation[index], before)
-    misfit = sum_by_grain(volume / 4 * (left**2).sum(axis=(1, 2)), index, n) / total
-    edges, edges_now = (np.swapaxes(x[:, 1:] - x[:, :1], 1, 2) for x in (before, now))
-    gradient = volume[:, None, None] * (edges_now @ np.linalg.inv(edges))
+    for part in blocks(len(cells)):
+        before, now = corners(part)
+        left = now - before @ np.swapaxes(rotation, 1, 2)[index[part]]
+        squares = volume[part] / 4 * np.einsum("cai,cai->c", left, left)
+        misfit += sum_by_grain(squares, index[part], n)
     return Motion(
         labels=labels,
         translation=last - first,
         rotation=rotation,
         rotation_vector=Rotation.from_matrix(rotation).as_rotvec(),
-        misfit=np.sqrt(misfit),
-        deformation=sum_by_grain(gradient, index, n) / total[:, None, None],
+        misfit=np.sqrt(misfit / total),
+        deformation=gradient / total[:, None, None],
         volume_ratio=sum_by_grain(tet_volumes(points, cells), index, n) / total,
     )

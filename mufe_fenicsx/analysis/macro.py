@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mufe_fenicsx.analysis.grain_means import void_ratio
+from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.analysis.stress_strain import side_forces, tangent_modulus
 
 #: Walls across each axis.
@@ -100,17 +101,19 @@ def oedometer_curves(history, lengths, solid_volume, width=0.01):
         dict of arrays, shape (num_rows,): ``strain``, ``stress`` (vertical, of both platens over
         the present area) and ``stress_x``, ``stress_y`` [Pa], ``void_ratio``, ``log10_stress``
         (nan without compression), ``modulus`` M = dσ/dε, a least-squares line over the window
-        [Pa], nan in the seating stage, and ``K0``, the mean side stress over the vertical one.
+        in the same stage [Pa], nan in the seating stage, and ``K0``, the mean side stress over the
+        vertical one.
     """
     height = np.asarray(history["height"], dtype=float)
     forces = [*side_forces(history).values(), history["force_z_min"], history["force_z_max"]]
     sizes = np.column_stack([lengths, height])
     stress_x, stress_y, stress = wall_stress(np.column_stack(forces), sizes).T
     strain = np.asarray(history["strain"], dtype=float)
-    loading = np.asarray(history["stage"]) != "seating"
     positive = stress > 0
     modulus = np.full(strain.shape, np.nan)
-    modulus[loading] = moduli(strain[loading], stress[loading], width)
+    for branch in branches(history):  # unloading has another slope at the same strain
+        rows = branch.rows
+        modulus[rows] = moduli(strain[rows], stress[rows], width)
     side = 0.5 * (stress_x + stress_y)
     nothing = np.full(strain.shape, np.nan)
     return {

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mufe_fenicsx.analysis.by_grain import blocks
 from mufe_fenicsx.geometry.measure import (
     smallest_altitudes,
     smallest_dihedral_angles,
@@ -31,8 +32,6 @@ def mesh_quality(points, cells):
         MeshQuality.
     """
     points = np.asarray(points, dtype=float)
-    return MeshQuality(
-        tet_volumes(points, cells),
-        smallest_altitudes(points, cells),
-        smallest_dihedral_angles(points, cells),
-    )
+    measures = (tet_volumes, smallest_altitudes, smallest_dihedral_angles)
+    parts = [[f(points, cells[part]) for part in blocks(len(cells))] for f in measures]
+    return MeshQuality(*map(np.concatenate, parts))

@@ -1,5 +1,7 @@
 """Which rows of a history belong to which part of the test."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 #: The stage that closes the gaps before strain counts.
@@ -21,13 +23,57 @@ def loading_rows(history):
 def loaded_rows(history):
     """Rows where the sample is loaded: of the loading stage, beyond half of its largest strain.
 
+    The strain may be one of extension.
+
     Returns:
         Boolean array, shape (num_rows,).
     """
     loading = loading_rows(history)
     if not loading.any():
         return loading
-    return loading & (history["strain"] > 0.5 * history["strain"][loading].max())
+    strain = np.abs(history["strain"])
+    return loading & (strain > 0.5 * strain[loading].max())
+
+
+#: A stage whose strain falls by more than this part of the range of all strains unloads.
+TURN = 0.02
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Rows of one stage of loading, and the last one before it."""
+
+    stage: str
+    kind: str  #: "loading", "unloading" or, after one of these, "reloading"
+    rows: slice
+
+
+def branches(history):
+    """The stages after seating in turn, list of :class:`Branch`.
+
+    A stage unloads if the vertical strain is smaller at its end than at its start, and reloads
+    if it is larger, and a stage before it unloaded.
+
+    Args:
+        history: dict column -> array, its seating stage first, if there is one.
+    """
+    stage, strain = np.asarray(history["stage"]), np.asarray(history["strain"])
+    first = int(np.argmax(loading_rows(history))) if loading_rows(history).any() else len(stage)
+    starts = [k for k in range(first, len(stage)) if k == first or stage[k] != stage[k - 1]]
+    scale = TURN * np.ptp(strain[first:]) if starts else 0.0
+    found, unloaded = [], False
+    for start, end in zip(starts, [*starts[1:], len(stage)], strict=True):
+        rows = slice(max(start - 1, first), end)
+        change = strain[end - 1] - strain[rows.start]
+        kind = "unloading" if change < -scale else "reloading" if unloaded else "loading"
+        unloaded |= kind == "unloading"
+        found.append(Branch(str(stage[start]), kind, rows))
+    return found
+
+
+def turns_back(history):
+    """Whether the vertical strain falls in some stage: a curve over it would run into itself."""
+    return any(branch.kind == "unloading" for branch in branches(history))
 
 
 def largest(values):

@@ -7,12 +7,13 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from PIL import Image
 
+from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
-from mufe_fenicsx.report.curves import STRAIN, STRESS
+from mufe_fenicsx.report.curves import STRAIN, STRESS, draw_branches
 from mufe_fenicsx.report.figure import Picture, save_tables
 from mufe_fenicsx.report.render import Camera, Layer, render
-from mufe_fenicsx.report.sample import State, height_at
+from mufe_fenicsx.report.sample import state_at
 from mufe_fenicsx.report.views import FROM, VON_MISES, box_corners, colour_bar, stress_limit
 
 NAME = "animation"
@@ -48,14 +49,12 @@ def draw_animation(source, folder):
     except InputError:
         history = None
     limit = stress_limit(source.states)
-    box = source.start.box(source.start)
-    aspect = 1.0
-    camera = Camera.around(box_corners(box), FROM, aspect)
+    corners = [box_corners(state.box(source.start)) for state in (source.start, source.end)]
+    camera = Camera.around(np.concatenate(corners), FROM, 1.0)
     scene = _Scene(history, limit)
     frames = []
     for state in listed:
-        height = height_at(history, state["time"])
-        now = State(source.run.state(state["index"]), height, source.end)
+        now = state_at(source.run, state, history, source.end)
         layer = Layer(now.surface(), None, "von_mises", style.STRESS_MAP, (0, limit))
         image = render([layer], camera, (PIXELS, PIXELS), box=now.box(source.start))
         frames.append(scene.picture(image, now))
@@ -97,7 +96,8 @@ class _Scene:
         if history is not None:
             curve = axes[0, 1]
             self.factor, unit = style.unit_of(history["stress"], "Pa")
-            curve.plot(100 * history["strain"], history["stress"] / self.factor, color=style.BLUE)
+            stress = history["stress"] / self.factor
+            draw_branches(curve, 100 * history["strain"], stress, branches(history))
             (self.dot,) = curve.plot([], [], "o", color=style.RED, markersize=5)
             curve.set(xlabel=STRAIN, ylabel=f"{STRESS}: {unit}")
         self.figure.set_dpi(DPI)

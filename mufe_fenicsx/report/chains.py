@@ -3,6 +3,7 @@
 import numpy as np
 import pyvista
 
+from mufe_fenicsx.analysis.by_grain import index_grains
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.figure import Drawing
@@ -61,7 +62,7 @@ def draw_force_chains(source):
     num_panels = len(shown) + 1
     figure, axes = style.new_figure(style.PAGE, height, ncols=num_panels, squeeze=False)
     axes, tables = axes[0], {}
-    volume = np.bincount(np.unique(source.end.grain, return_inverse=True)[1], source.end.volume)
+    volume = np.bincount(index_grains(source.end.grain)[1], source.end.volume)
     mean_radius = np.cbrt(3 * volume.mean() / (4 * np.pi))
     for k, index in enumerate([*shown, shown[-1]]):
         state, table = states[index], source.contact_table(index)

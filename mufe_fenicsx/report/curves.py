@@ -4,13 +4,13 @@ import numpy as np
 from matplotlib.ticker import FuncFormatter
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
-from mufe_fenicsx.analysis.rows import largest, loaded_rows, loading_rows
+from mufe_fenicsx.analysis.rows import branches, largest, loaded_rows, loading_rows
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.checks import TARGETS
 from mufe_fenicsx.report.figure import Drawing
 
-STRAIN = r"Vertical strain, $\varepsilon$: %"
+STRAIN = style.STRAIN
 STRESS = r"Vertical stress, $\sigma_{\mathrm{v}}$"
 PAPER = "of Nadimi & Fonseca (2018)"
 
@@ -34,11 +34,11 @@ def draw_stress_strain(source):
     figure, axis = style.new_figure()
     factor, unit = style.unit_of(history["stress"], "Pa")
     strain, stress = 100 * history["strain"], history["stress"] / factor
-    if (~loading).any():
+    if (~loading).any() and "strain_x" not in history:  # by stages strain starts anew after it
         axis.plot(
             strain[~loading], stress[~loading], color=style.GREY, linewidth=0.9, label="seating"
         )
-    axis.plot(strain[loading], stress[loading], color=style.BLUE, label="platens")
+    draw_branches(axis, strain, stress, branches(history), "platens")
     tables = {
         "": {
             "strain [-]": history["strain"],
@@ -72,7 +72,8 @@ def draw_stress_strain(source):
         f"Vertical stress against vertical strain (Fig. 9 {PAPER})",
         "The line is the mean force of both platens over the cross-section, compression positive. "
         "Strain counts from the end of seating, so that gaps left by the segmentation do not "
-        "count. The slope is the constrained modulus."
+        "count."
+        + _about_branches(source)
         + (
             " Circles are the mean stress from forces and branch vectors of the contacts (Love, "
             "Weber), independent of the line."
@@ -93,6 +94,50 @@ def _contact_stress(source):
     return None
 
 
+def draw_branches(axis, x, y, parts, label=None):
+    """A curve through the stages of a test: unloading and reloading differ by line and colour.
+
+    Args:
+        axis: To draw into.
+        x, y: Values a row, as plotted.
+        parts: Of :func:`mufe_fenicsx.analysis.rows.branches`; where none unloads, one line.
+        label: Of that line; with unloading each kind has its name.
+    """
+    if not any(part.kind == "unloading" for part in parts):
+        start = min(part.rows.start for part in parts)
+        axis.plot(x[start:], y[start:], color=style.BLUE, label=label)
+        return
+    x, y, named = np.asarray(x), np.asarray(y), set()
+    for part in parts:
+        line, colour = style.BRANCHES[part.kind]
+        name = part.kind if part.kind not in named else None
+        named.add(part.kind)
+        axis.plot(x[part.rows], y[part.rows], line, color=colour, label=name)
+        _arrow(axis, x[part.rows], y[part.rows], np.ptp(x), np.ptp(y), colour)
+
+
+def _arrow(axis, x, y, width, height, colour):
+    """The direction of a curve, half-way along it, in a picture of some width and height."""
+    steps = np.hypot(np.diff(x) / (width or 1), np.diff(y) / (height or 1))
+    way = np.append(0, np.cumsum(np.nan_to_num(steps)))
+    if way[-1] < 0.05:
+        return
+    start, end = (np.searchsorted(way, part * way[-1]) for part in (0.48, 0.54))
+    look = {"arrowstyle": "-|>", "color": colour, "linewidth": 0, "mutation_scale": 9}
+    axis.annotate(
+        "", (x[end], y[end]), (x[start], y[start]), arrowprops=look | {"shrinkA": 0, "shrinkB": 0}
+    )
+
+
+def _about_branches(source):
+    """Words about the stages of a test that turns back."""
+    if not source.turns_back:
+        return " The slope is the constrained modulus."
+    kinds = [(part.stage, part.kind) for part in branches(source.history)]
+    stages = ", ".join(f"{stage} ({kind})" for stage, kind in kinds)
+    return f" Arrows show the course of the test; its stages: {stages}."
+
+
 def draw_forces(source):
     """Forces on all walls against the displacement of the top platen."""
     figure, (left, right) = style.new_figure(style.PAGE, 2.6, ncols=2)
@@ -101,6 +146,9 @@ def draw_forces(source):
     platens = {"top platen": history["force_z_max"], "bottom": history["force_z_min"]}
     sides = stress_strain.side_forces(history)
     scale, unit_u = style.unit_of(travel, "m")
+    over, label_x = travel / scale, f"Displacement of top platen: {unit_u}"
+    if source.turns_back or "strain_x" in history:
+        over, label_x = source.over(history["strain"], history["time"])
     for axis, forces, colours in (
         (left, platens, (style.BLUE, style.ORANGE)),
         (right, sides, (style.BLUE, style.SKY, style.RED, style.ORANGE)),
@@ -109,10 +157,8 @@ def draw_forces(source):
         lines = zip(forces.items(), colours, strict=True)
         for i, ((name, force), colour) in enumerate(lines):
             label = rf"${name[0]}_{{\mathrm{{{name[2:]}}}}}$" if axis is right else name
-            axis.plot(
-                travel / scale, force / factor, "--" if i % 2 else "-", color=colour, label=label
-            )
-        axis.set(xlabel=f"Displacement of top platen: {unit_u}", ylabel=f"Normal force: {unit}")
+            axis.plot(over, force / factor, "--" if i % 2 else "-", color=colour, label=label)
+        axis.set(xlabel=label_x, ylabel=f"Normal force: {unit}")
         axis.set_ylim(bottom=min(0, *(1.05 * f.min() / factor for f in forces.values())))
         axis.legend(loc="upper left", title="side walls" if axis is right else None)
     style.panel_letter(left, 0)
@@ -134,14 +180,14 @@ def draw_energies(source):
     """Work of the walls and what it became; kinetic beside internal energy."""
     figure, (left, right) = style.new_figure(style.PAGE, 2.6, ncols=2)
     history = source.loading
-    strain, work = 100 * history["strain"], history["work"]
+    (strain, over), work = source.over(history["strain"], history["time"]), history["work"]
     factor, unit = style.unit_of(work, "J")
     left.plot(strain, work / factor, color=style.BLACK, label="work of the walls")
     for name, (label, colour, line) in ENERGIES.items():
         if history[name].max() > SEEN * work.max():
             left.plot(strain, history[name] / factor, line, color=colour, label=label)
-    left.set(xlabel=STRAIN, ylabel=f"Energy: {unit}")
-    left.legend(loc="upper left")
+    left.set(xlabel=over, ylabel=f"Energy: {unit}")
+    left.legend(loc="best" if source.turns_back else "upper left")
     internal = history["elastic"] + history["plastic"]
     for values, label, colour, line in (
         (internal, "internal (elastic + plastic)", style.BLUE, "-"),
@@ -151,7 +197,7 @@ def draw_energies(source):
         right.plot(strain[positive], values[positive] / factor, line, color=colour, label=label)
     right.set_yscale("log")
     style.few_decades(right, [internal / factor, history["kinetic"] / factor])
-    right.set(xlabel=STRAIN, ylabel=f"Energy: {unit}")
+    right.set(xlabel=over, ylabel=f"Energy: {unit}")
     right.legend(loc="best")
     for i, axis in enumerate((left, right)):
         style.panel_letter(axis, i)
@@ -173,7 +219,7 @@ def draw_dissipation(source):
     """Plastic and frictional dissipation, and their ratio."""
     figure, (left, right) = style.new_figure(style.PAGE, 2.6, ncols=2)
     history = source.loading
-    strain = 100 * history["strain"]
+    strain, over = source.over(history["strain"], history["time"])
     factor, unit = style.unit_of(np.append(history["plastic"], history["friction"]), "J")
     least = SEEN * history["work"].max()
     names = ("plastic", "friction", "damping")
@@ -185,7 +231,7 @@ def draw_dissipation(source):
         positive = values > 0
         right.plot(strain[positive], values[positive] / factor, lines[name], **look)
     for i, axis in enumerate((left, right)):
-        axis.set(xlabel=STRAIN, ylabel=f"Dissipated energy: {unit}")
+        axis.set(xlabel=over, ylabel=f"Dissipated energy: {unit}")
         style.panel_letter(axis, i)
     if any((values > 0).any() for values in shown.values()):
         right.set_yscale("log")
@@ -220,7 +266,7 @@ def draw_monitors(source):
         ("platens", quasi_static.force_difference(history), "|top − bottom| / mean force"),
         ("residual", energy_check.residual_ratio(history), "|Energy residual| / work"),
     )
-    strain = 100 * history["strain"]
+    strain, over = source.over(history["strain"], history["time"])
     columns = {"strain [-]": history["strain"][rows]}
     for i, (axis, (name, values, label)) in enumerate(zip(axes, panels, strict=True)):
         columns[f"{label.replace('−', '-')} [-]"] = values[rows]
@@ -233,13 +279,12 @@ def draw_monitors(source):
         top = 10 * max(target, worst if np.isfinite(worst) else 0)
         bottom = values[positive].min() if positive.any() else 1e-3 * target
         axis.set_ylim(max(bottom / 2, 1e-4 * target), top)
-        if loaded.any():
-            axis.axvspan(
-                strain[loaded].min(), strain[loaded].max(), color="0.93", linewidth=0, zorder=0
-            )
+        across = axis.get_xaxis_transform()
+        look = {"transform": across, "color": "0.93", "linewidth": 0, "zorder": 0}
+        axis.fill_between(strain, 0, 1, where=loaded, **look)
         axis.set_title(f"- - target {100 * target:g} %", loc="right", color=style.RED, fontsize=7.5)
         axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{100 * y:g} %"))
-        axis.set(xlabel=STRAIN, ylabel=label)
+        axis.set(xlabel=over, ylabel=label)
         style.panel_letter(axis, i)
     return Drawing(
         "quasi-static",
@@ -255,35 +300,50 @@ def draw_monitors(source):
 
 def draw_compression(source):
     """e-log σ' curve, constrained modulus and K0 over the vertical stress."""
-    width = 0.2 * source.loading["strain"].max()
+    history = source.loading
+    width = 0.2 * np.ptp(history["strain"])
     curves = source.run.curves(width)
-    curves = curves[(curves["stage"] != "seating") & (curves["stress"] > 0)]
-    if not len(curves):
+    curves = curves[curves["stage"] != "seating"].reset_index(drop=True)
+    if not (curves["stress"] > 0).any():
         raise InputError("the walls were never loaded")
+    parts = branches(history)
+    curves.loc[curves["stress"] <= 0, ["stress", "modulus", "K0"]] = np.nan
+    oedometer = "strain_x" not in history
     figure, axes = style.new_figure(style.PAGE, 2.4, ncols=3)
     factor, unit = style.unit_of(curves["stress"], "Pa")
     modulus, unit_m = style.unit_of(curves["modulus"], "Pa")
+    slope = (
+        "Constrained modulus, $M$" if oedometer else r"Slope, d$\sigma_{\mathrm{v}}$/d$\varepsilon$"
+    )
+    ratio = r"$\sigma_{\mathrm{h}} / \sigma_{\mathrm{v}}$: –"
     for axis, values, label in (
         (axes[0], curves["void_ratio"], "Void ratio, $e$: –"),
-        (axes[1], curves["modulus"] / modulus, f"Constrained modulus, $M$: {unit_m}"),
-        (axes[2], curves["K0"], r"$K_{\mathrm{0}} = \sigma_{\mathrm{h}} / \sigma_{\mathrm{v}}$: –"),
+        (axes[1], curves["modulus"] / modulus, f"{slope}: {unit_m}"),
+        (axes[2], curves["K0"], r"$K_{\mathrm{0}}$ = " + ratio if oedometer else ratio),
     ):
-        axis.plot(curves["stress"] / factor, values, color=style.BLUE)
+        draw_branches(axis, curves["stress"] / factor, values, parts)
         axis.set_xscale("log")
         style.plain_log_ticks(axis.xaxis)
         axis.set(xlabel=f"{STRESS}: {unit}", ylabel=label)
     for axis in axes[1:]:
         axis.set_ylim(bottom=min(0, *axis.get_ylim()))
+    if source.turns_back:
+        axes[0].legend(loc="lower left")
     for i, axis in enumerate(axes):
         style.panel_letter(axis, i)
     return Drawing(
         "compression",
         figure,
-        "(a) Compression curve e–log σ′, (b) constrained modulus and (c) coefficient of earth "
-        "pressure at rest against the vertical stress",
-        "Void ratio with the grains' own volume at the start as solids. The modulus is the slope "
-        "of a line fitted over a fifth of the strain reached. K0 is the mean stress of the side "
-        "walls over that of the platens.",
+        "(a) Compression curve e–log σ′, (b) "
+        + (
+            "constrained modulus and (c) coefficient of earth pressure at rest"
+            if oedometer
+            else "slope of stress over strain and (c) horizontal over vertical stress"
+        )
+        + " against the vertical stress",
+        "Void ratio with the grains' own volume at the start as solids. The slope is that "
+        "of a line fitted over a fifth of the range of strains, within a stage. The ratio is the "
+        "mean stress of the side walls over that of the platens.",
         {
             "": {
                 "strain [-]": curves["strain"],

@@ -7,7 +7,7 @@ from matplotlib.colors import ListedColormap
 from mufe_fenicsx.analysis.inertia import grain_inertia, unphysical
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
-from mufe_fenicsx.report.curves import PAPER, STRAIN
+from mufe_fenicsx.report.curves import PAPER
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.render import Camera, Layer, render
 from mufe_fenicsx.report.views import VON_MISES, colour_bar
@@ -164,7 +164,7 @@ def draw_course(source):
             axes, (table["von_mises"], length), factors, strict=True
         ):
             axis.plot(
-                100 * table["strain"],
+                source.over(table["strain"], table["time"])[0],
                 np.asarray(values) / factor,
                 style.MARKERS[k % 8] + ("-" if k < len(chosen) else "--"),
                 color=style.SERIES[k % 8],
@@ -177,8 +177,9 @@ def draw_course(source):
         columns |= {f"displacement {a} [m]": table[f"displacement_{a}"] for a in AXES}
         columns |= {"plastic strain [-]": table["plastic_strain"]}
         tables[name.replace(", ", "-").replace(" ", "-")] = columns
-    axes[0].set(xlabel=STRAIN, ylabel=f"von Mises stress: {factors[0][1]}")
-    axes[1].set(xlabel=STRAIN, ylabel=f"Displacement: {factors[1][1]}")
+    over = source.over((), ())[1]
+    axes[0].set(xlabel=over, ylabel=f"von Mises stress: {factors[0][1]}")
+    axes[1].set(xlabel=over, ylabel=f"Displacement: {factors[1][1]}")
     for i, axis in enumerate(axes):
         style.panel_letter(axis, i)
     columns = 3 if len(series) > 4 else 2
@@ -232,15 +233,16 @@ def draw_energies(source):
         "whole": {"strain [-]": history["strain"]}
         | {f"{name} [J]": values for name, values in whole.items()},
     }
-    for axis, strain, values, points in (
-        (axes[0], course["strain"], energies, None),
-        (axes[1], history["strain"], whole, sums),
+    at_states, over = source.over(course["strain"], course["time"])
+    for axis, along, values, points in (
+        (axes[0], at_states, energies, None),
+        (axes[1], source.over(history["strain"], history["time"])[0], whole, sums),
     ):
         factor, unit = style.unit_of(np.concatenate(list(values.values())), "J")
         for name, (colour, line) in looks.items():
             marker = "o" if points is None else ""
             axis.plot(
-                100 * strain,
+                along,
                 values[name] / factor,
                 line + marker,
                 color=colour,
@@ -249,7 +251,7 @@ def draw_energies(source):
             )
             if points is not None:
                 axis.plot(
-                    100 * course["strain"],
+                    at_states,
                     points[name] / factor,
                     "o",
                     color=colour,
@@ -259,7 +261,7 @@ def draw_energies(source):
                 )
         axis.set_yscale("log")
         style.few_decades(axis, [v / factor for v in values.values()], 7)
-        axis.set(xlabel=STRAIN, ylabel=f"Energy: {unit}")
+        axis.set(xlabel=over, ylabel=f"Energy: {unit}")
         axis.legend(loc="best")
     style.heading(axes[0], f"grain {label}")
     style.heading(axes[1], "whole sample")

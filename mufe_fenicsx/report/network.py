@@ -7,7 +7,7 @@ from mufe_fenicsx.analysis.contact_forces import active_contacts, force_distribu
 from mufe_fenicsx.analysis.fabric import rose
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
-from mufe_fenicsx.report.curves import PAPER, STRAIN
+from mufe_fenicsx.report.curves import PAPER
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.results.tables import vectors
 
@@ -151,7 +151,7 @@ def draw_active_contacts(source):
     for axis in (left.xaxis, left.yaxis):
         axis.set_major_locator(MaxNLocator(6, integer=True))
     network = source.network
-    strain = 100 * network["strain"]
+    strain, over = source.over(network["strain"], network["time"])
     for k, (name, label) in enumerate(
         (("N_cA", "all grains"), ("coordination", "grains with two or more"))
     ):
@@ -163,7 +163,7 @@ def draw_active_contacts(source):
             markersize=3,
             label=label,
         )
-    right.set(xlabel=STRAIN, ylabel="Mean number of active contacts: –")
+    right.set(xlabel=over, ylabel="Mean number of active contacts: –")
     right.set_ylim(bottom=0)
     right.legend(loc="lower right")
     tables["mean"] = {

@@ -9,6 +9,7 @@ from mufe_fenicsx.analysis.grain_means import grain_means
 from mufe_fenicsx.analysis.mesh_quality import mesh_quality
 from mufe_fenicsx.analysis.rows import SEATING
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry.measure import renumbered
 from mufe_fenicsx.output.fields import VTK_TETRA
 
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
@@ -20,11 +21,12 @@ class State:
     Args:
         stored: :class:`mufe_fenicsx.results.State`, which reads its arrays when asked for.
         height: Height of the sample then [m], or None.
+        sides: Distances of its side walls then [m], where these move, or None.
         like: Another State of the run with the same mesh, whose faces are taken, or None.
     """
 
-    def __init__(self, stored, height, like=None):
-        self.stored, self.height = stored, height
+    def __init__(self, stored, height, like=None, sides=None):
+        self.stored, self.height, self.sides = stored, height, sides
         self.index, self.time = stored.index, stored.time
         self.strain, self.stage = stored.strain, stored.stage
         for name in ("displacement", "von_mises", "grain"):
@@ -40,22 +42,30 @@ class State:
         """A field at nodes or of cells."""
         return self.stored.field(name)
 
-    @property
+    @cached_property
     def cells(self):
-        return self.stored.cells
+        return self._shared("cells")
 
-    @property
+    @cached_property
     def reference(self):
-        return self.stored.reference
+        return self._shared("reference")
+
+    @cached_property
+    def grain(self):
+        return self._shared("grain")
+
+    def _shared(self, name):
+        """An array of the mesh, kept once where the other state has the same."""
+        if self._like is not None:
+            theirs = getattr(self._like, name)
+            if np.array_equal(theirs, getattr(self.stored, name)):
+                setattr(self.stored, name, theirs)
+        return getattr(self.stored, name)
 
     @cached_property
     def points(self):
         """Nodes now [m], shape (num_nodes, 3)."""
         return self.stored.points
-
-    @property
-    def grain(self):
-        return self.stored.grain
 
     @property
     def von_mises(self):
@@ -92,8 +102,8 @@ class State:
         if grain is not None:
             chosen = self.grain[cell] == grain
             faces, cell = faces[chosen], cell[chosen]
-        nodes, faces = np.unique(faces, return_inverse=True)
-        surface = pyvista.PolyData.from_regular_faces(self.points[nodes], faces.reshape(-1, 3))
+        nodes, faces = renumbered(faces)
+        surface = pyvista.PolyData.from_regular_faces(self.points[nodes], faces)
         surface.cell_data["von_mises"] = self.von_mises[cell]
         surface.cell_data["grain"] = self.grain[cell]
         surface.point_data["node"] = nodes
@@ -106,9 +116,8 @@ class State:
             chosen: Which cells, booleans, shape (num_cells,).
             cell_data: Arrays, shape (num_cells,).
         """
-        cells = self.cells[chosen]
-        nodes, cells = np.unique(cells, return_inverse=True)
-        grid = pyvista.UnstructuredGrid({VTK_TETRA: cells.reshape(-1, 4)}, self.points[nodes])
+        nodes, cells = renumbered(self.cells[chosen])
+        grid = pyvista.UnstructuredGrid({VTK_TETRA: cells}, self.points[nodes])
         for name, values in cell_data.items():
             grid.cell_data[name] = values[chosen]
         return grid
@@ -122,10 +131,22 @@ class State:
     def box(self, start):
         """Corners of the space between the walls [m], shape (2, 3).
 
-        The test starts with the walls at the outermost nodes of the sample; side walls and
-        bottom stay there, the top is one height above the bottom.
+        The test starts with the walls at the outermost nodes of the sample. In an oedometer
+        side walls and bottom stay there, the top is one height above the bottom. Where all walls
+        may move only their distances are known: they are drawn around the middle of the start,
+        or so far beside it that the grains lie between them.
         """
         low, high = start.reference.min(axis=0), start.reference.max(axis=0)
+        if self.sides is not None and self.height:
+            size = np.array([*self.sides, self.height])
+            first, last = self.points.min(axis=0), self.points.max(axis=0)
+            # Grains that are pressed reach into the walls by a little, on both sides alike.
+            least, most = np.minimum(last - size, first), np.maximum(last - size, first)
+            inside = last - first <= size
+            corner = np.where(
+                inside, np.clip(0.5 * (low + high - size), least, most), 0.5 * (least + most)
+            )
+            return np.array([corner, corner + size])
         top = low[2] + self.height if self.height else self.points[:, 2].max()
         return np.array([low, [high[0], high[1], top]])
 
@@ -158,18 +179,23 @@ def load_states(run, history):
         List of State in order of time.
     """
     states = [{"index": int(i), **row} for i, row in run.states.to_dict("index").items()]
-    loading = [s for s in states if s["stage"] != SEATING and s["strain"] >= 0]
+    loading = [s for s in states if s["stage"] != SEATING]
+    # Strain only grows, but for what the platen gives way as seating ends; or it turns back.
+    forward = all(np.diff([s["strain"] for s in loading]) >= 0)
+    loading = [s for s in loading if not forward or s["strain"] >= 0] or loading
     # The end of seating is the start of loading.
     seated = [s for s in states if s["stage"] == SEATING][-1:]
-    chosen = loading if loading and loading[0]["strain"] < 1e-6 else seated + loading
+    chosen = loading if loading and abs(loading[0]["strain"]) < 1e-6 else seated + loading
     first, last = chosen[0], chosen[-1]
     target = 0.5 * (first["strain"] + last["strain"])
-    middle = min(chosen, key=lambda s: abs(s["strain"] - target))
+    middle = chosen[len(chosen) // 2]
+    if forward:
+        middle = min(chosen, key=lambda s: abs(s["strain"] - target))
     picked = sorted({s["index"]: s for s in (first, middle, last)}.values(), key=_index)
     loaded = []
     for s in picked:
         like = loaded[0] if loaded else None
-        loaded.append(State(run.state(s["index"]), height_at(history, s["time"]), like))
+        loaded.append(state_at(run, s, history, like))
     return loaded
 
 
@@ -177,8 +203,21 @@ def _index(state):
     return state["index"]
 
 
-def height_at(history, time):
-    """Height of the sample at a time [m], None without a history."""
-    if history is None or not len(history["time"]):
-        return None
-    return float(np.interp(time, history["time"], history["height"]))
+def state_at(run, listed, history, like=None):
+    """A state with the distances of the walls at its time, :class:`State`.
+
+    Args:
+        run: :class:`mufe_fenicsx.results.Run`.
+        listed: Its dict of ``index`` and ``time``.
+        history: dict column -> array, or None: the distances are not known.
+        like: Of :class:`State`.
+    """
+    height = sides = None
+    if history is not None and len(history["time"]):
+        height = float(np.interp(listed["time"], history["time"], history["height"]))
+        if "strain_x" in history:  # a test by stages, whose six walls move
+            sides = [
+                float(np.interp(listed["time"], history["time"], history[name]))
+                for name in ("length_x", "length_y")
+            ]
+    return State(run.state(listed["index"]), height, like, sides)

@@ -6,11 +6,12 @@ import numpy as np
 
 from mufe_fenicsx.analysis import grain_energy, inertia, kinematics
 from mufe_fenicsx.analysis.grain_stress import unstressed
-from mufe_fenicsx.analysis.rows import loading_rows
+from mufe_fenicsx.analysis.rows import loading_rows, turns_back
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.measure import tet_volumes
 from mufe_fenicsx.output.fields import read_arrays, read_states
 from mufe_fenicsx.output.history import COLUMNS, NEWER_COLUMNS, read_history
+from mufe_fenicsx.report import style
 from mufe_fenicsx.report.render import cannot_render, start_probe
 from mufe_fenicsx.report.sample import load_states
 from mufe_fenicsx.results import Run
@@ -29,6 +30,22 @@ class ReadableRun(Run):
         except InputError:
             return []
         return [state for state in listed if self._can_be_read(state["index"])]
+
+    def _network(self, number):
+        return self._once("network", number, super()._network)
+
+    def contact_table(self, number=-1):
+        return self._once("contact table", number, super().contact_table)
+
+    def _once(self, what, number, read):
+        """What several figures need of a state, read once."""
+        if (what, number) not in self._kept:
+            self._kept[what, number] = read(number)
+        return self._kept[what, number]
+
+    @cached_property
+    def _kept(self):
+        return {}
 
     def _can_be_read(self, index):
         try:
@@ -55,6 +72,22 @@ class Source:
         self.folder = self.run.path
         self._grains, self._points = grains, points
         self._probe = None
+
+    @property
+    def asked(self):
+        """Grains and points that were asked for, as tuples, None where none were."""
+        points = self._points
+        return (
+            tuple(self._grains) if self._grains else None,
+            tuple(map(tuple, points)) if points is not None and len(points) else None,
+        )
+
+    def get(self, name):
+        """An attribute, or None where it cannot be had; that was said with the files."""
+        try:
+            return getattr(self, name)
+        except InputError:
+            return None
 
     @cached_property
     def summary(self):
@@ -84,6 +117,26 @@ class Source:
             raise InputError("the loading stage was not reached")
         return {name: values[rows] for name, values in self.history.items()}
 
+    @cached_property
+    def turns_back(self):
+        """Whether the strain falls in some stage of the test; False without a history."""
+        try:
+            return turns_back(self.loading)
+        except InputError:
+            return False
+
+    def over(self, strain, time):
+        """What curves are drawn over, and its label: strain [%], or time where strain turns back.
+
+        Args:
+            strain: Vertical strains.
+            time: Of the same rows or states [s].
+        """
+        if not self.turns_back:
+            return 100 * np.asarray(strain), style.STRAIN
+        factor, unit = style.unit_of(self.history["time"], "s")
+        return np.asarray(time) / factor, f"Time: {unit}"
+
     @property
     def reference_height(self):
         """Height of the sample at strain 0 [m]."""
@@ -109,7 +162,8 @@ class Source:
         return self.states[-1]
 
     @cached_property
-    def _cannot_render(self):
+    def no_pictures(self):
+        """Why bodies in space cannot be drawn, None where they can."""
         return cannot_render(self._probe)
 
     def start_probe(self):
@@ -119,12 +173,12 @@ class Source:
     def end_probe(self):
         """Wait for that process, if nothing asked for what it found out."""
         if self._probe is not None:
-            self._cannot_render  # noqa: B018
+            self.no_pictures  # noqa: B018
 
     def need_rendering(self):
         """Raise InputError where bodies in space cannot be drawn."""
-        if self._cannot_render:
-            raise InputError(f"no 3D pictures: {self._cannot_render}")
+        if self.no_pictures:
+            raise InputError(f"no 3D pictures: {self.no_pictures}")
 
     # --- contacts -------------------------------------------------------------------------
 
@@ -142,13 +196,7 @@ class Source:
 
     def contact_table(self, index):
         """Active contacts of a state, as `Run.contact_table`."""
-        if index not in self._contact_tables:
-            self._contact_tables[index] = self.run.contact_table(index)
-        return self._contact_tables[index]
-
-    @cached_property
-    def _contact_tables(self):
-        return {}
+        return self.run.contact_table(index)
 
     def strain_of(self, index):
         return float(self.run.states.loc[index, "strain"])
@@ -235,16 +283,16 @@ class Source:
         """Numbers of the stored states, of one state after the other, so that memory holds one.
 
         Returns:
-            dict ``state``, ``strain``, ``yielded`` (share of the grains) and ``plastic_volume``
-            (share of the volume), shape (num_states,); and, where all grains are of one known
-            material, ``labels`` and ``energy``, dict elastic, plastic, kinetic -> [J], shape
-            (num_states, num_grains).
+            dict ``state``, ``time``, ``strain``, ``yielded`` (share of the grains) and
+            ``plastic_volume`` (share of the volume), shape (num_states,); and, where all grains
+            are of one known material, ``labels`` and ``energy``, dict elastic, plastic,
+            kinetic -> [J], shape (num_states, num_grains).
         """
         try:
             material = self.material
         except InputError:
             material = None
-        found = {"state": [], "strain": [], "yielded": [], "plastic_volume": []}
+        found = {"state": [], "time": [], "strain": [], "yielded": [], "plastic_volume": []}
         energies = []
         for index in self.run.states.index:
             state = self.run.state(index)
@@ -252,6 +300,7 @@ class Source:
             volume = tet_volumes(state.reference, state.cells)
             labels = state.labels
             found["state"].append(index)
+            found["time"].append(state.time)
             found["strain"].append(state.strain)
             found["yielded"].append(np.unique(state.grain[yields]).size / labels.size)
             found["plastic_volume"].append(volume[yields].sum() / volume.sum())

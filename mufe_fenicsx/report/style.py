@@ -50,6 +50,10 @@ SERIES = (BLUE, RED, GREEN, ORANGE, PINK, SKY, BLACK, GREY)
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
+STRAIN = r"Vertical strain, $\varepsilon$: %"
+#: Line and colour of a stage in which strain grows, falls, and grows again.
+BRANCHES = {"loading": ("-", BLUE), "unloading": ("--", ORANGE), "reloading": ("-.", GREEN)}
+
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
@@ -124,7 +128,7 @@ def panel_letter(axis, index):
 
 def percent(strain):
     """A strain in per cent, plain: "0 %" where it is below a hundredth of a per cent."""
-    return f"{round(100 * strain, 2):.3g} %"
+    return f"{round(100 * strain, 2) + 0.0:.3g} %"  # + 0.0: no minus sign before 0
 
 
 def heading(axis, text):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyvista
 
+from mufe_fenicsx.analysis.by_grain import index_grains
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.measure import tet_volumes
 from mufe_fenicsx.report.sample import boundary_faces
@@ -39,7 +40,7 @@ def grain_surfaces(cells, grain_of_cell, boundary=None):
         :class:`Surfaces`.
     """
     faces, cell = boundary_faces(cells) if boundary is None else boundary
-    labels, grain = np.unique(grain_of_cell, return_inverse=True)
+    labels, grain = index_grains(grain_of_cell)
     num_nodes = int(cells.max()) + 1
     key = grain[cell][:, None].astype(np.int64) * num_nodes + faces
     key, faces = np.unique(key, return_inverse=True)

@@ -9,53 +9,17 @@ import numpy as np
 
 import mufe_fenicsx
 from mufe_fenicsx.analysis.probes import find_cells
+from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.run_folder import reason
-from mufe_fenicsx.report import (
-    animation,
-    chains,
-    compare,
-    curves,
-    grains,
-    histograms,
-    motion,
-    network,
-    style,
-    views,
-    yielding,
-)
+from mufe_fenicsx.report import compare, style
 from mufe_fenicsx.report.checks import check_run
-from mufe_fenicsx.report.figure import remove_listed, save, save_tables, write_index
+from mufe_fenicsx.report.figure import remove_listed, save, write_index
 from mufe_fenicsx.report.page import write_page
+from mufe_fenicsx.report.parts import FIGURES, NAMES, TABLES, VIEW, draw_parts, num_processes
 from mufe_fenicsx.report.source import Source
-from mufe_fenicsx.report.summary import failed_grains, largest_values, run_rows, sample_rows
-from mufe_fenicsx.report.view import make_view
 from mufe_fenicsx.results import Run
 
-#: Name of each figure, what it shows, and what draws it from a Source, in the page's order.
-FIGURES = (
-    ("stress-strain", "stress against strain", curves.draw_stress_strain),
-    ("forces", "forces on the walls", curves.draw_forces),
-    ("compression", "compression", curves.draw_compression),
-    ("energies", "energy balance", curves.draw_energies),
-    ("dissipation", "dissipation", curves.draw_dissipation),
-    ("energies-of-a-grain", "energies of a grain", grains.draw_energies),
-    ("quasi-static", "quasi-static monitors", curves.draw_monitors),
-    ("stress-3d", "stress in the sample", views.draw_stress_3d),
-    ("stress-cut", "stress in a cut", views.draw_cut),
-    ("chosen-grains", "chosen grains", grains.draw_chosen),
-    ("course", "course of points and grains", grains.draw_course),
-    ("yield-initiation", "yield initiation", yielding.draw_yield),
-    ("force-chains", "force chains", chains.draw_force_chains),
-    ("fabric-rose", "directions of contacts", network.draw_rose),
-    ("force-distribution", "distribution of forces", network.draw_force_distribution),
-    ("active-contacts", "active contacts", network.draw_active_contacts),
-    ("displacement-arrows", "displacement of grains", motion.draw_arrows),
-    ("displacement-split", "translation, rotation and strain of grains", motion.draw_split),
-    ("mesh-quality", "quality of the mesh", histograms.draw_mesh_quality),
-)
-#: All that may be chosen, or left out.
-NAMES = (*(name for name, _, _ in FIGURES), animation.NAME)
 #: So many sentences about states without contacts are given one by one.
 FEW = 2
 FOOTER = (
@@ -65,7 +29,7 @@ FOOTER = (
 )
 
 
-def write_report(runs, output=None, grains=None, points=None, only=None, skip=None):
+def write_report(runs, output=None, grains=None, points=None, only=None, skip=None, *, processes=1):
     """Write ``report.html``, and ``figures`` as PNG, PDF and CSV.
 
     Of one run: what happened in it. Of several: their curves over each other. A run that stopped
@@ -77,6 +41,9 @@ def write_report(runs, output=None, grains=None, points=None, only=None, skip=No
         grains: Labels of the grains that are shown one by one; None: three by their stress.
         points: Places [m] whose course is shown, shape (num_points, 3); None: two by stress.
         only, skip: Names of the figures to draw, or not to draw, of :data:`NAMES`; None: all.
+        processes: That draw one run's figures together; 0: as many as there are cores and
+            memory for. A script that gives another number than 1 has to do so below
+            ``if __name__ == "__main__":``.
 
     Returns:
         dict of plain values: ``report`` (path), ``figures`` (paths of the pictures), ``missing``
@@ -89,7 +56,8 @@ def write_report(runs, output=None, grains=None, points=None, only=None, skip=No
     """
     folders = [Path(runs)] if isinstance(runs, str | Path) else [Path(run) for run in runs]
     if len(folders) == 1:
-        report = _RunReport(folders[0], output, grains, points, _wanted(only, skip))
+        wanted = _wanted(only, skip)
+        report = _RunReport(folders[0], output, grains, points, wanted, processes)
     else:
         if grains or points or only or skip:
             raise InputError("grains, points or figures chosen for several runs, expected one run")
@@ -153,15 +121,6 @@ class _Report:
             "passed": bool(checks) and all(c.passed for c in checks),
         }
 
-    def _try(self, what, draw, *arguments):
-        """Draw and save one figure, or note why it is missing."""
-        try:
-            drawing = draw(*arguments)
-        except InputError as error:
-            self.lacking.setdefault(str(error), []).append(what)
-            return
-        self.pictures.append(save(drawing, self.figures))
-
     def _page(self, title, lead, checks, tables, view=None):
         write_page(
             self.output / "report.html",
@@ -179,10 +138,10 @@ class _Report:
 class _RunReport(_Report):
     """The report of one run."""
 
-    def __init__(self, folder, output, grains, points, wanted):
+    def __init__(self, folder, output, grains, points, wanted, processes):
         self.source = Source(folder, grains, points)
         super().__init__(folder if output is None else output)
-        self.folder, self.wanted = folder, wanted
+        self.folder, self.wanted, self.processes = folder, wanted, processes
         self.missing += missing_of(self.source)
         if grains:
             self.source.chosen  # noqa: B018  an unknown one is refused before anything is written
@@ -191,59 +150,37 @@ class _RunReport(_Report):
             find_cells(state.reference, state.cells, points)
 
     def _draw(self):
-        source = self.source
-        if source.run._states:
-            source.start_probe()
-        for name, what, draw in FIGURES:
-            if name in self.wanted:
-                self._try(what, draw, source)
-        if animation.NAME in self.wanted:
-            try:
-                self.pictures.append(animation.draw_animation(source, self.figures))
-            except InputError as error:
-                self.lacking.setdefault(str(error), []).append("the test in motion")
-        source.end_probe()
+        processes = self.processes or num_processes(self.source.summary.get("num_cells"))
+        parts = draw_parts(self.source, self.wanted, self.figures, processes)
+        for name, what, _ in FIGURES:
+            if name not in self.wanted:
+                continue
+            if parts[name].content is None:
+                self.lacking.setdefault(parts[name].missing[0], []).append(what)
+            else:
+                self.pictures.append(parts[name].content)
+        self.view, self.tables = parts[VIEW], parts[TABLES]
 
     def _write_page(self):
-        run = self.source.summary
-        history, states = _or_none(self.source, "history"), _or_none(self.source, "states")
+        run, history = self.source.summary, self.source.get("history")
         checks = check_run(history) if history is not None else []
-        last = states[-1] if states else None
-        if run and run.get("failed_grains") is None:
-            run["failed_grains"] = failed_grains(self.folder / "quality.csv")
-        about = run_rows(run)
-        if last is not None and history is not None:
-            about += sample_rows(states[0], last, run, history)
-        tables = [("Largest values of the loading stage", largest_values(history, last))]
-        tables += self._table_of_inertia()
-        tables.append(("Run", about))
-        title = run.get("title") or f"Oedometer test in {self.folder.resolve().name}"
-        view, missing = make_view(self.source.run, states[0] if states else None)
-        self.missing += missing
-        self._page(title, self._lead(run, history), checks, tables, view)
+        self.missing += [*self.tables.missing, *self.view.missing]
+        title = run.get("title") or f"Test in {self.folder.resolve().name}"
+        lead = self._lead(run, history)
+        self._page(title, lead, checks, self.tables.content or [], self.view.content)
         return checks
 
-    def _table_of_inertia(self):
-        """Table 1 of the paper, and its CSV file."""
-        try:
-            columns = grains.table_of_inertia(self.source)
-        except InputError as error:
-            self.missing.append(f"No table of inertia: {error}.")
-            (self.figures / "table-1-inertia.csv").unlink(missing_ok=True)  # of an earlier report
-            return []
-        save_tables("table-1-inertia", {"": columns}, self.figures)
-        heading = "Inertia of chosen grains (Table 1 of Nadimi & Fonseca)"
-        return [(heading, grains.inertia_rows(columns))]
-
     def _lead(self, run, history):
-        parts = []
+        stages = [] if history is None else [part.stage for part in branches(history)]
+        test = "Oedometer test"
+        if history is not None and "strain_x" in history:
+            test = f"Test by stages ({', '.join(stages)})" if stages else "Test by stages"
+        parts = [f"{test} on deformable grains"]
         if run.get("num_grains") and run.get("num_cells"):
-            parts.append(
-                f"Oedometer test on {style.number(run['num_grains'])} deformable grains of "
+            parts = [
+                f"{test} on {style.number(run['num_grains'])} deformable grains of "
                 f"{style.number(run['num_cells'])} tetrahedra"
-            )
-        else:
-            parts.append("Oedometer test on deformable grains")
+            ]
         if history is not None:
             parts.append(f"vertical strain {history['strain'][-1]:.4g}")
             parts.append(f"vertical stress {style.quantity(history['stress'][-1], 'Pa', 4)}")
@@ -271,7 +208,10 @@ class _Comparison(_Report):
     def _draw(self):
         for draw in compare.FIGURES:
             what = draw.__name__.removeprefix("draw_").replace("_", " ")
-            self._try(f"{what} compared", draw, self.sources, self.names)
+            try:
+                self.pictures.append(save(draw(self.sources, self.names), self.figures))
+            except InputError as error:
+                self.lacking.setdefault(str(error), []).append(f"{what} compared")
 
     def _write_page(self):
         checks = [
@@ -299,14 +239,6 @@ def missing_of(source):
         sentences = [s for s in sentences if s not in contacts[FEW:]]
         sentences.append(f"The contacts of {len(contacts) - FEW} more states.")
     return sentences
-
-
-def _or_none(source, name):
-    """What a source has, or None; that it is missing was said with the files."""
-    try:
-        return getattr(source, name)
-    except InputError:
-        return None
 
 
 def _listed(words):

@@ -6,7 +6,6 @@ from mufe_fenicsx.analysis.yield_place import closest_on_triangles, yield_place
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.measure import boundary_triangles
 from mufe_fenicsx.report import style
-from mufe_fenicsx.report.curves import STRAIN
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.sample import State
 from mufe_fenicsx.report.views import add_outline, colour_bar, cut_collection, polygons
@@ -27,16 +26,17 @@ def draw_yield(source):
         raise InputError("no grain has yielded")
     figure, axes = style.new_figure(style.PAGE, 2.6, ncols=3)
     left, middle, right = axes
+    along, over = source.over(course["strain"], course["time"])
     for k, (name, label) in enumerate((("yielded", "grains"), ("plastic_volume", "volume"))):
         left.plot(
-            100 * course["strain"],
+            along,
             100 * course[name],
             style.MARKERS[k] + style.LINES[k],
             color=style.SERIES[k],
             markersize=3,
             label=label,
         )
-    left.set(xlabel=STRAIN, ylabel="Has yielded: %", ylim=(0, 105))
+    left.set(xlabel=over, ylabel="Has yielded: %", ylim=(0, 105))
     left.legend(loc="lower right")
     known = table[np.isfinite(table["contact_radius"])]
     depth = (known["depth"] / known["contact_radius"]).to_numpy()

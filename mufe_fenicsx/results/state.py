@@ -2,8 +2,7 @@
 
 from functools import cached_property
 
-import numpy as np
-
+from ..analysis.by_grain import index_grains
 from ..errors import InputError
 from ..geometry.measure import tet_volumes
 from ..output.fields import read_arrays
@@ -105,4 +104,4 @@ class State:
     @cached_property
     def labels(self):
         """Labels of the grains, increasing, shape (num_grains,)."""
-        return np.unique(self.grain)
+        return index_grains(self.grain)[0]

@@ -4,6 +4,7 @@ import numpy as np
 import pandas
 
 from ..analysis import contact_forces, fabric, grain_stress, inertia, kinematics, macro, probes
+from ..analysis.by_grain import index_grains
 from ..analysis.quasi_static import kinetic_ratio
 from ..analysis.yield_place import yield_place
 from ..errors import InputError
@@ -149,7 +150,7 @@ def _chains(run, number, active, grains):
 
 def grain_volumes(state):
     """Labels and present volumes [m³] of the grains of a state, both of shape (num_grains,)."""
-    labels, index = np.unique(state.grain, return_inverse=True)
+    labels, index = index_grains(state.grain)
     return labels, np.bincount(index, state.volume)
 
 
@@ -167,7 +168,7 @@ def network(run):
     """
     rows = []
     for index, state in run.with_contacts().iterrows():
-        active, grains = contact_table(run, index), run.grains(index)
+        active, grains = run.contact_table(index), run.grains(index)
         inner = active[active["grain_b"] != 0]
         labels = grains["grain"].to_numpy()
         ends = [np.searchsorted(labels, inner[k].to_numpy()) for k in ("grain_a", "grain_b")]
@@ -287,11 +288,14 @@ def first_yield_table(run):
         rows[label] = row | {"edge_distance": np.nan, "contact_radius": np.nan}
     for at in np.unique(found.state[found.state >= 0]):
         state = run.state(numbers[at])
-        points = state.points
+        points, cells = state.points, state.cells
+        order = np.argsort(state.grain, kind="stable")
+        ends = np.searchsorted(state.grain[order], found.labels, side="right")
+        cells_of = dict(zip(found.labels, np.split(order, ends[:-1]), strict=True))
         for label in found.labels[found.state == at]:
-            mine = state.grain == label
+            mine = cells_of[label]
             place = yield_place(
-                points, state.cells[mine], state.plastic_strain[mine], state.contact_pressure
+                points, cells[mine], state.plastic_strain[mine], state.contact_pressure
             )
             rows[label] |= {
                 "state": state.index,

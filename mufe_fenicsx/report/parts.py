@@ -1,0 +1,199 @@
+"""Parts of the report of a run: figures, view and tables, drawn by one process or by several."""
+
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+
+import matplotlib
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry.workers import WorkerError, run_jobs
+from mufe_fenicsx.report import (
+    animation,
+    chains,
+    curves,
+    grains,
+    histograms,
+    motion,
+    network,
+    style,
+    views,
+    yielding,
+)
+from mufe_fenicsx.report.figure import save, save_tables
+from mufe_fenicsx.report.source import Source
+from mufe_fenicsx.report.summary import failed_grains, largest_values, run_rows, sample_rows
+from mufe_fenicsx.report.view import make_view
+
+#: Name of each figure, what it shows, and what draws it from a Source, in the page's order.
+FIGURES = (
+    ("stress-strain", "stress against strain", curves.draw_stress_strain),
+    ("forces", "forces on the walls", curves.draw_forces),
+    ("compression", "compression", curves.draw_compression),
+    ("energies", "energy balance", curves.draw_energies),
+    ("dissipation", "dissipation", curves.draw_dissipation),
+    ("energies-of-a-grain", "energies of a grain", grains.draw_energies),
+    ("quasi-static", "quasi-static monitors", curves.draw_monitors),
+    ("stress-3d", "stress in the sample", views.draw_stress_3d),
+    ("stress-cut", "stress in a cut", views.draw_cut),
+    ("chosen-grains", "chosen grains", grains.draw_chosen),
+    ("course", "course of points and grains", grains.draw_course),
+    ("yield-initiation", "yield initiation", yielding.draw_yield),
+    ("force-chains", "force chains", chains.draw_force_chains),
+    ("fabric-rose", "directions of contacts", network.draw_rose),
+    ("force-distribution", "distribution of forces", network.draw_force_distribution),
+    ("active-contacts", "active contacts", network.draw_active_contacts),
+    ("displacement-arrows", "displacement of grains", motion.draw_arrows),
+    ("displacement-split", "translation, rotation and strain of grains", motion.draw_split),
+    ("mesh-quality", "quality of the mesh", histograms.draw_mesh_quality),
+    (animation.NAME, "the test in motion", None),
+)
+#: All that may be chosen, or left out.
+NAMES = tuple(name for name, _, _ in FIGURES)
+#: What is no figure: the bodies that the page turns, and its tables.
+VIEW, TABLES = "view", "tables"
+
+#: What several processes take one by one: parts that need the same data, the longest first.
+GROUPS = (
+    (VIEW,),
+    ("energies-of-a-grain", "course", "yield-initiation"),
+    ("displacement-arrows", "displacement-split"),
+    ("stress-3d", "stress-cut", "chosen-grains", animation.NAME),
+    ("force-chains", "fabric-rose", "force-distribution", "active-contacts"),
+    ("mesh-quality", TABLES),
+    ("stress-strain", "forces", "compression"),
+    ("energies", "dissipation", "quasi-static"),
+)
+#: Figures that show bodies in space.
+RENDERED = {"stress-3d", "chosen-grains", "force-chains", "displacement-split", animation.NAME}
+#: Memory of a process beside a run, and for each of its tetrahedra [bytes].
+EMPTY, A_CELL = 0.6e9, 1500.0
+
+
+@dataclass(frozen=True)
+class Job:
+    """Parts of a report that one process draws."""
+
+    names: tuple
+    run: object  #: folder
+    figures: object  #: folder
+    grains: tuple | None  #: as of `write_report`
+    points: tuple | None
+    no_pictures: str | None  #: why nothing in space can be drawn
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a report."""
+
+    name: str
+    content: object  #: Picture, View or list of (heading, rows); None: there is none
+    missing: tuple = ()  #: sentences; of a figure: why there is none
+
+
+def num_processes(num_cells):
+    """Number of processes that may draw at once: one a core, if they find memory for half of it."""
+    pages = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    fit = int(0.5 * pages / (EMPTY + A_CELL * (num_cells or 0)))
+    return max(1, min(len(os.sched_getaffinity(0)), fit, len(GROUPS)))
+
+
+def draw_parts(source, wanted, figures, processes):
+    """Draw figures of a run, its view and its tables.
+
+    Args:
+        source: :class:`~mufe_fenicsx.report.source.Source`.
+        wanted: Names of figures.
+        figures: Folder of their files.
+        processes: Number of processes; 1: this one.
+
+    Returns:
+        dict name -> :class:`Part`.
+    """
+    wanted = {*wanted, VIEW, TABLES}
+    groups = [names for group in GROUPS if (names := tuple(n for n in group if n in wanted))]
+    if source.run._states:
+        source.start_probe()
+
+    def jobs():
+        for names in groups:
+            # Not before: whether pictures can be drawn is found out beside the first jobs.
+            why = source.no_pictures if RENDERED & set(names) else None
+            yield Job(names, source.folder, figures, *source.asked, why)
+
+    try:
+        if processes == 1:
+            found = [_draw_all(source, job) for job in jobs()]
+        else:
+            found = run_jobs(draw_job, jobs(), min(processes, len(groups)))
+    finally:
+        source.end_probe()
+    parts = {}
+    for names, result in zip(groups, found, strict=True):
+        if isinstance(result, WorkerError):
+            result = [Part(name, None, (str(result),)) for name in names]
+        parts |= {part.name: part for part in result}
+    return parts
+
+
+def draw_job(job):
+    """Draw what a job names, in a process of its own; list of :class:`Part`."""
+    source = _source(job.run, job.grains, job.points)
+    source.no_pictures = job.no_pictures
+    with matplotlib.rc_context(style.RC):
+        return _draw_all(source, job)
+
+
+@lru_cache(maxsize=1)
+def _source(folder, grains, points):
+    """What the jobs of one process draw from."""
+    return Source(folder, grains, points)
+
+
+def _draw_all(source, job):
+    special = {VIEW: _view, TABLES: _tables, animation.NAME: _animation}
+    return [special.get(name, _figure)(name, source, job.figures) for name in job.names]
+
+
+def _figure(name, source, figures):
+    draw = next(draw for known, _, draw in FIGURES if known == name)
+    try:
+        drawing = draw(source)
+    except InputError as error:
+        return Part(name, None, (str(error),))
+    return Part(name, save(drawing, figures))
+
+
+def _animation(name, source, figures):
+    try:
+        return Part(name, animation.draw_animation(source, figures))
+    except InputError as error:
+        return Part(name, None, (str(error),))
+
+
+def _view(name, source, figures):
+    states = source.get("states")
+    return Part(name, *make_view(source.run, states[0] if states else None))
+
+
+def _tables(name, source, figures):
+    """Tables of the page, as (heading, rows), and the CSV file of one."""
+    run, missing = source.summary, []
+    history, states = source.get("history"), source.get("states")
+    last = states[-1] if states else None
+    if run and run.get("failed_grains") is None:
+        run["failed_grains"] = failed_grains(source.folder / "quality.csv")
+    about = run_rows(run)
+    if last is not None and history is not None:
+        about += sample_rows(states[0], last, run, history)
+    tables = [("Largest values of the loading stage", largest_values(history, last))]
+    try:
+        columns = grains.table_of_inertia(source)
+    except InputError as error:
+        missing.append(f"No table of inertia: {error}.")
+        (figures / "table-1-inertia.csv").unlink(missing_ok=True)  # of an earlier report
+    else:
+        save_tables("table-1-inertia", {"": columns}, figures)
+        heading = "Inertia of chosen grains (Table 1 of Nadimi & Fonseca)"
+        tables.append((heading, grains.inertia_rows(columns)))
+    return Part(name, [*tables, ("Run", about)], tuple(missing))
