@@ -56,11 +56,11 @@ wall_friction = {wall}       # between grains and walls
 
 OEDOMETER = """
 [oedometer]               # the top platen moves, all other walls rest
-strain = 0.02             # vertical, counted from the end of seating
+strain = 0.08             # vertical, counted from the end of seating
 speed = "0.5 m/s"         # of the top platen: slow enough if kinetic energy stays small
 ramp = 0.002              # strain over which the platen reaches this speed
-seating_stress = "0.5 MPa" # the platen first closes the gaps, up to this stress
-seating_speed = "2 m/s"
+seating_stress = "1 MPa"  # the platen first closes the gaps, up to this stress, which has to be
+seating_speed = "0.6 m/s" # above that of single impacts at this speed
 """
 
 DAMPED = """
@@ -94,7 +94,7 @@ hold = "5 us"             # stresses are held so long
 
 TRIAXIAL = """
 [loading]                 # a test by stages: the six walls move
-speed = "1 m/s"           # at which a length of the sample changes, at most
+speed = "0.5 m/s"         # at which a length of the sample changes, at most
 ramp = 0.001              # strain over which walls get to it
 tolerance = 0.01          # of stresses
 
@@ -106,9 +106,9 @@ xyz = { stress = "0.5 MPa", speed = "3 m/s" }
 name = "isotropic"
 xyz = { stress = "5 MPa" }
 
-[[stage]]                 # x and y go on at the stress that they hold
-name = "shear"
-z = { strain = 0.02 }
+[[stage]]                 # x and y go on at the stress that they hold; it is off by more the
+name = "shear"            # faster their walls have to move
+z = { strain = 0.02, speed = "0.1 m/s" }
 
 # A true-triaxial test says what each axis does:
 #
@@ -238,7 +238,9 @@ _HARD = {"first": "1 GPa", "last": "2 GPa"}
 
 #: Scenes by name: text of the file and the function that makes the grains.
 KINDS = {
-    "oedometer": (_text("Oedometer test on balls", OEDOMETER, _SAND, **_HARD), ball_packing),
+    "oedometer": (
+        _text("Oedometer test on balls", DAMPED + OEDOMETER, _SAND, **_HARD), ball_packing
+    ),
     "isotropic": (
         _text("Isotropic compression of balls", DAMPED + ISOTROPIC, _SAND, **_HARD), ball_packing
     ),

@@ -11,8 +11,8 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.contacts import ContactWriter
 from mufe_fenicsx.output.fields import read_state
 from mufe_fenicsx.results import Run
+from tests.made_up_run import write_run
 from tests.networks import lattice_network
-from tests.test_report import write_run
 
 from mpi4py import MPI  # isort: skip  (after the package, which may bring MPI)
 

@@ -26,8 +26,8 @@ from mufe_fenicsx.report.surfaces import same_nodes
 from mufe_fenicsx.report.view import make_view
 from mufe_fenicsx.report.view_data import A_STAGE, ONCE, view_data
 from mufe_fenicsx.results import Run
+from tests.made_up_run import write_run
 from tests.networks import lattice_network
-from tests.test_report import write_run
 from tests.test_results import SCENE
 
 from mpi4py import MPI  # isort: skip  (after the package, which may bring MPI)

@@ -82,6 +82,24 @@ def test_a_run_from_its_start_to_its_end(tmp_path):
     assert watch.look().as_dict()["why"] == "grain 7 is inverted"
 
 
+def test_time_left_of_a_test_by_stages(tmp_path):
+    """A stage has 300/3 rows; those that come are taken to be as long as the present one."""
+    run = MadeUpRun(tmp_path)
+    stages = "[output]\nhistory = 301\n" + "[[stage]]\nzero = true\n" * 3
+    (tmp_path / "scene.toml").write_text(stages)
+    watch = Watch(tmp_path, clock=lambda: run.now)
+    run.write(*(row(100 * k, 0.0, "seating") for k in range(5)), seconds=10)
+    assert watch.look().seconds_left is None  # walls still come on to the sample
+    run.write(row(500, 0.0, "load"), seconds=5)
+    watch.look()
+    run.write(*(row(500 + 20 * k, -1e-3 * k, "load") for k in range(1, 26)), seconds=10)
+    now = watch.look()
+    # 500 steps in 10 s for a quarter of this stage: 1500 are left of it, 2000 come after it.
+    # The first look but one saw 500 steps after 15 s, so that speed is that of 500 steps in 10 s.
+    assert now.seconds_left == pytest.approx(3500 / now.steps_per_second)
+    assert now.values["target_strain"] is None
+
+
 def test_the_command_prints_once_and_as_json(tmp_path, capfd):
     run = MadeUpRun(tmp_path)
     run.write(row(0, 0.0), row(400, 0.01), seconds=4, torn="7")

@@ -1,0 +1,115 @@
+"""Reports of runs that lack something, of several runs, and of what may not be asked."""
+
+import numpy as np
+import pandas
+import pytest
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.output import run_folder
+from mufe_fenicsx.report import list_figures, write_report
+from tests.made_up_run import SCENE, fake_history, write_history, write_run, write_whole_run
+
+
+def test_missed_target_is_said(tmp_path):
+    h = fake_history()
+    h["kinetic"] = 0.1 * (h["elastic"] + h["plastic"])
+    write_history(tmp_path, h)
+    result = write_report(tmp_path, only=["quasi-static"])
+    passed = {c["name"]: c["passed"] for c in result["checks"]}
+    assert not passed["kinetic"] and passed["platens"] and not passed["residual"]
+    assert not result["passed"]
+    assert "at most 10.00%" in (tmp_path / "report.html").read_text()
+
+
+def test_run_that_stopped_early(tmp_path):
+    """A torn history and no states: curves, and a page that says what is not there."""
+    write_history(tmp_path, fake_history())
+    path = tmp_path / "history.csv"
+    path.write_bytes(path.read_bytes()[:-9])
+    result = write_report(tmp_path)
+    assert len(result["figures"]) == 5  # those that need no states
+    page = (tmp_path / "report.html").read_text()
+    assert "run.json" in page and "no stored states" in page
+
+
+def test_torn_states_and_absent_contacts(tmp_path):
+    """A file cut in the middle: that state is left out and named, the others are drawn."""
+    write_whole_run(tmp_path, n=2)
+    torn = tmp_path / "fields" / "0002.vtkhdf"
+    torn.write_bytes(torn.read_bytes()[: torn.stat().st_size // 2])
+    (tmp_path / "contacts" / "contacts_0001.csv").unlink()
+    names = ["stress-cut", "active-contacts", "course", "yield-initiation"]
+    result = write_report(tmp_path, tmp_path / "out", only=names)
+    drawn = [f["name"] for f in list_figures(tmp_path / "out")]
+    assert sorted(drawn) == sorted(names)
+    text = " ".join(result["missing"])
+    assert "0002.vtkhdf cannot be read" in text and "contacts of state 1" in text
+    course = pandas.read_csv(tmp_path / "out" / "figures" / "yield-initiation-share.csv")
+    assert course["strain [-]"].tolist() == [0.0, 0.05]
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_two_runs_in_one_report(tmp_path):
+    h = []
+    for k in range(2):
+        folder = tmp_path / f"run{k}"
+        folder.mkdir()
+        h.append(fake_history(60))
+        h[k]["stress"] = (1 + k) * h[k]["stress"]
+        write_history(folder, h[k])
+        (folder / "scene.toml").write_text(SCENE.replace("1e7", f"{k + 1}e7"))
+    result = write_report([tmp_path / "run0", tmp_path / "run1"])
+    out = tmp_path / "comparison"
+    assert result["report"] == str(out / "report.html") and len(result["figures"]) == 3
+    page = (out / "report.html").read_text()
+    assert "yield 10 MPa" in page and "yield 20 MPa" in page
+    for k, name in enumerate(("yield-10-MPa", "yield-20-MPa")):
+        table = pandas.read_csv(out / "figures" / f"runs-stress-strain-{name}.csv")
+        rows_of = h[k]["stage"] != "seating"
+        assert np.array_equal(table["vertical stress [Pa]"], h[k]["stress"][rows_of])
+    with pytest.raises(InputError, match="given twice"):
+        write_report([tmp_path / "run0", tmp_path / "run0"])
+
+
+def test_unknown_grain_or_place_is_refused_before_anything_is_written(tmp_path):
+    write_run(tmp_path, (1, 1, 2), 2, 1)
+    for options in ({"grains": [99]}, {"points": [[1.0, 0.0, 0.0]]}):
+        with pytest.raises(InputError, match=r"grain 99 is not|is in no grain"):
+            write_report(tmp_path, tmp_path / "out", **options)
+    with pytest.raises(InputError, match="figure forcs is not known, expected forces or"):
+        write_report(tmp_path, tmp_path / "out", only=["forcs"])
+    assert not (tmp_path / "out").exists()
+
+
+def test_only_states(tmp_path):
+    write_run(tmp_path, (1, 1, 2), 2, 1, finished=False)
+    (tmp_path / "history.csv").unlink()
+    result = write_report(tmp_path, only=["stress-cut", "forces"])
+    assert len(result["figures"]) == 1 and not result["passed"]
+    page = (tmp_path / "report.html").read_text()
+    assert "history.csv" in page and "interrupted" in page
+
+
+def test_without_graphics(tmp_path, monkeypatch):
+    """Where nothing can be rendered the page says so and shows the rest."""
+    monkeypatch.setattr("mufe_fenicsx.report.source.cannot_render", lambda probe: "no driver")
+    write_run(tmp_path, (1, 1, 2), 2, 2)
+    write_report(tmp_path, only=["stress-cut", "stress-3d", "chosen-grains", "animation"])
+    drawn = {f["name"] for f in list_figures(tmp_path)}
+    assert "stress-cut" in drawn and not drawn & {"stress-3d", "chosen-grains", "animation"}
+    assert "no 3D pictures: no driver" in (tmp_path / "report.html").read_text()
+
+
+def test_grains_that_failed_are_named(tmp_path):
+    """By the mesher's table where the run does not list them."""
+    run_folder.write_run_json(tmp_path, {"title": "t", "finished": True, "num_grains": 1})
+    (tmp_path / "quality.csv").write_text("label,status\n3,ok\n8,failed\n11,failed\n")
+    write_report(tmp_path, only=["forces"])
+    assert "2, not in the test: 8, 11" in (tmp_path / "report.html").read_text()
+
+
+def test_folder_without_a_run_is_refused(tmp_path):
+    with pytest.raises(InputError, match="none of run"):
+        write_report(tmp_path)
+    with pytest.raises(InputError, match="absent"):
+        write_report(tmp_path / "nothing")

@@ -1,0 +1,100 @@
+"""What the figures of a report are made of, against exact cases."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mufe_fenicsx.analysis import mesh_quality
+from mufe_fenicsx.output import fields
+from mufe_fenicsx.report import chains, compare, motion, style
+from mufe_fenicsx.report.sample import boundary_faces
+from mufe_fenicsx.report.source import Source
+from tests.made_up_run import SCENE, ball, fake_history, write_history
+
+from mpi4py import MPI  # isort: skip  (after the package, which may bring MPI)
+
+ROUND_OFF = 1e-12
+
+
+def test_boundary_faces_close_the_body():
+    """Outward faces of a closed body: their flux of x is three times its volume."""
+    points, cells = ball(3, 1.0, np.random.default_rng(1))
+    faces, cell = boundary_faces(cells)
+    a, b, c = points[faces].transpose(1, 0, 2)
+    assert len(faces) == 6 * 2 * 3 * 3
+    flux = np.einsum("ij,ij->", a, np.cross(b, c)) / 2
+    volume = mesh_quality.mesh_quality(points, cells).volume.sum()
+    assert flux == pytest.approx(3 * volume, rel=ROUND_OFF)
+    assert (faces[:, :, None] == cells[cell][:, None, :]).any(axis=2).all()
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (2.5e7, "25 MPa"),
+        (999.9, "1 kPa"),
+        (0.0, "0 Pa"),
+        (1.234e-5, "12.3 µPa"),
+        (float("nan"), "not known"),
+    ],
+)
+def test_quantities_in_words(value, text):
+    assert style.quantity(value, "Pa") == text
+
+
+def test_mean_motion_of_a_linear_field_is_that_field():
+    rng = np.random.default_rng(2)
+    x, weight, A = rng.random((9, 3)), rng.random(9) + 0.1, rng.normal(size=(3, 3))
+    field = x @ A.T + [1, 2, 3]
+    # Rounding of a least-squares fit of well-spread points.
+    assert motion.mean_motion(x, field, weight) == pytest.approx(field, abs=1e-12)
+    noise = rng.normal(size=(9, 3))
+    left = field + noise - motion.mean_motion(x, field + noise, weight)
+    assert np.abs(weight @ left).max() < 1e-12 and np.abs(left).max() > 0.01
+
+
+def test_tubes_have_their_radius_and_ends():
+    start, end = np.array([[0, 0, 0], [1, 2, 3]]), np.array([[0, 0, 2], [3, 1, 2]])
+    points, quads = chains.tubes(start, end, np.array([0.1, 0.2]), sides=6)
+    assert points.shape == (24, 3) and quads.shape == (12, 4)
+    for k, radius in enumerate((0.1, 0.2)):
+        axis = (end - start)[k] / np.linalg.norm((end - start)[k])
+        away = points[12 * k : 12 * (k + 1)] - start[k]
+        across = away - np.outer(away @ axis, axis)
+        assert np.linalg.norm(across, axis=1) == pytest.approx(radius, rel=ROUND_OFF)
+        ends = np.repeat([0, np.linalg.norm((end - start)[k])], 6)
+        assert away @ axis == pytest.approx(ends, abs=1e-12)
+    # Each quadrilateral is of one tube, with two corners at either end.
+    assert (quads // 12 == quads[:, :1] // 12).all() and ((quads % 12 >= 6).sum(axis=1) == 2).all()
+
+
+def test_runs_are_named_by_what_differs(tmp_path):
+    sources = []
+    for k, (stress, title) in enumerate(((1e7, "a"), (2e7, "b"))):
+        folder = tmp_path / f"run{k}"
+        folder.mkdir()
+        write_history(folder, fake_history(40))
+        text = SCENE.replace("1e7", f"{stress:g}").replace('"title"', f'"{title}"')
+        (folder / "scene.toml").write_text(text)
+        sources.append(Source(folder))
+    assert compare.name_runs(sources) == ["yield 10 MPa", "yield 20 MPa"]
+    (tmp_path / "run1" / "scene.toml").unlink()
+    assert compare.name_runs([Source(s.folder) for s in sources]) == ["run0", "run1"]
+
+
+def test_displacement_by_rotation_is_that_of_the_nodes(tmp_path):
+    """A grain that turns by a known angle: root mean square of (R - 1) r over its volume."""
+    points, cells = ball(2, 1e-4, np.random.default_rng(3))
+    R = Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix()
+    volume = mesh_quality.mesh_quality(points, cells).volume
+    center = volume @ points[cells].mean(axis=1) / volume.sum()
+    moved = (points - center) @ R.T + center - points
+    writer = fields.FieldWriter(MPI.COMM_SELF, tmp_path, points, cells, np.ones(len(cells), int))
+    writer.write(0, 1.0, 0.0, "loading", {"displacement": moved}, {"von_mises": volume})
+    parts = motion.displacement_parts(Source(tmp_path))
+    a = moved[cells]
+    square = (np.einsum("cai,cai->c", a, a) + (a.sum(axis=1) ** 2).sum(axis=1)) / 20
+    exact = np.sqrt(volume @ square / volume.sum())
+    assert parts["by rotation [m]"] == pytest.approx(exact, rel=1e-9)
+    assert parts["translation [m]"][0] < 1e-9 * exact
+    assert parts["rotation [degrees]"] == pytest.approx(np.degrees(np.sqrt(0.14)), rel=1e-9)
