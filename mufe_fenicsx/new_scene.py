@@ -56,7 +56,7 @@ wall_friction = {wall}       # between grains and walls
 
 OEDOMETER = """
 [oedometer]               # the top platen moves, all other walls rest
-strain = 0.08             # vertical, counted from the end of seating
+strain = 0.06             # vertical, counted from the end of seating
 speed = "0.5 m/s"         # of the top platen: slow enough if kinetic energy stays small
 ramp = 0.002              # strain over which the platen reaches this speed
 seating_stress = "1 MPa"  # the platen first closes the gaps, up to this stress, which has to be

@@ -78,6 +78,10 @@ def test_runs_are_named_by_what_differs(tmp_path):
         (folder / "scene.toml").write_text(text)
         sources.append(Source(folder))
     assert compare.name_runs(sources) == ["yield 10 MPa", "yield 20 MPa"]
+    for source, strain in zip(sources, (0.1, 0.2), strict=True):
+        stages = 3 * f"[[stage]]\nz.strain = {strain}\nz.walls = 'max'\n"
+        (source.folder / "scene.toml").write_text(stages)  # too long for a name, and for a file
+    assert compare.name_runs([Source(s.folder) for s in sources]) == ["run0", "run1"]
     (tmp_path / "run1" / "scene.toml").unlink()
     assert compare.name_runs([Source(s.folder) for s in sources]) == ["run0", "run1"]
 

@@ -15,8 +15,8 @@ from mufe_fenicsx.report.network import LARGEST, between_grains, bins_for
 
 #: Tables and keys of a scene that say nothing of the physics.
 OF_NO_INTEREST = ("title", "image", "output", "sample.grains")
-#: So many differences fit into a name.
-MOST = 2
+#: So many differences fit into a name, and so many letters.
+MOST, LONGEST = 2, 60
 
 
 def name_runs(sources):
@@ -43,7 +43,8 @@ def name_runs(sources):
     if not 1 <= len(keys) <= MOST:
         return by_folder
     names = [", ".join(_words(key, scene.get(key)) for key in keys) for scene in scenes]
-    return names if len(set(names)) == len(names) else by_folder
+    fit = len(set(names)) == len(names) and max(map(len, names)) <= LONGEST
+    return names if fit else by_folder
 
 
 def _flat(table, before=""):
