@@ -7,7 +7,7 @@ import pyvista
 
 from mufe_fenicsx.analysis.grain_means import grain_means
 from mufe_fenicsx.analysis.mesh_quality import mesh_quality
-from mufe_fenicsx.analysis.rows import SEATING
+from mufe_fenicsx.analysis.rows import SEATING, TURN
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.measure import renumbered
 from mufe_fenicsx.output.fields import VTK_TETRA
@@ -181,7 +181,8 @@ def load_states(run, history):
     states = [{"index": int(i), **row} for i, row in run.states.to_dict("index").items()]
     loading = [s for s in states if s["stage"] != SEATING]
     # Strain only grows, but for what the platen gives way as seating ends; or it turns back.
-    forward = all(np.diff([s["strain"] for s in loading]) >= 0)
+    strains = np.array([s["strain"] for s in loading])
+    forward = bool((np.diff(strains) >= -TURN * np.ptp(strains)).all()) if loading else True
     loading = [s for s in loading if not forward or s["strain"] >= 0] or loading
     # The end of seating is the start of loading.
     seated = [s for s in states if s["stage"] == SEATING][-1:]
