@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from mufe_fenicsx.analysis import mesh_quality
 from mufe_fenicsx.output import fields
-from mufe_fenicsx.report import chains, compare, motion, style
+from mufe_fenicsx.report import chains, compare, motion, parts, style
 from mufe_fenicsx.report.sample import boundary_faces
 from mufe_fenicsx.report.source import Source
 from tests.made_up_run import SCENE, ball, fake_history, write_history
@@ -14,6 +14,11 @@ from tests.made_up_run import SCENE, ball, fake_history, write_history
 from mpi4py import MPI  # isort: skip  (after the package, which may bring MPI)
 
 ROUND_OFF = 1e-12
+
+
+def test_each_part_is_drawn_by_one_process():
+    drawn = [name for group in parts.GROUPS for name in group]
+    assert sorted(drawn) == sorted([*parts.NAMES, parts.VIEW, parts.TABLES])
 
 
 def test_boundary_faces_close_the_body():

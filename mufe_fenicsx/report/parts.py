@@ -1,5 +1,6 @@
 """Parts of the report of a run: figures, view and tables, drawn by one process or by several."""
 
+import contextlib
 import os
 from dataclasses import dataclass
 from functools import lru_cache
@@ -67,7 +68,7 @@ GROUPS = (
 #: Figures that show bodies in space.
 RENDERED = {"stress-3d", "chosen-grains", "force-chains", "displacement-split", animation.NAME}
 #: Memory of a process beside a run, and for each of its tetrahedra [bytes].
-EMPTY, A_CELL = 0.6e9, 1500.0
+EMPTY, A_CELL = 0.6e9, 700.0
 
 
 @dataclass(frozen=True)
@@ -93,9 +94,17 @@ class Part:
 
 def num_processes(num_cells):
     """Number of processes that may draw at once: one a core, if they find memory for half of it."""
-    pages = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    fit = int(0.5 * pages / (EMPTY + A_CELL * (num_cells or 0)))
+    fit = int(0.5 * _free_memory() / (EMPTY + A_CELL * (num_cells or 0)))
     return max(1, min(len(os.sched_getaffinity(0)), fit, len(GROUPS)))
+
+
+def _free_memory():
+    """What programs may still take, files that are only cached among it [bytes]."""
+    with contextlib.suppress(OSError), open("/proc/meminfo", encoding="ascii") as file:
+        for line in file:
+            if line.startswith("MemAvailable:"):
+                return 1024 * int(line.split()[1])
+    return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def draw_parts(source, wanted, figures, processes):
