@@ -46,6 +46,7 @@ from mufe_fenicsx.verification.stability import (
     overlap,
     penalty,
     plastic,
+    resting,
     slivers,
     speed,
     time_step,
@@ -56,6 +57,8 @@ from mufe_fenicsx.verification.stability import (
 COMM = MPI.COMM_SELF
 #: The time step of scenes over the limit.
 DEFAULT = 0.9
+#: Speeds of the noise in a packing that rests [m/s].
+RESTING = (0.0, 1e-3)
 
 
 def numbers(value):
@@ -128,6 +131,7 @@ def measure_overlap():
         "balls": overlap.overlap_map(COMM)[0],
         "blocks": overlap.overlap_map(COMM, kind="blocks")[0],
         "limits": {kind: overlap.limit(COMM, kind) for kind in ("balls", "blocks")},
+        "theory": {kind: overlap.limit_theory(COMM, kind) for kind in ("balls", "blocks")},
         "swallowed": overlap.swallowed(COMM),
     }
 
@@ -163,18 +167,25 @@ def measure_impact():
         "guarded": [tunnelling.meet(COMM, v) for v in tunnelling.SPEEDS],
         "layers": tunnelling.LAYERS,
         "limits": [tunnelling.limit(COMM, c)[0] for c in tunnelling.LAYERS],
-        "theory": [tunnelling.theory(c) for c in tunnelling.LAYERS],
+        "enough": [tunnelling.theory(c) for c in tunnelling.LAYERS],
+        "theory": [tunnelling.stops_theory(c) for c in tunnelling.LAYERS],
         "wall": [tunnelling.through_a_wall(COMM, v) for v in (0.3, 1.0, 2.0)],
     }
 
 
 def measure_size():
+    rows = unequal.size_map(COMM)[0]
     return {
-        "rows": unequal.size_map(COMM)[0],
+        "rows": rows,
+        "steps": [unequal.step_limits(row) for row in rows],
         "pressed": unequal.size_map(COMM, pressure=1e-2)[0],
         "limit": unequal.limit(COMM)[0],
-        "theory": unequal.limit_theory(),
+        "theory": unequal.limit_theory(COMM),
     }
+
+
+def measure_resting():
+    return {f"{speed:g}": resting.rest(COMM, speed=speed) for speed in RESTING}
 
 
 def measure_newton():
@@ -487,8 +498,9 @@ def draw_impact(d, new):
     middle.text(v[0], -0.88, "bounced", fontsize=6.5, color=GREY, va="bottom")
     middle.set(xlabel="speed of approach / of waves", ylabel="relative speed after / before")
     c = np.array(d["layers"])
-    right.loglog(c, d["theory"], color=BLACK, label="0.1 E*/(M c)")
-    right.fill_between(c, 1e-2, d["theory"], color=GREEN, alpha=0.12, linewidth=0, label="safe")
+    right.loglog(c, d["enough"], color=BLACK, linestyle="--", label="layers just carry it")
+    right.loglog(c, d["theory"], color=BLACK, label="0.5 h deep while they meet")
+    right.fill_between(c, 1e-2, d["enough"], color=GREEN, alpha=0.12, linewidth=0, label="safe")
     right.loglog(c, d["limits"], "o", color=RED, markersize=4, label="long bars")
     right.axvline(COMPLIANCE, color=GREY, linestyle=":")
     plain_log_ticks(right.xaxis)
@@ -499,10 +511,14 @@ def draw_impact(d, new):
 
 def draw_size(d, new):
     figure, (left, right) = new(2)
-    ratio, step = columns(d["rows"], "ratio", "step")
-    left.loglog(ratio, step[2] * ratio[2] / ratio / step[0], color=BLACK, label="∝ size")
-    left.loglog(ratio, step / step[0], "o", color=RED, markersize=4, label="program")
-    left.set(xlabel="size of the neighbour / size", ylabel="time step, over that of equals")
+    (ratio,) = columns(d["rows"], "ratio")
+    alone, measured, step = columns(d["steps"], "alone", "measured", "step")
+    left.loglog(ratio, alone / ratio / alone[0], color=BLACK, label="2/ω of the small one alone")
+    left.loglog(ratio, measured / ratio / alone[0], "o", color=RED, markersize=4,
+                label="measured limit")  # fmt: skip
+    left.loglog(ratio, step / ratio / alone[0], "s", color=BLUE, markersize=3, fillstyle="none",
+                label="program: what is near counts as closed")  # fmt: skip
+    left.set(xlabel="size of the neighbour / size", ylabel="time step, over 2/ω of equals")
     for name, colour, label in (("rows", BLUE, "p = 0.001 E"), ("pressed", RED, "p = 0.01 E")):
         ratio, depth, theory = columns(d[name], "ratio", "depth", "theory")
         stops = np.array([bool(r["message"]) for r in d[name]])
@@ -515,6 +531,28 @@ def draw_size(d, new):
     right.set(xlabel="size of the neighbour / size", ylabel="depth of the small one / its h")
     for axis in (left, right):
         axis.legend()
+    return figure
+
+
+def draw_resting(d, new):
+    figure, (left, right) = new(2)
+    for (noise, rows), colour in zip(d.items(), (BLUE, RED), strict=True):
+        step, energy, force, kinetic = (
+            np.array(rows[name]) for name in ("step", "energy", "force", "kinetic")
+        )
+        label = "at rest" if float(noise) == 0 else f"shaken, {float(noise):g} m/s"
+        left.loglog(step, np.maximum(np.abs(energy), 1e-17), color=colour, linewidth=0.7,
+                    label=f"{label}: energy from nowhere")  # fmt: skip
+        left.loglog(step, kinetic, color=colour, linewidth=0.7, linestyle=":",
+                    label=f"{label}: kinetic")  # fmt: skip
+        right.loglog(step, force, color=colour, linewidth=0.7, label=label)
+    eps = np.finfo(float).eps
+    left.loglog(step, step * eps, color=BLACK, linewidth=0.8, label="ε a step, all of one sign")
+    left.loglog(step, np.sqrt(step) * eps, color=GREY, linewidth=0.8, label="ε a step at random")
+    left.set(xlabel="time steps", ylabel="energy / stored energy")
+    right.set(xlabel="time steps", ylabel="largest change of a wall's force / platen's")
+    for axis in (left, right):
+        axis.legend(fontsize=6)
     return figure
 
 
@@ -562,6 +600,7 @@ SUBJECTS = {
     "inversion": (measure_inversion, draw_inversion),
     "impact": (measure_impact, draw_impact),
     "size": (measure_size, draw_size),
+    "resting": (measure_resting, draw_resting),
     "newton": (measure_newton, draw_newton),
 }
 

@@ -1,6 +1,7 @@
 """A plan made on all ranks, followed by a run, and what came of its predictions."""
 
 import gc
+import time
 
 from .errors import InputError
 from .output.run_folder import raise_together
@@ -9,7 +10,9 @@ from .plan_text import brief
 from .planning import follow, plan_scene, read_sample
 
 
-def make_plan(scene, grains, comm, accuracy=None, keep_mesh=False, measure=True):
+def make_plan(
+    scene, grains, comm, accuracy=None, keep_mesh=False, measure=True, clock=time.perf_counter
+):
     """The plan of a scene and its cost here. Collective.
 
     Args:
@@ -19,6 +22,7 @@ def make_plan(scene, grains, comm, accuracy=None, keep_mesh=False, measure=True)
         accuracy: Wanted; None: the scene's.
         keep_mesh: The grains have to do as they are.
         measure: Measure this machine; without, the cost is None.
+        clock: As of :func:`~.plan_cost.benchmark`.
 
     Returns:
         :class:`~.planning.Plan` and :class:`~.plan_cost.Cost`, the same on all ranks.
@@ -38,17 +42,17 @@ def make_plan(scene, grains, comm, accuracy=None, keep_mesh=False, measure=True)
     if not measure:
         return made, None
     planned = follow(scene, made)
-    measured = benchmark(planned, grains, comm)
+    measured = benchmark(planned, grains, comm, clock=clock)
     gc.collect()  # what was measured refers to itself
     return made, predict(planned, measured, made.tets / sample.tets, made.size / sample.size)
 
 
-def planned_scene(scene, grains, comm, measure=True):
+def planned_scene(scene, grains, comm, measure=True, clock=time.perf_counter):
     """The scene that a run follows, and what is kept of its plan. Collective.
 
     Returns:
         The scene as planned, and a function of the summary of the finished run that gives
         {"plan": …} with a line of predicted and actual cost.
     """
-    made, cost = make_plan(scene, grains, comm, keep_mesh=True, measure=measure)
+    made, cost = make_plan(scene, grains, comm, keep_mesh=True, measure=measure, clock=clock)
     return follow(scene, made), lambda summary: brief(made, cost, summary)

@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from .errors import InputError
-from .evidence import SUFFIX, cheapest, read_points, usable
+from .evidence import SUFFIX, cheapest, read_margins, read_points, usable
 from .geometry.grains import load_grains, read_grain_table
 from .materials.auto import Auto
 from .materials.elastic import Elastic
@@ -41,8 +41,8 @@ LAWS = {"matched": {"law": "matched"}, "kinematic": {"law": "kinematic"},
 CUTS = 40
 #: Grains that are meshed finer than they need be are kept up to this cost over the least.
 WORTH_MESHING = 1.5
-#: Part of an accuracy that a measured point may use up: at another Poisson's ratio, size of contact
-#: or speed errors of points were up to 1.3 times as large (docs/choosing_a_model.md).
+#: Part of an accuracy that a measured point may use up, of cases for which nobody has measured how
+#: much larger errors are at another Poisson's ratio, size of contact or speed.
 MARGIN = 0.75
 #: Strain between two stored states.
 STATE_STRAIN = 0.01
@@ -395,8 +395,18 @@ def _unknown(scene, errors, best):
     return tuple(known)
 
 
+def margin_of(case):
+    """Part of an accuracy that a measured point of a case may use up.
+
+    Its points were computed at other parameters, and the least ratio of errors is the part.
+    """
+    return read_margins().get(case, MARGIN)
+
+
 def plan_case(case, accuracy, points=None):
-    """The cheapest measured point of a case of charts within ``MARGIN`` of an accuracy.
+    """The cheapest measured point of a case of charts within a part of an accuracy.
+
+    The part is that of :func:`margin_of`.
 
     Returns:
         :class:`~mufe_fenicsx.evidence.Point`.
@@ -408,10 +418,11 @@ def plan_case(case, accuracy, points=None):
     own = usable(read_points() if points is None else points, case)
     if not own:
         raise InputError(f"case {case}, expected one of which the table of points has some")
-    found = cheapest(own, MARGIN * accuracy)
+    margin = margin_of(case)
+    found = cheapest(own, margin * accuracy)
     if found is None:
         best = min(own, key=lambda p: p.error)
-        least = best.error / MARGIN
+        least = best.error / margin
         raise InputError(
             f"accuracy = {accuracy:g}, expected at least {least:.2g}: the nearest that was "
             f"measured of {case}{SUFFIX} is `{best.command}` in {best.seconds:.3g} s"

@@ -151,20 +151,64 @@ def necking_strain(first_yield, hardening):
     return max(1.0 - first_yield / hardening, 0.0) if hardening > 0 else 0.0
 
 
-def sealed_speed(contact_modulus, modulus, wave_speed, depth, compliance):
-    """Speed of approach beyond which two equal blocks press no harder [m/s].
+def uniaxial_strain(stretch):
+    """Pressure over E of a body with ν = 0 squeezed to λ of its length, by the program's law [-].
 
-    Plane waves stop each of them with the pressure ρ c v/2. Two layers of c h/E* whose
-    force grows no more beyond the depth d carry E* (d/h)/(2 c).
+    Cauchy's mean stress is K ln J and Kirchhoff's deviator 2G dev(ln λ); with ν = 0, K = E/3,
+    2G = E and J = λ
+
+        p/E = -ln λ (1/3 + 2/(3λ)).
 
     Args:
-        contact_modulus: E* of one side [Pa].
-        modulus: M = ρ c² [Pa].
-        wave_speed: Of plane waves [m/s].
-        depth: d/h [-].
-        compliance: c of the layers [-].
+        stretch: λ [-].
     """
-    return contact_modulus / modulus * depth / compliance * wave_speed
+    stretch = np.asarray(stretch, dtype=float)
+    return -np.log(stretch) * (1.0 / 3.0 + 2.0 / (3.0 * stretch))
+
+
+def sealed_speed(relative_pressure):
+    """Speed of approach beyond which two equal bars with ν = 0 press no harder, over √(E/ρ) [-].
+
+    A front that stops a bar of speed u = v/2 by the stretch λ carries the pressure p:
+
+        p = ρ U u,  u = U (1 - λ)   →   v/c = 2 √((1 - λ) p/E),
+
+    U the speed of the front in the bar before. Small ones: v = 2 p/(ρ c).
+
+    Args:
+        relative_pressure: The largest pressure of the contact, p/E. Two layers of c h/E* whose
+            force grows no more beyond the depth d carry d/h/(2 c) E*.
+
+    Source: the Rankine-Hugoniot conditions, K. F. Graff, Wave Motion in Elastic Solids, 1975.
+    """
+    low, high = 0.01, 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if uniaxial_strain(middle) > relative_pressure else (low, middle)
+    return 2.0 * np.sqrt((1.0 - low) * relative_pressure)
+
+
+def sinking_speed(sealed, compliance, full, allowed, length):
+    """Speed of approach at which long bars sink as deep as is allowed while they meet [-].
+
+    Springs of two layers fill up to their largest depth d in the time that a mass of waves takes,
+    beyond which the bars sink at the excess over v₀ until fronts are back from their far ends,
+
+        t = -τ ln(1 - v₀/v),  τ = c h/(c_wave),   (v - v₀) (2 L/c_wave - t) = D - d.
+
+    Args:
+        sealed: v₀ over the speed of waves, :func:`sealed_speed`.
+        compliance: c of the layers [-].
+        full: d over the edge of facets h.
+        allowed: D over h.
+        length: Of a bar over h.
+    """
+    low, high = sealed * (1 + 1e-9), 10.0 * sealed
+    for _ in range(80):
+        v = 0.5 * (low + high)
+        left = 2 * length + compliance * np.log(1 - sealed / v)
+        low, high = (low, v) if (v - sealed) * left > allowed - full else (v, high)
+    return v
 
 
 def swallowed_ratio(relative_pressure, compliance, part):

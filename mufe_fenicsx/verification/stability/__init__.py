@@ -11,6 +11,7 @@ from . import (
     overlap,
     penalty,
     plastic,
+    resting,
     slivers,
     speed,
     time_step,
@@ -31,5 +32,6 @@ STABILITY = {
     "stability-inversion": inversion.inversion,
     "stability-impact": tunnelling.fast_impact,
     "stability-size": unequal.unequal_size,
+    "stability-resting": resting.resting,
     "stability-newton": newton.newton_limits,
 }

@@ -12,7 +12,7 @@ from ...scene import Contact
 from ...simulation import Simulation
 from ..build import distribute, drive
 from ..case import case, compare
-from .limits import NEVER, NU, RHO, SIZE, E, dense_stiffness, message_of, shake
+from .limits import NEVER, NU, RHO, SIZE, E, dense_stiffness, message_of
 
 COEFFICIENTS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
 #: Of the plane below the block [m/s]: the stick springs turn far more slowly than modes swing.
@@ -32,7 +32,8 @@ def sliding_block(comm, friction, divisions=(2, 2, 2), strain=1e-4):
     drive(s, {"platen": -strain * SIZE * up}, 6 * transit)
     depth = 2 * friction * strain * SIZE  # the block's shear and the springs' at the limit
     s.walls.velocity[0] = [DRAW, 0.0, 0.0]
-    end = s.state.t + 3.5 * depth / DRAW
+    # Pressures follow the relaxing stick springs: e-folds of them per depth drawn.
+    end = s.state.t + 10 * depth / DRAW
     while s.state.t < end:
         s.step()
     for _ in range(3000):
@@ -42,27 +43,44 @@ def sliding_block(comm, friction, divisions=(2, 2, 2), strain=1e-4):
 
 
 def flutter_theory(s, friction):
-    """Growth rate of the fastest mode [1/s] of the block that slides: max |Im ω|.
+    """Growth rate of the fastest mode [1/s] of the block that slides, the highest frequency, mode.
 
-        M ü + (K + Σ k (n + μ t) nᵀ + Σ k_t b bᵀ) u = 0,
+        M ü + (K + Σ k (n + μ t) nᵀ) u = Σ f b,   ḟ = -k_t (b·u̇ + V f/(μ N)),
 
-    n the normal of the plane, t the way that it is drawn, b across both, at the pressed nodes.
+    n the normal of the plane, t the way that it is drawn with the speed V, b across both, at the
+    pressed nodes with normal forces N. A stick spring across the slip relaxes while that lasts:
+    friction turns to where the slip goes. Growth is that of central differences, 2/Δt
+    asinh(λ Δt/2) for a mode λ.
     """
     pairs, contact = s.contact.walls.pairs, s.contact
     K = dense_stiffness(s, springs=False)
-    on = pairs.closed & (pairs.wall == 0)
-    for node in pairs.node[on]:
-        k = contact.points.area[node] / contact.layer[node]
-        i = 3 * contact.own.nodes[node]
-        K[i + 2, i + 2] += k
-        K[i, i + 2] += friction * k
-        K[i + 1, i + 1] += k * contact.ratio[node]
+    on = np.flatnonzero(pairs.closed & (pairs.wall == 0))
+    nodes = contact.own.nodes[pairs.node[on]]
+    k = contact.points.area[pairs.node[on]] / contact.layer[pairs.node[on]]
+    K[3 * nodes + 2, 3 * nodes + 2] += k
+    K[3 * nodes, 3 * nodes + 2] += friction * k
     free = np.ones(s.mesh.num_nodes, dtype=bool)
     free[s.bonded.nodes] = False
     free = np.repeat(free, 3)
-    mass = np.repeat(s.solid.mass, 3)[free]
-    omega = np.emath.sqrt(np.linalg.eigvals(K[np.ix_(free, free)] / mass[:, None]))
-    return float(np.abs(omega.imag).max()), float(np.abs(omega).max())
+    mass = np.repeat(s.solid.mass, 3)
+    n, m = free.sum(), on.size if friction > 0 else 0
+    A = np.zeros((2 * n + m, 2 * n + m))
+    A[:n, n : 2 * n] = np.eye(n)
+    A[n : 2 * n, :n] = -K[np.ix_(free, free)] / mass[free, None]
+    if m:
+        across = np.zeros((mass.size, m))
+        across[3 * nodes + 1, np.arange(m)] = 1.0
+        stick = k * contact.ratio[pairs.node[on]]
+        normal = k * (pairs.offset - pairs.gap)[on]
+        A[n : 2 * n, 2 * n :] = (across / mass[:, None])[free]
+        A[2 * n :, n : 2 * n] = -(across * stick).T[:, free]
+        A[2 * n :, 2 * n :] = -np.diag(stick * DRAW / (friction * normal))
+    modes, vectors = np.linalg.eig(A)
+    growth = (2 / s.dt * np.arcsinh(0.5 * s.dt * modes)).real
+    mode = np.zeros(mass.size)
+    mode[free] = vectors[n : 2 * n, growth.argmax()].real
+    mode = (mode / np.abs(mode).max()).reshape(-1, 3)
+    return float(growth.max()), float(np.abs(modes.imag).max()), mode
 
 
 def flutter(comm, coefficients=COEFFICIENTS, num_steps=4000):
@@ -70,10 +88,10 @@ def flutter(comm, coefficients=COEFFICIENTS, num_steps=4000):
     rows, simulations = [], []
     for friction in coefficients:
         s = sliding_block(comm, friction)
-        rate, highest = flutter_theory(s, friction)
+        rate, highest, mode = flutter_theory(s, friction)
         before = s.energies()
         quiet = s.state.v.copy()
-        shake(s, 1e-3 * DRAW)
+        s.state.v += 1e-4 * DRAW * mode  # noise would show it late, among all others
         free = np.ones(s.mesh.num_nodes, dtype=bool)
         free[s.bonded.nodes] = False
         course, times = [], []
@@ -87,7 +105,8 @@ def flutter(comm, coefficients=COEFFICIENTS, num_steps=4000):
                 break
         course, times = np.log(course), np.array(times)
         half = len(course) // 2
-        measured = 0.5 * np.polyfit(times[half:], course[half:], 1)[0]
+        # A face that has not let go moves too fast at once for a rate.
+        measured = 0.5 * np.polyfit(times[half:], course[half:], 1)[0] if half > 5 else math.nan
         e = s.energies()
         forces = s.walls.force[0]
         rows.append(
@@ -129,11 +148,9 @@ def friction_limits(comm, num_steps=4000):
     results = {}
     for row in rows:
         name = f"μ = {row.friction:g}"
-        if abs(row.drag - row.friction) < 1e-3 * row.friction:  # all of the face slides
-            # Springs across the slip relax while it lasts, which damps a little.
-            results[f"{name}: rate of growth over the highest frequency"] = compare(
-                max(row.measured, 0.0) / row.highest, row.theory / row.highest, 0.005, scale=1.0
-            )
+        if abs(row.drag - row.friction) < 1e-5 * row.friction:  # all of the face slides
+            # Of a state that still changes a little while noise grows.
+            results[f"{name}: rate of growth [1/s]"] = compare(row.measured, row.theory, 0.05)
         results[f"{name}: energy residual over work and what is stored"] = compare(
             row.residual, 0.0, 1e-2, scale=1.0
         )

@@ -74,7 +74,7 @@ def shake(s, speed=NOISE, seed=1):
     s.state.v += speed * np.random.default_rng(seed).uniform(-1, 1, s.state.v.shape)
 
 
-def growth(s, start, dt, num_steps=600, largest=1e14):
+def growth(s, start, dt, num_steps=600, largest=1e14, mode=None):
     """Factor of the amplitude of noise in a step of ``dt`` [s], and whether it grows for good.
 
     Args:
@@ -83,9 +83,14 @@ def growth(s, start, dt, num_steps=600, largest=1e14):
         dt: Time step [s].
         num_steps: Steps at most.
         largest: Kinetic energy over that of the noise at which to stop.
+        mode: Shape of the motion instead of noise, largest entry 1, shape (num_nodes, 3): far
+            beyond the limit noise has some steps only, in which other modes grow nearly as fast.
     """
     start.restore()
-    shake(s)
+    if mode is None:
+        shake(s)
+    else:
+        s.state.v += NOISE * mode
     set_step(s, dt)
     first, course = kinetic(s), []
     for _ in range(num_steps):
@@ -118,12 +123,49 @@ def dense_stiffness(s, bulk=True, springs=True):
     return K
 
 
+def tangent_stiffness(s, part=1e-7):
+    """Derivative of the internal forces, stresses included [N/m], by differences. One rank.
+
+    What :func:`dense_stiffness` has of the bulk is that of a body without stresses.
+
+    Args:
+        s: Simulation; its state and stresses stay.
+        part: Of each move over ``SIZE``: strains far below those of yield, far above rounding.
+    """
+    state, n = s.state, s.state.x.size
+    names = ("x", "v", "deviator", "plastic_strain", "plastic_work")
+    kept = {name: getattr(state, name).copy() for name in names}
+    K, move = np.empty((n, n)), part * SIZE
+
+    def forces(i, way):
+        for name, values in kept.items():
+            getattr(state, name)[:] = values
+        state.x.flat[i] += way
+        state.v[:] = 0.0
+        state.v.flat[i] = way  # for a second: increments of strain follow from velocities
+        f = np.zeros_like(state.x)
+        s.solid.add_internal_forces(f, state, 1.0)
+        return f.ravel()
+
+    for i in range(n):
+        K[:, i] = (forces(i, -move) - forces(i, move)) / (2 * move)
+    forces(0, 0.0)  # the pressures are those of this state again
+    for name, values in kept.items():
+        getattr(state, name)[:] = values
+    return K
+
+
+def fastest_mode(s, K):
+    """ω_max of M⁻¹K [rad/s], and its mode, largest entry 1, shape (num_nodes, 3). One rank."""
+    root = np.repeat(1 / np.sqrt(s.solid.mass), 3)
+    values, vectors = np.linalg.eigh(root[:, None] * (0.5 * (K + K.T)) * root)
+    mode = root * vectors[:, -1]
+    return math.sqrt(max(values[-1], 0.0)), (mode / np.abs(mode).max()).reshape(-1, 3)
+
+
 def highest_frequency(s, bulk=True, springs=True):
     """ω_max of M⁻¹K by a dense eigenvalue problem [rad/s]. One rank."""
-    root = np.repeat(1 / np.sqrt(s.solid.mass), 3)
-    K = dense_stiffness(s, bulk, springs)
-    top = np.linalg.eigvalsh(root[:, None] * (0.5 * (K + K.T)) * root)[-1]
-    return math.sqrt(max(top, 0.0))
+    return fastest_mode(s, dense_stiffness(s, bulk, springs))[0]
 
 
 def free_block(comm, element="p1", divisions=2, **options):

@@ -7,6 +7,7 @@ import numpy as np
 
 from ...contact.laws import COMPLIANCE
 from ...scene import Contact
+from ...theory.stability import uniaxial_strain
 from ..case import case, compare
 from .limits import (
     SIZE,
@@ -45,7 +46,8 @@ def penalty_map(comm, layers=LAYERS, trials=12):
             contact.own.nodes.size,
         )[:, 0]
         mass = s.solid.mass[contact.own.nodes]
-        strain = 1.0 - (s.walls.point[1, 2] - s.walls.point[0, 2]) / SIZE
+        # As large as that of the law: beside a strain of 0.001 the stiffest layer loses 0.01.
+        strain = uniaxial_strain((s.walls.point[1, 2] - s.walls.point[0, 2]) / SIZE)
         # Facets of the same size on both faces; a platen has no layer.
         pressed = _active(contact)
         layer = np.average(contact.layer[pressed], weights=contact.points.area[pressed])
@@ -93,10 +95,8 @@ def penalty(comm, trials=10):
         results[f"{name}: step of the program over its limits"] = compare(
             row.program / min(row.exact, row.springs), 1.0, 0.03
         )
-        # Even pressure but for edges, where sharp vertices carry a part.
-        results[f"{name}: loss of stiffness"] = compare(
-            row.soft, row.soft_theory, 0.12 * row.soft_theory, scale=1.0
-        )
+        # Even pressure, sharp vertices too shallow to carry; layers are no logarithm.
+        results[f"{name}: loss of stiffness"] = compare(row.soft, row.soft_theory, 0.02)
     step = math.sqrt(rows[0].c / rows[1].c)
     results["springs: step falls as the root of c"] = compare(
         rows[0].springs / rows[1].springs, step, 0.01
