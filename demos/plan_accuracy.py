@@ -1,7 +1,7 @@
 """Do plans keep their accuracy away from the table, and what does their margin cost?
 
-`mufe plan CASE --accuracy …` takes the cheapest measured point whose error, divided by the margin of
-its case, is within the accuracy: at other Poisson's ratios, sizes of contact and speeds than
+`mufe plan CASE --accuracy …` takes the cheapest measured point whose error, divided by the margin
+of its case, is within the accuracy: at other Poisson's ratios, sizes of contact and speeds than
 those of the table errors are larger. Here
 
 - `--margins` measures by how much: the points that plans may choose are computed again at other
@@ -109,8 +109,11 @@ def check(say):
                 error, command = known[key]
                 kept = error is not None and error <= accuracy
                 rows.append((case, accuracy, error, kept, over, command))
-                say(f"{case:15} wanted {accuracy:5.2f} error {error:8.4f} "
-                    f"{'kept' if kept else 'NOT KEPT':8} cost {over:5.2f} x  {command}")  # fmt: skip
+                word = "kept" if kept else "NOT KEPT"
+                say(
+                    f"{case:15} wanted {accuracy:5.2f} error {error or float('nan'):8.4f} "
+                    f"{word:8} cost {over:5.2f} x  {command}"
+                )
     return rows
 
 

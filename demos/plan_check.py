@@ -1,9 +1,9 @@
 """What `mufe plan` predicts, beside what `mufe run` then takes.
 
-Four samples are planned with an accuracy and run as planned: two balls, a lattice of balls, a lattice
+Four samples are planned with an accuracy and run as planned: two balls, a lattice of balls, one
 with loose balls in its voids, twenty angular grains; and folders of grains of your own. Predicted
-and actual tetrahedra, steps, memory, disk and time stand beside each other. Each test is a process of
-its own, so that its memory is that of it alone; times are of the processor, which on a machine
+and actual tetrahedra, steps, memory, disk and time stand beside each other. Each test is a process
+of its own, so that its memory is that of it alone; times are of the processor, which on a machine
 that does nothing else are those of the clock on the wall.
 
     python demos/plan_check.py FOLDER                              some minutes
@@ -66,7 +66,7 @@ ROWS = (
 def balls(h=0.2):
     """Two balls on top of each other."""
     points, cells = sphere(RADIUS, h * RADIUS)
-    return [(points + [0, 0, 2 * RADIUS * k], cells) for k in range(2)], h * RADIUS
+    return [(points + np.array([0, 0, 2 * RADIUS * k]), cells) for k in range(2)], h * RADIUS
 
 
 def cubic(h=0.26):
@@ -74,7 +74,7 @@ def cubic(h=0.26):
     return lattice((2, 2, 3), h)[:12], h * RADIUS
 
 
-def filled(h=0.26):
+def filled(h=0.23):
     """A lattice of balls with loose ones of half their size, as finely meshed, between."""
     return lattice((2, 2, 3), h), h * RADIUS
 
@@ -156,8 +156,8 @@ def main():
         make, accuracy, strain = SAMPLES[name]
         bodies, h = make()
         grains = folder / f"{name}-grains"
-        if not grains.exists():
-            save_grains(grains, Grains.from_list(np.arange(1, len(bodies) + 1), bodies, h))
+        shutil.rmtree(grains, ignore_errors=True)
+        save_grains(grains, Grains.from_list(np.arange(1, len(bodies) + 1), bodies, h))
         tests.append((name, grains, accuracy, strain))
     tests += [(g.parent.name or g.name, g, given.accuracy, given.strain) for g in given.grains]
     table = []
@@ -165,8 +165,10 @@ def main():
         rows, _ = run(name, grains, folder, accuracy, strain, given.ranks)
         for label, unit, predicted, actual in rows:
             table.append((name, given.ranks, label, unit, predicted, actual, predicted / actual))
-            print(f"{name:12} {label:12} predicted {predicted:10.4g} {unit:3} actual "
-                  f"{actual:10.4g} {unit:3} ratio {predicted / actual:5.2f}", flush=True)  # fmt: skip
+            print(
+                f"{name:12} {label:12} predicted {predicted:10.4g} {unit:3} actual "
+                f"{actual:10.4g} {unit:3} ratio {predicted / actual:5.2f}", flush=True,
+            )  # fmt: skip
     with (folder / "plan_check.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["sample", "ranks", "quantity", "unit", "predicted", "actual", "ratio"])

@@ -3,8 +3,8 @@
     wall = set-up + steps of seating · t₀ + steps of loading · t₁ + rows and states
 
 A step is measured, and costs as many tetrahedra as it has, and ``PAIR_COST`` for each pair in
-contact. How many pairs come into contact is taken from tests of other samples; how much they
-shorten the stable time step follows from the pairs that are near each other at the start.
+contact. How many pairs come into contact, how far the platen travels until the sample is seated and
+how much contact shortens the stable time step follows from what is near each other at the start.
 """
 
 import math
@@ -19,6 +19,7 @@ from .balance import PAIR_COST
 from .contact.separation import separate
 from .loading import LARGEST_SEATING
 from .memory import peak_memory
+from .plan_contacts import Closing
 from .plan_errors import PACKING
 from .preparation import bounding_box, load_mesh, make_simulation
 
@@ -26,12 +27,13 @@ from .preparation import bounding_box, load_mesh, make_simulation
 #: it is within 2 % of that of two tests of sand up to a strain of 0.065. Beyond, new contacts
 #: shorten it, by about so much.
 LOADED, LATE, SHORTER = 0.3, 0.07, 0.78
-#: Pairs in contact over points of contact as loading begins, how that grows with the strain, and
-#: its mean while seating over that: 0.03 to 0.05, 0.3 to 0.7 measured.
-PAIRS, PAIRS_BY_STRAIN, PAIRS_SEATING = 0.05, 0.4, 0.6
-#: Part of the height that a platen travels until the sample is seated: 0.008 to 0.018 measured in
-#: samples of scans. Nothing tells it beforehand.
-SEATING = 0.012
+#: Part of the points that geometry closes (plan_contacts) which are in contact in the mean while
+#: loading, and that of these while seating: 0.3 to 0.8 and 0.4 to 0.9 in three tests of sand.
+CLOSED, WHILE_SEATING = 0.5, 0.5
+#: Speed of waves through a sample that is not loaded yet over that of its rock: the platen goes on
+#: until the bottom feels it. Part of the height that it travels while grains rearrange: 0 to 0.015
+#: measured, which nothing tells beforehand. The same where no chain of grains is found.
+FIRST_WAVE, SEATING, NO_CHAIN = 0.06, 0.003, 0.012
 #: Memory of a tetrahedron with its share of nodes, contact and output [bytes]; what a run holds
 #: beyond what its first steps do.
 TET_MEMORY, MORE_MEMORY = 860.0, 1.02
@@ -56,7 +58,8 @@ class Benchmark:
     setup_s: float
     step_s: float  #: time of a step, its share of estimates of the stable step included [s]
     due: float  #: pairs in contact, or about to be, meanwhile
-    points: float  #: of contact: most pairs that there can be
+    closing: float  #: points of contact that geometry closes at half of the strain
+    travel: float  #: of the platen until a chain of grains is closed, over the height
     row_s: float  #: of a row of the history [s]
     time_step: float  #: stable step now, with its factor [s]
     loaded_step: float  #: the same with all pairs closed that are near [s]
@@ -101,6 +104,8 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
     low, high = bounding_box(mesh)
     s = make_simulation(scene, mesh, low, high)
     setup = comm.allreduce(clock() - start, op=MPI.MAX)
+    closing, height = Closing(s, low, high), float(high[2] - low[2])  # before the platen moves
+    travel = closing.travel() / height
     top = s.walls.names.index("z_max")
     s.walls.velocity[top, 2] = -scene.oedometer.seating_speed
     blocks = []
@@ -115,22 +120,24 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
     factor = s.time_step_factor
     margin = LOADED * s.contact.edge
     loaded = factor * s.stable_step_within(margin)
-    due, points = comm.allreduce(np.array([_due(s), s.contact.points.num_points]))
+    due, memory = comm.allreduce(_due(s)), float(peak_memory(comm))
+    dt, of_tets = s.dt, factor * s.stable_step_of_tets()
     return Benchmark(
         num_ranks=comm.size,
         num_grains=int(mesh.labels.size),
         num_cells=comm.allreduce(mesh.num_cells),
         num_nodes=comm.allreduce(mesh.num_nodes),
-        height=float(high[2] - low[2]),
+        height=height,
         setup_s=setup,
         step_s=median(blocks[1:]) / BLOCK + estimate / s.refresh,
         due=float(due),
-        points=float(points),
+        closing=closing.num_points(0.5 * scene.oedometer.strain),
+        travel=travel if math.isfinite(travel) else NO_CHAIN,
         row_s=row,
-        time_step=s.dt,
-        loaded_step=min(loaded, s.dt),
-        tets_step=factor * s.stable_step_of_tets(),
-        memory=float(peak_memory(comm)),
+        time_step=dt,
+        loaded_step=min(loaded, dt),
+        tets_step=of_tets,
+        memory=memory,
     )
 
 
@@ -163,7 +170,9 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
     o, out, b = scene.oedometer, scene.output, measured
     first, loaded = (shorter * dt for dt in (b.time_step, b.loaded_step))
     # A ramp of speed that rises smoothly from rest covers half of the way in its time.
-    seating = (SEATING + 0.5 * o.ramp) * b.height / o.seating_speed
+    wave = o.seating_speed / (FIRST_WAVE * scene.material.wave_speed)
+    travelled = b.travel + wave + SEATING
+    seating = (travelled + 0.5 * o.ramp) * b.height / o.seating_speed
     seating = min(seating, LARGEST_SEATING * b.height / o.seating_speed)
     speed = mean_speed(scene)
     loading = o.strain * b.height / speed
@@ -172,15 +181,15 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
     num_cells, num_nodes = finer * b.num_cells, finer * b.num_nodes
     step_s = finer * b.step_s
     state = STATE_BYTES[0] * num_nodes + STATE_BYTES[1] * num_cells + STATE_BYTES[2] * b.num_grains
-    pairs = PAIRS * PAIRS_SEATING, PAIRS + 0.5 * PAIRS_BY_STRAIN * o.strain
+    closed = CLOSED * b.closing
     unit = step_s / (b.num_cells + PAIR_COST * b.due)
     stepping = sum(
-        n * unit * (b.num_cells + PAIR_COST * part * b.points)
-        for n, part in zip(steps, pairs, strict=True)
+        n * unit * (b.num_cells + PAIR_COST * closed * part)
+        for n, part in zip(steps, (WHILE_SEATING, 1.0), strict=True)
     )
     checkpoints = 1 + (stepping / out.checkpoint if out.checkpoint else 0)
     written = state * (out.fields + CHECKPOINT * checkpoints)
-    rows = out.history * (1 + SEATING / o.strain)
+    rows = out.history * (1 + travelled / o.strain)
     output = rows * finer * b.row_s + written / WRITING + STATE_S * (out.fields + checkpoints)
     setup = finer * b.setup_s
     memory = MORE_MEMORY * b.memory + TET_MEMORY * (num_cells - b.num_cells)

@@ -16,13 +16,13 @@ from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.plan_cost import (
+    CLOSED,
+    FIRST_WAVE,
     LATE,
     PAIR_COST,
-    PAIRS,
-    PAIRS_BY_STRAIN,
-    PAIRS_SEATING,
     SEATING,
     TET_MEMORY,
+    WHILE_SEATING,
     Benchmark,
     predict,
 )
@@ -191,19 +191,22 @@ def hertz_table(table):
 
 def test_cost_by_hand():
     """A way of 0.1 mm at 1 m/s and 0.5 ns a step, and that of seating; twice as fine a mesh."""
-    points = 2000.0
-    due = PAIRS * points  # as many as the loading begins with
-    b = Benchmark(1, 10, 10000, 3000, 1e-3, 2.0, 1e-3, due, points, 0.0, 1e-9, 0.5e-9, 1e-9, 4e8)
+    closing = 2000.0
+    due = CLOSED * closing  # as many as the loading has
+    b = Benchmark(
+        1, 10, 10000, 3000, 1e-3, 2.0, 1e-3, due, closing, 0.01, 0.0, 1e-9, 0.5e-9, 1e-9, 4e8
+    )
     s = Scene(J2_ROCK, Contact(0.23), Oedometer(LATE, 1.0, ramp=0.005))
-    seating = (SEATING + 0.0025) * 1e-3 / (1.1 * 0.5e-9)
+    wave = s.oedometer.seating_speed / (FIRST_WAVE * J2_ROCK.wave_speed)
+    way = (0.01 + wave + SEATING + 0.0025) * 1e-3
+    seating = way / s.oedometer.seating_speed / (1.1 * 0.5e-9)
     loading = LATE * 1e-3 / 0.5e-9
     cost = predict(s, b)
     assert cost.num_steps == pytest.approx(seating + loading, abs=2)
     work = 10000 + PAIR_COST * due
-    more = (work + PAIR_COST * 0.5 * PAIRS_BY_STRAIN * LATE * points) / work
-    less = (10000 + PAIR_COST * PAIRS_SEATING * due) / work
+    less = (10000 + PAIR_COST * WHILE_SEATING * due) / work
     # States and rows: less than a second.
-    assert cost.wall_s == pytest.approx(2.0 + 1e-3 * (seating * less + loading * more), abs=1.0)
+    assert cost.wall_s == pytest.approx(2.0 + 1e-3 * (seating * less + loading), abs=1.0)
     assert cost.limit == "contact"
     finer = predict(s, b, finer=8.0, shorter=0.5)
     assert finer.num_steps == pytest.approx(2 * cost.num_steps, rel=1e-4)
@@ -235,7 +238,10 @@ def test_stored_points_plan_their_cases(case):
     """Finer is never cheaper, and nothing that was measured is cheaper than what is chosen."""
     stored = evidence.usable(evidence.read_points(), case)
     best = min(p.error for p in stored)
-    coarse, fine = plan_case(case, min(3 * best, 0.9)), plan_case(case, 1.1 * best / margin_of(case))
+    coarse, fine = (
+        plan_case(case, min(3 * best, 0.9)),
+        plan_case(case, 1.1 * best / margin_of(case)),
+    )
     assert fine.error <= 1.1 * best and coarse.seconds <= fine.seconds
     assert fine.seconds == min(p.seconds for p in stored if p.error <= 1.1 * best)
     with pytest.raises(InputError, match="accuracy = 1e-06, expected at least"):
