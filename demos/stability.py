@@ -488,8 +488,9 @@ def draw_impact(d, new):
                 label="the program stops")  # fmt: skip
     left.axhline(0.1, color=BLACK, linewidth=0.6)
     left.axhline(0.5, color=RED, linewidth=0.6, linestyle="--")
-    left.set(xlabel="speed of approach / of waves", ylabel="largest depth / edge of facets")
-    left.legend(loc="upper left")
+    left.set(xlabel="speed of approach / of waves", ylabel="largest depth / edge of facets",
+             ylim=(0.02, 60))  # fmt: skip
+    left.legend(loc="upper left", fontsize=6)
     safe(middle, v[0], d["theory"][0])
     middle.semilogx(v, after, "o-", color=BLUE, markersize=4)
     middle.axhline(-1, color=GREY, linewidth=0.6)
@@ -504,8 +505,9 @@ def draw_impact(d, new):
     right.loglog(c, d["limits"], "o", color=RED, markersize=4, label="long bars")
     right.axvline(COMPLIANCE, color=GREY, linestyle=":")
     plain_log_ticks(right.xaxis)
-    right.set(xlabel="compliance c of the layers", ylabel="speed at which bars sink / of waves")
-    right.legend()
+    right.set(xlabel="compliance c of the layers", ylabel="speed at which bars sink / of waves",
+              ylim=(0.005, 0.6))  # fmt: skip
+    right.legend(fontsize=6, loc="lower left")
     return figure
 
 
@@ -549,10 +551,10 @@ def draw_resting(d, new):
     eps = np.finfo(float).eps
     left.loglog(step, step * eps, color=BLACK, linewidth=0.8, label="ε a step, all of one sign")
     left.loglog(step, np.sqrt(step) * eps, color=GREY, linewidth=0.8, label="ε a step at random")
-    left.set(xlabel="time steps", ylabel="energy / stored energy")
+    left.set(xlabel="time steps", ylabel="energy / stored energy", ylim=(1e-27, 1e-7))
     right.set(xlabel="time steps", ylabel="largest change of a wall's force / platen's")
-    for axis in (left, right):
-        axis.legend(fontsize=6)
+    left.legend(fontsize=6, loc="lower right")
+    right.legend(fontsize=6)
     return figure
 
 

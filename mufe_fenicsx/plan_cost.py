@@ -12,7 +12,6 @@ import time
 from dataclasses import dataclass
 from statistics import median
 
-import numpy as np
 from mpi4py import MPI
 
 from .balance import PAIR_COST
@@ -22,6 +21,7 @@ from .memory import peak_memory
 from .plan_contacts import Closing
 from .plan_errors import PACKING
 from .preparation import bounding_box, load_mesh, make_simulation
+from .speed_control import AIM
 
 #: Pairs nearer than this part of an edge count as closed for the stable step under load: so found
 #: it is within 2 % of that of two tests of sand up to a strain of 0.065. Beyond, new contacts
@@ -174,7 +174,7 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
     travelled = b.travel + wave + SEATING
     seating = (travelled + 0.5 * o.ramp) * b.height / o.seating_speed
     seating = min(seating, LARGEST_SEATING * b.height / o.seating_speed)
-    speed = mean_speed(scene)
+    speed = mean_speed(scene, b.height)
     loading = o.strain * b.height / speed
     late = max(0.0, 1 - LATE / o.strain)
     steps = seating / min(first, 1.1 * loaded), loading / loaded * (1 - late + late / SHORTER)
@@ -209,20 +209,34 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
     )  # fmt: skip
 
 
-def mean_speed(scene):
+def mean_speed(scene, height):
     """Speed of the platen while loading [m/s], the strain over the time.
 
-    One that adapts ([quasi_static]) grows with the strain of a linear sample so that kinetic over
-    internal energy keeps its target k, v = strain c √(3k), c the speed of waves through the
-    sample, within its limits (speed_control).
+    One that adapts ([quasi_static]) follows kinetic over internal energy of a linear sample, k =
+    (v/(c ε))²/3, c the speed of waves through it, at its target and within its limits
+    (speed_control). It begins with that of the seating, and changes by no more than v in the time
+    T = H/c of a wave, nor by more than makes half of the force difference that is allowed:
+    d H ε/T².
+
+    Args:
+        scene: :class:`~mufe_fenicsx.scene.Scene`.
+        height: Of the sample, H [m].
     """
     o, wanted = scene.oedometer, scene.quasi_static
     if wanted is None:
         return o.speed
-    k = min(wanted.kinetic, wanted.unbalanced / 1.5)
-    strain = o.strain * (np.arange(200) + 0.5) / 200
-    speed = np.maximum(strain, wanted.loaded) * packing_wave_speed(scene) * math.sqrt(3 * k)
-    return float(1 / np.mean(1 / np.clip(speed, wanted.slowest, wanted.fastest)))
+    c = packing_wave_speed(scene)
+    step = height / c / 50  # of time
+    k, d = min(wanted.kinetic, wanted.unbalanced / 1.5), wanted.unbalanced
+    strain, steps, v = 0.0, 0, o.seating_speed
+    while strain < o.strain:
+        loaded = max(strain, wanted.loaded)
+        aim = min(max(AIM * loaded * c * math.sqrt(3 * k), wanted.slowest), wanted.fastest)
+        most = step * min(v * c, d * loaded * c**2) / height
+        v += min(max(aim - v, -most), most)
+        strain += v * step / height
+        steps += 1
+    return o.strain * height / (steps * step)
 
 
 def packing_wave_speed(scene):
