@@ -551,7 +551,7 @@ def draw_resting(d, new):
     eps = np.finfo(float).eps
     left.loglog(step, step * eps, color=BLACK, linewidth=0.8, label="ε a step, all of one sign")
     left.loglog(step, np.sqrt(step) * eps, color=GREY, linewidth=0.8, label="ε a step at random")
-    left.set(xlabel="time steps", ylabel="energy / stored energy", ylim=(1e-27, 1e-7))
+    left.set(xlabel="time steps", ylabel="energy / stored energy", ylim=(1e-31, 1e-7))
     right.set(xlabel="time steps", ylabel="largest change of a wall's force / platen's")
     left.legend(fontsize=6, loc="lower right")
     right.legend(fontsize=6)

@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from .errors import InputError
-from .evidence import SUFFIX, cheapest, read_margins, read_points, usable
+from .evidence import SUFFIX, read_elsewhere, read_points, usable
 from .geometry.grains import load_grains, read_grain_table
 from .materials.auto import Auto
 from .materials.elastic import Elastic
@@ -41,8 +41,8 @@ LAWS = {"matched": {"law": "matched"}, "kinematic": {"law": "kinematic"},
 CUTS = 40
 #: Grains that are meshed finer than they need be are kept up to this cost over the least.
 WORTH_MESHING = 1.5
-#: Part of an accuracy that a measured point may use up, of cases for which nobody has measured how
-#: much larger errors are at another Poisson's ratio, size of contact or speed.
+#: Error of a measured point over what it may be at another Poisson's ratio, size of contact or
+#: speed, for points that nobody has computed there.
 MARGIN = 0.75
 #: Strain between two stored states.
 STATE_STRAIN = 0.01
@@ -396,18 +396,19 @@ def _unknown(scene, errors, best):
     return tuple(known)
 
 
-def margin_of(case):
-    """Part of an accuracy that a measured point of a case may use up.
+def expected_error(point, elsewhere):
+    """What the error of a point may be at parameters other than its own.
 
-    Its points were computed at other parameters, and the least ratio of errors is the part.
+    Args:
+        point: :class:`~mufe_fenicsx.evidence.Point`.
+        elsewhere: {command: largest error elsewhere} of those that were computed there.
     """
-    return read_margins().get(case, MARGIN)
+    largest = elsewhere.get(point.command)
+    return point.error / MARGIN if largest is None else max(point.error, largest)
 
 
 def plan_case(case, accuracy, points=None):
-    """The cheapest measured point of a case of charts within a part of an accuracy.
-
-    The part is that of :func:`margin_of`.
+    """The cheapest measured point of a case of charts that keeps an accuracy elsewhere too.
 
     Returns:
         :class:`~mufe_fenicsx.evidence.Point`.
@@ -419,13 +420,13 @@ def plan_case(case, accuracy, points=None):
     own = usable(read_points() if points is None else points, case)
     if not own:
         raise InputError(f"case {case}, expected one of which the table of points has some")
-    margin = margin_of(case)
-    found = cheapest(own, margin * accuracy)
-    if found is None:
-        best = min(own, key=lambda p: p.error)
-        least = best.error / margin
+    elsewhere = read_elsewhere()
+    good = [p for p in own if expected_error(p, elsewhere) <= accuracy]
+    if not good:
+        best = min(own, key=lambda p: expected_error(p, elsewhere))
+        least = expected_error(best, elsewhere)
         raise InputError(
             f"accuracy = {accuracy:g}, expected at least {least:.2g}: the nearest that was "
             f"measured of {case}{SUFFIX} is `{best.command}` in {best.seconds:.3g} s"
         )
-    return found
+    return min(good, key=lambda p: (p.seconds, p.error))

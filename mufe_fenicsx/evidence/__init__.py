@@ -18,7 +18,7 @@ from ..errors import InputError
 TABLE = Path(__file__).with_name("points.csv")
 REFERENCE = Path(__file__).with_name("oedometer.csv")
 #: Made by ``demos/plan_accuracy.py``.
-MARGINS = Path(__file__).with_name("margins.csv")
+ELSEWHERE = Path(__file__).with_name("elsewhere.csv")
 #: A case of charts is called so by `mufe verify`: "hertz" is "hertz-point".
 SUFFIX = "-point"
 #: Status of a point that was computed; others say what went wrong.
@@ -110,29 +110,31 @@ def _point(row):
     return Point(**values)
 
 
-def read_margins(path=MARGINS):
-    """{case: least error of its points over that of the same at other parameters, at most 1}.
+def read_elsewhere(path=ELSEWHERE):
+    """{command of a point: largest error of the same at other parameters}.
 
     Raises:
         InputError: There is no such table, or a row is not one of it.
     """
     try:
         with Path(path).open(encoding="utf-8", newline="") as file:
-            return {row["case"]: float(row["margin"]) for row in csv.DictReader(file)}
+            return {row["command"]: float(row["largest"]) for row in csv.DictReader(file)}
     except OSError as error:
         raise InputError(
             f"table {path}: {error.strerror}, expected that of demos/plan_accuracy.py"
         ) from error
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"table {path} has a row that is no margin ({error})") from error
+        raise InputError(f"table {path} has a row that is no error ({error})") from error
 
 
-def write_margins(path, margins):
-    """Write a table of {case: (margin, computations that it comes of)}."""
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
+def write_elsewhere(path, errors):
+    """Write a table of {command: largest error}, whole or not at all."""
+    new = Path(f"{path}.new")
+    with new.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["case", "margin", "computations"])
-        writer.writerows([case, f"{m:.4g}", n] for case, (m, n) in margins.items())
+        writer.writerow(["command", "largest"])
+        writer.writerows([command, f"{error:.4g}"] for command, error in errors.items())
+    new.replace(path)
 
 
 def usable(points, case=None, series=None):
