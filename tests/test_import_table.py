@@ -34,6 +34,7 @@ PART_OF = {
     "speed_control": "simulation",
     "implicit": "simulation",
     "plan_errors": "planning",
+    "plan_contacts": "planning",
     "plan_cost": "planning",
     "plan_text": "planning",
     "plan_run": "planning",

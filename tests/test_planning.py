@@ -13,8 +13,11 @@ from mufe_fenicsx.cli import main
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.evidence import Point, cheapest, command_of, cost_at, pareto
 from mufe_fenicsx.geometry.grains import save_grains
+from mufe_fenicsx.geometry.shapes import box
+from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.materials.rigid import Rigid
+from mufe_fenicsx.plan_contacts import Closing
 from mufe_fenicsx.plan_cost import (
     CLOSED,
     FIRST_WAVE,
@@ -31,6 +34,7 @@ from mufe_fenicsx.plan_run import planned_scene
 from mufe_fenicsx.planning import Sample, expected_error, follow, plan_case, plan_scene
 from mufe_fenicsx.run import run_scene
 from mufe_fenicsx.scene import Contact, MassScaling, Oedometer, Output, Scene, Solver, load_scene
+from mufe_fenicsx.verification.build import build
 from mufe_fenicsx.verification.cases import run_cases
 from tests.bodies import RADIUS, packed_grains
 
@@ -214,6 +218,21 @@ def test_cost_by_hand():
     assert finer.memory_bytes - cost.memory_bytes == pytest.approx(70_000 * TET_MEMORY)
 
 
+def test_a_chain_of_cubes_closes_by_the_sum_of_its_gaps():
+    """Two cubes of 1 mm, 0.1 mm apart, 0.05 mm from the platens: 0.2 mm to go, all at 1/11."""
+    comm, size = MPI.COMM_SELF, 1e-3
+    points, cells = box((size,) * 3, (2, 2, 2))
+    high = np.array([size, size, 2.2 * size])
+    bodies = [(points + np.array([0.0, 0.0, z * size]), cells) for z in (0.05, 1.15)]
+    s = build(comm, bodies, Elastic(**ROCK), np.zeros(3), high, axes="z")
+    closing = Closing(s, np.zeros(3), high)
+    assert closing.travel() == pytest.approx(0.2 * size, rel=1e-6)
+    # Middles are 1.1 mm from each other and half of that from the platens. A face has eight facets
+    # and eight sharp vertices; where these meet edges of the other cube, normals are slanted.
+    assert closing.num_points(0.99 / 11) == 0
+    assert closing.num_points(1.01 / 11) == 2 * (8 + 8) + 2 * 8
+
+
 def test_the_stored_table_repeats():
     """A cheap point's command gives its stored error again: nothing random, to rounding."""
     stored = evidence.read_points()
@@ -266,10 +285,9 @@ def test_a_run_follows_its_plan_and_tells_what_was_predicted(tmp_path_factory):
     assert stored.accuracy == 0.6
     line = result["predicted_and_actual"]
     assert line.startswith("predicted ") and f"actual {result['wall_s']:.3g} s" in line
-    # The step under load is predicted as if all that is near were in contact, which in a lattice of
-    # balls it never is: on the safe side by 1.8 to 2.4. A machine at work makes clocks useless.
+    # At 20 m/s the platen is far ahead of the first wave. A machine at work makes clocks useless.
     predicted = result["plan"]["predicted"]
-    assert 0.8 < predicted["num_steps"] / result["num_steps"] < 3
+    assert 0.6 < predicted["num_steps"] / result["num_steps"] < 1.7
     assert 0.7 < predicted["memory_bytes"] / result["peak_memory_bytes"] < 1.3
     # The plan of the planned scene is itself: a run that goes on finds the same.
     again, _ = planned_scene(stored, folder / "grains", comm, measure=False)
