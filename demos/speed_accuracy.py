@@ -19,6 +19,8 @@ error and its cost. Figures show the front of what no other choice beats, and th
     python demos/speed_accuracy.py FOLDER --reference     first the course of stress that those of
                                                           the oedometer are compared with
     python demos/speed_accuracy.py FOLDER --minutes 5     stop then; the same command goes on
+    python demos/speed_accuracy.py FOLDER --geometry      nothing else: how the twenty grains differ
+                                                          before any load, from mesh to mesh
 """
 
 import argparse
@@ -31,10 +33,16 @@ import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 import numpy as np
 from mpi4py import MPI
 
-from mufe_fenicsx.charts.cases import STRAIN, press_grains
+from mufe_fenicsx.charts.cases import COUNTS, STRAIN, press_grains
 from mufe_fenicsx.charts.grid import CHARTS
 from mufe_fenicsx.charts.make import make_charts
+from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.evidence import REFERENCE, TABLE, distance, read_points, write_points
+from mufe_fenicsx.plan_contacts import Closing
+from mufe_fenicsx.simulation import Simulation
+from mufe_fenicsx.verification.build import build
+from mufe_fenicsx.verification.case import axis_planes
+from mufe_fenicsx.verification.packing import MATERIAL, angular_grains
 
 #: Length of edges over half of the distance of grains, and loading, of the reference; and of the
 #: coarser one that tells how far it is converged.
@@ -67,6 +75,23 @@ def write_reference(path=REFERENCE):
     print(f"{path}: others are {', '.join(f'{100 * one:.2f} %' for one in off)} from it")
 
 
+def print_geometry(sizes=(0.8, 0.5, 0.35, 0.25, 0.2)):
+    """Of the oedometer's sample on each mesh: what is there before anything is loaded."""
+    for size in sizes:
+        bodies = angular_grains(COUNTS, size, gap=0.0)
+        mesh = build(MPI.COMM_SELF, bodies, MATERIAL, np.zeros(3), np.zeros(3), axes="").mesh
+        low, high = mesh.x.min(axis=0), mesh.x.max(axis=0)
+        walls = [Wall(name, *plane) for name, plane in axis_planes(low, high).items()]
+        s = Simulation(mesh, [MATERIAL] * mesh.num_grains, walls)
+        closing, height = Closing(s, low, high), (high - low)[2]
+        solid = s.solid.volume0.sum() / np.prod(high - low)
+        print(
+            f"edges {size:4g}: {mesh.num_cells:6d} tets, {100 * solid:.1f} % solid, gaps along the "
+            f"tightest chain of grains {100 * closing.travel() / height:.2f} % of the height",
+            flush=True,
+        )
+
+
 def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -75,9 +100,13 @@ def main():
     parser.add_argument("--full", action="store_true")
     parser.add_argument("--store", action="store_true", help="keep the table in the package")
     parser.add_argument("--reference", action="store_true", help="compute the oedometer's first")
+    parser.add_argument("--geometry", action="store_true", help="of the oedometer's sample only")
     parser.add_argument("--minutes", type=float)
     parser.add_argument("--cases", nargs="*", default=list(CHARTS), choices=list(CHARTS))
     given = parser.parse_args()
+    if given.geometry:
+        print_geometry()
+        return
     if given.reference:
         write_reference()
     made = make_charts(given.cases, given.folder, full=given.full, minutes=given.minutes)

@@ -19,7 +19,7 @@ DEMOS = Path(__file__).resolve().parents[1] / "demos"
         *("axisymmetric_reference", "calibrate_compliance", "check_intrusion"),
         *("contact_verification", "fidelity", "implicit_vs_explicit", "locking", "meshing"),
         *("normal_laws", "own_analysis", "peers", "segmentation", "speed_accuracy", "stability"),
-        "uneven_compliance",
+        *("plan_accuracy", "plan_check", "uneven_compliance"),
     ],
 )
 def test_a_demo_says_what_it_does(name):
