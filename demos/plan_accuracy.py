@@ -87,11 +87,11 @@ def compute_elsewhere(say, path=ELSEWHERE, largest=0.25):
                 say(f"{case:15} {point.error:8.4f} -> {max(errors):8.4f}  {point.command}")
 
 
-def check(say):
+def check(say, cases=tuple(CHANGES)):
     """Follow plans elsewhere; rows (case, accuracy, error, kept, cost over the cheapest)."""
     rows = []
-    for case, (_, changes) in CHANGES.items():
-        own = usable(read_points(), case)
+    for case in cases:
+        changes, own = CHANGES[case][1], usable(read_points(), case)
         known = {}
         for accuracy in ACCURACIES:
             try:
@@ -121,6 +121,7 @@ def main():
     )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--elsewhere", action="store_true", help="compute points there first")
+    parser.add_argument("--cases", nargs="+", default=list(CHANGES), choices=list(CHANGES))
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
 
@@ -129,7 +130,7 @@ def main():
 
     if given.elsewhere:
         compute_elsewhere(say)
-    rows = check(say)
+    rows = check(say, given.cases)
     with (given.folder / "plan_accuracy.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["case", "accuracy", "error", "kept", "cost_over_cheapest", "command"])
