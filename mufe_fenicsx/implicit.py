@@ -77,6 +77,7 @@ class ImplicitSimulation(Simulation):
         InputError: What cannot be used; see the arguments.
 
     Attributes:
+        static: Whether increments leave inertia out.
         prescribed: Displacements of held nodes in the next increment [m], (num_nodes, 3).
         report: Of each increment since the start: (time, length [s], Newton iterations, linear
             iterations, residual at the last three iterations); those of the last augmentation.
@@ -112,7 +113,8 @@ class ImplicitSimulation(Simulation):
                 f"<= first_step <= largest_step = {self.largest_step}"
             )
         self.method = None if spectral_radius is None else GeneralizedAlpha(spectral_radius)
-        self.stabilisation = 0.0 if self.method else float(stabilisation)
+        self.static = self.method is None
+        self.stabilisation = float(stabilisation) if self.static else 0.0
         if gap_tolerance is not None and self.method:
             raise InputError(
                 f"gap_tolerance = {gap_tolerance}, expected none for dynamics: augmentations "

@@ -70,11 +70,14 @@ class SolidTangent:
         self._forms = [
             fem.form(ufl.derivative(forces(test), u, step)),
             fem.form(ufl.derivative(J * weight * ufl.dx, u, step)),
-            fem.form(ufl.derivative(forces(step), self._mean, weight)),
         ]
+        # Where flow does not depend on the mean stress, G is B.
+        self._coupled = any(law is not plastic_increment for law, _ in solid._laws)
+        if self._coupled:
+            self._forms.append(fem.form(ufl.derivative(forces(step), self._mean, weight)))
         # DOLFINx's own matrices cannot have blocks that are not square.
         self._bulk = fem.create_matrix(self._forms[0], BlockMode.compact)
-        self._by_volume, self._by_mean = (create_matrix(form) for form in self._forms[1:])
+        self._by_volume, *self._by_mean = (create_matrix(form) for form in self._forms[1:])
         self._make_pattern(volumes)
 
     def _make_pattern(self, volumes):
@@ -141,13 +144,11 @@ class SolidTangent:
         self._bulk.set_value(0.0)
         fem.assemble_matrix(self._bulk, self._forms[0])
         bulk = self._bulk.data
-        by_volume, by_mean = (
-            _values_of(matrix, form)
-            for matrix, form in zip((self._by_volume, self._by_mean), self._forms[1:], strict=True)
-        )
+        b = g = self._grouped(_values_of(self._by_volume, self._forms[1]))
+        if self._coupled:
+            g = self._grouped(_values_of(self._by_mean[0], self._forms[2]))
         blocks = np.zeros((self.columns.size, 3, 3))
         blocks[self._bulk_slots] = bulk.reshape(-1, 3, 3)
-        b, g = (self._grouped(values) for values in (by_volume, by_mean))
         add_products(blocks, self._first, self._node, g, b, self._slope(x), self.offset,
                      self.columns)  # fmt: skip
         return blocks

@@ -13,6 +13,8 @@ LINE_SEARCHES, PATIENCE = ("basic", "cp"), 8
 #: Iterations without half the residual after which guarded ones end, as found where they are within
 #: this multiple of the tolerance: where points pass from a facet to the next, forces jump a little.
 STALLED, NEARLY = 12, 100.0
+#: But never above this part of the internal forces.
+LARGEST_LEFT = 0.01
 _REASONS = PETSc.SNES.ConvergedReason
 #: Ends that :meth:`Newton.test` and guarded steps name; PETSc knows more, in units of its own.
 FOUND = (_REASONS.CONVERGED_FNORM_RELATIVE, _REASONS.CONVERGED_SNORM_RELATIVE)
@@ -145,4 +147,5 @@ class Newton:
         before, last = self.history[:-STALLED], self.history[-STALLED:]
         if not before or min(last) < 0.5 * min(before):
             return False
-        return self.history[-1] <= min(NEARLY * self.tolerance, 2.0 * min(last))
+        enough = max(self.tolerance, min(NEARLY * self.tolerance, LARGEST_LEFT))
+        return self.history[-1] <= min(enough, 2.0 * min(last))

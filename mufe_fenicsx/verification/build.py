@@ -98,9 +98,11 @@ def drive(simulation, moves, duration, at_step=None, turns=None):
     turns = {walls.names.index(name): np.asarray(t, float) for name, t in (turns or {}).items()}
     turned = 0.0  # part of the turns
     while (t := simulation.state.t) < end:
-        # At the middle of the coming step; the way left is corrected below.
-        phase = min((t + 0.5 * simulation.dt - start) / duration, 1.0)
-        rate = (1 - math.cos(2 * math.pi * phase)) / duration
+        # The mean over the coming step: few increments go as far as many.
+        dt = simulation.dt
+        ends = [min((at - start) / duration, 1.0) for at in (t, t + dt)]
+        before, after = (s - math.sin(2 * math.pi * s) / (2 * math.pi) for s in ends)
+        rate = (after - before) / dt
         for i, (move, _) in target.items():
             walls.velocity[i] = move * rate
         for i, turn in turns.items():
