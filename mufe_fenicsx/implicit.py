@@ -28,10 +28,10 @@ from .contact.augmented import Augmentation
 from .contact.rewind import ContactMark
 from .contact.tangent import ContactTangent
 from .errors import InputError, SolverError
-from .integrators.broyden import Broyden
+from .held_nodes import HeldNodes
+from .increment_start import HeldWalls, IncrementStart
 from .integrators.generalized_alpha import GeneralizedAlpha
 from .integrators.newton import Newton
-from .kernels.blocks import project_blocks, project_pairs
 from .linear_system import LinearSystem
 from .simulation import Simulation
 from .tangent import SolidTangent
@@ -45,8 +45,6 @@ FEW, SOME, MANY = 0.25, 0.5, 0.75
 LONGER, LITTLE_LONGER, SHORTER, FAILED = 1.5, 1.2, 0.7, 0.4
 #: Searches within one increment.
 MAX_SEARCHES = 6
-#: Force of a wall that is held at one, less its target, over it.
-SERVO_TOLERANCE = 1e-3
 #: A residual that is none, over E* times the square of an edge.
 NO_FORCE = 1e-9
 
@@ -133,12 +131,12 @@ class ImplicitSimulation(Simulation):
         self.held += self.mirrors.held()
         self.prescribed = np.zeros_like(mesh.x)
         self._contact_tangent = ContactTangent(self.contact, mesh)
+        self._held = HeldNodes(mesh, self.held, self.bonded.nodes, self._contact_tangent)
         self._u0 = fem.Function(mesh.V)
         self._tangent = SolidTangent(self.solid, self.u, self._u0)
         self.system = LinearSystem(
             mesh, self._tangent.offset, self._tangent.columns, "mufe_", linear_solver, petsc
         )
-        self._make_projector()
         self._exact = None if gap_tolerance is None else Augmentation(self.contact)
         self._gap_tolerance = (gap_tolerance or 0.0) * self.contact.edge
         self._max_augmentations = max_augmentations
@@ -150,13 +148,7 @@ class ImplicitSimulation(Simulation):
             self.system, self._residual, self._set_tangent, "mufe_", tolerance,
             NO_FORCE * floor * self.contact.edge**2 / tolerance, max_iterations,
         )  # fmt: skip
-        self._servo = np.array([w.target is not None for w in self.walls.walls], dtype=bool)
-        held = [wall for wall in self.walls.walls if wall.target is not None]
-        self._target = np.array([wall.target for wall in held])
-        self._fastest = np.array([wall.speed for wall in held])
-        # As the servo of time steps: at full speed while nothing presses on it.
-        slope = self._target / (self._fastest * self.first_step)
-        self._secant = Broyden(slope, SERVO_TOLERANCE * self._target) if held else None
+        self._held_walls = HeldWalls(self) if self.walls.has_servo else None
         self._stiffness = self._share_of_stiffness()
         self._drag = self.stabilisation * self.first_step * self._stiffness
         self._last = None  # displacement of the last increment, its length, motion of its walls
@@ -172,31 +164,6 @@ class ImplicitSimulation(Simulation):
         mass = np.bincount(mesh.grain_of_node, solid.mass, mesh.num_grains)
         stiffness = solid.contact_modulus * np.cbrt(volume)
         return (stiffness / mass)[mesh.grain_of_node] * solid.mass
-
-    def _make_projector(self):
-        """P of each node: motions that are free, of those with held or glued nodes."""
-        n = self.mesh.num_nodes
-        self._projector = np.tile(np.eye(3), (n, 1, 1))
-        directions = {}
-        for nodes, d in self.held:
-            for node in np.atleast_1d(nodes):
-                directions.setdefault(int(node), []).append(d)
-        for node in self.bonded.nodes:
-            directions[int(node)] = list(np.eye(3))
-        for node, along in directions.items():
-            basis, size = np.linalg.svd(np.array(along))[2], np.linalg.matrix_rank(along)
-            for d in basis[:size]:
-                self._projector[node] -= np.outer(d, d)
-        self._is_held = np.zeros(n, dtype=bool)
-        self._is_held[list(directions)] = True
-        self._any_held = self.comm.allreduce(int(self._is_held.any())) > 0
-        self._projected = -1
-
-    def _project(self, values):
-        """The free part of nodal vectors, in place."""
-        held = self._is_held
-        values[held] = np.einsum("nij,nj->ni", self._projector[held], values[held])
-        return values
 
     def update_time_step(self, early=False):
         """The length of increments follows from their success; there is no limit of stability."""
@@ -234,7 +201,7 @@ class ImplicitSimulation(Simulation):
         """
         for tries in itertools.count(1):
             dt = self.dt
-            if self._increment(dt) if self._secant is None else self._balance(dt):
+            if self._increment(dt) if self._held_walls is None else self._balance(dt):
                 break
             self.num_failed += 1
             if tries > 1:  # perhaps it is the guess
@@ -257,27 +224,17 @@ class ImplicitSimulation(Simulation):
 
     def _balance(self, dt):
         """One increment at whose end walls carry their targets, or move at their full speed."""
-        s, walls, servo = self.state, self.walls, self._servo
-        normal, before = walls.normal[servo], None
-        keep = (s.t, s.dt, s.num_steps, self.damped, len(self.report), len(self.augmentations))
+        s = self.state
+        keep = (s.t, s.dt, s.num_steps, self.damped)
+        num_before = len(self.report), len(self.augmentations)
 
-        def excess(way):
-            nonlocal before
-            if before is not None:
-                self._rewind()
-                s.t, s.dt, s.num_steps, self.damped = keep[:4]
-                del self.report[keep[4] :], self.augmentations[keep[5] :]
-            walls.velocity[servo] = (way / dt)[:, None] * normal
-            before = way if self._increment(dt) else None
-            return None if before is None else self.wall_forces()[servo] - self._target
-
-        found = self._secant(excess, self.wall_forces()[servo] - self._target, self._fastest * dt)
-        if found is None and before is not None:
+        def take_back():
             self._rewind()
-            s.t, s.dt, s.num_steps, self.damped = keep[:4]
-            del self.report[keep[4] :], self.augmentations[keep[5] :]
-            self._reason = f"walls not at their forces after {self._secant.num_evaluations} trials"
-        return found is not None
+            s.t, s.dt, s.num_steps, self.damped = keep
+            del self.report[num_before[0] :], self.augmentations[num_before[1] :]
+            self._reason = f"walls not at their forces after {self._held_walls.num_trials} trials"
+
+        return self._held_walls(self._increment, take_back, dt)
 
     def _increment(self, dt):
         """One increment of length ``dt``; whether it converged. The state stays where not."""
@@ -333,14 +290,7 @@ class ImplicitSimulation(Simulation):
     def _begin(self, dt):
         """Keep the state, and move walls and what is prescribed."""
         s, walls = self.state, self.walls
-        names = ("x", "u", "v", "a", "deviator", "plastic_strain", "plastic_work")
-        self._start_state = {name: getattr(s, name).copy() for name in names}
-        self._start_force = self._f.copy()
-        self._start_walls = {
-            name: getattr(walls, name).copy()
-            for name in ("point", "normal", "rotation", "force", "torque")
-        }
-        self._start_work, self._start_bonded = walls.work, self.bonded.before.copy()
+        self._start = IncrementStart(self)
         self._dt = dt
         self._u0.x.array[:] = s.u.ravel()
         self._wall_move = walls.move(dt)
@@ -364,7 +314,7 @@ class ImplicitSimulation(Simulation):
     def _search(self, ahead):
         """Pairs anew at the start of the increment, for motions of ``ahead`` [m]."""
         self._mark.restore()
-        x0 = self._start_state["x"]
+        x0 = self._start.state["x"]
         if self._exact:
             self._exact.cancel()
         self.contact.search(x0, ahead=ahead)
@@ -383,7 +333,7 @@ class ImplicitSimulation(Simulation):
             guess = self._last[0] * self._as_far(dt)
         else:
             guess = np.zeros_like(s.x)
-        return self._project(guess) + self.prescribed
+        return self._held.project(guess) + self.prescribed
 
     def _as_far(self, dt):
         """How far this increment goes over the last one: by what moves walls, else by time."""
@@ -402,7 +352,7 @@ class ImplicitSimulation(Simulation):
 
         For :class:`~.integrators.newton.Newton`.
         """
-        s, start, contact, dt = self.state, self._start_state, self.contact, self._dt
+        s, start, contact, dt = self.state, self._start.state, self.contact, self._dt
         f, method = self._f, self.method
         move = float(np.abs(du).max(initial=0.0)) if np.isfinite(du).all() else math.inf
         move = self.comm.allreduce(max(math.sqrt(3.0) * move, self._wall_move), op=MPI.MAX)
@@ -437,18 +387,18 @@ class ImplicitSimulation(Simulation):
             r = mass * ((1 - ma) * a1 + ma * start["a"])
             size += float(np.vdot(r, r))
             r -= (1 - mf) * (f - self.damping * mass * v1)
-            r -= mf * (self._start_force - self.damping * mass * start["v"])
+            r -= mf * (self._start.force - self.damping * mass * start["v"])
         else:
             drag = (self._drag / dt)[:, None] * du
             r = drag - f
-        return self._project(r), math.sqrt(self.comm.allreduce(size))
+        return self._held.project(r), math.sqrt(self.comm.allreduce(size))
 
     def _set_tangent(self, regularisation=0.0):
         """The derivative of :meth:`_residual` at its last argument, into the linear system.
 
         ``regularisation`` times the share of each node in its grain's stiffness is added.
         """
-        s, start, method, dt = self.state, self._start_state, self.method, self._dt
+        s, start, method, dt = self.state, self._start.state, self.method, self._dt
         tangent = self._tangent
         tangent.take(s, start["deviator"], start["plastic_strain"], dt)
         blocks = tangent.assemble(s.x)
@@ -466,27 +416,12 @@ class ImplicitSimulation(Simulation):
         blocks *= factor
         contact *= factor
         blocks[tangent.diagonal] += diagonal[:, None, None] * np.eye(3)
-        if self._any_held:
-            largest = float(np.abs(blocks[tangent.diagonal]).max(initial=0.0))
-            project_blocks(blocks, tangent.offset, tangent.columns, self._projector, self._is_held)
-            blocks[tangent.diagonal] += largest * (np.eye(3) - self._projector)
-            project_pairs(contact, rows, columns, *self._surface_projector())
+        self._held.project_tangent(tangent, blocks, rows, columns, contact)
         self.system.set(blocks, nodes[rows], nodes[columns], contact)
-
-    def _surface_projector(self):
-        """Projectors at surface nodes and ghosts, and where they differ from one."""
-        if self._projected != self.contact.num_searches:
-            self._projected = self.contact.num_searches
-            own = self._projector[self.contact.own.nodes]
-            forward = self._contact_tangent.forward
-            projector = np.stack([forward(own[:, i]) for i in range(3)], axis=1)
-            held = np.abs(projector - np.eye(3)).max(axis=(1, 2)) > 0
-            self._of_surface = projector, held
-        return self._of_surface
 
     def _finish(self, du, dt):
         """Take the state that was found."""
-        s, start, method = self.state, self._start_state, self.method
+        s, start, method = self.state, self._start.state, self.method
         if method:
             s.a[:] = method.acceleration(du, start["v"], start["a"], dt)
             s.v[:] = method.velocity(s.a, start["v"], start["a"], dt)
@@ -504,14 +439,8 @@ class ImplicitSimulation(Simulation):
 
     def _rewind(self):
         """Back to the start of the increment."""
-        s, walls = self.state, self.walls
         self._mark.restore()
         if self._exact:
             self._exact.cancel()
-        walls.turn_back()
-        for name, values in self._start_state.items():
-            getattr(s, name)[:] = values
-        for name, values in self._start_walls.items():
-            getattr(walls, name)[:] = values
-        walls.work, self._f[:] = self._start_work, self._start_force
-        self.bonded.before[:] = self._start_bonded
+        self.walls.turn_back()
+        self._start.restore(self)

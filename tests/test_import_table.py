@@ -33,6 +33,8 @@ PART_OF = {
     "balance": "run",
     "speed_control": "simulation",
     "implicit": "simulation",
+    "increment_start": "simulation",
+    "held_nodes": "simulation",
     "plan_errors": "planning",
     "plan_contacts": "planning",
     "plan_cost": "planning",
