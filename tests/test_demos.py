@@ -20,6 +20,7 @@ DEMOS = Path(__file__).resolve().parents[1] / "demos"
         *("contact_verification", "fidelity", "implicit_vs_explicit", "locking", "meshing"),
         *("normal_laws", "own_analysis", "peers", "segmentation", "speed_accuracy", "stability"),
         *("plan_accuracy", "plan_check", "uneven_compliance"),
+        *("static_oedometer", "uneven_compliance"),
     ],
 )
 def test_a_demo_says_what_it_does(name):
@@ -47,6 +48,38 @@ def test_the_page_on_time_steps_and_increments(tmp_path):
     text = (tmp_path / "implicit_vs_explicit.md").read_text(encoding="utf-8")
     assert text.count("| `") == 5 and "(implicit_vs_explicit.png)" in text
     assert (tmp_path / "implicit_vs_explicit.png").stat().st_size > 20_000
+
+
+def test_the_page_on_static_oedometers(tmp_path):
+    """Stress that grows linearly with the speed has a known one at none; static runs 2 % off."""
+    demo = import_demo("static_oedometer")
+    folders = {}
+    runs = {"speed-2": 2.0, "speed-1": 1.0, "static": 0.0}
+    strain = np.linspace(0.0, 0.05, 200)
+    for name, speed in runs.items():
+        stress = 1e9 * strain * (1.0 + 0.1 * speed if speed else 1.02)
+        folders[name] = tmp_path / name
+        folders[name].mkdir()
+        rows = [
+            f"loading,{e:.17g},{2e-7 * s:.17g},{4e-7 * s:.17g}"
+            for e, s in zip(strain, stress, strict=True)
+        ]
+        head = "stage,strain,force_z_min,force_z_max"
+        (folders[name] / "history.csv").write_text("\n".join([head, *rows]))
+        (folders[name] / "run.json").write_text('{"area": 3e-7, "num_grains": 1, "num_cells": 1}')
+    strains, stress, apart = demo.compare(folders)
+    # Means over a symmetric window leave straight lines as they are, to round-off.
+    np.testing.assert_allclose(stress["none"], 1e9 * strains, rtol=1e-10)
+    np.testing.assert_allclose(apart, 0.02, rtol=1e-8)
+    demo.write(tmp_path, folders)
+    assert "2.0 % apart" in (tmp_path / "static_oedometer.md").read_text(encoding="utf-8")
+
+
+def import_demo(name):
+    spec = importlib.util.spec_from_file_location(name, DEMOS / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def test_an_analysis_of_ones_own(tmp_path):

@@ -23,13 +23,13 @@ BALLS = {
 PARTS = np.linspace(0.3, 1.0, 8)
 
 
-def press(comm, name, elements_per_radius, periods, increments=None):
+def press(comm, name, elements_per_radius, periods, increments=None, **options):
     """Press one of ``BALLS``; the course of `plastic_ball.press_ball`. Collective, one rank."""
     material, approach, wider = BALLS[name]
     a = wider * RADIUS * math.sqrt(approach)
     return press_ball(
         comm, material, approach * RADIUS, a, elements_per_radius, periods=periods,
-        increments=increments,
+        increments=increments, **options,
     )  # fmt: skip
 
 
