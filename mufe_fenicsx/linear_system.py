@@ -18,8 +18,7 @@ SOLVERS = {
     "multigrid": {
         "ksp_type": "gmres",
         "ksp_gmres_restart": 100,
-        # Newton's method comes as far with each step; what is left is for the next one.
-        "ksp_rtol": 1e-3,
+        "ksp_rtol": 1e-6,
         "ksp_max_it": 500,
         "pc_type": "gamg",
         "pc_gamg_threshold": 0.01,

@@ -8,8 +8,7 @@ from .bench_launch import row
 from .integrators import BALLS, NU, E, press
 from .plastic_ball import RADIUS
 
-#: Largest error of the force, and time steps over static increments in time of the
-#: processor.
+#: Largest error of the force, and time steps over static increments in processor time.
 ERROR, TARGET = 0.02, 10.0
 #: Durations of the time steps over the ball's period, from the fastest on: with graded masses, and
 #: with those of the material.
@@ -28,8 +27,10 @@ def hertz_cost(parameters):
     n = float(parameters.get("elements_per_radius", 5.0))
     repeats = int(parameters.get("repeats", 3))
     press(MPI.COMM_SELF, "hertz", 1.5, 1.0)  # compile
-    press(MPI.COMM_SELF, "hertz", 1.5, 1.0, 1)
-    static = [_run(n, 1.0, 1) for _ in range(repeats)]
+    # Where few contacts change, Newton's method comes as far with these as with exact solutions.
+    inexact = {"linear_solver": "multigrid", "petsc": {"ksp_rtol": 1e-3}}
+    press(MPI.COMM_SELF, "hertz", 1.5, 1.0, 1, **inexact)
+    static = [_run(n, 1.0, 1, **inexact) for _ in range(repeats)]
     results = {"num_cells": {"computed": static[0]["num_cells"]}}
     seconds = float(np.median([one["processor_s"] for one in static]))
     results["error_static"] = row(static[0]["error"], ERROR, static[0]["error"] <= ERROR)
