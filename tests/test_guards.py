@@ -67,6 +67,14 @@ def test_energy_from_nowhere_stops_the_computation():
         for _ in range(200):
             s.step()
             guard.check(s.energies(), "soon")
+    # Gains count before the sample carries load too, but not those of static increments.
+    energies = s.energies()
+    with pytest.raises(SolverError, match="came from nowhere"):
+        guard.check(energies, "before", loaded=False)
+    s.static = True
+    EnergyGuard(s, 0.1).check(energies, "before", loaded=False)
+    with pytest.raises(SolverError, match="came from nowhere"):
+        EnergyGuard(s, 0.1).check(energies, "after")
 
 
 def test_hardening_goes_on_with_the_last_slope_where_asked():
