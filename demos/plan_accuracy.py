@@ -22,6 +22,7 @@ import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 # isort: split
 from mpi4py import MPI
 
+from mufe_fenicsx.arguments import number_or_text
 from mufe_fenicsx.charts.cases import POINTS
 from mufe_fenicsx.errors import InputError, SolverError
 from mufe_fenicsx.evidence import (
@@ -50,20 +51,9 @@ CHANGES = {
 }  # fmt: skip
 
 
-def typed(parameters):
-    """Texts of a stored point as numbers where they are some."""
-    found = {}
-    for key, text in parameters.items():
-        try:
-            found[key] = float(text)
-        except ValueError:
-            found[key] = text
-    return found
-
-
 def error_at(case, point, change):
     """Error of a point at other parameters, and the command; None where it does not compute."""
-    parameters = typed(point.parameters) | change
+    parameters = {k: number_or_text(text) for k, text in point.parameters.items()} | change
     try:
         answer = POINTS[case + SUFFIX](MPI.COMM_SELF, **parameters)
     except (InputError, SolverError, FloatingPointError) as error:

@@ -9,6 +9,7 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx import evidence
+from mufe_fenicsx.arguments import number_or_text
 from mufe_fenicsx.cli import main
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.evidence import Point, cheapest, command_of, cost_at, pareto
@@ -237,19 +238,10 @@ def test_the_stored_table_repeats():
     """A cheap point's command gives its stored error again: nothing random, to rounding."""
     stored = evidence.read_points()
     point = next(p for p in stored if p.case == "impact" and p.series == "rigid")
-    (answer,) = run_cases(["impact-point"], _typed(point.parameters), MPI.COMM_SELF)
+    given = {name: number_or_text(text) for name, text in point.parameters.items()}
+    (answer,) = run_cases(["impact-point"], given, MPI.COMM_SELF)
     # Different processors round differently; impacts of rigid balls do not amplify that.
     assert answer["results"]["error"]["computed"] == pytest.approx(point.error, rel=1e-3)
-
-
-def _typed(parameters):
-    found = {}
-    for key, text in parameters.items():
-        try:
-            found[key] = float(text)
-        except ValueError:
-            found[key] = text
-    return found
 
 
 @pytest.mark.parametrize("case", ["hertz", "mindlin", "impact", "plastic-sphere", "oedometer"])

@@ -117,3 +117,9 @@ def address(array, dtype=np.float64):
     if array.dtype != dtype or not array.flags.c_contiguous:
         raise ValueError(f"array of {array.dtype}, expected contiguous {np.dtype(dtype)}")
     return array.ctypes.data
+
+
+def aligned(size):
+    """So many doubles, all zero, the first at the start of a cache line."""
+    raw = np.zeros(size + 8)
+    return raw[-raw.ctypes.data // 8 % 8 :][:size]

@@ -5,7 +5,7 @@ import ctypes
 import numba
 import numpy as np
 
-from .native import Pointers, load
+from .native import Pointers, aligned, load
 from .springs import stored_energy
 
 #: What a pair keeps, a row of 24 numbers in which a step finds all it needs: types, and columns
@@ -42,8 +42,7 @@ def column(state, name, columns=COLUMNS):
 
 def rows(number, width):
     """That many rows of ``width`` numbers, all zero, the first at the start of a cache line."""
-    raw = np.zeros(number * width + 8)
-    return raw[-raw.ctypes.data // 8 % 8 :][: number * width].reshape(number, width)
+    return aligned(number * width).reshape(number, width)
 
 
 class PairForces:

@@ -1,14 +1,6 @@
-"""Points of facets: their positions from the nodes, and their forces back to the nodes."""
+"""Points of facets: their positions from the nodes."""
 
 import numba
-
-
-@numba.njit(cache=True, inline="always")
-def place_point(x, p, corner, weight):
-    """:func:`place_points` for the point ``p`` alone."""
-    a, b, c = corner[p, 0], corner[p, 1], corner[p, 2]
-    for i in range(3):
-        x[p, i] = weight[p, 0] * x[a, i] + weight[p, 1] * x[b, i] + weight[p, 2] * x[c, i]
 
 
 @numba.njit(cache=True)
@@ -22,4 +14,7 @@ def place_points(x, points, corner, weight):
         weight: Their weights, shape (num_points, 3).
     """
     for k in range(points.size):
-        place_point(x, points[k], corner, weight)
+        p = points[k]
+        a, b, c = corner[p, 0], corner[p, 1], corner[p, 2]
+        for i in range(3):
+            x[p, i] = weight[p, 0] * x[a, i] + weight[p, 1] * x[b, i] + weight[p, 2] * x[c, i]

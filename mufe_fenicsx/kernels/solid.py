@@ -44,7 +44,7 @@ import numba
 import numpy as np
 
 from .hardening import plastic_increment
-from .native import address, load
+from .native import Pointers, address, aligned, load
 
 # Reassociation and contraction only: NaN and infinity keep their meaning.
 FAST = {"contract", "reassoc", "arcp", "nsz"}
@@ -101,19 +101,19 @@ class InternalForces:
         real, whole = np.float64, np.int64
         self.node_volume0 = np.empty(x.shape[0])
         largest = int(num_nodes.max(initial=0))
-        # What C holds on to must stay where it is.
-        self._arrays = [
+        arrays = [
             np.ascontiguousarray(array, dtype)
             for array, dtype in (
                 (cells, np.int32), (volume0, real), (cell_offset, whole), (first_node, whole),
                 (num_nodes, whole), (self.node_volume0, real), (bulk, real), (shear, real),
                 (parameters, real), (np.empty(2 * parameters.shape[1] + 2), real),
-                (_aligned(SCRATCH * largest + BESIDES), real), (pressure, real),
+                (aligned(SCRATCH * largest + BESIDES), real), (pressure, real),
             )
         ]  # fmt: skip
-        if self._arrays[-1] is not pressure:
+        if arrays[-1] is not pressure:
             raise ValueError(f"pressure: {pressure.dtype}, expected contiguous float64")
-        self._model = (ctypes.c_void_p * len(self._arrays))(*(a.ctypes.data for a in self._arrays))
+        self._pointers = Pointers(*((array, array.dtype) for array in arrays))
+        self._model = self._pointers.table
         self._row, self._element = parameters.shape[1], element
         library, pointer, integer = load("tets"), ctypes.c_void_p, ctypes.c_int64
         self._volumes, self._num_grains = library.mufe_nodal_volumes, first_node.size
@@ -192,9 +192,3 @@ def _c_function(increment, num_parameters):
         return increment(q, mean, alpha, dt, shear, numba.carray(parameters, num_parameters))
 
     return law
-
-
-def _aligned(size):
-    """Doubles that begin at a cache line."""
-    raw = np.zeros(size + 8)
-    return raw[-raw.ctypes.data // 8 % 8 :]
