@@ -20,7 +20,7 @@ class EnergyGuard:
 
     def __init__(self, simulation, limit):
         self.simulation, self.limit = simulation, limit
-        self._static = getattr(simulation, "static", False)
+        self._static = simulation.static
         solid, volume = simulation.solid, simulation.solid.volume0
         modulus = solid.contact_modulus[simulation.mesh.grain_of_cell]
         self._least = LEAST_STRAIN**2 * simulation.comm.allreduce(float(volume @ modulus))

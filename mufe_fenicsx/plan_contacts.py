@@ -27,7 +27,7 @@ class Closing:
     def __init__(self, simulation, low, high):
         s, mesh = simulation, simulation.mesh
         self.comm, self.num_grains = s.comm, mesh.labels.size
-        height, middle = s.state.x[:, 2], np.zeros(self.num_grains)
+        height = s.state.x[:, 2]
         first, last = np.full(self.num_grains, np.inf), np.full(self.num_grains, -np.inf)
         grain = mesh.grains[mesh.grain_of_node]
         np.minimum.at(first, grain, height)
@@ -69,21 +69,29 @@ class Closing:
             It; inf where no chain reaches from top to bottom within what is known.
         """
         n, k = self.one.size, self.steep > STEEP
-        chains = (self.one[k], self.other[k], self.gap[:n][k] / self.steep[k])
-        parts = self.comm.gather(chains)
+        chains = _least(self.one[k], self.other[k], self.gap[:n][k] / self.steep[k])
+        parts = self.comm.gather(chains)  # a number or two for each two grains
         found = None
         if self.comm.rank == 0:
-            one, other, way = (np.concatenate(part) for part in zip(*parts, strict=True))
-            # The least of each two grains; what is stored as zero would be no edge.
-            key = np.minimum(one, other) * self.num_grains + np.maximum(one, other)
-            order = np.lexsort((way, key))
-            least = order[np.unique(key[order], return_index=True)[1]]
+            joined = (np.concatenate(part) for part in zip(*parts, strict=True))
+            one, other, way = _least(*joined)
             grains = np.arange(self.num_grains)
             top, bottom = np.full((2, self.num_grains), [[self.num_grains], [self.num_grains + 1]])
-            rows = np.concatenate([one[least], grains, grains])
-            columns = np.concatenate([other[least], top, bottom])
-            ways = np.concatenate([way[least], self.above, self.below])
+            rows = np.concatenate([one, grains, grains])
+            columns = np.concatenate([other, top, bottom])
+            ways = np.concatenate([way, self.above, self.below])
             shape = (self.num_grains + 2,) * 2
+            # What is stored as zero would be no edge.
             graph = coo_matrix((np.maximum(ways, 1e-15), (rows, columns)), shape=shape)
             found = dijkstra(graph, directed=False, indices=self.num_grains)[-1]
         return float(self.comm.bcast(found))
+
+
+def _least(one, other, way):
+    """The least way of each two grains that are joined by some, all of shape (n,)."""
+    one, other = np.minimum(one, other).astype(np.int64), np.maximum(one, other).astype(np.int64)
+    order = np.lexsort((way, other, one))
+    one, other, way = one[order], other[order], way[order]
+    first = np.ones(one.size, dtype=bool)
+    first[1:] = (one[1:] != one[:-1]) | (other[1:] != other[:-1])
+    return one[first], other[first], way[first]

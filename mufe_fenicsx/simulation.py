@@ -58,6 +58,8 @@ class Simulation:
         mass_scaling: Settings of mass added for a longer step (scene.MassScaling), or None.
     """
 
+    static = False  #: whether increments leave inertia out; steps in time do not
+
     def __init__(
         self,
         mesh,
