@@ -369,7 +369,7 @@ class ImplicitSimulation(Simulation):
         for name in ("deviator", "plastic_strain", "plastic_work"):
             getattr(s, name)[:] = start[name]
         f[:] = 0.0
-        contact.begin(s.x)
+        contact.place(s.x)
         inverted = self.solid.add_internal_forces(f, s, dt)
         if self.comm.allreduce(int(inverted >= 0)):
             contact.receive()

@@ -14,7 +14,10 @@ PARTS = {
     "contact search": (("contact", "search"),),
     "contact forces": (("contact", "begin"), ("contact", "add_forces")),
     "walls": (("walls", "add_forces"), ("walls", "move"), ("walls", "add_work")),
-    "communication": tuple(("contact", name) for name in ("send", "receive", "agree", "give_back")),
+    "communication": tuple(
+        ("contact", name)
+        for name in ("send", "receive", "agree", "begin_give_back", "end_give_back")
+    ),
     "motion": (("", "_drift"), ("", "_kick")),
     "rigid": (("rigid", "take_forces"), ("rigid", "drift"), ("rigid", "kick")),
     "time step": (("", "update_time_step"),),

@@ -242,7 +242,7 @@ class Simulation:
         self.bonded.move(s.x, s.u, s.v, self.mesh.x, dt)
         positions = s.x
         if not self.contact.kinematic:
-            self.contact.begin(positions)
+            self.contact.begin(positions, wall_move)
         if self.contact.moving is None:
             self._f[:] = 0.0
         else:
@@ -253,9 +253,9 @@ class Simulation:
         if self.contact.kinematic:
             positions = self._predicted
             predict(positions, s.x, s.v, self._f, self._inertia, dt)
-            self.contact.begin(positions)
+            self.contact.begin(positions, wall_move)
         try:
-            self.contact.add_forces(self._f, positions, wall_move)
+            self.contact.add_forces(self._f, positions)
         except FloatingPointError:
             self.check(diverged=True)
         self._follow_search()

@@ -150,7 +150,7 @@ class Contact:
         self.surface = None
         self.positions = None
         self.forces = None
-        self._move = np.zeros(1)
+        self._move, self._agreement = np.zeros(1), None
         #: Called before each search; afterwards all positions are those of this moment.
         self.before_search = None
         #: Own surface nodes whose positions are followed until the next search; None: all. The
@@ -252,8 +252,27 @@ class Contact:
         gather_rows(self.previous, x, self.own.nodes)
         self.moving = None
 
-    def begin(self, x):
-        """Start sending the positions ``x`` of this rank's surface to other ranks."""
+    def begin(self, x, wall_move=0.0):
+        """Begin a step to the positions ``x``, which :meth:`add_forces` ends. Collective.
+
+        What other ranks need of this one, and how far anything moved, is on its way afterwards.
+
+        Args:
+            x: Positions [m], shape (num_nodes, 3).
+            wall_move: Largest distance that a wall, or a node that is not followed, moved
+                since the last call [m].
+        """
+        self.place(x)
+        if self.moving is None:
+            move = largest_move(self.previous, self.positions.own)
+        else:
+            move = largest_move_of(self.previous, self.positions.own, self.moving)
+        self._move[0] = max(move, wall_move)
+        if self.comm.size > 1:
+            self._agreement = self.comm.Iallreduce(MPI.IN_PLACE, self._move, op=MPI.MAX)
+
+    def place(self, x):
+        """Start sending the positions ``x`` of this rank's surface to other ranks. Collective."""
         if self.moving is None:
             gather_rows(self.positions.own, x, self.own.nodes)
         else:
@@ -268,17 +287,19 @@ class Contact:
         """Positions from other ranks have arrived afterwards. Collective."""
         self.positions.end_forward()
 
-    def agree(self, move):
-        """The largest of the ranks' ``move``. Collective."""
+    def agree(self):
+        """The largest distance that anything of any rank moved in this step [m]. Collective."""
         if self.comm.size > 1:
-            self._move[0] = move
-            self.comm.Allreduce(MPI.IN_PLACE, self._move, op=MPI.MAX)
-            return self._move[0]
-        return move
+            self._agreement.Wait()
+        return float(self._move[0])
 
-    def give_back(self):
-        """Forces on nodes of other ranks go there and add up. Collective."""
-        self.forces.add_back()
+    def begin_give_back(self):
+        """Forces on nodes of other ranks start on their way there. Collective."""
+        self.forces.begin_add_back()
+
+    def end_give_back(self):
+        """They have been added afterwards. Collective."""
+        self.forces.end_add_back()
 
     def _end_forward(self):
         """Positions of nodes of other ranks, then of all points."""
@@ -290,14 +311,12 @@ class Contact:
         if self.num_before:
             place_points(self.positions.array, self._near, self._corner, self.points.weight)
 
-    def add_forces(self, f, x, wall_move=0.0, adopt=False):
-        """Add the contact forces at the positions sent by :meth:`begin` to ``f``. Collective.
+    def add_forces(self, f, x, adopt=False):
+        """Add the contact forces at the positions of :meth:`begin` to ``f``. Collective.
 
         Args:
             f: Nodal forces [N], shape (num_nodes, 3).
             x: Positions [m], shape (num_nodes, 3).
-            wall_move: Largest distance that a wall, or a node that is not followed, moved
-                since the last call [m].
             adopt: True at the start of a test: what overlaps now is not in contact.
 
         Raises:
@@ -305,11 +324,7 @@ class Contact:
                 all the grains are wide; on all ranks together.
         """
         self.receive()
-        if self.moving is None:
-            move = largest_move(self.previous, self.positions.own)
-        else:
-            move = largest_move_of(self.previous, self.positions.own, self.moving)
-        move = self.agree(max(move, wall_move))
+        move = self.agree()
         if not move < self.width:
             raise FloatingPointError("positions are not finite")
         self.clock += 2.0 * move
@@ -356,9 +371,11 @@ class Contact:
             edge_dissipated, edge_adopted, edge_deep, edge_deepest = self.edges.add_forces(
                 forces[self.num_before :], x[self.num_before :], self.clock, self.friction, adopt
             )
+        # Walls act on own nodes alone: meanwhile the other forces travel.
+        self.begin_give_back()
         ahead = self._dt if self.kinematic else 0.0
         wall_dissipated, wall_adopted = self.walls.add_forces(self.clock, adopt, ahead)
-        self.give_back()
+        self.end_give_back()
         if self.moving is None:
             add_rows(f, self.own.nodes, self.forces.own)
         else:

@@ -63,8 +63,18 @@ class SurfaceVector:
 
     def add_back(self):
         """Add the values of ghosts to those of their owners."""
+        self.begin_add_back()
+        self.end_add_back()
+
+    def begin_add_back(self):
+        """Start sending the values of ghosts to their owners; own values may still change."""
         if self.vector is not None:
-            self.vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+            self.vector.ghostUpdateBegin(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+
+    def end_add_back(self):
+        """Own values contain those of ghosts afterwards."""
+        if self.vector is not None:
+            self.vector.ghostUpdateEnd(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
 
     def largest_back(self):
         """Owners take the largest of their values and those of ghosts."""

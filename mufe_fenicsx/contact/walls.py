@@ -77,6 +77,7 @@ class Walls:
     def __init__(self, walls):
         self.walls = list(walls)
         self.names = [wall.name for wall in self.walls]
+        self.has_servo = any(wall.target is not None for wall in self.walls)
         n = len(self.walls)
         self.point = np.array([w.point for w in self.walls], dtype=float).reshape(n, 3)
         self.normal = np.array([w.normal for w in self.walls], dtype=float).reshape(n, 3)
@@ -103,22 +104,17 @@ class Walls:
         self._radius = np.zeros(n)  # of this rank's surface nodes about ``point``
         self.pairs = None
 
-    @property
-    def has_servo(self):
-        return any(wall.target is not None for wall in self.walls)
-
     def move(self, dt):
         """Advance the planes by ``dt``; returns the largest distance moved [m].
 
         Moved is the plane, not the material in it: a turn about the normal counts nothing.
         """
-        moved = advance(self.point, self._push, self.velocity, dt)
-        if not self.angular_velocity.any():
-            self._turn[:] = 0.0
+        moved, turns = advance(
+            self.point, self._push, self.velocity, self._turn, self.angular_velocity, dt
+        )
+        if not turns:
             return moved
         moved = np.sqrt((self._push**2).sum(axis=1))
-        self._turn[:] = self.angular_velocity
-        self._turn *= dt
         for i in np.flatnonzero(self._turn.any(axis=1)):
             turn = rotation_of(self._turn[i])
             swing = np.linalg.norm(np.cross(self._turn[i], self.normal[i]))

@@ -94,17 +94,25 @@ def largest_move_of(previous, x, rows):
 
 
 @numba.njit(cache=True)
-def advance(point, push, velocity, dt):
-    """Planes move by ``push`` = dt velocity, in place, (num_walls, 3); the largest of it [m]."""
-    largest = 0.0
+def advance(point, push, velocity, turn, angular_velocity, dt):
+    """Planes move by ``push`` = dt velocity, in place; ``turn`` = dt angular_velocity is set.
+
+    All of shape (num_walls, 3).
+
+    Returns:
+        Largest push [m], and whether a plane turns.
+    """
+    largest, turns = 0.0, False
     for w in range(point.shape[0]):
         square = 0.0
         for i in range(3):
             push[w, i] = dt * velocity[w, i]
             point[w, i] += push[w, i]
             square += push[w, i] * push[w, i]
+            turn[w, i] = dt * angular_velocity[w, i]
+            turns |= turn[w, i] != 0.0
         largest = max(largest, square)
-    return math.sqrt(largest)
+    return math.sqrt(largest), turns
 
 
 @numba.njit(cache=True)

@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import tempfile
 from functools import cache
+from operator import is_
 from pathlib import Path
 
 import llvmlite.binding
@@ -117,6 +118,25 @@ def address(array, dtype=np.float64):
     if array.dtype != dtype or not array.flags.c_contiguous:
         raise ValueError(f"array of {array.dtype}, expected contiguous {np.dtype(dtype)}")
     return array.ctypes.data
+
+
+class Addresses:
+    """Addresses of the arrays of one call after another, looked up only where these change.
+
+    Args:
+        *dtypes: Their types.
+    """
+
+    def __init__(self, *dtypes):
+        self._dtypes = dtypes
+        self._arrays, self._addresses = (None,) * len(dtypes), ()
+
+    def __call__(self, *arrays):
+        """Addresses of contiguous arrays of those types; ValueError as of :func:`address`."""
+        if not all(map(is_, arrays, self._arrays)):
+            self._addresses = tuple(map(address, arrays, self._dtypes))
+            self._arrays = arrays
+        return self._addresses
 
 
 def aligned(size):

@@ -5,7 +5,7 @@ import ctypes
 import numba
 import numpy as np
 
-from .native import Pointers, aligned, load
+from .native import Pointers, address, aligned, load
 from .springs import stored_energy
 
 #: What a pair keeps, a row of 24 numbers in which a step finds all it needs: types, and columns
@@ -101,6 +101,7 @@ class PairForces:
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
         self._totals = np.zeros(6)
+        self._totals_at = address(self._totals)
         scratch = np.empty(node.size + 1, short)
         for name, of_nodes in (("recess", recess), ("ratio", ratio_of_node)):
             column(state, name)[:] = of_nodes[node]
@@ -134,7 +135,7 @@ class PairForces:
         """
         totals = self._totals
         self._call(
-            self._pointers.table, totals.ctypes.data, clock, friction, friction_kinetic,
+            self._pointers.table, self._totals_at, clock, friction, friction_kinetic,
             largest_depth, self._num_pairs, adopt,
         )  # fmt: skip
         dissipated, adopted, deep, deepest, sunk, pair = totals.tolist()

@@ -44,7 +44,7 @@ import numba
 import numpy as np
 
 from .hardening import plastic_increment
-from .native import Pointers, address, aligned, load
+from .native import Addresses, Pointers, address, aligned, load
 
 # Reassociation and contraction only: NaN and infinity keep their meaning.
 FAST = {"contract", "reassoc", "arcp", "nsz"}
@@ -115,6 +115,7 @@ class InternalForces:
         self._pointers = Pointers(*((array, array.dtype) for array in arrays))
         self._model = self._pointers.table
         self._row, self._element = parameters.shape[1], element
+        self._addresses = Addresses(*[real] * 6, whole)
         library, pointer, integer = load("tets"), ctypes.c_void_p, ctypes.c_int64
         self._volumes, self._num_grains = library.mufe_nodal_volumes, first_node.size
         self._volumes.argtypes = [pointer, pointer, pointer, integer]
@@ -176,9 +177,8 @@ class InternalForces:
         """
         law = None if increment is plastic_increment else _c_function(increment, self._row)
         return self._call(
-            self._model, address(f), address(deviator), address(strain), address(work),
-            address(x), address(v), address(grains, np.int64), dt, grains.size, self._row,
-            self._element, law and law.address,
+            self._model, *self._addresses(f, deviator, strain, work, x, v, grains), dt,
+            grains.size, self._row, self._element, law and law.address,
         )  # fmt: skip
 
 

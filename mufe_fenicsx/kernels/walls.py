@@ -5,7 +5,7 @@ import ctypes
 import numba
 import numpy as np
 
-from .native import Pointers, load
+from .native import Pointers, address, load
 from .pairs import column
 
 #: What a pair keeps, as in kernels.pairs; the rest of the row is as in walls.c.
@@ -100,6 +100,7 @@ class WallForces:
         real, short = np.float64, np.int32
         self._num_pairs = node.size
         self._totals = np.zeros(2)
+        self._totals_at = address(self._totals)
         scratch = np.empty(node.size + 1, short)
         column(state, "wall", COLUMNS)[:] = wall
         of_nodes = {"area": area, "recess": recess, "ratio": ratio}
@@ -128,7 +129,7 @@ class WallForces:
             Energy dissipated by friction [J]; number of adopted pairs.
         """
         totals = self._totals
-        self._call(self._pointers.table, totals.ctypes.data, clock, ahead, self._num_pairs, adopt)
+        self._call(self._pointers.table, self._totals_at, clock, ahead, self._num_pairs, adopt)
         dissipated, adopted = totals.tolist()
         return dissipated, int(adopted)
 

@@ -82,6 +82,8 @@ def packing(parameters):
         "rate_2_ranks": {"computed": two},
         "part_of_box_rate": row(one / box, TARGET_PART, one >= TARGET_PART * box),
         "speedup_2_ranks": row(two / one, TARGET_SPEEDUP, two >= TARGET_SPEEDUP * one),
+        # Two ranks wait for each other: what slows one for a moment slows both.
+        "speedup_2_ranks_of_fastest": {"computed": _fastest(twos) / _fastest(ones)},
         "contact_over_tets": {"computed": ones[0]["contact_over_tets"]},
         "num_contacts": {"computed": ones[0]["num_contacts"]},
     }
@@ -90,6 +92,10 @@ def packing(parameters):
 
 def _rates(found):
     return [one["rate"] for one in found]
+
+
+def _fastest(found):
+    return max(one["fastest"] for one in found)
 
 
 def _finished(run):

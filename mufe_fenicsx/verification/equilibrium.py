@@ -89,11 +89,11 @@ class Equilibrium:
         state.x[:], state.deviator[:] = start[0] + move, start[1]
         state.v[:] = move  # in one unit of time
         f[:] = 0.0
-        s.contact.begin(state.x)
+        s.contact.begin(state.x, wall_move)
         inverted = s.solid.add_internal_forces(f, state, 1.0)
         if self.comm.allreduce(int(inverted >= 0)):
             raise SolverError("equilibrium not found: an element lost its volume")
-        s.contact.add_forces(f, state.x, wall_move)
+        s.contact.add_forces(f, state.x)
         state.v[:] = 0.0
         return f.copy()
 
