@@ -39,7 +39,7 @@ from mufe_fenicsx.geometry.shapes import box, sphere
 from mufe_fenicsx.materials.elastic import IsotropicSolid
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.report import style
-from mufe_fenicsx.scene_io import register_material
+from mufe_fenicsx.scene import register_material
 from mufe_fenicsx.solid import von_mises
 from mufe_fenicsx.verification.build import build, drive
 

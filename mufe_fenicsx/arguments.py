@@ -8,7 +8,7 @@ from .errors import InputError
 
 def merged_settings(cls, in_scene, **options):
     """Settings of the scene, where there is one, with those of the options put over them."""
-    from .scene_io import build
+    from .scene.values import build
 
     given = {key: value for key, value in options.items() if value is not None}
     if in_scene is not None:

@@ -37,11 +37,11 @@ def scene(
     if sum(given) != 1:
         raise InputError(f"{sum(given)} of SCENE, --explain and --schema, expected one")
     if schema:
-        from .scene_schema import schema_text
+        from .scene.schema import schema_text
 
         text = schema_text()
     elif explain is not None:
-        from .scene_keys import explain as explained
+        from .scene.keys import explain as explained
 
         text = "\n".join(explained(explain)) + "\n"
     else:

@@ -9,7 +9,7 @@ from .errors import InputError
 from .geometry.grains import Grains, save_grains
 from .geometry.output import new_folder
 from .geometry.shapes import sphere, sphere_near_contact
-from .scene_schema import schema_text
+from .scene.schema import schema_text
 from .synthetic.packing import pack
 from .synthetic.shapes import make_grains, sizes
 

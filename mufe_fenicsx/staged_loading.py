@@ -65,8 +65,8 @@ class StagedLoading:
 
     Args:
         simulation: :class:`~mufe_fenicsx.simulation.Simulation` with the six walls of a box.
-        settings: :class:`~mufe_fenicsx.scene_loading.Loading`.
-        program: Its :class:`~mufe_fenicsx.scene_loading.Stage` s, with their names.
+        settings: :class:`~mufe_fenicsx.scene.stages.Loading`.
+        program: Its :class:`~mufe_fenicsx.scene.stages.Stage` s, with their names.
         quasi_static: Settings of a speed that adapts (scene.QuasiStatic), or None.
     """
 

@@ -8,7 +8,7 @@ import pytest
 
 from mufe_fenicsx.contact.laws import LAYERS
 from mufe_fenicsx.demo import demo_scene
-from mufe_fenicsx.scene_io import MODELS
+from mufe_fenicsx.scene.catalogue import MODELS
 from tests.docs_pages import (
     ROOT,
     SHELL,

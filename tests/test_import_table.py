@@ -11,12 +11,6 @@ PACKAGE = Path(__file__).resolve().parents[1] / "mufe_fenicsx"
 
 #: Modules that are one part of the design under more than one name.
 PART_OF = {
-    "scene_io": "scene",
-    "scene_checks": "scene",
-    "scene_implicit": "scene",
-    "scene_loading": "scene",
-    "scene_keys": "scene",
-    "scene_schema": "scene",
     "loading": "simulation",
     "staged_loading": "simulation",
     "servo": "simulation",

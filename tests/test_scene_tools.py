@@ -13,8 +13,8 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.new_scene import KINDS
 from mufe_fenicsx.run import run_scene
 from mufe_fenicsx.scene import load_scene, scene_to_toml
-from mufe_fenicsx.scene_keys import explain, keys_of, tables
-from mufe_fenicsx.scene_schema import scene_schema
+from mufe_fenicsx.scene.keys import explain, keys_of, tables
+from mufe_fenicsx.scene.schema import scene_schema
 from mufe_fenicsx.synthetic.scene_text import scene_text
 from mufe_fenicsx.synthetic.settings import SynthesisSettings
 from tests import test_scene, test_staged_loading

@@ -24,7 +24,7 @@ from mufe_fenicsx.scene import (
     load_scene,
     scene_to_toml,
 )
-from mufe_fenicsx.scene_loading import Axis, Loading, Stage, Until, named
+from mufe_fenicsx.scene.stages import Axis, Loading, Stage, Until, named
 from mufe_fenicsx.servo import GAIN
 from mufe_fenicsx.staged_loading import StagedLoading
 from mufe_fenicsx.theory.servo import absorbing_gain, stable_gain

@@ -7,7 +7,7 @@ A material of one's own is a frozen dataclass derived from :class:`IsotropicSoli
 - ``parameters()``: the row of numbers that it receives, the first of which is the least
   von Mises stress at which the material can yield [Pa].
 
-Registered with :func:`mufe_fenicsx.scene_io.register_material`, scene files can name it;
+Registered with :func:`mufe_fenicsx.scene.register_material`, scene files can name it;
 ``demos/drucker_prager.py`` does all of that.
 """
 

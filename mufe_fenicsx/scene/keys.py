@@ -15,11 +15,12 @@ import typing
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from pathlib import Path
 
-from .errors import InputError
-from .materials.scatter import Scatter
-from .scene import WALLS, Stage, Wall
-from .scene_io import MODELS, SHAPES, TABLES, UNITS
-from .units import QUANTITIES
+from ..errors import InputError
+from ..materials.scatter import Scatter
+from ..units import QUANTITIES
+from .catalogue import MODELS, SHAPES, TABLES, UNITS
+from .stages import Stage
+from .tables import WALLS, Wall
 
 #: Names of the functions that check a value: condition, name of the field, value, expectation.
 CHECKS = ("require", "_require")

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, fields, replace
 
-from .errors import InputError
-from .scene_checks import one_of, require
+from ..errors import InputError
+from .checks import one_of, require
 
 #: Keys of a stage that say what the walls across one, two or all three axes do.
 AXIS_KEYS = ("x", "y", "z", "xy", "xz", "yz", "xyz")

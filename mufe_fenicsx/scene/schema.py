@@ -4,11 +4,12 @@ import json
 from dataclasses import MISSING
 from pathlib import Path
 
-from .materials.scatter import Scatter
-from .scene import WALLS, Stage, Wall
-from .scene_io import MODELS, SHAPES, TABLES
-from .scene_keys import expectation, first_lines, keys_of
-from .units import QUANTITIES
+from ..materials.scatter import Scatter
+from ..units import QUANTITIES
+from .catalogue import MODELS, SHAPES, TABLES
+from .keys import expectation, first_lines, keys_of
+from .stages import Stage
+from .tables import WALLS, Wall
 
 #: Of numbers that are written as texts: a number, and a unit where there is one.
 NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"

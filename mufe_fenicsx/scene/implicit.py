@@ -3,8 +3,8 @@
 import shlex
 from dataclasses import dataclass
 
-from .errors import InputError
-from .scene_checks import one_of, require
+from ..errors import InputError
+from .checks import one_of, require
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import math
 
-from .errors import InputError
+from ..errors import InputError
 
 
 def require(holds, name, value, expectation):

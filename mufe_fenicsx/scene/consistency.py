@@ -1,0 +1,144 @@
+"""What the tables of a scene demand of each other."""
+
+from ..errors import InputError
+from ..materials.auto import Auto
+from ..materials.rigid import Rigid
+from .checks import require
+from .tables import TOP_PLATEN, WALLS, Wall
+
+
+def check(scene):
+    """Raise InputError where tables of a scene contradict each other."""
+    if scene.accuracy is not None:
+        require(0 < scene.accuracy < 1, "accuracy", scene.accuracy, "0 < accuracy < 1")
+    _check_test(scene)
+    _check_groups(scene)
+    for name in scene.walls:
+        if name not in WALLS:
+            raise InputError(f"walls.{name} is not a wall, expected one of {', '.join(WALLS)}")
+    if scene.mass_scaling is not None:
+        _check_mass_scaling(scene)
+    if scene.solver.integrator != "explicit":
+        _check_implicit(scene)
+    if scene.implicit.gap_tolerance is not None and scene.solver.integrator != "static":
+        raise InputError(
+            f"implicit.gap_tolerance = {scene.implicit.gap_tolerance}, expected none for "
+            f'solver.integrator = "{scene.solver.integrator}": augmentations belong to "static"'
+        )
+    _check_mirrors(scene)
+    _check_rigid(scene)
+    _check_walls(scene)
+
+
+def _check_test(scene):
+    """Raise InputError unless there is one test."""
+    if scene.oedometer is not None:
+        for name, given in (("[loading]", scene.loading), ("[[stage]]", scene.stages)):
+            if given:
+                raise InputError(f"{name} is given, expected none beside [oedometer]")
+        return
+    if scene.loading is None:
+        raise InputError("[oedometer] is missing, expected it, or [loading] with [[stage]]")
+    if not scene.stages:
+        raise InputError("[[stage]] is missing, expected at least one with [loading]")
+    if scene.solver.integrator != "explicit":
+        raise InputError(
+            "[loading] is given, expected [oedometer] for solver.integrator = "
+            f'"{scene.solver.integrator}": a servo follows the force after an increment'
+        )
+    if scene.contact.law == "kinematic":
+        raise InputError('contact.law = "kinematic", expected "matched" with [loading]')
+
+
+def _check_groups(scene):
+    """Raise InputError where a grain is in two groups."""
+    group_of = {}
+    for name, group in scene.materials.items():
+        for label in group.labels:
+            if group_of.setdefault(label, name) != name:
+                raise InputError(
+                    f"materials.{name}.labels has {label}, expected each label in one group: "
+                    f"it is in materials.{group_of[label]} too"
+                )
+
+
+def _first_rigid(scene):
+    """Name of the first table whose grains do not deform, or not always; None without one."""
+    models = {"material": scene.material}
+    models |= {f"materials.{name}": group.material for name, group in scene.materials.items()}
+    return next((name for name, model in models.items() if isinstance(model, Rigid | Auto)), None)
+
+
+def _check_rigid(scene):
+    """Raise InputError where rigid grains cannot do what the scene wants."""
+    if _first_rigid(scene) is None:
+        return
+    if scene.contact.law == "kinematic":
+        raise InputError('contact.law = "kinematic", expected "matched" for rigid grains')
+    if scene.solver.time_step == "element":
+        raise InputError('solver.time_step = "element", expected "assembled" for rigid grains')
+
+
+def _check_walls(scene):
+    """Raise InputError where a wall is moved by its own table and by the test."""
+    moved, by = (TOP_PLATEN,), "[oedometer] moves the top platen"
+    if scene.loading is not None:
+        moved, by = WALLS, "[[stage]] moves the walls"
+    for name in moved:
+        wall = scene.walls.get(name, Wall())
+        for key, rest in (("velocity", 0), ("stress", None)):
+            if getattr(wall, key) != rest:
+                raise InputError(f"walls.{name}.{key} = {getattr(wall, key)}, expected none: {by}")
+
+
+def _check_mass_scaling(scene):
+    """Raise InputError where mass must not be added: laws that depend on it, bodies."""
+    rigid = _first_rigid(scene)
+    if rigid is not None:
+        raise InputError(f"[mass_scaling] is given, expected none for {rigid}, which is rigid")
+    for key, value, wanted in (
+        ("contact.law", scene.contact.law, "matched"),
+        ("solver.time_step", scene.solver.time_step, "assembled"),
+    ):
+        if value != wanted:
+            raise InputError(f'{key} = "{value}", expected "{wanted}" with [mass_scaling]')
+
+
+def _check_implicit(scene):
+    """Raise InputError where an implicit or static solver cannot do what the scene wants."""
+    wanted = f'for solver.integrator = "{scene.solver.integrator}"'
+    rigid = _first_rigid(scene)
+    if rigid is not None:
+        raise InputError(f"{rigid} is rigid, expected grains that deform {wanted}")
+    for name, wall in scene.walls.items():
+        # Dynamics have no state to iterate for: over long increments a servo would overshoot.
+        if wall.stress is not None and scene.solver.integrator == "implicit":
+            raise InputError(f"walls.{name}.stress = {wall.stress}, expected none {wanted}")
+    if scene.contact.law == "kinematic":
+        raise InputError(f'contact.law = "kinematic", expected "matched" {wanted}')
+    for name, table in (
+        ("mass_scaling", scene.mass_scaling),
+        ("quasi_static", scene.quasi_static),
+    ):
+        if table is not None:
+            raise InputError(f"[{name}] is given, expected none {wanted}")
+
+
+def _check_mirrors(scene):
+    """Raise InputError where a plane of symmetry cannot be."""
+    name = next((name for name in scene.walls if scene.walls[name].mirror), None)
+    if name is None:
+        return
+    if scene.walls.get(TOP_PLATEN, Wall()).mirror:
+        raise InputError(
+            f"walls.{TOP_PLATEN}.mirror = true, expected none: [oedometer] moves the top platen"
+        )
+    if scene.contact.law == "kinematic":
+        raise InputError(f'contact.law = "kinematic", expected "matched" with walls.{name}.mirror')
+    if scene.sample.separation:
+        # Nodes on the plane would be moved off it.
+        raise InputError(f"sample.separation = true, expected false with walls.{name}.mirror")
+    if _first_rigid(scene) is not None:
+        raise InputError(
+            f"walls.{name}.mirror = true, expected false with rigid grains, or grains that deform"
+        )

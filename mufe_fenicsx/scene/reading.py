@@ -1,0 +1,157 @@
+"""A scene from its TOML file."""
+
+import tomllib
+from dataclasses import fields
+from pathlib import Path
+
+from ..errors import InputError
+from ..materials.j2 import J2
+from ..materials.scatter import SCATTERED, Scatter
+from ..units import shown, to_si
+from .catalogue import MODELS, SHAPES, TABLES
+from .scene import Scene
+from .stages import Stage
+from .tables import WALLS, Group, Wall
+from .values import build, convert_array, unknown_key
+
+
+def load_scene(path) -> Scene:
+    """Read a scene file. Relative paths in it stay in its folder; absolute ones lead anywhere.
+
+    Raises:
+        InputError: not TOML, an unknown or missing key, a wrong type or unit, or a
+            value that is not physical; the message names the dotted key.
+    """
+    path = Path(path)
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"scene {path}: {error.strerror}, expected a TOML file") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"scene {path} is not UTF-8 text, expected a TOML file") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"scene {path} is not valid TOML: {error}") from error
+
+    known = ["title", "accuracy", *TABLES, "material", "materials", "walls", "stage"]
+    _check_keys(tables, known, "")
+    folder = path.resolve().parent
+    test = () if "loading" in tables else ("oedometer",)
+    for name in ("material", "contact", *test):
+        if name not in tables:
+            raise InputError(f"[{name}] is missing in scene {path}, expected this table")
+    title = tables.get("title", "")
+    if not isinstance(title, str):
+        raise InputError(f"title = {shown(title)}, expected a text")
+    parts = {
+        name: build(cls, _table(tables, name), lambda key, name=name: f"{name}.{key}", folder)
+        for name, cls in TABLES.items()
+        if name in tables
+    }
+    walls = _table(tables, "walls")
+    _check_keys(walls, WALLS, "walls.")
+    common = _table(tables, "material")
+    material, scatter = _read_material(common)
+    accuracy = tables.get("accuracy")
+    return Scene(
+        title=title,
+        accuracy=None if accuracy is None else to_si(accuracy, "", "accuracy"),
+        material=material,
+        scatter=scatter,
+        materials=_read_groups(_table(tables, "materials"), common),
+        walls={
+            wall: build(
+                Wall,
+                _table(walls, wall, f"walls.{wall}"),
+                lambda key, wall=wall: f"walls.{wall}.{key}",
+            )
+            for wall in walls
+        },
+        stages=_read_stages(tables.get("stage", [])),
+        **parts,
+    )
+
+
+def _read_stages(tables):
+    """The tables [[stage]], in their order."""
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise InputError(f"stage = {shown(tables)}, expected tables [[stage]]")
+    return tuple(
+        build(Stage, table, lambda key, number=number: f"stage[{number}].{key}")
+        for number, table in enumerate(tables, start=1)
+    )
+
+
+def _read_groups(tables, common):
+    """The tables [materials.NAME]: keys that they leave out are those of [material]."""
+    groups = {}
+    for key in tables:
+        prefix = f"materials.{key}"
+        values = dict(_table(tables, key, prefix))
+        labels = values.pop("labels", None)
+        if labels is None:
+            raise InputError(f"{prefix}.labels is missing, expected a list of labels")
+        labels = convert_array(labels, SHAPES["labels"], ("",), int, f"{prefix}.labels")
+        model = values.get("model", common.get("model", "j2"))
+        cls = MODELS.get(model if isinstance(model, str) else None, J2)
+        known = [field.name for field in fields(cls)] + ["model"]
+        inherited = {k: v for k, v in common.items() if k in known}
+        if isinstance(common.get("scatter"), dict):
+            lacking = [k for k, name in SCATTERED.items() if name not in known]
+            inherited["scatter"] = {k: v for k, v in common["scatter"].items() if k not in lacking}
+        try:
+            groups[key] = Group(labels, *_read_material(inherited | values, prefix))
+        except InputError as error:
+            message = str(error)
+            raise InputError(
+                message if message.startswith(prefix) else f"{prefix}.{message}"
+            ) from None
+    return groups
+
+
+def _read_material(values, prefix="material"):
+    """Material and how it scatters, or None, of a table."""
+
+    def name(key):
+        return f"{prefix}.{key}"
+
+    values = dict(values)
+    model = values.pop("model", "j2")
+    if not isinstance(model, str) or model not in MODELS:
+        choices = " or ".join(f'"{choice}"' for choice in MODELS)
+        raise InputError(f"{prefix}.model = {shown(model)}, expected {choices}")
+    cls = MODELS[model]
+    scatter = values.pop("scatter", None)
+    known = ["model", "scatter", *(field.name for field in fields(cls))]
+    for key in values:
+        if key == "yield_stress" and model in ("elastic", "rigid"):
+            raise InputError(f'{prefix}.yield_stress is given, expected none for model = "{model}"')
+        if key not in known:
+            raise InputError(unknown_key(name(key), shown(values[key]), key, known, name))
+    material = build(cls, values, name)
+    if scatter is None:
+        return material, None
+    if not isinstance(scatter, dict):
+        raise InputError(f"{prefix}.scatter = {shown(scatter)}, expected a table")
+    scatter = {**scatter}
+    built = build(Scatter, scatter, lambda key: f"{prefix}.scatter.{key}")
+    try:
+        built.of(material, 0)
+    except InputError as error:
+        raise InputError(f"{prefix}.scatter.{error}") from None
+    return material, built
+
+
+def _table(tables, key, name=None):
+    table = tables.get(key, {})
+    if not isinstance(table, dict):
+        raise InputError(f"{name or key} = {shown(table)}, expected a table [{name or key}]")
+    return table
+
+
+def _check_keys(table, known, prefix):
+    for key, value in table.items():
+        if key not in known:
+            value = "a table" if isinstance(value, dict) else shown(value)
+            raise InputError(
+                unknown_key(f"{prefix}{key}", value, key, known, lambda near: f"{prefix}{near}")
+            )

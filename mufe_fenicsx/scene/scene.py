@@ -1,0 +1,112 @@
+"""A scene: everything that a user decides about a test, from its tables."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..errors import InputError
+from ..geometry.settings import MeshSettings
+from ..materials.elastic import IsotropicSolid
+from ..materials.scatter import Scatter
+from .consistency import check
+from .image import ImageSettings
+from .implicit import Implicit
+from .stages import Loading, Stage, named
+from .tables import (
+    WALLS,
+    Contact,
+    Group,
+    MassScaling,
+    Oedometer,
+    Output,
+    QuasiStatic,
+    Sample,
+    Solver,
+    Wall,
+)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A whole test. ``walls`` always has all six, each with its friction filled in.
+
+    Raises:
+        InputError: a wall that does not exist, or that two tables move; a grain in two groups;
+            no test, or two.
+    """
+
+    material: IsotropicSolid
+    contact: Contact
+    oedometer: Oedometer | None = None  #: or ``loading`` with ``stages``
+    title: str = ""
+    image: ImageSettings | None = None
+    mesh: MeshSettings | None = None
+    sample: Sample = field(default_factory=Sample)
+    solver: Solver = field(default_factory=Solver)
+    implicit: Implicit = field(default_factory=Implicit)
+    walls: dict[str, Wall] = field(default_factory=dict)
+    output: Output = field(default_factory=Output)
+    quasi_static: QuasiStatic | None = None  #: None: constant speed
+    mass_scaling: MassScaling | None = None  #: None: no mass is added
+    scatter: Scatter | None = None  #: of ``material``; None: all grains alike
+    materials: dict[str, Group] = field(default_factory=dict)  #: of grains that differ
+    loading: Loading | None = None  #: of a test by stages
+    stages: tuple[Stage, ...] = ()  #: [[stage]]: parts of that test, in their order
+    #: Wanted error of the stress, which plans the rest (planning); None: as the scene states it.
+    accuracy: float | None = None
+
+    def __post_init__(self):
+        check(self)
+        object.__setattr__(self, "stages", named(self.stages))
+        if self.quasi_static is not None:
+            object.__setattr__(self, "quasi_static", self._between_speeds())
+        object.__setattr__(self, "walls", {name: self._wall(name) for name in WALLS})
+
+    def materials_of(self, labels, known):
+        """Material of each grain of ``labels``.
+
+        Args:
+            labels: Labels of the grains, shape (num_grains,).
+            known: Labels of all grains of the sample.
+
+        Raises:
+            InputError: a group names a grain that the sample has not.
+        """
+        group_of = {label: g for g in self.materials.values() for label in g.labels}
+        known = set(np.asarray(known).tolist())
+        for name, group in self.materials.items():
+            for label in group.labels:
+                if label not in known:
+                    raise InputError(
+                        f"materials.{name}.labels has {label}, expected a label of the sample, "
+                        f"{min(known)} to {max(known)}"
+                    )
+        rest = Group((0,), self.material, self.scatter)
+        found = []
+        for label in labels:
+            group = group_of.get(int(label), rest)
+            scatter = group.scatter
+            found.append(scatter.of(group.material, label) if scatter else group.material)
+        return found
+
+    def _between_speeds(self):
+        """Settings of the speed of loading with both limits filled in."""
+        wanted, table = self.quasi_static, "loading" if self.oedometer is None else "oedometer"
+        speed = getattr(self, table).speed
+        slowest = speed / 10 if wanted.slowest is None else wanted.slowest
+        fastest = speed * 10 if wanted.fastest is None else wanted.fastest
+        if not slowest <= speed <= fastest:
+            raise InputError(
+                f"{table}.speed = {speed:g}, expected quasi_static.slowest = {slowest:g} "
+                f"<= speed <= quasi_static.fastest = {fastest:g}"
+            )
+        return replace(wanted, slowest=slowest, fastest=fastest)
+
+    def _wall(self, name):
+        wall = self.walls.get(name, Wall())
+        if wall.mirror:
+            return Wall(friction=0.0, mirror=True)
+        friction, kinetic = wall.friction, wall.friction_kinetic
+        if friction is None:
+            friction, kinetic = self.contact.wall_friction, self.contact.wall_friction_kinetic
+        return Wall(wall.velocity, wall.stress, wall.speed, friction, kinetic)

@@ -1,0 +1,134 @@
+"""Untyped values of a table, checked, converted to SI and put into its dataclass."""
+
+import dataclasses
+import difflib
+import os
+import types
+import typing
+from dataclasses import MISSING, fields
+from pathlib import Path
+
+from ..errors import InputError
+from ..materials.j2 import J2
+from ..units import expected, shown, to_si
+from .catalogue import FLOAT_ARRAYS, SHAPES, TABLES, unit_of
+from .image import PACKAGED_IMAGES
+
+
+def build(cls, values, name, folder=None):
+    """An instance of a dataclass from untyped values, each checked and converted to SI.
+
+    Args:
+        cls: One of the classes in `TABLES`, `MODELS`, or `Wall` or `SegmentSettings`.
+        values: Mapping of field to value, as TOML gives it.
+        name: Function that turns the name of a field into how messages call it.
+        folder: What relative paths are relative to; None: the current folder.
+
+    Raises:
+        InputError: an unknown or missing key, a wrong type or unit, a value out of range.
+    """
+    hints = typing.get_type_hints(cls)
+    known = [field.name for field in fields(cls)]
+    for key in values:
+        if key not in known:
+            raise InputError(unknown_key(name(key), shown(values[key]), key, known, name))
+    for field in fields(cls):
+        required = field.default is MISSING and field.default_factory is MISSING
+        if required and field.name not in values:
+            wanted = _expected(hints[field.name], unit_of(cls, field.name))
+            raise InputError(f"{name(field.name)} is missing, expected {wanted}")
+    converted = {
+        key: _convert(value, hints[key], unit_of(cls, key), key, name(key), folder)
+        for key, value in values.items()
+    }
+    try:
+        return cls(**converted)
+    except InputError as error:  # these begin with the name of the field
+        raise InputError(name(str(error))) from None
+
+
+def unknown_key(full_name, value, key, known, name):
+    """Message for an unknown key: the nearest of its table, or the same key of another one."""
+    elsewhere = [
+        f"{table}.{key}"
+        for table, cls in {**TABLES, "material": J2}.items()
+        if any(field.name == key for field in fields(cls)) and f"{table}.{key}" != full_name
+    ]
+    close = difflib.get_close_matches(key, known, n=1, cutoff=0.6)
+    if elsewhere and not close:
+        nearest = elsewhere[0]
+    else:
+        nearest = name((close or difflib.get_close_matches(key, known, n=1, cutoff=0.0))[0])
+    return f"{full_name} = {value} is not a known key, expected {nearest}"
+
+
+def _expected(hint, unit):
+    if hint is float:
+        return expected(unit)
+    if hint is Path or Path in typing.get_args(hint):
+        return "a path"
+    if isinstance(unit, tuple):
+        return "a list of [number, value] pairs"
+    return {int: "a whole number", bool: "true or false", str: "a text"}[hint]
+
+
+def _convert(value, hint, unit, key, name, folder):
+    """A value of the type that a field declares, in SI units."""
+    kinds = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    if key in SHAPES and (float not in kinds or isinstance(value, list | tuple)):
+        if isinstance(unit, str):
+            unit = (unit,) * SHAPES[key][-1]
+        return convert_array(value, SHAPES[key], unit, float if key in FLOAT_ARRAYS else int, name)
+    if Path in kinds:
+        return _convert_path(value, name, folder)
+    for kind in kinds:
+        if dataclasses.is_dataclass(kind):
+            if not isinstance(value, dict):
+                raise InputError(f"{name} = {shown(value)}, expected a table like {{ … }}")
+            return build(kind, value, lambda inner: f"{name}.{inner}", folder)
+    if float in kinds and not (str in kinds and isinstance(value, str)):
+        return to_si(value, unit, name)
+    if int in kinds and (isinstance(value, bool) or not isinstance(value, int)):
+        raise InputError(f"{name} = {shown(value)}, expected a whole number")
+    if bool in kinds and not isinstance(value, bool):
+        raise InputError(f"{name} = {shown(value)}, expected true or false")
+    if str in kinds and not isinstance(value, str):
+        raise InputError(f"{name} = {shown(value)}, expected a text")
+    return value
+
+
+def convert_array(value, shape, units, kind, name):
+    sizes = " x ".join("n" if size < 0 else str(size) for size in shape)
+    if not isinstance(value, list | tuple) or shape[0] not in (-1, len(value)):
+        raise InputError(f"{name} = {shown(value)}, expected a list of {sizes} numbers")
+    if len(shape) > 1:
+        return tuple(
+            convert_array(row, shape[1:], units, kind, f"{name}[{i}]")
+            for i, row in enumerate(value)
+        )
+    if kind is int:
+        for i, item in enumerate(value):
+            if isinstance(item, bool) or not isinstance(item, int) or item < 0:
+                raise InputError(f"{name}[{i}] = {shown(item)}, expected a whole number >= 0")
+        return tuple(value)
+    return tuple(
+        to_si(item, unit, f"{name}[{i}]")
+        for i, (item, unit) in enumerate(zip(value, units, strict=True))
+    )
+
+
+def _convert_path(value, name, folder):
+    if not isinstance(value, str | Path) or not str(value):
+        raise InputError(f"{name} = {shown(value)}, expected a path")
+    if str(value) in PACKAGED_IMAGES:
+        return str(value)
+    path = Path(value).expanduser()
+    if folder is None or path.is_absolute():
+        return path
+    path = Path(os.path.normpath(folder / path))
+    if not path.is_relative_to(folder):
+        raise InputError(
+            f"{name} = {shown(str(value))} leaves the folder of the scene, expected a path in "
+            f"{folder} or an absolute one"
+        )
+    return path
