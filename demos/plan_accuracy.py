@@ -36,7 +36,7 @@ from mufe_fenicsx.evidence import (
     usable,
     write_elsewhere,
 )
-from mufe_fenicsx.planning import plan_case
+from mufe_fenicsx.planning.case import plan_case
 
 #: What plans are asked for.
 ACCURACIES = (0.2, 0.1, 0.05, 0.03, 0.02)

@@ -120,7 +120,7 @@ def test(scene, grains, out, answer):
     """One test in a process of its own. Times are of the processor, predicted and actual."""
     from mpi4py import MPI
 
-    from mufe_fenicsx.plan_run import planned_scene
+    from mufe_fenicsx.planning.run import planned_scene
     from mufe_fenicsx.preparation import read_scene
     from mufe_fenicsx.run import run_scene
 

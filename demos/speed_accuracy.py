@@ -38,7 +38,7 @@ from mufe_fenicsx.charts.grid import CHARTS
 from mufe_fenicsx.charts.make import make_charts
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.evidence import REFERENCE, TABLE, distance, read_points, write_points
-from mufe_fenicsx.plan_contacts import Closing
+from mufe_fenicsx.planning.contacts import Closing
 from mufe_fenicsx.simulation import Simulation
 from mufe_fenicsx.verification.build import build
 from mufe_fenicsx.verification.case import axis_planes

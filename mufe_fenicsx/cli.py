@@ -82,7 +82,7 @@ def run(
         raise InputError("--overwrite beside --resume, expected one of them")
     after = None
     if loaded.accuracy is not None:
-        from .plan_run import planned_scene
+        from .planning.run import planned_scene
 
         loaded, after = planned_scene(loaded, grains, comm, measure=not resume)
     result = run_scene(

@@ -35,13 +35,13 @@ def plan(
     if scene in CASES and not Path(scene).exists():
         _plan_case(scene, accuracy, printer)
         return
-    from .plan_text import as_dict, lines
+    from .planning.text import as_dict, lines
     from .preparation import read_scene
 
     loaded = read_scene(comm, Path(scene))
     if accuracy is None and loaded.accuracy is None:
         raise InputError("accuracy is missing, expected one in the scene or --accuracy")
-    from .plan_run import make_plan
+    from .planning.run import make_plan
 
     made, cost = make_plan(loaded, loaded.sample.grains if grains is None else grains, comm,
                            accuracy)  # fmt: skip
@@ -50,7 +50,7 @@ def plan(
 
 
 def _plan_case(case, accuracy, printer):
-    from .planning import plan_case
+    from .planning.case import plan_case
 
     point = plan_case(case, accuracy)
     printer.summary({

@@ -29,11 +29,6 @@ PART_OF = {
     "implicit": "simulation",
     "increment_start": "simulation",
     "held_nodes": "simulation",
-    "plan_errors": "planning",
-    "plan_contacts": "planning",
-    "plan_cost": "planning",
-    "plan_text": "planning",
-    "plan_run": "planning",
 }
 
 #: What each part may import, besides itself and `errors`, which any may.

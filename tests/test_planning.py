@@ -18,8 +18,10 @@ from mufe_fenicsx.geometry.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.materials.rigid import Rigid
-from mufe_fenicsx.plan_contacts import Closing
-from mufe_fenicsx.plan_cost import (
+from mufe_fenicsx.planning.case import expected_error, plan_case
+from mufe_fenicsx.planning.choice import follow, plan_scene
+from mufe_fenicsx.planning.contacts import Closing
+from mufe_fenicsx.planning.cost import (
     CLOSED,
     FIRST_WAVE,
     LATE,
@@ -30,9 +32,9 @@ from mufe_fenicsx.plan_cost import (
     Benchmark,
     predict,
 )
-from mufe_fenicsx.plan_errors import GRAINS, falling, of_loading, sample_errors, time_for
-from mufe_fenicsx.plan_run import planned_scene
-from mufe_fenicsx.planning import Sample, expected_error, follow, plan_case, plan_scene
+from mufe_fenicsx.planning.errors import GRAINS, falling, of_loading, sample_errors, time_for
+from mufe_fenicsx.planning.run import planned_scene
+from mufe_fenicsx.planning.sample import Sample
 from mufe_fenicsx.run import run_scene
 from mufe_fenicsx.scene import Contact, MassScaling, Oedometer, Output, Scene, Solver, load_scene
 from mufe_fenicsx.verification.build import build

@@ -20,8 +20,8 @@ import itertools
 import math
 from dataclasses import dataclass
 
-from .errors import InputError
-from .evidence import distance, read_points, usable
+from ..errors import InputError
+from ..evidence import distance, read_points, usable
 
 OEDOMETER = "oedometer"
 #: Grains of its sample.
@@ -40,6 +40,19 @@ FASTEST = 3.0
 PLASTIC_RADIUS, STRESS = 0.1, 10e6
 #: Contacts of a grain, each with its own patch of fine elements.
 CONTACTS = 7
+
+
+def checked_accuracy(accuracy):
+    """An accuracy, if it is one.
+
+    Raises:
+        InputError: It is not between 0 and 1.
+    """
+    if accuracy is None:
+        raise InputError("accuracy is missing, expected one in the scene or --accuracy")
+    if not 0 < accuracy < 1:
+        raise InputError(f"accuracy = {accuracy}, expected 0 < accuracy < 1")
+    return float(accuracy)
 
 
 @dataclass(frozen=True)

@@ -14,21 +14,21 @@ from statistics import median
 
 from mpi4py import MPI
 
-from .balance import PAIR_COST
-from .contact.separation import separate
-from .loading import LARGEST_SEATING
-from .memory import peak_memory
-from .plan_contacts import Closing
-from .plan_errors import PACKING
-from .preparation import bounding_box, load_mesh, make_simulation
-from .speed_control import AIM
+from ..balance import PAIR_COST
+from ..contact.separation import separate
+from ..loading import LARGEST_SEATING
+from ..memory import peak_memory
+from ..preparation import bounding_box, load_mesh, make_simulation
+from ..speed_control import AIM
+from .contacts import Closing
+from .errors import PACKING
 
 #: Pairs nearer than this part of an edge count as closed for the stable step under load: so found
 #: it is within 2 % of that of a test of sand up to a strain of 0.01. Later new contacts shorten it:
 #: to 0.79 of that at 0.05 and to 0.78 at 0.1 in two others. (Since a step counts fewer of the pairs
 #: that may close, 60 grains to a strain of 0.05 took 1.15 times the steps so predicted.)
 LOADED, LATE, SHORTER = 0.3, 0.03, 0.78
-#: Part of the points that geometry closes (plan_contacts) which are in contact in the mean while
+#: Part of the points that geometry closes (`contacts`) which are in contact in the mean while
 #: loading, and that of these while seating: 0.3 to 0.8 and 0.4 to 0.9 in three tests of sand.
 CLOSED, WHILE_SEATING = 0.5, 0.5
 #: Speed of waves through a sample that is not loaded yet over that of its rock: the platen goes on

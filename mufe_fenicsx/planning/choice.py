@@ -1,37 +1,25 @@
-"""From a scene and an accuracy: how much model the test needs, and what it will cost.
-
-The error of a plan is the sum of its parts (plan_errors); the plan is the cheapest that keeps the
-sum below what is wanted. Its cost goes with
-
-    tetrahedra · steps  ~  n t / (h g),
-
-n tetrahedra a grain, h the length of edges at contacts, t the time of loading, g the gain in time
-step by added mass. What is chosen depends on the scene, the grains and the table alone, not on the
-machine: a run that goes on finds the same plan again. Times and memory are those of this
-machine (plan_cost).
-"""
+"""The cheapest plan that meets an accuracy, among those that the table of points knows."""
 
 import math
 from dataclasses import dataclass, field, replace
 
-from .errors import InputError
-from .evidence import SUFFIX, read_elsewhere, read_points, usable
-from .geometry.grains import load_grains, read_grain_table
-from .materials.auto import Auto
-from .materials.elastic import Elastic
-from .materials.rigid import Rigid
-from .plan_cost import packing_wave_speed
-from .plan_errors import (
-    BEYOND,
-    CONTACTS,
+from ..errors import InputError
+from ..evidence import read_points
+from ..materials.auto import Auto
+from ..materials.elastic import Elastic
+from ..materials.rigid import Rigid
+from ..scene import Contact, MassScaling, Output
+from .cost import packing_wave_speed
+from .errors import (
     FASTEST,
     best_law,
+    checked_accuracy,
     contact_radius,
     of_loading,
     sample_errors,
     time_for,
 )
-from .scene import Contact, MassScaling, Output, Solver
+from .reasons import driver, out_of_reach, too_simple, unknown
 
 #: What the table calls a law of contact, by what a scene says.
 LAWS = {"matched": {"law": "matched"}, "kinematic": {"law": "kinematic"},
@@ -41,47 +29,8 @@ LAWS = {"matched": {"law": "matched"}, "kinematic": {"law": "kinematic"},
 CUTS = 40
 #: Grains that are meshed finer than they need be are kept up to this cost over the least.
 WORTH_MESHING = 1.5
-#: Error of a measured point over what it may be at another Poisson's ratio, size of contact or
-#: speed, for points that nobody has computed there.
-MARGIN = 0.75
 #: Strain between two stored states.
 STATE_STRAIN = 0.01
-
-
-@dataclass(frozen=True)
-class Sample:
-    """What a plan needs to know of the grains."""
-
-    folder: str
-    labels: tuple
-    num_cells: int
-    size: float  #: wanted length of edges [m]
-    diameter: float  #: of a ball of the grains' mean volume [m]
-
-    @property
-    def tets(self):
-        """Tetrahedra a grain."""
-        return self.num_cells / len(self.labels)
-
-    def mesh_for(self, n, radius, errors):
-        """A mesh of n elements per contact radius.
-
-        Finer than it is the sample gets either even edges or fine patches at its contacts.
-
-        Args:
-            n: Elements per contact radius.
-            radius: Of a typical contact over the diameter.
-            errors: :class:`~.plan_errors.Errors`, which know the tetrahedra of a patch.
-
-        Returns:
-            Length of edges at contacts and inside [m], and tetrahedra a grain.
-        """
-        h = radius * self.diameter / n
-        even = self.tets * (self.size / h) ** 3
-        patches = self.tets + CONTACTS * errors.cells_of_contact(n)
-        if h < self.size and patches < even:
-            return h, self.size, patches
-        return h, h, even
 
 
 @dataclass(frozen=True)
@@ -104,25 +53,6 @@ class Plan:
     unknown: tuple = field(default=())  #: what the plan cannot know, sentences
 
 
-def read_sample(folder):
-    """The :class:`Sample` in a folder that `mufe mesh` wrote.
-
-    Raises:
-        InputError: There is none.
-    """
-    if folder is None:
-        raise InputError(
-            "sample.grains is missing, expected the folder that `mufe mesh` wrote: a plan needs "
-            "the grains, meshed with edges of any length"
-        )
-    labels, num_cells, _, _ = read_grain_table(folder)
-    grains = load_grains(folder)
-    diameter = (6 / math.pi * float(grains.volumes.mean())) ** (1 / 3)
-    return Sample(
-        str(folder), tuple(labels.tolist()), int(num_cells.sum()), grains.element_size, diameter
-    )
-
-
 def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
     """The cheapest plan that meets an accuracy.
 
@@ -131,7 +61,7 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
 
     Args:
         scene: :class:`~mufe_fenicsx.scene.Scene`.
-        sample: :class:`Sample`.
+        sample: :class:`~.sample.Sample`.
         accuracy: Wanted error of the forces; None: the scene's.
         points: Of the table; None: the stored one.
         keep_mesh: The grains have to do as they are.
@@ -139,7 +69,7 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
     Raises:
         InputError: No plan meets it; the message says what would.
     """
-    accuracy = checked(scene.accuracy if accuracy is None else accuracy)
+    accuracy = checked_accuracy(scene.accuracy if accuracy is None else accuracy)
     points = read_points() if points is None else points
     yields = hasattr(scene.material, "yield_stress")
     element, law = scene.solver.element, _law(scene.contact, points, yields)
@@ -156,10 +86,10 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
     )
     fixed = simpler / len(sample.labels)
     if fixed >= accuracy:
-        raise InputError(_too_simple(accuracy, fixed, fidelity))
+        raise InputError(too_simple(accuracy, fixed, fidelity))
     plans = list(_plans(scene, sample, errors, accuracy - fixed, keep_mesh))
     if not plans:
-        raise InputError(_out_of_reach(scene, accuracy, fixed, errors, sample, keep_mesh))
+        raise InputError(out_of_reach(scene, accuracy, fixed, errors, sample, keep_mesh))
     best = min(plans, key=lambda plan: plan.cost)
     as_they_are = [plan for plan in plans if plan.size == sample.size]
     if as_they_are:
@@ -178,23 +108,10 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
         element=element,
         fidelity=fidelity,
         settings=_settings(scene, law, best.speed, best.mass),
-        driver=_driver(scene, sample, errors, best),
+        driver=driver(scene, sample, errors, best),
         path=errors.of_path(len(sample.labels)),
-        unknown=_unknown(scene, errors, best),
+        unknown=unknown(scene, errors, best),
     )
-
-
-def checked(accuracy):
-    """An accuracy, if it is one.
-
-    Raises:
-        InputError: It is not between 0 and 1.
-    """
-    if accuracy is None:
-        raise InputError("accuracy is missing, expected one in the scene or --accuracy")
-    if not 0 < accuracy < 1:
-        raise InputError(f"accuracy = {accuracy}, expected 0 < accuracy < 1")
-    return float(accuracy)
 
 
 def _law(contact, points, yields):
@@ -321,112 +238,3 @@ def follow(scene, plan):
         else:
             scene = replace(scene, **{table: replace(getattr(scene, table), **{key: value})})
     return scene
-
-
-def _driver(scene, sample, errors, best):
-    """Which requirement costs most: what twice its error would leave of the cost."""
-    n = errors.elements_for(2 * best.parts["mesh"])
-    size, _, tets = sample.mesh_for(n, contact_radius(scene.material), errors)
-    left = {
-        "the mesh at contacts": min(tets / size / (best.tets / best.size), 1.0),
-        "the time of loading": time_for(2 * best.parts["loading"]) / best.time,
-    }
-    name = min(left, key=left.get)
-    if left[name] > 0.99:
-        return "none: the coarsest mesh and the fastest loading that are known do"
-    return f"{name}: twice its error would leave {left[name]:.2f} of the cost"
-
-
-def _too_simple(accuracy, fixed, fidelity):
-    models = ", ".join(f"{len(own)} grains {model}" for model, own in fidelity.items())
-    return (
-        f"accuracy = {accuracy:g}, expected more than {fixed:.2g} with {models}: "
-        'material.model = "j2" would do'
-    )
-
-
-def _out_of_reach(scene, accuracy, fixed, errors, sample, keep_mesh):
-    radius, left = contact_radius(scene.material), accuracy - fixed
-    n = errors.elements_for(0.7 * left)
-    if math.isfinite(n):
-        here = radius * sample.diameter / sample.size
-        size, inner, tets = sample.mesh_for(n, radius, errors)
-        sizing = "" if size == inner else f', mesh.sizing = "contact", mesh.size = {_um(inner)}'
-        key = "mesh.size" if size == inner else "mesh.smallest_size"
-        off = errors.of_mesh(here)
-        known = f"about {off:.2g}" if math.isfinite(off) else "more than any in the table"
-        return (
-            f"accuracy = {accuracy:g} is out of reach of the grains in {sample.folder}, expected "
-            f"{n:.2g} elements per contact radius and not {here:.2g} (error {known}): mesh them "
-            f"with {key} = {_um(size)}{sizing}, about {tets:.0f} tetrahedra a grain"
-        )
-    best = fixed + errors.of_mesh(BEYOND * errors.mesh[-1][0])
-    better = ', or solver.element = "averaged"' if scene.solver.element != "averaged" else ""
-    return (
-        f"accuracy = {accuracy:g}, expected more than {best / 0.7:.2g}, the least that is known of "
-        f"any mesh: `mufe chart --full` on finer ones would tell more{better}"
-    )
-
-
-def _um(length):
-    return f'"{1e6 * length:.3g} um"'
-
-
-def _unknown(scene, errors, best):
-    """What the plan cannot know."""
-    known = [
-        f"the size of contacts: a radius of {contact_radius(scene.material):.2g} diameters is "
-        "assumed, and grows with the load",
-        "how far the platen travels until the sample is seated: what closes a chain of grains, and "
-        "0.3 % of the height for grains that rearrange, of which nothing tells beforehand",
-        "how fast waves travel through the loaded sample, which depends on its density: "
-        f"{packing_wave_speed(scene):.0f} m/s are assumed; top against bottom force in the report "
-        "tell how slow the loading was",
-        "what other programs do to this machine meanwhile",
-    ]
-    if best.elements > errors.mesh[-1][0]:
-        known.append(
-            "errors of so fine a mesh: beyond the finest one measured they are taken to fall with "
-            "the length of edges"
-        )
-    if scene.quasi_static is not None:
-        known.append("the speed that [quasi_static] will lead to: that of a linear sample is taken")
-    if scene.solver != replace(Solver(), element=scene.solver.element):
-        known.append("what settings in [solver] other than the default do to the error")
-    return tuple(known)
-
-
-def expected_error(point, elsewhere):
-    """What the error of a point may be at parameters other than its own.
-
-    Args:
-        point: :class:`~mufe_fenicsx.evidence.Point`.
-        elsewhere: {command: largest error elsewhere} of those that were computed there.
-    """
-    largest = elsewhere.get(point.command)
-    return point.error / MARGIN if largest is None else max(point.error, largest)
-
-
-def plan_case(case, accuracy, points=None):
-    """The cheapest measured point of a case of charts that keeps an accuracy elsewhere too.
-
-    Returns:
-        :class:`~mufe_fenicsx.evidence.Point`.
-
-    Raises:
-        InputError: The table has none; the message says how near the nearest is.
-    """
-    accuracy = checked(accuracy)
-    own = usable(read_points() if points is None else points, case)
-    if not own:
-        raise InputError(f"case {case}, expected one of which the table of points has some")
-    elsewhere = read_elsewhere()
-    good = [p for p in own if expected_error(p, elsewhere) <= accuracy]
-    if not good:
-        best = min(own, key=lambda p: expected_error(p, elsewhere))
-        least = expected_error(best, elsewhere)
-        raise InputError(
-            f"accuracy = {accuracy:g}, expected at least {least:.2g}: the nearest that was "
-            f"measured of {case}{SUFFIX} is `{best.command}` in {best.seconds:.3g} s"
-        )
-    return min(good, key=lambda p: (p.seconds, p.error))

@@ -3,11 +3,12 @@
 import gc
 import time
 
-from .errors import InputError
-from .output.run_folder import raise_together
-from .plan_cost import benchmark, predict
-from .plan_text import brief
-from .planning import follow, plan_scene, read_sample
+from ..errors import InputError
+from ..output.run_folder import raise_together
+from .choice import follow, plan_scene
+from .cost import benchmark, predict
+from .sample import read_sample
+from .text import brief
 
 
 def make_plan(
@@ -22,10 +23,10 @@ def make_plan(
         accuracy: Wanted; None: the scene's.
         keep_mesh: The grains have to do as they are.
         measure: Measure this machine; without, the cost is None.
-        clock: As of :func:`~.plan_cost.benchmark`.
+        clock: As of :func:`~.cost.benchmark`.
 
     Returns:
-        :class:`~.planning.Plan` and :class:`~.plan_cost.Cost`, the same on all ranks.
+        :class:`~.choice.Plan` and :class:`~.cost.Cost`, the same on all ranks.
 
     Raises:
         InputError: No plan meets the accuracy; on all ranks.

@@ -1,0 +1,83 @@
+"""Why a plan is what it is: what costs most, what it cannot know, what is out of reach."""
+
+import math
+from dataclasses import replace
+
+from ..scene import Solver
+from .cost import packing_wave_speed
+from .errors import BEYOND, contact_radius, time_for
+
+
+def driver(scene, sample, errors, best):
+    """Which requirement costs most: what twice its error would leave of the cost."""
+    n = errors.elements_for(2 * best.parts["mesh"])
+    size, _, tets = sample.mesh_for(n, contact_radius(scene.material), errors)
+    left = {
+        "the mesh at contacts": min(tets / size / (best.tets / best.size), 1.0),
+        "the time of loading": time_for(2 * best.parts["loading"]) / best.time,
+    }
+    name = min(left, key=left.get)
+    if left[name] > 0.99:
+        return "none: the coarsest mesh and the fastest loading that are known do"
+    return f"{name}: twice its error would leave {left[name]:.2f} of the cost"
+
+
+def too_simple(accuracy, fixed, fidelity):
+    """Why no plan with simpler models of grains meets an accuracy."""
+    models = ", ".join(f"{len(own)} grains {model}" for model, own in fidelity.items())
+    return (
+        f"accuracy = {accuracy:g}, expected more than {fixed:.2g} with {models}: "
+        'material.model = "j2" would do'
+    )
+
+
+def out_of_reach(scene, accuracy, fixed, errors, sample, keep_mesh):
+    """Why no mesh meets an accuracy, and which would."""
+    radius, left = contact_radius(scene.material), accuracy - fixed
+    n = errors.elements_for(0.7 * left)
+    if math.isfinite(n):
+        here = radius * sample.diameter / sample.size
+        size, inner, tets = sample.mesh_for(n, radius, errors)
+        sizing = "" if size == inner else f', mesh.sizing = "contact", mesh.size = {_um(inner)}'
+        key = "mesh.size" if size == inner else "mesh.smallest_size"
+        off = errors.of_mesh(here)
+        known = f"about {off:.2g}" if math.isfinite(off) else "more than any in the table"
+        return (
+            f"accuracy = {accuracy:g} is out of reach of the grains in {sample.folder}, expected "
+            f"{n:.2g} elements per contact radius and not {here:.2g} (error {known}): mesh them "
+            f"with {key} = {_um(size)}{sizing}, about {tets:.0f} tetrahedra a grain"
+        )
+    best = fixed + errors.of_mesh(BEYOND * errors.mesh[-1][0])
+    better = ', or solver.element = "averaged"' if scene.solver.element != "averaged" else ""
+    return (
+        f"accuracy = {accuracy:g}, expected more than {best / 0.7:.2g}, the least that is known of "
+        f"any mesh: `mufe chart --full` on finer ones would tell more{better}"
+    )
+
+
+def unknown(scene, errors, best):
+    """What the plan cannot know."""
+    known = [
+        f"the size of contacts: a radius of {contact_radius(scene.material):.2g} diameters is "
+        "assumed, and grows with the load",
+        "how far the platen travels until the sample is seated: what closes a chain of grains, and "
+        "0.3 % of the height for grains that rearrange, of which nothing tells beforehand",
+        "how fast waves travel through the loaded sample, which depends on its density: "
+        f"{packing_wave_speed(scene):.0f} m/s are assumed; top against bottom force in the report "
+        "tell how slow the loading was",
+        "what other programs do to this machine meanwhile",
+    ]
+    if best.elements > errors.mesh[-1][0]:
+        known.append(
+            "errors of so fine a mesh: beyond the finest one measured they are taken to fall with "
+            "the length of edges"
+        )
+    if scene.quasi_static is not None:
+        known.append("the speed that [quasi_static] will lead to: that of a linear sample is taken")
+    if scene.solver != replace(Solver(), element=scene.solver.element):
+        known.append("what settings in [solver] other than the default do to the error")
+    return tuple(known)
+
+
+def _um(length):
+    return f'"{1e6 * length:.3g} um"'
