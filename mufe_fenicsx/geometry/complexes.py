@@ -17,20 +17,23 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyvista
-import scipy.ndimage
-import scipy.sparse
 import vtk
 
-from ..kernels.spline import spline_value_and_gradient
 from .cells import prevailing
 from .complex_edges import evened, opened
+from .indicators import (
+    FOLD,
+    MOST_LABELS,
+    area_vectors,
+    constraints,
+    moved,
+    smoothed_indicators,
+    without_folds,
+)
 from .joined import parted
-from .labels import grains_in
-from .level_set import BETA, margin
+from .level_set import BETA
 from .measure import surface_volume
 
-#: Labels that meet at a node at most; rarer meetings keep the first ones.
-MOST_LABELS = 4
 #: Standard deviation of the filter by which cells choose their label, over their edge, at least.
 PREVAIL = 0.35
 #: Edge of cells over the wanted length of edges.
@@ -41,10 +44,6 @@ ROUNDS = 6
 COARSENED = (0.7, 1.0, 1.0, 1.0)
 #: Area of a face between two grains at least, over the square of the wanted length of edges.
 SMALLEST = 0.8
-#: Difference of smoothed indicators at which a node is not near a place where they are equal.
-LOST = 0.25
-#: Area of facets at least, over the square of a cell's edge, where nodes move.
-FOLD = 0.1
 
 
 @dataclass
@@ -84,19 +83,19 @@ def grain_complex(labels, size, smoothing, keep_volume=True):
     wide = max(smoothing, PREVAIL * CELL * size)
     surface, spacing = raw_complex(labels, CELL * size, wide)
     start, offset, shape = surface.x, np.zeros(labels.max() + 1), np.array(labels.shape)
-    fields = _smoothed(labels, wide)
-    surface.x = _moved(surface, start, fields, offset, shape, spacing.min(), ROUNDS)
+    fields = smoothed_indicators(labels, wide)
+    surface.x = moved(surface, start, fields, offset, shape, spacing.min(), ROUNDS)
     if wide > smoothing:
         # The wider filter had slopes that reach nodes which are far from where they belong.
-        fields = _smoothed(labels, smoothing)
-        surface.x = _moved(surface, start, fields, offset, shape, spacing.min(), ROUNDS)
+        fields = smoothed_indicators(labels, smoothing)
+        surface.x = moved(surface, start, fields, offset, shape, spacing.min(), ROUNDS)
     for coarse in COARSENED:
         surface = _evened(surface, coarse * size)
-        surface.x = _moved(surface, surface.x, fields, offset, shape, spacing.min(), 6)
+        surface.x = moved(surface, surface.x, fields, offset, shape, spacing.min(), 6)
     start = surface.x
     for _ in range(4 if keep_volume else 0):
         offset = _offsets(surface, fields, offset, np.bincount(labels.ravel()))
-        surface.x = _moved(surface, start, fields, offset, shape, spacing.min(), 0)
+        surface.x = moved(surface, start, fields, offset, shape, spacing.min(), 0)
     surface = _evened(surface, size)
     _part(surface, size)
     return surface
@@ -124,12 +123,12 @@ def _part(surface, size):
             triangles = triangles[:, ::-1]
         facets.append(nodes[triangles])
         owner.append(np.full(len(triangles), label))
-    areas = _areas(surface.x, surface.facets)
+    areas = area_vectors(surface.x, surface.facets)
     normal = areas / np.maximum(np.linalg.norm(areas, axis=1, keepdims=True), 1e-300)
 
     def safe(new, step):
         step[surface.held] = 0
-        return _without_folds(surface.facets, new - step, step, normal, FOLD * size**2)
+        return without_folds(surface.facets, new - step, step, normal, FOLD * size**2)
 
     return parted(surface.x, np.concatenate(facets), np.concatenate(owner), size, safe)
 
@@ -138,12 +137,12 @@ def _offsets(surface, fields, offset, volumes):
     """What phi of the void gains around each grain, whose free face then encloses its volume."""
     offset = offset.copy()
     x = surface.x
-    areas = _areas(x, surface.facets)
+    areas = area_vectors(x, surface.facets)
     # Facets are seen from their second side.
     inside = np.einsum("ij,ij->i", x[surface.facets].mean(axis=1), areas) / 3
     size = np.linalg.norm(areas, axis=1)
     free = (surface.sides == 0).any(axis=1) & ~surface.held[surface.facets].all(axis=1).any(axis=1)
-    _, slopes = _constraints(surface, fields, x, offset)
+    _, slopes = constraints(surface, fields, x, offset)
     slope = np.linalg.norm(slopes[:, 0], axis=1)[surface.facets].mean(axis=1)
     for label in fields:
         first, second = surface.sides[:, 0] == label, surface.sides[:, 1] == label
@@ -156,31 +155,6 @@ def _offsets(surface, fields, offset, volumes):
         mean_slope = (slope * size)[own].sum() / max(size[own].sum(), 1e-12)
         offset[label] = np.clip(offset[label] - mean_slope * change, *BETA)
     return offset
-
-
-def _smoothed(labels, sigma):
-    """A `_Field` for the void and for each grain."""
-    fields = {0: _Field(labels == 0, (0, 0, 0), sigma)}
-    for label, where in grains_in(labels):
-        pad = margin(sigma)
-        low = np.array([max(s.start - pad, 0) for s in where])
-        part = tuple(slice(a, s.stop + pad) for a, s in zip(low, where, strict=True))
-        fields[label] = _Field(labels[part] == label, low, sigma)
-    return fields
-
-
-class _Field:
-    """The smoothed indicator of one label on the voxels around it."""
-
-    def __init__(self, inside, low, sigma):
-        smooth = scipy.ndimage.gaussian_filter(inside.astype(np.float32), sigma, mode="nearest")
-        self.coefficients = scipy.ndimage.spline_filter(smooth, mode="nearest", output=np.float64)
-        self.low = np.asarray(low)
-
-    def __call__(self, x):
-        value, gradient = np.empty(len(x)), np.empty((len(x), 3))
-        spline_value_and_gradient(value, gradient, self.coefficients, x - 0.5 - self.low)
-        return value, gradient
 
 
 def _surface_nets(cells, spacing):
@@ -233,159 +207,3 @@ def _evened(surface, size):
     for axis in range(3):
         held[facets[bits >> axis & 1 == 1].ravel(), axis] = True
     return Complex(x, facets, sides, labels, held)
-
-
-def _moved(surface, start, fields, offset, shape, spacing, rounds):
-    """Nodes on the level sets of their labels, in so many rounds evenly along them.
-
-    Args:
-        surface: A `Complex`.
-        start: Places that nodes stay near, within a cell, shape (num_nodes, 3).
-        fields: A `_Field` a label.
-        offset: See `_offsets`, shape (largest label + 1,).
-        shape: Of the image.
-        spacing: Edge of the cells.
-        rounds: Of evening out.
-    """
-    x = surface.x.copy()
-    average = _average_within(surface) if rounds else None
-    for turn in range(rounds + 4):
-        residual, slopes = _constraints(surface, fields, x, offset)
-        inverse = _inverse(slopes)
-        if turn >= rounds // 2:
-            # In a gap thinner than the filter there is no such place: such nodes are evened out.
-            far = LOST + np.abs(offset).max()
-            inverse[np.abs(residual).max(axis=1) > far] = 0
-        step = np.zeros_like(x)
-        if turn < rounds:
-            along = average @ x - x
-            across = np.einsum("njk,nk->nj", slopes, along)
-            step = 0.5 * (along - np.einsum("nij,nj->ni", inverse, across))
-        back = -np.einsum("nij,nj->ni", inverse, residual)
-        step += (
-            back
-            * np.minimum(1, 0.3 * spacing / np.maximum(np.linalg.norm(back, axis=1), 1e-12))[
-                :, None
-            ]
-        )
-        new = np.clip(x + np.where(surface.held, 0, step), start - spacing, start + spacing)
-        step = np.clip(new, 0, shape) - x
-        if turn % 5 == 0:
-            wanted = _wanted_normals(surface, fields, x)
-        x = x + step * _without_folds(surface.facets, x, step, wanted, FOLD * spacing**2)[:, None]
-    return x
-
-
-def _without_folds(facets, x, step, wanted, least):
-    """Parts of the steps that let no facet turn over or shrink below an area, shape (num_nodes,).
-
-    Args:
-        facets: Shape (num_facets, 3).
-        x, step: Nodes and their moves, shape (num_nodes, 3).
-        wanted: Unit normals that facets ought to have, shape (num_facets, 3).
-        least: Area along that normal below which a facet may only grow.
-    """
-    part = np.ones(len(x))
-    around = np.flatnonzero(step[facets].any(axis=(1, 2)))
-    before = (_areas(x, facets[around]) * wanted[around]).sum(axis=1)
-    for turn in range(30):
-        corners = facets[around]
-        new = x[corners] + part[corners][..., None] * step[corners]
-        after = np.cross(new[:, 1] - new[:, 0], new[:, 2] - new[:, 0]) / 2
-        after = (after * wanted[around]).sum(axis=1)
-        bad = (after < least) & (after < before - 1e-9 * least)
-        if not bad.any():
-            return part
-        slower = np.zeros(len(x), dtype=bool)
-        slower[corners[bad]] = True
-        part[slower] *= 0.4 if turn < 4 else 0.0
-        near = slower[corners].any(axis=1)
-        around, before = around[near], before[near]
-    return np.zeros(len(x))
-
-
-def _areas(x, facets):
-    """Area vectors of facets."""
-    a, b, c = x[facets[:, 0]], x[facets[:, 1]], x[facets[:, 2]]
-    return np.cross(b - a, c - a) / 2
-
-
-def _wanted_normals(surface, fields, x):
-    """Normals of the smooth faces at the centres of facets; of the image's faces where they lie."""
-    center = x[surface.facets].mean(axis=1)
-    slope = np.zeros((len(center), 3))
-    for side, sign in ((0, 1.0), (1, -1.0)):
-        for label, at in _places(surface.sides[:, side]).items():
-            slope[at] += sign * fields[label](center[at])[1]
-    held = surface.held[surface.facets].all(axis=1)
-    areas = _areas(x, surface.facets)
-    # On a face of the image, and where no slope is left, the normal that there is.
-    keep = held.any(axis=1) | (np.linalg.norm(slope, axis=1) < 1e-6)
-    sign = np.sign((slope * areas).sum(axis=1)[~keep].sum())
-    slope[keep] = sign * np.where(held, areas, 0)[keep] if keep.any() else slope[keep]
-    return sign * slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-12)
-
-
-def _constraints(surface, fields, x, offset):
-    """phi_k - phi_first for the labels around each node and their gradients; zero where fewer.
-
-    On a free face 2 phi_a - 1 = 2 b phi_0 in place of phi_a = phi_0 + b, b being its offset: the
-    same where no other grain is near, while faces of two grains across a thin gap, where the void
-    nowhere prevails, stay apart.
-    """
-    n = len(x)
-    values, slopes = np.zeros((n, MOST_LABELS)), np.zeros((n, MOST_LABELS, 3))
-    for label, at in _places(surface.labels).items():
-        if label >= 0:
-            node, which = np.divmod(at, MOST_LABELS)
-            values[node, which], slopes[node, which] = fields[label](x[node])
-    known, void, grains = surface.labels >= 0, surface.labels == 0, surface.labels > 0
-    gained = np.where(grains, offset[np.maximum(surface.labels, 0)], 0).sum(axis=1)
-    gained /= np.maximum(grains.sum(axis=1), 1)
-    free = np.flatnonzero((known.sum(axis=1) == 2) & void.any(axis=1))
-    own, other = np.argmax(grains[free], axis=1), np.argmax(void[free], axis=1)
-    b = gained[free]
-    face = 2 * values[free, own] - 1 - 2 * b * values[free, other]
-    across = 2 * slopes[free, own] - 2 * b[:, None] * slopes[free, other]
-    values += np.where(void, gained[:, None], 0)
-    residual = np.where(known[:, 1:], values[:, 1:] - values[:, :1], 0)
-    gradient = np.where(known[:, 1:, None], slopes[:, 1:] - slopes[:, :1], 0)
-    residual[free], gradient[free] = 0, 0
-    residual[free, 0], gradient[free, 0] = face, across
-    gradient[np.broadcast_to(surface.held[:, None, :], gradient.shape)] = 0
-    return residual, gradient
-
-
-def _inverse(slopes):
-    """Pseudo-inverses, shape (num_nodes, 3, MOST_LABELS - 1); of nodes on faces in closed form."""
-    inverse = np.zeros((len(slopes), 3, slopes.shape[1]))
-    square = (slopes[:, 0] ** 2).sum(axis=1)
-    inverse[:, :, 0] = slopes[:, 0] / np.maximum(square, 1e-12)[:, None]
-    lines = slopes[:, 1:].any(axis=(1, 2))
-    inverse[lines] = np.linalg.pinv(slopes[lines], rcond=0.1)
-    return inverse
-
-
-def _places(labels):
-    """Where each label stands in an array, as indices into it laid flat."""
-    flat = labels.ravel()
-    order = np.argsort(flat, kind="stable")
-    found, first = np.unique(flat[order], return_index=True)
-    return dict(zip(found.tolist(), np.split(order, first[1:]), strict=True))
-
-
-def _average_within(surface):
-    """Mean over those neighbours of a node that lie on all that it lies on."""
-    ends = np.concatenate([surface.facets[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
-    ends = np.concatenate([ends, ends[:, ::-1]])
-    key = np.sort(ends @ [len(surface.x), 1])
-    ends = np.column_stack(np.divmod(key[np.diff(key, prepend=-1) > 0], len(surface.x)))
-    mine, other = surface.labels[ends[:, 0]], surface.labels[ends[:, 1]]
-    within = ((mine[:, :, None] == other[:, None, :]).any(axis=2) | (mine < 0)).all(axis=1)
-    within &= (~surface.held[ends[:, 0]] | surface.held[ends[:, 1]]).all(axis=1)
-    ends, n = ends[within], len(surface.x)
-    count = np.bincount(ends[:, 0], minlength=n)
-    alone = np.flatnonzero(count == 0)
-    ends = np.concatenate([ends, np.column_stack([alone, alone])])
-    weight = 1.0 / np.maximum(count, 1)[ends[:, 0]]
-    return scipy.sparse.csr_array((weight, ends.T), shape=(n, n))

@@ -13,18 +13,13 @@ from .contact_faces import contact_table
 from .doubts import mark_doubts
 from .grains import Grains, save_grains
 from .image_files import TIFF, read_with_size
+from .jobs import shared_jobs, surface_jobs, voxel_jobs
 from .label_files import grain_table, read_labels, write_labels, write_table
 from .measure import smallest_altitudes, worst_share_costs
-from .mesher import (
-    QUALITY,
-    make_thicker_together,
-    mesh_grains,
-    shared_jobs,
-    surface_jobs,
-    voxel_jobs,
-)
+from .mesher import make_thicker_together, mesh_grains
 from .output import new_files, new_folder
 from .picture import draw_quality, draw_segmentation
+from .quality import QUALITY
 from .segmentation import segment
 from .stated_size import known_voxel_size
 

@@ -7,7 +7,8 @@ import pytest
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import measure
 from mufe_fenicsx.geometry.bodies import read_bodies
-from mufe_fenicsx.geometry.mesher import mesh_one, surface_jobs
+from mufe_fenicsx.geometry.jobs import surface_jobs
+from mufe_fenicsx.geometry.mesher import mesh_one
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.shapes import sphere
 

@@ -7,8 +7,9 @@ from test_meshing import H, S, deepest_overlap, meshes_of, surface
 
 from mufe_fenicsx.geometry import measure
 from mufe_fenicsx.geometry.creases import crease_chains
+from mufe_fenicsx.geometry.jobs import voxel_jobs
 from mufe_fenicsx.geometry.level_set import smoothed
-from mufe_fenicsx.geometry.mesher import mesh_one, voxel_jobs
+from mufe_fenicsx.geometry.mesher import mesh_one
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.surface import isosurface
 

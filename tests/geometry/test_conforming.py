@@ -10,8 +10,9 @@ from mufe_fenicsx.geometry import measure
 from mufe_fenicsx.geometry.cells import SOUND
 from mufe_fenicsx.geometry.complex_edges import evened, opened
 from mufe_fenicsx.geometry.complexes import grain_complex, raw_complex
+from mufe_fenicsx.geometry.jobs import shared_jobs
 from mufe_fenicsx.geometry.joined import parted
-from mufe_fenicsx.geometry.mesher import make_thicker_together, mesh_one, shared_jobs
+from mufe_fenicsx.geometry.mesher import make_thicker_together, mesh_one
 from mufe_fenicsx.geometry.settings import MeshSettings
 
 S = 1e-5  # voxel size [m]

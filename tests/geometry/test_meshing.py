@@ -10,7 +10,8 @@ from scenes import ball, positions, two_balls
 
 from mufe_fenicsx.geometry import measure
 from mufe_fenicsx.geometry.distance import voxel_distance
-from mufe_fenicsx.geometry.mesher import mesh_grains, mesh_one, voxel_jobs
+from mufe_fenicsx.geometry.jobs import voxel_jobs
+from mufe_fenicsx.geometry.mesher import mesh_grains, mesh_one
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.slivers import thickened
 from mufe_fenicsx.kernels.spline import spline_value_and_gradient

@@ -7,7 +7,8 @@ from scenes import positions, two_balls
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import measure
 from mufe_fenicsx.geometry.edge_sizes import curvature
-from mufe_fenicsx.geometry.mesher import mesh_one, surface_jobs, voxel_jobs
+from mufe_fenicsx.geometry.jobs import surface_jobs, voxel_jobs
+from mufe_fenicsx.geometry.mesher import mesh_one
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.shapes import sphere
 
