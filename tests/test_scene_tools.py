@@ -25,6 +25,7 @@ SCENES |= {f"new {kind}": text for kind, (text, _) in KINDS.items()}
 SCENES |= {"synthetic": scene_text(SynthesisSettings())}
 SCENES |= {
     "small": test_scene.SMALLEST,
+    "planned": "accuracy = 0.05\n" + test_scene.SMALLEST,
     "full": test_scene.FULL,
     "stages": test_staged_loading.TEXT,
 }
@@ -54,6 +55,7 @@ def test_schema_takes_every_scene_and_its_written_form(validator, name, tmp_path
     [
         ("friction = 0.23", "frition = 0.23"),  # unknown key
         ("strain = 0.1", "strain = 1.5"),  # bound from the check of the class
+        ("[material]", "accuracy = 2\n[material]"),  # outside of the tables
         ("strain = 0.1", ""),  # required
         ("speed = 2", 'speed = "fast"'),  # no number with a unit
         ("speed = 2", "speed = true"),
@@ -93,6 +95,8 @@ def test_every_key_is_documented():
         ("materials.soft.E", ["Young's modulus"]),
         ("output", ["checkpoint_strain", "rows of history.csv"]),
         ("compliance", ["contact.compliance"]),
+        ("accuracy", ["wanted error", "> 0 and < 1", "left out: not set"]),
+        ("title", ["a text", "left out: not set"]),
     ],
 )
 def test_explanations(name, words):

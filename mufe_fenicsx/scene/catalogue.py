@@ -13,6 +13,9 @@ from .tables import Contact, MassScaling, Oedometer, Output, QuasiStatic, Sample
 
 MODELS = {"j2": J2, "elastic": Elastic, "rigid": Rigid, "auto": Auto}
 
+#: Keys outside of all tables, fields of `scene.Scene`.
+TOP_KEYS = ("title", "accuracy")
+
 #: Table of the file -> its class; [material], [walls.*] and [[stage]] are read apart.
 TABLES = {
     "image": ImageSettings,

@@ -3,14 +3,11 @@
 from ..errors import InputError
 from ..materials.auto import Auto
 from ..materials.rigid import Rigid
-from .checks import require
 from .tables import TOP_PLATEN, WALLS, Wall
 
 
 def check(scene):
     """Raise InputError where tables of a scene contradict each other."""
-    if scene.accuracy is not None:
-        require(0 < scene.accuracy < 1, "accuracy", scene.accuracy, "0 < accuracy < 1")
     _check_test(scene)
     _check_groups(scene)
     for name in scene.walls:

@@ -18,7 +18,8 @@ from pathlib import Path
 from ..errors import InputError
 from ..materials.scatter import Scatter
 from ..units import QUANTITIES
-from .catalogue import MODELS, SHAPES, TABLES, UNITS
+from .catalogue import MODELS, SHAPES, TABLES, TOP_KEYS, unit_of
+from .scene import Scene
 from .stages import Stage
 from .tables import WALLS, Wall
 
@@ -54,6 +55,7 @@ class Key:
 
     @property
     def required(self):
+        """Whether the key has no default."""
         return self.default is MISSING
 
 
@@ -78,7 +80,7 @@ def keys_of(cls):
             cls,
             hints[item.name],
             texts.get(item.name, ""),
-            UNITS.get(cls, {}).get(item.name, ""),
+            unit_of(cls, item.name),
             default,
             choices.get(item.name, ()),
             bounds.get(item.name, {}),
@@ -117,8 +119,8 @@ def explain(wanted):
     if parts[0] == "walls" and len(parts) > 1 and parts[1] in WALLS:
         parts[1] = "NAME"
     name = ".".join(parts)
-    if name == "title":
-        return ["title", "    a text, shown in reports", "    a text; left out: empty"]
+    if name in TOP_KEYS:
+        return _explain_key("", keys_of(Scene)[name])
     if name == "walls":
         name = "walls.NAME"
     found = [(table, cls) for table, cls in tables().items() if _plain(table) == name]
@@ -133,7 +135,7 @@ def explain(wanted):
                 seen |= same
                 lines += ([""] if lines else []) + _explain_key(table, key)
     if not lines:
-        known = [_plain(table) for table in tables()]
+        known = [*TOP_KEYS, *(_plain(table) for table in tables())]
         known += [f"{_plain(t)}.{key}" for t, cls in tables().items() for key in keys_of(cls)]
         near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
         raise InputError(f'"{wanted}" is not a key of a scene, expected {near}')
@@ -209,7 +211,7 @@ def _explain_key(table, key):
     having = [name for name, cls in MODELS.items() if key.name in keys_of(cls)]
     only = where == "material" and len(having) < len(MODELS)
     return [
-        f"{where}.{key.name}" + (f"  (model = {' or '.join(having)})" if only else ""),
+        f"{where}.{key.name}".lstrip(".") + (f"  (model = {' or '.join(having)})" if only else ""),
         f"    {key.text}",
         f"    {expectation(key)}",
         f"    {default}",

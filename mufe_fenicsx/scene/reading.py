@@ -8,7 +8,7 @@ from ..errors import InputError
 from ..materials.j2 import J2
 from ..materials.scatter import SCATTERED, Scatter
 from ..units import shown, to_si
-from .catalogue import MODELS, SHAPES, TABLES
+from .catalogue import MODELS, SHAPES, TABLES, TOP_KEYS
 from .scene import Scene
 from .stages import Stage
 from .tables import WALLS, Group, Wall
@@ -32,7 +32,7 @@ def load_scene(path) -> Scene:
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"scene {path} is not valid TOML: {error}") from error
 
-    known = ["title", "accuracy", *TABLES, "material", "materials", "walls", "stage"]
+    known = [*TOP_KEYS, *TABLES, "material", "materials", "walls", "stage"]
     _check_keys(tables, known, "")
     folder = path.resolve().parent
     test = () if "loading" in tables else ("oedometer",)

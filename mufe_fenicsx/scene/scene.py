@@ -8,6 +8,7 @@ from ..errors import InputError
 from ..geometry.settings import MeshSettings
 from ..materials.elastic import IsotropicSolid
 from ..materials.scatter import Scatter
+from .checks import require
 from .consistency import check
 from .image import ImageSettings
 from .implicit import Implicit
@@ -38,7 +39,7 @@ class Scene:
     material: IsotropicSolid
     contact: Contact
     oedometer: Oedometer | None = None  #: or ``loading`` with ``stages``
-    title: str = ""
+    title: str = ""  #: shown in reports
     image: ImageSettings | None = None
     mesh: MeshSettings | None = None
     sample: Sample = field(default_factory=Sample)
@@ -52,10 +53,11 @@ class Scene:
     materials: dict[str, Group] = field(default_factory=dict)  #: of grains that differ
     loading: Loading | None = None  #: of a test by stages
     stages: tuple[Stage, ...] = ()  #: [[stage]]: parts of that test, in their order
-    #: Wanted error of the stress, which plans the rest (planning); None: as the scene states it.
-    accuracy: float | None = None
+    accuracy: float | None = None  #: wanted error of the stress, which plans the rest
 
     def __post_init__(self):
+        if self.accuracy is not None:
+            require(0 < self.accuracy < 1, "accuracy", self.accuracy, "0 < accuracy < 1")
         check(self)
         object.__setattr__(self, "stages", named(self.stages))
         if self.quasi_static is not None:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 from ..materials.scatter import Scatter
 from ..units import QUANTITIES
-from .catalogue import MODELS, SHAPES, TABLES
+from .catalogue import FLOAT_ARRAYS, MODELS, SHAPES, TABLES, TOP_KEYS
 from .keys import expectation, first_lines, keys_of
+from .scene import Scene
 from .stages import Stage
 from .tables import WALLS, Wall
 
@@ -18,7 +19,7 @@ WITH_UNIT, WITHOUT = rf"^\s*{NUMBER}\s*[^\d\s].*$", rf"^\s*{NUMBER}\s*$"
 
 def scene_schema():
     """JSON schema (draft 7) of a scene file, as a dict."""
-    properties = {"title": {"type": "string", "description": "A text, shown in reports."}}
+    properties = {name: _value(keys_of(Scene)[name]) for name in TOP_KEYS}
     properties |= {name: _table(cls) for name, cls in TABLES.items()}
     properties["material"] = _material(inherits=False)
     properties["materials"] = {
@@ -117,8 +118,7 @@ def _type(key):
     kinds, options = key.kinds, []
     if key.name in SHAPES:
         units = key.unit if isinstance(key.unit, tuple) else (key.unit,) * SHAPES[key.name][-1]
-        fractions = key.name in ("yield_stress", "voxel_size")
-        options.append(_array(SHAPES[key.name], units, fractions))
+        options.append(_array(SHAPES[key.name], units, key.name in FLOAT_ARRAYS))
     if float in kinds:
         options += _number(key.unit if isinstance(key.unit, str) else "", key.bounds)
     if bool in kinds:

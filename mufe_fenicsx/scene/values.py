@@ -98,6 +98,18 @@ def _convert(value, hint, unit, key, name, folder):
 
 
 def convert_array(value, shape, units, kind, name):
+    """A list of numbers, or of such lists, as tuples in SI units.
+
+    Args:
+        value: As TOML gives it.
+        shape: Wanted sizes, outermost first; -1 is any length.
+        units: Units of the numbers of the innermost lists, one each.
+        kind: int for whole numbers >= 0, or float.
+        name: What messages call it.
+
+    Raises:
+        InputError: it has another shape, or an item is no such number.
+    """
     sizes = " x ".join("n" if size < 0 else str(size) for size in shape)
     if not isinstance(value, list | tuple) or shape[0] not in (-1, len(value)):
         raise InputError(f"{name} = {shown(value)}, expected a list of {sizes} numbers")
