@@ -15,7 +15,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from .finite_sphere import legendre, surface_compliance
+from .finite_sphere import cap_points, contact_places, flat_contact, legendre, surface_compliance
 from .impact import Impact, loading
 from .oblique_impact import ContactLaw
 
@@ -32,10 +32,10 @@ def compression(a, nu, num_terms=3, resolution=80.0):
         delta: Approach of the plane to the centre of mass, over R.
         force: Over E* R², E* = E/(1 - ν²).
     """
-    t, cos, rho, area = _cap(a)
+    t, cos, rho, area = cap_points(a)
     powers = np.array([(1 - t**2) ** (k + 0.5) for k in range(num_terms)])
     total = 2 * np.pi * (powers * area).sum(axis=1)  # force of each power
-    at = a * np.sin(0.5 * np.pi * (np.arange(3 * num_terms) + 0.5) / (3 * num_terms))
+    at = a * contact_places(num_terms)
     cos_at = np.sqrt(1 - at**2)
 
     uz = np.zeros((at.size, num_terms))
@@ -47,12 +47,8 @@ def compression(a, nu, num_terms=3, resolution=80.0):
         ur, ut = _displacements(n, sigma, tau, total, nu)
         uz += np.outer(Q * cos_at, ur) - np.outer(dQ * at, ut)
 
-    # Flat: u_z(θ) + δ = 1 - cos θ.
-    matrix = np.column_stack([uz, np.ones(at.size)])
-    unknowns = np.linalg.lstsq(matrix, 1 - cos_at, rcond=None)[0]
-    factors, delta = unknowns[:-1], unknowns[-1]
-    shear_over_modulus = 0.5 * (1 - nu)  # G / E*
-    return float(delta), float(2 * shear_over_modulus * (factors @ total))
+    delta, pressure = flat_contact(uz, at, nu)
+    return delta, float(pressure @ total)
 
 
 @lru_cache(maxsize=64)
@@ -69,7 +65,7 @@ def tangential_compliance(a, nu, resolution=80.0):
         The compliance, and that of the half-space, 2π (2 - ν) 1.6 a/16 / (2π a²/3)
         (K. L. Johnson, Contact Mechanics, 1985, eq. (3.91a), averaged).
     """
-    t, cos, rho, area = _cap(a)
+    t, cos, rho, area = cap_points(a)
     q = np.sqrt(1 - t**2) * area
     force = 2 * np.pi * q.sum()
     work, before, P = 0.0, np.zeros_like(rho), rho.copy()  # P₀¹ and P₁¹ = sin θ
@@ -105,16 +101,6 @@ def _displacements(n, sigma, tau, force, nu):
     return ur - mean, ut - mean
 
 
-def _cap(a):
-    """Gauss points of a cap: t = sin θ / a, cos θ, sin θ and weights of sin θ dθ."""
-    s, weight = np.polynomial.legendre.leggauss(200)
-    s, weight = 0.25 * np.pi * (s + 1), 0.25 * np.pi * weight
-    t = np.sin(s)  # tames the root at the edge
-    rho = a * t
-    cos = np.sqrt(1 - rho**2)
-    return t, cos, rho, weight * a * np.cos(s) * rho / cos
-
-
 @dataclass(frozen=True)
 class Series:
     """1 + a (c₀ + c₁ ln a + c₂ a), which small contacts of a ball follow."""
@@ -123,6 +109,7 @@ class Series:
 
     @classmethod
     def fit(cls, values, radii):
+        """By least squares to values at radii a, relative to a."""
         radii = np.asarray(radii)
         matrix = np.column_stack([np.ones_like(radii), np.log(radii), radii])
         target = (np.asarray(values) - 1) / radii

@@ -40,6 +40,54 @@ def surface_compliance(n, nu):
     return ur_s, np.where(zero, 0, ur_t), np.where(zero, 0, ut_s), np.where(zero, 0, ut_t)
 
 
+def contact_places(num_terms):
+    """Radii over that of the contact at which the surfaces shall meet."""
+    return np.sin(0.5 * np.pi * (np.arange(3 * num_terms) + 0.5) / (3 * num_terms))
+
+
+def cap_points(a):
+    """Gauss points of the cap of the contact: t = sin θ / a, cos θ, sin θ, weights of sin θ dθ."""
+    s, weight = np.polynomial.legendre.leggauss(200)
+    s, weight = 0.25 * np.pi * (s + 1), 0.25 * np.pi * weight
+    t = np.sin(s)  # tames the root at the edge
+    rho = a * t
+    cos = np.sqrt(1 - rho**2)
+    return t, cos, rho, weight * a * np.cos(s) * rho / cos
+
+
+@lru_cache(maxsize=64)
+def axial_response(a, nu, num_terms, resolution):
+    """What the terms of the pressure, in units of 2G, do to the unit sphere.
+
+    Args:
+        a: Contact radius over R [-].
+        nu: Poisson's ratio [-].
+        num_terms: Terms (1 - t²)^(k+½), t = ρ/a, of the pressure.
+        resolution: Highest order of the series times a.
+
+    Returns:
+        uz: Axial displacements at `contact_places`, shape (3 num_terms, num_terms).
+        force: Of each term, shape (num_terms,).
+    """
+    t, cos, rho, area = cap_points(a)
+    at = a * contact_places(num_terms)
+    cos_at = np.sqrt(1 - at**2)
+    powers = np.array([(1 - t**2) ** (k + 0.5) for k in range(num_terms)])
+
+    uz = np.zeros((at.size, num_terms))
+    both = zip(legendre(cos, rho, a, resolution), legendre(cos_at, at, a, resolution), strict=True)
+    for n, ((P, dP), (Q, dQ)) in enumerate(both):
+        if n % 2:  # the two poles are loaded alike
+            continue
+        # Traction -p e_z has σ_r = -p cos θ and τ = p sin θ; twice for both poles.
+        sigma = -(2 * n + 1) * (powers * (area * cos * P)).sum(axis=1)
+        tau = (2 * n + 1) / max(n * (n + 1), 1) * (powers * (area * rho * dP)).sum(axis=1)
+        rs, rt, ts, tt = surface_compliance(np.array([n]), nu)
+        uz += np.outer(Q * cos_at, rs * sigma + rt * tau)
+        uz -= np.outer(dQ * at, ts * sigma + tt * tau)
+    return uz, 2 * np.pi * (powers * area).sum(axis=1)
+
+
 @lru_cache(maxsize=16)
 def compression(a, nu, num_terms=3, resolution=80.0):
     """Approach and force where the contact has the radius ``a``.
@@ -58,54 +106,28 @@ def compression(a, nu, num_terms=3, resolution=80.0):
         force: Over E* R², E* = E/(1 - ν²).
         p0: Pressure at the centre over E*.
     """
-    # Gauss points in t; ρ = sin θ = a t. The substitution t = sin s tames the root.
-    s, weight = np.polynomial.legendre.leggauss(200)
-    s, weight = 0.25 * np.pi * (s + 1), 0.25 * np.pi * weight
-    t, dt = np.sin(s), np.cos(s)
-    rho = a * t
-    cos = np.sqrt(1 - rho**2)
-    area = weight * a * dt * rho / cos  # sin θ dθ
-    powers = np.array([(1 - t**2) ** (k + 0.5) for k in range(num_terms)])
+    at = a * contact_places(num_terms)
+    uz, total = axial_response(a, nu, num_terms, resolution)
 
-    at = a * np.sin(0.5 * np.pi * (np.arange(3 * num_terms) + 0.5) / (3 * num_terms))
-    cos_at = np.sqrt(1 - at**2)
-
-    uz = np.zeros((at.size, num_terms))
-    both = zip(legendre(cos, rho, a, resolution), legendre(cos_at, at, a, resolution), strict=True)
-    for n, ((P, dP), (Q, dQ)) in enumerate(both):
-        if n % 2:  # the two poles are loaded alike
-            continue
-        # Traction -p e_z has σ_r = -p cos θ and τ = p sin θ; twice for both poles.
-        sigma = -(2 * n + 1) * (powers * (area * cos * P)).sum(axis=1)
-        tau = (2 * n + 1) / max(n * (n + 1), 1) * (powers * (area * rho * dP)).sum(axis=1)
-        rs, rt, ts, tt = surface_compliance(np.array([n]), nu)
-        ur, ut = rs * sigma + rt * tau, ts * sigma + tt * tau
-        uz += np.outer(Q * cos_at, ur) - np.outer(dQ * at, ut)
-
-    # Flat: u_z(θ) + δ = 1 - cos θ.
-    matrix = np.column_stack([uz, np.ones(at.size)])
-    unknowns = np.linalg.lstsq(matrix, 1 - cos_at, rcond=None)[0]
-    factors, delta = unknowns[:-1], unknowns[-1]
-    shear_over_modulus = 0.5 * (1 - nu)  # G / E*
-    pressure = factors * 2 * shear_over_modulus  # in E*
-    force = 2 * np.pi * (pressure @ (powers * area).sum(axis=1))
-    return float(delta), float(force), float(pressure.sum())
+    delta, pressure = flat_contact(uz, at, nu)
+    return delta, float(pressure @ total), float(pressure.sum())
 
 
-def force_of_approach(delta, nu):
-    """Force over E* R² and contact radius and p0/E* at the approach ``delta`` (over R).
+def flat_contact(uz, at, nu):
+    """The pressure that makes the surface flat in the contact, u_z(θ) + δ = 1 - cos θ.
 
-    Secant iteration on :func:`compression` from Hertz's a = √δ.
+    Args:
+        uz: Axial displacements under its terms, in units of 2G, shape (num_places, num_terms).
+        at: sin θ of the places.
+        nu: Poisson's ratio [-].
+
+    Returns:
+        δ over R, and the factors of the terms over E*, shape (num_terms,).
     """
-    a = np.sqrt(delta)
-    for _ in range(20):
-        reached = compression(float(a), nu)[0]
-        a_next = a * np.sqrt(delta / reached)
-        if abs(a_next / a - 1) < 1e-6:
-            break
-        a = a_next
-    _, force, p0 = compression(float(a), nu)
-    return force, float(a), p0
+    matrix = np.column_stack([uz, np.ones(at.size)])
+    unknowns = np.linalg.lstsq(matrix, 1 - np.sqrt(1 - at**2), rcond=None)[0]
+    shear_over_modulus = 0.5 * (1 - nu)  # G / E*
+    return float(unknowns[-1]), 2 * shear_over_modulus * unknowns[:-1]
 
 
 def legendre(x, sine, a, resolution):

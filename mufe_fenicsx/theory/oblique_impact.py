@@ -16,7 +16,7 @@ alone: for the solid sphere χ = 7(1 - ν)/(2(2 - ν)). Limits:
     ψ₁ <= 1 sticks at first: a contact that grows with v/V below μ/κ is all stuck.
 
 Assumed: half-spaces of like elasticity, so that pressure moves nothing along the surface
-(for unlike bodies Dundurs' β does; see :func:`dundurs`); traction along one direction and
+(for unlike bodies Dundurs' β does); traction along one direction and
 the displacement along it alone, averaged over the angle; no waves.
 
 Source: N. Maw, J. R. Barber, J. N. Fawcett, The oblique impact of elastic spheres, Wear 38,
@@ -47,17 +47,6 @@ def inertia_parameter(nu, gyration=0.4):
         gyration: K² = I/(m R²) [-], 2/5 for a solid sphere.
     """
     return 0.5 * tangential_ratio(nu) * (1 + 1 / gyration)
-
-
-def dundurs(nu):
-    """β = (1 - 2ν)/(2(1 - ν)) of an elastic body on a rigid one [-].
-
-    The pressure p of such a contact moves the surface by up to the order of β p/E* along it,
-    and friction resists that motion; like bodies have β = 0.
-
-    Source: K. L. Johnson, Contact Mechanics, 1985, eqs (5.3).
-    """
-    return (1 - 2 * nu) / (2 * (1 - nu))
 
 
 def sliding_rebound(psi1, chi):

@@ -82,19 +82,6 @@ def restitution_by_work(v, p, E, m, R, num_steps=20000):
     return float(np.sqrt(np.sum(0.5 * (unload[1:] + unload[:-1]) * np.diff(back)) / energy))
 
 
-def johnson_restitution(v, Y, E, m, R):
-    """e ≈ 3.8 (Y/E*)^½ (½ m V²/(Y R³))^(-1/8): fully plastic from the start, p = 3 Y.
-
-    Args:
-        v: Speed of impact [m/s].
-        Y: Yield stress [Pa].
-        E, m, R: As of :func:`yield_speed`.
-
-    Source: Johnson 1985, section 11.5(c).
-    """
-    return 3.8 * np.sqrt(Y / E) * (0.5 * m * v**2 / (Y * R**3)) ** (-0.125)
-
-
 #: Elastic energy of a loaded circle of a half-space, times E* a/F²: with the pressure of
 #: Hertz, p ~ (1 - r²/a²)^½, and with an even one. Johnson 1985, eqs (4.24), (3.29).
 HERTZ_PROFILE, EVEN_PROFILE = 3 / 10, 8 / (3 * np.pi**2)

@@ -11,11 +11,9 @@ large strain and the difference of radial displacements of unlike spheres, both 
 in the strain, not in the force's leading order.
 """
 
-from functools import lru_cache
-
 import numpy as np
 
-from .finite_sphere import legendre, surface_compliance
+from .finite_sphere import axial_response, contact_places
 
 
 def compression(a, spheres, num_terms=3, resolution=80.0):
@@ -33,10 +31,10 @@ def compression(a, spheres, num_terms=3, resolution=80.0):
         force: [N].
         p0: Pressure at the centre [Pa].
     """
-    at = a * _places(num_terms)
+    at = a * contact_places(num_terms)
     sag, uz = np.zeros(at.size), np.zeros((at.size, num_terms))
     for radius, E, nu in spheres:
-        response, force = _response(a / radius, nu, num_terms, resolution)
+        response, force = axial_response(a / radius, nu, num_terms, resolution)
         uz += response * radius * (1 + nu) / E  # 2G = E/(1 + ν)
         sag += radius * (1 - np.sqrt(1 - (at / radius) ** 2))
         total = force * radius**2
@@ -46,36 +44,3 @@ def compression(a, spheres, num_terms=3, resolution=80.0):
     *factors, delta = np.linalg.lstsq(matrix, sag / a, rcond=None)[0]
     factors = unit * np.array(factors)
     return float(delta * a), float(factors @ total), float(factors.sum())
-
-
-def _places(num_terms):
-    """Radii over that of the contact at which the surfaces shall meet."""
-    return np.sin(0.5 * np.pi * (np.arange(3 * num_terms) + 0.5) / (3 * num_terms))
-
-
-@lru_cache(maxsize=64)
-def _response(a, nu, num_terms, resolution):
-    """Axial displacements of the unit sphere under the terms of the pressure.
-
-    Pressures in units of 2G; also the forces of the terms.
-    """
-    # Gauss points in t = ρ/a; the substitution t = sin s tames the root.
-    s, weight = np.polynomial.legendre.leggauss(200)
-    s, weight = 0.25 * np.pi * (s + 1), 0.25 * np.pi * weight
-    t, dt = np.sin(s), np.cos(s)
-    rho, at = a * t, a * _places(num_terms)
-    cos, cos_at = np.sqrt(1 - rho**2), np.sqrt(1 - at**2)
-    area = weight * a * dt * rho / cos  # sin θ dθ
-    powers = np.array([(1 - t**2) ** (k + 0.5) for k in range(num_terms)])
-
-    uz = np.zeros((at.size, num_terms))
-    both = zip(legendre(cos, rho, a, resolution), legendre(cos_at, at, a, resolution), strict=True)
-    for n, ((P, dP), (Q, dQ)) in enumerate(both):
-        if n % 2:  # the two poles are loaded alike
-            continue
-        sigma = -(2 * n + 1) * (powers * (area * cos * P)).sum(axis=1)
-        tau = (2 * n + 1) / max(n * (n + 1), 1) * (powers * (area * rho * dP)).sum(axis=1)
-        rs, rt, ts, tt = surface_compliance(np.array([n]), nu)
-        uz += np.outer(Q * cos_at, rs * sigma + rt * tau)
-        uz -= np.outer(dQ * at, ts * sigma + tt * tau)
-    return uz, 2 * np.pi * (powers * area).sum(axis=1)
