@@ -35,3 +35,10 @@ def bulged(points, cells, curved, normal, curvature):
     sag = mean[at] / weight[at] * np.broadcast_to(curvature, n)[at] / 16
     moved[at] += sag[:, None] * normal[at]
     return moved
+
+
+def bulged_ball(points, cells, low=-np.inf):
+    """A unit ball, cut at y = ``low``, whose facets enclose its volume."""
+    distance = np.linalg.norm(points, axis=1)
+    curved = (distance > 1 - 1e-9) & (points[:, 1] > low + 1e-9)
+    return bulged(points, cells, curved, points, 2.0)

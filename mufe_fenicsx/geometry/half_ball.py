@@ -3,8 +3,16 @@
 import numpy as np
 
 from ..errors import InputError
+from .bulge import bulged_ball
+from .contact_mesh import (
+    checked_contact,
+    even_edges,
+    refine_at,
+    require_positive,
+    rotation_from_y,
+    tets,
+)
 from .gmsh_model import gmsh_model
-from .shapes import _even, _positive, _refine_at, _rotation_from_y, _tets, bulged_ball
 
 
 def half_ball(
@@ -41,26 +49,19 @@ def half_ball(
     Raises:
         InputError: A size is not > 0, or the height exceeds the radius.
     """
-    contact_radius = 4 * h_contact if contact_radius is None else contact_radius
     height = radius if height is None else height
     h_max = height / 3 if h_max is None else h_max
-    for name, value in {
-        "radius of half ball": radius,
-        "element size at the contact": h_contact,
-        "growth of the element size": growth,
-        "contact radius": contact_radius,
-        "largest element size": h_max,
-        "height of half ball": height,
-    }.items():
-        _positive(name, value)
+    require_positive("radius of half ball", radius)
+    require_positive("height of half ball", height)
+    contact_radius = checked_contact(h_contact, growth, contact_radius, h_max)
     if height > radius:
         raise InputError(f"height of half ball = {height}, expected at most its radius, {radius}")
     axis = np.asarray(direction, dtype=float)
-    _positive("length of direction", np.linalg.norm(axis))
+    require_positive("length of direction", np.linalg.norm(axis))
 
     h, fine, base = h_contact / radius, 1.5 * contact_radius / radius, 1 - height / radius
     # The pole is at +y, away from the seam of gmsh's sphere, and turned afterwards.
-    with gmsh_model(_even(h_max / radius, smallest=h)) as gmsh:
+    with gmsh_model(even_edges(h_max / radius, smallest=h)) as gmsh:
         occ = gmsh.model.occ
         start = 0 if quarter else -2
         ball, upper = occ.addSphere(0, 0, 0, 1), occ.addBox(start, base, start, 4, 2, 4)
@@ -74,12 +75,12 @@ def half_ball(
                 if gmsh.model.getType(2, tag) == "Sphere"
             ]
             gmsh.model.mesh.embed(0, [pole], 2, curved)
-        _refine_at(gmsh, [1], h, growth, fine)
-        points, cells = _tets(gmsh)
+        refine_at(gmsh, [1], h, growth, fine)
+        points, cells = tets(gmsh)
     on_base = np.abs(points[:, 1] - base) < 1e-9
     points[on_base, 1] = base
     if quarter:
         cut = points[:, [0, 2]]
         points[:, [0, 2]] = np.where(np.abs(cut) < 1e-9, 0.0, cut)
     points = bulged_ball(points, cells, base)
-    return radius * points @ _rotation_from_y(axis / np.linalg.norm(axis)).T, cells
+    return radius * points @ rotation_from_y(axis / np.linalg.norm(axis)).T, cells

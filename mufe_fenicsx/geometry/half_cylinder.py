@@ -4,8 +4,8 @@ import numpy as np
 
 from ..errors import InputError
 from .bulge import bulged
+from .contact_mesh import checked_contact, even_edges, refine_at, require_positive, tets
 from .gmsh_model import gmsh_model
-from .shapes import _even, _positive, _refine_at, _tets
 
 
 def half_cylinder(
@@ -33,21 +33,14 @@ def half_cylinder(
     Raises:
         InputError: A size is not > 0.
     """
-    contact_radius = 4 * h_contact if contact_radius is None else contact_radius
     h_max = radius / 3 if h_max is None else h_max
-    for name, value in {
-        "radius of half cylinder": radius,
-        "length of half cylinder": length,
-        "element size at the contact": h_contact,
-        "growth of the element size": growth,
-        "contact radius": contact_radius,
-        "largest element size": h_max,
-    }.items():
-        _positive(name, value)
+    require_positive("radius of half cylinder", radius)
+    require_positive("length of half cylinder", length)
+    contact_radius = checked_contact(h_contact, growth, contact_radius, h_max)
 
     h, fine, long = h_contact / radius, 1.5 * contact_radius / radius, length / radius
     # One arc of half a turn, so that the pole at +y lies on no edge; turned afterwards.
-    with gmsh_model(_even(h_max / radius, smallest=h)) as gmsh:
+    with gmsh_model(even_edges(h_max / radius, smallest=h)) as gmsh:
         occ = gmsh.model.occ
         ends = [occ.addPoint(x, 0, -0.5 * long) for x in (1, -1)]
         middle = occ.addPoint(0, 0, -0.5 * long)
@@ -62,8 +55,8 @@ def half_cylinder(
             tag for _, tag in gmsh.model.getEntities(2) if gmsh.model.getType(2, tag) == "Cylinder"
         ]
         gmsh.model.mesh.embed(0, [pole], 2, curved)
-        _refine_at(gmsh, [1], h, growth, fine, line)
-        points, cells = _tets(gmsh)
+        refine_at(gmsh, [1], h, growth, fine, line)
+        points, cells = tets(gmsh)
     if not points.size:
         raise InputError(f"element size at the contact = {h_contact}, expected a mesh")
     points[np.abs(points[:, 1]) < 1e-9, 1] = 0.0

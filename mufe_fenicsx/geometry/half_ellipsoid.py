@@ -3,8 +3,8 @@
 import numpy as np
 
 from .bulge import bulged
+from .contact_mesh import checked_contact, even_edges, refine_at, require_positive, tets
 from .gmsh_model import gmsh_model
-from .shapes import _even, _positive, _refine_at, _tets
 
 
 def half_ellipsoid(semi_axes, h_contact, growth=0.1, contact_radius=None, h_max=None):
@@ -28,22 +28,15 @@ def half_ellipsoid(semi_axes, h_contact, growth=0.1, contact_radius=None, h_max=
     Raises:
         InputError: A size is not > 0.
     """
-    contact_radius = 4 * h_contact if contact_radius is None else contact_radius
     h_max = min(semi_axes) / 3 if h_max is None else h_max
-    _positive("semi-axis of half ellipsoid", *semi_axes)
-    for name, value in {
-        "element size at the contact": h_contact,
-        "growth of the element size": growth,
-        "contact radius": contact_radius,
-        "largest element size": h_max,
-    }.items():
-        _positive(name, value)
+    require_positive("semi-axis of half ellipsoid", *semi_axes)
+    contact_radius = checked_contact(h_contact, growth, contact_radius, h_max)
 
     unit = max(semi_axes)
     a, b, c = (axis / unit for axis in semi_axes)
     h, fine = h_contact / unit, 1.5 * contact_radius / unit
     # The pole is at +y, away from the seam of gmsh's sphere; turned afterwards.
-    with gmsh_model(_even(h_max / unit, smallest=h)) as gmsh:
+    with gmsh_model(even_edges(h_max / unit, smallest=h)) as gmsh:
         occ = gmsh.model.occ
         ball, upper = occ.addSphere(0, 0, 0, 1), occ.addBox(-2, 0, -2, 4, 2, 4)
         ((_, half),), _ = occ.intersect([(3, ball)], [(3, upper)])
@@ -53,8 +46,8 @@ def half_ellipsoid(semi_axes, h_contact, growth=0.1, contact_radius=None, h_max=
         sides = [tag for _, tag in gmsh.model.getBoundary([(3, half)], oriented=False)]
         curved = max(sides, key=lambda tag: gmsh.model.getBoundingBox(2, tag)[4])
         gmsh.model.mesh.embed(0, [pole], 2, curved)
-        _refine_at(gmsh, [c], h, growth, fine)
-        points, cells = _tets(gmsh)
+        refine_at(gmsh, [c], h, growth, fine)
+        points, cells = tets(gmsh)
     points[np.abs(points[:, 1]) < 1e-9, 1] = 0.0
     inverse = np.array([b, c, a]) ** -2.0
     slope = points * inverse
