@@ -28,18 +28,13 @@ import numpy as np
 
 from mufe_fenicsx.geometry.grains import Grains, save_grains
 from mufe_fenicsx.geometry.shapes import sphere
+from mufe_fenicsx.materials.sand import scene_table
 from mufe_fenicsx.verification.fidelity import lattice
 from mufe_fenicsx.verification.packing import RADIUS, angular_grains
 
 SCENE = """accuracy = {accuracy:g}
 
-[material]
-model = "j2"
-E = "100 GPa"
-nu = 0.15
-rho = "2650 kg/m^3"
-yield_stress = [[0.0, "10 MPa"], [0.05, "110 MPa"]]
-
+{material}
 [contact]
 friction = 0.23
 
@@ -97,7 +92,9 @@ def run(name, grains, folder, accuracy, strain, ranks=1, seating_speed=5.0):
     """Plan and run a sample; rows (quantity, unit, predicted, actual) and what run.json holds."""
     scene, answer = folder / f"{name}.toml", folder / f"{name}.json"
     scene.write_text(
-        SCENE.format(accuracy=accuracy, strain=strain, seating_speed=seating_speed),
+        SCENE.format(
+            material=scene_table(), accuracy=accuracy, strain=strain, seating_speed=seating_speed
+        ),
         encoding="utf-8",
     )
     out = folder / f"{name}-run"

@@ -38,11 +38,12 @@ from mufe_fenicsx.charts.grid import CHARTS
 from mufe_fenicsx.charts.make import make_charts
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.evidence import REFERENCE, TABLE, distance, read_points, write_points
+from mufe_fenicsx.materials.sand import SAND
 from mufe_fenicsx.planning.contacts import Closing
 from mufe_fenicsx.simulation import Simulation
 from mufe_fenicsx.verification.build import build
 from mufe_fenicsx.verification.case import axis_planes
-from mufe_fenicsx.verification.packing import MATERIAL, angular_grains
+from mufe_fenicsx.verification.packing import angular_grains
 
 #: Length of edges over half of the distance of grains, and loading, of the reference; and of the
 #: coarser one that tells how far it is converged.
@@ -79,10 +80,10 @@ def print_geometry(sizes=(0.8, 0.5, 0.35, 0.25, 0.2)):
     """Of the oedometer's sample on each mesh: what is there before anything is loaded."""
     for size in sizes:
         bodies = angular_grains(COUNTS, size, gap=0.0)
-        mesh = build(MPI.COMM_SELF, bodies, MATERIAL, np.zeros(3), np.zeros(3), axes="").mesh
+        mesh = build(MPI.COMM_SELF, bodies, SAND, np.zeros(3), np.zeros(3), axes="").mesh
         low, high = mesh.x.min(axis=0), mesh.x.max(axis=0)
         walls = [Wall(name, *plane) for name, plane in axis_planes(low, high).items()]
-        s = Simulation(mesh, [MATERIAL] * mesh.num_grains, walls)
+        s = Simulation(mesh, [SAND] * mesh.num_grains, walls)
         closing, height = Closing(s, low, high), (high - low)[2]
         solid = s.solid.volume0.sum() / np.prod(high - low)
         print(

@@ -9,6 +9,7 @@ from .errors import InputError
 from .geometry.grains import Grains, save_grains
 from .geometry.output import new_folder
 from .geometry.shapes import sphere, sphere_near_contact
+from .materials.sand import scene_table
 from .scene.schema import schema_text
 from .synthetic.packing import pack
 from .synthetic.shapes import make_grains, sizes
@@ -42,13 +43,7 @@ title = "{title}"
 grains = "grains"         # {grains};
                           # instead of it, the folder that `mufe mesh` wrote of your own scan
 
-[material]                # as in Nadimi & Fonseca (2018), doi 10.1680/jgeot.16.p.147
-model = "j2"              # elasto-plastic; or "elastic", "rigid", "auto"
-E = "100 GPa"
-nu = 0.15
-rho = "2650 kg/m^3"
-yield_stress = [[0.0, "{first}"], [0.05, "{last}"]]   # at plastic strain
-
+{material}
 [contact]
 friction = {friction}           # between grains
 wall_friction = {wall}       # between grains and walls
@@ -68,7 +63,7 @@ DAMPED = """
 damping = "100 ms^-1"     # stills few grains that rattle between their contacts; counted as damping
 """
 
-ISOTROPIC = """
+STAGED = """
 [loading]                 # a test by stages: the six walls move
 speed = "0.5 m/s"         # at which a length of the sample changes, at most
 ramp = 0.001              # strain over which walls get to it
@@ -77,7 +72,9 @@ tolerance = 0.01          # of stresses
 [[stage]]                 # close the gaps; strains count from its end
 zero = true
 xyz = { stress = "0.5 MPa", speed = "3 m/s" }
+"""
 
+ISOTROPIC = """
 [[stage]]
 name = "load"
 xyz = { stress = "5 MPa" }
@@ -93,15 +90,6 @@ hold = "5 us"             # stresses are held so long
 """
 
 TRIAXIAL = """
-[loading]                 # a test by stages: the six walls move
-speed = "0.5 m/s"         # at which a length of the sample changes, at most
-ramp = 0.001              # strain over which walls get to it
-tolerance = 0.01          # of stresses
-
-[[stage]]                 # close the gaps; strains count from its end
-zero = true
-xyz = { stress = "0.5 MPa", speed = "3 m/s" }
-
 [[stage]]
 name = "isotropic"
 xyz = { stress = "5 MPa" }
@@ -226,25 +214,30 @@ def column_of_balls(number):
     return Grains.from_list(np.arange(1, number + 1), meshes, FINE * RADIUS)
 
 
-def _text(title, test, grains, friction=0.23, wall=0.0, first="10 MPa", last="110 MPa"):
+def _text(title, test, grains, friction=0.23, wall=0.0, **material):
     head = HEAD.format(
-        title=title, grains=grains, friction=friction, wall=wall, first=first, last=last
+        title=title, grains=grains, friction=friction, wall=wall, material=scene_table(**material)
     )
     return head + test + OUTPUT
 
 
 _SAND = f"{NUM_BALLS} balls in a dense packing, meshed coarsely"
-_HARD = {"first": "1 GPa", "last": "2 GPa"}
+_HARD = {"yield_stress": ("1 GPa", "2 GPa")}
 
 #: Scenes by name: text of the file and the function that makes the grains.
 KINDS = {
     "oedometer": (
-        _text("Oedometer test on balls", DAMPED + OEDOMETER, _SAND, **_HARD), ball_packing
+        _text("Oedometer test on balls", DAMPED + OEDOMETER, _SAND, **_HARD),
+        ball_packing,
     ),
     "isotropic": (
-        _text("Isotropic compression of balls", DAMPED + ISOTROPIC, _SAND, **_HARD), ball_packing
+        _text("Isotropic compression of balls", DAMPED + STAGED + ISOTROPIC, _SAND, **_HARD),
+        ball_packing,
     ),
-    "triaxial": (_text("Triaxial test on balls", DAMPED + TRIAXIAL, _SAND, **_HARD), ball_packing),
+    "triaxial": (
+        _text("Triaxial test on balls", DAMPED + STAGED + TRIAXIAL, _SAND, **_HARD),
+        ball_packing,
+    ),
     "single-grain": (
         _text("A ball between two platens", BALL, "one ball of 1 mm", wall=0.2),
         functools.partial(column_of_balls, 1),
@@ -253,4 +246,4 @@ KINDS = {
         _text("Two balls pressed together", BALLS, "two balls of 1 mm", wall=0.2, **_HARD),
         functools.partial(column_of_balls, 2),
     ),
-}  # fmt: skip
+}

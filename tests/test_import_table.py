@@ -11,6 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "mufe_fenicsx"
 
 #: Modules that are one part of the design under more than one name.
 PART_OF = {
+    "body_mass": "rigid",
     "loading": "simulation",
     "staged_loading": "simulation",
     "servo": "simulation",
@@ -54,8 +55,9 @@ TABLE = {
     "linear_system": {"kernels"},
     # geometry: its settings, of which the scene is the written form.
     "scene": {"materials", "contact", "units", "geometry"},
-    # units: its settings; geometry: files and labels; report: pictures without a screen.
-    "synthetic": {"kernels", "geometry", "units", "report"},
+    # units: its settings; geometry: files and labels; materials: that of its scene; report:
+    # pictures without a screen.
+    "synthetic": {"kernels", "geometry", "units", "materials", "report"},
     "simulation": {
         *("kernels", "geometry", "state", "mesh", "materials", "solid", "rigid", "contact"),
         *("fidelity", "integrators", "scene", "time_step", "mass_scaling", "tangent"),

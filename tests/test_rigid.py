@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.body_mass import mass_properties, quaternion_of
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.shapes import box, sphere
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.rigid import Rigid
-from mufe_fenicsx.rigid import mass_properties, quaternion_of
 from mufe_fenicsx.verification.build import build
 
 ROCK = {"E": 1e9, "nu": 0.15, "rho": 2650.0}

@@ -1,0 +1,1 @@
+"""Materials of grains: frozen parameters and a law."""

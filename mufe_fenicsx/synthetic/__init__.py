@@ -1,0 +1,1 @@
+"""Synthetic scans of sand whose grains and contacts are known."""

@@ -1,5 +1,7 @@
 """The scene file that goes with a synthetic scan."""
 
+from ..materials.sand import scene_table
+
 TEXT = """\
 # Oedometer test on a synthetic scan. In this folder:
 #
@@ -23,13 +25,7 @@ size = "{size:.4g} m"
 [sample]
 grains = "grains"
 
-[material]                # as in Nadimi & Fonseca (2018), doi 10.1680/jgeot.16.p.147
-model = "j2"
-E = "100 GPa"
-nu = 0.15
-rho = "2650 kg/m^3"
-yield_stress = [[0.0, "10 MPa"], [0.05, "110 MPa"]]
-
+{material}
 [contact]
 friction = 0.23
 
@@ -44,6 +40,7 @@ def scene_text(settings):
     """Scene (TOML) for the files of a synthetic scan; see `scene.load_scene`."""
     grain = (settings.d50 / settings.voxel_size) ** 3 / 2
     return TEXT.format(
+        material=scene_table(),
         seed=settings.seed,
         voxel=settings.voxel_size,
         min_voxels=max(8, int(0.01 * grain)),

@@ -34,6 +34,7 @@ class RadialGrains:
 
     @property
     def num_grains(self):
+        """Number of grains."""
         return len(self.volume)
 
     @property

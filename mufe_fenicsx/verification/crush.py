@@ -7,12 +7,11 @@ import numpy as np
 from ..energy_guard import EnergyGuard
 from ..errors import SolverError
 from ..geometry.shapes import sphere
-from ..materials.j2 import J2
+from ..materials.sand import SAND
 from .build import build, drive
 from .case import case, compare
 
 E, NU, RHO, RADIUS = 100e9, 0.15, 2650.0, 1e-3
-TABLE = ((0.0, 10e6), (0.05, 110e6))
 #: Friction of the rough platens.
 ROUGH = 0.5
 
@@ -49,7 +48,7 @@ def crush(comm, strain=0.5, far=0.95, element_size=0.3, speed=5.0):
 
 def _ball(comm, element_size, friction):
     return build(
-        comm, [sphere(RADIUS, element_size * RADIUS)], J2(E, NU, RHO, TABLE), (-RADIUS,) * 3,
+        comm, [sphere(RADIUS, element_size * RADIUS)], SAND, (-RADIUS,) * 3,
         (RADIUS,) * 3, axes="z", wall_friction={"z_min": friction, "z_max": friction},
     )  # fmt: skip
 
@@ -117,7 +116,7 @@ def _axial_stress(s):
 
 def _flow_stress(s):
     """Mean yield stress [Pa]."""
-    flow = np.interp(s.state.plastic_strain, *np.array(TABLE).T)
+    flow = np.interp(s.state.plastic_strain, *np.array(SAND.yield_stress).T)
     return np.average(flow, weights=_volumes(s))
 
 

@@ -4,12 +4,11 @@ import numpy as np
 
 from ..geometry.shapes import sphere
 from ..materials.elastic import Elastic
-from ..materials.j2 import J2
+from ..materials.sand import SAND
 from .build import build, drive, sum_over_nodes
 from .case import case, compare
 
 RADIUS = 1e-3
-QUARTZ = {"E": 100e9, "nu": 0.15, "rho": 2650.0}
 
 
 @case("energy", num_bodies=4)
@@ -39,12 +38,11 @@ def _compress(comm, points, cells, speed, strain, friction, time_step_factor):
     apart = 1.005
     corners = np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]]) / np.sqrt(2)
     centres = corners * apart * RADIUS
-    material = J2(**QUARTZ, yield_stress=((0.0, 10e6), (0.05, 110e6)))
     half = (apart / np.sqrt(2) + 1) * RADIUS
     throw = np.array([[-1, 0.3, -0.2], [0.8, 0.9, -0.1], [0.5, -1, 0.7], [-0.3, 0.1, 1.0]]) * speed
 
     s = build(
-        comm, [(points + c, cells) for c in centres], material, np.full(3, -half),
+        comm, [(points + c, cells) for c in centres], SAND, np.full(3, -half),
         np.full(3, half), wall_friction=dict.fromkeys(_names(), friction), friction=friction,
         velocity=lambda _x, grain: throw[grain], time_step_factor=time_step_factor,
     )  # fmt: skip
@@ -96,7 +94,8 @@ def _collide(comm, points, cells, speed, friction, time_step_factor):
         return throw[grain] + np.cross(spin[grain], x - centres[grain])
 
     s = build(
-        comm, [(points + c, cells) for c in centres], Elastic(**QUARTZ), np.zeros(3), np.zeros(3),
+        comm, [(points + c, cells) for c in centres], Elastic(SAND.E, SAND.nu, SAND.rho),
+        np.zeros(3), np.zeros(3),
         axes="", friction=friction, velocity=velocity, time_step_factor=time_step_factor,
     )  # fmt: skip
     mass = s.solid.mass[:, None]

@@ -12,20 +12,19 @@ from ..geometry.shapes import sphere
 from ..loading import LOADING, OedometerLoading
 from ..materials.auto import Auto
 from ..materials.elastic import Elastic
-from ..materials.j2 import J2
 from ..materials.rigid import Rigid
+from ..materials.sand import SAND
 from ..simulation import Simulation
 from .build import build
 from .case import axis_planes, case, compare
 
-ROCK = {"E": 100e9, "nu": 0.15, "rho": 2650.0}
-TABLE = {"yield_stress": ((0.0, 10e6), (0.05, 110e6))}
+ROCK = {"E": SAND.E, "nu": SAND.nu, "rho": SAND.rho}
 #: Materials by fidelity: that of the paper, and the same with less of its behaviour.
 FIDELITIES = {
     "rigid": Rigid(**ROCK),
     "elastic": Elastic(**ROCK),
-    "auto": Auto(**ROCK, **TABLE),
-    "j2": J2(**ROCK, **TABLE),
+    "auto": Auto(**ROCK, yield_stress=SAND.yield_stress),
+    "j2": SAND,
 }
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..materials.j2 import J2
+from ..materials.sand import SAND
 from .case import case, compare
 from .strain_paths import MaterialPoints, RandomPaths, Tets
 
@@ -13,7 +14,7 @@ MODULI = {"E": 100e9, "rho": 2650.0}
 #: By turns: the grains of the paper, a perfectly plastic one of high yield stress (elastic
 #: strains of 1 %), and a table with steep and shallow parts a few yield strains long.
 MATERIALS = (
-    J2(**MODULI, nu=0.15, yield_stress=((0.0, 10e6), (0.05, 110e6))),
+    SAND,
     J2(**MODULI, nu=0.3, yield_stress=((0.0, 1e9),)),
     J2(
         **MODULI,

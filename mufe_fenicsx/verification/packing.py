@@ -7,14 +7,13 @@ from ..contact.walls import Wall
 from ..errors import InputError
 from ..geometry.shapes import sphere
 from ..loading import OedometerLoading
-from ..materials.j2 import J2
+from ..materials.sand import SAND
 from ..simulation import Simulation
 from .build import build
 from .case import axis_planes, case, compare
 from .intrusion import find_intrusion
 
 RADIUS = 1e-3
-MATERIAL = J2(100e9, 0.15, 2650.0, ((0.0, 10e6), (0.05, 110e6)))
 
 
 @case("packing", num_bodies=8)
@@ -41,12 +40,12 @@ def packing(
         raise InputError(
             f"number of grains = {len(bodies)}, expected at least one a rank, {comm.size}"
         )
-    mesh = build(comm, bodies, MATERIAL, np.zeros(3), np.zeros(3), axes="").mesh
+    mesh = build(comm, bodies, SAND, np.zeros(3), np.zeros(3), axes="").mesh
     separate(mesh, 0.3)
     low = np.min(comm.allgather(mesh.x.min(axis=0)), axis=0)
     high = np.max(comm.allgather(mesh.x.max(axis=0)), axis=0)
     walls = [Wall(name, *plane) for name, plane in axis_planes(low, high).items()]
-    s = Simulation(mesh, [MATERIAL] * mesh.num_grains, walls, friction=friction)
+    s = Simulation(mesh, [SAND] * mesh.num_grains, walls, friction=friction)
     area = (high - low)[0] * (high - low)[1]
     loading = OedometerLoading(s, strain, speed, 0.01, 1e5 * area, speed)
     deepest = deepest_vertex = due = 0.0

@@ -6,15 +6,16 @@ import numpy as np
 from mpi4py import MPI
 
 from ..contact.walls import Wall
-from ..geometry.shapes import box, bulged_ball, sphere, sphere_near_contact
-from ..materials.j2 import J2
+from ..geometry.bulge import bulged_ball
+from ..geometry.shapes import box, sphere, sphere_near_contact
 from ..materials.rigid import Rigid
+from ..materials.sand import SAND
 from ..theory import rigid as theory
 from .build import build, drive, sum_over_nodes
 from .case import case, compare
 
 RADIUS = 1e-3
-QUARTZ = {"E": 100e9, "nu": 0.15, "rho": 2650.0}
+ROCK = Rigid(SAND.E, SAND.nu, SAND.rho)
 
 
 @case("rigid-top", num_bodies=1)
@@ -30,7 +31,7 @@ def rigid_top(comm, turns=1000.0, steps_per_turn=100):
         steps_per_turn: Sets that rate.
     """
     points, cells = box((1e-3, 2e-3, 3e-3), (2, 3, 4))
-    s = build(comm, [(points, cells)], Rigid(**QUARTZ), (0, 0, 0), (0, 0, 0), axes="")
+    s = build(comm, [(points, cells)], ROCK, (0, 0, 0), (0, 0, 0), axes="")
     rigid, dt = s.rigid, s.dt
     omega = 2 * math.pi / (steps_per_turn * dt)
     spin = omega * np.array([0.02, 1.0, 0.03])
@@ -75,7 +76,7 @@ def _nodal_momentum(s):
     volume = np.linalg.det(x[:, 1:] - x[:, :1]) / 6
     x = x - s.rigid.center[0]
     turning = np.cross(x, v).sum(axis=1) + np.cross(x.sum(axis=1), v.sum(axis=1))
-    return QUARTZ["rho"] * volume @ turning / 20
+    return ROCK.rho * volume @ turning / 20
 
 
 @case("rigid-rolling", num_bodies=1)
@@ -92,16 +93,15 @@ def rigid_rolling(comm, element_size=0.1, indentation=0.02, friction=0.3, way=1.
         friction: Coefficient of friction with the lower plane.
         way: Of sliding over the radius; it sets the speed.
     """
-    material = Rigid(**QUARTZ)
     points, cells = sphere(1.0, element_size)
     points = RADIUS * bulged_ball(points, cells)
     up = np.eye(3)[2]
     gap = 1.001 * RADIUS
     walls = [Wall("low", -gap * up, up, friction=friction), Wall("top", gap * up, -up)]
-    s = build(comm, [(points, cells)], material, (0, 0, 0), (0, 0, 0), axes="", walls=walls,
+    s = build(comm, [(points, cells)], ROCK, (0, 0, 0), (0, 0, 0), axes="", walls=walls,
               time_step_factor=0.3)  # fmt: skip
     rigid = s.rigid
-    k = 1 / material.layer(rigid.radius[0])
+    k = 1 / ROCK.layer(rigid.radius[0])
     mass = rigid.mass[0]
     depth = indentation * RADIUS
     normal = math.pi * RADIUS * k * depth**2
@@ -162,7 +162,6 @@ def rigid_impact(comm, elements_per_radius=4.0, contact_radius=0.14, time_step_f
         contact_radius: That radius over the balls'.
         time_step_factor: Time step over the limit of stability.
     """
-    material = Rigid(**QUARTZ)
     a = contact_radius * RADIUS
     way = np.array([0.6, 0.0, 0.8])
     bodies = []
@@ -171,14 +170,14 @@ def rigid_impact(comm, elements_per_radius=4.0, contact_radius=0.14, time_step_f
             RADIUS, a / elements_per_radius, 0.3, -side * way, a / 1.2
         )
         bodies.append((points + 1.001 * side * RADIUS * way, cells))
-    k = 0.5 / material.layer(RADIUS)
-    mass = 2 / 3 * math.pi * RADIUS**3 * material.rho  # effective
+    k = 0.5 / ROCK.layer(RADIUS)
+    mass = 2 / 3 * math.pi * RADIUS**3 * ROCK.rho  # effective
     depth = a**2 / RADIUS
     speed = math.sqrt(math.pi / 3 * RADIUS * k * depth**3 / mass)
     _, force, duration = theory.foundation_impact(mass, 0.5 * RADIUS, k, speed)
 
     s = build(
-        comm, bodies, material, (0, 0, 0), (0, 0, 0), axes="", time_step_factor=time_step_factor,
+        comm, bodies, ROCK, (0, 0, 0), (0, 0, 0), axes="", time_step_factor=time_step_factor,
         velocity=lambda _x, grain: np.where(grain == 0, 0.5, -0.5)[:, None] * speed * way,
     )  # fmt: skip
     mass_of_node = s.solid.mass[:, None]
@@ -233,14 +232,13 @@ def rigid_mix(comm, element_size=0.4, speed=1.0, strain=0.02, friction=0.23, fac
     half = (1.005 / math.sqrt(2) + 1) * RADIUS
     throw = np.array([[-1, 0.3, -0.2], [0.8, 0.9, -0.1], [0.5, -1, 0.7], [-0.3, 0.1, 1.0]])
     spin = np.array([[1, 0.2, 0], [0, -0.5, 1], [0.3, 0.3, 0.3], [0, 1, 0]]) / RADIUS
-    rigid, j2 = Rigid(**QUARTZ), J2(**QUARTZ, yield_stress=((0.0, 10e6), (0.05, 110e6)))
     names = [f"{axis}_{side}" for axis in "xyz" for side in ("min", "max")]
 
     def velocity(x, grain):
         return speed * (throw[grain] + np.cross(spin[grain], x - centres[grain]))
 
     s = build(
-        comm, [(points + c, cells) for c in centres], [rigid, j2, rigid, j2], np.full(3, -half),
+        comm, [(points + c, cells) for c in centres], [ROCK, SAND, ROCK, SAND], np.full(3, -half),
         np.full(3, half), wall_friction=dict.fromkeys(names, friction), friction=friction,
         velocity=velocity, time_step_factor=factor,
     )  # fmt: skip

@@ -5,14 +5,12 @@ import numpy as np
 from ..contact.separation import separate
 from ..contact.walls import Wall
 from ..loading import TOP, OedometerLoading
-from ..materials.j2 import J2
+from ..materials.sand import SAND
 from ..memory import memory_in_use
 from ..simulation import Simulation
 from .build import build
 from .case import axis_planes, case, compare
 from .packing import angular_grains
-
-MATERIAL = J2(100e9, 0.15, 2650.0, ((0.0, 10e6), (0.05, 110e6)))
 
 #: Parts of the steps after which the memory is compared with that at the end, and the forces.
 WARM, HELD = 0.1, 0.5
@@ -23,13 +21,13 @@ SEATING_SPEED = 0.5
 def packing_to_hold(comm, strain, speed, element_size):
     """Twenty angular grains before they are compressed: simulation and loading. Collective."""
     bodies = angular_grains((2, 2, 5), element_size)
-    mesh = build(comm, bodies, MATERIAL, np.zeros(3), np.zeros(3), axes="").mesh
+    mesh = build(comm, bodies, SAND, np.zeros(3), np.zeros(3), axes="").mesh
     separate(mesh, 0.3)
     low = np.min(comm.allgather(mesh.x.min(axis=0)), axis=0)
     high = np.max(comm.allgather(mesh.x.max(axis=0)), axis=0)
     walls = [Wall(name, *plane) for name, plane in axis_planes(low, high).items()]
     # Speeds halve within some 10 000 steps: little while it is loaded, all while it is held.
-    s = Simulation(mesh, [MATERIAL] * mesh.num_grains, walls, friction=0.3, damping=5e3)
+    s = Simulation(mesh, [SAND] * mesh.num_grains, walls, friction=0.3, damping=5e3)
     area = (high - low)[0] * (high - low)[1]
     loading = OedometerLoading(s, strain, speed, 0.1 * strain, 1e6 * area, SEATING_SPEED)
     return s, loading

@@ -13,6 +13,7 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.compare import compare_labels, touching_labels
 from mufe_fenicsx.geometry.label_files import read_labels
 from mufe_fenicsx.kernels import radial
+from mufe_fenicsx.materials.sand import SAND
 from mufe_fenicsx.scene import load_scene
 from mufe_fenicsx.synthetic.imaging import grey_image, ring_pattern, voxelise
 from mufe_fenicsx.synthetic.packing import Packing, icosphere, pack, vertex_areas
@@ -190,6 +191,7 @@ def test_the_command_writes_what_is_known(tmp_path, capsys):
     with np.load(folder / "surfaces.npz") as data:
         assert len(np.unique(data["grain_of_face"])) == len(rows)
     scene = load_scene(folder / "scene.toml")
+    assert scene.material == SAND
     assert scene.image.path == folder / "grey.tif" and scene.image.voxel_size == 5e-6
 
 

@@ -7,11 +7,11 @@ import numpy as np
 
 from ...contact.separation import separate
 from ...contact.walls import Wall
+from ...materials.sand import SAND
 from ...simulation import Simulation
 from ..build import build, drive, settle
 from ..case import axis_planes, case, compare
 from ..fidelity import lattice
-from ..packing import MATERIAL
 from .limits import shake
 
 #: Of the platen while it loads and of the record while it rests.
@@ -22,17 +22,15 @@ EPS = np.finfo(float).eps
 def loaded_packing(comm, counts=(2, 2, 2), element_size=0.6, friction=0.3):
     """Balls in a box that yield at their contacts, pressed by ``STRAIN`` from all sides."""
     bodies = lattice(counts, element_size)[: math.prod(counts)]
-    mesh = build(comm, bodies, MATERIAL, np.zeros(3), np.zeros(3), axes="").mesh
+    mesh = build(comm, bodies, SAND, np.zeros(3), np.zeros(3), axes="").mesh
     separate(mesh, 0.3)
     low, high = mesh.x.min(axis=0), mesh.x.max(axis=0)
     walls = [
         Wall(name, *plane, friction=friction) for name, plane in axis_planes(low, high).items()
     ]
     height = (high - low)[2]
-    transit = height / MATERIAL.wave_speed
-    s = Simulation(
-        mesh, [MATERIAL] * mesh.num_grains, walls, friction=friction, damping=1.0 / transit
-    )
+    transit = height / SAND.wave_speed
+    s = Simulation(mesh, [SAND] * mesh.num_grains, walls, friction=friction, damping=1.0 / transit)
     # From all sides: pressed from above alone, columns of balls buckle.
     moves = {
         f"{axis}_max": -STRAIN * height * unit for axis, unit in zip("xyz", np.eye(3), strict=True)

@@ -10,13 +10,13 @@ from ...contact.walls import Wall
 from ...geometry.shapes import box
 from ...loading import OedometerLoading
 from ...materials.elastic import Elastic
+from ...materials.sand import SAND
 from ...scene import MassScaling, QuasiStatic
 from ...simulation import Simulation
 from ...theory.stability import sudden_stress
 from ..build import build
 from ..case import axis_planes, case, compare
 from ..fidelity import lattice
-from ..packing import MATERIAL
 from .limits import RHO, SIZE, E, message_of
 
 #: Speed of the platen over wave speed and final strain, v/(c ε).
@@ -93,11 +93,11 @@ def packing_curves(comm, speeds=SPEEDS, counts=(2, 2, 3), strain=0.005, element_
     bodies = lattice(counts, element_size)[: int(np.prod(counts))]
     rows, simulations = [], []
     for speed in speeds:
-        mesh = build(comm, bodies, MATERIAL, np.zeros(3), np.zeros(3), axes="").mesh
+        mesh = build(comm, bodies, SAND, np.zeros(3), np.zeros(3), axes="").mesh
         separate(mesh, 0.3)
         low, high = mesh.x.min(axis=0), mesh.x.max(axis=0)
         walls = [Wall(name, *plane) for name, plane in axis_planes(low, high).items()]
-        s = Simulation(mesh, [MATERIAL] * mesh.num_grains, walls, friction=0.3)
+        s = Simulation(mesh, [SAND] * mesh.num_grains, walls, friction=0.3)
         area = (high - low)[0] * (high - low)[1]
         loading = OedometerLoading(s, strain, speed, 0.1 * strain, 1e4 * area, min(speed, 0.5))
         records, due = [], 0.0
