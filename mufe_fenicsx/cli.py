@@ -123,7 +123,7 @@ def report(
     ] = None,
     point: Annotated[
         list[str] | None,
-        typer.Option(metavar="X,Y,Z", help="Place [m] whose course is shown; repeat for more."),
+        typer.Option(metavar="X,Y,Z", help="Place whose course is shown; repeat for more."),
     ] = None,
     only: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Draw this figure only; repeatable.")

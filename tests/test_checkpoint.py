@@ -43,6 +43,8 @@ from tests.bodies import RADIUS, packed_grains
 COMM = MPI.COMM_WORLD
 ROCK = (100e9, 0.15, 2650.0)
 TABLE = ((0.0, 10e6), (0.05, 110e6))
+#: Time for a process, which may have to compile first [s].
+PATIENCE = 240
 
 
 def scene(**output):
@@ -152,8 +154,9 @@ def start(folder, name, num_ranks=1, resume=False):
 
 def wait_for_checkpoint(process, run_folder, after=-1):
     """Wait for a checkpoint of a later step than ``after``, or the end of the process."""
-    deadline = time.monotonic() + 60
-    while process.poll() is None and time.monotonic() < deadline:
+    deadline = time.monotonic() + PATIENCE
+    while process.poll() is None:
+        assert time.monotonic() < deadline, "no checkpoint"
         steps = [int(p.name[5:]) for p in run_folder.glob("checkpoints/step-*[0-9]")]
         if max(steps, default=-1) > after:
             return
@@ -177,7 +180,7 @@ def kill_and_resume(folder, name, kills, chance, num_ranks=1):
         process.communicate()
         killed += 1
         process = start(folder, name, num_ranks, resume=True)
-    _, error = process.communicate(timeout=120)
+    _, error = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, error
     return killed
 
@@ -206,7 +209,7 @@ def test_a_signal_ends_all_ranks_after_a_checkpoint(folder, serial):
     process = start(folder, "out", 2)
     wait_for_checkpoint(process, folder / "out")
     process.send_signal(signal.SIGTERM)
-    _, error = process.communicate(timeout=60)
+    _, error = process.communicate(timeout=PATIENCE)
     assert process.returncode == 128 + signal.SIGTERM
     step = last_step(folder / "out")
     lines = [line for line in error.splitlines() if line.startswith("mufe: ")]

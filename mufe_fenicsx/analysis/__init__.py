@@ -1,0 +1,1 @@
+"""Numbers from meshes, states and contacts: energy, fabric, inertia, kinematics, stress."""

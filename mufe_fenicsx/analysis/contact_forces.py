@@ -143,6 +143,7 @@ class ForceChains:
 
     @property
     def num_chains(self):
+        """How many chains there are."""
         return int(self.chain.max(initial=-1)) + 1
 
 

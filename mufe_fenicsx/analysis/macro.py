@@ -12,7 +12,6 @@ from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.analysis.stress_strain import side_forces, tangent_modulus
 
 #: Walls across each axis.
-WALLS_OF_AXIS = {axis: (f"{axis}_min", f"{axis}_max") for axis in "xyz"}
 
 
 def contact_stress(force, branch, volume):

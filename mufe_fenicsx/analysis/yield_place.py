@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mufe_fenicsx.geometry.measure import boundary_triangles
+from mufe_fenicsx.geometry.pieces import piece_of_cell
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ def yield_place(points, cells, plastic_strain, contact_pressure):
         if rim.size:
             away = distance_to_segments(closest[nearest], points[rim[:, 0]], points[rim[:, 1]])
             edge_distance = float(away.min())
-            part = _connected(patch)
+            part = piece_of_cell(patch)
             own = part[(patch == rim[np.argmin(away), 0]).any(axis=1)][0]
             corners = points[patch[part == own]]
             cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -68,18 +69,6 @@ def yield_place(points, cells, plastic_strain, contact_pressure):
         edge_distance=edge_distance,
         contact_radius=radius,
     )
-
-
-def _connected(triangles):
-    """Number of the part of each triangle, parts that share no node, shape (num_triangles,)."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    nodes, local = np.unique(triangles, return_inverse=True)
-    a, b, c = local.reshape(-1, 3).T
-    i, j = np.concatenate([a, b]), np.concatenate([b, c])
-    graph = coo_array((np.ones(i.size), (i, j)), shape=(nodes.size, nodes.size))
-    return connected_components(graph, directed=False)[1][a]
 
 
 def distance_to_segments(at, start, end):

@@ -2,15 +2,14 @@
 
 from pathlib import Path
 
-import meshio
 import numpy as np
 import pyvista
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ..errors import InputError
+from .exchange import read_foreign
 from .image_files import natural_order
 from .measure import compact, surface_defect, surface_volume
+from .pieces import piece_of_cell
 from .remesh import closed, collapse_short_edges, flip_long_edges, oriented, remesh
 from .self_crossing import crossing_triangles
 
@@ -179,24 +178,13 @@ def _welded(points, triangles):
 def _bodies(points, triangles):
     """The connected pieces of a surface, as pairs (points, triangles)."""
     points, triangles = _welded(np.asarray(points, dtype=float), triangles)
-    start, end = triangles[:, [0, 0]].ravel(), triangles[:, 1:].ravel()
-    graph = coo_array((np.ones(start.size), (start, end)), shape=(len(points), len(points)))
-    piece = connected_components(graph, directed=False)[1][triangles[:, 0]]
+    piece = piece_of_cell(triangles)
     _, first = np.unique(piece, return_index=True)
     return [(points, triangles[piece == piece[k]]) for k in np.sort(first)]
 
 
 def _read_file(file):
-    try:
-        mesh = meshio.read(file)
-    except SystemExit as error:  # meshio ends the program on a file that it cannot read
-        raise InputError(
-            f"surface {file} cannot be read, expected a surface of triangles"
-        ) from error
-    except Exception as error:
-        raise InputError(
-            f"surface {file} cannot be read: {' '.join(str(error).split())}"
-        ) from error
+    mesh = read_foreign(file, "surface", "a surface of triangles")
     triangles = mesh.cells_dict.get("triangle", np.zeros((0, 3)))
     if len(triangles) == 0:
         raise InputError(f"surface {file} holds no triangle, expected a closed surface")

@@ -9,13 +9,12 @@ from pathlib import Path
 
 import meshio
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ..errors import InputError
 from .grains import Grains
 from .measure import positively_oriented
 from .output import new_files
+from .pieces import piece_of_cell
 
 SETS = "GRAIN_"
 #: Formats by the end of the name, and how meshio is to write them.
@@ -93,10 +92,10 @@ def import_grains(path, scale=1.0, element_size=None):
     for number in labels:
         used, local = np.unique(cells[label == number], return_inverse=True)
         part = local.reshape(-1, 4)
-        pieces = _pieces(part, used.size)
-        if pieces.max():
+        num_pieces = 1 + piece_of_cell(part).max()
+        if num_pieces > 1:
             raise InputError(
-                f"{path}: grain {number} is in {pieces.max() + 1} pieces, expected one that hangs "
+                f"{path}: grain {number} is in {num_pieces} pieces, expected one that hangs "
                 "together"
             )
         meshes.append((points[used], positively_oriented(points[used], part)))
@@ -106,8 +105,12 @@ def import_grains(path, scale=1.0, element_size=None):
     return Grains.from_list(labels, meshes, element_size)
 
 
-def read_foreign(path):
+def read_foreign(path, what="mesh", expected="a format of meshio"):
     """A mesh by meshio, whose failures become one line.
+
+    Args:
+        path: Its file.
+        what, expected: What the message calls it, and what it asks for.
 
     Raises:
         InputError: the file cannot be read.
@@ -115,9 +118,9 @@ def read_foreign(path):
     try:
         return meshio.read(path)
     except SystemExit as error:  # meshio ends the program on a file that it cannot read
-        raise InputError(f"mesh {path} cannot be read, expected a format of meshio") from error
+        raise InputError(f"{what} {path} cannot be read, expected {expected}") from error
     except Exception as error:
-        raise InputError(f"mesh {path} cannot be read: {' '.join(str(error).split())}") from error
+        raise InputError(f"{what} {path} cannot be read: {' '.join(str(error).split())}") from error
 
 
 def _labels_of_cells(mesh, blocks, cells):
@@ -132,12 +135,4 @@ def _labels_of_cells(mesh, blocks, cells):
             for i, k in enumerate(blocks):
                 if members[k] is not None:
                     label[first[i] + np.asarray(members[k], dtype=np.int64)] = int(number)
-    return label if label.any() else 1 + _pieces(cells, len(mesh.points))
-
-
-def _pieces(cells, num_points):
-    """Number from 0 of the connected piece of each cell."""
-    start, end = np.repeat(cells[:, 0], 3), cells[:, 1:].ravel()
-    graph = coo_array((np.ones(start.size), (start, end)), shape=(num_points, num_points))
-    _, piece = connected_components(graph, directed=False)
-    return np.unique(piece[cells[:, 0]], return_inverse=True)[1]
+    return label if label.any() else 1 + piece_of_cell(cells)

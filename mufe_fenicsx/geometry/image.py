@@ -32,11 +32,10 @@ def to_cubes(image, voxel_size, *, labels=False):
     return scipy.ndimage.zoom(image, factors, order=order, mode="nearest", grid_mode=True), edge
 
 
-def resample(image, factor, *, labels=False):
-    """The image on voxels ``factor`` times finer; the domain stays the same.
+def resample(image, factor):
+    """The grey image on voxels ``factor`` times finer; the domain stays the same.
 
-    Grey values are interpolated by cubic splines, labels taken from the
-    nearest voxel. Before coarsening, grey values are averaged by a Gaussian.
+    Values are interpolated by cubic splines; before coarsening they are averaged by a Gaussian.
     """
     if not factor > 0:
         raise InputError(f"upsample = {factor}, expected > 0")
@@ -44,8 +43,6 @@ def resample(image, factor, *, labels=False):
         return image
     if min(round(n * factor) for n in image.shape) < 1:
         raise InputError(f"upsample = {factor} leaves no voxel of an image of {image.shape}")
-    if labels:
-        return scipy.ndimage.zoom(image, factor, order=0, mode="nearest", grid_mode=True)
     image = image.astype(np.float32)
     if factor < 1:
         image = scipy.ndimage.gaussian_filter(image, 0.5 / factor, mode="nearest")

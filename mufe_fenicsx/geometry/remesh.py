@@ -8,10 +8,10 @@ import warnings
 import numpy as np
 import pyacvd
 import pyvista
-import scipy.sparse
 
 from .creases import Creases
 from .measure import compact, surface_defect, surface_volume
+from .pieces import piece_of_cell
 from .sizing import FEWEST_NODES
 
 
@@ -186,20 +186,11 @@ def largest_surface(points, triangles):
 
 def in_largest_surface(points, triangles):
     """True for the triangles of the connected part that encloses the largest volume."""
-    n = len(points)
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]])
-    graph = scipy.sparse.coo_matrix((np.ones(len(edges)), edges.T), shape=(n, n))
-    num_parts, part = scipy.sparse.csgraph.connected_components(graph, directed=False)
-    part_of_triangle = part[triangles[:, 0]]
-    if num_parts == 1:
-        return np.ones(len(triangles), dtype=bool)
+    piece = piece_of_cell(triangles)
     volumes = [
-        abs(surface_volume(points, triangles[part_of_triangle == p]))
-        if np.any(part_of_triangle == p)
-        else 0.0
-        for p in range(num_parts)
+        abs(surface_volume(points, triangles[piece == p])) for p in range(piece.max(initial=0) + 1)
     ]
-    return part_of_triangle == np.argmax(volumes)
+    return piece == np.argmax(volumes)
 
 
 def collapse_short_edges(points, triangles, shortest, sizes, tags=None):
@@ -277,17 +268,16 @@ def split_long_edges(points, triangles, longest, sizes, tags=None):
             return (np.asarray(points), np.asarray(triangles), np.asarray(tags))[: 2 + given]
 
 
-def flip_long_edges(points, triangles, taken=None, flat=0.6, passes=20, tags=None):
+def flip_long_edges(points, triangles, flat=0.6, passes=20, tags=None):
     """Flip edges where that makes the flatter of their two triangles less flat.
 
     Args:
         points, triangles: A surface, which may be open.
-        taken: Edges (start < end) that a flip may not make, a set to which those made are added.
         flat: Triangles of less than this flatness are tried, 1 being equilateral.
         passes: Over these triangles at most.
         tags: Face that each triangle belongs to, or None; edges between faces stay.
     """
-    taken = set() if taken is None else taken
+    taken = set()  # edges (start < end) that flips have made, which none makes again
     triangles = triangles.copy()
     for _ in range(passes):
         shape = _flatness(points, triangles)

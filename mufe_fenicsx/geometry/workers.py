@@ -21,7 +21,7 @@ def run_jobs(function, jobs, processes=0, progress=None, *, limit=None, again=No
     Args:
         function: Of a module that workers can import.
         jobs: Iterable; only a few jobs are held at a time.
-        processes: Number of workers; 0: one a core.
+        processes: Number of workers, at most one a job; 0: one a core.
         progress: Called with the number of finished jobs.
         limit: Time for one job [s]; None: none.
         again: Called with a job that failed; returns the job to run in its place.
@@ -32,15 +32,19 @@ def run_jobs(function, jobs, processes=0, progress=None, *, limit=None, again=No
     """
     processes = processes or len(os.sched_getaffinity(0))
     results, second, deaths, waiting = {}, [], 0, enumerate(jobs)
-    workers = [_Worker(function) for _ in range(processes)]
+    workers = []
     try:
         while True:
-            for worker in workers:
-                if worker.number is None:
-                    number, job = second[-1] if second else next(waiting, (None, None))
-                    if number is not None:
-                        worker.start(number, job, first=not second)
-                        second = second[:-1]
+            idle = [worker for worker in workers if worker.number is None]
+            while idle or len(workers) < processes:
+                first = not second
+                number, job = second.pop() if second else next(waiting, (None, None))
+                if number is None:  # no more workers than jobs
+                    break
+                if not idle:
+                    idle = [_Worker(function)]
+                    workers += idle
+                idle.pop(0).start(number, job, first)
             busy = [worker for worker in workers if worker.number is not None]
             if not busy:
                 return [results[number] for number in sorted(results)]
@@ -63,7 +67,7 @@ def run_jobs(function, jobs, processes=0, progress=None, *, limit=None, again=No
                     else:
                         results[number] = error
                     worker.stop()
-                    workers[workers.index(worker)] = _Worker(function)
+                    workers.remove(worker)
                 if progress and number in results:
                     progress(len(results))
     finally:
