@@ -27,6 +27,7 @@ SceneOption = Annotated[
 
 
 def world():
+    """The communicator of all ranks, imported where it is first needed."""
     from mpi4py import MPI
 
     return MPI.COMM_WORLD

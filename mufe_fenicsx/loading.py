@@ -109,6 +109,7 @@ class OedometerLoading:
 
     @property
     def finished(self):
+        """Whether the strain of the test is reached."""
         return self.stage == LOADING and self.progress >= self.final_strain
 
     def keep(self):

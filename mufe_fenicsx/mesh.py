@@ -85,6 +85,7 @@ class GrainMesh:
 
     @property
     def comm(self):
+        """MPI communicator of the mesh."""
         return self.mesh.comm
 
     @property

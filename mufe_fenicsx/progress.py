@@ -36,6 +36,7 @@ class ProgressLine:
         return self
 
     def update(self, simulation):
+        """Show where the run is now, some times a second."""
         if not self.active:
             return
         now = time.perf_counter()

@@ -33,6 +33,7 @@ class Progress:
 
     @property
     def ended(self):
+        """Whether no more will come."""
         return self.state in ("finished", "stopped")
 
     def as_dict(self):

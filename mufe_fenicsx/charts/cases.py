@@ -17,7 +17,7 @@ from ..materials.rigid import Rigid
 from ..scene import MassScaling
 from ..solid import ELEMENTS
 from ..theory import hertz
-from ..verification.case import case, compare
+from ..verification.case import by_name, case, compare
 from ..verification.fidelity import FIDELITIES, compress
 from ..verification.hertz_bodies import hertz_at, whole_contact
 from ..verification.impact import QUARTZ, impact_theory, normal_impact
@@ -327,10 +327,4 @@ def press_grains(comm, element_size, fidelity="j2", loading=1.0, **options):
     return compress(comm, bodies, FIDELITIES[fidelity], STRAIN, SPEED / loading, **options)
 
 
-POINTS = {
-    "hertz-point": hertz_point,
-    "mindlin-point": mindlin_point,
-    "impact-point": impact_point,
-    "plastic-sphere-point": plastic_sphere_point,
-    "oedometer-point": oedometer_point,
-}
+POINTS = by_name(hertz_point, mindlin_point, impact_point, plastic_sphere_point, oedometer_point)

@@ -137,13 +137,9 @@ def write_elsewhere(path, errors):
     new.replace(path)
 
 
-def usable(points, case=None, series=None):
-    """Those that were computed, of a case and of a series where these are given."""
-    return [
-        p for p in points
-        if p.status == DONE and math.isfinite(p.error)
-        and case in (None, p.case) and series in (None, p.series)
-    ]  # fmt: skip
+def usable(points, case):
+    """Those of a case that were computed."""
+    return [p for p in points if p.status == DONE and math.isfinite(p.error) and p.case == case]
 
 
 def pareto(points, cost="seconds"):

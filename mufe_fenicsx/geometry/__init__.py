@@ -1,0 +1,1 @@
+"""From images to grain meshes: files, threshold, labels, surfaces, tetrahedra, shapes."""

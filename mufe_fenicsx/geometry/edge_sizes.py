@@ -23,6 +23,7 @@ class Sizes:
 
     @property
     def even(self):
+        """Whether the length is the same everywhere."""
         return self._tree is None
 
     @property

@@ -35,6 +35,7 @@ class Grains:
 
     @property
     def num_grains(self):
+        """Number of grains."""
         return len(self.labels)
 
     @property

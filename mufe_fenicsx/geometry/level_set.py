@@ -46,10 +46,12 @@ class LevelSet:
 
     @property
     def lower(self):
+        """Corner of the image with the smallest coordinates, shape (3,)."""
         return np.full(3, -0.5)
 
     @property
     def upper(self):
+        """The opposite corner, shape (3,)."""
         return np.asarray(self.shape) - 0.5
 
     def nodes(self):

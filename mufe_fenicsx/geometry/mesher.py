@@ -40,10 +40,12 @@ class GrainMesh:
 
     @property
     def label(self):
+        """Label of the grain."""
         return self.quality["label"]
 
     @property
     def ok(self):
+        """Whether it was meshed."""
         return self.points is not None
 
 

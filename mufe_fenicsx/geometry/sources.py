@@ -96,6 +96,7 @@ class SurfaceGrain:
 
     @property
     def volume(self):
+        """Volume within the surface [m³]."""
         return measure.surface_volume(self.points, self.triangles)
 
     def surface(self, sizing, attempt):
@@ -127,10 +128,12 @@ class SharedGrain:
 
     @property
     def label(self):
+        """Label of the grain."""
         return self.voxels.label
 
     @property
     def volume(self):
+        """Volume of its voxels within the image [m³]."""
         return self.voxels.volume
 
     def surface(self, sizing, attempt):

@@ -92,6 +92,7 @@ class HistoryWriter:
         return size[0] if size else None
 
     def close(self):
+        """Close the file; twice does no harm."""
         if self._file is not None:
             self._file.close()
             self._file = None

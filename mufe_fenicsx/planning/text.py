@@ -66,6 +66,7 @@ def brief(plan, cost, summary):
 
 
 def percent(value):
+    """A part as a percentage."""
     return f"{100 * value:.2g} %"
 
 

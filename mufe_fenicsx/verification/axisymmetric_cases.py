@@ -43,6 +43,7 @@ class Case:
 
     @property
     def plastic(self):
+        """Whether the ball yields."""
         return isinstance(self.material, J2)
 
 
@@ -76,6 +77,7 @@ def paper(Y):
 
 
 def all_cases():
+    """Every case that is stored."""
     cases = [
         elastic(a, nu, finite)
         for finite in (False, True)

@@ -49,9 +49,15 @@ def case(name, num_bodies):
                 "passed": all(line["passed"] for line in answer["results"].values()),
             }
 
+        run.case_name = name
         return run
 
     return decorate
+
+
+def by_name(*cases):
+    """{name: case} of functions that :func:`case` made, in their order."""
+    return {one.case_name: one for one in cases}
 
 
 def _answer(function, comm, values):

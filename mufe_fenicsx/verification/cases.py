@@ -6,6 +6,7 @@ import typing
 
 from ..errors import InputError
 from .bar_impact import bar_impact
+from .case import by_name
 from .column import column
 from .crush import crush
 from .energy import energy
@@ -36,43 +37,46 @@ from .stability import STABILITY
 from .strain_cycle import strain_cycle
 from .torsion import torsion
 
-CASES = {
-    "column": column,
-    "patch": patch,
-    "spin": spin,
-    "sliding-block": sliding_block,
-    "sliding-facets": sliding_facets,
-    "energy": energy,
-    "hertz": hertz,
-    "hertz-convergence": hertz_convergence,
-    "hertz-stress": hertz_stress,
-    "disc": disc,
-    "hiramatsu-oka": hiramatsu_oka,
-    "overlap": overlap,
-    "packing": packing,
-    "impact": impact,
-    "oblique-impact": oblique_impact,
-    "mindlin": mindlin,
-    "torsion": torsion,
-    "integrators": integrators,
-    "rolling": rolling,
-    "rigid-top": rigid_top,
-    "rigid-rolling": rigid_rolling,
-    "rigid-impact": rigid_impact,
-    "rigid-mix": rigid_mix,
-    "fidelity": fidelity,
-    "feature-pairs": feature_pairs,
-    "free-sphere": free_sphere,
-    "bar-impact": bar_impact,
-    "material-point": material_point,
-    "plastic-sphere": plastic_sphere,
-    "paper-sphere": paper_sphere,
-    "plastic-impact": impact_of_plastic_ball,
-    "strain-cycle": strain_cycle,
-    "crush": crush,
-    "segmentation": segmentation,
-    "soak": soak,
-} | STABILITY
+CASES = (
+    by_name(
+        column,
+        patch,
+        spin,
+        sliding_block,
+        sliding_facets,
+        energy,
+        hertz,
+        hertz_convergence,
+        hertz_stress,
+        disc,
+        hiramatsu_oka,
+        overlap,
+        packing,
+        impact,
+        oblique_impact,
+        mindlin,
+        torsion,
+        integrators,
+        rolling,
+        rigid_top,
+        rigid_rolling,
+        rigid_impact,
+        rigid_mix,
+        fidelity,
+        feature_pairs,
+        free_sphere,
+        bar_impact,
+        material_point,
+        plastic_sphere,
+        paper_sphere,
+        impact_of_plastic_ball,
+        strain_cycle,
+        crush,
+        segmentation,
+        soak,
+    )
+    | STABILITY
+)
 
 
 def known_cases():

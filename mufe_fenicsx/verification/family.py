@@ -14,7 +14,6 @@ import scipy.ndimage
 
 from ..errors import InputError
 
-VOXEL = 5e-6
 #: Voxels (z, y, x) of the members, by the number of grains that they are named after.
 MEMBERS = {20: (110, 110, 110), 60: (150, 150, 150), 200: (200, 245, 245), 630: (200, 400, 400)}
 #: What is left of a grain by the cut is kept from so many voxels on, and this thickness [voxels].

@@ -28,7 +28,6 @@ class Course:
     area: np.ndarray  #: of the contact [m²]
     strain: np.ndarray  #: largest plastic strain
     force_at_yield: float  #: when the first element below the surface yields [N]; nan if none does
-    force_at_surface_yield: float  #: when the first with a node on the surface does [N]
     kinetic: float  #: largest kinetic energy over the work done, in the second half of the way
     residual: float  #: of the energy balance over the work, at the end
     seconds: float  #: wall time without making the mesh
@@ -125,18 +124,16 @@ def press_ball(
     own = np.zeros(mesh.num_nodes, dtype=bool)
     own[s.contact.own.nodes] = True
     below = ~own[mesh.cells].any(axis=1)
-    first = {"below": math.nan, "surface": math.nan}
+    force_at_yield = math.nan
     rows = []
     kinetic = 0.0
 
     def record():
-        nonlocal kinetic
+        nonlocal kinetic, force_at_yield
         strain = s.state.plastic_strain
         force = -float(s.walls.force[plane] @ s.walls.normal[plane])
-        if watch_yield:
-            for place, on in (("below", below), ("surface", ~below)):
-                if math.isnan(first[place]) and strain[on].max() > 0:
-                    first[place] = force
+        if watch_yield and math.isnan(force_at_yield) and strain[below].max() > 0:
+            force_at_yield = force
         if s.state.num_steps % every:
             return
         base_force = -float(s.walls.force[1 - plane] @ s.walls.normal[1 - plane])
@@ -151,8 +148,7 @@ def press_ball(
     columns = np.array(rows).T
     return Course(
         *columns,
-        force_at_yield=first["below"],
-        force_at_surface_yield=first["surface"],
+        force_at_yield=force_at_yield,
         kinetic=kinetic,
         residual=abs(e["residual"] / e["work"]),
         seconds=time.perf_counter() - started,

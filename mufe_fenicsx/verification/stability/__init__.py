@@ -3,6 +3,7 @@
 The cases are those of `mufe verify`; ``demos/stability.py`` draws what they measure.
 """
 
+from ..case import by_name
 from . import (
     friction,
     incompressible,
@@ -19,19 +20,19 @@ from . import (
     unequal,
 )
 
-STABILITY = {
-    "stability-time-step": time_step.time_step,
-    "stability-penalty": penalty.penalty,
-    "stability-friction": friction.friction_limits,
-    "stability-loading-speed": speed.loading_speed,
-    "stability-mass": speed.added_mass,
-    "stability-slivers": slivers.slivers,
-    "stability-overlap": overlap.initial_overlap,
-    "stability-incompressible": incompressible.incompressible,
-    "stability-plastic": plastic.plastic_flow,
-    "stability-inversion": inversion.inversion,
-    "stability-impact": tunnelling.fast_impact,
-    "stability-size": unequal.unequal_size,
-    "stability-resting": resting.resting,
-    "stability-newton": newton.newton_limits,
-}
+STABILITY = by_name(
+    time_step.time_step,
+    penalty.penalty,
+    friction.friction_limits,
+    speed.loading_speed,
+    speed.added_mass,
+    slivers.slivers,
+    overlap.initial_overlap,
+    incompressible.incompressible,
+    plastic.plastic_flow,
+    inversion.inversion,
+    tunnelling.fast_impact,
+    unequal.unequal_size,
+    resting.resting,
+    newton.newton_limits,
+)

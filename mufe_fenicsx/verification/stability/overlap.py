@@ -67,9 +67,8 @@ def overlap_map(comm, depths=DEPTHS, kind="balls", steps=200):
             e = t.energies()
             row.gained = (e["kinetic"] + e["elastic"] + e["contact"]) / first - 1.0
             simulations += [s, t]
-        try_part = message_of(start, comm, depth, kind, 0.3)
-        row.parted = "" if try_part else start(comm, depth, kind, 0.3)[1].remaining_depth / H
-        row.after_parting = try_part
+        message = message_of(start, comm, depth, kind, 0.3)
+        row.parted = "" if message else start(comm, depth, kind, 0.3)[1].remaining_depth / H
         rows.append(row)
     return rows, simulations
 
