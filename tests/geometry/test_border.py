@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from scenes import ball, positions, two_balls
-from test_meshing import H, S, deepest_overlap, meshes_of, surface
 
 from mufe_fenicsx.geometry import measure
 from mufe_fenicsx.geometry.creases import crease_chains
@@ -12,6 +10,8 @@ from mufe_fenicsx.geometry.level_set import smoothed
 from mufe_fenicsx.geometry.mesher import mesh_one
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.surface import isosurface
+from tests.geometry.scenes import ball, positions, two_balls
+from tests.geometry.test_meshing import H, S, deepest_overlap, meshes_of, surface
 
 
 def normals(points, triangles):

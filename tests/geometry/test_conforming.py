@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import pyvista
-from scenes import ball, positions
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import measure
@@ -14,6 +13,7 @@ from mufe_fenicsx.geometry.jobs import shared_jobs
 from mufe_fenicsx.geometry.joined import parted
 from mufe_fenicsx.geometry.mesher import make_thicker_together, mesh_one
 from mufe_fenicsx.geometry.settings import MeshSettings
+from tests.geometry.scenes import ball, positions
 
 S = 1e-5  # voxel size [m]
 

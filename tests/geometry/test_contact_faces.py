@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from scenes import ball, positions, two_balls
 from scipy.special import erf, erfinv
 
 from mufe_fenicsx.geometry.contact_faces import contact_table, open_gaps
 from mufe_fenicsx.geometry.doubts import mark_doubts, solidity
 from mufe_fenicsx.geometry.label_files import grain_table
+from tests.geometry.scenes import ball, positions, two_balls
 
 
 @pytest.mark.parametrize("normal", [(1, 0, 0), (1, 1, 0), (2, 3, 6)])

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scenes import ball, two_balls
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import segmentation
@@ -10,6 +9,7 @@ from mufe_fenicsx.geometry.label_files import grain_table, read_labels, write_la
 from mufe_fenicsx.geometry.labels import checked_labels, fill_pores
 from mufe_fenicsx.geometry.segmentation import distance_map, separate_grains
 from mufe_fenicsx.geometry.settings import SegmentSettings
+from tests.geometry.scenes import ball, two_balls
 
 
 def separated(solid, **settings):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import pyvista
 import scipy.ndimage
-from scenes import ball, positions, two_balls
 
 from mufe_fenicsx.geometry import measure
 from mufe_fenicsx.geometry.distance import voxel_distance
@@ -15,6 +14,7 @@ from mufe_fenicsx.geometry.mesher import mesh_grains, mesh_one
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.slivers import thickened
 from mufe_fenicsx.kernels.spline import spline_value_and_gradient
+from tests.geometry.scenes import ball, positions, two_balls
 
 S = 1e-5  # voxel size [m]
 H = 3 * S

@@ -5,13 +5,13 @@ import errno
 
 import numpy as np
 import pytest
-from scenes import grey_packing, two_balls
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import pipeline
 from mufe_fenicsx.geometry.grains import load_grains
 from mufe_fenicsx.geometry.label_files import read_labels, write_labels
 from mufe_fenicsx.geometry.settings import MeshSettings, SegmentSettings
+from tests.geometry.scenes import grey_packing, two_balls
 
 
 def test_an_image_becomes_grain_meshes(tmp_path):

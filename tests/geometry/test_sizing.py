@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scenes import positions, two_balls
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import measure
@@ -11,6 +10,7 @@ from mufe_fenicsx.geometry.jobs import surface_jobs, voxel_jobs
 from mufe_fenicsx.geometry.mesher import mesh_one
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.shapes import sphere
+from tests.geometry.scenes import positions, two_balls
 
 S = 1e-5  # voxel size [m]
 

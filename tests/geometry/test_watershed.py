@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.ndimage
-from itk_reference import CASES, FILE, height_of, itk_watershed
 
 from mufe_fenicsx.geometry.compare import adjusted_rand_index
 from mufe_fenicsx.geometry.watershed import watershed
+from tests.geometry.itk_reference import CASES, FILE, height_of, itk_watershed
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 
