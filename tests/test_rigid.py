@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from mufe_fenicsx.body_mass import mass_properties, quaternion_of
+from mufe_fenicsx.body_mass import mass_properties, point_properties, quaternion_of
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.shapes import box, sphere
+from mufe_fenicsx.kernels.rigid import set_axes
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.verification.build import build
@@ -15,23 +16,43 @@ from mufe_fenicsx.verification.build import build
 ROCK = {"E": 1e9, "nu": 0.15, "rho": 2650.0}
 
 
-def test_mass_and_inertia_of_a_brick_are_exact():
+def test_mass_and_inertia_of_bricks_are_exact():
+    """Two of them, whose layers of tetrahedra are unlike: the mean of corners is no centre."""
     a, b, c = 1e-3, 2e-3, 3e-3
-    points, cells = box((a, b, c), (2, 3, 1), (5e-3, -1e-3, 0.0))
-    offset, rho = np.array([0, len(cells)]), np.array([2650.0])
-    mass, center, inertia = mass_properties(points, cells, offset, rho)
-    m = 2650.0 * a * b * c
-    exact = m / 12 * np.diag([b * b + c * c, a * a + c * c, a * a + b * b])
-    # Sums over tens of tetrahedra: rounding.
-    assert mass[0] == pytest.approx(m, rel=1e-14)
-    assert np.allclose(center[0], [5.5e-3, 0.0, 1.5e-3], rtol=0, atol=1e-17)
-    assert np.allclose(inertia[0], exact, rtol=0, atol=1e-13 * exact.max())
+    points, cells = box((a, b, c), (2, 3, 3))
+    points[:, 2] *= 0.5 * (1 + points[:, 2] / c)
+    corner = np.array([5e-3, -1e-3, 0.0])
+    both = np.concatenate([points, 2 * points + corner])
+    cells = np.concatenate([cells, cells + len(points)])
+    offset, rho = np.array([0, 0.5, 1]) * len(cells), np.array([1000.0, 2650.0])
+    mass, center, inertia = mass_properties(both, cells, offset.astype(int), rho)
+    for k, size in enumerate((1, 2)):
+        x, y, z = size * np.array([a, b, c])
+        m = rho[k] * x * y * z
+        exact = m / 12 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
+        # Sums over tens of tetrahedra: rounding.
+        assert mass[k] == pytest.approx(m, rel=1e-14)
+        assert np.allclose(center[k], k * corner + [x / 2, y / 2, z / 2], rtol=0, atol=1e-16)
+        assert np.allclose(inertia[k], exact, rtol=0, atol=1e-13 * exact.max())
 
 
-def test_quaternion_of_a_half_turn():
-    for axis in np.eye(3):
-        q = quaternion_of(2 * np.outer(axis, axis) - np.eye(3))
-        assert np.allclose(np.abs(q), [0, *axis], atol=1e-15)
+def test_mass_and_inertia_of_points():
+    """A dumb-bell of 1 and 3 kg, 4 m long: centre 1 m from the heavy end, m₁ m₂/m l² = 12."""
+    x = np.array([[5.0, 0, 0], [5.0, 4.0, 0]])
+    mass, center, inertia = point_properties(x, np.array([1.0, 3.0]))
+    assert mass.tolist() == [4.0] and center.tolist() == [[5.0, 3.0, 0.0]]
+    assert np.allclose(inertia[0], np.diag([12.0, 0.0, 12.0]), atol=1e-14)
+
+
+def test_a_quaternion_gives_its_rotation_back():
+    """Of half turns, which have no axial vector, and of any other."""
+    turns = [2 * np.outer(axis, axis) - np.eye(3) for axis in np.eye(3)]
+    for matrix in np.random.default_rng(1).normal(size=(20, 3, 3)):
+        turn = np.linalg.qr(matrix)[0]
+        turns.append(turn * np.sign(np.linalg.det(turn)))
+    found = np.empty((len(turns), 3, 3))
+    set_axes(found, np.array([quaternion_of(turn) for turn in turns]))
+    assert np.allclose(found, turns, rtol=0, atol=1e-14)
 
 
 def packing(materials, law="matched", **options):

@@ -21,7 +21,8 @@ def test_distribution_of_exponential_forces():
     assert np.abs(found.density * width - share).max() < 2e-4
     whole = forces.force_distribution(f, 10)
     assert whole.density @ np.diff(whole.edges) == pytest.approx(1, rel=ROUND_OFF)
-    assert np.isnan(forces.force_distribution([]).mean)
+    none = forces.force_distribution([], 5)
+    assert np.isnan(none.mean) and none.edges.size == 6 and np.isnan(none.density).sum() == 5
 
 
 def test_strong_contacts_carry_at_least_the_mean():
@@ -60,7 +61,8 @@ def test_stress_of_a_ball_from_its_contacts():
 
 
 def column(num, x=0.0):
-    return np.column_stack([np.full(num, x), np.zeros(num), np.arange(num)])
+    """Centres of balls of 0.2 mm on top of each other, x in diameters."""
+    return 2e-4 * np.column_stack([np.full(num, x), np.zeros(num), np.arange(num)])
 
 
 def test_a_loaded_column_is_a_force_chain():
