@@ -1,7 +1,12 @@
 """Fixtures that every test may use."""
 
+import importlib.util
+import os
+import subprocess
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -18,3 +23,24 @@ def shared_data():
         return path
 
     return find
+
+
+@pytest.fixture
+def by_spam(tmp_path):
+    """What a program that calls spam makes of labels; the test is skipped without that package.
+
+    The program reads labels from its first argument and writes arrays (.npz) to its second.
+    """
+    if importlib.util.find_spec("spam") is None:
+        pytest.skip("needs the package spam")
+
+    def call(program, labels):
+        np.save(tmp_path / "labels.npy", labels)
+        # Its compiled loops do not compile with every numba.
+        subprocess.run(
+            [sys.executable, "-c", program, tmp_path / "labels.npy", tmp_path / "spam.npz"],
+            env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, check=True,
+        )  # fmt: skip
+        return np.load(tmp_path / "spam.npz")
+
+    return call

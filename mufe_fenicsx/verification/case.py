@@ -24,6 +24,11 @@ def compare(computed, theory, tolerance, scale=None):
     }
 
 
+def at_least(computed, least):
+    """One line of a case's answer: what must not be less."""
+    return compare(computed, max(computed, least), 0.0)
+
+
 def case(name, num_bodies):
     """Make a case of a function ``f(comm, **parameters)`` that returns (results, simulations).
 

@@ -5,10 +5,9 @@ import numpy as np
 from ..geometry.shapes import sphere
 from ..materials.elastic import Elastic
 from ..materials.sand import SAND
-from .build import build, drive, sum_over_nodes
-from .case import case, compare
-
-RADIUS = 1e-3
+from .build import build, sum_over_nodes
+from .case import at_least, case, compare
+from .shrinking_box import RADIUS, press_four_balls
 
 
 @case("energy", num_bodies=4)
@@ -28,34 +27,14 @@ def energy(comm, element_size=0.4, speed=1.0, strain=0.02, friction=0.23, time_s
             energy only below about 0.7 of it.
     """
     points, cells = sphere(RADIUS, element_size * RADIUS)
-    squeezed = _compress(comm, points, cells, speed, strain, friction, time_step_factor)
+    squeezed = _compress(comm, element_size, speed, strain, friction, time_step_factor)
     collided = _collide(comm, points, cells, speed, friction, time_step_factor)
     return squeezed[0] | collided[0], [squeezed[1], collided[1]]
 
 
-def _compress(comm, points, cells, speed, strain, friction, time_step_factor):
-    """A tetrahedron of balls that start with random speeds, in a box that shrinks."""
-    apart = 1.005
-    corners = np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]]) / np.sqrt(2)
-    centres = corners * apart * RADIUS
-    half = (apart / np.sqrt(2) + 1) * RADIUS
-    throw = np.array([[-1, 0.3, -0.2], [0.8, 0.9, -0.1], [0.5, -1, 0.7], [-0.3, 0.1, 1.0]]) * speed
-
-    s = build(
-        comm, [(points + c, cells) for c in centres], SAND, np.full(3, -half),
-        np.full(3, half), wall_friction=dict.fromkeys(_names(), friction), friction=friction,
-        velocity=lambda _x, grain: throw[grain], time_step_factor=time_step_factor,
-    )  # fmt: skip
-    worst = 0.0
-
-    def watch():
-        nonlocal worst
-        if s.state.num_steps % 20 == 0:
-            e = s.energies()
-            worst = max(worst, abs(e["residual"]) / (s.initial_kinetic + abs(e["work"])))
-
-    drive(s, {"z_max": (0, 0, -2 * half * strain)}, 2 * half * strain / speed, at_step=watch)
-    watch()
+def _compress(comm, *setting):
+    """Balls in a box that shrinks."""
+    s, worst = press_four_balls(comm, SAND, *setting)
     e = s.energies()
     elastic, plastic = s.solid.elastic_energy(s.state), s.solid.plastic_energy(s.state)
     least = min(comm.allgather(min(elastic.min(), plastic.min(), s.contact.dissipated)))
@@ -76,12 +55,8 @@ def _compress(comm, points, cells, speed, strain, friction, time_step_factor):
     # A test of plasticity and friction has to have some.
     total = s.initial_kinetic + e["work"]
     for name in ("plastic", "friction"):
-        results[f"{name} part of the work, at least"] = _at_least(e[name] / total, 0.005)
+        results[f"{name} part of the work, at least"] = at_least(e[name] / total, 0.005)
     return results, s
-
-
-def _at_least(computed, least):
-    return compare(computed, max(computed, least), 0.0)
 
 
 def _collide(comm, points, cells, speed, friction, time_step_factor):
@@ -118,7 +93,7 @@ def _collide(comm, points, cells, speed, friction, time_step_factor):
             touched = max(touched, s.num_contacts)
     p1, L1 = momenta()
     results = {
-        "contacts of the collision, at least": _at_least(touched, 1),
+        "contacts of the collision, at least": at_least(touched, 1),
         # Every force has its opposite: round-off of some thousand steps.
         "momentum of the collision": compare(np.linalg.norm(p1 - p0) / scale, 0, 1e-12, 1.0),
         "angular momentum of the collision": compare(
@@ -129,7 +104,3 @@ def _collide(comm, points, cells, speed, friction, time_step_factor):
         ),
     }
     return results, s
-
-
-def _names():
-    return [f"{axis}_{side}" for axis in "xyz" for side in ("min", "max")]

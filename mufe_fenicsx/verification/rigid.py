@@ -12,7 +12,8 @@ from ..materials.rigid import Rigid
 from ..materials.sand import SAND
 from ..theory import rigid as theory
 from .build import build, drive, sum_over_nodes
-from .case import case, compare
+from .case import at_least, case, compare
+from .shrinking_box import press_four_balls
 
 RADIUS = 1e-3
 ROCK = Rigid(SAND.E, SAND.nu, SAND.rho)
@@ -226,31 +227,9 @@ def rigid_mix(comm, element_size=0.4, speed=1.0, strain=0.02, friction=0.23, fac
         friction: Coefficient of friction, everywhere.
         factor: Time step over the limit of stability.
     """
-    points, cells = sphere(RADIUS, element_size * RADIUS)
-    corners = np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]]) / math.sqrt(2)
-    centres = 1.005 * corners * RADIUS
-    half = (1.005 / math.sqrt(2) + 1) * RADIUS
-    throw = np.array([[-1, 0.3, -0.2], [0.8, 0.9, -0.1], [0.5, -1, 0.7], [-0.3, 0.1, 1.0]])
-    spin = np.array([[1, 0.2, 0], [0, -0.5, 1], [0.3, 0.3, 0.3], [0, 1, 0]]) / RADIUS
-    names = [f"{axis}_{side}" for axis in "xyz" for side in ("min", "max")]
-
-    def velocity(x, grain):
-        return speed * (throw[grain] + np.cross(spin[grain], x - centres[grain]))
-
-    s = build(
-        comm, [(points + c, cells) for c in centres], [ROCK, SAND, ROCK, SAND], np.full(3, -half),
-        np.full(3, half), wall_friction=dict.fromkeys(names, friction), friction=friction,
-        velocity=velocity, time_step_factor=factor,
-    )  # fmt: skip
-    worst = 0.0
-
-    def watch():
-        nonlocal worst
-        if s.state.num_steps % 20 == 0:
-            e = s.energies()
-            worst = max(worst, abs(e["residual"]) / (s.initial_kinetic + abs(e["work"])))
-
-    drive(s, {"z_max": (0, 0, -2 * half * strain)}, 2 * half * strain / speed, at_step=watch)
+    s, worst = press_four_balls(
+        comm, [ROCK, SAND, ROCK, SAND], element_size, speed, strain, friction, factor, spin=1.0
+    )
     e = s.energies()
     total = s.initial_kinetic + e["work"]
     stressed = [np.abs(s.state.deviator[s.mesh.grain_of_cell == g]).max() for g in s.rigid.grains]
@@ -258,8 +237,8 @@ def rigid_mix(comm, element_size=0.4, speed=1.0, strain=0.02, friction=0.23, fac
     results = {
         # The target of the method: 0.1 % of what was put in, at all times.
         "largest residual over work": compare(worst, 0.0, 1e-3, scale=1.0),
-        "plastic part of the work, at least": _at_least(e["plastic"] / total, 0.005),
-        "friction part of the work, at least": _at_least(e["friction"] / total, 0.005),
+        "plastic part of the work, at least": at_least(e["plastic"] / total, 0.005),
+        "friction part of the work, at least": at_least(e["friction"] / total, 0.005),
         "stress in rigid grains [Pa]": compare(
             comm.allreduce(max(stressed, default=0.0), op=MPI.MAX), 0.0, 0.0, scale=1.0
         ),
@@ -278,7 +257,3 @@ def _stretch(s):
                        for x in (s.mesh.x, s.state.x))  # fmt: skip
         worst = max(worst, float(np.abs(now - before).max()) / RADIUS)
     return worst
-
-
-def _at_least(computed, least):
-    return compare(computed, max(computed, least), 0.0)

@@ -1,10 +1,5 @@
 """Inertia of meshes against closed forms, an exact quadrature, and another program's voxels."""
 
-import importlib.util
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -75,23 +70,15 @@ numpy.savez(sys.argv[2], moments=moments[1], axis=axes[1, 6:9])
 """
 
 
-def test_inertia_agrees_with_that_of_voxels_by_spam(tmp_path):
+def test_inertia_agrees_with_that_of_voxels_by_spam(by_spam):
     """An ellipsoid as a mesh, and as voxels a 28th of its longest half-axis wide."""
-    if importlib.util.find_spec("spam") is None:
-        pytest.skip("needs the package spam")
     half = np.array([28.0, 18.0, 13.0])
     ball, tets = sphere(1.0, 0.12)
     ball *= np.cbrt(4 / 3 * np.pi / tet_volumes(ball, tets).sum())  # the ball's volume
     found = grain_inertia(ball * half @ TURN.T, tets, np.ones(len(tets), int))
     grid = np.stack(np.indices((62, 62, 62)), axis=-1) - 30.5
     labels = (((grid @ TURN / half) ** 2).sum(axis=-1) <= 1).astype(np.uint32)
-    np.save(tmp_path / "labels.npy", labels)
-    # Its compiled loops do not compile with every numba.
-    subprocess.run(
-        [sys.executable, "-c", SPAM, tmp_path / "labels.npy", tmp_path / "spam.npz"],
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, check=True,
-    )  # fmt: skip
-    theirs = np.load(tmp_path / "spam.npz")
+    theirs = by_spam(SPAM, labels)
     # Voxels of width 1 and facets of h = 0.12 radii change second moments by less than 1 %.
     assert np.sort(theirs["moments"]) == pytest.approx(found.moments[0], rel=0.01)
     assert abs(theirs["axis"] @ found.axes[0, 0]) > np.cos(np.radians(1))

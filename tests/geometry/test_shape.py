@@ -1,10 +1,6 @@
 """Size and form of bodies whose numbers are known."""
 
-import importlib.util
 import math
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -87,9 +83,7 @@ numpy.savez(sys.argv[2], volumes=spam.label.volumes(labels), moments=moments,
 """
 
 
-def test_numbers_of_labels_agree_with_spam(tmp_path):
-    if importlib.util.find_spec("spam") is None:
-        pytest.skip("needs the package spam")
+def test_numbers_of_labels_agree_with_spam(by_spam):
     labels = np.zeros((40, 60, 60), np.uint32)
     z, y, x = np.indices(labels.shape)
     for k, (center, axes) in enumerate(
@@ -98,13 +92,7 @@ def test_numbers_of_labels_agree_with_spam(tmp_path):
         r = ((np.stack([z, y, x], -1) - center) / axes) ** 2
         labels[r.sum(axis=-1) <= 1] = k
     rows = shapes_of_labels(labels, 1.0)
-    np.save(tmp_path / "labels.npy", labels)
-    # Its compiled loops do not compile with every numba.
-    subprocess.run(
-        [sys.executable, "-c", SPAM, tmp_path / "labels.npy", tmp_path / "spam.npz"],
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, check=True,
-    )  # fmt: skip
-    theirs = np.load(tmp_path / "spam.npz")
+    theirs = by_spam(SPAM, labels)
     for k, row in enumerate(rows, start=1):
         assert row["volume_m3"] == theirs["volumes"][k]
         assert row["equivalent_diameter_m"] == pytest.approx(2 * theirs["radii"][k], rel=1e-6)
