@@ -74,7 +74,9 @@ zero = true
 xyz = { stress = "0.5 MPa", speed = "3 m/s" }
 """
 
-ISOTROPIC = """
+ISOTROPIC = (
+    STAGED
+    + """
 [[stage]]
 name = "load"
 xyz = { stress = "5 MPa" }
@@ -88,8 +90,11 @@ name = "reload"
 xyz = { stress = "8 MPa" }
 hold = "5 us"             # stresses are held so long
 """
+)
 
-TRIAXIAL = """
+TRIAXIAL = (
+    STAGED
+    + """
 [[stage]]
 name = "isotropic"
 xyz = { stress = "5 MPa" }
@@ -106,6 +111,7 @@ z = { strain = 0.02, speed = "0.1 m/s" }
 #     y = { stress = "5 MPa" }
 #     z = { stress = "9 MPa" }
 """
+)
 
 BALL = """
 [loading]                 # a test by stages: the six walls move
@@ -222,22 +228,17 @@ def _text(title, test, grains, friction=0.23, wall=0.0, **material):
 
 
 _SAND = f"{NUM_BALLS} balls in a dense packing, meshed coarsely"
-_HARD = {"yield_stress": ("1 GPa", "2 GPa")}
+_HARD = {"first": "1 GPa", "last": "2 GPa"}
 
 #: Scenes by name: text of the file and the function that makes the grains.
 KINDS = {
     "oedometer": (
-        _text("Oedometer test on balls", DAMPED + OEDOMETER, _SAND, **_HARD),
-        ball_packing,
+        _text("Oedometer test on balls", DAMPED + OEDOMETER, _SAND, **_HARD), ball_packing
     ),
     "isotropic": (
-        _text("Isotropic compression of balls", DAMPED + STAGED + ISOTROPIC, _SAND, **_HARD),
-        ball_packing,
+        _text("Isotropic compression of balls", DAMPED + ISOTROPIC, _SAND, **_HARD), ball_packing
     ),
-    "triaxial": (
-        _text("Triaxial test on balls", DAMPED + STAGED + TRIAXIAL, _SAND, **_HARD),
-        ball_packing,
-    ),
+    "triaxial": (_text("Triaxial test on balls", DAMPED + TRIAXIAL, _SAND, **_HARD), ball_packing),
     "single-grain": (
         _text("A ball between two platens", BALL, "one ball of 1 mm", wall=0.2),
         functools.partial(column_of_balls, 1),
@@ -246,4 +247,4 @@ KINDS = {
         _text("Two balls pressed together", BALLS, "two balls of 1 mm", wall=0.2, **_HARD),
         functools.partial(column_of_balls, 2),
     ),
-}
+}  # fmt: skip

@@ -209,7 +209,7 @@ def test_a_signal_ends_all_ranks_after_a_checkpoint(folder, serial):
     process = start(folder, "out", 2)
     wait_for_checkpoint(process, folder / "out")
     process.send_signal(signal.SIGTERM)
-    _, error = process.communicate(timeout=PATIENCE)
+    _, error = process.communicate(timeout=60)
     assert process.returncode == 128 + signal.SIGTERM
     step = last_step(folder / "out")
     lines = [line for line in error.splitlines() if line.startswith("mufe: ")]

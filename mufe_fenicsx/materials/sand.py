@@ -8,7 +8,6 @@ from .j2 import J2
 
 SAND = J2(E=100e9, nu=0.15, rho=2650.0, yield_stress=((0.0, 10e6), (0.05, 110e6)))
 
-_YIELD = ("10 MPa", "110 MPa")
 _TABLE = """\
 [material]                # {what} Nadimi & Fonseca (2018), doi 10.1680/jgeot.16.p.147
 model = "j2"              # elasto-plastic; or "elastic", "rigid", "auto"
@@ -19,12 +18,11 @@ yield_stress = [[0.0, "{first}"], [0.05, "{last}"]]   # at plastic strain
 """
 
 
-def scene_table(yield_stress=_YIELD):
+def scene_table(first="10 MPa", last="110 MPa"):
     """Its table in a scene file.
 
     Args:
-        yield_stress: Others than its own at plastic strains of 0 and 0.05, texts with a unit.
+        first, last: Yield stresses at plastic strains of 0 and 0.05, which may be others than its.
     """
-    first, last = yield_stress
-    what = "as in" if yield_stress == _YIELD else "elasticity as in"
+    what = "as in" if (first, last) == ("10 MPa", "110 MPa") else "elasticity as in"
     return _TABLE.format(what=what, first=first, last=last)
