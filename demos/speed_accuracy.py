@@ -1,7 +1,8 @@
 """What does accuracy cost? Each choice of model charted, error against time.
 
 For a plane on an elastic ball (hertz), two sheared balls (mindlin), impacts of balls (impact), a
-ball that flows (plastic-sphere) and twenty angular grains in an oedometer, over
+ball that flows (plastic-sphere), twenty angular grains in an oedometer (oedometer) and twenty
+polyhedra that fill one (jammed), over
 
 - the mesh;
 - the element: plain linear, averaged pressure, composites of eight;
@@ -16,8 +17,8 @@ error and its cost. Figures show the front of what no other choice beats, and th
     python demos/speed_accuracy.py FOLDER                 some twenty minutes of one processor
     python demos/speed_accuracy.py FOLDER --full          hours: finer, all lines on all meshes
     python demos/speed_accuracy.py FOLDER --store         keep the table as what `mufe plan` reads
-    python demos/speed_accuracy.py FOLDER --reference     first the course of stress that those of
-                                                          the oedometer are compared with
+    python demos/speed_accuracy.py FOLDER --reference     first the courses of stress that those of
+                                                          the oedometers are compared with
     python demos/speed_accuracy.py FOLDER --minutes 5     stop then; the same command goes on
     python demos/speed_accuracy.py FOLDER --geometry      nothing else: how the twenty grains differ
                                                           before any load, from mesh to mesh
@@ -33,11 +34,11 @@ import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 import numpy as np
 from mpi4py import MPI
 
-from mufe_fenicsx.charts.cases import COUNTS, STRAIN, press_grains
+from mufe_fenicsx.charts.cases import COUNTS, STRAIN, press_grains, press_polyhedra
 from mufe_fenicsx.charts.grid import CHARTS
 from mufe_fenicsx.charts.make import make_charts
 from mufe_fenicsx.contact.walls import Wall
-from mufe_fenicsx.evidence import REFERENCE, TABLE, distance, read_points, write_points
+from mufe_fenicsx.evidence import JAMMED, REFERENCE, TABLE, distance, read_points, write_points
 from mufe_fenicsx.materials.sand import SAND
 from mufe_fenicsx.planning.contacts import Closing
 from mufe_fenicsx.simulation import Simulation
@@ -45,17 +46,21 @@ from mufe_fenicsx.verification.build import build
 from mufe_fenicsx.verification.case import axis_planes
 from mufe_fenicsx.verification.packing import angular_grains
 
-#: Length of edges over half of the distance of grains, and loading, of the reference; and of the
-#: coarser one that tells how far it is converged.
-FINE, CHECKS = (0.2, 4.0), ((0.25, 4.0),)
+#: Length of edges over half of the distance of grains, and loading, of the references; and of
+#: others that tell how far they are converged.
+REFERENCES = {
+    "oedometer": (REFERENCE, press_grains, (0.2, 4.0), ((0.25, 4.0),)),
+    "jammed": (JAMMED, press_polyhedra, (0.25, 4.0), ((0.35, 4.0), (0.25, 2.0), (0.35, 8.0))),
+}
 
 
-def write_reference(path=REFERENCE):
-    """Press the twenty grains on the finest mesh, and on one that tells how far that is right."""
+def write_reference(case):
+    """Press the twenty grains on the finest mesh, and on those that tell how far that is right."""
+    path, press, fine, checks = REFERENCES[case]
     grid = np.linspace(0.0, STRAIN, 81)
     columns = []
-    for size, loading in (FINE, *CHECKS):
-        course = press_grains(MPI.COMM_SELF, size, loading=loading)
+    for size, loading in (fine, *checks):
+        course = press(MPI.COMM_SELF, size, loading=loading)
         columns.append(np.interp(grid, course.strain, course.stress))
         s = course.simulation
         print(
@@ -67,8 +72,8 @@ def write_reference(path=REFERENCE):
         file.write(
             "# made by demos/speed_accuracy.py --reference: stress of 20 grains on a mesh of\n"
         )
-        file.write(f"# edges {FINE[0]:g} over half of their distance, loading = {FINE[1]:g}\n")
-        for (size, loading), one in zip(CHECKS, off, strict=True):
+        file.write(f"# edges {fine[0]:g} over half of their distance, loading = {fine[1]:g}\n")
+        for (size, loading), one in zip(checks, off, strict=True):
             file.write(f"# edges {size:g}, loading = {loading:g}: {one:.4f} from it\n")
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["strain", "stress"])
@@ -100,7 +105,9 @@ def main():
     parser.add_argument("folder", type=Path)
     parser.add_argument("--full", action="store_true")
     parser.add_argument("--store", action="store_true", help="keep the table in the package")
-    parser.add_argument("--reference", action="store_true", help="compute the oedometer's first")
+    parser.add_argument(
+        "--reference", action="store_true", help="compute those of the oedometers first"
+    )
     parser.add_argument("--geometry", action="store_true", help="of the oedometer's sample only")
     parser.add_argument("--minutes", type=float)
     parser.add_argument("--cases", nargs="*", default=list(CHARTS), choices=list(CHARTS))
@@ -109,7 +116,8 @@ def main():
         print_geometry()
         return
     if given.reference:
-        write_reference()
+        for case in REFERENCES.keys() & given.cases:
+            write_reference(case)
     made = make_charts(given.cases, given.folder, full=given.full, minutes=given.minutes)
     for case, rows in made["gains"].items():
         for error, ours, front in rows:

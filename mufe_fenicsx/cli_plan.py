@@ -10,7 +10,7 @@ from .cli_app import Json, app, world
 from .errors import InputError
 from .terminal import Printer
 
-CASES = ("hertz", "mindlin", "impact", "plastic-sphere", "oedometer")
+CASES = ("hertz", "mindlin", "impact", "plastic-sphere", "oedometer", "jammed")
 
 
 @app.command()

@@ -246,7 +246,9 @@ def test_the_stored_table_repeats():
     assert answer["results"]["error"]["computed"] == pytest.approx(point.error, rel=1e-3)
 
 
-@pytest.mark.parametrize("case", ["hertz", "mindlin", "impact", "plastic-sphere", "oedometer"])
+@pytest.mark.parametrize(
+    "case", ["hertz", "mindlin", "impact", "plastic-sphere", "oedometer", "jammed"]
+)
 def test_stored_points_plan_their_cases(case):
     """Finer is never cheaper, and nothing within the accuracy is cheaper than what is chosen."""
     stored, elsewhere = evidence.usable(evidence.read_points(), case), evidence.read_elsewhere()

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..evidence import distance, read_curve
+from ..evidence import JAMMED, REFERENCE, distance, read_curve
 from ..materials.elastic import Elastic
 from ..materials.rigid import Rigid
 from ..scene import MassScaling
@@ -25,6 +25,7 @@ from ..verification.mindlin import shear_balls
 from ..verification.packing import angular_grains
 from ..verification.plastic_ball import RADIUS, press_ball
 from ..verification.plastic_sphere import mean_pressure
+from ..verification.polyhedra import polyhedral_grains
 from ..verification.reference import load, perfect_name
 
 E, RHO = 100e9, 2650.0
@@ -45,9 +46,9 @@ INCREMENTS = {"hertz": 10, "plastic-sphere": 20}
 FROM = 0.25
 #: The plastic ball's E/Y and contact radius over that of the ball.
 RATIO, PLASTIC_RADIUS = 1000.0, 0.1
-#: Of the oedometer: grains along x, y, z; final strain; speed of the platen [m/s] at loading = 1;
-#: parts of the strain at which stresses are compared.
-COUNTS, STRAIN, SPEED = (2, 2, 5), 0.02, 10.0
+#: Of the oedometer: grains along x, y, z; final strain; speed of the platen [m/s] at loading = 1,
+#: and that on polyhedra; parts of the strain at which stresses are compared.
+COUNTS, STRAIN, SPEED, JAMMED_SPEED = (2, 2, 5), 0.02, 10.0, 2.5
 PARTS = np.linspace(0.125, 1.0, 8)
 
 
@@ -306,15 +307,20 @@ def oedometer_point(
         comm, element_size, fidelity, loading, time_step_factor=time_step_factor, element=element,
         **_options(law, time_step, added_mass),
     )  # fmt: skip
-    strain, stress, _ = read_curve()
-    found = np.interp(PARTS * STRAIN, course.strain, course.stress)
-    wanted = np.interp(PARTS * STRAIN, strain, stress)
+    return _against_curve(course, STRAIN, REFERENCE, accuracy), [course.simulation]
+
+
+def _against_curve(course, last, reference, accuracy):
+    """Answer of an oedometer test: mean distance from a stored course up to the strain ``last``."""
+    strain, stress, _ = read_curve(reference)
+    found = np.interp(PARTS * last, course.strain, course.stress)
+    wanted = np.interp(PARTS * last, strain, stress)
     work = course.element_steps or math.nan
     results = _lines(float(distance(found, wanted)), accuracy, course.processor_s, work)
     for part, one, other in zip(PARTS, found, wanted, strict=True):
         name = f"stress at {part:g} of the strain [Pa]"
         results[name] = compare(one, other, math.inf)
-    return results, [course.simulation]
+    return results
 
 
 def press_grains(comm, element_size, fidelity="j2", loading=1.0, **options):
@@ -327,4 +333,50 @@ def press_grains(comm, element_size, fidelity="j2", loading=1.0, **options):
     return compress(comm, bodies, FIDELITIES[fidelity], STRAIN, SPEED / loading, **options)
 
 
-POINTS = by_name(hertz_point, mindlin_point, impact_point, plastic_sphere_point, oedometer_point)
+@case("jammed-point", num_bodies=1)
+def jammed_point(
+    comm,
+    element_size=0.5,
+    element: Literal["averaged", "p1"] = "averaged",
+    law: Law = "matched",
+    fidelity: Literal[*FIDELITIES] = "j2",
+    time_step: TimeStep = "assembled",
+    added_mass=0.0,
+    loading=1.0,
+    time_step_factor=0.9,
+    accuracy=0.05,
+):
+    """Twenty polyhedra that fill an oedometer: error of the stress, converged, and cost.
+
+    Mean over the strain, against the stored course of a fine mesh, pressed slowly. All meshes have
+    the same shape and the same gaps, and there is little room for grains to rearrange.
+
+    Args:
+        comm: MPI communicator.
+        element_size: Length of edges over half of the distance of grains.
+        element, law, fidelity, time_step: The choices.
+        added_mass: Most mass that is added for a longer time step, over that of all grains.
+        loading: Duration over that at 2.5 m/s.
+        time_step_factor: Time step over the limit of stability.
+        accuracy: Error that is wanted.
+    """
+    course = press_polyhedra(
+        comm, element_size, fidelity, loading, time_step_factor=time_step_factor, element=element,
+        **_options(law, time_step, added_mass),
+    )  # fmt: skip
+    return _against_curve(course, STRAIN, JAMMED, accuracy), [course.simulation]
+
+
+def press_polyhedra(comm, element_size, fidelity="j2", loading=1.0, **options):
+    """The oedometer test of `jammed_point`, whose parameters these are. Collective, one rank.
+
+    Returns:
+        :class:`~mufe_fenicsx.verification.fidelity.Course`.
+    """
+    bodies, speed = polyhedral_grains(element_size), JAMMED_SPEED / loading
+    return compress(comm, bodies, FIDELITIES[fidelity], STRAIN, speed, **options)
+
+
+POINTS = by_name(
+    hertz_point, mindlin_point, impact_point, plastic_sphere_point, oedometer_point, jammed_point
+)

@@ -31,11 +31,13 @@ LOOKS = {
     "auto": (style.GREEN, "d", "--"),
     "another rounding": (style.GREY, ".", "-"),
 }
+#: Errors beyond this are not drawn: they would leave no room for the others.
+LARGEST = 1.5
 COSTS = {"seconds": "time of one processor (s)", "element_steps": "element-steps"}
 
 
 def draw_chart(points, case, folder):
-    """Write CASE.png and CASE.pdf into a folder.
+    """Write CASE.png and CASE.pdf into a folder; errors up to :data:`LARGEST`.
 
     Args:
         points: Of any cases.
@@ -45,7 +47,7 @@ def draw_chart(points, case, folder):
     Returns:
         The two paths.
     """
-    own = usable(points, case)
+    own = [p for p in usable(points, case) if p.error <= LARGEST]
     with matplotlib.rc_context(style.RC):
         figure, axes = style.new_figure(style.PAGE, 0.52 * style.PAGE, ncols=2, sharey=True)
         for index, (axis, (cost, label)) in enumerate(zip(axes, COSTS.items(), strict=True)):
@@ -63,6 +65,8 @@ def draw_chart(points, case, folder):
                       label="front of all")  # fmt: skip
             axis.set(xscale="log", yscale="log", xlabel=label)
             style.plain_log_ticks(axis.yaxis)
+            if cost == "seconds":
+                style.plain_log_ticks(axis.xaxis)
             style.panel_letter(axis, index)
         axes[0].set_ylabel(f"{case}: error (%)")
         handles, labels = axes[0].get_legend_handles_labels()

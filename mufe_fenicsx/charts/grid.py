@@ -30,7 +30,7 @@ LINES = {
 }
 #: The parameter that sets the mesh.
 SIZE = {name: "elements_per_radius" for name in ("hertz", "mindlin", "impact", "plastic-sphere")}
-SIZE["oedometer"] = "element_size"
+SIZE |= {"oedometer": "element_size", "jammed": "element_size"}
 
 #: For each case: sizes of the main lines, of the others, and of the finest ones of `--full`;
 #: main lines; others.
@@ -59,6 +59,12 @@ CHARTS = {
     ),
     "oedometer": (
         (0.8, 0.5, 0.35, 0.25), (0.5,), (0.2,),
+        (OURS, SEED, "plain P1", "mass 1 %", "mass 5 %"),
+        ("stiff penalty", "kinematic law", "element's time step", "loading x 2", "loading x 4",
+         "mass 5 %, loading x 2", "rigid", "elastic", "auto", "another rounding"),
+    ),
+    "jammed": (
+        (1.0, 0.7, 0.5, 0.35), (0.5,), (0.25,),
         (OURS, SEED, "plain P1", "mass 1 %", "mass 5 %"),
         ("stiff penalty", "kinematic law", "element's time step", "loading x 2", "loading x 4",
          "mass 5 %, loading x 2", "rigid", "elastic", "auto", "another rounding"),

@@ -3,7 +3,8 @@
 ``points.csv`` is made by ``demos/speed_accuracy.py`` (which is ``mufe chart``): a row is one
 computation of a case at one choice of element, mesh, contact law, time step, added mass and
 loading time, with the command that repeats it. ``oedometer.csv`` holds the stress over strain
-that those of the case ``oedometer-point`` are compared with. `mufe plan` reads both.
+that those of the case ``oedometer-point`` are compared with, ``jammed.csv`` that of
+``jammed-point``. `mufe plan` reads the first two.
 """
 
 import csv
@@ -17,6 +18,7 @@ from ..errors import InputError
 
 TABLE = Path(__file__).with_name("points.csv")
 REFERENCE = Path(__file__).with_name("oedometer.csv")
+JAMMED = Path(__file__).with_name("jammed.csv")
 #: Made by ``demos/plan_accuracy.py``.
 ELSEWHERE = Path(__file__).with_name("elsewhere.csv")
 #: A case of charts is called so by `mufe verify`: "hertz" is "hertz-point".
