@@ -23,6 +23,7 @@ class Surfaces:
 
     @property
     def grain_of_facet(self):
+        """Grain of each facet, shape (num_facets,)."""
         return self.grain_of_node[self.triangles[:, 0]]
 
 

@@ -44,14 +44,17 @@ class State:
 
     @cached_property
     def cells(self):
+        """Nodes of the tetrahedra, shape (num_cells, 4)."""
         return self._shared("cells")
 
     @cached_property
     def reference(self):
+        """Nodes at the start [m], shape (num_nodes, 3)."""
         return self._shared("reference")
 
     @cached_property
     def grain(self):
+        """Label of the grain of each cell, shape (num_cells,)."""
         return self._shared("grain")
 
     def _shared(self, name):
@@ -69,6 +72,7 @@ class State:
 
     @property
     def von_mises(self):
+        """Equivalent stress of von Mises in each cell [Pa], shape (num_cells,)."""
         return self.stored.von_mises
 
     @property

@@ -35,6 +35,7 @@ class ReadableRun(Run):
         return self._once("network", number, super()._network)
 
     def contact_table(self, number=-1):
+        """Active contacts of a state, as `Run.contact_table`, read once."""
         return self._once("contact table", number, super().contact_table)
 
     def _once(self, what, number, read):
@@ -155,10 +156,12 @@ class Source:
 
     @property
     def start(self):
+        """The first state."""
         return self.states[0]
 
     @property
     def end(self):
+        """The last state."""
         return self.states[-1]
 
     @cached_property
@@ -199,6 +202,7 @@ class Source:
         return self.run.contact_table(index)
 
     def strain_of(self, index):
+        """Strain of a state [-]."""
         return float(self.run.states.loc[index, "strain"])
 
     @cached_property
