@@ -39,7 +39,7 @@ from mufe_fenicsx.analysis.quasi_static import kinetic_ratio
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.grains import Grains, save_grains
 from mufe_fenicsx.geometry.shapes import sphere
-from mufe_fenicsx.materials.j2 import J2
+from mufe_fenicsx.materials.sand import SAND
 from mufe_fenicsx.report import style
 from mufe_fenicsx.results.tables import vectors
 from mufe_fenicsx.run import run_scene
@@ -62,7 +62,7 @@ def press_balls(folder):
     save_grains(folder / "grains", Grains.from_list(labels, bodies, 0.5 * R))
     scene = Scene(
         title="9 balls",
-        material=J2(100e9, 0.15, 2650.0, ((0.0, 10e6), (0.05, 110e6))),
+        material=SAND,
         contact=Contact(friction=0.23),
         oedometer=Oedometer(strain=0.04, speed=1.0, seating_stress=0.5e6),
         solver=Solver(damping=2e5),
