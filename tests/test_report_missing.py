@@ -56,13 +56,18 @@ def test_two_runs_in_one_report(tmp_path):
         folder.mkdir()
         h.append(fake_history(60))
         h[k]["stress"] = (1 + k) * h[k]["stress"]
+        h[k]["kinetic"] = (1 + 999 * k) * h[k]["kinetic"]  # the second is far from quasi-static
         write_history(folder, h[k])
         (folder / "scene.toml").write_text(SCENE.replace("1e7", f"{k + 1}e7"))
     result = write_report([tmp_path / "run0", tmp_path / "run1"])
     out = tmp_path / "comparison"
-    assert result["report"] == str(out / "report.html") and len(result["figures"]) == 3
+    assert result["report"] == str(out / "report.html") and len(result["figures"]) == 4
     page = (out / "report.html").read_text()
     assert "yield 10 MPa" in page and "yield 20 MPa" in page
+    assert "Worst of 2 runs: yield 20 MPa; 1 of them miss the target" in page
+    against = pandas.read_csv(out / "figures" / "runs-parameter.csv").to_numpy()
+    assert against[:, 0].tolist() == [1e7, 2e7]
+    assert against[1, 1:] == pytest.approx(2 * against[0, 1:])  # one is twice the other throughout
     for k, name in enumerate(("yield-10-MPa", "yield-20-MPa")):
         table = pandas.read_csv(out / "figures" / f"runs-stress-strain-{name}.csv")
         rows_of = h[k]["stage"] != "seating"

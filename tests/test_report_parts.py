@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from mufe_fenicsx.analysis import mesh_quality
 from mufe_fenicsx.output import fields
-from mufe_fenicsx.report import chains, compare, motion, parts, style
+from mufe_fenicsx.report import chains, motion, parts, run_names, style
 from mufe_fenicsx.report.sample import boundary_faces
 from mufe_fenicsx.report.source import Source
 from tests.made_up_run import SCENE, ball, fake_history, write_history
@@ -82,13 +82,13 @@ def test_runs_are_named_by_what_differs(tmp_path):
         text = SCENE.replace("1e7", f"{stress:g}").replace('"title"', f'"{title}"')
         (folder / "scene.toml").write_text(text)
         sources.append(Source(folder))
-    assert compare.name_runs(sources) == ["yield 10 MPa", "yield 20 MPa"]
+    assert run_names.name_runs(sources) == ["yield 10 MPa", "yield 20 MPa"]
     for source, strain in zip(sources, (0.1, 0.2), strict=True):
         stages = 3 * f"[[stage]]\nz.strain = {strain}\nz.walls = 'max'\n"
         (source.folder / "scene.toml").write_text(stages)  # too long for a name, and for a file
-    assert compare.name_runs([Source(s.folder) for s in sources]) == ["run0", "run1"]
+    assert run_names.name_runs([Source(s.folder) for s in sources]) == ["run0", "run1"]
     (tmp_path / "run1" / "scene.toml").unlink()
-    assert compare.name_runs([Source(s.folder) for s in sources]) == ["run0", "run1"]
+    assert run_names.name_runs([Source(s.folder) for s in sources]) == ["run0", "run1"]
 
 
 def test_displacement_by_rotation_is_that_of_the_nodes(tmp_path):

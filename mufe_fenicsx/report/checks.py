@@ -1,6 +1,7 @@
 """Targets of a quasi-static test and whether a run meets them."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +22,19 @@ class Check:
     mean: float  #: over the loaded rows
     passed: bool
     text: str  #: in plain words
+
+    @property
+    def reached(self):
+        """Largest value, and the mean in brackets, as a text."""
+        if not np.isfinite(self.largest):
+            return "never loaded"
+        return f"{ratio(self.largest)} ({ratio(self.mean)})"
+
+
+def ratio(value):
+    """A ratio in per cent: "0.61%", and "0.0015%" where two digits would leave nothing."""
+    small = 0 < value < 5e-5
+    return f"{value:.{1 - math.floor(math.log10(100 * value)) if small else 2}%}"
 
 
 def check_run(history):
@@ -55,6 +69,24 @@ def check_run(history):
     ]
 
 
+def worst_of(checks, names):
+    """The checks of several runs as one list, each target by the run that is farthest from it.
+
+    Args:
+        checks: List of lists of Check, one a run.
+        names: Of the runs.
+    """
+    found = []
+    for same in zip(*checks, strict=True):
+        order = [check.largest if np.isfinite(check.largest) else np.inf for check in same]
+        worst = int(np.argmax(order))
+        failed = sum(not check.passed for check in same)
+        others = f"; {failed} of them miss the target" if failed else ""
+        text = f"{same[worst].text} Worst of {len(same)} runs: {names[worst]}{others}."
+        found.append(replace(same[worst], text=text))
+    return found
+
+
 def _check(name, values, what, good, bad):
     worst, target = largest(values), TARGETS[name]
     finite = values[np.isfinite(values)]
@@ -63,7 +95,7 @@ def _check(name, values, what, good, bad):
     if not finite.size:
         return Check(name, target, worst, mean, False, f"{what}: the sample was never loaded.")
     text = (
-        f"{what}: at most {worst:.2%} (mean {mean:.2%}) once loaded, target {target:.0%}; "
+        f"{what}: at most {ratio(worst)} (mean {ratio(mean)}) once loaded, target {target:.0%}; "
         f"{good if passed else bad}."
     )
     return Check(name, target, worst, mean, passed, text)

@@ -1,71 +1,24 @@
 """Figures and tables of several runs together, as of a sweep of the yield stress."""
 
-from pathlib import Path
-
 import numpy as np
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
-from mufe_fenicsx.analysis.contact_forces import force_distribution
-from mufe_fenicsx.analysis.rows import largest, loaded_rows
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
+from mufe_fenicsx.report.checks import TARGETS, check_run
 from mufe_fenicsx.report.curves import PAPER, STRAIN, STRESS
 from mufe_fenicsx.report.figure import Drawing
-from mufe_fenicsx.report.network import LARGEST, between_grains, bins_for
+from mufe_fenicsx.report.network import between_grains
+from mufe_fenicsx.report.run_names import UNITS, YIELD, differences, value_text
 
-#: Tables and keys of a scene that say nothing of the physics.
-OF_NO_INTEREST = ("title", "image", "output", "sample.grains")
-#: So many differences fit into a name, and so many letters.
-MOST, LONGEST = 2, 60
-
-
-def name_runs(sources):
-    """Names of runs by what differs in their scenes, else by their folders.
-
-    Args:
-        sources: List of :class:`mufe_fenicsx.report.source.Source`.
-
-    Returns:
-        List of different texts.
-    """
-    folders = [source.folder.resolve() for source in sources]
-    by_folder = [folder.name for folder in folders]
-    if len(set(by_folder)) < len(by_folder):
-        by_folder = [str(Path(folder.parent.name, folder.name)) for folder in folders]
-    if len(set(by_folder)) < len(by_folder):
-        by_folder = [f"{k}: {name}" for k, name in enumerate(by_folder, start=1)]
-    try:
-        scenes = [_flat(source.run.scene) for source in sources]
-    except InputError:
-        return by_folder
-    keys = dict.fromkeys(key for scene in scenes for key in scene)
-    keys = [k for k in keys if len({str(scene.get(k)) for scene in scenes}) > 1]
-    if not 1 <= len(keys) <= MOST:
-        return by_folder
-    names = [", ".join(_words(key, scene.get(key)) for key in keys) for scene in scenes]
-    fit = len(set(names)) == len(names) and max(map(len, names)) <= LONGEST
-    return names if fit else by_folder
-
-
-def _flat(table, before=""):
-    """A scene as one dict "contact.friction" -> value."""
-    found = {}
-    for key, value in table.items():
-        name = f"{before}{key}"
-        if name in OF_NO_INTEREST:
-            continue
-        found |= _flat(value, f"{name}.") if isinstance(value, dict) else {name: value}
-    return found
-
-
-def _words(key, value):
-    if key == "material.yield_stress" and value:
-        return f"yield {style.quantity(value[0][1], 'Pa')}"
-    units = {"E": "Pa", "speed": "m/s", "size": "m", "seating_stress": "Pa"}
-    last = key.rsplit(".", 1)[-1]
-    if isinstance(value, float) and last in units:
-        return f"{last} {style.quantity(value, units[last])}"
-    return f"{last} {'not set' if value is None else value}"
+#: Stresses at a strain are means over this part of the largest one to both sides.
+HALF_WINDOW = 0.02
+#: What the table says of each check.
+CHECKED = {
+    "kinetic": "Kinetic over internal energy",
+    "platens": "Top against bottom force",
+    "residual": "Energy residual over work",
+}
 
 
 def _lines(sources, names):
@@ -106,7 +59,7 @@ def draw_stress_strain(sources, names):
         figure,
         f"Runs compared: (a) vertical stress against strain (Figs 9, 10 {PAPER}), (b) compression "
         "curves e–log σ′",
-        "Stress is the mean force of both platens over the cross-section.",
+        f"Stress is the mean force of both platens over the cross-section. {_begin(sources)}",
         tables,
         "wide",
     )
@@ -132,9 +85,73 @@ def draw_forces(sources, names):
         "runs-forces",
         figure,
         f"Runs compared: force on the top platen against its displacement (as Fig. 8 {PAPER})",
-        "For one ball between platens and several yield stresses this is their figure.",
+        "For one ball between platens and several yield stresses this is their figure. "
+        f"{_begin(sources)}",
         tables,
     )
+
+
+def draw_parameter(sources, names):
+    """Stress at four strains against the number in which the scenes differ.
+
+    Raises:
+        InputError: they differ in more than one thing, or in none, or not in a number.
+    """
+    found = differences(sources)
+    key = next(iter(found), "")
+    values = [_number_of(key, value) for value in found.get(key, ())]
+    if len(found) != 1 or None in values:
+        raise InputError("their scenes differ in more than one number, or in none")
+    order = np.argsort(values)
+    last = min(source.loading["strain"].max() for source in sources)
+    if not last > 0:
+        raise InputError("their vertical strain does not grow")
+    strains = last * np.arange(1, 5) / 4
+    stress = np.array([_stress_at(source.loading, strains, last) for source in sources])[order]
+    values = np.array(values)[order]
+    unit = "Pa" if key == YIELD else UNITS.get(key.rsplit(".", 1)[-1], "")
+    scale, prefixed = style.unit_of(values, unit) if unit else (1.0, "–")
+    factor, stress_unit = style.unit_of(stress, "Pa")
+    figure, axis = style.new_figure()
+    columns = {f"{key} [{unit or '-'}]": values}
+    for k, strain in enumerate(strains):
+        axis.plot(
+            values / scale, stress[:, k] / factor, style.MARKERS[k] + style.LINES[k],
+            color=style.SERIES[k], markersize=4, label=style.percent(strain),
+        )  # fmt: skip
+        columns[f"vertical stress at strain {strain:.4g} [Pa]"] = stress[:, k]
+    name = "Yield stress" if key == YIELD else key
+    axis.set(xlabel=f"{name}: {prefixed}", ylabel=f"{STRESS}: {stress_unit}")
+    axis.set_ylim(bottom=0)
+    axis.legend(title="strain", ncols=2)
+    return Drawing(
+        "runs-parameter",
+        figure,
+        f"Runs compared: vertical stress at four strains against {name.lower()}",
+        f"Each point is the mean over {style.percent(2 * HALF_WINDOW * last)} of strain. "
+        + ("The yield stress is that without plastic strain. " if key == YIELD else ""),
+        {"": columns},
+    )
+
+
+def _number_of(key, value):
+    """The number that a value of a scene stands for; None where it is none."""
+    if key == YIELD and value:
+        return float(value[0][1])
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_number else None
+
+
+def _stress_at(history, strains, last):
+    """Mean stress about strains, where the loading first comes by [Pa]."""
+    strain = history["strain"]
+    first = strain == np.maximum.accumulate(strain)
+    near = np.abs(strain[None, first] - strains[:, None]) <= HALF_WINDOW * last
+    stress = history["stress"][first]
+    return [
+        stress[rows].mean() if rows.any() else np.interp(at, strain[first], stress)
+        for at, rows in zip(strains, near, strict=True)
+    ]
 
 
 def draw_energies(sources, names):
@@ -157,6 +174,7 @@ def draw_energies(sources, names):
             "frictional dissipation [J]": history["friction"],
         }
     axes[0].set_yscale("log")
+    axes[0].axhline(100 * TARGETS["kinetic"], color=style.GREY, linestyle=":", linewidth=0.8)
     for axis, label in zip(
         axes,
         ("Kinetic / internal energy: %", f"Plastic dissipation: {unit}", f"Friction: {unit}"),
@@ -169,7 +187,8 @@ def draw_energies(sources, names):
         figure,
         "Runs compared: (a) kinetic over internal energy, (b) plastic and (c) frictional "
         f"dissipation (Figs 11, 12 {PAPER})",
-        "(a) says whether the runs are quasi-static, without which they should not be compared.",
+        "(a) says whether the runs are quasi-static, without which they should not be compared: "
+        "in the loaded half below the dotted line.",
         tables,
         "wide",
     )
@@ -178,81 +197,105 @@ def draw_energies(sources, names):
 def draw_networks(sources, names):
     """Active contacts in the course of the tests, distribution of forces at their ends."""
     figure, (left, right) = style.new_figure(style.PAGE, 3.0, ncols=2)
-    tables = {}
+    tables, counts = {}, []
     for source, name, look in _lines(sources, names):
         try:
             network, force = source.network, between_grains(source, source.contact_states[-1])
         except InputError:
             continue
         left.plot(100 * network["strain"], network["N_cA"], **look, marker="o", markersize=3)
-        force = force["normal_force"].to_numpy(float)
-        found = force_distribution(force, bins_for(force), LARGEST)
-        middle, some = 0.5 * (found.edges[1:] + found.edges[:-1]), found.density > 0
-        right.plot(middle[some], found.density[some], **look, marker="o", markersize=3)
+        force = np.sort(force["normal_force"].to_numpy(float))
+        share = np.arange(len(force), 0, -1) / len(force)
+        right.step(force / force.mean(), share, **look, where="pre")
+        counts.append(len(force))
         tables[f"{_file(name)}-contacts"] = {
             "strain [-]": network["strain"],
             "mean active contacts [-]": network["N_cA"],
         }
-        tables[f"{_file(name)}-forces"] = {"f/<f> [-]": middle, "P [-]": found.density}
+        tables[f"{_file(name)}-forces"] = {"f/<f> [-]": force / force.mean(), "share [-]": share}
     if not tables:
         raise InputError("no run has stored contacts")
     left.set(xlabel=STRAIN, ylabel=r"Mean active contacts, $N_{\mathrm{cA}}$: –")
-    right.set(xlabel="Normal force over its mean, f/⟨f⟩: –", ylabel="Probability density: –")
+    right.set(xlabel="Normal force over its mean, f/⟨f⟩: –", ylabel="Share of larger forces: –")
     left.set_ylim(bottom=0)
     right.set_yscale("log")
-    right.set_ylim(1e-3, 3)
     _finish(figure, (left, right))
     return Drawing(
         "runs-networks",
         figure,
-        "Runs compared: (a) mean number of active contacts of a grain, (b) distribution of the "
-        "normal forces between grains in the last stored state",
-        "What does not depend on the yield stress falls on one line in (b).",
+        "Runs compared: (a) mean number of active contacts of a grain, (b) share of the contacts "
+        "between grains whose normal force is at least f, in the last stored state",
+        f"What does not depend on what differs falls on one line in (b), of {_range(counts)} "
+        "forces a run. There are no bins in it, so that few forces make large steps and no gaps.",
         tables,
         "wide",
     )
 
 
-FIGURES = (draw_stress_strain, draw_forces, draw_energies, draw_networks)
+FIGURES = (draw_stress_strain, draw_parameter, draw_forces, draw_energies, draw_networks)
 
 
-def rows(sources, names):
-    """A table of the runs, the first row its heading."""
-    found = [
-        (
-            "Run",
-            "Grains",
-            "Tetrahedra",
-            "Strain at the end",
-            "Vertical stress there",
-            "Constrained modulus, last fifth",
-            "Friction over plastic dissipation",
-            "Kinetic over internal energy, largest while loaded",
-        )
-    ]
+def tables(sources, names):
+    """Tables of the page: list of (heading, rows, names of the columns)."""
+    columns = (
+        "Run",
+        "Grains",
+        "Tetrahedra",
+        "Height when strain begins",
+        "Strain at the end",
+        "Vertical stress there",
+        "Constrained modulus, last fifth",
+        "Friction over plastic dissipation",
+    )
+    rows, checked = [], []
     for source, name in zip(sources, names, strict=True):
         history, run = source.loading, source.summary
         strain, end = history["strain"], history["strain"][-1]
         modulus = stress_strain.tangent_modulus(strain, history["stress"], 0.9 * end, 0.2 * end)
-        kinetic = largest(quasi_static.kinetic_ratio(history)[loaded_rows(history)])
-        found.append(
+        rows.append(
             (
                 name,
                 style.number(run.get("num_grains")),
                 style.number(run.get("num_cells")),
+                style.quantity(source.reference_height, "m", 4),
                 f"{100 * end:.3g} %",
                 style.quantity(history["stress"][-1], "Pa", 4),
                 style.quantity(modulus, "Pa"),
                 style.number(energy_check.friction_share(history)),
-                f"{kinetic:.2%}" if np.isfinite(kinetic) else "not known",
             )
         )
-    return found
+        reached = {check.name: check.reached for check in check_run(source.history)}
+        checked.append((name, *(reached[check] for check in CHECKED)))
+    found = differences(sources)
+    scenes = [(key, *(value_text(key, v) for v in values)) for key, values in found.items()]
+    return [
+        ("Runs", rows, columns),
+        (
+            "How quasi-static they are: largest (mean) once loaded",
+            checked,
+            ("Run", *CHECKED.values()),
+        ),
+        ("What differs in their scenes", scenes, ("Key", *names)),
+    ]
 
 
 def _file(name):
     """A name as part of a file's name."""
     return "".join(c if c.isalnum() or c in ".-" else "-" for c in name).strip("-")
+
+
+def _begin(sources):
+    """From where strains and displacements count."""
+    heights = [source.reference_height for source in sources]
+    factor, unit = style.unit_of(heights, "m")
+    at = _range([float(f"{h / factor:.4g}") for h in heights])
+    return f"Strain and displacement count from the end of the seating, at a height of {at} {unit}."
+
+
+def _range(values):
+    """Numbers in words: "15 to 18"."""
+    low, high = min(values), max(values)
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
 def _finish(figure, axes):

@@ -15,6 +15,8 @@ table { border-collapse: collapse; width: 100%; font-size: .92em; }
 td, th { text-align: left; vertical-align: top; padding: .28em .8em .28em 0;
   border-bottom: 1px solid #e2e2e2; overflow-wrap: anywhere; }
 th { font-weight: 600; } tr > td:first-child { width: 32%; color: #444; }
+table.columns { width: auto; } table.columns td:first-child { width: auto; white-space: nowrap; }
+table.columns td, table.columns th { overflow-wrap: normal; }
 ul.checks { list-style: none; padding: 0; }
 ul.checks li { padding: .45em .8em; margin: .35em 0; border-left: 4px solid #888; }
 ul.checks li.pass { border-color: #009e73; background: #f1faf7; }
@@ -47,7 +49,7 @@ def write_page(path, title, lead, checks, missing, figures, tables, footer, view
         checks: List of :class:`mufe_fenicsx.report.checks.Check`.
         missing: Sentences about what is not in the report.
         figures: List of (path of a PNG or GIF, caption, how to read it, "wide" or "narrow").
-        tables: List of (heading, rows of cells).
+        tables: List of (heading, rows of cells), or (heading, rows, names of the columns).
         footer: A closing sentence.
         view: :class:`mufe_fenicsx.report.view.View`, or None.
     """
@@ -65,9 +67,9 @@ def write_page(path, title, lead, checks, missing, figures, tables, footer, view
     if figures:
         lines = "\n".join(_figure(i, *figure) for i, figure in enumerate(figures, start=1))
         sections.append(("figures", "Figures", lines))
-    for number, (heading, rows) in enumerate(tables, start=1):
+    for number, (heading, rows, *columns) in enumerate(tables, start=1):
         if rows:
-            sections.append((f"table-{number}", heading, _table(rows)))
+            sections.append((f"table-{number}", heading, _table(rows, *columns)))
     links = "\n".join(f'<a href="#{name}">{escape(head)}</a>' for name, head, _ in sections)
     css = CSS if view is None else CSS + view.css
     parts = [
@@ -106,6 +108,9 @@ def _figure(index, image, caption, how, shape):
     )
 
 
-def _table(rows):
+def _table(rows, columns=()):
     lines = ["".join(f"<td>{escape(str(cell))}</td>" for cell in row) for row in rows]
-    return "<table>\n" + "\n".join(f"<tr>{line}</tr>" for line in lines) + "\n</table>"
+    if columns:
+        lines.insert(0, "".join(f'<th scope="col">{escape(name)}</th>' for name in columns))
+    kind = ' class="columns"' if columns else ""
+    return f"<table{kind}>\n" + "\n".join(f"<tr>{line}</tr>" for line in lines) + "\n</table>"

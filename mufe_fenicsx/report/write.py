@@ -1,7 +1,6 @@
 """Report of a run, or of several together: figures, their data, and one HTML page."""
 
 import difflib
-from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -13,10 +12,11 @@ from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.run_folder import reason
 from mufe_fenicsx.report import compare, style
-from mufe_fenicsx.report.checks import check_run
+from mufe_fenicsx.report.checks import check_run, worst_of
 from mufe_fenicsx.report.figure import remove_listed, save, write_index
 from mufe_fenicsx.report.page import write_page
 from mufe_fenicsx.report.parts import FIGURES, NAMES, TABLES, VIEW, draw_parts, num_processes
+from mufe_fenicsx.report.run_names import name_runs
 from mufe_fenicsx.report.source import Source
 from mufe_fenicsx.results import Run
 
@@ -203,7 +203,7 @@ class _Comparison(_Report):
                 self.missing.append(f"{name} is in no figure: {error}.")
         if not self.sources:
             raise InputError("no run has a history of loading, expected one at least")
-        self.names = compare.name_runs(self.sources)
+        self.names = name_runs(self.sources)
 
     def _draw(self):
         for draw in compare.FIGURES:
@@ -214,17 +214,13 @@ class _Comparison(_Report):
                 self.lacking.setdefault(str(error), []).append(f"{what} compared")
 
     def _write_page(self):
-        checks = [
-            replace(check, text=f"{name}. {check.text}")
-            for source, name in zip(self.sources, self.names, strict=True)
-            for check in check_run(source.history)
-        ]
+        checks = worst_of([check_run(source.history) for source in self.sources], self.names)
         folders = ", ".join(source.folder.resolve().name for source in self.sources)
         self._page(
-            f"{len(self.sources)} oedometer tests compared",
+            f"{len(self.sources)} tests compared",
             f"Runs in the folders {folders}.",
             checks,
-            [("Runs", compare.rows(self.sources, self.names))],
+            compare.tables(self.sources, self.names),
         )
         return checks
 
