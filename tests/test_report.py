@@ -84,7 +84,9 @@ def test_data_beside_the_figures_are_those_of_the_run(reported):
     run = mufe_fenicsx.open_run(folder)
 
     def data(name):
-        return pandas.read_csv(folder / "out" / "figures" / f"{name}.csv")
+        return pandas.read_csv(
+            folder / "out" / "figures" / f"{name}.csv", float_precision="round_trip"
+        )
 
     table = data("stress-strain")
     assert np.array_equal(table["vertical stress [Pa]"], h["stress"])

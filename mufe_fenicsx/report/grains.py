@@ -330,21 +330,20 @@ def _active(source, index, label):
 
 
 def inertia_rows(columns):
-    """Rows of the page for :func:`table_of_inertia`, the first one the heading."""
+    """Rows of the page for :func:`table_of_inertia`, and the names of their columns."""
     unit = next(k for k in columns if k.startswith("I_xx")).split("[")[1][:-1]
     tensors = np.array([columns[f"I_{e} [{unit}]"] for e in TENSOR]).T
     power = int(np.floor(np.log10(np.abs(tensors).max())))
     scale = 10.0**power
-    rows = [
-        (
-            "Grain",
-            "Strain: %",
-            f"I_xx, I_yy, I_zz, I_xy, I_yz, I_xz: 10^{power} {unit}".replace("-", "−"),
-            "Principal moments, the same unit",
-            "Their axes (x, y, z)",
-            "Active contacts",
-        )
-    ]
+    names = (
+        "Grain",
+        "Strain",
+        f"I_xx, I_yy, I_zz, I_xy, I_yz, I_xz: {style.power_of_ten(power)} {unit}",
+        "Principal moments, the same unit",
+        "Their axes (x, y, z)",
+        "Active contacts",
+    )
+    rows = []
     for i, label in enumerate(columns["grain"]):
         moments = [columns[f"I_{k} [{unit}]"][i] for k in (1, 2, 3)]
         axes = [[columns[f"axis {k} {a} [-]"][i] for a in AXES] for k in (1, 2, 3)]
@@ -352,7 +351,7 @@ def inertia_rows(columns):
         rows.append(
             (
                 words(label, columns["why"][i]),
-                f"{100 * columns['strain [-]'][i]:.3g}",
+                style.percent(columns["strain [-]"][i]),
                 _numbers(tensors[i] / scale),
                 _numbers(np.array(moments) / scale),
                 "; ".join(f"({_numbers(a)})" for a in axes),
@@ -373,7 +372,7 @@ def inertia_rows(columns):
             "",
         )
     )
-    return rows
+    return rows, names
 
 
 def _numbers(values):

@@ -44,7 +44,10 @@ def draw_mesh_quality(source):
         axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y / 1000:g}"))
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     num_bins = int(np.clip(len(cells_per_grain) // 4, 5, 30))
-    axes[2].hist(cells_per_grain, num_bins, color=style.SKY, edgecolor="white", linewidth=0.4)
+    few = max(np.ptp(cells_per_grain), num_bins)  # where all are alike: ticks at whole numbers
+    middle = 0.5 * (cells_per_grain.min() + cells_per_grain.max())
+    bins = np.linspace(middle - 0.5 * few, middle + 0.5 * few, num_bins + 1)
+    axes[2].hist(cells_per_grain, bins, color=style.SKY, edgecolor="white", linewidth=0.4)
     axes[2].set(xlabel="Tetrahedra in a grain", ylabel="Grains")
     axes[2].set_title(f"mean {style.number(np.mean(cells_per_grain))}", fontsize=7, loc="right")
     axes[2].xaxis.set_major_locator(MaxNLocator(5, integer=True))

@@ -186,7 +186,7 @@ def _view(name, source, figures):
 
 
 def _tables(name, source, figures):
-    """Tables of the page, as (heading, rows), and the CSV file of one."""
+    """Tables of the page, as `page.write_page` takes them, and the CSV file of one."""
     run, missing = source.summary, []
     history, states = source.get("history"), source.get("states")
     last = states[-1] if states else None
@@ -204,5 +204,5 @@ def _tables(name, source, figures):
     else:
         save_tables("table-1-inertia", {"": columns}, figures)
         heading = "Inertia of chosen grains (Table 1 of Nadimi & Fonseca)"
-        tables.append((heading, grains.inertia_rows(columns)))
+        tables.append((heading, *grains.inertia_rows(columns)))
     return Part(name, [*tables, ("Run", about)], tuple(missing))

@@ -113,12 +113,17 @@ def number(value, digits=3):
         text = f"{int(value):,}".replace(",", "\u202f")
     elif value != 0 and not 1e-4 <= abs(value) < 1e6:
         mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-        text = f"{mantissa} × 10^{int(exponent)}"
+        text = f"{mantissa} × {power_of_ten(int(exponent))}"
     elif abs(value) < 10**digits:
         text = f"{value:.{digits}g}"
     else:
         text = f"{value:.0f}"
     return text.replace("-", "−")
+
+
+def power_of_ten(exponent):
+    """A power of ten with its exponent raised, e.g. 10⁻⁵."""
+    return "10" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def panel_letter(axis, index):
