@@ -7,8 +7,9 @@ import time
 import numpy as np
 from mpi4py import MPI
 
-#: Signals that end a run after a checkpoint: Ctrl-C, and a batch system's request to end.
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+#: Signals that end a run after a checkpoint: Ctrl-C, and requests of a batch system. Open MPI's
+#: mpirun kills its ranks when it gets SIGTERM, but passes SIGUSR1 on.
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 #: Several ranks ask each other about this often [s]; one rank asks at every step.
 LATENCY = 0.2
 

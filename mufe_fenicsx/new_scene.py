@@ -63,7 +63,7 @@ seating_speed = "0.6 m/s" # above that of single impacts at this speed
 
 DAMPED = """
 [solver]
-damping = "100 ms^-1"     # stills few grains that rattle between their contacts; counted as damping
+damping = "{} ms^-1"     # stills few grains that rattle between their contacts; counted as damping
 """
 
 STAGED = """
@@ -104,7 +104,7 @@ xyz = { stress = "5 MPa" }
 
 [[stage]]                 # x and y go on at the stress that they hold; it is off by more the
 name = "shear"            # faster their walls have to move
-z = { strain = 0.02, speed = "0.1 m/s" }
+z = { strain = 0.015, speed = "0.1 m/s" }
 
 # A true-triaxial test says what each axis does:
 #
@@ -236,12 +236,17 @@ _HARD = {"first": "1 GPa", "last": "2 GPa"}
 #: Scenes by name: text of the file and the function that makes the grains.
 KINDS = {
     "oedometer": (
-        _text("Oedometer test on balls", DAMPED + OEDOMETER, _SAND, **_HARD), ball_packing
+        _text("Oedometer test on balls", DAMPED.format(100) + OEDOMETER, _SAND, **_HARD),
+        ball_packing,
     ),
     "isotropic": (
-        _text("Isotropic compression of balls", DAMPED + ISOTROPIC, _SAND, **_HARD), ball_packing
+        _text("Isotropic compression of balls", DAMPED.format(100) + ISOTROPIC, _SAND, **_HARD),
+        ball_packing,
     ),
-    "triaxial": (_text("Triaxial test on balls", DAMPED + TRIAXIAL, _SAND, **_HARD), ball_packing),
+    "triaxial": (
+        _text("Triaxial test on balls", DAMPED.format(200) + TRIAXIAL, _SAND, **_HARD),
+        ball_packing,
+    ),
     "single-grain": (
         _text("A ball between two platens", BALL, "one ball of 1 mm", wall=0.2),
         functools.partial(column_of_balls, 1),

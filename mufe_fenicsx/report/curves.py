@@ -160,7 +160,7 @@ def draw_forces(source):
             axis.plot(over, force / factor, "--" if i % 2 else "-", color=colour, label=label)
         axis.set(xlabel=label_x, ylabel=f"Normal force: {unit}")
         axis.set_ylim(bottom=min(0, *(1.05 * f.min() / factor for f in forces.values())))
-        axis.legend(loc="upper left", title="side walls" if axis is right else None)
+        axis.legend(title="side walls" if axis is right else None)
     style.panel_letter(left, 0)
     style.panel_letter(right, 1)
     columns = {"displacement [m]": travel, "strain [-]": history["strain"]}
