@@ -47,7 +47,7 @@ TABLE = ((0.0, 10e6), (0.05, 110e6))
 PATIENCE = 240
 
 
-def scene(**output):
+def scene(strain=0.008, **output):
     """Friction, yielding, a rigid grain, one that is so until loaded, and a wall with a servo."""
     return Scene(
         material=J2(*ROCK, TABLE),
@@ -56,7 +56,7 @@ def scene(**output):
             "late": Group((3, 5), Auto(*ROCK, TABLE, margin=0.05)),
         },
         contact=Contact(friction=0.4, friction_kinetic=0.3, wall_friction=0.2),
-        oedometer=Oedometer(strain=0.008, speed=20.0, seating_stress=1e4),
+        oedometer=Oedometer(strain=strain, speed=20.0, seating_stress=1e4),
         walls={"x_max": Wall(stress=2e5, speed=1.0)},
         output=Output(fields=3, history=41, **output),
         quasi_static=QuasiStatic(kinetic=0.5, unbalanced=0.2, loaded=0.004),
@@ -136,10 +136,10 @@ def serial():
         pytest.skip("starts processes of its own")
 
 
-def start(folder, name, num_ranks=1, resume=False):
+def start(folder, name, num_ranks=1, resume=False, **changes):
     """Start the command `mufe run` with a checkpoint every 20 steps, as an MPI world of its own."""
     path = folder / "scene.toml"
-    path.write_text(scene_to_toml(scene(checkpoint_steps=20)))
+    path.write_text(scene_to_toml(scene(checkpoint_steps=20, **changes)))
     command = [sys.executable, "-m", "mufe_fenicsx", "run", path, "--grains", folder / "grains"]
     command += ["-o", folder / name, "--quiet", *(["--resume"] if resume else [])]
     if num_ranks > 1:
@@ -209,7 +209,7 @@ def test_thirty_kills_leave_the_same_bytes(folder, serial, num_ranks):
 def test_a_signal_ends_all_ranks_after_a_checkpoint(folder, serial, number):
     if number == signal.SIGTERM and "Open MPI" in MPI.Get_library_version():
         pytest.skip("the launcher of Open MPI kills its ranks on SIGTERM")
-    process = start(folder, "out", 2)
+    process = start(folder, "out", 2, strain=0.1)  # long enough for the signal to get there
     wait_for_checkpoint(process, folder / "out")
     process.send_signal(number)
     _, error = process.communicate(timeout=60)

@@ -376,4 +376,5 @@ def inertia_rows(columns):
 
 
 def _numbers(values):
-    return ", ".join(f"{v:.3f}".replace("-", "−") for v in values)
+    # + 0.0: no minus sign before 0
+    return ", ".join(f"{round(float(v), 3) + 0.0:.3f}".replace("-", "−") for v in values)
