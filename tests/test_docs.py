@@ -89,6 +89,8 @@ def go_through(page, start, tmp_path, with_slow):
         for block in BLOCKS[page]:
             if block.reason is None and (with_slow or not block.slow):
                 reader.run(block)
+            else:
+                check_options_of(block)
     finally:
         for names, before in registered:
             names.clear()
@@ -112,14 +114,31 @@ def test_blocks_of_a_page_with_those_that_take_minutes(page, start, tmp_path, mo
     go_through(page, start, tmp_path, with_slow=True)
 
 
-@pytest.mark.parametrize("block", [b for b in ALL if b.reason is not None], ids=lambda b: b.place)
-def test_a_block_that_is_not_run(block):
-    """Its commands exist with these options; the summary of the tests lists it as skipped."""
-    assert block.reason, f"{block.place}: expected a reason"
+def check_options_of(block):
+    """See that the `mufe` commands of a block that is not run have their options."""
     if block.language in SHELL:
         for words in commands_in(block.text):
             if (arguments := mufe_part(words)) is not None:
                 check_mufe(arguments)
+
+
+def test_commands_stand_in_fences():
+    """Those in indented lines would be run by nobody; but `make`, whose targets exist."""
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    wrong = []
+    for path in pages():
+        text = re.sub(r"^ *```.*?^ *```", "", path.read_text(encoding="utf-8"), flags=re.S | re.M)
+        for program, word in re.findall(r"^    (mufe|python|mpirun|make) +(\S+)", text, re.M):
+            if program != "make" or word not in targets:
+                wrong.append(f"{path.name}: {program} {word}")
+    assert not wrong, f"expected these in fences: {wrong}"
+
+
+@pytest.mark.parametrize("block", [b for b in ALL if b.reason is not None], ids=lambda b: b.place)
+def test_a_block_that_is_not_run(block):
+    """Its commands exist with these options; the summary of the tests lists it as skipped."""
+    assert block.reason, f"{block.place}: expected a reason"
+    check_options_of(block)
     pytest.skip(f"{block.place} is not run: {block.reason}")
 
 

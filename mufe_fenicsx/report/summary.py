@@ -76,9 +76,10 @@ def largest_values(history, last):
             rows += [_at("Force on a side wall", {**history, "side": side}, "side", "N", loading)]
             end = strain[-1]
             modulus = stress_strain.tangent_modulus(strain, stress, 0.9 * end, 0.2 * end)
-            rows.append(
-                ("Constrained modulus, last fifth of the strain", quantity(modulus, "Pa"), "")
+            slope = (
+                "Slope of stress over strain" if "strain_x" in history else "Constrained modulus"
             )
+            rows.append((f"{slope}, last fifth of the strain", quantity(modulus, "Pa"), ""))
             rows += [
                 _at(name, history, column, "J", loading)
                 for name, column in (
