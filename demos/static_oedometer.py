@@ -1,11 +1,12 @@
 """The oedometer test of a sand by time steps and by static increments.
 
-The 20 grains of the benchmark's synthetic sand, 34 with those cut by the border, meshed coarsely,
-yielding and with friction. Time steps seat the sample and compress it at two speeds; a straight
-line through both stresses gives that at no speed. Static increments go on from the same end of the
-seating. The page has the stress over strain, and how far apart they are.
+A corner of the benchmark's synthetic sand, meshed coarsely, yielding and with friction: 34 grains
+with those cut by the border, or 17 (--sample 8). Time steps seat the sample and compress it at two
+speeds; a straight line through both stresses gives that at no speed. Static increments go on from
+the same end of the seating. The page has the stress over strain, and how far apart they are.
 
     python demos/static_oedometer.py FOLDER --cache CACHE      an hour of one core
+    python demos/static_oedometer.py FOLDER --cache CACHE --sample 8
     python demos/static_oedometer.py FOLDER --grains GRAINS    with meshes that are there
 
 Finished runs in FOLDER are kept, and others go on where they stopped.
@@ -217,7 +218,8 @@ if __name__ == "__main__":
     parser.add_argument("folder", help="where runs, page, figure and numbers are written")
     parser.add_argument("--cache", help="where scan, labels and meshes of the sand are kept")
     parser.add_argument("--grains", help="folder of `mufe mesh` to be used instead")
+    parser.add_argument("--sample", type=int, default=20, help="member of the sand: 8 or 20")
     given = parser.parse_args()
     if (given.cache is None) == (given.grains is None):
         parser.error("expected one of --cache and --grains")
-    main(given.folder, given.grains or member(given.cache, 20, SIZE) / "grains")
+    main(given.folder, given.grains or member(given.cache, given.sample, SIZE) / "grains")

@@ -33,6 +33,7 @@ from .increment_start import HeldWalls, IncrementStart
 from .integrators.generalized_alpha import GeneralizedAlpha
 from .integrators.newton import Newton
 from .linear_system import LinearSystem
+from .near_tangent import NearTangent
 from .simulation import Simulation
 from .tangent import SolidTangent
 
@@ -43,6 +44,8 @@ LARGEST_MOVE = 0.5
 FEW, SOME, MANY = 0.25, 0.5, 0.75
 #: Factors of the length of an increment then, and where it failed.
 LONGER, LITTLE_LONGER, SHORTER, FAILED = 1.5, 1.2, 0.7, 0.4
+#: Motion of nodes in differences of forces, over the mean facet edge.
+DIFFERENCE = 1e-7
 #: Searches within one increment.
 MAX_SEARCHES = 6
 #: A residual that is none, over E* times the square of an edge.
@@ -133,7 +136,10 @@ class ImplicitSimulation(Simulation):
         self._contact_tangent = ContactTangent(self.contact, mesh)
         self._held = HeldNodes(mesh, self.held, self.bonded.nodes, self._contact_tangent)
         self._u0 = fem.Function(mesh.V)
-        self._tangent = SolidTangent(self.solid, self.u, self._u0)
+        by_products = linear_solver == "products"
+        self._tangent = (
+            NearTangent(self.solid) if by_products else SolidTangent(self.solid, self.u, self._u0)
+        )
         self.system = LinearSystem(
             mesh, self._tangent.offset, self._tangent.columns, "mufe_", linear_solver, petsc
         )
@@ -144,12 +150,13 @@ class ImplicitSimulation(Simulation):
         self._unmet = ""  # what an increment with exact gaps fell short of
         modulus = self.solid.contact_modulus
         floor = self.comm.allreduce(float(modulus.max(initial=0.0)), op=MPI.MAX)
+        self._stiffness = self._share_of_stiffness()
         self._newton = Newton(
             self.system, self._residual, self._set_tangent, "mufe_", tolerance,
             NO_FORCE * floor * self.contact.edge**2 / tolerance, max_iterations,
+            (DIFFERENCE * self.contact.edge, self._stiffness) if by_products else None,
         )  # fmt: skip
         self._held_walls = HeldWalls(self) if self.walls.has_servo else None
-        self._stiffness = self._share_of_stiffness()
         self._drag = self.stabilisation * self.first_step * self._stiffness
         self._last = None  # displacement of the last increment, its length, motion of its walls
         self.report = []

@@ -31,6 +31,16 @@ SOLVERS = {
         "mg_levels_pc_type": "pbjacobi",
         "mg_levels_ksp_type": "chebyshev",
     },
+    # Products by differences; incomplete factors of a matrix that is near the tangent.
+    "products": {
+        "ksp_type": "gmres",
+        "ksp_gmres_restart": 100,
+        "ksp_rtol": 1e-3,
+        "ksp_max_it": 500,
+        "mat_type": "baij",
+        "pc_type": "bjacobi",
+        "sub_pc_type": "ilu",
+    },
 }
 
 
@@ -63,6 +73,8 @@ class LinearSystem:
         self._options = {name: v for name, v in chosen.items() if not database.hasName(name)}
         self._prefix = prefix
         self._before = None
+        kind = database.getString("mat_type", str(chosen.get("mat_type", "aij")))
+        self._by_blocks = kind.endswith("baij")
         self.matrix = self._new_matrix()
         self.num_patterns = 0  #: times that the pattern was made
 
@@ -90,6 +102,9 @@ class LinearSystem:
             blocks: Their values, shape (n, 3, 3); they add up.
         """
         keys = rows * self.size + columns
+        if self._by_blocks:
+            self._set_blocks(own, keys, blocks)
+            return
         if self.comm.allreduce(int(self._values is None or not _contained(keys, self._keys))):
             self._make(np.union1d(self._keys, keys))
         self._values[: own.size] = own.ravel()
@@ -97,6 +112,31 @@ class LinearSystem:
         more[:] = 0.0
         add_blocks(more, np.searchsorted(self._keys, keys), blocks)
         self.matrix.setValuesCOO(self._values, PETSc.InsertMode.INSERT_VALUES)
+
+    def _set_blocks(self, own, keys, blocks):
+        """A new matrix of whole blocks, with the pattern of these."""
+        more, place = np.unique(keys, return_inverse=True)
+        values = np.zeros((more.size, 3, 3))
+        add_blocks(values, place, blocks)
+        rows = np.concatenate([self._own[0], more // self.size]).astype(PETSc.IntType)
+        columns = np.concatenate([self._own[1], more % self.size]).astype(PETSc.IntType)
+        # Rows of this rank; those that others add are few.
+        last = self.first + self.mesh.num_nodes
+        mine = (rows >= self.first) & (rows < last)
+        inside = mine & (columns >= self.first) & (columns < last)
+        counts = [
+            np.bincount(rows[which] - self.first, minlength=self.mesh.num_nodes)
+            for which in (inside, mine & ~inside)
+        ]
+        self._before, self.matrix = self.matrix, self._new_matrix()
+        self.matrix.setPreallocationNNZ([c.astype(PETSc.IntType) for c in counts])
+        self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        values = np.concatenate([own.reshape(-1, 9), values.reshape(-1, 9)])
+        self.matrix.setValuesBlockedRCV(
+            rows[:, None], columns[:, None], values, PETSc.InsertMode.ADD_VALUES
+        )
+        self.matrix.assemble()
+        self.num_patterns += 1
 
     def forget(self):
         """Begin a new pattern at the next call of :meth:`set`. Collective."""
@@ -121,7 +161,7 @@ class LinearSystem:
         n = 3 * self.mesh.num_nodes
         matrix = PETSc.Mat().create(self.comm)
         matrix.setSizes(((n, PETSc.DECIDE), (n, PETSc.DECIDE)))
-        matrix.setType("aij")
+        matrix.setType("baij" if self._by_blocks else "aij")
         matrix.setBlockSize(3)
         return matrix
 

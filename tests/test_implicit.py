@@ -6,6 +6,7 @@ import pytest
 import mufe_fenicsx  # noqa: F401  first: the wheel's MPI
 
 # isort: split
+import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -16,6 +17,7 @@ from mufe_fenicsx.implicit import ImplicitSimulation
 from mufe_fenicsx.integrators.generalized_alpha import GeneralizedAlpha
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
+from mufe_fenicsx.near_tangent import NearTangent
 from mufe_fenicsx.solid import Solid
 from mufe_fenicsx.state import initial_state
 from mufe_fenicsx.tangent import SolidTangent
@@ -25,6 +27,8 @@ from tests.bodies import RADIUS, packed_spheres
 COMM = MPI.COMM_WORLD
 UP = np.array([0.0, 0.0, 1.0])
 STEEL = Elastic(1e9, 0.3, 2650.0)
+#: Yields at a strain of 0.001.
+YIELDING = J2(1e9, 0.3, 2650.0, ((0.0, 1e6), (0.05, 2e6)))
 #: Yields from the first increment on, over two lines of its table.
 SOFT = J2(100.0, 0.3, 1.0, ((0.0, 5.0), (0.05, 8.0), (0.2, 9.0)))
 
@@ -231,17 +235,38 @@ def test_free_grains_are_held_and_do_not_change_the_answer():
 
 
 @pytest.mark.mpi
-def test_multigrid_finds_the_answer_of_the_direct_solver():
-    """The same forces within Newton's tolerance."""
+def test_other_solvers_find_the_answer_of_the_direct_one():
+    """The same forces within Newton's tolerance, of balls that yield."""
     forces = []
-    for solver in ("direct", "multigrid"):
-        mesh = packed_spheres(COMM, (1, 1, 3), h=0.45 * RADIUS)
-        walls = [Wall("low", np.zeros(3), UP), Wall("top", 6 * RADIUS * UP, -UP)]
-        sim = static(mesh, STEEL, walls, linear_solver=solver)
-        sim.walls.velocity[1] = [0.0, 0.0, -0.02 * RADIUS]
+    for solver in ("direct", "multigrid", "products"):
+        mesh = stacked()
+        walls = [Wall("low", np.zeros(3), UP, friction=0.3), Wall("top", 2 * UP, -UP)]
+        # A drag that holds the third cube well: it is not what is solved for here.
+        sim = static(mesh, YIELDING, walls, linear_solver=solver, friction=0.3, stabilisation=1e-2)
+        sim.walls.velocity[1] = [0.0, 0.0, -0.003]
         sim.step()
         forces.append(sim.wall_forces()[0])
-    assert forces[1] == pytest.approx(forces[0], rel=1e-4)
+        assert sim.comm.allreduce(sim.state.plastic_strain.max(initial=0.0), op=MPI.MAX) > 0
+    # About the yield stress over 0.81 m².
+    assert forces[0] > 5e5
+    assert forces[1:] == pytest.approx(2 * forces[:1], rel=1e-4)
+
+
+def test_the_near_tangent_is_linear_elasticity_of_plain_tetrahedra():
+    """The same matrix from a form, to rounding."""
+    mesh = distribute(MPI.COMM_SELF, [box((1.0, 2.0, 1.5), (2, 3, 2))])
+    near = NearTangent(Solid(mesh, [STEEL]))
+    u, v = ufl.TrialFunction(mesh.V), ufl.TestFunction(mesh.V)
+    strain = ufl.sym(ufl.grad(u))
+    stress = 2 * STEEL.shear_modulus * strain
+    stress += (STEEL.bulk_modulus - 2 / 3 * STEEL.shear_modulus) * ufl.tr(strain) * ufl.Identity(3)
+    twin = fem.assemble_matrix(fem.form(ufl.inner(stress, ufl.grad(v)) * ufl.dx)).to_dense()
+    matrix = np.zeros_like(twin)
+    for n in range(mesh.num_nodes):
+        for s in range(near.offset[n], near.offset[n + 1]):
+            m = near.columns[s]
+            matrix[3 * n : 3 * n + 3, 3 * m : 3 * m + 3] = near.assemble(mesh.x)[s]
+    np.testing.assert_allclose(matrix, twin, atol=1e-13 * abs(twin).max())
 
 
 def test_an_increment_that_fails_leaves_the_last_state():

@@ -30,6 +30,7 @@ PART_OF = {
     "implicit": "simulation",
     "increment_start": "simulation",
     "held_nodes": "simulation",
+    "near_tangent": "tangent",
 }
 
 #: What each part may import, besides itself and `errors`, which any may.

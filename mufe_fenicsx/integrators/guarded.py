@@ -56,9 +56,8 @@ class GuardedNewton:
                 break
             length = None
             while length is None and regularisation <= LARGEST:
-                newton.evaluate(x)
-                newton.tangent(regularisation)
-                ksp.setOperators(newton.system.matrix)
+                newton.set_tangent(x, regularisation)
+                ksp.setOperators(*newton.operators)
                 ksp.solve(f, d)
                 self.num_linear += ksp.getIterationNumber()
                 d.scale(-1.0)

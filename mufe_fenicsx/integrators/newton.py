@@ -6,6 +6,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from .guarded import GuardedNewton
+from .products import Products
 
 #: Line searches of PETSc, tried in turn, and the iterations without a smaller residual after which
 #: they are given up.
@@ -13,6 +14,9 @@ LINE_SEARCHES, PATIENCE = ("basic", "cp"), 8
 #: Iterations without half the residual after which guarded ones end, as found where they are within
 #: this multiple of the tolerance: where points pass from a facet to the next, forces jump a little.
 STALLED, NEARLY = 12, 100.0
+#: Growth of the linear iterations up to which the matrix near a tangent is kept, and iterations
+#: more that do not count.
+WORN, SPARED = 1.5, 5
 #: But never above this part of the internal forces.
 LARGEST_LEFT = 0.01
 _REASONS = PETSc.SNES.ConvergedReason
@@ -33,9 +37,13 @@ class Newton:
         tolerance: Of the norm of r over that size.
         floor: Size of the forces below which it is taken for this [N].
         max_iterations: Newton iterations at most.
+        products: None: the matrix of ``system`` is the tangent; else (way, stiffness) of
+            :class:`~.products.Products`, which are the tangent then, and the matrix is near it.
     """
 
-    def __init__(self, system, residual, tangent, prefix, tolerance, floor, max_iterations):
+    def __init__(
+        self, system, residual, tangent, prefix, tolerance, floor, max_iterations, products=None
+    ):
         self.system, self.residual, self.tangent = system, residual, tangent
         self.tolerance, self.floor = tolerance, floor
         self.history = []  #: norms of the residual of the last call, over its size
@@ -44,6 +52,8 @@ class Newton:
         self.effort = 0.0  #: iterations over the most allowed, of what ended the last call
         self._scale, self._at, self._f = floor, None, None
         self.x, self.f, self._trial = system.vector(), system.vector(), system.vector()
+        self._made = None  # μ of the matrix, linear iterations of the first solution with it
+        self.products = Products(self, *products) if products else None
         self.snes = self._make_snes(prefix, max_iterations)
         #: The last way, where the options of PETSc do not name one themselves.
         self.guarded = None
@@ -58,7 +68,7 @@ class Newton:
         snes = PETSc.SNES().create(self.system.comm)
         snes.setOptionsPrefix(prefix)
         snes.setFunction(self._function, self.f)
-        snes.setJacobian(self._jacobian, self.system.matrix)
+        snes.setJacobian(self._jacobian, *self.operators)
         snes.setConvergenceTest(self._test)
         snes.setTolerances(max_it=max_iterations)
         snes.setType("newtonls")
@@ -117,11 +127,42 @@ class Newton:
         self._function(None, x, self._trial)
         return self._trial
 
-    def _jacobian(self, snes, x, matrix, preconditioner):
+    @property
+    def operators(self):
+        """The tangent and the matrix that a preconditioner is made of."""
+        matrix = self.system.matrix
+        return (self.products.matrix if self.products else matrix), matrix
+
+    def set_tangent(self, x, regularisation):
+        """Make :attr:`operators` those at ``x``, with a regularisation μ."""
         self.evaluate(x)
-        self.tangent(0.0)
-        if self.system.matrix.handle != matrix.handle:  # it has another pattern
-            snes.setJacobian(self._jacobian, self.system.matrix)
+        if self.products is None or self._worn(regularisation):
+            self.tangent(regularisation)
+        if self.products:
+            self.products.take(self._at, self._f, regularisation)
+
+    def _worn(self, regularisation):
+        """Whether the matrix near the tangent has to be made again."""
+        ksp = self.snes.getKSP()
+        count, failed = ksp.getIterationNumber(), ksp.getConvergedReason() < 0
+        if self._made and not failed:
+            made_for, first = self._made
+            first = count if first is None else first
+            self._made = made_for, first
+            if made_for == regularisation and count <= WORN * first + SPARED:
+                return False
+        self._made = regularisation, None
+        return True
+
+    def away(self, q):
+        """r at ``q``, shape (num_nodes, 3), for products; None where there is no such state."""
+        self._at = None
+        return self.residual(q)[0]
+
+    def _jacobian(self, snes, x, matrix, preconditioner):
+        self.set_tangent(x, 0.0)
+        if self.system.matrix.handle != preconditioner.handle:  # it has another pattern
+            snes.setJacobian(self._jacobian, *self.operators)
 
     def _test(self, snes, iteration, norms):
         reason = self.test(iteration, norms[2], snes.getTolerances()[3])

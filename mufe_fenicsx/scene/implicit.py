@@ -23,7 +23,7 @@ class Implicit:
     max_iterations: int = 30  #: of Newton's method in an increment
     gap_tolerance: float | None = None  #: of "static" with exact gaps, over the facet edge [-]
     max_augmentations: int = 30  #: of an increment, at most
-    linear_solver: str | None = None  #: "direct" or "multigrid"; None: by the largest grain
+    linear_solver: str | None = None  #: "direct", "multigrid", "products"; None: by size
     petsc: str = ""  #: further options of PETSc, for the prefix mufe_, e.g. "-ksp_rtol 1e-8"
 
     def __post_init__(self):
@@ -45,7 +45,7 @@ class Implicit:
                      "0 < gap_tolerance < 0.1")  # fmt: skip
         require(1 <= self.max_augmentations, "max_augmentations", self.max_augmentations, ">= 1")
         if self.linear_solver is not None:
-            one_of("linear_solver", self.linear_solver, ("direct", "multigrid"))
+            one_of("linear_solver", self.linear_solver, ("direct", "multigrid", "products"))
         self.petsc_options()
 
     def petsc_options(self):

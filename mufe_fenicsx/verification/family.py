@@ -15,7 +15,13 @@ import scipy.ndimage
 from ..errors import InputError
 
 #: Voxels (z, y, x) of the members, by the number of grains that they are named after.
-MEMBERS = {20: (110, 110, 110), 60: (150, 150, 150), 200: (200, 245, 245), 630: (200, 400, 400)}
+MEMBERS = {
+    8: (75, 75, 75),
+    20: (110, 110, 110),
+    60: (150, 150, 150),
+    200: (200, 245, 245),
+    630: (200, 400, 400),
+}
 #: What is left of a grain by the cut is kept from so many voxels on, and this thickness [voxels].
 LEAST_VOXELS, LEAST_THICKNESS = 650, 4
 #: Wanted length of edges [m].
