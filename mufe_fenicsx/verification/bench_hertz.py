@@ -28,7 +28,7 @@ def hertz_cost(parameters):
     repeats = int(parameters.get("repeats", 3))
     press(MPI.COMM_SELF, "hertz", 1.5, 1.0)  # compile
     # Where few contacts change, Newton's method comes as far with these as with exact solutions.
-    inexact = {"linear_solver": "multigrid", "petsc": {"ksp_rtol": 1e-3}}
+    inexact = {"linear_solver": "products", "tolerance": 1e-2, "petsc": {"ksp_rtol": 3e-2}}
     press(MPI.COMM_SELF, "hertz", 1.5, 1.0, 1, **inexact)
     static = [_run(n, 1.0, 1, **inexact) for _ in range(repeats)]
     results = {"num_cells": {"computed": static[0]["num_cells"]}}
@@ -59,7 +59,9 @@ def hertz_cost(parameters):
 
 def _run(elements_per_radius, periods, increments=None, **options):
     """Time of the processor and error of the force at the end of the approach."""
-    course = press(MPI.COMM_SELF, "hertz", elements_per_radius, periods, increments, **options)
+    course = press(
+        MPI.COMM_SELF, "hertz", elements_per_radius, periods, increments, records=1, **options
+    )
     # The last record: there the contact has the elements that were asked for.
     approach = course.approach[-1]
     theory = hertz.hertz_force(approach, RADIUS, hertz.effective_modulus((E, NU)))
