@@ -49,7 +49,7 @@ DIFFERENCE = 1e-7
 #: Searches within one increment.
 MAX_SEARCHES = 6
 #: A residual that is none, over E* times the square of an edge.
-NO_FORCE = 1e-11
+NO_FORCE = 1e-9
 
 
 class ImplicitSimulation(Simulation):
@@ -182,16 +182,6 @@ class ImplicitSimulation(Simulation):
     def _kinetic(self):
         s = self.state
         return 0.5 * float(self._free_mass @ (s.v**2).sum(axis=1))
-
-    def response(self, load):
-        """Displacements [m] by small further forces ``load`` [N], both (num_nodes, 3). Collective.
-
-        With the tangent of the present state, which stays.
-        """
-        self._begin(self.dt)
-        found = self._newton.solve_linear(np.zeros_like(load), self._held.project(load.copy()))
-        self._rewind()
-        return found
 
     def take_over(self):
         """Go on from a state that another integrator left. Collective.

@@ -89,7 +89,7 @@ def press_ball(
         periods: Duration over the period of a shear wave between pole and base.
         records: Number of records.
         watch_yield: Look for the first plastic strain at each step.
-        increments: Number of static increments, by products; None for time steps.
+        increments: Number of static increments; None for time steps.
         added_mass: By which small elements are slowed down, over that of the body.
         options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
 
@@ -109,8 +109,6 @@ def press_ball(
     started, began = time.perf_counter(), time.process_time()
     omega = 0.5 * math.pi * math.sqrt(material.shear_modulus / material.rho) / RADIUS
     options = {"damping": 0.3 * omega, "time_step_factor": 0.8} | options
-    if increments:  # the base holds the ball: what free grains ask of a solver is not needed
-        options = {"linear_solver": "products"} | options
     duration = periods * 2 * math.pi / omega
     s = simulate(
         mesh,
