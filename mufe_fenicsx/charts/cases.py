@@ -307,14 +307,14 @@ def oedometer_point(
         comm, element_size, fidelity, loading, time_step_factor=time_step_factor, element=element,
         **_options(law, time_step, added_mass),
     )  # fmt: skip
-    return _against_curve(course, STRAIN, REFERENCE, accuracy), [course.simulation]
+    return _against_curve(course, REFERENCE, accuracy), [course.simulation]
 
 
-def _against_curve(course, last, reference, accuracy):
-    """Answer of an oedometer test: mean distance from a stored course up to the strain ``last``."""
+def _against_curve(course, reference, accuracy):
+    """Answer of an oedometer test: mean distance of its stress from a stored course."""
     strain, stress, _ = read_curve(reference)
-    found = np.interp(PARTS * last, course.strain, course.stress)
-    wanted = np.interp(PARTS * last, strain, stress)
+    found = np.interp(PARTS * STRAIN, course.strain, course.stress)
+    wanted = np.interp(PARTS * STRAIN, strain, stress)
     work = course.element_steps or math.nan
     results = _lines(float(distance(found, wanted)), accuracy, course.processor_s, work)
     for part, one, other in zip(PARTS, found, wanted, strict=True):
@@ -364,7 +364,7 @@ def jammed_point(
         comm, element_size, fidelity, loading, time_step_factor=time_step_factor, element=element,
         **_options(law, time_step, added_mass),
     )  # fmt: skip
-    return _against_curve(course, STRAIN, JAMMED, accuracy), [course.simulation]
+    return _against_curve(course, JAMMED, accuracy), [course.simulation]
 
 
 def press_polyhedra(comm, element_size, fidelity="j2", loading=1.0, **options):

@@ -29,8 +29,10 @@ LINES = {
     "another rounding": {"time_step_factor": 0.85},
 }
 #: The parameter that sets the mesh.
-SIZE = {name: "elements_per_radius" for name in ("hertz", "mindlin", "impact", "plastic-sphere")}
-SIZE |= {"oedometer": "element_size", "jammed": "element_size"}
+SIZE = {
+    **dict.fromkeys(("hertz", "mindlin", "impact", "plastic-sphere"), "elements_per_radius"),
+    **dict.fromkeys(("oedometer", "jammed"), "element_size"),
+}
 
 #: For each case: sizes of the main lines, of the others, and of the finest ones of `--full`;
 #: main lines; others.

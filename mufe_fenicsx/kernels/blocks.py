@@ -59,7 +59,7 @@ def joined_pattern(first, node, offset, columns, num_nodes):
 
 
 @numba.njit(cache=True)
-def _slot(offset, columns, row, column):
+def slot_of(offset, columns, row, column):
     low, high = offset[row], offset[row + 1]
     while low < high:
         middle = (low + high) // 2
@@ -75,7 +75,7 @@ def find_slots(offset, columns, row, column):
     """Places of the entries (row, column) in compressed rows that hold them all."""
     slots = np.empty(row.size, np.int64)
     for i in range(row.size):
-        slots[i] = _slot(offset, columns, row[i], column[i])
+        slots[i] = slot_of(offset, columns, row[i], column[i])
     return slots
 
 
@@ -94,7 +94,7 @@ def add_products(blocks, first, node, left, right, factor, offset, columns):
         for i in range(first[g], first[g + 1]):
             ax, ay, az = factor[g] * left[i, 0], factor[g] * left[i, 1], factor[g] * left[i, 2]
             for j in range(first[g], first[g + 1]):
-                s = _slot(offset, columns, node[i], node[j])
+                s = slot_of(offset, columns, node[i], node[j])
                 for k in range(3):
                     b = right[j, k]
                     blocks[s, 0, k] += ax * b

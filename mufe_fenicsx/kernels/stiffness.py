@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from .blocks import _slot
+from .blocks import slot_of
 
 
 @numba.njit(cache=True)
@@ -34,7 +34,7 @@ def add_tetrahedra(blocks, offset, columns, x, cells, lame, shear):
         first, second = lame[c] / (6.0 * six), shear[c] / (6.0 * six)
         for a in range(4):
             for b in range(4):
-                s = _slot(offset, columns, cells[c, a], cells[c, b])
+                s = slot_of(offset, columns, cells[c, a], cells[c, b])
                 along = second * (g[a, 0] * g[b, 0] + g[a, 1] * g[b, 1] + g[a, 2] * g[b, 2])
                 for i in range(3):
                     for j in range(3):
