@@ -13,7 +13,8 @@ from .contact.restart import contact_tables, restore_contact
 
 #: Numbers that are the same on all ranks: attribute of the simulation, its state or contact.
 OF_SIMULATION = ("dt", "dt_element", "initial_kinetic", "_margin", "_clock_at_refresh",
-                 "_refreshed_at", "_followed_search")  # fmt: skip
+                 "_refreshed_at", "_followed_search", "_rate_of_tets", "_tets_at",
+                 "_element_step_then")  # fmt: skip
 OF_STATE = ("t", "dt", "num_steps")
 OF_CONTACT = ("clock", "searched_at", "reach", "num_searches", "_dt")
 OF_SCALING = ("wanted", "reached")
@@ -181,7 +182,11 @@ def _deform_again(simulation, still_rigid):
 
 
 def _frequencies(simulation):
-    return {"highest": simulation._highest, "highest_of_springs": simulation._highest_of_springs}
+    return {
+        "highest": simulation._highest,
+        "highest_of_springs": simulation._highest_of_springs,
+        "highest_of_tets": simulation._highest_of_tets,
+    }
 
 
 def _scattered(table, order):

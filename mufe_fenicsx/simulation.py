@@ -32,6 +32,11 @@ ENERGIES = ("kinetic", "elastic", "plastic", "friction", "contact", "damping", "
 
 #: How much faster than so far grains may move before the time step is evaluated early.
 FASTER = 1.25
+#: A limit by the bound of springs and tets together is good enough from this part of the best.
+NEAR = 0.98
+#: The tets are looked at again when the bound of single ones falls by this, or after so many
+#: evaluations: their frequency changes with their shapes alone.
+WORSE, RARELY = 0.97, 10
 
 
 class Simulation:
@@ -138,12 +143,13 @@ class Simulation:
         self.initial_kinetic = 0.0
         self._inverted = -1
         rows, turned = self.rigid.free_masses(self.solid.mass), self.rigid.turned_rows()
-        self._highest, self._highest_of_springs = (
+        self._highest, self._highest_of_springs, self._highest_of_tets = (
             HighestFrequency(
                 self.comm, *rows, self.rigid.constrained(add, self.state), turned=turned
             )
-            for add in (self._add_stiffness, self._add_springs)
+            for add in (self._add_stiffness, self._add_springs, self._add_tets)
         )
+        self._rate_of_tets, self._tets_at, self._element_step_then = math.nan, 0, math.nan
         self._contact_step = self.rigid.contact_step(self.contact.points)
         self._margin = 0.0
         self._clock_at_refresh, self._refreshed_at = 0.0, 0
@@ -312,8 +318,11 @@ class Simulation:
     # --- time step ------------------------------------------------------------------------
 
     def _add_stiffness(self, y, q):
-        self.solid.add_stiffness(y, q, self.state.x)
+        self._add_tets(y, q)
         self._add_springs(y, q)
+
+    def _add_tets(self, y, q):
+        self.solid.add_stiffness(y, q, self.state.x)
 
     def _add_springs(self, y, q):
         if not self.contact.kinematic:
@@ -341,10 +350,10 @@ class Simulation:
         if self.scaling is not None and not self.scaling.reached:
             # What is within an edge now, the walls above all, is held some time.
             self._scale_masses(max(self._margin, self.contact.edge))
-        limit = self._limit(self._highest, self._highest_of_springs)
+        limit = self._present_limit()
         if self.scaling is not None and not early and limit < FALLEN * self.scaling.reached:
             if self._add_mass():
-                limit = self._limit(self._highest, self._highest_of_springs)
+                limit = self._present_limit()
             self.scaling.reached = limit
         elif self.scaling is not None and not self.scaling.reached:
             self.scaling.reached = limit
@@ -354,21 +363,39 @@ class Simulation:
             self.dt = dt
             self.contact.set_time_step(dt)
 
-    def _limit(self, highest, highest_of_springs):
-        """Limit of stability [s] by the highest frequencies of all and of springs. Collective."""
+    def _present_limit(self):
+        """Limit of stability [s] at the present state. Collective."""
+        return self._limit(self._highest, self._highest_of_springs, self._tets)
+
+    def _limit(self, highest, highest_of_springs, rate_of_tets):
+        """Limit of stability [s] by the highest frequencies of all, springs, tets. Collective."""
         self._springs = list_springs(self.contact, self._margin)
-        if self.assembled:
-            rate = highest()
-            limit = 2.0 / rate if rate > 0.0 else math.inf
-        else:
-            stiffest = self.comm.allreduce(self._stiffest_contact(), op=MPI.MAX)
-            limit = 2.0 / math.sqrt((2.0 / self.dt_element) ** 2 + 2.0 * stiffest)
         # A node that meets a spring of rate w at speed v leaves it one step later at up to
         # |1 - (w dt)^2| v: contacts that open and close need (w dt)^2 <= 2 of the springs alone.
-        rate = 0.0 if self.contact.kinematic else highest_of_springs()
-        if rate > 0.0:
-            limit = min(limit, math.sqrt(2.0) / rate)
-        return min(limit, self.comm.allreduce(self._contact_step, op=MPI.MIN))
+        springs = 0.0 if self.contact.kinematic else highest_of_springs()
+        limit = self.comm.allreduce(self._contact_step, op=MPI.MIN)
+        if springs > 0.0:
+            limit = min(limit, math.sqrt(2.0) / springs)
+        if not self.assembled:
+            stiffest = self.comm.allreduce(self._stiffest_contact(), op=MPI.MAX)
+            return min(limit, 2.0 / math.sqrt((2.0 / self.dt_element) ** 2 + 2.0 * stiffest))
+        # The squares of springs and tets add up at most (Weyl): where that is enough, the
+        # costly products with both are not needed.
+        if springs > 0.0:
+            at_least = 2.0 / math.hypot(springs, rate_of_tets())
+            if at_least >= NEAR * limit:
+                return min(limit, at_least)
+        rate = highest()
+        return min(limit, 2.0 / rate) if rate > 0.0 else limit
+
+    def _tets(self):
+        """Highest frequency of the tetrahedra [rad/s], from not long ago. Collective."""
+        waited = self.state.num_steps - self._tets_at
+        worse = not self.dt_element >= WORSE * self._element_step_then
+        if worse or waited >= RARELY * self.refresh:
+            self._rate_of_tets = self._highest_of_tets()
+            self._tets_at, self._element_step_then = self.state.num_steps, self.dt_element
+        return self._rate_of_tets
 
     def _add_mass(self):
         """Adjust the added mass to the present geometry; whether there is more. Collective."""
@@ -390,13 +417,14 @@ class Simulation:
         s, mass = self.state, self.solid.mass
         self._free_mass = self.bonded.free_mass(mass)
         s.a[:] = self._f / mass[:, None]
-        for highest in (self._highest, self._highest_of_springs):
+        for highest in (self._highest, self._highest_of_springs, self._highest_of_tets):
             highest.set_mass(mass)
+        self._element_step_then = math.inf  # their highest frequency is to be found again
 
     def stable_step_within(self, margin):
         """Limit of stability [s] if all pairs within ``margin`` [m] were closed. Collective."""
         before, self._margin = self._margin, margin
-        adds = self._add_stiffness, self._add_springs
+        adds = self._add_stiffness, self._add_springs, self._add_tets
         rows = self.rigid.free_masses(self.solid.mass)
         turned = self.rigid.turned_rows()
         limit = self._limit(
@@ -412,15 +440,12 @@ class Simulation:
 
     def stable_step_of_tets(self):
         """Limit of stability [s] of the tetrahedra without contact; inf for rigid grains."""
-        rate = HighestFrequency(
-            self.comm, self.solid.mass, self.mesh.x,
-            lambda y, q: self.solid.add_stiffness(y, q, self.state.x),
-        )()  # fmt: skip
+        rate = HighestFrequency(self.comm, self.solid.mass, self.mesh.x, self._add_tets)()
         return 2.0 / rate if rate > 0.0 else math.inf
 
     def limits_with_and_without_added_mass(self):
         """Stable steps of the present state [s], each estimated from scratch. Collective."""
-        adds = self._add_stiffness, self._add_springs
+        adds = self._add_stiffness, self._add_springs, self._add_tets
         masses = self.solid.mass, self.scaling.first_mass
         return [
             self._limit(*(HighestFrequency(self.comm, m, self.mesh.x, add) for add in adds))

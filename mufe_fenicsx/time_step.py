@@ -76,10 +76,12 @@ class HighestFrequency:
             self.add_stiffness(y, moved)
             self.num_products += 1
             diagonal.append(self.comm.allreduce(weigh(w, root, q, before, off[-1] if k else 0.0)))
-            # Against the last two vectors, twice: few springs have few frequencies, so that w can
-            # be little more than rounding. The others are orthogonal to it in so short a sweep.
+            # Against the last two vectors, and again where little was left and rounding makes up
+            # more of it: few springs have few frequencies. The others are orthogonal to it in so
+            # short a sweep.
             left = self._sums(subtract(w, q, diagonal[k], before, 0.0))
-            left = self._sums(subtract(w, q, left[0], before, left[1] if k else 0.0))
+            if left[2] <= 1e-4 * diagonal[k] ** 2:
+                left = self._sums(subtract(w, q, left[0], before, left[1] if k else 0.0))
             norm = math.sqrt(left[2])
             # Less than this is not worth a vector, of which rounding would be the larger part.
             if k + 1 == self.size or norm <= 1e-4 * self.tolerance * max(diagonal):

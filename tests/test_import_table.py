@@ -43,7 +43,7 @@ TABLE = {
     "units": set(),
     "mesh": set(),
     "time_step": {"kernels"},
-    "mass_scaling": {"mesh", "solid"},
+    "mass_scaling": {"mesh", "solid", "kernels"},
     "launcher": set(),
     "memory": set(),
     "materials": {"kernels"},

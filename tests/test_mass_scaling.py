@@ -9,7 +9,8 @@ from mpi4py import MPI
 from mufe_fenicsx.contact.springs import list_springs
 from mufe_fenicsx.errors import InputError, SolverError
 from mufe_fenicsx.geometry.shapes import box
-from mufe_fenicsx.mass_scaling import ASSEMBLED, element_steps
+from mufe_fenicsx.kernels.element_step import element_steps
+from mufe_fenicsx.mass_scaling import ASSEMBLED, RESOLVED
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.scene import Contact, MassScaling, Oedometer, Scene, Solver
@@ -30,9 +31,9 @@ def test_both_bounds_hold_and_the_worst_element_is_at_the_step_found():
     for bounds in (MassScaling(0.01, 1.0), MassScaling(1.0, 0.02)):
         s = spheres(bounds).scaling
         shares = s.shares()
-        # One of the bounds is met, to the width of the last bisection.
+        # One is met, but for the last bisection: the share grows ten times as fast as the step.
         reached = max(shares[0] / bounds.added, shares[1] / bounds.added_to_grain)
-        assert 1 - 1e-6 < reached <= 1
+        assert 1 - 100 * RESOLVED < reached <= 1
         mass = s.comm.allreduce(float(s.solid.mass.sum()))
         first = s.comm.allreduce(float(s.first_mass.sum()))
         assert mass / first - 1 == pytest.approx(shares[0], rel=1e-9)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..kernels.spring_lists import list_pairs, list_walls
 from ..kernels.springs import add_springs
 from ..kernels.walls import add_rows, gather_rows
 
@@ -21,6 +22,7 @@ class Springs:
     normal: np.ndarray  #: shape (n, 3)
     kn: np.ndarray  #: along the normal [N/m], shape (n,)
     kt: np.ndarray  #: across it [N/m], shape (n,)
+    present: np.ndarray  #: scratch: positions of contact that a product puts aside
 
     def add(self, y, q):
         """Add the forces that resist displacements ``q`` to ``y``, (num_nodes, 3). Collective.
@@ -29,7 +31,7 @@ class Springs:
         """
         c = self.contact
         positions, forces = c.positions.array[c.num_before :], c.forces.array[c.num_before :]
-        present = positions.copy()
+        np.copyto(self.present, positions)
         gather_rows(c.positions.own, q, c.own.nodes)
         c.positions.begin_forward()
         c.positions.end_forward()
@@ -37,7 +39,7 @@ class Springs:
         add_springs(forces, positions, self.nodes, self.share, self.normal, self.kn, self.kt)
         c.forces.add_back()
         add_rows(y, c.own.nodes, c.forces.own)
-        positions[:] = present
+        positions[:] = self.present
 
     def bounds(self):
         """Bounds of the springs at own surface nodes [N/m], shape (num_nodes,). Collective.
@@ -68,62 +70,54 @@ def list_edge_springs(contact, margin):
 
 def _joined(contact, *parts):
     nodes, share, normal, kn, kt = (np.concatenate(some) for some in zip(*parts, strict=True))
-    return Springs(contact, nodes.astype(np.int32), share, normal, kn, kt)
+    present = np.empty_like(contact.positions.array[contact.num_before :])
+    return Springs(contact, nodes, share, normal, kn, kt, present)
 
 
-def _corners(contact, points):
+def _rows(number):
+    """An empty list of springs, as kernels.spring_lists fills it."""
+    return (
+        np.empty((number, 6), np.int32), np.empty((number, 6)), np.empty((number, 3)),
+        np.empty(number), np.empty(number),
+    )  # fmt: skip
+
+
+def _corners(points):
     """Nodes that points stand for and their weights, both of shape (num_points, 3)."""
-    if contact.points.corner is None:
-        return np.repeat(points[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (points.size, 1))
-    return contact.points.corner[points], contact.points.weight[points]
+    if points.corner is not None:
+        return points.corner, points.weight
+    nodes = np.arange(points.num_points, dtype=np.int32)
+    return np.repeat(nodes[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (nodes.size, 1))
 
 
 def _of_pairs(contact, margin):
-    pairs, points = contact.pairs, contact.points
+    pairs, points, surface = contact.pairs, contact.points, contact.surface
     on = np.flatnonzero(
         (pairs.closed | (pairs.due - contact.clock < margin)) & (pairs.closest >= 0)
     )
-    facet, point = pairs.candidate[pairs.closest[on]], pairs.node[on]
-    vertices = contact.surface.facets[facet]
-    x = contact.positions.array[contact.num_before :]
-    a, b, c = (x[vertices[:, i]] for i in range(3))
-    other = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    # As pairs.c shares a contact between both sides when it closes.
-    part = other**2 / (other**2 + points.facet_area[point] ** 2)
-    layer = contact.layer[point] + contact.surface.layer_of_facet[facet]
-    kn = np.where(pairs.closed[on], pairs.stiffness[on], part * points.area[point] / layer)
-    corners, weights = _corners(contact, point)
-    return (
-        np.concatenate([corners, vertices], axis=1),
-        np.concatenate([weights, -pairs.weights[on]], axis=1),
-        pairs.normal[on],
-        kn,
-        kn * contact.ratio[point],
-    )
+    rows = _rows(on.size)
+    list_pairs(
+        *rows, on, pairs.node, pairs.candidate, pairs.closest, *_corners(points), surface.facets,
+        contact.positions.array[contact.num_before :], pairs.weights, pairs.normal, pairs.closed,
+        pairs.stiffness, points.facet_area, points.area, contact.layer, surface.layer_of_facet,
+        contact.ratio,
+    )  # fmt: skip
+    return rows
 
 
 def _of_edges(contact, margin):
     nodes, share, normal, kn, kt = contact.edges.springs(margin, contact.clock)
     none = np.zeros((kn.size, 2))
-    return (
-        np.concatenate([nodes, nodes[:, :2]], axis=1),
-        np.concatenate([share, none], axis=1),
-        normal,
-        kn,
-        kt,
-    )
+    nodes = np.concatenate([nodes, nodes[:, :2]], axis=1).astype(np.int32)
+    return nodes, np.concatenate([share, none], axis=1), normal, kn, kt
 
 
 def _of_walls(contact, margin):
     walls, points = contact.walls.pairs, contact.points
     on = np.flatnonzero(walls.closed | (walls.due - contact.clock < margin))
-    point = walls.node[on]
-    kn = points.area[point] / contact.layer[point]
-    corners, weights = _corners(contact, point)
-    return (
-        np.concatenate([corners, corners], axis=1),
-        np.concatenate([weights, np.zeros_like(weights)], axis=1),
-        contact.walls.normal[walls.wall[on]],
-        kn,
-        kn * contact.ratio[point],
-    )
+    rows = _rows(on.size)
+    list_walls(
+        *rows, on, walls.node, walls.wall, *_corners(points), contact.walls.normal, points.area,
+        contact.layer, contact.ratio,
+    )  # fmt: skip
+    return rows

@@ -10,7 +10,7 @@ from ...contact.walls import Wall
 from ...errors import SolverError
 from ...geometry.shapes import box
 from ...implicit import ImplicitSimulation
-from ...mass_scaling import element_steps
+from ...kernels.element_step import element_steps
 from ...materials.elastic import IsotropicSolid
 from ...materials.j2 import J2
 from ...solid import COLLAPSED
