@@ -13,6 +13,7 @@ from ..kernels.walls import (
     COLUMNS,
     ROW,
     WallForces,
+    farthest,
     find_wall_candidates,
     wall_energy,
 )
@@ -166,8 +167,7 @@ class Walls:
             self._mirrored_points = on if corner is None else on[corner].all(axis=1)
         if x.size:
             # Until the next search points come nearer by less than ``reach``.
-            arm = x[:, None] - self.point[None]
-            self._radius = np.sqrt((arm**2).sum(axis=2).max(axis=0)) + reach
+            self._radius = farthest(x, self.point) + reach
         node, wall = find_wall_candidates(x, self._bonded_points, self.point, self.normal, reach)
         if self.mirror.any():
             free = ~self._mirrored_points[node, wall]

@@ -66,17 +66,24 @@ def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, s
     found_node = np.empty(capacity, np.int32)
     found_facet = np.empty(capacity, np.int32)
     num_found = 0
+    # In the order of the cells: nodes of one are read one after another.
+    place, grain = np.empty((num_nodes, 3)), np.empty(num_nodes, np.int32)
+    for k in range(num_nodes):
+        grain[k] = grain_of_node[cell_nodes[k]]
+        for i in range(3):
+            place[k, i] = x[cell_nodes[k], i]
+    lowest, highest = np.empty(3), np.empty(3)
+    begin, end = np.empty(3, np.int64), np.empty(3, np.int64)
     for f in range(facets.shape[0]):
         if not use[f]:
             continue
         a, b, c = facets[f, 0], facets[f, 1], facets[f, 2]
-        begin, end = np.empty(3, np.int64), np.empty(3, np.int64)
         empty = False
         for i in range(3):
-            lowest = min(x[a, i], x[b, i], x[c, i]) - reach
-            highest = max(x[a, i], x[b, i], x[c, i]) + reach
-            begin[i] = max(math.floor((lowest - low[i]) / size), 0)
-            end[i] = min(math.floor((highest - low[i]) / size), shape[i] - 1) + 1
+            lowest[i] = min(x[a, i], x[b, i], x[c, i]) - reach
+            highest[i] = max(x[a, i], x[b, i], x[c, i]) + reach
+            begin[i] = max(math.floor((lowest[i] - low[i]) / size), 0)
+            end[i] = min(math.floor((highest[i] - low[i]) / size), shape[i] - 1) + 1
             empty = empty or begin[i] >= end[i]
         if empty:
             continue
@@ -84,10 +91,12 @@ def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, s
             for j in range(begin[1], end[1]):
                 row = (i * shape[1] + j) * shape[2]
                 for k in range(cell_offset[row + begin[2]], cell_offset[row + end[2]]):
-                    n = cell_nodes[k]
-                    if grain_of_node[n] == grain_of_facet[f]:
+                    px, py, pz = place[k, 0], place[k, 1], place[k, 2]
+                    if px < lowest[0] or px > highest[0] or py < lowest[1] or py > highest[1]:
                         continue
-                    px, py, pz = x[n, 0], x[n, 1], x[n, 2]
+                    if pz < lowest[2] or pz > highest[2] or grain[k] == grain_of_facet[f]:
+                        continue
+                    n = cell_nodes[k]
                     wa, wb, wc, _ = closest_point(px, py, pz, x, a, b, c)
                     dx = px - wa * x[a, 0] - wb * x[b, 0] - wc * x[c, 0]
                     dy = py - wa * x[a, 1] - wb * x[b, 1] - wc * x[c, 1]

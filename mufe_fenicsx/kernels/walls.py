@@ -29,6 +29,19 @@ COLUMNS = {
 
 
 @numba.njit(cache=True)
+def farthest(x, point):
+    """Largest distance of nodes from a point of each plane [m], shape (num_walls,)."""
+    found = np.zeros(len(point))
+    for n in range(len(x)):
+        for w in range(len(point)):
+            square = 0.0
+            for i in range(3):
+                square += (x[n, i] - point[w, i]) ** 2
+            found[w] = max(found[w], square)
+    return np.sqrt(found)
+
+
+@numba.njit(cache=True)
 def find_wall_candidates(x, bonded, point, normal, reach):
     """Nodes within ``reach`` of each plane, or behind it, but for those glued to it.
 
