@@ -13,8 +13,8 @@ from .contact.restart import contact_tables, restore_contact
 
 #: Numbers that are the same on all ranks: attribute of the simulation, its state or contact.
 OF_SIMULATION = ("dt", "dt_element", "initial_kinetic", "_margin", "_clock_at_refresh",
-                 "_refreshed_at", "_followed_search", "_rate_of_tets", "_tets_at",
-                 "_element_step_then")  # fmt: skip
+                 "_refreshed_at", "_followed_search")  # fmt: skip
+OF_STABLE = ("rate_of_tets", "tets_at", "element_step_then")
 OF_STATE = ("t", "dt", "num_steps")
 OF_CONTACT = ("clock", "searched_at", "reach", "num_searches", "_dt")
 OF_SCALING = ("wanted", "reached")
@@ -86,6 +86,7 @@ def snapshot(simulation):
     common = {
         "scaling": scaling and {name: getattr(scaling, name) for name in OF_SCALING},
         "simulation": {name: getattr(simulation, name) for name in OF_SIMULATION},
+        "stable": {name: getattr(simulation.stable, name) for name in OF_STABLE},
         "state": {name: getattr(s, name) for name in OF_STATE},
         "contact": {name: getattr(contact, name) for name in OF_CONTACT},
         "walls": {name: getattr(walls, name).tolist() for name in OF_WALLS},
@@ -158,6 +159,7 @@ def restore(simulation, tables, own, common):
     walls.force[:], walls.torque[:] = own["force"], own["torque"]
     for target, part, names in (
         (simulation, "simulation", OF_SIMULATION),
+        (simulation.stable, "stable", OF_STABLE),
         (s, "state", OF_STATE),
         (contact, "contact", OF_CONTACT),
     ):
@@ -182,11 +184,8 @@ def _deform_again(simulation, still_rigid):
 
 
 def _frequencies(simulation):
-    return {
-        "highest": simulation._highest,
-        "highest_of_springs": simulation._highest_of_springs,
-        "highest_of_tets": simulation._highest_of_tets,
-    }
+    names = "highest", "highest_of_springs", "highest_of_tets"
+    return {name: getattr(simulation.stable, name) for name in names}
 
 
 def _scattered(table, order):

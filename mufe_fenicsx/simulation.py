@@ -13,7 +13,7 @@ from .contact.laws import COMPLIANCE
 from .contact.mirrors import Mirrors
 from .contact.near import near_nodes
 from .contact.network import num_active_pairs
-from .contact.springs import list_edge_springs, list_springs
+from .contact.springs import list_springs
 from .contact.walls import Walls
 from .errors import SolverError, UnstableError
 from .fidelity import LoadWatch
@@ -24,17 +24,14 @@ from .kernels.rigid import clear
 from .mass_scaling import FALLEN, MassScaling
 from .rigid import RigidGrains, check_rigid
 from .solid import Solid
+from .stable_step import StableStep
 from .state import initial_state
-from .time_step import HighestFrequency
 
 #: Names of the terms of the energy balance, in the order of history.csv.
 ENERGIES = ("kinetic", "elastic", "plastic", "friction", "contact", "damping", "work", "residual")
 
 #: How much faster than so far grains may move before the time step is evaluated early.
 FASTER = 1.25
-#: The tets are looked at again when the bound of single ones falls by this, or after so many
-#: evaluations: their frequency changes with their shapes alone.
-WORSE, RARELY = 0.97, 10
 
 
 class Simulation:
@@ -85,7 +82,7 @@ class Simulation:
         mass_scaling=None,
     ):
         self.mesh, self.comm = mesh, mesh.comm
-        self.damping, self.assembled = float(damping), assembled
+        self.damping = float(damping)
         self.time_step_factor, self.refresh = time_step_factor, refresh
         self.solid = Solid(mesh, materials, element)
         self.rigid = RigidGrains(mesh, materials, self.solid.mass, mass_factor)
@@ -119,9 +116,7 @@ class Simulation:
             self.comm, self.walls, mesh.x, self.bonded.nodes, self.rigid.nodes,
             self.contact.kinematic,
         )  # fmt: skip
-        check_rigid(
-            self.comm, self.rigid, self.bonded.nodes, self.contact.kinematic, self.assembled
-        )
+        check_rigid(self.comm, self.rigid, self.bonded.nodes, self.contact.kinematic, assembled)
         self._free_mass = self.bonded.free_mass(self.solid.mass)
         if self.contact.kinematic:
             self._predicted = mesh.x.copy()
@@ -140,15 +135,7 @@ class Simulation:
         self.damped = 0.0  #: energy taken by the damping on this rank [J]
         self.initial_kinetic = 0.0
         self._inverted = -1
-        rows, turned = self.rigid.free_masses(self.solid.mass), self.rigid.turned_rows()
-        self._highest, self._highest_of_springs, self._highest_of_tets = (
-            HighestFrequency(
-                self.comm, *rows, self.rigid.constrained(add, self.state), turned=turned
-            )
-            for add in (self._add_stiffness, self._add_springs, self._add_tets)
-        )
-        self._rate_of_tets, self._tets_at, self._element_step_then = math.nan, 0, math.nan
-        self._contact_step = self.rigid.contact_step(self.contact.points)
+        self.stable = StableStep(self, assembled, time_step_factor)
         self._margin = 0.0
         self._clock_at_refresh, self._refreshed_at = 0.0, 0
         self.dt = math.nan
@@ -315,17 +302,6 @@ class Simulation:
 
     # --- time step ------------------------------------------------------------------------
 
-    def _add_stiffness(self, y, q):
-        self._add_tets(y, q)
-        self._add_springs(y, q)
-
-    def _add_tets(self, y, q):
-        self.solid.add_stiffness(y, q, self.state.x)
-
-    def _add_springs(self, y, q):
-        if not self.contact.kinematic:
-            self._springs.add(y, q)
-
     def update_time_step(self, early=False):
         """Set ``dt`` from the limit of stability at the present state. Collective.
 
@@ -333,9 +309,7 @@ class Simulation:
         """
         s = self.state
         self.complete()
-        # What does not deform has a limit by contact alone, and is never faster than one.
-        own = min(self.solid.element_time_step(s.x), self._contact_step)
-        self.dt_element = self.comm.allreduce(own, op=MPI.MIN)
+        self.dt_element = self.stable.of_elements()
         # Pairs that can close before the next evaluation count as closed.
         moved = self.contact.clock - self._clock_at_refresh
         moved *= self.refresh / max(s.num_steps - self._refreshed_at, 1)
@@ -348,10 +322,10 @@ class Simulation:
         if self.scaling is not None and not self.scaling.reached:
             # What is within an edge now, the walls above all, is held some time.
             self._scale_masses(max(self._margin, self.contact.edge))
-        limit = self._present_limit()
+        limit = self.stable(self._margin, self.dt_element)
         if self.scaling is not None and not early and limit < FALLEN * self.scaling.reached:
             if self._add_mass():
-                limit = self._present_limit()
+                limit = self.stable(self._margin, self.dt_element)
             self.scaling.reached = limit
         elif self.scaling is not None and not self.scaling.reached:
             self.scaling.reached = limit
@@ -360,40 +334,6 @@ class Simulation:
         if not 0.99 * self.dt <= dt <= (math.inf if early else 1.05 * self.dt):
             self.dt = dt
             self.contact.set_time_step(dt)
-
-    def _present_limit(self):
-        """Limit of stability [s] at the present state. Collective."""
-        return self._limit(self._highest, self._highest_of_springs, self._tets)
-
-    def _limit(self, highest, highest_of_springs, rate_of_tets):
-        """Limit of stability [s] by the highest frequencies of all, springs, tets. Collective."""
-        self._springs = list_springs(self.contact, self._margin)
-        # A node that meets a spring of rate w at speed v leaves it one step later at up to
-        # |1 - (w dt)^2| v: contacts that open and close need (w dt)^2 <= 2 of the springs alone.
-        springs = 0.0 if self.contact.kinematic else highest_of_springs()
-        limit = self.comm.allreduce(self._contact_step, op=MPI.MIN)
-        if springs > 0.0:
-            limit = min(limit, math.sqrt(2.0) / springs)
-        if not self.assembled:
-            stiffest = self.comm.allreduce(self._stiffest_contact(), op=MPI.MAX)
-            return min(limit, 2.0 / math.sqrt((2.0 / self.dt_element) ** 2 + 2.0 * stiffest))
-        # The squares of springs and tets add up at most (Weyl). Where contacts that open and close
-        # ask for a step well within that bound, the costly products with both are not needed.
-        if springs > 0.0:
-            proven = 2.0 / math.hypot(springs, rate_of_tets())
-            if 0.5 * (1.0 + self.time_step_factor) * limit <= proven:
-                return limit
-        rate = highest()
-        return min(limit, 2.0 / rate) if rate > 0.0 else limit
-
-    def _tets(self):
-        """Highest frequency of the tetrahedra [rad/s], from not long ago. Collective."""
-        waited = self.state.num_steps - self._tets_at
-        worse = not self.dt_element >= WORSE * self._element_step_then
-        if worse or waited >= RARELY * self.refresh:
-            self._rate_of_tets = self._highest_of_tets()
-            self._tets_at, self._element_step_then = self.state.num_steps, self.dt_element
-        return self._rate_of_tets
 
     def _add_mass(self):
         """Adjust the added mass to the present geometry; whether there is more. Collective."""
@@ -415,55 +355,16 @@ class Simulation:
         s, mass = self.state, self.solid.mass
         self._free_mass = self.bonded.free_mass(mass)
         s.a[:] = self._f / mass[:, None]
-        for highest in (self._highest, self._highest_of_springs, self._highest_of_tets):
-            highest.set_mass(mass)
-        self._element_step_then = math.inf  # their highest frequency is to be found again
+        self.stable.set_mass(mass)
 
     def stable_step_within(self, margin):
         """Limit of stability [s] if all pairs within ``margin`` [m] were closed. Collective."""
-        before, self._margin = self._margin, margin
-        adds = self._add_stiffness, self._add_springs, self._add_tets
-        rows = self.rigid.free_masses(self.solid.mass)
-        turned = self.rigid.turned_rows()
-        limit = self._limit(
-            *(
-                HighestFrequency(
-                    self.comm, *rows, self.rigid.constrained(add, self.state), turned=turned
-                )
-                for add in adds
-            )
-        )
-        self._margin = before
-        return limit
-
-    def stable_step_of_tets(self):
-        """Limit of stability [s] of the tetrahedra without contact; inf for rigid grains."""
-        rate = HighestFrequency(self.comm, self.solid.mass, self.mesh.x, self._add_tets)()
-        return 2.0 / rate if rate > 0.0 else math.inf
+        return self.stable.afresh(margin, self.dt_element)
 
     def limits_with_and_without_added_mass(self):
         """Stable steps of the present state [s], each estimated from scratch. Collective."""
-        adds = self._add_stiffness, self._add_springs, self._add_tets
         masses = self.solid.mass, self.scaling.first_mass
-        return [
-            self._limit(*(HighestFrequency(self.comm, m, self.mesh.x, add) for add in adds))
-            for m in masses
-        ]
-
-    def _stiffest_contact(self):
-        """Largest sum over mass of a node's contact springs [1/s²], all closed. Collective.
-
-        A spring between two nodes adds at most twice its stiffness over the mass
-        (Gershgorin); a surface node carries its own spring and those of the facets.
-        """
-        c = self.contact
-        if c.kinematic:
-            return 0.0
-        mass = self.solid.mass[c.own.nodes]
-        spring = c.points.to_nodes((c.points.area / c.layer)[:, None], mass.size)[:, 0]
-        return float(
-            ((2.0 * spring + list_edge_springs(c, self._margin).bounds()) / mass).max(initial=0.0)
-        )
+        return [self.stable.afresh(self._margin, self.dt_element, mass) for mass in masses]
 
     # --- numbers --------------------------------------------------------------------------
 

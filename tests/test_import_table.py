@@ -43,6 +43,7 @@ TABLE = {
     "units": set(),
     "mesh": set(),
     "time_step": {"kernels"},
+    "stable_step": {"mesh", "solid", "rigid", "contact", "time_step"},
     "mass_scaling": {"mesh", "solid", "kernels"},
     "launcher": set(),
     "memory": set(),
@@ -61,7 +62,7 @@ TABLE = {
     "synthetic": {"kernels", "geometry", "units", "materials", "report"},
     "simulation": {
         *("kernels", "geometry", "state", "mesh", "materials", "solid", "rigid", "contact"),
-        *("fidelity", "integrators", "scene", "time_step", "mass_scaling", "tangent"),
+        *("fidelity", "integrators", "scene", "stable_step", "mass_scaling", "tangent"),
         "linear_system",
     },
     # geometry: measures of tetrahedra, which are numbers from arrays.

@@ -69,9 +69,8 @@ def packing(materials, law="matched", **options):
 def test_step_of_rigid_grains_is_that_of_the_dense_matrix():
     """Two rigid balls and all springs within the margin: 12 degrees of freedom."""
     s = packing([Rigid(**ROCK)] * 2)
-    s._margin = 0.1e-3
     rows, _ = s.rigid.free_masses(s.solid.mass)
-    add = s.rigid.constrained(s._add_springs, s.state)
+    add = s.rigid.constrained(s.stable.add_springs, s.state)
     K = np.zeros((12, 12))
     for i in range(12):
         y, q = np.zeros((4, 3)), np.zeros((4, 3))
@@ -83,8 +82,8 @@ def test_step_of_rigid_grains_is_that_of_the_dense_matrix():
     root = 1 / np.sqrt(rows.ravel())
     highest = np.sqrt(np.linalg.eigvalsh(root[:, None] * K * root)[-1])
     # Lanczos stops at a residual of 2 % of the eigenvalue, which is added.
-    assert highest <= s._highest_of_springs() * (1 + 1e-9)
-    assert s._highest_of_springs() == pytest.approx(highest, rel=0.01)
+    assert highest <= s.stable.highest_of_springs() * (1 + 1e-9)
+    assert s.stable.highest_of_springs() == pytest.approx(highest, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -138,7 +137,7 @@ def test_time_step_knows_neither_ranks_nor_numbers():
     for comm, given in ((MPI.COMM_WORLD, bodies), (MPI.COMM_SELF, shuffled)):
         walls = [Wall("low", np.array([0, 0, -1e-3]), np.eye(3)[2], friction=0.4)]
         s = build(comm, given, kinds, (0, 0, 0), (0, 0, 0), axes="", walls=walls, friction=0.4)
-        found.append((s._highest(), s._highest_of_springs()))
+        found.append((s.stable.highest(), s.stable.highest_of_springs()))
     # Far from converged, so as far apart as the vectors that they start from, and those as the
     # last digits of positions over the length of their pattern, 1e-7 of the assembly.
     np.testing.assert_allclose(*found, rtol=1e-8)

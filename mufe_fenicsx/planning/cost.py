@@ -125,7 +125,7 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
     margin = LOADED * s.contact.edge
     loaded = factor * s.stable_step_within(margin)
     due, memory = comm.allreduce(_due(s)), float(peak_memory(comm))
-    dt, of_tets = s.dt, factor * s.stable_step_of_tets()
+    dt, of_tets = s.dt, factor * s.stable.of_tets()
     return Benchmark(
         num_ranks=comm.size,
         num_grains=int(mesh.labels.size),

@@ -58,7 +58,7 @@ def sliver_map(comm, altitudes=ALTITUDES, trials=12):
         rows.append(
             SimpleNamespace(
                 part=part, altitude=altitude, exact=exact, measured=measured * exact,
-                lanczos=2.0 / s._highest(), element=s.dt_element,
+                lanczos=2.0 / s.stable.highest(), element=s.dt_element,
                 theory=float(
                     cap_step(altitude, area, material.constrained_modulus, mass[3], mass[:3])
                 ),

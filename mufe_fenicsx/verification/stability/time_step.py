@@ -84,7 +84,7 @@ def time_step_map(comm, factors=(), trials=14):
         exact = 2.0 / omega
         start = Snapshot(s)
         s.update_time_step()
-        lanczos = 2.0 / s._highest()
+        lanczos = 2.0 / s.stable.highest()
         rates = [growth(s, start, factor * exact, mode=mode)[0] for factor in factors]
         measured = bisect(lambda f, s=s, a=start, e=exact: growth(s, a, f * e)[1], 0.5, 1.5, trials)
         springs = math.sqrt(2.0) / highest_frequency(s, bulk=False) if contact else math.inf

@@ -1,0 +1,138 @@
+"""Limit of stability of explicit time steps, from the assembled system with contact."""
+
+import math
+
+from mpi4py import MPI
+
+from .contact.springs import list_edge_springs, list_springs
+from .time_step import HighestFrequency
+
+#: The tets are looked at again when the bound of single ones falls by this, or after so many
+#: steps: their frequency changes with their shapes alone.
+WORSE, RARELY = 0.97, 1500
+
+
+class StableStep:
+    """The limit at the present state of a simulation. Collective, as its methods.
+
+    Two bounds hold. The highest frequency w of tetrahedra and springs of contact together allows
+    2/w. And a node that meets a spring of rate w_c at speed v leaves it one step later at up to
+    |1 - (w_c dt)²| v: contacts that open and close need (w_c dt)² <= 2 of the springs alone.
+
+    Args:
+        simulation: :class:`~mufe_fenicsx.simulation.Simulation` with its grains, contact and state.
+        assembled: From the assembled system (True) or from single elements.
+        factor: What part of the limit will be used.
+    """
+
+    def __init__(self, simulation, assembled, factor):
+        self.comm, self.mesh = simulation.comm, simulation.mesh
+        self.solid, self.contact = simulation.solid, simulation.contact
+        self.rigid, self.state = simulation.rigid, simulation.state
+        self.assembled, self.factor = assembled, factor
+        self._springs = None
+        contact_step = self.rigid.contact_step(self.contact.points)
+        self._contact_step = self.comm.allreduce(contact_step, op=MPI.MIN)
+        self.highest, self.highest_of_springs, self.highest_of_tets = self._frequencies()
+        #: Highest frequency of the tets [rad/s], when it was found, and the step of the worst
+        #: single one then [s].
+        self.rate_of_tets, self.tets_at, self.element_step_then = math.nan, 0, math.nan
+
+    def _frequencies(self):
+        """Iterations for the highest frequencies of all, springs and tets, from the start."""
+        mass, turned = self.rigid.free_masses(self.solid.mass), self.rigid.turned_rows()
+        adds = self._add_stiffness, self.add_springs, self._add_tets
+        return [
+            HighestFrequency(
+                self.comm, *mass, self.rigid.constrained(add, self.state), turned=turned
+            )
+            for add in adds
+        ]  # fmt: skip
+
+    def set_mass(self, mass):
+        """Take other nodal masses [kg], shape (num_nodes,)."""
+        for highest in (self.highest, self.highest_of_springs, self.highest_of_tets):
+            highest.set_mass(mass)
+        self.element_step_then = math.inf  # that of the tets is to be found again
+
+    def of_elements(self):
+        """Bound from single elements [s]; what does not deform has one by contact alone."""
+        own = self.comm.allreduce(self.solid.element_time_step(self.state.x), op=MPI.MIN)
+        return min(own, self._contact_step)
+
+    def __call__(self, margin, element_step):
+        """Limit of stability [s].
+
+        Args:
+            margin: All pairs within it [m] count as closed.
+            element_step: Present value of :meth:`of_elements` [s].
+        """
+        return self._limit(
+            margin, element_step, self.highest, self.highest_of_springs,
+            lambda: self._recent_rate_of_tets(element_step),
+        )  # fmt: skip
+
+    def afresh(self, margin, element_step, mass=None):
+        """The same from scratch; with other nodal masses [kg] where given, shape (num_nodes,)."""
+        frequencies = self._frequencies()
+        if mass is not None:
+            for highest in frequencies:
+                highest.set_mass(mass)
+        return self._limit(margin, element_step, *frequencies)
+
+    def of_tets(self):
+        """Limit [s] of the tetrahedra without contact; inf for rigid grains."""
+        rate = HighestFrequency(self.comm, self.solid.mass, self.mesh.x, self._add_tets)()
+        return 2.0 / rate if rate > 0.0 else math.inf
+
+    def _limit(self, margin, element_step, highest, highest_of_springs, rate_of_tets):
+        self._springs = list_springs(self.contact, margin)
+        springs = 0.0 if self.contact.kinematic else highest_of_springs()
+        limit = self._contact_step
+        if springs > 0.0:
+            limit = min(limit, math.sqrt(2.0) / springs)
+        if not self.assembled:
+            stiffest = self.comm.allreduce(self._stiffest_contact(margin), op=MPI.MAX)
+            return min(limit, 2.0 / math.sqrt((2.0 / element_step) ** 2 + 2.0 * stiffest))
+        # The squares of springs and tets add up at most (Weyl). Where contacts that open and close
+        # ask for a step well within that bound, the costly products with both are not needed.
+        if springs > 0.0:
+            proven = 2.0 / math.hypot(springs, rate_of_tets())
+            if 0.5 * (1.0 + self.factor) * limit <= proven:
+                return limit
+        rate = highest()
+        return min(limit, 2.0 / rate) if rate > 0.0 else limit
+
+    def _recent_rate_of_tets(self, element_step):
+        """Highest frequency of the tetrahedra [rad/s], from not long ago."""
+        waited = self.state.num_steps - self.tets_at
+        if waited >= RARELY or not element_step >= WORSE * self.element_step_then:
+            self.rate_of_tets = self.highest_of_tets()
+            self.tets_at, self.element_step_then = self.state.num_steps, element_step
+        return self.rate_of_tets
+
+    def _add_stiffness(self, y, q):
+        self._add_tets(y, q)
+        self.add_springs(y, q)
+
+    def _add_tets(self, y, q):
+        self.solid.add_stiffness(y, q, self.state.x)
+
+    def add_springs(self, y, q):
+        """Add the forces that springs resist ``q`` with to ``y``, both of shape (num_nodes, 3)."""
+        if not self.contact.kinematic:
+            self._springs.add(y, q)
+
+    def _stiffest_contact(self, margin):
+        """Largest sum over mass of a node's contact springs [1/s²], all closed. Local.
+
+        A spring between two nodes adds at most twice its stiffness over the mass
+        (Gershgorin); a surface node carries its own spring and those of the facets.
+        """
+        c = self.contact
+        if c.kinematic:
+            return 0.0
+        mass = self.solid.mass[c.own.nodes]
+        spring = c.points.to_nodes((c.points.area / c.layer)[:, None], mass.size)[:, 0]
+        edges = list_edge_springs(c, margin).bounds()
+        return float(((2.0 * spring + edges) / mass).max(initial=0.0))
