@@ -3,12 +3,12 @@
 import re
 
 import numpy as np
-import pandas
 import pytest
 
 import mufe_fenicsx
 from mufe_fenicsx.output import run_folder
 from mufe_fenicsx.report import list_figures, write_report
+from mufe_fenicsx.results.tables import exact_csv
 from tests.made_up_run import write_whole_run
 
 ROUND_OFF = 1e-12
@@ -84,9 +84,7 @@ def test_data_beside_the_figures_are_those_of_the_run(reported):
     run = mufe_fenicsx.open_run(folder)
 
     def data(name):
-        return pandas.read_csv(
-            folder / "out" / "figures" / f"{name}.csv", float_precision="round_trip"
-        )
+        return exact_csv(folder / "out" / "figures" / f"{name}.csv")
 
     table = data("stress-strain")
     assert np.array_equal(table["vertical stress [Pa]"], h["stress"])

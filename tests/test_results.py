@@ -172,3 +172,26 @@ def test_what_is_no_run_is_refused(tmp_path):
     for path, message in ((tmp_path, "none of run.json"), (tmp_path / "nothing", "is absent")):
         with pytest.raises(InputError, match=message):
             mufe_fenicsx.open_run(path)
+
+
+def test_tables_of_text_are_read_to_the_last_bit(tmp_path):
+    """Python writes the shortest text of a double, and that text names no other double.
+
+    The first two numbers are those that quick converters take for their neighbours.
+    """
+    random = np.random.default_rng(5)
+    values = np.append([0.10000000149011612, 1.1922602995224986e-9], random.normal(size=998))
+    values[2:] *= 10.0 ** random.integers(-300, 300, 998)
+    rows = [f"{i},{value!r},{'ok' if i else ''}" for i, value in enumerate(values.tolist())]
+    path = tmp_path / "quality.csv"
+    path.write_text("label,size_m,status\n" + "\n".join(rows) + "\n")
+    (tmp_path / "run.json").write_text("{}")
+    table = Run(tmp_path).table("quality")
+    assert np.array_equal(table["size_m"], values)
+    assert table["label"].dtype == np.int64 and table["label"].tolist() == list(range(1000))
+    assert table["status"].isna().tolist() == [True] + 999 * [False]
+    path.write_text("label,size_m\n1,\n2,0.5\n")
+    assert np.isnan(Run(tmp_path).table("quality")["size_m"][0])
+    path.write_text("label\n1,2,3\n1,2,3,4\n")
+    with pytest.raises(InputError, match=r"quality\.csv is not a table"):
+        Run(tmp_path).table("quality")

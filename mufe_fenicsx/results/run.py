@@ -142,7 +142,7 @@ class Run:
         """A table of the grains that was kept with the run: "labels" or "quality"."""
         path = self.path / f"{name}.csv"
         try:
-            return pandas.read_csv(path, float_precision="round_trip")
+            return tables.exact_csv(path)
         except OSError as error:
             raise InputError(f"{path} cannot be read ({reason(error)})") from error
         except ValueError as error:  # pandas' errors of parsing, and torn text
