@@ -14,9 +14,11 @@ i of n in the order of `grains.csv`, ``morph_<i>.dat`` has the lines
 
 ``positions.dat`` has the centroids and ``rotations.dat`` the rotations from principal axes
 to the sample, a grain a line. The quaternion there is (y, -x, -z, w) of the usual one: that
-gives the rotation matrix of these codes. This is what ``readPositionFile``,
-``readQuaternionFile`` and ``generateGrainFromFile`` of https://github.com/tanpeng1995/LS-DEM_Parallel_Benchmark
-read.
+gives the rotation matrix of these codes. Numbers are parted by one space: two would be read as a
+number between them. This is what ``readPositionFile``, ``readQuaternionFile`` and
+``generateGrainFromFile`` of https://github.com/tanpeng1995/LS-DEM_Parallel_Benchmark (Tan & Sitar
+2024, Comput. Geotech. 172, 106408) read. The format is that of Kawamoto, Andò, Viggiani & Andrade
+(2016), J. Mech. Phys. Solids 91, 1-13.
 """
 
 import numpy as np
