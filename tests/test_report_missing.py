@@ -49,6 +49,17 @@ def test_torn_states_and_absent_contacts(tmp_path):
     assert not (tmp_path / "report.html").exists()
 
 
+def test_a_run_that_still_seats(tmp_path):
+    """Its report has the page and says which figures wait for the loading."""
+    write_run(tmp_path, (1, 1, 2), 2, 2)
+    h = fake_history(20)
+    h["stage"] = np.full_like(h["stage"], "seating")
+    write_history(tmp_path, h)
+    result = write_report(tmp_path, only=["forces", "stress-strain"])
+    assert "The loading stage: history.csv has no row of it." in result["missing"]
+    assert "Oedometer test" in (tmp_path / "report.html").read_text()
+
+
 def test_two_runs_in_one_report(tmp_path):
     h = []
     for k in range(2):

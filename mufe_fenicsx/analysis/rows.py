@@ -49,7 +49,7 @@ class Branch:
 
 
 def branches(history):
-    """The stages after seating in turn, list of :class:`Branch`.
+    """The stages after seating in turn, list of :class:`Branch`; none of a run that still seats.
 
     A stage unloads if the vertical strain is smaller at its end than at its start, and reloads
     if it is larger, and a stage before it unloaded.
@@ -58,9 +58,11 @@ def branches(history):
         history: dict column -> array, its seating stage first, if there is one.
     """
     stage, strain = np.asarray(history["stage"]), np.asarray(history["strain"])
-    first = int(np.argmax(loading_rows(history))) if loading_rows(history).any() else len(stage)
+    if not loading_rows(history).any():
+        return []
+    first = int(np.argmax(loading_rows(history)))
     starts = [k for k in range(first, len(stage)) if k == first or stage[k] != stage[k - 1]]
-    scale = TURN * np.ptp(strain[first:]) if starts else 0.0
+    scale = TURN * np.ptp(strain[first:])
     found, unloaded = [], False
     for start, end in zip(starts, [*starts[1:], len(stage)], strict=True):
         rows = slice(max(start - 1, first), end)
