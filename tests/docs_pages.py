@@ -2,10 +2,15 @@
 
 A line such as `<!-- test: slow -->` before a block says how it is treated:
 
-    slow              it takes minutes: left to `make verify`
+    slow              a reader waits for minutes: its `mufe run` get `--max-steps`
+    needs PROGRAM     it runs where that program is installed, and is listed elsewhere
+    as FILE           of TOML: the scene with these tables is kept as FILE; of Python: all Python
+                      of the page up to here becomes FILE
     not run: REASON   it cannot run here; its `mufe` commands are still read, and it is listed
 
-Scripts that begin with `#SBATCH` lines are not run either, for want of a batch system.
+Several marks are parted by semicolons. Of a report of one run one figure is drawn. `make verify`
+runs pages with slow blocks once more, with all steps and figures. Slurm's `sbatch`, `srun` and
+`scontrol` are imitated, on one rank; `apt install` is simulated.
 """
 
 import contextlib
@@ -14,8 +19,6 @@ import os
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,13 +29,18 @@ import mufe_fenicsx
 from mufe_fenicsx.cli import app, main
 from mufe_fenicsx.launcher import find_mpirun
 from mufe_fenicsx.scene import load_scene
+from tests.docs_programs import lacking, run_command
 
 ROOT = Path(__file__).resolve().parents[1]
 SHELL, PYTHON, TOML = ("sh", "bash", "shell"), ("python",), ("toml",)
 #: Fences whose text is read, not run.
 SHOWN = ("", "text", "csv", "json", "c")
-#: Longest time of one command [s].
-PATIENCE = 240
+#: Steps of a run in a block that is slow.
+FEW_STEPS = 400
+#: Figures of a report of one run; the tests of the report draw all of them.
+FEW_FIGURES = ("--only", "stress-strain")
+#: `mufe` in a pipe or a substitution, or with its output sent elsewhere.
+HEARD = re.compile(r"\bmufe\b[^\n#]*[|>]|\$\(\s*mufe")
 
 FENCE = re.compile(r"^( *)(`{3,}|~{3,})\s*([^\s`]*)")
 MARK = re.compile(r"<!--\s*test:\s*(.*?)\s*-->")
@@ -62,7 +70,10 @@ class Block:
     line: int  #: of its first line of text
     language: str
     text: str
-    mark: str  #: what stands in its mark; "" where it has none
+    slow: bool = False
+    needs: tuple = ()  #: programs
+    file: str = ""  #: that it becomes
+    excuse: str | None = None  #: why it is never run
 
     @property
     def place(self):
@@ -70,14 +81,35 @@ class Block:
 
     @property
     def reason(self):
-        """Why it is not run; None where it is."""
-        if self.mark.startswith("not run"):
-            return self.mark.partition(":")[2].strip()
-        return "a script for a batch system" if "#SBATCH" in self.text else None
+        """Why it is not run here; None where it is."""
+        if self.excuse is not None:
+            return self.excuse
+        absent = [program for program in self.needs if lacking(program)]
+        return f"needs {', '.join(absent)}, not installed here" if absent else None
 
-    @property
-    def slow(self):
-        return self.mark == "slow"
+
+def marks_of(text):
+    """Fields of a :class:`Block` that a mark stands for.
+
+    Raises:
+        ValueError: it is no mark.
+    """
+    if text.startswith("not run"):
+        return {"excuse": text.partition(":")[2].strip()}
+    found = {}
+    for mark in filter(None, text.split(";")):
+        name, _, value = mark.strip().partition(" ")
+        if name == "slow" and not value:
+            found["slow"] = True
+        elif name == "needs" and value:
+            found["needs"] = tuple(value.split(", "))
+        elif name == "as" and value:
+            found["file"] = value
+        else:
+            raise ValueError(
+                f'mark "{mark}", expected slow, needs PROGRAM, as FILE or not run: REASON'
+            )
+    return found
 
 
 def blocks_of(text, page):
@@ -103,12 +135,11 @@ def blocks_of(text, page):
         else:
             raise ValueError(f"{page}:{number}: the fence has no end")
         if language in (*SHELL, *PYTHON, *TOML):
-            block = Block(page, number + 1, language, "\n".join(body) + "\n", mark)
-            if mark and not block.slow and not block.reason:
-                raise ValueError(
-                    f'{page}:{number}: mark "{mark}", expected slow or not run: REASON'
-                )
-            found.append(block)
+            try:
+                marks = marks_of(mark)
+            except ValueError as error:
+                raise ValueError(f"{page}:{number}: {error}") from error
+            found.append(Block(page, number + 1, language, "\n".join(body) + "\n", **marks))
         elif language not in SHOWN and not language.startswith("{"):
             raise ValueError(f"{page}:{number}: a fence in {language}, expected one of "
                              f"{', '.join((*SHELL, *PYTHON, *TOML, *SHOWN[1:]))}")  # fmt: skip
@@ -150,12 +181,14 @@ class Reader:
 
     Args:
         folder: The folder, which has what the pages start from.
-        bin_folder: Folder with `mufe` and `python`.
+        bin_folder: Folder with the programs of :func:`~tests.docs_programs.write_programs`.
+        patient: Slow runs take all their steps, reports have all figures.
     """
 
-    def __init__(self, folder, bin_folder):
-        self.folder = folder
+    def __init__(self, folder, bin_folder, patient=False):
+        self.folder, self.patient, self.few = folder, patient, False
         self.names = {"mufe_fenicsx": mufe_fenicsx, "__name__": "__main__"}
+        self.python = []
         path = [str(bin_folder), str(Path(find_mpirun() or "/").parent), os.environ["PATH"]]
         self.environment = {
             **os.environ,
@@ -166,39 +199,53 @@ class Reader:
 
     def run(self, block):
         """Run a block; raises AssertionError with its place where it fails."""
+        self.few = block.slow and not self.patient
         try:
             with contextlib.chdir(self.folder):
                 if block.language in SHELL:
                     self._shell(block.text)
                 elif block.language in PYTHON:
-                    exec(compile(block.text, block.place, "exec"), self.names)
+                    self._python(block)
                 else:
-                    self._scene(block.text)
+                    self._scene(block)
         except Exception as error:
             raise AssertionError(f"{block.place}: {type(error).__name__}: {error}") from error
+
+    def _python(self, block):
+        self.python.append(block.text)
+        if block.file:
+            Path(block.file).write_text("\n\n".join(self.python), encoding="utf-8")
+        elif block.needs:  # in that program's own Python
+            Path("block.py").write_text(block.text, encoding="utf-8")
+            self._process(shlex.join([*block.needs, "block.py"]))
+        else:
+            exec(compile(block.text, block.place, "exec"), self.names)
 
     def _shell(self, text):
         commands = commands_in(text)
         for words in commands:
             self._make_room(mufe_part(words))
-        if SYNTAX.search(re.sub(r"#.*|'[^']*'|\"[^\"$]*\"", "", text)):
-            self._process(["bash", "-euc", text])
+        if "#SBATCH" in text or SYNTAX.search(re.sub(r"#.*|'[^']*'|\"[^\"$]*\"", "", text)):
+            self._process(text)
             return
+        written = set()
         for words in commands:
             self._make_room(mufe_part(words))
-            if words[0] == "mufe" and "--resume" in words:  # of a test that was stopped
-                stopped = [word for word in words[1:] if word != "--resume"]
-                self._make_room(stopped)
-                self._here([*stopped, "--max-steps", "20", "--quiet"])
             if words[0] == "mufe":
+                folder = words[words.index("-o") + 1] if "-o" in words else None
+                if "--resume" in words and folder not in written:  # of a test that was stopped
+                    stopped = [word for word in words[1:] if word != "--resume"]
+                    self._make_room(stopped)
+                    self._here([*stopped, "--max-steps", "20", "--quiet"])
+                written.add(folder)
                 self._here(words[1:])
             else:
                 # bash, for `source`, `cd` and the like; a page needs none that outlive a line.
-                self._process(["bash", "-euc", shlex.join(words)])
+                self._process(shlex.join(words))
 
     def _make_room(self, arguments):
         """Results of an earlier block with the same name go: blocks of a page are alternatives."""
-        if arguments is None or "--resume" in arguments or "--overwrite" in arguments:
+        if arguments is None or {"--resume", "--overwrite", "chart"} & set(arguments):
             return
         for flag, value in itertools.pairwise(arguments):
             if flag in ("-o", "--output"):
@@ -212,29 +259,48 @@ class Reader:
 
     def _here(self, arguments):
         """`mufe` in this process, which has its libraries loaded."""
+        if self.few and arguments[0] == "run" and "--max-steps" not in arguments:
+            arguments = [*arguments, "--max-steps", str(FEW_STEPS)]
+        status = self._status(arguments)
+        assert not status, f"mufe {shlex.join(arguments)} ended with status {status}"
+
+    def _status(self, arguments):
+        of_one_run = arguments[0] == "report" and all(a.startswith("-") for a in arguments[2:3])
+        if of_one_run and not self.patient:
+            arguments = [*arguments, *FEW_FIGURES]
         try:
             main(arguments)
         except SystemExit as end:
-            assert not end.code, f"mufe {shlex.join(arguments)} ended with status {end.code}"
+            return end.code or 0
+        return 0
 
-    def _process(self, command):
-        done = subprocess.run(
-            command, env=self.environment, stdin=subprocess.DEVNULL, timeout=PATIENCE,
-            capture_output=True, text=True,
-        )  # fmt: skip
-        assert done.returncode == 0, f"{command[-1]}: status {done.returncode}\n{done.stderr}"
+    def _process(self, text):
+        """Lines of a shell; their `mufe` is this process unless something listens to it."""
+        environment = dict(self.environment)
+        if self.few:
+            environment["MUFE_FEW_STEPS"] = str(FEW_STEPS)
+        status, errors = run_command(
+            ["bash", "-euc", text], environment, None if HEARD.search(text) else self._status
+        )
+        assert status == 0, f"{text}: status {status}\n{errors}"
 
-    def _scene(self, text):
+    def _scene(self, block):
         """A scene, or tables of one: it is read, with the rest from ``SCENE``."""
+        found = tomllib.loads(block.text)
         tables = {name: dict(table) for name, table in SCENE.items()}
-        found = tomllib.loads(text)
         if "stage" in found:  # another test than the oedometer's
             del tables["oedometer"]
             tables["loading"] = {"speed": 1.0}
-        for name, given in found.items():
-            whole = not isinstance(given, dict) or (name == "material" and "model" in given)
-            tables[name] = given if whole else {**tables.get(name, {}), **given}
-        path = self.folder / "fragment.toml"
+        self._write_scene("fragment.toml", tables, found)
+        if block.file:
+            mine = tomllib.loads(Path("mine.toml").read_text(encoding="utf-8"))
+            self._write_scene(block.file, mine, found)
+
+    def _write_scene(self, name, tables, found):
+        for table, given in found.items():
+            whole = not isinstance(given, dict) or (table == "material" and "model" in given)
+            tables[table] = given if whole else {**tables.get(table, {}), **given}
+        path = self.folder / name
         path.write_text("\n".join(as_toml(tables)), encoding="utf-8")
         load_scene(path)
 
@@ -269,13 +335,3 @@ def _value(value):
         if isinstance(value, str)
         else repr(value)
     )
-
-
-def write_programs(folder):
-    """`mufe` and `python` as programs that use this Python and this source tree."""
-    folder.mkdir()
-    for name, module in (("mufe", "-m mufe_fenicsx "), ("python", "")):
-        program = folder / name
-        program.write_text(f'#!/bin/sh\nexec "{sys.executable}" {module}"$@"\n')
-        program.chmod(0o755)
-    return folder

@@ -8,6 +8,19 @@ import pytest
 
 from mufe_fenicsx.contact.laws import LAYERS
 from mufe_fenicsx.demo import demo_scene
+from mufe_fenicsx.evidence import TABLE
+from mufe_fenicsx.geometry.grains import Grains, save_grains
+from mufe_fenicsx.geometry.half_ball import half_ball
+from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.scene import (
+    Contact,
+    Implicit,
+    Oedometer,
+    Sample,
+    Scene,
+    Solver,
+    scene_to_toml,
+)
 from mufe_fenicsx.scene.catalogue import MODELS
 from tests.docs_pages import (
     ROOT,
@@ -18,8 +31,8 @@ from tests.docs_pages import (
     commands_in,
     mufe_part,
     pages,
-    write_programs,
 )
+from tests.docs_programs import write_programs
 
 BLOCKS, UNREADABLE = {}, []
 for path in pages():
@@ -35,13 +48,36 @@ SMALLER = {
     r'file = "spam:snow".*': 'file = "scan.npy"',
     r"crop = .*\n": "",
     r"upsample = .*\n": "",
-    r'size = "40 um".*': 'size = "120 um"',
+    r'size = "40 um".*': 'size = "120 um"\nprocesses = 1',
     r"strain = 0.1 .*": "strain = 0.004",
     r'speed = "1 m/s".*': 'speed = "40 m/s"',
     r"ramp = .*": "ramp = 0.001",
     r"fields = .*": "fields = 4",
     r"history = .*": "history = 21",
 }
+
+
+def write_half_balls(folder):
+    """Scenes of two half balls between planes: static, and by time steps to a smaller strain."""
+    (low, cells), (top, cells2) = (
+        half_ball(1e-4, 3e-5, direction=(0, 0, side), growth=0.5) for side in (1, -1)
+    )
+    top[:, 2] += low[:, 2].max() - top[:, 2].min()
+    save_grains(folder / "halves", Grains.from_list([1, 2], [(low, cells), (top, cells2)], 3e-5))
+    for name, strain, integrator in (
+        ("scene.toml", 0.005, "static"),
+        ("settle.toml", 0.002, "explicit"),
+        ("load.toml", 0.003, "static"),
+    ):
+        scene = Scene(
+            material=Elastic(1e9, 0.15, 2650.0),
+            contact=Contact(0.23, wall_friction=0.5),
+            oedometer=Oedometer(strain=strain, speed=0.5, seating_stress=1e4, ramp=1e-3),
+            sample=Sample(grains="halves", separation=False),
+            solver=Solver(integrator=integrator, element="p1"),
+            implicit=Implicit(step=1e-3, largest=2.5e-3),
+        )
+        (folder / name).write_text(scene_to_toml(scene), encoding="utf-8")
 
 
 def small_scene():
@@ -72,22 +108,33 @@ def start(tmp_path_factory):
             "```sh\n"
             "mufe segment --scene mine.toml -o labels.tif\n"
             "mufe mesh labels.tif --scene mine.toml -o grains\n"
-            "mufe run mine.toml --grains grains -o results --quiet\n```\n",
+            "mufe run mine.toml --grains grains -o results --quiet\n"
+            "mufe export spam labels.tif -o spam\n```\n",
             "start",
         )[0]
     )
+    write_half_balls(folder)
+    # A table as SPAM writes it (tests/peers holds both equal), and what was charted before.
+    np.save(folder / "contactTable.npy", np.loadtxt(folder / "spam" / "contactTable.txt"))
+    (folder / "charts").mkdir()
+    shutil.copy(TABLE, folder / "charts" / "points.csv")
     return folder, bin_folder
 
 
-def go_through(page, start, tmp_path, with_slow):
+def go_through(page, start, tmp_path, monkeypatch, patient):
+    monkeypatch.setenv("MPLBACKEND", "Agg")
     folder = tmp_path / "page"
     shutil.copytree(start[0], folder)
-    reader = Reader(folder, start[1])
+    reader = Reader(folder, start[1], patient)
+    if not patient:  # this process has its libraries loaded
+        monkeypatch.setattr("mufe_fenicsx.report.write.num_processes", lambda num_cells: 1)
+        monkeypatch.setattr("mufe_fenicsx.report.source.Source.start_probe", lambda source: None)
+        monkeypatch.setattr("mufe_fenicsx.report.source.Source._probe", None, raising=False)
     # What a page registers is of that page.
     registered = [(names, dict(names)) for names in (MODELS, LAYERS)]
     try:
         for block in BLOCKS[page]:
-            if block.reason is None and (with_slow or not block.slow):
+            if block.reason is None:
                 reader.run(block)
             else:
                 check_options_of(block)
@@ -103,15 +150,13 @@ def test_every_fence_is_understood():
 
 @pytest.mark.parametrize("page", [page for page, blocks in BLOCKS.items() if blocks])
 def test_blocks_of_a_page(page, start, tmp_path, monkeypatch):
-    monkeypatch.setenv("MPLBACKEND", "Agg")
-    go_through(page, start, tmp_path, with_slow=False)
+    go_through(page, start, tmp_path, monkeypatch, patient=False)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [p for p, blocks in BLOCKS.items() if any(b.slow for b in blocks)])
-def test_blocks_of_a_page_with_those_that_take_minutes(page, start, tmp_path, monkeypatch):
-    monkeypatch.setenv("MPLBACKEND", "Agg")
-    go_through(page, start, tmp_path, with_slow=True)
+def test_blocks_of_a_page_with_all_steps(page, start, tmp_path, monkeypatch):
+    go_through(page, start, tmp_path, monkeypatch, patient=True)
 
 
 def check_options_of(block):
@@ -194,6 +239,7 @@ def test_links_between_pages_lead_somewhere():
     "text, message",
     [
         ("```sh\nmufe run nowhere.toml --grains grains -o new\n```", "(?s)page:2: .*status 2"),
+        ("```sh\nfor a in b; do mufe run $a.toml -o new; done\n```", "(?s)page:2: .*status 2"),
         ("```sh\nls nowhere | cat\nfalse\n```", "(?s)page:2: .*status 1"),
         ("```python\nassert run is None\n```", "page:2: NameError"),
         ("```toml\n[oedometer]\nspeed = -1\n```", "page:2: InputError: oedometer.speed = -1"),
@@ -209,6 +255,9 @@ def test_marks():
     text = "<!-- test: not run: no cluster here -->\n```sh\nsrun mufe run a.toml\n```\n"
     (block,) = blocks_of(text, "page")
     assert block.reason == "no cluster here"
+    text = "<!-- test: slow; needs no-such-program, sh -->\n```sh\nls\n```\n"
+    (block,) = blocks_of(text, "page")
+    assert block.slow and block.reason == "needs no-such-program, not installed here"
     with pytest.raises(ValueError, match='mark "sometimes"'):
         blocks_of("<!-- test: sometimes -->\n```sh\nls\n```\n", "page")
     with pytest.raises(ValueError, match="a fence in fish"):
