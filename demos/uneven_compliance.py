@@ -51,7 +51,7 @@ cut off, for pairs, walls and friction alike. A plain c = 0.15 gives blocks the 
 same step; what the uneven part adds is the force of round contacts, 2 % at n = 2.5 and 7 % at 1.5.
 That is worth the work where flat contacts and few elements per contact both limit a study.
 
-    python demos/uneven_compliance.py            about five minutes
+    python demos/uneven_compliance.py            a minute and a half
     python demos/uneven_compliance.py --quick    a ball on a plane at n = 2.5: some seconds
 """
 
