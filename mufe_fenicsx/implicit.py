@@ -82,6 +82,7 @@ class ImplicitSimulation(Simulation):
         prescribed: Displacements of held nodes in the next increment [m], (num_nodes, 3).
         report: Of each increment since the start: (time, length [s], Newton iterations, linear
             iterations, residual at the last three iterations); those of the last augmentation.
+        num_on_jumps: Increments that ended on a jump of the forces of contact (integrators.jumps).
         augmentations: Of each increment with exact gaps: (how many, largest distance left [m]).
     """
 
@@ -161,6 +162,7 @@ class ImplicitSimulation(Simulation):
         self._last = None  # displacement of the last increment, its length, motion of its walls
         self.report = []
         self.num_failed = 0  #: increments that had to be shortened
+        self.num_on_jumps = 0
 
     # --- what stays the same ---------------------------------------------------------------
 
@@ -267,6 +269,7 @@ class ImplicitSimulation(Simulation):
         if self._exact:
             self.damped += self._exact.end(self._mark)
         self._finish(found, dt)
+        self.num_on_jumps += self._newton.num_sides > 1
         history = self._newton.history
         self.report.append(
             (s.t, dt, self._newton.num_iterations, self._newton.num_linear, history[-3:])

@@ -97,3 +97,43 @@ def test_a_force_that_saturates_is_found_where_full_steps_run_away():
     system = Saturating(0.0, [0.0, 0.5, -0.5], np.zeros(3))
     q = newton(system)(np.array([[3.0, -3.0, 8.0]])).ravel()
     np.testing.assert_allclose(q, np.tan([0.0, 0.5, -0.5]), atol=1e-8)
+
+
+class Ledges(Springs):
+    """The same line without stops; a force ``push`` acts on a node up to the ``edge`` of its ledge.
+
+    r_i = soft (2 q_i - neighbours) - load_i - push_i [q_i < edge_i].
+    """
+
+    def __init__(self, soft, load, push, edge):
+        super().__init__(soft, load, edge)
+        self.push = np.asarray(push)
+
+    def residual(self, q):
+        self.q = q.ravel()
+        on = self.push * (self.q < self.stop)
+        return (self.chain @ self.q - self.load - on).reshape(1, 3), np.linalg.norm(self.push)
+
+    def tangent(self, regularisation):
+        self.matrix.setValues(range(3), range(3), self.chain + regularisation * np.eye(3))
+        self.matrix.assemble()
+
+
+@pytest.mark.parametrize("push", [[0.0, 3.0, 0.0], [3.0, 0.0, 4.0], [3.0, 2.0, 4.0]])
+def test_equilibrium_on_the_edges_of_ledges(push):
+    """On its ledge a node is pushed beyond the edge, and beyond it springs pull it back.
+
+    Forces vanish nowhere. The place is known: nodes with a ledge are at its edge, where a part of
+    ``push`` between none and all of it balances them; the others are where the springs hold them.
+    """
+    edge, on = np.array([1.0, 1.1, 0.9]), np.asarray(push) > 0
+    system = Ledges(1.0, [0.0, 0.0, 0.0], push, edge)
+    solver = newton(system)
+    q = solver(np.zeros((1, 3)))
+    assert q is not None
+    q = q.ravel()
+    np.testing.assert_allclose(q[on], edge[on], atol=1e-9)
+    part = (system.chain @ q)[on] / np.asarray(push)[on]
+    assert ((part > 0) & (part < 1)).all()
+    np.testing.assert_allclose((system.chain @ q)[~on], 0.0, atol=1e-9)
+    assert solver.num_sides > 1

@@ -50,6 +50,7 @@ class Newton:
         self.num_iterations = 0  #: of the last call
         self.num_linear = 0  #: iterations of the linear solver in it
         self.effort = 0.0  #: iterations over the most allowed, of what ended the last call
+        self.num_sides = 1  #: of a jump of the forces on which the last solution is; 1: on none
         self._scale, self._at, self._f = floor, None, None
         self.x, self.f, self._trial = system.vector(), system.vector(), system.vector()
         self._made = None  # μ of the matrix, linear iterations of the first solution with it
@@ -102,8 +103,10 @@ class Newton:
         self.num_iterations = snes.getIterationNumber()
         self.effort = self.num_iterations / snes.getTolerances()[3]
         self.num_linear = snes.getLinearSolveIterations()
+        self.num_sides = 1
         if snes is self.guarded:
-            self.num_linear = snes.getPythonContext().num_linear
+            context = snes.getPythonContext()
+            self.num_linear, self.num_sides = context.num_linear, context.num_sides
         if snes.getConvergedReason() not in FOUND:
             return None
         self.evaluate(self.x)  # the last evaluation is that of the solution
