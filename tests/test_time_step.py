@@ -7,6 +7,8 @@ from mpi4py import MPI
 from mufe_fenicsx.errors import SolverError
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.time_step import HighestFrequency
+from mufe_fenicsx.verification.stability.limits import highest_frequency
+from mufe_fenicsx.verification.stability.penalty import pressed_block
 from tests.bodies import packed_spheres, simulation_of
 
 
@@ -71,3 +73,17 @@ def test_beyond_the_assembled_limit_it_blows_up():
     with pytest.raises(SolverError):
         for _ in range(1000):
             sim.step()
+
+
+@pytest.mark.parametrize("compliance, contact_rules", [(0.02, True), (1.0, False)])
+def test_products_with_tets_are_left_out_only_where_contact_rules(compliance, contact_rules):
+    """A block between platens: the step of the springs alone, where the sum of squares allows."""
+    s = pressed_block(MPI.COMM_SELF, compliance=compliance)
+    products = s.stable.highest.num_products
+    limit = s.stable(0.0, s.stable.of_elements())  # of the springs that are closed
+    assert (s.stable.highest.num_products == products) == contact_rules
+    both = 2.0 / highest_frequency(s)
+    springs = np.sqrt(2.0) / highest_frequency(s, bulk=False)
+    # Lanczos adds its residual, up to 2 % of the eigenvalue and 1 % of its root.
+    assert limit == pytest.approx(min(both, springs), rel=0.01)
+    assert limit <= both
