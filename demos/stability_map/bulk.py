@@ -43,7 +43,9 @@ def draw_incompressible(d, new):
     right.set(xlabel="1 − 2ν", ylabel="pressure about a smooth one / mean")
     for axis in (left, middle, right):
         axis.invert_xaxis()
-        axis.legend()
+    left.legend(loc="lower left", fontsize=6)
+    middle.legend(loc="upper left", fontsize=6)
+    right.legend()
     return figure
 
 

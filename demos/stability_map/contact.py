@@ -116,8 +116,8 @@ def draw_size(d, new):
     right.axhline(0.5, color=GREY, linestyle=":")
     safe(right, right.get_ylim()[0], 0.5, along="y")
     right.set(xlabel="size of the neighbour / size", ylabel="depth of the small one / its h")
-    for axis in (left, right):
-        axis.legend()
+    left.legend()
+    right.legend(loc="upper left", bbox_to_anchor=(0.0, 0.9), fontsize=6)
     return figure
 
 

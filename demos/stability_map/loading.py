@@ -44,13 +44,15 @@ def draw_loading_speed(d, new):
     middle.axvline(0.01, color=GREY, linestyle=":")
     middle.axhline(100 * speed.ERROR, color=GREY, linewidth=0.5)
     middle.set(xlabel="kinetic / internal energy k", ylabel="error of the stress [%]")
-    middle.legend(loc="upper left")
+    middle.set_ylim(top=30 * middle.get_ylim()[1])
+    middle.legend(loc="upper left", fontsize=6)
     colours = [BLACK, BLUE, GREEN, ORANGE, RED, GREY]
     for row, colour in zip(d["curves"], colours, strict=False):
         right.plot(100 * np.array(row["strain"]), np.array(row["stress"]) / 1e6, color=colour,
                    label=f"{row['speed']:g} m/s")  # fmt: skip
     right.set(xlabel="strain [%]", ylabel="stress of the lattice [MPa]")
-    right.legend()
+    right.set_ylim(top=1.45 * right.get_ylim()[1])
+    right.legend(loc="upper left", ncols=2, fontsize=6)
     return figure
 
 

@@ -123,7 +123,7 @@ def draw_friction(d, new):
     right.axhline(0.1, color=GREY, linestyle=":")
     right.text(0.02, 0.12, "stops here", fontsize=6, color=GREY)
     right.set(xlabel="coefficient of friction", ylim=(1e-13, 1))
-    right.legend(loc="lower right")
+    right.legend(loc="upper left", bbox_to_anchor=(0.0, 0.85), fontsize=6)
     return figure
 
 

@@ -37,8 +37,7 @@ def penalty_map(comm, layers=LAYERS, trials=12):
         stress = s.wall_forces().mean() / SIZE**2
         exact = 2.0 / highest_frequency(s)
         start = Snapshot(s)
-        s.update_time_step()
-        program = s.dt / s.time_step_factor
+        program = s.stable(0.0, s.stable.of_elements())  # of the springs that are closed
         measured = bisect(lambda f, s=s, a=start, e=exact: growth(s, a, f * e)[1], 0.5, 1.5, trials)
         contact = s.contact
         springs = contact.points.to_nodes(
