@@ -14,6 +14,8 @@ ERROR, TARGET = 0.02, 10.0
 #: with those of the material.
 PERIODS = (1.5, 3.0, 6.0)
 PLAIN_PERIODS = (0.25, 0.5, 0.75)
+#: Residual of the increment and of its linear systems, from the fastest on.
+RESIDUALS = ((3e-2, 1e-1), (1e-2, 3e-2), (1e-3, 1e-2))
 #: Records on the way: each costs time steps an evaluation of the energies.
 RECORDS = 20
 
@@ -29,13 +31,16 @@ def hertz_cost(parameters):
     n = float(parameters.get("elements_per_radius", 5.0))
     repeats = int(parameters.get("repeats", 3))
     press(MPI.COMM_SELF, "hertz", 1.5, 1.0)  # compile
-    # Where few contacts change, Newton's method comes as far with these as with exact solutions.
-    inexact = {"linear_solver": "products", "tolerance": 1e-2, "petsc": {"ksp_rtol": 3e-2}}
-    press(MPI.COMM_SELF, "hertz", 1.5, 1.0, 1, **inexact)
-    static = [_run(n, 1.0, 1, **inexact) for _ in range(repeats)]
-    results = {"num_cells": {"computed": static[0]["num_cells"]}}
+    press(MPI.COMM_SELF, "hertz", 1.5, 1.0, 1, **_inexact(*RESIDUALS[0]))
+    for residuals in RESIDUALS:
+        one = _run(n, 1.0, 1, **_inexact(*residuals))
+        if one["error"] <= ERROR:
+            break
+    static = [one, *(_run(n, 1.0, 1, **_inexact(*residuals)) for _ in range(repeats - 1))]
+    results = {"num_cells": {"computed": one["num_cells"]}}
     seconds = float(np.median([one["processor_s"] for one in static]))
-    results["error_static"] = row(static[0]["error"], ERROR, static[0]["error"] <= ERROR)
+    results["error_static"] = row(one["error"], ERROR, one["error"] <= ERROR)
+    results["residual_static"] = {"computed": residuals[0]}
     results["processor_s_static"] = {"computed": seconds}
     passed = True
     for name, durations, options in (
@@ -57,6 +62,14 @@ def hertz_cost(parameters):
         "results": results,
         "passed": bool(passed and results["error_static"]["passed"]),
     }
+
+
+def _inexact(tolerance, linear):
+    """Options of an increment with these residuals; its masses are those of the material."""
+    petsc = {"ksp_rtol": linear}
+    return {
+        "linear_solver": "products", "tolerance": tolerance, "petsc": petsc, "added_mass": 0.0
+    }  # fmt: skip
 
 
 def _run(elements_per_radius, periods, increments=None, **options):
