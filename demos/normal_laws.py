@@ -230,7 +230,7 @@ def draw(rows, path, elements_per_radius):
                     for row, value in zip(layers, y, strict=True):
                         axis.annotate(
                             f"c = {row['c']:g}", (row[f"{case}_cost"], value), color=color,
-                            xytext=(0, 6) if index == 3 else (-5, 1), fontsize=6,
+                            xytext=((-5, 1), (-5, 1), (-5, -3), (0, 6))[index], fontsize=6,
                             textcoords="offset points", ha="center" if index == 3 else "right",
                         )  # fmt: skip
             axis.set_xscale("log")
