@@ -22,8 +22,8 @@ from .jumps import Sides, least_mix
 
 #: μ at first; bounds of its change in an iteration; below which it is none, and at most.
 FIRST, EASIER, HARDER, NONE, LARGEST = 1e-2, 1e-3, 5.0, 1e-8, 1e2
-#: λ up to which a step is short.
-SHORT = 0.3
+#: λ up to which a step is short; part of the residual from which on one to a jump counts as such.
+SHORT, HALF = 0.3, 0.5
 #: Part of the slope at the start of a step that may be left at its end, trials until the bracket is
 #: halved by each, and at most.
 SLOPE, TRIALS, MOST_TRIALS = 0.3, 10, 60
@@ -78,7 +78,7 @@ class GuardedNewton:
                 self._sides.add(self._beyond)
             self._sides.follow(x, newton.tolerance * x.norm(LARGEST_OF_ALL))
             before, norm = norm, self._least(f)
-            if self._beyond is None:  # else the step is short for another reason
+            if self._beyond is None or norm > HALF * before:  # else it is short for another reason
                 change = norm / before if length > SHORT else HARDER
                 if length == 1.0 and norm < before:  # more than is needed creeps
                     change = min(change, 1.0 / HARDER)
@@ -113,6 +113,7 @@ class GuardedNewton:
         weights = least_mix(np.array([[one.dot(way) for way in ways] for one in sides]))
         d.set(0.0)
         d.maxpy(-weights, ways)
+        self._sides.keep(weights[1:] > 0.0)
         self._start = sum(w * one.dot(d) for w, one in zip(weights, sides, strict=True))
 
     def _length(self, x):

@@ -45,6 +45,11 @@ class Sides:
         self._offsets = [one for one, there in zip(self._offsets, found, strict=True) if there]
         self._residuals = [one for one, there in zip(self._residuals, found, strict=True) if there]
 
+    def keep(self, which):
+        """Forget those that are not in the mask ``which``."""
+        self._offsets = [one for one, kept in zip(self._offsets, which, strict=True) if kept]
+        self._residuals = [one for one, kept in zip(self._residuals, which, strict=True) if kept]
+
     def residuals(self, f):
         """All of them, the one at the iterate, ``f``, first."""
         return [f, *self._residuals]
