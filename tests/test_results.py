@@ -33,6 +33,10 @@ def whole(tmp_path_factory):
     return folder
 
 
+#: What names a contact.
+KEY = ["grain_a", "grain_b", "wall"]
+
+
 def test_a_whole_run_lacks_nothing(whole):
     run = mufe_fenicsx.open_run(whole)
     assert isinstance(run, Run) and run.missing == [] and run.finished
@@ -74,6 +78,21 @@ def test_tables_of_a_lattice(whole):
     assert not contacts["sliding"].any() and network["sliding"] == 0
     friction = run.wall_friction().set_index("wall")["normal"]
     assert friction["z_max"] == pytest.approx(12) and friction["x_min"] == 0
+
+
+def test_a_contact_that_was_open_for_a_state_is_younger(whole, tmp_path):
+    shutil.copytree(whole, tmp_path / "run")
+    middle = tmp_path / "run" / "contacts" / "contacts_0001.csv"
+    lines = middle.read_text().splitlines()
+    middle.write_text("\n".join([lines[0], *lines[2:]]) + "\n")
+    run = mufe_fenicsx.open_run(tmp_path / "run")
+    before, now, after = (run.contact_ages(k).set_index(KEY) for k in range(3))
+    assert len(now) == len(before) - 1 and not now["age"].sum() == 0
+    opened = before.index.difference(now.index)
+    assert after.loc[opened, "since"].tolist() == [2] and after.loc[opened, "age"].tolist() == [0]
+    others = after.drop(opened)
+    assert (others["since"] == 0).all()
+    assert others["age_strain"].to_numpy() == pytest.approx(0.1)
 
 
 def test_tables_of_curves_grains_and_probes(whole):

@@ -183,3 +183,41 @@ def draw_active_contacts(source):
         tables,
         "wide",
     )
+
+
+def draw_ages(source):
+    """Share of the contacts of the last state that have been active since when."""
+    index = source.contact_states[-1]
+    ages = source.run.contact_ages(index)
+    ages = ages[ages["wall"] == ""]
+    if not len(ages):
+        raise InputError(f"state {index} has no active contact between grains")
+    states = source.run.with_contacts().loc[:index]
+    if len(states) < 2:
+        raise InputError("there is one state with tables of contacts, expected two or more")
+    since, over = source.over(states["strain"].to_numpy(), states["time"].to_numpy())
+    force = np.maximum(ages["normal_force"].to_numpy(dtype=float), 0.0)
+    figure, axis = style.new_figure()
+    table = {"strain [-]": states["strain"], "time [s]": states["time"]}
+    for k, (label, weights) in enumerate((("contacts", np.ones_like(force)), ("force", force))):
+        share = [weights[ages["since"] <= i].sum() / weights.sum() for i in states.index]
+        axis.plot(
+            since,
+            100 * np.array(share),
+            style.MARKERS[k] + style.LINES[k],
+            color=style.SERIES[k],
+            markersize=3,
+            label={"contacts": "of the contacts", "force": "of their normal forces"}[label],
+        )
+        table[f"share of {label} [-]"] = share
+    axis.set(xlabel=over, ylabel="Active since then or longer: %", ylim=(0, 102))
+    axis.legend(loc="lower right")
+    return Drawing(
+        "contact-age",
+        figure,
+        "Age of the contacts between grains: share of those of the last state that have been "
+        "active without a break since a time before",
+        f"{len(ages)} contacts at strain {source.strain_of(index):.3f}, as far as stored states "
+        "tell. Where the curve of forces lies above that of numbers, old contacts carry more.",
+        {"": table},
+    )

@@ -217,6 +217,13 @@ class Run:
         """
         return tables.contact_table(self, number)
 
+    def contact_ages(self, number=-1):
+        """Since when each active contact has been active, a DataFrame with a row a contact.
+
+        See :func:`mufe_fenicsx.results.tables.contact_ages`.
+        """
+        return tables.contact_ages(self, number)
+
     def wall_friction(self, number=-1):
         """Normal and tangential force on each wall, a DataFrame with a row a wall."""
         return tables.wall_friction(self, number)

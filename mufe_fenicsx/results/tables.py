@@ -5,6 +5,7 @@ import pandas
 
 from ..analysis import contact_forces, fabric, grain_stress, inertia, kinematics, macro, probes
 from ..analysis.by_grain import index_grains
+from ..analysis.contact_age import active_since
 from ..analysis.quasi_static import kinetic_ratio
 from ..analysis.yield_place import yield_place
 from ..errors import InputError
@@ -229,6 +230,36 @@ def network(run):
             }
         )
     return pandas.DataFrame(rows)
+
+
+def contact_ages(run, number=-1):
+    """Since when the active contacts of a stored state have been active without a break.
+
+    Columns: ``grain_a``, ``grain_b`` and ``wall`` of the contact, its ``normal_force`` [N], and the
+    first stored state of the unbroken row: its number ``since``, ``since_time`` [s] and
+    ``since_strain``; ``age`` [s] and ``age_strain`` from there to this state. Stored states
+    resolve no more: a contact may be older by up to a distance of states, and one that opened
+    and closed between two counts as unbroken.
+    """
+    states = run.with_contacts()
+    last = run.state(number).index
+    states = states[states.index <= last]
+    active = [_active(run.contacts(index)) for index in states.index]
+    first = active_since([table[["grain_a", "body_b"]].to_numpy() for table in active])[-1]
+    table = active[-1][["grain_a", "grain_b", "wall", "normal_force"]].reset_index(drop=True)
+    since = states.iloc[first]
+    table["since"] = since.index.to_numpy()
+    for name, age in (("time", "age"), ("strain", "age_strain")):
+        table[f"since_{name}"] = since[name].to_numpy()
+        table[age] = states[name].iloc[-1] - table[f"since_{name}"]
+    return table
+
+
+def _active(contacts):
+    """Active ones, with ``body_b``: the second grain, or the wall as a number below zero."""
+    contacts = contacts[contacts["num_points"] > 0]
+    walls = contacts["wall"].map({name: -1 - k for k, name in enumerate(WALLS)})
+    return contacts.assign(body_b=contacts["grain_b"].where(walls.isna(), walls).astype(np.int64))
 
 
 def wall_friction(run, number=-1):
