@@ -30,7 +30,7 @@ def test_page_holds_all_figures_and_nothing_from_outside(reported, reported_page
     folder, _, result = reported
     page = reported_page
     rendered = not any("3D pictures" in sentence for sentence in result["missing"])
-    assert len(result["figures"]) == (20 if rendered else 15)
+    assert len(result["figures"]) == (21 if rendered else 16)
     if rendered:
         assert result["missing"] == []
     assert page.count('src="data:image/') == len(result["figures"])
