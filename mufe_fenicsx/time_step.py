@@ -76,9 +76,9 @@ class HighestFrequency:
             self.add_stiffness(y, moved)
             self.num_products += 1
             diagonal.append(self.comm.allreduce(weigh(w, root, q, before, off[-1] if k else 0.0)))
-            # Against the last two vectors, and again where little was left and rounding makes up
-            # more of it: few springs have few frequencies. The others are orthogonal to it in so
-            # short a sweep.
+            # Against the last two vectors, and again where less than a hundredth was left, of
+            # which rounding makes up more than 1e-14: few springs have few frequencies. The
+            # others are orthogonal to it in so short a sweep.
             left = self._sums(subtract(w, q, diagonal[k], before, 0.0))
             if left[2] <= 1e-4 * diagonal[k] ** 2:
                 left = self._sums(subtract(w, q, left[0], before, left[1] if k else 0.0))

@@ -93,6 +93,10 @@ def test_a_contact_that_was_open_for_a_state_is_younger(whole, tmp_path):
     others = after.drop(opened)
     assert (others["since"] == 0).all()
     assert others["age_strain"].to_numpy() == pytest.approx(0.1)
+    middle.unlink()
+    with pytest.raises(InputError, match="has no tables of state 1"):
+        run.contact_ages(1)
+    assert set(run.contact_ages()["since"]) == {0}  # what is not stored breaks no row
 
 
 def test_tables_of_curves_grains_and_probes(whole):

@@ -199,7 +199,12 @@ def draw_ages(source):
     force = np.maximum(ages["normal_force"].to_numpy(dtype=float), 0.0)
     figure, axis = style.new_figure()
     table = {"strain [-]": states["strain"], "time [s]": states["time"]}
-    for k, (label, weights) in enumerate((("contacts", np.ones_like(force)), ("force", force))):
+    for k, (column, label, weights) in enumerate(
+        (
+            ("contacts", "of the contacts", np.ones_like(force)),
+            ("force", "of their normal forces", force),
+        )
+    ):
         share = [weights[ages["since"] <= i].sum() / weights.sum() for i in states.index]
         axis.plot(
             since,
@@ -207,9 +212,9 @@ def draw_ages(source):
             style.MARKERS[k] + style.LINES[k],
             color=style.SERIES[k],
             markersize=3,
-            label={"contacts": "of the contacts", "force": "of their normal forces"}[label],
+            label=label,
         )
-        table[f"share of {label} [-]"] = share
+        table[f"share of {column} [-]"] = share
     axis.set(xlabel=over, ylabel="Active since then or longer: %", ylim=(0, 102))
     axis.legend(loc="lower right")
     return Drawing(

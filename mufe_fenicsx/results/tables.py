@@ -240,13 +240,15 @@ def contact_ages(run, number=-1):
     ``since_strain``; ``age`` [s] and ``age_strain`` from there to this state. Stored states
     resolve no more: a contact may be older by up to a distance of states, and one that opened
     and closed between two counts as unbroken.
+
+    Raises:
+        InputError: The state was not stored, or its table of contacts was not.
     """
-    states = run.with_contacts()
-    last = run.state(number).index
-    states = states[states.index <= last]
-    active = [_active(run.contacts(index)) for index in states.index]
+    last = _active(run.contacts(number))
+    states = run.with_contacts().loc[: run.state(number).index]
+    active = [*(_active(run.contacts(index)) for index in states.index[:-1]), last]
     first = active_since([table[["grain_a", "body_b"]].to_numpy() for table in active])[-1]
-    table = active[-1][["grain_a", "grain_b", "wall", "normal_force"]].reset_index(drop=True)
+    table = last[["grain_a", "grain_b", "wall", "normal_force"]].reset_index(drop=True)
     since = states.iloc[first]
     table["since"] = since.index.to_numpy()
     for name, age in (("time", "age"), ("strain", "age_strain")):
