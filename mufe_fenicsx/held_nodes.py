@@ -48,12 +48,21 @@ class HeldNodes:
             rows, columns: Surface nodes of the blocks of contact, shape (n,).
             contact: These blocks, shape (n, 3, 3).
         """
-        if not self._any:
+        self.project_blocks(tangent, blocks)
+        self.project_contact(rows, columns, contact)
+
+    def project_blocks(self, tangent, blocks):
+        """As :meth:`project_tangent`, the blocks of the grains alone. Local."""
+        if not self._is_held.any():
             return
         largest = float(np.abs(blocks[tangent.diagonal]).max(initial=0.0))
         project_blocks(blocks, tangent.offset, tangent.columns, self._projector, self._is_held)
         blocks[tangent.diagonal] += largest * (np.eye(3) - self._projector)
-        project_pairs(contact, rows, columns, *self._at_surface())
+
+    def project_contact(self, rows, columns, contact):
+        """As :meth:`project_tangent`, the blocks of contact alone. Collective after a search."""
+        if self._any:
+            project_pairs(contact, rows, columns, *self._at_surface())
 
     def _at_surface(self):
         """Projectors at surface nodes and ghosts, and where they differ from one."""

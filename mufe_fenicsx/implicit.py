@@ -33,6 +33,7 @@ from .increment_start import HeldWalls, IncrementStart
 from .integrators.generalized_alpha import GeneralizedAlpha
 from .integrators.newton import Newton
 from .linear_system import LinearSystem
+from .near_system import NearSystem
 from .near_tangent import NearTangent
 from .simulation import Simulation
 from .tangent import SolidTangent
@@ -138,12 +139,13 @@ class ImplicitSimulation(Simulation):
         self._held = HeldNodes(mesh, self.held, self.bonded.nodes, self._contact_tangent)
         self._u0 = fem.Function(mesh.V)
         by_products = linear_solver == "products"
-        self._tangent = (
-            NearTangent(self.solid) if by_products else SolidTangent(self.solid, self.u, self._u0)
-        )
-        self.system = LinearSystem(
-            mesh, self._tangent.offset, self._tangent.columns, "mufe_", linear_solver, petsc
-        )
+        part = 1.0 - self.method.force_of_start if self.method else 1.0
+        if by_products:
+            self._tangent, near = None, NearTangent(self.solid)
+            self.system = NearSystem(mesh, near, self._held, "mufe_", linear_solver, petsc, part)
+        else:
+            self._tangent = own = SolidTangent(self.solid, self.u, self._u0)
+            self.system = LinearSystem(mesh, own.offset, own.columns, "mufe_", linear_solver, petsc)
         self._exact = None if gap_tolerance is None else Augmentation(self.contact)
         self._gap_tolerance = (gap_tolerance or 0.0) * self.contact.edge
         self._max_augmentations = max_augmentations
@@ -409,9 +411,6 @@ class ImplicitSimulation(Simulation):
         ``regularisation`` times the share of each node in its grain's stiffness is added.
         """
         s, start, method, dt = self.state, self._start.state, self.method, self._dt
-        tangent = self._tangent
-        tangent.take(s, start["deviator"], start["plastic_strain"], dt)
-        blocks = tangent.assemble(s.x)
         rows, columns, contact = self._contact_tangent(self._mark)
         nodes = self._contact_tangent.global_nodes()
         factor = 1.0
@@ -423,8 +422,14 @@ class ImplicitSimulation(Simulation):
         else:
             diagonal = self._drag / dt
         diagonal = diagonal + regularisation * self._stiffness
-        blocks *= factor
         contact *= factor
+        tangent = self._tangent
+        if tangent is None:
+            self._held.project_contact(rows, columns, contact)
+            self.system.renew(diagonal, nodes[rows], nodes[columns], contact)
+            return
+        tangent.take(s, start["deviator"], start["plastic_strain"], dt)
+        blocks = factor * tangent.assemble(s.x)
         blocks[tangent.diagonal] += diagonal[:, None, None] * np.eye(3)
         self._held.project_tangent(tangent, blocks, rows, columns, contact)
         self.system.set(blocks, nodes[rows], nodes[columns], contact)

@@ -31,15 +31,19 @@ SOLVERS = {
         "mg_levels_pc_type": "pbjacobi",
         "mg_levels_ksp_type": "chebyshev",
     },
-    # Products by differences; incomplete factors of a matrix that is near the tangent.
+    # Products by differences; a matrix that is near the tangent, in two levels (near_system).
     "products": {
         "ksp_type": "gmres",
         "ksp_gmres_restart": 100,
         "ksp_rtol": 1e-3,
         "ksp_max_it": 500,
         "mat_type": "baij",
-        "pc_type": "bjacobi",
-        "sub_pc_type": "ilu",
+        "pc_type": "mg",
+        "pc_mg_levels": 2,
+        "pc_mg_type": "additive",
+        "mg_levels_ksp_type": "preonly",
+        "mg_levels_pc_type": "bjacobi",
+        "mg_levels_sub_pc_type": "ilu",
     },
 }
 
@@ -74,9 +78,12 @@ class LinearSystem:
         self._prefix = prefix
         self._before = None
         kind = database.getString("mat_type", str(chosen.get("mat_type", "aij")))
-        self._by_blocks = kind.endswith("baij")
-        self.matrix = self._new_matrix()
+        self._type = "baij" if kind.endswith("baij") else "aij"
+        self.matrix = self._new_matrix(self._type)
         self.num_patterns = 0  #: times that the pattern was made
+
+    def prepare(self, ksp):
+        """Complete a solver of PETSc whose options have been read: nothing to do here."""
 
     @contextmanager
     def options(self):
@@ -102,9 +109,6 @@ class LinearSystem:
             blocks: Their values, shape (n, 3, 3); they add up.
         """
         keys = rows * self.size + columns
-        if self._by_blocks:
-            self._set_blocks(own, keys, blocks)
-            return
         if self.comm.allreduce(int(self._values is None or not _contained(keys, self._keys))):
             self._make(np.union1d(self._keys, keys))
         self._values[: own.size] = own.ravel()
@@ -112,31 +116,6 @@ class LinearSystem:
         more[:] = 0.0
         add_blocks(more, np.searchsorted(self._keys, keys), blocks)
         self.matrix.setValuesCOO(self._values, PETSc.InsertMode.INSERT_VALUES)
-
-    def _set_blocks(self, own, keys, blocks):
-        """A new matrix of whole blocks, with the pattern of these."""
-        more, place = np.unique(keys, return_inverse=True)
-        values = np.zeros((more.size, 3, 3))
-        add_blocks(values, place, blocks)
-        rows = np.concatenate([self._own[0], more // self.size]).astype(PETSc.IntType)
-        columns = np.concatenate([self._own[1], more % self.size]).astype(PETSc.IntType)
-        # Rows of this rank; those that others add are few.
-        last = self.first + self.mesh.num_nodes
-        mine = (rows >= self.first) & (rows < last)
-        inside = mine & (columns >= self.first) & (columns < last)
-        counts = [
-            np.bincount(rows[which] - self.first, minlength=self.mesh.num_nodes)
-            for which in (inside, mine & ~inside)
-        ]
-        self._before, self.matrix = self.matrix, self._new_matrix()
-        self.matrix.setPreallocationNNZ([c.astype(PETSc.IntType) for c in counts])
-        self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-        values = np.concatenate([own.reshape(-1, 9), values.reshape(-1, 9)])
-        self.matrix.setValuesBlockedRCV(
-            rows[:, None], columns[:, None], values, PETSc.InsertMode.ADD_VALUES
-        )
-        self.matrix.assemble()
-        self.num_patterns += 1
 
     def forget(self):
         """Begin a new pattern at the next call of :meth:`set`. Collective."""
@@ -150,18 +129,21 @@ class LinearSystem:
         rows = (3 * rows[:, None] + row).astype(PETSc.IntType).ravel()
         columns = (3 * columns[:, None] + column).astype(PETSc.IntType).ravel()
         # A matrix on several ranks cannot be given another pattern. The one before may be in use.
-        self._before, self.matrix = self.matrix, self._new_matrix()
+        self._before, self.matrix = self.matrix, self._new_matrix(self._type)
         self.matrix.setPreallocationCOO(rows, columns)
         self._values = np.empty(rows.size)
-        places = PETSc.Vec().createWithArray(self.mesh.x.ravel().copy(), bsize=3, comm=self.comm)
-        self.matrix.setNearNullSpace(PETSc.NullSpace().createRigidBody(places))
+        self.matrix.setNearNullSpace(self._rigid_motions())
         self.num_patterns += 1
 
-    def _new_matrix(self):
+    def _rigid_motions(self):
+        places = PETSc.Vec().createWithArray(self.mesh.x.ravel().copy(), bsize=3, comm=self.comm)
+        return PETSc.NullSpace().createRigidBody(places)
+
+    def _new_matrix(self, kind):
         n = 3 * self.mesh.num_nodes
         matrix = PETSc.Mat().create(self.comm)
         matrix.setSizes(((n, PETSc.DECIDE), (n, PETSc.DECIDE)))
-        matrix.setType("baij" if self._by_blocks else "aij")
+        matrix.setType(kind)
         matrix.setBlockSize(3)
         return matrix
 

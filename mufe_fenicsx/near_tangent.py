@@ -20,6 +20,7 @@ class NearTangent:
     Attributes:
         offset, columns: Compressed rows of 3 × 3 blocks, a row for each node of the mesh.
         diagonal: Place of each node's own block, shape (num_nodes,).
+        blocks: Shape (num_blocks, 3, 3).
     """
 
     def __init__(self, solid):
@@ -30,14 +31,7 @@ class NearTangent:
         self.offset, self.columns = joined_pattern(first, cells.ravel().astype(np.int32), *none, n)
         nodes = np.arange(n)
         self.diagonal = find_slots(self.offset, self.columns, nodes, nodes.astype(np.int32))
-        self._blocks = np.zeros((self.columns.size, 3, 3))
+        self.blocks = np.zeros((self.columns.size, 3, 3))
         lame = (solid.bulk - 2 / 3 * solid.shear)[mesh.grain_of_cell]
         shear = solid.shear[mesh.grain_of_cell]
-        add_tetrahedra(self._blocks, self.offset, self.columns, mesh.x, cells, lame, shear)
-
-    def take(self, state, deviator0, strain0, dt):
-        """As of the exact tangent; elasticity needs nothing of it."""
-
-    def assemble(self, x):
-        """Blocks, shape (num_blocks, 3, 3); the places ``x`` do not matter. Local."""
-        return self._blocks.copy()
+        add_tetrahedra(self.blocks, self.offset, self.columns, mesh.x, cells, lame, shear)

@@ -31,6 +31,8 @@ PART_OF = {
     "increment_start": "simulation",
     "held_nodes": "simulation",
     "near_tangent": "tangent",
+    "near_system": "linear_system",
+    "coarse_space": "linear_system",
 }
 
 #: What each part may import, besides itself and `errors`, which any may.
@@ -54,7 +56,7 @@ TABLE = {
     "contact": {"mesh", "kernels"},
     "integrators": {"state"},
     "tangent": {"solid", "kernels"},
-    "linear_system": {"kernels"},
+    "linear_system": {"mesh", "tangent", "kernels"},
     # geometry: its settings, of which the scene is the written form.
     "scene": {"materials", "contact", "units", "geometry"},
     # units: its settings; geometry: files and labels; materials: that of its scene; report:

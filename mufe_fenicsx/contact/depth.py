@@ -119,6 +119,8 @@ def _inside_another(mesh, own, x):
         own: Its :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
         x: Positions of its nodes [m], shape (num_own_surface_nodes, 3).
     """
+    if mesh.labels.size == 1:
+        return None
     core = np.zeros((mesh.labels.size, 3))
     core[mesh.grains] = _innermost(mesh, own)
     mesh.comm.Allreduce(MPI.IN_PLACE, core, op=MPI.SUM)

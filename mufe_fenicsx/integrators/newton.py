@@ -56,6 +56,7 @@ class Newton:
         self._made = None  # μ of the matrix, linear iterations of the first solution with it
         self.products = Products(self, *products) if products else None
         self.snes = self._make_snes(prefix, max_iterations)
+        system.prepare(self.snes.getKSP())
         #: The last way, where the options of PETSc do not name one themselves.
         self.guarded = None
         options = PETSc.Options(prefix)

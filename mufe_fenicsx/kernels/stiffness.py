@@ -3,14 +3,13 @@
 import numba
 import numpy as np
 
-from .blocks import slot_of
-
 
 @numba.njit(cache=True)
 def add_tetrahedra(blocks, offset, columns, x, cells, lame, shear):
     """Add V (λ a ⊗ b + G (b ⊗ a + a·b I)) to the block of each two nodes, in place.
 
-    a and b are the gradients of the shape functions of row and column, V the volume.
+    a and b are the gradients of the shape functions of row and column, V the volume. Row by row,
+    so that places are looked up once a row.
 
     Args:
         blocks: Shape (num_blocks, 3, 3), in the pattern ``offset``, ``columns``.
@@ -19,24 +18,40 @@ def add_tetrahedra(blocks, offset, columns, x, cells, lame, shear):
         cells: Shape (num_cells, 4).
         lame, shear: λ and G of each cell [Pa], shape (num_cells,).
     """
-    g = np.empty((4, 3))
+    num = offset.size - 1
+    end = np.zeros(num + 1, np.int64)
     for c in range(cells.shape[0]):
-        o = x[cells[c, 0]]
-        p, q, r = x[cells[c, 1]] - o, x[cells[c, 2]] - o, x[cells[c, 3]] - o
-        for k in range(3):
-            i, j = (k + 1) % 3, (k + 2) % 3
-            g[1, k] = q[i] * r[j] - q[j] * r[i]
-            g[2, k] = r[i] * p[j] - r[j] * p[i]
-            g[3, k] = p[i] * q[j] - p[j] * q[i]
-            g[0, k] = -g[1, k] - g[2, k] - g[3, k]
-        # Six times the volume; gradients are g over it.
-        six = p[0] * g[1, 0] + p[1] * g[1, 1] + p[2] * g[1, 2]
-        first, second = lame[c] / (6.0 * six), shear[c] / (6.0 * six)
         for a in range(4):
+            end[cells[c, a] + 1] += 1
+    end = np.cumsum(end)
+    fill, corner_of = end[:-1].copy(), np.empty(4 * cells.shape[0], np.int64)
+    for c in range(cells.shape[0]):
+        for a in range(4):
+            corner_of[fill[cells[c, a]]] = 4 * c + a
+            fill[cells[c, a]] += 1
+    place, g, e = np.empty(num, np.int64), np.empty((4, 3)), np.empty((3, 3))
+    for n in range(num):
+        for s in range(offset[n], offset[n + 1]):
+            place[columns[s]] = s
+        for i in range(end[n], end[n + 1]):
+            c, a = divmod(corner_of[i], 4)
+            for m in range(3):
+                for k in range(3):
+                    e[m, k] = x[cells[c, m + 1], k] - x[cells[c, 0], k]
+            for m in range(3):
+                q, r = e[(m + 1) % 3], e[(m + 2) % 3]
+                g[m + 1, 0] = q[1] * r[2] - q[2] * r[1]
+                g[m + 1, 1] = q[2] * r[0] - q[0] * r[2]
+                g[m + 1, 2] = q[0] * r[1] - q[1] * r[0]
+            for k in range(3):
+                g[0, k] = -g[1, k] - g[2, k] - g[3, k]
+            # Six times the volume; gradients are g over it.
+            six = e[0, 0] * g[1, 0] + e[0, 1] * g[1, 1] + e[0, 2] * g[1, 2]
+            first, second = lame[c] / (6.0 * six), shear[c] / (6.0 * six)
             for b in range(4):
-                s = slot_of(offset, columns, cells[c, a], cells[c, b])
+                s = place[cells[c, b]]
                 along = second * (g[a, 0] * g[b, 0] + g[a, 1] * g[b, 1] + g[a, 2] * g[b, 2])
-                for i in range(3):
-                    for j in range(3):
-                        blocks[s, i, j] += first * g[a, i] * g[b, j] + second * g[b, i] * g[a, j]
-                    blocks[s, i, i] += along
+                for k in range(3):
+                    for m in range(3):
+                        blocks[s, k, m] += first * g[a, k] * g[b, m] + second * g[b, k] * g[a, m]
+                    blocks[s, k, k] += along
