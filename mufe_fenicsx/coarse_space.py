@@ -40,7 +40,7 @@ class CoarseSpace:
         modes = _rigid_motions(mesh.x, piece, first.size - 1)
         for k in range(6):
             modes[:, :, k] = project(modes[:, :, k].copy())
-        n, size, self._comm = mesh.num_nodes, 6 * (first.size - 1), mesh.comm
+        n, size = mesh.num_nodes, 6 * (first.size - 1)
         begin = mesh.comm.exscan(size) or 0
         motion = (begin + 6 * piece)[:, None, None] + np.zeros((3, 1), dtype=int) + np.arange(6)
         self.prolongation = PETSc.Mat().createAIJ(
@@ -50,29 +50,19 @@ class CoarseSpace:
         end, others, products = galerkin(offset, columns, blocks, nodes, first, piece, modes)
         row = np.repeat(np.arange(first.size - 1), np.diff(end))
         rows, others = (begin + 6 * k[:, None] + np.arange(6) for k in (row, others))
-        self._stays = self._new(
-            size, np.repeat(rows, 6, axis=1).ravel(), np.tile(others, 6).ravel(), products
-        )
+        self._stays = PETSc.Mat().create(mesh.comm)
+        self._stays.setSizes(((size, PETSc.DECIDE), (size, PETSc.DECIDE)))
+        self._stays.setType("aij")
+        rows, columns = np.repeat(rows, 6, axis=1).ravel(), np.tile(others, 6).ravel()
+        self._stays.setPreallocationCOO(_whole(rows), _whole(columns))
+        self._stays.setValuesCOO(products.ravel(), PETSc.InsertMode.INSERT_VALUES)
 
-    def with_more(self, rows, columns, values):
-        """P^T K P where K has these entries too, numbered over all ranks; they add up. Collective.
-
-        Returns:
-            A PETSc matrix.
-        """
-        size = self.prolongation.getLocalSize()[0]
-        result = self._new(size, rows, columns, values).ptap(self.prolongation)
+    def with_more(self, more):
+        """P^T K P where a PETSc matrix is added to K. Collective."""
+        result = more.ptap(self.prolongation)
         result.axpy(1.0, self._stays, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         result.shift(LEAST * result.getDiagonal().max()[1])
         return result
-
-    def _new(self, size, rows, columns, values):
-        matrix = PETSc.Mat().create(self._comm)
-        matrix.setSizes(((size, PETSc.DECIDE), (size, PETSc.DECIDE)))
-        matrix.setType("aij")
-        matrix.setPreallocationCOO(_whole(rows), _whole(columns))
-        matrix.setValuesCOO(values.ravel(), PETSc.InsertMode.INSERT_VALUES)
-        return matrix
 
 
 def _whole(array):

@@ -32,6 +32,7 @@ from .held_nodes import HeldNodes
 from .increment_start import HeldWalls, IncrementStart
 from .integrators.generalized_alpha import GeneralizedAlpha
 from .integrators.newton import Newton
+from .integrators.products import Products
 from .linear_system import LinearSystem
 from .near_system import NearSystem
 from .near_tangent import NearTangent
@@ -143,7 +144,12 @@ class ImplicitSimulation(Simulation):
         if by_products:
             self._tangent, near = None, NearTangent(self.solid)
             self.system = NearSystem(mesh, near, self._held, "mufe_", linear_solver, petsc, part)
+            self._products = Products(
+                self.system, self._forces_of_grains, self._held.project,
+                DIFFERENCE * self.contact.edge, part,
+            )  # fmt: skip
         else:
+            self._products = None
             self._tangent = own = SolidTangent(self.solid, self.u, self._u0)
             self.system = LinearSystem(mesh, own.offset, own.columns, "mufe_", linear_solver, petsc)
         self._exact = None if gap_tolerance is None else Augmentation(self.contact)
@@ -156,8 +162,7 @@ class ImplicitSimulation(Simulation):
         self._stiffness = self._share_of_stiffness()
         self._newton = Newton(
             self.system, self._residual, self._set_tangent, "mufe_", tolerance,
-            NO_FORCE * floor * self.contact.edge**2 / tolerance, max_iterations,
-            (DIFFERENCE * self.contact.edge, self._stiffness) if by_products else None,
+            NO_FORCE * floor * self.contact.edge**2 / tolerance, max_iterations, self._products,
         )  # fmt: skip
         self._held_walls = HeldWalls(self) if self.walls.has_servo else None
         self._drag = self.stabilisation * self.first_step * self._stiffness
@@ -375,14 +380,11 @@ class ImplicitSimulation(Simulation):
         if contact.clock > self._reach:
             self._too_far = max(self._too_far, move)
             return None, 0.0
-        s.x[:] = start["x"] + du
-        s.u[:] = s.x - self.mesh.x
-        s.v[:] = du / dt
-        for name in ("deviator", "plastic_strain", "plastic_work"):
-            getattr(s, name)[:] = start[name]
-        f[:] = 0.0
+        self._place(du)
         contact.place(s.x)
         inverted = self.solid.add_internal_forces(f, s, dt)
+        if self._products:
+            self._products.take(du, f)
         if self.comm.allreduce(int(inverted >= 0)):
             contact.receive()
             return None, 0.0
@@ -405,6 +407,22 @@ class ImplicitSimulation(Simulation):
             r = drag - f
         return self._held.project(r), math.sqrt(self.comm.allreduce(size))
 
+    def _place(self, du):
+        """The state at the start of the increment, nodes moved by ``du``, no forces. Local."""
+        s, start = self.state, self._start.state
+        s.x[:] = start["x"] + du
+        s.u[:] = s.x - self.mesh.x
+        s.v[:] = du / self._dt
+        for name in ("deviator", "plastic_strain", "plastic_work"):
+            getattr(s, name)[:] = start[name]
+        self._f[:] = 0.0
+
+    def _forces_of_grains(self, du):
+        """Their own forces after the displacement ``du``; None where one turns inside out."""
+        self._place(du)
+        inverted = self.solid.add_internal_forces(self._f, self.state, self._dt)
+        return None if self.comm.allreduce(int(inverted >= 0)) else self._f
+
     def _set_tangent(self, regularisation=0.0):
         """The derivative of :meth:`_residual` at its last argument, into the linear system.
 
@@ -426,7 +444,7 @@ class ImplicitSimulation(Simulation):
         tangent = self._tangent
         if tangent is None:
             self._held.project_contact(rows, columns, contact)
-            self.system.renew(diagonal, nodes[rows], nodes[columns], contact)
+            self.system.put(diagonal, nodes[rows], nodes[columns], contact)
             return
         tangent.take(s, start["deviator"], start["plastic_strain"], dt)
         blocks = factor * tangent.assemble(s.x)

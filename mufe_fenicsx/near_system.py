@@ -22,6 +22,9 @@ class NearSystem(LinearSystem):
         held: :class:`~.held_nodes.HeldNodes`.
         prefix, solver, options: As there.
         factor: The tangent's part of elasticity.
+
+    Attributes:
+        on_top: What contact, drag and regularisation add, a PETSc matrix.
     """
 
     def __init__(self, mesh, tangent, held, prefix, solver, options, factor=1.0):
@@ -31,7 +34,7 @@ class NearSystem(LinearSystem):
         self._elastic *= factor
         held.project_blocks(tangent, self._elastic)
         self._base, self._more = None, np.empty(0, dtype=np.int64)
-        self._coarse = None
+        self._coarse, self.on_top = None, None
 
     def prepare(self, ksp):
         """Give a solver of PETSc its coarse space, where its options ask for two levels."""
@@ -42,35 +45,41 @@ class NearSystem(LinearSystem):
             preconditioner.setMGInterpolation(1, self._coarse.prolongation)
             self._coarse_solver = preconditioner.getMGCoarseSolve()
 
-    def renew(self, diagonal, rows, columns, blocks):
-        """Make the matrix elasticity and these on top of it. Collective.
+    def put(self, diagonal, rows, columns, blocks):
+        """Make ``on_top``, the part that changes from iteration to iteration. Collective.
 
         Args:
             diagonal: Of the nodes [N/m], shape (num_nodes,).
             rows, columns, blocks: Of contact, as in :meth:`~.linear_system.LinearSystem.set`.
         """
-        keys, place = np.unique(rows * self.size + columns, return_inverse=True)
-        new = np.setdiff1d(keys, self._more, assume_unique=True)
+        self._keys, place = np.unique(rows * self.size + columns, return_inverse=True)
+        self._values, self._diagonal = np.zeros((self._keys.size, 3, 3)), self.vector()
+        add_blocks(self._values, place, blocks)
+        self._diagonal.array[:] = np.repeat(diagonal, 3)
+        row, column = np.divmod(np.arange(9), 3)
+        rows, columns = (3 * k[:, None] for k in np.divmod(self._keys, self.size))
+        each = 3 * self.first + np.arange(diagonal.size * 3)
+        self.on_top = self._new_matrix("aij")
+        self.on_top.setPreallocationCOO(
+            np.concatenate([(rows + row).ravel(), each]).astype(PETSc.IntType),
+            np.concatenate([(columns + column).ravel(), each]).astype(PETSc.IntType),
+        )
+        self.on_top.setValuesCOO(
+            np.concatenate([self._values.ravel(), self._diagonal.array_r]),
+            PETSc.InsertMode.INSERT_VALUES,
+        )
+
+    def renew(self):
+        """Make the matrix elasticity and ``on_top``. Collective."""
+        new = np.setdiff1d(self._keys, self._more, assume_unique=True)
         if self.comm.allreduce(int(self._base is None or new.size > 0)):
             self._more = np.union1d(self._more, new)
             self._make_base()
         self._base.copy(self.matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        values = np.zeros((keys.size, 3, 3))
-        add_blocks(values, place, blocks)
-        self._add(self.matrix, keys, values)
-        of_nodes = self.vector()
-        of_nodes.array[:] = np.repeat(diagonal, 3)
-        self.matrix.setDiagonal(of_nodes, PETSc.InsertMode.ADD_VALUES)
+        self._add(self.matrix, self._keys, self._values)
+        self.matrix.setDiagonal(self._diagonal, PETSc.InsertMode.ADD_VALUES)
         if self._coarse:
-            row, column = np.divmod(np.arange(9), 3)
-            rows, columns = (3 * k[:, None] for k in np.divmod(keys, self.size))
-            each = 3 * self.first + np.arange(of_nodes.array.size)
-            coarse = self._coarse.with_more(
-                np.concatenate([(rows + row).ravel(), each]),
-                np.concatenate([(columns + column).ravel(), each]),
-                np.concatenate([values.ravel(), of_nodes.array_r]),
-            )
-            self._coarse_solver.setOperators(coarse)
+            self._coarse_solver.setOperators(self._coarse.with_more(self.on_top))
 
     def forget(self):
         """Begin a new pattern at the next call of :meth:`renew`. Collective."""

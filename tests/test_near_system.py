@@ -6,6 +6,7 @@ import mufe_fenicsx  # noqa: F401  first: the wheel's MPI
 
 # isort: split
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import mufe_fenicsx.coarse_space as coarse_space
 from mufe_fenicsx.coarse_space import CoarseSpace
@@ -40,7 +41,11 @@ def test_galerkin_product_of_pieces(monkeypatch):
         K = K.reshape(2 * [3 * mesh.num_nodes])
         np.add.at(K, (rows, columns), values)
         P = space.prolongation.convert("dense").getDenseArray()
-        coarse = space.with_more(rows, columns, values).convert("dense").getDenseArray()
+        more = PETSc.Mat().createAIJ(K.shape, nnz=2)
+        for row, column, value in zip(rows, columns, values, strict=True):
+            more.setValue(row, column, value)
+        more.assemble()
+        coarse = space.with_more(more).convert("dense").getDenseArray()
         return P, P.T @ K @ P, coarse, abs(K).max()
 
     none = np.empty(0, dtype=int)

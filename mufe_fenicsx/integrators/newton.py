@@ -6,7 +6,6 @@ import numpy as np
 from petsc4py import PETSc
 
 from .guarded import GuardedNewton
-from .products import Products
 
 #: Line searches of PETSc, tried in turn, and the iterations without a smaller residual after which
 #: they are given up.
@@ -37,8 +36,8 @@ class Newton:
         tolerance: Of the norm of r over that size.
         floor: Size of the forces below which it is taken for this [N].
         max_iterations: Newton iterations at most.
-        products: None: the matrix of ``system`` is the tangent; else (way, stiffness) of
-            :class:`~.products.Products`, which are the tangent then, and the matrix is near it.
+        products: :class:`~.products.Products`, which are the tangent then; the matrix of
+            ``system`` is near it. None: it is the tangent.
     """
 
     def __init__(
@@ -54,7 +53,7 @@ class Newton:
         self._scale, self._at, self._f = floor, None, None
         self.x, self.f, self._trial = system.vector(), system.vector(), system.vector()
         self._made = None  # μ of the matrix, linear iterations of the first solution with it
-        self.products = Products(self, *products) if products else None
+        self.products = products
         self.snes = self._make_snes(prefix, max_iterations)
         system.prepare(self.snes.getKSP())
         #: The last way, where the options of PETSc do not name one themselves.
@@ -140,10 +139,11 @@ class Newton:
     def set_tangent(self, x, regularisation):
         """Make :attr:`operators` those at ``x``, with a regularisation μ."""
         self.evaluate(x)
-        if self.products is None or self._worn(regularisation):
-            self.tangent(regularisation)
+        self.tangent(regularisation)
         if self.products:
-            self.products.take(self._at, self._f, regularisation)
+            self._at = None  # products leave another state
+            if self._worn(regularisation):
+                self.system.renew()
 
     def _worn(self, regularisation):
         """Whether the matrix near the tangent has to be made again."""
@@ -157,11 +157,6 @@ class Newton:
                 return False
         self._made = regularisation, None
         return True
-
-    def away(self, q):
-        """r at ``q``, shape (num_nodes, 3), for products; None where there is no such state."""
-        self._at = None
-        return self.residual(q)[0]
 
     def _jacobian(self, snes, x, matrix, preconditioner):
         self.set_tangent(x, 0.0)
