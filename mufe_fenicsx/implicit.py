@@ -143,9 +143,9 @@ class ImplicitSimulation(Simulation):
         part = 1.0 - self.method.force_of_start if self.method else 1.0
         if by_products:
             self._tangent, near = None, NearTangent(self.solid)
-            self.system = NearSystem(mesh, near, self._held, "mufe_", linear_solver, petsc, part)
+            self.system = NearSystem(mesh, near, self._held, "mufe_", petsc, part)
             self._products = Products(
-                self.system, self._forces_of_grains, self._held.project,
+                self.system, self._forces_of_grains, mesh, self._held.project,
                 DIFFERENCE * self.contact.edge, part,
             )  # fmt: skip
         else:

@@ -20,15 +20,15 @@ class NearSystem(LinearSystem):
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         tangent: :class:`~.near_tangent.NearTangent`.
         held: :class:`~.held_nodes.HeldNodes`.
-        prefix, solver, options: As there.
+        prefix, options: As there.
         factor: The tangent's part of elasticity.
 
     Attributes:
         on_top: What contact, drag and regularisation add, a PETSc matrix.
     """
 
-    def __init__(self, mesh, tangent, held, prefix, solver, options, factor=1.0):
-        super().__init__(mesh, tangent.offset, tangent.columns, prefix, solver, options)
+    def __init__(self, mesh, tangent, held, prefix, options=None, factor=1.0):
+        super().__init__(mesh, tangent.offset, tangent.columns, prefix, "products", options)
         self._held, self._tangent = held, tangent
         self._elastic = tangent.blocks
         self._elastic *= factor
