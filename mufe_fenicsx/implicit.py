@@ -33,7 +33,7 @@ from .increment_start import HeldWalls, IncrementStart
 from .integrators.generalized_alpha import GeneralizedAlpha
 from .integrators.newton import Newton
 from .integrators.products import Products
-from .linear_system import LinearSystem
+from .linear_system import LinearSystem, solver_by_size
 from .near_system import NearSystem
 from .near_tangent import NearTangent
 from .simulation import Simulation
@@ -139,9 +139,9 @@ class ImplicitSimulation(Simulation):
         self._contact_tangent = ContactTangent(self.contact, mesh)
         self._held = HeldNodes(mesh, self.held, self.bonded.nodes, self._contact_tangent)
         self._u0 = fem.Function(mesh.V)
-        by_products = linear_solver == "products"
+        solver = linear_solver or solver_by_size(mesh)
         part = 1.0 - self.method.force_of_start if self.method else 1.0
-        if by_products:
+        if solver == "products":
             self._tangent, near = None, NearTangent(self.solid)
             self.system = NearSystem(mesh, near, self._held, "mufe_", petsc, part)
             self._products = Products(
@@ -151,7 +151,7 @@ class ImplicitSimulation(Simulation):
         else:
             self._products = None
             self._tangent = own = SolidTangent(self.solid, self.u, self._u0)
-            self.system = LinearSystem(mesh, own.offset, own.columns, "mufe_", linear_solver, petsc)
+            self.system = LinearSystem(mesh, own.offset, own.columns, "mufe_", solver, petsc)
         self._exact = None if gap_tolerance is None else Augmentation(self.contact)
         self._gap_tolerance = (gap_tolerance or 0.0) * self.contact.edge
         self._max_augmentations = max_augmentations

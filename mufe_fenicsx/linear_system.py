@@ -48,6 +48,13 @@ SOLVERS = {
 }
 
 
+def solver_by_size(mesh):
+    """The solver that is the default for a mesh, one of ``SOLVERS``. Collective."""
+    own = 3 * int(np.diff(mesh.node_offset).max(initial=0))
+    largest = mesh.comm.allreduce(own, op=MPI.MAX)
+    return "direct" if largest <= LARGEST_DIRECT else "products"
+
+
 class LinearSystem:
     """K q = r with one row of blocks for each node of the mesh. Collective.
 
@@ -55,11 +62,11 @@ class LinearSystem:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         offset, columns: Pattern of this rank's own part, local nodes in compressed rows.
         prefix: Of the options of PETSc.
-        solver: One of ``SOLVERS``; None: by the largest grain.
+        solver: One of ``SOLVERS``.
         options: Further options of PETSc, without the prefix: dict.
     """
 
-    def __init__(self, mesh, offset, columns, prefix, solver=None, options=None):
+    def __init__(self, mesh, offset, columns, prefix, solver, options=None):
         self.mesh, self.comm = mesh, mesh.comm
         index_map = mesh.V.dofmap.index_map
         self.first, self.size = index_map.local_range[0], index_map.size_global
@@ -67,10 +74,6 @@ class LinearSystem:
         self._own = (self.first + rows, self.first + columns.astype(np.int64))
         self._keys = np.empty(0, dtype=np.int64)
         self._values = None
-        if solver is None:
-            own = 3 * int(np.diff(mesh.node_offset).max(initial=0))
-            largest = self.comm.allreduce(own, op=MPI.MAX)
-            solver = "direct" if largest <= LARGEST_DIRECT else "multigrid"
         database = PETSc.Options(prefix)
         # The command line comes before the scene, and the scene before the defaults.
         chosen = {**SOLVERS[solver], **(options or {})}

@@ -19,7 +19,7 @@ def bar_impact(
     speed=1.0,
     width=2,
     integrator: Literal["explicit", "implicit"] = "explicit",
-    courant=0.5,
+    courant=0.25,
 ):
     """Two equal bars meet end to end: they touch for 2L/c and swap their velocities.
 
@@ -34,7 +34,9 @@ def bar_impact(
         speed: Of both bars against each other, over 2 [m/s].
         width: Bricks across.
         integrator: Time steps, or increments of the generalised-α method.
-        courant: Way of a wave in an increment over the length of a brick.
+        courant: Way of a wave in an increment over the length of a brick. Increments add to the
+            dispersion: bars of 40 bricks keep 0.9721, 0.9748 and 0.9752 of their velocity with 0.5,
+            0.25 and 0.1.
 
     Source: D. Doyen, A. Ern, S. Piperno, SIAM J. Sci. Comput. 33, 2011, 223-249.
     """
