@@ -19,18 +19,23 @@ class HeldNodes:
         n = mesh.num_nodes
         self._contact_tangent, self._searched = contact_tangent, -1
         self._projector = np.tile(np.eye(3), (n, 1, 1))
-        directions = {}
+        count = np.zeros(n, dtype=np.int64)
         for nodes, d in held:
-            for node in np.atleast_1d(nodes):
+            nodes = np.atleast_1d(nodes)
+            count[nodes] += 1
+            self._projector[nodes] -= np.outer(d, d)
+        several, directions = count > 1, {}
+        several[bonded] = False
+        for nodes, d in held:
+            nodes = np.atleast_1d(nodes)
+            for node in nodes[several[nodes]]:  # along edges between mirrors
                 directions.setdefault(int(node), []).append(d)
-        for node in bonded:
-            directions[int(node)] = list(np.eye(3))
         for node, along in directions.items():
             basis, size = np.linalg.svd(np.array(along))[2], np.linalg.matrix_rank(along)
-            for d in basis[:size]:
-                self._projector[node] -= np.outer(d, d)
-        self._is_held = np.zeros(n, dtype=bool)
-        self._is_held[list(directions)] = True
+            self._projector[node] = np.eye(3) - basis[:size].T @ basis[:size]
+        self._projector[bonded] = 0.0
+        self._is_held = count > 0
+        self._is_held[bonded] = True
         self._any = mesh.comm.allreduce(int(self._is_held.any())) > 0
 
     def project(self, values):
