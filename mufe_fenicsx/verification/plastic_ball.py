@@ -109,6 +109,8 @@ def press_ball(
     started, began = time.perf_counter(), time.process_time()
     omega = 0.5 * math.pi * math.sqrt(material.shear_modulus / material.rho) / RADIUS
     options = {"damping": 0.3 * omega, "time_step_factor": 0.8} | options
+    if increments:  # the base holds the ball
+        options = {"linear_solver": "products"} | options
     duration = periods * 2 * math.pi / omega
     s = simulate(
         mesh,
