@@ -68,6 +68,7 @@ class ImplicitSimulation(Simulation):
         stabilisation: s of static ones.
         tolerance: Residual over the internal forces, in the norm over all nodes.
         max_iterations: Newton iterations of an increment.
+        no_force: Residual that is none, over E* times the square of the mean facet edge.
         linear_solver: One of linear_system.SOLVERS; None: by size.
         petsc: Further options of PETSc, without the prefix ``mufe_``.
         held: Pairs (nodes of this rank, unit vector (3,)): displacements along the vector are
@@ -101,6 +102,7 @@ class ImplicitSimulation(Simulation):
         stabilisation=1e-6,
         tolerance=1e-6,
         max_iterations=30,
+        no_force=NO_FORCE,
         linear_solver=None,
         petsc=None,
         held=(),
@@ -162,7 +164,7 @@ class ImplicitSimulation(Simulation):
         self._stiffness = self._share_of_stiffness()
         self._newton = Newton(
             self.system, self._residual, self._set_tangent, "mufe_", tolerance,
-            NO_FORCE * floor * self.contact.edge**2 / tolerance, max_iterations, self._products,
+            no_force * floor * self.contact.edge**2 / tolerance, max_iterations, self._products,
         )  # fmt: skip
         self._held_walls = HeldWalls(self) if self.walls.has_servo else None
         self._drag = self.stabilisation * self.first_step * self._stiffness
@@ -353,16 +355,22 @@ class ImplicitSimulation(Simulation):
         return self._held.project(guess) + self.prescribed
 
     def _as_far(self, dt):
-        """How far this increment goes over the last one: by what moves walls, else by time."""
-        before, now = self._last[2], self._wall_motion()
-        if now.any() or before.any():
-            size = np.vdot(before, before)
-            return np.vdot(before, now) / size if size > 0.0 else 0.0
+        """How far this increment goes over the last one: by what is moved, else by time."""
+        (walls, nodes), (walls0, nodes0) = self._motion(), self._last[2]
+        products = [np.vdot(nodes0, nodes0), np.vdot(nodes0, nodes), np.vdot(nodes, nodes)]
+        size, along, now = self.comm.allreduce(np.array(products))
+        size += walls0 @ walls0
+        along += walls0 @ walls
+        if size > 0.0:
+            return along / size
+        if now > 0.0 or walls.any():
+            return 0.0
         return dt / self._last[1]
 
-    def _wall_motion(self):
-        """The last motion of all walls, turns over an edge of facets [m]."""
-        return np.concatenate([self.walls._push, self.contact.edge * self.walls._turn])
+    def _motion(self):
+        """The last motion of all walls, turns over an edge of facets, and of held nodes [m]."""
+        walls = np.concatenate([self.walls._push, self.contact.edge * self.walls._turn])
+        return walls.ravel(), self.prescribed.copy()
 
     def _residual(self, du):
         """Minus the sum of all forces after the displacement ``du``, and the internal ones' size.
@@ -464,7 +472,7 @@ class ImplicitSimulation(Simulation):
         else:
             s.a[:], s.v[:] = 0.0, 0.0
             self.damped += float(((self._drag / dt)[:, None] * du**2).sum())
-        self._last = (du, dt, self._wall_motion())
+        self._last = (du, dt, self._motion())
         self.contact.previous[:] = self.contact.positions.own
         s.t += dt
         s.dt = dt

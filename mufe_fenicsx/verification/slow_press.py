@@ -16,6 +16,10 @@ from .half_balls import slow_mass_factor
 MOVE, REST = 6.0, 6.0
 #: Damping over the frequency of that.
 DAMPING = 1.0
+#: Way of an increment over the mean facet edge, at most.
+LONGEST = 0.25
+#: Residual that is none, over E* times the square of an edge: contacts are a hundredth as large.
+NO_FORCE = 1e-11
 
 
 class TimeSteps:
@@ -64,7 +68,7 @@ class TimeSteps:
 
 
 class Increments:
-    """Static increments, one for each move. Collective.
+    """Static increments by products, one for each move unless it is long. Collective.
 
     Args:
         mesh, materials, walls, options: Of :class:`~mufe_fenicsx.implicit.ImplicitSimulation`.
@@ -73,17 +77,20 @@ class Increments:
     """
 
     def __init__(self, mesh, materials, walls, held, height, **options):
+        options = {"linear_solver": "products", "stabilisation": 0.0} | options
         self.simulation = ImplicitSimulation(
             mesh, materials, walls, first_step=1.0, smallest_step=1.0, largest_step=1.0, held=held,
-            stabilisation=0.0, **options,
+            no_force=NO_FORCE, **options,
         )  # fmt: skip
 
     def move(self, nodes, way):
         """Move the ``nodes`` by ``way`` [m], shape (3,). Collective."""
         s = self.simulation
+        number = math.ceil(np.linalg.norm(way) / (LONGEST * s.contact.edge)) or 1
         s.prescribed[:] = 0.0
-        s.prescribed[nodes] = way
-        s.step()
+        s.prescribed[nodes] = way / number
+        for _ in range(number):
+            s.step()
 
     def reaction(self, nodes, direction):
         """Force of the bodies on what holds ``nodes`` of this rank along ``direction`` [N]."""
