@@ -194,6 +194,16 @@ class ImplicitSimulation(Simulation):
         s = self.state
         return 0.5 * float(self._free_mass @ (s.v**2).sum(axis=1))
 
+    def response(self, load):
+        """Displacements [m] by small further forces ``load`` [N], both (num_nodes, 3). Collective.
+
+        With the tangent of the present state, which stays.
+        """
+        self._begin(self.dt)
+        found = self._newton.solve_linear(np.zeros_like(load), self._held.project(load.copy()))
+        self._rewind()
+        return found
+
     def take_over(self):
         """Go on from a state that another integrator left. Collective.
 

@@ -130,6 +130,17 @@ class Newton:
         self._function(None, x, self._trial)
         return self._trial
 
+    def solve_linear(self, q, load):
+        """The solution of K d = ``load`` at ``q``; all of shape (num_nodes, 3). Collective."""
+        self.x.array[:] = q.ravel()
+        self.set_tangent(self.x, 0.0)
+        ksp = self.snes.getKSP()
+        ksp.setOperators(*self.operators)
+        self.f.array[:] = load.ravel()
+        with self.system.options():
+            ksp.solve(self.f, self._trial)
+        return self._trial.array_r.reshape(-1, 3).copy()
+
     @property
     def operators(self):
         """The tangent and the matrix that a preconditioner is made of."""

@@ -31,7 +31,7 @@ def hertz_stress(
     other_nu=0.3,
     growth=0.25,
     depth=1.5,
-    integrator: Literal["equilibrium", "explicit", "static"] = "equilibrium",
+    integrator: Literal["static", "explicit"] = "static",
 ):
     """The largest von Mises stress below a ball on a plane, and its depth.
 
@@ -76,7 +76,7 @@ def hertz_stress(
 
 
 def profile(comm, elements_per_radius, a_over_R=0.02, nu=0.15, growth=0.5, depth=1.5, num=61,
-            integrator="equilibrium"):  # fmt: skip
+            integrator="static"):  # fmt: skip
     """Von Mises stress on the axis of a ball that is pressed on a plane. One rank.
 
     Returns:

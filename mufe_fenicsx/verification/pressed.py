@@ -12,8 +12,6 @@ import numpy as np
 from ..contact.walls import Wall
 from ..geometry.refine import PARTS, split
 from ..mesh import create_grain_mesh, partition_grains
-from ..simulation import Simulation
-from .equilibrium import Equilibrium
 from .slow_press import Increments, TimeSteps
 
 
@@ -72,13 +70,13 @@ class Pressed:
     Args:
         comm: At most as many ranks as bodies.
         bodies: One or two :class:`Body`.
-        integrator: "equilibrium", found directly; or the same state by "explicit" time steps or
-            "static" increments.
-        options: Of :class:`~mufe_fenicsx.simulation.Simulation`; for ``element = "composite"``
-            the tetrahedra of the bodies are split.
+        integrator: "static" increments; or the same state by "explicit", damped time steps.
+        options: Of :class:`~mufe_fenicsx.simulation.Simulation`, and of
+            :class:`~mufe_fenicsx.implicit.ImplicitSimulation` for increments; for
+            ``element = "composite"`` the tetrahedra of the bodies are split.
     """
 
-    def __init__(self, comm, bodies, integrator="equilibrium", **options):
+    def __init__(self, comm, bodies, integrator="static", **options):
         self.comm = comm
         composite = options.get("element") == "composite"
         if composite:
@@ -115,35 +113,19 @@ class Pressed:
         self.pressing = len(bodies) - 1
         # Nodes of the body that is moved; the other one, or the plane, stays.
         self.moved = mesh.grains[mesh.grain_of_node] == self.pressing
-        if integrator == "equilibrium":
-            self.simulation = Simulation(mesh, materials, walls, **options)
-            self.slow, self.equilibrium = None, Equilibrium(self.simulation, held)
-        else:
-            make = Increments if integrator == "static" else TimeSteps
-            height = max(body.height for body in bodies)
-            self.slow = make(mesh, materials, walls, held, height, **options)
-            self.simulation, self.equilibrium = self.slow.simulation, self.slow
+        make = Increments if integrator == "static" else TimeSteps
+        height = max(body.height for body in bodies)
+        #: :class:`~.slow_press.Increments` or :class:`~.slow_press.TimeSteps`.
+        self.loading = make(mesh, materials, walls, held, height, **options)
+        self.simulation = self.loading.simulation
         self.delta = 0.0
 
-    def press(self, delta, **options):
-        """Bring the bases to the approach ``delta`` [m] and the bodies to rest. Collective.
-
-        Options are those of :meth:`~.equilibrium.Equilibrium.move`, for none but it.
-        """
-        s = self.simulation
-        if self.slow is not None:
-            sign = 1.0 if self.pressing == 0 else -1.0
-            base = self.bases.get(self.pressing, np.empty(0, dtype=int))
-            self.slow.move(base, sign * (delta - self.delta) * AXIS)
-            self.delta = delta
-            return
+    def press(self, delta):
+        """Bring the bases to the approach ``delta`` [m] and the bodies to rest. Collective."""
         # A single body moves up to the plane, a second one down to the first.
-        rigid = np.outer(self.moved, (1.0 if self.pressing == 0 else -1.0) * AXIS)
-        guess = (delta - self.delta) * rigid
-        if self.delta:
-            # As if all displacements grew alike.
-            guess = (delta / self.delta - 1) * s.state.u
-        self.equilibrium.move(guess, **options)
+        sign = 1.0 if self.pressing == 0 else -1.0
+        base = self.bases.get(self.pressing, np.empty(0, dtype=int))
+        self.loading.move(base, sign * (delta - self.delta) * AXIS)
         self.delta = delta
 
     def contact(self):
@@ -176,7 +158,7 @@ class Pressed:
         """Force on the base of the pressing body [N]. Collective."""
         sign = -1.0 if self.pressing == 0 else 1.0
         base = self.bases.get(self.pressing, np.empty(0, dtype=int))
-        return sign * self.equilibrium.reaction(base, AXIS)
+        return sign * self.loading.reaction(base, AXIS)
 
 
 def _split(body):
