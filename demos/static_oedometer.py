@@ -5,7 +5,7 @@ with those cut by the border, or 17 (--sample 8). Time steps seat the sample and
 speeds; a straight line through both stresses gives that at no speed. Static increments go on from
 the same end of the seating. The page has the stress over strain, and how far apart they are.
 
-    python demos/static_oedometer.py FOLDER --cache CACHE      an hour of one core
+    python demos/static_oedometer.py FOLDER --cache CACHE      a quarter of an hour of one core
     python demos/static_oedometer.py FOLDER --cache CACHE --sample 8
     python demos/static_oedometer.py FOLDER --grains GRAINS    with meshes that are there
 
