@@ -33,6 +33,9 @@ class Springs:
     def options(self):
         return nullcontext()
 
+    def prepare(self, ksp):
+        """Solvers here have nothing to complete."""
+
     def vector(self):
         return PETSc.Vec().createMPI(3, comm=self.comm)
 
