@@ -221,8 +221,9 @@ def page(rows, size, num_cells, at_rest):
         "",
         "Made by `python demos/implicit_vs_explicit.py FOLDER`. The same bodies, meshes and "
         "contact by damped time steps and by static increments; the bars by time steps and by "
-        "increments of the generalised-α method, a quarter of a brick's wave each. Seconds are those "
-        "of one core without making meshes, whatever else the machine did: their ratios count.",
+        "increments of the generalised-α method, a quarter of a brick's wave each. "
+        "Seconds are those of one core without making meshes, whatever else the machine did: "
+        "their ratios count.",
         "",
         "| case | what | theory | time steps | increments | apart | steps [s] | increments [s] |",
         "|---|---|---|---|---|---|---|---|",

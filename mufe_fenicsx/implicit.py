@@ -21,33 +21,23 @@ import itertools
 import math
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 
 from .contact.augmented import Augmentation
 from .contact.rewind import ContactMark
-from .contact.tangent import ContactTangent
 from .errors import InputError, SolverError
-from .held_nodes import HeldNodes
+from .increment_equations import IncrementEquations
 from .increment_start import HeldWalls, IncrementStart
 from .integrators.generalized_alpha import GeneralizedAlpha
 from .integrators.newton import Newton
-from .integrators.products import Products
-from .linear_system import LinearSystem, solver_by_size
-from .near_system import NearSystem
-from .near_tangent import NearTangent
+from .linear_system import solver_by_size
 from .simulation import Simulation
-from .tangent import SolidTangent
 
-#: Largest motion of a node within an increment, over the mean facet edge.
-LARGEST_MOVE = 0.5
 #: Iterations over the most allowed, up to which the next increment is much and a little longer, and
 #: from which on it is shorter.
 FEW, SOME, MANY = 0.25, 0.5, 0.75
 #: Factors of the length of an increment then, and where it failed.
 LONGER, LITTLE_LONGER, SHORTER, FAILED = 1.5, 1.2, 0.7, 0.4
-#: Motion of nodes in differences of forces, over the mean facet edge.
-DIFFERENCE = 1e-7
 #: Searches within one increment.
 MAX_SEARCHES = 6
 #: A residual that is none, over E* times the square of an edge.
@@ -82,6 +72,7 @@ class ImplicitSimulation(Simulation):
 
     Attributes:
         static: Whether increments leave inertia out.
+        equations: :class:`~.increment_equations.IncrementEquations`.
         prescribed: Displacements of held nodes in the next increment [m], (num_nodes, 3).
         report: Of each increment since the start: (time, length [s], Newton iterations, linear
             iterations, residual at the last three iterations); those of the last augmentation.
@@ -138,22 +129,8 @@ class ImplicitSimulation(Simulation):
         self.held = [(np.asarray(nodes), np.asarray(d, float)) for nodes, d in held]
         self.held += self.mirrors.held()
         self.prescribed = np.zeros_like(mesh.x)
-        self._contact_tangent = ContactTangent(self.contact, mesh)
-        self._held = HeldNodes(mesh, self.held, self.bonded.nodes, self._contact_tangent)
-        self._u0 = fem.Function(mesh.V)
-        solver = linear_solver or solver_by_size(mesh)
-        part = 1.0 - self.method.force_of_start if self.method else 1.0
-        if solver == "products":
-            self._tangent, near = None, NearTangent(self.solid)
-            self.system = NearSystem(mesh, near, self._held, "mufe_", petsc, part)
-            self._products = Products(
-                self.system, self._forces_of_grains, mesh, self._held.project,
-                DIFFERENCE * self.contact.edge, part,
-            )  # fmt: skip
-        else:
-            self._products = None
-            self._tangent = own = SolidTangent(self.solid, self.u, self._u0)
-            self.system = LinearSystem(mesh, own.offset, own.columns, "mufe_", solver, petsc)
+        self.equations = IncrementEquations(self, linear_solver or solver_by_size(mesh), petsc)
+        self.system = self.equations.system
         self._exact = None if gap_tolerance is None else Augmentation(self.contact)
         self._gap_tolerance = (gap_tolerance or 0.0) * self.contact.edge
         self._max_augmentations = max_augmentations
@@ -161,27 +138,18 @@ class ImplicitSimulation(Simulation):
         self._unmet = ""  # what an increment with exact gaps fell short of
         modulus = self.solid.contact_modulus
         floor = self.comm.allreduce(float(modulus.max(initial=0.0)), op=MPI.MAX)
-        self._stiffness = self._share_of_stiffness()
         self._newton = Newton(
-            self.system, self._residual, self._set_tangent, "mufe_", tolerance,
-            no_force * floor * self.contact.edge**2 / tolerance, max_iterations, self._products,
+            self.system, self.equations.residual, self.equations.set_tangent, "mufe_", tolerance,
+            no_force * floor * self.contact.edge**2 / tolerance, max_iterations,
+            self.equations.products,
         )  # fmt: skip
         self._held_walls = HeldWalls(self) if self.walls.has_servo else None
-        self._drag = self.stabilisation * self.first_step * self._stiffness
         self._last = None  # displacement of the last increment, its length, motion of its walls
         self.report = []
         self.num_failed = 0  #: increments that had to be shortened
         self.num_on_jumps = 0
 
     # --- what stays the same ---------------------------------------------------------------
-
-    def _share_of_stiffness(self):
-        """E* V^(1/3) m/M of each node [N/m], shape (num_nodes,)."""
-        mesh, solid = self.mesh, self.solid
-        volume = np.add.reduceat(solid.volume0, mesh.cell_offset[:-1])
-        mass = np.bincount(mesh.grain_of_node, solid.mass, mesh.num_grains)
-        stiffness = solid.contact_modulus * np.cbrt(volume)
-        return (stiffness / mass)[mesh.grain_of_node] * solid.mass
 
     def update_time_step(self, early=False):
         """The length of increments follows from their success; there is no limit of stability."""
@@ -200,7 +168,9 @@ class ImplicitSimulation(Simulation):
         With the tangent of the present state, which stays.
         """
         self._begin(self.dt)
-        found = self._newton.solve_linear(np.zeros_like(load), self._held.project(load.copy()))
+        found = self._newton.solve_linear(
+            np.zeros_like(load), self.equations.held.project(load.copy())
+        )
         self._rewind()
         return found
 
@@ -271,13 +241,13 @@ class ImplicitSimulation(Simulation):
         guess = self._guess(dt)
         found = None
         for _ in range(MAX_SEARCHES):
-            self._too_far = 0.0
+            self.equations.too_far = 0.0
             found = self._newton(guess)
             if self._exact:
                 found = self._augment(found)
-            if found is not None or not self._too_far:
+            if found is not None or not self.equations.too_far:
                 break
-            self._search(4.0 * self._too_far)
+            self._search(4.0 * self.equations.too_far)
         if found is None:
             self._reason = self._unmet or (
                 f"{self._newton.num_iterations} iterations, residual "
@@ -286,7 +256,7 @@ class ImplicitSimulation(Simulation):
             self._rewind()
             return False
         if self._exact:
-            self.damped += self._exact.end(self._mark)
+            self.damped += self._exact.end(self.equations.mark)
         self._finish(found, dt)
         self.num_on_jumps += self._newton.num_sides > 1
         history = self._newton.history
@@ -311,7 +281,7 @@ class ImplicitSimulation(Simulation):
                     f"{self._gap_tolerance:.1e} m"
                 )
                 return None
-            self._exact.update(self._mark)
+            self._exact.update(self.equations.mark)
             found = self._newton(found)
             count += 1
         return found
@@ -319,38 +289,37 @@ class ImplicitSimulation(Simulation):
     def _begin(self, dt):
         """Keep the state, and move walls and what is prescribed."""
         s, walls = self.state, self.walls
-        self._start = IncrementStart(self)
-        self._dt = dt
-        self._u0.x.array[:] = s.u.ravel()
-        self._wall_move = walls.move(dt)
+        equations = self.equations
+        equations.begin(IncrementStart(self), dt)
+        equations.wall_move = walls.move(dt)
         if self._exact:
             self._exact.begin()
         # Anchors on walls that turned have gone along.
-        self._mark = ContactMark(self.contact)
+        equations.mark = ContactMark(self.contact)
         walls.add_work()
-        self._reach = self.contact.searched_at + self.contact.skin
+        equations.reach = self.contact.searched_at + self.contact.skin
         if self.bonded.nodes.size:
             x, u, v = s.x.copy(), s.u.copy(), s.v.copy()
             self.bonded.move(x, u, v, self.mesh.x, dt)
             self.prescribed[self.bonded.nodes] = (x - s.x)[self.bonded.nodes]
-        expected = self._wall_move
+        expected = equations.wall_move
         if self._last is not None:
             expected = max(expected, float(np.abs(self._last[0]).max()) * dt / self._last[1])
         expected = self.comm.allreduce(expected, op=MPI.MAX)
-        if self.contact.clock + 3.0 * expected > self._reach:
+        if self.contact.clock + 3.0 * expected > equations.reach:
             self._search(4.0 * expected)
 
     def _search(self, ahead):
         """Pairs anew at the start of the increment, for motions of ``ahead`` [m]."""
-        self._mark.restore()
-        x0 = self._start.state["x"]
+        self.equations.mark.restore()
+        x0 = self.equations.start.state["x"]
         if self._exact:
             self._exact.cancel()
         self.contact.search(x0, ahead=ahead)
         if self._exact:
             self._exact.begin()
-        self._reach = self.contact.searched_at + max(self.contact.skin, ahead)
-        self._mark = ContactMark(self.contact)
+        self.equations.reach = self.contact.searched_at + max(self.contact.skin, ahead)
+        self.equations.mark = ContactMark(self.contact)
         self.system.forget()
 
     def _guess(self, dt):
@@ -362,7 +331,7 @@ class ImplicitSimulation(Simulation):
             guess = self._last[0] * self._as_far(dt)
         else:
             guess = np.zeros_like(s.x)
-        return self._held.project(guess) + self.prescribed
+        return self.equations.held.project(guess) + self.prescribed
 
     def _as_far(self, dt):
         """How far this increment goes over the last one: by what is moved, else by time."""
@@ -382,97 +351,9 @@ class ImplicitSimulation(Simulation):
         walls = np.concatenate([self.walls._push, self.contact.edge * self.walls._turn])
         return walls.ravel(), self.prescribed.copy()
 
-    def _residual(self, du):
-        """Minus the sum of all forces after the displacement ``du``, and the internal ones' size.
-
-        For :class:`~.integrators.newton.Newton`.
-        """
-        s, start, contact, dt = self.state, self._start.state, self.contact, self._dt
-        f, method = self._f, self.method
-        move = float(np.abs(du).max(initial=0.0)) if np.isfinite(du).all() else math.inf
-        move = self.comm.allreduce(max(math.sqrt(3.0) * move, self._wall_move), op=MPI.MAX)
-        if not move < LARGEST_MOVE * contact.edge:
-            return None, 0.0
-        self._mark.restore()
-        contact.clock = self._mark.clock + 2.0 * move
-        if contact.clock > self._reach:
-            self._too_far = max(self._too_far, move)
-            return None, 0.0
-        self._place(du)
-        contact.place(s.x)
-        inverted = self.solid.add_internal_forces(f, s, dt)
-        if self._products:
-            self._products.take(du, f)
-        if self.comm.allreduce(int(inverted >= 0)):
-            contact.receive()
-            return None, 0.0
-        size = float(np.vdot(f, f))
-        contact.receive()
-        contact.evaluate(f)
-        self.bonded.take_forces(f, s.v, s.x)
-        self.mirrors.take_forces(f, s.x)
-        if method:
-            a1 = method.acceleration(du, start["v"], start["a"], dt)
-            v1 = method.velocity(a1, start["v"], start["a"], dt)
-            ma, mf = method.inertia_of_start, method.force_of_start
-            mass = self.solid.mass[:, None]
-            r = mass * ((1 - ma) * a1 + ma * start["a"])
-            size += float(np.vdot(r, r))
-            r -= (1 - mf) * (f - self.damping * mass * v1)
-            r -= mf * (self._start.force - self.damping * mass * start["v"])
-        else:
-            drag = (self._drag / dt)[:, None] * du
-            r = drag - f
-        return self._held.project(r), math.sqrt(self.comm.allreduce(size))
-
-    def _place(self, du):
-        """The state at the start of the increment, nodes moved by ``du``, no forces. Local."""
-        s, start = self.state, self._start.state
-        s.x[:] = start["x"] + du
-        s.u[:] = s.x - self.mesh.x
-        s.v[:] = du / self._dt
-        for name in ("deviator", "plastic_strain", "plastic_work"):
-            getattr(s, name)[:] = start[name]
-        self._f[:] = 0.0
-
-    def _forces_of_grains(self, du):
-        """Their own forces after the displacement ``du``; None where one turns inside out."""
-        self._place(du)
-        inverted = self.solid.add_internal_forces(self._f, self.state, self._dt)
-        return None if self.comm.allreduce(int(inverted >= 0)) else self._f
-
-    def _set_tangent(self, regularisation=0.0):
-        """The derivative of :meth:`_residual` at its last argument, into the linear system.
-
-        ``regularisation`` times the share of each node in its grain's stiffness is added.
-        """
-        s, start, method, dt = self.state, self._start.state, self.method, self._dt
-        rows, columns, contact = self._contact_tangent(self._mark)
-        nodes = self._contact_tangent.global_nodes()
-        factor = 1.0
-        if method:
-            factor = 1.0 - method.force_of_start
-            slope = method.inertia_slope(dt)
-            slope += factor * self.damping * method.velocity_slope(dt)
-            diagonal = slope * self.solid.mass
-        else:
-            diagonal = self._drag / dt
-        diagonal = diagonal + regularisation * self._stiffness
-        contact *= factor
-        tangent = self._tangent
-        if tangent is None:
-            self._held.project_contact(rows, columns, contact)
-            self.system.put(diagonal, nodes[rows], nodes[columns], contact)
-            return
-        tangent.take(s, start["deviator"], start["plastic_strain"], dt)
-        blocks = factor * tangent.assemble(s.x)
-        blocks[tangent.diagonal] += diagonal[:, None, None] * np.eye(3)
-        self._held.project_tangent(tangent, blocks, rows, columns, contact)
-        self.system.set(blocks, nodes[rows], nodes[columns], contact)
-
     def _finish(self, du, dt):
         """Take the state that was found."""
-        s, start, method = self.state, self._start.state, self.method
+        s, start, method = self.state, self.equations.start.state, self.method
         if method:
             s.a[:] = method.acceleration(du, start["v"], start["a"], dt)
             s.v[:] = method.velocity(s.a, start["v"], start["a"], dt)
@@ -481,7 +362,7 @@ class ImplicitSimulation(Simulation):
             self.damped += self.damping * dt * float((mass * middle**2).sum())
         else:
             s.a[:], s.v[:] = 0.0, 0.0
-            self.damped += float(((self._drag / dt)[:, None] * du**2).sum())
+            self.damped += float(((self.equations.drag / dt)[:, None] * du**2).sum())
         self._last = (du, dt, self._motion())
         self.contact.previous[:] = self.contact.positions.own
         s.t += dt
@@ -490,8 +371,8 @@ class ImplicitSimulation(Simulation):
 
     def _rewind(self):
         """Back to the start of the increment."""
-        self._mark.restore()
+        self.equations.mark.restore()
         if self._exact:
             self._exact.cancel()
         self.walls.turn_back()
-        self._start.restore(self)
+        self.equations.start.restore(self)

@@ -121,17 +121,17 @@ def test_tangent_of_contact_is_the_derivative_of_its_forces(points):
     rng = np.random.default_rng(COMM.rank)
     size = COMM.allreduce(abs(guess).max(), op=MPI.MAX)
     base = guess + 1e-3 * size * rng.standard_normal(guess.shape)
-    sim._residual(base)
+    sim.equations.residual(base)
     slipping = sim.contact.pairs.sliding.sum() + sim.walls.pairs.sliding.sum()
     assert COMM.allreduce(int(slipping)) > 5
     assert COMM.allreduce(int(sim.contact.pairs.closed.sum())) > 5
-    sim._set_tangent()
+    sim.equations.set_tangent()
     q = rng.standard_normal(guess.shape)
     product, vector = sim.system.vector(), sim.system.vector()
     vector.array[:] = q.ravel()
     sim.system.matrix.mult(vector, product)
     step = 1e-7 * size
-    up, down = (sim._residual(base + sign * step * q)[0].copy() for sign in (1, -1))
+    up, down = (sim.equations.residual(base + sign * step * q)[0].copy() for sign in (1, -1))
     slope = (up - down) / (2 * step)
     error = abs(product.array.reshape(-1, 3) - slope).max()
     assert COMM.allreduce(error, op=MPI.MAX) < 1e-6 * COMM.allreduce(abs(slope).max(), op=MPI.MAX)

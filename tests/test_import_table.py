@@ -29,6 +29,7 @@ PART_OF = {
     "speed_control": "simulation",
     "implicit": "simulation",
     "increment_start": "simulation",
+    "increment_equations": "simulation",
     "held_nodes": "simulation",
     "near_tangent": "tangent",
     "near_system": "linear_system",

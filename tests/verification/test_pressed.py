@@ -58,10 +58,10 @@ def test_response_is_the_slope_of_the_force():
     moved = s.response(load)
     np.testing.assert_array_equal(s.state.x, x)
     s._begin(s.dt)
-    s._residual(moved)
+    s.equations.residual(moved)
     # Forces grow by what balances the load, to the second order of its size.
-    change = s._held.project(s._f - force)
-    assert abs(change + s._held.project(load)).max() < 1e-2 * abs(load).max()
+    change = s.equations.held.project(s._f - force)
+    assert abs(change + s.equations.held.project(load)).max() < 1e-2 * abs(load).max()
 
 
 def test_size_and_pressure_of_a_sampled_half_ellipsoid():
