@@ -83,10 +83,12 @@ def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock, d
     size = max(extent + reach, np.cbrt(np.prod(span + extent) / max(num_points, 1)))
     shape = tuple((span / size).astype(np.int64) + 1)
     offset, nodes = sort_into_cells(x, num_points, low, size, shape)
+    grains = surface.grain_of_facet
+    alone = grains.size and (grains == grains[0]).all() and (grain_of_point == grains[0]).all()
     first, candidate = find_candidates(
         x,
         grain_of_point,
-        facets,
+        facets[:0] if alone else facets,
         surface.grain_of_facet,
         surface.use,
         reach,
