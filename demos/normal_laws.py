@@ -19,8 +19,8 @@ at three points a facet. For each law and each kind of points this measures
 - how even the stress is in two blocks whose faces do not match, and their modulus between platens:
   three flat contacts in a row, blocks half as high as wide, without Poisson's effect.
 
-Newton's method brings balls with layers to rest. The kinematic law knows forces only from step to
-step: its balls start from an estimate and come to rest in damped steps, as blocks do under any law.
+Static increments bring balls with layers to rest. The kinematic law knows forces only from step to
+step: its balls are pressed by slow, damped steps, as blocks are under any law.
 
 Found at 2.5 elements per contact radius: without compliance the force is 5.5 % too large, whatever
 carries it, and at facets the pressure scatters by 39 %; c = 0.25 leaves 0.8 and 11 % at less than a
