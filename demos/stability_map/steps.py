@@ -100,30 +100,45 @@ def draw_penalty(d, new):
 
 
 def measure_friction():
-    return {"rows": friction.flutter(COMM)[0], "messages": friction.messages(COMM)}
+    cube, flat = friction.flutter(COMM)[0], friction.flutter(COMM, height=friction.FLAT)[0]
+    return {
+        "rows": cube,
+        "flat": flat,
+        "static": friction.static_rows(COMM, flat, friction.FLAT),
+        "messages": friction.messages(COMM),
+    }
 
 
 def draw_friction(d, new):
     figure, (left, right) = new(2)
-    mu, measured, theory, highest, drag, residual = columns(
-        d["rows"], "friction", "measured", "theory", "highest", "drag", "residual"
-    )
-    slides = np.abs(drag - mu) <= 1e-3 * np.maximum(mu, 1e-300)
-    slides |= mu == 0  # elsewhere a part of the face has not let go
-    left.plot(mu[slides], 100 * (theory / highest)[slides], color=BLACK, label="eigenvalues")
-    left.plot(mu[slides], 100 * np.maximum(measured / highest, 0)[slides], "o", color=RED,
-              markersize=4, label="measured")  # fmt: skip
+    looks = (("rows", "o", RED, "-", "cube"), ("flat", "s", BLUE, "--", "half as high"))
+    for key, mark, colour, line, name in looks:
+        mu, measured, theory, highest, drag = columns(
+            d[key], "friction", "measured", "theory", "highest", "drag"
+        )
+        slides = np.abs(drag - mu) <= 1e-3 * mu  # elsewhere a part of the face has not let go
+        left.plot(mu[slides], 100 * (theory / highest)[slides], color=BLACK, linestyle=line,
+                  label=f"eigenvalues, {name}")  # fmt: skip
+        left.plot(mu[slides], 100 * np.maximum(measured / highest, 0)[slides], mark, color=colour,
+                  markersize=4, fillstyle="none", label=f"measured, {name}")  # fmt: skip
     left.set(xlabel="coefficient of friction", ylabel="rate of growth / highest frequency [%]")
     left.legend()
     safe(right, 0, 2, "energy accounted for")
-    right.semilogy(mu, np.maximum(np.abs(residual), 1e-12), "o-", color=BLUE, markersize=4,
-                   label="residual / work")  # fmt: skip
-    right.semilogy(mu, np.maximum(np.abs(drag - mu), 1e-12), "s-", color=ORANGE, markersize=3,
-                   label="|drag/normal force − μ|")  # fmt: skip
+    for key, mark, _, line, _ in looks:
+        first = key == "rows"
+        mu, drag, residual = columns(d[key], "friction", "drag", "residual")
+        right.semilogy(mu, np.maximum(np.abs(residual), 1e-12), f"{mark}{line}", color=BLUE,
+                       markersize=3.5, label="residual / work" if first else None)  # fmt: skip
+        right.semilogy(mu, np.maximum(np.abs(drag - mu), 1e-12), f"{mark}{line}", color=ORANGE,
+                       markersize=3.5,
+                       label="|drag/normal force − μ|" if first else None)  # fmt: skip
+    mu, away = columns(d["static"], "friction", "away")
+    right.semilogy(mu, np.maximum(away, 1e-12), "^:", color=GREEN, markersize=3.5,
+                   label="forces, static increments / time steps − 1")  # fmt: skip
     right.axhline(0.1, color=GREY, linestyle=":")
     right.text(0.02, 0.12, "stops here", fontsize=6, color=GREY)
-    right.set(xlabel="coefficient of friction", ylim=(1e-13, 1))
-    right.legend(loc="upper left", bbox_to_anchor=(0.0, 0.85), fontsize=6)
+    right.set(xlabel="coefficient of friction", ylim=(1e-13, 1e5))
+    right.legend(loc="upper left", fontsize=6)
     return figure
 
 

@@ -107,6 +107,15 @@ def test_a_sliding_block_flutters_at_the_rate_of_its_eigenvalues():
     assert row.measured == pytest.approx(row.theory, rel=0.01)
 
 
+def test_static_increments_slide_at_a_friction_of_2():
+    """Drag = μ N once all of the face slides, which a cube would not; no increment is cut."""
+    s = friction.sliding_statically(COMM, 2.0)
+    forces = s.walls.force[0]
+    # Nodes that slip aslant still turn: 5e-7.
+    assert forces[0] == pytest.approx(2.0 * forces[2], rel=1e-5) and forces[2] < 0
+    assert len(s.report) == 21
+
+
 def test_a_packing_at_rest_stays_at_rest():
     """Energies and forces wander by rounding: less than ε a step, and some ε E h per wall."""
     found = resting.rest(COMM, 1000, 10)
