@@ -2,7 +2,7 @@
 
     wall = set-up + steps of seating · t₀ + steps of loading · t₁ + rows and states
 
-A step is measured, and costs as many tetrahedra as it has, and ``PAIR_COST`` for each pair in
+A step is measured, and costs as many tetrahedra as it has, and ``PAIR_COSTS`` for each pair in
 contact. How many pairs come into contact, how far the platen travels until the sample is seated and
 how much contact shortens the stable time step follows from what is near each other at the start.
 """
@@ -12,9 +12,9 @@ import time
 from dataclasses import dataclass
 from statistics import median
 
+import numpy as np
 from mpi4py import MPI
 
-from ..balance import PAIR_COST
 from ..contact.separation import separate
 from ..loading import LARGEST_SEATING
 from ..memory import peak_memory
@@ -28,13 +28,20 @@ from .errors import PACKING
 #: to 0.79 of that at 0.05 and to 0.78 at 0.1 in two others. (Since a step counts fewer of the pairs
 #: that may close, 60 grains to a strain of 0.05 took 1.15 times the steps so predicted.)
 LOADED, LATE, SHORTER = 0.3, 0.03, 0.78
+#: What a pair in contact costs in a step, in tetrahedra: between grains, and with a wall, whose
+#: rows are shorter. In three tests of sand of 63 to 228 grains 470 to 700 ns and 70 to 130 ns, a
+#: tetrahedron 26 ns.
+PAIR_COSTS = np.array([20.0, 4.0])
+#: Tetrahedra that flow cost 1.14 times as much as elastic ones (`mufe bench box`), and 1.13 in a
+#: test of 228 grains between its start and a strain of 0.01; they take two thirds of a step.
+#: Searches, which are longer than a block of steps, 3 % more.
+FLOWS, SEARCHES = 1.09, 1.03
 #: Part of the points that geometry closes (`contacts`) which are in contact in the mean while
 #: loading, and that of these while seating: 0.3 to 0.8 and 0.4 to 0.9 in three tests of sand.
 CLOSED, WHILE_SEATING = 0.5, 0.5
-#: Speed of waves through a sample that is not loaded yet over that of its rock: the platen goes on
-#: until the bottom feels it. Part of the height that it travels while grains rearrange: 0 to 0.015
-#: measured, which nothing tells beforehand. The same where no chain of grains is found.
-FIRST_WAVE, SEATING, NO_CHAIN = 0.06, 0.003, 0.012
+#: Mean pressure of a contact that flows over the yield stress (K. L. Johnson, Contact Mechanics,
+#: 1985, section 6.3). Part of the height that the platen travels where no chain of grains is found.
+PLATEAU, NO_CHAIN = 2.8, 0.02
 #: Memory of a tetrahedron with its share of nodes, contact and output [bytes]; what a run holds
 #: beyond what its first steps do.
 TET_MEMORY, MORE_MEMORY = 860.0, 1.02
@@ -58,9 +65,9 @@ class Benchmark:
     height: float  #: of the sample [m]
     setup_s: float
     step_s: float  #: time of a step, its share of estimates of the stable step included [s]
-    due: float  #: pairs in contact, or about to be, meanwhile
-    closing: float  #: points of contact that geometry closes at half of the strain
-    travel: float  #: of the platen until a chain of grains is closed, over the height
+    due: tuple  #: pairs of grains, and with walls, in contact or about to be meanwhile
+    closing: tuple  #: points of both that geometry closes at half of the strain
+    travel: float  #: of the platen until the bottom feels it, over the height
     row_s: float  #: of a row of the history [s]
     time_step: float  #: stable step now, with its factor [s]
     loaded_step: float  #: the same with all pairs closed that are near [s]
@@ -106,7 +113,8 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
     s = make_simulation(scene, mesh, low, high)
     setup = comm.allreduce(clock() - start, op=MPI.MAX)
     closing, height = Closing(s, low, high), float(high[2] - low[2])  # before the platen moves
-    travel = closing.travel() / height
+    travel = closing.travel(scene.oedometer.seating_speed, flow_pressure(scene.material)) / height
+    travel = travel if math.isfinite(travel) else NO_CHAIN
     top = s.walls.names.index("z_max")
     s.walls.velocity[top, 2] = -scene.oedometer.seating_speed
     blocks = []
@@ -114,7 +122,7 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
         comm.Barrier()
         begin = clock()
         # No further than seating goes: a fast machine would crush the sample in that time.
-        if high[2] - s.walls.point[top, 2] > (min(travel, NO_CHAIN) + SEATING) * height:
+        if high[2] - s.walls.point[top, 2] > min(travel, NO_CHAIN) * height:
             s.walls.velocity[top, 2] = 0.0
         for _ in range(BLOCK):
             s.step(everywhere=False)
@@ -124,7 +132,7 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
     factor = s.time_step_factor
     margin = LOADED * s.contact.edge
     loaded = factor * s.stable_step_within(margin)
-    due, memory = comm.allreduce(_due(s)), float(peak_memory(comm))
+    due, memory = tuple(comm.allreduce(_due(s))), float(peak_memory(comm))
     dt, of_tets = s.dt, factor * s.stable.of_tets()
     return Benchmark(
         num_ranks=comm.size,
@@ -134,9 +142,9 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
         height=height,
         setup_s=setup,
         step_s=median(blocks[1:]) / BLOCK + estimate / s.refresh,
-        due=float(due),
-        closing=closing.num_points(0.5 * scene.oedometer.strain),
-        travel=travel if math.isfinite(travel) else NO_CHAIN,
+        due=due,
+        closing=tuple(closing.num_points(0.5 * scene.oedometer.strain)),
+        travel=travel,
         row_s=row,
         time_step=dt,
         loaded_step=min(loaded, dt),
@@ -157,9 +165,9 @@ def _timed(comm, function, clock):
 
 
 def _due(simulation):
-    """Pairs that the next step looks at. Local."""
+    """Pairs of grains and with walls that the next step looks at, shape (2,). Local."""
     contact = simulation.contact
-    return sum(int((p.due <= contact.clock).sum()) for p in (contact.pairs, contact.walls.pairs))
+    return np.array([(p.due <= contact.clock).sum() for p in (contact.pairs, contact.walls.pairs)])
 
 
 def predict(scene, measured, finer=1.0, shorter=1.0):
@@ -174,9 +182,7 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
     o, out, b = scene.oedometer, scene.output, measured
     first, loaded = (shorter * dt for dt in (b.time_step, b.loaded_step))
     # A ramp of speed that rises smoothly from rest covers half of the way in its time.
-    wave = o.seating_speed / (FIRST_WAVE * scene.material.wave_speed)
-    travelled = b.travel + wave + SEATING
-    seating = (travelled + 0.5 * o.ramp) * b.height / o.seating_speed
+    seating = (b.travel + 0.5 * o.ramp) * b.height / o.seating_speed
     seating = min(seating, LARGEST_SEATING * b.height / o.seating_speed)
     speed = mean_speed(scene, b.height)
     loading = o.strain * b.height / speed
@@ -185,15 +191,16 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
     num_cells, num_nodes = finer * b.num_cells, finer * b.num_nodes
     step_s = finer * b.step_s
     state = STATE_BYTES[0] * num_nodes + STATE_BYTES[1] * num_cells + STATE_BYTES[2] * b.num_grains
-    closed = CLOSED * b.closing
-    unit = step_s / (b.num_cells + PAIR_COST * b.due)
+    closed = CLOSED * float(PAIR_COSTS @ b.closing)
+    unit = SEARCHES * step_s / (b.num_cells + float(PAIR_COSTS @ b.due))
+    flows = FLOWS if hasattr(scene.material, "yield_stress") else 1.0
     stepping = sum(
-        n * unit * (b.num_cells + PAIR_COST * closed * part)
-        for n, part in zip(steps, (WHILE_SEATING, 1.0), strict=True)
+        n * unit * (factor * b.num_cells + part * closed)
+        for n, factor, part in zip(steps, (1.0, flows), (WHILE_SEATING, 1.0), strict=True)
     )
     checkpoints = 1 + (stepping / out.checkpoint if out.checkpoint else 0)
     written = state * (out.fields + CHECKPOINT * checkpoints)
-    rows = out.history * (1 + travelled / o.strain)
+    rows = out.history * (1 + b.travel / o.strain)
     output = rows * finer * b.row_s + written / WRITING + STATE_S * (out.fields + checkpoints)
     setup = finer * b.setup_s
     memory = MORE_MEMORY * b.memory + TET_MEMORY * (num_cells - b.num_cells)
@@ -211,6 +218,12 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
         ),
         limit="contact" if b.loaded_step < 0.9 * b.tets_step else "elements",
     )  # fmt: skip
+
+
+def flow_pressure(material):
+    """Pressure at which contacts of a material flow [Pa]; inf where it does not yield."""
+    stress = getattr(material, "yield_stress", None)
+    return math.inf if stress is None else PLATEAU * stress[0][1]
 
 
 def mean_speed(scene, height):

@@ -60,8 +60,8 @@ def unknown(scene, errors, best):
     known = [
         f"the size of contacts: a radius of {contact_radius(scene.material):.2g} diameters is "
         "assumed, and grows with the load",
-        "how far the platen travels until the sample is seated: what closes a chain of grains, and "
-        "0.3 % of the height for grains that rearrange, of which nothing tells beforehand",
+        "how far the platen travels until the sample is seated: until a chain of grains that "
+        "neither turn nor slip makes the bottom feel it",
         "how fast waves travel through the loaded sample, which depends on its density: "
         f"{packing_wave_speed(scene):.0f} m/s are assumed; top against bottom force in the report "
         "tell how slow the loading was",
