@@ -163,7 +163,7 @@ def main():
     warm = folder / "warm-grains"
     shutil.rmtree(warm, ignore_errors=True)
     save_grains(warm, Grains.from_list(np.arange(1, 3), bodies, h))
-    run("warm", warm, folder, 0.3, 0.002, min(given.ranks, 2))
+    run("warm", warm, folder, 0.3, 0.01, min(given.ranks, 2))
     for name, grains, accuracy, strain in tests:
         rows, _ = run(name, grains, folder, accuracy, strain, given.ranks)
         for label, unit, predicted, actual in rows:

@@ -50,11 +50,12 @@ def plan(
 
 
 def _plan_case(case, accuracy, printer):
-    from .planning.case import plan_case
+    from .planning.case import measured, plan_case
 
     point = plan_case(case, accuracy)
+    known = "measured" if measured(point) else point.status
     printer.summary({
         "case": case, "accuracy": accuracy, "error": point.error, "choice": point.series,
-        "time of a processor [s]": point.seconds, "command": point.command,
+        "time of a processor [s]": point.seconds, "known": known, "command": point.command,
     })  # fmt: skip
     printer.write_json(asdict(point) | {"accuracy": accuracy})
