@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from mufe_fenicsx import evidence
 from mufe_fenicsx.arguments import number_or_text
+from mufe_fenicsx.balance import PAIR_COSTS
 from mufe_fenicsx.cli import main
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.evidence import Point, cheapest, command_of, cost_at, pareto
@@ -25,7 +26,6 @@ from mufe_fenicsx.planning.cost import (
     CLOSED,
     FLOWS,
     LATE,
-    PAIR_COSTS,
     SEARCHES,
     TET_MEMORY,
     WHILE_SEATING,

@@ -15,6 +15,7 @@ from statistics import median
 import numpy as np
 from mpi4py import MPI
 
+from ..balance import PAIR_COSTS
 from ..contact.separation import separate
 from ..loading import LARGEST_SEATING
 from ..memory import peak_memory
@@ -28,10 +29,6 @@ from .errors import PACKING
 #: to 0.79 of that at 0.05 and to 0.78 at 0.1 in two others. (Since a step counts fewer of the pairs
 #: that may close, 60 grains to a strain of 0.05 took 1.15 times the steps so predicted.)
 LOADED, LATE, SHORTER = 0.3, 0.03, 0.78
-#: What a pair in contact costs in a step, in tetrahedra: between grains, and with a wall, whose
-#: rows are shorter. In three tests of sand of 63 to 228 grains 470 to 700 ns and 70 to 130 ns, a
-#: tetrahedron 26 ns.
-PAIR_COSTS = np.array([20.0, 4.0])
 #: Tetrahedra that flow cost 1.14 times as much as elastic ones (`mufe bench box`), and 1.13 in a
 #: test of 228 grains between its start and a strain of 0.01; they take two thirds of a step.
 #: Searches, which are longer than a block of steps, 3 % more.
