@@ -64,7 +64,7 @@ class Benchmark:
     step_s: float  #: time of a step, its share of estimates of the stable step included [s]
     due: tuple  #: pairs of grains, and with walls, in contact or about to be meanwhile
     closing: tuple  #: points of both that geometry closes at half of the strain
-    travel: float  #: of the platen until the bottom feels it, over the height
+    travel: float  #: of the platen while seating, over the height
     row_s: float  #: of a row of the history [s]
     time_step: float  #: stable step now, with its factor [s]
     loaded_step: float  #: the same with all pairs closed that are near [s]
@@ -112,6 +112,9 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
     closing, height = Closing(s, low, high), float(high[2] - low[2])  # before the platen moves
     travel = closing.travel(scene.oedometer.seating_speed, flow_pressure(scene.material)) / height
     travel = travel if math.isfinite(travel) else NO_CHAIN
+    # From then on the sample carries what waves of its stiffness carry, M = ρ c².
+    density = comm.allreduce(float(s.solid.mass.sum())) / float(np.prod(high - low))
+    travel += scene.oedometer.seating_stress / (density * packing_wave_speed(scene) ** 2)
     top = s.walls.names.index("z_max")
     s.walls.velocity[top, 2] = -scene.oedometer.seating_speed
     blocks = []
