@@ -23,6 +23,7 @@ LOOKS = {
     "mass 5 %": (style.SKY, "o", "-"),
     "loading x 2": (style.ORANGE, "<", "-"),
     "loading x 4": (style.ORANGE, ">", "--"),
+    "mass 1 %, loading x 2": (style.ORANGE, "h", "-."),
     "mass 5 %, loading x 2": (style.ORANGE, "p", ":"),
     "static": (style.GREY, "P", "-"),
     "implicit": (style.GREY, "X", "--"),

@@ -20,6 +20,7 @@ LINES = {
     "mass 5 %": {"added_mass": 0.05},
     "loading x 2": {"loading": 2.0},
     "loading x 4": {"loading": 4.0},
+    "mass 1 %, loading x 2": {"added_mass": 0.01, "loading": 2.0},
     "mass 5 %, loading x 2": {"added_mass": 0.05, "loading": 2.0},
     "static": {"integrator": "static"},
     "implicit": {"integrator": "implicit"},
@@ -38,26 +39,27 @@ SIZE = {
 #: main lines; others.
 CHARTS = {
     "hertz": (
-        (0.75, 1.0, 1.5, 2.5, 4.0), (1.5, 2.5), (6.0,),
+        (0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0), (1.5, 2.5), (6.0,),
         (OURS, SEED, "plain P1", "mass 1 %", "mass 5 %"),
         ("composite", "stiff penalty", "kinematic law", "contact at nodes", "element's time step",
          "loading x 2", "loading x 4", "mass 5 %, loading x 2", "static", "implicit"),
     ),
     "mindlin": (
-        (1.5, 2.5), (1.5,), (3.5, 5.0),
-        (OURS, SEED, "plain P1", "mass 1 %", "mass 5 %", "loading x 2", "mass 5 %, loading x 2"),
+        (1.5, 2.5, 3.5), (1.5,), (5.0,),
+        (OURS, SEED, "plain P1", "mass 1 %", "mass 5 %", "loading x 2", "mass 1 %, loading x 2",
+         "mass 5 %, loading x 2"),
         ("stiff penalty", "contact at nodes", "element's time step", "loading x 4", "static"),
     ),
     "impact": (
-        (1.5, 2.5, 4.0), (1.5, 2.5), (6.0,),
+        (1.5, 2.0, 2.5, 3.0, 4.0), (1.5, 2.5), (6.0,),
         (OURS, SEED, "plain P1", "mass 1 %", "mass 5 %"),
         ("stiff penalty", "kinematic law", "contact at nodes", "element's time step", "rigid"),
     ),
     "plastic-sphere": (
-        (0.75, 1.0, 1.5, 2.5, 4.0), (1.5, 2.5), (6.0,),
-        (OURS, SEED, "plain P1", "composite", "mass 5 %"),
-        ("stiff penalty", "contact at nodes", "element's time step", "mass 1 %", "loading x 2",
-         "loading x 4", "static"),
+        (0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0), (1.5, 2.5), (6.0,),
+        (OURS, SEED, "plain P1", "composite", "mass 1 %", "mass 5 %"),
+        ("stiff penalty", "contact at nodes", "element's time step", "loading x 2", "loading x 4",
+         "static"),
     ),
     "oedometer": (
         (0.8, 0.5, 0.35, 0.25), (0.5,), (0.2,),

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 from ..scene import Solver
-from .cost import packing_wave_speed
+from .cost import LATE, SHORTER, packing_wave_speed
 from .errors import BEYOND, contact_radius, time_for
 
 
@@ -71,6 +71,11 @@ def unknown(scene, errors, best):
         known.append(
             "errors of so fine a mesh: beyond the finest one measured they are taken to fall with "
             "the length of edges"
+        )
+    if scene.oedometer.strain > LATE:
+        known.append(
+            f"how much new contacts shorten the time step beyond a strain of {LATE:g}: to "
+            f"{SHORTER:g} of it is assumed"
         )
     if scene.quasi_static is not None:
         known.append("the speed that [quasi_static] will lead to: that of a linear sample is taken")
