@@ -30,6 +30,7 @@ from mufe_fenicsx.planning.cost import (
     TET_MEMORY,
     WHILE_SEATING,
     Benchmark,
+    mean_speed,
     predict,
 )
 from mufe_fenicsx.planning.errors import GRAINS, falling, of_loading, sample_errors, time_for
@@ -197,13 +198,13 @@ def hertz_table(table):
 
 
 def test_cost_by_hand():
-    """A way of 0.1 mm at 1 m/s and 0.5 ns a step, and that of seating; twice as fine a mesh."""
+    """A way at 1 m/s and 0.5 ns a step, and that of seating at 1 m/s; twice as fine a mesh."""
     closing = 1500.0, 500.0
     due = tuple(CLOSED * np.array(closing))  # as many as the loading has
     b = Benchmark(
         1, 10, 10000, 3000, 1e-3, 2.0, 1e-3, due, closing, 0.02, 0.0, 1e-9, 0.5e-9, 1e-9, 4e8
     )
-    s = Scene(J2_ROCK, Contact(0.23), Oedometer(LATE, 1.0, ramp=0.005))
+    s = Scene(J2_ROCK, Contact(0.23), Oedometer(LATE, 1.0, ramp=0.005, seating_speed=1.0))
     way = (0.02 + 0.0025) * 1e-3
     seating = way / s.oedometer.seating_speed / (1.1 * 0.5e-9)
     loading = LATE * 1e-3 / 0.5e-9
@@ -220,6 +221,19 @@ def test_cost_by_hand():
     assert finer.num_steps == pytest.approx(2 * cost.num_steps, rel=1e-4)
     assert finer.wall_s == pytest.approx(16 * (cost.wall_s - 2.0) + 16, rel=0.03)
     assert finer.memory_bytes - cost.memory_bytes == pytest.approx(70_000 * TET_MEMORY)
+
+
+def test_a_stated_speed_is_reached_from_that_of_the_seating():
+    """Without a ramp it is itself; over a ramp as long as the test the time is that of a march."""
+    whole = Scene(J2_ROCK, Contact(0.23), Oedometer(0.01, 1.0, ramp=0.0, seating_speed=5.0))
+    assert mean_speed(whole, 1e-3) == 1.0
+    ramp = replace(whole, oedometer=replace(whole.oedometer, ramp=0.01))
+    strain, time, dt = 0.0, 0.0, 1e-9
+    while strain < 0.01:
+        s = strain / 0.01
+        strain += (5.0 - 4.0 * s**3 * (10 - 15 * s + 6 * s**2)) * dt / 1e-3
+        time += dt
+    assert mean_speed(ramp, 1e-3) == pytest.approx(1e-5 / time, rel=1e-3)
 
 
 def test_a_chain_of_cubes_closes_by_the_sum_of_its_gaps():

@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 from ..balance import PAIR_COSTS
 from ..contact.separation import separate
-from ..loading import LARGEST_SEATING
+from ..loading import LARGEST_SEATING, smooth_step
 from ..memory import peak_memory
 from ..preparation import bounding_box, load_mesh, make_simulation
 from ..speed_control import AIM
@@ -229,10 +229,11 @@ def flow_pressure(material):
 def mean_speed(scene, height):
     """Speed of the platen while loading [m/s], the strain over the time.
 
-    One that adapts ([quasi_static]) follows kinetic over internal energy of a linear sample, k =
-    (v/(c ε))²/3, c the speed of waves through it, at its target and within its limits
-    (speed_control). It begins with that of the seating, and changes by no more than v in the time
-    T = H/c of a wave, nor by more than makes half of the force difference that is allowed:
+    A stated one is reached smoothly from that of the seating, over the ramp. One that adapts
+    ([quasi_static]) follows kinetic over internal energy of a linear sample, k = (v/(c ε))²/3, c
+    the speed of waves through it, at its target and within its limits (speed_control). It begins
+    with that of the seating, and changes by no more than v in the time T = H/c of a wave, nor by
+    more than makes half of the force difference that is allowed:
     d H ε/T².
 
     Args:
@@ -241,7 +242,10 @@ def mean_speed(scene, height):
     """
     o, wanted = scene.oedometer, scene.quasi_static
     if wanted is None:
-        return o.speed
+        parts = (np.arange(200) + 0.5) / 200
+        slowness = [1 / (o.seating_speed + (o.speed - o.seating_speed) * smooth_step(s))
+                    for s in parts]  # fmt: skip
+        return o.strain / (o.ramp * float(np.mean(slowness)) + (o.strain - o.ramp) / o.speed)
     c = packing_wave_speed(scene)
     step = height / c / 50  # of time
     k, d = min(wanted.kinetic, wanted.unbalanced / 1.5), wanted.unbalanced
