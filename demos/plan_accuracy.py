@@ -170,7 +170,8 @@ def main():
         plans = {}
         for row in rows:
             plans.setdefault(row[:2], []).append(row[index])
-        costs = [max(values) for values in plans.values()]
+        # Static increments and rigid grains have no element-steps.
+        costs = [max(values) for values in plans.values() if not any(map(math.isnan, values))]
         dear = sum(cost > OVER for cost in costs)
         say(f"front {name}: {dear} of {len(costs)} plans cost more than {OVER:g} times as much, at "
             f"most {max(costs):.2f} times, in the mean {sum(costs) / len(costs):.2f}")  # fmt: skip
