@@ -23,18 +23,18 @@ Static increments bring balls with layers to rest. The kinematic law knows force
 step: its balls are pressed by slow, damped steps, as blocks are under any law.
 
 Found at 2.5 elements per contact radius: without compliance the force is 5.5 % too large, whatever
-carries it, and at facets the pressure scatters by 39 %; c = 0.25 leaves 0.8 and 11 % at less than a
+carries it, and at facets the pressure scatters by 39 %; c = 0.25 leaves 0.7 and 11 % at less than a
 third of the cost of c = 0.02. Its price is paid at flat contacts: each softens by 2 c h over the
 length of the bodies. Contact at nodes costs 1.1 to 1.3 times (balls) or 2 to 2.4 times (blocks,
 whose corners are light) as much as at facets, and the stress between blocks is eight times as
-uneven. Three points a facet cost 1.3 to 1.5 times as much, leave the force as it is and two thirds
-of the blocks' unevenness. (Costs are of two runs; other programs were busy in the later one.)
+uneven. Three points a facet cost 1.2 to 1.5 times as much, leave the force as it is and two thirds
+of the blocks' unevenness. (Costs are of three runs; other programs were busy in the later ones.)
 The kinematic law is cheap, and as stiff as a penalty for balls; at facets it is neither even nor
 stiff between blocks: a point spreads its correction over three nodes, so an overlap remains
 wherever force over mass varies from node to node.
 
-    python demos/normal_laws.py FOLDER              a minute and a half
-    python demos/normal_laws.py FOLDER --quick      two minutes: coarser balls
+    python demos/normal_laws.py FOLDER              two minutes
+    python demos/normal_laws.py FOLDER --quick      40 seconds: coarser balls
 """
 
 import argparse

