@@ -35,6 +35,7 @@ def snapshot(simulation):
         rank has added up, or the largest it has seen: dict of arrays, the latter with names
         that begin with ``largest``. And numbers that all ranks have in common, fit for JSON.
     """
+    simulation.finish_kick()
     s, rigid, contact, walls = (
         simulation.state, simulation.rigid, simulation.contact, simulation.walls,
     )  # fmt: skip

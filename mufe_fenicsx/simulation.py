@@ -19,7 +19,12 @@ from .errors import SolverError, UnstableError
 from .fidelity import LoadWatch
 from .integrators.explicit import central_difference
 from .kernels.energy import kinetic_energy
-from .kernels.motion import accelerate_and_half_kick, half_kick_and_drift, predict
+from .kernels.motion import (
+    accelerate_and_half_kick,
+    half_kick_and_drift,
+    kick_and_drift,
+    predict,
+)
 from .kernels.rigid import clear
 from .mass_scaling import FALLEN, MassScaling
 from .rigid import RigidGrains, check_rigid
@@ -135,6 +140,8 @@ class Simulation:
         self.damped = 0.0  #: energy taken by the damping on this rank [J]
         self.initial_kinetic = 0.0
         self._inverted = -1
+        # The second half of the last step's kick waits for the next step, or is to wait.
+        self._kick_waits = self._may_wait = False
         self.stable = StableStep(self, assembled, time_step_factor)
         self._margin = 0.0
         self._clock_at_refresh, self._refreshed_at = 0.0, 0
@@ -167,9 +174,9 @@ class Simulation:
         """Advance by one stable time step. Collective.
 
         Args:
-            everywhere: Bring all nodes of rigid grains up to date, by :meth:`complete`. Without,
-                a step costs less and leaves the state of those that contact does not read
-                as it was, and all their velocities.
+            everywhere: Bring all nodes up to date, by :meth:`complete`. Without, a step costs
+                less; it leaves velocities and accelerations at its middle, and of rigid grains
+                the nodes that contact does not read where they were.
         """
         if self._watch.num_waiting:
             self._release_loaded()
@@ -179,12 +186,14 @@ class Simulation:
         if moved or waited >= self.refresh:
             self.check()
             self.update_time_step(early=2 * waited < self.refresh)
+        self._may_wait = not everywhere and not self.bonded.nodes.size
         central_difference(self.state, self.dt, self._drift, self._forces, self._kick)
         if everywhere:
             self.complete()
 
     def complete(self):
-        """Positions and velocities of all nodes of rigid grains, after steps without. Local."""
+        """Bring all nodes up to date, after steps that did not. Local."""
+        self.finish_kick()
         if self.rigid.num_grains:
             self.rigid.complete(self.state.x, self.state.u, self.state.v)
 
@@ -222,8 +231,14 @@ class Simulation:
         self.solid.set_deforming(grains[~np.isin(grains, rigid.grains)])
 
     def _drift(self, dt):
-        s = self.state
-        half_kick_and_drift(s.x, s.u, s.v, s.a, self.mesh.x, self.rigid.runs, dt, self.damping)
+        s, runs = self.state, self.rigid.runs
+        if self._kick_waits:
+            self._kick_waits = False
+            self.damped += kick_and_drift(
+                s.x, s.u, s.v, self._f, self.solid.mass, self.mesh.x, runs, s.dt, dt, self.damping
+            )
+        else:
+            half_kick_and_drift(s.x, s.u, s.v, s.a, self._f, self.mesh.x, runs, dt, self.damping)
         self.rigid.drift(s.x, s.u, dt, self.damping)
 
     def _forces(self, dt):
@@ -234,10 +249,9 @@ class Simulation:
         positions = s.x
         if not self.contact.kinematic:
             self.contact.begin(positions, wall_move)
-        if self.contact.moving is None:
-            self._f[:] = 0.0
-        else:
-            clear(self._f, self.rigid.runs, self.rigid.followed.nodes)
+        if self.rigid.num_grains:
+            every = self.contact.moving is None
+            clear(self._f, self.rigid.nodes if every else self.rigid.followed.nodes)
         bad = self.solid.add_internal_forces(self._f, s, dt)
         if bad >= 0:
             self._inverted = bad
@@ -258,11 +272,20 @@ class Simulation:
             self.walls.adjust(self.wall_forces())
 
     def _kick(self, dt):
+        self._kick_waits = True
+        self.damped += self.rigid.kick(dt, self.damping)
+        if not self._may_wait:
+            self.finish_kick()
+
+    def finish_kick(self):
+        """Velocities and accelerations of the deformable grains at the end of the step. Local."""
+        if not self._kick_waits:
+            return
+        self._kick_waits = False
         s = self.state
         self.damped += accelerate_and_half_kick(
-            s.a, s.v, self._f, self.solid.mass, self.rigid.runs, dt, self.damping
+            s.a, s.v, self._f, self.solid.mass, self.rigid.runs, s.dt, self.damping
         )
-        self.damped += self.rigid.kick(dt, self.damping)
         self.bonded.give_velocity(s.v)
 
     def take_over(self):
@@ -374,6 +397,7 @@ class Simulation:
         return self.comm.allreduce(normal) if self.comm.size > 1 else normal
 
     def _kinetic(self):
+        self.finish_kick()
         s = self.state
         deformable = kinetic_energy(s.v, s.a, s.dt, self._free_mass, self.rigid.runs)
         return deformable + self.rigid.kinetic_energy(s.dt)

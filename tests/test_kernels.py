@@ -187,6 +187,25 @@ def test_rigid_rotation_leaves_no_stress_and_turns_the_one_there_is(element):
     np.testing.assert_allclose(state.deviator, expected, atol=0.1)  # of E = 2e11: rounding
 
 
+@pytest.mark.parametrize("angle", [0.5e-4, 0.99e-4, 1.01e-4])
+def test_small_spins_turn_the_stress_to_the_third_order(angle):
+    """Below 1e-4 in a step by a series; its next term is 4/3 angle³ of the stress at most."""
+    mesh = one_body(*sphere(1.0, 0.7))
+    solid = Solid(mesh, [Elastic(1.0, 0.3, 7800.0)])
+    R = Rotation.from_rotvec(angle * np.array([2.0, -1.0, 2.0]) / 3).as_matrix()
+    before = np.array([[3.0, 1.0, -2.0], [1.0, -4.0, 0.5], [-2.0, 0.5, 1.0]])
+    state = initial_state(mesh.x, mesh.num_cells)
+    state.deviator[:] = before[ROWS, COLUMNS]
+    move(state, mesh.x @ R.T, 1.0)
+    internal_forces(solid, state, 1.0)
+    error = np.abs(state.deviator - (R @ before @ R.T)[ROWS, COLUMNS]).max()
+    # Rounding of positions over the edges, some eps, turns the rest.
+    assert error < (4 / 3 * angle**3 + 2e-15) * np.linalg.norm(before)
+    # No stress grows by turning: 2 angle⁴ in a step.
+    length = von_mises(state.deviator) / von_mises(before[ROWS, COLUMNS][None])
+    assert np.abs(length - 1).max() < 2 * angle**4 + 2e-15
+
+
 def test_strain_increments_turn_with_the_body():
     """Stretched while it turns, the body carries the turned stress of the stretch alone.
 

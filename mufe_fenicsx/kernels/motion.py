@@ -10,8 +10,8 @@ import numba
 
 
 @numba.njit(cache=True)
-def half_kick_and_drift(x, u, v, a, x0, runs, dt, damping):
-    """First half of a step: v += dt/2 (a - damping v), u += dt v, x = x0 + u, in place.
+def half_kick_and_drift(x, u, v, a, f, x0, runs, dt, damping):
+    """First half of a step: v += dt/2 (a - damping v), u += dt v, x = x0 + u, in place; f = 0.
 
     All arrays have the shape (num_nodes, 3); ``damping`` in 1/s.
     """
@@ -22,6 +22,7 @@ def half_kick_and_drift(x, u, v, a, x0, runs, dt, damping):
                 v[n, i] += half * (a[n, i] - damping * v[n, i])
                 u[n, i] += dt * v[n, i]
                 x[n, i] = x0[n, i] + u[n, i]
+                f[n, i] = 0.0
 
 
 @numba.njit(cache=True)
@@ -46,6 +47,35 @@ def accelerate_and_half_kick(a, v, f, mass, runs, dt, damping):
                 for i in range(3):
                     lost += mass[n] * v[n, i] * v[n, i]
     return dt * damping * lost
+
+
+@numba.njit(cache=True)
+def kick_and_drift(x, u, v, f, mass, x0, runs, last, dt, damping):
+    """The end of a step of ``last`` and the begin of the next one of ``dt`` in one pass.
+
+    The same numbers as of :func:`accelerate_and_half_kick` and :func:`half_kick_and_drift`, with
+    less memory to read and write.
+
+    Returns:
+        Energy that the damping took in the last step [J].
+    """
+    half_last, half = 0.5 * last, 0.5 * dt
+    scale = 1.0 / (1.0 + half_last * damping)
+    lost = 0.0
+    for r in range(runs.shape[0]):
+        for n in range(runs[r, 0], runs[r, 1]):
+            inverse = 1.0 / mass[n]
+            for i in range(3):
+                a = f[n, i] * inverse
+                w = (v[n, i] + half_last * a) * scale
+                if damping > 0.0:
+                    lost += mass[n] * w * w
+                w += half * (a - damping * w)
+                v[n, i] = w
+                u[n, i] += dt * w
+                x[n, i] = x0[n, i] + u[n, i]
+                f[n, i] = 0.0
+    return last * damping * lost
 
 
 @numba.njit(cache=True)

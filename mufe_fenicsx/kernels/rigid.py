@@ -124,10 +124,8 @@ def place_nodes(x, u, x0, nodes, offset, place, center, axes):
 
 
 @numba.njit(cache=True)
-def clear(f, runs, nodes):
-    """Set the rows of ``f`` in ``runs`` (as in kernels.motion) and at ``nodes`` to zero."""
-    for r in range(runs.shape[0]):
-        f[runs[r, 0] : runs[r, 1]] = 0.0
+def clear(f, nodes):
+    """Set the rows of ``f`` at ``nodes`` to zero."""
     for n in nodes:
         f[n, 0] = f[n, 1] = f[n, 2] = 0.0
 

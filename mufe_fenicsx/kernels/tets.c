@@ -29,7 +29,11 @@ typedef double vec_at __attribute__((vector_size(8 * LANES), aligned(8), may_ali
 #define INLINE static inline __attribute__((always_inline))
 enum { PLAIN, AVERAGED, COMPOSITE };
 #define FAMILY 8 /* linear tetrahedra of a composite one */
-#define AHEAD 16 /* elements whose stress is fetched early */
+/* Elements ahead whose stress, nodes' numbers and volumes are fetched early. */
+#define AHEAD 16
+#define FAR_AHEAD 64
+/* Square of q up to which the rotation is a series: spins of 1e-4 in a step. */
+#define SMALL 2.5e-9
 
 /* Increment of the plastic strain of one element, see kernels/hardening.py. */
 typedef double (*law_type)(double q, double mean, double alpha, double dt, double shear,
@@ -115,7 +119,8 @@ INLINE vec logarithm(vec J) {
   return r;
 }
 
-/* One node: x y z and pressure; half the displacement of this step and nothing. */
+/* One node: x y z and pressure; half the displacement of this step and nothing. The positions are
+   those of the end of the step in sums of volumes, of its middle in the batches. */
 typedef struct { v4 x, d; } node_type;
 
 typedef struct {
@@ -149,6 +154,10 @@ INLINE vec plastic_increment(vec q, vec alpha, const grain_type *g) {
 #define NODE(n) (g->node + (uint32_t)(n))
 #define FORCE(n) g->force[(uint32_t)(n)]
 
+INLINE void fetch_cells(const int32_t *cells) {
+  for (int i = 0; i < 2; i++) __builtin_prefetch(cells + 4 * FAR_AHEAD + 16 * i);
+}
+
 /* Elements e to e + count - 1 of the grain; the lanes beyond repeat the last one.
    Returns the first that has no volume, or -1. */
 INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element) {
@@ -162,82 +171,112 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element) {
   }
 #pragma GCC unroll 6
   for (int i = 0; i < 6; i++) __builtin_prefetch(stress + 6 * AHEAD + LANES * i, 1);
+  fetch_cells(cells);
+  __builtin_prefetch(g->volume0 + e + FAR_AHEAD);
 
-  vec e1[4], e2[4], e3[4], d1[4], d2[4], d3[4], o1[4], o2[4];
+  vec m1[4], m2[4], m3[4], d1[4], d2[4], d3[4];
 #pragma GCC unroll 4
   for (int j = 0; j < 4; j++) {
     const int i = FIRST(j), k = i + SECOND;
     const int32_t *c = cells + 4 * (i < count ? i : count - 1);
     const int32_t *cc = cells + 4 * (k < count ? k : count - 1);
-    vec x = join(NODE(c[0])->x, NODE(cc[0])->x), d = join(NODE(c[0])->d, NODE(cc[0])->d);
+    vec x = join(NODE(c[0])->x, NODE(cc[0])->x);
     vec x1 = join(NODE(c[1])->x, NODE(cc[1])->x), x2 = join(NODE(c[2])->x, NODE(cc[2])->x);
     vec x3 = join(NODE(c[3])->x, NODE(cc[3])->x);
-    e1[j] = x1 - x;
-    e2[j] = x2 - x;
-    e3[j] = x3 - x;
-    if (element == AVERAGED) e3[j] = LAST_FROM(e3[j], x + x1 + x2 + x3);
+    m1[j] = x1 - x;
+    m2[j] = x2 - x;
+    m3[j] = x3 - x;
+    if (element == AVERAGED) m3[j] = LAST_FROM(m3[j], x + x1 + x2 + x3);
+  }
+  to_lanes(m1);
+  to_lanes(m2);
+  to_lanes(m3);
+#pragma GCC unroll 4
+  for (int j = 0; j < 4; j++) {
+    const int i = FIRST(j), k = i + SECOND;
+    const int32_t *c = cells + 4 * (i < count ? i : count - 1);
+    const int32_t *cc = cells + 4 * (k < count ? k : count - 1);
+    vec d = join(NODE(c[0])->d, NODE(cc[0])->d);
     d1[j] = join(NODE(c[1])->d, NODE(cc[1])->d) - d;
     d2[j] = join(NODE(c[2])->d, NODE(cc[2])->d) - d;
     d3[j] = join(NODE(c[3])->d, NODE(cc[3])->d) - d;
-    o1[j] = join(*(const v4_at *)(from + 6 * i), *(const v4_at *)(from + 6 * k));
-    o2[j] = join(*(const v4_at *)(from + 6 * i + 2), *(const v4_at *)(from + 6 * k + 2));
   }
-  to_lanes(e1);
-  to_lanes(e2);
-  to_lanes(e3);
   to_lanes(d1);
   to_lanes(d2);
   to_lanes(d3);
-  to_lanes(o1);
-  to_lanes(o2);
-  vec e1x = e1[0], e1y = e1[1], e1z = e1[2], d1x = d1[0], d1y = d1[1], d1z = d1[2];
-  vec e2x = e2[0], e2y = e2[1], e2z = e2[2], d2x = d2[0], d2y = d2[1], d2z = d2[2];
-  vec e3x = e3[0], e3y = e3[1], e3z = e3[2], d3x = d3[0], d3y = d3[1], d3z = d3[2];
-  vec oxx = o1[0], oyy = o1[1], ozz = o1[2], oxy = o1[3], oyz = o2[2], oxz = o2[3];
+  vec m1x = m1[0], m1y = m1[1], m1z = m1[2], d1x = d1[0], d1y = d1[1], d1z = d1[2];
+  vec m2x = m2[0], m2y = m2[1], m2z = m2[2], d2x = d2[0], d2y = d2[1], d2z = d2[2];
+  vec m3x = m3[0], m3y = m3[1], m3z = m3[2], d3x = d3[0], d3y = d3[1], d3z = d3[2];
 
   /* Gradient of the displacement at the middle of the step, times six volumes. */
-  vec m1x = e1x - d1x, m1y = e1y - d1y, m1z = e1z - d1z;
-  vec m2x = e2x - d2x, m2y = e2y - d2y, m2z = e2z - d2z;
-  vec m3x = e3x - d3x, m3y = e3y - d3y, m3z = e3z - d3z;
   vec g1x = m2y * m3z - m2z * m3y, g1y = m2z * m3x - m2x * m3z, g1z = m2x * m3y - m2y * m3x;
+  vec inv = 1.0 / (m1x * g1x + m1y * g1y + m1z * g1z);
   vec g2x = m3y * m1z - m3z * m1y, g2y = m3z * m1x - m3x * m1z, g2z = m3x * m1y - m3y * m1x;
   vec g3x = m1y * m2z - m1z * m2y, g3y = m1z * m2x - m1x * m2z, g3z = m1x * m2y - m1y * m2x;
-  vec inv = 1.0 / (m1x * g1x + m1y * g1y + m1z * g1z);
   vec lxx = d1x * g1x + d2x * g2x + d3x * g3x, lxy = d1x * g1y + d2x * g2y + d3x * g3y;
-  vec lxz = d1x * g1z + d2x * g2z + d3x * g3z, lyx = d1y * g1x + d2y * g2x + d3y * g3x;
+  vec lxz = d1x * g1z + d2x * g2z + d3x * g3z;
+  vec e1x = m1x + d1x, e2x = m2x + d2x, e3x = m3x + d3x;
+  vec lyx = d1y * g1x + d2y * g2x + d3y * g3x;
   vec lyy = d1y * g1y + d2y * g2y + d3y * g3y, lyz = d1y * g1z + d2y * g2z + d3y * g3z;
+  vec e1y = m1y + d1y, e2y = m2y + d2y, e3y = m3y + d3y;
   vec lzx = d1z * g1x + d2z * g2x + d3z * g3x, lzy = d1z * g1y + d2z * g2y + d3z * g3y;
   vec lzz = d1z * g1z + d2z * g2z + d3z * g3z;
+  vec e1z = m1z + d1z, e2z = m2z + d2z, e3z = m3z + d3z;
 
   /* Half of the stress increment; it turns along with the stress, and the other half not. */
   vec third = (1.0 / 3.0) * (lxx + lyy + lzz), Gi = (2.0 * g->shear) * inv, Gh = g->shear * inv;
   vec hxx = Gi * (lxx - third), hyy = Gi * (lyy - third), hzz = Gi * (lzz - third);
   vec hxy = Gh * (lxy + lyx), hyz = Gh * (lyz + lzy), hxz = Gh * (lxz + lzx);
 
-  /* Rotation R = I + t (Q + Q Q), q half the axial vector of the spin. */
+  /* Q with axial vector q, half that of the spin. */
   vec quarter = 0.5 * inv;
   vec qx = quarter * (lzy - lyz), qy = quarter * (lxz - lzx), qz = quarter * (lyx - lxy);
-  vec xx = qx * qx, yy = qy * qy, zz = qz * qz;
-  vec sq = xx + yy + zz, t = 2.0 - 2.0 * sq * (1.0 - sq * (1.0 - sq * (1.0 - sq)));
-  if (any(sq > 5e-4)) t = 2.0 / (1.0 + sq);
-  vec rxx = 1.0 - t * (yy + zz), ryy = 1.0 - t * (xx + zz), rzz = 1.0 - t * (xx + yy);
-  vec tx = t * qx, ty = t * qy, tz = t * qz;
-  vec xy = tx * qy, xz = tx * qz, yz = ty * qz;
-  vec rxy = xy - tz, ryx = xy + tz, rxz = xz + ty, rzx = xz - ty, ryz = yz - tx, rzy = yz + tx;
-
+  vec o1[4], o2[4];
+#pragma GCC unroll 4
+  for (int j = 0; j < 4; j++) {
+    const int i = FIRST(j), k = i + SECOND;
+    o1[j] = join(*(const v4_at *)(from + 6 * i), *(const v4_at *)(from + 6 * k));
+    o2[j] = join(*(const v4_at *)(from + 6 * i + 2), *(const v4_at *)(from + 6 * k + 2));
+  }
+  to_lanes(o1);
+  to_lanes(o2);
+  vec oxx = o1[0], oyy = o1[1], ozz = o1[2], oxy = o1[3], oyz = o2[2], oxz = o2[3];
   vec sxx = oxx + hxx, syy = oyy + hyy, szz = ozz + hzz;
   vec sxy = oxy + hxy, syz = oyz + hyz, sxz = oxz + hxz;
-  vec ax = rxx * sxx + rxy * sxy + rxz * sxz, ay = rxx * sxy + rxy * syy + rxz * syz;
-  vec az = rxx * sxz + rxy * syz + rxz * szz, bx = ryx * sxx + ryy * sxy + ryz * sxz;
-  vec by = ryx * sxy + ryy * syy + ryz * syz, bz = ryx * sxz + ryy * syz + ryz * szz;
-  vec cx = rzx * sxx + rzy * sxy + rzz * sxz, cy = rzx * sxy + rzy * syy + rzz * syz;
-  vec cz = rzx * sxz + rzy * syz + rzz * szz;
-  sxx = hxx + ax * rxx + ay * rxy + az * rxz;
-  syy = hyy + bx * ryx + by * ryy + bz * ryz;
-  szz = hzz + cx * rzx + cy * rzy + cz * rzz;
-  sxy = hxy + ax * ryx + ay * ryy + az * ryz;
-  syz = hyz + bx * rzx + by * rzy + bz * rzz;
-  sxz = hxz + ax * rzx + ay * rzy + az * rzz;
+  vec sq = qx * qx + qy * qy + qz * qz;
+  if (__builtin_expect(!any(sq > SMALL), 1)) {
+    /* s + [2 Q, s + [Q, s]], off by 4/3 of the spin's third power, and its length by twice the
+       fourth, which is rounding. */
+    vec ka = qy * sxz, kb = qz * sxy, kc = qx * syz;
+    vec axx = sxx + 2.0 * (ka - kb), ayy = syy + 2.0 * (kb - kc), azz = szz + 2.0 * (kc - ka);
+    vec axy = sxy + qz * (sxx - syy) + qy * syz - qx * sxz;
+    vec ayz = syz + qx * (syy - szz) + qz * sxz - qy * sxy;
+    vec axz = sxz + qy * (szz - sxx) + qx * sxy - qz * syz;
+    vec wx = 2.0 * qx, wy = 2.0 * qy, wz = 2.0 * qz;
+    ka = wy * axz, kb = wz * axy, kc = wx * ayz;
+    sxx += hxx + 2.0 * (ka - kb), syy += hyy + 2.0 * (kb - kc), szz += hzz + 2.0 * (kc - ka);
+    sxy += hxy + wz * (axx - ayy) + wy * ayz - wx * axz;
+    syz += hyz + wx * (ayy - azz) + wz * axz - wy * axy;
+    sxz += hxz + wy * (azz - axx) + wx * axy - wz * ayz;
+  } else {
+    /* R s R^T with R = I + t (Q + Q Q). */
+    vec xx = qx * qx, yy = qy * qy, zz = qz * qz, t = 2.0 / (1.0 + sq);
+    vec rxx = 1.0 - t * (yy + zz), ryy = 1.0 - t * (xx + zz), rzz = 1.0 - t * (xx + yy);
+    vec tx = t * qx, ty = t * qy, tz = t * qz;
+    vec xy = tx * qy, xz = tx * qz, yz = ty * qz;
+    vec rxy = xy - tz, ryx = xy + tz, rxz = xz + ty, rzx = xz - ty, ryz = yz - tx, rzy = yz + tx;
+    vec ax = rxx * sxx + rxy * sxy + rxz * sxz, ay = rxx * sxy + rxy * syy + rxz * syz;
+    vec az = rxx * sxz + rxy * syz + rxz * szz, bx = ryx * sxx + ryy * sxy + ryz * sxz;
+    vec by = ryx * sxy + ryy * syy + ryz * syz, bz = ryx * sxz + ryy * syz + ryz * szz;
+    vec cx = rzx * sxx + rzy * sxy + rzz * sxz, cy = rzx * sxy + rzy * syy + rzz * syz;
+    vec cz = rzx * sxz + rzy * syz + rzz * szz;
+    sxx = hxx + ax * rxx + ay * rxy + az * rxz;
+    syy = hyy + bx * ryx + by * ryy + bz * ryz;
+    szz = hzz + cx * rzx + cy * rzy + cz * rzz;
+    sxy = hxy + ax * ryx + ay * ryy + az * ryz;
+    syz = hyz + bx * rzx + by * rzy + bz * rzz;
+    sxz = hxz + ax * rzx + ay * rzy + az * rzz;
+  }
 
   /* Volume and gradients at the end of the step. */
   vec h1x = e2y * e3z - e2z * e3y, h1y = e2z * e3x - e2x * e3z, h1z = e2x * e3y - e2y * e3x;
@@ -256,7 +295,7 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element) {
     for (int i = 0; i < LANES; i++) volume0[i] = g->volume0[e + (i < count ? i : count - 1)];
   vec mean;
   if (element == AVERAGED) {
-    mean = 0.25 * e3[3];
+    mean = 0.25 * m3[3];
   } else if (element == PLAIN) {
     mean = g->bulk * logarithm(volume / volume0);
     for (int i = 0; i < count; i++) g->pressure[e + i] = mean[i];
@@ -392,6 +431,7 @@ INLINE void nodal_volumes(const grain_type *g, int64_t num_cells, double *volume
   double *of_node = volume - first;
   for (int64_t e = 0; e < num_cells; e += LANES) {
     const int count = num_cells - e < LANES ? (int)(num_cells - e) : LANES;
+    fetch_cells(g->cells + 4 * e);
     vec quarter = count == LANES ? six_volumes(g, e, LANES) : six_volumes(g, e, count);
     quarter *= 1.0 / 24.0;
 #pragma GCC unroll 8
@@ -403,7 +443,12 @@ INLINE void nodal_volumes(const grain_type *g, int64_t num_cells, double *volume
   }
 }
 
-/* Pressures of the nodes of a grain, into their packed data too. */
+/* Packed positions at the end of the step become those of its middle. */
+INLINE void to_middle(node_type *node, int64_t num_nodes) {
+  for (int64_t n = 0; n < num_nodes; n++) node[n].x -= node[n].d;
+}
+
+/* Pressures of the nodes of a grain, into their packed data, whose positions go to the middle. */
 INLINE void nodal_pressure(const grain_type *g, node_type *node, const double *volume,
                            const double *volume0, double *pressure, int64_t num_nodes) {
   int64_t n = 0;
@@ -411,10 +456,15 @@ INLINE void nodal_pressure(const grain_type *g, node_type *node, const double *v
     vec p = g->bulk * logarithm(*(const vec_at *)(volume + n) / *(const vec_at *)(volume0 + n));
     *(vec_at *)(pressure + n) = p;
 #pragma GCC unroll 8
-    for (int i = 0; i < LANES; i++) node[n + i].x[3] = p[i];
+    for (int i = 0; i < LANES; i++) {
+      node[n + i].x -= node[n + i].d;
+      node[n + i].x[3] = p[i];
+    }
   }
-  for (; n < num_nodes; n++)
+  for (; n < num_nodes; n++) {
+    node[n].x -= node[n].d;
     pressure[n] = node[n].x[3] = g->bulk * logarithm(all(volume[n] / volume0[n]))[0];
+  }
 }
 
 /* Pressures of the composite elements of a grain. */
@@ -502,9 +552,11 @@ int64_t mufe_add_internal_forces(const model_type *m, double *f, double *deviato
       nodal_pressure(&grain, node, volume, m->node_volume0 + first, m->pressure + first, num_nodes);
       found = elements_of(&grain, count, AVERAGED);
     } else if (element == PLAIN) {
+      to_middle(node, num_nodes);
       found = elements_of(&grain, count, PLAIN);
     } else {
       composite_pressure(&grain, count);
+      to_middle(node, num_nodes);
       found = elements_of(&grain, count, COMPOSITE);
     }
     if (found >= 0) bad = begin + found;
