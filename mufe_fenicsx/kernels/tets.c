@@ -305,7 +305,7 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element) {
 
   vec q2 = 1.5 * (sxx * sxx + syy * syy + szz * szz) + 3.0 * (sxy * sxy + syz * syz + sxz * sxz);
   const double first_yield = g->parameters[0];
-  if (any(q2 > first_yield * first_yield)) {
+  if (isfinite(first_yield) && any(q2 > first_yield * first_yield)) {
     double *strain = g->strain + e, *work = g->work + e;
     vec alpha = all(0.0), q = square_root(q2), dp = all(0.0);
     if (count == LANES)
