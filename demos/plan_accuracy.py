@@ -6,12 +6,14 @@ was measured, but at another Poisson's ratio, size of contact or speed as well. 
 - `--elsewhere` computes the points that plans are made of at such parameters and stores the largest
   error of each;
 - without it plans are made and followed at parameters that took no part in that, and their errors
-  stand beside what was wanted. What they cost stands beside two fronts: the cheapest point of the
-  table that is within the accuracy there, and the cheapest one that is within it where plans are
-  followed as well. A point may be within at one speed because its error changes sign there: the
-  second front leaves it out.
+  stand beside what was wanted. `--again` does so at further ones, for what became of plans at the
+  first ones led to a margin (planning.case). What plans cost stands beside two fronts: the cheapest
+  point of the table that is within the accuracy there, and the cheapest one that is within it where
+  plans are followed as well. A point may be within at one speed because its error changes sign
+  there: the second front leaves it out.
 
     python demos/plan_accuracy.py FOLDER                minutes
+    python demos/plan_accuracy.py FOLDER --again        minutes
     python demos/plan_accuracy.py FOLDER --elsewhere    compute points elsewhere first, an hour
 """
 
@@ -42,13 +44,17 @@ from mufe_fenicsx.planning.case import lines, plan_case
 #: What plans are asked for.
 ACCURACIES = (0.2, 0.1, 0.05, 0.03, 0.02)
 #: Parameters of a case other than those of the table: points are computed at the first ones, and
-#: plans are tried at the second ones.
+#: plans are tried at the second ones, and again at the third ones.
 CHANGES = {
     "hertz": (({"nu": 0.0}, {"nu": 0.3}, {"a_over_R": 0.03}),
-              ({"nu": 0.25, "a_over_R": 0.015}, {"nu": 0.05, "a_over_R": 0.025})),
-    "mindlin": (({"nu": 0.15}, {"a_over_R": 0.02}), ({"nu": 0.2, "a_over_R": 0.0125},)),
-    "impact": (({"speed": 20.0}, {"speed": 2.5}), ({"speed": 5.0}, {"speed": 15.0})),
-    "plastic-sphere": (({"nu": 0.3}, {"a_over_R": 0.085}), ({"nu": 0.3, "a_over_R": 0.08},)),
+              ({"nu": 0.25, "a_over_R": 0.015}, {"nu": 0.05, "a_over_R": 0.025}),
+              ({"nu": 0.1, "a_over_R": 0.0275}, {"nu": 0.2, "a_over_R": 0.0175})),
+    "mindlin": (({"nu": 0.15}, {"a_over_R": 0.02}), ({"nu": 0.2, "a_over_R": 0.0125},),
+                ({"nu": 0.25, "a_over_R": 0.0175},)),
+    "impact": (({"speed": 20.0}, {"speed": 2.5}), ({"speed": 5.0}, {"speed": 15.0}),
+               ({"speed": 3.5}, {"speed": 12.0})),
+    "plastic-sphere": (({"nu": 0.3}, {"a_over_R": 0.085}), ({"nu": 0.3, "a_over_R": 0.08},),
+                       ({"nu": 0.1, "a_over_R": 0.0775},)),
 }  # fmt: skip
 
 
@@ -75,7 +81,7 @@ def at(point, change):
 def compute_elsewhere(say, path=ELSEWHERE):
     """Largest error elsewhere of the lines that reach the front; those that are known stay."""
     known = read_elsewhere(path) if path.exists() else {}
-    for case, (changes, _) in CHANGES.items():
+    for case, (changes, *_) in CHANGES.items():
         own = usable(read_points(), case)
         front = {point.command for point in pareto(own)}
         for line in lines(own):
@@ -102,8 +108,8 @@ def front_where_followed(own, accuracy, changes):
     return None
 
 
-def check(say, cases=tuple(CHANGES)):
-    """Follow plans elsewhere.
+def check(say, cases=tuple(CHANGES), again=False):
+    """Follow plans elsewhere, at the second or third parameters of ``CHANGES``.
 
     Returns:
         Rows (case, accuracy, change, error, kept, time over that of the table's front, time and
@@ -111,7 +117,7 @@ def check(say, cases=tuple(CHANGES)):
     """
     rows = []
     for case in cases:
-        changes, own = CHANGES[case][1], usable(read_points(), case)
+        changes, own = CHANGES[case][2 if again else 1], usable(read_points(), case)
         for accuracy in ACCURACIES:
             try:
                 plan = plan_case(case, accuracy)
@@ -146,6 +152,7 @@ def main():
     )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--elsewhere", action="store_true", help="compute points there first")
+    parser.add_argument("--again", action="store_true", help="follow plans at further parameters")
     parser.add_argument("--cases", nargs="+", default=list(CHANGES), choices=list(CHANGES))
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
@@ -155,7 +162,7 @@ def main():
 
     if given.elsewhere:
         compute_elsewhere(say)
-    rows = check(say, given.cases)
+    rows = check(say, given.cases, given.again)
     with (given.folder / "plan_accuracy.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["case", "accuracy", "change", "error", "kept", "cost_over_front",

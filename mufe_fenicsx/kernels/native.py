@@ -21,7 +21,7 @@ import numpy as np
 from ..errors import InputError
 
 #: What there is to load.
-SOURCES = ("tets", "pairs", "walls")
+SOURCES = ("tets", "tets_stiffness", "pairs", "walls")
 #: Not one that changes results between two runs on one processor.
 OPTIONS = (
     "-O2",

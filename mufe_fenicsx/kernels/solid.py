@@ -11,7 +11,8 @@ vibrating, turning grain with stresses locked in gain energy exponentially.
 
 Deviator: strain increment and spin at the midpoint of the step (T. J. R.
 Hughes, J. Winget, Int. J. Numer. Methods Eng. 15, 1980, 1862-1867), so that a
-rigid rotation of any size strains nothing; then a radial return (M. L. Wilkins,
+rigid rotation of any size strains nothing (spins below 1e-4 turn the stress by the series of the
+rotation to its second order); then a radial return (M. L. Wilkins,
 Methods Comput. Phys. 3, 1964) as far as the plastic law says, by default that of von Mises
 with a hardening table (kernels.hardening); :func:`with_law` makes the same with another one.
 
@@ -34,7 +35,7 @@ checkerboard than averaged tetrahedra, and far less than plain ones.
 
 Grains are the outer loop: the data of one grain stay in the cache from the pass over volumes to
 the pass over stresses. The loop over elements is in C (tets.c), for its loads and stores of whole
-vectors, which numba cannot be made to use.
+vectors, which numba cannot be made to use; products of the tangent likewise (tets_stiffness.c).
 """
 
 import ctypes
@@ -121,7 +122,7 @@ class InternalForces:
         self._volumes.argtypes = [pointer, pointer, pointer, integer]
         self._volumes.restype = None
         self.nodal_volumes(self.node_volume0, x)
-        self._stiffness = library.mufe_add_stiffness
+        self._stiffness = load("tets_stiffness").mufe_add_stiffness
         self._stiffness.argtypes = [*[pointer] * 5, integer, integer]
         self._stiffness.restype = None
         self._call = library.mufe_add_internal_forces
