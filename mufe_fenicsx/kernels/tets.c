@@ -33,6 +33,43 @@ INLINE vec plastic_increment(vec q, vec alpha, const grain_type *g) {
   return dp;
 }
 
+/* Turn stresses by Q, whose axial vector q is half that of the spin: by R s R^T of Cayley's
+   R = I + t (Q + Q Q); small spins by s + [2 Q, s + [Q, s]], off by 4/3 of the spin's third power,
+   and the length of s by twice the fourth, which is rounding. */
+INLINE void turn(vec *xx, vec *yy, vec *zz, vec *xy, vec *yz, vec *xz, vec qx, vec qy, vec qz) {
+  vec sxx = *xx, syy = *yy, szz = *zz, sxy = *xy, syz = *yz, sxz = *xz;
+  vec square = qx * qx + qy * qy + qz * qz;
+  if (__builtin_expect(!any(square > SMALL), 1)) {
+    vec a = qy * sxz, b = qz * sxy, c = qx * syz;
+    vec axx = sxx + 2.0 * (a - b), ayy = syy + 2.0 * (b - c), azz = szz + 2.0 * (c - a);
+    vec axy = sxy + qz * (sxx - syy) + qy * syz - qx * sxz;
+    vec ayz = syz + qx * (syy - szz) + qz * sxz - qy * sxy;
+    vec axz = sxz + qy * (szz - sxx) + qx * sxy - qz * syz;
+    qx += qx, qy += qy, qz += qz;
+    a = qy * axz, b = qz * axy, c = qx * ayz;
+    *xx = sxx + 2.0 * (a - b), *yy = syy + 2.0 * (b - c), *zz = szz + 2.0 * (c - a);
+    *xy = sxy + qz * (axx - ayy) + qy * ayz - qx * axz;
+    *yz = syz + qx * (ayy - azz) + qz * axz - qy * axy;
+    *xz = sxz + qy * (azz - axx) + qx * axy - qz * ayz;
+    return;
+  }
+  vec t = 2.0 / (1.0 + square), tx = t * qx, ty = t * qy, tz = t * qz;
+  vec rxx = 1.0 - ty * qy - tz * qz, ryy = 1.0 - tx * qx - tz * qz, rzz = 1.0 - tx * qx - ty * qy;
+  vec rxy = tx * qy - tz, ryx = tx * qy + tz, rxz = tx * qz + ty, rzx = tx * qz - ty;
+  vec ryz = ty * qz - tx, rzy = ty * qz + tx;
+  vec ax = rxx * sxx + rxy * sxy + rxz * sxz, ay = rxx * sxy + rxy * syy + rxz * syz;
+  vec az = rxx * sxz + rxy * syz + rxz * szz, bx = ryx * sxx + ryy * sxy + ryz * sxz;
+  vec by = ryx * sxy + ryy * syy + ryz * syz, bz = ryx * sxz + ryy * syz + ryz * szz;
+  vec cx = rzx * sxx + rzy * sxy + rzz * sxz, cy = rzx * sxy + rzy * syy + rzz * syz;
+  vec cz = rzx * sxz + rzy * syz + rzz * szz;
+  *xx = ax * rxx + ay * rxy + az * rxz;
+  *yy = bx * ryx + by * ryy + bz * ryz;
+  *zz = cx * rzx + cy * rzy + cz * rzz;
+  *xy = ax * ryx + ay * ryy + az * ryz;
+  *yz = bx * rzx + by * rzy + bz * rzz;
+  *xz = ax * rzx + ay * rzy + az * rzz;
+}
+
 INLINE void fetch_cells(const int32_t *cells) {
   for (int i = 0; i < 2; i++) __builtin_prefetch(cells + 4 * FAR_AHEAD + 16 * i);
 }
@@ -107,7 +144,7 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element) {
   vec hxx = Gi * (lxx - third), hyy = Gi * (lyy - third), hzz = Gi * (lzz - third);
   vec hxy = Gh * (lxy + lyx), hyz = Gh * (lyz + lzy), hxz = Gh * (lxz + lzx);
 
-  /* Q with axial vector q, half that of the spin. */
+  /* Half of the axial vector of the spin. */
   vec quarter = 0.5 * inv;
   vec qx = quarter * (lzy - lyz), qy = quarter * (lxz - lzx), qz = quarter * (lyx - lxy);
   vec o1[4], o2[4];
@@ -122,40 +159,8 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element) {
   vec oxx = o1[0], oyy = o1[1], ozz = o1[2], oxy = o1[3], oyz = o2[2], oxz = o2[3];
   vec sxx = oxx + hxx, syy = oyy + hyy, szz = ozz + hzz;
   vec sxy = oxy + hxy, syz = oyz + hyz, sxz = oxz + hxz;
-  vec sq = qx * qx + qy * qy + qz * qz;
-  if (__builtin_expect(!any(sq > SMALL), 1)) {
-    /* s + [2 Q, s + [Q, s]], off by 4/3 of the spin's third power, and its length by twice the
-       fourth, which is rounding. */
-    vec ka = qy * sxz, kb = qz * sxy, kc = qx * syz;
-    vec axx = sxx + 2.0 * (ka - kb), ayy = syy + 2.0 * (kb - kc), azz = szz + 2.0 * (kc - ka);
-    vec axy = sxy + qz * (sxx - syy) + qy * syz - qx * sxz;
-    vec ayz = syz + qx * (syy - szz) + qz * sxz - qy * sxy;
-    vec axz = sxz + qy * (szz - sxx) + qx * sxy - qz * syz;
-    vec wx = 2.0 * qx, wy = 2.0 * qy, wz = 2.0 * qz;
-    ka = wy * axz, kb = wz * axy, kc = wx * ayz;
-    sxx += hxx + 2.0 * (ka - kb), syy += hyy + 2.0 * (kb - kc), szz += hzz + 2.0 * (kc - ka);
-    sxy += hxy + wz * (axx - ayy) + wy * ayz - wx * axz;
-    syz += hyz + wx * (ayy - azz) + wz * axz - wy * axy;
-    sxz += hxz + wy * (azz - axx) + wx * axy - wz * ayz;
-  } else {
-    /* R s R^T with R = I + t (Q + Q Q). */
-    vec xx = qx * qx, yy = qy * qy, zz = qz * qz, t = 2.0 / (1.0 + sq);
-    vec rxx = 1.0 - t * (yy + zz), ryy = 1.0 - t * (xx + zz), rzz = 1.0 - t * (xx + yy);
-    vec tx = t * qx, ty = t * qy, tz = t * qz;
-    vec xy = tx * qy, xz = tx * qz, yz = ty * qz;
-    vec rxy = xy - tz, ryx = xy + tz, rxz = xz + ty, rzx = xz - ty, ryz = yz - tx, rzy = yz + tx;
-    vec ax = rxx * sxx + rxy * sxy + rxz * sxz, ay = rxx * sxy + rxy * syy + rxz * syz;
-    vec az = rxx * sxz + rxy * syz + rxz * szz, bx = ryx * sxx + ryy * sxy + ryz * sxz;
-    vec by = ryx * sxy + ryy * syy + ryz * syz, bz = ryx * sxz + ryy * syz + ryz * szz;
-    vec cx = rzx * sxx + rzy * sxy + rzz * sxz, cy = rzx * sxy + rzy * syy + rzz * syz;
-    vec cz = rzx * sxz + rzy * syz + rzz * szz;
-    sxx = hxx + ax * rxx + ay * rxy + az * rxz;
-    syy = hyy + bx * ryx + by * ryy + bz * ryz;
-    szz = hzz + cx * rzx + cy * rzy + cz * rzz;
-    sxy = hxy + ax * ryx + ay * ryy + az * ryz;
-    syz = hyz + bx * rzx + by * rzy + bz * rzz;
-    sxz = hxz + ax * rzx + ay * rzy + az * rzz;
-  }
+  turn(&sxx, &syy, &szz, &sxy, &syz, &sxz, qx, qy, qz);
+  sxx += hxx, syy += hyy, szz += hzz, sxy += hxy, syz += hyz, sxz += hxz;
 
   /* Volume and gradients at the end of the step. */
   vec h1x = e2y * e3z - e2z * e3y, h1y = e2z * e3x - e2x * e3z, h1z = e2x * e3y - e2y * e3x;
