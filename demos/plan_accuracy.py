@@ -54,7 +54,7 @@ CHANGES = {
     "impact": (({"speed": 20.0}, {"speed": 2.5}), ({"speed": 5.0}, {"speed": 15.0}),
                ({"speed": 3.5}, {"speed": 12.0})),
     "plastic-sphere": (({"nu": 0.3}, {"a_over_R": 0.085}), ({"nu": 0.3, "a_over_R": 0.08},),
-                       ({"nu": 0.1, "a_over_R": 0.0775},)),
+                       ({"a_over_R": 0.0925},)),
 }  # fmt: skip
 
 

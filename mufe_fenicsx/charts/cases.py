@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..errors import InputError
 from ..evidence import JAMMED, REFERENCE, distance, read_curve
 from ..materials.elastic import Elastic
 from ..materials.rigid import Rigid
@@ -252,7 +253,13 @@ def plastic_sphere_point(
         a_over_R: Contact radius at the end over that of the ball.
         nu: Poisson's ratio, 0.15 or 0.3.
         accuracy: Error that is wanted.
+
+    Raises:
+        InputError: There is no reference with this ratio.
     """
+    stored = load().get(perfect_name(RATIO, nu))
+    if stored is None:
+        raise InputError(f"nu = {nu:g}, expected 0.15 or 0.3: there is no reference of others")
     n = 0.5 * elements_per_radius if element == "composite" else elements_per_radius
     _, course = mean_pressure(
         comm, nu, RATIO, n, a_over_R, element, added_mass=0.0,
@@ -260,7 +267,6 @@ def plastic_sphere_point(
         **_increments(integrator, INCREMENTS["plastic-sphere"], loading),
         **_options(law, time_step, added_mass),
     )  # fmt: skip
-    stored = load()[perfect_name(RATIO, nu)]
     first, last = RADIUS * stored["delta"][[0, -1]]
     on = (course.approach >= first) & (course.approach <= last)
     approach, force = course.approach[on], course.force[on]

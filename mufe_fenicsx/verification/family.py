@@ -1,7 +1,7 @@
 """The benchmark scene: a sand as that of Nadimi & Fonseca (2018), and smaller parts of it.
 
 400 × 400 × 200 voxels of 5 µm, d50 = 300 µm by mass, packed without friction, then imaged and
-segmented like a scan; some 550 grains, those cut by the image's border included. Meshed to about
+segmented like a scan; 356 grains, those cut by the image's border included. Meshed to about
 1.9 million tetrahedra, as the paper's 630 grains of 3080 each. Smaller members are cut out of the
 labels and meshed to the same size of elements.
 """
