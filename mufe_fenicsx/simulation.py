@@ -175,8 +175,8 @@ class Simulation:
 
         Args:
             everywhere: Bring all nodes up to date, by :meth:`complete`. Without, a step costs
-                less; it leaves velocities and accelerations at its middle, and of rigid grains
-                the nodes that contact does not read where they were.
+                less; it leaves velocities at its middle, accelerations as they were, and of rigid
+                grains the nodes that contact does not read where they were.
         """
         if self._watch.num_waiting:
             self._release_loaded()
