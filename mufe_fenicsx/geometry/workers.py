@@ -3,7 +3,9 @@
 import contextlib
 import multiprocessing
 import os
+import sys
 import time
+import types
 from multiprocessing.connection import wait
 
 
@@ -27,7 +29,7 @@ def run_jobs(function, jobs, processes=0, progress=None, *, limit=None, again=No
         again: Called with a job that failed; returns the job to run in its place.
 
     Raises:
-        RuntimeError: workers die and none has ever finished a job.
+        RuntimeError: workers die before they have loaded what they need.
         Exception: one that ``function`` raised.
     """
     processes = processes or len(os.sched_getaffinity(0))
@@ -56,11 +58,11 @@ def run_jobs(function, jobs, processes=0, progress=None, *, limit=None, again=No
                 elif limit is not None and worker.seconds > limit:
                     error = WorkerError(f"stopped after {limit:g} s")
                 if error is not None:
-                    deaths += 1
-                    if deaths > processes and not results and limit is None:
+                    deaths += not worker.loaded
+                    if deaths > processes and not any(other.loaded for other in workers):
                         raise RuntimeError(
-                            "every worker process died; a script that starts workers has to do so "
-                            'below if __name__ == "__main__":'
+                            f"{deaths} worker processes died while they were started, expected "
+                            f"that they can import {function.__module__}"
                         )
                     if worker.first:
                         second.append((number, again(worker.job) if again else worker.job))
@@ -83,7 +85,8 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, other = context.Pipe()
         self.process = context.Process(target=_serve, args=(function, other), daemon=True)
-        self.process.start()
+        with _no_main_module():
+            self.process.start()
         other.close()
         self.number = self.job = None
         #: When the job began; while the process still loads its libraries: None.
@@ -119,6 +122,17 @@ class _Worker:
         self.process.kill()
         self.process.join()
         self.connection.close()
+
+
+@contextlib.contextmanager
+def _no_main_module():
+    """Workers do not run the user's script again, which may be without a guard for that."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = types.ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 def _soonest(busy, limit):

@@ -1,6 +1,8 @@
 """Jobs in worker processes that die, hang or raise."""
 
 import os
+import subprocess
+import sys
 import time
 
 import pytest
@@ -49,3 +51,30 @@ def test_a_job_that_hung_is_run_again_otherwise(monkeypatch):
 def test_what_a_job_raises_is_raised():
     with pytest.raises(ValueError, match="nine"):
         run_jobs(half_or_worse, [1, 9], 1)
+
+
+def test_a_script_needs_no_guard_around_work_in_workers(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import math\n"
+        "from mufe_fenicsx.geometry.workers import run_jobs\n"
+        "print(run_jobs(math.sqrt, [4.0, 9.0], 2))\n",
+        encoding="utf-8",
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    assert done.stdout == "[2.0, 3.0]\n"
+
+
+def test_workers_that_cannot_even_start_are_no_reason_to_try_every_job(tmp_path, monkeypatch):
+    module = tmp_path / "absent_in_workers.py"
+    module.write_text(
+        "import multiprocessing\n"
+        "assert multiprocessing.current_process().name == 'MainProcess'\n"
+        "def job(number): return number\n",
+        encoding="utf-8",
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    from absent_in_workers import job
+
+    with pytest.raises(RuntimeError, match=r"3 worker processes died .* import absent_in_workers"):
+        run_jobs(job, range(100), 2, limit=LIMIT)
