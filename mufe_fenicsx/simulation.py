@@ -344,7 +344,7 @@ class Simulation:
         self._margin = max(moved, ahead, 1e-3 * self.contact.edge)
         if self.scaling is not None and not self.scaling.reached:
             # What is within an edge now, the walls above all, is held some time.
-            self._scale_masses(max(self._margin, self.contact.edge))
+            self.scale_masses(max(self._margin, self.contact.edge))
         limit = self.stable(self._margin, self.dt_element)
         if self.scaling is not None and not early and limit < FALLEN * self.scaling.reached:
             if self._add_mass():
@@ -361,12 +361,15 @@ class Simulation:
     def _add_mass(self):
         """Adjust the added mass to the present geometry; whether there is more. Collective."""
         before = self._kinetic()
-        changed = self._scale_masses(self._margin)
+        changed = self.scale_masses(self._margin)
         self.damped += before - self._kinetic()
         return changed
 
-    def _scale_masses(self, margin):
-        """Masses for elements and contacts nearer than ``margin`` [m]; whether there is more."""
+    def scale_masses(self, margin):
+        """Add mass for elements and contacts nearer than ``margin`` [m]; whether any was added.
+
+        Of a simulation with mass scaling. Collective.
+        """
         bounds = list_springs(self.contact, margin).bounds()
         springs = self.contact.own.nodes, bounds
         changed = self.scaling.adjust(self.state.x, springs)
