@@ -1,9 +1,9 @@
 """The benchmark scene: a sand as that of Nadimi & Fonseca (2018), and smaller parts of it.
 
 400 × 400 × 200 voxels of 5 µm, d50 = 300 µm by mass, packed without friction, then imaged and
-segmented like a scan; 356 grains, those cut by the image's border included. Meshed to about
-1.9 million tetrahedra, as the paper's 630 grains of 3080 each. Smaller members are cut out of the
-labels and meshed to the same size of elements.
+segmented like a scan; 612 grains, those cut by the image's border included. Meshed to about as many
+nodes and tetrahedra a grain as the paper's 630, fine at the surface and coarser inside. Smaller
+members are cut out of the labels and meshed to the same size of elements.
 """
 
 from dataclasses import replace
@@ -16,16 +16,18 @@ from ..errors import InputError
 
 #: Voxels (z, y, x) of the members, by the number of grains that they are named after.
 MEMBERS = {
-    8: (75, 75, 75),
-    20: (110, 110, 110),
-    60: (150, 150, 150),
-    200: (200, 245, 245),
+    8: (60, 60, 60),
+    20: (90, 90, 90),
+    60: (130, 130, 130),
+    200: (200, 215, 215),
     630: (200, 400, 400),
 }
+#: d60/d10 by mass: with it the sample has about as many grains as the paper's.
+UNIFORMITY = 1.95
 #: What is left of a grain by the cut is kept from so many voxels on, and this thickness [voxels].
 LEAST_VOXELS, LEAST_THICKNESS = 650, 4
-#: Wanted length of edges [m].
-SIZE = 17.5e-6
+#: Wanted length of edges at the surface [m], and of those inside over it.
+SIZE, INNER = 12.8e-6, 2.0
 
 
 def member(cache, number, size=SIZE):
@@ -34,7 +36,7 @@ def member(cache, number, size=SIZE):
     Args:
         cache: Folder where scan, labels and meshes are kept for the next time.
         number: One of ``MEMBERS``.
-        size: Wanted length of edges [m].
+        size: Wanted length of edges at the surface [m].
 
     Raises:
         InputError: There is no such member.
@@ -48,7 +50,8 @@ def member(cache, number, size=SIZE):
     if not (folder / "grains").exists():
         folder.mkdir(parents=True, exist_ok=True)
         labels = _labels(Path(cache), number, folder)
-        mesh_labels(labels, MeshSettings(size=size, keep_largest_piece=True), folder / "grains")
+        settings = MeshSettings(size=size, inner_size=INNER, keep_largest_piece=True)
+        mesh_labels(labels, settings, folder / "grains")
     return folder.resolve()
 
 
@@ -60,7 +63,7 @@ def scene_file(folder, number, strain=0.1, speed=2.0):
     """
     from ..scene import MassScaling, Output, QuasiStatic, load_scene, scene_to_toml
 
-    of_scan = load_scene(folder.parent / "sand-scan" / "scene.toml")
+    of_scan = load_scene(_scan(folder.parent) / "scene.toml")
     scene = replace(
         of_scan,
         title=f"Sand of {number} grains, oedometer test as of Nadimi & Fonseca (2018)",
@@ -77,6 +80,10 @@ def scene_file(folder, number, strain=0.1, speed=2.0):
     return path
 
 
+def _scan(cache):
+    return cache / f"sand-scan-{UNIFORMITY:g}"
+
+
 def _labels(cache, number, folder):
     """Label image of a member: a corner of that of the largest."""
     from ..geometry.label_files import read_labels, write_labels
@@ -85,9 +92,9 @@ def _labels(cache, number, folder):
     from ..synthetic.pipeline import synthesize
     from ..synthetic.settings import SynthesisSettings
 
-    scan = cache / "sand-scan"
+    scan = _scan(cache)
     if not scan.exists():
-        synthesize(SynthesisSettings(shape=MEMBERS[630]), scan)
+        synthesize(SynthesisSettings(shape=MEMBERS[630], uniformity=UNIFORMITY), scan)
     whole = scan / "labels.tif"
     if not whole.exists():
         settings = load_scene(scan / "scene.toml").image
