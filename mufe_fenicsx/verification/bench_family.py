@@ -136,8 +136,7 @@ def paper(parameters):
     """The whole sample on two ranks: rate and memory, then the test itself by `mufe run`.
 
     Parameters: ``cache``, ``size``; ``grains``, a smaller member instead; ``strain`` and
-    ``speed`` [m/s] of the test, strain 0 for none; ``ranks``; ``set``, a table of changes to the
-    scene, as `mufe run --set`.
+    ``speed`` [m/s] of the test, strain 0 for none; ``ranks``.
     """
     cache, size = _options(parameters)
     number = int(parameters.pop("grains", max(MEMBERS)))
