@@ -128,6 +128,7 @@ class Condensed:
                 column = np.searchsorted(nodes, own.facets[facet, k])
                 np.add.at(transfer, (rows, column), -side * pairs.weights[on, k])
         self.transfer, self.nodes = transfer, own.nodes[nodes]
+        contact.place_points()
         self.plane = contact.positions.array[point] @ FRAME[:, :2]
         self.spread = points.facet_area[point] / (6 * math.sqrt(3))
         columns = []

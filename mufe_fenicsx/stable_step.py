@@ -10,6 +10,8 @@ from .time_step import HighestFrequency
 #: The tets are looked at again when the bound of single ones falls by this, or after so many
 #: steps: their frequency changes with their shapes alone.
 WORSE, RARELY = 0.97, 1500
+#: Part of the step that the products of springs and tets together, one step in ten, are worth.
+LITTLE = 0.03
 
 
 class StableStep:
@@ -94,12 +96,12 @@ class StableStep:
         if not self.assembled:
             stiffest = self.comm.allreduce(self._stiffest_contact(margin), op=MPI.MAX)
             return min(limit, 2.0 / math.sqrt((2.0 / element_step) ** 2 + 2.0 * stiffest))
-        # The squares of springs and tets add up at most (Weyl). Where contacts that open and close
-        # ask for a step well within that bound, the costly products with both are not needed.
+        # The squares of springs and tets add up at most (Weyl). Where that bound takes little from
+        # what contacts that open and close ask for, the costly products with both are not needed.
         if springs > 0.0:
-            proven = 2.0 / math.hypot(springs, rate_of_tets())
-            if 0.5 * (1.0 + self.factor) * limit <= proven:
-                return limit
+            proven = 2.0 / math.hypot(springs, rate_of_tets()) / (0.5 * (1.0 + self.factor))
+            if proven >= (1.0 - LITTLE) * limit:
+                return min(limit, proven)
         rate = highest()
         return min(limit, 2.0 / rate) if rate > 0.0 else limit
 

@@ -202,9 +202,15 @@ class Contact:
             self.ledger.change(old, self.pairs, old_walls, self.walls.pairs, old_crossings)
         if self.num_before:
             # The others are needed again at the next search only.
-            self._near = np.union1d(self.pairs.node, self.walls.pairs.node)
+            self._list_near()
         self.searched_at = self.clock
         self.num_searches += 1
+
+    def _list_near(self):
+        """The points of all pairs. Local."""
+        near = np.zeros(self.points.num_points, dtype=bool)
+        near[self.pairs.node] = near[self.walls.pairs.node] = True
+        self._near = np.flatnonzero(near)
 
     def exchange(self, gathered, reach):
         """Fetch what other ranks have near this one's surface. Collective.
@@ -246,6 +252,7 @@ class Contact:
             self.facet_layer *= factor
             self.surface.layer_of_facet[:] *= factor
             self.pairs.stiffness /= factor
+            self.walls.pairs.stiffness /= factor
 
     def follow_all(self, x):
         """Follow all own surface nodes from now on, the motion up to ``x`` being known. Local."""

@@ -158,6 +158,7 @@ def _own_sums(contact, x):
     Crossings of edges count as points, on the rank that evaluates them.
     Moments are about the origin. ``x`` are the positions of the nodes [m].
     """
+    contact.place_points()
     grain_of_point = contact.points.grain_of_point
     num_grains = contact.ledger.num_grains
     p, w = contact.pairs, contact.walls.pairs

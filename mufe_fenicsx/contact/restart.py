@@ -219,7 +219,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
     walls.pairs = _wall_pairs(contact, names, tables["wall_pairs"])
     _set_edge_pairs(contact, names, tables["edge_pairs"])
     if contact.num_before:
-        contact._near = np.union1d(contact.pairs.node, walls.pairs.node)
+        contact._list_near()
 
     moving = np.empty(own.nodes.size, dtype=bool)
     moving[order] = surface["moving"]

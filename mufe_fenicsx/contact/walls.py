@@ -235,7 +235,7 @@ class _WallPairs:
         self.due = np.full(n, clock)
         self.state = rows(n, ROW)
         column(self.state, "node", COLUMNS)[:] = node
-        for name in (*REMEMBERED, "work"):
+        for name in (*REMEMBERED, "work", "stiffness"):
             setattr(self, name, column(self.state, name, COLUMNS))
         self.gap[:] = np.inf
         self.forces = None  #: kernels.walls.WallForces, once they are wanted

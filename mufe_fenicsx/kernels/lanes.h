@@ -29,7 +29,9 @@ typedef double vec_at __attribute__((vector_size(8 * LANES), aligned(8), may_ali
 #define PICK(a, b, ...) __builtin_shuffle(a, b, (mask){__VA_ARGS__})
 #endif
 
-/* Four numbers of each element <-> a vector of each number. Row j holds element j, or with
+/* ``bits``: one for each lane where a mask is set, the first one lowest.
+
+   Four numbers of each element <-> a vector of each number. Row j holds element j, or with
    eight lanes element FIRST(j) and behind it the second next. */
 #if LANES == 8
 #define FIRST(j) ((j) < 2 ? (j) : (j) + 2)
@@ -39,7 +41,7 @@ INLINE vec join(v4 a, v4 b) {
 }
 INLINE v4 low(vec a) { return (v4)_mm512_castpd512_pd256((__m512d)a); }
 INLINE v4 high(vec a) { return (v4)_mm512_extractf64x4_pd((__m512d)a, 1); }
-INLINE int any(mask m) { return _mm512_movepi64_mask((__m512i)m) != 0; }
+INLINE unsigned bits(mask m) { return _mm512_movepi64_mask((__m512i)m); }
 #define EVEN(a, b) PICK(a, b, 0, 8, 2, 10, 4, 12, 6, 14)
 #define ODD(a, b) PICK(a, b, 1, 9, 3, 11, 5, 13, 7, 15)
 INLINE void to_lanes(vec r[4]) {
@@ -64,7 +66,9 @@ INLINE vec all(double a) { return (vec){a, a, a, a, a, a, a, a}; }
 INLINE vec join(v4 a, v4 b) { return a; }
 INLINE v4 low(vec a) { return a; }
 INLINE v4 high(vec a) { return a; }
-INLINE int any(mask m) { return (m[0] | m[1] | m[2] | m[3]) != 0; }
+INLINE unsigned bits(mask m) {
+  return (unsigned)((m[0] & 1) | (m[1] & 2) | (m[2] & 4) | (m[3] & 8));
+}
 INLINE void to_lanes(vec r[4]) {
   vec a = PICK(r[0], r[1], 0, 4, 2, 6), b = PICK(r[0], r[1], 1, 5, 3, 7);
   vec c = PICK(r[2], r[3], 0, 4, 2, 6), d = PICK(r[2], r[3], 1, 5, 3, 7);
@@ -77,6 +81,8 @@ INLINE void to_lanes(vec r[4]) {
 #define LAST_FROM(a, b) PICK(a, b, 0, 1, 2, 7)
 INLINE vec all(double a) { return (vec){a, a, a, a}; }
 #endif
+
+INLINE int any(mask m) { return bits(m) != 0; }
 
 /* a where m, else b. */
 INLINE vec where(mask m, vec a, vec b) { return (vec)((m & (mask)a) | (~m & (mask)b)); }

@@ -5,12 +5,13 @@ import ctypes
 import numba
 import numpy as np
 
-from .native import Pointers, address, aligned, load
+from .native import Pointers, aligned, load
+from .points import corners_of
 from .springs import stored_energy
 
-#: What a pair keeps, a row of 24 numbers in which a step finds all it needs: types, and columns
-#: counted in numbers of that type. The rest of the row is as in pairs.c.
-ROW = 24
+#: What a pair keeps, a row of 32 numbers in which a step finds all it needs: types, and columns
+#: counted in numbers of that type. The rest of the row is as in pairs.h.
+ROW = 32
 COLUMNS = {
     "other_due": (np.float64, 0),
     "node": (np.int32, 2),
@@ -19,19 +20,34 @@ COLUMNS = {
     "sharp": (np.bool_, 14),
     "known": (np.bool_, 15),
     "vertices": (np.int32, slice(4, 7)),
-    "recess": (np.float64, 4),
-    "ratio": (np.float64, 5),
-    "gap": (np.float64, 6),
-    "offset": (np.float64, 7),
-    "weights": (np.float64, slice(8, 11)),
-    "normal": (np.float64, slice(11, 14)),
-    "stiffness": (np.float64, 14),
-    "push": (np.float64, 15),
-    "anchor": (np.float64, slice(16, 19)),
-    "shear": (np.float64, slice(19, 22)),
-    "slip": (np.float64, 22),
-    "work": (np.float64, 23),
+    "corner": (np.int32, slice(7, 10)),
+    "area": (np.float64, 5),
+    "recess": (np.float64, 6),
+    "ratio": (np.float64, 7),
+    "gap": (np.float64, 8),
+    "offset": (np.float64, 9),
+    "stiffness": (np.float64, 10),
+    "push": (np.float64, 11),
+    "weights": (np.float64, slice(12, 15)),
+    "slip": (np.float64, 15),
+    "normal": (np.float64, slice(16, 19)),
+    "work": (np.float64, 19),
+    "anchor": (np.float64, slice(20, 23)),
+    "facet_area": (np.float64, 23),
+    "shear": (np.float64, slice(24, 27)),
+    "corner_weight": (np.float64, slice(28, 31)),
 }
+
+
+class _Call(ctypes.Structure):
+    """What a call is given and finds, as in pairs.h."""
+
+    _fields_ = [
+        *((name, ctypes.c_double) for name in ("clock", "friction", "friction_kinetic", "depth")),
+        ("adopt", ctypes.c_int64),
+        *((name, ctypes.c_double) for name in ("dissipated", "adopted", "deep", "deepest", "sunk")),
+        ("sunken", ctypes.c_int64),
+    ]
 
 
 def column(state, name, columns=COLUMNS):
@@ -43,6 +59,22 @@ def column(state, name, columns=COLUMNS):
 def rows(number, width):
     """That many rows of ``width`` numbers, all zero, the first at the start of a cache line."""
     return aligned(number * width).reshape(number, width)
+
+
+def fill(state, node, of_points, corner, corner_weight, columns=COLUMNS):
+    """Set the columns of the rows of pairs that their points ``node`` have, and their corners.
+
+    Args:
+        state, node: As below.
+        of_points: Names of columns and the values of points, shape (num_points,).
+        corner, corner_weight: As below.
+        columns: Of the rows.
+    """
+    for name, values in of_points.items():
+        column(state, name, columns)[:] = values[node]
+    nodes, weight = corners_of(node, corner, corner_weight)
+    column(state, "corner", columns)[:] = nodes
+    column(state, "corner_weight", columns)[:] = weight
 
 
 class PairForces:
@@ -87,8 +119,7 @@ class PairForces:
         ratio_of_node: Tangential over normal stiffness, shape (num_nodes,).
         corner, corner_weight: As in kernels.points, where the nodes of pairs are points in
             facets, which hand their forces on; else of shape (0, 3).
-        x: Positions [m], shape (num_nodes_with_ghosts, 3); of points in facets those of pairs that
-            are due are set here.
+        x: Positions [m], shape (num_nodes_with_ghosts, 3); those of points in facets are not used.
         f: Forces on surface nodes [N], shape (num_nodes_with_ghosts, 3).
 
     Raises:
@@ -100,22 +131,21 @@ class PairForces:
                  facet_area, recess, ratio_of_node, corner, corner_weight, x, f):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
-        self._totals = np.zeros(6)
-        self._totals_at = address(self._totals)
+        self._found = _Call()
         scratch = np.empty(node.size + 1, short)
-        for name, of_nodes in (("recess", recess), ("ratio", ratio_of_node)):
-            column(state, name)[:] = of_nodes[node]
-        points = ((corner, short), (corner_weight, real)) if corner.size else (None, None)
+        of_points = {
+            "area": area, "facet_area": facet_area, "recess": recess, "ratio": ratio_of_node,
+        }  # fmt: skip
+        fill(state, node, of_points, corner, corner_weight)
         self._pointers = Pointers(
             (state, real), (due, real), (candidate_due, real), (closest, long), (scratch, short),
             (first, long), (candidate, short),
             (facets, short), (neighbor, short), (ring_offset, long), (ring, short), (sharp, flag),
-            (layer_of_node, real), (layer_of_facet, real), (area, real), (facet_area, real),
-            *points, (x, real), (f, real),
+            (layer_of_node, real), (layer_of_facet, real), (x, real), (f, real),
         )  # fmt: skip
-        pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
+        pointer = ctypes.c_void_p
         self._call = load("pairs").mufe_add_pair_forces
-        self._call.argtypes = [pointer, pointer, *[number] * 4, integer, integer]
+        self._call.argtypes = [pointer, pointer, ctypes.c_int64]
         self._call.restype = None
 
     def __call__(self, clock, friction, friction_kinetic, largest_depth, adopt):
@@ -133,13 +163,11 @@ class PairForces:
             beyond the largest depth; largest adopted depth [m]; of pairs beyond the largest depth
             the largest one over the edge of the finer facet, and its pair, -1 if none.
         """
-        totals = self._totals
-        self._call(
-            self._pointers.table, self._totals_at, clock, friction, friction_kinetic,
-            largest_depth, self._num_pairs, adopt,
-        )  # fmt: skip
-        dissipated, adopted, deep, deepest, sunk, pair = totals.tolist()
-        return dissipated, int(adopted), int(deep), deepest, (sunk, int(pair))
+        c = self._found
+        c.clock, c.friction, c.friction_kinetic = clock, friction, friction_kinetic
+        c.depth, c.adopt = largest_depth, adopt
+        self._call(self._pointers.table, ctypes.addressof(c), self._num_pairs)
+        return c.dissipated, int(c.adopted), int(c.deep), c.deepest, (c.sunk, c.sunken)
 
 
 @numba.njit(cache=True)

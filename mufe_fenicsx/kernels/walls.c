@@ -1,26 +1,46 @@
 /* Contact of nodes, or of points in facets, with rigid planes. The law and all arrays are
    described in kernels/walls.py. */
 
-#include "due.h"
-#include "vectors.h"
+#include <stddef.h>
 
-/* What a pair keeps, two cache lines; the anchor from ``point`` of the wall. */
+#include "due.h"
+#include "lane_vectors.h"
+
+/* What a pair keeps, two and a half cache lines in rows of four numbers; the anchor from ``point``
+   of the wall. ``corner``: nodes around a point in a facet, or thrice the node, with their
+   weights. */
 typedef struct {
   int32_t node, wall;
-  uint8_t closed, sliding, none[6];
-  double gap, offset, push, area, recess, ratio;
-  vec3 anchor, shear;
-  double slip, work;
+  uint8_t closed, sliding, none[2];
+  int32_t corner[3];
+  double recess;
+  double gap, offset, stiffness, push;
+  vec3 anchor;
+  double slip;
+  vec3 shear;
+  double work;
+  vec3 corner_weight;
+  double ratio;
 } state_type;
+#define IN_ROW(name) ((int)(offsetof(state_type, name) / sizeof(double)))
+
+/* A wall where it stands now, then what acts on it. */
+typedef struct {
+  vec3 normal;
+  double friction;
+  vec3 plane;
+  double friction_kinetic;
+  v4 force, torque;
+} wall_type;
 
 /* In the order of kernels/walls.py. */
 typedef struct {
   state_type *state;
   double *due;
   int32_t *scratch;
-  const double *layer;
-  points_type points;
-  double *x, *f, *wall_force, *wall_torque;
+  wall_type *walls;
+  const double *x;
+  double *f, *wall_force, *wall_torque;
   const double *point, *normal, *velocity, *friction, *friction_kinetic;
 } walls_type;
 
@@ -28,89 +48,173 @@ typedef struct {
 INLINE void fetch_ahead(const walls_type *m, int64_t i, int64_t num_due) {
   if (i + 2 * AHEAD < num_due) {
     const char *row = (const char *)(m->state + m->scratch[i + 2 * AHEAD]);
-    FETCH(row);
-    FETCH(row + 64);
+    for (size_t at = 0; at < sizeof(state_type); at += 64) FETCH(row + at);
   }
   if (i + AHEAD >= 0 && i + AHEAD < num_due) {
-    const int64_t n = m->state[m->scratch[i + AHEAD]].node;
-    FETCH(m->layer + n);
-    FETCH(m->x + 3 * n);
-    if (m->points.corner) {
-      FETCH(m->points.corner + 3 * n);
-      FETCH(m->points.weight + 3 * n);
-    }
-  }
-  if (i + AHEAD / 2 >= 0 && i + AHEAD / 2 < num_due) {
-    const int64_t n = m->state[m->scratch[i + AHEAD / 2]].node;
-    for (int k = 0; k < 3 && m->points.corner; k++) {
-      FETCH(m->x + 3 * (int64_t)m->points.corner[3 * n + k]);
-      FETCH(m->f + 3 * (int64_t)m->points.corner[3 * n + k]);
+    const state_type *s = m->state + m->scratch[i + AHEAD];
+    for (int k = 0; k < 3; k++) {
+      FETCH(m->x + 3 * (int64_t)s->corner[k]);
+      FETCH(m->f + 3 * (int64_t)s->corner[k]);
     }
   }
 }
 
-/* See kernels/walls.py; ``totals``: energy dissipated, adopted pairs. */
-void mufe_add_wall_forces(const walls_type *m, double *totals, double clock, double ahead,
-                          int64_t num_pairs, int64_t adopt) {
-  double dissipated = 0.0, num_adopted = 0.0;
-  int64_t num_due = find_due(m->scratch, m->due, clock, num_pairs);
-  for (int64_t i = -2 * AHEAD; i < num_due; i++) {
-    fetch_ahead(m, i, num_due);
-    if (i < 0) continue;
-    const int64_t p = m->scratch[i];
-    state_type *s = m->state + p;
-    const int64_t n = s->node, w = s->wall;
-    const vec3 normal = at(m->normal, w);
-    const vec3 plane = along(at(m->point, w), ahead, at(m->velocity, w));
-    const vec3 r = minus(place(&m->points, m->x, n), plane);
-    const double g = dot(r, normal) + s->recess;
-    s->gap = g;
-    if (!s->closed) {
-      if (s->offset < 0.0) s->offset = least(most(s->offset, g), 0.0);
-      if (adopt && g < s->offset) {
-        num_adopted += 1.0;
-        s->offset = g;
-      }
+/* One pair: all that can happen to it. */
+static void add_one(const walls_type *m, double *totals, double clock, int64_t p, int64_t adopt) {
+  state_type *s = m->state + p;
+  wall_type *wall = m->walls + s->wall;
+  const int32_t *c = s->corner;
+  const vec3 normal = wall->normal;
+  const vec3 point = mean(s->corner_weight, at(m->x, c[0]), at(m->x, c[1]), at(m->x, c[2]));
+  const vec3 r = minus(point, wall->plane);
+  const double g = dot(r, normal) + s->recess;
+  s->gap = g;
+  if (!s->closed) {
+    if (s->offset < 0.0) s->offset = least(most(s->offset, g), 0.0);
+    if (adopt && g < s->offset) {
+      totals[1] += 1.0;
+      s->offset = g;
     }
-    const double depth = s->offset - g;
-    const double kn = s->area / m->layer[n], kt = kn * s->ratio;
-    if (depth <= 0.0) {
-      if (s->closed) {
-        double lost = dot(s->shear, s->shear) / (2.0 * kt);
-        dissipated += lost;
-        s->work += lost;
-        s->closed = s->sliding = 0;
-        s->push = 0.0;
-        s->shear = (vec3){0.0, 0.0, 0.0};
-      }
-      m->due[p] = clock + most(g, 0.0);
+  }
+  const double depth = s->offset - g, kn = s->stiffness, kt = kn * s->ratio;
+  if (depth <= 0.0) {
+    if (s->closed) {
+      double lost = dot(s->shear, s->shear) / (2.0 * kt);
+      totals[0] += lost;
+      s->work += lost;
+      s->closed = s->sliding = 0;
+      s->push = 0.0;
+      s->shear = (vec3){0.0, 0.0, 0.0};
+    }
+    m->due[p] = clock + most(g, 0.0);
+    return;
+  }
+  m->due[p] = clock;
+  if (!s->closed) {
+    s->closed = 1;
+    s->anchor = r;
+  }
+  const double N = kn * depth;
+  s->push = N;
+  vec3 spring = across(minus(r, s->anchor), normal);
+  const double T = kt * length(spring);
+  s->sliding = T > (s->sliding ? wall->friction_kinetic : wall->friction) * N;
+  if (s->sliding) {
+    /* Work of the mean friction of the step: exact for the trapezoidal rule. */
+    double limit = wall->friction_kinetic * N, slipped = (T - limit) / kt;
+    double lost = 0.5 * (length(s->shear) + limit) * slipped;
+    totals[0] += lost;
+    s->work += lost;
+    s->slip += slipped;
+    spring = times(limit / T, spring);
+    s->anchor = minus(r, spring);
+  }
+  s->shear = times(-kt, spring);
+  const vec3 force = along(s->shear, N, normal), torque = cross(force, r);
+  const double *weight = &s->corner_weight.x;
+  for (int k = 0; k < 3; k++) add_to(m->f, c[k], times(weight[k], force));
+  wall->force -= (v4){force.x, force.y, force.z, 0.0};
+  wall->torque += (v4){torque.x, torque.y, torque.z, 0.0};
+}
+
+/* The same of pairs ``pair[0]`` to ``pair[LANES - 1]`` so far as they stay closed. The pairs that
+   were not done, as bits. */
+INLINE unsigned add_lanes(const walls_type *m, double clock, const int32_t *pair, unsigned wanted,
+                          vec *dissipated) {
+  double *rows[LANES], *wall_rows[LANES];
+  int32_t node[3][LANES];
+#pragma GCC unroll 8
+  for (int i = 0; i < LANES; i++) {
+    state_type *s = m->state + pair[i];
+    rows[i] = (double *)s;
+    wall_rows[i] = (double *)(m->walls + s->wall);
+    for (int k = 0; k < 3; k++) node[k][i] = s->corner[k];
+  }
+  vec head[4], spring_row[4], anchor_row[4], shear_row[4], weight[4], wall[4], plane[4];
+  load_four(head, rows, 0);
+  load_four(spring_row, rows, IN_ROW(gap));
+  load_four(anchor_row, rows, IN_ROW(anchor));
+  load_four(shear_row, rows, IN_ROW(shear));
+  load_four(weight, rows, IN_ROW(corner_weight));
+  load_four(wall, wall_rows, 0);
+  load_four(plane, wall_rows, 4);
+  const mask flags = (mask)head[1];
+  const lanes3 n = {wall[0], wall[1], wall[2]};
+  const lanes3 point = mean_of((lanes3){weight[0], weight[1], weight[2]}, rows_at(m->x, node[0]),
+                               rows_at(m->x, node[1]), rows_at(m->x, node[2]));
+  const lanes3 r = difference(point, (lanes3){plane[0], plane[1], plane[2]});
+  const vec g = product(r, n) + head[3], depth = spring_row[1] - g;
+  const unsigned can = wanted & bits(-(flags & 1) & (mask)(depth > 0.0));
+
+  const vec kn = spring_row[2], kt = kn * weight[3], N = kn * depth;
+  const lanes3 anchor = {anchor_row[0], anchor_row[1], anchor_row[2]};
+  lanes3 spring = difference(r, anchor);
+  spring = moved_along(spring, -product(spring, n), n);
+  const vec T = kt * square_root(product(spring, spring)), kinetic = plane[3] * N;
+  const mask sliding = T > where(-(flags >> 8 & 1), kinetic, wall[3] * N);
+  const lanes3 old = {shear_row[0], shear_row[1], shear_row[2]};
+  const vec slipped = where(sliding, (T - kinetic) / kt, all(0.0));
+  /* Work of the mean friction of the step: exact for the trapezoidal rule. */
+  const vec lost = 0.5 * (square_root(product(old, old)) + kinetic) * slipped;
+  spring = scaled(where(sliding, kinetic / T, all(1.0)), spring);
+  const lanes3 new_anchor = where_each(sliding, difference(r, spring), anchor);
+  const lanes3 shear = scaled(-kt, spring), force = moved_along(shear, N, n);
+  const lanes3 torque = across_both(force, r);
+
+  v4 on[3][LANES], on_wall[LANES], turns_wall[LANES];
+  for (int k = 0; k < 3; k++) to_memory(on[k], scaled(weight[k], force));
+  to_memory(on_wall, force);
+  to_memory(turns_wall, torque);
+  vec dissipates = lost;
+  spring_row[0] = g, spring_row[3] = N;
+  anchor_row[0] = new_anchor.x, anchor_row[1] = new_anchor.y, anchor_row[2] = new_anchor.z;
+  anchor_row[3] += slipped;
+  shear_row[0] = shear.x, shear_row[1] = shear.y, shear_row[2] = shear.z, shear_row[3] += lost;
+  store_four(spring_row, rows, IN_ROW(gap), can);
+  store_four(anchor_row, rows, IN_ROW(anchor), can);
+  store_four(shear_row, rows, IN_ROW(shear), can);
+  const unsigned slides = bits(sliding);
+#pragma GCC unroll 8
+  for (int i = 0; i < LANES; i++) {
+    if (!(can >> i & 1)) {
+      dissipates[i] = 0.0;
       continue;
     }
-    m->due[p] = clock;
-    if (!s->closed) {
-      s->closed = 1;
-      s->anchor = r;
-    }
-    const double N = kn * depth;
-    s->push = N;
-    vec3 spring = across(minus(r, s->anchor), normal);
-    const double T = kt * length(spring);
-    s->sliding = T > (s->sliding ? m->friction_kinetic[w] : m->friction[w]) * N;
-    if (s->sliding) {
-      /* Work of the mean friction of the step: exact for the trapezoidal rule. */
-      double limit = m->friction_kinetic[w] * N, slipped = (T - limit) / kt;
-      double lost = 0.5 * (length(s->shear) + limit) * slipped;
-      dissipated += lost;
-      s->work += lost;
-      s->slip += slipped;
-      spring = times(limit / T, spring);
-      s->anchor = minus(r, spring);
-    }
-    s->shear = times(-kt, spring);
-    const vec3 force = along(s->shear, N, normal);
-    spread(&m->points, m->f, n, force);
-    add_to(m->wall_force, w, times(-1.0, force));
-    add_to(m->wall_torque, w, cross(force, r));
+    ((state_type *)rows[i])->sliding = slides >> i & 1;
+    m->due[pair[i]] = clock;
+    for (int k = 0; k < 3; k++) add_row(m->f, node[k][i], on[k][i]);
+    ((wall_type *)wall_rows[i])->force -= on_wall[i];
+    ((wall_type *)wall_rows[i])->torque += turns_wall[i];
   }
-  totals[0] = dissipated, totals[1] = num_adopted;
+  *dissipated += dissipates;
+  return wanted & ~can;
+}
+
+/* See kernels/walls.py; ``totals``: energy dissipated, adopted pairs. */
+void mufe_add_wall_forces(const walls_type *m, double *totals, double clock, double ahead,
+                          int64_t num_pairs, int64_t num_walls, int64_t adopt) {
+  for (int64_t w = 0; w < num_walls; w++) {
+    const vec3 plane = along(at(m->point, w), ahead, at(m->velocity, w));
+    const v4 none = {0.0, 0.0, 0.0, 0.0};
+    m->walls[w] = (wall_type){at(m->normal, w), m->friction[w], plane, m->friction_kinetic[w],
+                              none, none};
+  }
+  totals[0] = totals[1] = 0.0;
+  vec dissipated = all(0.0);
+  const int64_t num_due = find_due(m->scratch, m->due, clock, num_pairs);
+  for (int64_t i = -2 * AHEAD; i < num_due; i += LANES) {
+    for (int k = 0; k < LANES; k++) fetch_ahead(m, i + k, num_due);
+    if (i < 0) continue;
+    const int count = num_due - i < LANES ? (int)(num_due - i) : LANES;
+    int32_t pair[LANES];
+    for (int k = 0; k < LANES; k++) pair[k] = m->scratch[i + (k < count ? k : 0)];
+    unsigned left = add_lanes(m, clock, pair, (1u << count) - 1, &dissipated);
+    for (; left; left &= left - 1) add_one(m, totals, clock, pair[__builtin_ctz(left)], adopt);
+  }
+  for (int k = 0; k < LANES; k++) totals[0] += dissipated[k];
+  for (int64_t w = 0; w < num_walls; w++)
+    for (int k = 0; k < 3; k++) {
+      m->wall_force[3 * w + k] += m->walls[w].force[k];
+      m->wall_torque[3 * w + k] += m->walls[w].torque[k];
+    }
 }

@@ -5,27 +5,31 @@ import ctypes
 import numba
 import numpy as np
 
-from .native import Pointers, address, load
-from .pairs import column
+from .native import Pointers, address, aligned, load
+from .pairs import column, fill
 
 #: What a pair keeps, as in kernels.pairs; the rest of the row is as in walls.c.
-ROW = 16
+ROW = 20
 COLUMNS = {
     "node": (np.int32, 0),
     "wall": (np.int32, 1),
     "closed": (np.bool_, 8),
     "sliding": (np.bool_, 9),
-    "gap": (np.float64, 2),
-    "offset": (np.float64, 3),
-    "push": (np.float64, 4),
-    "area": (np.float64, 5),
-    "recess": (np.float64, 6),
-    "ratio": (np.float64, 7),
+    "corner": (np.int32, slice(3, 6)),
+    "recess": (np.float64, 3),
+    "gap": (np.float64, 4),
+    "offset": (np.float64, 5),
+    "stiffness": (np.float64, 6),
+    "push": (np.float64, 7),
     "anchor": (np.float64, slice(8, 11)),
-    "shear": (np.float64, slice(11, 14)),
-    "slip": (np.float64, 14),
+    "slip": (np.float64, 11),
+    "shear": (np.float64, slice(12, 15)),
     "work": (np.float64, 15),
+    "corner_weight": (np.float64, slice(16, 19)),
+    "ratio": (np.float64, 19),
 }
+#: Numbers of a wall in walls.c.
+WALL = 16
 
 
 @numba.njit(cache=True)
@@ -84,6 +88,7 @@ class WallForces:
     Args:
         state: A row of each pair, shape (num_pairs, ROW), with the columns
             anchor: Anchor relative to ``point`` [m];
+            stiffness: Area over layer [N/m], set here;
             shear: Friction on the node [N];
             gap, offset: Gap and its offset [m];
             slip: Accumulated slip [m];
@@ -114,20 +119,19 @@ class WallForces:
         self._num_pairs = node.size
         self._totals = np.zeros(2)
         self._totals_at = address(self._totals)
+        self._num_walls = len(point)
         scratch = np.empty(node.size + 1, short)
         column(state, "wall", COLUMNS)[:] = wall
-        of_nodes = {"area": area, "recess": recess, "ratio": ratio}
-        for name, values in of_nodes.items():
-            column(state, name, COLUMNS)[:] = values[node]
-        points = ((corner, short), (corner_weight, real)) if corner.size else (None, None)
+        of_points = {"stiffness": area / layer, "recess": recess, "ratio": ratio}
+        fill(state, node, of_points, corner, corner_weight, COLUMNS)
         self._pointers = Pointers(
-            (state, real), (due, real), (scratch, short), (layer, real), *points, (x, real),
-            (f, real), (wall_force, real), (wall_torque, real), (point, real), (normal, real),
-            (velocity, real), (friction, real), (friction_kinetic, real),
+            (state, real), (due, real), (scratch, short), (aligned(WALL * len(point)), real),
+            (x, real), (f, real), (wall_force, real), (wall_torque, real), (point, real),
+            (normal, real), (velocity, real), (friction, real), (friction_kinetic, real),
         )  # fmt: skip
         pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
         self._call = load("walls").mufe_add_wall_forces
-        self._call.argtypes = [pointer, pointer, number, number, integer, integer]
+        self._call.argtypes = [pointer, pointer, number, number, integer, integer, integer]
         self._call.restype = None
 
     def __call__(self, clock, adopt, ahead=0.0):
@@ -142,7 +146,10 @@ class WallForces:
             Energy dissipated by friction [J]; number of adopted pairs.
         """
         totals = self._totals
-        self._call(self._pointers.table, self._totals_at, clock, ahead, self._num_pairs, adopt)
+        self._call(
+            self._pointers.table, self._totals_at, clock, ahead, self._num_pairs, self._num_walls,
+            adopt,
+        )  # fmt: skip
         dissipated, adopted = totals.tolist()
         return dissipated, int(adopted)
 

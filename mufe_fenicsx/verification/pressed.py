@@ -139,6 +139,7 @@ class Pressed:
         """
         contact, walls = self.simulation.contact, self.simulation.walls.pairs
         pairs, points = contact.pairs, contact.points
+        contact.place_points()
         force, area = np.zeros(points.num_points), points.area.copy()
         on = np.flatnonzero(walls.closed)
         np.add.at(force, walls.node[on], walls.push[on])

@@ -139,6 +139,7 @@ def _contact_load(s):
     the middle of the contact [N m], from the contact forces themselves: without the
     inertia of the bodies that turn.
     """
+    s.contact.place_points()
     p = s.contact.pairs
     on = np.flatnonzero(p.closed)
     point = p.node[on]

@@ -1,0 +1,111 @@
+/* Contact of nodes, or of points in facets, with the facets of other grains: what is known of a
+   pair, and which facet is the closest. */
+
+#ifndef PAIRS_H
+#define PAIRS_H
+
+#include <stddef.h>
+
+#include "surface.h"
+
+#define FACING 0.342 /* sine of the angle a node around may lie below such a plane: 20 degrees */
+#define BESIDE 1e-3  /* part of a facet by which the foot of a node may lie beside it */
+
+/* What a pair keeps, four cache lines in rows of four numbers: that of the facet that was closest
+   last, where ``known``, and what it remembers. ``corner``: nodes around a point in a facet, or
+   thrice the node, with their weights. */
+typedef struct {
+  double other_due; /* least ``candidate_due`` of the other candidates */
+  int32_t node;
+  uint8_t closed, sliding, sharp, known;
+  int32_t vertices[3], corner[3];
+  double area, recess, ratio;
+  double gap, offset, stiffness, push;
+  vec3 weights;
+  double slip;
+  vec3 normal;
+  double work;
+  vec3 anchor;
+  double facet_area;
+  vec3 shear;
+  double none;
+  vec3 corner_weight;
+  double nothing;
+} state_type;
+#define IN_ROW(name) ((int)(offsetof(state_type, name) / sizeof(double)))
+
+/* In the order of kernels/pairs.py. */
+typedef struct {
+  state_type *state;
+  double *due, *candidate_due;
+  int64_t *closest;
+  int32_t *scratch;
+  const int64_t *first;
+  const int32_t *candidate;
+  surface_type surface;
+  const uint8_t *sharp;
+  const double *layer_of_node, *layer_of_facet;
+  double *x, *f;
+} pairs_type;
+
+/* What a call is given and finds, see kernels/pairs.py. */
+typedef struct {
+  double clock, friction, friction_kinetic, largest_depth;
+  int64_t adopt;
+  double dissipated, num_adopted, num_deep, deepest, sunk;
+  int64_t sunken;
+} call_type;
+
+INLINE vec3 point_of(const state_type *s, const double *x) {
+  const int32_t *c = s->corner;
+  return mean(s->corner_weight, at(x, c[0]), at(x, c[1]), at(x, c[2]));
+}
+INLINE triangle vertices_at(const int32_t *v, const double *x) {
+  return (triangle){at(x, v[0]), at(x, v[1]), at(x, v[2])};
+}
+
+/* Closest candidate of the pair p, testing only those that can be it: ``candidate_due`` is the
+   reading of the clock at which a candidate can be at distance zero; the clock advances by all
+   relative motion, so that due - clock is a lower bound of the distance now. */
+static int64_t find_closest(const pairs_type *m, int64_t p, double clock, vec3 point) {
+  double best = INFINITY;
+  int64_t begin = m->first[p], end = m->first[p + 1], remembered = m->closest[p], closest = -1;
+  for (int64_t trial = begin - 1; trial < end; trial++) {
+    int64_t k = trial;
+    if (trial < begin) {
+      if (remembered < 0) continue;
+      k = remembered;
+    } else if (k == remembered || m->candidate_due[k] - clock >= best) {
+      continue;
+    }
+    triangle t = facet_at(&m->surface, m->x, m->candidate[k]);
+    int feature;
+    vec3 w = closest_point(point, t, &feature);
+    double distance = length(minus(point, mean(w, t.a, t.b, t.c)));
+    m->candidate_due[k] = clock + distance;
+    if (distance < best) best = distance, closest = k;
+  }
+  return closest;
+}
+
+/* Make the candidate k what is known of the pair p. */
+static void know(const pairs_type *m, int64_t p, int64_t k) {
+  state_type *s = m->state + p;
+  m->closest[p] = k;
+  const int64_t facet = m->candidate[k];
+  for (int v = 0; v < 3; v++) s->vertices[v] = m->surface.facets[3 * facet + v];
+  s->sharp = m->sharp[facet];
+  s->known = 1;
+  s->other_due = INFINITY;
+  for (int64_t o = m->first[p]; o < m->first[p + 1]; o++)
+    if (o != k) s->other_due = least(s->other_due, m->candidate_due[o]);
+}
+
+/* Look at the candidates of the pair p, whose point is given; the one that was closest before. */
+static int64_t look(const pairs_type *m, int64_t p, double clock, vec3 point) {
+  const int64_t before = m->closest[p];
+  know(m, p, find_closest(m, p, clock, point));
+  return before;
+}
+
+#endif

@@ -1,0 +1,150 @@
+/* Several pairs at once that stay in contact with the inside of a facet, as most that are due do.
+   The steps are those of pairs_one.h, which has the other pairs. */
+
+#ifndef PAIRS_LANES_H
+#define PAIRS_LANES_H
+
+#include "lane_vectors.h"
+#include "pairs.h"
+
+/* Flags of a pair, as bits of the number they share with its node. */
+#define FLAG(word, name)                                                                           \
+  ((mask)-((word) >> (8 * (int)(offsetof(state_type, name) - offsetof(state_type, node))) & 1))
+
+/* Whether a node at ``corner`` lies below, as in pairs_one.h. */
+INLINE mask below_each(lanes3 corner, lanes3 p, lanes3 normal) {
+  lanes3 d = difference(corner, p);
+  vec height = product(d, normal);
+  return (height < 0.0) & (height * height > FACING * FACING * product(d, d));
+}
+
+/* Forces of the pairs ``pair[0]`` to ``pair[LANES - 1]`` so far as these stay in contact inside
+   the facets that are known. The pairs that were not done, as bits; ``looked``: those that were
+   looked at, whose closest candidates before are in ``before``. */
+INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair, unsigned wanted,
+                          vec *dissipated, unsigned *looked, int64_t *before) {
+  double *rows[LANES], *x = m->x, *f = m->f;
+  int32_t node[6][LANES];
+  vec due;
+  unsigned changed = 0;
+  *looked = 0;
+#pragma GCC unroll 8
+  for (int i = 0; i < LANES; i++) {
+    state_type *s = m->state + pair[i];
+    rows[i] = (double *)s;
+    if (wanted >> i & 1 && !s->known) {
+      before[i] = look(m, pair[i], c->clock, point_of(s, x));
+      *looked |= 1u << i;
+      changed |= (unsigned)(before[i] >= 0 && before[i] != m->closest[pair[i]]) << i;
+    }
+    for (int k = 0; k < 3; k++) node[k][i] = s->corner[k], node[3 + k][i] = s->vertices[k];
+    due[i] = m->due[pair[i]];
+  }
+  vec head[4], second[4], third[4], fourth[4], fifth[4], sixth[4], seventh[4], last[4];
+  load_four(head, rows, 0);
+  load_four(second, rows, IN_ROW(area) - 1);
+  load_four(third, rows, IN_ROW(gap));
+  load_four(fourth, rows, IN_ROW(weights));
+  load_four(fifth, rows, IN_ROW(normal));
+  load_four(sixth, rows, IN_ROW(anchor));
+  load_four(seventh, rows, IN_ROW(shear));
+  load_four(last, rows, IN_ROW(corner_weight));
+  const mask word = (mask)head[1];
+  const vec area = second[1], recess = second[2], ratio = second[3];
+  const vec gap = third[0], offset = third[1], kn = third[2];
+
+  /* The point, the facet and the foot of the point in its plane. */
+  const lanes3 pa = rows_at(x, node[0]), pb = rows_at(x, node[1]), pc = rows_at(x, node[2]);
+  const lanes3 a = rows_at(x, node[3]), b = rows_at(x, node[4]), d = rows_at(x, node[5]);
+  const lanes3 point = mean_of((lanes3){last[0], last[1], last[2]}, pa, pb, pc);
+  const lanes3 ab = difference(b, a), ac = difference(d, a), ap = difference(point, a);
+  const vec d1 = product(ab, ap), d2 = product(ac, ap);
+  const vec ab2 = product(ab, ab), ac2 = product(ac, ac), abac = product(ab, ac);
+  const vec d3 = d1 - ab2, d4 = d2 - abac, d5 = d1 - abac, d6 = d2 - ac2;
+  const vec va = d3 * d6 - d5 * d4, vb = d5 * d2 - d1 * d6, vc = d1 * d4 - d3 * d2;
+  const vec square = va + vb + vc, inverse = 1.0 / square;
+  const vec wb = vb * inverse, wc = vc * inverse;
+  const lanes3 w = {1.0 - wb - wc, wb, wc};
+  const vec over_twice = square_root(inverse);
+  const lanes3 n = scaled(over_twice, across_both(ab, ac));
+  const vec height = product(difference(point, mean_of(w, a, b, d)), n);
+  const vec g = height + recess, distance = where(height < 0.0, -height, height);
+
+  /* Which of them are done here: for the others nothing has been changed yet. */
+  const vec clock = all(c->clock), moved = clock - due, depth = offset - g;
+  const vec change = where(g < gap, gap - g, g - gap);
+  mask inside = (va > 0.0) & (vb > 0.0) & (vc > 0.0);
+  mask far = head[0] - clock >= distance;
+  mask corners = below_each(pa, point, n) | below_each(pb, point, n) | below_each(pc, point, n);
+  /* Nodes are no points in facets: what they face is around them. */
+#pragma GCC unroll 8
+  for (int i = 0; i < LANES; i++) corners[i] |= -(int64_t)(node[0][i] == node[1][i]);
+  mask turned_away = FLAG(word, sharp) & (height < BESIDE * square_root(area)) & corners;
+  mask stays = FLAG(word, closed) & (depth > 0.0) & (depth <= c->largest_depth) & (change <= moved);
+  unsigned can = wanted & ~changed & bits(inside & stays & ~turned_away);
+  for (unsigned near = can & ~*looked & ~bits(far); near; near &= near - 1) {
+    const int i = __builtin_ctz(near);
+    before[i] = look(m, pair[i], c->clock, point_of(m->state + pair[i], x));
+    *looked |= 1u << i;
+    changed |= (unsigned)(before[i] != m->closest[pair[i]]) << i;
+  }
+  can &= ~changed;
+
+  /* Normal force, and friction of the spring between the point and its anchor. */
+  const vec kt = kn * ratio, N = kn * depth;
+  lanes3 spring = difference(point, mean_of((lanes3){sixth[0], sixth[1], sixth[2]}, a, b, d));
+  spring = moved_along(spring, -product(spring, n), n);
+  const vec T = kt * square_root(product(spring, spring));
+  const vec kinetic = c->friction_kinetic * N;
+  const mask sliding =
+      T > where(FLAG(word, sliding), kinetic, c->friction * N);
+  const lanes3 old_shear = {seventh[0], seventh[1], seventh[2]};
+  const vec slipped = where(sliding, (T - kinetic) / kt, all(0.0));
+  /* Work of the mean friction of the step: exact for the trapezoidal rule. */
+  const vec lost = 0.5 * (square_root(product(old_shear, old_shear)) + kinetic) * slipped;
+  spring = scaled(where(sliding, kinetic / T, all(1.0)), spring);
+  const lanes3 to_anchor = difference(ap, moved_along(spring, height, n));
+  const vec along_ab = product(to_anchor, ab), along_ac = product(to_anchor, ac);
+  const vec anchor_b = (ac2 * along_ab - abac * along_ac) * inverse;
+  const vec anchor_c = (ab2 * along_ac - abac * along_ab) * inverse;
+  const lanes3 shear = scaled(-kt, spring);
+  const lanes3 force = moved_along(shear, N, n);
+
+  /* Couple height x friction as normal forces on the facet, h_i = height grad N_i . T. */
+  const vec scale = height * over_twice;
+  const vec hb = scale * product(shear, across_both(ac, n));
+  const vec hc = scale * product(shear, across_both(n, ab));
+  v4 on[6][LANES];
+  for (int k = 0; k < 3; k++) to_memory(on[k], scaled(last[k], force));
+  to_memory(on[3], moved_along(scaled(-hb - hc, n), -w.x, force));
+  to_memory(on[4], moved_along(scaled(hb, n), -w.y, force));
+  to_memory(on[5], moved_along(scaled(hc, n), -w.z, force));
+
+  vec dissipates = lost;
+  third[0] = g, third[3] = N;
+  fourth[0] = w.x, fourth[1] = w.y, fourth[2] = w.z, fourth[3] += slipped;
+  fifth[0] = n.x, fifth[1] = n.y, fifth[2] = n.z, fifth[3] += lost;
+  sixth[0] = where(sliding, 1.0 - anchor_b - anchor_c, sixth[0]);
+  sixth[1] = where(sliding, anchor_b, sixth[1]), sixth[2] = where(sliding, anchor_c, sixth[2]);
+  seventh[0] = shear.x, seventh[1] = shear.y, seventh[2] = shear.z;
+  store_four(third, rows, IN_ROW(gap), can);
+  store_four(fourth, rows, IN_ROW(weights), can);
+  store_four(fifth, rows, IN_ROW(normal), can);
+  store_four(sixth, rows, IN_ROW(anchor), can);
+  store_four(seventh, rows, IN_ROW(shear), can);
+  const unsigned slides = bits(sliding);
+#pragma GCC unroll 8
+  for (int i = 0; i < LANES; i++) {
+    if (!(can >> i & 1)) {
+      dissipates[i] = 0.0;
+      continue;
+    }
+    m->state[pair[i]].sliding = slides >> i & 1;
+    m->due[pair[i]] = c->clock;
+    for (int k = 0; k < 6; k++) add_row(f, node[k][i], on[k][i]);
+  }
+  *dissipated += dissipates;
+  return wanted & ~can;
+}
+
+#endif

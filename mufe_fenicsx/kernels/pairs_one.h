@@ -1,0 +1,227 @@
+/* One pair: all that can happen to it. What most pairs in contact do is in pairs_lanes.h too. */
+
+#ifndef PAIRS_ONE_H
+#define PAIRS_ONE_H
+
+#include "pairs.h"
+
+/* A length that is nothing beside the facets around a point. */
+INLINE double tiny(const state_type *s) { return 1e-9 * sqrt(s->area); }
+
+/* Energy of a normal spring, as in kernels/springs.py. */
+INLINE double stored_energy(double stiffness, double depth, double largest_depth) {
+  double within = least(depth, largest_depth);
+  return stiffness * within * (depth - 0.5 * within);
+}
+
+/* Part of a contact that a point carries whose facet has ``own_area``. Both surfaces carry points,
+   and what they find of each other adds up to one contact. The finer one carries the greater part:
+   few points of a coarse surface would load a fine one unevenly. */
+INLINE double share(double own_area, triangle t) {
+  vec3 c = cross(minus(t.b, t.a), minus(t.c, t.a));
+  double other2 = 0.25 * dot(c, c);
+  return other2 / (other2 + own_area * own_area);
+}
+
+/* Edge of the smaller of both facets, were it equilateral. */
+INLINE double finer_edge(double own_area, triangle t) {
+  vec3 c = cross(minus(t.b, t.a), minus(t.c, t.a));
+  return sqrt(4.0 / sqrt(3.0) * least(own_area, 0.5 * length(c)));
+}
+
+/* Weights of the point of a facet that a spring s from the node p leads to. ``foot`` is the
+   closest point and ``n`` the normal of the contact, which differs from that of the facet on its
+   edges and vertices. The spring lies across n, so its end is moved along n into the facet: along
+   the facet's own normal a node at depth would find another spring in the next step. */
+INLINE vec3 anchor_of(vec3 s, vec3 foot, vec3 n, vec3 facet_normal, triangle t) {
+  double slant = dot(n, facet_normal);
+  double shift = slant > 0.1 ? dot(s, facet_normal) / slant : 0.0;
+  return project(along(minus(foot, s), shift, n), t);
+}
+
+/* Whether a body can rest with its point p on a plane of the given normal, towards the body. The
+   facet closest to a node just inside a sharp edge can be one that the body around the node cannot
+   touch: pushed out there, the node would slip off the edge while its body stays inside. A body
+   rests with a node on a plane only if no node around it lies below. */
+INLINE int below(vec3 node, vec3 p, vec3 normal) {
+  vec3 d = minus(node, p);
+  double height = dot(d, normal);
+  return height < 0.0 && height * height > FACING * FACING * dot(d, d);
+}
+INLINE int faces(const pairs_type *m, const state_type *state, vec3 p, vec3 normal) {
+  const surface_type *s = &m->surface;
+  const int32_t *c = state->corner, n = state->node;
+  if (c[0] != c[1]) /* in a facet: its corners */
+    return !below(at(m->x, c[0]), p, normal) && !below(at(m->x, c[1]), p, normal) &&
+           !below(at(m->x, c[2]), p, normal);
+  for (int64_t k = s->ring_offset[n]; k < s->ring_offset[n + 1]; k++)
+    for (int v = 0; v < 3; v++)
+      if (below(at(m->x, s->facets[3 * (int64_t)s->ring[k] + v]), p, normal)) return 0;
+  return 1;
+}
+
+/* The nearest facet that the node of the pair p is straight behind, no deeper than ``limit``, and
+   that its body faces; -1 if none. */
+static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double limit, double *gap,
+                           vec3 *weights, vec3 *normal) {
+  int64_t best = -1;
+  *gap = -limit;
+  for (int64_t k = m->first[p]; k < m->first[p + 1]; k++) {
+    triangle t = facet_at(&m->surface, m->x, m->candidate[k]);
+    vec3 u = normal_of(t);
+    double g = dot(minus(point, t.a), u);
+    if (!(*gap < g && g < 0.0)) continue;
+    vec3 w = project(point, t);
+    if (least(w.x, least(w.y, w.z)) >= -BESIDE && faces(m, m->state + p, point, u))
+      best = k, *gap = g, *weights = w, *normal = u;
+  }
+  return best;
+}
+
+/* Forces of the pair p, which has been looked at where ``looked``, ``before`` being the candidate
+   that was closest in the last step. */
+static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, int64_t before) {
+  double *x = m->x, *f = m->f;
+  state_type *s = m->state + p;
+  const vec3 point = point_of(s, x);
+
+  /* The closest point: most often in the facet where it was, the others being too far. All is
+     computed in one place, so that a run that is resumed finds the same last digits. */
+  int feature;
+  const double clock = c->clock;
+  triangle t = vertices_at(s->vertices, x);
+  vec3 w = closest_point(point, t, &feature);
+  double distance = length(minus(point, mean(w, t.a, t.b, t.c)));
+  if (!looked && s->other_due - clock < distance) {
+    before = look(m, p, clock, point);
+    t = vertices_at(s->vertices, x);
+    w = closest_point(point, t, &feature);
+    distance = length(minus(point, mean(w, t.a, t.b, t.c)));
+  }
+  int64_t k = m->closest[p];
+
+  /* The gap, and the normal from the facet to the point. */
+  vec3 facet_normal = normal_of(t);
+  vec3 normal = facet_normal, r = minus(point, mean(w, t.a, t.b, t.c));
+  if (feature != INTERIOR)
+    normal = pseudo_normal(&m->surface, x, m->candidate[k], feature, facet_normal);
+  double g = dot(r, normal) >= 0.0 ? distance : -distance;
+  if (feature != INTERIOR)
+    normal = distance > tiny(s) ? times(1.0 / g, r) : times(1.0 / length(normal), normal);
+  double height = g;
+  if (s->sharp && g < BESIDE * sqrt(s->area) && !faces(m, s, point, normal)) {
+    double other_gap;
+    vec3 other_weights, other_normal;
+    int64_t other = find_facing(m, p, point, 3.0 * c->largest_depth, &other_gap, &other_weights,
+                                &other_normal);
+    /* A node just outside counts where it came through that facet now. */
+    if (other >= 0 &&
+        (g < 0.0 || s->closed || -other_gap <= c->clock - m->due[p] + tiny(s))) {
+      k = other, g = height = other_gap, w = other_weights, normal = other_normal;
+      t = facet_at(&m->surface, x, m->candidate[k]);
+      facet_normal = normal;
+      know(m, p, k);
+    }
+  }
+  g += s->recess;
+  const double moved = c->clock - m->due[p];
+  if (s->closed && fabs(g - s->gap) > moved && fabs(g - s->gap) > moved + tiny(s)) {
+    /* Across a sharp edge: no energy appears, and what is lost counts as dissipated. */
+    double was = s->offset - s->gap;
+    s->offset = least(s->offset, g + was);
+    double lost = stored_energy(s->stiffness, was, c->largest_depth) -
+                  stored_energy(s->stiffness, most(s->offset - g, 0.0), c->largest_depth);
+    c->dissipated += lost;
+    s->work += lost;
+  }
+  const vec3 old_normal = s->normal;
+  s->weights = w;
+  s->normal = normal;
+  s->gap = g;
+
+  if (!s->closed) {
+    /* The offset of a pair that moves out follows it, and never grows again. */
+    if (s->offset < 0.0) s->offset = least(most(s->offset, g), 0.0);
+    /* Motion since the pair was last known to be open bounds its depth. */
+    if (s->offset - g > (c->adopt ? 0.0 : moved + tiny(s))) {
+      c->num_adopted += 1.0;
+      c->deepest = most(c->deepest, -g);
+      s->offset = g;
+    }
+  }
+  double depth = s->offset - g;
+  if (depth <= 0.0) {
+    if (s->closed) {
+      double lost = dot(s->shear, s->shear) / (2.0 * s->stiffness * s->ratio);
+      c->dissipated += lost;
+      s->work += lost;
+      s->closed = s->sliding = 0;
+      s->push = 0.0;
+      s->shear = (vec3){0.0, 0.0, 0.0};
+    }
+    m->due[p] = c->clock + most(g, 0.0);
+    return;
+  }
+
+  const vec3 foot = along(point, -height, normal);
+  if (!s->closed) {
+    s->closed = 1;
+    s->stiffness = share(s->facet_area, t) * s->area /
+                   (m->layer_of_node[s->node] + m->layer_of_facet[m->candidate[k]]);
+    s->anchor = w;
+  } else if (before >= 0 && before != k) {
+    /* Another facet: the spring keeps its length and turns with the normal. */
+    triangle old = facet_at(&m->surface, x, m->candidate[before]);
+    vec3 spring = minus(point, mean(s->anchor, old.a, old.b, old.c));
+    spring = across(spring, old_normal);
+    vec3 turned = across(spring, normal);
+    double now2 = dot(turned, turned);
+    double keep = now2 > 0.0 ? sqrt(dot(spring, spring) / now2) : 0.0;
+    s->anchor = anchor_of(times(keep, turned), foot, normal, facet_normal, t);
+  }
+  if (depth > c->largest_depth) {
+    c->num_deep += 1.0;
+    double part = depth / finer_edge(s->facet_area, t);
+    if (part > c->sunk) c->sunk = part, c->sunken = p;
+    depth = c->largest_depth;
+  }
+  m->due[p] = c->clock;
+
+  /* Normal force, and friction of the spring between the node and its anchor. */
+  const double kn = s->stiffness, kt = kn * s->ratio, N = kn * depth;
+  s->push = N;
+  vec3 spring = across(minus(point, mean(s->anchor, t.a, t.b, t.c)), normal);
+  double T = kt * length(spring);
+  s->sliding = T > (s->sliding ? c->friction_kinetic : c->friction) * N;
+  if (s->sliding) {
+    /* Work of the mean friction of the step: exact for the trapezoidal rule. */
+    double limit = c->friction_kinetic * N, slipped = (T - limit) / kt;
+    double lost = 0.5 * (length(s->shear) + limit) * slipped;
+    c->dissipated += lost;
+    s->work += lost;
+    s->slip += slipped;
+    spring = times(limit / T, spring);
+    /* The anchor that leaves just this much of the spring. */
+    s->anchor = anchor_of(spring, foot, normal, facet_normal, t);
+  }
+  vec3 shear = times(-kt, spring);
+  s->shear = shear;
+  vec3 force = along(shear, N, normal);
+  for (int corner = 0; corner < 3; corner++)
+    add_to(f, s->corner[corner], times((&s->corner_weight.x)[corner], force));
+
+  /* Couple height x friction as normal forces on the facet, h_i = height grad N_i . T, less what
+     is across the facet, along the normal, where that is of an edge or vertex. */
+  vec3 e1 = minus(t.b, t.a), e2 = minus(t.c, t.a);
+  vec3 in_plane = along(shear, -dot(shear, facet_normal) / dot(normal, facet_normal), normal);
+  double scale = height / dot(facet_normal, cross(e1, e2));
+  /* grad N_b = (e2 x n)/2A and grad N_c = (n x e1)/2A */
+  double hb = scale * dot(in_plane, cross(e2, facet_normal));
+  double hc = scale * dot(in_plane, cross(facet_normal, e1));
+  const int32_t *v = s->vertices;
+  add_to(f, v[0], along(times(-hb - hc, normal), -w.x, force));
+  add_to(f, v[1], along(times(hb, normal), -w.y, force));
+  add_to(f, v[2], along(times(hc, normal), -w.z, force));
+}
+
+#endif
