@@ -364,7 +364,7 @@ class ImplicitSimulation(Simulation):
             s.a[:], s.v[:] = 0.0, 0.0
             self.damped += float(((self.equations.drag / dt)[:, None] * du**2).sum())
         self._last = (du, dt, self._motion())
-        self.contact.previous[:] = self.contact.positions.own
+        self.contact.measure_from(self.contact.positions.own)
         s.t += dt
         s.dt = dt
         s.num_steps += 1

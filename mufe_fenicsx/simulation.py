@@ -225,7 +225,7 @@ class Simulation:
         nodes = near.nodes[np.repeat(which, np.diff(near.offset))]
         s.a[nodes] = self._f[nodes] / self.solid.mass[nodes, None]
         rigid.release(which)
-        self.contact.follow_all(s.x)
+        self.contact.moving = None
         self._watch.release(which)
         grains = np.arange(self.mesh.num_grains)
         self.solid.set_deforming(grains[~np.isin(grains, rigid.grains)])
@@ -234,21 +234,25 @@ class Simulation:
         s, runs = self.state, self.rigid.runs
         if self._kick_waits:
             self._kick_waits = False
-            self.damped += kick_and_drift(
+            damped, self._moved = kick_and_drift(
                 s.x, s.u, s.v, self._f, self.solid.mass, self.mesh.x, runs, s.dt, dt, self.damping
             )
+            self.damped += damped
         else:
-            half_kick_and_drift(s.x, s.u, s.v, s.a, self._f, self.mesh.x, runs, dt, self.damping)
+            self._moved = half_kick_and_drift(
+                s.x, s.u, s.v, s.a, self._f, self.mesh.x, runs, dt, self.damping
+            )
         self.rigid.drift(s.x, s.u, dt, self.damping)
 
     def _forces(self, dt):
         s = self.state
-        wall_move = max(self.walls.move(dt), self.rigid.moved)
+        moved = max(self.walls.move(dt), self.rigid.moved, self._moved)
         self.walls.add_work()
         self.bonded.move(s.x, s.u, s.v, self.mesh.x, dt)
         positions = s.x
         if not self.contact.kinematic:
-            self.contact.begin(positions, wall_move)
+            # Glued nodes go where their wall goes.
+            self.contact.begin(positions, moved, known=not self.bonded.nodes.size)
         if self.rigid.num_grains:
             every = self.contact.moving is None
             clear(self._f, self.rigid.nodes if every else self.rigid.followed.nodes)
@@ -258,7 +262,7 @@ class Simulation:
         if self.contact.kinematic:
             positions = self._predicted
             predict(positions, s.x, s.v, self._f, self._inertia, dt)
-            self.contact.begin(positions, wall_move)
+            self.contact.begin(positions, moved)
         try:
             self.contact.add_forces(self._f, positions)
         except FloatingPointError:

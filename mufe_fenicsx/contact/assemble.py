@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..errors import InputError
-from ..kernels.motion import largest_move, largest_move_of
+from ..kernels.motion import largest_move
 from ..kernels.pairs import PairForces, pair_energy
 from ..kernels.points import place_points
 from ..kernels.walls import add_rows, add_some, gather_rows, gather_some
@@ -153,8 +153,7 @@ class Contact:
         self._move, self._agreement = np.zeros(1), None
         #: Called before each search; afterwards all positions are those of this moment.
         self.before_search = None
-        #: Own surface nodes whose positions are followed until the next search; None: all. The
-        #: motion of the others is reported as that of walls is.
+        #: Own surface nodes whose positions are known until the next search; None: all.
         self.moving = None
         self.search(x, deepest=self._initial_depth())
 
@@ -239,8 +238,7 @@ class Contact:
         self.positions.begin_forward()
         self._near = np.arange(self.num_before, dtype=np.int32)
         self._end_forward()
-        # Where own surface nodes were when their motion was measured last.
-        self.previous = gathered.copy()
+        self.measure_from(gathered)
 
     def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local."""
@@ -254,29 +252,30 @@ class Contact:
             self.pairs.stiffness /= factor
             self.walls.pairs.stiffness /= factor
 
-    def follow_all(self, x):
-        """Follow all own surface nodes from now on, the motion up to ``x`` being known. Local."""
-        gather_rows(self.previous, x, self.own.nodes)
-        self.moving = None
-
-    def begin(self, x, wall_move=0.0):
+    def begin(self, x, moved=0.0, known=False):
         """Begin a step to the positions ``x``, which :meth:`add_forces` ends. Collective.
 
         What other ranks need of this one, and how far anything moved, is on its way afterwards.
 
         Args:
             x: Positions [m], shape (num_nodes, 3).
-            wall_move: Largest distance that a wall, or a node that is not followed, moved
-                since the last call [m].
+            moved: Largest distance that a wall moved since the last call [m].
+            known: Whether ``moved`` is that of walls and nodes, which need not be measured then.
         """
         self.place(x)
-        if self.moving is None:
-            move = largest_move(self.previous, self.positions.own)
-        else:
-            move = largest_move_of(self.previous, self.positions.own, self.moving)
-        self._move[0] = max(move, wall_move)
+        if not known:
+            moved = max(largest_move(self._previous, self.positions.own), moved)
+        self._move[0] = moved
         if self.comm.size > 1:
             self._agreement = self.comm.Iallreduce(MPI.IN_PLACE, self._move, op=MPI.MAX)
+
+    def measure_from(self, positions):
+        """The next motion that :meth:`begin` measures is that from there. Local.
+
+        Args:
+            positions: Of own surface nodes [m], shape (num_nodes, 3).
+        """
+        self._previous = positions.copy()
 
     def place(self, x):
         """Start sending the positions ``x`` of this rank's surface to other ranks. Collective."""

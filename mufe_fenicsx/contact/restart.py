@@ -227,7 +227,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
     contact.positions.own[:] = previous
     contact.positions.begin_forward()
     contact._end_forward()
-    contact.previous[:] = previous
+    contact.measure_from(previous)
 
 
 def _pairs(contact, names, table, candidates):

@@ -14,15 +14,23 @@ def half_kick_and_drift(x, u, v, a, f, x0, runs, dt, damping):
     """First half of a step: v += dt/2 (a - damping v), u += dt v, x = x0 + u, in place; f = 0.
 
     All arrays have the shape (num_nodes, 3); ``damping`` in 1/s.
+
+    Returns:
+        Largest distance that a node moved [m]; infinity where one is not finite.
     """
     half = 0.5 * dt
+    largest = total = 0.0
     for r in range(runs.shape[0]):
         for n in range(runs[r, 0], runs[r, 1]):
+            square = 0.0
             for i in range(3):
                 v[n, i] += half * (a[n, i] - damping * v[n, i])
+                square += v[n, i] * v[n, i]
                 u[n, i] += dt * v[n, i]
                 x[n, i] = x0[n, i] + u[n, i]
                 f[n, i] = 0.0
+            largest, total = max(largest, square), total + square
+    return dt * math.sqrt(largest) if total < math.inf else math.inf
 
 
 @numba.njit(cache=True)
@@ -57,25 +65,29 @@ def kick_and_drift(x, u, v, f, mass, x0, runs, last, dt, damping):
     less memory to read and write.
 
     Returns:
-        Energy that the damping took in the last step [J].
+        Energy that the damping took in the last step [J], and the largest distance that a node
+        moved [m]; infinity where one is not finite.
     """
     half_last, half = 0.5 * last, 0.5 * dt
     scale = 1.0 / (1.0 + half_last * damping)
-    lost = 0.0
+    lost = largest = total = 0.0
     for r in range(runs.shape[0]):
         for n in range(runs[r, 0], runs[r, 1]):
             inverse = 1.0 / mass[n]
+            square = 0.0
             for i in range(3):
                 a = f[n, i] * inverse
                 w = (v[n, i] + half_last * a) * scale
                 if damping > 0.0:
                     lost += mass[n] * w * w
                 w += half * (a - damping * w)
+                square += w * w
                 v[n, i] = w
                 u[n, i] += dt * w
                 x[n, i] = x0[n, i] + u[n, i]
                 f[n, i] = 0.0
-    return last * damping * lost
+            largest, total = max(largest, square), total + square
+    return last * damping * lost, dt * math.sqrt(largest) if total < math.inf else math.inf
 
 
 @numba.njit(cache=True)
@@ -100,20 +112,6 @@ def largest_move(previous, x):
     """
     largest = 0.0
     for n in range(x.shape[0]):
-        dx, dy, dz = x[n, 0] - previous[n, 0], x[n, 1] - previous[n, 1], x[n, 2] - previous[n, 2]
-        square = dx * dx + dy * dy + dz * dz
-        if not square < math.inf:
-            return math.inf
-        largest = max(largest, square)
-        previous[n, 0], previous[n, 1], previous[n, 2] = x[n, 0], x[n, 1], x[n, 2]
-    return math.sqrt(largest)
-
-
-@numba.njit(cache=True)
-def largest_move_of(previous, x, rows):
-    """:func:`largest_move` of the nodes ``rows`` alone, shape (num_rows,)."""
-    largest = 0.0
-    for n in rows:
         dx, dy, dz = x[n, 0] - previous[n, 0], x[n, 1] - previous[n, 1], x[n, 2] - previous[n, 2]
         square = dx * dx + dy * dy + dz * dz
         if not square < math.inf:

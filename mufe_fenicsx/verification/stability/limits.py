@@ -43,7 +43,7 @@ class Snapshot:
     def __init__(self, simulation):
         self.simulation = simulation
         self._contact = ContactMark(simulation.contact)
-        self._previous = simulation.contact.previous.copy()
+        self._previous = simulation.contact.positions.own.copy()
         self._kept = {name: getattr(simulation.state, name).copy() for name in self.NAMES}
 
     def restore(self):
@@ -55,7 +55,7 @@ class Snapshot:
             self._contact.restore()
         else:  # a body that touches nothing went far enough: it has no contacts to restore
             self._contact = ContactMark(contact)
-        contact.previous[:] = self._previous
+        contact.measure_from(self._previous)
 
 
 def kinetic(s):
