@@ -114,6 +114,7 @@ class Contact:
             self._corners = (self._corner, self.points.weight)
         else:
             self._corners = (np.empty((0, 3), np.int32), np.empty((0, 3)))
+        self._around = self.points.around + np.int32(self.num_before)
         self.ratio = tangential_ratio[self.points.local_grain]
 
         total = self.comm.allreduce(np.array([own.facet_area.sum(), own.facet_area.size]))
@@ -356,7 +357,7 @@ class Contact:
                 p.state, p.due, p.candidate_due, p.closest, p.node, p.first, p.candidate,
                 self.facets, s.neighbor, self.ring_offset, self.ring, self.edges.beside,
                 self.layer, s.layer_of_facet, points.area, points.facet_area, points.recess,
-                self.ratio, *self._corners, x, forces,
+                self.ratio, self._around, points.around_of, *self._corners, x, forces,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(forces, x, self._corners, self.layer, points, self.ratio)

@@ -41,6 +41,9 @@ class Points:
     facet_area: np.ndarray  #: area of the facets there [m²], shape (num_points,)
     ring_offset: np.ndarray | None  #: compressed rows of the own facets around each point;
     ring: np.ndarray | None  #: None where points are nodes
+    #: Nodes around each point that is a node: surface nodes, int32, one after another;
+    around: np.ndarray
+    around_of: np.ndarray  #: the first there and how many, int32, shape (num_points, 2)
     recess: np.ndarray  #: depth at which contact begins [m], shape (num_points,)
 
     @property
@@ -92,6 +95,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
         raise InputError(f"points of contact = {kind}, expected one of {', '.join(KINDS)}")
     node_grain, facet_grain = mesh.grain_of_node[own.nodes], own.local_grain_of_facet
     if kind == "nodes":
+        around, around_of = nodes_around(own, np.arange(own.nodes.size))
         return Points(
             corner=None,
             weight=None,
@@ -102,6 +106,8 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
             facet_area=0.5 * own.whole_area,
             ring_offset=None,
             ring=None,
+            around=around,
+            around_of=around_of,
             recess=np.zeros(own.area.size),
         )
     rule = RULES[kind]
@@ -116,6 +122,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
     around = [own.ring[own.ring_offset[v] : own.ring_offset[v + 1]] for v in vertex]
     num_around = np.concatenate([np.ones(n * len(own.facets)), [len(r) for r in around]])
     facets = np.repeat(np.arange(len(own.facets), dtype=np.int32), n)
+    neighbors, neighbors_of = nodes_around(own, vertex)
     return Points(
         corner=both(own.facets, np.stack([nodes] * 3, axis=1)),
         weight=np.concatenate(
@@ -128,8 +135,29 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
         facet_area=both(own.facet_area, 0.5 * own.whole_area),
         ring_offset=np.concatenate([[0], np.cumsum(num_around)]).astype(own.ring_offset.dtype),
         ring=np.concatenate([facets, *around]).astype(own.ring.dtype),
+        around=neighbors,
+        around_of=np.concatenate([np.zeros((facets.size, 2), np.int32), neighbors_of]),
         recess=both(np.zeros(own.facet_area.size), RECESS * edge_of_area(own.whole_area, 2)),
     )
+
+
+def nodes_around(own, nodes):
+    """Ends of the edges from surface nodes.
+
+    Returns:
+        Surface nodes, int32, one after another; and of each of ``nodes`` the first there and how
+        many, int32, shape (num, 2).
+    """
+    first, end = own.ring_offset[nodes], own.ring_offset[nodes + 1]
+    count = end - first
+    ring = np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
+    of = np.repeat(np.arange(nodes.size), 3 * count)
+    vertices = own.facets[own.ring[ring]].ravel()
+    others = vertices != nodes[of]
+    key = np.unique(of[others] * np.int64(own.nodes.size) + vertices[others])
+    of, around = np.divmod(key, max(own.nodes.size, 1))
+    first = np.searchsorted(of, np.arange(nodes.size + 1))
+    return around.astype(np.int32), np.stack([first[:-1], np.diff(first)], axis=1).astype(np.int32)
 
 
 def _sums(values, offset):

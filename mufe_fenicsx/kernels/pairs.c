@@ -20,6 +20,11 @@ INLINE void fetch_ahead(const pairs_type *m, int64_t i, int64_t num_due) {
       FETCH(m->x + 3 * (int64_t)s->vertices[k]);
       FETCH(m->f + 3 * (int64_t)s->vertices[k]);
     }
+    if (s->num_around) FETCH(m->around + s->around);
+  }
+  if (i + AHEAD / 2 >= 0 && i + AHEAD / 2 < num_due) {
+    const state_type *s = m->state + list[i + AHEAD / 2];
+    for (int32_t k = 0; k < s->num_around; k++) FETCH(m->x + 3 * (int64_t)m->around[s->around + k]);
   }
 }
 

@@ -28,7 +28,7 @@ typedef struct {
   vec3 anchor;
   double facet_area;
   vec3 shear;
-  double none;
+  int32_t around, num_around; /* where the nodes around a point that is a node are listed */
   vec3 corner_weight;
   double nothing;
 } state_type;
@@ -45,6 +45,7 @@ typedef struct {
   surface_type surface;
   const uint8_t *sharp;
   const double *layer_of_node, *layer_of_facet;
+  const int32_t *around;
   double *x, *f;
 } pairs_type;
 

@@ -35,6 +35,7 @@ COLUMNS = {
     "anchor": (np.float64, slice(20, 23)),
     "facet_area": (np.float64, 23),
     "shear": (np.float64, slice(24, 27)),
+    "around": (np.int32, slice(54, 56)),
     "corner_weight": (np.float64, slice(28, 31)),
 }
 
@@ -117,6 +118,8 @@ class PairForces:
         facet_area: Areas of the facets there [m²], shape (num_nodes,).
         recess: How far the nodes lie behind the surface that carries contact [m], (num_nodes,).
         ratio_of_node: Tangential over normal stiffness, shape (num_nodes,).
+        around: Rows of the nodes around those that are nodes, int32, one after another.
+        around_of: The first there and how many, none for points in facets, (num_nodes, 2).
         corner, corner_weight: As in kernels.points, where the nodes of pairs are points in
             facets, which hand their forces on; else of shape (0, 3).
         x: Positions [m], shape (num_nodes_with_ghosts, 3); those of points in facets are not used.
@@ -128,20 +131,22 @@ class PairForces:
 
     def __init__(self, state, due, candidate_due, closest, node, first, candidate,
                  facets, neighbor, ring_offset, ring, sharp, layer_of_node, layer_of_facet, area,
-                 facet_area, recess, ratio_of_node, corner, corner_weight, x, f):  # fmt: skip
+                 facet_area, recess, ratio_of_node, around, around_of, corner, corner_weight, x,
+                 f):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
         self._found = _Call()
         scratch = np.empty(node.size + 1, short)
         of_points = {
             "area": area, "facet_area": facet_area, "recess": recess, "ratio": ratio_of_node,
+            "around": around_of,
         }  # fmt: skip
         fill(state, node, of_points, corner, corner_weight)
         self._pointers = Pointers(
             (state, real), (due, real), (candidate_due, real), (closest, long), (scratch, short),
             (first, long), (candidate, short),
             (facets, short), (neighbor, short), (ring_offset, long), (ring, short), (sharp, flag),
-            (layer_of_node, real), (layer_of_facet, real), (x, real), (f, real),
+            (layer_of_node, real), (layer_of_facet, real), (around, short), (x, real), (f, real),
         )  # fmt: skip
         pointer = ctypes.c_void_p
         self._call = load("pairs").mufe_add_pair_forces

@@ -48,15 +48,12 @@ INLINE int below(vec3 node, vec3 p, vec3 normal) {
   double height = dot(d, normal);
   return height < 0.0 && height * height > FACING * FACING * dot(d, d);
 }
-INLINE int faces(const pairs_type *m, const state_type *state, vec3 p, vec3 normal) {
-  const surface_type *s = &m->surface;
-  const int32_t *c = state->corner, n = state->node;
-  if (c[0] != c[1]) /* in a facet: its corners */
-    return !below(at(m->x, c[0]), p, normal) && !below(at(m->x, c[1]), p, normal) &&
-           !below(at(m->x, c[2]), p, normal);
-  for (int64_t k = s->ring_offset[n]; k < s->ring_offset[n + 1]; k++)
-    for (int v = 0; v < 3; v++)
-      if (below(at(m->x, s->facets[3 * (int64_t)s->ring[k] + v]), p, normal)) return 0;
+INLINE int faces(const pairs_type *m, const state_type *s, vec3 p, vec3 normal) {
+  /* Of a point in a facet: its corners. */
+  const int32_t *nodes = s->num_around ? m->around + s->around : s->corner;
+  const int32_t count = s->num_around ? s->num_around : 3;
+  for (int32_t k = 0; k < count; k++)
+    if (below(at(m->x, nodes[k]), p, normal)) return 0;
   return 1;
 }
 

@@ -91,10 +91,12 @@ def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, s
             for j in range(begin[1], end[1]):
                 row = (i * shape[1] + j) * shape[2]
                 for k in range(cell_offset[row + begin[2]], cell_offset[row + end[2]]):
+                    if grain[k] == grain_of_facet[f]:  # most
+                        continue
                     px, py, pz = place[k, 0], place[k, 1], place[k, 2]
                     if px < lowest[0] or px > highest[0] or py < lowest[1] or py > highest[1]:
                         continue
-                    if pz < lowest[2] or pz > highest[2] or grain[k] == grain_of_facet[f]:
+                    if pz < lowest[2] or pz > highest[2]:
                         continue
                     n = cell_nodes[k]
                     wa, wb, wc, _ = closest_point(px, py, pz, x, a, b, c)
