@@ -178,6 +178,8 @@ class Contact:
 
         old, old_surface, old_crossings = self.pairs, self.surface, self.edges.pairs
         if old is not None:
+            # Whether a node meets its own grain hangs on more than their distance.
+            until = self.clock if self.self_depth else self.searched_at + self.reach
             self.edges.slip += new_slip(self)
         self.exchange(gathered, reach)
         num_own, num_points = self.own.nodes.size, self.points.num_points
@@ -193,7 +195,8 @@ class Contact:
             self.self_depth,
         )
         if old is not None:
-            self.pairs.carry(old, _finder(self.surface.global_facet), old_surface.global_facet)
+            find = _finder(self.surface.global_facet)
+            self.pairs.carry(old, find, old_surface.global_facet, until)
         nodes = self.positions.array[self.num_before :]
         self.dissipated += self.edges.search(nodes, num_own, self.surface, reach, self.clock)
         points, old_walls = self.positions.array[:num_points], self.walls.pairs

@@ -40,15 +40,23 @@ class Pairs:
         self.gap[:] = np.inf
         self.forces = None  #: kernels.pairs.PairForces, once they are wanted
 
-    def carry(self, old, facet_of_global, old_global_facet):
-        """Take over what ``old`` pairs remember, the closest facet by its global number."""
+    def carry(self, old, facet_of_global, old_global_facet, until):
+        """Take over what ``old`` pairs remember. Local.
+
+        Args:
+            old: Pairs of the last search.
+            facet_of_global: Local numbers of facets from their global ones, -1 where absent.
+            old_global_facet: Global numbers of the facets of ``old``.
+            until: Reading of the clock before which no facet beyond the reach of that search can
+                have been met [m].
+        """
         source = carry_pairs(old.node, old.grain, self.node, self.grain)
         new = np.flatnonzero(source >= 0)
         source = source[new]
         for name in REMEMBERED:
             getattr(self, name)[new] = getattr(old, name)[source]
         # A pair that was due may have closed by the motion since, and no other.
-        self.due[new] = np.minimum(self.due[new], old.due[source])
+        self.due[new] = np.minimum(old.due[source], until)
         known = old.closest[source] >= 0
         new, source = new[known], source[known]
         facet = facet_of_global(old_global_facet[old.candidate[old.closest[source]]])
