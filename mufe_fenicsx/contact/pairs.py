@@ -53,8 +53,8 @@ class Pairs:
         source = carry_pairs(old.node, old.grain, self.node, self.grain)
         new = np.flatnonzero(source >= 0)
         source = source[new]
-        for name in REMEMBERED:
-            getattr(self, name)[new] = getattr(old, name)[source]
+        self.state[new] = old.state[source]
+        self.known[new], self.work[new] = False, 0.0  # the ledger has the work
         # A pair that was due may have closed by the motion since, and no other.
         self.due[new] = np.minimum(old.due[source], until)
         known = old.closest[source] >= 0

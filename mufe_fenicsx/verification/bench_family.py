@@ -104,12 +104,13 @@ def _finished(run):
     return summary.exists() and json.loads(summary.read_text(encoding="utf-8"))["finished"]
 
 
-def resumed(comm, *, run, steps=50, repeats=7):
+def resumed(comm, *, run, steps=300, repeats=5):
     """The sample that a run left, going on at rest of its walls. Collective.
 
     Args:
         run: Run folder with a checkpoint.
-        steps, repeats: Steps of one measurement, and measurements.
+        steps, repeats: Steps of one measurement, in which the time step is found twice and contact
+            searched about once, and measurements.
     """
     from ..output.checkpoint import find_checkpoint, read_tables
     from ..preparation import bounding_box, load_mesh, make_simulation, read_scene
