@@ -62,7 +62,7 @@ def rows(number, width):
     return aligned(number * width).reshape(number, width)
 
 
-def fill(state, node, of_points, corner, corner_weight, columns=COLUMNS):
+def fill_rows(state, node, of_points, corner, corner_weight, columns=COLUMNS):
     """Set the columns of the rows of pairs that their points ``node`` have, and their corners.
 
     Args:
@@ -141,7 +141,7 @@ class PairForces:
             "area": area, "facet_area": facet_area, "recess": recess, "ratio": ratio_of_node,
             "around": around_of,
         }  # fmt: skip
-        fill(state, node, of_points, corner, corner_weight)
+        fill_rows(state, node, of_points, corner, corner_weight)
         self._pointers = Pointers(
             (state, real), (due, real), (candidate_due, real), (closest, long), (scratch, short),
             (first, long), (candidate, short),

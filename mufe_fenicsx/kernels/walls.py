@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from .native import Pointers, address, aligned, load
-from .pairs import column, fill
+from .pairs import column, fill_rows
 
 #: What a pair keeps, as in kernels.pairs; the rest of the row is as in walls.c.
 ROW = 20
@@ -123,7 +123,7 @@ class WallForces:
         scratch = np.empty(node.size + 1, short)
         column(state, "wall", COLUMNS)[:] = wall
         of_points = {"stiffness": area / layer, "recess": recess, "ratio": ratio}
-        fill(state, node, of_points, corner, corner_weight, COLUMNS)
+        fill_rows(state, node, of_points, corner, corner_weight, COLUMNS)
         self._pointers = Pointers(
             (state, real), (due, real), (scratch, short), (aligned(WALL * len(point)), real),
             (x, real), (f, real), (wall_force, real), (wall_torque, real), (point, real),
