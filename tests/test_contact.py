@@ -1,6 +1,7 @@
 """Contact between grains and with walls: balance, energy, Coulomb's law, any number of ranks."""
 
 import json
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -8,11 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scipy.spatial.transform import Rotation
 
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.geometry.shapes import box
+from mufe_fenicsx.kernels import pairs as pair_kernels
+from mufe_fenicsx.kernels import walls as wall_kernels
+from mufe_fenicsx.kernels.native import load
 from mufe_fenicsx.launcher import find_mpirun
 from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.verification.build import build, drive, settle
 from tests.bodies import RADIUS, packed_spheres, simulation_of
 
@@ -41,6 +47,48 @@ def collision(friction=FRICTION, speed=20.0, factor=FACTOR, **options):
     return simulation_of(
         mesh, QUARTZ, friction=friction, velocity=velocity, time_step_factor=factor, **options
     )
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="four lanes are forced by its options")
+@pytest.mark.parametrize("option", ["-DTOGETHER=0", "-mno-avx512f"])
+@pytest.mark.parametrize("points", ["facets", "nodes"])
+def test_pairs_one_by_one_and_in_four_lanes(option, points, monkeypatch):
+    """The same law to rounding, which 200 steps of sliding and sticking multiply little.
+
+    Two unlike blocks, one turned on the other, between plates that press and shear them; numbers
+    of pairs are no multiples of the lanes.
+    """
+    found = []
+    for options in ((), (option,)):
+        for kernel in (pair_kernels, wall_kernels):
+            monkeypatch.setattr(kernel, "load", lambda name, more=options: load(name, *more))
+        low, low_cells = box((1.0, 1.0, 0.5), (4, 4, 2))
+        high, high_cells = box((0.8, 0.8, 0.4), (5, 5, 2))
+        turn = Rotation.from_rotvec([0.0, 0.0, 0.3]).as_matrix()
+        high = (high - [0.4, 0.4, 0.0]) @ turn.T + [0.5, 0.5, 0.5]
+        mesh = create_grain_mesh(
+            MPI.COMM_SELF,
+            np.concatenate([low, high]),
+            np.concatenate([low_cells, high_cells + len(low)]),
+            np.repeat([0, 1], [len(low_cells), len(high_cells)]),
+            np.array([1, 2]),
+            np.zeros(2, dtype=np.int32),
+        )
+        up = np.array([0.0, 0.0, 1.0])
+        walls = [
+            Wall("low", np.zeros(3), up, friction=0.2),
+            Wall("top", 0.9 * up, -up, friction=0.2, velocity=np.array([0.5, 0.3, -2])),
+        ]
+        s = simulation_of(mesh, QUARTZ, walls, friction=0.1, time_step_factor=FACTOR, points=points)
+        for _ in range(200):
+            s.step()
+        sums = np.array([s.contact.dissipated, s.contact.energy()[0], s.walls.work])
+        found.append((s.force.x.array.copy(), s.state.v.copy(), s.walls.force.copy(), sums))
+        for pairs in (s.contact.pairs, s.walls.pairs):
+            assert (pairs.closed & pairs.sliding).any() and (pairs.closed & ~pairs.sliding).any()
+    for one, two in zip(*found, strict=True):
+        assert np.abs(one).max() > 0.0
+        assert np.abs(one - two).max() < 1e-9 * np.abs(one).max()
 
 
 @pytest.mark.mpi

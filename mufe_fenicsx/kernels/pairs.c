@@ -5,6 +5,11 @@
 #include "pairs_lanes.h"
 #include "pairs_one.h"
 
+/* Whether pairs are worked on together; the results are the same to rounding. */
+#ifndef TOGETHER
+#define TOGETHER 1
+#endif
+
 /* Ask for what the pairs after the i-th of the list need; from i = -2 AHEAD on. */
 INLINE void fetch_ahead(const pairs_type *m, int64_t i, int64_t num_due) {
   const int32_t *list = m->scratch;
@@ -40,9 +45,14 @@ void mufe_add_pair_forces(const pairs_type *m, call_type *c, int64_t num_pairs) 
     const int count = num_due - i < LANES ? (int)(num_due - i) : LANES;
     int32_t pair[LANES];
     for (int k = 0; k < LANES; k++) pair[k] = m->scratch[i + (k < count ? k : 0)];
-    unsigned looked;
+    unsigned looked = 0, left = (1u << count) - 1;
     int64_t before[LANES];
-    unsigned left = add_lanes(m, c, pair, (1u << count) - 1, &dissipated, &looked, before);
+    for (int k = 0; k < count; k++)
+      if (!m->state[pair[k]].known) {
+        before[k] = look(m, pair[k], c->clock, point_of(m->state + pair[k], m->x));
+        looked |= 1u << k;
+      }
+    if (TOGETHER) left = add_lanes(m, c, pair, left, &dissipated, &looked, before);
     for (; left; left &= left - 1) {
       const int k = __builtin_ctz(left);
       const int seen = looked >> k & 1;

@@ -18,25 +18,21 @@ INLINE mask below_each(lanes3 corner, lanes3 p, lanes3 normal) {
   return (height < 0.0) & (height * height > FACING * FACING * product(d, d));
 }
 
-/* Forces of the pairs ``pair[0]`` to ``pair[LANES - 1]`` so far as these stay in contact inside
-   the facets that are known. The pairs that were not done, as bits; ``looked``: those that were
-   looked at, whose closest candidates before are in ``before``. */
+/* Forces of the ``wanted`` ones of ``pair[0]`` to ``pair[LANES - 1]`` so far as these stay in
+   contact inside the facets that are known. The pairs that were not done, as bits; ``looked``: those
+   that were looked at, whose closest candidates before are in ``before``. */
 INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair, unsigned wanted,
                           vec *dissipated, unsigned *looked, int64_t *before) {
   double *rows[LANES], *x = m->x, *f = m->f;
   int32_t node[6][LANES];
   vec due;
   unsigned changed = 0;
-  *looked = 0;
 #pragma GCC unroll 8
   for (int i = 0; i < LANES; i++) {
     state_type *s = m->state + pair[i];
     rows[i] = (double *)s;
-    if (wanted >> i & 1 && !s->known) {
-      before[i] = look(m, pair[i], c->clock, point_of(s, x));
-      *looked |= 1u << i;
+    if (*looked >> i & 1)
       changed |= (unsigned)(before[i] >= 0 && before[i] != m->closest[pair[i]]) << i;
-    }
     for (int k = 0; k < 3; k++) node[k][i] = s->corner[k], node[3 + k][i] = s->vertices[k];
     due[i] = m->due[pair[i]];
   }

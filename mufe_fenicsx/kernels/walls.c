@@ -44,6 +44,11 @@ typedef struct {
   const double *point, *normal, *velocity, *friction, *friction_kinetic;
 } walls_type;
 
+/* Whether pairs are worked on together; the results are the same to rounding. */
+#ifndef TOGETHER
+#define TOGETHER 1
+#endif
+
 /* Ask for what the pairs after the i-th of the list need; from i = -2 AHEAD on. */
 INLINE void fetch_ahead(const walls_type *m, int64_t i, int64_t num_due) {
   if (i + 2 * AHEAD < num_due) {
@@ -208,7 +213,8 @@ void mufe_add_wall_forces(const walls_type *m, double *totals, double clock, dou
     const int count = num_due - i < LANES ? (int)(num_due - i) : LANES;
     int32_t pair[LANES];
     for (int k = 0; k < LANES; k++) pair[k] = m->scratch[i + (k < count ? k : 0)];
-    unsigned left = add_lanes(m, clock, pair, (1u << count) - 1, &dissipated);
+    unsigned left = (1u << count) - 1;
+    if (TOGETHER) left = add_lanes(m, clock, pair, left, &dissipated);
     for (; left; left &= left - 1) add_one(m, totals, clock, pair[__builtin_ctz(left)], adopt);
   }
   for (int k = 0; k < LANES; k++) totals[0] += dissipated[k];
