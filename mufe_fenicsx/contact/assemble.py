@@ -196,7 +196,7 @@ class Contact:
         )
         if old is not None:
             find = _finder(self.surface.global_facet)
-            self.pairs.carry(old, find, old_surface.global_facet, until)
+            self.pairs.carry(old, find, old_surface.global_facet, until, self.clock)
         nodes = self.positions.array[self.num_before :]
         self.dissipated += self.edges.search(nodes, num_own, self.surface, reach, self.clock)
         points, old_walls = self.positions.array[:num_points], self.walls.pairs

@@ -40,7 +40,7 @@ class Pairs:
         self.gap[:] = np.inf
         self.forces = None  #: kernels.pairs.PairForces, once they are wanted
 
-    def carry(self, old, facet_of_global, old_global_facet, until):
+    def carry(self, old, facet_of_global, old_global_facet, until, clock):
         """Take over what ``old`` pairs remember. Local.
 
         Args:
@@ -49,6 +49,7 @@ class Pairs:
             old_global_facet: Global numbers of the facets of ``old``.
             until: Reading of the clock before which no facet beyond the reach of that search can
                 have been met [m].
+            clock: Its reading now [m].
         """
         source = carry_pairs(old.node, old.grain, self.node, self.grain)
         new = np.flatnonzero(source >= 0)
@@ -61,6 +62,9 @@ class Pairs:
         new, source = new[known], source[known]
         facet = facet_of_global(old_global_facet[old.candidate[old.closest[source]]])
         find_again(self.closest, new, facet, self.first, self.candidate)
+        # What pairs may close in some time is asked for too: each needs a facet where it will.
+        lost = self.closest < 0
+        self.due[lost] = np.minimum(self.due[lost], clock)
 
 
 def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock, deep=None):
