@@ -11,6 +11,8 @@ import pytest
 from mpi4py import MPI
 from scipy.spatial.transform import Rotation
 
+from mufe_fenicsx.contact.nodal import current_gaps
+from mufe_fenicsx.contact.pairs import Pairs
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.geometry.shapes import box
 from mufe_fenicsx.kernels import pairs as pair_kernels
@@ -89,6 +91,32 @@ def test_pairs_one_by_one_and_in_four_lanes(option, points, monkeypatch):
     for one, two in zip(*found, strict=True):
         assert np.abs(one).max() > 0.0
         assert np.abs(one - two).max() < 1e-9 * np.abs(one).max()
+
+
+@pytest.mark.mpi
+def test_what_is_known_of_pairs_after_a_search():
+    """Open pairs are no nearer than their clock says; those it has to count have a facet."""
+    s = collision()
+    contact, num_kept = s.contact, 0
+    for _ in range(600):
+        searches = contact.num_searches
+        s.step()
+        if contact.num_searches == searches:
+            continue
+        pairs = contact.pairs
+        gap = current_gaps(contact)[0] + contact.points.recess[pairs.node]
+        wait = pairs.due - contact.clock
+        # Distances of positions of some 1e-3 m have that much round-off.
+        assert (wait <= np.maximum(gap, 0.0) + 1e-15)[~pairs.closed].all()
+        assert (pairs.closest >= 0)[wait < contact.skin].all()
+        num_kept += np.count_nonzero(wait < gap - 1e-15)
+    assert contact.num_searches > 3
+    assert COMM.allreduce(num_kept) > 0  # not all were looked at
+    # Facets that are not near any more, though the pairs are.
+    lost = Pairs(pairs.node, pairs.grain, pairs.first, pairs.candidate, contact.clock)
+    of_facets = contact.surface.global_facet
+    lost.carry(pairs, lambda f: np.full(f.size, -1), of_facets, np.inf, contact.clock)
+    assert (lost.due <= contact.clock).all()
 
 
 @pytest.mark.mpi
