@@ -142,6 +142,7 @@ class Simulation:
         self._inverted = -1
         # The second half of the last step's kick waits for the next step, or is to wait.
         self._kick_waits = self._may_wait = False
+        self._moved = 0.0  # how far a deformable node moved in this step [m]
         self.stable = StableStep(self, assembled, time_step_factor)
         self._margin = 0.0
         self._clock_at_refresh, self._refreshed_at = 0.0, 0
@@ -225,7 +226,7 @@ class Simulation:
         nodes = near.nodes[np.repeat(which, np.diff(near.offset))]
         s.a[nodes] = self._f[nodes] / self.solid.mass[nodes, None]
         rigid.release(which)
-        self.contact.moving = None
+        self.contact.follow_all(s.x)
         self._watch.release(which)
         grains = np.arange(self.mesh.num_grains)
         self.solid.set_deforming(grains[~np.isin(grains, rigid.grains)])

@@ -114,8 +114,8 @@ def test_what_is_known_of_pairs_after_a_search():
     assert COMM.allreduce(num_kept) > 0  # not all were looked at
     # Facets that are not near any more, though the pairs are.
     lost = Pairs(pairs.node, pairs.grain, pairs.first, pairs.candidate, contact.clock)
-    of_facets = contact.surface.global_facet
-    lost.carry(pairs, lambda f: np.full(f.size, -1), of_facets, np.inf, contact.clock)
+    before = contact.surface.global_facet
+    lost.carry(pairs, np.full_like(before, -1), before, np.inf, contact.clock)
     assert (lost.due <= contact.clock).all()
 
 

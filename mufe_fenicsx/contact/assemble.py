@@ -195,8 +195,8 @@ class Contact:
             self.self_depth,
         )
         if old is not None:
-            find = _finder(self.surface.global_facet)
-            self.pairs.carry(old, find, old_surface.global_facet, until, self.clock)
+            facets = self.surface.global_facet, old_surface.global_facet
+            self.pairs.carry(old, *facets, until, self.clock)
         nodes = self.positions.array[self.num_before :]
         self.dissipated += self.edges.search(nodes, num_own, self.surface, reach, self.clock)
         points, old_walls = self.positions.array[:num_points], self.walls.pairs
@@ -272,6 +272,11 @@ class Contact:
         self._move[0] = moved
         if self.comm.size > 1:
             self._agreement = self.comm.Iallreduce(MPI.IN_PLACE, self._move, op=MPI.MAX)
+
+    def follow_all(self, x):
+        """Know all own surface nodes from now on, the motion up to ``x`` being known. Local."""
+        self.moving = None
+        self.measure_from(x[self.own.nodes])
 
     def measure_from(self, positions):
         """The next motion that :meth:`begin` measures is that from there. Local.
@@ -448,15 +453,3 @@ class Contact:
         facet = p.candidate[p.closest[pairs]]
         layers = self.layer[p.node[pairs]] + self.surface.layer_of_facet[facet]
         return p.stiffness[pairs] * layers
-
-
-def _finder(global_facet):
-    """Local number of facets from their numbers over all ranks, -1 where absent."""
-    order = np.argsort(global_facet, kind="stable")
-    ordered = global_facet[order]
-
-    def find(wanted):
-        place = np.minimum(np.searchsorted(ordered, wanted), max(ordered.size - 1, 0))
-        return np.where(ordered[place] == wanted, order[place], -1)
-
-    return find

@@ -40,13 +40,12 @@ class Pairs:
         self.gap[:] = np.inf
         self.forces = None  #: kernels.pairs.PairForces, once they are wanted
 
-    def carry(self, old, facet_of_global, old_global_facet, until, clock):
+    def carry(self, old, global_facet, old_global_facet, until, clock):
         """Take over what ``old`` pairs remember. Local.
 
         Args:
             old: Pairs of the last search.
-            facet_of_global: Local numbers of facets from their global ones, -1 where absent.
-            old_global_facet: Global numbers of the facets of ``old``.
+            global_facet, old_global_facet: Numbers over all ranks of the facets now and of ``old``.
             until: Reading of the clock before which no facet beyond the reach of that search can
                 have been met [m].
             clock: Its reading now [m].
@@ -60,11 +59,20 @@ class Pairs:
         self.due[new] = np.minimum(old.due[source], until)
         known = old.closest[source] >= 0
         new, source = new[known], source[known]
-        facet = facet_of_global(old_global_facet[old.candidate[old.closest[source]]])
+        wanted = old_global_facet[old.candidate[old.closest[source]]]
+        facet = _find(global_facet, wanted)
         find_again(self.closest, new, facet, self.first, self.candidate)
         # What pairs may close in some time is asked for too: each needs a facet where it will.
         lost = self.closest < 0
         self.due[lost] = np.minimum(self.due[lost], clock)
+
+
+def _find(global_facet, wanted):
+    """Local numbers of facets from their numbers over all ranks, -1 where absent."""
+    order = np.argsort(global_facet, kind="stable")
+    ordered = global_facet[order]
+    place = np.minimum(np.searchsorted(ordered, wanted), max(ordered.size - 1, 0))
+    return np.where(ordered[place] == wanted, order[place], -1)
 
 
 def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock, deep=None):

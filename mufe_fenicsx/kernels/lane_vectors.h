@@ -3,8 +3,19 @@
 #ifndef LANE_VECTORS_H
 #define LANE_VECTORS_H
 
+#include <stddef.h>
+
 #include "lanes.h"
 #include "vectors.h"
+
+/* Where a member of ``state_type`` stands in its row of numbers; and whether flags of it are set,
+   in the number that holds their bytes. */
+#define IN_ROW(name) ((int)(offsetof(state_type, name) / sizeof(double)))
+#define FLAG(word, name) ((mask)-((word) >> (8 * (int)(offsetof(state_type, name) % 8)) & 1))
+/* Whether pairs are worked on together; the results are the same to rounding. */
+#ifndef TOGETHER
+#define TOGETHER 1
+#endif
 
 typedef struct {
   vec x, y, z;
@@ -27,6 +38,26 @@ INLINE lanes3 mean_of(lanes3 w, lanes3 a, lanes3 b, lanes3 c) {
 }
 INLINE lanes3 where_each(mask m, lanes3 a, lanes3 b) {
   return (lanes3){where(m, a.x, b.x), where(m, a.y, b.y), where(m, a.z, b.z)};
+}
+
+/* Coulomb's friction of lanes. */
+typedef struct {
+  mask sliding;
+  vec slipped, lost; /* distance and energy; zero where nothing slides */
+} slip_type;
+
+/* What slides of ``spring``, from the anchor to the point, which is laid across the normals n and
+   shortened to what the kinetic friction holds. ``shear``: friction of the last step. */
+INLINE slip_type slip(lanes3 *spring, lanes3 n, vec kt, mask was_sliding, vec held, vec kinetic,
+                      lanes3 shear) {
+  lanes3 s = moved_along(*spring, -product(*spring, n), n);
+  const vec T = kt * square_root(product(s, s));
+  const mask sliding = T > where(was_sliding, kinetic, held);
+  const vec slipped = where(sliding, (T - kinetic) / kt, all(0.0));
+  *spring = scaled(where(sliding, kinetic / T, all(1.0)), s);
+  /* Work of the mean friction of the step: exact for the trapezoidal rule. */
+  const vec mean = 0.5 * (square_root(product(shear, shear)) + kinetic);
+  return (slip_type){sliding, slipped, mean * slipped};
 }
 
 /* A row of three numbers, as four. */

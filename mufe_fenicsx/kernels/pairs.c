@@ -5,11 +5,6 @@
 #include "pairs_lanes.h"
 #include "pairs_one.h"
 
-/* Whether pairs are worked on together; the results are the same to rounding. */
-#ifndef TOGETHER
-#define TOGETHER 1
-#endif
-
 /* Ask for what the pairs after the i-th of the list need; from i = -2 AHEAD on. */
 INLINE void fetch_ahead(const pairs_type *m, int64_t i, int64_t num_due) {
   const int32_t *list = m->scratch;

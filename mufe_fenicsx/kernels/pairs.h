@@ -4,8 +4,6 @@
 #ifndef PAIRS_H
 #define PAIRS_H
 
-#include <stddef.h>
-
 #include "surface.h"
 
 #define FACING 0.342 /* sine of the angle a node around may lie below such a plane: 20 degrees */
@@ -32,7 +30,6 @@ typedef struct {
   vec3 corner_weight;
   double nothing;
 } state_type;
-#define IN_ROW(name) ((int)(offsetof(state_type, name) / sizeof(double)))
 
 /* In the order of kernels/pairs.py. */
 typedef struct {

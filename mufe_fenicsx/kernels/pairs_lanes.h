@@ -7,10 +7,6 @@
 #include "lane_vectors.h"
 #include "pairs.h"
 
-/* Flags of a pair, as bits of the number they share with its node. */
-#define FLAG(word, name)                                                                           \
-  ((mask)-((word) >> (8 * (int)(offsetof(state_type, name) - offsetof(state_type, node))) & 1))
-
 /* Whether a node at ``corner`` lies below, as in pairs_one.h. */
 INLINE mask below_each(lanes3 corner, lanes3 p, lanes3 normal) {
   lanes3 d = difference(corner, p);
@@ -89,16 +85,10 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   /* Normal force, and friction of the spring between the point and its anchor. */
   const vec kt = kn * ratio, N = kn * depth;
   lanes3 spring = difference(point, mean_of((lanes3){sixth[0], sixth[1], sixth[2]}, a, b, d));
-  spring = moved_along(spring, -product(spring, n), n);
-  const vec T = kt * square_root(product(spring, spring));
-  const vec kinetic = c->friction_kinetic * N;
-  const mask sliding =
-      T > where(FLAG(word, sliding), kinetic, c->friction * N);
-  const lanes3 old_shear = {seventh[0], seventh[1], seventh[2]};
-  const vec slipped = where(sliding, (T - kinetic) / kt, all(0.0));
-  /* Work of the mean friction of the step: exact for the trapezoidal rule. */
-  const vec lost = 0.5 * (square_root(product(old_shear, old_shear)) + kinetic) * slipped;
-  spring = scaled(where(sliding, kinetic / T, all(1.0)), spring);
+  const slip_type found =
+      slip(&spring, n, kt, FLAG(word, sliding), c->friction * N, c->friction_kinetic * N,
+           (lanes3){seventh[0], seventh[1], seventh[2]});
+  const mask sliding = found.sliding;
   const lanes3 to_anchor = difference(ap, moved_along(spring, height, n));
   const vec along_ab = product(to_anchor, ab), along_ac = product(to_anchor, ac);
   const vec anchor_b = (ac2 * along_ab - abac * along_ac) * inverse;
@@ -116,10 +106,10 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   to_memory(on[4], moved_along(scaled(hb, n), -w.y, force));
   to_memory(on[5], moved_along(scaled(hc, n), -w.z, force));
 
-  vec dissipates = lost;
+  vec dissipates = found.lost;
   third[0] = g, third[3] = N;
-  fourth[0] = w.x, fourth[1] = w.y, fourth[2] = w.z, fourth[3] += slipped;
-  fifth[0] = n.x, fifth[1] = n.y, fifth[2] = n.z, fifth[3] += lost;
+  fourth[0] = w.x, fourth[1] = w.y, fourth[2] = w.z, fourth[3] += found.slipped;
+  fifth[0] = n.x, fifth[1] = n.y, fifth[2] = n.z, fifth[3] += found.lost;
   sixth[0] = where(sliding, 1.0 - anchor_b - anchor_c, sixth[0]);
   sixth[1] = where(sliding, anchor_b, sixth[1]), sixth[2] = where(sliding, anchor_c, sixth[2]);
   seventh[0] = shear.x, seventh[1] = shear.y, seventh[2] = shear.z;

@@ -1,8 +1,6 @@
 /* Contact of nodes, or of points in facets, with rigid planes. The law and all arrays are
    described in kernels/walls.py. */
 
-#include <stddef.h>
-
 #include "due.h"
 #include "lane_vectors.h"
 
@@ -22,7 +20,6 @@ typedef struct {
   vec3 corner_weight;
   double ratio;
 } state_type;
-#define IN_ROW(name) ((int)(offsetof(state_type, name) / sizeof(double)))
 
 /* A wall where it stands now, then what acts on it. */
 typedef struct {
@@ -43,11 +40,6 @@ typedef struct {
   double *f, *wall_force, *wall_torque;
   const double *point, *normal, *velocity, *friction, *friction_kinetic;
 } walls_type;
-
-/* Whether pairs are worked on together; the results are the same to rounding. */
-#ifndef TOGETHER
-#define TOGETHER 1
-#endif
 
 /* Ask for what the pairs after the i-th of the list need; from i = -2 AHEAD on. */
 INLINE void fetch_ahead(const walls_type *m, int64_t i, int64_t num_due) {
@@ -149,19 +141,15 @@ INLINE unsigned add_lanes(const walls_type *m, double clock, const int32_t *pair
                                rows_at(m->x, node[1]), rows_at(m->x, node[2]));
   const lanes3 r = difference(point, (lanes3){plane[0], plane[1], plane[2]});
   const vec g = product(r, n) + head[3], depth = spring_row[1] - g;
-  const unsigned can = wanted & bits(-(flags & 1) & (mask)(depth > 0.0));
+  const unsigned can = wanted & bits(FLAG(flags, closed) & (depth > 0.0));
 
   const vec kn = spring_row[2], kt = kn * weight[3], N = kn * depth;
   const lanes3 anchor = {anchor_row[0], anchor_row[1], anchor_row[2]};
   lanes3 spring = difference(r, anchor);
-  spring = moved_along(spring, -product(spring, n), n);
-  const vec T = kt * square_root(product(spring, spring)), kinetic = plane[3] * N;
-  const mask sliding = T > where(-(flags >> 8 & 1), kinetic, wall[3] * N);
-  const lanes3 old = {shear_row[0], shear_row[1], shear_row[2]};
-  const vec slipped = where(sliding, (T - kinetic) / kt, all(0.0));
-  /* Work of the mean friction of the step: exact for the trapezoidal rule. */
-  const vec lost = 0.5 * (square_root(product(old, old)) + kinetic) * slipped;
-  spring = scaled(where(sliding, kinetic / T, all(1.0)), spring);
+  const slip_type found =
+      slip(&spring, n, kt, FLAG(flags, sliding), wall[3] * N, plane[3] * N,
+           (lanes3){shear_row[0], shear_row[1], shear_row[2]});
+  const mask sliding = found.sliding;
   const lanes3 new_anchor = where_each(sliding, difference(r, spring), anchor);
   const lanes3 shear = scaled(-kt, spring), force = moved_along(shear, N, n);
   const lanes3 torque = across_both(force, r);
@@ -170,11 +158,11 @@ INLINE unsigned add_lanes(const walls_type *m, double clock, const int32_t *pair
   for (int k = 0; k < 3; k++) to_memory(on[k], scaled(weight[k], force));
   to_memory(on_wall, force);
   to_memory(turns_wall, torque);
-  vec dissipates = lost;
+  vec dissipates = found.lost;
   spring_row[0] = g, spring_row[3] = N;
   anchor_row[0] = new_anchor.x, anchor_row[1] = new_anchor.y, anchor_row[2] = new_anchor.z;
-  anchor_row[3] += slipped;
-  shear_row[0] = shear.x, shear_row[1] = shear.y, shear_row[2] = shear.z, shear_row[3] += lost;
+  anchor_row[3] += found.slipped;
+  shear_row[0] = shear.x, shear_row[1] = shear.y, shear_row[2] = shear.z, shear_row[3] += found.lost;
   store_four(spring_row, rows, IN_ROW(gap), can);
   store_four(anchor_row, rows, IN_ROW(anchor), can);
   store_four(shear_row, rows, IN_ROW(shear), can);
