@@ -25,8 +25,7 @@ def work_of_grains(simulation):
     deforming = simulation.solid.grains
     work[deforming] = np.diff(mesh.cell_offset)[deforming]
     for cost, pairs in zip(PAIR_COSTS, (contact.pairs, contact.walls.pairs), strict=True):
-        active = pairs.node[pairs.due <= contact.clock]
-        grain = contact.points.local_grain[active]
+        grain = contact.points.local_grain[pairs.node[pairs.closed]]
         work += cost * np.bincount(grain, minlength=mesh.num_grains)
     return work
 

@@ -80,7 +80,7 @@ class IncrementEquations:
         if not move < LARGEST_MOVE * contact.edge:
             return None, 0.0
         self.mark.restore()
-        contact.clock = self.mark.clock + 2.0 * move
+        contact.advance(2.0 * move)
         if contact.clock > self.reach:
             self.too_far = max(self.too_far, move)
             return None, 0.0

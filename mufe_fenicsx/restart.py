@@ -91,6 +91,7 @@ def snapshot(simulation):
         "state": {name: getattr(s, name) for name in OF_STATE},
         "contact": {name: getattr(contact, name) for name in OF_CONTACT},
         "walls": {name: getattr(walls, name).tolist() for name in OF_WALLS},
+        "field": simulation._field.tolist(),
         "num_products": {n: h.num_products for n, h in _frequencies(simulation).items()},
     }
     return tables, {name: np.asarray(value) for name, value in own.items()}, common
@@ -168,6 +169,7 @@ def restore(simulation, tables, own, common):
             setattr(target, name, common[part][name])
     for name in OF_WALLS:
         getattr(walls, name)[:] = np.reshape(common["walls"][name], getattr(walls, name).shape)
+    simulation._field = np.array(common["field"])
     restore_contact(contact, mesh, tables, bool(own["largest_everything_moves"]))
     if simulation._any_rigid and own["largest_chosen"]:
         rigid.follow(at_nodes["followed"])

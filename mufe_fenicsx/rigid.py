@@ -104,7 +104,9 @@ class RigidGrains:
         soft = np.ones(mesh.num_nodes, dtype=bool)
         soft[self.nodes] = False
         self.soft = np.flatnonzero(soft)  #: nodes of all other grains
-        self.runs = _runs(self.soft)  #: the same as ranges of nodes, shape (num_runs, 2)
+        #: The same grain by grain, whose nodes are numbered in a row: first and end of each and its
+        #: local grain, shape (num_runs, 3).
+        self.runs = _runs(mesh, self.grains)
 
     @property
     def num_grains(self):
@@ -388,11 +390,9 @@ def _rows(parts):
     return np.concatenate([np.empty(0, np.int32), *parts]).astype(np.int32), offset
 
 
-def _runs(nodes):
-    """Ranges of increasing ``nodes``: first and end of each, shape (num_runs, 2)."""
-    if not nodes.size:
-        return np.empty((0, 2), dtype=np.int64)
-    gap = np.flatnonzero(np.diff(nodes) > 1)
-    first = np.concatenate([[0], gap + 1])
-    last = np.concatenate([gap, [nodes.size - 1]])
-    return np.column_stack([nodes[first], nodes[last] + 1]).astype(np.int64)
+def _runs(mesh, without):
+    """Ranges of nodes of all grains but those ``without``, increasing, shape (num_runs, 3)."""
+    grains = np.setdiff1d(np.arange(mesh.num_grains), without)
+    first = mesh.nodes[mesh.node_offset[grains]].astype(np.int64)
+    runs = np.column_stack([first, first + np.diff(mesh.node_offset)[grains], grains])
+    return runs[np.argsort(first)]

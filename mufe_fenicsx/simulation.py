@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from .contact.assemble import Contact
 from .contact.bonded import Bonded
+from .contact.clocks import linear_field
 from .contact.depth import check_start, too_deep
 from .contact.laws import COMPLIANCE
 from .contact.mirrors import Mirrors
@@ -143,6 +144,8 @@ class Simulation:
         # The second half of the last step's kick waits for the next step, or is to wait.
         self._kick_waits = self._may_wait = False
         self._moved = 0.0  # how far a deformable node moved in this step [m]
+        # Of each grain, beside a field that fits all velocities; those of rigid ones stay unknown.
+        self._moves, self._field = np.full(mesh.num_grains, np.inf), np.zeros((4, 3))
         self.stable = StableStep(self, assembled, time_step_factor)
         self._margin = 0.0
         self._clock_at_refresh, self._refreshed_at = 0.0, 0
@@ -236,13 +239,15 @@ class Simulation:
         if self._kick_waits:
             self._kick_waits = False
             damped, self._moved = kick_and_drift(
-                s.x, s.u, s.v, self._f, self.solid.mass, self.mesh.x, runs, s.dt, dt, self.damping
-            )
+                s.x, s.u, s.v, self._f, self.solid.mass, self.mesh.x, runs, s.dt, dt, self.damping,
+                self._field, self._moves,
+            )  # fmt: skip
             self.damped += damped
         else:
             self._moved = half_kick_and_drift(
-                s.x, s.u, s.v, s.a, self._f, self.mesh.x, runs, dt, self.damping
-            )
+                s.x, s.u, s.v, s.a, self._f, self.mesh.x, runs, dt, self.damping, self._field,
+                self._moves,
+            )  # fmt: skip
         self.rigid.drift(s.x, s.u, dt, self.damping)
 
     def _forces(self, dt):
@@ -253,7 +258,8 @@ class Simulation:
         positions = s.x
         if not self.contact.kinematic:
             # Glued nodes go where their wall goes.
-            self.contact.begin(positions, moved, known=not self.bonded.nodes.size)
+            known = None if self.bonded.nodes.size else (self._moves, self._field, dt)
+            self.contact.begin(positions, moved, known)
         if self.rigid.num_grains:
             every = self.contact.moving is None
             clear(self._f, self.rigid.nodes if every else self.rigid.followed.nodes)
@@ -337,6 +343,7 @@ class Simulation:
         """
         s = self.state
         self.complete()
+        self._field = linear_field(self.comm, s.x, s.v)
         self.dt_element = self.stable.of_elements()
         # Pairs that can close before the next evaluation count as closed.
         moved = self.contact.clock - self._clock_at_refresh

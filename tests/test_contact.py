@@ -94,9 +94,30 @@ def test_pairs_one_by_one_and_in_four_lanes(option, points, monkeypatch):
 
 
 @pytest.mark.mpi
-def test_what_is_known_of_pairs_after_a_search():
+def test_clocks_of_grains_that_move_together():
+    """Balls that fly and stretch as one: the field takes all but its change over a wait."""
+    s = collision(speed=0.0)
+    slopes = 100.0 * np.array([[1.0, 0.3, 0.0], [-0.2, 0.5, 0.0], [0.0, 0.4, -1.0]])
+    s.state.v[:] = [30.0, -20.0, 10.0] + s.state.x @ slopes
+    s.update_time_step()
+    contact = s.contact
+    clock, readings = contact.clock, contact.pairs.clocks.readings.copy()
+    for _ in range(10):
+        s.step()
+    assert contact.num_searches == 1
+    # All nodes fly at 37 m/s or more; what is left is the slopes over the longest wait, 0.3 m/s.
+    assert contact.clock - clock > 0.99 * 2 * 37.0 * s.state.t
+    advance = contact.pairs.clocks.readings - readings
+    assert (advance < 0.01 * (contact.clock - clock)).all()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("drift", [0.0, 60.0])
+def test_what_is_known_of_pairs_after_a_search(drift):
     """Open pairs are no nearer than their clock says; those it has to count have a facet."""
     s = collision()
+    s.state.v += drift * np.array([1.0, -0.5, 0.2])
+    s.update_time_step()
     contact, num_kept = s.contact, 0
     for _ in range(600):
         searches = contact.num_searches
@@ -105,7 +126,7 @@ def test_what_is_known_of_pairs_after_a_search():
             continue
         pairs = contact.pairs
         gap = current_gaps(contact)[0] + contact.points.recess[pairs.node]
-        wait = pairs.due - contact.clock
+        wait = pairs.due - pairs.clocks.now
         # Distances of positions of some 1e-3 m have that much round-off.
         assert (wait <= np.maximum(gap, 0.0) + 1e-15)[~pairs.closed].all()
         assert (pairs.closest >= 0)[wait < contact.skin].all()
@@ -113,10 +134,11 @@ def test_what_is_known_of_pairs_after_a_search():
     assert contact.num_searches > 3
     assert COMM.allreduce(num_kept) > 0  # not all were looked at
     # Facets that are not near any more, though the pairs are.
-    lost = Pairs(pairs.node, pairs.grain, pairs.first, pairs.candidate, contact.clock)
+    of_points = contact.points.grain_of_point
+    lost = Pairs(pairs.node, pairs.grain, pairs.first, pairs.candidate, of_points, contact.clock)
     before = contact.surface.global_facet
-    lost.carry(pairs, np.full_like(before, -1), before, np.inf, contact.clock)
-    assert (lost.due <= contact.clock).all()
+    lost.carry(pairs, np.full_like(before, -1), before, np.inf)
+    assert (lost.due <= lost.clocks.now).all()
 
 
 @pytest.mark.mpi

@@ -11,6 +11,7 @@ from ..kernels.pairs import PairForces, pair_energy
 from ..kernels.points import place_points
 from ..kernels.walls import add_rows, add_some, gather_rows, gather_some
 from .checks import check_law, check_stiffness, check_surface, check_walls
+from .clocks import RANGE, Motion
 from .crossings import new_slip
 from .depth import NOT_SUNK
 from .edges import EdgeContact
@@ -83,7 +84,7 @@ class Contact:
         check_law(friction, compliance)
         if self_contact and points != "nodes":
             raise InputError(f'self-contact with points of contact = {points}, expected "nodes"')
-        self.comm = mesh.comm
+        self.comm, self._grains = mesh.comm, mesh.grains
         self.own = own_surface(mesh, x, nodes_on_mirrors(x, walls.walls), walls.normal)
         check_surface(mesh, self.own)
         check_stiffness(mesh, contact_modulus)
@@ -145,7 +146,9 @@ class Contact:
         #: an equilibrium do not.
         self.sunk = NOT_SUNK
         self.num_searches = 0
-        self.clock = 0.0  #: bound of all relative motion so far, the same on all ranks [m]
+        #: Bound of all relative motion so far, the same on all ranks [m]; of two grains: clocks.
+        self.clock = 0.0
+        self._longest = RANGE * self.edge
         self.searched_at = 0.0
         self.pairs = None
         self.surface = None
@@ -179,7 +182,7 @@ class Contact:
         old, old_surface, old_crossings = self.pairs, self.surface, self.edges.pairs
         if old is not None:
             # Whether a node meets its own grain hangs on more than their distance.
-            until = self.clock if self.self_depth else self.searched_at + self.reach
+            wait = 0.0 if self.self_depth else self.searched_at + self.reach - self.clock
             self.edges.slip += new_slip(self)
         self.exchange(gathered, reach)
         num_own, num_points = self.own.nodes.size, self.points.num_points
@@ -196,7 +199,8 @@ class Contact:
         )
         if old is not None:
             facets = self.surface.global_facet, old_surface.global_facet
-            self.pairs.carry(old, *facets, until, self.clock)
+            self.pairs.carry(old, *facets, wait)
+        self.pairs.clocks.find_grains(self.motion)
         nodes = self.positions.array[self.num_before :]
         self.dissipated += self.edges.search(nodes, num_own, self.surface, reach, self.clock)
         points, old_walls = self.positions.array[:num_points], self.walls.pairs
@@ -242,6 +246,7 @@ class Contact:
         self.positions.begin_forward()
         self._near = np.arange(self.num_before, dtype=np.int32)
         self._end_forward()
+        self.motion = Motion(self._grains, self.surface, num_own, self._longest)
         self.measure_from(gathered)
 
     def set_time_step(self, dt):
@@ -256,7 +261,7 @@ class Contact:
             self.pairs.stiffness /= factor
             self.walls.pairs.stiffness /= factor
 
-    def begin(self, x, moved=0.0, known=False):
+    def begin(self, x, moved=0.0, known=None):
         """Begin a step to the positions ``x``, which :meth:`add_forces` ends. Collective.
 
         What other ranks need of this one, and how far anything moved, is on its way afterwards.
@@ -264,10 +269,13 @@ class Contact:
         Args:
             x: Positions [m], shape (num_nodes, 3).
             moved: Largest distance that a wall moved since the last call [m].
-            known: Whether ``moved`` is that of walls and nodes, which need not be measured then.
+            known: Motion of nodes, which need not be measured then and is part of ``moved``; as
+                :meth:`Motion.begin <mufe_fenicsx.contact.clocks.Motion.begin>` takes it.
         """
         self.place(x)
-        if not known:
+        if known is not None:
+            self.motion.begin(*known)
+        else:
             moved = max(largest_move(self._previous, self.positions.own), moved)
         self._move[0] = moved
         if self.comm.size > 1:
@@ -285,6 +293,7 @@ class Contact:
             positions: Of own surface nodes [m], shape (num_nodes, 3).
         """
         self._previous = positions.copy()
+        self.motion.forget(self.positions.array[self.num_before :])
 
     def place(self, x):
         """Start sending the positions ``x`` of this rank's surface to other ranks. Collective."""
@@ -342,7 +351,9 @@ class Contact:
         move = self.agree()
         if not move < self.width:
             raise FloatingPointError("positions are not finite")
-        self.clock += 2.0 * move
+        self.motion.end(self.positions.array[self.num_before :])
+        self.advance(2.0 * move, self.motion)
+        self.motion.known = False
         # The motion of the next step, at twice its speed now, must not leave the skin.
         if self.clock + 4.0 * move - self.searched_at > self.skin:
             self.search(x, ahead=4.0 * move)
@@ -355,6 +366,14 @@ class Contact:
             if not (self.thick_layers and depth <= 5.0 * self.largest_depth):
                 self.sunk = (part, float(depth), int(grain), int(p.grain[pair]))
 
+    def advance(self, step, motion=None):
+        """All clocks go on by ``step`` [m], those of grains by less where their motion is known.
+
+        Local; the same on all ranks.
+        """
+        self.clock += step
+        self.pairs.clocks.advance(step, motion)
+
     def bind(self):
         """Let the kernels know the arrays of new pairs, which stay where they are. Local."""
         p, points = self.pairs, self.points
@@ -362,7 +381,8 @@ class Contact:
         if p.forces is None:
             s = self.surface
             p.forces = PairForces(
-                p.state, p.due, p.candidate_due, p.closest, p.node, p.first, p.candidate,
+                p.state, p.due, p.candidate_due, p.clocks.readings, p.clocks.of, p.closest,
+                p.node, p.first, p.candidate,
                 self.facets, s.neighbor, self.ring_offset, self.ring, self.edges.beside,
                 self.layer, s.layer_of_facet, points.area, points.facet_area, points.recess,
                 self.ratio, self._around, points.around_of, *self._corners, x, forces,
@@ -379,7 +399,7 @@ class Contact:
         p, forces, x = self.pairs, self.forces.array, self.positions.array
         forces[self.num_before :] = 0.0
         dissipated, num_adopted, num_deep, deepest, self._sunk = p.forces(
-            self.clock, self.friction, self.friction_kinetic, self.largest_depth, adopt
+            self.friction, self.friction_kinetic, self.largest_depth, self._longest, adopt
         )
         edge_dissipated, edge_adopted, edge_deep, edge_deepest = 0.0, 0, 0, 0.0
         if not self.kinematic:

@@ -6,6 +6,7 @@ from ..kernels.carry import carry_pairs, find_again
 from ..kernels.pairs import ROW, column, rows
 from ..kernels.search import find_candidates, group_by_grain, sort_into_cells
 from ..kernels.self_contact import find_self_candidates
+from .clocks import GrainClocks
 
 #: What a pair keeps when the candidates are searched anew, beside its closest facet.
 REMEMBERED = (
@@ -26,8 +27,9 @@ REMEMBERED = (
 class Pairs:
     """Node-grain pairs of one rank, found by :func:`search_pairs`. Arrays as in kernels.pairs."""
 
-    def __init__(self, node, grain, first, candidate, clock):
+    def __init__(self, node, grain, first, candidate, grain_of_point, clock):
         num_pairs = node.size
+        self.clocks = GrainClocks(grain_of_point[node], grain, clock)
         self.node, self.grain = node, grain
         self.first, self.candidate = first, candidate
         self.due = np.full(num_pairs, clock)
@@ -40,23 +42,26 @@ class Pairs:
         self.gap[:] = np.inf
         self.forces = None  #: kernels.pairs.PairForces, once they are wanted
 
-    def carry(self, old, global_facet, old_global_facet, until, clock):
+    def carry(self, old, global_facet, old_global_facet, wait):
         """Take over what ``old`` pairs remember. Local.
 
         Args:
             old: Pairs of the last search.
             global_facet, old_global_facet: Numbers over all ranks of the facets now and of ``old``.
-            until: Reading of the clock before which no facet beyond the reach of that search can
-                have been met [m].
-            clock: Its reading now [m].
+            wait: Motion from now on before which no facet beyond the reach of that search can be
+                met [m].
         """
+        self.clocks.carry(old.clocks)
+        clock = self.clocks.now
+        self.due[:] = clock
+        self.candidate_due[:] = np.repeat(clock, np.diff(self.first))
         source = carry_pairs(old.node, old.grain, self.node, self.grain)
         new = np.flatnonzero(source >= 0)
         source = source[new]
         self.state[new] = old.state[source]
         self.known[new], self.work[new] = False, 0.0  # the ledger has the work
         # A pair that was due may have closed by the motion since, and no other.
-        self.due[new] = np.minimum(old.due[source], until)
+        self.due[new] = np.minimum(old.due[source], clock[new] + wait)
         known = old.closest[source] >= 0
         new, source = new[known], source[known]
         wanted = old_global_facet[old.candidate[old.closest[source]]]
@@ -64,7 +69,7 @@ class Pairs:
         find_again(self.closest, new, facet, self.first, self.candidate)
         # What pairs may close in some time is asked for too: each needs a facet where it will.
         lost = self.closest < 0
-        self.due[lost] = np.minimum(self.due[lost], clock)
+        self.due[lost] = np.minimum(self.due[lost], clock[lost])
 
 
 def _find(global_facet, wanted):
@@ -128,4 +133,5 @@ def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock, d
         order = np.lexsort((candidate, surface.grain_of_facet[candidate], node))
         candidate = candidate[order]
         first = np.searchsorted(node[order], np.arange(num_points + 1))
-    return Pairs(*group_by_grain(first, candidate, surface.grain_of_facet), candidate, clock)
+    grouped = group_by_grain(first, candidate, surface.grain_of_facet)
+    return Pairs(*grouped, candidate, grain_of_point, clock)

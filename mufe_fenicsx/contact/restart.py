@@ -150,6 +150,7 @@ def contact_tables(contact, mesh):
             "partner": p.grain,
             "count": count,
             "closest": closest,
+            "clock": p.clocks.now,
             **{name: getattr(p, name) for name in KEPT},
         },
         "candidates": {
@@ -215,6 +216,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
     contact.pairs = pairs = _pairs(contact, names, tables["pairs"], tables["candidates"])
     known = np.flatnonzero(pairs.known)
     facet = pairs.candidate[pairs.closest[known]]
+    pairs.clocks.find_grains(contact.motion)
     pairs.vertices[known], pairs.sharp[known] = contact.facets[facet], contact.edges.beside[facet]
     walls.pairs = _wall_pairs(contact, names, tables["wall_pairs"])
     _set_edge_pairs(contact, names, tables["edge_pairs"])
@@ -244,7 +246,9 @@ def _pairs(contact, names, table, candidates):
         (np.repeat(partner, count), candidates["facet"][place]),
         "facet",
     ).astype(np.int32)
-    pairs = Pairs(node[order], partner, new_first, facet, contact.clock)
+    points = contact.points.grain_of_point
+    pairs = Pairs(node[order], partner, new_first, facet, points, contact.clock)
+    pairs.clocks.readings[pairs.clocks.of] = table["clock"][order]
     pairs.candidate_due[:] = candidates["due"][place]
     closest = table["closest"][order]
     pairs.closest[:] = np.where(closest >= 0, new_first[:-1] + closest, -1)

@@ -26,11 +26,6 @@ class ContactMark:
         self._numbers = {name: getattr(contact, name) for name in NUMBERS}
         self._lost = contact.edges.lost
 
-    @property
-    def clock(self):
-        """Reading of the clock then [m]."""
-        return self._numbers["clock"]
-
     def restore(self):
         """Make the contacts what they were; a search since then must not have been.
 
@@ -48,7 +43,7 @@ class ContactMark:
 
     def before(self, name):
         """``closed`` or ``slip`` then: of pairs with facets, of edges and with walls."""
-        of_edges = self._kept[len(OF_PAIRS) + 1 :][EDGES_KEPT.index(name)][1]
+        of_edges = self._kept[len(OF_PAIRS) + 2 :][EDGES_KEPT.index(name)][1]
         of_walls = self._kept[-len(WALLS_KEPT) :][WALLS_KEPT.index(name)][1]
         return self._of_pairs(name), of_edges, of_walls
 
@@ -66,7 +61,7 @@ def _arrays(contact):
     pairs, edges, walls = contact.pairs, contact.edges.pairs, contact.walls.pairs
     return (
         [getattr(pairs, name) for name in OF_PAIRS]
-        + [pairs.state]
+        + [pairs.state, pairs.clocks.readings]
         + [getattr(edges, name) for name in EDGES_KEPT]
         + [getattr(walls, name) for name in WALLS_KEPT]
     )

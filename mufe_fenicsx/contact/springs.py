@@ -93,7 +93,7 @@ def _corners(points):
 def _of_pairs(contact, margin):
     pairs, points, surface = contact.pairs, contact.points, contact.surface
     on = np.flatnonzero(
-        (pairs.closed | (pairs.due - contact.clock < margin)) & (pairs.closest >= 0)
+        (pairs.closed | (pairs.due - pairs.clocks.now < margin)) & (pairs.closest >= 0)
     )
     rows = _rows(on.size)
     list_pairs(

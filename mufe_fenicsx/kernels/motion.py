@@ -1,7 +1,9 @@
 """The updates of central differences, each one pass over the nodes; motion of nodes and planes.
 
-``runs`` are ranges of nodes, shape (num_runs, 2), first and end of each: the nodes of
-rigid grains are left out.
+``runs`` are ranges of nodes, shape (num_runs, 3), first and end of each and its grain: the nodes
+of rigid grains are left out. ``field`` is a velocity linear in the place, shape (4, 3): that at the
+origin [m/s], then its slopes along the axes [1/s]. ``moves``, shape (num_grains,), is set to the
+largest distance that a node of each grain moved beside that field [m].
 """
 
 import math
@@ -9,8 +11,17 @@ import math
 import numba
 
 
+@numba.njit(cache=True, inline="always")
+def _beside(field, a, b, c, x, y, z):
+    """Square of a velocity (a, b, c) at (x, y, z) less that of the field there."""
+    a -= field[0, 0] + x * field[1, 0] + y * field[2, 0] + z * field[3, 0]
+    b -= field[0, 1] + x * field[1, 1] + y * field[2, 1] + z * field[3, 1]
+    c -= field[0, 2] + x * field[1, 2] + y * field[2, 2] + z * field[3, 2]
+    return a * a + b * b + c * c
+
+
 @numba.njit(cache=True)
-def half_kick_and_drift(x, u, v, a, f, x0, runs, dt, damping):
+def half_kick_and_drift(x, u, v, a, f, x0, runs, dt, damping, field, moves):
     """First half of a step: v += dt/2 (a - damping v), u += dt v, x = x0 + u, in place; f = 0.
 
     All arrays have the shape (num_nodes, 3); ``damping`` in 1/s.
@@ -21,15 +32,20 @@ def half_kick_and_drift(x, u, v, a, f, x0, runs, dt, damping):
     half = 0.5 * dt
     largest = total = 0.0
     for r in range(runs.shape[0]):
+        beside = 0.0
         for n in range(runs[r, 0], runs[r, 1]):
             square = 0.0
             for i in range(3):
                 v[n, i] += half * (a[n, i] - damping * v[n, i])
                 square += v[n, i] * v[n, i]
+            other = _beside(field, v[n, 0], v[n, 1], v[n, 2], x[n, 0], x[n, 1], x[n, 2])
+            beside = max(beside, other)
+            for i in range(3):
                 u[n, i] += dt * v[n, i]
                 x[n, i] = x0[n, i] + u[n, i]
                 f[n, i] = 0.0
             largest, total = max(largest, square), total + square
+        moves[runs[r, 2]] = dt * math.sqrt(beside)
     return dt * math.sqrt(largest) if total < math.inf else math.inf
 
 
@@ -58,7 +74,7 @@ def accelerate_and_half_kick(a, v, f, mass, runs, dt, damping):
 
 
 @numba.njit(cache=True)
-def kick_and_drift(x, u, v, f, mass, x0, runs, last, dt, damping):
+def kick_and_drift(x, u, v, f, mass, x0, runs, last, dt, damping, field, moves):
     """The end of a step of ``last`` and the begin of the next one of ``dt`` in one pass.
 
     The same numbers as of :func:`accelerate_and_half_kick` and :func:`half_kick_and_drift`, with
@@ -72,21 +88,27 @@ def kick_and_drift(x, u, v, f, mass, x0, runs, last, dt, damping):
     scale = 1.0 / (1.0 + half_last * damping)
     lost = largest = total = 0.0
     for r in range(runs.shape[0]):
+        beside = 0.0
         for n in range(runs[r, 0], runs[r, 1]):
             inverse = 1.0 / mass[n]
-            square = 0.0
-            for i in range(3):
-                a = f[n, i] * inverse
-                w = (v[n, i] + half_last * a) * scale
-                if damping > 0.0:
+            w0 = (v[n, 0] + half_last * (f[n, 0] * inverse)) * scale
+            w1 = (v[n, 1] + half_last * (f[n, 1] * inverse)) * scale
+            w2 = (v[n, 2] + half_last * (f[n, 2] * inverse)) * scale
+            if damping > 0.0:
+                for w in (w0, w1, w2):
                     lost += mass[n] * w * w
-                w += half * (a - damping * w)
-                square += w * w
-                v[n, i] = w
-                u[n, i] += dt * w
+            w0 += half * (f[n, 0] * inverse - damping * w0)
+            w1 += half * (f[n, 1] * inverse - damping * w1)
+            w2 += half * (f[n, 2] * inverse - damping * w2)
+            square = w0 * w0 + w1 * w1 + w2 * w2
+            beside = max(beside, _beside(field, w0, w1, w2, x[n, 0], x[n, 1], x[n, 2]))
+            largest, total = max(largest, square), total + square
+            v[n, 0], v[n, 1], v[n, 2] = w0, w1, w2
+            for i in range(3):
+                u[n, i] += dt * v[n, i]
                 x[n, i] = x0[n, i] + u[n, i]
                 f[n, i] = 0.0
-            largest, total = max(largest, square), total + square
+        moves[runs[r, 2]] = dt * math.sqrt(beside)
     return last * damping * lost, dt * math.sqrt(largest) if total < math.inf else math.inf
 
 

@@ -28,13 +28,15 @@ typedef struct {
   vec3 shear;
   int32_t around, num_around; /* where the nodes around a point that is a node are listed */
   vec3 corner_weight;
-  double nothing;
+  int32_t grains, nothing; /* the place of its clock, that of both grains */
 } state_type;
 
 /* In the order of kernels/pairs.py. */
 typedef struct {
   state_type *state;
   double *due, *candidate_due;
+  const double *clocks;
+  const int32_t *grains;
   int64_t *closest;
   int32_t *scratch;
   const int64_t *first;
@@ -48,7 +50,7 @@ typedef struct {
 
 /* What a call is given and finds, see kernels/pairs.py. */
 typedef struct {
-  double clock, friction, friction_kinetic, largest_depth;
+  double friction, friction_kinetic, largest_depth, range;
   int64_t adopt;
   double dissipated, num_adopted, num_deep, deepest, sunk;
   int64_t sunken;
@@ -63,9 +65,11 @@ INLINE triangle vertices_at(const int32_t *v, const double *x) {
 }
 
 /* Closest candidate of the pair p, testing only those that can be it: ``candidate_due`` is the
-   reading of the clock at which a candidate can be at distance zero; the clock advances by all
-   relative motion, so that due - clock is a lower bound of the distance now. */
-static int64_t find_closest(const pairs_type *m, int64_t p, double clock, vec3 point) {
+   reading of the clock of both grains at which a candidate can be at distance zero; the clock
+   advances by all that points of both within ``range`` move relative to each other, so that
+   due - clock is a lower bound of the distance now. */
+static int64_t find_closest(const pairs_type *m, int64_t p, double range, vec3 point) {
+  const double clock = m->clocks[m->state[p].grains];
   double best = INFINITY;
   int64_t begin = m->first[p], end = m->first[p + 1], remembered = m->closest[p], closest = -1;
   for (int64_t trial = begin - 1; trial < end; trial++) {
@@ -80,7 +84,7 @@ static int64_t find_closest(const pairs_type *m, int64_t p, double clock, vec3 p
     int feature;
     vec3 w = closest_point(point, t, &feature);
     double distance = length(minus(point, mean(w, t.a, t.b, t.c)));
-    m->candidate_due[k] = clock + distance;
+    m->candidate_due[k] = clock + least(distance, range);
     if (distance < best) best = distance, closest = k;
   }
   return closest;
@@ -100,9 +104,9 @@ static void know(const pairs_type *m, int64_t p, int64_t k) {
 }
 
 /* Look at the candidates of the pair p, whose point is given; the one that was closest before. */
-static int64_t look(const pairs_type *m, int64_t p, double clock, vec3 point) {
+static int64_t look(const pairs_type *m, int64_t p, double range, vec3 point) {
   const int64_t before = m->closest[p];
-  know(m, p, find_closest(m, p, clock, point));
+  know(m, p, find_closest(m, p, range, point));
   return before;
 }
 

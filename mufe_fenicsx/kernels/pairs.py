@@ -37,6 +37,7 @@ COLUMNS = {
     "shear": (np.float64, slice(24, 27)),
     "around": (np.int32, slice(54, 56)),
     "corner_weight": (np.float64, slice(28, 31)),
+    "clock": (np.int32, 62),
 }
 
 
@@ -44,7 +45,7 @@ class _Call(ctypes.Structure):
     """What a call is given and finds, as in pairs.h."""
 
     _fields_ = [
-        *((name, ctypes.c_double) for name in ("clock", "friction", "friction_kinetic", "depth")),
+        *((name, ctypes.c_double) for name in ("friction", "friction_kinetic", "depth", "range")),
         ("adopt", ctypes.c_int64),
         *((name, ctypes.c_double) for name in ("dissipated", "adopted", "deep", "deepest", "sunk")),
         ("sunken", ctypes.c_int64),
@@ -106,8 +107,10 @@ class PairForces:
             sliding: Whether the pair slipped in this step;
             known: Whether the facet that was closest last is: its ``vertices``, whether it is
             ``sharp``, and ``other_due``, the least ``candidate_due`` of the other candidates.
-        due: Reading of the clock before which a pair cannot close [m], shape (num_pairs,).
+        due: Reading of its clock before which a pair cannot close [m], shape (num_pairs,).
         candidate_due: The same for each candidate, shape (num_candidates,).
+        clocks: Bounds of all relative motion of two grains so far [m], shape (num_clocks,).
+        clock: Clock of each pair, int32, shape (num_pairs,).
         closest: Candidate that was closest last, -1 unknown, int64, shape (num_pairs,).
         node, first, candidate: Pairs, as in kernels.search; int32, int64, int32.
         facets, neighbor, ring_offset, ring: Surface, as in kernels.closest; int32, but for
@@ -129,7 +132,7 @@ class PairForces:
         ValueError: An array is of another type, or not contiguous.
     """
 
-    def __init__(self, state, due, candidate_due, closest, node, first, candidate,
+    def __init__(self, state, due, candidate_due, clocks, clock, closest, node, first, candidate,
                  facets, neighbor, ring_offset, ring, sharp, layer_of_node, layer_of_facet, area,
                  facet_area, recess, ratio_of_node, around, around_of, corner, corner_weight, x,
                  f):  # fmt: skip
@@ -142,8 +145,10 @@ class PairForces:
             "around": around_of,
         }  # fmt: skip
         fill_rows(state, node, of_points, corner, corner_weight)
+        column(state, "clock")[:] = clock
         self._pointers = Pointers(
-            (state, real), (due, real), (candidate_due, real), (closest, long), (scratch, short),
+            (state, real), (due, real), (candidate_due, real), (clocks, real), (clock, short),
+            (closest, long), (scratch, short),
             (first, long), (candidate, short),
             (facets, short), (neighbor, short), (ring_offset, long), (ring, short), (sharp, flag),
             (layer_of_node, real), (layer_of_facet, real), (around, short), (x, real), (f, real),
@@ -153,14 +158,14 @@ class PairForces:
         self._call.argtypes = [pointer, pointer, ctypes.c_int64]
         self._call.restype = None
 
-    def __call__(self, clock, friction, friction_kinetic, largest_depth, adopt):
+    def __call__(self, friction, friction_kinetic, largest_depth, longest, adopt):
         """Add the forces at the positions ``x`` to ``f``.
 
         Args:
-            clock: Bound of all relative motion so far [m].
             friction: Coefficient of friction that a pair has to overcome to slip.
             friction_kinetic: Coefficient while it slips; until a step in which it sticks.
             largest_depth: Depth beyond which the force does not grow [m].
+            longest: Distance up to which the clocks bound relative motion [m].
             adopt: True to adopt every node that lies inside (start of a test).
 
         Returns:
@@ -169,8 +174,8 @@ class PairForces:
             the largest one over the edge of the finer facet, and its pair, -1 if none.
         """
         c = self._found
-        c.clock, c.friction, c.friction_kinetic = clock, friction, friction_kinetic
-        c.depth, c.adopt = largest_depth, adopt
+        c.friction, c.friction_kinetic = friction, friction_kinetic
+        c.depth, c.range, c.adopt = largest_depth, longest, adopt
         self._call(self._pointers.table, ctypes.addressof(c), self._num_pairs)
         return c.dissipated, int(c.adopted), int(c.deep), c.deepest, (c.sunk, c.sunken)
 

@@ -21,7 +21,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
                           vec *dissipated, unsigned *looked, int64_t *before) {
   double *rows[LANES], *x = m->x, *f = m->f;
   int32_t node[6][LANES];
-  vec due;
+  vec due, clock;
   unsigned changed = 0;
 #pragma GCC unroll 8
   for (int i = 0; i < LANES; i++) {
@@ -30,7 +30,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
     if (*looked >> i & 1)
       changed |= (unsigned)(before[i] >= 0 && before[i] != m->closest[pair[i]]) << i;
     for (int k = 0; k < 3; k++) node[k][i] = s->corner[k], node[3 + k][i] = s->vertices[k];
-    due[i] = m->due[pair[i]];
+    due[i] = m->due[pair[i]], clock[i] = m->clocks[s->grains];
   }
   vec head[4], second[4], third[4], fourth[4], fifth[4], sixth[4], seventh[4], last[4];
   load_four(head, rows, 0);
@@ -63,7 +63,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   const vec g = height + recess, distance = where(height < 0.0, -height, height);
 
   /* Which of them are done here: for the others nothing has been changed yet. */
-  const vec clock = all(c->clock), moved = clock - due, depth = offset - g;
+  const vec moved = clock - due, depth = offset - g;
   const vec change = where(g < gap, gap - g, g - gap);
   mask inside = (va > 0.0) & (vb > 0.0) & (vc > 0.0);
   mask far = head[0] - clock >= distance;
@@ -76,7 +76,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   unsigned can = wanted & ~changed & bits(inside & stays & ~turned_away);
   for (unsigned near = can & ~*looked & ~bits(far); near; near &= near - 1) {
     const int i = __builtin_ctz(near);
-    before[i] = look(m, pair[i], c->clock, point_of(m->state + pair[i], x));
+    before[i] = look(m, pair[i], c->range, point_of(m->state + pair[i], x));
     *looked |= 1u << i;
     changed |= (unsigned)(before[i] != m->closest[pair[i]]) << i;
   }
@@ -126,7 +126,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
       continue;
     }
     m->state[pair[i]].sliding = slides >> i & 1;
-    m->due[pair[i]] = c->clock;
+    m->due[pair[i]] = clock[i];
     for (int k = 0; k < 6; k++) add_row(f, node[k][i], on[k][i]);
   }
   *dissipated += dissipates;

@@ -85,12 +85,12 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   /* The closest point: most often in the facet where it was, the others being too far. All is
      computed in one place, so that a run that is resumed finds the same last digits. */
   int feature;
-  const double clock = c->clock;
+  const double clock = m->clocks[s->grains], moved = clock - m->due[p];
   triangle t = vertices_at(s->vertices, x);
   vec3 w = closest_point(point, t, &feature);
   double distance = length(minus(point, mean(w, t.a, t.b, t.c)));
   if (!looked && s->other_due - clock < distance) {
-    before = look(m, p, clock, point);
+    before = look(m, p, c->range, point);
     t = vertices_at(s->vertices, x);
     w = closest_point(point, t, &feature);
     distance = length(minus(point, mean(w, t.a, t.b, t.c)));
@@ -113,7 +113,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
                                 &other_normal);
     /* A node just outside counts where it came through that facet now. */
     if (other >= 0 &&
-        (g < 0.0 || s->closed || -other_gap <= c->clock - m->due[p] + tiny(s))) {
+        (g < 0.0 || s->closed || -other_gap <= moved + tiny(s))) {
       k = other, g = height = other_gap, w = other_weights, normal = other_normal;
       t = facet_at(&m->surface, x, m->candidate[k]);
       facet_normal = normal;
@@ -121,7 +121,6 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     }
   }
   g += s->recess;
-  const double moved = c->clock - m->due[p];
   if (s->closed && fabs(g - s->gap) > moved && fabs(g - s->gap) > moved + tiny(s)) {
     /* Across a sharp edge: no energy appears, and what is lost counts as dissipated. */
     double was = s->offset - s->gap;
@@ -156,7 +155,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
       s->push = 0.0;
       s->shear = (vec3){0.0, 0.0, 0.0};
     }
-    m->due[p] = c->clock + most(g, 0.0);
+    m->due[p] = clock + least(most(g, 0.0), c->range);
     return;
   }
 
@@ -182,7 +181,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     if (part > c->sunk) c->sunk = part, c->sunken = p;
     depth = c->largest_depth;
   }
-  m->due[p] = c->clock;
+  m->due[p] = clock;
 
   /* Normal force, and friction of the spring between the node and its anchor. */
   const double kn = s->stiffness, kt = kn * s->ratio, N = kn * depth;

@@ -168,9 +168,9 @@ def _timed(comm, function, clock):
 
 
 def _due(simulation):
-    """Pairs of grains and with walls that the next step looks at, shape (2,). Local."""
+    """Closed pairs of grains and with walls, shape (2,). Local."""
     contact = simulation.contact
-    return np.array([(p.due <= contact.clock).sum() for p in (contact.pairs, contact.walls.pairs)])
+    return np.array([pairs.closed.sum() for pairs in (contact.pairs, contact.walls.pairs)])
 
 
 def predict(scene, measured, finer=1.0, shorter=1.0):

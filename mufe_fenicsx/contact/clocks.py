@@ -1,0 +1,134 @@
+"""Clocks of relative motion, one for each pair of grains whose points and facets may meet.
+
+A clock bounds how far points of one grain moved relative to points of the other so far. The one
+clock of all grains (``Contact.clock``) advances by twice the largest motion of any node, so that
+the fastest grain sets it for all. In a sample that is compressed, neighbours move alike, and a
+velocity v0 + G x that fits all of them tells most of it: with w what a node has beside it,
+
+    |v_a - v_b| <= |w_a| + |w_b| + |G| |x_a - x_b|,
+
+for points of facets too, in which w and the field are interpolated. So the clock of two grains
+advances by the largest w of each, and by |G| times a distance that no wait exceeds: what is
+farther away than that is looked at again after so much motion.
+"""
+
+import numpy as np
+
+from ..kernels.clocks import advance_clocks, measure_moves
+
+#: Longest wait that a clock is asked for, in mean facet edges.
+RANGE = 2.0
+
+
+class GrainClocks:
+    """Clocks of the pairs of grains (``own``, ``other``) of this rank's pairs. Local.
+
+    Args:
+        own: Global grain of the point of each pair, shape (num_pairs,).
+        other: Grain of its facets, shape (num_pairs,).
+        reading: Of new clocks [m].
+    """
+
+    def __init__(self, own, other, reading):
+        key = own.astype(np.int64) << 32 | other
+        #: of each clock, increasing: grain of points in the upper, of facets in the lower half
+        self.key, of = np.unique(key, return_inverse=True)
+        self.of = of.astype(np.int32)  #: clock of each pair
+        self.readings = np.full(self.key.size, float(reading))
+        self._rows = None
+
+    @property
+    def now(self):
+        """What the clock of each pair reads [m], shape (num_pairs,)."""
+        return self.readings[self.of]
+
+    def carry(self, old):
+        """Clocks of grains that had one before go on from there."""
+        _, new, before = np.intersect1d(self.key, old.key, True, return_indices=True)
+        self.readings[new] = old.readings[before]
+
+    def find_grains(self, motion):
+        """Know which rows of the :class:`Motion` belong to both grains."""
+        self._rows = motion.rows(self.key >> 32), motion.rows(self.key & 0xFFFFFFFF)
+
+    def advance(self, step, motion=None):
+        """Advance by ``step`` [m], a bound for all grains, or by less where that is known."""
+        if motion is None or not motion.known:
+            self.readings += step
+        else:
+            advance_clocks(self.readings, *self._rows, motion.moves, motion.more, step)
+
+
+def linear_field(comm, x, v):
+    """The velocity linear in the place that fits those of all nodes best. Collective.
+
+    Args:
+        comm: MPI communicator.
+        x, v: Positions [m] and velocities [m/s], shape (num_nodes, 3).
+
+    Returns:
+        Velocity at the origin [m/s] and its slopes [1/s], shape (4, 3), as in kernels.motion.
+    """
+    a = np.column_stack([np.ones(len(x)), x])
+    normal, right = comm.allreduce(a.T @ a), comm.allreduce(a.T @ v)
+    scale = np.sqrt(np.maximum(normal.diagonal(), np.finfo(float).tiny))
+    inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-9, hermitian=True)
+    return (inverse @ (right / scale[:, None])) / scale[:, None]
+
+
+class Motion:
+    """How far each grain moved in a step, of this rank's and of those near it. Local.
+
+    Args:
+        grains: Global indices of this rank's grains, shape (num_own_grains,).
+        surface: :class:`~mufe_fenicsx.contact.exchange.Surface`.
+        num_own: Own surface nodes, which come before those of other ranks.
+        longest: Longest wait [m].
+    """
+
+    def __init__(self, grains, surface, num_own, longest):
+        self._num_own, self._longest = num_own, longest
+        far = surface.facets[:, 0] >= num_own
+        self._grains = np.concatenate([grains, np.unique(surface.grain_of_facet[far])])
+        self._order = np.argsort(self._grains, kind="stable")
+        #: largest distance of a node beside the field in this step [m], own grains first
+        self.moves = np.zeros(self._grains.size)
+        self._ghost_row = np.zeros(surface.facets.max(initial=-1) + 1 - num_own, np.int32)
+        if far.any():
+            rows = self.rows(surface.grain_of_facet[far])
+            self._ghost_row[surface.facets[far] - num_own] = rows[:, None]
+        self._before = np.empty((self._ghost_row.size, 3))
+        self.more, self.known = 0.0, False
+
+    def rows(self, grains):
+        """Rows of ``moves`` of the global ``grains``, int32."""
+        place = np.searchsorted(self._grains[self._order], grains)
+        return self._order[place].astype(np.int32)
+
+    def forget(self, x):
+        """The next step begins with the nodes of other ranks where ``x`` has them."""
+        self._before[:] = x[self._num_own :]
+        self.known = False
+
+    def begin(self, moves, field, dt):
+        """A step in which this rank's grains move by ``moves`` beside the ``field``.
+
+        Args:
+            moves: Distances [m], shape (num_own_grains,); infinity where unknown.
+            field: As in kernels.motion.
+            dt: Length of the step [s].
+        """
+        self.moves[: moves.size] = moves
+        self.more = self._longest * dt * float(np.sqrt((field[1:] ** 2).sum()))
+        self._field, self._dt, self.known = field, dt, True
+
+    def end(self, x):
+        """The positions of nodes of other ranks are known too, those after own ones in ``x``."""
+        ghosts = x[self._num_own :]
+        if self.known:
+            if self._before.size:
+                measure_moves(
+                    self.moves, self._before, ghosts, self._ghost_row, self._field, self._dt
+                )
+        else:
+            self._before[:] = ghosts
