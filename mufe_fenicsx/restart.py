@@ -80,6 +80,8 @@ def snapshot(simulation):
         "largest_deepest": contact.deepest,
         "largest_moved": rigid.moved,
         "largest_radius": walls._radius,
+        "largest_overrun": contact.overrun,
+        "largest_overrun_of_all": contact.overrun_of_all,
         "largest_everything_moves": contact.moving is None,
         "largest_chosen": rigid.chosen,
     }
@@ -169,6 +171,8 @@ def restore(simulation, tables, own, common):
             setattr(target, name, common[part][name])
     for name in OF_WALLS:
         getattr(walls, name)[:] = np.reshape(common["walls"][name], getattr(walls, name).shape)
+    contact.overrun = float(own["largest_overrun"])
+    contact.overrun_of_all = float(own["largest_overrun_of_all"])
     simulation._field = np.array(common["field"])
     restore_contact(contact, mesh, tables, bool(own["largest_everything_moves"]))
     if simulation._any_rigid and own["largest_chosen"]:

@@ -186,6 +186,7 @@ class Simulation:
             self._release_loaded()
         # Early where contacts may close that the last evaluation did not count.
         moved = self.contact.clock - self._clock_at_refresh > self._margin
+        moved |= self.contact.overrun_of_all > 0.0 and self._margin < math.inf
         waited = self.state.num_steps - self._refreshed_at
         if moved or waited >= self.refresh:
             self.check()
@@ -347,13 +348,15 @@ class Simulation:
         self.dt_element = self.stable.of_elements()
         # Pairs that can close before the next evaluation count as closed.
         moved = self.contact.clock - self._clock_at_refresh
-        moved *= self.refresh / max(s.num_steps - self._refreshed_at, 1)
+        factor = FASTER * self.refresh / max(s.num_steps - self._refreshed_at, 1)
+        moved *= factor
         self._clock_at_refresh, self._refreshed_at = self.contact.clock, s.num_steps
         # The first step is counted too, by its speed: an assembled step is up to 3 times longer.
         speed = np.sqrt(max((s.v**2).sum(axis=1).max(), (self.walls.velocity**2).sum()))
         ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
-        moved = min(FASTER * moved, self.contact.skin)
+        moved = min(moved, self.contact.skin)
         self._margin = max(moved, ahead, 1e-3 * self.contact.edge)
+        self.contact.expect(self._margin, factor)
         if self.scaling is not None and not self.scaling.reached:
             # What is within an edge now, the walls above all, is held some time.
             self.scale_masses(max(self._margin, self.contact.edge))

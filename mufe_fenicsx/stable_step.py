@@ -67,29 +67,32 @@ class StableStep:
         """Limit of stability [s].
 
         Args:
-            margin: All pairs within it [m] count as closed.
+            margin: All pairs within it [m] count as closed, but for those of two grains that are
+                not expected to move so far (:class:`~.contact.clocks.GrainClocks`).
             element_step: Present value of :meth:`of_elements` [s].
         """
+        springs = list_springs(self.contact, margin, expected=True)
         return self._limit(
-            margin, element_step, self.highest, self.highest_of_springs,
+            springs, margin, element_step, self.highest, self.highest_of_springs,
             lambda: self._recent_rate_of_tets(element_step),
         )  # fmt: skip
 
     def afresh(self, margin, element_step, mass=None):
-        """The same from scratch; with other nodal masses [kg] where given, shape (num_nodes,)."""
+        """The same from scratch, of all pairs within the margin; with other nodal masses [kg] where given, shape (num_nodes,)."""
         frequencies = self._frequencies()
         if mass is not None:
             for highest in frequencies:
                 highest.set_mass(mass)
-        return self._limit(margin, element_step, *frequencies)
+        springs = list_springs(self.contact, margin)
+        return self._limit(springs, margin, element_step, *frequencies)
 
     def of_tets(self):
         """Limit [s] of the tetrahedra without contact; inf for rigid grains."""
         rate = HighestFrequency(self.comm, self.solid.mass, self.mesh.x, self._add_tets)()
         return 2.0 / rate if rate > 0.0 else math.inf
 
-    def _limit(self, margin, element_step, highest, highest_of_springs, rate_of_tets):
-        self._springs = list_springs(self.contact, margin)
+    def _limit(self, listed, margin, element_step, highest, highest_of_springs, rate_of_tets):
+        self._springs = listed
         springs = 0.0 if self.contact.kinematic else highest_of_springs()
         limit = self._contact_step
         if springs > 0.0:

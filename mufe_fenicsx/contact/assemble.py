@@ -154,7 +154,10 @@ class Contact:
         self.surface = None
         self.positions = None
         self.forces = None
-        self._move, self._agreement = np.zeros(1), None
+        self._move, self._agreement = np.zeros(2), None
+        #: By how much clocks of two grains go beyond what was expected soon, on this rank, and two
+        #: steps ago on all [m].
+        self.overrun = self.overrun_of_all = -np.inf
         #: Called before each search; afterwards all positions are those of this moment.
         self.before_search = None
         #: Own surface nodes whose positions are known until the next search; None: all.
@@ -277,7 +280,7 @@ class Contact:
             self.motion.begin(*known)
         else:
             moved = max(largest_move(self._previous, self.positions.own), moved)
-        self._move[0] = moved
+        self._move[:] = moved, self.overrun
         if self.comm.size > 1:
             self._agreement = self.comm.Iallreduce(MPI.IN_PLACE, self._move, op=MPI.MAX)
 
@@ -315,6 +318,7 @@ class Contact:
         """The largest distance that anything of any rank moved in this step [m]. Collective."""
         if self.comm.size > 1:
             self._agreement.Wait()
+        self.overrun_of_all = float(self._move[1])
         return float(self._move[0])
 
     def begin_give_back(self):
@@ -372,7 +376,12 @@ class Contact:
         Local; the same on all ranks.
         """
         self.clock += step
-        self.pairs.clocks.advance(step, motion)
+        self.overrun = self.pairs.clocks.advance(step, motion)
+
+    def expect(self, margin, factor):
+        """Expect motion until the time step is found again, arguments as of the clocks. Local."""
+        self.pairs.clocks.expect(margin, factor)
+        self.overrun = self.overrun_of_all = -np.inf
 
     def bind(self):
         """Let the kernels know the arrays of new pairs, which stay where they are. Local."""

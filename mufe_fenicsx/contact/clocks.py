@@ -18,6 +18,12 @@ from ..kernels.clocks import advance_clocks, measure_moves
 
 #: Longest wait that a clock is asked for, in mean facet edges.
 RANGE = 2.0
+#: Of two grains this part at least is expected of the motion that is expected of all.
+LEAST = 0.25
+
+
+#: What a clock keeps.
+KEPT = ("readings", "since", "until")
 
 
 class GrainClocks:
@@ -35,6 +41,8 @@ class GrainClocks:
         self.key, of = np.unique(key, return_inverse=True)
         self.of = of.astype(np.int32)  #: clock of each pair
         self.readings = np.full(self.key.size, float(reading))
+        #: readings when the time step was found last, and those that were expected at most then
+        self.since, self.until = self.readings.copy(), self.readings.copy()
         self._rows = None
 
     @property
@@ -45,18 +53,40 @@ class GrainClocks:
     def carry(self, old):
         """Clocks of grains that had one before go on from there."""
         _, new, before = np.intersect1d(self.key, old.key, True, return_indices=True)
-        self.readings[new] = old.readings[before]
+        for name in KEPT:
+            getattr(self, name)[new] = getattr(old, name)[before]
 
     def find_grains(self, motion):
         """Know which rows of the :class:`Motion` belong to both grains."""
         self._rows = motion.rows(self.key >> 32), motion.rows(self.key & 0xFFFFFFFF)
 
     def advance(self, step, motion=None):
-        """Advance by ``step`` [m], a bound for all grains, or by less where that is known."""
+        """Advance by ``step`` [m], a bound for all grains, or by less where that is known.
+
+        Returns:
+            By how much a clock goes beyond what was expected in the next two steps [m].
+        """
         if motion is None or not motion.known:
             self.readings += step
-        else:
-            advance_clocks(self.readings, *self._rows, motion.moves, motion.more, step)
+            return float((self.readings - self.until).max(initial=-np.inf)) + 2.0 * step
+        return advance_clocks(
+            self.readings, self.until, *self._rows, motion.moves, motion.more, step
+        )
+
+    def expect(self, margin, factor):
+        """Expect motion until the time step is found again.
+
+        Args:
+            margin: Of all grains [m].
+            factor: Of two grains, motion until then over that since the last time.
+        """
+        moved = factor * (self.readings - self.since)
+        self.since[:] = self.readings
+        self.until[:] = self.readings + np.clip(moved, LEAST * margin, margin)
+
+    def can_reach(self, due):
+        """Whether clocks are expected to reach readings ``due`` of pairs, shape (num_pairs,)."""
+        return due < self.until[self.of]
 
 
 def linear_field(comm, x, v):

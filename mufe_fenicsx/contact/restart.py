@@ -10,6 +10,7 @@ that sums over them give the same bits on the same number of ranks.
 import numpy as np
 
 from ..errors import InputError
+from .clocks import KEPT as CLOCKS_KEPT
 from .pairs import REMEMBERED, Pairs
 from .walls import _WallPairs
 
@@ -150,7 +151,7 @@ def contact_tables(contact, mesh):
             "partner": p.grain,
             "count": count,
             "closest": closest,
-            "clock": p.clocks.now,
+            **{name: getattr(p.clocks, name)[p.clocks.of] for name in CLOCKS_KEPT},
             **{name: getattr(p, name) for name in KEPT},
         },
         "candidates": {
@@ -248,7 +249,8 @@ def _pairs(contact, names, table, candidates):
     ).astype(np.int32)
     points = contact.points.grain_of_point
     pairs = Pairs(node[order], partner, new_first, facet, points, contact.clock)
-    pairs.clocks.readings[pairs.clocks.of] = table["clock"][order]
+    for name in CLOCKS_KEPT:
+        getattr(pairs.clocks, name)[pairs.clocks.of] = table[name][order]
     pairs.candidate_due[:] = candidates["due"][place]
     closest = table["closest"][order]
     pairs.closest[:] = np.where(closest >= 0, new_first[:-1] + closest, -1)

@@ -56,10 +56,20 @@ class Springs:
         return self.contact.back_to_owners(at_nodes)[:, 0]
 
 
-def list_springs(contact, margin):
-    """Springs of what is closed and of what a motion of ``margin`` [m] can close. Local."""
+def list_springs(contact, margin, expected=False):
+    """Springs of what is closed and of what a motion of ``margin`` [m] can close. Local.
+
+    Args:
+        contact: :class:`~mufe_fenicsx.contact.assemble.Contact`.
+        margin: The motion.
+        expected: Of two grains no more motion than their clock is expected to show.
+    """
+    pairs = contact.pairs
+    soon = pairs.due - pairs.clocks.now < margin
+    if expected:
+        soon &= pairs.clocks.can_reach(pairs.due)
     return _joined(
-        contact, _of_pairs(contact, margin), _of_edges(contact, margin), _of_walls(contact, margin)
+        contact, _of_pairs(contact, soon), _of_edges(contact, margin), _of_walls(contact, margin)
     )
 
 
@@ -90,11 +100,9 @@ def _corners(points):
     return np.repeat(nodes[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (nodes.size, 1))
 
 
-def _of_pairs(contact, margin):
+def _of_pairs(contact, soon):
     pairs, points, surface = contact.pairs, contact.points, contact.surface
-    on = np.flatnonzero(
-        (pairs.closed | (pairs.due - pairs.clocks.now < margin)) & (pairs.closest >= 0)
-    )
+    on = np.flatnonzero((pairs.closed | soon) & (pairs.closest >= 0))
     rows = _rows(on.size)
     list_pairs(
         *rows, on, pairs.node, pairs.candidate, pairs.closest, *_corners(points), surface.facets,

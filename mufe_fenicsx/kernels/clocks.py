@@ -6,18 +6,26 @@ import numba
 
 
 @numba.njit(cache=True)
-def advance_clocks(readings, first, second, moves, more, step):
+def advance_clocks(readings, until, first, second, moves, more, step):
     """Clocks of pairs of grains advance by what both moved, but by no more than ``step`` [m].
 
     Args:
         readings: Of the clocks [m], shape (num_clocks,), in place.
+        until: Readings that they are not expected to pass [m].
         first, second: Rows of ``moves`` that are theirs.
         moves: Largest distance that a node of each grain moved beside a common field [m].
         more: What the field itself adds between points that are near each other [m].
         step: Bound of all relative motion [m].
+
+    Returns:
+        By how much one passes that in the next two steps, if these go on as this one [m].
     """
+    largest = -math.inf
     for i in range(readings.size):
-        readings[i] += min(step, moves[first[i]] + moves[second[i]] + more)
+        moved = min(step, moves[first[i]] + moves[second[i]] + more)
+        readings[i] += moved
+        largest = max(largest, readings[i] + 2.0 * moved - until[i])
+    return largest
 
 
 @numba.njit(cache=True)
