@@ -9,7 +9,7 @@ from ..errors import InputError
 from ..kernels.motion import largest_move
 from ..kernels.pairs import PairForces, pair_energy
 from ..kernels.points import place_points
-from ..kernels.walls import add_rows, add_some, gather_rows, gather_some
+from ..kernels.walls import gather_rows, gather_some, hand_rows, hand_some
 from .checks import check_law, check_stiffness, check_surface, check_walls
 from .clocks import RANGE, Motion
 from .crossings import new_slip
@@ -238,7 +238,7 @@ class Contact:
                 vector.destroy()
         num_own = self.own.nodes.size
         self.positions = SurfaceVector(self.comm, num_own, ghosts, self.num_before)
-        self.forces = SurfaceVector(self.comm, num_own, ghosts, self.num_before)
+        self.forces, self._lent = SurfaceVector(self.comm, num_own, ghosts, self.num_before), True
         self.facets = self.surface.facets + np.int32(self.num_before)
         self.ring_offset, self.ring = self.surface.ring_offset, self.surface.ring
         if self.num_before:
@@ -406,7 +406,8 @@ class Contact:
         """
         self.bind()
         p, forces, x = self.pairs, self.forces.array, self.positions.array
-        forces[self.num_before :] = 0.0
+        # Own rows have been handed on since, and are zero, unless the vector was lent.
+        forces[self.num_before + (0 if self._lent else self.own.nodes.size) :] = 0.0
         dissipated, num_adopted, num_deep, deepest, self._sunk = p.forces(
             self.friction, self.friction_kinetic, self.largest_depth, self._longest, adopt
         )
@@ -421,9 +422,10 @@ class Contact:
         wall_dissipated, wall_adopted = self.walls.add_forces(self.clock, adopt, ahead)
         self.end_give_back()
         if self.moving is None:
-            add_rows(f, self.own.nodes, self.forces.own)
+            hand_rows(f, self.own.nodes, self.forces.own)
         else:
-            add_some(f, self.own.nodes, self.forces.own, self.moving)
+            hand_some(f, self.own.nodes, self.forces.own, self.moving)
+        self._lent = False
         self.dissipated += dissipated + edge_dissipated + wall_dissipated
         self.num_adopted += num_adopted + edge_adopted + wall_adopted
         self.num_deep += num_deep + edge_deep
@@ -465,13 +467,18 @@ class Contact:
         Returns:
             Values at own surface nodes, shape (num_nodes, 3).
         """
-        # The forces are not needed any more once they have been added up.
-        self.forces.array[self.num_before :] = values
+        vector = self.lend()
+        vector.array[self.num_before :] = values
         if largest:
-            self.forces.largest_back()
+            vector.largest_back()
         else:
-            self.forces.add_back()
-        return self.forces.own.copy()
+            vector.add_back()
+        return vector.own.copy()
+
+    def lend(self):
+        """The vector of forces, for other values: forces are not needed once they are added up."""
+        self._lent = True
+        return self.forces
 
     def areas(self, pairs):
         """Parts of the contact area [m²] that the closed pairs ``pairs`` carry. Local.

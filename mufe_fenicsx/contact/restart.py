@@ -53,7 +53,7 @@ class Names:
                 f"surface nodes of one grain = {number.max() + 1}, expected at most {1 << BITS} "
                 "where checkpoints are written"
             )
-        names = contact.forces
+        names = contact.lend()
         names.own[:, 0] = number
         names.begin_forward()
         names.end_forward()

@@ -30,15 +30,16 @@ class Springs:
         What is on its way in contact's forces is lost.
         """
         c = self.contact
-        positions, forces = c.positions.array[c.num_before :], c.forces.array[c.num_before :]
+        vector = c.lend()
+        positions, forces = c.positions.array[c.num_before :], vector.array[c.num_before :]
         np.copyto(self.present, positions)
         gather_rows(c.positions.own, q, c.own.nodes)
         c.positions.begin_forward()
         c.positions.end_forward()
         forces[:] = 0.0
         add_springs(forces, positions, self.nodes, self.share, self.normal, self.kn, self.kt)
-        c.forces.add_back()
-        add_rows(y, c.own.nodes, c.forces.own)
+        vector.add_back()
+        add_rows(y, c.own.nodes, vector.own)
         positions[:] = self.present
 
     def bounds(self):

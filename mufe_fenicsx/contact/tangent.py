@@ -44,7 +44,7 @@ class ContactTangent:
         Args:
             values: Shape (num_own, k), k <= 3.
         """
-        vector = self.contact.forces
+        vector = self.contact.lend()
         vector.array[:] = 0.0
         vector.own[:, : values.shape[1]] = values
         vector.begin_forward()

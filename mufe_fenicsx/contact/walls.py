@@ -234,7 +234,6 @@ class _WallPairs:
         self.node, self.wall = node, wall
         self.due = np.full(n, clock)
         self.state = rows(n, ROW)
-        column(self.state, "node", COLUMNS)[:] = node
         for name in (*REMEMBERED, "work", "stiffness"):
             setattr(self, name, column(self.state, name, COLUMNS))
         self.gap[:] = np.inf

@@ -63,20 +63,16 @@ def rows(number, width):
     return aligned(number * width).reshape(number, width)
 
 
-def fill_rows(state, node, of_points, corner, corner_weight, columns=COLUMNS):
-    """Set the columns of the rows of pairs that their points ``node`` have, and their corners.
+def fill_rows(state, node, of_points, columns=COLUMNS):
+    """Set the columns of the rows of pairs that their points ``node`` have.
 
     Args:
         state, node: As below.
         of_points: Names of columns and the values of points, shape (num_points,).
-        corner, corner_weight: As below.
         columns: Of the rows.
     """
     for name, values in of_points.items():
         column(state, name, columns)[:] = values[node]
-    nodes, weight = corners_of(node, corner, corner_weight)
-    column(state, "corner", columns)[:] = nodes
-    column(state, "corner_weight", columns)[:] = weight
 
 
 class PairForces:
@@ -144,7 +140,9 @@ class PairForces:
             "area": area, "facet_area": facet_area, "recess": recess, "ratio": ratio_of_node,
             "around": around_of,
         }  # fmt: skip
-        fill_rows(state, node, of_points, corner, corner_weight)
+        fill_rows(state, node, of_points)
+        nodes, weight = corners_of(node, corner, corner_weight)
+        column(state, "corner")[:], column(state, "corner_weight")[:] = nodes, weight
         column(state, "clock")[:] = clock
         self._pointers = Pointers(
             (state, real), (due, real), (candidate_due, real), (clocks, real), (clock, short),

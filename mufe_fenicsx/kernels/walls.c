@@ -4,22 +4,26 @@
 #include "due.h"
 #include "lane_vectors.h"
 
-/* What a pair keeps, two and a half cache lines in rows of four numbers; the anchor from ``point``
-   of the wall. ``corner``: nodes around a point in a facet, or thrice the node, with their
-   weights. */
+/* What a pair keeps, two cache lines in rows of four numbers; the anchor from ``point`` of the wall.
+   ``corner``: nodes around a point in a facet, or thrice the node; the first has a weight of its
+   own, the others share the rest. */
 typedef struct {
-  int32_t node, wall;
-  uint8_t closed, sliding, none[2];
   int32_t corner[3];
-  double recess;
+  uint8_t closed, sliding;
+  uint16_t wall; /* and above it the weight's place in LEAD */
+  double recess, ratio;
   double gap, offset, stiffness, push;
   vec3 anchor;
   double slip;
   vec3 shear;
   double work;
-  vec3 corner_weight;
-  double ratio;
 } state_type;
+
+#define WALL_BITS 14
+static const double LEAD[] = {1.0, 1.0 / 3.0, 2.0 / 3.0};
+
+INLINE int wall_of(const state_type *s) { return s->wall & ((1 << WALL_BITS) - 1); }
+INLINE double lead_of(const state_type *s) { return LEAD[s->wall >> WALL_BITS]; }
 
 /* A wall where it stands now, then what acts on it. */
 typedef struct {
@@ -59,10 +63,11 @@ INLINE void fetch_ahead(const walls_type *m, int64_t i, int64_t num_due) {
 /* One pair: all that can happen to it. */
 static void add_one(const walls_type *m, double *totals, double clock, int64_t p, int64_t adopt) {
   state_type *s = m->state + p;
-  wall_type *wall = m->walls + s->wall;
+  wall_type *wall = m->walls + wall_of(s);
   const int32_t *c = s->corner;
-  const vec3 normal = wall->normal;
-  const vec3 point = mean(s->corner_weight, at(m->x, c[0]), at(m->x, c[1]), at(m->x, c[2]));
+  const double lead = lead_of(s), rest = 0.5 * (1.0 - lead);
+  const vec3 normal = wall->normal, weights = {lead, rest, rest};
+  const vec3 point = mean(weights, at(m->x, c[0]), at(m->x, c[1]), at(m->x, c[2]));
   const vec3 r = minus(point, wall->plane);
   const double g = dot(r, normal) + s->recess;
   s->gap = g;
@@ -108,8 +113,7 @@ static void add_one(const walls_type *m, double *totals, double clock, int64_t p
   }
   s->shear = times(-kt, spring);
   const vec3 force = along(s->shear, N, normal), torque = cross(force, r);
-  const double *weight = &s->corner_weight.x;
-  for (int k = 0; k < 3; k++) add_to(m->f, c[k], times(weight[k], force));
+  for (int k = 0; k < 3; k++) add_to(m->f, c[k], times(k ? rest : lead, force));
   wall->force -= (v4){force.x, force.y, force.z, 0.0};
   wall->torque += (v4){torque.x, torque.y, torque.z, 0.0};
 }
@@ -120,30 +124,32 @@ INLINE unsigned add_lanes(const walls_type *m, double clock, const int32_t *pair
                           vec *dissipated) {
   double *rows[LANES], *wall_rows[LANES];
   int32_t node[3][LANES];
+  vec lead;
 #pragma GCC unroll 8
   for (int i = 0; i < LANES; i++) {
     state_type *s = m->state + pair[i];
     rows[i] = (double *)s;
-    wall_rows[i] = (double *)(m->walls + s->wall);
+    wall_rows[i] = (double *)(m->walls + wall_of(s));
+    lead[i] = lead_of(s);
     for (int k = 0; k < 3; k++) node[k][i] = s->corner[k];
   }
-  vec head[4], spring_row[4], anchor_row[4], shear_row[4], weight[4], wall[4], plane[4];
+  vec head[4], spring_row[4], anchor_row[4], shear_row[4], wall[4], plane[4];
   load_four(head, rows, 0);
   load_four(spring_row, rows, IN_ROW(gap));
   load_four(anchor_row, rows, IN_ROW(anchor));
   load_four(shear_row, rows, IN_ROW(shear));
-  load_four(weight, rows, IN_ROW(corner_weight));
   load_four(wall, wall_rows, 0);
   load_four(plane, wall_rows, 4);
   const mask flags = (mask)head[1];
+  const vec rest = 0.5 * (1.0 - lead), weight[3] = {lead, rest, rest};
   const lanes3 n = {wall[0], wall[1], wall[2]};
   const lanes3 point = mean_of((lanes3){weight[0], weight[1], weight[2]}, rows_at(m->x, node[0]),
                                rows_at(m->x, node[1]), rows_at(m->x, node[2]));
   const lanes3 r = difference(point, (lanes3){plane[0], plane[1], plane[2]});
-  const vec g = product(r, n) + head[3], depth = spring_row[1] - g;
+  const vec g = product(r, n) + head[2], depth = spring_row[1] - g;
   const unsigned can = wanted & bits(FLAG(flags, closed) & (depth > 0.0));
 
-  const vec kn = spring_row[2], kt = kn * weight[3], N = kn * depth;
+  const vec kn = spring_row[2], kt = kn * head[3], N = kn * depth;
   const lanes3 anchor = {anchor_row[0], anchor_row[1], anchor_row[2]};
   lanes3 spring = difference(r, anchor);
   const slip_type found =

@@ -7,16 +7,17 @@ import numpy as np
 
 from .native import Pointers, address, aligned, load
 from .pairs import column, fill_rows
+from .points import corners_of
 
 #: What a pair keeps, as in kernels.pairs; the rest of the row is as in walls.c.
-ROW = 20
+ROW = 16
 COLUMNS = {
-    "node": (np.int32, 0),
-    "wall": (np.int32, 1),
-    "closed": (np.bool_, 8),
-    "sliding": (np.bool_, 9),
-    "corner": (np.int32, slice(3, 6)),
-    "recess": (np.float64, 3),
+    "corner": (np.int32, slice(0, 3)),
+    "closed": (np.bool_, 12),
+    "sliding": (np.bool_, 13),
+    "wall": (np.uint16, 7),
+    "recess": (np.float64, 2),
+    "ratio": (np.float64, 3),
     "gap": (np.float64, 4),
     "offset": (np.float64, 5),
     "stiffness": (np.float64, 6),
@@ -25,9 +26,10 @@ COLUMNS = {
     "slip": (np.float64, 11),
     "shear": (np.float64, slice(12, 15)),
     "work": (np.float64, 15),
-    "corner_weight": (np.float64, slice(16, 19)),
-    "ratio": (np.float64, 19),
 }
+#: Weights that one corner of a point can have, in the order of walls.c; the others share the rest.
+LEAD = (1.0, 1 / 3, 2 / 3)
+WALL_BITS = 14  # of a wall's number
 #: Numbers of a wall in walls.c.
 WALL = 16
 
@@ -77,6 +79,18 @@ def find_wall_candidates(x, bonded, point, normal, reach):
     return node, wall
 
 
+def _leading(corner, weight):
+    """Corners of points with the one of a weight of its own first, and its place in ``LEAD``."""
+    corner, weight = (np.broadcast_to(a, (len(corner), 3)) for a in (corner, weight))
+    first = weight.argmax(axis=1)[:, None]
+    order = (first + np.arange(3)) % 3
+    lead = np.abs(weight.max(axis=1)[:, None] - LEAD).argmin(axis=1)
+    rest = 0.5 * (1.0 - np.array(LEAD))[lead]
+    if not np.allclose(np.sort(weight, axis=1)[:, :2], rest[:, None], rtol=0.0, atol=1e-12):
+        raise ValueError(f"weights of a point's corners, expected one of {LEAD} and the rest even")
+    return np.take_along_axis(corner, order, axis=1), lead
+
+
 class WallForces:
     """Adds the forces of closed node-wall pairs to nodes and walls; local.
 
@@ -109,7 +123,8 @@ class WallForces:
         friction_kinetic: Coefficients while it slips; until a step in which it sticks.
 
     Raises:
-        ValueError: An array is of another type, or not contiguous.
+        ValueError: An array is of another type, or not contiguous; too many walls; a point with
+            weights that are not those of ``LEAD``.
     """
 
     def __init__(self, state, due, node, wall, layer, area, recess, ratio, corner,
@@ -121,9 +136,12 @@ class WallForces:
         self._totals_at = address(self._totals)
         self._num_walls = len(point)
         scratch = np.empty(node.size + 1, short)
-        column(state, "wall", COLUMNS)[:] = wall
+        if len(point) > 1 << WALL_BITS:
+            raise ValueError(f"walls = {len(point)}, expected at most {1 << WALL_BITS}")
         of_points = {"stiffness": area / layer, "recess": recess, "ratio": ratio}
-        fill_rows(state, node, of_points, corner, corner_weight, COLUMNS)
+        fill_rows(state, node, of_points, COLUMNS)
+        column(state, "corner", COLUMNS)[:], lead = _leading(*corners_of(node, corner, corner_weight))
+        column(state, "wall", COLUMNS)[:] = wall | lead << WALL_BITS
         self._pointers = Pointers(
             (state, real), (due, real), (scratch, short), (aligned(WALL * len(point)), real),
             (x, real), (f, real), (wall_force, real), (wall_torque, real), (point, real),
@@ -185,11 +203,21 @@ def gather_some(out, values, rows, some):
 
 
 @numba.njit(cache=True)
-def add_some(values, rows, out, some):
-    """:func:`add_rows` for the rows ``some`` of ``out`` alone."""
+def hand_rows(values, rows, out):
+    """values[rows[i]] += out[i] and out[i] = 0 for rows of three, in place."""
+    for i in range(rows.size):
+        for k in range(3):
+            values[rows[i], k] += out[i, k]
+            out[i, k] = 0.0
+
+
+@numba.njit(cache=True)
+def hand_some(values, rows, out, some):
+    """:func:`hand_rows` for the rows ``some`` of ``out`` alone."""
     for i in some:
         for k in range(3):
             values[rows[i], k] += out[i, k]
+            out[i, k] = 0.0
 
 
 @numba.njit(cache=True)
