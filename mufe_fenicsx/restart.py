@@ -173,7 +173,7 @@ def restore(simulation, tables, own, common):
         getattr(walls, name)[:] = np.reshape(common["walls"][name], getattr(walls, name).shape)
     contact.overrun = float(own["largest_overrun"])
     contact.overrun_of_all = float(own["largest_overrun_of_all"])
-    simulation._field = np.array(common["field"])
+    simulation.set_field(np.array(common["field"]))
     restore_contact(contact, mesh, tables, bool(own["largest_everything_moves"]))
     if simulation._any_rigid and own["largest_chosen"]:
         rigid.follow(at_nodes["followed"])

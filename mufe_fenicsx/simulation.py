@@ -145,7 +145,8 @@ class Simulation:
         self._kick_waits = self._may_wait = False
         self._moved = 0.0  # how far a deformable node moved in this step [m]
         # Of each grain, beside a field that fits all velocities; those of rigid ones stay unknown.
-        self._moves, self._field = np.full(mesh.num_grains, np.inf), np.zeros((4, 3))
+        self._moves = np.full(mesh.num_grains, np.inf)
+        self.set_field(np.zeros((4, 3)))
         self.stable = StableStep(self, assembled, time_step_factor)
         self._margin = 0.0
         self._clock_at_refresh, self._refreshed_at = 0.0, 0
@@ -259,7 +260,7 @@ class Simulation:
         positions = s.x
         if not self.contact.kinematic:
             # Glued nodes go where their wall goes.
-            known = None if self.bonded.nodes.size else (self._moves, self._field, dt)
+            known = None if self.bonded.nodes.size else (self._moves, self._field, self._slope, dt)
             self.contact.begin(positions, moved, known)
         if self.rigid.num_grains:
             every = self.contact.moving is None
@@ -344,7 +345,7 @@ class Simulation:
         """
         s = self.state
         self.complete()
-        self._field = linear_field(self.comm, s.x, s.v)
+        self.set_field(linear_field(self.comm, s.x, s.v))
         self.dt_element = self.stable.of_elements()
         # Pairs that can close before the next evaluation count as closed.
         moved = self.contact.clock - self._clock_at_refresh
@@ -372,6 +373,10 @@ class Simulation:
         if not 0.99 * self.dt <= dt <= (math.inf if early else 1.05 * self.dt):
             self.dt = dt
             self.contact.set_time_step(dt)
+
+    def set_field(self, field):
+        """Measure the motion of grains beside another velocity field, as in kernels.motion."""
+        self._field, self._slope = field, float(np.linalg.norm(field[1:]))
 
     def _add_mass(self):
         """Adjust the added mass to the present geometry; whether there is more. Collective."""

@@ -140,25 +140,27 @@ class Motion:
         self._before[:] = x[self._num_own :]
         self.known = False
 
-    def begin(self, moves, field, dt):
+    def begin(self, moves, field, slope, dt):
         """A step in which this rank's grains move by ``moves`` beside the ``field``.
 
         Args:
             moves: Distances [m], shape (num_own_grains,); infinity where unknown.
             field: As in kernels.motion.
+            slope: Of it in any direction, at most [1/s].
             dt: Length of the step [s].
         """
         self.moves[: moves.size] = moves
-        self.more = self._longest * dt * float(np.sqrt((field[1:] ** 2).sum()))
+        self.more = self._longest * dt * slope
         self._field, self._dt, self.known = field, dt, True
 
     def end(self, x):
         """The positions of nodes of other ranks are known too, those after own ones in ``x``."""
+        if not self._before.size:
+            return
         ghosts = x[self._num_own :]
         if self.known:
-            if self._before.size:
-                measure_moves(
-                    self.moves, self._before, ghosts, self._ghost_row, self._field, self._dt
-                )
+            measure_moves(
+                self.moves, self._before, ghosts, self._ghost_row, self._field, self._dt
+            )
         else:
             self._before[:] = ghosts
