@@ -260,7 +260,7 @@ class Simulation:
         positions = s.x
         if not self.contact.kinematic:
             # Glued nodes go where their wall goes.
-            known = None if self.bonded.nodes.size else (self._moves, self._field, self._slope, dt)
+            known = () if self.bonded.nodes.size else (self._moves, self._slope, dt)
             self.contact.begin(positions, moved, known)
         if self.rigid.num_grains:
             every = self.contact.moving is None
@@ -356,8 +356,9 @@ class Simulation:
         speed = np.sqrt(max((s.v**2).sum(axis=1).max(), (self.walls.velocity**2).sum()))
         ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
         moved = min(moved, self.contact.skin)
-        self._margin = max(moved, ahead, 1e-3 * self.contact.edge)
-        self.contact.expect(self._margin, factor)
+        least = max(ahead, 1e-3 * self.contact.edge)
+        self._margin = max(moved, least)
+        self.contact.expect(self._margin, least, factor)
         if self.scaling is not None and not self.scaling.reached:
             # What is within an edge now, the walls above all, is held some time.
             self.scale_masses(max(self._margin, self.contact.edge))

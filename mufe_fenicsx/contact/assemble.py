@@ -153,7 +153,7 @@ class Contact:
         self.pairs = None
         self.surface = None
         self.positions = None
-        self.forces = None
+        self.forces = self.motion = None
         self._move, self._agreement = np.zeros(2), None
         #: By how much clocks of two grains go beyond what was expected soon, on this rank, and two
         #: steps ago on all [m].
@@ -203,7 +203,7 @@ class Contact:
         if old is not None:
             facets = self.surface.global_facet, old_surface.global_facet
             self.pairs.carry(old, *facets, wait)
-        self.pairs.clocks.find_grains(self.motion)
+        self.pairs.clocks.follow(self.motion)
         nodes = self.positions.array[self.num_before :]
         self.dissipated += self.edges.search(nodes, num_own, self.surface, reach, self.clock)
         points, old_walls = self.positions.array[:num_points], self.walls.pairs
@@ -249,7 +249,9 @@ class Contact:
         self.positions.begin_forward()
         self._near = np.arange(self.num_before, dtype=np.int32)
         self._end_forward()
-        self.motion = Motion(self._grains, self.surface, num_own, self._longest)
+        if self.motion is not None:
+            self.motion.destroy()
+        self.motion = Motion(self.comm, self._grains, self.surface.neighbors, self._longest)
         self.measure_from(gathered)
 
     def set_time_step(self, dt):
@@ -264,7 +266,7 @@ class Contact:
             self.pairs.stiffness /= factor
             self.walls.pairs.stiffness /= factor
 
-    def begin(self, x, moved=0.0, known=None):
+    def begin(self, x, moved=0.0, known=()):
         """Begin a step to the positions ``x``, which :meth:`add_forces` ends. Collective.
 
         What other ranks need of this one, and how far anything moved, is on its way afterwards.
@@ -276,9 +278,8 @@ class Contact:
                 :meth:`Motion.begin <mufe_fenicsx.contact.clocks.Motion.begin>` takes it.
         """
         self.place(x)
-        if known is not None:
-            self.motion.begin(*known)
-        else:
+        self.motion.begin(*known)
+        if not known:
             moved = max(largest_move(self._previous, self.positions.own), moved)
         self._move[:] = moved, self.overrun
         if self.comm.size > 1:
@@ -296,7 +297,6 @@ class Contact:
             positions: Of own surface nodes [m], shape (num_nodes, 3).
         """
         self._previous = positions.copy()
-        self.motion.forget(self.positions.array[self.num_before :])
 
     def place(self, x):
         """Start sending the positions ``x`` of this rank's surface to other ranks. Collective."""
@@ -355,9 +355,8 @@ class Contact:
         move = self.agree()
         if not move < self.width:
             raise FloatingPointError("positions are not finite")
-        self.motion.end(self.positions.array[self.num_before :])
+        self.motion.end()
         self.advance(2.0 * move, self.motion)
-        self.motion.known = False
         # The motion of the next step, at twice its speed now, must not leave the skin.
         if self.clock + 4.0 * move - self.searched_at > self.skin:
             self.search(x, ahead=4.0 * move)
@@ -378,9 +377,9 @@ class Contact:
         self.clock += step
         self.overrun = self.pairs.clocks.advance(step, motion)
 
-    def expect(self, margin, factor):
+    def expect(self, margin, least, factor):
         """Expect motion until the time step is found again, arguments as of the clocks. Local."""
-        self.pairs.clocks.expect(margin, factor)
+        self.pairs.clocks.expect(margin, least, factor)
         self.overrun = self.overrun_of_all = -np.inf
 
     def bind(self):

@@ -13,8 +13,12 @@ farther away than that is looked at again after so much motion.
 """
 
 import numpy as np
+from mpi4py import MPI
 
-from ..kernels.clocks import advance_clocks, measure_moves
+from ..kernels.clocks import advance_clocks
+
+#: Tag of the messages between neighbour ranks.
+TAG = 72
 
 #: Longest wait that a clock is asked for, in mean facet edges.
 RANGE = 2.0
@@ -41,8 +45,10 @@ class GrainClocks:
         self.key, of = np.unique(key, return_inverse=True)
         self.of = of.astype(np.int32)  #: clock of each pair
         self.readings = np.full(self.key.size, float(reading))
-        #: readings when the time step was found last, and those that were expected at most then
-        self.since, self.until = self.readings.copy(), self.readings.copy()
+        #: readings when the time step was found last
+        self.since = self.readings.copy()
+        #: those that were expected at most then, infinity where no less than of all grains
+        self.until = np.full(self.key.size, np.inf)
         self._rows = None
 
     @property
@@ -56,8 +62,8 @@ class GrainClocks:
         for name in KEPT:
             getattr(self, name)[new] = getattr(old, name)[before]
 
-    def find_grains(self, motion):
-        """Know which rows of the :class:`Motion` belong to both grains."""
+    def follow(self, motion):
+        """Take the moves of both grains from the :class:`Motion`."""
         self._rows = motion.rows(self.key >> 32), motion.rows(self.key & 0xFFFFFFFF)
 
     def advance(self, step, motion=None):
@@ -66,23 +72,25 @@ class GrainClocks:
         Returns:
             By how much a clock goes beyond what was expected in the next two steps [m].
         """
-        if motion is None or not motion.known:
+        if motion is None:
             self.readings += step
             return float((self.readings - self.until).max(initial=-np.inf)) + 2.0 * step
         return advance_clocks(
             self.readings, self.until, *self._rows, motion.moves, motion.more, step
         )
 
-    def expect(self, margin, factor):
+    def expect(self, margin, least, factor):
         """Expect motion until the time step is found again.
 
         Args:
             margin: Of all grains [m].
+            least: Of any two grains, as of what happens in the next step [m].
             factor: Of two grains, motion until then over that since the last time.
         """
         moved = factor * (self.readings - self.since)
         self.since[:] = self.readings
-        self.until[:] = self.readings + np.clip(moved, LEAST * margin, margin)
+        moved = np.maximum(moved, max(LEAST * margin, least))
+        self.until[:] = np.where(moved < margin, self.readings + moved, np.inf)
 
     def can_reach(self, due):
         """Whether clocks are expected to reach readings ``due`` of pairs, shape (num_pairs,)."""
@@ -107,60 +115,61 @@ def linear_field(comm, x, v):
 
 
 class Motion:
-    """How far each grain moved in a step, of this rank's and of those near it. Local.
+    """How far each grain moved in a step, of this rank's and of those near it. Collective.
+
+    Every rank that knows facets of a grain learns how far it moved from the rank that has it.
 
     Args:
-        grains: Global indices of this rank's grains, shape (num_own_grains,).
-        surface: :class:`~mufe_fenicsx.contact.exchange.Surface`.
-        num_own: Own surface nodes, which come before those of other ranks.
+        comm: MPI communicator.
+        grains: Global indices of this rank's grains, increasing, shape (num_own_grains,).
+        neighbors: As of :class:`~mufe_fenicsx.contact.exchange.Surface`.
         longest: Longest wait [m].
     """
 
-    def __init__(self, grains, surface, num_own, longest):
-        self._num_own, self._longest = num_own, longest
-        far = surface.facets[:, 0] >= num_own
-        self._grains = np.concatenate([grains, np.unique(surface.grain_of_facet[far])])
+    def __init__(self, comm, grains, neighbors, longest):
+        self._longest, self.more = longest, 0.0
+        self._grains = np.concatenate([grains, *(told for _, _, told in neighbors)])
         self._order = np.argsort(self._grains, kind="stable")
         #: largest distance of a node beside the field in this step [m], own grains first
         self.moves = np.zeros(self._grains.size)
-        self._ghost_row = np.zeros(surface.facets.max(initial=-1) + 1 - num_own, np.int32)
-        if far.any():
-            rows = self.rows(surface.grain_of_facet[far])
-            self._ghost_row[surface.facets[far] - num_own] = rows[:, None]
-        self._before = np.empty((self._ghost_row.size, 3))
-        self.more, self.known = 0.0, False
+        self._own = self.moves[: grains.size]
+        self._outgoing, self._requests, first = [], [], grains.size
+        for rank, tell, told in neighbors:
+            if tell.size:
+                message = np.empty(tell.size)
+                self._outgoing.append((message, tell))
+                self._requests.append(comm.Send_init(message, dest=rank, tag=TAG))
+            if told.size:
+                part = self.moves[first : first + told.size]
+                self._requests.append(comm.Recv_init(part, source=rank, tag=TAG))
+            first += told.size
+
+    def destroy(self):
+        """Free the requests. Local."""
+        for request in self._requests:
+            request.Free()
 
     def rows(self, grains):
         """Rows of ``moves`` of the global ``grains``, int32."""
         place = np.searchsorted(self._grains[self._order], grains)
         return self._order[place].astype(np.int32)
 
-    def forget(self, x):
-        """The next step begins with the nodes of other ranks where ``x`` has them."""
-        self._before[:] = x[self._num_own :]
-        self.known = False
-
-    def begin(self, moves, field, slope, dt):
-        """A step in which this rank's grains move by ``moves`` beside the ``field``.
+    def begin(self, moves=np.inf, slope=0.0, dt=0.0):
+        """A step in which this rank's grains move by ``moves`` beside a field.
 
         Args:
             moves: Distances [m], shape (num_own_grains,); infinity where unknown.
-            field: As in kernels.motion.
-            slope: Of it in any direction, at most [1/s].
+            slope: Of the field in any direction, at most [1/s].
             dt: Length of the step [s].
         """
-        self.moves[: moves.size] = moves
+        self._own[:] = moves
         self.more = self._longest * dt * slope
-        self._field, self._dt, self.known = field, dt, True
+        if self._requests:
+            for message, tell in self._outgoing:
+                message[:] = self._own[tell]
+            MPI.Prequest.Startall(self._requests)
 
-    def end(self, x):
-        """The positions of nodes of other ranks are known too, those after own ones in ``x``."""
-        if not self._before.size:
-            return
-        ghosts = x[self._num_own :]
-        if self.known:
-            measure_moves(
-                self.moves, self._before, ghosts, self._ghost_row, self._field, self._dt
-            )
-        else:
-            self._before[:] = ghosts
+    def end(self):
+        """The moves of grains of other ranks are known too afterwards."""
+        if self._requests:
+            MPI.Prequest.Waitall(self._requests)

@@ -25,6 +25,9 @@ class Surface:
     neighbor: np.ndarray  #: as in kernels.closest, shape (num_facets, 3)
     ring_offset: np.ndarray  #: compressed rows of the facets around each node
     ring: np.ndarray
+    #: Ranks that know facets of each other: rank, own local grains that it knows, and grains of its
+    #: own that are known here, global and increasing.
+    neighbors: list
 
 
 class SurfaceVector:
@@ -116,7 +119,7 @@ def exchange_surface(comm, own, layer_of_facet, x, reach):
     ghosts = np.empty(0, dtype=np.int64)
     neighbor, ring_offset, ring = own.neighbor, own.ring_offset, own.ring
 
-    far = np.empty((0, 6), dtype=np.int64)
+    far, known = np.empty((0, 6), dtype=np.int64), []
     if comm.size > 1:
         ranks, selected = near_other_ranks(comm, own.facets, x, reach)
         outgoing = [
@@ -125,6 +128,10 @@ def exchange_surface(comm, own, layer_of_facet, x, reach):
         ]
         incoming = [part.view(np.int64).reshape(-1, 6) for part in swap(comm, ranks, outgoing)]
         far = np.concatenate([far, *incoming])
+        for rank, near, part in zip(ranks, selected, incoming, strict=True):
+            sent = with_rings(own.facets, near, x.shape[0])
+            tell = np.unique(own.local_grain_of_facet[sent])
+            known.append((int(rank), tell, np.unique(part[:, 4] >> 1)))
     if len(far):
         ghosts, far_facets = np.unique(far[:, :3], return_inverse=True)
         far_facets = far_facets.reshape(-1, 3)
@@ -151,6 +158,7 @@ def exchange_surface(comm, own, layer_of_facet, x, reach):
         neighbor=neighbor,
         ring_offset=ring_offset,
         ring=ring,
+        neighbors=known,
     )
     return surface, ghosts
 

@@ -217,7 +217,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
     contact.pairs = pairs = _pairs(contact, names, tables["pairs"], tables["candidates"])
     known = np.flatnonzero(pairs.known)
     facet = pairs.candidate[pairs.closest[known]]
-    pairs.clocks.find_grains(contact.motion)
+    pairs.clocks.follow(contact.motion)
     pairs.vertices[known], pairs.sharp[known] = contact.facets[facet], contact.edges.beside[facet]
     walls.pairs = _wall_pairs(contact, names, tables["wall_pairs"])
     _set_edge_pairs(contact, names, tables["edge_pairs"])

@@ -131,6 +131,7 @@ class _Gaps:
         self.gap, self.normal = current_gaps(contact)
         contact.positions.destroy()
         contact.forces.destroy()
+        contact.motion.destroy()
         pairs, own = contact.pairs, contact.own
         self.comm, self.edge = mesh.comm, contact.edge
         self.nodes = own.nodes[pairs.node]

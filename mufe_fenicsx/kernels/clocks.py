@@ -26,29 +26,3 @@ def advance_clocks(readings, until, first, second, moves, more, step):
         readings[i] += moved
         largest = max(largest, readings[i] + 2.0 * moved - until[i])
     return largest
-
-
-@numba.njit(cache=True)
-def measure_moves(moves, previous, x, row, field, dt):
-    """Largest distance that nodes moved beside a field since the last call, in place.
-
-    Args:
-        moves: Set for all grains that have nodes here [m].
-        previous, x: Positions then, which become those now, and now [m], shape (num_nodes, 3).
-        row: Row of ``moves`` of each node.
-        field: Velocity linear in the place, as in kernels.motion.
-        dt: Time since then [s].
-    """
-    for n in range(row.size):
-        moves[row[n]] = 0.0
-    for n in range(row.size):
-        square = 0.0
-        for i in range(3):
-            d = x[n, i] - previous[n, i] - dt * field[0, i]
-            for k in range(3):
-                d -= dt * field[1 + k, i] * previous[n, k]
-            square += d * d
-        # Not finite: all that may be.
-        moves[row[n]] = max(moves[row[n]], math.sqrt(square)) if square < math.inf else math.inf
-        for i in range(3):
-            previous[n, i] = x[n, i]
