@@ -62,7 +62,7 @@ class Benchmark:
     height: float  #: of the sample [m]
     setup_s: float
     step_s: float  #: time of a step, its share of estimates of the stable step included [s]
-    due: tuple  #: pairs of grains, and with walls, in contact or about to be meanwhile
+    due: tuple  #: pairs of grains, and with walls, in contact meanwhile
     closing: tuple  #: points of both that geometry closes at half of the strain
     travel: float  #: of the platen while seating, over the height
     row_s: float  #: of a row of the history [s]
