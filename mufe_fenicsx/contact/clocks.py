@@ -107,11 +107,14 @@ def linear_field(comm, x, v):
     Returns:
         Velocity at the origin [m/s] and its slopes [1/s], shape (4, 3), as in kernels.motion.
     """
-    a = np.column_stack([np.ones(len(x)), x])
-    normal, right = comm.allreduce(a.T @ a), comm.allreduce(a.T @ v)
-    scale = np.sqrt(np.maximum(normal.diagonal(), np.finfo(float).tiny))
-    inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-9, hermitian=True)
-    return (inverse @ (right / scale[:, None])) / scale[:, None]
+    known = np.empty((len(x), 7))
+    known[:, 0], known[:, 1:4], known[:, 4:] = 1.0, x, v
+    sums = known[:, :4].T @ known
+    comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
+    scale = np.sqrt(np.maximum(sums[:, :4].diagonal(), np.finfo(float).tiny))[:, None]
+    # Any field will do: nodes in a plane, which leave a slope open, may have a small one.
+    normal = sums[:, :4] / scale / scale.T + 1e-9 * np.eye(4)
+    return np.linalg.solve(normal, sums[:, 4:] / scale) / scale
 
 
 class Motion:
