@@ -10,6 +10,8 @@
 
 #define AHEAD 8 /* pairs ahead of the present one that are asked for, and twice as many */
 #define FETCH(address) __builtin_prefetch(address, 1)
+/* Of a row of three numbers, which may lie in two cache lines. */
+#define FETCH_ROW(rows, n) (FETCH((rows) + 3 * (int64_t)(n)), FETCH((rows) + 3 * (int64_t)(n) + 2))
 
 /* List the pairs whose ``due`` the clock has reached; how many there are. */
 INLINE int64_t find_due(int32_t *pairs, const double *due, double clock, int64_t num_pairs) {

@@ -15,10 +15,10 @@ INLINE void fetch_ahead(const pairs_type *m, int64_t i, int64_t num_due) {
   if (i + AHEAD >= 0 && i + AHEAD < num_due) {
     const state_type *s = m->state + list[i + AHEAD];
     for (int k = 0; k < 3; k++) {
-      FETCH(m->x + 3 * (int64_t)s->corner[k]);
-      FETCH(m->f + 3 * (int64_t)s->corner[k]);
-      FETCH(m->x + 3 * (int64_t)s->vertices[k]);
-      FETCH(m->f + 3 * (int64_t)s->vertices[k]);
+      FETCH_ROW(m->x, s->corner[k]);
+      FETCH_ROW(m->f, s->corner[k]);
+      FETCH_ROW(m->x, s->vertices[k]);
+      FETCH_ROW(m->f, s->vertices[k]);
     }
     if (s->num_around) FETCH(m->around + s->around);
   }
