@@ -78,7 +78,10 @@ class StableStep:
         )  # fmt: skip
 
     def afresh(self, margin, element_step, mass=None):
-        """The same from scratch, of all pairs within the margin; with other nodal masses [kg] where given, shape (num_nodes,)."""
+        """The same from scratch, of all pairs within the margin.
+
+        Where given with other nodal masses [kg], shape (num_nodes,).
+        """
         frequencies = self._frequencies()
         if mass is not None:
             for highest in frequencies:

@@ -140,7 +140,8 @@ class WallForces:
             raise ValueError(f"walls = {len(point)}, expected at most {1 << WALL_BITS}")
         of_points = {"stiffness": area / layer, "recess": recess, "ratio": ratio}
         fill_rows(state, node, of_points, COLUMNS)
-        column(state, "corner", COLUMNS)[:], lead = _leading(*corners_of(node, corner, corner_weight))
+        corners, lead = _leading(*corners_of(node, corner, corner_weight))
+        column(state, "corner", COLUMNS)[:] = corners
         column(state, "wall", COLUMNS)[:] = wall | lead << WALL_BITS
         self._pointers = Pointers(
             (state, real), (due, real), (scratch, short), (aligned(WALL * len(point)), real),
