@@ -112,6 +112,24 @@ def test_clocks_of_grains_that_move_together():
 
 
 @pytest.mark.mpi
+def test_the_time_step_is_found_before_a_clock_shows_more_than_was_expected():
+    """A ball flies into three others at rest, which were not expected to move as far as it does."""
+    mesh = packed_spheres(COMM, (4, 1, 1), gap=0.002)
+    velocity = np.zeros_like(mesh.x)
+    velocity[mesh.grains[mesh.grain_of_node] == 0, 0] = 20.0
+    s = simulation_of(mesh, QUARTZ, friction=FRICTION, velocity=velocity, time_step_factor=FACTOR)
+    clocks_expected_less, early = 0, 0
+    for _ in range(600):
+        early += s.contact.overrun_of_all > 0.0
+        s.step()
+        clocks = s.contact.pairs.clocks
+        assert (clocks.readings <= clocks.until).all()
+        clocks_expected_less += np.isfinite(clocks.until).any()
+    assert COMM.allreduce(int(clocks_expected_less)) > 0
+    assert early > 0
+
+
+@pytest.mark.mpi
 @pytest.mark.parametrize("drift", [0.0, 60.0])
 def test_what_is_known_of_pairs_after_a_search(drift):
     """Open pairs are no nearer than their clock says; those it has to count have a facet."""

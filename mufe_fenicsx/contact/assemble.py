@@ -185,7 +185,8 @@ class Contact:
         old, old_surface, old_crossings = self.pairs, self.surface, self.edges.pairs
         if old is not None:
             # Whether a node meets its own grain hangs on more than their distance.
-            wait = 0.0 if self.self_depth else self.searched_at + self.reach - self.clock
+            wait = min(self.searched_at + self.reach - self.clock, self._longest)
+            wait = 0.0 if self.self_depth else wait
             self.edges.slip += new_slip(self)
         self.exchange(gathered, reach)
         num_own, num_points = self.own.nodes.size, self.points.num_points
@@ -353,9 +354,9 @@ class Contact:
         """
         self.receive()
         move = self.agree()
+        self.motion.end()
         if not move < self.width:
             raise FloatingPointError("positions are not finite")
-        self.motion.end()
         self.advance(2.0 * move, self.motion)
         # The motion of the next step, at twice its speed now, must not leave the skin.
         if self.clock + 4.0 * move - self.searched_at > self.skin:

@@ -19,13 +19,10 @@ from ..kernels.clocks import advance_clocks
 
 #: Tag of the messages between neighbour ranks.
 TAG = 72
-
 #: Longest wait that a clock is asked for, in mean facet edges.
 RANGE = 2.0
 #: Of two grains this part at least is expected of the motion that is expected of all.
 LEAST = 0.25
-
-
 #: What a clock keeps.
 KEPT = ("readings", "since", "until")
 
@@ -140,7 +137,7 @@ class Motion:
         for rank, tell, told in neighbors:
             if tell.size:
                 message = np.empty(tell.size)
-                self._outgoing.append((message, tell))
+                self._outgoing.append((message, self.rows(tell)))
                 self._requests.append(comm.Send_init(message, dest=rank, tag=TAG))
             if told.size:
                 part = self.moves[first : first + told.size]

@@ -25,8 +25,8 @@ class Surface:
     neighbor: np.ndarray  #: as in kernels.closest, shape (num_facets, 3)
     ring_offset: np.ndarray  #: compressed rows of the facets around each node
     ring: np.ndarray
-    #: Ranks that know facets of each other: rank, own local grains that it knows, and grains of its
-    #: own that are known here, global and increasing.
+    #: Ranks that know facets of each other: rank, grains of this rank that it knows, and its
+    #: grains that are known here; global indices, increasing.
     neighbors: list
 
 
@@ -126,12 +126,11 @@ def exchange_surface(comm, own, layer_of_facet, x, reach):
             _packed(own, layer_of_facet, near, x.shape[0], first_node, first_facet)
             for near in selected
         ]
-        incoming = [part.view(np.int64).reshape(-1, 6) for part in swap(comm, ranks, outgoing)]
+        incoming = swap(comm, ranks, [part.reshape(-1).view(np.uint8) for part in outgoing])
+        incoming = [part.view(np.int64).reshape(-1, 6) for part in incoming]
         far = np.concatenate([far, *incoming])
-        for rank, near, part in zip(ranks, selected, incoming, strict=True):
-            sent = with_rings(own.facets, near, x.shape[0])
-            tell = np.unique(own.local_grain_of_facet[sent])
-            known.append((int(rank), tell, np.unique(part[:, 4] >> 1)))
+        for rank, *parts in zip(ranks, outgoing, incoming, strict=True):
+            known.append((int(rank), *(np.unique(part[:, 4] >> 1) for part in parts)))
     if len(far):
         ghosts, far_facets = np.unique(far[:, :3], return_inverse=True)
         far_facets = far_facets.reshape(-1, 3)
@@ -222,11 +221,11 @@ def swap(comm, ranks, messages):
 
 
 def _packed(own, layer, near, num_nodes, first_node, first_facet):
-    """Facets that are ``near``, and those around their vertices, as bytes: six numbers each."""
+    """Facets that are ``near``, and those around their vertices: six numbers each, int64."""
     send = with_rings(own.facets, near, num_nodes)
     rows = np.empty((send.size, 6), dtype=np.int64)
     rows[:, :3] = own.facets[send] + np.int64(first_node)
     rows[:, 3] = first_facet + send
     rows[:, 4] = 2 * own.grain_of_facet[send].astype(np.int64) + near[send]
     rows[:, 5] = layer[send].astype(np.float64).view(np.int64)
-    return rows.reshape(-1).view(np.uint8)
+    return rows

@@ -43,7 +43,7 @@ class ContactMark:
 
     def before(self, name):
         """``closed`` or ``slip`` then: of pairs with facets, of edges and with walls."""
-        of_edges = self._kept[len(OF_PAIRS) + 2 :][EDGES_KEPT.index(name)][1]
+        of_edges = self._kept[-len(EDGES_KEPT) - len(WALLS_KEPT) :][EDGES_KEPT.index(name)][1]
         of_walls = self._kept[-len(WALLS_KEPT) :][WALLS_KEPT.index(name)][1]
         return self._of_pairs(name), of_edges, of_walls
 

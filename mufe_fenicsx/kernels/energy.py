@@ -19,7 +19,7 @@ def kinetic_energy(v, a, dt, mass, runs):
         a: Accelerations [m/s²], shape (num_nodes, 3).
         dt: Time step [s].
         mass: Nodal masses [kg], shape (num_nodes,).
-        runs: Ranges of nodes to sum over, first and end, shape (num_runs, 3).
+        runs: Ranges of nodes to sum over, first and end and their grain, shape (num_runs, 3).
     """
     total = 0.0
     for r in range(runs.shape[0]):

@@ -33,7 +33,7 @@ INLINE int64_t find_due_of_grains(const pairs_type *m, int64_t num_pairs) {
   int64_t count = 0;
   for (int64_t p = 0; p < num_pairs; p++) {
     m->scratch[count] = (int32_t)p;
-    count += m->due[p] <= m->clocks[m->grains[p]];
+    count += m->due[p] <= m->clocks[m->clock[p]];
   }
   return count;
 }

@@ -28,7 +28,7 @@ typedef struct {
   vec3 shear;
   int32_t around, num_around; /* where the nodes around a point that is a node are listed */
   vec3 corner_weight;
-  int32_t grains, nothing; /* the place of its clock, that of both grains */
+  int32_t clock, nothing; /* which one of ``clocks`` is that of both grains */
 } state_type;
 
 /* In the order of kernels/pairs.py. */
@@ -36,7 +36,7 @@ typedef struct {
   state_type *state;
   double *due, *candidate_due;
   const double *clocks;
-  const int32_t *grains;
+  const int32_t *clock; /* as in the rows, for those that are not due */
   int64_t *closest;
   int32_t *scratch;
   const int64_t *first;
@@ -69,7 +69,7 @@ INLINE triangle vertices_at(const int32_t *v, const double *x) {
    advances by all that points of both within ``range`` move relative to each other, so that
    due - clock is a lower bound of the distance now. */
 static int64_t find_closest(const pairs_type *m, int64_t p, double range, vec3 point) {
-  const double clock = m->clocks[m->state[p].grains];
+  const double clock = m->clocks[m->state[p].clock];
   double best = INFINITY;
   int64_t begin = m->first[p], end = m->first[p + 1], remembered = m->closest[p], closest = -1;
   for (int64_t trial = begin - 1; trial < end; trial++) {

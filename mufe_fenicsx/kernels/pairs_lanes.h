@@ -30,7 +30,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
     if (*looked >> i & 1)
       changed |= (unsigned)(before[i] >= 0 && before[i] != m->closest[pair[i]]) << i;
     for (int k = 0; k < 3; k++) node[k][i] = s->corner[k], node[3 + k][i] = s->vertices[k];
-    due[i] = m->due[pair[i]], clock[i] = m->clocks[s->grains];
+    due[i] = m->due[pair[i]], clock[i] = m->clocks[s->clock];
   }
   vec head[4], second[4], third[4], fourth[4], fifth[4], sixth[4], seventh[4], last[4];
   load_four(head, rows, 0);

@@ -85,7 +85,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   /* The closest point: most often in the facet where it was, the others being too far. All is
      computed in one place, so that a run that is resumed finds the same last digits. */
   int feature;
-  const double clock = m->clocks[s->grains], moved = clock - m->due[p];
+  const double clock = m->clocks[s->clock], moved = clock - m->due[p];
   triangle t = vertices_at(s->vertices, x);
   vec3 w = closest_point(point, t, &feature);
   double distance = length(minus(point, mean(w, t.a, t.b, t.c)));

@@ -15,7 +15,7 @@ COLUMNS = {
     "corner": (np.int32, slice(0, 3)),
     "closed": (np.bool_, 12),
     "sliding": (np.bool_, 13),
-    "wall": (np.uint16, 7),
+    "wall": (np.uint16, 7),  # and above it the place in LEAD
     "recess": (np.float64, 2),
     "ratio": (np.float64, 3),
     "gap": (np.float64, 4),
