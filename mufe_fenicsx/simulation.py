@@ -391,7 +391,9 @@ class Simulation:
 
         Of a simulation with mass scaling. Collective.
         """
-        bounds = list_springs(self.contact, margin).bounds()
+        listed = list_springs(self.contact, margin)
+        bounds = listed.bounds()
+        listed.destroy()
         springs = self.contact.own.nodes, bounds
         changed = self.scaling.adjust(self.state.x, springs)
         self.take_masses()

@@ -95,8 +95,14 @@ class StableStep:
         return 2.0 / rate if rate > 0.0 else math.inf
 
     def _limit(self, listed, margin, element_step, highest, highest_of_springs, rate_of_tets):
+        if self._springs is not None:
+            self._springs.destroy()
         self._springs = listed
-        springs = 0.0 if self.contact.kinematic else highest_of_springs()
+        springs = 0.0
+        if not self.contact.kinematic:
+            # Where rigid grains are, rows are not nodes.
+            among = () if self.rigid.num_always else (listed.at, listed.add_compact)
+            springs = highest_of_springs(*among)
         limit = self._contact_step
         if springs > 0.0:
             limit = min(limit, math.sqrt(2.0) / springs)
@@ -143,5 +149,7 @@ class StableStep:
             return 0.0
         mass = self.solid.mass[c.own.nodes]
         spring = c.points.to_nodes((c.points.area / c.layer)[:, None], mass.size)[:, 0]
-        edges = list_edge_springs(c, margin).bounds()
+        listed = list_edge_springs(c, margin)
+        edges = listed.bounds()
+        listed.destroy()
         return float(((2.0 * spring + edges) / mass).max(initial=0.0))

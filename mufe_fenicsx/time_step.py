@@ -53,27 +53,43 @@ class HighestFrequency:
     def _dot(self, a, b):
         return self.comm.allreduce(float(np.vdot(a, b)))
 
-    def __call__(self):
-        """Highest angular frequency [rad/s]. Collective."""
-        start = self.noise if self.vector is None else self.vector + 0.05 * self.noise
+    def __call__(self, rows=None, add_stiffness=None):
+        """Highest angular frequency [rad/s]. Collective.
+
+        Args:
+            rows: Those that the operator acts on and that it leaves nothing outside of,
+                shape (n,), here on this rank; None: all.
+            add_stiffness: As ``add_stiffness``, between vectors of these rows alone.
+        """
+        if rows is None:
+            rows, add_stiffness = slice(None), self.add_stiffness
+        start, root = self.noise[rows], np.ascontiguousarray(self.inverse_root[rows]).reshape(-1)
+        if self.vector is not None:
+            start = self.vector[rows] + 0.05 * start
+        if not self._dot(start, start) > 0.0:
+            return 0.0  # of no rows on any rank
         basis = np.empty((self.size, start.size))
         y, moved = np.empty_like(start), np.empty_like(start)
         for _ in range(self.max_sweeps):
-            value, residual, start = self._sweep(start, basis, y, moved)
+            value, residual, start = self._sweep(start, basis, y, moved, root, add_stiffness)
             if residual <= self.tolerance * value:
                 break
-        self.vector = start
+        self.vector = np.zeros_like(self.noise)
+        self.vector[rows] = start
         return math.sqrt(value + residual)
 
-    def _sweep(self, start, basis, y, moved):
-        """One sweep: largest Ritz value, its residual and its vector; the others are scratch."""
-        root, w = self.inverse_root.reshape(-1), y.reshape(-1)
+    def _sweep(self, start, basis, y, moved, root, add_stiffness):
+        """One sweep: largest Ritz value, its residual and its vector.
+
+        ``basis``, ``y`` and ``moved`` are scratch.
+        """
+        w = y.reshape(-1)
         np.divide(start.reshape(-1), math.sqrt(self._dot(start, start)), out=basis[0])
         diagonal, off = [], []
         for k in range(self.size):
             q, before = basis[k], basis[max(k - 1, 0)]
             scale(moved.reshape(-1), w, q, root)
-            self.add_stiffness(y, moved)
+            add_stiffness(y, moved)
             self.num_products += 1
             diagonal.append(self.comm.allreduce(weigh(w, root, q, before, off[-1] if k else 0.0)))
             # Against the last two vectors, and again where less than a hundredth was left, of

@@ -436,7 +436,9 @@ class Contact:
 
         ``y`` and ``q`` have the shape (num_nodes, 3). For many products see `list_springs`.
         """
-        list_springs(self, margin).add(y, q)
+        springs = list_springs(self, margin)
+        springs.add(y, q)
+        springs.destroy()
 
     def energy(self):
         """Energy in the contact springs [J] and number of closed contacts. Local.

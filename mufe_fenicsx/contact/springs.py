@@ -7,58 +7,72 @@ import numpy as np
 from ..kernels.spring_lists import list_pairs, list_walls
 from ..kernels.springs import add_springs
 from ..kernels.walls import add_rows, gather_rows
+from .exchange import SurfaceVector
 
 
 @dataclass(frozen=True)
 class Springs:
-    """Springs of a rank at its surface nodes, ghosts included. Arrays as in kernels.springs.
+    """Springs of a rank between nodes that one touches, numbered in a row, ghosts last.
 
-    Sliding pairs count with their tangential spring: an upper bound.
+    Arrays as in kernels.springs. Sliding pairs count with their tangential spring: an upper bound.
     """
 
-    contact: object  #: :class:`~mufe_fenicsx.contact.assemble.Contact`
+    rows: np.ndarray  #: own surface nodes that a spring of any rank touches, int32, shape (num,)
+    at: np.ndarray  #: the same as nodes of the mesh, shape (num,)
+    num_surface: int  #: own surface nodes
     nodes: np.ndarray  #: int32, shape (n, 6)
     share: np.ndarray  #: shape (n, 6)
     normal: np.ndarray  #: shape (n, 3)
     kn: np.ndarray  #: along the normal [N/m], shape (n,)
     kt: np.ndarray  #: across it [N/m], shape (n,)
-    present: np.ndarray  #: scratch: positions of contact that a product puts aside
+    moves: SurfaceVector  #: displacements of a product
+    forces: SurfaceVector  #: and what they cause
 
     def add(self, y, q):
-        """Add the forces that resist displacements ``q`` to ``y``, (num_nodes, 3). Collective.
+        """Add the forces that resist displacements ``q`` to ``y``, (num_nodes, 3). Collective."""
+        gather_rows(self.moves.own, q, self.at)
+        self._multiply()
+        add_rows(y, self.at, self.forces.own)
 
-        What is on its way in contact's forces is lost.
-        """
-        c = self.contact
-        vector = c.lend()
-        positions, forces = c.positions.array[c.num_before :], vector.array[c.num_before :]
-        np.copyto(self.present, positions)
-        gather_rows(c.positions.own, q, c.own.nodes)
-        c.positions.begin_forward()
-        c.positions.end_forward()
-        forces[:] = 0.0
-        add_springs(forces, positions, self.nodes, self.share, self.normal, self.kn, self.kt)
-        vector.add_back()
-        add_rows(y, c.own.nodes, vector.own)
-        positions[:] = self.present
+    def add_compact(self, y, q):
+        """The same where both have the rows ``at`` alone. Collective."""
+        self.moves.own[:] = q
+        self._multiply()
+        y += self.forces.own
+
+    def _multiply(self):
+        self.moves.begin_forward()
+        self.moves.end_forward()
+        self.forces.array[:] = 0.0
+        q = self.moves.array
+        add_springs(self.forces.array, q, self.nodes, self.share, self.normal, self.kn, self.kt)
+        self.forces.add_back()
 
     def bounds(self):
         """Bounds of the springs at own surface nodes [N/m], shape (num_nodes,). Collective.
 
         The sum over all springs of stiffness times the absolute values of their row (Gershgorin):
         the highest frequency of springs alone is at most the root of the largest bound over mass.
-        What is on its way in contact's forces is lost.
         """
         part = np.abs(self.share)
         rows = self.kn[:, None] * part * part.sum(axis=1, keepdims=True)
-        number = self.contact.num_nodes_with_ghosts
-        at_nodes = np.zeros((number, 3))
-        at_nodes[:, 0] = np.bincount(self.nodes.ravel(), rows.ravel(), number)
-        return self.contact.back_to_owners(at_nodes)[:, 0]
+        at_nodes = self.forces.array
+        at_nodes[:, 0] = np.bincount(self.nodes.ravel(), rows.ravel(), len(at_nodes))
+        self.forces.add_back()
+        bounds = np.zeros(self.num_surface)
+        bounds[self.rows] = self.forces.own[:, 0]
+        return bounds
+
+    def destroy(self):
+        """Free the PETSc vectors. Collective."""
+        self.moves.destroy()
+        self.forces.destroy()
 
 
 def list_springs(contact, margin, expected=False):
-    """Springs of what is closed and of what a motion of ``margin`` [m] can close. Local.
+    """Springs of what is closed and of what a motion of ``margin`` [m] can close. Collective.
+
+    What is on its way in contact's forces is lost.
 
     Args:
         contact: :class:`~mufe_fenicsx.contact.assemble.Contact`.
@@ -75,14 +89,28 @@ def list_springs(contact, margin, expected=False):
 
 
 def list_edge_springs(contact, margin):
-    """Those of crossing edges alone. Local."""
+    """Those of crossing edges alone. Collective."""
     return _joined(contact, _of_edges(contact, margin))
 
 
 def _joined(contact, *parts):
     nodes, share, normal, kn, kt = (np.concatenate(some) for some in zip(*parts, strict=True))
-    present = np.empty_like(contact.positions.array[contact.num_before :])
-    return Springs(contact, nodes, share, normal, kn, kt, present)
+    own, num_own = contact.own.nodes, contact.own.nodes.size
+    touched = np.zeros((contact.num_nodes_with_ghosts, 3))
+    touched[nodes.ravel(), 0] = 1.0
+    ghosts = num_own + np.flatnonzero(touched[num_own:, 0])
+    rows = np.flatnonzero(contact.back_to_owners(touched, largest=True)[:, 0]).astype(np.int32)
+    # Their numbers over all ranks, which those learn that have them as ghosts.
+    first = contact.comm.exscan(rows.size) or 0
+    vector = contact.lend()
+    vector.own[rows, 0] = first + np.arange(rows.size)
+    vector.begin_forward()
+    vector.end_forward()
+    far = vector.array[contact.num_before + ghosts, 0].astype(np.int64)
+    place = np.empty(len(touched), np.int32)
+    place[np.concatenate([rows, ghosts])] = np.arange(rows.size + ghosts.size)
+    vectors = (SurfaceVector(contact.comm, rows.size, far) for _ in range(2))
+    return Springs(rows, own[rows], num_own, place[nodes], share, normal, kn, kt, *vectors)
 
 
 def _rows(number):
