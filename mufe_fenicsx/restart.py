@@ -80,6 +80,7 @@ def snapshot(simulation):
         "largest_deepest": contact.deepest,
         "largest_moved": rigid.moved,
         "largest_radius": walls._radius,
+        "largest_box": walls._box,
         "largest_overrun": contact.overrun,
         "largest_overrun_of_all": contact.overrun_of_all,
         "largest_everything_moves": contact.moving is None,
@@ -160,6 +161,7 @@ def restore(simulation, tables, own, common):
     contact.deepest, contact.edges.lost = float(own["largest_deepest"]), float(own["lost"])
     rigid.moved = float(own["largest_moved"])
     walls.work, walls._radius = float(own["work"]), own["largest_radius"]
+    walls._box = own["largest_box"]
     walls.force[:], walls.torque[:] = own["force"], own["torque"]
     for target, part, names in (
         (simulation, "simulation", OF_SIMULATION),

@@ -260,7 +260,7 @@ class Simulation:
         positions = s.x
         if not self.contact.kinematic:
             # Glued nodes go where their wall goes.
-            known = () if self.bonded.nodes.size else (self._moves, self._slope, dt)
+            known = () if self.bonded.nodes.size else (self._moves, self._field, self._slope, dt)
             self.contact.begin(positions, moved, known)
         if self.rigid.num_grains:
             every = self.contact.moving is None

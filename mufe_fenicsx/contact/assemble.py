@@ -208,7 +208,10 @@ class Contact:
         nodes = self.positions.array[self.num_before :]
         self.dissipated += self.edges.search(nodes, num_own, self.surface, reach, self.clock)
         points, old_walls = self.positions.array[:num_points], self.walls.pairs
-        self.walls.search(points, gathered, self.points.corner, reach, self.clock)
+        of_points = self.points.corner, self.points.grain_of_point
+        self.walls.search(points, gathered, *of_points, reach, self.clock)
+        self.walls.pairs.clocks.follow(self.motion)
+        self.walls.enclose(self.comm, points, reach)
         if old is not None:
             self.ledger.change(old, self.pairs, old_walls, self.walls.pairs, old_crossings)
         if self.num_before:
@@ -252,7 +255,8 @@ class Contact:
         self._end_forward()
         if self.motion is not None:
             self.motion.destroy()
-        self.motion = Motion(self.comm, self._grains, self.surface.neighbors, self._longest)
+        near, num_walls = self.surface.neighbors, len(self.walls.walls)
+        self.motion = Motion(self.comm, self._grains, near, num_walls, self._longest)
         self.measure_from(gathered)
 
     def set_time_step(self, dt):
@@ -275,12 +279,16 @@ class Contact:
         Args:
             x: Positions [m], shape (num_nodes, 3).
             moved: Largest distance that a wall moved since the last call [m].
-            known: Motion of nodes, which need not be measured then and is part of ``moved``; as
-                :meth:`Motion.begin <mufe_fenicsx.contact.clocks.Motion.begin>` takes it.
+            known: Motion of nodes, which need not be measured then and is part of ``moved``: how
+                far each grain moved beside a field [m], that field as in kernels.motion, its slope
+                in any direction at most [1/s] and the length of the step [s].
         """
         self.place(x)
-        self.motion.begin(*known)
-        if not known:
+        if known:
+            moves, field, slope, dt = known
+            self.motion.begin(moves, self.walls.motion_in(field, dt), slope, dt)
+        else:
+            self.motion.begin()
             moved = max(largest_move(self._previous, self.positions.own), moved)
         self._move[:] = moved, self.overrun
         if self.comm.size > 1:
@@ -376,11 +384,14 @@ class Contact:
         Local; the same on all ranks.
         """
         self.clock += step
-        self.overrun = self.pairs.clocks.advance(step, motion)
+        self.overrun = max(
+            pairs.clocks.advance(step, motion) for pairs in (self.pairs, self.walls.pairs)
+        )
 
     def expect(self, margin, least, factor):
         """Expect motion until the time step is found again, arguments as of the clocks. Local."""
-        self.pairs.clocks.expect(margin, least, factor)
+        for pairs in (self.pairs, self.walls.pairs):
+            pairs.clocks.expect(margin, least, factor)
         self.overrun = self.overrun_of_all = -np.inf
 
     def bind(self):
@@ -419,7 +430,7 @@ class Contact:
         # Walls act on own nodes alone: meanwhile the other forces travel.
         self.begin_give_back()
         ahead = self._dt if self.kinematic else 0.0
-        wall_dissipated, wall_adopted = self.walls.add_forces(self.clock, adopt, ahead)
+        wall_dissipated, wall_adopted = self.walls.add_forces(adopt, ahead)
         self.end_give_back()
         if self.moving is None:
             hand_rows(f, self.own.nodes, self.forces.own)

@@ -1,4 +1,4 @@
-"""Clocks of relative motion, one for each pair of grains whose points and facets may meet.
+"""Clocks of relative motion, one for each pair of grains, or of a grain and a wall, that may meet.
 
 A clock bounds how far points of one grain moved relative to points of the other so far. The one
 clock of all grains (``Contact.clock``) advances by twice the largest motion of any node, so that
@@ -9,7 +9,8 @@ velocity v0 + G x that fits all of them tells most of it: with w what a node has
 
 for points of facets too, in which w and the field are interpolated. So the clock of two grains
 advances by the largest w of each, and by |G| times a distance that no wait exceeds: what is
-farther away than that is looked at again after so much motion.
+farther away than that is looked at again after so much motion. That of a grain and a plane
+advances by w and by what the field brings points to the plane, wherever these are near it.
 """
 
 import numpy as np
@@ -23,12 +24,16 @@ TAG = 72
 RANGE = 2.0
 #: Of two grains this part at least is expected of the motion that is expected of all.
 LEAST = 0.25
+#: Number of the first wall, among those of grains.
+WALLS = 1 << 31
 #: What a clock keeps.
 KEPT = ("readings", "since", "until")
 
 
 class GrainClocks:
     """Clocks of the pairs of grains (``own``, ``other``) of this rank's pairs. Local.
+
+    Walls are grains from number ``WALLS`` on.
 
     Args:
         own: Global grain of the point of each pair, shape (num_pairs,).
@@ -123,16 +128,22 @@ class Motion:
         comm: MPI communicator.
         grains: Global indices of this rank's grains, increasing, shape (num_own_grains,).
         neighbors: As of :class:`~mufe_fenicsx.contact.exchange.Surface`.
+        num_walls: Walls, which every rank knows.
         longest: Longest wait [m].
     """
 
-    def __init__(self, comm, grains, neighbors, longest):
+    def __init__(self, comm, grains, neighbors, num_walls, longest):
         self._longest, self.more = longest, 0.0
-        self._grains = np.concatenate([grains, *(told for _, _, told in neighbors)])
+        of_others = (told for _, _, told in neighbors)
+        self._grains = np.concatenate([grains, *of_others, WALLS + np.arange(num_walls)])
         self._order = np.argsort(self._grains, kind="stable")
-        #: largest distance of a node beside the field in this step [m], own grains first
+        #: largest distance of a node beside the field in this step [m], own grains first; of a
+        #: wall, of the field along its normal
         self.moves = np.zeros(self._grains.size)
-        self._own = self.moves[: grains.size]
+        self._own, self._walls = (
+            self.moves[: grains.size],
+            self.moves[-num_walls or self.moves.size :],
+        )
         self._outgoing, self._requests, first = [], [], grains.size
         for rank, tell, told in neighbors:
             if tell.size:
@@ -154,15 +165,16 @@ class Motion:
         place = np.searchsorted(self._grains[self._order], grains)
         return self._order[place].astype(np.int32)
 
-    def begin(self, moves=np.inf, slope=0.0, dt=0.0):
+    def begin(self, moves=np.inf, walls=np.inf, slope=0.0, dt=0.0):
         """A step in which this rank's grains move by ``moves`` beside a field.
 
         Args:
             moves: Distances [m], shape (num_own_grains,); infinity where unknown.
+            walls: Of the field from or to the walls [m], shape (num_walls,).
             slope: Of the field in any direction, at most [1/s].
             dt: Length of the step [s].
         """
-        self._own[:] = moves
+        self._own[:], self._walls[:] = moves, walls
         self.more = self._longest * dt * slope
         if self._requests:
             for message, tell in self._outgoing:

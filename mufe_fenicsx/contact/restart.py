@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import InputError
 from .clocks import KEPT as CLOCKS_KEPT
 from .pairs import REMEMBERED, Pairs
-from .walls import _WallPairs
+from .walls import WallPairs
 
 #: Bits of the number of a surface node in the name of a facet.
 BITS = 21
@@ -162,6 +162,7 @@ def contact_tables(contact, mesh):
         "wall_pairs": {
             **names.points(w.node),
             "wall": w.wall,
+            **{name: getattr(w.clocks, name)[w.clocks.of] for name in CLOCKS_KEPT},
             **{name: getattr(w, name) for name in WALLS_KEPT},
         },
         "edge_pairs": {
@@ -220,6 +221,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
     pairs.clocks.follow(contact.motion)
     pairs.vertices[known], pairs.sharp[known] = contact.facets[facet], contact.edges.beside[facet]
     walls.pairs = _wall_pairs(contact, names, tables["wall_pairs"])
+    walls.pairs.clocks.follow(contact.motion)
     _set_edge_pairs(contact, names, tables["edge_pairs"])
     if contact.num_before:
         contact._list_near()
@@ -262,7 +264,10 @@ def _pairs(contact, names, table, candidates):
 def _wall_pairs(contact, names, table):
     node = names.rows_of_points(table).astype(np.int32)
     order = np.lexsort((table["wall"], node))
-    pairs = _WallPairs(node[order], table["wall"][order], contact.clock)
+    grains = contact.points.grain_of_point
+    pairs = WallPairs(node[order], table["wall"][order], grains, contact.clock)
+    for name in CLOCKS_KEPT:
+        getattr(pairs.clocks, name)[pairs.clocks.of] = table[name][order]
     for name in WALLS_KEPT:
         getattr(pairs, name)[:] = table[name][order]
     return pairs

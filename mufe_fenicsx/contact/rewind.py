@@ -61,7 +61,7 @@ def _arrays(contact):
     pairs, edges, walls = contact.pairs, contact.edges.pairs, contact.walls.pairs
     return (
         [getattr(pairs, name) for name in OF_PAIRS]
-        + [pairs.state, pairs.clocks.readings]
+        + [pairs.state, pairs.clocks.readings, walls.clocks.readings]
         + [getattr(edges, name) for name in EDGES_KEPT]
         + [getattr(walls, name) for name in WALLS_KEPT]
     )

@@ -77,14 +77,14 @@ def list_springs(contact, margin, expected=False):
     Args:
         contact: :class:`~mufe_fenicsx.contact.assemble.Contact`.
         margin: The motion.
-        expected: Of two grains no more motion than their clock is expected to show.
+        expected: Of two grains, or a grain and a wall, no more motion than their clock is
+            expected to show.
     """
-    pairs = contact.pairs
-    soon = pairs.due - pairs.clocks.now < margin
-    if expected:
-        soon &= pairs.clocks.can_reach(pairs.due)
     return _joined(
-        contact, _of_pairs(contact, soon), _of_edges(contact, margin), _of_walls(contact, margin)
+        contact,
+        _of_pairs(contact, _soon(contact.pairs, margin, expected)),
+        _of_edges(contact, margin),
+        _of_walls(contact, _soon(contact.walls.pairs, margin, expected)),
     )
 
 
@@ -129,6 +129,12 @@ def _corners(points):
     return np.repeat(nodes[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (nodes.size, 1))
 
 
+def _soon(pairs, margin, expected):
+    """Which pairs with facets, or with walls, a motion of ``margin`` can close."""
+    soon = pairs.due - pairs.clocks.now < margin
+    return soon & pairs.clocks.can_reach(pairs.due) if expected else soon
+
+
 def _of_pairs(contact, soon):
     pairs, points, surface = contact.pairs, contact.points, contact.surface
     on = np.flatnonzero((pairs.closed | soon) & (pairs.closest >= 0))
@@ -149,9 +155,9 @@ def _of_edges(contact, margin):
     return nodes, np.concatenate([share, none], axis=1), normal, kn, kt
 
 
-def _of_walls(contact, margin):
+def _of_walls(contact, soon):
     walls, points = contact.walls.pairs, contact.points
-    on = np.flatnonzero(walls.closed | (walls.due - contact.clock < margin))
+    on = np.flatnonzero(walls.closed | soon)
     rows = _rows(on.size)
     list_walls(
         *rows, on, walls.node, walls.wall, *_corners(points), contact.walls.normal, points.area,

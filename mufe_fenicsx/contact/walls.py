@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
 
 from ..errors import InputError
 from ..kernels.bonded import turn_rows
@@ -15,9 +16,11 @@ from ..kernels.walls import (
     WallForces,
     farthest,
     find_wall_candidates,
+    motion_to_walls,
     wall_energy,
 )
 from .bonded import find_bonded
+from .clocks import WALLS, GrainClocks
 from .laws import kinetic_of
 from .mirrors import nodes_on_mirrors
 
@@ -103,6 +106,8 @@ class Walls:
         self._turn = np.zeros((n, 3))
         self._first_normal = self.normal.copy()
         self._radius = np.zeros(n)  # of this rank's surface nodes about ``point``
+        self._box = np.zeros((n, 2, 3))  # around the points near each, of all ranks
+        self._moves = np.zeros(n)
         self.pairs = None
 
     def move(self, dt):
@@ -124,6 +129,19 @@ class Walls:
             self.normal[i] = self.rotation[i] @ self._first_normal[i]
             turn_rows(self.pairs.anchor, self.pairs.wall, i, turn)
         return moved.max()
+
+    def motion_in(self, field, dt):
+        """How far a field brings points to the planes in the last :meth:`move`, at most. Local.
+
+        Args:
+            field: Velocity linear in the place, as in kernels.motion.
+            dt: Length of that step [s].
+
+        Returns:
+            Distances [m], infinity for planes that turn, shape (num_walls,).
+        """
+        motion_to_walls(self._moves, field, self.normal, self._push, self._turn, self._box, dt)
+        return self._moves
 
     def turn_back(self):
         """Undo what the last :meth:`move` did to the anchors of walls that turn. Local."""
@@ -147,13 +165,14 @@ class Walls:
             if wall.target is not None:
                 self.velocity[i] = wall.servo_velocity(normal_force[i])
 
-    def search(self, x, nodes, corner, reach, clock):
+    def search(self, x, nodes, corner, grain_of_point, reach, clock):
         """Find the points near each wall and carry over what their pairs remember. Local.
 
         Args:
             x: Positions of this rank's points of contact [m], shape (num_points, 3).
             nodes: Positions of its surface nodes [m], shape (num_nodes, 3).
             corner: Nodes around each point, shape (num_points, 3); None where points are nodes.
+            grain_of_point: Global grain of each, shape (num_points,).
             reach: Largest gap [m].
             clock: Reading of the clock of relative motion [m].
         """
@@ -165,14 +184,11 @@ class Walls:
                 self._bonded_points = np.where((wall == wall[:, :1]).all(axis=1), wall[:, 0], -1)
             on = nodes_on_mirrors(nodes, self.walls)
             self._mirrored_points = on if corner is None else on[corner].all(axis=1)
-        if x.size:
-            # Until the next search points come nearer by less than ``reach``.
-            self._radius = farthest(x, self.point) + reach
         node, wall = find_wall_candidates(x, self._bonded_points, self.point, self.normal, reach)
         if self.mirror.any():
             free = ~self._mirrored_points[node, wall]
             node, wall = node[free], wall[free]
-        pairs = _WallPairs(node, wall, clock)
+        pairs = WallPairs(node, wall, grain_of_point, clock)
         if self.pairs is not None:
             n = len(self.walls)
             old = self.pairs.node.astype(np.int64) * n + self.pairs.wall
@@ -181,7 +197,30 @@ class Walls:
             )
             for name in REMEMBERED:
                 getattr(pairs, name)[at_new] = getattr(self.pairs, name)[at_old]
+            pairs.clocks.carry(self.pairs.clocks)
+            pairs.due[:] = pairs.clocks.now
         self.pairs = pairs
+
+    def enclose(self, comm, x, reach):
+        """Find where points are that can come near planes until the next search. Collective.
+
+        Args:
+            comm: MPI communicator.
+            x: Positions of this rank's points of contact at the last search [m], (num_points, 3).
+            reach: More than points move until the next one [m].
+        """
+        if x.size:
+            self._radius = farthest(x, self.point) + reach
+        low, high = np.full((2, len(self.walls), 3), np.inf)
+        for w in range(len(self.walls)):
+            near = x[self.pairs.node[self.pairs.wall == w]]
+            low[w] = near.min(axis=0, initial=np.inf)
+            high[w] = -near.max(axis=0, initial=-np.inf)
+        both = np.stack([low, high], axis=1)
+        comm.Allreduce(MPI.IN_PLACE, both, op=MPI.MIN)
+        both[:, 1] *= -1.0
+        both += reach * np.array([[-1.0], [1.0]])
+        self._box = np.where(np.isfinite(both), both, 0.0)
 
     def bind(self, f, x, corners, layer, points, ratio):
         """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
@@ -194,22 +233,21 @@ class Walls:
         """
         p = self.pairs
         p.forces = WallForces(
-            p.state, p.due, p.node, p.wall, layer, points.area, points.recess, ratio, *corners,
-            x, f, self.force, self.torque, self.point, self.normal, self.velocity, self.friction,
-            self.friction_kinetic,
+            p.state, p.due, p.clocks.readings, p.clocks.of, p.node, p.wall, layer, points.area,
+            points.recess, ratio, *corners, x, f, self.force, self.torque, self.point, self.normal,
+            self.velocity, self.friction, self.friction_kinetic,
         )  # fmt: skip
 
-    def add_forces(self, clock, adopt, ahead=0.0):
+    def add_forces(self, adopt, ahead=0.0):
         """Add wall forces to those bound; returns the friction's dissipation [J], adopted pairs.
 
         Args:
-            clock: Reading of the clock of relative motion [m].
             adopt: Whether what overlaps now is not in contact.
             ahead: How much later than the planes the positions are [s].
         """
         self.force[:] = 0.0
         self.torque[:] = 0.0
-        return self.pairs.forces(clock, adopt, ahead)
+        return self.pairs.forces(adopt, ahead)
 
     def energy(self, layer, area, ratio):
         """Energy in the wall springs [J] and number of closed pairs. Local."""
@@ -226,12 +264,13 @@ def rotation_of(turn):
     return np.eye(3) + math.sin(angle) / angle * K + (1 - math.cos(angle)) / angle**2 * K @ K
 
 
-class _WallPairs:
+class WallPairs:
     """Node-wall pairs of one rank. Arrays as in kernels.walls."""
 
-    def __init__(self, node, wall, clock):
+    def __init__(self, node, wall, grain_of_point, clock):
         n = node.size
         self.node, self.wall = node, wall
+        self.clocks = GrainClocks(grain_of_point[node], WALLS + wall.astype(np.int64), clock)
         self.due = np.full(n, clock)
         self.state = rows(n, ROW)
         for name in (*REMEMBERED, "work", "stiffness"):

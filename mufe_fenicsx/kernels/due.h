@@ -13,12 +13,13 @@
 /* Of a row of three numbers, which may lie in two cache lines. */
 #define FETCH_ROW(rows, n) (FETCH((rows) + 3 * (int64_t)(n)), FETCH((rows) + 3 * (int64_t)(n) + 2))
 
-/* List the pairs whose ``due`` the clock has reached; how many there are. */
-INLINE int64_t find_due(int32_t *pairs, const double *due, double clock, int64_t num_pairs) {
+/* List the pairs whose ``due`` their clock, number ``of[p]``, has reached; how many there are. */
+INLINE int64_t find_due(int32_t *pairs, const double *due, const double *clocks, const int32_t *of,
+                        int64_t num_pairs) {
   int64_t count = 0;
   for (int64_t p = 0; p < num_pairs; p++) {
     pairs[count] = (int32_t)p;
-    count += due[p] <= clock;
+    count += due[p] <= clocks[of[p]];
   }
   return count;
 }

@@ -82,6 +82,15 @@ INLINE void to_lanes(vec r[4]) {
 INLINE vec all(double a) { return (vec){a, a, a, a}; }
 #endif
 
+/* A mask from such bits. */
+INLINE mask lanes_of(unsigned lanes) {
+#if LANES == 8
+  return (mask)_mm512_movm_epi64((__mmask8)lanes);
+#else
+  return -(mask){lanes & 1, lanes >> 1 & 1, lanes >> 2 & 1, lanes >> 3 & 1};
+#endif
+}
+
 INLINE int any(mask m) { return bits(m) != 0; }
 
 /* a where m, else b. */

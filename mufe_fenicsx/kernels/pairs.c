@@ -28,19 +28,9 @@ INLINE void fetch_ahead(const pairs_type *m, int64_t i, int64_t num_due) {
   }
 }
 
-/* List the pairs whose ``due`` the clock of their grains has reached; how many there are. */
-INLINE int64_t find_due_of_grains(const pairs_type *m, int64_t num_pairs) {
-  int64_t count = 0;
-  for (int64_t p = 0; p < num_pairs; p++) {
-    m->scratch[count] = (int32_t)p;
-    count += m->due[p] <= m->clocks[m->clock[p]];
-  }
-  return count;
-}
-
 /* See kernels/pairs.py. */
 void mufe_add_pair_forces(const pairs_type *m, call_type *c, int64_t num_pairs) {
-  const int64_t num_due = find_due_of_grains(m, num_pairs);
+  const int64_t num_due = find_due(m->scratch, m->due, m->clocks, m->clock, num_pairs);
   c->dissipated = c->num_adopted = c->num_deep = c->deepest = c->sunk = 0.0;
   c->sunken = -1;
   vec dissipated = all(0.0);

@@ -25,19 +25,21 @@ static const double LEAD[] = {1.0, 1.0 / 3.0, 2.0 / 3.0};
 INLINE int wall_of(const state_type *s) { return s->wall & ((1 << WALL_BITS) - 1); }
 INLINE double lead_of(const state_type *s) { return LEAD[s->wall >> WALL_BITS]; }
 
-/* A wall where it stands now, then what acts on it. */
+/* A wall where it stands now, then what acts on it: sums of each lane. */
 typedef struct {
   vec3 normal;
   double friction;
   vec3 plane;
   double friction_kinetic;
-  v4 force, torque;
+  double force[3][8], torque[3][8];
 } wall_type;
 
 /* In the order of kernels/walls.py. */
 typedef struct {
   state_type *state;
   double *due;
+  const double *clocks; /* of the pairs' grains and walls, and which of them is whose */
+  const int32_t *clock;
   int32_t *scratch;
   wall_type *walls;
   const double *x;
@@ -61,10 +63,11 @@ INLINE void fetch_ahead(const walls_type *m, int64_t i, int64_t num_due) {
 }
 
 /* One pair: all that can happen to it. */
-static void add_one(const walls_type *m, double *totals, double clock, int64_t p, int64_t adopt) {
+static void add_one(const walls_type *m, double *totals, int64_t p, int64_t adopt) {
   state_type *s = m->state + p;
   wall_type *wall = m->walls + wall_of(s);
   const int32_t *c = s->corner;
+  const double clock = m->clocks[m->clock[p]];
   const double lead = lead_of(s), rest = 0.5 * (1.0 - lead);
   const vec3 normal = wall->normal, weights = {lead, rest, rest};
   const vec3 point = mean(weights, at(m->x, c[0]), at(m->x, c[1]), at(m->x, c[2]));
@@ -114,23 +117,32 @@ static void add_one(const walls_type *m, double *totals, double clock, int64_t p
   s->shear = times(-kt, spring);
   const vec3 force = along(s->shear, N, normal), torque = cross(force, r);
   for (int k = 0; k < 3; k++) add_to(m->f, c[k], times(k ? rest : lead, force));
-  wall->force -= (v4){force.x, force.y, force.z, 0.0};
-  wall->torque += (v4){torque.x, torque.y, torque.z, 0.0};
+  wall->force[0][0] -= force.x, wall->force[1][0] -= force.y, wall->force[2][0] -= force.z;
+  wall->torque[0][0] += torque.x, wall->torque[1][0] += torque.y, wall->torque[2][0] += torque.z;
 }
 
-/* The same of pairs ``pair[0]`` to ``pair[LANES - 1]`` so far as they stay closed. The pairs that
-   were not done, as bits. */
-INLINE unsigned add_lanes(const walls_type *m, double clock, const int32_t *pair, unsigned wanted,
+/* Add what acts on a wall in the ``lanes``. */
+INLINE void add_where(mask lanes, double sums[3][8], vec sign, lanes3 a) {
+  const vec part[3] = {a.x, a.y, a.z};
+  for (int k = 0; k < 3; k++) *(vec_at *)sums[k] += where(lanes, sign * part[k], all(0.0));
+}
+
+/* The same of pairs ``pair[0]`` to ``pair[LANES - 1]`` so far as they stay closed, or in front of
+   the wall. The pairs that were not done, as bits. */
+INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wanted,
                           vec *dissipated) {
   double *rows[LANES], *wall_rows[LANES];
   int32_t node[3][LANES];
-  vec lead;
+  vec lead, clock;
+  mask of_wall;
 #pragma GCC unroll 8
   for (int i = 0; i < LANES; i++) {
     state_type *s = m->state + pair[i];
     rows[i] = (double *)s;
     wall_rows[i] = (double *)(m->walls + wall_of(s));
     lead[i] = lead_of(s);
+    of_wall[i] = wall_of(s);
+    clock[i] = m->clocks[m->clock[pair[i]]];
     for (int k = 0; k < 3; k++) node[k][i] = s->corner[k];
   }
   vec head[4], spring_row[4], anchor_row[4], shear_row[4], wall[4], plane[4];
@@ -147,7 +159,8 @@ INLINE unsigned add_lanes(const walls_type *m, double clock, const int32_t *pair
                                rows_at(m->x, node[1]), rows_at(m->x, node[2]));
   const lanes3 r = difference(point, (lanes3){plane[0], plane[1], plane[2]});
   const vec g = product(r, n) + head[2], depth = spring_row[1] - g;
-  const unsigned can = wanted & bits(FLAG(flags, closed) & (depth > 0.0));
+  const mask closed = FLAG(flags, closed), in_front = ~closed & (g >= 0.0);
+  const unsigned can = wanted & bits(closed & (depth > 0.0)), open = wanted & bits(in_front);
 
   const vec kn = spring_row[2], kt = kn * head[3], N = kn * depth;
   const lanes3 anchor = {anchor_row[0], anchor_row[1], anchor_row[2]};
@@ -160,19 +173,26 @@ INLINE unsigned add_lanes(const walls_type *m, double clock, const int32_t *pair
   const lanes3 shear = scaled(-kt, spring), force = moved_along(shear, N, n);
   const lanes3 torque = across_both(force, r);
 
-  v4 on[3][LANES], on_wall[LANES], turns_wall[LANES];
+  v4 on[3][LANES];
   for (int k = 0; k < 3; k++) to_memory(on[k], scaled(weight[k], force));
-  to_memory(on_wall, force);
-  to_memory(turns_wall, torque);
   vec dissipates = found.lost;
-  spring_row[0] = g, spring_row[3] = N;
+  spring_row[0] = g, spring_row[1] = where(in_front, all(0.0), spring_row[1]);
+  spring_row[3] = where(in_front, all(0.0), N);
   anchor_row[0] = new_anchor.x, anchor_row[1] = new_anchor.y, anchor_row[2] = new_anchor.z;
   anchor_row[3] += found.slipped;
   shear_row[0] = shear.x, shear_row[1] = shear.y, shear_row[2] = shear.z, shear_row[3] += found.lost;
-  store_four(spring_row, rows, IN_ROW(gap), can);
+  store_four(spring_row, rows, IN_ROW(gap), can | open);
   store_four(anchor_row, rows, IN_ROW(anchor), can);
   store_four(shear_row, rows, IN_ROW(shear), can);
   const unsigned slides = bits(sliding);
+  const mask done = lanes_of(can);
+  for (unsigned left = can; left;) {
+    const int64_t number = of_wall[__builtin_ctz(left)];
+    const mask here = done & (of_wall == number);
+    add_where(here, m->walls[number].force, all(-1.0), force);
+    add_where(here, m->walls[number].torque, all(1.0), torque);
+    left &= ~bits(here);
+  }
 #pragma GCC unroll 8
   for (int i = 0; i < LANES; i++) {
     if (!(can >> i & 1)) {
@@ -180,27 +200,28 @@ INLINE unsigned add_lanes(const walls_type *m, double clock, const int32_t *pair
       continue;
     }
     ((state_type *)rows[i])->sliding = slides >> i & 1;
-    m->due[pair[i]] = clock;
+    m->due[pair[i]] = clock[i];
     for (int k = 0; k < 3; k++) add_row(m->f, node[k][i], on[k][i]);
-    ((wall_type *)wall_rows[i])->force -= on_wall[i];
-    ((wall_type *)wall_rows[i])->torque += turns_wall[i];
+  }
+  for (unsigned left = open; left; left &= left - 1) {
+    const int i = __builtin_ctz(left);
+    m->due[pair[i]] = clock[i] + g[i];
   }
   *dissipated += dissipates;
-  return wanted & ~can;
+  return wanted & ~(can | open);
 }
 
 /* See kernels/walls.py; ``totals``: energy dissipated, adopted pairs. */
-void mufe_add_wall_forces(const walls_type *m, double *totals, double clock, double ahead,
-                          int64_t num_pairs, int64_t num_walls, int64_t adopt) {
+void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int64_t num_pairs,
+                          int64_t num_walls, int64_t adopt) {
   for (int64_t w = 0; w < num_walls; w++) {
     const vec3 plane = along(at(m->point, w), ahead, at(m->velocity, w));
-    const v4 none = {0.0, 0.0, 0.0, 0.0};
     m->walls[w] = (wall_type){at(m->normal, w), m->friction[w], plane, m->friction_kinetic[w],
-                              none, none};
+                              {{0.0}}, {{0.0}}};
   }
   totals[0] = totals[1] = 0.0;
   vec dissipated = all(0.0);
-  const int64_t num_due = find_due(m->scratch, m->due, clock, num_pairs);
+  const int64_t num_due = find_due(m->scratch, m->due, m->clocks, m->clock, num_pairs);
   for (int64_t i = -2 * AHEAD; i < num_due; i += LANES) {
     for (int k = 0; k < LANES; k++) fetch_ahead(m, i + k, num_due);
     if (i < 0) continue;
@@ -208,13 +229,14 @@ void mufe_add_wall_forces(const walls_type *m, double *totals, double clock, dou
     int32_t pair[LANES];
     for (int k = 0; k < LANES; k++) pair[k] = m->scratch[i + (k < count ? k : 0)];
     unsigned left = (1u << count) - 1;
-    if (TOGETHER) left = add_lanes(m, clock, pair, left, &dissipated);
-    for (; left; left &= left - 1) add_one(m, totals, clock, pair[__builtin_ctz(left)], adopt);
+    if (TOGETHER) left = add_lanes(m, pair, left, &dissipated);
+    for (; left; left &= left - 1) add_one(m, totals, pair[__builtin_ctz(left)], adopt);
   }
   for (int k = 0; k < LANES; k++) totals[0] += dissipated[k];
   for (int64_t w = 0; w < num_walls; w++)
-    for (int k = 0; k < 3; k++) {
-      m->wall_force[3 * w + k] += m->walls[w].force[k];
-      m->wall_torque[3 * w + k] += m->walls[w].torque[k];
-    }
+    for (int k = 0; k < 3; k++)
+      for (int i = 0; i < LANES; i++) {
+        m->wall_force[3 * w + k] += m->walls[w].force[k][i];
+        m->wall_torque[3 * w + k] += m->walls[w].torque[k][i];
+      }
 }

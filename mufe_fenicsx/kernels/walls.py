@@ -31,7 +31,7 @@ COLUMNS = {
 LEAD = (1.0, 1 / 3, 2 / 3)
 WALL_BITS = 14  # of a wall's number
 #: Numbers of a wall in walls.c.
-WALL = 16
+WALL = 56
 
 
 @numba.njit(cache=True)
@@ -45,6 +45,33 @@ def farthest(x, point):
                 square += (x[n, i] - point[w, i]) ** 2
             found[w] = max(found[w], square)
     return np.sqrt(found)
+
+
+@numba.njit(cache=True)
+def motion_to_walls(moves, field, normal, push, turn, box, dt):
+    """How far a velocity field brings points to walls or away from them in a step, at most.
+
+    Args:
+        moves: Set to that distance along the normal [m], infinity for a wall that turns, shape
+            (num_walls,).
+        field: As in kernels.motion.
+        normal, push, turn: Of the walls, as in kernels.motion, shape (num_walls, 3).
+        box: Least and largest positions of the points near each wall [m], shape (num_walls, 2, 3).
+        dt: Length of the step [s].
+    """
+    for w in range(moves.size):
+        # Linear in the place: largest in a corner.
+        middle = spread = 0.0
+        for i in range(3):
+            along = velocity = 0.0
+            for j in range(3):
+                along += normal[w, j] * field[1 + i, j]
+                velocity += 0.5 * (box[w, 0, j] + box[w, 1, j]) * field[1 + j, i]
+            spread += abs(along) * 0.5 * (box[w, 1, i] - box[w, 0, i])
+            middle += normal[w, i] * (dt * (field[0, i] + velocity) - push[w, i])
+        moves[w] = abs(middle) + dt * spread
+        if turn[w, 0] != 0.0 or turn[w, 1] != 0.0 or turn[w, 2] != 0.0:
+            moves[w] = np.inf
 
 
 @numba.njit(cache=True)
@@ -109,7 +136,7 @@ class WallForces:
             push: Normal force on the node [N];
             work: Energy dissipated by friction since the last search [J];
             closed, sliding: As of PairForces.
-        due: As of PairForces, shape (num_pairs,).
+        due, clocks, clock: As of PairForces, shape (num_pairs,) but for ``clocks``.
         node, wall: The pairs, int32, shape (num_pairs,).
         layer: Compliance c h/E* of the nodes [m/Pa], shape (num_nodes,).
         area: Areas that the nodes stand for [m²], shape (num_nodes,).
@@ -127,7 +154,7 @@ class WallForces:
             weights that are not those of ``LEAD``.
     """
 
-    def __init__(self, state, due, node, wall, layer, area, recess, ratio, corner,
+    def __init__(self, state, due, clocks, clock, node, wall, layer, area, recess, ratio, corner,
                  corner_weight, x, f, wall_force, wall_torque, point, normal, velocity, friction,
                  friction_kinetic):  # fmt: skip
         real, short = np.float64, np.int32
@@ -144,20 +171,20 @@ class WallForces:
         column(state, "corner", COLUMNS)[:] = corners
         column(state, "wall", COLUMNS)[:] = wall | lead << WALL_BITS
         self._pointers = Pointers(
-            (state, real), (due, real), (scratch, short), (aligned(WALL * len(point)), real),
-            (x, real), (f, real), (wall_force, real), (wall_torque, real), (point, real),
-            (normal, real), (velocity, real), (friction, real), (friction_kinetic, real),
+            (state, real), (due, real), (clocks, real), (clock, short), (scratch, short),
+            (aligned(WALL * len(point)), real), (x, real), (f, real), (wall_force, real),
+            (wall_torque, real), (point, real), (normal, real), (velocity, real),
+            (friction, real), (friction_kinetic, real),
         )  # fmt: skip
         pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
         self._call = load("walls").mufe_add_wall_forces
-        self._call.argtypes = [pointer, pointer, number, number, integer, integer, integer]
+        self._call.argtypes = [pointer, pointer, number, integer, integer, integer]
         self._call.restype = None
 
-    def __call__(self, clock, adopt, ahead=0.0):
+    def __call__(self, adopt, ahead=0.0):
         """Add the forces at the positions ``x``.
 
         Args:
-            clock: Bound of all relative motion so far [m].
             adopt: True to adopt every node behind its wall (start of a test).
             ahead: How much later than the planes the positions are [s].
 
@@ -166,8 +193,7 @@ class WallForces:
         """
         totals = self._totals
         self._call(
-            self._pointers.table, self._totals_at, clock, ahead, self._num_pairs, self._num_walls,
-            adopt,
+            self._pointers.table, self._totals_at, ahead, self._num_pairs, self._num_walls, adopt,
         )  # fmt: skip
         dissipated, adopted = totals.tolist()
         return dissipated, int(adopted)
