@@ -159,7 +159,7 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
                                rows_at(m->x, node[1]), rows_at(m->x, node[2]));
   const lanes3 r = difference(point, (lanes3){plane[0], plane[1], plane[2]});
   const vec g = product(r, n) + head[2], depth = spring_row[1] - g;
-  const mask closed = FLAG(flags, closed), in_front = ~closed & (g >= 0.0);
+  const mask closed = FLAG(flags, closed), in_front = ~closed & (g >= 0.0) & (depth <= 0.0);
   const unsigned can = wanted & bits(closed & (depth > 0.0)), open = wanted & bits(in_front);
 
   const vec kn = spring_row[2], kt = kn * head[3], N = kn * depth;
@@ -176,7 +176,9 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
   v4 on[3][LANES];
   for (int k = 0; k < 3; k++) to_memory(on[k], scaled(weight[k], force));
   vec dissipates = found.lost;
-  spring_row[0] = g, spring_row[1] = where(in_front, all(0.0), spring_row[1]);
+  /* What was adopted behind the wall is free again; a multiplier's offset is positive and stays. */
+  spring_row[0] = g;
+  spring_row[1] = where(in_front & (spring_row[1] < 0.0), all(0.0), spring_row[1]);
   spring_row[3] = where(in_front, all(0.0), N);
   anchor_row[0] = new_anchor.x, anchor_row[1] = new_anchor.y, anchor_row[2] = new_anchor.z;
   anchor_row[3] += found.slipped;
