@@ -50,6 +50,7 @@ import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 import numpy as np
 from mpi4py import MPI
 
+from mufe_fenicsx.contact.springs import list_springs
 from mufe_fenicsx.geometry.shapes import sphere
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.time_step import HighestFrequency
@@ -85,10 +86,9 @@ def time_step_ratio(simulation):
     def solid(y, q):
         s.solid.add_stiffness(y, q, s.state.x)
 
-    def springs(y, q):
-        contact.add_stiffness(y, q, 1e-3 * contact.edge)
-
-    limit = min(2 / highest(solid, springs), math.sqrt(2) / highest(springs))
+    springs = list_springs(contact, 1e-3 * contact.edge)
+    limit = min(2 / highest(solid, springs.add), math.sqrt(2) / highest(springs.add))
+    springs.destroy()
     return limit / (2 / highest(solid))
 
 

@@ -34,6 +34,8 @@ class StableStep:
         self.rigid, self.state = simulation.rigid, simulation.state
         self.assembled, self.factor = assembled, factor
         self._springs = None
+        # All ranks alike, for the others start the iteration from rows that no spring touches too.
+        self._rows_are_nodes = not self.comm.allreduce(self.rigid.num_always)
         contact_step = self.rigid.contact_step(self.contact.points)
         self._contact_step = self.comm.allreduce(contact_step, op=MPI.MIN)
         self.highest, self.highest_of_springs, self.highest_of_tets = self._frequencies()
@@ -100,8 +102,7 @@ class StableStep:
         self._springs = listed
         springs = 0.0
         if not self.contact.kinematic:
-            # Where rigid grains are, rows are not nodes.
-            among = () if self.rigid.num_always else (listed.at, listed.add_compact)
+            among = (listed.at, listed.add_compact) if self._rows_are_nodes else ()
             springs = highest_of_springs(*among)
         limit = self._contact_step
         if springs > 0.0:

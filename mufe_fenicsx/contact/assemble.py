@@ -29,7 +29,6 @@ from .ledger import Ledger
 from .mirrors import nodes_on_mirrors
 from .pairs import search_pairs
 from .points import RECESS, surface_points
-from .springs import list_springs
 from .surface import own_surface
 
 #: Candidates reach this far beyond the closed gap, in mean facet edges.
@@ -441,15 +440,6 @@ class Contact:
         self.num_adopted += num_adopted + edge_adopted + wall_adopted
         self.num_deep += num_deep + edge_deep
         self.deepest = max(self.deepest, deepest, edge_deepest)
-
-    def add_stiffness(self, y, q, margin):
-        """Add the contact springs nearer than ``margin`` [m] times ``q`` to ``y``. Collective.
-
-        ``y`` and ``q`` have the shape (num_nodes, 3). For many products see `list_springs`.
-        """
-        springs = list_springs(self, margin)
-        springs.add(y, q)
-        springs.destroy()
 
     def energy(self):
         """Energy in the contact springs [J] and number of closed contacts. Local.

@@ -140,10 +140,8 @@ class Motion:
         #: largest distance of a node beside the field in this step [m], own grains first; of a
         #: wall, of the field along its normal
         self.moves = np.zeros(self._grains.size)
-        self._own, self._walls = (
-            self.moves[: grains.size],
-            self.moves[-num_walls or self.moves.size :],
-        )
+        self._own = self.moves[: grains.size]
+        self._walls = self.moves[self.moves.size - num_walls :]
         self._outgoing, self._requests, first = [], [], grains.size
         for rank, tell, told in neighbors:
             if tell.size:

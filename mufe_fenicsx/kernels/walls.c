@@ -33,6 +33,7 @@ typedef struct {
   double friction_kinetic;
   double force[3][8], torque[3][8];
 } wall_type;
+_Static_assert(sizeof(wall_type) == 56 * sizeof(double), "WALL in walls.py");
 
 /* In the order of kernels/walls.py. */
 typedef struct {
