@@ -11,6 +11,8 @@ from .springs import stored_energy
 
 #: Crossings first seen deeper than this part of the mean facet edge are none.
 DEEPEST = 0.25
+#: Crossings farther outside, as of :func:`.crossing.crossing`, are not asked whether edges pierce.
+BESIDE = 0.5
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -126,14 +128,15 @@ def add_edge_forces(
         was_open = outside[p] <= 0.0 and gap[p] >= 0.0
         was_inside = outside[p] > 0.0 and pierced[p]
         outside[p], s, t, nx, ny, nz, g, across, turned = crossing(x, ends, beyond, i, j)
-        wait = min(outside[p], 1.0) * across
+        beside = min(outside[p], 1.0)
         if not closed[p]:
-            near = -DEEPEST * size < g < 0.0 and outside[p] < 0.5
+            near = -DEEPEST * size < g < 0.0 and outside[p] < BESIDE
             count = piercings(x, ends, beyond, i, j) if near else 0
             pierced[p] = count > 0
             if g < 0.0 and count == 0 and not (was_open and turned <= END):
                 outside[p] = max(outside[p], 1.0)
-                wait = 0.0
+                # Nearer than that, edges can begin to pierce facets at any time.
+                beside = max(beside - BESIDE, 0.0)
         if g < math.inf:  # not parallel
             gap[p], place[p, 0], place[p, 1] = g, s, t
             normal[p, 0], normal[p, 1], normal[p, 2] = nx, ny, nz
@@ -145,7 +148,7 @@ def add_edge_forces(
         if outside[p] > 0.0:
             # An edge can come in from the side, below the other one.
             distance = segment_distance(x, ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1])
-            due[p] = clock + max(distance - largest_depth, 0.25 * wait)
+            due[p] = clock + max(distance - largest_depth, 0.25 * beside * across)
             continue
         offset[p] = min(max(offset[p], g), 0.0) if offset[p] < 0.0 else 0.0
         # What was inside before it crossed, came in from the side.
