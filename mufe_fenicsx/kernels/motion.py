@@ -74,45 +74,6 @@ def accelerate_and_half_kick(a, v, f, mass, runs, dt, damping):
 
 
 @numba.njit(cache=True)
-def kick_and_drift(x, u, v, f, mass, x0, runs, last, dt, damping, field, moves):
-    """The end of a step of ``last`` and the begin of the next one of ``dt`` in one pass.
-
-    The same numbers as of :func:`accelerate_and_half_kick` and :func:`half_kick_and_drift`, with
-    less memory to read and write.
-
-    Returns:
-        Energy that the damping took in the last step [J], and the largest distance that a node
-        moved [m]; infinity where one is not finite.
-    """
-    half_last, half = 0.5 * last, 0.5 * dt
-    scale = 1.0 / (1.0 + half_last * damping)
-    lost = largest = total = 0.0
-    for r in range(runs.shape[0]):
-        beside = 0.0
-        for n in range(runs[r, 0], runs[r, 1]):
-            inverse = 1.0 / mass[n]
-            w0 = (v[n, 0] + half_last * (f[n, 0] * inverse)) * scale
-            w1 = (v[n, 1] + half_last * (f[n, 1] * inverse)) * scale
-            w2 = (v[n, 2] + half_last * (f[n, 2] * inverse)) * scale
-            if damping > 0.0:
-                for w in (w0, w1, w2):
-                    lost += mass[n] * w * w
-            w0 += half * (f[n, 0] * inverse - damping * w0)
-            w1 += half * (f[n, 1] * inverse - damping * w1)
-            w2 += half * (f[n, 2] * inverse - damping * w2)
-            square = w0 * w0 + w1 * w1 + w2 * w2
-            beside = max(beside, _beside(field, w0, w1, w2, x[n, 0], x[n, 1], x[n, 2]))
-            largest, total = max(largest, square), total + square
-            v[n, 0], v[n, 1], v[n, 2] = w0, w1, w2
-            for i in range(3):
-                u[n, i] += dt * v[n, i]
-                x[n, i] = x0[n, i] + u[n, i]
-                f[n, i] = 0.0
-        moves[runs[r, 2]] = dt * math.sqrt(beside)
-    return last * damping * lost, dt * math.sqrt(largest) if total < math.inf else math.inf
-
-
-@numba.njit(cache=True)
 def predict(x_next, x, v, f, mass, dt):
     """Positions at the end of the next step under the forces known so far, into ``x_next``.
 
