@@ -385,9 +385,8 @@ class Contact:
         Local; the same on all ranks.
         """
         self.clock += step
-        self.overrun = max(
-            pairs.clocks.advance(step, motion) for pairs in (self.pairs, self.walls.pairs)
-        )
+        of_grains, of_walls = self.pairs.clocks, self.walls.pairs.clocks
+        self.overrun = max(of_grains.advance(step, motion), of_walls.advance(step, motion))
 
     def expect(self, margin, least, factor):
         """Expect motion until the time step is found again, arguments as of the clocks. Local."""

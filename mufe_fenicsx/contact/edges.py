@@ -130,7 +130,7 @@ class EdgeContact:
             depth; largest adopted depth [m].
         """
         p, e = self.pairs, self.edges
-        if not p.first.size:
+        if clock < p.due.min(initial=np.inf):
             return 0.0, 0, 0, 0.0
         dissipated, lost, num_adopted, num_deep, deepest = add_edge_forces(
             f, p.due, p.outside, p.pierced, p.place, p.normal, p.gap, p.offset, p.closed,

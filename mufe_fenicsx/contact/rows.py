@@ -19,6 +19,7 @@ class SurfaceRows:
         #: Whether forces are still to be added to those of the mesh.
         self.holds = False
         self._spans = spans_of(nodes, first)
+        self._none = self._spans[:0]  # the same array each time: its address is kept
 
     def place(self, positions, x):
         """Set ``positions`` [m], shape (num_surface_nodes, 3), to those of the mesh nodes."""
@@ -41,6 +42,6 @@ class SurfaceRows:
         Returns:
             Ranges of nodes; none where no forces are held.
         """
-        spans = self._spans if self.holds else self._spans[:0]
+        spans = self._spans if self.holds else self._none
         self.holds = False
         return spans
