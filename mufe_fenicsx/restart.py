@@ -83,7 +83,7 @@ def snapshot(simulation):
         "largest_box": walls._box,
         "largest_overrun": contact.overrun,
         "largest_overrun_of_all": contact.overrun_of_all,
-        "largest_everything_moves": contact.rows.moving is None,
+        "largest_everything_moves": contact.moving is None,
         "largest_chosen": rigid.chosen,
     }
     scaling = simulation.scaling

@@ -92,7 +92,6 @@ class Simulation:
         self.time_step_factor, self.refresh = time_step_factor, refresh
         self.solid = Solid(mesh, materials, element)
         self.rigid = RigidGrains(mesh, materials, self.solid.mass, mass_factor)
-        self._any_rigid = self.comm.allreduce(self.rigid.num_grains) > 0
         self._watch = LoadWatch(self.rigid, materials)
         if mass_factor is not None:
             self.solid.mass *= mass_factor
@@ -145,9 +144,6 @@ class Simulation:
         # The second half of the last step's kick waits for the next step, or is to wait.
         self._kick_waits = self._may_wait = False
         self._kick_and_drift = KickAndDrift()
-        # Contact forces are handed on then too, and positions to contact, where nothing else asks.
-        self._may_hold = not (self._any_rigid or self.mirrors.any or self.contact.kinematic)
-        self._placed = False
         self._moved = 0.0  # how far a deformable node moved in this step [m]
         # Of each grain, beside a field that fits all velocities; those of rigid ones stay unknown.
         self._moves = np.full(mesh.num_grains, np.inf)
@@ -162,6 +158,7 @@ class Simulation:
     def _start(self):
         """Forces and accelerations of the initial state; overlaps there are adopted."""
         s = self.state
+        self._any_rigid = self.comm.allreduce(self.rigid.num_grains) > 0
         self._followed_search = 0
         if self._any_rigid:
             self.contact.before_search = lambda: self.rigid.place_all(s.x, s.u)
@@ -217,7 +214,7 @@ class Simulation:
         near[contact.own.nodes[near_nodes(contact)]] = True
         rigid.follow(near)
         near[rigid.soft] = True
-        contact.rows.moving = np.flatnonzero(near[contact.own.nodes])
+        contact.moving = np.flatnonzero(near[contact.own.nodes])
 
     def _release_loaded(self):
         """Let grains deform that carry more than they may as rigid ones. Local.
@@ -242,12 +239,11 @@ class Simulation:
 
     def _drift(self, dt):
         s, runs = self.state, self.rigid.runs
-        self._placed = self._kick_waits and self.contact.rows.holds
         if self._kick_waits:
             self._kick_waits = False
             damped, self._moved = self._kick_and_drift(
                 s.x, s.u, s.v, self._f, self.solid.mass, self.mesh.x, runs, s.dt, dt, self.damping,
-                self._field, self._moves, self.contact.give_held(),
+                self._field, self._moves,
             )  # fmt: skip
             self.damped += damped
         else:
@@ -266,9 +262,9 @@ class Simulation:
         if not self.contact.kinematic:
             # Glued nodes go where their wall goes.
             known = () if self.bonded.nodes.size else (self._moves, self._field, self._slope, dt)
-            self.contact.begin(positions, moved, known, self._placed)
+            self.contact.begin(positions, moved, known)
         if self.rigid.num_grains:
-            every = self.contact.rows.moving is None
+            every = self.contact.moving is None
             clear(self._f, self.rigid.nodes if every else self.rigid.followed.nodes)
         bad = self.solid.add_internal_forces(self._f, s, dt)
         if bad >= 0:
@@ -278,7 +274,7 @@ class Simulation:
             predict(positions, s.x, s.v, self._f, self._inertia, dt)
             self.contact.begin(positions, moved)
         try:
-            self.contact.add_forces(self._f, positions, hold=self._may_wait and self._may_hold)
+            self.contact.add_forces(self._f, positions)
         except FloatingPointError:
             self.check(diverged=True)
         self._follow_search()
@@ -300,7 +296,6 @@ class Simulation:
         if not self._kick_waits:
             return
         self._kick_waits = False
-        self.contact.hand(self._f)
         s = self.state
         self.damped += accelerate_and_half_kick(
             s.a, s.v, self._f, self.solid.mass, self.rigid.runs, s.dt, self.damping

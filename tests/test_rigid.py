@@ -184,9 +184,9 @@ def _spoiling(s):
 
     def spoil():
         follow()
-        if s.contact.rows.moving is not None:
+        if s.contact.moving is not None:
             rest = np.ones(s.contact.own.nodes.size, dtype=bool)
-            rest[s.contact.rows.moving] = False
+            rest[s.contact.moving] = False
             s.contact.positions.own[rest] = np.nan
 
     return spoil

@@ -9,7 +9,7 @@ from ..errors import InputError
 from ..kernels.motion import largest_move
 from ..kernels.pairs import PairForces, pair_energy
 from ..kernels.points import place_points
-from ..kernels.walls import gather_rows
+from ..kernels.walls import gather_rows, gather_some, hand_rows, hand_some
 from .checks import check_law, check_stiffness, check_surface, check_walls
 from .clocks import RANGE, Motion
 from .crossings import new_slip
@@ -29,7 +29,6 @@ from .ledger import Ledger
 from .mirrors import nodes_on_mirrors
 from .pairs import search_pairs
 from .points import RECESS, surface_points
-from .rows import SurfaceRows
 from .surface import own_surface
 
 #: Candidates reach this far beyond the closed gap, in mean facet edges.
@@ -154,13 +153,14 @@ class Contact:
         self.surface = None
         self.positions = None
         self.forces = self.motion = None
-        self.rows = SurfaceRows(self.own.nodes, mesh.nodes[mesh.node_offset[:-1]])
         self._move, self._agreement = np.zeros(2), None
         #: By how much clocks of two grains go beyond what was expected soon, on this rank, and two
         #: steps ago on all [m].
         self.overrun = self.overrun_of_all = -np.inf
         #: Called before each search; afterwards all positions are those of this moment.
         self.before_search = None
+        #: Own surface nodes whose positions are known until the next search; None: all.
+        self.moving = None
         self.search(x, deepest=self._initial_depth())
 
     def _initial_depth(self):
@@ -171,7 +171,7 @@ class Contact:
         """Find all pairs anew, those within ``ahead`` [m] at least. Collective."""
         if self.before_search is not None:
             self.before_search()
-        self.rows.moving = None
+        self.moving = None
         gathered = np.empty((self.own.nodes.size, 3))
         gather_rows(gathered, x, self.own.nodes)
         depth = deepest
@@ -270,7 +270,7 @@ class Contact:
             self.pairs.stiffness /= factor
             self.walls.pairs.stiffness /= factor
 
-    def begin(self, x, moved=0.0, known=(), placed=False):
+    def begin(self, x, moved=0.0, known=()):
         """Begin a step to the positions ``x``, which :meth:`add_forces` ends. Collective.
 
         What other ranks need of this one, and how far anything moved, is on its way afterwards.
@@ -281,12 +281,8 @@ class Contact:
             known: Motion of nodes, which need not be measured then and is part of ``moved``: how
                 far each grain moved beside a field [m], that field as in kernels.motion, its slope
                 in any direction at most [1/s] and the length of the step [s].
-            placed: The positions of :meth:`give_held` have been set already.
         """
-        if placed:
-            self.send()
-        else:
-            self.place(x)
+        self.place(x)
         if known:
             moves, field, slope, dt = known
             self.motion.begin(moves, self.walls.motion_in(field, dt), slope, dt)
@@ -299,7 +295,7 @@ class Contact:
 
     def follow_all(self, x):
         """Know all own surface nodes from now on, the motion up to ``x`` being known. Local."""
-        self.rows.moving = None
+        self.moving = None
         self.measure_from(x[self.own.nodes])
 
     def measure_from(self, positions):
@@ -312,7 +308,10 @@ class Contact:
 
     def place(self, x):
         """Start sending the positions ``x`` of this rank's surface to other ranks. Collective."""
-        self.rows.place(self.positions.own, x)
+        if self.moving is None:
+            gather_rows(self.positions.own, x, self.own.nodes)
+        else:
+            gather_some(self.positions.own, x, self.own.nodes, self.moving)
         self.send()
 
     def send(self):
@@ -348,14 +347,13 @@ class Contact:
         if self.num_before:
             place_points(self.positions.array, self._near, self._corner, self.points.weight)
 
-    def add_forces(self, f, x, adopt=False, hold=False):
+    def add_forces(self, f, x, adopt=False):
         """Add the contact forces at the positions of :meth:`begin` to ``f``. Collective.
 
         Args:
             f: Nodal forces [N], shape (num_nodes, 3).
             x: Positions [m], shape (num_nodes, 3).
             adopt: True at the start of a test: what overlaps now is not in contact.
-            hold: Leave the forces to :meth:`give_held` or :meth:`hand`.
 
         Raises:
             FloatingPointError: A position is not finite, or left the others by more than
@@ -370,7 +368,7 @@ class Contact:
         # The motion of the next step, at twice its speed now, must not leave the skin.
         if self.clock + 4.0 * move - self.searched_at > self.skin:
             self.search(x, ahead=4.0 * move)
-        self.evaluate(f, adopt, hold)
+        self.evaluate(f, adopt)
         part, pair = self._sunk
         if part > self.sunk[0] and not adopt:
             p = self.pairs
@@ -410,7 +408,7 @@ class Contact:
         if self.walls.pairs.forces is None:
             self.walls.bind(forces, x, self._corners, self.layer, points, self.ratio)
 
-    def evaluate(self, f, adopt=False, hold=False):
+    def evaluate(self, f, adopt=False):
         """Add the forces of the known pairs at the positions that were received. Collective.
 
         Arguments as of :meth:`add_forces`; ``clock`` has to bound the motion already.
@@ -432,22 +430,15 @@ class Contact:
         ahead = self._dt if self.kinematic else 0.0
         wall_dissipated, wall_adopted = self.walls.add_forces(adopt, ahead)
         self.end_give_back()
-        self.rows.holds, self._lent = True, False
-        if not hold:
-            self.hand(f)
+        if self.moving is None:
+            hand_rows(f, self.own.nodes, self.forces.own)
+        else:
+            hand_some(f, self.own.nodes, self.forces.own, self.moving)
+        self._lent = False
         self.dissipated += dissipated + edge_dissipated + wall_dissipated
         self.num_adopted += num_adopted + edge_adopted + wall_adopted
         self.num_deep += num_deep + edge_deep
         self.deepest = max(self.deepest, deepest, edge_deepest)
-
-    def hand(self, f):
-        """Add the forces that are held to ``f``, shape (num_nodes, 3), if there are any. Local."""
-        if self.rows.holds:
-            self.rows.hand(f, self.forces.own)
-
-    def give_held(self):
-        """Ranges of nodes, forces and positions that KickAndDrift is to hand on. Local."""
-        return self.rows.give(), self.forces.own, self.positions.own
 
     def energy(self):
         """Energy in the contact springs [J] and number of closed contacts. Local.

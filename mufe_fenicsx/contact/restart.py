@@ -125,7 +125,7 @@ def contact_tables(contact, mesh):
     closest = np.where(p.closest >= 0, p.closest - p.first[:-1], -1)
     count = np.diff(p.first)
     moving = np.zeros(own.nodes.size, dtype=bool)
-    moving[slice(None) if contact.rows.moving is None else contact.rows.moving] = True
+    moving[slice(None) if contact.moving is None else contact.moving] = True
     ends = names.node[edges.ends]
     everything = slice(None)
     return {
@@ -228,7 +228,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
 
     moving = np.empty(own.nodes.size, dtype=bool)
     moving[order] = surface["moving"]
-    contact.rows.moving = None if everything_moves else np.flatnonzero(moving)
+    contact.moving = None if everything_moves else np.flatnonzero(moving)
     contact.positions.own[:] = previous
     contact.positions.begin_forward()
     contact._end_forward()

@@ -2,8 +2,6 @@
    kernels/kick_drift.py. Rows of three numbers are worked on as they stand, LANES nodes in three
    vectors; sums and products are those of the kernels of motion.py, in the same order. */
 
-#include <string.h>
-
 #include "lanes.h"
 
 /* In the order of kernels/kick_drift.py. */
@@ -13,8 +11,6 @@ typedef struct {
   const int64_t *runs;
   const double *field;
   double *moves;
-  const int64_t *spans; /* of surface nodes: first, end, row of the first */
-  double *forces, *positions;
 } motion_type;
 
 typedef struct {
@@ -45,16 +41,6 @@ INLINE void split(vec out[3], const vec r[3]) {
   out[2] = PICK(z, r[2], 0, 1, 4, 7);
 }
 #endif
-
-/* Add numbers to others, and set them to zero. */
-INLINE void hand_on(double *to, double *from, int64_t size) {
-  int64_t i = 0;
-  for (; i + LANES <= size; i += LANES) {
-    *(vec_at *)(to + i) += *(vec_at *)(from + i);
-    *(vec_at *)(from + i) = all(0.0);
-  }
-  for (; i < size; i++) to[i] += from[i], from[i] = 0.0;
-}
 
 INLINE vec larger(vec a, vec b) { return where(a > b, a, b); }
 
@@ -125,17 +111,13 @@ static double add_squares(const motion_type *m, step_type s, int64_t n, int64_t 
 /* See kernels/kick_drift.py; ``totals``: sum of m v² at the end of the last step, which only damping
    asks for, then the largest and the sum of squares of velocities in the next one. */
 void mufe_kick_and_drift(const motion_type *m, double *totals, double last, double dt,
-                         double damping, int64_t num_runs, int64_t num_spans) {
+                         double damping, int64_t num_runs) {
   const double half_last = 0.5 * last;
   const step_type s = {half_last, 0.5 * dt, dt, 1.0 / (1.0 + half_last * damping), damping};
   double lost = 0.0, one[3] = {0.0, 0.0, 0.0};
   vec many[3] = {all(0.0), all(0.0), all(0.0)};
-  const int64_t *span = m->spans, *last_span = span + 3 * num_spans;
   for (const int64_t *run = m->runs; run < m->runs + 3 * num_runs; run += 3) {
-    const int64_t end = run[1], *first_span = span;
-    for (; span < last_span && span[0] < end; span += 3) {
-      hand_on(m->f + 3 * span[0], m->forces + 3 * span[2], 3 * (span[1] - span[0]));
-    }
+    const int64_t end = run[1];
     if (damping > 0.0) lost = add_squares(m, s, run[0], end, lost);
     int64_t n = run[0];
     one[0] = 0.0;
@@ -144,10 +126,6 @@ void mufe_kick_and_drift(const motion_type *m, double *totals, double last, doub
     for (; n < end; n++) move_one(m, s, n, one);
     for (int i = 0; i < LANES; i++) one[0] = many[0][i] > one[0] ? many[0][i] : one[0];
     m->moves[run[2]] = dt * sqrt(one[0]);
-    for (const int64_t *at = first_span; at < span; at += 3) {
-      const size_t size = 3 * sizeof(double) * (size_t)(at[1] - at[0]);
-      memcpy(m->positions + 3 * at[2], m->x + 3 * at[0], size);
-    }
   }
   for (int i = 0; i < LANES; i++) {
     one[1] = many[1][i] > one[1] ? many[1][i] : one[1];

@@ -8,23 +8,6 @@ import numpy as np
 from .native import Addresses, address, load
 
 
-def spans_of(rows, starts):
-    """Ranges of numbers that follow each other, for rows that increase.
-
-    Args:
-        rows: Increasing numbers, shape (num_rows,).
-        starts: Numbers that begin a range of their own, wherever they occur.
-
-    Returns:
-        First number, end and place of the first in ``rows``, int64, shape (num_spans, 3).
-    """
-    begins = np.ones(rows.size, dtype=bool)
-    begins[1:] = (np.diff(rows) != 1) | np.isin(rows[1:], starts)
-    place = np.flatnonzero(begins)
-    first, count = rows[place], np.diff(place, append=rows.size)
-    return np.column_stack([first, first + count, place]).astype(np.int64)
-
-
 class KickAndDrift:
     """The end of a step and the begin of the next one in one pass over the nodes; local.
 
@@ -34,24 +17,17 @@ class KickAndDrift:
 
     def __init__(self):
         real, whole = np.float64, np.int64
-        self._addresses = Addresses(*[real] * 6, whole, real, real, whole, real, real)
+        self._addresses = Addresses(*[real] * 6, whole, real, real)
         self._known, self._table = None, None
         self._totals = np.zeros(3)
         self._totals_at = address(self._totals)
         pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
         self._call = load("kick_drift").mufe_kick_and_drift
-        self._call.argtypes = [pointer, pointer, number, number, number, integer, integer]
+        self._call.argtypes = [pointer, pointer, number, number, number, integer]
         self._call.restype = None
 
-    def __call__(self, x, u, v, f, mass, x0, runs, last, dt, damping, field, moves, surface):
-        """Arguments as in kernels.motion, and
-
-        Args:
-            last: Length of the last step [s].
-            surface: Ranges of surface nodes, none across the first node of a run, as of
-                :func:`spans_of`; forces on them [N] that are added to ``f`` before, and zero
-                afterwards; their positions [m], set. Of both a row for each surface node;
-                the ranges may be none.
+    def __call__(self, x, u, v, f, mass, x0, runs, last, dt, damping, field, moves):
+        """Arguments as in kernels.motion; ``last`` is the length of the last step [s].
 
         Returns:
             Energy that the damping took in the last step [J], and the largest distance that a node
@@ -60,12 +36,9 @@ class KickAndDrift:
         Raises:
             ValueError: An array is of another type, or not contiguous.
         """
-        spans, forces, positions = surface
-        addresses = self._addresses(
-            x, u, v, f, mass, x0, runs, field, moves, spans, forces, positions
-        )
+        addresses = self._addresses(x, u, v, f, mass, x0, runs, field, moves)
         if addresses is not self._known:
             self._known, self._table = addresses, (ctypes.c_void_p * len(addresses))(*addresses)
-        self._call(self._table, self._totals_at, last, dt, damping, len(runs), len(spans))
+        self._call(self._table, self._totals_at, last, dt, damping, len(runs))
         squares, largest, total = self._totals.tolist()
         return last * damping * squares, dt * math.sqrt(largest) if total < math.inf else math.inf
