@@ -6,13 +6,13 @@ import statistics
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
 from ..launcher import environment_without_launcher, find_mpirun
 from .bench_launch import launch, row
+from .bench_turns import ratio
 from .family import MEMBERS, SIZE, member, scene_file
 
 #: Growth of the cost of an element-step from the least member to the largest; two ranks over one;
@@ -32,7 +32,7 @@ def _options(parameters):
 def _of_member(number, cache, size, more):
     folder = member(cache, number, size)
     scene = scene_file(folder, number)
-    return {"grains": str(folder / "grains"), "scene": str(scene), **more}
+    return {"kind": "demo", "grains": str(folder / "grains"), "scene": str(scene), **more}
 
 
 def family(parameters):
@@ -45,7 +45,7 @@ def family(parameters):
     results, rates = {}, []
     for number in numbers:
         more = {"strain": 0.002, "steps": 40, **parameters}
-        one = launch("demo", _of_member(number, cache, size, more), 1)
+        one = launch("alone", _of_member(number, cache, size, more), 1)
         rates.append(one["rate"])
         for name in ("num_cells", "rate", "bytes_per_tet", "setup_s", "contact_over_tets"):
             results[f"{name}_{number}_grains"] = {"computed": one[name]}
@@ -67,70 +67,35 @@ def packing(parameters):
     if not _finished(run):
         scene = scene_file(folder, number, strain, float(parameters.pop("speed", 4.0)))
         _run(scene, run, 2)
-    more = {"run": str(run), **parameters}
-    # By turns, for a shared machine is not always as fast.
-    boxes, ones, twos = [], [], []
-    for _ in range(3):
-        boxes.append(launch("box", {"model": "j2"}, 1)["rate"])
-        ones.append(launch("resumed", more, 1))
-        twos.append(launch("resumed", more, 2))
-    box, one, two = (statistics.median(rates) for rates in (boxes, _rates(ones), _rates(twos)))
+    repeats, steps = int(parameters.pop("repeats", 5)), int(parameters.pop("steps", 300))
+    of_run = {"kind": "resumed", "run": str(run), "steps": steps, **parameters}
+    cases = {
+        "box": {"kind": "box", "model": "j2", "ranks": 1, "steps": max(1, steps // 2)},
+        "one": {"ranks": 1, **of_run},
+        "two": {"ranks": 2, **of_run},
+    }
+    found = launch("turns", {"cases": cases, "repeats": repeats}, 2)
+    box, one, two = (found[name]["rates"] for name in cases)
+    part, faster = ratio(one, box), ratio(two, one)
     results = {
-        "num_cells": {"computed": ones[0]["num_cells"]},
-        "rate_box": {"computed": box},
-        "rate_1_rank": {"computed": one},
-        "rate_2_ranks": {"computed": two},
-        "part_of_box_rate": row(one / box, TARGET_PART, one >= TARGET_PART * box),
-        "speedup_2_ranks": row(two / one, TARGET_SPEEDUP, two >= TARGET_SPEEDUP * one),
+        "num_cells": {"computed": found["one"]["num_cells"]},
+        "rate_box": {"computed": statistics.median(box)},
+        "rate_1_rank": {"computed": statistics.median(one)},
+        "rate_2_ranks": {"computed": statistics.median(two)},
+        "part_of_box_rate": row(part, TARGET_PART, part >= TARGET_PART),
+        "speedup_2_ranks": row(faster, TARGET_SPEEDUP, faster >= TARGET_SPEEDUP),
         # Two ranks wait for each other: what slows one for a moment slows both.
-        "speedup_2_ranks_of_fastest": {"computed": _fastest(twos) / _fastest(ones)},
-        "contact_over_tets": {"computed": ones[0]["contact_over_tets"]},
-        "num_contacts": {"computed": ones[0]["num_contacts"]},
+        "speedup_2_ranks_of_fastest": {"computed": max(two) / max(one)},
+        "contact_over_tets": {"computed": found["one"]["contact_over_tets"]},
+        "num_contacts": {"computed": found["one"]["num_contacts"]},
     }
     return _case("packing", parameters, results)
-
-
-def _rates(found):
-    return [one["rate"] for one in found]
-
-
-def _fastest(found):
-    return max(one["fastest"] for one in found)
 
 
 def _finished(run):
     """Whether a run came to its end."""
     summary = run / "run.json"
     return summary.exists() and json.loads(summary.read_text(encoding="utf-8"))["finished"]
-
-
-def resumed(comm, *, run, steps=300, repeats=5):
-    """The sample that a run left, going on at rest of its walls. Collective.
-
-    Args:
-        run: Run folder with a checkpoint.
-        steps, repeats: Steps of one measurement, in which the time step is found twice and contact
-            searched about once, and measurements.
-    """
-    from ..output.checkpoint import find_checkpoint, read_tables
-    from ..preparation import bounding_box, load_mesh, make_simulation, read_scene
-    from ..restart import restore, restore_reference
-    from .bench import measure
-    from .bench_search import share_of_contact
-
-    scene = read_scene(comm, Path(run) / "scene.toml")
-    checkpoint = find_checkpoint(comm, Path(run))
-    ranks = None
-    if checkpoint.num_ranks == comm.size:
-        ranks = np.array(checkpoint.header["rank_of_grain"], dtype=np.int32)
-    mesh = load_mesh(comm, scene.sample.grains, scene.solver.element, ranks)
-    kept = read_tables(comm, checkpoint, mesh.grains, mesh.rank_of_grain)
-    restore_reference(mesh, kept[0])
-    simulation = make_simulation(scene, mesh, *bounding_box(mesh))
-    restore(simulation, *kept, checkpoint.header["state"])
-    result = measure(comm, simulation, steps, repeats)
-    result["num_contacts"] = simulation.num_contacts
-    return result | share_of_contact(simulation, int(steps))
 
 
 def paper(parameters):
@@ -146,7 +111,7 @@ def paper(parameters):
     folder = member(cache, number, size)
     scene = scene_file(folder, number, strain or 0.1, speed)
     more = {"grains": str(folder / "grains"), "scene": str(scene), "strain": 1e-3, "steps": 20}
-    rate = launch("demo", more, ranks)
+    rate = launch("alone", {"kind": "demo", **more}, ranks)
     results = {
         "num_cells": {"computed": rate["num_cells"]},
         "rate": {"computed": rate["rate"]},

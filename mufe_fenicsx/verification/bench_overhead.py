@@ -24,9 +24,9 @@ def small(comm, *, divisions=SMALL, steps=450, repeats=9):
     Returns:
         dict: number of tets; median time of a step, and of that in the C kernels [s].
     """
-    from .bench import pressed_blocks
+    from .bench_scenes import blocks
 
-    simulation = pressed_blocks(comm, int(divisions))
+    simulation = blocks(comm, divisions=divisions)
     spent = []
     for _ in range(int(repeats)):
         start = time.perf_counter()
