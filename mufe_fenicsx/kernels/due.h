@@ -1,15 +1,17 @@
 /* Pairs that can have closed, and early loads of what their evaluation reads.
 
    Between two steps the tetrahedra stream through the caches, so that what pairs read, scattered
-   over many arrays, comes from memory; what is asked for some pairs ahead comes together. */
+   over many arrays, comes from memory; what is asked for some pairs ahead comes together. It is
+   asked for in the second cache: the pairs ahead would leave little of the first to the present. */
 
 #ifndef MUFE_DUE_H
 #define MUFE_DUE_H
 
 #include "vectors.h"
 
-#define AHEAD 8 /* pairs ahead of the present one that are asked for, and twice as many */
-#define FETCH(address) __builtin_prefetch(address, 1)
+#define AHEAD 8               /* pairs ahead of the present one whose nodes are asked for */
+#define FAR_AHEAD (4 * AHEAD) /* and whose rows are, which tell the nodes */
+#define FETCH(address) __builtin_prefetch(address, 0, 2)
 /* Of a row of three numbers, which may lie in two cache lines. */
 #define FETCH_ROW(rows, n) (FETCH((rows) + 3 * (int64_t)(n)), FETCH((rows) + 3 * (int64_t)(n) + 2))
 

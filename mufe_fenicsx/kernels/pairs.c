@@ -5,11 +5,11 @@
 #include "pairs_lanes.h"
 #include "pairs_one.h"
 
-/* Ask for what the pairs after the i-th of the list need; from i = -2 AHEAD on. */
+/* Ask for what the pairs after the i-th of the list need; from i = -FAR_AHEAD on. */
 INLINE void fetch_ahead(const pairs_type *m, int64_t i, int64_t num_due) {
   const int32_t *list = m->scratch;
-  if (i + 2 * AHEAD < num_due) {
-    const char *row = (const char *)(m->state + list[i + 2 * AHEAD]);
+  if (i + FAR_AHEAD < num_due) {
+    const char *row = (const char *)(m->state + list[i + FAR_AHEAD]);
     for (size_t line = 0; line < sizeof(state_type); line += 64) FETCH(row + line);
   }
   if (i + AHEAD >= 0 && i + AHEAD < num_due) {
@@ -34,7 +34,7 @@ void mufe_add_pair_forces(const pairs_type *m, call_type *c, int64_t num_pairs) 
   c->dissipated = c->num_adopted = c->num_deep = c->deepest = c->sunk = 0.0;
   c->sunken = -1;
   vec dissipated = all(0.0);
-  for (int64_t i = -2 * AHEAD; i < num_due; i += LANES) {
+  for (int64_t i = -FAR_AHEAD; i < num_due; i += LANES) {
     for (int k = 0; k < LANES; k++) fetch_ahead(m, i + k, num_due);
     if (i < 0) continue;
     const int count = num_due - i < LANES ? (int)(num_due - i) : LANES;

@@ -48,10 +48,10 @@ typedef struct {
   const double *point, *normal, *velocity, *friction, *friction_kinetic;
 } walls_type;
 
-/* Ask for what the pairs after the i-th of the list need; from i = -2 AHEAD on. */
+/* Ask for what the pairs after the i-th of the list need; from i = -FAR_AHEAD on. */
 INLINE void fetch_ahead(const walls_type *m, int64_t i, int64_t num_due) {
-  if (i + 2 * AHEAD < num_due) {
-    const char *row = (const char *)(m->state + m->scratch[i + 2 * AHEAD]);
+  if (i + FAR_AHEAD < num_due) {
+    const char *row = (const char *)(m->state + m->scratch[i + FAR_AHEAD]);
     for (size_t at = 0; at < sizeof(state_type); at += 64) FETCH(row + at);
   }
   if (i + AHEAD >= 0 && i + AHEAD < num_due) {
@@ -225,7 +225,7 @@ void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int
   totals[0] = totals[1] = 0.0;
   vec dissipated = all(0.0);
   const int64_t num_due = find_due(m->scratch, m->due, m->clocks, m->clock, num_pairs);
-  for (int64_t i = -2 * AHEAD; i < num_due; i += LANES) {
+  for (int64_t i = -FAR_AHEAD; i < num_due; i += LANES) {
     for (int k = 0; k < LANES; k++) fetch_ahead(m, i + k, num_due);
     if (i < 0) continue;
     const int count = num_due - i < LANES ? (int)(num_due - i) : LANES;
