@@ -29,6 +29,12 @@ def test_cells_find_all_boxes_within_reach_and_none_a_cell_farther_away():
     assert close.sum() > 100 and distant.sum() > 100
 
 
+def test_a_rank_without_facets_in_anothers_box_tells_of_no_cells():
+    none = occupied_cells(np.empty((0, 3)), np.empty((0, 3)))
+    part = Cells.unpacked(none.within(np.zeros(3), np.ones(3)).packed())
+    assert not part.near(np.zeros((4, 3)), np.ones((4, 3)), 0.1).any()
+
+
 def heap():
     """Bricks and balls in any position, near each other or a little in each other."""
     rng = np.random.default_rng(4)

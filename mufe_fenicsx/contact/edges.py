@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from ..kernels.boxes import with_marked_vertex
 from ..kernels.edge_search import (
     edge_areas,
     find_edge_pairs,
@@ -93,7 +94,7 @@ class EdgeContact:
         self.edges = _Edges(x, num_own, surface, self.ratio_of_node)
         sharp = np.zeros(len(x), dtype=bool)
         sharp[self.edges.ends] = True
-        self.beside = sharp[surface.facets].any(axis=1)
+        self.beside = with_marked_vertex(surface.facets, sharp)
 
     def set_pairs(self, first, second, clock):
         """Make the pairs those of the edges ``first`` and ``second``, without any past. Local."""

@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from ..kernels.boxes import box_around, boxes_of_facets, touch_box, with_marked_vertex
 from .occupancy import Cells, occupied_cells
 from .surface import neighbors, rings
 
@@ -173,30 +174,35 @@ def near_other_ranks(comm, facets, x, reach):
 
     Returns:
         Ranks whose boxes overlap this one's, grown by ``reach``, increasing; such a rank finds
-        this one too. For each of them True for the facets, shape (num_facets,).
+        this one too. For each of them True for the facets, shape (num_ranks, num_facets).
     """
     reach = reach * (1 + 1e-9)  # what is just within reach is not lost by rounding
     boxes = np.empty((comm.size, 2, 3))
-    own_box = np.array([x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
+    own_box = np.array(box_around(x))
     comm.Allgather(own_box, boxes)
     apart = np.maximum(boxes[:, 0] - own_box[1], own_box[0] - boxes[:, 1]).max(axis=1)
     apart[comm.rank] = np.inf
     ranks = np.flatnonzero(apart <= reach)
     if not ranks.size:
         return ranks, []
-    a, b, c = (x[facets[:, i]] for i in range(3))
-    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-    cells = occupied_cells(low, high)
-    outgoing = [cells.within(boxes[r, 0] - reach, boxes[r, 1] + reach).packed() for r in ranks]
+    low, high = boxes_of_facets(x, facets)
+    # Most of a rank's surface is in no other one's box.
+    others = boxes[ranks] + reach * np.array([[-1.0], [1.0]])
+    selected = np.array([touch_box(low, high, *other) for other in others])
+    some = selected.any(axis=0)
+    cells = occupied_cells(low[some], high[some])
+    outgoing = [cells.within(*other).packed() for other in others]
     incoming = swap(comm, ranks, outgoing)
-    return ranks, [Cells.unpacked(part).near(low, high, reach) for part in incoming]
+    for near, part in zip(selected, incoming, strict=True):
+        near[near] = Cells.unpacked(part).near(low[near], high[near], reach)
+    return ranks, selected
 
 
 def with_rings(facets, near, num_nodes):
     """Facets that are ``near`` and all around their vertices, increasing, shape (num,). Local."""
     touched = np.zeros(num_nodes, dtype=bool)
     touched[facets[near]] = True
-    return np.flatnonzero(touched[facets].any(axis=1))
+    return np.flatnonzero(with_marked_vertex(facets, touched))
 
 
 def swap(comm, ranks, messages):

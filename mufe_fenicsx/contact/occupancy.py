@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..kernels.boxes import box_around
 from ..kernels.occupancy import fill_cells, touch_full_cells
 
 #: Edge of the cells over the mean extent of a facet: half of it sends few facets in vain, and
@@ -63,10 +64,12 @@ def occupied_cells(low, high):
     """Cells that facets touch with their boxes.
 
     Args:
-        low, high: Corners of the boxes [m], shape (num_facets, 3), one or more.
+        low, high: Corners of the boxes [m], shape (num_facets, 3).
     """
-    corner = low.min(axis=0)
-    span, extent = high.max(axis=0) - corner, (high - low).mean()
+    if not low.size:
+        return Cells(np.zeros(3), 1.0, np.zeros(3, dtype=np.int64), np.zeros((0, 0, 0), dtype=bool))
+    corner = box_around(low)[0]
+    span, extent = box_around(high)[1] - corner, (high - low).mean()
     size = max(CELL * extent, np.cbrt(np.prod(span + extent) / (MOST_CELLS * len(low))))
     full = np.zeros(tuple((span / size).astype(np.int64) + 1), dtype=bool)
     fill_cells(full, low, high, corner, size)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..kernels.boxes import box_around, mean_extent
 from ..kernels.carry import carry_pairs, find_again
 from ..kernels.pairs import ROW, column, rows
 from ..kernels.search import find_candidates, group_by_grain, sort_into_cells
@@ -98,12 +99,9 @@ def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock, d
         deep: For contact of grains with themselves too, how far behind a facet a node may be
             found [m]; None for contact between grains alone.
     """
-    a, b, c = (x[facets[:, i]] for i in range(3))
-    extent = 1.0
-    if a.size:  # maxima one by one: NumPy is slow along an axis of three
-        extent = np.mean(np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c))
-    low = x[:num_points].min(axis=0)
-    span = np.ptp(x[:num_points], axis=0)
+    extent = mean_extent(x, facets) if facets.size else 1.0
+    low, high = box_around(x[:num_points])
+    span = high - low
     # Cells no smaller than a facet with its reach, no more of them than points.
     size = max(extent + reach, np.cbrt(np.prod(span + extent) / max(num_points, 1)))
     shape = tuple((span / size).astype(np.int64) + 1)

@@ -8,6 +8,8 @@ from mpi4py import MPI
 
 from ..errors import InputError
 from ..kernels.bonded import turn_rows
+from ..kernels.boxes import boxes_of_groups
+from ..kernels.carry import carry_pairs
 from ..kernels.motion import advance, work_of
 from ..kernels.pairs import column, rows
 from ..kernels.walls import (
@@ -190,13 +192,11 @@ class Walls:
             node, wall = node[free], wall[free]
         pairs = WallPairs(node, wall, grain_of_point, clock)
         if self.pairs is not None:
-            n = len(self.walls)
-            old = self.pairs.node.astype(np.int64) * n + self.pairs.wall
-            _, at_old, at_new = np.intersect1d(
-                old, node.astype(np.int64) * n + wall, return_indices=True
-            )
+            source = carry_pairs(self.pairs.node, self.pairs.wall, node, wall)
+            new = np.flatnonzero(source >= 0)
+            source = source[new]
             for name in REMEMBERED:
-                getattr(pairs, name)[at_new] = getattr(self.pairs, name)[at_old]
+                getattr(pairs, name)[new] = getattr(self.pairs, name)[source]
             pairs.clocks.carry(self.pairs.clocks)
             pairs.due[:] = pairs.clocks.now
         self.pairs = pairs
@@ -211,12 +211,8 @@ class Walls:
         """
         if x.size:
             self._radius = farthest(x, self.point) + reach
-        low, high = np.full((2, len(self.walls), 3), np.inf)
-        for w in range(len(self.walls)):
-            near = x[self.pairs.node[self.pairs.wall == w]]
-            low[w] = near.min(axis=0, initial=np.inf)
-            high[w] = -near.max(axis=0, initial=-np.inf)
-        both = np.stack([low, high], axis=1)
+        low, high = boxes_of_groups(x, self.pairs.node, self.pairs.wall, len(self.walls))
+        both = np.stack([low, -high], axis=1)
         comm.Allreduce(MPI.IN_PLACE, both, op=MPI.MIN)
         both[:, 1] *= -1.0
         both += reach * np.array([[-1.0], [1.0]])

@@ -39,16 +39,21 @@ def touch_full_cells(touch, box_low, box_high, full, low, size, first):
     """
     begin, end = np.empty(3, np.int64), np.empty(3, np.int64)
     for b in range(box_low.shape[0]):
-        touch[b] = False
         some = True
         for i in range(3):
             begin[i] = max(math.floor((box_low[b, i] - low[i]) / size) - first[i], 0)
             end[i] = math.floor((box_high[b, i] - low[i]) / size) - first[i] + 1
             end[i] = min(end[i], full.shape[i])
             some = some and begin[i] < end[i]
-        if not some:
-            continue
-        for i in range(begin[0], end[0]):
-            for j in range(begin[1], end[1]):
-                for k in range(begin[2], end[2]):
-                    touch[b] = touch[b] or full[i, j, k]
+        touch[b] = some and _any(full, begin, end)
+
+
+@numba.njit(cache=True)
+def _any(full, begin, end):
+    """Whether any cell from ``begin`` to before ``end`` is full."""
+    for i in range(begin[0], end[0]):
+        for j in range(begin[1], end[1]):
+            for k in range(begin[2], end[2]):
+                if full[i, j, k]:
+                    return True
+    return False
