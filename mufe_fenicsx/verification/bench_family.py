@@ -15,6 +15,8 @@ from .bench_launch import launch, row
 from .bench_turns import ratio
 from .family import MEMBERS, SIZE, member, scene_file
 
+#: Members whose cost `family` compares.
+FAMILY = "20,60,200,630"
 #: Growth of the cost of an element-step from the least member to the largest; two ranks over one;
 #: part of the box's rate that a loaded packing keeps; memory [bytes a tet].
 TARGET_GROWTH, TARGET_SPEEDUP, TARGET_PART, TARGET_MEMORY = 1.15, 1.9, 0.7, 1000.0
@@ -29,6 +31,20 @@ def _options(parameters):
     return str(parameters.pop("cache", "bench-cache")), float(parameters.pop("size", SIZE))
 
 
+def _numbers(members):
+    """Members by their numbers of grains: a list, one number, or text with commas.
+
+    Raises:
+        InputError: Something else.
+    """
+    members = members.split(",") if isinstance(members, str) else np.atleast_1d(members)
+    try:
+        return [int(number) for number in members]
+    except ValueError:
+        found = ",".join(members)
+        raise InputError(f"members = {found}, expected numbers as {FAMILY}") from None
+
+
 def _of_member(number, cache, size, more):
     folder = member(cache, number, size)
     scene = scene_file(folder, number)
@@ -41,7 +57,7 @@ def family(parameters):
     Parameters: ``cache``, ``size`` (see `family.member`); others of `bench.demo`.
     """
     cache, size = _options(parameters)
-    numbers = [int(n) for n in str(parameters.pop("members", "20,60,200,630")).split(",")]
+    numbers = _numbers(parameters.pop("members", FAMILY))
     results, rates = {}, []
     for number in numbers:
         more = {"strain": 0.002, "steps": 40, **parameters}
