@@ -1,24 +1,27 @@
 """Do plans keep their accuracy away from the table, and what does that cost?
 
 `mufe plan CASE --accuracy …` takes the cheapest choice that is within the accuracy not only as it
-was measured, but at another Poisson's ratio, size of contact or speed as well. Here
+was measured, but at another Poisson's ratio, size of contact or speed as well; with `--set speed=…`
+and the like, at that one. Here
 
-- `--elsewhere` computes the points that plans are made of at such parameters and stores the largest
-  error of each;
+- `--elsewhere` computes the points that plans are made of at such parameters and stores their
+  errors;
 - without it plans are made and followed at parameters that took no part in that, and their errors
   stand beside what was wanted. `--again` does so at further ones, for what became of plans at the
-  first ones led to a margin (planning.case). What plans cost stands beside two fronts: the cheapest
-  point of the table that is within the accuracy there, and the cheapest one that is within it where
-  plans are followed as well. A point may be within at one speed because its error changes sign
-  there: the second front leaves it out.
+  first ones led to a margin (planning.case). With `--stated` plans are told the parameters. What
+  plans cost stands beside two fronts: the cheapest point of the table that is within the accuracy
+  there, and the cheapest one that is within it wherever plans are followed as well. A point may be
+  within at one speed because its error changes sign there: the second front leaves it out.
 
     python demos/plan_accuracy.py FOLDER                minutes
+    python demos/plan_accuracy.py FOLDER --stated       minutes
     python demos/plan_accuracy.py FOLDER --again        minutes
-    python demos/plan_accuracy.py FOLDER --elsewhere    compute points elsewhere first, an hour
+    python demos/plan_accuracy.py FOLDER --elsewhere    compute points elsewhere first, a while
 """
 
 import argparse
 import csv
+import inspect
 import math
 from functools import cache
 from pathlib import Path
@@ -27,11 +30,13 @@ import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 
 # isort: split
 from mufe_fenicsx.arguments import number_or_text
+from mufe_fenicsx.charts.cases import POINTS
 from mufe_fenicsx.charts.measure import measure
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.evidence import (
     DONE,
     ELSEWHERE,
+    SUFFIX,
     cheapest,
     pareto,
     read_elsewhere,
@@ -46,14 +51,16 @@ ACCURACIES = (0.2, 0.1, 0.05, 0.03, 0.02)
 #: Parameters of a case other than those of the table: points are computed at the first ones, and
 #: plans are tried at the second ones, and again at the third ones.
 CHANGES = {
-    "hertz": (({"nu": 0.0}, {"nu": 0.3}, {"a_over_R": 0.03}),
+    "hertz": (({"nu": 0.0}, {"nu": 0.3}, {"a_over_R": 0.01}, {"a_over_R": 0.03}),
               ({"nu": 0.25, "a_over_R": 0.015}, {"nu": 0.05, "a_over_R": 0.025}),
               ({"nu": 0.1, "a_over_R": 0.0275}, {"nu": 0.2, "a_over_R": 0.0175})),
-    "mindlin": (({"nu": 0.15}, {"a_over_R": 0.02}), ({"nu": 0.2, "a_over_R": 0.0125},),
+    "mindlin": (({"nu": 0.15}, {"a_over_R": 0.01}, {"a_over_R": 0.02}),
+                ({"nu": 0.2, "a_over_R": 0.0125},),
                 ({"nu": 0.25, "a_over_R": 0.0175},)),
-    "impact": (({"speed": 20.0}, {"speed": 2.5}), ({"speed": 5.0}, {"speed": 15.0}),
-               ({"speed": 3.5}, {"speed": 12.0})),
-    "plastic-sphere": (({"nu": 0.3}, {"a_over_R": 0.085}), ({"nu": 0.3, "a_over_R": 0.08},),
+    "impact": (({"speed": 2.5}, {"speed": 5.0}, {"speed": 20.0}),
+               ({"speed": 3.5}, {"speed": 15.0}), ({"speed": 7.0}, {"speed": 12.0})),
+    "plastic-sphere": (({"nu": 0.3}, {"a_over_R": 0.075}, {"a_over_R": 0.085}),
+                       ({"nu": 0.3, "a_over_R": 0.08},),
                        ({"a_over_R": 0.0925},)),
 }  # fmt: skip
 
@@ -65,37 +72,44 @@ OVER = 1.5
 
 
 @cache
-def point_at(case, series, command_parameters, change):
-    """A point computed at other parameters; both of them pairs of names and values."""
-    parameters = {k: number_or_text(text) for k, text in command_parameters} | dict(change)
-    return measure(case, series, parameters)
+def point_at(case, series, parameters):
+    """A point computed with parameters, pairs of names and values."""
+    return measure(case, series, dict(parameters))
 
 
 def at(point, change):
     """The same choice as that of a point at other parameters."""
-    return point_at(
-        point.case, point.series, tuple(point.parameters.items()), tuple(change.items())
-    )
+    own = {name: number_or_text(text) for name, text in point.parameters.items()}
+    return point_at(point.case, point.series, tuple((own | change).items()))
 
 
-def compute_elsewhere(say, path=ELSEWHERE):
-    """Largest error elsewhere of the lines that reach the front; those that are known stay."""
+def compute_elsewhere(say, cases=tuple(CHANGES), path=ELSEWHERE):
+    """Errors elsewhere of the lines that reach the front; those that are known stay."""
     known = read_elsewhere(path) if path.exists() else {}
-    for case, (changes, *_) in CHANGES.items():
+    for case in cases:
         own = usable(read_points(), case)
         front = {point.command for point in pareto(own)}
         for line in lines(own):
             if front.isdisjoint(point.command for point in line):
                 continue
             for point in line:
-                if point.error > LARGEST or point.command in known:
+                if point.error > LARGEST:
                     continue
-                errors = [p.error for p in (at(point, change) for change in changes)
-                          if p.status == DONE]  # fmt: skip
-                if errors:
-                    known[point.command] = max(errors)
+                errors = {k: dict(v) for k, v in known.get(point.command, {}).items()}
+                for change in CHANGES[case][0]:
+                    ((name, value),) = change.items()
+                    along = errors.setdefault(name, {table_value(case, name): point.error})
+                    if value not in along and (done := at(point, change)).status == DONE:
+                        along[value] = done.error
+                if errors and errors != known.get(point.command):
+                    known[point.command] = errors
                     write_elsewhere(path, known)
-                    say(f"{case:15} {point.error:8.4f} -> {max(errors):8.4f}  {point.command}")
+                    say(f"{case:15} {point.error:8.4f} {errors} {point.command}")
+
+
+def table_value(case, name):
+    """What a parameter of a case is in the table: its default."""
+    return float(inspect.signature(POINTS[case + SUFFIX]).parameters[name].default)
 
 
 def front_where_followed(own, accuracy, changes):
@@ -108,8 +122,14 @@ def front_where_followed(own, accuracy, changes):
     return None
 
 
-def check(say, cases=tuple(CHANGES), again=False):
+def check(say, cases=tuple(CHANGES), again=False, stated=False):
     """Follow plans elsewhere, at the second or third parameters of ``CHANGES``.
+
+    Args:
+        say: Called with a line for each plan.
+        cases: Some of ``CHANGES``.
+        again: The third ones.
+        stated: Plans are told the parameters.
 
     Returns:
         Rows (case, accuracy, change, error, kept, time over that of the table's front, time and
@@ -119,14 +139,14 @@ def check(say, cases=tuple(CHANGES), again=False):
     for case in cases:
         changes, own = CHANGES[case][2 if again else 1], usable(read_points(), case)
         for accuracy in ACCURACIES:
-            try:
-                plan = plan_case(case, accuracy)
-            except InputError:
-                say(f"{case:15} wanted {accuracy:5.2f}: refused")
-                continue
-            over = plan.seconds / cheapest(own, accuracy).seconds
             front = front_where_followed(own, accuracy, changes)
             for change in changes:
+                try:
+                    plan = plan_case(case, accuracy, stated=change if stated else None)
+                except InputError:
+                    say(f"{case:15} wanted {accuracy:5.2f} at {change}: refused")
+                    continue
+                over = plan.seconds / cheapest(own, accuracy).seconds
                 done = at(plan, change)
                 kept = done.error <= accuracy  # nan: no
                 time, work = math.nan, math.nan
@@ -139,8 +159,8 @@ def check(say, cases=tuple(CHANGES), again=False):
                 )
                 word = "kept" if kept else "NOT KEPT"
                 say(
-                    f"{case:15} wanted {accuracy:5.2f} error {done.error:8.4f} {word:8} cost "
-                    f"{over:5.2f} x; there {time:5.2f} x, {work:5.2f} x element-steps  "
+                    f"{case:15} {change} wanted {accuracy:5.2f} error {done.error:8.4f} {word:8} "
+                    f"cost {over:5.2f} x; there {time:5.2f} x, {work:5.2f} x element-steps  "
                     f"{done.command}; front {front and front.command}"
                 )
     return rows
@@ -153,6 +173,7 @@ def main():
     parser.add_argument("folder", type=Path)
     parser.add_argument("--elsewhere", action="store_true", help="compute points there first")
     parser.add_argument("--again", action="store_true", help="follow plans at further parameters")
+    parser.add_argument("--stated", action="store_true", help="plans are told the parameters")
     parser.add_argument("--cases", nargs="+", default=list(CHANGES), choices=list(CHANGES))
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
@@ -161,8 +182,8 @@ def main():
         print(text, flush=True)
 
     if given.elsewhere:
-        compute_elsewhere(say)
-    rows = check(say, given.cases, given.again)
+        compute_elsewhere(say, given.cases)
+    rows = check(say, given.cases, given.again, given.stated)
     with (given.folder / "plan_accuracy.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["case", "accuracy", "change", "error", "kept", "cost_over_front",

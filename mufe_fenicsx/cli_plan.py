@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from .arguments import parameters
 from .cli_app import Json, app, world
 from .errors import InputError
 from .terminal import Printer
@@ -23,6 +24,10 @@ def plan(
         float | None,
         typer.Option(help="Wanted error of the stress, 0.05 for 5 %; default: the scene's."),
     ] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="K=V", help="Parameter of a case, as speed=15; repeatable."),
+    ] = None,
     grains: Annotated[Path | None, typer.Option(metavar="DIR", help="As of `mufe run`.")] = None,
     json: Json = None,
 ):
@@ -33,8 +38,10 @@ def plan(
     comm = world()
     printer = Printer(json, comm.rank)
     if scene in CASES and not Path(scene).exists():
-        _plan_case(scene, accuracy, printer)
+        _plan_case(scene, accuracy, parameters(changes), printer)
         return
+    if changes:
+        raise InputError(f"--set {changes[0]} with a scene file, expected one with a case alone")
     from .planning.text import as_dict, lines
     from .preparation import read_scene
 
@@ -49,10 +56,10 @@ def plan(
     printer.write_json(as_dict(made, cost))
 
 
-def _plan_case(case, accuracy, printer):
+def _plan_case(case, accuracy, stated, printer):
     from .planning.case import measured, plan_case
 
-    point = plan_case(case, accuracy)
+    point = plan_case(case, accuracy, stated=stated)
     known = "measured" if measured(point) else point.status
     printer.summary({
         "case": case, "accuracy": accuracy, "error": point.error, "choice": point.series,

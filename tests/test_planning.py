@@ -269,7 +269,12 @@ def test_the_stored_table_repeats():
 def on_meshes(errors):
     """Points on meshes of n elements that take n³ seconds, {n: error}, and the same elsewhere."""
     on = [point(e, n**3, elements_per_radius=n) for n, e in errors.items()]
-    return on, {p.command: p.error for p in on}
+    return on, {p.command: everywhere(p.error) for p in on}
+
+
+def everywhere(error):
+    """The same error at two Poisson's ratios."""
+    return {"nu": {0.1: error, 0.3: error}}
 
 
 def test_a_plan_of_a_case_lies_between_two_meshes():
@@ -281,18 +286,42 @@ def test_a_plan_of_a_case_lies_between_two_meshes():
     assert plan.status == "not measured, between elements_per_radius = 2 and 4"
     # Edges' lengths fall as meshes get finer.
     edges = [point(0.4 * h**2, h**-3, element_size=h) for h in (1.0, 0.5, 0.25)]
-    plan = plan_case("hertz", 0.05, edges, {p.command: p.error for p in edges})
+    plan = plan_case("hertz", 0.05, edges, {p.command: everywhere(p.error) for p in edges})
     assert plan.parameters == {"element_size": "0.306"}
 
 
 def test_errors_that_are_small_by_chance_do_not_draw_plans_to_coarse_meshes():
     """None between 20 and 1 % where 10 % follow; and 16 to 0.1 % on half the edges counts as h²."""
     on, known = on_meshes({1.0: 0.2, 2.0: 0.01, 4.0: 0.1, 8.0: 0.01})
-    known[on[1].command] = 0.1
+    known[on[1].command] = everywhere(0.1)
     assert float(plan_case("hertz", 0.05, on, known).parameters["elements_per_radius"]) > 4
     on, known = on_meshes({2.0: 0.16, 4.0: 0.001})
     # 2 (0.16/0.075)^½ with the margin.
     assert plan_case("hertz", 0.1, on, known).parameters == {"elements_per_radius": "2.93"}
+
+
+def test_a_plan_knows_the_speed_that_it_is_for():
+    """Error 0.3 at 2, 0.1 at 6 and 0.12 at 10, on straight lines between, over 0.94."""
+    cheap = point(0.1, 1.0, elements_per_radius=2.0, fidelity="rigid")
+    dear = point(0.01, 8.0, elements_per_radius=2.0)
+    known = {cheap.command: {"speed": {2.0: 0.3, 6.0: 0.1, 10.0: 0.12}, "nu": {0.1: 0.1}},
+             dear.command: {"speed": {2.0: 0.01, 10.0: 0.02}}}  # fmt: skip
+
+    def plan(accuracy, **stated):
+        return plan_case("hertz", accuracy, [cheap, dear], known, stated)
+
+    assert plan(0.25) == dear  # at any speed
+    found = plan(0.2 / 0.94 + 1e-9, speed=4)
+    assert found.error == pytest.approx(0.2) and found.status == "not measured at speed = 4"
+    assert found.parameters == cheap.parameters | {"speed": "4"}
+    assert plan(0.2, speed=4.0).parameters == dear.parameters | {"speed": "4"}
+    assert plan(0.12, speed=8.0).parameters == cheap.parameters | {"speed": "8"}
+    # Nothing is known of 12: it may be as bad as at the worst speed.
+    assert plan(0.25, speed=12.0).parameters == dear.parameters | {"speed": "12"}
+    with pytest.raises(InputError, match="parameter spede of a plan for hertz, expected nu or spe"):
+        plan(0.2, spede=4.0)
+    with pytest.raises(InputError, match="speed = fast, expected a number"):
+        plan(0.2, speed="fast")
 
 
 @pytest.mark.parametrize(

@@ -113,29 +113,38 @@ def _point(row):
 
 
 def read_elsewhere(path=ELSEWHERE):
-    """{command of a point: largest error of the same at other parameters}.
+    """{command of a point: {parameter: {value: error}}}, its own values and others.
+
+    A point's errors along a parameter are those with all other parameters as in the table.
 
     Raises:
         InputError: There is no such table, or a row is not one of it.
     """
+    found = {}
     try:
         with Path(path).open(encoding="utf-8", newline="") as file:
-            return {row["command"]: float(row["largest"]) for row in csv.DictReader(file)}
+            for row in csv.DictReader(file):
+                along = found.setdefault(row["command"], {}).setdefault(row["parameter"], {})
+                along[float(row["value"])] = float(row["error"])
     except OSError as error:
         raise InputError(
             f"table {path}: {error.strerror}, expected that of demos/plan_accuracy.py"
         ) from error
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"table {path} has a row that is no error ({error})") from error
+    return found
 
 
 def write_elsewhere(path, errors):
-    """Write a table of {command: largest error}, whole or not at all."""
+    """Write a table of errors as :func:`read_elsewhere` returns them, whole or not at all."""
     new = Path(f"{path}.new")
     with new.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["command", "largest"])
-        writer.writerows([command, f"{error:.4g}"] for command, error in errors.items())
+        writer.writerow(["command", "parameter", "value", "error"])
+        for command, along in errors.items():
+            for name, values in along.items():
+                for value, error in sorted(values.items()):
+                    writer.writerow([command, name, f"{value:g}", f"{error:.4g}"])
     new.replace(path)
 
 

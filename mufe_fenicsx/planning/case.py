@@ -4,10 +4,16 @@ Errors and costs of a choice of element, law, time step, mass and loading are kn
 meshes. Between two of them costs are taken to lie on straight lines of logarithms, and errors on
 e ~ hᵖ from the coarser one, p that of the two, but at most the order of linear elements: where
 errors fall faster, that of the finer mesh is small by chance. Nothing is taken beyond the finest.
+
+A choice has to keep the accuracy at all values that its error was computed for, of the speed and
+the like; where those of a scene are stated, at these, on a straight line between their neighbours.
 """
 
 import itertools
 import math
+from dataclasses import replace
+
+import numpy as np
 
 from ..errors import InputError
 from ..evidence import DONE, SUFFIX, Point, command_of, read_elsewhere, read_points, usable
@@ -26,54 +32,103 @@ ORDER = 2.0
 MESHES = {"elements_per_radius": 1, "element_size": -1}
 
 
-def expected_error(point, elsewhere):
+def expected_error(point, elsewhere, stated=None):
     """What the error of a point may be at parameters other than its own.
 
     Args:
         point: :class:`~mufe_fenicsx.evidence.Point`.
-        elsewhere: {command: largest error elsewhere} of those that were computed there.
+        elsewhere: Errors of those that were computed there, as of `evidence.read_elsewhere`.
+        stated: {parameter: value} of the case where these are known; others may be anything.
     """
-    return _largest(point, elsewhere) / (RESERVE if point.command in elsewhere else 1.0)
+    reserve = RESERVE if point.command in elsewhere else 1.0
+    return _largest(point, elsewhere, stated or {}) / reserve
 
 
-def _largest(point, elsewhere):
+def _largest(point, elsewhere, stated):
     """The largest error that was computed; where that is the table's alone, with its margin."""
-    largest = elsewhere.get(point.command)
-    return point.error / MARGIN if largest is None else max(point.error, largest)
+    known = elsewhere.get(point.command)
+    if known is None:
+        return point.error / MARGIN
+    errors = (_along(values, stated.get(name)) for name, values in known.items())
+    return max(errors, default=point.error)
 
 
-def plan_case(case, accuracy, points=None, elsewhere=None):
+def _along(values, wanted):
+    """The error at a value of a parameter, on the straight line between its neighbours.
+
+    The largest of all where none is wanted, or one outside of what was computed.
+    """
+    value = sorted(values)
+    if wanted is None or not value[0] <= wanted <= value[-1]:
+        return max(values.values())
+    return float(np.interp(wanted, value, [values[v] for v in value]))
+
+
+def _checked(stated, case, own, elsewhere):
+    """The stated parameters, numbers.
+
+    Raises:
+        InputError: One of them is none that errors of the case are known along, or no number.
+    """
+    names = {name for point in own for name in elsewhere.get(point.command, ())}
+    for name, value in stated.items():
+        if name not in names:
+            known = " or ".join(sorted(names)) or "none"
+            raise InputError(f"parameter {name} of a plan for {case}, expected {known}")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(f"{name} = {value}, expected a number")
+    return {name: float(value) for name, value in stated.items()}
+
+
+def plan_case(case, accuracy, points=None, elsewhere=None, stated=None):
     """The cheapest choice for a case of charts that keeps an accuracy elsewhere too.
 
     Args:
         case: Name of a case of which the table has points.
         accuracy: Wanted error.
         points: Of the table; None: the stored one.
-        elsewhere: {command: largest error at other parameters}; None: those that are stored.
+        elsewhere: Errors at other parameters, as of `evidence.read_elsewhere`; None: those that
+            are stored.
+        stated: {parameter: value} of the case that the choice is for; what is not stated may be
+            anything that errors were computed for.
 
     Returns:
         :class:`~mufe_fenicsx.evidence.Point`, a measured one or one between two of them, whose
-        status says between which.
+        status says between which; its command has what is stated.
 
     Raises:
-        InputError: The table has none; the message says how near the nearest is.
+        InputError: The table has none; the message says how near the nearest is. Or nothing is
+            known along a stated parameter.
     """
     accuracy = checked_accuracy(accuracy)
     own = usable(read_points() if points is None else points, case)
     if not own:
         raise InputError(f"case {case}, expected one of which the table of points has some")
     elsewhere = read_elsewhere() if elsewhere is None else elsewhere
-    good = [p for p in own if expected_error(p, elsewhere) <= accuracy]
+    stated = _checked(stated or {}, case, own, elsewhere)
+    good = [p for p in own if expected_error(p, elsewhere, stated) <= accuracy]
     if not good:
-        best = min(own, key=lambda p: expected_error(p, elsewhere))
-        least = expected_error(best, elsewhere)
+        best = min(own, key=lambda p: expected_error(p, elsewhere, stated))
+        least = expected_error(best, elsewhere, stated)
         raise InputError(
             f"accuracy = {accuracy:g}, expected at least {least:.2g}: the nearest that was "
             f"measured of {case}{SUFFIX} is `{best.command}` in {best.seconds:.3g} s"
         )
     for line in lines(own):
-        good += _on_line(line, accuracy, elsewhere)
-    return min(good, key=lambda p: (p.seconds, p.error))
+        good += _on_line(line, accuracy, lambda p: _largest(p, elsewhere, stated))
+    return _there(min(good, key=lambda p: (p.seconds, p.error)), elsewhere, stated)
+
+
+def _there(point, elsewhere, stated):
+    """A point of a plan at stated parameters."""
+    if not stated:
+        return point
+    command = command_of(point.case, point.parameters | stated)
+    if point.status != DONE:
+        return replace(point, command=command)
+    shown = ", ".join(f"{name} = {value:g}" for name, value in stated.items())
+    error = _largest(point, elsewhere, stated)
+    return replace(point, command=command, error=error, status=f"not measured at {shown}")
 
 
 def lines(points):
@@ -91,15 +146,15 @@ def fineness(point):
     return float(point.parameters[name]) ** MESHES[name]
 
 
-def _on_line(line, accuracy, elsewhere):
+def _on_line(line, accuracy, largest):
     """The point between two of a line whose error, with a margin, is the accuracy: a list or [].
 
     Errors of all finer meshes have to be within the accuracy: one that is small by chance, where
     the error changes its sign, is no end of a line.
     """
-    worst = list(itertools.accumulate((_largest(p, elsewhere) for p in line[::-1]), max))
+    worst = list(itertools.accumulate((largest(p) for p in line[::-1]), max))
     for (coarse, fine), off in zip(itertools.pairwise(line), worst[-2::-1], strict=True):
-        most = _largest(coarse, elsewhere)
+        most = largest(coarse)
         if not off <= accuracy < most:
             continue
         whole = fineness(fine) / fineness(coarse)

@@ -8,8 +8,9 @@ from typing import Literal
 import numpy as np
 
 from ..materials.elastic import Elastic
+from ..materials.rigid import Rigid
 from ..theory.ball_impact import ball_impact
-from ..theory.impact import hertz_impact
+from ..theory.impact import hertz_impact, part_above
 from ..theory.sphere_modes import vibration_loss
 from .case import case, compare
 from .collide import Balls, Impacts
@@ -18,6 +19,8 @@ QUARTZ, RADIUS = Elastic(100e9, 0.15, 2650.0), 1e-3
 SPEEDS = (10.0, 1.0, 0.1)
 #: What meets what, in the order of the arrays below.
 PARTNERS = ("plane", "ball")
+#: Part of the largest force above which contact is timed.
+LEVEL = 0.02
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class NormalImpact:
     time: np.ndarray  #: since the start [s], shape (num_samples,)
     force: np.ndarray  #: on the ball [N], shape (num_samples, 2)
     approach: np.ndarray  #: of its centre and the plane [m], shape (num_samples, 2)
-    contact_time: np.ndarray  #: from the first force to the last [s], shape (2,)
+    contact_time: np.ndarray  #: from the time above ``LEVEL`` [s], shape (2,)
     restitution: np.ndarray  #: speed after over speed before, shape (2,)
     gain: float  #: largest sum of all energies over the first kinetic one, less 1
     mass: float  #: of the ball's mesh [kg]
@@ -63,7 +66,8 @@ def normal_impact(
         radius, a, a / elements_per_radius, speed, on_plane=((0.0, 0.0),), on_ball=((0.0, 0.0),),
         growth=growth,
     )  # fmt: skip
-    records = {"every": 2}
+    # Rigid balls take some twenty steps.
+    records = {"every": 1 if isinstance(material, Rigid) else 2}
     if increments is not None:
         options |= {"increment": theory.time / increments, "spectral_radius": 0.8}
         records = {"every": 1, "check": 5}
@@ -77,19 +81,38 @@ def normal_impact(
     force = mass * np.gradient(v, t, axis=0)
     way = np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)[:, None], axis=0)
     approach = -np.concatenate([np.zeros((1, 2)), way]) - balls.gap
-    on = force > 1e-6 * force.max(axis=0)
-    contact_time = [np.ptp(t[on[:, k]]) for k in range(2)]
+    # Differences over one sample smear the course least.
+    middle, means = 0.5 * (t[1:] + t[:-1]), mass * np.diff(v, axis=0) / np.diff(t)[:, None]
+    times = [contact_time(middle, f) for f in means.T]
     return NormalImpact(
         time=t,
         force=force,
         approach=approach,
-        contact_time=np.array(contact_time),
+        contact_time=np.array(times),
         restitution=-v[-1] / v[0],
         gain=float(energy[:, 1].max() - 1),
         mass=float(mass[0]),
         processor_s=processor_s,
         balls=balls,
     )
+
+
+def contact_time(time, force):
+    """Time of contact [s]: that with a force above ``LEVEL``, over its part of Hertz's course.
+
+    Below, single facets touch and leave again, and balls that ring touch once more in the end.
+
+    Args:
+        time: Increasing [s], shape (num_samples,).
+        force: In any unit, compression positive, shape (num_samples,).
+    """
+    time, force = np.pad(time, 1, mode="edge"), np.pad(force, 1)
+    level, peak = LEVEL * force.max(), force.argmax()
+    below = np.flatnonzero(force <= level)
+    before, after = below[below < peak][-1], below[below > peak][0]
+    begin = np.interp(level, force[before : before + 2], time[before : before + 2])
+    end = np.interp(level, force[after - 1 : after + 1][::-1], time[after - 1 : after + 1][::-1])
+    return (end - begin) / part_above(LEVEL)
 
 
 def impact_theory(mass, speed, material=QUARTZ, radius=RADIUS):

@@ -5,6 +5,7 @@ import pytest
 
 from mufe_fenicsx.theory import ball_impact, finite_sphere, impact, oblique_impact, sphere_modes
 from mufe_fenicsx.verification.chung_ooi import PARTICLE_IMPACTS, angles_of_incidence
+from mufe_fenicsx.verification.impact import contact_time
 
 NU = 0.3
 CHI = oblique_impact.inertia_parameter(NU)
@@ -20,6 +21,23 @@ def test_hertz_impact_keeps_energy_and_lasts_as_long_as_its_integral():
     _, delta, _, work, time = impact.loading(lambda r: r**2, lambda r: r**3)
     assert work == pytest.approx(0.4, rel=1e-8)
     assert 2 * time[-1] / delta[-1] == pytest.approx(impact.DURATION, rel=1e-4)
+
+
+def test_contact_is_timed_by_its_force_above_a_level_where_facets_touch_one_by_one():
+    time, force = impact.hertz_pulse(20001)
+    for level in (0.02, 0.1):  # the series is good to 1e-6, interpolation to 1e-5
+        above = 1 - 2 * np.interp(level, force[:10001], time[:10001])
+        assert impact.part_above(level) == pytest.approx(above, abs=1e-5)
+    # Forty samples of a contact that lasts 3, from 1 on, and touches before and after.
+    t = np.linspace(0.0, 6.0, 81)
+    touching = np.interp(t, 1.0 + 3.0 * time, force, 0.0, 0.0)
+    touching[[3, 8, 70]] += 0.015
+    # Chords of t^(3/2) cross the level late, by up to a tenth of the way between two samples,
+    # which is 2.5 % of the contact.
+    assert contact_time(t, touching) == pytest.approx(3.0, rel=5e-3)
+    # A ball that is still there at 2.925 has been so far; 0.075 are below the level.
+    part = impact.part_above(0.02)
+    assert contact_time(t[:40], touching[:40]) == pytest.approx((1.925 - 0.075) / part, rel=5e-3)
 
 
 def test_spectrum_of_the_pulse():
