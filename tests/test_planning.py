@@ -301,7 +301,7 @@ def test_errors_that_are_small_by_chance_do_not_draw_plans_to_coarse_meshes():
 
 
 def test_a_plan_knows_the_speed_that_it_is_for():
-    """Error 0.3 at 2, 0.1 at 6 and 0.12 at 10, on straight lines between, over 0.94."""
+    """Error 0.3 at 2, 0.1 at 6 and 0.12 at 10, over 0.94; on lines between them, over 0.84."""
     cheap = point(0.1, 1.0, elements_per_radius=2.0, fidelity="rigid")
     dear = point(0.01, 8.0, elements_per_radius=2.0)
     known = {cheap.command: {"speed": {2.0: 0.3, 6.0: 0.1, 10.0: 0.12}, "nu": {0.1: 0.1}},
@@ -311,11 +311,13 @@ def test_a_plan_knows_the_speed_that_it_is_for():
         return plan_case("hertz", accuracy, [cheap, dear], known, stated)
 
     assert plan(0.25) == dear  # at any speed
-    found = plan(0.2 / 0.94 + 1e-9, speed=4)
+    found = plan(0.2 / 0.84 + 1e-9, speed=4)
     assert found.error == pytest.approx(0.2) and found.status == "not measured at speed = 4"
     assert found.parameters == cheap.parameters | {"speed": "4"}
-    assert plan(0.2, speed=4.0).parameters == dear.parameters | {"speed": "4"}
-    assert plan(0.12, speed=8.0).parameters == cheap.parameters | {"speed": "8"}
+    assert plan(0.2 / 0.84 - 1e-9, speed=4.0).parameters == dear.parameters | {"speed": "4"}
+    assert plan(0.1 / 0.94 + 1e-9, speed=6.0, nu=0.1).parameters["fidelity"] == "rigid"
+    assert "fidelity" not in plan(0.1 / 0.94 - 1e-9, speed=6.0).parameters
+    assert plan(0.11 / 0.84 + 1e-9, speed=8.0).parameters == cheap.parameters | {"speed": "8"}
     # Nothing is known of 12: it may be as bad as at the worst speed.
     assert plan(0.25, speed=12.0).parameters == dear.parameters | {"speed": "12"}
     with pytest.raises(InputError, match="parameter spede of a plan for hertz, expected nu or spe"):
