@@ -51,7 +51,7 @@ CHARTS = {
         ("stiff penalty", "contact at nodes", "element's time step", "loading x 4", "static"),
     ),
     "impact": (
-        (1.5, 2.0, 2.5, 3.0, 4.0), (1.5, 2.5), (6.0,),
+        (1.5, 1.75, 2.0, 2.25, 2.5, 3.0, 3.5, 4.0), (1.5, 2.5), (6.0,),
         (OURS, SEED, "plain P1", "mass 1 %", "mass 5 %"),
         ("stiff penalty", "kinematic law", "contact at nodes", "element's time step", "rigid"),
     ),
