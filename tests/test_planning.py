@@ -19,7 +19,7 @@ from mufe_fenicsx.geometry.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.materials.rigid import Rigid
-from mufe_fenicsx.planning.case import expected_error, plan_case
+from mufe_fenicsx.planning.case import expected_error, plan_case, settled
 from mufe_fenicsx.planning.choice import follow, plan_scene
 from mufe_fenicsx.planning.contacts import Closing
 from mufe_fenicsx.planning.cost import (
@@ -320,6 +320,11 @@ def test_a_plan_knows_the_speed_that_it_is_for():
     assert plan(0.11 / 0.84 + 1e-9, speed=8.0).parameters == cheap.parameters | {"speed": "8"}
     # Nothing is known of 12: it may be as bad as at the worst speed.
     assert plan(0.25, speed=12.0).parameters == dear.parameters | {"speed": "12"}
+    # At 6 a finer mesh is worse than the cheap one, which is within 0.11 by chance then.
+    finer = point(0.1, 16.0, elements_per_radius=3.0, fidelity="rigid")
+    known[finer.command] = {"speed": {2.0: 0.1, 6.0: 0.15, 10.0: 0.1}}
+    assert "fidelity" not in plan_case(
+        "hertz", 0.11, [cheap, dear, finer], known, {"speed": 6.0}).parameters  # fmt: skip
     with pytest.raises(InputError, match="parameter spede of a plan for hertz, expected nu or spe"):
         plan(0.2, spede=4.0)
     with pytest.raises(InputError, match="speed = fast, expected a number"):
@@ -331,7 +336,8 @@ def test_a_plan_knows_the_speed_that_it_is_for():
 )
 def test_stored_points_plan_their_cases(case):
     """Finer is never cheaper, and no point within the accuracy is cheaper than what is chosen."""
-    stored, elsewhere = evidence.usable(evidence.read_points(), case), evidence.read_elsewhere()
+    stored = evidence.usable(evidence.read_points(), case)
+    elsewhere = settled(stored, evidence.read_elsewhere())
     best = min(expected_error(p, elsewhere) for p in stored)
     coarse, fine = plan_case(case, min(3 * best, 0.9)), plan_case(case, 1.1 * best)
     assert coarse.seconds <= fine.seconds

@@ -45,7 +45,7 @@ CHARTS = {
          "loading x 2", "loading x 4", "mass 5 %, loading x 2", "implicit"),
     ),
     "mindlin": (
-        (1.5, 2.5, 3.5), (1.5,), (5.0,),
+        (1.5, 2.0, 2.5, 3.0, 3.5), (1.5,), (5.0,),
         (OURS, SEED, "plain P1", "mass 1 %", "mass 5 %", "loading x 2", "mass 1 %, loading x 2",
          "mass 5 %, loading x 2"),
         ("stiff penalty", "contact at nodes", "element's time step", "loading x 4", "static"),
@@ -56,7 +56,7 @@ CHARTS = {
         ("stiff penalty", "kinematic law", "contact at nodes", "element's time step", "rigid"),
     ),
     "plastic-sphere": (
-        (0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0), (1.5, 2.5), (6.0,),
+        (0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0), (1.5, 2.5), (6.0,),
         (OURS, SEED, "plain P1", "composite", "mass 1 %", "mass 5 %"),
         ("stiff penalty", "contact at nodes", "element's time step", "loading x 2", "loading x 4",
          "static"),

@@ -52,6 +52,31 @@ def expected_error(point, elsewhere, stated=None):
     return max(errors, default=point.error / RESERVE)
 
 
+def settled(points, elsewhere):
+    """Errors elsewhere, those of a mesh no smaller than those of finer ones of its line.
+
+    An error that grows again on a finer mesh was small by chance, as by a change of its sign.
+
+    Args:
+        points: Of one case.
+        elsewhere: As of `evidence.read_elsewhere`.
+    """
+    found = {}
+    for line in lines(points):
+        finer = {}
+        for point in line[::-1]:
+            own = elsewhere.get(point.command, {})
+            for name, values in own.items():
+                for value, error in values.items():
+                    finer[name, value] = max(error, finer.get((name, value), 0.0))
+            if own:
+                found[point.command] = {
+                    name: {value: finer[name, value] for value in values}
+                    for name, values in own.items()
+                }
+    return found
+
+
 def _largest(point, elsewhere, stated):
     """The largest error that was computed; where that is the table's alone, with its margin."""
     known = elsewhere.get(point.command)
@@ -120,6 +145,7 @@ def plan_case(case, accuracy, points=None, elsewhere=None, stated=None):
         raise InputError(f"case {case}, expected one of which the table of points has some")
     elsewhere = read_elsewhere() if elsewhere is None else elsewhere
     stated = _checked(stated or {}, case, own, elsewhere)
+    elsewhere = settled(own, elsewhere)
     good = [p for p in own if expected_error(p, elsewhere, stated) <= accuracy]
     if not good:
         best = min(own, key=lambda p: expected_error(p, elsewhere, stated))
