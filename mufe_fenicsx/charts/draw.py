@@ -24,6 +24,7 @@ LOOKS = {
     "loading x 2": (style.ORANGE, "<", "-"),
     "loading x 4": (style.ORANGE, ">", "--"),
     "mass 1 %, loading x 2": (style.ORANGE, "h", "-."),
+    "mass 5 %, loading x 1.5": (style.ORANGE, "H", "-"),
     "mass 5 %, loading x 2": (style.ORANGE, "p", ":"),
     "static": (style.GREY, "P", "-"),
     "implicit": (style.GREY, "X", "--"),

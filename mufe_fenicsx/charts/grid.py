@@ -21,6 +21,7 @@ LINES = {
     "loading x 2": {"loading": 2.0},
     "loading x 4": {"loading": 4.0},
     "mass 1 %, loading x 2": {"added_mass": 0.01, "loading": 2.0},
+    "mass 5 %, loading x 1.5": {"added_mass": 0.05, "loading": 1.5},
     "mass 5 %, loading x 2": {"added_mass": 0.05, "loading": 2.0},
     "static": {"integrator": "static"},
     "implicit": {"integrator": "implicit"},
@@ -39,15 +40,15 @@ SIZE = {
 #: main lines; others.
 CHARTS = {
     "hertz": (
-        (0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0), (1.5, 2.5), (6.0,),
+        (0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0), (1.5, 2.5), (6.0,),
         (OURS, SEED, "plain P1", "mass 1 %", "mass 5 %", "static"),
         ("composite", "stiff penalty", "kinematic law", "contact at nodes", "element's time step",
          "loading x 2", "loading x 4", "mass 5 %, loading x 2", "implicit"),
     ),
     "mindlin": (
-        (1.5, 2.0, 2.5, 3.0, 3.5), (1.5,), (5.0,),
+        (1.5, 1.75, 2.0, 2.25, 2.5, 3.0, 3.5), (1.5,), (5.0,),
         (OURS, SEED, "plain P1", "mass 1 %", "mass 5 %", "loading x 2", "mass 1 %, loading x 2",
-         "mass 5 %, loading x 2"),
+         "mass 5 %, loading x 1.5", "mass 5 %, loading x 2"),
         ("stiff penalty", "contact at nodes", "element's time step", "loading x 4", "static"),
     ),
     "impact": (
