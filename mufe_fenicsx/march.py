@@ -5,17 +5,19 @@ import signal
 
 from .balance import INTERVAL
 from .errors import Interrupted, SolverError
-from .interruption import Interruption
 from .progress import ProgressLine
 
 
-def march(simulation, loading, recorder, output, save, balance, max_steps, quiet, resumed):
+def march(
+    simulation, loading, recorder, output, interruption, save, balance, max_steps, quiet, resumed
+):
     """Step until the end of the test; returns why it stopped, or None to begin anew. Collective.
 
     Args:
         simulation, loading: What moves.
         recorder: :class:`~mufe_fenicsx.recorder.Recorder`.
         output: Of the scene: when checkpoints are due.
+        interruption: :class:`~mufe_fenicsx.interruption.Interruption`, entered.
         save: Writes one.
         balance: Shares the work of the ranks anew where that is worth it, and writes a checkpoint
             to begin anew from; returns whether it did.
@@ -30,10 +32,7 @@ def march(simulation, loading, recorder, output, save, balance, max_steps, quiet
     """
     state = simulation.state
     due, balance_due = _Due(output, loading), EachStrain(INTERVAL, loading)
-    with (
-        ProgressLine(simulation.comm, loading, quiet) as progress,
-        Interruption(simulation.comm, output.checkpoint) as interruption,
-    ):
+    with ProgressLine(simulation.comm, loading, quiet) as progress:
         while True:
             if not resumed:  # that step is recorded already
                 recorder.after_step()

@@ -12,6 +12,7 @@ from .balance import better_partition
 from .contact.mirrors import check_mirrors
 from .contact.separation import separate
 from .errors import InputError, Interrupted, SolverError, UnstableError
+from .interruption import Interruption
 from .loading import OedometerLoading
 from .march import march
 from .memory import peak_memory, return_freed_arrays
@@ -157,36 +158,9 @@ class _Test:
             summary["balanced_at_steps"] = checkpoint.header["balanced_at_steps"]
         if comm.rank == 0:
             write_run_json(self.folder, self.now())
-        error = None
-        while True:
-            try:
-                reason = march(
-                    self.simulation, self.loading, self.recorder, self.scene.output, self.save,
-                    self.balance, max_steps, self.quiet, resumed,
-                )  # fmt: skip
-                if reason is None:
-                    self.begin_again(find_checkpoint(comm, self.folder))
-                    resumed = True
-                    continue
-                summary["stop_reason"] = reason
-                summary["finished"] = bool(self.loading.finished)
-                break
-            except UnstableError as failure:
-                found = self.recovery.answer(failure, self.simulation, self.checkpoints)
-                if found is None:
-                    error = self.recovery.exhausted(failure)
-                    break
-                resumed = found.checkpoint is not None
-                self.begin_again(found.checkpoint)
-            except (SolverError, Interrupted) as failure:
-                error = failure
-                break
-            except InputError as failure:  # a disk that is full
-                if self.checkpoints.last is None:
-                    raise
-                raise InputError(
-                    f"{failure}; --resume goes on from {self.checkpoints.last}"
-                ) from failure
+        # A signal between two marches, while all begins anew, is not lost.
+        with Interruption(comm, self.scene.output.checkpoint) as interruption:
+            error = self.march(interruption, max_steps, resumed)
         if error is not None:
             summary["stop_reason"] = str(error)
         if isinstance(error, SolverError):
@@ -212,6 +186,35 @@ class _Test:
         if error is not None:
             raise error
         return summary
+
+    def march(self, interruption, max_steps, resumed):
+        """March to the end, again after each failure that has an answer; the error, or None."""
+        while True:
+            try:
+                reason = march(
+                    self.simulation, self.loading, self.recorder, self.scene.output, interruption,
+                    self.save, self.balance, max_steps, self.quiet, resumed,
+                )  # fmt: skip
+                if reason is not None:
+                    self.summary["stop_reason"] = reason
+                    self.summary["finished"] = bool(self.loading.finished)
+                    return None
+                self.begin_again(find_checkpoint(self.comm, self.folder))
+                resumed = True
+            except UnstableError as failure:
+                found = self.recovery.answer(failure, self.simulation, self.checkpoints)
+                if found is None:
+                    return self.recovery.exhausted(failure)
+                resumed = found.checkpoint is not None
+                self.begin_again(found.checkpoint)
+            except (SolverError, Interrupted) as failure:
+                return failure
+            except InputError as failure:  # a disk that is full
+                if self.checkpoints.last is None:
+                    raise
+                raise InputError(
+                    f"{failure}; --resume goes on from {self.checkpoints.last}"
+                ) from failure
 
     def begin(self, checkpoint=None, kept=None):
         """Simulation, loading and recorder of the start, or of a checkpoint and its tables."""

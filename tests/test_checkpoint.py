@@ -16,6 +16,7 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx import interruption
+from mufe_fenicsx import run as run_module
 from mufe_fenicsx.errors import InputError, Interrupted
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.launcher import environment_without_launcher, find_mpirun
@@ -47,7 +48,7 @@ TABLE = ((0.0, 10e6), (0.05, 110e6))
 PATIENCE = 240
 
 
-def scene(strain=0.008, **output):
+def scene(strain=0.008, speed=20.0, **output):
     """Friction, yielding, a rigid grain, one that is so until loaded, and a wall with a servo."""
     return Scene(
         material=J2(*ROCK, TABLE),
@@ -56,7 +57,7 @@ def scene(strain=0.008, **output):
             "late": Group((3, 5), Auto(*ROCK, TABLE, margin=0.05)),
         },
         contact=Contact(friction=0.4, friction_kinetic=0.3, wall_friction=0.2),
-        oedometer=Oedometer(strain=strain, speed=20.0, seating_stress=1e4),
+        oedometer=Oedometer(strain=strain, speed=speed, seating_stress=1e4),
         walls={"x_max": Wall(stress=2e5, speed=1.0)},
         output=Output(fields=3, history=41, **output),
         quasi_static=QuasiStatic(kinetic=0.5, unbalanced=0.2, loaded=0.004),
@@ -179,6 +180,8 @@ def kill_and_resume(folder, name, kills, chance, num_ranks=1):
         os.killpg(process.pid, signal.SIGKILL)
         process.communicate()
         killed += 1
+        if json.loads((folder / name / "run.json").read_text())["finished"]:
+            return killed  # while it was leaving
         process = start(folder, name, num_ranks, resume=True)
     _, error = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, error
@@ -209,7 +212,8 @@ def test_thirty_kills_leave_the_same_bytes(folder, serial, num_ranks):
 def test_a_signal_ends_all_ranks_after_a_checkpoint(folder, serial, number):
     if number == signal.SIGTERM and "Open MPI" in MPI.Get_library_version():
         pytest.skip("the launcher of Open MPI kills its ranks on SIGTERM")
-    process = start(folder, "out", 2, strain=0.1)  # long enough for the signal to get there
+    # Slow enough for the signal to get there.
+    process = start(folder, "out", 2, strain=0.1, speed=0.5)
     wait_for_checkpoint(process, folder / "out")
     process.send_signal(number)
     _, error = process.communicate(timeout=60)
@@ -219,6 +223,29 @@ def test_a_signal_ends_all_ranks_after_a_checkpoint(folder, serial, number):
     assert len(lines) == 1 and f"{number.name} at step {step}," in lines[0], error
     summary = json.loads((folder / "out" / "run.json").read_text())
     assert summary["num_steps"] == step and number.name in summary["stop_reason"]
+
+
+@pytest.mark.mpi
+def test_a_signal_is_heard_while_all_begins_anew(folder, monkeypatch):
+    """It comes between the checkpoint that new shares of the work begin from and their start."""
+    begin_again = run_module._Test.begin_again
+
+    def balance(test):
+        test.save()
+        return not test.summary["resumed_at_steps"]
+
+    def begin(test, checkpoint):
+        if COMM.rank == 0:
+            signal.raise_signal(signal.SIGINT)
+        begin_again(test, checkpoint)
+
+    monkeypatch.setattr(run_module._Test, "balance", balance)
+    monkeypatch.setattr(run_module._Test, "begin_again", begin)
+    monkeypatch.setattr(interruption, "LATENCY", 1e-3)
+    with pytest.raises(Interrupted, match="stopped by SIGINT"):
+        run(folder, "anew")
+    monkeypatch.undo()
+    assert run(folder, "anew", resume=True)["finished"]
 
 
 @pytest.mark.mpi
