@@ -15,6 +15,7 @@ from .contact.restart import contact_tables, restore_contact
 OF_SIMULATION = ("dt", "dt_element", "initial_kinetic", "_margin", "_clock_at_refresh",
                  "_refreshed_at", "_followed_search")  # fmt: skip
 OF_STABLE = ("rate_of_tets", "tets_at", "element_step_then")
+OF_SHARED = ("square", "misses", "rests")
 OF_STATE = ("t", "dt", "num_steps")
 OF_CONTACT = ("clock", "searched_at", "reach", "num_searches", "_dt")
 OF_SCALING = ("wanted", "reached")
@@ -57,6 +58,9 @@ def snapshot(simulation):
         at_nodes["place"][rigid.nodes] = rigid.place
         followed[rigid.followed.nodes if rigid.chosen else rigid.surface] = True
         at_nodes["followed"] = followed
+    shared = simulation.stable.shared
+    if shared.part is not None:
+        at_nodes["part_of_tets"] = shared.part
     for name, highest in _frequencies(simulation).items():
         if highest.vector is not None:
             at_nodes[name], of_rigid[name] = _unpacked(rigid, highest.vector, mesh.num_nodes)
@@ -91,6 +95,7 @@ def snapshot(simulation):
         "scaling": scaling and {name: getattr(scaling, name) for name in OF_SCALING},
         "simulation": {name: getattr(simulation, name) for name in OF_SIMULATION},
         "stable": {name: getattr(simulation.stable, name) for name in OF_STABLE},
+        "shared": {name: getattr(shared, name) for name in OF_SHARED},
         "state": {name: getattr(s, name) for name in OF_STATE},
         "contact": {name: getattr(contact, name) for name in OF_CONTACT},
         "walls": {name: getattr(walls, name).tolist() for name in OF_WALLS},
@@ -155,6 +160,7 @@ def restore(simulation, tables, own, common):
             turning = tables["rigid"][name][rows[: rigid.num_always]]
             highest.vector = _packed(rigid, at_nodes[name], turning)
 
+    simulation.stable.shared.part = at_nodes.get("part_of_tets")
     simulation.damped = float(own["damped"])
     contact.dissipated = float(own["dissipated"])
     contact.num_adopted, contact.num_deep = int(own["num_adopted"]), int(own["num_deep"])
@@ -166,6 +172,7 @@ def restore(simulation, tables, own, common):
     for target, part, names in (
         (simulation, "simulation", OF_SIMULATION),
         (simulation.stable, "stable", OF_STABLE),
+        (simulation.stable.shared, "shared", OF_SHARED),
         (s, "state", OF_STATE),
         (contact, "contact", OF_CONTACT),
     ):
@@ -193,8 +200,9 @@ def _deform_again(simulation, still_rigid):
 
 
 def _frequencies(simulation):
+    stable = simulation.stable
     names = "highest", "highest_of_springs", "highest_of_tets"
-    return {name: getattr(simulation.stable, name) for name in names}
+    return {name: getattr(stable, name) for name in names} | {"of_shares": stable.shared.highest}
 
 
 def _scattered(table, order):

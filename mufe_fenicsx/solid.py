@@ -5,7 +5,7 @@ import ufl
 from dolfinx import fem
 
 from .errors import InputError
-from .kernels.element_step import element_time_step
+from .kernels.element_step import add_nodal_stiffness, element_time_step
 from .kernels.energy import elastic_energy
 from .kernels.native import SOURCES, load
 from .kernels.solid import (
@@ -126,6 +126,16 @@ class Solid:
         """Proven bound of the stable time step from single elements [s], inf without any. Local."""
         m = self.mesh
         return element_time_step(x, m.cells, self.deformable, m.cell_offset, self.wave_speed)[0]
+
+    def nodal_stiffness(self, x):
+        """What the elements resist each node with, moved alone [N/m], shape (num_nodes,). Local.
+
+        The mean of three directions at the positions ``x``, (M + 2 G)/3 the modulus.
+        """
+        m, found = self.mesh, np.zeros(self.mesh.num_nodes)
+        modulus = (self.bulk + 10.0 / 3.0 * self.shear) / 3.0
+        add_nodal_stiffness(found, x, m.cells, self.deformable, m.cell_offset, modulus)
+        return found
 
     def elastic_energy(self, state):
         """Elastic energy of each grain [J], shape (num_grains,). Local."""

@@ -47,25 +47,28 @@ class HighestFrequency:
 
     def set_mass(self, mass):
         """Take other masses, shaped as those before. Local."""
-        root = 1 / np.sqrt(mass if mass.ndim == 2 else mass[:, None])
-        self.inverse_root = np.ascontiguousarray(np.broadcast_to(root, (len(root), 3)))
+        self.inverse_root = np.ascontiguousarray(_inverse_root(mass))
 
     def _dot(self, a, b):
         return self.comm.allreduce(float(np.vdot(a, b)))
 
-    def __call__(self, rows=None, add_stiffness=None):
+    def __call__(self, rows=None, add_stiffness=None, mass=None):
         """Highest angular frequency [rad/s]. Collective.
 
         Args:
             rows: Those that the operator acts on and that it leaves nothing outside of,
                 shape (n,), here on this rank; None: all.
             add_stiffness: As ``add_stiffness``, between vectors of these rows alone.
+            mass: Of these rows, as of :meth:`set_mass`; None: those of there.
         """
         if rows is None:
             rows, add_stiffness = slice(None), self.add_stiffness
-        start, root = self.noise[rows], np.ascontiguousarray(self.inverse_root[rows]).reshape(-1)
+        root = self.inverse_root[rows] if mass is None else _inverse_root(mass)
+        start, root = self.noise[rows], np.ascontiguousarray(root).reshape(-1)
         if self.vector is not None:
-            start = self.vector[rows] + 0.05 * start
+            # As much of either: what is the highest now may have no part in what it was.
+            last = self.vector[rows]
+            start = start + math.sqrt(self._dot(start, start) / self._dot(last, last)) * last
         if not self._dot(start, start) > 0.0:
             return 0.0  # of no rows on any rank
         basis = np.empty((self.size, start.size))
@@ -111,6 +114,12 @@ class HighestFrequency:
 
     def _sums(self, values):
         return self.comm.allreduce(np.array(values)) if self.comm.size > 1 else values
+
+
+def _inverse_root(mass):
+    """One over the root of masses, for each component of a row, shape (num_rows, 3)."""
+    root = 1 / np.sqrt(mass if mass.ndim == 2 else mass[:, None])
+    return np.broadcast_to(root, (len(root), 3))
 
 
 def _noise(x, scale):

@@ -55,3 +55,27 @@ def element_time_step(x, cells, grains, cell_offset, wave_speed):
             if dt < best:
                 best, worst = dt, e
     return best, worst
+
+
+@numba.njit(cache=True)
+def add_nodal_stiffness(stiffness, x, cells, grains, cell_offset, modulus):
+    """Add what tetrahedra resist each of their nodes with alone, in place.
+
+    A node that moves by itself stretches an element by its gradient: M V |grad N_a|², with the
+    volume V and a modulus M.
+
+    Args:
+        stiffness: Of the nodes [N/m], shape (num_nodes,).
+        x, cells, grains, cell_offset: As of :func:`element_time_step`.
+        modulus: Of the grains [Pa], shape (num_grains,).
+    """
+    for g in grains:
+        for e in range(cell_offset[g], cell_offset[g + 1]):
+            a, b, c, d = cells[e]
+            h = _cofactors(x, a, b, c, d)
+            factor = modulus[g] / (6.0 * abs(h[9]))
+            s0, s1, s2 = h[0] + h[3] + h[6], h[1] + h[4] + h[7], h[2] + h[5] + h[8]
+            stiffness[a] += factor * (s0 * s0 + s1 * s1 + s2 * s2)
+            stiffness[b] += factor * (h[0] * h[0] + h[1] * h[1] + h[2] * h[2])
+            stiffness[c] += factor * (h[3] * h[3] + h[4] * h[4] + h[5] * h[5])
+            stiffness[d] += factor * (h[6] * h[6] + h[7] * h[7] + h[8] * h[8])
