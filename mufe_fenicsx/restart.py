@@ -9,7 +9,7 @@ follow give the same bits.
 import numpy as np
 
 from .contact.reshape import set_reference
-from .contact.restart import contact_tables, restore_contact
+from .contact.restart import Rows, contact_tables, restore_contact
 
 #: Numbers that are the same on all ranks: attribute of the simulation, its state or contact.
 OF_SIMULATION = ("dt", "dt_element", "initial_kinetic", "_margin", "_clock_at_refresh",
@@ -32,7 +32,8 @@ def snapshot(simulation):
             two steps.
 
     Returns:
-        Tables of this rank: dict of dicts of arrays, each with a column ``grain``. What this
+        Tables of this rank: dict of dicts of arrays or Rows of some, of the present state until the
+        next step, each with a column ``grain``. What this
         rank has added up, or the largest it has seen: dict of arrays, the latter with names
         that begin with ``largest``. And numbers that all ranks have in common, fit for JSON.
     """
@@ -66,9 +67,9 @@ def snapshot(simulation):
             at_nodes[name], of_rigid[name] = _unpacked(rigid, highest.vector, mesh.num_nodes)
     tables = {
         "nodes": {"grain": mesh.grains[mesh.grain_of_node[nodes]]}
-        | {name: values[nodes] for name, values in at_nodes.items()},
+        | {name: Rows(values, nodes) for name, values in at_nodes.items()},
         "cells": {"grain": mesh.grains[mesh.grain_of_cell[cells]]}
-        | {name: values[cells] for name, values in in_cells.items()},
+        | {name: Rows(values, cells) for name, values in in_cells.items()},
         "rigid": {"grain": mesh.grains[rigid.grains]} | of_rigid,
         **contact_tables(contact, mesh),
     }

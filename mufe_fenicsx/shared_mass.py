@@ -41,7 +41,7 @@ class SharedMass:
     def __init__(self, solid, nodes, of_tets, of_springs):
         self.solid, self.nodes = solid, nodes
         self._of_tets = of_tets
-        self.highest = copy.copy(of_springs)  #: of springs with their part of the mass
+        self.highest = of_springs.of(None)  #: of springs with their part of the mass
         self.part = None  #: p of each node, shape (num_nodes,); None: not chosen
         self.square = math.nan  #: λ_t [1/s²]
         self.misses = 0  #: bounds in a row that were of no use
@@ -69,7 +69,7 @@ class SharedMass:
         held[self.nodes] = np.maximum(springs.bounds(), EVERYWHERE * rate**2 * mass[self.nodes])
         own = self.solid.nodal_stiffness(x)
         self.part = np.maximum(own / (own + WEIGHT * held), LEAST)
-        of_tets = copy.copy(self._of_tets)
+        of_tets = copy.copy(self._of_tets)  # from its last vector
         of_tets.set_mass(self.part * mass)
         self.square = of_tets() ** 2
 

@@ -52,19 +52,17 @@ class StableStep:
         """Iterations for the highest frequencies of all, springs and tets, from the start."""
         mass, turned = self.rigid.free_masses(self.solid.mass), self.rigid.turned_rows()
         adds = self._add_stiffness, self.add_springs, self._add_tets
-        return [
-            HighestFrequency(
-                self.comm, *mass, self.rigid.constrained(add, self.state), turned=turned
-            )
-            for add in adds
-        ]  # fmt: skip
+        first, *others = (self.rigid.constrained(add, self.state) for add in adds)
+        highest = HighestFrequency(self.comm, *mass, first, turned=turned)
+        return [highest, *(highest.of(add) for add in others)]
 
     def set_mass(self, mass):
         """Take other nodal masses [kg], shape (num_nodes,)."""
-        for highest in (self.highest, self.highest_of_springs, self.highest_of_tets):
-            highest.set_mass(mass)
+        shared = self.shared
+        others = self.highest_of_springs, self.highest_of_tets, shared.highest
+        _set_mass(mass, self.highest, *others)
         self.element_step_then = math.inf  # that of the tets is to be found again
-        self.shared.forget()
+        shared.forget()
 
     def of_elements(self):
         """Bound from single elements [s]; what does not deform has one by contact alone."""
@@ -92,8 +90,7 @@ class StableStep:
         """
         frequencies = self._frequencies()
         if mass is not None:
-            for highest in frequencies:
-                highest.set_mass(mass)
+            _set_mass(mass, *frequencies)
         springs = list_springs(self.contact, margin)
         return self._limit(springs, margin, element_step, *frequencies)
 
@@ -186,3 +183,10 @@ class StableStep:
         edges = listed.bounds()
         listed.destroy()
         return float(((2.0 * spring + edges) / mass).max(initial=0.0))
+
+
+def _set_mass(mass, first, *others):
+    """Give iterations on the same rows the same masses, which they share."""
+    first.set_mass(mass)
+    for highest in others:
+        highest.inverse_root = first.inverse_root

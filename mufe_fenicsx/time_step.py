@@ -1,5 +1,6 @@
 """Highest frequency of the assembled system, which limits the explicit time step."""
 
+import copy
 import math
 
 import numpy as np
@@ -44,6 +45,12 @@ class HighestFrequency:
         self.size, self.tolerance, self.max_sweeps = size, tolerance, max_sweeps
         self.vector = None
         self.num_products = 0  #: products with K so far
+
+    def of(self, add_stiffness):
+        """The same of another operator on the same rows, which shares what it can. Local."""
+        other = copy.copy(self)
+        other.add_stiffness, other.vector, other.num_products = add_stiffness, None, 0
+        return other
 
     def set_mass(self, mass):
         """Take other masses, shaped as those before. Local."""

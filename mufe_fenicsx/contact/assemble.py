@@ -183,6 +183,7 @@ class Contact:
 
         old, old_surface, old_crossings = self.pairs, self.surface, self.edges.pairs
         if old is not None:
+            old.forces = self.walls.pairs.forces = None  # they keep positions and forces of before
             # Whether a node meets its own grain hangs on more than their distance.
             wait = min(self.searched_at + self.reach - self.clock, self._longest)
             wait = 0.0 if self.self_depth else wait

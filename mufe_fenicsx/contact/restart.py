@@ -27,6 +27,30 @@ EDGES_KEPT = (
 )  # fmt: skip
 
 
+class Rows:
+    """Rows of an array, taken where they are wanted: a checkpoint has room for one column only.
+
+    Args:
+        values: The array.
+        order: Which of its rows.
+        times: How often each, shape as ``order``; None: once.
+    """
+
+    def __init__(self, values, order, times=None):
+        self.values, self.order, self.times = values, order, times
+
+    @property
+    def nbytes(self):
+        """Size [bytes]."""
+        number = len(self.order) if self.times is None else int(self.times.sum())
+        return number * self.values[:1].nbytes
+
+    def __array__(self, dtype=None, copy=None):
+        rows = self.values[self.order]
+        rows = rows if self.times is None else np.repeat(rows, self.times, axis=0)
+        return np.asarray(rows, dtype)
+
+
 class Names:
     """Names of what contact on this rank knows. Collective.
 
@@ -118,7 +142,7 @@ def find_rows(known, wanted, what):
 
 
 def contact_tables(contact, mesh):
-    """All that contact remembers, as tables. Collective; nothing changes."""
+    """All that contact remembers, as tables, columns arrays or :class:`Rows`. Collective."""
     names, p, w = Names(contact, mesh), contact.pairs, contact.walls.pairs
     edges, e = contact.edges.edges, contact.edges.pairs
     order, own = names.order, contact.own
@@ -131,9 +155,9 @@ def contact_tables(contact, mesh):
     return {
         "surface": {
             "grain": own.grain_of_node[order],
-            "searched": contact.searched[order],
-            "previous": contact.positions.own[order],
-            "slip": contact.edges.slip[order],
+            "searched": Rows(contact.searched, order),
+            "previous": Rows(contact.positions.own, order),
+            "slip": Rows(contact.edges.slip, order),
             "moving": moving[order],
         },
         "facets": {
@@ -155,8 +179,8 @@ def contact_tables(contact, mesh):
             **{name: getattr(p, name) for name in KEPT},
         },
         "candidates": {
-            "grain": np.repeat(names.point_grain[p.node], count),
-            "facet": names.facet[p.candidate],
+            "grain": Rows(names.point_grain, p.node, count),
+            "facet": Rows(names.facet, p.candidate),
             "due": p.candidate_due,
         },
         "wall_pairs": {

@@ -254,12 +254,12 @@ def _joined(parts, rank):
 def _write_tables(path, tables, own):
     """Write the file of one rank to the disk; its name, size and checksum."""
     columns = [values for table in tables.values() for values in table.values()]
-    size = sum(np.asarray(values).nbytes for values in [*columns, *own.values()])
+    size = sum(values.nbytes for values in [*columns, *own.values()])
     try_room(path, size + 1024 * len(columns))
     with h5py.File(path, "w") as file:
         for name, table in tables.items():
             for column, values in table.items():
-                file[f"tables/{name}/{column}"] = values
+                file[f"tables/{name}/{column}"] = np.asarray(values)
         for name, values in own.items():
             file[f"own/{name}"] = values
     with path.open("rb") as stream:
