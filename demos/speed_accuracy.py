@@ -18,7 +18,7 @@ error and its cost. Figures show the front of what no other choice beats, and th
     python demos/speed_accuracy.py FOLDER --full          hours: finer, all lines on all meshes
     python demos/speed_accuracy.py FOLDER --store         keep the table as what `mufe plan` reads
     python demos/speed_accuracy.py FOLDER --reference     first the courses of stress that those of
-                                                          the oedometers are compared with
+                                                          the oedometers are compared with, an hour
     python demos/speed_accuracy.py FOLDER --minutes 5     stop then; the same command goes on
     python demos/speed_accuracy.py FOLDER --geometry      nothing else: how the twenty grains differ
                                                           before any load, from mesh to mesh
@@ -26,6 +26,8 @@ error and its cost. Figures show the front of what no other choice beats, and th
 
 import argparse
 import csv
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
@@ -34,7 +36,14 @@ import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 import numpy as np
 from mpi4py import MPI
 
-from mufe_fenicsx.charts.cases import COUNTS, STRAIN, press_grains, press_polyhedra
+from mufe_fenicsx.charts.cases import (
+    COUNTS,
+    FRICTION,
+    STRAIN,
+    jammed_column,
+    press_grains,
+    press_polyhedra,
+)
 from mufe_fenicsx.charts.grid import CHARTS
 from mufe_fenicsx.charts.make import make_charts
 from mufe_fenicsx.contact.walls import Wall
@@ -48,37 +57,56 @@ from mufe_fenicsx.verification.packing import angular_grains
 
 #: Length of edges over half of the distance of grains, and loading, of the references; and of
 #: others that tell how far they are converged.
-REFERENCES = {
-    "oedometer": (REFERENCE, press_grains, (0.2, 4.0), ((0.25, 4.0),)),
-    "jammed": (JAMMED, press_polyhedra, (0.25, 4.0), ((0.35, 4.0), (0.25, 2.0), (0.35, 8.0))),
+FINE = {"oedometer": (0.2, 4.0), "jammed": (0.25, 8.0)}
+CHECKS = {"oedometer": ((0.25, 4.0),), "jammed": ((0.35, 8.0), (0.25, 4.0), (0.25, 2.0))}
+PATHS = {"oedometer": REFERENCE, "jammed": JAMMED}
+#: Friction and sample of the tests of the polyhedra: that of the table first.
+TESTS = {
+    "oedometer": ((FRICTION, None),),
+    "jammed": ((FRICTION, 3), (0.1, 3), (0.4, 3), (FRICTION, 5), (FRICTION, 12), (0.3, 2)),
 }
+#: Strains at which references are stored.
+GRID = np.linspace(0.0, STRAIN, 81)
 
 
-def write_reference(case):
+def press(case, size, loading, friction, sample):
+    """Stress at the strains of ``GRID`` [Pa]."""
+    if case == "oedometer":
+        course = press_grains(MPI.COMM_SELF, size, loading=loading)
+    else:
+        course = press_polyhedra(MPI.COMM_SELF, size, "j2", loading, friction, sample)
+    s = course.simulation
+    print(
+        f"{case}, friction {friction:g}, sample {sample}, edges {size:g}, loading {loading:g}: "
+        f"{s.mesh.num_cells} tets, {s.state.num_steps} steps, {course.processor_s:.0f} s",
+        flush=True,
+    )
+    return np.interp(GRID, course.strain, course.stress)
+
+
+def write_reference(case, jobs):
     """Press the twenty grains on the finest mesh, and on those that tell how far that is right."""
-    path, press, fine, checks = REFERENCES[case]
-    grid = np.linspace(0.0, STRAIN, 81)
-    columns = []
-    for size, loading in (fine, *checks):
-        course = press(MPI.COMM_SELF, size, loading=loading)
-        columns.append(np.interp(grid, course.strain, course.stress))
-        s = course.simulation
-        print(
-            f"edges {size:g}, loading {loading:g}: {s.mesh.num_cells} tets, {s.state.num_steps} "
-            f"steps, {course.processor_s:.0f} s", flush=True,
-        )  # fmt: skip
-    off = [distance(column[10::10], columns[0][10::10]) for column in columns[1:]]
-    with open(path, "w", encoding="utf-8", newline="") as file:
+    first, *others = TESTS[case]
+    tests = [(case, *FINE[case], *test) for test in (first, *others)]
+    tests += [(case, *check, *first) for check in CHECKS[case]]
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        columns = list(pool.map(press, *zip(*tests, strict=True)))
+    num_tests = 1 + len(others)
+    off = [distance(column[10::10], columns[0][10::10]) for column in columns[num_tests:]]
+    names = ["stress"] if case == "oedometer" else [jammed_column(*test) for test in TESTS[case]]
+    with open(PATHS[case], "w", encoding="utf-8", newline="") as file:
         file.write(
             "# made by demos/speed_accuracy.py --reference: stress of 20 grains on a mesh of\n"
         )
-        file.write(f"# edges {fine[0]:g} over half of their distance, loading = {fine[1]:g}\n")
-        for (size, loading), one in zip(checks, off, strict=True):
-            file.write(f"# edges {size:g}, loading = {loading:g}: {one:.4f} from it\n")
+        size, loading = FINE[case]
+        file.write(f"# edges {size:g} over half of their distance, loading = {loading:g}\n")
+        for (size, loading), one in zip(CHECKS[case], off, strict=True):
+            file.write(f"# edges {size:g}, loading = {loading:g}: {one:.4f} from the first\n")
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["strain", "stress"])
-        writer.writerows([f"{a:.6g}", f"{b:.6g}"] for a, b in zip(grid, columns[0], strict=True))
-    print(f"{path}: others are {', '.join(f'{100 * one:.2f} %' for one in off)} from it")
+        writer.writerow(["strain", *names])
+        rows = zip(GRID, *columns[:num_tests], strict=True)
+        writer.writerows([f"{value:.6g}" for value in row] for row in rows)
+    print(f"{PATHS[case]}: others are {', '.join(f'{100 * one:.2f} %' for one in off)} from it")
 
 
 def print_geometry(sizes=(0.8, 0.5, 0.35, 0.25, 0.2)):
@@ -109,6 +137,7 @@ def main():
         "--reference", action="store_true", help="compute those of the oedometers first"
     )
     parser.add_argument("--geometry", action="store_true", help="of the oedometer's sample only")
+    parser.add_argument("--jobs", type=int, default=1, help="references at a time")
     parser.add_argument("--minutes", type=float)
     parser.add_argument("--cases", nargs="*", default=list(CHARTS), choices=list(CHARTS))
     given = parser.parse_args()
@@ -116,8 +145,8 @@ def main():
         print_geometry()
         return
     if given.reference:
-        for case in REFERENCES.keys() & given.cases:
-            write_reference(case)
+        for case in FINE.keys() & given.cases:
+            write_reference(case, given.jobs)
     made = make_charts(given.cases, given.folder, full=given.full, minutes=given.minutes)
     for case, rows in made["gains"].items():
         for error, ours, front in rows:

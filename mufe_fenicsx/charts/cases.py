@@ -26,7 +26,7 @@ from ..verification.mindlin import shear_balls
 from ..verification.packing import angular_grains
 from ..verification.plastic_ball import RADIUS, press_ball
 from ..verification.plastic_sphere import mean_pressure
-from ..verification.polyhedra import polyhedral_grains
+from ..verification.polyhedra import SAMPLE, polyhedral_grains
 from ..verification.reference import load, perfect_name
 
 E, RHO = 100e9, 2650.0
@@ -37,6 +37,8 @@ LAWS = {
     "kinematic": {"law": "kinematic"},
     "nodes": {"points": "nodes"},
 }
+#: Exact gaps, by static increments alone, and the largest distance from them, over an edge.
+AUGMENTED, GAP_TOLERANCE = "augmented", 1e-3
 Element = Literal[*ELEMENTS]
 Law = Literal[*LAWS]
 TimeStep = Literal["assembled", "element"]
@@ -50,20 +52,30 @@ RATIO, PLASTIC_RADIUS = 1000.0, 0.1
 #: Of the oedometer: grains along x, y, z; final strain; speed of the platen [m/s] at loading = 1,
 #: and that on polyhedra; parts of the strain at which stresses are compared.
 COUNTS, STRAIN, SPEED, JAMMED_SPEED = (2, 2, 5), 0.02, 10.0, 2.5
+#: Between grains of the oedometers (Nadimi & Fonseca 2018).
+FRICTION = 0.23
 PARTS = np.linspace(0.125, 1.0, 8)
 
 
 def _options(law, time_step, added_mass):
     """Options of a simulation."""
     scaling = MassScaling(added=added_mass) if added_mass else None
-    return {**LAWS[law], "assembled": time_step == "assembled", "mass_scaling": scaling}
+    return {**LAWS.get(law, {}), "assembled": time_step == "assembled", "mass_scaling": scaling}
 
 
-def _increments(integrator, number, loading):
-    """Options of :func:`press_ball` for static or implicit increments; none for time steps."""
+def _increments(integrator, number, loading, law):
+    """Options of :func:`press_ball` for static or implicit increments; none for time steps.
+
+    Raises:
+        InputError: Exact gaps by others than static increments.
+    """
+    if law == AUGMENTED and integrator != "static":
+        raise InputError(f'integrator = "{integrator}", expected "static" with law = "{law}"')
     if integrator == "explicit":
         return {}
     more = {"spectral_radius": 0.8} if integrator == "implicit" else {}
+    if law == AUGMENTED:
+        more = {"gap_tolerance": GAP_TOLERANCE}
     return {"increments": max(round(number * loading), 1), **more}
 
 
@@ -96,7 +108,7 @@ def hertz_point(
     elements_per_radius=2.5,
     growth=0.3,
     element: Element = "averaged",
-    law: Law = "matched",
+    law: Literal[*LAWS, AUGMENTED] = "matched",
     integrator: Literal["explicit", "implicit", "static"] = "explicit",
     time_step: TimeStep = "assembled",
     added_mass=0.0,
@@ -123,7 +135,7 @@ def hertz_point(
     course = press_ball(
         comm, Elastic(E, nu, RHO), a_over_R**2 * RADIUS, a_over_R * RADIUS, n, growth,
         element=element, periods=PERIODS["hertz"] * loading, added_mass=0.0,
-        **_increments(integrator, INCREMENTS["hertz"], loading),
+        **_increments(integrator, INCREMENTS["hertz"], loading, law),
         **_options(law, time_step, added_mass),
     )  # fmt: skip
     theory = hertz.hertz_force(course.approach, RADIUS, hertz.effective_modulus((E, nu)))
@@ -211,16 +223,30 @@ def impact_point(
         comm, speed, elements_per_radius, growth * 2.5 / elements_per_radius, material,
         element=element, **_options(law, time_step, added_mass),
     )  # fmt: skip
-    _, whole, loss = impact_theory(found.mass, speed)
-    errors = [
-        found.contact_time / whole.time - 1,
-        found.force.max(axis=0) / whole.force - 1,
-        found.approach.max(axis=0) / whole.approach - 1,
-        found.restitution / math.sqrt(1 - loss) - 1,
-    ]
+    peaks = found.force.max(axis=0), found.approach.max(axis=0)
+    error = impact_error(found.mass, speed, found.contact_time, *peaks, found.restitution)
     simulation = found.balls.simulation
-    error = float(np.abs(errors).max())
     return _lines(error, accuracy, found.processor_s, _element_steps(simulation)), [simulation]
+
+
+def impact_error(mass, speed, contact_time, force, approach, restitution):
+    """The largest error of impacts of balls of a mass [kg] at a speed [m/s].
+
+    Args:
+        mass, speed: As of `impact_theory`.
+        contact_time: [s], shape (n,), as are all.
+        force: Largest [N].
+        approach: Largest, of a ball against the plane between [m].
+        restitution: [-].
+    """
+    _, whole, loss = impact_theory(mass, speed)
+    errors = [
+        contact_time / whole.time - 1,
+        force / whole.force - 1,
+        approach / whole.approach - 1,
+        restitution / math.sqrt(1 - loss) - 1,
+    ]
+    return float(np.abs(errors).max())
 
 
 @case("plastic-sphere-point", num_bodies=1)
@@ -228,7 +254,7 @@ def plastic_sphere_point(
     comm,
     elements_per_radius=2.5,
     element: Element = "averaged",
-    law: Literal["matched", "stiff", "nodes"] = "matched",
+    law: Literal["matched", "stiff", "nodes", AUGMENTED] = "matched",
     integrator: Literal["explicit", "static"] = "explicit",
     time_step: TimeStep = "assembled",
     added_mass=0.0,
@@ -257,29 +283,48 @@ def plastic_sphere_point(
     Raises:
         InputError: There is no reference with this ratio.
     """
-    stored = load().get(perfect_name(RATIO, nu))
-    if stored is None:
-        raise InputError(f"nu = {nu:g}, expected 0.15 or 0.3: there is no reference of others")
+    stored = flowing_ball(nu)
     n = 0.5 * elements_per_radius if element == "composite" else elements_per_radius
     _, course = mean_pressure(
         comm, nu, RATIO, n, a_over_R, element, added_mass=0.0,
         periods=PERIODS["plastic-sphere"] * loading,
-        **_increments(integrator, INCREMENTS["plastic-sphere"], loading),
+        **_increments(integrator, INCREMENTS["plastic-sphere"], loading, law),
         **_options(law, time_step, added_mass),
     )  # fmt: skip
+    of_force = flowing_error(stored, course.approach, course.force)
     first, last = RADIUS * stored["delta"][[0, -1]]
-    on = (course.approach >= first) & (course.approach <= last)
-    approach, force = course.approach[on], course.force[on]
-    theory = stored.at(approach / RADIUS) * E * RADIUS**2
     # Windows of the coarsest meshes reach beyond the table.
     window = course.window(n)
     window = window[(window >= first) & (window <= last)]
     force_there = np.interp(window, course.approach, course.force)
     pressure = force_there.sum() / np.interp(window, course.approach, course.area).sum()
     converged = stored.mean(window / RADIUS)[1] * E
-    error = max(course_error(approach, force, theory), abs(pressure / converged - 1))
+    of_pressure = abs(float(pressure / converged) - 1)
     work = _element_steps(course.simulation, integrator)
-    return _lines(error, accuracy, course.processor_s, work), [course.simulation]
+    lines = _lines(max(of_force, of_pressure), accuracy, course.processor_s, work)
+    lines["error of the force"] = compare(of_force, 0.0, math.inf, scale=1.0)
+    lines["error of the mean pressure"] = compare(of_pressure, 0.0, math.inf, scale=1.0)
+    return lines, [course.simulation]
+
+
+def flowing_ball(nu):
+    """The stored axisymmetric reference of a ball that flows.
+
+    Raises:
+        InputError: There is none with this Poisson's ratio.
+    """
+    stored = load().get(perfect_name(RATIO, nu))
+    if stored is None:
+        raise InputError(f"nu = {nu:g}, expected 0.15 or 0.3: there is no reference of others")
+    return stored
+
+
+def flowing_error(stored, approach, force):
+    """Error of the force [N] of a ball that flows along its approach [m]."""
+    first, last = RADIUS * stored["delta"][[0, -1]]
+    on = (approach >= first) & (approach <= last)
+    theory = stored.at(approach[on] / RADIUS) * E * RADIUS**2
+    return course_error(approach[on], force[on], theory)
 
 
 @case("oedometer-point", num_bodies=1)
@@ -313,12 +358,12 @@ def oedometer_point(
         comm, element_size, fidelity, loading, time_step_factor=time_step_factor, element=element,
         **_options(law, time_step, added_mass),
     )  # fmt: skip
-    return _against_curve(course, REFERENCE, accuracy), [course.simulation]
+    return _against_curve(course, read_curve(REFERENCE), accuracy), [course.simulation]
 
 
 def _against_curve(course, reference, accuracy):
     """Answer of an oedometer test: mean distance of its stress from a stored course."""
-    strain, stress, _ = read_curve(reference)
+    strain, stress, _ = reference
     found = np.interp(PARTS * STRAIN, course.strain, course.stress)
     wanted = np.interp(PARTS * STRAIN, strain, stress)
     work = course.element_steps or math.nan
@@ -350,6 +395,8 @@ def jammed_point(
     added_mass=0.0,
     loading=1.0,
     time_step_factor=0.9,
+    friction=FRICTION,
+    sample=SAMPLE,
     accuracy=0.05,
 ):
     """Twenty polyhedra that fill an oedometer: error of the stress, converged, and cost.
@@ -364,23 +411,36 @@ def jammed_point(
         added_mass: Most mass that is added for a longer time step, over that of all grains.
         loading: Duration over that at 2.5 m/s.
         time_step_factor: Time step over the limit of stability.
+        friction: Between grains.
+        sample: Seed of the random polyhedra.
         accuracy: Error that is wanted.
+
+    Raises:
+        InputError: There is no reference with this friction of this sample.
     """
+    reference = read_curve(JAMMED, jammed_column(friction, sample))
     course = press_polyhedra(
-        comm, element_size, fidelity, loading, time_step_factor=time_step_factor, element=element,
-        **_options(law, time_step, added_mass),
+        comm, element_size, fidelity, loading, friction, sample,
+        time_step_factor=time_step_factor, element=element, **_options(law, time_step, added_mass),
     )  # fmt: skip
-    return _against_curve(course, JAMMED, accuracy), [course.simulation]
+    return _against_curve(course, reference, accuracy), [course.simulation]
 
 
-def press_polyhedra(comm, element_size, fidelity="j2", loading=1.0, **options):
+def jammed_column(friction=FRICTION, sample=SAMPLE):
+    """What the table of references calls a test of `jammed_point`."""
+    return f"friction {friction:g} sample {sample:g}"
+
+
+def press_polyhedra(
+    comm, element_size, fidelity="j2", loading=1.0, friction=FRICTION, sample=SAMPLE, **options
+):
     """The oedometer test of `jammed_point`, whose parameters these are. Collective, one rank.
 
     Returns:
         :class:`~mufe_fenicsx.verification.fidelity.Course`.
     """
-    bodies, speed = polyhedral_grains(element_size), JAMMED_SPEED / loading
-    return compress(comm, bodies, FIDELITIES[fidelity], STRAIN, speed, **options)
+    bodies, speed = polyhedral_grains(element_size, sample=int(sample)), JAMMED_SPEED / loading
+    return compress(comm, bodies, FIDELITIES[fidelity], STRAIN, speed, friction=friction, **options)
 
 
 POINTS = by_name(

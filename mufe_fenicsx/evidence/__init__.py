@@ -195,11 +195,15 @@ def distance(curve, other):
     return sum(abs(a - b) for a, b in zip(curve, other, strict=True)) / sum(map(abs, other))
 
 
-def read_curve(path=REFERENCE):
-    """Strain [-] and stress [Pa] of the stored oedometer test, and its head: how it was made.
+def read_curve(path=REFERENCE, column="stress"):
+    """Strain [-] and stress [Pa] of a stored oedometer test, and its head: how it was made.
+
+    Args:
+        path: Table of stresses over strain.
+        column: Name of one of them.
 
     Raises:
-        InputError: There is no such file.
+        InputError: There is no such file, or no such column.
     """
     try:
         lines = Path(path).read_text(encoding="utf-8").splitlines()
@@ -208,5 +212,8 @@ def read_curve(path=REFERENCE):
             f"table {path}: {error.strerror}, expected that of demos/speed_accuracy.py --reference"
         ) from error
     head = [line[2:] for line in lines if line.startswith("# ")]
-    rows = [line.split(",") for line in lines if line and line[0] in "0123456789"]
-    return [float(r[0]) for r in rows], [float(r[1]) for r in rows], head
+    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    names = [name for name in rows[0] if name != "strain"]
+    if column not in names:
+        raise InputError(f"reference of {column}, expected one of {'; '.join(names)}")
+    return [float(r["strain"]) for r in rows], [float(r[column]) for r in rows], head

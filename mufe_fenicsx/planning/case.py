@@ -31,6 +31,8 @@ BETWEEN = 0.84
 #: Power of the length of edges that errors of forces fall with at most: that of the energy of
 #: linear elements (T. J. R. Hughes, The Finite Element Method, 1987, section 4.1).
 ORDER = 2.0
+#: Parameters that are names: errors at two of them say nothing of what is between.
+NAMES = {"sample"}
 #: Parameters that set the mesh, and the power of them that grows as it becomes finer.
 MESHES = {"elements_per_radius": 1, "element_size": -1}
 
@@ -145,7 +147,8 @@ def plan_case(case, accuracy, points=None, elsewhere=None, stated=None):
         raise InputError(f"case {case}, expected one of which the table of points has some")
     elsewhere = read_elsewhere() if elsewhere is None else elsewhere
     stated = _checked(stated or {}, case, own, elsewhere)
-    elsewhere = settled(own, elsewhere)
+    elsewhere, there = settled(own, elsewhere), stated
+    stated = {name: value for name, value in stated.items() if name not in NAMES}
     good = [p for p in own if expected_error(p, elsewhere, stated) <= accuracy]
     if not good:
         best = min(own, key=lambda p: expected_error(p, elsewhere, stated))
@@ -156,18 +159,18 @@ def plan_case(case, accuracy, points=None, elsewhere=None, stated=None):
         )
     for line in lines(own):
         good += _on_line(line, accuracy, lambda p: _largest(p, elsewhere, stated))
-    return _there(min(good, key=lambda p: (p.seconds, p.error)), elsewhere, stated)
+    best = min(good, key=lambda p: (p.seconds, p.error))
+    return _there(best, there, _largest(best, elsewhere, stated))
 
 
-def _there(point, elsewhere, stated):
-    """A point of a plan at stated parameters."""
+def _there(point, stated, error):
+    """A point of a plan at stated parameters, where its error is another one."""
     if not stated:
         return point
     command = command_of(point.case, point.parameters | stated)
     if point.status != DONE:
         return replace(point, command=command)
     shown = ", ".join(f"{name} = {value:g}" for name, value in stated.items())
-    error = _largest(point, elsewhere, stated)
     return replace(point, command=command, error=error, status=f"not measured at {shown}")
 
 

@@ -150,14 +150,22 @@ def mean_pressure(
     """
     Y, n, a = E / ratio, elements_per_radius, a_over_R * RADIUS
     material = J2(E, nu, RHO, ((0.0, Y),))
-    delta = np.geomspace(1e-8, 0.5, 4000) * RADIUS
-    _, radius = plastic_contact.jackson_green(delta, RADIUS, material.contact_modulus, Y, nu)
-    radius = np.minimum(radius, np.sqrt(LARGEST_SPREAD * RADIUS * delta))
-    approach = float(np.interp(a * (1 + 0.5 / n), radius, delta))
+    approach = approach_for(a * (1 + 0.5 / n), material)
     # What shakes the contact, density times wave speed times speed, is seen against Y.
     options = {"periods": 20 * max(1.0, math.sqrt(ratio / 1000))} | options
     course = press_ball(comm, material, approach, a, n, element=element, **options)
     return course.mean(n)[2] / Y, course
+
+
+def approach_for(radius, material):
+    """Approach [m] at which the contact of a ball without hardening has about a radius [m]."""
+    delta = np.geomspace(1e-8, 0.5, 4000) * RADIUS
+    Y = material.yield_stress[0][1]
+    _, radii = plastic_contact.jackson_green(
+        delta, RADIUS, material.contact_modulus, Y, material.nu
+    )
+    radii = np.minimum(radii, np.sqrt(LARGEST_SPREAD * RADIUS * delta))
+    return float(np.interp(radius, radii, delta))
 
 
 def on_curve(comm, depth, elements_per_radius, tangent=0.0, element="averaged", **options):

@@ -6,14 +6,15 @@ from scipy.spatial.transform import Rotation
 
 from ..geometry.gmsh_model import gmsh_model, tetrahedra
 
-#: Seed of the random numbers: of 1 to 12 the one that gives the longest shortest edge (a tenth of
-#: half of the distance of grains), since a short edge makes small elements on all meshes.
-SEED = 3
+#: Sample, the seed of the random numbers: of 1 to 12 the one that gives the longest shortest edge
+#: (a tenth of half of the distance of grains), since a short edge makes small elements on all
+#: meshes.
+SAMPLE = 3
 #: Rounds of Lloyd's iteration, after which centres hardly move.
 ROUNDS = 30
 
 
-def polyhedral_grains(element_size, number=20, box=(4.0, 4.0, 10.0), radius=1e-3):
+def polyhedral_grains(element_size, number=20, box=(4.0, 4.0, 10.0), radius=1e-3, sample=SAMPLE):
     """Voronoi cells that fill a box, each a little smaller than its room and turned in it.
 
     Centres are spread evenly by Lloyd's iteration (IEEE Trans. Inf. Theory 28, 1982). A cell
@@ -25,15 +26,16 @@ def polyhedral_grains(element_size, number=20, box=(4.0, 4.0, 10.0), radius=1e-3
         number: Grains.
         box: Lengths of the box's sides [radius].
         radius: Half of about the distance of grains [m].
+        sample: Seed of the random numbers.
 
     Returns:
         List of (points [m], cells).
     """
-    box, rng = np.asarray(box, dtype=float), np.random.default_rng(SEED)
+    box, rng = np.asarray(box, dtype=float), np.random.default_rng(sample)
     centers = rng.uniform(0, 1, (number, 3)) * box
     for _ in range(ROUNDS):
         centers = np.array([_centroid(*_cell(centers, k, box)) for k in range(number)])
-    rng, bodies = np.random.default_rng(SEED + 100), []
+    rng, bodies = np.random.default_rng(sample + 100), []
     for k in range(number):
         vertices, faces = _cell(centers, k, box)
         size, turn = rng.uniform(0.97, 0.995), np.deg2rad(rng.uniform(-1, 1, 3))
