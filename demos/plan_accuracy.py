@@ -62,7 +62,8 @@ CHANGES = {
     "plastic-sphere": (({"nu": 0.3}, {"a_over_R": 0.075}, {"a_over_R": 0.085}),
                        ({"nu": 0.3, "a_over_R": 0.08},),
                        ({"a_over_R": 0.0925},)),
-    "jammed": (({"friction": 0.1}, {"friction": 0.4}, {"sample": 5}),
+    "jammed": (({"friction": 0.1}, {"friction": 0.4}, {"sample": 5}, {"sample": 6},
+                {"sample": 9}),
                ({"sample": 12},), ({"friction": 0.3, "sample": 2},)),
 }  # fmt: skip
 

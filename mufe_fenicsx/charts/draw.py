@@ -17,6 +17,7 @@ LOOKS = {
     "composite": (style.GREEN, "^", "-"),
     "stiff penalty": (style.PINK, "v", "-"),
     "kinematic law": (style.PINK, "D", ":"),
+    "kinematic law, loading x 2": (style.PINK, "d", "-."),
     "contact at nodes": (style.PINK, "x", "--"),
     "element's time step": (style.BLUE, "o", ":"),
     "mass 1 %": (style.SKY, "o", "--"),

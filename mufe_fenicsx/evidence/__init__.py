@@ -217,3 +217,10 @@ def read_curve(path=REFERENCE, column="stress"):
     if column not in names:
         raise InputError(f"reference of {column}, expected one of {'; '.join(names)}")
     return [float(r["strain"]) for r in rows], [float(r[column]) for r in rows], head
+
+
+def columns_of(path):
+    """Names of the stresses in a table that :func:`read_curve` reads."""
+    with Path(path).open(encoding="utf-8") as file:
+        head = next(line for line in file if not line.startswith("#"))
+    return [name for name in head.strip().split(",") if name != "strain"]

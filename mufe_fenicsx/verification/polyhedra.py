@@ -5,6 +5,8 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection
 from scipy.spatial.transform import Rotation
 
 from ..geometry.gmsh_model import gmsh_model, tetrahedra
+from ..geometry.measure import compact
+from ..geometry.tetra import fill
 
 #: Sample, the seed of the random numbers: of 1 to 12 the one that gives the longest shortest edge
 #: (a tenth of half of the distance of grains), since a short edge makes small elements on all
@@ -14,7 +16,9 @@ SAMPLE = 3
 ROUNDS = 30
 
 
-def polyhedral_grains(element_size, number=20, box=(4.0, 4.0, 10.0), radius=1e-3, sample=SAMPLE):
+def polyhedral_grains(
+    element_size, number=20, box=(4.0, 4.0, 10.0), radius=1e-3, sample=SAMPLE, inner=1.0
+):
     """Voronoi cells that fill a box, each a little smaller than its room and turned in it.
 
     Centres are spread evenly by Lloyd's iteration (IEEE Trans. Inf. Theory 28, 1982). A cell
@@ -27,6 +31,7 @@ def polyhedral_grains(element_size, number=20, box=(4.0, 4.0, 10.0), radius=1e-3
         box: Lengths of the box's sides [radius].
         radius: Half of about the distance of grains [m].
         sample: Seed of the random numbers.
+        inner: Length of edges far inside over that on the surface.
 
     Returns:
         List of (points [m], cells).
@@ -41,7 +46,7 @@ def polyhedral_grains(element_size, number=20, box=(4.0, 4.0, 10.0), radius=1e-3
         size, turn = rng.uniform(0.97, 0.995), np.deg2rad(rng.uniform(-1, 1, 3))
         middle = vertices.mean(axis=0)
         vertices = middle + size * (vertices - middle) @ Rotation.from_rotvec(turn).as_matrix().T
-        points, cells = _mesh(vertices, faces, element_size)
+        points, cells = _mesh(vertices, faces, element_size, inner)
         bodies.append((radius * points, cells))
     return bodies
 
@@ -76,7 +81,7 @@ def _centroid(vertices, _):
     return volume @ (a + b + c + top) / (4 * volume.sum())
 
 
-def _mesh(vertices, faces, size):
+def _mesh(vertices, faces, size, inner):
     """Tetrahedra of a polyhedron whose faces stay flat: points and cells."""
     with gmsh_model() as gmsh:
         geo, lines, surfaces = gmsh.model.geo, {}, []
@@ -91,5 +96,15 @@ def _mesh(vertices, faces, size):
             surfaces.append(geo.addPlaneSurface([geo.addCurveLoop(loop)]))
         geo.addVolume([geo.addSurfaceLoop(surfaces)])
         geo.synchronize()
-        gmsh.model.mesh.generate(3)
-        return tetrahedra()
+        if inner == 1.0:
+            gmsh.model.mesh.generate(3)
+            return tetrahedra()
+        gmsh.model.mesh.generate(2)
+        tags, places, _ = gmsh.model.mesh.getNodes()
+        triangles = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3)
+    row = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    row[tags.astype(np.int64)] = np.arange(len(tags))
+    points, triangles = compact(places.reshape(-1, 3) / size, row[triangles.astype(np.int64)])
+    # No node of the surface moves: faces stay flat.
+    points, cells = fill(points, triangles, inner=inner, fixed=np.arange(len(points)))
+    return size * points, cells
