@@ -9,9 +9,11 @@ and the like, at that one. Here
 - without it plans are made and followed at parameters that took no part in that, and their errors
   stand beside what was wanted. `--again` does so at further ones, for what became of plans at the
   first ones led to a margin (planning.case). With `--stated` plans are told the parameters. What
-  plans cost stands beside two fronts: the cheapest point of the table that is within the accuracy
-  there, and the cheapest one that is within it wherever plans are followed as well. A point may be
-  within at one speed because its error changes sign there: the second front leaves it out.
+  plans cost stands beside three fronts: the cheapest point of the table that is within the accuracy
+  there, the cheapest one that is within it wherever plans are followed as well, and the cheapest
+  one that is within it at all parameters that anything was computed at. A point may be within at
+  one speed because its error changes sign there: the second front leaves out some of these, the
+  third one all that are known; it is what a plan could do at best that is told no parameters.
 
     python demos/plan_accuracy.py FOLDER                minutes
     python demos/plan_accuracy.py FOLDER --stated       minutes
@@ -120,9 +122,16 @@ def table_value(case, name):
     return float(inspect.signature(POINTS[case + SUFFIX]).parameters[name].default)
 
 
-def front_where_followed(own, accuracy, changes):
-    """The cheapest point that is within an accuracy in the table and at all of some parameters."""
+def front_where_followed(own, accuracy, changes, elsewhere=None):
+    """The cheapest point that is within an accuracy in the table and at all of some parameters.
+
+    With errors ``elsewhere`` within it wherever these are known, too. None where there is none.
+    """
     for point in sorted(own, key=lambda p: p.seconds):
+        if elsewhere is not None:
+            known = elsewhere.get(point.command, {"": {0.0: math.inf}})
+            if max(error for along in known.values() for error in along.values()) > accuracy:
+                continue
         if point.error > accuracy:
             continue
         if all(at(point, change).error <= accuracy for change in changes):
@@ -141,13 +150,15 @@ def check(say, cases=tuple(CHANGES), again=False, stated=False):
 
     Returns:
         Rows (case, accuracy, change, error, kept, time over that of the table's front, time and
-        element-steps over those of the front where they are followed, command).
+        element-steps over those of the front where they are followed, time over that of the front
+        of what is within everywhere, command).
     """
-    rows = []
+    rows, elsewhere = [], read_elsewhere()
     for case in cases:
         changes, own = CHANGES[case][2 if again else 1], usable(read_points(), case)
         for accuracy in ACCURACIES:
             front = front_where_followed(own, accuracy, changes)
+            safe = front_where_followed(own, accuracy, changes, elsewhere)
             for change in changes:
                 try:
                     plan = plan_case(case, accuracy, stated=change if stated else None)
@@ -162,13 +173,16 @@ def check(say, cases=tuple(CHANGES), again=False, stated=False):
                     other = at(front, change)
                     time = done.seconds / other.seconds
                     work = done.element_steps / other.element_steps
+                over_safe = done.seconds / at(safe, change).seconds if safe else math.nan
                 rows.append(
-                    (case, accuracy, change, done.error, kept, over, time, work, done.command)
-                )
+                    (case, accuracy, change, done.error, kept, over, time, work, over_safe,
+                     done.command)
+                )  # fmt: skip
                 word = "kept" if kept else "NOT KEPT"
                 say(
                     f"{case:15} {change} wanted {accuracy:5.2f} error {done.error:8.4f} {word:8} "
-                    f"cost {over:5.2f} x; there {time:5.2f} x, {work:5.2f} x element-steps  "
+                    f"cost {over:5.2f} x; there {time:5.2f} x, {work:5.2f} x element-steps; safe "
+                    f"{over_safe:5.2f} x  "
                     f"{done.command}; front {front and front.command}"
                 )
     return rows
@@ -196,12 +210,13 @@ def main():
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["case", "accuracy", "change", "error", "kept", "cost_over_front",
                          "cost_over_front_there", "element_steps_over_front_there",
-                         "command"])  # fmt: skip
+                         "cost_over_front_everywhere", "command"])  # fmt: skip
         writer.writerows(rows)
     kept = sum(row[4] for row in rows)
     say(f"{kept} of {len(rows)} plans kept their accuracy")
     for index, name in (
         (5, "in the table"), (6, "where followed"), (7, "where followed, element-steps"),
+        (8, "of what is within everywhere"),
     ):  # fmt: skip
         plans = {}
         for row in rows:

@@ -146,6 +146,8 @@ def plan_case(case, accuracy, points=None, elsewhere=None, stated=None):
     if not own:
         raise InputError(f"case {case}, expected one of which the table of points has some")
     elsewhere = read_elsewhere() if elsewhere is None else elsewhere
+    # Lines that nobody computed elsewhere are those that do not reach the front.
+    own = [p for p in own if p.command in elsewhere] or own
     stated = _checked(stated or {}, case, own, elsewhere)
     elsewhere, there = settled(own, elsewhere), stated
     stated = {name: value for name, value in stated.items() if name not in NAMES}
