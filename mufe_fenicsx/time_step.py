@@ -75,7 +75,8 @@ class HighestFrequency:
         if self.vector is not None:
             # As much of either: what is the highest now may have no part in what it was.
             last = self.vector[rows]
-            start = start + math.sqrt(self._dot(start, start) / self._dot(last, last)) * last
+            if weight := self._dot(last, last):  # else it was of other rows
+                start = start + math.sqrt(self._dot(start, start) / weight) * last
         if not self._dot(start, start) > 0.0:
             return 0.0  # of no rows on any rank
         basis = np.empty((self.size, start.size))

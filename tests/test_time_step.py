@@ -49,6 +49,19 @@ def test_rounding_does_not_decide_where_few_frequencies_are(split):
     np.testing.assert_allclose(*found, rtol=1e-9)
 
 
+def test_the_last_vector_may_be_of_other_rows():
+    """Contacts that open while others close: nothing of the last vector is at the new rows."""
+    x = np.random.default_rng(3).random((12, 3))
+    highest = HighestFrequency(MPI.COMM_SELF, np.ones(12), x, None)
+
+    def stiff(y, q):
+        y[:] = 4.0 * q
+
+    # One frequency: exact but for rounding.
+    for rows in (np.arange(4), np.arange(6, 12), np.arange(3, 8)):
+        assert highest(rows, stiff) == pytest.approx(2.0, rel=1e-12)
+
+
 @pytest.mark.mpi
 def test_assembled_step_is_larger_than_the_element_bound_and_stable():
     """A free body that starts with random velocities keeps its energy at 0.9 of the limit."""

@@ -71,7 +71,7 @@ def write_mesh(path, points, groups):
 
 def main():
     scene, increments = Path(sys.argv[1]), int(sys.argv[2])
-    with np.load(scene) as file:
+    with np.load(scene, allow_pickle=False) as file:
         s = {name: file[name] for name in file.files}
     h, first = float(s["h"]), len(s["points"])
     points = np.vstack([s["points"], s["block_points"]]) / h

@@ -146,7 +146,7 @@ class Test(StructuralMechanicsAnalysis):
 
 def main():
     scene, increments = Path(sys.argv[1]), int(sys.argv[2])
-    with np.load(scene) as file:
+    with np.load(scene, allow_pickle=False) as file:
         s = {name: file[name] for name in file.files}
     write_model(scene.with_suffix(".mdpa"), s)
     flows = bool(np.isfinite(s["yield_stress"]))
