@@ -57,6 +57,10 @@ def test_front_of_the_best():
     assert pareto([d, e, b, c, a]) == [a, c, e]
     assert cheapest([a, b, c, d, e], 0.05) is c
     assert cheapest([a, b, c, d, e], 0.005) is None
+    # Increments have no element-steps: wherever they stand, they are not of that front.
+    some = replace(b, error=0.001, element_steps=math.nan)
+    for points in ([d, some, b, c, e, a], [some, d, e, b, c, a], [a, b, c, some, d, e]):
+        assert pareto(points, "element_steps") == [a, c, e]
 
 
 def test_cost_at_an_error_lies_on_a_straight_line_of_logarithms():

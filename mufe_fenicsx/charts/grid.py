@@ -49,7 +49,7 @@ CHARTS = {
          "implicit"),
     ),
     "mindlin": (
-        (1.5, 1.75, 2.0, 2.25, 2.5, 2.75, 3.0, 3.5), (1.5,), (5.0,),
+        (1.5, 1.75, 2.0, 2.25, 2.5, 3.0, 3.5), (1.5,), (5.0,),
         (OURS, SEED, "plain P1", "mass 1 %", "mass 5 %", "loading x 2", "mass 1 %, loading x 2",
          "mass 5 %, loading x 1.5", "mass 5 %, loading x 2"),
         ("stiff penalty", "contact at nodes", "element's time step", "loading x 4", "static"),

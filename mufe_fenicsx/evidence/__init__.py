@@ -160,10 +160,8 @@ def pareto(points, cost="seconds"):
         points: With finite errors.
         cost: "seconds" or "element_steps".
     """
-    front = []
-    for point in sorted(points, key=lambda p: (getattr(p, cost), p.error)):
-        if not math.isfinite(getattr(point, cost)):
-            continue
+    front, known = [], [p for p in points if math.isfinite(getattr(p, cost))]
+    for point in sorted(known, key=lambda p: (getattr(p, cost), p.error)):
         if not front or point.error < front[-1].error:
             front.append(point)
     return front

@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+import math
 import time
 
 import numpy as np
@@ -11,7 +12,8 @@ def compare(computed, theory, tolerance, scale=None):
     """One line of a case's answer.
 
     The error is relative to ``scale``, or to ``theory`` where that is None; a
-    scale of 1 leaves it as it is.
+    scale of 1 leaves it as it is. A tolerance of inf is that of a number for information, which
+    may be nan.
     """
     scale = abs(theory) if scale is None else scale
     error = abs(computed - theory) / scale
@@ -20,7 +22,7 @@ def compare(computed, theory, tolerance, scale=None):
         "theory": float(theory),
         "error": float(error),
         "tolerance": float(tolerance),
-        "passed": bool(error <= tolerance),
+        "passed": bool(error <= tolerance or tolerance == math.inf),
     }
 
 
