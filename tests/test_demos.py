@@ -1,6 +1,9 @@
 """Demos start, and those that carry code of a user's own do what they say."""
 
+import csv
 import importlib.util
+import itertools
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -43,6 +46,28 @@ def test_the_page_on_time_steps_and_increments(tmp_path):
     text = (tmp_path / "implicit_vs_explicit.md").read_text(encoding="utf-8")
     assert text.count("| `") == 5 and "(implicit_vs_explicit.png)" in text
     assert (tmp_path / "implicit_vs_explicit.png").stat().st_size > 20_000
+
+
+def test_balls_without_the_other_programs(tmp_path):
+    """Ours are computed, decks are written, and the demo says what is not there."""
+    command = [sys.executable, DEMOS / "peers.py", tmp_path, "--sizes", "1", "--cases", "hertz"]
+    environment = {**os.environ, "PATH": str(tmp_path)}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    for name in ("Akantu", "Kratos", "ccx", "yade"):
+        assert f"{name} is not" in done.stdout
+    with (tmp_path / "peers.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["program"] for row in rows] == ["ours, 5 % of mass", "ours, static"]
+    # The decks have the mesh of ours, nodes between corners in that of second order.
+    ball = np.load(tmp_path / "hertz_1.npz", allow_pickle=False)
+    for order, nodes in ((1, 4), (2, 10)):
+        deck = (tmp_path / f"hertz_1_{order}.inp").read_text(encoding="utf-8")
+        lines = deck[deck.index(f"C3D{nodes}") :].splitlines()[1:]
+        block = list(itertools.takewhile(lambda line: not line.startswith("*"), lines))
+        numbers = [n for n in ",".join(block).split(",") if n.strip()]
+        assert len(numbers) == (1 + nodes) * len(ball["cells"])
+        assert len(ball["cells"]) == int(rows[0]["elements"])
 
 
 def test_the_page_on_static_oedometers(tmp_path):
