@@ -18,6 +18,7 @@ that of p by them, and G that of the forces by p (equal to B where flow does not
 Averaged over nodes it joins neighbours of neighbours; all of that is inside a grain, and a rank.
 """
 
+import h5py  # noqa: F401  before dolfinx.fem.petsc, whose HDF5 has no compression
 import numpy as np
 import ufl
 from dolfinx import fem

@@ -210,6 +210,14 @@ def test_the_command_line_loads_nothing_heavy():
     assert found.stdout.strip() == "[]"
 
 
+@pytest.mark.parametrize("name", ["run", "verification.cases", "verification.finite_body"])
+def test_hdf5_keeps_its_compression(name):
+    """DOLFINx' wheel brings an HDF5 without any, which h5py must not take for its own."""
+    code = f"import mufe_fenicsx.{name}, h5py; print('gzip' in h5py.filters.encode)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "True"
+
+
 def test_a_run_loads_nothing_for_images_and_pictures():
     """Each rank of `mufe run` would pay for it in memory."""
     heavy = "skimage SimpleITK pyvista matplotlib tifffile scipy.optimize scipy.stats".split()

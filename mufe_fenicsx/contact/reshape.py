@@ -1,5 +1,6 @@
 """Another reference configuration: the surface is given, nodes inside follow without strain."""
 
+import h5py  # noqa: F401  before dolfinx.fem.petsc, whose HDF5 has no compression
 import numpy as np
 import ufl
 from dolfinx import fem

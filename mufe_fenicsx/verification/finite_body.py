@@ -5,6 +5,7 @@ cap ends at its base and is narrower than that. The difference is a linear compl
 same for the contact whatever slips in it, and is added to the theory.
 """
 
+import h5py  # noqa: F401  before dolfinx.fem.petsc, whose HDF5 has no compression
 import numpy as np
 import ufl
 from dolfinx import fem
