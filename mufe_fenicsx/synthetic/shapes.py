@@ -78,6 +78,10 @@ def make_grains(rng, diameters, elongation, flatness, roughness, falloff, max_de
         elongation, flatness: I/L and S/I of each grain, shape (n,).
         roughness, falloff, max_degree: As of `SynthesisSettings`.
 
+    What a packing comes to hangs on the last bit of its grains, and that on the processor and the
+    number of threads of the linear algebra. So radii are rounded to a millionth, all else to single
+    precision: one seed gives one packing.
+
     Returns:
         `RadialGrains`.
     """
@@ -89,7 +93,7 @@ def make_grains(rng, diameters, elongation, flatness, roughness, falloff, max_de
     rms *= roughness / np.sqrt((rms**2).sum())
     spread = rms[degree - 3] * np.sqrt(4 * np.pi / (2 * degree + 1))
     field = basis @ (spread[:, None] * rng.standard_normal((len(degree), n)))
-    table = np.exp(field.T).reshape(n, 6, INTERVALS + 1, INTERVALS + 1)
+    table = np.round(np.exp(field.T), 6).reshape(n, 6, INTERVALS + 1, INTERVALS + 1)
 
     directions, solid_angle = quadrature()
     matrix, offset = np.empty((n, 3, 3)), np.empty((n, 3))
@@ -117,8 +121,14 @@ def make_grains(rng, diameters, elongation, flatness, roughness, falloff, max_de
         volume[g] = v0 * np.linalg.det(matrix[g])
         x = (table[g].reshape(-1, 1) * nodes.reshape(-1, 3) - offset[g]) @ matrix[g].T
         reach[g] = 1.01 * np.linalg.norm(x, axis=1).max()
-    inverse = np.linalg.inv(matrix)
-    return RadialGrains(table, matrix, inverse, offset, volume, semi, reach)
+    matrix = _single(matrix)
+    inverse = _single(np.linalg.inv(matrix))
+    return RadialGrains(table, matrix, inverse, *map(_single, (offset, volume, semi, reach)))
+
+
+def _single(values):
+    """The same in single precision, kept in double."""
+    return values.astype(np.float32).astype(float)
 
 
 def harmonics(directions, max_degree):
