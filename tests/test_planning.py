@@ -63,6 +63,27 @@ def test_front_of_the_best():
         assert pareto(points, "element_steps") == [a, c, e]
 
 
+@pytest.mark.parametrize("case", ["hertz", "mindlin", "impact", "plastic-sphere", "jammed"])
+def test_plans_are_near_the_front_of_what_is_within_everywhere(case):
+    """The cheapest point within the accuracy in the table and at all parameters that are known.
+
+    A plan that knows none of them can do no better but by luck. 1.5 times is what it may cost.
+    """
+    own, elsewhere = evidence.usable(evidence.read_points(), case), evidence.read_elsewhere()
+
+    def largest(point):
+        known = elsewhere.get(point.command, {"": {0.0: math.inf}})
+        return max(point.error, *(e for along in known.values() for e in along.values()))
+
+    for accuracy in (0.2, 0.1, 0.05, 0.03, 0.02):
+        within = [p.seconds for p in own if largest(p) <= accuracy]
+        if not within:
+            with pytest.raises(InputError, match="expected at least"):
+                plan_case(case, accuracy)
+        else:
+            assert plan_case(case, accuracy).seconds <= 1.5 * min(within)
+
+
 def test_cost_at_an_error_lies_on_a_straight_line_of_logarithms():
     """Error 0.1 to 0.01 while cost grows 1 to 100: at 0.0316 it is 10, and no more is known."""
     points = [point(0.1, 1.0), point(0.01, 100.0)]
