@@ -366,8 +366,8 @@ def test_another_number_of_ranks_goes_on(folder, before):
     if COMM.size == 1:
         pytest.skip("needs several ranks")
 
-    # At 0.9 of the limit some node amplifies rounding for a while, as grains collide: to 2e-8 in one
-    # of two meshes that differ in rounding; at 0.8 to 1e-13.
+    # At 0.9 of the limit some node amplifies rounding for a while, as grains collide: to 2e-8 in
+    # one of two meshes that differ in rounding; at 0.8 to 1e-13.
     calm = replace(scene(), solver=Solver(time_step_factor=0.8))
 
     def on(which, name, **options):
