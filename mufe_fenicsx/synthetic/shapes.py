@@ -51,7 +51,8 @@ class RadialGrains:
         out = np.empty((self.num_grains, len(directions), 3))
         for g in range(self.num_grains):
             v = radii(self.table[g], directions)[:, None] * directions
-            out[g] = (v - self.offset[g]) @ self.matrix[g].T
+            # Not by the linear algebra, whose last bits hang on the processor (`make_grains`).
+            out[g] = np.einsum("mj,ij->mi", v - self.offset[g], self.matrix[g])
         return out
 
 
@@ -80,7 +81,7 @@ def make_grains(rng, diameters, elongation, flatness, roughness, falloff, max_de
 
     What a packing comes to hangs on the last bit of its grains, and that on the processor and the
     number of threads of the linear algebra. So radii are rounded to a millionth, all else to single
-    precision: one seed gives one packing.
+    precision, and no kernel of the linear algebra changes them.
 
     Returns:
         `RadialGrains`.
