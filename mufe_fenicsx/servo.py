@@ -25,8 +25,8 @@ import math
 
 import numpy as np
 
-#: Part α of the lacking stress that one step may change.
-GAIN = 0.5
+from .contact.walls import SERVO_GAIN
+
 #: Samples of ρ c in the time that a wave travels through the sample.
 SAMPLES = 8
 #: Steps between two of them before there is one.
@@ -59,23 +59,6 @@ class Servo:
         """Go on from what :meth:`keep` gave."""
         for name in KEPT:
             setattr(self, name, kept[name])
-
-    def loads(self):
-        """Normal forces on the walls [N] and stiffness of their contacts [N/m]. Collective.
-
-        Two arrays of shape (6,), compression positive.
-        """
-        sim = self.simulation
-        walls, contact = sim.walls, sim.contact
-        pairs = walls.pairs
-        closed = np.flatnonzero(pairs.closed)
-        node = pairs.node[closed]
-        stiffness = contact.points.area[node] / contact.layer[node]
-        local = np.stack([
-            -np.einsum("ij,ij->i", walls.force, walls.normal),
-            np.bincount(pairs.wall[closed], stiffness, len(walls.names)),
-        ])  # fmt: skip
-        return sim.comm.allreduce(local) if sim.comm.size > 1 else local
 
     def sample(self, stress, lengths):
         """Measure ρ c where that is due. Collective.
@@ -111,7 +94,7 @@ class Servo:
         """
         bound = np.full(stiffness.shape, np.inf)
         touched = stiffness > 0.0
-        bound[touched] = GAIN * area[touched] / (stiffness[touched] * self.simulation.dt)
+        bound[touched] = SERVO_GAIN * area[touched] / (stiffness[touched] * self.simulation.dt)
         if self.impedance > 0.0:
             bound[touched] = np.minimum(bound[touched], 1.0 / self.impedance)
         return bound

@@ -283,7 +283,7 @@ class Simulation:
         self.rigid.take_forces(self._f, s.x)
         self.walls.add_work()
         if self.walls.has_servo:
-            self.walls.adjust(self.wall_forces())
+            self.walls.adjust(self.comm, dt)
 
     def _kick(self, dt):
         self._kick_waits = True

@@ -282,7 +282,7 @@ class StagedLoading:
 
     def _update(self, t):
         """Look at the present state. Collective; twice gives the same as once."""
-        self._loads = forces, _ = self.servo.loads()
+        self._loads = forces, _ = self.simulation.walls.pressing(self.simulation.comm)
         stress, lengths = self._axis_stress(forces), self.lengths
         self.servo.sample(stress, lengths)
         self._check_lengths(stress, lengths)

@@ -34,6 +34,28 @@ def test_servo_holds_its_force_and_its_work_is_in_the_balance():
 
 
 @pytest.mark.mpi
+def test_servo_on_a_stiff_sample_does_not_chatter():
+    """Asked for twenty times what would throw the wall off its contacts in one step and back."""
+    mesh = packed_spheres(MPI.COMM_WORLD, (2, 1, 1), gap=0.0)
+    target, up = 20.0, np.array([0.0, 0.0, 1.0])
+    top = Wall("z_max", np.array([0.0, 0.0, 2.0 * RADIUS]), -up, target=target, speed=0.5)
+    s = simulation_of(mesh, Elastic(1e9, 0.15, 2650.0), [Wall("z_min", np.zeros(3), up), top],
+                      damping=2e4)  # fmt: skip
+    for _ in range(3000):
+        s.step()
+    force, stiffness = s.walls.pressing(s.comm)
+    assert force[1] == pytest.approx(target, rel=0.05)
+    top.speed = 20.0 * target / (stiffness[1] * s.dt)
+    assert top.speed > 100.0
+    forces = []
+    for _ in range(600):
+        s.step()
+        forces.append(s.wall_forces()[1])
+    # Balls on their contacts are the only thing that still swings.
+    assert np.abs(np.array(forces[300:]) / target - 1).max() < 0.02
+
+
+@pytest.mark.mpi
 @pytest.mark.parametrize("spin", [0.0, 2e4])
 def test_open_pairs_are_no_nearer_to_walls_than_their_clocks_say(spin):
     """Balls fly along a wall at rest and towards one that comes nearer, stretched and sheared."""

@@ -294,6 +294,7 @@ def _wall_pairs(contact, names, table):
         getattr(pairs.clocks, name)[pairs.clocks.of] = table[name][order]
     for name in WALLS_KEPT:
         getattr(pairs, name)[:] = table[name][order]
+    pairs.stiffness[:] = contact.points.area[pairs.node] / contact.layer[pairs.node]
     return pairs
 
 

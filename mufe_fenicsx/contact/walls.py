@@ -26,6 +26,9 @@ from .clocks import WALLS, GrainClocks
 from .laws import kinetic_of
 from .mirrors import nodes_on_mirrors
 
+#: Part α of the force that a servo lacks which one step may change: stable below 1 at the longest
+#: step that contacts allow, and below 2 at short ones (theory.servo).
+SERVO_GAIN = 0.5
 #: What a pair keeps when the pairs are searched anew.
 REMEMBERED = ("gap", "offset", "closed", "anchor", "shear", "slip", "push", "sliding")
 
@@ -34,8 +37,9 @@ REMEMBERED = ("gap", "offset", "closed", "anchor", "shear", "slip", "push", "sli
 class Wall:
     """One plane. Its normal points into the sample.
 
-    With ``target`` force F0 the wall moves along its normal at ``speed`` (1 - F/F0),
-    within ± ``speed``: fast while it is free, and at rest when F = F0.
+    With ``target`` force F0 the wall moves along its normal at g (F0 - F), within ± ``speed``:
+    fast while it is free, and at rest when F = F0. The gain g is ``speed``/F0, or the largest that
+    is stable with the contacts that the wall has (``SERVO_GAIN``) where this is less.
 
     Nodes that lie on the plane of a ``bonded`` wall at the start are glued to it for
     good, like those of a glued platen; other nodes meet it as any wall.
@@ -72,9 +76,19 @@ class Wall:
                         "symmetry is smooth and at rest"
                     )
 
-    def servo_velocity(self, normal_force):
-        """Velocity [m/s] that brings ``normal_force`` [N] to the target, shape (3,)."""
-        return self.speed * np.clip(1 - normal_force / self.target, -1, 1) * self.normal
+    def servo_velocity(self, normal_force, stiffness, dt):
+        """Velocity [m/s] that brings ``normal_force`` [N] to the target, shape (3,).
+
+        Args:
+            normal_force: Of the grains on the wall [N].
+            stiffness: Of the contacts that press on it [N/m].
+            dt: Length of a step [s].
+        """
+        gain = self.speed / self.target
+        if stiffness > 0.0:
+            gain = min(gain, SERVO_GAIN / (stiffness * dt))
+        v = gain * (self.target - normal_force)
+        return min(max(v, -self.speed), self.speed) * self.normal
 
 
 class Walls:
@@ -161,11 +175,24 @@ class Walls:
         """
         return comm.allreduce(self.force), comm.allreduce(self.torque)
 
-    def adjust(self, normal_force):
-        """Set the velocities of servo-controlled walls, from forces over all ranks [N]."""
-        for i, wall in enumerate(self.walls):
+    def pressing(self, comm):
+        """Normal forces of the grains, compression positive, and stiffness of their contacts.
+
+        Two arrays of shape (num_walls,) [N, N/m]. Collective.
+        """
+        closed = np.flatnonzero(self.pairs.closed)
+        local = np.stack([
+            -np.einsum("ij,ij->i", self.force, self.normal),
+            np.bincount(self.pairs.wall[closed], self.pairs.stiffness[closed], len(self.walls)),
+        ])  # fmt: skip
+        return comm.allreduce(local) if comm.size > 1 else local
+
+    def adjust(self, comm, dt):
+        """Set the velocities of servo-controlled walls for steps of length ``dt`` [s]. Collective.
+        """
+        for i, (wall, force, k) in enumerate(zip(self.walls, *self.pressing(comm), strict=True)):
             if wall.target is not None:
-                self.velocity[i] = wall.servo_velocity(normal_force[i])
+                self.velocity[i] = wall.servo_velocity(force, k, dt)
 
     def search(self, x, nodes, corner, grain_of_point, reach, clock):
         """Find the points near each wall and carry over what their pairs remember. Local.
