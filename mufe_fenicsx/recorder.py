@@ -6,7 +6,7 @@ from .contact.network import find_network
 from .contact.nodal import nodal_contact
 from .energy_guard import EnergyGuard
 from .output.contacts import ContactWriter
-from .output.fields import FieldWriter
+from .output.fields import Computed, FieldWriter
 from .output.history import COLUMNS, HistoryWriter
 from .scene import WALLS
 from .simulation import ENERGIES
@@ -112,7 +112,7 @@ class Recorder:
         """One state of all fields."""
         sim, state = self.simulation, self.simulation.state
         sim.complete()
-        stress = sim.solid.stress(state)
+        solid, num_cells = sim.solid, sim.mesh.num_cells
         self.fields.write(
             self.num_states,
             state.t,
@@ -124,9 +124,11 @@ class Recorder:
                 **nodal_contact(sim.contact, sim.mesh.num_nodes),
             },
             {
-                "stress": stress,
-                "von_mises": von_mises(sim.solid.deviator(state)),
-                "pressure": -stress[:, :3].mean(axis=1),
+                "stress": Computed((num_cells, 6), lambda rows: solid.stress(state, rows)),
+                "von_mises": Computed(
+                    (num_cells,), lambda rows: von_mises(solid.deviator(state, rows))
+                ),
+                "pressure": Computed((num_cells,), lambda rows: -solid.mean_stress(rows)),
                 "plastic_strain": state.plastic_strain,
             },
         )

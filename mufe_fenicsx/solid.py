@@ -165,22 +165,25 @@ class Solid:
         """Plastic work of each grain so far [J], shape (num_grains,). Local."""
         return np.add.reduceat(state.plastic_work, self.mesh.cell_offset[:-1])
 
-    def mean_stress(self):
-        """Mean Cauchy stress of the elements [Pa], tension positive, shape (num_cells,). Local."""
+    def mean_stress(self, cells=slice(None)):
+        """Mean Cauchy stress of ``cells`` [Pa], tension positive, shape (num_cells,). Local."""
         if self._kind == AVERAGED:
-            return self.pressure[self.mesh.cells].mean(axis=1)
-        return self.pressure[: self.mesh.num_cells].copy()
+            return self.pressure[self.mesh.cells[cells]].mean(axis=1)
+        return self.pressure[: self.mesh.num_cells][cells].copy()
 
-    def deviator(self, state):
-        """Deviator of the Cauchy stress [Pa], xx yy zz xy yz xz, shape (num_cells, 6). Local."""
-        x = state.x[self.mesh.cells]
-        J = np.linalg.det(x[:, 1:] - x[:, :1]) / (6 * self.volume0)
-        return state.deviator / J[:, None]
+    def deviator(self, state, cells=slice(None)):
+        """Deviator of the Cauchy stress of ``cells`` [Pa], xx yy zz xy yz xz. Local.
 
-    def stress(self, state):
-        """Cauchy stress [Pa], xx yy zz xy yz xz, shape (num_cells, 6). Local."""
-        stress = self.deviator(state)
-        stress[:, :3] += self.mean_stress()[:, None]
+        Shape (num_cells, 6).
+        """
+        x = state.x[self.mesh.cells[cells]]
+        J = np.linalg.det(x[:, 1:] - x[:, :1]) / (6 * self.volume0[cells])
+        return state.deviator[cells] / J[:, None]
+
+    def stress(self, state, cells=slice(None)):
+        """Cauchy stress of ``cells`` [Pa], xx yy zz xy yz xz, shape (num_cells, 6). Local."""
+        stress = self.deviator(state, cells)
+        stress[:, :3] += self.mean_stress(cells)[:, None]
         return stress
 
     def failure(self, state, inverted=-1):

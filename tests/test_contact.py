@@ -155,7 +155,8 @@ def test_what_is_known_of_pairs_after_a_search(drift):
     of_points = contact.points.grain_of_point
     lost = Pairs(pairs.node, pairs.grain, pairs.first, pairs.candidate, of_points, contact.clock)
     before = contact.surface.global_facet
-    lost.carry(pairs, np.full_like(before, -1), before, np.inf)
+    pairs.drop_candidates(before)
+    lost.carry(pairs, np.full_like(before, -1), np.inf)
     assert (lost.due <= lost.clocks.now).all()
 
 

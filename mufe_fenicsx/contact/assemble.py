@@ -181,13 +181,15 @@ class Contact:
         depth = self.comm.allreduce(depth, op=MPI.MAX)
         reach = max(self.skin, ahead) + 1.1 * depth
 
-        old, old_surface, old_crossings = self.pairs, self.surface, self.edges.pairs
+        old, old_crossings = self.pairs, self.edges.pairs
         if old is not None:
-            old.forces = self.walls.pairs.forces = None  # they keep positions and forces of before
+            # The kernels keep positions and forces of before.
+            self.walls.pairs.forces = None
             # Whether a node meets its own grain hangs on more than their distance.
             wait = min(self.searched_at + self.reach - self.clock, self._longest)
             wait = 0.0 if self.self_depth else wait
             self.edges.slip += new_slip(self)
+            old.drop_candidates(self.surface.global_facet)
         self.exchange(gathered, reach)
         num_own, num_points = self.own.nodes.size, self.points.num_points
 
@@ -202,8 +204,7 @@ class Contact:
             self.self_depth,
         )
         if old is not None:
-            facets = self.surface.global_facet, old_surface.global_facet
-            self.pairs.carry(old, *facets, wait)
+            self.pairs.carry(old, self.surface.global_facet, wait)
         self.pairs.clocks.follow(self.motion)
         nodes = self.positions.array[self.num_before :]
         self.dissipated += self.edges.search(nodes, num_own, self.surface, reach, self.clock)

@@ -168,7 +168,6 @@ def _own_sums(contact, x):
     work[:, _WORK] = done
     wall_normal = contact.walls.normal[w.wall[at]]
     crossings = closed_crossings(contact)
-    stretch = contact.points.stretch(contact.own, x)
     grain = [
         grain_of_point[p.node[on]],
         grain_of_point[w.node[at]],
@@ -177,8 +176,8 @@ def _own_sums(contact, x):
     ]
     partner = [p.grain[on], w.wall[at] + num_grains, crossings.partner, with_work]
     sums = [
-        _sums_of_points(contact, p, on, p.normal[on], contact.areas(on), stretch),
-        _sums_of_points(contact, w, at, wall_normal, contact.points.area[w.node[at]], stretch),
+        _sums_of_points(contact, p, on, p.normal[on], contact.areas(on), x),
+        _sums_of_points(contact, w, at, wall_normal, contact.points.area[w.node[at]], x),
         _sums_of_crossings(contact, crossings),
         work,
     ]
@@ -191,13 +190,14 @@ def _own_sums(contact, x):
     return a, b, sums
 
 
-def _sums_of_points(contact, pairs, on, normal, area, stretch):
+def _sums_of_points(contact, pairs, on, normal, area, x):
     """Terms of the sums for pairs ``on``, seen from the grain of the point."""
+    stretch = contact.points.stretch(contact.own, x, pairs.node[on])
     place = contact.positions.array[pairs.node[on]]
     terms = np.zeros((on.size, _NUM_COLUMNS))
     terms[:, _COUNT] = 1
     terms[:, _AREA] = area
-    terms[:, _DEFORMED] = area * stretch[pairs.node[on]]
+    terms[:, _DEFORMED] = area * stretch
     terms[:, _NORMAL] = area[:, None] * normal
     terms[:, _PLACE] = area[:, None] * place
     terms[:, _FRICTION] = pairs.shear[on]

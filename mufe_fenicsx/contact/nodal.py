@@ -42,7 +42,8 @@ def nodal_contact(contact, num_nodes):
         np.add.at(shear, pairs.node[on], pairs.shear[on] / area[:, None])
         for nodes in points.nodes_around(pairs.node):
             np.minimum.at(gap, nodes, distance - pairs.offset)
-    sums = points.to_nodes(points.area[:, None] * at_points, own.nodes.size)
+    at_points *= points.area[:, None]
+    sums = points.to_nodes(at_points, own.nodes.size)
     force, friction, edge_slip, edge_depth = crossings_at_nodes(contact)
     around = points.to_nodes(points.area[:, None], own.nodes.size)[:, 0]
     at_nodes = np.zeros((num_nodes, 5))

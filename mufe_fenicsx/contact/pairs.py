@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..kernels.boxes import box_around, mean_extent
-from ..kernels.carry import carry_pairs, find_again
+from ..kernels.carry import carry_pairs, copy_rows, find_again, spread
 from ..kernels.pairs import ROW, column, rows
 from ..kernels.search import find_candidates, group_by_grain, sort_into_cells
 from ..kernels.self_contact import find_self_candidates
@@ -42,31 +42,45 @@ class Pairs:
             setattr(self, name, column(self.state, name))
         self.gap[:] = np.inf
         self.forces = None  #: kernels.pairs.PairForces, once they are wanted
+        self.closest_facet = None  #: numbers of the closest facets, once candidates are dropped
 
-    def carry(self, old, global_facet, old_global_facet, wait):
+    def drop_candidates(self, global_facet):
+        """Keep of the candidates the closest ones alone, for :meth:`carry` of the next search.
+
+        They have most of the memory of a search, and their successors need it. Local.
+
+        Args:
+            global_facet: Numbers over all ranks of the facets of this search.
+        """
+        known = self.closest >= 0
+        closest = np.full(self.closest.size, -1, dtype=np.int64)
+        closest[known] = global_facet[self.candidate[self.closest[known]]]
+        self.closest_facet = closest
+        self.forces = self.candidate = self.candidate_due = self.first = self.closest = None
+
+    def carry(self, old, global_facet, wait):
         """Take over what ``old`` pairs remember. Local.
 
         Args:
-            old: Pairs of the last search.
-            global_facet, old_global_facet: Numbers over all ranks of the facets now and of ``old``.
+            old: Pairs of the last search, without candidates by :meth:`drop_candidates`.
+            global_facet: Numbers over all ranks of the facets now.
             wait: Motion from now on before which no facet beyond the reach of that search can be
                 met [m].
         """
         self.clocks.carry(old.clocks)
         clock = self.clocks.now
         self.due[:] = clock
-        self.candidate_due[:] = np.repeat(clock, np.diff(self.first))
+        spread(self.candidate_due, self.first, clock)
         source = carry_pairs(old.node, old.grain, self.node, self.grain)
         new = np.flatnonzero(source >= 0)
         source = source[new]
-        self.state[new] = old.state[source]
+        copy_rows(self.state, new, old.state, source)
         self.known[new], self.work[new] = False, 0.0  # the ledger has the work
         # A pair that was due may have closed by the motion since, and no other.
         self.due[new] = np.minimum(old.due[source], clock[new] + wait)
-        known = old.closest[source] >= 0
+        known = old.closest_facet[source] >= 0
         new, source = new[known], source[known]
-        wanted = old_global_facet[old.candidate[old.closest[source]]]
-        facet = _find(global_facet, wanted)
+        facet = _find(global_facet, old.closest_facet[source])
         find_again(self.closest, new, facet, self.first, self.candidate)
         # What pairs may close in some time is asked for too: each needs a facet where it will.
         lost = self.closest < 0

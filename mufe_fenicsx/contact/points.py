@@ -54,19 +54,23 @@ class Points:
         """Surface nodes of the given points: one array for points at nodes, else three."""
         return (points,) if self.corner is None else tuple(self.corner[points].T)
 
-    def stretch(self, own, x):
-        """Area of the facets around each point now over the reference one, (num_points,).
+    def stretch(self, own, x, points):
+        """Area of the facets around ``points`` now over the reference one, shape (num,).
 
         Args:
             own: :class:`~mufe_fenicsx.contact.surface.OwnSurface` that the points belong to.
             x: Positions of the mesh's nodes [m], shape (num_nodes, 3).
+            points: Of this rank, shape (num,).
         """
-        a, b, c = (x[own.nodes[own.facets[:, i]]] for i in range(3))
-        now = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
         ring, offset = (
             (own.ring, own.ring_offset) if self.corner is None else (self.ring, self.ring_offset)
         )
-        return _sums(now[ring], offset) / _sums(own.facet_area[ring], offset)
+        first, count = offset[points], offset[points + 1] - offset[points]
+        begin = np.cumsum(count) - count
+        facet = ring[np.repeat(first - begin, count) + np.arange(count.sum())]
+        a, b, c = (x[own.nodes[own.facets[facet, i]]] for i in range(3))
+        now = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        return _sums(now, begin) / _sums(own.facet_area[facet], begin)
 
     def to_nodes(self, values, num_nodes):
         """Values at points, shape (num_points, k), spread to surface nodes (num_nodes, k)."""
@@ -74,7 +78,8 @@ class Points:
             return values
         at_nodes = np.zeros((num_nodes, values.shape[1]))
         for corner, weight in zip(self.corner.T, self.weight.T, strict=True):
-            np.add.at(at_nodes, corner, weight[:, None] * values)
+            for k in range(values.shape[1]):  # one at a time needs less room
+                np.add.at(at_nodes[:, k], corner, weight * values[:, k])
         return at_nodes
 
 
@@ -160,9 +165,9 @@ def nodes_around(own, nodes):
     return around.astype(np.int32), np.stack([first[:-1], np.diff(first)], axis=1).astype(np.int32)
 
 
-def _sums(values, offset):
+def _sums(values, first):
     """Sums over rows of compressed rows, none of them empty, shape (num_rows,)."""
-    return np.add.reduceat(values, offset[:-1]) if values.size else np.zeros(0)
+    return np.add.reduceat(values, first) if values.size else np.zeros(0)
 
 
 def sharp_vertices(own, x):

@@ -188,7 +188,7 @@ class Walls:
         return comm.allreduce(local) if comm.size > 1 else local
 
     def adjust(self, comm, dt):
-        """Set the velocities of servo-controlled walls for steps of length ``dt`` [s]. Collective."""
+        """Set the speeds of walls with a servo for steps of length ``dt`` [s]. Collective."""
         for i, (wall, force, k) in enumerate(zip(self.walls, *self.pressing(comm), strict=True)):
             if wall.target is not None:
                 self.velocity[i] = wall.servo_velocity(force, k, dt)

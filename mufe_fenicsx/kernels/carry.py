@@ -29,3 +29,19 @@ def find_again(closest, pairs, facets, first, candidate):
         for k in range(first[pairs[i]], first[pairs[i] + 1]):
             if candidate[k] == facets[i]:
                 closest[pairs[i]] = k
+
+
+@numba.njit(cache=True)
+def copy_rows(to, rows, of, source):
+    """Set ``rows`` of ``to`` to the rows ``source`` of another array, without a copy between."""
+    for i in range(rows.size):
+        for k in range(to.shape[1]):
+            to[rows[i], k] = of[source[i], k]
+
+
+@numba.njit(cache=True)
+def spread(values, first, of_row):
+    """Set the values of each compressed row to one number, in place."""
+    for row in range(of_row.size):
+        for k in range(first[row], first[row + 1]):
+            values[k] = of_row[row]

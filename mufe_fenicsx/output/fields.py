@@ -9,6 +9,7 @@ Format: VTK documentation, "VTKHDF file format", UnstructuredGrid, version 2.
 """
 
 import json
+import math
 import os
 from pathlib import Path
 
@@ -26,6 +27,8 @@ from mufe_fenicsx.output.run_folder import (
 )
 
 VTK_TETRA = 10
+#: Rows that are computed and written at a time.
+BLOCK = 1 << 15
 MESH = "mesh.h5"
 SERIES = "states.vtkhdf.series"
 MESH_ARRAYS = (
@@ -121,19 +124,16 @@ class FieldWriter:
             time: Time [s].
             strain: Strain [-].
             stage: Name of the stage.
-            point_data: dict name -> values at this rank's nodes, shape (num_nodes,) or
-                (num_nodes, k); the same names in the same order on every rank.
+            point_data: dict name -> values at this rank's nodes, an array or :class:`Computed` of
+                shape (num_nodes,) or (num_nodes, k); the same names and order on every rank.
             cell_data: dict name -> values of this rank's cells; ``grain`` is already known.
 
         Raises:
             InputError: The file cannot be written; on all ranks together.
         """
-        arrays = [(f"PointData/{k}", np.asarray(v), self._nodes) for k, v in point_data.items()]
-        arrays += [
-            (f"CellData/{k}", np.asarray(v), self._cells)
-            for k, v in cell_data.items()
-            if k != "grain"
-        ]
+        arrays = [(f"PointData/{k}", v, self._nodes) for k, v in point_data.items()]
+        arrays += [(f"CellData/{k}", v, self._cells) for k, v in cell_data.items() if k != "grain"]
+        arrays = [(k, v if isinstance(v, Computed) else np.asarray(v), r) for k, v, r in arrays]
         time, strain = float(time), float(strain)
         small = {"FieldData/TimeValue": [time], "FieldData/strain": [strain]}
         name = f"{index:04d}.vtkhdf"
@@ -160,7 +160,7 @@ class FieldWriter:
 
         layout = None
         if self.comm.rank == 0:
-            size = sum(r.total * v.itemsize * int(np.prod(v.shape[1:])) for _, v, r in arrays)
+            size = sum(r.total * v.itemsize * math.prod(v.shape[1:]) for _, v, r in arrays)
             message, _ = attempt(path, lambda: try_room(part, size))
             if message is None:
                 message, layout = attempt(
@@ -182,6 +182,26 @@ class FieldWriter:
             if self.comm.rank == 0:
                 part.unlink(missing_ok=True)
             raise
+
+
+class Computed:
+    """Values that exist some rows at a time: a state of a large mesh has no room for all.
+
+    Args:
+        shape: Of all values of this rank.
+        of: ``of(rows)`` gives those of a slice of rows, float64.
+    """
+
+    dtype = np.dtype(np.float64)
+
+    def __init__(self, shape, of):
+        self.shape, self._of = shape, of
+
+    ndim = property(lambda self: len(self.shape))
+    itemsize = dtype.itemsize
+
+    def __getitem__(self, rows):
+        return self._of(rows)
 
 
 class _Rows:
@@ -235,13 +255,13 @@ def _write_rows(path, arrays, layout):
     file = os.open(path, os.O_WRONLY)
     try:
         for (_, values, rows), start in zip(arrays, layout, strict=True):
-            if not rows.count:
-                continue
-            data = memoryview(np.ascontiguousarray(values)).cast("B")
-            at = start + rows.first * (data.nbytes // rows.count)
-            while data:
-                written = os.pwrite(file, data, at)
-                data, at = data[written:], at + written
+            at = start + rows.first * values.itemsize * math.prod(values.shape[1:])
+            for first in range(0, rows.count, BLOCK):
+                block = np.ascontiguousarray(values[first : first + BLOCK], values.dtype)
+                data = memoryview(block).cast("B")
+                while data:
+                    written = os.pwrite(file, data, at)
+                    data, at = data[written:], at + written
         os.fsync(file)
     finally:
         os.close(file)
