@@ -88,7 +88,8 @@ class StableStep:
 
         Where given with other nodal masses [kg], shape (num_nodes,).
         """
-        frequencies = self._frequencies()
+        all_of_them = self.highest, self.highest_of_springs, self.highest_of_tets
+        frequencies = [highest.of(highest.add_stiffness) for highest in all_of_them]
         if mass is not None:
             _set_mass(mass, *frequencies)
         springs = list_springs(self.contact, margin)

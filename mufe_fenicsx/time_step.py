@@ -71,31 +71,38 @@ class HighestFrequency:
         if rows is None:
             rows, add_stiffness = slice(None), self.add_stiffness
         root = self.inverse_root[rows] if mass is None else _inverse_root(mass)
-        start, root = self.noise[rows], np.ascontiguousarray(root).reshape(-1)
+        noise, root = self.noise[rows], np.ascontiguousarray(root).reshape(-1)
+        # The vectors of a sweep take most of the memory here: the first one is made in its place,
+        # and so is the result.
+        basis = np.empty((self.size, noise.size))
+        start = basis[0].reshape(noise.shape)
+        start[:] = 0.0
         if self.vector is not None:
             # As much of either: what is the highest now may have no part in what it was.
             last = self.vector[rows]
             if weight := self._dot(last, last):  # else it was of other rows
-                start = start + math.sqrt(self._dot(start, start) / weight) * last
+                np.multiply(math.sqrt(self._dot(noise, noise) / weight), last, out=start)
+        start += noise
         if not self._dot(start, start) > 0.0:
             return 0.0  # of no rows on any rank
-        basis = np.empty((self.size, start.size))
         y, moved = np.empty_like(start), np.empty_like(start)
         for _ in range(self.max_sweeps):
-            value, residual, start = self._sweep(start, basis, y, moved, root, add_stiffness)
+            value, residual = self._sweep(basis, y, moved, root, add_stiffness)
             if residual <= self.tolerance * value:
                 break
-        self.vector = np.zeros_like(self.noise)
+        if self.vector is None:
+            self.vector = np.empty_like(self.noise)
+        self.vector[:] = 0.0
         self.vector[rows] = start
         return math.sqrt(value + residual)
 
-    def _sweep(self, start, basis, y, moved, root, add_stiffness):
-        """One sweep: largest Ritz value, its residual and its vector.
+    def _sweep(self, basis, y, moved, root, add_stiffness):
+        """One sweep from ``basis[0]``: largest Ritz value and its residual.
 
-        ``basis``, ``y`` and ``moved`` are scratch.
+        Its vector is in ``basis[0]`` afterwards; ``basis``, ``y`` and ``moved`` are scratch.
         """
         w = y.reshape(-1)
-        np.divide(start.reshape(-1), math.sqrt(self._dot(start, start)), out=basis[0])
+        basis[0] /= math.sqrt(self._dot(basis[0], basis[0]))
         diagonal, off = [], []
         for k in range(self.size):
             q, before = basis[k], basis[max(k - 1, 0)]
@@ -117,8 +124,8 @@ class HighestFrequency:
             np.divide(w, norm, out=basis[k + 1])
         T = np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1)
         values, vectors = np.linalg.eigh(T)
-        ritz = (vectors[:, -1] @ basis[: k + 1]).reshape(start.shape)
-        return values[-1], abs(norm * vectors[-1, -1]), ritz
+        basis[0] = np.dot(vectors[:, -1], basis[: k + 1], out=w)
+        return values[-1], abs(norm * vectors[-1, -1])
 
     def _sums(self, values):
         return self.comm.allreduce(np.array(values)) if self.comm.size > 1 else values
