@@ -138,8 +138,10 @@ class MassScaling:
     def _at_nodes(self, added):
         """Mass that added densities of elements bring to the nodes [kg]."""
         some = np.flatnonzero(added)
-        share = np.repeat(0.25 * added[some] * self._element_mass[some], 4)
-        return np.bincount(self.mesh.cells[some].ravel(), share, self.mesh.num_nodes)
+        share, mass = 0.25 * added[some] * self._element_mass[some], np.zeros(self.mesh.num_nodes)
+        for corner in self.mesh.cells.T:
+            mass += np.bincount(corner[some], share, mass.size)
+        return mass
 
     def summary(self, limits):
         """What was added and what it is worth, for run.json.

@@ -55,7 +55,8 @@ class RigidGrains:
         self._list_nodes()
         free = np.ones(mesh.num_nodes, dtype=bool)
         free[self.nodes[: self.offset[self.num_always]]] = False
-        self.unconstrained = np.flatnonzero(free)  #: nodes that deform now or later
+        #: Nodes that deform now or later.
+        self.unconstrained = np.flatnonzero(free) if n else self.soft
 
         self.mass, self.inertia = np.empty(n), np.empty((n, 3))
         self.center, self.turn, self.axes = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3, 3))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..kernels.boxes import box_around, mean_extent
-from ..kernels.carry import carry_pairs, copy_rows, find_again, spread
+from ..kernels.carry import carry_pairs, copy_rows, find_again
 from ..kernels.pairs import ROW, column, rows
 from ..kernels.search import find_candidates, group_by_grain, sort_into_cells
 from ..kernels.self_contact import find_self_candidates
@@ -34,7 +34,8 @@ class Pairs:
         self.node, self.grain = node, grain
         self.first, self.candidate = first, candidate
         self.due = np.full(num_pairs, clock)
-        self.candidate_due = np.full(candidate.size, clock)
+        # Single precision is enough for bounds, and these are most of what a search keeps.
+        self.candidate_due = np.full(candidate.size, -np.inf, dtype=np.float32)
         self.closest = np.full(num_pairs, -1, dtype=np.int64)
         self.state = rows(num_pairs, ROW)
         column(self.state, "node")[:] = node
@@ -70,7 +71,6 @@ class Pairs:
         self.clocks.carry(old.clocks)
         clock = self.clocks.now
         self.due[:] = clock
-        spread(self.candidate_due, self.first, clock)
         source = carry_pairs(old.node, old.grain, self.node, self.grain)
         new = np.flatnonzero(source >= 0)
         source = source[new]

@@ -210,8 +210,9 @@ class Walls:
             if corner is not None:
                 wall = self.bonded[corner]
                 self._bonded_points = np.where((wall == wall[:, :1]).all(axis=1), wall[:, 0], -1)
-            on = nodes_on_mirrors(nodes, self.walls)
-            self._mirrored_points = on if corner is None else on[corner].all(axis=1)
+            if self.mirror.any():
+                on = nodes_on_mirrors(nodes, self.walls)
+                self._mirrored_points = on if corner is None else on[corner].all(axis=1)
         node, wall = find_wall_candidates(x, self._bonded_points, self.point, self.normal, reach)
         if self.mirror.any():
             free = ~self._mirrored_points[node, wall]

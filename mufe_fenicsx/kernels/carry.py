@@ -37,11 +37,3 @@ def copy_rows(to, rows, of, source):
     for i in range(rows.size):
         for k in range(to.shape[1]):
             to[rows[i], k] = of[source[i], k]
-
-
-@numba.njit(cache=True)
-def spread(values, first, of_row):
-    """Set the values of each compressed row to one number, in place."""
-    for row in range(of_row.size):
-        for k in range(first[row], first[row + 1]):
-            values[k] = of_row[row]

@@ -34,7 +34,8 @@ typedef struct {
 /* In the order of kernels/pairs.py. */
 typedef struct {
   state_type *state;
-  double *due, *candidate_due;
+  double *due;
+  float *candidate_due;
   const double *clocks;
   const int32_t *clock; /* as in the rows, for those that are not due */
   int64_t *closest;
@@ -64,6 +65,9 @@ INLINE triangle vertices_at(const int32_t *v, const double *x) {
   return (triangle){at(x, v[0]), at(x, v[1]), at(x, v[2])};
 }
 
+/* A number of single precision that is not above v. */
+INLINE float no_more_than(double v) { return (float)(v - 1.2e-7 * fabs(v)); }
+
 /* Closest candidate of the pair p, testing only those that can be it: ``candidate_due`` is the
    reading of the clock of both grains at which a candidate can be at distance zero; the clock
    advances by all that points of both within ``range`` move relative to each other, so that
@@ -84,7 +88,7 @@ static int64_t find_closest(const pairs_type *m, int64_t p, double range, vec3 p
     int feature;
     vec3 w = closest_point(point, t, &feature);
     double distance = length(minus(point, mean(w, t.a, t.b, t.c)));
-    m->candidate_due[k] = clock + least(distance, range);
+    m->candidate_due[k] = no_more_than(clock + least(distance, range));
     if (distance < best) best = distance, closest = k;
   }
   return closest;

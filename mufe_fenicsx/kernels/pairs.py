@@ -104,7 +104,7 @@ class PairForces:
             known: Whether the facet that was closest last is: its ``vertices``, whether it is
             ``sharp``, and ``other_due``, the least ``candidate_due`` of the other candidates.
         due: Reading of its clock before which a pair cannot close [m], shape (num_pairs,).
-        candidate_due: The same for each candidate, shape (num_candidates,).
+        candidate_due: No more than that for each candidate, float32, shape (num_candidates,).
         clocks: Bounds of all relative motion of two grains so far [m], shape (num_clocks,).
         clock: Clock of each pair, int32, shape (num_pairs,).
         closest: Candidate that was closest last, -1 unknown, int64, shape (num_pairs,).
@@ -145,7 +145,7 @@ class PairForces:
         column(state, "corner")[:], column(state, "corner_weight")[:] = nodes, weight
         column(state, "clock")[:] = clock
         self._pointers = Pointers(
-            (state, real), (due, real), (candidate_due, real), (clocks, real), (clock, short),
+            (state, real), (due, real), (candidate_due, np.float32), (clocks, real), (clock, short),
             (closest, long), (scratch, short),
             (first, long), (candidate, short),
             (facets, short), (neighbor, short), (ring_offset, long), (ring, short), (sharp, flag),
