@@ -70,8 +70,8 @@ def scene_file(folder, number, strain=0.1, speed=2.0):
         image=None,
         sample=replace(of_scan.sample, grains=folder / "grains"),
         oedometer=replace(of_scan.oedometer, strain=strain, speed=speed),
-        # The targets hold in the loaded half. The platens' difference is a mean over part of a wave:
-        # its largest value was up to 1.3 times the target (one sample of two), and is to be 2 %.
+        # The targets hold in the loaded half. That of the platens' difference is for a mean over
+        # part of a wave: the largest value was 1.3 times it in one sample of two, and is to be 2 %.
         quasi_static=QuasiStatic(kinetic=0.009, unbalanced=0.013, loaded=0.5 * strain),
         mass_scaling=MassScaling(added=0.02, added_to_grain=1.0),
         output=Output(fields=5, history=500, checkpoint=600.0),
