@@ -36,7 +36,7 @@ def test_servo_holds_its_force_and_its_work_is_in_the_balance():
 @pytest.mark.mpi
 def test_servo_on_a_stiff_sample_does_not_chatter():
     """Asked for twenty times what would throw the wall off its contacts in one step and back."""
-    mesh = packed_spheres(MPI.COMM_WORLD, (2, 1, 1), gap=0.0)
+    mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=0.0)
     target, up = 20.0, np.array([0.0, 0.0, 1.0])
     top = Wall("z_max", np.array([0.0, 0.0, 2.0 * RADIUS]), -up, target=target, speed=0.5)
     s = simulation_of(mesh, Elastic(1e9, 0.15, 2650.0), [Wall("z_min", np.zeros(3), up), top],
