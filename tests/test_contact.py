@@ -228,7 +228,7 @@ def test_kinematic_contact_keeps_momentum_and_gains_no_energy():
             closed = s.contact.pairs.closed
             assert np.all(s.contact.pairs.gap[closed] > -0.02 * s.contact.edge)
     assert contacts > 0
-    # Of the step, rounded down to 20 binary digits; it changes with the deformation alone.
+    # Of the step, rounded down to 10 binary digits; it changes with the deformation alone.
     assert s.dt == pytest.approx(free, rel=0.05)
     size = COMM.allreduce((s.solid.mass[:, None] * np.abs(s.state.v)).sum())
     assert np.abs(total(s.solid.mass[:, None] * s.state.v) - momentum).max() < 1e-12 * size

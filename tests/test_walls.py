@@ -33,26 +33,34 @@ def test_servo_holds_its_force_and_its_work_is_in_the_balance():
     assert abs(energies["residual"]) < 1e-3 * energies["work"]
 
 
-@pytest.mark.mpi
-def test_servo_on_a_stiff_sample_does_not_chatter():
-    """Asked for twenty times what would throw the wall off its contacts in one step and back."""
-    mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=0.0)
-    target, up = 20.0, np.array([0.0, 0.0, 1.0])
+def forces_on_fast_wall(comm, target):
+    """Three alike balls under a servo that is in the end asked for twenty times what is stable."""
+    mesh, up = packed_spheres(comm, (3, 1, 1), gap=0.0), np.array([0.0, 0.0, 1.0])
     top = Wall("z_max", np.array([0.0, 0.0, 2.0 * RADIUS]), -up, target=target, speed=0.5)
     s = simulation_of(mesh, Elastic(1e9, 0.15, 2650.0), [Wall("z_min", np.zeros(3), up), top],
                       damping=2e4)  # fmt: skip
-    for _ in range(3000):
-        s.step()
-    force, stiffness = s.walls.pressing(s.comm)
-    assert force[1] == pytest.approx(target, rel=0.05)
-    top.speed = 20.0 * target / (stiffness[1] * s.dt)
-    assert top.speed > 100.0
     forces = []
-    for _ in range(600):
+    for number in range(3600):
+        if number == 3000:
+            force, stiffness = s.walls.pressing(comm)
+            assert force[1] == pytest.approx(target, rel=0.05)
+            top.speed = 20.0 * target / (stiffness[1] * s.dt)
         s.step()
         forces.append(s.wall_forces()[1])
-    # Balls on their contacts are the only thing that still swings.
-    assert np.abs(np.array(forces[300:]) / target - 1).max() < 0.02
+    return np.array(forces)
+
+
+@pytest.mark.mpi
+def test_servo_on_a_stiff_sample_does_not_chatter():
+    """It is not thrown off its contacts in one step and back, and ranks add rounding alone."""
+    target = 20.0
+    forces = forces_on_fast_wall(MPI.COMM_WORLD, target)
+    # Balls on their contacts still swing by 0.2 %; without the bound forces are off by 20 times.
+    assert np.abs(forces[3300:] / target - 1).max() < 0.01
+    if MPI.COMM_WORLD.size > 1:
+        # Sums in another order, 1e-16, which thousands of steps amplify, to 1e-13 here.
+        alone = forces_on_fast_wall(MPI.COMM_SELF, target)
+        assert np.abs(forces - alone).max() < 1e-9 * target
 
 
 @pytest.mark.mpi

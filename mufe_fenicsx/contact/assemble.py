@@ -1,7 +1,6 @@
 """The contact operator: from positions of the nodes to forces on them."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from mpi4py import MPI
@@ -239,10 +238,7 @@ class Contact:
         self.surface, ghosts = exchange_surface(
             self.comm, self.own, self.facet_layer, gathered, reach
         )
-        # Own facets come first there: they are kept once.
-        own, s = self.own, self.surface
-        facets, neighbor = s.facets[: len(own.facets)], s.neighbor[: len(own.facets)]
-        self.own = replace(own, facets=facets, neighbor=neighbor, ring=s.ring[: own.ring.size])
+        self.own = self.surface.part_of(self.own)
         for vector in (self.positions, self.forces):
             if vector is not None:
                 vector.destroy()

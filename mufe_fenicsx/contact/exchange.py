@@ -1,6 +1,6 @@
 """Facets of other ranks near this one, and PETSc vectors that keep them up to date."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from mpi4py import MPI
@@ -29,6 +29,15 @@ class Surface:
     #: Ranks that know facets of each other: rank, grains of this rank that it knows, and its
     #: grains that are known here; global indices, increasing.
     neighbors: list
+
+    def part_of(self, own):
+        """The own surface with arrays that are the first part of these: memory for one. Local.
+
+        Args:
+            own: :class:`~mufe_fenicsx.contact.surface.OwnSurface` that this one was made from.
+        """
+        facets, neighbor = self.facets[: len(own.facets)], self.neighbor[: len(own.facets)]
+        return replace(own, facets=facets, neighbor=neighbor, ring=self.ring[: own.ring.size])
 
 
 class SurfaceVector:

@@ -65,9 +65,8 @@ class Points:
         ring, offset = (
             (own.ring, own.ring_offset) if self.corner is None else (self.ring, self.ring_offset)
         )
-        first, count = offset[points], offset[points + 1] - offset[points]
-        begin = np.cumsum(count) - count
-        facet = ring[np.repeat(first - begin, count) + np.arange(count.sum())]
+        at, begin, _ = _entries(offset, points)
+        facet = ring[at]
         a, b, c = (x[own.nodes[own.facets[facet, i]]] for i in range(3))
         now = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
         return _sums(now, begin) / _sums(own.facet_area[facet], begin)
@@ -153,9 +152,7 @@ def nodes_around(own, nodes):
         Surface nodes, int32, one after another; and of each of ``nodes`` the first there and how
         many, int32, shape (num, 2).
     """
-    first, end = own.ring_offset[nodes], own.ring_offset[nodes + 1]
-    count = end - first
-    ring = np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
+    ring, _, count = _entries(own.ring_offset, nodes)
     of = np.repeat(np.arange(nodes.size), 3 * count)
     vertices = own.facets[own.ring[ring]].ravel()
     others = vertices != nodes[of]
@@ -163,6 +160,13 @@ def nodes_around(own, nodes):
     of, around = np.divmod(key, max(own.nodes.size, 1))
     first = np.searchsorted(of, np.arange(nodes.size + 1))
     return around.astype(np.int32), np.stack([first[:-1], np.diff(first)], axis=1).astype(np.int32)
+
+
+def _entries(offset, rows):
+    """Where the entries of some compressed rows are, the first of each row there, and how many."""
+    first, count = offset[rows], offset[rows + 1] - offset[rows]
+    begin = np.cumsum(count) - count
+    return np.repeat(first - begin, count) + np.arange(count.sum()), begin, count
 
 
 def _sums(values, first):

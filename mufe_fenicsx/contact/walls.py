@@ -16,6 +16,7 @@ from ..kernels.walls import (
     COLUMNS,
     ROW,
     WallForces,
+    closed_stiffness,
     farthest,
     find_wall_candidates,
     motion_to_walls,
@@ -175,17 +176,21 @@ class Walls:
         """
         return comm.allreduce(self.force), comm.allreduce(self.torque)
 
+    def normal_forces(self):
+        """Normal forces of this rank's grains [N], compression positive, (num_walls,). Local."""
+        return -np.einsum("ij,ij->i", self.force, self.normal)
+
     def pressing(self, comm):
         """Normal forces of the grains, compression positive, and stiffness of their contacts.
 
         Two arrays of shape (num_walls,) [N, N/m]. Collective.
         """
-        closed = np.flatnonzero(self.pairs.closed)
-        local = np.stack([
-            -np.einsum("ij,ij->i", self.force, self.normal),
-            np.bincount(self.pairs.wall[closed], self.pairs.stiffness[closed], len(self.walls)),
-        ])  # fmt: skip
-        return comm.allreduce(local) if comm.size > 1 else local
+        p, local = self.pairs, np.empty((2, len(self.walls)))
+        local[0] = self.normal_forces()
+        closed_stiffness(local[1], p.wall, p.closed, p.stiffness)
+        if comm.size > 1:
+            comm.Allreduce(MPI.IN_PLACE, local)
+        return local
 
     def adjust(self, comm, dt):
         """Set the speeds of walls with a servo for steps of length ``dt`` [s]. Collective."""

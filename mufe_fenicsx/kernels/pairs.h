@@ -65,7 +65,7 @@ INLINE triangle vertices_at(const int32_t *v, const double *x) {
   return (triangle){at(x, v[0]), at(x, v[1]), at(x, v[2])};
 }
 
-/* A number of single precision that is not above v. */
+/* A number of single precision that is not above v: rounding adds 2^-24 |v| at most. */
 INLINE float no_more_than(double v) { return (float)(v - 1.2e-7 * fabs(v)); }
 
 /* Closest candidate of the pair p, testing only those that can be it: ``candidate_due`` is the

@@ -214,6 +214,15 @@ def wall_energy(gap, offset, closed, shear, node, layer, area, ratio):
 
 
 @numba.njit(cache=True)
+def closed_stiffness(total, wall, closed, stiffness):
+    """Set ``total`` to the stiffness of the closed pairs of each wall [N/m], shape (num_walls,)."""
+    total[:] = 0.0
+    for p in range(wall.size):
+        if closed[p]:
+            total[wall[p]] += stiffness[p]
+
+
+@numba.njit(cache=True)
 def gather_rows(out, values, rows):
     """out[i] = values[rows[i]] for rows of three, in place."""
     for i in range(rows.size):
