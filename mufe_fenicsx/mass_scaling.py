@@ -61,8 +61,8 @@ class MassScaling:
         self.comm = solid.mesh.comm
         mesh = self.mesh
         self.first_mass = solid.mass.copy()  #: of the nodes, without additions [kg]
-        self._element_mass = rho[mesh.grain_of_cell] * solid.volume0
-        self._grain_mass = self._of_grains(self._element_mass)
+        self._rho = rho
+        self._grain_mass = rho * self._of_grains(solid.volume0)
         self._total = self.comm.allreduce(float(self._grain_mass.sum()))
         self.added = np.zeros(mesh.num_cells)  #: added density over that of the material
         self.added_to_node = np.zeros(mesh.num_nodes)  #: mass added for springs of contact [kg]
@@ -77,7 +77,7 @@ class MassScaling:
         return self._shares(self.added, self.added_to_node)
 
     def _shares(self, added, added_to_node):
-        of_grains = self._of_grains(added * self._element_mass)
+        of_grains = self._rho * self._of_grains(added * self.solid.volume0)
         of_grains += np.bincount(self.mesh.grain_of_node, added_to_node, of_grains.size)
         total = self.comm.allreduce(float(of_grains.sum()))
         largest = float((of_grains / self._grain_mass).max(initial=0.0))
@@ -138,7 +138,8 @@ class MassScaling:
     def _at_nodes(self, added):
         """Mass that added densities of elements bring to the nodes [kg]."""
         some = np.flatnonzero(added)
-        share, mass = 0.25 * added[some] * self._element_mass[some], np.zeros(self.mesh.num_nodes)
+        of_elements = self._rho[self.mesh.grain_of_cell[some]] * self.solid.volume0[some]
+        share, mass = 0.25 * added[some] * of_elements, np.zeros(self.mesh.num_nodes)
         for corner in self.mesh.cells.T:
             mass += np.bincount(corner[some], share, mass.size)
         return mass

@@ -5,6 +5,8 @@ import resource
 import sys
 from pathlib import Path
 
+from mpi4py import MPI
+
 #: Arrays of this size and more [bytes] return to the system as soon as they are freed.
 LARGE_ARRAY = 128 * 1024
 #: glibc's name of that threshold in mallopt(3).
@@ -25,31 +27,48 @@ def return_freed_arrays():
 
 
 def memory_in_use(comm):
-    """Memory of all ranks of one machine together now [bytes]. Collective.
+    """Memory of all ranks together now [bytes]. Collective.
 
-    What each rank has of its own is added; the code of libraries, which is mapped from
-    files that all ranks share, counts once. Where the system does not tell these apart,
+    What each rank has of its own is added; what ranks of one machine share, the code of libraries
+    above all, counts once for each machine. Where the system does not tell these apart,
     :func:`peak_memory`.
     """
-    status = Path("/proc/self/status")
-    sizes = {}
-    if status.exists():
-        for line in status.read_text().splitlines():
-            name, _, value = line.partition(":")
-            if name in ("RssAnon", "RssFile", "RssShmem"):
-                sizes[name] = int(value.split()[0]) * 1024
-    of_ranks = comm.allgather((sizes.get("RssAnon"), sizes.get("RssFile"), sizes.get("RssShmem")))
-    if None in of_ranks[0]:
+    resident = _resident()
+    if comm.allreduce(resident is None, op=MPI.LOR):
         return peak_memory(comm)
-    own, files, shared = zip(*of_ranks, strict=True)
-    return sum(own) + max(files) + max(shared)
+    return _together(comm, *resident)
 
 
 def peak_memory(comm):
-    """Largest resident memory so far, summed over the ranks [bytes]. Collective.
+    """Largest resident memory of the ranks so far, together [bytes]. Collective.
 
-    The libraries' code counts once for each rank, although ranks of one machine share it.
+    Ranks need not be largest at one moment. What they share counts once for each machine, as it is
+    now; where the system does not tell, once for each rank.
     """
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     # Linux counts in KiB, macOS in bytes.
-    return comm.allreduce(peak if sys.platform == "darwin" else peak * 1024)
+    peak = peak if sys.platform == "darwin" else peak * 1024
+    _, files, shared = _resident() or (0, 0, 0)
+    return _together(comm, peak - files - shared, files, shared)
+
+
+def _resident():
+    """Memory of its own, mapped from files and shared of this rank [bytes], or None. Local."""
+    status = Path("/proc/self/status")
+    if not status.exists():
+        return None
+    sizes = {}
+    for line in status.read_text().splitlines():
+        name, _, value = line.partition(":")
+        if name in ("RssAnon", "RssFile", "RssShmem"):
+            sizes[name] = int(value.split()[0]) * 1024
+    return tuple(sizes[name] for name in ("RssAnon", "RssFile", "RssShmem")) if sizes else None
+
+
+def _together(comm, own, files, shared):
+    machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    total = machine.allreduce(own) + machine.allreduce(files, op=MPI.MAX)
+    total += machine.allreduce(shared, op=MPI.MAX)
+    total = comm.allreduce(total if machine.rank == 0 else 0)
+    machine.Free()
+    return total

@@ -68,7 +68,6 @@ class GrainMesh:
 
     mesh: mesh.Mesh  #: the DOLFINx mesh
     V: fem.FunctionSpace  #: continuous piecewise linear vectors
-    cell_tags: mesh.MeshTags  #: label of each cell
     labels: np.ndarray  #: labels of the grains of all ranks, shape (num_grains_global,)
     rank_of_grain: np.ndarray  #: their ranks, shape (num_grains_global,)
     grains: np.ndarray  #: indices into ``labels`` of this rank's grains, shape (num_grains,)
@@ -107,6 +106,13 @@ class GrainMesh:
     def grain_of_cell(self):
         """Local grain of each row of ``cells``, shape (num_cells,)."""
         return np.repeat(np.arange(self.num_grains, dtype=np.int32), np.diff(self.cell_offset))
+
+    @property
+    def cell_tags(self):
+        """Label of each cell, as DOLFINx mesh tags; made anew."""
+        label = np.empty(self.num_cells, dtype=np.int32)
+        label[self.cell_order] = self.labels[self.grains[self.grain_of_cell]]
+        return mesh.meshtags(self.mesh, 3, np.arange(label.size, dtype=np.int32), label)
 
     @cached_property
     def named_nodes(self):
@@ -190,16 +196,9 @@ def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, fa
 
     facets, grain_of_facet = _boundary(dofs, cell_offset)
     _check_elements(comm, x, dofs, cell_offset, facets, grain_of_facet, np.asarray(labels)[grains])
-    tags = mesh.meshtags(
-        domain,
-        3,
-        np.arange(grain_of_cell.size, dtype=np.int32),
-        np.asarray(labels)[grain_of_cell].astype(np.int32),
-    )
     return GrainMesh(
         mesh=domain,
         V=V,
-        cell_tags=tags,
         labels=np.asarray(labels),
         rank_of_grain=np.asarray(rank_of_grain),
         grains=grains,

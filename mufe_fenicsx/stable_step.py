@@ -187,7 +187,6 @@ class StableStep:
 
 
 def _set_mass(mass, first, *others):
-    """Give iterations on the same rows the same masses, which they share."""
-    first.set_mass(mass)
-    for highest in others:
-        highest.inverse_root = first.inverse_root
+    """Give iterations on the same rows the same masses."""
+    for highest in (first, *others):
+        highest.set_mass(mass)

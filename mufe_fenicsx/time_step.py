@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from .kernels.lanczos import scale, subtract, weigh
+from .kernels.lanczos import begin, combine, square, subtract, weigh
 
 
 class HighestFrequency:
@@ -43,7 +43,7 @@ class HighestFrequency:
             self.noise[rows] = np.einsum("nij,ni->nj", axes, self.noise[rows])
         self.add_stiffness = add_stiffness
         self.size, self.tolerance, self.max_sweeps = size, tolerance, max_sweeps
-        self.vector = None
+        self._vector = self._rows = None
         self.num_products = 0  #: products with K so far
 
     def of(self, add_stiffness):
@@ -52,12 +52,25 @@ class HighestFrequency:
         other.add_stiffness, other.vector, other.num_products = add_stiffness, None, 0
         return other
 
-    def set_mass(self, mass):
-        """Take other masses, shaped as those before. Local."""
-        self.inverse_root = np.ascontiguousarray(_inverse_root(mass))
+    @property
+    def vector(self):
+        """The last vector, from which the next call begins, shape (num_rows, 3); None: none."""
+        if self._rows is None:
+            return self._vector
+        whole = np.zeros_like(self.noise)
+        whole[self._rows] = self._vector
+        return whole
 
-    def _dot(self, a, b):
-        return self.comm.allreduce(float(np.vdot(a, b)))
+    @vector.setter
+    def vector(self, whole):
+        self._vector, self._rows = whole, None
+
+    def set_mass(self, mass):
+        """Take other masses, shaped as those before; they stay where they are. Local."""
+        self.mass = _of_rows(mass)
+
+    def _sums(self, values):
+        return self.comm.allreduce(np.array(values)) if self.comm.size > 1 else values
 
     def __call__(self, rows=None, add_stiffness=None, mass=None):
         """Highest angular frequency [rad/s]. Collective.
@@ -68,73 +81,67 @@ class HighestFrequency:
             add_stiffness: As ``add_stiffness``, between vectors of these rows alone.
             mass: Of these rows, as of :meth:`set_mass`; None: those of there.
         """
+        given = rows
         if rows is None:
             rows, add_stiffness = slice(None), self.add_stiffness
-        root = self.inverse_root[rows] if mass is None else _inverse_root(mass)
-        noise, root = self.noise[rows], np.ascontiguousarray(root).reshape(-1)
-        # The vectors of a sweep take most of the memory here: the first one is made in its place,
-        # and so is the result.
-        basis = np.empty((self.size, noise.size))
-        start = basis[0].reshape(noise.shape)
-        start[:] = 0.0
-        if self.vector is not None:
-            # As much of either: what is the highest now may have no part in what it was.
-            last = self.vector[rows]
-            if weight := self._dot(last, last):  # else it was of other rows
-                np.multiply(math.sqrt(self._dot(noise, noise) / weight), last, out=start)
-        start += noise
-        if not self._dot(start, start) > 0.0:
+        mass = self.mass[rows] if mass is None else _of_rows(mass)
+        noise = self.noise[rows]
+        # These vectors take most of the memory here: what else is needed is made in their place.
+        basis = np.empty((self.size + 1, *noise.shape))
+        start, last = basis[:2]
+        begin(start, mass, noise)
+        if not (size := self._sums(square(start, mass))) > 0.0:
             return 0.0  # of no rows on any rank
-        y, moved = np.empty_like(start), np.empty_like(start)
+        if self._vector is not None:
+            # As much of either: what is the highest now may have no part in what it was.
+            last[:] = self.vector[rows]
+            if weight := self._sums(square(last, mass)):  # else it was of other rows
+                last *= math.sqrt(size / weight)
+                start += last
+            self.vector = None  # its room is free for the next one
         for _ in range(self.max_sweeps):
-            value, residual = self._sweep(basis, y, moved, root, add_stiffness)
+            value, residual = self._sweep(basis, mass, add_stiffness)
             if residual <= self.tolerance * value:
                 break
-        if self.vector is None:
-            self.vector = np.empty_like(self.noise)
-        self.vector[:] = 0.0
-        self.vector[rows] = start
+        self._vector, self._rows = start.copy(), given
         return math.sqrt(value + residual)
 
-    def _sweep(self, basis, y, moved, root, add_stiffness):
+    def _sweep(self, basis, mass, add_stiffness):
         """One sweep from ``basis[0]``: largest Ritz value and its residual.
 
-        Its vector is in ``basis[0]`` afterwards; ``basis``, ``y`` and ``moved`` are scratch.
+        Its vector is in ``basis[0]`` afterwards; ``basis`` is scratch otherwise.
         """
-        w = y.reshape(-1)
-        basis[0] /= math.sqrt(self._dot(basis[0], basis[0]))
+        basis[0] /= math.sqrt(self._sums(square(basis[0], mass)))
         diagonal, off = [], []
         for k in range(self.size):
-            q, before = basis[k], basis[max(k - 1, 0)]
-            scale(moved.reshape(-1), w, q, root)
-            add_stiffness(y, moved)
+            v, before, w = basis[k], basis[max(k - 1, 0)], basis[k + 1]
+            w[:] = 0.0
+            add_stiffness(w, v)
             self.num_products += 1
-            diagonal.append(self.comm.allreduce(weigh(w, root, q, before, off[-1] if k else 0.0)))
+            along = weigh(w, mass, v, before, off[-1] if k else 0.0)
+            diagonal.append(self._sums(along))
             # Against the last two vectors, and again where less than a hundredth was left, of
             # which rounding makes up more than 1e-14: few springs have few frequencies. The
             # others are orthogonal to it in so short a sweep.
-            left = self._sums(subtract(w, q, diagonal[k], before, 0.0))
+            left = self._sums(subtract(w, mass, v, diagonal[k], before, 0.0))
             if left[2] <= 1e-4 * diagonal[k] ** 2:
-                left = self._sums(subtract(w, q, left[0], before, left[1] if k else 0.0))
+                back = left[1] if k else 0.0
+                left = self._sums(subtract(w, mass, v, left[0], before, back))
             norm = math.sqrt(left[2])
             # Less than this is not worth a vector, of which rounding would be the larger part.
             if k + 1 == self.size or norm <= 1e-4 * self.tolerance * max(diagonal):
                 break
             off.append(norm)
-            np.divide(w, norm, out=basis[k + 1])
+            w /= norm
         T = np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1)
         values, vectors = np.linalg.eigh(T)
-        basis[0] = np.dot(vectors[:, -1], basis[: k + 1], out=w)
+        combine(basis, np.ascontiguousarray(vectors[:, -1]))
         return values[-1], abs(norm * vectors[-1, -1])
 
-    def _sums(self, values):
-        return self.comm.allreduce(np.array(values)) if self.comm.size > 1 else values
 
-
-def _inverse_root(mass):
-    """One over the root of masses, for each component of a row, shape (num_rows, 3)."""
-    root = 1 / np.sqrt(mass if mass.ndim == 2 else mass[:, None])
-    return np.broadcast_to(root, (len(root), 3))
+def _of_rows(mass):
+    """Masses with a column for each component, or one for all of a row."""
+    return np.ascontiguousarray(mass).reshape(len(mass), -1)
 
 
 def _noise(x, scale):

@@ -109,11 +109,6 @@ class Contact:
         self.layer = self.points.layer
         # Points come before nodes in all arrays; nodes that are points come once.
         self.num_before = 0 if self.points.corner is None else self.points.num_points
-        if self.num_before:
-            self._corner = self.points.corner + np.int32(self.num_before)
-            self._corners = (self._corner, self.points.weight)
-        else:
-            self._corners = (np.empty((0, 3), np.int32), np.empty((0, 3)))
         self._around = self.points.around + np.int32(self.num_before)
         self.ratio = tangential_ratio[self.points.local_grain]
 
@@ -225,7 +220,7 @@ class Contact:
         """The points of all pairs. Local."""
         near = np.zeros(self.points.num_points, dtype=bool)
         near[self.pairs.node] = near[self.walls.pairs.node] = True
-        self._near = np.flatnonzero(near)
+        self._near = np.flatnonzero(near).astype(np.int32)
 
     def exchange(self, gathered, reach):
         """Fetch what other ranks have near this one's surface. Collective.
@@ -345,10 +340,16 @@ class Contact:
         self.positions.end_forward()
         self.place_points()
 
+    def corners(self):
+        """Nodes and weights of points in facets as kernels.points wants them, made anew. Local."""
+        if not self.num_before:
+            return np.empty((0, 3), np.int32), np.empty((0, 3))
+        return self.points.corner + np.int32(self.num_before), self.points.weight
+
     def place_points(self):
         """Bring all points of pairs to where their nodes are; a step places those it needs."""
         if self.num_before:
-            place_points(self.positions.array, self._near, self._corner, self.points.weight)
+            place_points(self.positions.array, self._near, *self.corners())
 
     def add_forces(self, f, x, adopt=False):
         """Add the contact forces at the positions of :meth:`begin` to ``f``. Collective.
@@ -406,10 +407,10 @@ class Contact:
                 p.node, p.first, p.candidate,
                 self.facets, s.neighbor, self.ring_offset, self.ring, self.edges.beside,
                 self.layer, s.layer_of_facet, points.area, points.facet_area, points.recess,
-                self.ratio, self._around, points.around_of, *self._corners, x, forces,
+                self.ratio, self._around, points.around_of, *self.corners(), x, forces,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
-            self.walls.bind(forces, x, self._corners, self.layer, points, self.ratio)
+            self.walls.bind(forces, x, self.corners(), self.layer, points, self.ratio)
 
     def evaluate(self, f, adopt=False):
         """Add the forces of the known pairs at the positions that were received. Collective.

@@ -68,16 +68,17 @@ def crossings_at_nodes(contact):
     """
     c = closed_crossings(contact)
     sign = np.array([1.0, 1.0, -1.0, -1.0])
-    push, friction, depth = (np.zeros((contact.num_nodes_with_ghosts, 3)) for _ in range(3))
-    np.add.at(push[:, 0], c.nodes, c.share * c.push[:, None])
-    np.add.at(friction, c.nodes, (sign * c.share)[..., None] * c.friction[:, None])
-    np.maximum.at(depth[:, 0], c.nodes, c.depth[:, None])
-    return (
-        contact.back_to_owners(push)[:, 0],
-        contact.back_to_owners(friction),
-        contact.edges.slip + new_slip(contact),
-        contact.back_to_owners(depth, largest=True)[:, 0],
-    )
+    there = np.zeros((contact.num_nodes_with_ghosts, 3))  # one after another needs less room
+    np.add.at(there, c.nodes, (sign * c.share)[..., None] * c.friction[:, None])
+    friction = contact.back_to_owners(there)
+    there[:] = 0.0
+    np.add.at(there[:, 0], c.nodes, c.share * c.push[:, None])
+    push = contact.back_to_owners(there)[:, 0].copy()
+    there[:] = 0.0
+    np.maximum.at(there[:, 0], c.nodes, c.depth[:, None])
+    depth = contact.back_to_owners(there, largest=True)[:, 0].copy()
+    del there
+    return push, friction, contact.edges.slip + new_slip(contact), depth
 
 
 def new_slip(contact):

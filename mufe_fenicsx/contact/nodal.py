@@ -5,6 +5,9 @@ import numpy as np
 from ..kernels.gaps import find_gaps
 from .crossings import crossings_at_nodes
 
+#: Pairs whose gaps are found at a time: those of all of them need as much room as the state.
+BLOCK = 1 << 17
+
 
 def nodal_contact(contact, num_nodes):
     """Fields at all nodes of this rank, those inside the grains included. Collective.
@@ -26,40 +29,62 @@ def nodal_contact(contact, num_nodes):
         ``contact_gap`` [m], shape (num_nodes,): positive where open, less the offset of
         what overlapped at the start, nan where nothing is near.
     """
-    own, walls, points = contact.own, contact.walls, contact.points
-    p, w = contact.pairs, walls.pairs
-    at_points = np.zeros((points.num_points, 5))
-    pressure, shear, slip = at_points[:, 0], at_points[:, 1:4], at_points[:, 4]
-    slip[:] = contact.ledger.slip(p, w)
-    gap = np.full(own.nodes.size, np.inf)
-    for pairs, areas, distance in (
-        (p, contact.areas, current_gaps(contact)[0]),
-        (w, lambda on: points.area[w.node[on]], _to_walls(contact)),
-    ):
+    own, points = contact.own, contact.points
+    p, w = contact.pairs, contact.walls.pairs
+    sides = []  # closed pairs with grains and with walls, and the areas that they carry
+    for pairs, areas in ((p, contact.areas), (w, lambda on: points.area[w.node[on]])):
         on = np.flatnonzero(pairs.closed)
-        area = areas(on)
-        np.add.at(pressure, pairs.node[on], pairs.push[on] / area)
-        np.add.at(shear, pairs.node[on], pairs.shear[on] / area[:, None])
-        for nodes in points.nodes_around(pairs.node):
-            np.minimum.at(gap, nodes, distance - pairs.offset)
-    at_points *= points.area[:, None]
-    sums = points.to_nodes(at_points, own.nodes.size)
+        sides.append((pairs, on, areas(on)))
+
+    def of_points(values):
+        """Sums at own surface nodes of values at points times their areas."""
+        return points.to_nodes((values * points.area)[:, None], own.nodes.size)[:, 0]
+
+    def of_pairs(part):
+        values = np.zeros(points.num_points)
+        for pairs, on, area in sides:
+            np.add.at(values, pairs.node[on], part(pairs)[on] / area)
+        return of_points(values)
+
+    # One after another, for each needs room at all points.
     force, friction, edge_slip, edge_depth = crossings_at_nodes(contact)
-    around = points.to_nodes(points.area[:, None], own.nodes.size)[:, 0]
-    at_nodes = np.zeros((num_nodes, 5))
-    at_nodes[own.nodes, 0] = (sums[:, 0] + force) / own.area
-    at_nodes[own.nodes, 1:4] = (sums[:, 1:4] + friction) / own.area[:, None]
-    at_nodes[own.nodes, 4] = sums[:, 4] / around + edge_slip
+    force += of_pairs(lambda pairs: pairs.push)
+    for k in range(3):
+        friction[:, k] += of_pairs(lambda pairs, k=k: pairs.shear[:, k])
+    edge_slip += of_points(contact.ledger.slip(p, w)) / of_points(np.ones(points.num_points))
+    gap = _nearest(contact)
     gap = np.where(edge_depth > 0, np.minimum(gap, -edge_depth), gap)
     gap[np.isinf(gap)] = np.nan
-    all_gaps = np.full(num_nodes, np.nan)
-    all_gaps[own.nodes] = gap
+
+    def everywhere(values, elsewhere=0.0):
+        found = np.full((num_nodes, *values.shape[1:]), elsewhere)
+        found[own.nodes] = values
+        return found
+
     return {
-        "contact_pressure": at_nodes[:, 0],
-        "contact_shear": at_nodes[:, 1:4],
-        "contact_gap": all_gaps,
-        "contact_slip": at_nodes[:, 4],
+        "contact_pressure": everywhere(force / own.area),
+        "contact_shear": everywhere(friction / own.area[:, None]),
+        "contact_gap": everywhere(gap, np.nan),
+        "contact_slip": everywhere(edge_slip),
     }
+
+
+def _nearest(contact):
+    """Gaps of own surface nodes to what is nearest to the points around them [m], inf for none."""
+    points, p, walls = contact.points, contact.pairs, contact.walls
+    w, gap = walls.pairs, np.full(contact.own.nodes.size, np.inf)
+    contact.place_points()
+
+    def take(pairs, some, distance):
+        for nodes in points.nodes_around(pairs.node[some]):
+            np.minimum.at(gap, nodes, distance - pairs.offset[some])
+
+    for begin in range(0, p.node.size, BLOCK):
+        some = slice(begin, begin + BLOCK)
+        take(p, some, _gaps(contact, some)[0])
+    apart = contact.positions.array[w.node] - walls.point[w.wall]
+    take(w, slice(None), np.einsum("ij,ij->i", apart, walls.normal[w.wall]))
+    return gap
 
 
 def current_gaps(contact):
@@ -69,18 +94,15 @@ def current_gaps(contact):
     those of the last forces.
     """
     contact.place_points()
+    return _gaps(contact, slice(0, contact.pairs.node.size))
+
+
+def _gaps(contact, some):
     p, s = contact.pairs, contact.surface
-    gap, normal = np.empty(p.node.size), np.empty((p.node.size, 3))
+    node, first = p.node[some], p.first[some.start : some.stop + 1]
+    gap, normal = np.empty(node.size), np.empty((node.size, 3))
     find_gaps(
-        gap, normal, contact.positions.array, p.node, p.first, p.candidate, contact.facets,
+        gap, normal, contact.positions.array, node, first, p.candidate, contact.facets,
         s.neighbor, contact.ring_offset, contact.ring,
     )  # fmt: skip
     return gap, normal
-
-
-def _to_walls(contact):
-    """Gaps of all pairs of points and walls now [m]. Local."""
-    contact.place_points()
-    w, walls = contact.walls.pairs, contact.walls
-    apart = contact.positions.array[w.node] - walls.point[w.wall]
-    return np.einsum("ij,ij->i", apart, walls.normal[w.wall])

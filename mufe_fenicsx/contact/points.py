@@ -33,7 +33,7 @@ class Points:
     """Points of this rank's surface; where ``corner`` is None they are its nodes."""
 
     corner: np.ndarray | None  #: own surface nodes around each point, int32, shape (num_points, 3)
-    weight: np.ndarray | None  #: their weights, shape (num_points, 3)
+    rule: np.ndarray | None  #: weights of the points of one facet, shape (num, 3)
     grain_of_point: np.ndarray  #: global index of the grain, int32, shape (num_points,)
     local_grain: np.ndarray  #: local index of the grain, shape (num_points,)
     area: np.ndarray  #: [m²], shape (num_points,)
@@ -45,10 +45,20 @@ class Points:
     around: np.ndarray
     around_of: np.ndarray  #: the first there and how many, int32, shape (num_points, 2)
     recess: np.ndarray  #: depth at which contact begins [m], shape (num_points,)
+    num_vertices: int = 0  #: points at sharp vertices beside those of the facets
 
     @property
     def num_points(self):
         return self.area.size
+
+    @property
+    def weight(self):
+        """Weights of ``corner``, (num_points, 3), made anew; points at sharp vertices come last."""
+        weight = np.zeros(self.corner.shape)
+        weight[:, 0] = 1.0
+        of_facets = weight[: len(self.corner) - self.num_vertices]
+        of_facets.reshape(-1, *self.rule.shape)[:] = self.rule
+        return weight
 
     def nodes_around(self, points):
         """Surface nodes of the given points: one array for points at nodes, else three."""
@@ -76,7 +86,8 @@ class Points:
         if self.corner is None:
             return values
         at_nodes = np.zeros((num_nodes, values.shape[1]))
-        for corner, weight in zip(self.corner.T, self.weight.T, strict=True):
+        weights = self.weight
+        for corner, weight in zip(self.corner.T, weights.T, strict=True):
             for k in range(values.shape[1]):  # one at a time needs less room
                 np.add.at(at_nodes[:, k], corner, weight * values[:, k])
         return at_nodes
@@ -102,7 +113,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
         around, around_of = nodes_around(own, np.arange(own.nodes.size))
         return Points(
             corner=None,
-            weight=None,
+            rule=None,
             grain_of_point=own.grain_of_node,
             local_grain=node_grain,
             area=own.area,
@@ -129,19 +140,18 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
     neighbors, neighbors_of = nodes_around(own, vertex)
     return Points(
         corner=both(own.facets, np.stack([nodes] * 3, axis=1)),
-        weight=np.concatenate(
-            [np.tile(rule, (len(own.facets), 1)), np.tile([1.0, 0.0, 0.0], (vertex.size, 1))]
-        ),
+        rule=rule,
         grain_of_point=both(own.grain_of_facet, own.grain_of_node),
         local_grain=both(facet_grain, node_grain),
         area=both(own.facet_area / n, own.area),
         layer=both(layer, node_layer),
         facet_area=both(own.facet_area, 0.5 * own.whole_area),
-        ring_offset=np.concatenate([[0], np.cumsum(num_around)]).astype(own.ring_offset.dtype),
+        ring_offset=np.concatenate([[0], np.cumsum(num_around)]).astype(np.int32),
         ring=np.concatenate([facets, *around]).astype(own.ring.dtype),
         around=neighbors,
         around_of=np.concatenate([np.zeros((facets.size, 2), np.int32), neighbors_of]),
         recess=both(np.zeros(own.facet_area.size), RECESS * edge_of_area(own.whole_area, 2)),
+        num_vertices=vertex.size,
     )
 
 

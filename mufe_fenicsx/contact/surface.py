@@ -68,10 +68,10 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
 
 def _mirrors_at_edges(on, across):
     """Field ``mirror`` of :class:`OwnSurface`, from ``on_mirror`` at the corners of facets."""
-    wall = np.full(across.shape, -1, dtype=np.int32)
-    if on.shape[2]:
-        both = on & np.roll(on, -1, axis=1)  # both ends of the edges 0-1, 1-2, 2-0
-        wall = np.where(both.any(axis=2) & (across < 0), both.argmax(axis=2), -1)
+    if not on.any():  # without room for as many numbers
+        return np.broadcast_to(np.int32(-1), across.shape)
+    both = on & np.roll(on, -1, axis=1)  # both ends of the edges 0-1, 1-2, 2-0
+    wall = np.where(both.any(axis=2) & (across < 0), both.argmax(axis=2), -1)
     return wall.astype(np.int32)
 
 

@@ -74,7 +74,7 @@ class ContactTangent:
         ]
         x, before = c.positions.array, c.num_before
         pair_tangent(
-            *parts[0], x, before, *c._corners, p.node, p.candidate, p.closest, p.closed, closed,
+            *parts[0], x, before, *c.corners(), p.node, p.candidate, p.closest, p.closed, closed,
             p.weights, p.normal, p.gap, p.offset, p.stiffness, p.anchor, p.shear, p.slip, slip,
             p.push, p.sliding, c.facets, c.points.area, c.points.recess, c.ratio,
             c.friction_kinetic, c.largest_depth,
@@ -87,7 +87,7 @@ class ContactTangent:
         )  # fmt: skip
         v = w.pairs
         wall_tangent(
-            *parts[2], before, *c._corners, v.node, v.wall, v.closed, wall_closed, w.normal,
+            *parts[2], before, *c.corners(), v.node, v.wall, v.closed, wall_closed, w.normal,
             v.shear, v.slip, wall_slip, v.push, v.sliding, c.layer, c.points.area, c.ratio,
             w.friction_kinetic,
         )  # fmt: skip

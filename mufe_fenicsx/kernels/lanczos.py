@@ -1,4 +1,8 @@
-"""Steps of a Lanczos iteration, each one pass over its vectors, all of shape (n,)."""
+"""Steps of a Lanczos iteration on M⁻¹K, each one pass over its vectors.
+
+Vectors are of shape (num_rows, 3); masses of shape (num_rows, 1), or (num_rows, 3) where they
+differ from one component to another. Products of vectors are those of the masses, aᵀM b.
+"""
 
 import numba
 
@@ -7,30 +11,57 @@ FAST = {"contract", "reassoc"}
 
 
 @numba.njit(cache=True)
-def scale(moved, y, q, root):
-    """moved = root q and y = 0, in place."""
-    for i in range(q.size):
-        moved[i] = root[i] * q[i]
-        y[i] = 0.0
+def begin(v, mass, noise):
+    """v = M^(-1/2) noise, in place."""
+    last = mass.shape[1] - 1
+    for i in range(len(v)):
+        for c in range(3):
+            v[i, c] = noise[i, c] / mass[i, min(c, last)] ** 0.5
 
 
 @numba.njit(cache=True, fastmath=FAST)
-def weigh(w, root, q, before, off):
-    """w = root w - off before, in place; returns w·q."""
-    along = 0.0
-    for i in range(w.size):
-        w[i] = root[i] * w[i] - off * before[i]
-        along += w[i] * q[i]
+def square(v, mass):
+    """v·v."""
+    last, found = mass.shape[1] - 1, 0.0
+    for i in range(len(v)):
+        for c in range(3):
+            found += mass[i, min(c, last)] * v[i, c] * v[i, c]
+    return found
+
+
+@numba.njit(cache=True, fastmath=FAST)
+def weigh(w, mass, v, before, off):
+    """w = M⁻¹w - off before, in place; returns w·v."""
+    last, along = mass.shape[1] - 1, 0.0
+    for i in range(len(w)):
+        for c in range(3):
+            m = mass[i, min(c, last)]
+            w[i, c] = w[i, c] / m - off * before[i, c]
+            along += m * w[i, c] * v[i, c]
     return along
 
 
 @numba.njit(cache=True, fastmath=FAST)
-def subtract(w, q, along, before, back):
-    """w -= along q + back before, in place; returns w·q, w·before and w·w."""
-    to_q = to_before = square = 0.0
-    for i in range(w.size):
-        w[i] -= along * q[i] + back * before[i]
-        to_q += w[i] * q[i]
-        to_before += w[i] * before[i]
-        square += w[i] * w[i]
-    return to_q, to_before, square
+def subtract(w, mass, v, along, before, back):
+    """w -= along v + back before, in place; returns w·v, w·before and w·w."""
+    last = mass.shape[1] - 1
+    to_v = to_before = size = 0.0
+    for i in range(len(w)):
+        for c in range(3):
+            w[i, c] -= along * v[i, c] + back * before[i, c]
+            part = mass[i, min(c, last)] * w[i, c]
+            to_v += part * v[i, c]
+            to_before += part * before[i, c]
+            size += part * w[i, c]
+    return to_v, to_before, size
+
+
+@numba.njit(cache=True)
+def combine(basis, share):
+    """The first vector = sum of share times vector, in place; share of shape (num_vectors,)."""
+    for i in range(basis.shape[1]):
+        for c in range(3):
+            found = 0.0
+            for k in range(share.size):
+                found += share[k] * basis[k, i, c]
+            basis[0, i, c] = found
