@@ -64,10 +64,22 @@ class MassScaling:
         self._rho = rho
         self._grain_mass = rho * self._of_grains(solid.volume0)
         self._total = self.comm.allreduce(float(self._grain_mass.sum()))
-        self.added = np.zeros(mesh.num_cells)  #: added density over that of the material
+        self._some, self._added = np.empty(0, dtype=int), np.empty(0)  # elements with added mass
         self.added_to_node = np.zeros(mesh.num_nodes)  #: mass added for springs of contact [kg]
         self.wanted = 0.0  #: step of the worst element that it was last adjusted to [s]
         self.reached = 0.0  #: stable step after the last adjustment [s]
+
+    @property
+    def added(self):
+        """Added density over that of the material, shape (num_cells,); made anew."""
+        added = np.zeros(self.mesh.num_cells)
+        added[self._some] = self._added
+        return added
+
+    @added.setter
+    def added(self, values):
+        self._some = np.flatnonzero(values)
+        self._added = values[self._some]
 
     def _of_grains(self, values):
         return np.add.reduceat(values, self.mesh.cell_offset[:-1])
@@ -104,8 +116,10 @@ class MassScaling:
         if not 0.0 < low < high:
             return False
 
+        before = self.added
+
         def at(step):
-            to_elements = np.maximum(self.added, (step / own) ** 2 - 1.0)
+            to_elements = np.maximum(before, (step / own) ** 2 - 1.0)
             wanted = 0.5 * stiffness * (ASSEMBLED * step) ** 2
             # What the elements around a node get counts for it.
             there = self.first_mass + self._at_nodes(to_elements)
@@ -125,7 +139,7 @@ class MassScaling:
         if not allowed(high):  # what is there already takes all that is allowed
             return False
         added, to_nodes = at(high)
-        more = (added > self.added).any() or (to_nodes > self.added_to_node).any()
+        more = (added > before).any() or (to_nodes > self.added_to_node).any()
         changed = self.comm.allreduce(bool(more), op=MPI.LOR)
         self.added, self.added_to_node, self.wanted = added, to_nodes, high
         self.set_masses()
@@ -154,7 +168,7 @@ class MassScaling:
         return {
             "added": share,
             "added_to_grain": largest,
-            "num_elements": self.comm.allreduce(int(np.count_nonzero(self.added))),
+            "num_elements": self.comm.allreduce(self._some.size),
             "num_contact_nodes": self.comm.allreduce(int(np.count_nonzero(self.added_to_node))),
             "element_step": self.wanted,
             "stable_step": limits[0],

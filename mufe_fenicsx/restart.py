@@ -136,7 +136,7 @@ def restore(simulation, tables, own, common):
     simulation._f[:] = at_nodes["f"]
     scaling = simulation.scaling
     if scaling is not None and common["scaling"]:
-        scaling.added[:] = in_cells["added_density"]
+        scaling.added = in_cells["added_density"]
         scaling.added_to_node[:] = at_nodes["added_mass"]
         scaling.set_masses()
         simulation.take_masses()

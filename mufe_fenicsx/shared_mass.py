@@ -11,7 +11,6 @@ tetrahedra and stiff springs are seldom at the same place, as Weyl's inequality 
 is found once for many states. λ_c costs products with springs.
 """
 
-import copy
 import math
 
 import numpy as np
@@ -69,9 +68,10 @@ class SharedMass:
         held[self.nodes] = np.maximum(springs.bounds(), EVERYWHERE * rate**2 * mass[self.nodes])
         own = self.solid.nodal_stiffness(x)
         self.part = np.maximum(own / (own + WEIGHT * held), LEAST)
-        of_tets = copy.copy(self._of_tets)  # from its last vector
+        of_tets = self._of_tets  # as well a beginning for one as for the other mass
         of_tets.set_mass(self.part * mass)
         self.square = of_tets() ** 2
+        of_tets.set_mass(mass)
 
     def bound(self, enough, springs):
         """Bound of the square of the highest frequency [1/s²].

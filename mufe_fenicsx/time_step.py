@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from .kernels.lanczos import begin, combine, square, subtract, weigh
+from .kernels.lanczos import add, begin, square, subtract, weigh
 
 
 class HighestFrequency:
@@ -33,7 +33,7 @@ class HighestFrequency:
     """
 
     def __init__(
-        self, comm, mass, x, add_stiffness, size=8, tolerance=0.02, max_sweeps=12, turned=None
+        self, comm, mass, x, add_stiffness, size=7, tolerance=0.02, max_sweeps=12, turned=None
     ):
         self.comm = comm
         self.set_mass(mass)
@@ -87,7 +87,7 @@ class HighestFrequency:
         mass = self.mass[rows] if mass is None else _of_rows(mass)
         noise = self.noise[rows]
         # These vectors take most of the memory here: what else is needed is made in their place.
-        basis = np.empty((self.size + 1, *noise.shape))
+        basis = [np.empty(noise.shape) for _ in range(self.size + 1)]
         start, last = basis[:2]
         begin(start, mass, noise)
         if not (size := self._sums(square(start, mass))) > 0.0:
@@ -103,7 +103,7 @@ class HighestFrequency:
             value, residual = self._sweep(basis, mass, add_stiffness)
             if residual <= self.tolerance * value:
                 break
-        self._vector, self._rows = start.copy(), given
+        self._vector, self._rows = start, given
         return math.sqrt(value + residual)
 
     def _sweep(self, basis, mass, add_stiffness):
@@ -135,7 +135,9 @@ class HighestFrequency:
             w /= norm
         T = np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1)
         values, vectors = np.linalg.eigh(T)
-        combine(basis, np.ascontiguousarray(vectors[:, -1]))
+        basis[0] *= vectors[0, -1]
+        for share, v in zip(vectors[1:, -1], basis[1 : k + 1], strict=True):
+            add(basis[0], share, v)
         return values[-1], abs(norm * vectors[-1, -1])
 
 

@@ -57,11 +57,8 @@ def subtract(w, mass, v, along, before, back):
 
 
 @numba.njit(cache=True)
-def combine(basis, share):
-    """The first vector = sum of share times vector, in place; share of shape (num_vectors,)."""
-    for i in range(basis.shape[1]):
+def add(v, share, other):
+    """v += share other, in place."""
+    for i in range(len(v)):
         for c in range(3):
-            found = 0.0
-            for k in range(share.size):
-                found += share[k] * basis[k, i, c]
-            basis[0, i, c] = found
+            v[i, c] += share * other[i, c]
