@@ -82,7 +82,7 @@ def _nothing_to_do(header, scene, folder):
             f"run in {folder} is finished, expected one to go on with, or {END} above {old:g} "
             "to prolong it"
         )
-    if new < header["strain"]:
+    if new < min(old, header["strain"]):  # one killed after its last checkpoint only has to end
         return f"{END} = {new:g}, expected more than {header['strain']:.4g}, which is reached"
     return None
 

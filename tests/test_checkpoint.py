@@ -249,6 +249,20 @@ def test_a_signal_is_heard_while_all_begins_anew(folder, monkeypatch):
 
 
 @pytest.mark.mpi
+def test_a_run_killed_between_its_last_checkpoint_and_its_summary_only_has_to_end(folder):
+    whole = run(folder, "out")
+    before = None if COMM.rank else files(folder / "out")
+    COMM.Barrier()
+    if COMM.rank == 0:
+        path = folder / "out" / "run.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"finished": False}))
+    COMM.Barrier()
+    ended = run(folder, "out", resume=True)
+    assert ended["finished"] and ended["num_steps"] == whole["num_steps"]
+    assert COMM.rank or files(folder / "out") == before
+
+
+@pytest.mark.mpi
 def test_damage_is_found_and_the_one_before_used(folder, capfd):
     run(folder, "out", max_steps=20)
     run(folder, "out", max_steps=30, resume=True)
