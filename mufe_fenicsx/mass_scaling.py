@@ -119,7 +119,10 @@ class MassScaling:
         before = self.added
 
         def at(step):
-            to_elements = np.maximum(before, (step / own) ** 2 - 1.0)
+            to_elements = step / own
+            to_elements *= to_elements
+            to_elements -= 1.0
+            np.maximum(before, to_elements, out=to_elements)
             wanted = 0.5 * stiffness * (ASSEMBLED * step) ** 2
             # What the elements around a node get counts for it.
             there = self.first_mass + self._at_nodes(to_elements)

@@ -120,13 +120,13 @@ class GrainMesh:
         given = np.empty(self.num_nodes, dtype=np.int64)
         geometry = self.mesh.geometry
         given[self.V.dofmap.list] = geometry.input_global_indices[geometry.dofmaps[0]]
-        return np.lexsort((given, self.grain_of_node))
+        return np.lexsort((given, self.grain_of_node)).astype(np.int32)
 
     @cached_property
     def named_cells(self):
         """Rows of ``cells`` grain after grain, in each as they were given."""
         given = self.mesh.topology.original_cell_index[self.cell_order]
-        return np.lexsort((given, self.grain_of_cell))
+        return np.lexsort((given, self.grain_of_cell)).astype(np.int32)
 
     def cell_function(self, values):
         """Piecewise constant DOLFINx function from values in the order of ``cells``."""

@@ -88,7 +88,7 @@ def run_scene(
     check_mirrors(comm, make_walls(scene, *bounding_box(mesh)), mesh.x)
     if checkpoint is not None:
         separation = checkpoint.header["separation"]
-        kept = read_tables(comm, checkpoint, mesh.grains, mesh.rank_of_grain)
+        kept = [*read_tables(comm, checkpoint, mesh.grains, mesh.rank_of_grain)]
         restore_reference(mesh, kept[0])
     else:
         separation = _separate(scene.sample, mesh)
@@ -230,6 +230,7 @@ class _Test:
         if checkpoint is not None:
             header = checkpoint.header
             restore(self.simulation, *kept, header["state"])
+            kept.clear()  # they need as much room as the state
             if len(header["retries"]) < len(self.recovery.done):
                 self.simulation.update_time_step()
             if integrator_of(header["scene"]) != scene.solver.integrator:
@@ -275,7 +276,7 @@ class _Test:
             self.mesh = None
             self.mesh = self.load(partition)
             restore_reference(self.mesh, self.read(checkpoint)[0])
-        kept = checkpoint and self.read(checkpoint)
+        kept = checkpoint and [*self.read(checkpoint)]
         self.begin(checkpoint, kept)
 
     def read(self, checkpoint):

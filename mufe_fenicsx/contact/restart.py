@@ -28,7 +28,7 @@ EDGES_KEPT = (
 
 
 class Rows:
-    """Rows of an array, taken where they are wanted: a checkpoint has room for one column only.
+    """Rows of an array, taken where they are wanted: a checkpoint has no room for them all.
 
     Args:
         values: The array.
@@ -40,15 +40,27 @@ class Rows:
         self.values, self.order, self.times = values, order, times
 
     @property
+    def dtype(self):
+        """Type of the values."""
+        return self.values.dtype
+
+    @property
+    def shape(self):
+        """Shape of the column."""
+        number = len(self.order) if self.times is None else int(self.times.sum())
+        return (number, *self.values.shape[1:])
+
+    @property
     def nbytes(self):
         """Size [bytes]."""
-        number = len(self.order) if self.times is None else int(self.times.sum())
-        return number * self.values[:1].nbytes
+        return self.shape[0] * self.values[:1].nbytes
 
-    def __array__(self, dtype=None, copy=None):
-        rows = self.values[self.order]
-        rows = rows if self.times is None else np.repeat(rows, self.times, axis=0)
-        return np.asarray(rows, dtype)
+    def blocks(self, number):
+        """The column in turn, ``number`` of the rows that were taken at a time."""
+        for begin in range(0, len(self.order), number):
+            some = slice(begin, begin + number)
+            rows = self.values[self.order[some]]
+            yield rows if self.times is None else np.repeat(rows, self.times[some], axis=0)
 
 
 class Names:

@@ -26,6 +26,8 @@ FORMAT, VERSION = "mufe checkpoint", 7
 MANIFEST = "manifest.json"
 #: Checkpoints that stay.
 NUM_KEPT = 2
+#: Rows of a column that are taken at a time.
+BLOCK = 1 << 15
 
 
 @dataclass(frozen=True)
@@ -251,6 +253,18 @@ def _joined(parts, rank):
     return tables, own
 
 
+def _write_column(file, name, values):
+    """Write an array, or rows that are taken block after block."""
+    if isinstance(values, np.ndarray):
+        file[name] = values
+        return
+    column = file.create_dataset(name, values.shape, values.dtype)
+    end = 0
+    for rows in values.blocks(BLOCK):
+        begin, end = end, end + len(rows)
+        column[begin:end] = rows
+
+
 def _write_tables(path, tables, own):
     """Write the file of one rank to the disk; its name, size and checksum."""
     columns = [values for table in tables.values() for values in table.values()]
@@ -259,7 +273,7 @@ def _write_tables(path, tables, own):
     with h5py.File(path, "w") as file:
         for name, table in tables.items():
             for column, values in table.items():
-                file[f"tables/{name}/{column}"] = np.asarray(values)
+                _write_column(file, f"tables/{name}/{column}", values)
         for name, values in own.items():
             file[f"own/{name}"] = values
     with path.open("rb") as stream:
