@@ -143,7 +143,8 @@ class HighestFrequency:
 
 def _of_rows(mass):
     """Masses with a column for each component, or one for all of a row."""
-    return np.ascontiguousarray(mass).reshape(len(mass), -1)
+    mass = np.ascontiguousarray(mass)
+    return mass if mass.ndim == 2 else mass[:, None]
 
 
 def _noise(x, scale):

@@ -63,6 +63,21 @@ def test_the_last_vector_may_be_of_other_rows():
 
 
 @pytest.mark.mpi
+def test_ranks_without_rows_take_part():
+    """No contact touches their grains; the frequency is that of the others."""
+    x = np.random.default_rng(3).random((5, 3))
+    highest = HighestFrequency(MPI.COMM_WORLD, np.ones(5), x, None)
+
+    def stiff(y, q):
+        y[:] = 4.0 * q
+
+    rows = np.arange(5 if MPI.COMM_WORLD.rank == 0 else 0)
+    for mass in (None, np.full(rows.size, 0.25)):
+        rate = 2.0 if mass is None else 4.0
+        assert highest(rows, stiff, mass) == pytest.approx(rate, rel=1e-12)
+
+
+@pytest.mark.mpi
 def test_assembled_step_is_larger_than_the_element_bound_and_stable():
     """A free body that starts with random velocities keeps its energy at 0.9 of the limit."""
     mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=0.5)
