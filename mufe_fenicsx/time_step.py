@@ -33,7 +33,7 @@ class HighestFrequency:
     """
 
     def __init__(
-        self, comm, mass, x, add_stiffness, size=6, tolerance=0.02, max_sweeps=12, turned=None
+        self, comm, mass, x, add_stiffness, size=7, tolerance=0.02, max_sweeps=12, turned=None
     ):
         self.comm = comm
         self.set_mass(mass)
