@@ -26,14 +26,6 @@ def return_freed_arrays():
             mallopt(M_MMAP_THRESHOLD, LARGE_ARRAY)
 
 
-def return_small_arrays():
-    """Let the C library return what else was freed, at the end of a set-up. Local."""
-    if sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-        if trim is not None:
-            trim(0)
-
-
 def memory_in_use(comm):
     """Memory of all ranks together now [bytes]. Collective.
 

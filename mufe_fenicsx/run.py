@@ -15,7 +15,7 @@ from .errors import InputError, Interrupted, SolverError, UnstableError
 from .interruption import Interruption
 from .loading import OedometerLoading
 from .march import march
-from .memory import peak_memory, return_freed_arrays, return_small_arrays
+from .memory import peak_memory, return_freed_arrays
 from .origin import check_origin, grains_checksum, integrator_of
 from .output.checkpoint import CheckpointWriter, find_checkpoint, read_tables, written_by
 from .output.run_folder import (
@@ -148,7 +148,6 @@ class _Test:
         """March to the end, with retries; returns the summary."""
         comm, summary, resumed = self.comm, self.summary, checkpoint is not None
         self.begin(checkpoint, kept)
-        return_small_arrays()
         summary["first_height"] = float(self.loading.first_height)
         summary["strain_definition"] = self.loading.strain_definition
         summary["setup_s"] = time.perf_counter() - self.started

@@ -60,7 +60,8 @@ class StableStep:
         """Take other nodal masses [kg], shape (num_nodes,)."""
         shared = self.shared
         others = self.highest_of_springs, self.highest_of_tets, shared.highest
-        _set_mass(mass, self.highest, *others)
+        for highest in (self.highest, *others):
+            highest.set_mass(mass)
         self.element_step_then = math.inf  # that of the tets is to be found again
         shared.forget()
 
@@ -91,7 +92,8 @@ class StableStep:
         all_of_them = self.highest, self.highest_of_springs, self.highest_of_tets
         frequencies = [highest.of(highest.add_stiffness) for highest in all_of_them]
         if mass is not None:
-            _set_mass(mass, *frequencies)
+            for highest in frequencies:
+                highest.set_mass(mass)
         springs = list_springs(self.contact, margin)
         return self._limit(springs, margin, element_step, *frequencies)
 
@@ -184,9 +186,3 @@ class StableStep:
         edges = listed.bounds()
         listed.destroy()
         return float(((2.0 * spring + edges) / mass).max(initial=0.0))
-
-
-def _set_mass(mass, first, *others):
-    """Give iterations on the same rows the same masses."""
-    for highest in (first, *others):
-        highest.set_mass(mass)

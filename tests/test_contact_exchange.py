@@ -57,11 +57,12 @@ def found(comm, kind):
     contact.search(mesh.x)
     table, pairs, edges = contact_tables(contact, mesh), contact.pairs, contact.edges
     p, e = table["pairs"], table["edge_pairs"]
+    facet = np.concatenate([*table["candidates"]["facet"].blocks(1000)])
     point = np.column_stack([p["grain"], p["point"], p["part"], p["partner"]])
     candidates = np.column_stack(
         [
             np.repeat(point, p["count"], axis=0),
-            table["candidates"]["facet"],
+            facet,
             edges.beside[pairs.candidate],
         ]
     )

@@ -68,17 +68,13 @@ def crossings_at_nodes(contact):
     """
     c = closed_crossings(contact)
     sign = np.array([1.0, 1.0, -1.0, -1.0])
-    there = np.zeros((contact.num_nodes_with_ghosts, 3))  # one after another needs less room
-    np.add.at(there, c.nodes, (sign * c.share)[..., None] * c.friction[:, None])
-    friction = contact.back_to_owners(there)
-    there[:] = 0.0
-    np.add.at(there[:, 0], c.nodes, c.share * c.push[:, None])
-    push = contact.back_to_owners(there)[:, 0].copy()
-    there[:] = 0.0
-    np.maximum.at(there[:, 0], c.nodes, c.depth[:, None])
-    depth = contact.back_to_owners(there, largest=True)[:, 0].copy()
-    del there
-    return push, friction, contact.edges.slip + new_slip(contact), depth
+    friction = (sign * c.share)[..., None] * c.friction[:, None]
+    return (
+        _at_owners(contact, c.nodes, c.share * c.push[:, None])[:, 0].copy(),
+        _at_owners(contact, c.nodes, friction),
+        contact.edges.slip + new_slip(contact),
+        _at_owners(contact, c.nodes, c.depth[:, None], largest=True)[:, 0].copy(),
+    )
 
 
 def new_slip(contact):
@@ -89,9 +85,22 @@ def new_slip(contact):
     p = contact.edges.pairs
     on = np.flatnonzero(p.slip)
     nodes, share = _ends(contact.edges, on)
-    slip = np.zeros((contact.num_nodes_with_ghosts, 3))
-    np.add.at(slip[:, 0], nodes, share * p.slip[on, None])
-    return contact.back_to_owners(slip)[:, 0]
+    return _at_owners(contact, nodes, share * p.slip[on, None])[:, 0]
+
+
+def _at_owners(contact, nodes, values, largest=False):
+    """Sums, or the largest, of values at own surface nodes, (num_nodes, 3). Collective.
+
+    Args:
+        contact: As above.
+        nodes: Where they are on this rank, shape (num, 4).
+        values: Vectors, shape (num, 4, 3), or numbers, which become first components, (num, 4).
+        largest: The largest instead of the sum.
+    """
+    there = np.zeros((contact.num_nodes_with_ghosts, 3))
+    gather = np.maximum if largest else np.add
+    gather.at(there if values.ndim == 3 else there[:, 0], nodes, values)
+    return contact.back_to_owners(there, largest)
 
 
 def _ends(edges, on):

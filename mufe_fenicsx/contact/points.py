@@ -86,8 +86,7 @@ class Points:
         if self.corner is None:
             return values
         at_nodes = np.zeros((num_nodes, values.shape[1]))
-        weights = self.weight
-        for corner, weight in zip(self.corner.T, weights.T, strict=True):
+        for corner, weight in zip(self.corner.T, self.weight.T, strict=True):
             for k in range(values.shape[1]):  # one at a time needs less room
                 np.add.at(at_nodes[:, k], corner, weight * values[:, k])
         return at_nodes

@@ -55,10 +55,6 @@ class Rows:
         """Size [bytes]."""
         return self.shape[0] * self.values[:1].nbytes
 
-    def __array__(self, dtype=None, copy=None):
-        whole = [self.values[:0], *self.blocks(max(len(self.order), 1))]
-        return np.asarray(np.concatenate(whole), dtype)
-
     def blocks(self, number):
         """The column in turn, ``number`` of the rows that were taken at a time."""
         for begin in range(0, len(self.order), number):
