@@ -15,7 +15,7 @@ from .contact.restart import Rows, contact_tables, restore_contact
 OF_SIMULATION = ("dt", "dt_element", "initial_kinetic", "_margin", "_clock_at_refresh",
                  "_refreshed_at", "_followed_search")  # fmt: skip
 OF_STABLE = ("rate_of_tets", "tets_at", "element_step_then")
-OF_SHARED = ("square", "misses", "rests")
+OF_SHARED = ("square", "misses", "failures", "rest")
 OF_STATE = ("t", "dt", "num_steps")
 OF_CONTACT = ("clock", "searched_at", "reach", "num_searches", "_dt")
 OF_SCALING = ("wanted", "reached")
@@ -121,7 +121,8 @@ def restore(simulation, tables, own, common):
     Args:
         simulation: :class:`~mufe_fenicsx.simulation.Simulation` at its start, its mesh with the
             reference of then.
-        tables, own, common: Of :func:`snapshot`, with the rows of this rank's grains.
+        tables, own, common: Of :func:`snapshot`, with the rows of this rank's grains. The tables
+            are emptied: there is no room for them beside what is made of them.
 
     Raises:
         InputError: The tables are not those of these grains; on one rank or more.
@@ -131,22 +132,23 @@ def restore(simulation, tables, own, common):
     )  # fmt: skip
     mesh, solid = simulation.mesh, simulation.solid
     _deform_again(simulation, tables["rigid"]["grain"])
-    at_nodes = _scattered(tables["nodes"], mesh.named_nodes)
-    in_cells = _scattered(tables["cells"], mesh.named_cells)
-    simulation._f[:] = at_nodes["f"]
+    del tables["nodes"]["reference"]  # the mesh has it
+    at_nodes = _scattered(tables.pop("nodes"), mesh.named_nodes)
+    in_cells = _scattered(tables.pop("cells"), mesh.named_cells)
+    simulation._f[:] = at_nodes.pop("f")
     scaling = simulation.scaling
     if scaling is not None and common["scaling"]:
-        scaling.added = in_cells["added_density"]
-        scaling.added_to_node[:] = at_nodes["added_mass"]
+        scaling.added = in_cells.pop("added_density")
+        scaling.added_to_node[:] = at_nodes.pop("added_mass")
         scaling.set_masses()
         simulation.take_masses()
         for name in OF_SCALING:
             setattr(scaling, name, common["scaling"][name])
     for name in ("x", "u", "v", "a"):
-        getattr(s, name)[:] = at_nodes[name]
+        getattr(s, name)[:] = at_nodes.pop(name)
     for name in ("deviator", "plastic_strain", "plastic_work"):
-        getattr(s, name)[:] = in_cells[name]
-    pressure = (at_nodes if solid.element == "averaged" else in_cells)["pressure"]
+        getattr(s, name)[:] = in_cells.pop(name)
+    pressure = (at_nodes if solid.element == "averaged" else in_cells).pop("pressure")
     solid.pressure[: len(pressure)] = pressure
 
     row = {int(grain): k for k, grain in enumerate(tables["rigid"]["grain"])}
@@ -154,14 +156,14 @@ def restore(simulation, tables, own, common):
     for name in OF_RIGID:
         getattr(rigid, name)[:] = tables["rigid"][name][rows]
     if simulation._any_rigid:
-        rigid.place[:] = at_nodes["place"][rigid.nodes]
+        rigid.place[:] = at_nodes.pop("place")[rigid.nodes]
     for name, highest in _frequencies(simulation).items():
         highest.num_products = common["num_products"][name]
         if name in at_nodes:
             turning = tables["rigid"][name][rows[: rigid.num_always]]
-            highest.vector = _packed(rigid, at_nodes[name], turning)
+            highest.vector = _packed(rigid, at_nodes.pop(name), turning)
 
-    simulation.stable.shared.part = at_nodes.get("part_of_tets")
+    simulation.stable.shared.part = at_nodes.pop("part_of_tets", None)
     simulation.damped = float(own["damped"])
     contact.dissipated = float(own["dissipated"])
     contact.num_adopted, contact.num_deep = int(own["num_adopted"]), int(own["num_deep"])
@@ -207,9 +209,14 @@ def _frequencies(simulation):
 
 
 def _scattered(table, order):
-    """Columns of a table of all nodes or cells of this rank, in the order of its mesh."""
+    """Columns of a table of all nodes or cells of this rank, in the order of its mesh.
+
+    The table is empty then; its grains are left out, which the mesh has.
+    """
     columns = {}
-    for name, values in table.items():
+    del table["grain"]
+    while table:
+        name, values = table.popitem()
         columns[name] = np.empty_like(values)
         columns[name][order] = values
     return columns

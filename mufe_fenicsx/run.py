@@ -76,7 +76,7 @@ def run_scene(
     return_freed_arrays()
     started = time.perf_counter()
     identity = {"scene": scene_to_toml(scene), "grains": grains_checksum(comm, grains_folder)}
-    folder, checkpoint, kept = Path(output_folder), None, None
+    folder, checkpoint = Path(output_folder), None
     if resume:
         checkpoint = find_checkpoint(comm, folder)
         check_origin(comm, checkpoint, identity, folder, quiet)
@@ -88,8 +88,7 @@ def run_scene(
     check_mirrors(comm, make_walls(scene, *bounding_box(mesh)), mesh.x)
     if checkpoint is not None:
         separation = checkpoint.header["separation"]
-        kept = [*read_tables(comm, checkpoint, mesh.grains, mesh.rank_of_grain)]
-        restore_reference(mesh, kept[0])
+        _take_reference(checkpoint, mesh)
     else:
         separation = _separate(scene.sample, mesh)
         create_run_folder(comm, folder, overwrite)
@@ -99,7 +98,7 @@ def run_scene(
         scene, mesh, load, folder, identity, started, quiet, list(command), separation, profile,
         after,
     )  # fmt: skip
-    return test.run(checkpoint, kept, max_steps)
+    return test.run(checkpoint, max_steps)
 
 
 #: Of the summary, what checkpoints keep.
@@ -144,10 +143,10 @@ class _Test:
             "balanced_at_steps": [],
         }
 
-    def run(self, checkpoint, kept, max_steps):
+    def run(self, checkpoint, max_steps):
         """March to the end, with retries; returns the summary."""
         comm, summary, resumed = self.comm, self.summary, checkpoint is not None
-        self.begin(checkpoint, kept)
+        self.begin(checkpoint)
         summary["first_height"] = float(self.loading.first_height)
         summary["strain_definition"] = self.loading.strain_definition
         summary["setup_s"] = time.perf_counter() - self.started
@@ -216,8 +215,8 @@ class _Test:
                     f"{failure}; --resume goes on from {self.checkpoints.last}"
                 ) from failure
 
-    def begin(self, checkpoint=None, kept=None):
-        """Simulation, loading and recorder of the start, or of a checkpoint and its tables."""
+    def begin(self, checkpoint=None):
+        """Simulation, loading and recorder of the start, or of a checkpoint."""
         scene = self.scene
         if checkpoint is not None:
             self.recovery.know(checkpoint.header["retries"])
@@ -228,8 +227,7 @@ class _Test:
         recorder, same_ranks = self.first_kept, True
         if checkpoint is not None:
             header = checkpoint.header
-            restore(self.simulation, *kept, header["state"])
-            kept.clear()  # they need as much room as the state
+            restore(self.simulation, *_read(checkpoint, self.mesh), header["state"])
             if len(header["retries"]) < len(self.recovery.done):
                 self.simulation.update_time_step()
             if integrator_of(header["scene"]) != scene.solver.integrator:
@@ -274,13 +272,8 @@ class _Test:
         if partition is not None and (partition != self.mesh.rank_of_grain).any():
             self.mesh = None
             self.mesh = self.load(partition)
-            restore_reference(self.mesh, self.read(checkpoint)[0])
-        kept = checkpoint and [*self.read(checkpoint)]
-        self.begin(checkpoint, kept)
-
-    def read(self, checkpoint):
-        """Tables of a checkpoint for this rank's grains."""
-        return read_tables(self.comm, checkpoint, self.mesh.grains, self.mesh.rank_of_grain)
+            _take_reference(checkpoint, self.mesh)
+        self.begin(checkpoint)
 
     def balance(self):
         """Share the work of the ranks anew, by a checkpoint to begin from; whether it did."""
@@ -346,6 +339,16 @@ def _partition(checkpoint, comm):
     if checkpoint.num_ranks != comm.size:
         return None
     return np.array(checkpoint.header["rank_of_grain"], dtype=np.int32)
+
+
+def _read(checkpoint, mesh, only=None):
+    """Tables of a checkpoint for the grains of this rank, and what ranks had of their own."""
+    return read_tables(mesh.comm, checkpoint, mesh.grains, mesh.rank_of_grain, only)
+
+
+def _take_reference(checkpoint, mesh):
+    """Give a mesh the reference configuration of a checkpoint."""
+    restore_reference(mesh, _read(checkpoint, mesh, only=("nodes", "reference"))[0])
 
 
 def _separate(sample, mesh):

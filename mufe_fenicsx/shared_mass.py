@@ -44,17 +44,30 @@ class SharedMass:
         self.part = None  #: p of each node, shape (num_nodes,); None: not chosen
         self.square = math.nan  #: λ_t [1/s²]
         self.misses = 0  #: bounds in a row that were of no use
-        self.rests = False  #: whether the first bound of newly chosen parts was of none
+        self.failures = 0  #: choices in a row whose first bound was of none
+        self.rest = 0  #: bounds that are not asked for yet
 
     def forget(self):
         """Choose the parts anew when they are wanted next. Local."""
-        self.part, self.misses, self.rests = None, 0, False
+        self.part, self.misses = None, 0
+
+    def due(self):
+        """Whether a bound is worth a try. Local.
+
+        A choice costs as much as products with all that a bound spares. In a loaded sand most are
+        of use even soon after one that was not: after k such in a row 2^k - 1 bounds are left out.
+        """
+        self.rest = max(self.rest - 1, 0)
+        return not self.rest
 
     def judge(self, useful, chosen):
         """Say whether the last bound was of use, and whether its parts were new. Local."""
         self.misses = 0 if useful else self.misses + 1
+        if chosen:
+            self.failures = 0 if useful else self.failures + 1
+            self.rest = 0 if useful else 1 << self.failures
         if self.misses == MISSES or (self.misses and chosen):
-            self.part, self.misses, self.rests = None, 0, chosen
+            self.part, self.misses = None, 0
 
     def choose(self, x, springs, rate):
         """Choose the parts at the positions ``x``.

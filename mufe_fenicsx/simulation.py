@@ -354,7 +354,7 @@ class Simulation:
         moved *= factor
         self._clock_at_refresh, self._refreshed_at = self.contact.clock, s.num_steps
         # The first step is counted too, by its speed: an assembled step is up to 3 times longer.
-        speed = np.sqrt(max((s.v**2).sum(axis=1).max(), (self.walls.velocity**2).sum()))
+        speed = np.sqrt(max(np.einsum("ni,ni->n", s.v, s.v).max(), (self.walls.velocity**2).sum()))
         ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
         moved = min(moved, self.contact.skin)
         least = max(ahead, 1e-3 * self.contact.edge)

@@ -150,7 +150,7 @@ class StableStep:
             rate_of_springs: Highest frequency of springs alone [rad/s].
         """
         shared = self.shared
-        if shared.rests or not self._rows_are_nodes:
+        if not self._rows_are_nodes or not shared.due():
             return math.inf
         chosen = shared.part is None
         if chosen:

@@ -5,7 +5,10 @@ import math
 
 import numpy as np
 
-from .kernels.lanczos import add, begin, square, subtract, weigh
+from .kernels.lanczos import add, begin, square, subtract, take_known, weigh
+
+#: Numbers of a vector from which on it has an array of its own: two large pages of memory.
+LARGE = 2 << 18
 
 
 class HighestFrequency:
@@ -77,34 +80,43 @@ class HighestFrequency:
 
         Args:
             rows: Those that the operator acts on and that it leaves nothing outside of,
-                shape (n,), here on this rank; None: all.
+                ascending, shape (n,), here on this rank; None: all.
             add_stiffness: As ``add_stiffness``, between vectors of these rows alone.
             mass: Of these rows, as of :meth:`set_mass`; None: those of there.
         """
-        given = rows
+        noise, masses = self.noise, self.mass
         if rows is None:
-            rows, add_stiffness = slice(None), self.add_stiffness
-        mass = self.mass[rows] if mass is None else _of_rows(mass)
-        noise = self.noise[rows]
-        # These vectors take most of the memory here: what else is needed is made in their place.
-        basis = [np.empty(noise.shape) for _ in range(self.size + 1)]
+            add_stiffness = self.add_stiffness
+        else:
+            noise = noise.take(rows, axis=0)
+            masses = masses.take(rows, axis=0) if mass is None else _of_rows(mass)
+        basis = _vectors(self.size + 1, noise.shape)
         start, last = basis[:2]
-        begin(start, mass, noise)
-        if not (size := self._sums(square(start, mass))) > 0.0:
+        begin(start, masses, noise)
+        if not (size := self._sums(square(start, masses))) > 0.0:
             return 0.0  # of no rows on any rank
         if self._vector is not None:
             # As much of either: what is the highest now may have no part in what it was.
-            last[:] = self.vector[rows]
-            if weight := self._sums(square(last, mass)):  # else it was of other rows
+            self._take_last(last, rows)
+            if weight := self._sums(square(last, masses)):  # else it was of other rows
                 last *= math.sqrt(size / weight)
                 start += last
             self.vector = None  # its room is free for the next one
         for _ in range(self.max_sweeps):
-            value, residual = self._sweep(basis, mass, add_stiffness)
+            value, residual = self._sweep(basis, masses, add_stiffness)
             if residual <= self.tolerance * value:
                 break
-        self._vector, self._rows = start, given
+        self._vector, self._rows = (start if start.base is None else start.copy()), rows
         return math.sqrt(value + residual)
+
+    def _take_last(self, out, rows):
+        """The last vector at rows, None for all, into ``out``; zero where it has none."""
+        if rows is not None and self._rows is not None:
+            take_known(out, rows, self._vector, self._rows)
+        elif rows is not None:
+            self._vector.take(rows, axis=0, out=out, mode="clip")
+        else:
+            out[:] = self.vector
 
     def _sweep(self, basis, mass, add_stiffness):
         """One sweep from ``basis[0]``: largest Ritz value and its residual.
@@ -139,6 +151,16 @@ class HighestFrequency:
         for share, v in zip(vectors[1:, -1], basis[1 : k + 1], strict=True):
             add(basis[0], share, v)
         return values[-1], abs(norm * vectors[-1, -1])
+
+
+def _vectors(number, shape):
+    """Arrays for vectors, which take most of the memory here: the rest is made in their place.
+
+    Small ones are parts of one array, for which systems have large pages of memory more readily.
+    """
+    if math.prod(shape) < LARGE:
+        return [*np.empty((number, *shape))]
+    return [np.empty(shape) for _ in range(number)]
 
 
 def _of_rows(mass):

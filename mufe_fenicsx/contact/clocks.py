@@ -17,6 +17,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..kernels.clocks import advance_clocks
+from ..kernels.motion import moments
 
 #: Tag of the messages between neighbour ranks.
 TAG = 72
@@ -109,9 +110,8 @@ def linear_field(comm, x, v):
     Returns:
         Velocity at the origin [m/s] and its slopes [1/s], shape (4, 3), as in kernels.motion.
     """
-    known = np.empty((len(x), 7))
-    known[:, 0], known[:, 1:4], known[:, 4:] = 1.0, x, v
-    sums = known[:, :4].T @ known
+    sums = np.zeros((4, 7))
+    moments(sums, x, v)
     comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
     scale = np.sqrt(np.maximum(sums[:, :4].diagonal(), np.finfo(float).tiny))[:, None]
     # Any field will do: nodes in a plane, which leave a slope open, may have a small one.

@@ -64,6 +64,15 @@ class Points:
         """Surface nodes of the given points: one array for points at nodes, else three."""
         return (points,) if self.corner is None else tuple(self.corner[points].T)
 
+    def carriers(self, points):
+        """Surface nodes that carry the given points and their weights, both of shape (num, 3)."""
+        first = np.array([1.0, 0.0, 0.0])
+        if self.corner is None:
+            return np.repeat(points[:, None], 3, axis=1), np.tile(first, (len(points), 1))
+        weight = self.rule.take(points % len(self.rule), axis=0)
+        weight[points >= len(self.corner) - self.num_vertices] = first
+        return self.corner.take(points, axis=0), weight
+
     def stretch(self, own, x, points):
         """Area of the facets around ``points`` now over the reference one, shape (num,).
 

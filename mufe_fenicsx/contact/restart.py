@@ -16,6 +16,8 @@ from .walls import WallPairs
 
 #: Bits of the number of a surface node in the name of a facet.
 BITS = 21
+#: Rows that are looked up at a time where contact is made again.
+BLOCK = 1 << 17
 #: What pairs keep from step to step, beside what a search carries over.
 KEPT = (*REMEMBERED, "due", "work", "known", "other_due")
 WALLS_KEPT = (
@@ -130,27 +132,53 @@ class Names:
 def find_rows(known, wanted, what):
     """For each wanted tuple the row of the known ones; columns of integers.
 
+    By bisection, `BLOCK` of the wanted ones at a time: there can be many more of them than known
+    ones, and a checkpoint's tables fill the memory already.
+
     Raises:
         InputError: One is not known.
     """
-    n = known[0].size
-    columns = [np.concatenate([k, w]).astype(np.int64) for k, w in zip(known, wanted, strict=True)]
-    order = np.lexsort(columns[::-1])
-    ordered = np.stack([c[order] for c in columns])
-    new = np.ones(order.size, dtype=bool)
-    new[1:] = (ordered[:, 1:] != ordered[:, :-1]).any(axis=0)
-    number = np.empty(order.size, dtype=np.int64)
-    number[order] = np.cumsum(new) - 1
-    row = np.full(order.size, -1, dtype=np.int64)
-    row[number[:n]] = np.arange(n)
-    found = row[number[n:]]
-    if (found < 0).any():
-        missing = int((found < 0).sum())
+    order = np.lexsort(known[::-1])
+    ordered = [column[order] for column in known]
+    rows = np.empty(wanted[0].size, dtype=np.int64)
+    missing = 0
+    for begin in range(0, rows.size, BLOCK):
+        some = [column[begin : begin + BLOCK] for column in wanted]
+        place, there = _bisect(ordered, some)
+        missing += there.size - np.count_nonzero(there)
+        if not missing:
+            rows[begin : begin + BLOCK] = order[place]
+    if missing:
         raise InputError(
             f"a {what} of contact in the checkpoint, one of {missing}, is not part of these "
             "grains, expected the grains that it was written with"
         )
-    return found
+    return rows
+
+
+def _bisect(ordered, wanted):
+    """Places of the first tuples that are not less than the wanted ones, and whether they match."""
+    low = np.zeros(wanted[0].size, dtype=np.int64)
+    num = ordered[0].size
+    if not num:
+        return low, np.zeros(low.size, dtype=bool)
+    high = np.full(low.size, num)
+    for _ in range(num.bit_length()):
+        middle = (low + high) // 2
+        less = _compare(ordered, np.minimum(middle, num - 1), wanted)[0] & (middle < high)
+        low, high = np.where(less, middle + 1, low), np.where(less, high, middle)
+    place = np.minimum(low, num - 1)
+    return place, _compare(ordered, place, wanted)[1] & (low < num)
+
+
+def _compare(ordered, place, wanted):
+    """Whether tuples at places are less than the wanted ones, and whether they are the same."""
+    less, same = np.zeros(place.size, dtype=bool), np.ones(place.size, dtype=bool)
+    for column, other in zip(ordered, wanted, strict=True):
+        value = column[place]
+        less |= same & (value < other)
+        same &= value == other
+    return less, same
 
 
 def contact_tables(contact, mesh):
@@ -223,7 +251,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
         contact: :class:`~mufe_fenicsx.contact.assemble.Contact` of the same grains, its ``clock``
             and ``reach`` those of then.
         mesh: Its :class:`~mufe_fenicsx.mesh.GrainMesh`.
-        tables: Of :func:`contact_tables`, with the rows of this rank's grains.
+        tables: Of :func:`contact_tables`, with the rows of this rank's grains; emptied.
         everything_moves: Whether all surface nodes were followed then, on this rank.
 
     Raises:
@@ -231,18 +259,19 @@ def restore_contact(contact, mesh, tables, everything_moves):
     """
     own, walls = contact.own, contact.walls
     names = Names(contact, mesh)
-    surface, order = tables["surface"], names.order
+    surface, order = tables.pop("surface"), names.order
     searched, previous = np.empty((2, own.nodes.size, 3))
     searched[order], previous[order] = surface["searched"], surface["previous"]
     contact.edges.slip[order] = surface["slip"]
     known = (own.grain_of_facet, names.facet[: len(own.facets)])
-    facets = tables["facets"]
+    facets = tables.pop("facets")
     rows = find_rows(known, (facets["grain"], facets["facet"]), "facet")
     contact.facet_layer[rows] = facets["layer"]
-    rows = names.rows_of_points(tables["points"])
-    contact.layer[rows] = tables["points"]["layer"]
-    contact.ledger._slip[rows] = tables["points"]["slip"]
-    accounts = tables["accounts"]
+    points = tables.pop("points")
+    rows = names.rows_of_points(points)
+    contact.layer[rows], contact.ledger._slip[rows] = points["layer"], points["slip"]
+    del facets, points, known, rows, names
+    accounts = tables.pop("accounts")
     by_pair = np.lexsort((accounts["partner"], accounts["grain"]))
     for name in ("grain", "partner", "work"):
         setattr(contact.ledger, name, accounts[name][by_pair])
@@ -251,14 +280,14 @@ def restore_contact(contact, mesh, tables, everything_moves):
     names = Names(contact, mesh)
     nodes = contact.positions.array[contact.num_before :]
     contact.edges.list_edges(nodes, own.nodes.size, contact.surface)
-    contact.pairs = pairs = _pairs(contact, names, tables["pairs"], tables["candidates"])
+    contact.pairs = pairs = _pairs(contact, names, tables.pop("pairs"), tables.pop("candidates"))
     known = np.flatnonzero(pairs.known)
     facet = pairs.candidate[pairs.closest[known]]
     pairs.clocks.follow(contact.motion)
     pairs.vertices[known], pairs.sharp[known] = contact.facets[facet], contact.edges.beside[facet]
-    walls.pairs = _wall_pairs(contact, names, tables["wall_pairs"])
+    walls.pairs = _wall_pairs(contact, names, tables.pop("wall_pairs"))
     walls.pairs.clocks.follow(contact.motion)
-    _set_edge_pairs(contact, names, tables["edge_pairs"])
+    _set_edge_pairs(contact, names, tables.pop("edge_pairs"))
     if contact.num_before:
         contact._list_near()
 
@@ -282,18 +311,18 @@ def _pairs(contact, names, table, candidates):
     partner = table["partner"][order]
     facet = find_rows(
         (names.facet_grain, names.facet),
-        (np.repeat(partner, count), candidates["facet"][place]),
+        (np.repeat(partner, count), candidates.pop("facet")[place]),
         "facet",
     ).astype(np.int32)
     points = contact.points.grain_of_point
     pairs = Pairs(node[order], partner, new_first, facet, points, contact.clock)
     for name in CLOCKS_KEPT:
-        getattr(pairs.clocks, name)[pairs.clocks.of] = table[name][order]
-    pairs.candidate_due[:] = candidates["due"][place]
+        getattr(pairs.clocks, name)[pairs.clocks.of] = table.pop(name)[order]
+    pairs.candidate_due[:] = candidates.pop("due")[place]
     closest = table["closest"][order]
     pairs.closest[:] = np.where(closest >= 0, new_first[:-1] + closest, -1)
     for name in KEPT:
-        getattr(pairs, name)[:] = table[name][order]
+        getattr(pairs, name)[:] = table.pop(name)[order]
     return pairs
 
 
@@ -303,9 +332,9 @@ def _wall_pairs(contact, names, table):
     grains = contact.points.grain_of_point
     pairs = WallPairs(node[order], table["wall"][order], grains, contact.clock)
     for name in CLOCKS_KEPT:
-        getattr(pairs.clocks, name)[pairs.clocks.of] = table[name][order]
+        getattr(pairs.clocks, name)[pairs.clocks.of] = table.pop(name)[order]
     for name in WALLS_KEPT:
-        getattr(pairs, name)[:] = table[name][order]
+        getattr(pairs, name)[:] = table.pop(name)[order]
     pairs.stiffness[:] = contact.points.area[pairs.node] / contact.layer[pairs.node]
     return pairs
 

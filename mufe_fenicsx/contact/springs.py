@@ -1,6 +1,7 @@
 """All springs of contact as one list, whose product with many vectors is wanted."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,21 +11,38 @@ from ..kernels.walls import add_rows, gather_rows
 from .exchange import SurfaceVector
 
 
+class List(NamedTuple):
+    """Springs that have as many nodes each, as in kernels.springs."""
+
+    nodes: np.ndarray  #: int32, shape (n, num)
+    share: np.ndarray  #: shape (n, num)
+    normal: np.ndarray  #: shape (n, 3)
+    kn: np.ndarray  #: along the normal [N/m], shape (n,)
+    kt: np.ndarray  #: across it [N/m], shape (n,)
+
+    @classmethod
+    def empty(cls, size, num):
+        """A list to be filled, of ``size`` springs with ``num`` nodes each."""
+        shapes = (size, num), (size, num), (size, 3), size, size
+        types = np.int32, float, float, float, float
+        return cls(*(np.empty(*one) for one in zip(shapes, types, strict=True)))
+
+    def rows(self, begin, end):
+        """A part of it, to be filled."""
+        return List(*(values[begin:end] for values in self))
+
+
 @dataclass(frozen=True)
 class Springs:
     """Springs of a rank between nodes that one touches, numbered in a row, ghosts last.
 
-    Arrays as in kernels.springs. Sliding pairs count with their tangential spring: an upper bound.
+    Sliding pairs count with their tangential spring: an upper bound.
     """
 
     rows: np.ndarray  #: own surface nodes that a spring of any rank touches, int32, shape (num,)
     at: np.ndarray  #: the same as nodes of the mesh, shape (num,)
     num_surface: int  #: own surface nodes
-    nodes: np.ndarray  #: int32, shape (n, 6)
-    share: np.ndarray  #: shape (n, 6)
-    normal: np.ndarray  #: shape (n, 3)
-    kn: np.ndarray  #: along the normal [N/m], shape (n,)
-    kt: np.ndarray  #: across it [N/m], shape (n,)
+    lists: tuple  #: :class:`List` of those between grains, and of those with walls
     moves: SurfaceVector  #: displacements of a product
     forces: SurfaceVector  #: and what they cause
 
@@ -44,8 +62,8 @@ class Springs:
         self.moves.begin_forward()
         self.moves.end_forward()
         self.forces.array[:] = 0.0
-        q = self.moves.array
-        add_springs(self.forces.array, q, self.nodes, self.share, self.normal, self.kn, self.kt)
+        for listed in self.lists:
+            add_springs(self.forces.array, self.moves.array, *listed)
         self.forces.add_back()
 
     def bounds(self):
@@ -54,10 +72,12 @@ class Springs:
         The sum over all springs of stiffness times the absolute values of their row (Gershgorin):
         the highest frequency of springs alone is at most the root of the largest bound over mass.
         """
-        part = np.abs(self.share)
-        rows = self.kn[:, None] * part * part.sum(axis=1, keepdims=True)
         at_nodes = self.forces.array
-        at_nodes[:, 0] = np.bincount(self.nodes.ravel(), rows.ravel(), len(at_nodes))
+        at_nodes[:, 0] = 0.0
+        for listed in self.lists:
+            part = np.abs(listed.share)
+            part *= listed.kn[:, None] * part.sum(axis=1, keepdims=True)
+            at_nodes[:, 0] += np.bincount(listed.nodes.ravel(), part.ravel(), len(at_nodes))
         self.forces.add_back()
         bounds = np.zeros(self.num_surface)
         bounds[self.rows] = self.forces.own[:, 0]
@@ -80,53 +100,16 @@ def list_springs(contact, margin, expected=False):
         expected: Of two grains, or a grain and a wall, no more motion than their clock is
             expected to show.
     """
-    return _joined(
-        contact,
-        _of_pairs(contact, _soon(contact.pairs, margin, expected)),
-        _of_edges(contact, margin),
-        _of_walls(contact, _soon(contact.walls.pairs, margin, expected)),
-    )
+    pairs, walls = contact.pairs, contact.walls.pairs
+    near = (pairs.closed | _soon(pairs, margin, expected)) & (pairs.closest >= 0)
+    at_walls = walls.closed | _soon(walls, margin, expected)
+    return _listed(contact, margin, np.flatnonzero(near), np.flatnonzero(at_walls))
 
 
 def list_edge_springs(contact, margin):
     """Those of crossing edges alone. Collective."""
-    return _joined(contact, _of_edges(contact, margin))
-
-
-def _joined(contact, *parts):
-    nodes, share, normal, kn, kt = (np.concatenate(some) for some in zip(*parts, strict=True))
-    own, num_own = contact.own.nodes, contact.own.nodes.size
-    touched = np.zeros((contact.num_nodes_with_ghosts, 3))
-    touched[nodes.ravel(), 0] = 1.0
-    ghosts = num_own + np.flatnonzero(touched[num_own:, 0])
-    rows = np.flatnonzero(contact.back_to_owners(touched, largest=True)[:, 0]).astype(np.int32)
-    # Their numbers over all ranks, which those learn that have them as ghosts.
-    first = contact.comm.exscan(rows.size) or 0
-    vector = contact.lend()
-    vector.own[rows, 0] = first + np.arange(rows.size)
-    vector.begin_forward()
-    vector.end_forward()
-    far = vector.array[contact.num_before + ghosts, 0].astype(np.int64)
-    place = np.empty(len(touched), np.int32)
-    place[np.concatenate([rows, ghosts])] = np.arange(rows.size + ghosts.size)
-    vectors = (SurfaceVector(contact.comm, rows.size, far) for _ in range(2))
-    return Springs(rows, own[rows], num_own, place[nodes], share, normal, kn, kt, *vectors)
-
-
-def _rows(number):
-    """An empty list of springs, as kernels.spring_lists fills it."""
-    return (
-        np.empty((number, 6), np.int32), np.empty((number, 6)), np.empty((number, 3)),
-        np.empty(number), np.empty(number),
-    )  # fmt: skip
-
-
-def _corners(points):
-    """Nodes that points stand for and their weights, both of shape (num_points, 3)."""
-    if points.corner is not None:
-        return points.corner, points.weight
-    nodes = np.arange(points.num_points, dtype=np.int32)
-    return np.repeat(nodes[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (nodes.size, 1))
+    none = np.empty(0, dtype=np.int64)
+    return _listed(contact, margin, none, none)
 
 
 def _soon(pairs, margin, expected):
@@ -135,32 +118,64 @@ def _soon(pairs, margin, expected):
     return soon & pairs.clocks.can_reach(pairs.due) if expected else soon
 
 
-def _of_pairs(contact, soon):
+def _listed(contact, margin, pairs, walls):
+    """Springs of pairs, of crossing edges and of pairs with walls. Collective."""
+    edges = contact.edges.springs(margin, contact.clock)
+    # As large as they come to be from the start: to join parts takes as long as to fill them.
+    between = List.empty(pairs.size + edges[-1].size, 6)
+    with_walls = List.empty(walls.size, 3)
+    _fill_pairs(contact, pairs, *between.rows(0, pairs.size))
+    _fill_edges(edges, *between.rows(pairs.size, None))
+    _fill_walls(contact, walls, *with_walls)
+    return _numbered(contact, between, with_walls)
+
+
+def _fill_pairs(contact, on, nodes, share, normal, kn, kt):
     pairs, points, surface = contact.pairs, contact.points, contact.surface
-    on = np.flatnonzero((pairs.closed | soon) & (pairs.closest >= 0))
-    rows = _rows(on.size)
+    nodes[:, :3], share[:, :3] = points.carriers(pairs.node[on])
     list_pairs(
-        *rows, on, pairs.node, pairs.candidate, pairs.closest, *_corners(points), surface.facets,
-        contact.positions.array[contact.num_before :], pairs.weights, pairs.normal, pairs.closed,
-        pairs.stiffness, points.facet_area, points.area, contact.layer, surface.layer_of_facet,
-        contact.ratio,
+        nodes, share, normal, kn, kt, on, pairs.node, pairs.candidate, pairs.closest,
+        surface.facets, contact.positions.array[contact.num_before :], pairs.weights,
+        pairs.normal, pairs.closed, pairs.stiffness, points.facet_area, points.area,
+        contact.layer, surface.layer_of_facet, contact.ratio,
     )  # fmt: skip
-    return rows
 
 
-def _of_edges(contact, margin):
-    nodes, share, normal, kn, kt = contact.edges.springs(margin, contact.clock)
-    none = np.zeros((kn.size, 2))
-    nodes = np.concatenate([nodes, nodes[:, :2]], axis=1).astype(np.int32)
-    return nodes, np.concatenate([share, none], axis=1), normal, kn, kt
+def _fill_edges(edges, nodes, share, normal, kn, kt):
+    of_edges, shares, normal[:], kn[:], kt[:] = edges
+    nodes[:, :4], nodes[:, 4:] = of_edges, of_edges[:, :2]
+    share[:, :4], share[:, 4:] = shares, 0.0
 
 
-def _of_walls(contact, soon):
+def _fill_walls(contact, on, nodes, share, normal, kn, kt):
     walls, points = contact.walls.pairs, contact.points
-    on = np.flatnonzero(walls.closed | soon)
-    rows = _rows(on.size)
+    nodes[:], share[:] = points.carriers(walls.node[on])
     list_walls(
-        *rows, on, walls.node, walls.wall, *_corners(points), contact.walls.normal, points.area,
+        normal, kn, kt, on, walls.node, walls.wall, contact.walls.normal, points.area,
         contact.layer, contact.ratio,
     )  # fmt: skip
-    return rows
+
+
+def _numbered(contact, *lists):
+    """The lists with their nodes numbered in a row. Collective."""
+    own, num_own = contact.own.nodes, contact.own.nodes.size
+    vector = contact.lend()
+    touched = vector.array[contact.num_before :]
+    touched[:] = 0.0
+    for listed in lists:
+        touched[listed.nodes.ravel(), 0] = 1.0
+    ghosts = num_own + np.flatnonzero(touched[num_own:, 0])
+    vector.largest_back()
+    rows = np.flatnonzero(vector.own[:, 0]).astype(np.int32)
+    # Their numbers over all ranks, which those learn that have them as ghosts.
+    first = contact.comm.exscan(rows.size) or 0
+    vector.own[rows, 0] = first + np.arange(rows.size)
+    vector.begin_forward()
+    vector.end_forward()
+    far = touched[ghosts, 0].astype(np.int64)
+    place = np.empty(len(touched), np.int32)
+    place[np.concatenate([rows, ghosts])] = np.arange(rows.size + ghosts.size)
+    for listed in lists:
+        place.take(listed.nodes, out=listed.nodes, mode="clip")
+    vectors = (SurfaceVector(contact.comm, rows.size, far) for _ in range(2))
+    return Springs(rows, own[rows], num_own, lists, *vectors)

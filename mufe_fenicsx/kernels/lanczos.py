@@ -4,6 +4,8 @@ Vectors are of shape (num_rows, 3); masses of shape (num_rows, 1), or (num_rows,
 differ from one component to another. Products of vectors are those of the masses, aᵀM b.
 """
 
+import math
+
 import numba
 
 #: Sums in any order.
@@ -15,8 +17,11 @@ def begin(v, mass, noise):
     """v = M^(-1/2) noise, in place."""
     last = mass.shape[1] - 1
     for i in range(len(v)):
+        part = 1.0 / math.sqrt(mass[i, 0])
         for c in range(3):
-            v[i, c] = noise[i, c] / mass[i, min(c, last)] ** 0.5
+            if c and last:
+                part = 1.0 / math.sqrt(mass[i, c])
+            v[i, c] = part * noise[i, c]
 
 
 @numba.njit(cache=True, fastmath=FAST)
@@ -62,3 +67,22 @@ def add(v, share, other):
     for i in range(len(v)):
         for c in range(3):
             v[i, c] += share * other[i, c]
+
+
+@numba.njit(cache=True)
+def take_known(out, rows, values, of):
+    """Rows of a vector that is known at the rows ``of``, zero elsewhere, in place.
+
+    Args:
+        out: Shape (num_rows, 3).
+        rows: Which, ascending, shape (num_rows,).
+        values: Shape (num_known, 3).
+        of: The rows of ``values``, ascending.
+    """
+    k = 0
+    for i in range(rows.size):
+        while k < of.size and of[k] < rows[i]:
+            k += 1
+        known = k < of.size and of[k] == rows[i]
+        for c in range(3):
+            out[i, c] = values[k, c] if known else 0.0

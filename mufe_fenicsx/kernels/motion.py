@@ -9,6 +9,7 @@ largest distance that a node of each grain moved beside that field [m].
 import math
 
 import numba
+import numpy as np
 
 
 @numba.njit(cache=True, inline="always")
@@ -134,3 +135,19 @@ def work_of(force, push, torque, turn):
         for i in range(3):
             work += force[w, i] * push[w, i] + torque[w, i] * turn[w, i]
     return work
+
+
+@numba.njit(cache=True, fastmath={"contract", "reassoc"})
+def moments(sums, x, v):
+    """Add (1, x) (1, x, v) of all nodes to ``sums``, shape (4, 7), in place."""
+    total = np.zeros((4, 7))
+    for n in range(len(x)):
+        for i in range(3):
+            total[0, 1 + i] += x[n, i]
+            total[0, 4 + i] += v[n, i]
+            for j in range(3):
+                total[1 + i, 1 + j] += x[n, i] * x[n, j]
+                total[1 + i, 4 + j] += x[n, i] * v[n, j]
+    total[0, 0] = len(x)
+    total[1:, 0] = total[0, 1:4]
+    sums += total

@@ -5,17 +5,17 @@ import numba
 
 @numba.njit(cache=True)
 def list_pairs(
-    nodes, share, normal, kn, kt, on, point_of_pair, candidate, closest, corner, corner_weight,
-    facets, x, weights, normals, closed, stiffness, facet_area, area, layer, layer_of_facet, ratio,
+    nodes, share, normal, kn, kt, on, point_of_pair, candidate, closest, facets, x, weights,
+    normals, closed, stiffness, facet_area, area, layer, layer_of_facet, ratio,
 ):  # fmt: skip
     """Springs of pairs of points and facets.
 
     Args:
-        nodes, share, normal, kn, kt: The list, one row for each entry of ``on``, in place.
+        nodes, share, normal, kn, kt: The list, one row for each entry of ``on``, in place; of the
+            nodes and their shares the last three, those of the facets.
         on: Pairs to be listed.
         point_of_pair, candidate, closest: Point of each pair; facets that pairs may meet, and
             which of them each pair has.
-        corner, corner_weight: Nodes that a point stands for and their weights, (num_points, 3).
         facets: Nodes of each facet, shape (num_facets, 3).
         x: Positions [m] of these nodes.
         weights, normals, closed, stiffness: Of all pairs: barycentric weights, normal, whether
@@ -28,7 +28,6 @@ def list_pairs(
         pair = on[p]
         point, facet = point_of_pair[pair], candidate[closest[pair]]
         for m in range(3):
-            nodes[p, m], share[p, m] = corner[point, m], corner_weight[point, m]
             nodes[p, 3 + m], share[p, 3 + m] = facets[facet, m], -weights[pair, m]
             normal[p, m] = normals[pair, m]
         if closed[pair]:
@@ -50,16 +49,11 @@ def list_pairs(
 
 
 @numba.njit(cache=True)
-def list_walls(
-    nodes, share, normal, kn, kt, on, point_of_pair, wall_of_pair, corner, corner_weight, normals,
-    area, layer, ratio,
-):  # fmt: skip
+def list_walls(normal, kn, kt, on, point_of_pair, wall_of_pair, normals, area, layer, ratio):
     """Springs of points and walls; arguments as of :func:`list_pairs`, ``normals`` of walls."""
     for p in range(on.size):
         point, wall = point_of_pair[on[p]], wall_of_pair[on[p]]
         for m in range(3):
-            nodes[p, m], share[p, m] = corner[point, m], corner_weight[point, m]
-            nodes[p, 3 + m], share[p, 3 + m] = corner[point, m], 0.0
             normal[p, m] = normals[wall, m]
         kn[p] = area[point] / layer[point]
         kt[p] = kn[p] * ratio[point]

@@ -22,7 +22,7 @@ import numpy as np
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.run_folder import attempt, plain, raise_together, reason, try_room
 
-FORMAT, VERSION = "mufe checkpoint", 7
+FORMAT, VERSION = "mufe checkpoint", 8
 MANIFEST = "manifest.json"
 #: Checkpoints that stay.
 NUM_KEPT = 2
@@ -188,7 +188,7 @@ def _read_manifest(path):
     return content, None
 
 
-def read_tables(comm, checkpoint, grains, rank_of_grain):
+def read_tables(comm, checkpoint, grains, rank_of_grain, only=None):
     """Tables with the rows of this rank's grains, and what ranks had of their own. Collective.
 
     Where grains are on other ranks than those that wrote it, what they had added up is found on
@@ -199,6 +199,7 @@ def read_tables(comm, checkpoint, grains, rank_of_grain):
         checkpoint: :class:`Checkpoint`.
         grains: Global indices of this rank's grains, increasing, shape (num_grains,).
         rank_of_grain: Ranks of all grains, shape (num_grains_global,).
+        only: Names of a table and of its column, read with the column ``grain``; None: all.
 
     Raises:
         InputError: A file cannot be read; on all ranks together.
@@ -207,7 +208,8 @@ def read_tables(comm, checkpoint, grains, rank_of_grain):
     ranks = [comm.rank] if same else range(checkpoint.num_ranks)
     result, message = None, None
     try:
-        parts = [_read_part(checkpoint.path / f"rank-{r:04d}.h5", grains, same) for r in ranks]
+        files = [checkpoint.path / f"rank-{r:04d}.h5" for r in ranks]
+        parts = [_read_part(path, grains, same, only) for path in files]
         result = parts[0] if same else _joined(parts, comm.rank)
     except (OSError, KeyError, RuntimeError) as error:
         message = f"checkpoint {checkpoint.path} cannot be read ({reason(error)})"
@@ -221,12 +223,14 @@ def written_by(checkpoint, num_ranks, rank_of_grain):
     return same and bool(np.array_equal(checkpoint.header["written_by"], rank_of_grain))
 
 
-def _read_part(path, grains, everything):
+def _read_part(path, grains, everything, only):
     tables = {}
     with h5py.File(path, "r") as file:
-        for name, group in file["tables"].items():
+        for name in [only[0]] if only else file["tables"]:
+            group = file["tables"][name]
             keep = slice(None) if everything else np.isin(group["grain"][:], grains)
-            tables[name] = {column: values[:][keep] for column, values in group.items()}
+            columns = ("grain", only[1]) if only else group
+            tables[name] = {column: group[column][:][keep] for column in columns}
         own = {name: values[()] for name, values in file["own"].items()}
     return tables, own
 

@@ -22,7 +22,7 @@ from .bench_linear import linear
 from .bench_overhead import overhead, small
 from .bench_scenes import prepare
 from .bench_search import search, share_of_contact
-from .bench_turns import ratio, turns
+from .bench_turns import COPIES, ratio, turns
 
 #: Whole step on one core [element-steps/s], two ranks over one, and memory [bytes a tet].
 TARGET_RATE, TARGET_SPEEDUP, TARGET_MEMORY = 10e6, 1.6, 2000.0
@@ -112,9 +112,9 @@ def _compare(name, parameters, target=TARGET_RATE, speedup=TARGET_SPEEDUP):
     """Rates on one and on two ranks by turns, and memory in programs of their own."""
     repeats, steps = int(parameters.pop("repeats", 5)), int(parameters.pop("steps", 60))
     case = {"kind": name, "steps": steps, **parameters}
-    cases = {"one": {"ranks": 1, **case}, "two": {"ranks": 2, **case}}
+    cases = {name: choice | case for name, choice in COPIES.items()}
     found = launch("turns", {"cases": cases, "repeats": repeats}, 2)
-    first, second = (found[name]["rates"] for name in ("one", "two"))
+    first, second, apart = (found[name]["rates"] for name in COPIES)
     rate, faster = statistics.median(first), ratio(second, first)
     alones = [launch("alone", {**case, "repeats": 1}, n) for n in (1, 2)]
     memory = alones[1]["bytes_per_tet"]
@@ -127,6 +127,7 @@ def _compare(name, parameters, target=TARGET_RATE, speedup=TARGET_SPEEDUP):
         "speedup_2_ranks": row(faster, speedup, faster >= speedup),
         # Two ranks wait for each other: what slows one for a moment slows both.
         "speedup_2_ranks_of_fastest": {"computed": max(second) / max(first)},
+        "speedup_2_programs": {"computed": ratio(apart, first)},
         "bytes_per_tet_1_rank": {"computed": alones[0]["bytes_per_tet"]},
         "peak_bytes_per_tet_1_rank": {"computed": alones[0]["peak_bytes_per_tet"]},
         "bytes_per_tet_2_ranks": row(memory, TARGET_MEMORY, memory <= TARGET_MEMORY),

@@ -17,13 +17,22 @@ from .bench_search import share_of_contact
 #: A rank that has nothing to do looks so often whether the others have done their part [s].
 REST = 2e-3
 
+#: One rank, two that share a simulation, and two programs at once that each have all of it:
+#: the last over the first is what the machine leaves two ranks that never wait for each other.
+COPIES = {
+    "one": {"ranks": 1},
+    "two": {"ranks": 2},
+    "programs": {"ranks": 2, "apart": True},
+}
+
 
 def turns(comm, *, cases, repeats=5, parts=6):
     """Rates of simulations by turns. Collective.
 
     Args:
         cases: {name: {"ranks", how many of the first ones it is on; "steps" of one measurement;
-            others: parameters of `bench_scenes.prepare`}}.
+            "apart", whether each of them has a simulation of its own; others: parameters of
+            `bench_scenes.prepare`}}.
         repeats: Measurements, at least five.
         parts: Turns that each of them is taken apart into.
 
@@ -51,12 +60,13 @@ def turns(comm, *, cases, repeats=5, parts=6):
 class _Case:
     """A simulation on the first ranks, and rest for the others. Collective over all."""
 
-    def __init__(self, comm, *, ranks, steps, **parameters):
+    def __init__(self, comm, *, ranks, steps, apart=False, **parameters):
         self.steps = int(steps)
         self.comm = comm.Split(0 if comm.rank < ranks else MPI.UNDEFINED, comm.rank)
         self.simulation, self.num_cells = None, 0
         if self.comm != MPI.COMM_NULL:
-            self.simulation, _ = prepare(self.comm, **parameters)
+            members = self.comm.Split(self.comm.rank) if apart else self.comm
+            self.simulation, _ = prepare(members, **parameters)
             self.num_cells = self.comm.allreduce(self.simulation.mesh.num_cells)
         meet(comm)
         self.num_cells = comm.bcast(self.num_cells)
