@@ -12,8 +12,8 @@ from .contact.reshape import set_reference
 from .contact.restart import Rows, contact_tables, restore_contact
 
 #: Numbers that are the same on all ranks: attribute of the simulation, its state or contact.
-OF_SIMULATION = ("dt", "dt_element", "initial_kinetic", "_margin", "_clock_at_refresh",
-                 "_refreshed_at", "_followed_search")  # fmt: skip
+OF_SIMULATION = ("dt", "dt_element", "initial_kinetic", "_followed_search")
+OF_REFRESH = ("clock", "at", "margin", "wait", "steady", "limit")
 OF_STABLE = ("rate_of_tets", "tets_at", "element_step_then")
 OF_SHARED = ("square", "misses", "failures", "rest")
 OF_STATE = ("t", "dt", "num_steps")
@@ -95,6 +95,7 @@ def snapshot(simulation):
     common = {
         "scaling": scaling and {name: getattr(scaling, name) for name in OF_SCALING},
         "simulation": {name: getattr(simulation, name) for name in OF_SIMULATION},
+        "refresh": {name: getattr(simulation.refresh, name) for name in OF_REFRESH},
         "stable": {name: getattr(simulation.stable, name) for name in OF_STABLE},
         "shared": {name: getattr(shared, name) for name in OF_SHARED},
         "state": {name: getattr(s, name) for name in OF_STATE},
@@ -174,6 +175,7 @@ def restore(simulation, tables, own, common):
     walls.force[:], walls.torque[:] = own["force"], own["torque"]
     for target, part, names in (
         (simulation, "simulation", OF_SIMULATION),
+        (simulation.refresh, "refresh", OF_REFRESH),
         (simulation.stable, "stable", OF_STABLE),
         (simulation.stable.shared, "shared", OF_SHARED),
         (s, "state", OF_STATE),

@@ -28,6 +28,7 @@ from .kernels.motion import (
 )
 from .kernels.rigid import clear
 from .mass_scaling import FALLEN, MassScaling
+from .refresh import Refresh
 from .rigid import RigidGrains, check_rigid
 from .solid import Solid
 from .stable_step import StableStep
@@ -36,8 +37,8 @@ from .state import initial_state
 #: Names of the terms of the energy balance, in the order of history.csv.
 ENERGIES = ("kinetic", "elastic", "plastic", "friction", "contact", "damping", "work", "residual")
 
-#: How much faster than so far grains may move before the time step is evaluated early.
-FASTER = 1.25
+#: The limit is found early where single elements ask for this part of their step then.
+SHORTER = 0.98
 
 
 class Simulation:
@@ -56,7 +57,7 @@ class Simulation:
         damping: Force -damping m v on every node [1/s].
         assembled: Time step from the assembled system (True) or from single elements.
         time_step_factor: Time step over the limit of stability.
-        refresh: Steps between two evaluations of that limit.
+        refresh: Steps between two evaluations of that limit, where none waits longer.
         velocity: Initial velocities [m/s], shape (num_nodes, 3); rest if None.
         mass_factor: Nodal masses times this, shape (num_nodes,), where only slow loading is
             of interest; 1 if None. Not seen by the time step of single elements.
@@ -89,7 +90,7 @@ class Simulation:
     ):
         self.mesh, self.comm = mesh, mesh.comm
         self.damping = float(damping)
-        self.time_step_factor, self.refresh = time_step_factor, refresh
+        self.time_step_factor, self.refresh = time_step_factor, Refresh(refresh)
         self.solid = Solid(mesh, materials, element)
         self.rigid = RigidGrains(mesh, materials, self.solid.mass, mass_factor)
         self._watch = LoadWatch(self.rigid, materials)
@@ -149,8 +150,6 @@ class Simulation:
         self._moves = np.full(mesh.num_grains, np.inf)
         self.set_field(np.zeros((4, 3)))
         self.stable = StableStep(self, assembled, time_step_factor)
-        self._margin = 0.0
-        self._clock_at_refresh, self._refreshed_at = 0.0, 0
         self.dt = math.nan
         self.dt_element = math.nan
         self._start()
@@ -187,12 +186,17 @@ class Simulation:
         if self._watch.num_waiting:
             self._release_loaded()
         # Early where contacts may close that the last evaluation did not count.
-        moved = self.contact.clock - self._clock_at_refresh > self._margin
-        moved |= self.contact.overrun_of_all > 0.0 and self._margin < math.inf
-        waited = self.state.num_steps - self._refreshed_at
-        if moved or waited >= self.refresh:
+        refresh, now = self.refresh, self.state.num_steps
+        moved = self.contact.clock - refresh.clock > refresh.margin
+        moved |= self.contact.overrun_of_all > 0.0 and refresh.margin < math.inf
+        waited = refresh.waited(now)
+        if moved or refresh.due(now):
             self.check()
-            self.update_time_step(early=2 * waited < self.refresh)
+            self.update_time_step(early=2 * waited < refresh.steps)
+        elif waited and not waited % refresh.steps:
+            self.check()
+            if self.stable.of_elements() < SHORTER * self.dt_element:
+                self.update_time_step()
         self._may_wait = not everywhere and not self.bonded.nodes.size
         central_difference(self.state, self.dt, self._drift, self._forces, self._kick)
         if everywhere:
@@ -307,7 +311,7 @@ class Simulation:
         s = self.state
         s.a[:] = self._f / self.solid.mass[:, None]
         s.dt, self.dt = 0.0, math.nan
-        self._clock_at_refresh = self.contact.clock
+        self.refresh.clock = self.contact.clock
         self.update_time_step()
 
     def check(self, diverged=False):
@@ -348,25 +352,14 @@ class Simulation:
         self.complete()
         self.set_field(linear_field(self.comm, s.x, s.v))
         self.dt_element = self.stable.of_elements()
-        # Pairs that can close before the next evaluation count as closed.
-        moved = self.contact.clock - self._clock_at_refresh
-        factor = FASTER * self.refresh / max(s.num_steps - self._refreshed_at, 1)
-        moved *= factor
-        self._clock_at_refresh, self._refreshed_at = self.contact.clock, s.num_steps
-        # The first step is counted too, by its speed: an assembled step is up to 3 times longer.
-        speed = np.sqrt(max(np.einsum("ni,ni->n", s.v, s.v).max(), (self.walls.velocity**2).sum()))
-        ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
-        moved = min(moved, self.contact.skin)
-        least = max(ahead, 1e-3 * self.contact.edge)
-        self._margin = max(moved, least)
-        self.contact.expect(self._margin, least, factor)
-        if self.scaling is not None and not self.scaling.reached:
-            # What is within an edge now, the walls above all, is held some time.
-            self.scale_masses(max(self._margin, self.contact.edge))
-        limit = self.stable(self._margin, self.dt_element)
+        self.refresh.begin(self.contact.clock, s.num_steps, early)
+        limit = self._limit_ahead()
+        if self.refresh.too_far(limit):
+            limit = self._limit_ahead(again=True)
+        self.refresh.end(limit, self.stable.slack)
         if self.scaling is not None and not early and limit < FALLEN * self.scaling.reached:
             if self._add_mass():
-                limit = self.stable(self._margin, self.dt_element)
+                limit = self.stable(self.refresh.margin, self.dt_element)
             self.scaling.reached = limit
         elif self.scaling is not None and not self.scaling.reached:
             self.scaling.reached = limit
@@ -376,6 +369,21 @@ class Simulation:
             self.dt = dt
             self.contact.set_time_step(dt)
 
+    def _limit_ahead(self, again=False):
+        """Limit until the next evaluation; ``again`` where that was another step before."""
+        s, contact = self.state, self.contact
+        # The first step is counted too, by its speed: an assembled step is up to 3 times longer.
+        speed = np.sqrt(max(np.einsum("ni,ni->n", s.v, s.v).max(), (self.walls.velocity**2).sum()))
+        ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
+        least = max(ahead, 1e-3 * contact.edge)
+        # Pairs that can close before the next evaluation count as closed.
+        margin, factor = self.refresh.look_ahead(least, contact.skin)
+        contact.expect(margin, least, factor, again)
+        if self.scaling is not None and not self.scaling.reached:
+            # What is within an edge now, the walls above all, is held some time.
+            self.scale_masses(max(margin, contact.edge))
+        return self.stable(margin, self.dt_element)
+
     def set_field(self, field):
         """Measure the motion of grains beside another velocity field, as in kernels.motion."""
         self._field, self._slope = field, float(np.linalg.norm(field[1:]))
@@ -383,7 +391,7 @@ class Simulation:
     def _add_mass(self):
         """Adjust the added mass to the present geometry; whether there is more. Collective."""
         before = self._kinetic()
-        changed = self.scale_masses(self._margin)
+        changed = self.scale_masses(self.refresh.margin)
         self.damped += before - self._kinetic()
         return changed
 
@@ -414,7 +422,7 @@ class Simulation:
     def limits_with_and_without_added_mass(self):
         """Stable steps of the present state [s], each estimated from scratch. Collective."""
         masses = self.solid.mass, self.scaling.first_mass
-        return [self.stable.afresh(self._margin, self.dt_element, mass) for mass in masses]
+        return [self.stable.afresh(self.refresh.margin, self.dt_element, mass) for mass in masses]
 
     # --- numbers --------------------------------------------------------------------------
 

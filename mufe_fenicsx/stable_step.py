@@ -43,6 +43,8 @@ class StableStep:
         #: Highest frequency of the tets [rad/s], when it was found, and the step of the worst
         #: single one then [s].
         self.rate_of_tets, self.tets_at, self.element_step_then = math.nan, 0, math.nan
+        #: The bound by contacts that open and close over the limit that was found last.
+        self.slack = 1.0
         #: Mass that tets and springs share, for a bound of both together.
         self.shared = SharedMass(
             self.solid, self.contact.own.nodes, self.highest_of_tets, self.highest_of_springs
@@ -79,10 +81,12 @@ class StableStep:
             element_step: Present value of :meth:`of_elements` [s].
         """
         springs = list_springs(self.contact, margin, expected=True)
-        return self._limit(
+        limit, of_contact = self._limit(
             springs, margin, element_step, self.highest, self.highest_of_springs,
             lambda: self._recent_rate_of_tets(element_step), self._square_by_shares,
         )  # fmt: skip
+        self.slack = of_contact / limit
+        return limit
 
     def afresh(self, margin, element_step, mass=None):
         """The same from scratch, of all pairs within the margin.
@@ -95,7 +99,7 @@ class StableStep:
             for highest in frequencies:
                 highest.set_mass(mass)
         springs = list_springs(self.contact, margin)
-        return self._limit(springs, margin, element_step, *frequencies)
+        return self._limit(springs, margin, element_step, *frequencies)[0]
 
     def of_tets(self):
         """Limit [s] of the tetrahedra without contact; inf for rigid grains."""
@@ -105,6 +109,7 @@ class StableStep:
     def _limit(
         self, listed, margin, element_step, highest, highest_of_springs, rate_of_tets, better=None
     ):
+        """Limit of stability, and the bound by contact that opens and closes alone [s]."""
         if self._springs is not None:
             self._springs.destroy()
         self._springs = listed
@@ -117,7 +122,8 @@ class StableStep:
             limit = min(limit, math.sqrt(2.0) / springs)
         if not self.assembled:
             stiffest = self.comm.allreduce(self._stiffest_contact(margin), op=MPI.MAX)
-            return min(limit, 2.0 / math.sqrt((2.0 / element_step) ** 2 + 2.0 * stiffest))
+            both = 2.0 / math.sqrt((2.0 / element_step) ** 2 + 2.0 * stiffest)
+            return min(limit, both), limit
         # The squares of springs and tets add up at most (Weyl), and less with a closer look. Where
         # a bound takes little from what contacts that open and close ask for, the costly products
         # with both are not needed. Half of what the factor takes off is not taken off a bound.
@@ -128,9 +134,9 @@ class StableStep:
             if better and square > enough and of_tets**2 <= most:
                 square = min(square, better(enough, most, springs))
             if square <= most:
-                return min(limit, safe / math.sqrt(square))
+                return min(limit, safe / math.sqrt(square)), limit
         rate = highest()
-        return min(limit, 2.0 / rate) if rate > 0.0 else limit
+        return min(limit, 2.0 / rate) if rate > 0.0 else limit, limit
 
     def _recent_rate_of_tets(self, element_step):
         """Highest frequency of the tetrahedra [rad/s], from not long ago."""

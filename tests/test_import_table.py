@@ -16,6 +16,7 @@ PART_OF = {
     "staged_loading": "simulation",
     "servo": "simulation",
     "energy_guard": "simulation",
+    "refresh": "simulation",
     "restart": "simulation",
     "interruption": "run",
     "origin": "run",

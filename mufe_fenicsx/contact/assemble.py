@@ -390,10 +390,10 @@ class Contact:
         of_grains, of_walls = self.pairs.clocks, self.walls.pairs.clocks
         self.overrun = max(of_grains.advance(step, motion), of_walls.advance(step, motion))
 
-    def expect(self, margin, least, factor):
+    def expect(self, margin, least, factor, again):
         """Expect motion until the time step is found again, arguments as of the clocks. Local."""
         for pairs in (self.pairs, self.walls.pairs):
-            pairs.clocks.expect(margin, least, factor)
+            pairs.clocks.expect(margin, least, factor, again)
         self.overrun = self.overrun_of_all = -np.inf
 
     def bind(self):

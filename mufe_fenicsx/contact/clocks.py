@@ -82,16 +82,19 @@ class GrainClocks:
             self.readings, self.until, *self._rows, motion.moves, motion.more, step
         )
 
-    def expect(self, margin, least, factor):
+    def expect(self, margin, least, factor, again=False):
         """Expect motion until the time step is found again.
 
         Args:
             margin: Of all grains [m].
             least: Of any two grains, as of what happens in the next step [m].
             factor: Of two grains, motion until then over that since the last time.
+            again: Whether that was told from the present state before.
         """
-        moved = factor * (self.readings - self.since)
-        self.since[:] = self.readings
+        if not again:
+            self._moved = self.readings - self.since
+            self.since[:] = self.readings
+        moved = factor * self._moved
         moved = np.maximum(moved, max(LEAST * margin, least))
         self.until[:] = np.where(moved < margin, self.readings + moved, np.inf)
 

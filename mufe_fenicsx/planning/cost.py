@@ -144,7 +144,8 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
         height=height,
         setup_s=setup,
         # Other programs make blocks longer only.
-        step_s=quantiles(blocks[1:], n=4, method="inclusive")[0] / BLOCK + estimate / s.refresh,
+        step_s=quantiles(blocks[1:], n=4, method="inclusive")[0] / BLOCK
+        + estimate / s.refresh.steps,
         due=due,
         closing=tuple(closing.num_points(0.5 * scene.oedometer.strain)),
         travel=travel,

@@ -191,7 +191,7 @@ def pressed_block(comm, element="p1", divisions=2, strain=1e-3, friction=1.0, **
     )  # fmt: skip
     drive(s, {"z_max": (0, 0, -strain * SIZE)}, 4 * SIZE / material.wave_speed)
     settle(s, 1e-18)
-    s.damping, s.refresh = 0.0, NEVER
+    s.damping, s.refresh.steps = 0.0, NEVER
     s.state.v[:] = 0.0
     return s
 

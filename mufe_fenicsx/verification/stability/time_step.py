@@ -55,7 +55,7 @@ def flattened_block(comm, strain=0.5, divisions=3):
     s.damping = 5.0 * material.wave_speed / SIZE
     for _ in range(1500):
         s.step()
-    s.damping, s.refresh = 0.0, NEVER
+    s.damping, s.refresh.steps = 0.0, NEVER
     s.state.v[:] = 0.0
     return s
 

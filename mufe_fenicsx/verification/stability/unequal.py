@@ -135,7 +135,7 @@ def step_limits(row):
         but what is closed; ``step``, the program's, which counts what is near as closed.
     """
     s = row.simulation
-    s.damping, s.refresh = 0.0, NEVER
+    s.damping, s.refresh.steps = 0.0, NEVER
     s.state.v[:] = 0.0
     alone, exact = (2.0 / highest_frequency(s, springs=springs) for springs in (False, True))
     start = Snapshot(s)
