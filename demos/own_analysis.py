@@ -64,7 +64,7 @@ def press_balls(folder):
         title="9 balls",
         material=SAND,
         contact=Contact(friction=0.23),
-        oedometer=Oedometer(strain=0.04, speed=1.0, seating_stress=0.5e6),
+        oedometer=Oedometer(strain=0.06, speed=1.0, seating_stress=0.5e6),
         solver=Solver(damping=2e5),
         output=Output(fields=5, history=101),
     )

@@ -66,7 +66,7 @@ def kinetic(s):
 
 def set_step(s, dt):
     """Steps of length ``dt`` [s] from now on, whatever the limit."""
-    s.dt, s._margin = dt, math.inf  # no motion asks for another one
+    s.dt, s.refresh.margin = dt, math.inf  # no motion asks for another one
     s.contact.set_time_step(dt)
 
 
