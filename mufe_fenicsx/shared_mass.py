@@ -51,14 +51,14 @@ class SharedMass:
         """Choose the parts anew when they are wanted next. Local."""
         self.part, self.misses = None, 0
 
-    def due(self):
-        """Whether a bound is worth a try. Local.
+    def rests(self):
+        """Whether the next bound is left out, which counts it. Local.
 
         A choice costs as much as products with all that a bound spares. In a loaded sand most are
         of use even soon after one that was not: after k such in a row 2^k - 1 bounds are left out.
         """
         self.rest = max(self.rest - 1, 0)
-        return not self.rest
+        return self.rest > 0
 
     def judge(self, useful, chosen):
         """Say whether the last bound was of use, and whether its parts were new. Local."""

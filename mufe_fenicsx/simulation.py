@@ -352,11 +352,16 @@ class Simulation:
         self.complete()
         self.set_field(linear_field(self.comm, s.x, s.v))
         self.dt_element = self.stable.of_elements()
+        # The first step is counted too, by its speed: an assembled step is up to 3 times longer.
+        speed = np.sqrt(max(np.einsum("ni,ni->n", s.v, s.v).max(), (self.walls.velocity**2).sum()))
+        ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
+        least = max(ahead, 1e-3 * self.contact.edge)
         self.refresh.begin(self.contact.clock, s.num_steps, early)
-        limit = self._limit_ahead()
+        limit = self._limit_ahead(least)
         if self.refresh.too_far(limit):
-            limit = self._limit_ahead(again=True)
+            limit = self._limit_ahead(least)
         self.refresh.end(limit, self.stable.slack)
+        self.contact.mark()
         if self.scaling is not None and not early and limit < FALLEN * self.scaling.reached:
             if self._add_mass():
                 limit = self.stable(self.refresh.margin, self.dt_element)
@@ -369,19 +374,14 @@ class Simulation:
             self.dt = dt
             self.contact.set_time_step(dt)
 
-    def _limit_ahead(self, again=False):
-        """Limit until the next evaluation; ``again`` where that was another step before."""
-        s, contact = self.state, self.contact
-        # The first step is counted too, by its speed: an assembled step is up to 3 times longer.
-        speed = np.sqrt(max(np.einsum("ni,ni->n", s.v, s.v).max(), (self.walls.velocity**2).sum()))
-        ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
-        least = max(ahead, 1e-3 * contact.edge)
+    def _limit_ahead(self, least):
+        """Limit until the next evaluation [s], in which grains move by ``least`` [m] at least."""
         # Pairs that can close before the next evaluation count as closed.
-        margin, factor = self.refresh.look_ahead(least, contact.skin)
-        contact.expect(margin, least, factor, again)
+        margin, factor = self.refresh.look_ahead(least, self.contact.skin)
+        self.contact.expect(margin, least, factor)
         if self.scaling is not None and not self.scaling.reached:
             # What is within an edge now, the walls above all, is held some time.
-            self.scale_masses(max(margin, contact.edge))
+            self.scale_masses(max(margin, self.contact.edge))
         return self.stable(margin, self.dt_element)
 
     def set_field(self, field):

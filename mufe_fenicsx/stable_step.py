@@ -156,7 +156,7 @@ class StableStep:
             rate_of_springs: Highest frequency of springs alone [rad/s].
         """
         shared = self.shared
-        if not self._rows_are_nodes or not shared.due():
+        if not self._rows_are_nodes or shared.rests():
             return math.inf
         chosen = shared.part is None
         if chosen:

@@ -17,6 +17,7 @@ from mpi4py import MPI
 
 from mufe_fenicsx import interruption
 from mufe_fenicsx import run as run_module
+from mufe_fenicsx.contact.restart import find_rows
 from mufe_fenicsx.errors import InputError, Interrupted
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.launcher import environment_without_launcher, find_mpirun
@@ -412,3 +413,21 @@ def check_alike(same, other, after):
             grain = state["grain"]
             means.append([weight[grain == g].sum(axis=0) for g in np.unique(grain)])
         assert np.allclose(*means, rtol=0, atol=1e-9 * np.abs(means[0]).max())
+
+
+def test_rows_are_found_by_all_of_their_names(monkeypatch):
+    """In blocks that do not divide the wanted ones; a name that differs in one column is none."""
+    monkeypatch.setattr("mufe_fenicsx.contact.restart.BLOCK", 7)
+    rng = np.random.default_rng(4)
+    known = np.stack(np.meshgrid([2, 5], [1 << 60, 3, -4], [0, 1]), axis=-1).reshape(-1, 3)
+    known = rng.permutation(known)
+    wanted = rng.integers(0, len(known), 40)
+    assert (find_rows(tuple(known.T), tuple(known[wanted].T), "point") == wanted).all()
+    other = known[wanted].copy()
+    other[[3, 39], [0, 1]] += 1
+    with pytest.raises(InputError, match="a point of contact in the checkpoint, one of 2,"):
+        find_rows(tuple(known.T), tuple(other.T), "point")
+    none = tuple(np.empty((3, 0), dtype=np.int64))
+    assert find_rows(none, none, "point").size == 0
+    with pytest.raises(InputError, match="one of 40,"):
+        find_rows(none, tuple(known[wanted].T), "point")

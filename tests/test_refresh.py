@@ -1,8 +1,12 @@
 """When the limit of explicit time steps is found again."""
 
+import numpy as np
 import pytest
+from mpi4py import MPI
 
+from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.refresh import FASTER, LONGEST_WAIT, SLACK, Refresh
+from tests.bodies import packed_spheres, simulation_of
 
 STEPS = 100
 FREE, HELD = 1.5 * SLACK, 1.0  #: bound by contact over the limit
@@ -47,3 +51,19 @@ def test_no_evaluation_waits_longer_after_an_early_one():
     assert evaluate(refresh, 1.0, FREE, early=True, steps=7) == 1
     # As fast as in those few steps.
     assert refresh.margin == pytest.approx(FASTER * 1e-3 * STEPS)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("strain", "found"), [(0.04, True), (0.01, False)])
+def test_elements_that_shrink_ask_for_the_limit_in_a_long_wait(strain, found):
+    """Balls that shrink in one refresh by more than what `SHORTER` allows, or by less."""
+    mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=0.5)
+    sim = simulation_of(mesh, Elastic(1e9, 0.15, 2650.0), refresh=2)
+    sim.refresh.wait, sim.refresh.margin = LONGEST_WAIT, np.inf  # no contact asks for it
+    grains = np.arange(mesh.num_grains)
+    for rows in (mesh.grain_of_node == grain for grain in grains):
+        centre = mesh.x[rows].mean(axis=0)
+        sim.state.v[rows] = -strain / (2 * sim.dt) * (mesh.x[rows] - centre)
+    for _ in range(3):  # before the rim swings back
+        sim.step()
+    assert sim.refresh.at == (2 if found else 0)

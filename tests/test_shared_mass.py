@@ -95,12 +95,12 @@ def test_parts_that_are_of_no_use_are_left_or_chosen_anew():
     for _ in range(MISSES):
         assert shared.part is not None
         shared.judge(useful=False, chosen=False)
-    assert shared.part is None and shared.due()  # they were of use once
+    assert shared.part is None and not shared.rests()  # they were of use once
     # Choices that are of no use from the start become rarer, until one is.
     for left_out in (1, 3, 7):
         shared.judge(useful=False, chosen=True)
         assert shared.part is None
-        assert [shared.due() for _ in range(left_out + 1)] == [False] * left_out + [True]
+        assert [shared.rests() for _ in range(left_out + 1)] == [True] * left_out + [False]
     shared.judge(useful=True, chosen=True)
     shared.judge(useful=False, chosen=True)
-    assert [shared.due() for _ in range(2)] == [False, True]
+    assert [shared.rests() for _ in range(2)] == [True, False]

@@ -390,11 +390,16 @@ class Contact:
         of_grains, of_walls = self.pairs.clocks, self.walls.pairs.clocks
         self.overrun = max(of_grains.advance(step, motion), of_walls.advance(step, motion))
 
-    def expect(self, margin, least, factor, again):
+    def expect(self, margin, least, factor):
         """Expect motion until the time step is found again, arguments as of the clocks. Local."""
         for pairs in (self.pairs, self.walls.pairs):
-            pairs.clocks.expect(margin, least, factor, again)
+            pairs.clocks.expect(margin, least, factor)
         self.overrun = self.overrun_of_all = -np.inf
+
+    def mark(self):
+        """Look at motion from here on where it is expected next. Local."""
+        for pairs in (self.pairs, self.walls.pairs):
+            pairs.clocks.mark()
 
     def bind(self):
         """Let the kernels know the arrays of new pairs, which stay where they are. Local."""

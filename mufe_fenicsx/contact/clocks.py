@@ -82,21 +82,21 @@ class GrainClocks:
             self.readings, self.until, *self._rows, motion.moves, motion.more, step
         )
 
-    def expect(self, margin, least, factor, again=False):
-        """Expect motion until the time step is found again.
+    def expect(self, margin, least, factor):
+        """Expect motion until the time step is found again; changes nothing else.
 
         Args:
             margin: Of all grains [m].
             least: Of any two grains, as of what happens in the next step [m].
-            factor: Of two grains, motion until then over that since the last time.
-            again: Whether that was told from the present state before.
+            factor: Of two grains, motion until then over that since :meth:`mark`.
         """
-        if not again:
-            self._moved = self.readings - self.since
-            self.since[:] = self.readings
-        moved = factor * self._moved
+        moved = factor * (self.readings - self.since)
         moved = np.maximum(moved, max(LEAST * margin, least))
         self.until[:] = np.where(moved < margin, self.readings + moved, np.inf)
+
+    def mark(self):
+        """Look at motion from here on where it is expected next."""
+        self.since[:] = self.readings
 
     def can_reach(self, due):
         """Whether clocks are expected to reach readings ``due`` of pairs, shape (num_pairs,)."""

@@ -11,7 +11,7 @@ from ..kernels.walls import add_rows, gather_rows
 from .exchange import SurfaceVector
 
 
-class List(NamedTuple):
+class SpringList(NamedTuple):
     """Springs that have as many nodes each, as in kernels.springs."""
 
     nodes: np.ndarray  #: int32, shape (n, num)
@@ -29,7 +29,7 @@ class List(NamedTuple):
 
     def rows(self, begin, end):
         """A part of it, to be filled."""
-        return List(*(values[begin:end] for values in self))
+        return SpringList(*(values[begin:end] for values in self))
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Springs:
     rows: np.ndarray  #: own surface nodes that a spring of any rank touches, int32, shape (num,)
     at: np.ndarray  #: the same as nodes of the mesh, shape (num,)
     num_surface: int  #: own surface nodes
-    lists: tuple  #: :class:`List` of those between grains, and of those with walls
+    lists: tuple  #: :class:`SpringList` of those between grains, and of those with walls
     moves: SurfaceVector  #: displacements of a product
     forces: SurfaceVector  #: and what they cause
 
@@ -122,8 +122,8 @@ def _listed(contact, margin, pairs, walls):
     """Springs of pairs, of crossing edges and of pairs with walls. Collective."""
     edges = contact.edges.springs(margin, contact.clock)
     # As large as they come to be from the start: to join parts takes as long as to fill them.
-    between = List.empty(pairs.size + edges[-1].size, 6)
-    with_walls = List.empty(walls.size, 3)
+    between = SpringList.empty(pairs.size + edges[-1].size, 6)
+    with_walls = SpringList.empty(walls.size, 3)
     _fill_pairs(contact, pairs, *between.rows(0, pairs.size))
     _fill_edges(edges, *between.rows(pairs.size, None))
     _fill_walls(contact, walls, *with_walls)
