@@ -73,7 +73,7 @@ class Profile:
         seconds["other"] = total - sum(seconds.values())
         ghosts, owners = contact.positions.ghosts, np.empty(0)
         if ghosts.size:
-            last = contact.positions.vector.getOwnershipRanges()[1:] // 3
+            last = contact.forces.vector.getOwnershipRanges()[1:] // 3
             owners = np.unique(np.searchsorted(last, ghosts, side="right"))
         mine = {
             "seconds": seconds,

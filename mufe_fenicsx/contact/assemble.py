@@ -15,7 +15,7 @@ from .clocks import RANGE, Motion
 from .crossings import new_slip
 from .depth import NOT_SUNK
 from .edges import EdgeContact
-from .exchange import SurfaceVector, exchange_surface
+from .exchange import SurfaceArray, SurfaceVector, exchange_surface
 from .laws import (
     KINEMATIC,
     LAYERS,
@@ -26,6 +26,7 @@ from .laws import (
     replace_layers,
 )
 from .ledger import Ledger
+from .messages import Messages
 from .mirrors import nodes_on_mirrors
 from .pairs import search_pairs
 from .points import RECESS, surface_points
@@ -234,27 +235,32 @@ class Contact:
             self.comm, self.own, self.facet_layer, gathered, reach
         )
         self.own = self.surface.part_of(self.own)
-        for vector in (self.positions, self.forces):
-            if vector is not None:
-                vector.destroy()
-        num_own = self.own.nodes.size
-        self.positions = SurfaceVector(self.comm, num_own, ghosts, self.num_before)
+        if self.forces is not None:
+            self.destroy()
+        num_own, ranks = self.own.nodes.size, [rank for rank, *_ in self.surface.neighbors]
+        self.positions = SurfaceArray(num_own, ghosts, self.num_before)
         self.forces, self._lent = SurfaceVector(self.comm, num_own, ghosts, self.num_before), True
+        self._messages = Messages(self.comm, ranks, self.positions, self.forces)
         self.facets = self.surface.facets + np.int32(self.num_before)
         self.ring_offset, self.ring = self.surface.ring_offset, self.surface.ring
         if self.num_before:
             offset, ring = self.points.ring_offset, self.points.ring
             self.ring_offset = np.concatenate([offset[:-1], ring.size + self.ring_offset])
             self.ring = np.concatenate([ring, self.ring])
-        self.positions.own[:] = gathered
-        self.positions.begin_forward()
         self._near = np.arange(self.num_before, dtype=np.int32)
-        self._end_forward()
-        if self.motion is not None:
-            self.motion.destroy()
+        self.positions.own[:] = gathered
+        self.send()
+        self.receive()
+        self.place_points()
         near, num_walls = self.surface.neighbors, len(self.walls.walls)
         self.motion = Motion(self.comm, self._grains, near, num_walls, self._longest)
         self.measure_from(gathered)
+
+    def destroy(self):
+        """Free what sends messages. Collective."""
+        self._messages.destroy()
+        self.forces.destroy()
+        self.motion.destroy()
 
     def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local."""
@@ -314,11 +320,11 @@ class Contact:
 
     def send(self):
         """Own positions start on their way to the ranks that know them. Collective."""
-        self.positions.begin_forward()
+        self._messages.begin_there()
 
     def receive(self):
         """Positions from other ranks have arrived afterwards. Collective."""
-        self.positions.end_forward()
+        self._messages.end_there()
 
     def agree(self):
         """The largest distance that anything of any rank moved in this step [m]. Collective."""
@@ -329,16 +335,11 @@ class Contact:
 
     def begin_give_back(self):
         """Forces on nodes of other ranks start on their way there. Collective."""
-        self.forces.begin_add_back()
+        self._messages.begin_back()
 
     def end_give_back(self):
         """They have been added afterwards. Collective."""
-        self.forces.end_add_back()
-
-    def _end_forward(self):
-        """Positions of nodes of other ranks, then of all points."""
-        self.positions.end_forward()
-        self.place_points()
+        self._messages.end_back()
 
     def corners(self):
         """Nodes and weights of points in facets as kernels.points wants them, made anew. Local."""
@@ -413,9 +414,16 @@ class Contact:
                 self.facets, s.neighbor, self.ring_offset, self.ring, self.edges.beside,
                 self.layer, s.layer_of_facet, points.area, points.facet_area, points.recess,
                 self.ratio, self._around, points.around_of, *self.corners(), x, forces,
+                self._first_pairs(),
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(forces, x, self.corners(), self.layer, points, self.ratio)
+
+    def _first_pairs(self):
+        """Pairs with grains of other ranks, whose forces travel while the others are found."""
+        if self.comm.size == 1:
+            return None
+        return np.flatnonzero(~np.isin(self.pairs.grain, self._grains))
 
     def evaluate(self, f, adopt=False):
         """Add the forces of the known pairs at the positions that were received. Collective.
@@ -424,30 +432,35 @@ class Contact:
         """
         self.bind()
         p, forces, x = self.pairs, self.forces.array, self.positions.array
+        self._messages.let_go()
         # Own rows have been handed on since, and are zero, unless the vector was lent.
         forces[self.num_before + (0 if self._lent else self.own.nodes.size) :] = 0.0
-        dissipated, num_adopted, num_deep, deepest, self._sunk = p.forces(
-            self.friction, self.friction_kinetic, self.largest_depth, self._longest, adopt
+        edges = 0.0, 0, 0, 0.0
+
+        def of_edges():
+            nonlocal edges
+            if not self.kinematic:
+                edges = self.edges.add_forces(
+                    forces[self.num_before :], x[self.num_before :], self.clock, self.friction,
+                    adopt,
+                )  # fmt: skip
+            self.begin_give_back()
+
+        pairs = p.forces(
+            self.friction, self.friction_kinetic, self.largest_depth, self._longest, adopt, of_edges
         )
-        edge_dissipated, edge_adopted, edge_deep, edge_deepest = 0.0, 0, 0, 0.0
-        if not self.kinematic:
-            edge_dissipated, edge_adopted, edge_deep, edge_deepest = self.edges.add_forces(
-                forces[self.num_before :], x[self.num_before :], self.clock, self.friction, adopt
-            )
-        # Walls act on own nodes alone: meanwhile the other forces travel.
-        self.begin_give_back()
         ahead = self._dt if self.kinematic else 0.0
-        wall_dissipated, wall_adopted = self.walls.add_forces(adopt, ahead)
+        walls = self.walls.add_forces(adopt, ahead)
         self.end_give_back()
         if self.moving is None:
             hand_rows(f, self.own.nodes, self.forces.own)
         else:
             hand_some(f, self.own.nodes, self.forces.own, self.moving)
-        self._lent = False
-        self.dissipated += dissipated + edge_dissipated + wall_dissipated
-        self.num_adopted += num_adopted + edge_adopted + wall_adopted
-        self.num_deep += num_deep + edge_deep
-        self.deepest = max(self.deepest, deepest, edge_deepest)
+        self._lent, self._sunk = False, pairs[4]
+        self.dissipated += pairs[0] + edges[0] + walls[0]
+        self.num_adopted += pairs[1] + edges[1] + walls[1]
+        self.num_deep += pairs[2] + edges[2]
+        self.deepest = max(self.deepest, pairs[3], edges[3])
 
     def energy(self):
         """Energy in the contact springs [J] and number of closed contacts. Local.
@@ -488,6 +501,7 @@ class Contact:
 
     def lend(self):
         """The vector of forces, for other values: forces are not needed once they are added up."""
+        self._messages.let_go()
         self._lent = True
         return self.forces
 

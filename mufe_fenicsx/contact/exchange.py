@@ -40,20 +40,33 @@ class Surface:
         return replace(own, facets=facets, neighbor=neighbor, ring=self.ring[: own.ring.size])
 
 
-class SurfaceVector:
-    """Vectors at surface nodes, a PETSc vector with ghosts. Collective.
+class SurfaceArray:
+    """Vectors at surface nodes, own ones first, then those of other ranks. Local.
+
+    Args:
+        num_own: Surface nodes of this rank.
+        ghosts: Global numbers of the surface nodes of other ranks that are wanted, increasing.
+        num_points: Rows of ``array`` before those of the nodes.
+    """
+
+    def __init__(self, num_own, ghosts, num_points=0):
+        self.array = np.zeros((num_points + num_own + ghosts.size, 3))
+        self.own = self.array[num_points : num_points + num_own]
+        self.of_ghosts = self.array[num_points + num_own :]
+        self.ghosts = ghosts
+
+
+class SurfaceVector(SurfaceArray):
+    """The same as a PETSc vector with ghosts. Collective.
 
     Args:
         comm: MPI communicator.
-        num_own: Surface nodes of this rank.
-        ghosts: Global numbers of the surface nodes of other ranks that are wanted.
-        num_points: Rows of ``array`` before those of the nodes, which the vector leaves alone.
+        num_own, ghosts: As of :class:`SurfaceArray`.
+        num_points: Rows of ``array`` that the vector leaves alone.
     """
 
     def __init__(self, comm, num_own, ghosts, num_points=0):
-        self.array = np.zeros((num_points + num_own + ghosts.size, 3))
-        self.own = self.array[num_points : num_points + num_own]
-        self.ghosts = ghosts
+        super().__init__(num_own, ghosts, num_points)
         self.vector = None
         if comm.size > 1:
             self.vector = PETSc.Vec().createGhostWithArray(

@@ -295,8 +295,9 @@ def restore_contact(contact, mesh, tables, everything_moves):
     moving[order] = surface["moving"]
     contact.moving = None if everything_moves else np.flatnonzero(moving)
     contact.positions.own[:] = previous
-    contact.positions.begin_forward()
-    contact._end_forward()
+    contact.send()
+    contact.receive()
+    contact.place_points()
     contact.measure_from(previous)
 
 

@@ -129,9 +129,7 @@ class _Gaps:
         one = np.ones(mesh.num_grains)
         contact = Contact(mesh, x, one, one, 0.0, 1.0, Walls([]), "nodes")
         self.gap, self.normal = current_gaps(contact)
-        contact.positions.destroy()
-        contact.forces.destroy()
-        contact.motion.destroy()
+        contact.destroy()
         pairs, own = contact.pairs, contact.own
         self.comm, self.edge = mesh.comm, contact.edge
         self.nodes = own.nodes[pairs.node]

@@ -26,4 +26,27 @@ INLINE int64_t find_due(int32_t *pairs, const double *due, const double *clocks,
   return count;
 }
 
+/* The same of the pairs of a list. */
+INLINE int64_t find_due_of(int32_t *pairs, const double *due, const double *clocks,
+                           const int32_t *of, const int32_t *list, int64_t num) {
+  int64_t count = 0;
+  for (int64_t i = 0; i < num; i++) {
+    const int32_t p = list[i];
+    pairs[count] = p;
+    count += due[p] <= clocks[of[p]];
+  }
+  return count;
+}
+
+/* The same without those that are ``apart``. */
+INLINE int64_t find_other_due(int32_t *pairs, const double *due, const double *clocks,
+                              const int32_t *of, const uint8_t *apart, int64_t num_pairs) {
+  int64_t count = 0;
+  for (int64_t p = 0; p < num_pairs; p++) {
+    pairs[count] = (int32_t)p;
+    count += (due[p] <= clocks[of[p]]) & !apart[p];
+  }
+  return count;
+}
+
 #endif

@@ -46,7 +46,7 @@ class _Call(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_double) for name in ("friction", "friction_kinetic", "depth", "range")),
-        ("adopt", ctypes.c_int64),
+        *((name, ctypes.c_int64) for name in ("adopt", "second_part")),
         *((name, ctypes.c_double) for name in ("dissipated", "adopted", "deep", "deepest", "sunk")),
         ("sunken", ctypes.c_int64),
     ]
@@ -123,6 +123,7 @@ class PairForces:
             facets, which hand their forces on; else of shape (0, 3).
         x: Positions [m], shape (num_nodes_with_ghosts, 3); those of points in facets are not used.
         f: Forces on surface nodes [N], shape (num_nodes_with_ghosts, 3).
+        first_pairs: Pairs that come before all others, increasing; None: all in their order.
 
     Raises:
         ValueError: An array is of another type, or not contiguous.
@@ -130,8 +131,8 @@ class PairForces:
 
     def __init__(self, state, due, candidate_due, clocks, clock, closest, node, first, candidate,
                  facets, neighbor, ring_offset, ring, sharp, layer_of_node, layer_of_facet, area,
-                 facet_area, recess, ratio_of_node, around, around_of, corner, corner_weight, x,
-                 f):  # fmt: skip
+                 facet_area, recess, ratio_of_node, around, around_of, corner, corner_weight, x, f,
+                 first_pairs=None):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
         self._found = _Call()
@@ -144,19 +145,25 @@ class PairForces:
         nodes, weight = corners_of(node, corner, corner_weight)
         column(state, "corner")[:], column(state, "corner_weight")[:] = nodes, weight
         column(state, "clock")[:] = clock
+        self._first_pairs, apart = first_pairs, None
+        if first_pairs is not None:
+            self._first_pairs = first_pairs.astype(short)
+            apart = np.zeros(node.size, np.uint8)
+            apart[first_pairs] = True
         self._pointers = Pointers(
             (state, real), (due, real), (candidate_due, np.float32), (clocks, real), (clock, short),
             (closest, long), (scratch, short),
             (first, long), (candidate, short),
             (facets, short), (neighbor, short), (ring_offset, long), (ring, short), (sharp, flag),
-            (layer_of_node, real), (layer_of_facet, real), (around, short), (x, real), (f, real),
+            (layer_of_node, real), (layer_of_facet, real), (around, short),
+            None if apart is None else (apart, np.uint8), (x, real), (f, real),
         )  # fmt: skip
         pointer = ctypes.c_void_p
         self._call = load("pairs").mufe_add_pair_forces
-        self._call.argtypes = [pointer, pointer, ctypes.c_int64]
+        self._call.argtypes = [pointer, pointer, pointer, ctypes.c_int64]
         self._call.restype = None
 
-    def __call__(self, friction, friction_kinetic, largest_depth, longest, adopt):
+    def __call__(self, friction, friction_kinetic, largest_depth, longest, adopt, between):
         """Add the forces at the positions ``x`` to ``f``.
 
         Args:
@@ -165,6 +172,7 @@ class PairForces:
             largest_depth: Depth beyond which the force does not grow [m].
             longest: Distance up to which the clocks bound relative motion [m].
             adopt: True to adopt every node that lies inside (start of a test).
+            between: Called once the first pairs have their forces; without them, at the end.
 
         Returns:
             Energy dissipated [J]; number of adopted pairs; number of pairs
@@ -174,7 +182,15 @@ class PairForces:
         c = self._found
         c.friction, c.friction_kinetic = friction, friction_kinetic
         c.depth, c.range, c.adopt = largest_depth, longest, adopt
-        self._call(self._pointers.table, ctypes.addressof(c), self._num_pairs)
+        table, call, first = self._pointers.table, ctypes.addressof(c), self._first_pairs
+        if first is not None:
+            c.second_part = False
+            self._call(table, call, first.ctypes.data, first.size)
+            between()
+            c.second_part = True
+        self._call(table, call, None, self._num_pairs)
+        if first is None:
+            between()
         return c.dissipated, int(c.adopted), int(c.deep), c.deepest, (c.sunk, c.sunken)
 
 
