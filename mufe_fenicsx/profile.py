@@ -71,7 +71,7 @@ class Profile:
         total = time.perf_counter() - self._start
         contact, seconds = simulation.contact, dict(self.seconds)
         seconds["other"] = total - sum(seconds.values())
-        ghosts, owners = contact.positions.ghosts, np.empty(0)
+        ghosts, owners = contact.positions.numbers, np.empty(0)
         if ghosts.size:
             last = contact.forces.vector.getOwnershipRanges()[1:] // 3
             owners = np.unique(np.searchsorted(last, ghosts, side="right"))
@@ -83,7 +83,7 @@ class Profile:
             "ghost_nodes": ghosts.size,
             "ranks_around": owners.size,
             # Positions in, forces back.
-            "bytes_per_step": 2 * 3 * 8 * ghosts.size,
+            "bytes_per_step": 3 * 8 * sum(contact.num_exchanged),
         }
         ranks = comm.allgather(mine)
         work = {

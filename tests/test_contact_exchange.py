@@ -5,6 +5,7 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.contact.assemble import Contact
+from mufe_fenicsx.contact.near import nodes_of_pairs
 from mufe_fenicsx.contact.occupancy import Cells, occupied_cells
 from mufe_fenicsx.contact.restart import contact_tables
 from mufe_fenicsx.contact.walls import Walls
@@ -84,3 +85,40 @@ def test_pairs_are_those_of_one_rank(kind):
         assert len(expected) > 20
         rows, expected = (r[np.lexsort(r.T[::-1])] for r in (rows, expected))
         np.testing.assert_array_equal(rows, expected)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("kind", ["facets", "nodes"])
+def test_steps_read_and_act_on_no_other_ghosts_than_those_exchanged(kind):
+    """Forces are the same bits where all other ghosts have no positions, and none is left behind.
+
+    Grains move towards the middle of all, so that contacts close.
+    """
+    comm = MPI.COMM_WORLD
+    if comm.size == 1:
+        pytest.skip("needs several ranks")
+    mesh = distribute(comm, heap())
+    one, grain = np.ones(mesh.num_grains), mesh.grain_of_node
+    middle = np.column_stack([np.bincount(grain, values) for values in mesh.x.T])
+    middle /= np.bincount(grain)[:, None]
+    forces, unread = [], 0
+    for poisoned in (False, True):
+        contact = Contact(mesh, mesh.x, one, one, 0.3, 0.25, Walls([]), kind)
+        contact.search(mesh.x, ahead=contact.edge)
+        contact.skin = np.inf  # no search from here on
+        contact.begin(mesh.x)
+        contact.add_forces(np.zeros_like(mesh.x), mesh.x, adopt=True)
+        if poisoned:
+            read, _ = nodes_of_pairs(contact)
+            others = ~read[contact.own.nodes.size :]
+            contact.positions.ghosts[others], unread = np.nan, comm.allreduce(int(others.sum()))
+        for part in (0.02, 0.04, 0.05, 0.06):
+            x = mesh.x + part * (np.array([1.0, 0.5, 0.5]) - middle)[mesh.grain_of_node]
+            f = np.zeros_like(x)
+            contact.begin(x)
+            contact.add_forces(f, x)
+        assert not contact.forces.ghosts.any()
+        forces.append(f)
+        contact.destroy()
+    assert unread > 50 and comm.allreduce(float(np.abs(forces[0]).sum())) > 0
+    np.testing.assert_array_equal(*forces)

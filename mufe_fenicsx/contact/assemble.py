@@ -9,7 +9,7 @@ from ..errors import InputError
 from ..kernels.motion import largest_move
 from ..kernels.pairs import PairForces, pair_energy
 from ..kernels.points import place_points
-from ..kernels.walls import gather_rows, gather_some, hand_rows, hand_some
+from ..kernels.rows import gather_rows, gather_some, hand_rows, hand_some
 from .checks import check_law, check_stiffness, check_surface, check_walls
 from .clocks import RANGE, Motion
 from .crossings import new_slip
@@ -148,7 +148,7 @@ class Contact:
         self.pairs = None
         self.surface = None
         self.positions = None
-        self.forces = self.motion = None
+        self.forces = self.motion = self._messages = None
         self._move, self._agreement = np.zeros(2), None
         #: By how much clocks of two grains go beyond what was expected soon, on this rank, and two
         #: steps ago on all [m].
@@ -214,8 +214,13 @@ class Contact:
         if self.num_before:
             # The others are needed again at the next search only.
             self._list_near()
+        self.connect()
         self.searched_at = self.clock
         self.num_searches += 1
+
+    def connect(self):
+        """Steps exchange what the pairs of now ask for from here on. Collective."""
+        self._messages = Messages(self)
 
     def _list_near(self):
         """The points of all pairs. Local."""
@@ -237,20 +242,20 @@ class Contact:
         self.own = self.surface.part_of(self.own)
         if self.forces is not None:
             self.destroy()
-        num_own, ranks = self.own.nodes.size, [rank for rank, *_ in self.surface.neighbors]
+        num_own = self.own.nodes.size
         self.positions = SurfaceArray(num_own, ghosts, self.num_before)
         self.forces, self._lent = SurfaceVector(self.comm, num_own, ghosts, self.num_before), True
-        self._messages = Messages(self.comm, ranks, self.positions, self.forces)
         self.facets = self.surface.facets + np.int32(self.num_before)
         self.ring_offset, self.ring = self.surface.ring_offset, self.surface.ring
         if self.num_before:
             offset, ring = self.points.ring_offset, self.points.ring
             self.ring_offset = np.concatenate([offset[:-1], ring.size + self.ring_offset])
             self.ring = np.concatenate([ring, self.ring])
+        self.forces.own[:] = gathered
+        self.forces.begin_forward()
+        self.forces.end_forward()
+        self.positions.array[self.num_before :] = self.forces.array[self.num_before :]
         self._near = np.arange(self.num_before, dtype=np.int32)
-        self.positions.own[:] = gathered
-        self.send()
-        self.receive()
         self.place_points()
         near, num_walls = self.surface.neighbors, len(self.walls.walls)
         self.motion = Motion(self.comm, self._grains, near, num_walls, self._longest)
@@ -258,7 +263,9 @@ class Contact:
 
     def destroy(self):
         """Free what sends messages. Collective."""
-        self._messages.destroy()
+        if self._messages is not None:
+            self._messages.destroy()
+        self._messages = None
         self.forces.destroy()
         self.motion.destroy()
 
@@ -432,22 +439,22 @@ class Contact:
         """
         self.bind()
         p, forces, x = self.pairs, self.forces.array, self.positions.array
-        self._messages.let_go()
-        # Own rows have been handed on since, and are zero, unless the vector was lent.
-        forces[self.num_before + (0 if self._lent else self.own.nodes.size) :] = 0.0
+        if self._lent:  # else all forces have been handed on since, and are zero
+            forces[self.num_before :] = 0.0
         edges = 0.0, 0, 0, 0.0
 
-        def of_edges():
+        def between():
             nonlocal edges
             if not self.kinematic:
+                nodes = slice(self.num_before, None)
                 edges = self.edges.add_forces(
-                    forces[self.num_before :], x[self.num_before :], self.clock, self.friction,
-                    adopt,
-                )  # fmt: skip
+                    forces[nodes], x[nodes], self.clock, self.friction, adopt
+                )
             self.begin_give_back()
 
+        # What other ranks wait for comes first.
         pairs = p.forces(
-            self.friction, self.friction_kinetic, self.largest_depth, self._longest, adopt, of_edges
+            self.friction, self.friction_kinetic, self.largest_depth, self._longest, adopt, between
         )
         ahead = self._dt if self.kinematic else 0.0
         walls = self.walls.add_forces(adopt, ahead)
@@ -477,6 +484,11 @@ class Contact:
         return energy, num_pairs + num_edges + num_walls
 
     @property
+    def num_exchanged(self):
+        """Ghosts whose positions come in a step, and those on which forces go back. Local."""
+        return self._messages.num_ghosts
+
+    @property
     def num_nodes_with_ghosts(self):
         """Surface nodes of this rank and those of others that it knows."""
         return self.positions.array.shape[0] - self.num_before
@@ -501,7 +513,6 @@ class Contact:
 
     def lend(self):
         """The vector of forces, for other values: forces are not needed once they are added up."""
-        self._messages.let_go()
         self._lent = True
         return self.forces
 

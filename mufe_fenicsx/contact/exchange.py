@@ -52,8 +52,8 @@ class SurfaceArray:
     def __init__(self, num_own, ghosts, num_points=0):
         self.array = np.zeros((num_points + num_own + ghosts.size, 3))
         self.own = self.array[num_points : num_points + num_own]
-        self.of_ghosts = self.array[num_points + num_own :]
-        self.ghosts = ghosts
+        self.ghosts = self.array[num_points + num_own :]
+        self.numbers = ghosts  #: of the ghosts
 
 
 class SurfaceVector(SurfaceArray):

@@ -295,6 +295,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
     moving[order] = surface["moving"]
     contact.moving = None if everything_moves else np.flatnonzero(moving)
     contact.positions.own[:] = previous
+    contact.connect()
     contact.send()
     contact.receive()
     contact.place_points()

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..kernels.rows import add_rows, gather_rows
 from ..kernels.spring_lists import list_pairs, list_walls
 from ..kernels.springs import add_springs
-from ..kernels.walls import add_rows, gather_rows
 from .exchange import SurfaceVector
 
 

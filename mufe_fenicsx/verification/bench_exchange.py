@@ -13,7 +13,7 @@ from ..geometry.measure import boundary_triangles
 from ..mesh import partition_grains
 from .family import SIZE, member
 
-#: Bytes of a ghost node in a step: its position comes, the force on it goes back.
+#: Bytes of a ghost node in a step at most: its position comes, the force on it goes back.
 PER_GHOST = 2 * 3 * 8
 #: Largest part of the ghosts that boxes of ranks alone would give, on 64 ranks.
 TARGET_PART = 0.5

@@ -1,0 +1,62 @@
+"""Vectors at some rows of an array, to and from arrays of their own."""
+
+import numba
+
+
+@numba.njit(cache=True)
+def gather_rows(out, values, rows):
+    """out[i] = values[rows[i]] for rows of three, in place."""
+    for i in range(rows.size):
+        for k in range(3):
+            out[i, k] = values[rows[i], k]
+
+
+@numba.njit(cache=True)
+def gather_some(out, values, rows, some):
+    """:func:`gather_rows` for the rows ``some`` of ``out`` alone."""
+    for i in some:
+        for k in range(3):
+            out[i, k] = values[rows[i], k]
+
+
+@numba.njit(cache=True)
+def hand_rows(values, rows, out):
+    """values[rows[i]] += out[i] and out[i] = 0 for rows of three, in place."""
+    for i in range(rows.size):
+        for k in range(3):
+            values[rows[i], k] += out[i, k]
+            out[i, k] = 0.0
+
+
+@numba.njit(cache=True)
+def hand_some(values, rows, out, some):
+    """:func:`hand_rows` for the rows ``some`` of ``out`` alone."""
+    for i in some:
+        for k in range(3):
+            values[rows[i], k] += out[i, k]
+            out[i, k] = 0.0
+
+
+@numba.njit(cache=True)
+def add_rows(values, rows, out):
+    """values[rows[i]] += out[i] for rows of three, in place."""
+    for i in range(rows.size):
+        for k in range(3):
+            values[rows[i], k] += out[i, k]
+
+
+@numba.njit(cache=True)
+def put_rows(values, rows, out):
+    """values[rows[i]] = out[i] for rows of three, in place."""
+    for i in range(rows.size):
+        for k in range(3):
+            values[rows[i], k] = out[i, k]
+
+
+@numba.njit(cache=True)
+def take_rows(out, values, rows):
+    """out[i] = values[rows[i]] and values[rows[i]] = 0 for rows of three, in place."""
+    for i in range(rows.size):
+        for k in range(3):
+            out[i, k] = values[rows[i], k]
+            values[rows[i], k] = 0.0
