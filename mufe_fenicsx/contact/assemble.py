@@ -252,8 +252,7 @@ class Contact:
             self.ring_offset = np.concatenate([offset[:-1], ring.size + self.ring_offset])
             self.ring = np.concatenate([ring, self.ring])
         self.forces.own[:] = gathered
-        self.forces.begin_forward()
-        self.forces.end_forward()
+        self.forces.forward()
         self.positions.array[self.num_before :] = self.forces.array[self.num_before :]
         self._near = np.arange(self.num_before, dtype=np.int32)
         self.place_points()

@@ -77,30 +77,15 @@ class SurfaceVector(SurfaceArray):
                 comm=comm,
             )
 
-    def begin_forward(self):
-        """Start sending own values to the ranks that have them as ghosts."""
+    def forward(self):
+        """Ghosts take the values of their owners."""
         if self.vector is not None:
-            self.vector.ghostUpdateBegin(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
-
-    def end_forward(self):
-        """Ghost values are up to date afterwards."""
-        if self.vector is not None:
-            self.vector.ghostUpdateEnd(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
+            self.vector.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
 
     def add_back(self):
         """Add the values of ghosts to those of their owners."""
-        self.begin_add_back()
-        self.end_add_back()
-
-    def begin_add_back(self):
-        """Start sending the values of ghosts to their owners; own values may still change."""
         if self.vector is not None:
-            self.vector.ghostUpdateBegin(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-
-    def end_add_back(self):
-        """Own values contain those of ghosts afterwards."""
-        if self.vector is not None:
-            self.vector.ghostUpdateEnd(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+            self.vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
 
     def largest_back(self):
         """Owners take the largest of their values and those of ghosts."""

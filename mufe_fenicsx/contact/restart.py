@@ -93,8 +93,7 @@ class Names:
             )
         names = contact.lend()
         names.own[:, 0] = number
-        names.begin_forward()
-        names.end_forward()
+        names.forward()
         #: of surface nodes, those of other ranks included
         self.node = names.array[contact.num_before :, 0].astype(np.int64)
         names.array[:] = 0.0

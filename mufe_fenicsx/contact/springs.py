@@ -59,8 +59,7 @@ class Springs:
         y += self.forces.own
 
     def _multiply(self):
-        self.moves.begin_forward()
-        self.moves.end_forward()
+        self.moves.forward()
         self.forces.array[:] = 0.0
         for listed in self.lists:
             add_springs(self.forces.array, self.moves.array, *listed)
@@ -170,8 +169,7 @@ def _numbered(contact, *lists):
     # Their numbers over all ranks, which those learn that have them as ghosts.
     first = contact.comm.exscan(rows.size) or 0
     vector.own[rows, 0] = first + np.arange(rows.size)
-    vector.begin_forward()
-    vector.end_forward()
+    vector.forward()
     far = touched[ghosts, 0].astype(np.int64)
     place = np.empty(len(touched), np.int32)
     place[np.concatenate([rows, ghosts])] = np.arange(rows.size + ghosts.size)

@@ -47,8 +47,7 @@ class ContactTangent:
         vector = self.contact.lend()
         vector.array[:] = 0.0
         vector.own[:, : values.shape[1]] = values
-        vector.begin_forward()
-        vector.end_forward()
+        vector.forward()
         return vector.array[self.contact.num_before :, : values.shape[1]].copy()
 
     def __call__(self, mark):
