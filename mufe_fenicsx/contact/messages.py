@@ -109,10 +109,11 @@ class _Way:
                 self._receives.append(comm.Recv_init(received, source=rank, tag=tag))
             if sent.size:
                 self._sends.append(comm.Send_init(sent, dest=rank, tag=tag))
+        self._all = self._receives + self._sends
 
     def begin(self):
         """They are on their way."""
-        MPI.Prequest.Startall(self._receives + self._sends)
+        MPI.Prequest.Startall(self._all)
 
     def end(self):
         """What is received is there afterwards."""
@@ -125,7 +126,7 @@ class _Way:
     def destroy(self):
         """Free the requests. Collective among neighbours."""
         self.let_go()
-        for request in self._receives + self._sends:
+        for request in self._all:
             request.Free()
 
 

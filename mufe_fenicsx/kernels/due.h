@@ -15,36 +15,15 @@
 /* Of a row of three numbers, which may lie in two cache lines. */
 #define FETCH_ROW(rows, n) (FETCH((rows) + 3 * (int64_t)(n)), FETCH((rows) + 3 * (int64_t)(n) + 2))
 
-/* List the pairs whose ``due`` their clock, number ``of[p]``, has reached; how many there are. */
+/* List the pairs of a list, or all where it is NULL, whose ``due`` their clock, number ``of[p]``, has
+   reached; how many there are. */
 INLINE int64_t find_due(int32_t *pairs, const double *due, const double *clocks, const int32_t *of,
-                        int64_t num_pairs) {
-  int64_t count = 0;
-  for (int64_t p = 0; p < num_pairs; p++) {
-    pairs[count] = (int32_t)p;
-    count += due[p] <= clocks[of[p]];
-  }
-  return count;
-}
-
-/* The same of the pairs of a list. */
-INLINE int64_t find_due_of(int32_t *pairs, const double *due, const double *clocks,
-                           const int32_t *of, const int32_t *list, int64_t num) {
+                        const int32_t *list, int64_t num) {
   int64_t count = 0;
   for (int64_t i = 0; i < num; i++) {
-    const int32_t p = list[i];
+    const int32_t p = list ? list[i] : (int32_t)i;
     pairs[count] = p;
     count += due[p] <= clocks[of[p]];
-  }
-  return count;
-}
-
-/* The same without those that are ``apart``. */
-INLINE int64_t find_other_due(int32_t *pairs, const double *due, const double *clocks,
-                              const int32_t *of, const uint8_t *apart, int64_t num_pairs) {
-  int64_t count = 0;
-  for (int64_t p = 0; p < num_pairs; p++) {
-    pairs[count] = (int32_t)p;
-    count += (due[p] <= clocks[of[p]]) & !apart[p];
   }
   return count;
 }

@@ -28,13 +28,11 @@ INLINE void fetch_ahead(const pairs_type *m, int64_t i, int64_t num_due) {
   }
 }
 
-/* See kernels/pairs.py: the pairs of a list, or all, in a second part those that are not apart. */
+/* See kernels/pairs.py: the pairs of a list, or all. What is found adds up where it goes on. */
 void mufe_add_pair_forces(const pairs_type *m, call_type *c, const int32_t *list, int64_t num) {
-  const int64_t num_due =
-      list             ? find_due_of(m->scratch, m->due, m->clocks, m->clock, list, num)
-      : c->second_part ? find_other_due(m->scratch, m->due, m->clocks, m->clock, m->apart, num)
-                       : find_due(m->scratch, m->due, m->clocks, m->clock, num);
-  if (!c->second_part) {
+  const int64_t num_due = list ? find_due(m->scratch, m->due, m->clocks, m->clock, list, num)
+                               : find_due(m->scratch, m->due, m->clocks, m->clock, NULL, num);
+  if (!c->goes_on) {
     c->dissipated = c->num_adopted = c->num_deep = c->deepest = c->sunk = 0.0;
     c->sunken = -1;
   }

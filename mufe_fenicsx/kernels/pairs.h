@@ -46,14 +46,13 @@ typedef struct {
   const uint8_t *sharp;
   const double *layer_of_node, *layer_of_facet;
   const int32_t *around;
-  const uint8_t *apart; /* of each pair, or nothing: not among those of the second part */
   double *x, *f;
 } pairs_type;
 
 /* What a call is given and finds, see kernels/pairs.py. */
 typedef struct {
   double friction, friction_kinetic, largest_depth, range;
-  int64_t adopt, second_part;
+  int64_t adopt, goes_on;
   double dissipated, num_adopted, num_deep, deepest, sunk;
   int64_t sunken;
 } call_type;

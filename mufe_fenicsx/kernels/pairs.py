@@ -46,7 +46,7 @@ class _Call(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_double) for name in ("friction", "friction_kinetic", "depth", "range")),
-        *((name, ctypes.c_int64) for name in ("adopt", "second_part")),
+        *((name, ctypes.c_int64) for name in ("adopt", "goes_on")),
         *((name, ctypes.c_double) for name in ("dissipated", "adopted", "deep", "deepest", "sunk")),
         ("sunken", ctypes.c_int64),
     ]
@@ -145,18 +145,16 @@ class PairForces:
         nodes, weight = corners_of(node, corner, corner_weight)
         column(state, "corner")[:], column(state, "corner_weight")[:] = nodes, weight
         column(state, "clock")[:] = clock
-        self._first_pairs, apart = first_pairs, None
+        self._parts = None
         if first_pairs is not None:
-            self._first_pairs = first_pairs.astype(short)
-            apart = np.zeros(node.size, np.uint8)
-            apart[first_pairs] = True
+            others = np.delete(np.arange(node.size), first_pairs)
+            self._parts = first_pairs.astype(short), others.astype(short)
         self._pointers = Pointers(
             (state, real), (due, real), (candidate_due, np.float32), (clocks, real), (clock, short),
             (closest, long), (scratch, short),
             (first, long), (candidate, short),
             (facets, short), (neighbor, short), (ring_offset, long), (ring, short), (sharp, flag),
-            (layer_of_node, real), (layer_of_facet, real), (around, short),
-            None if apart is None else (apart, np.uint8), (x, real), (f, real),
+            (layer_of_node, real), (layer_of_facet, real), (around, short), (x, real), (f, real),
         )  # fmt: skip
         pointer = ctypes.c_void_p
         self._call = load("pairs").mufe_add_pair_forces
@@ -182,15 +180,17 @@ class PairForces:
         c = self._found
         c.friction, c.friction_kinetic = friction, friction_kinetic
         c.depth, c.range, c.adopt = largest_depth, longest, adopt
-        table, call, first = self._pointers.table, ctypes.addressof(c), self._first_pairs
-        if first is not None:
-            c.second_part = False
+        table, call = self._pointers.table, ctypes.addressof(c)
+        c.goes_on = False
+        if self._parts is None:
+            self._call(table, call, None, self._num_pairs)
+            between()
+        else:
+            first, others = self._parts
             self._call(table, call, first.ctypes.data, first.size)
             between()
-            c.second_part = True
-        self._call(table, call, None, self._num_pairs)
-        if first is None:
-            between()
+            c.goes_on = True
+            self._call(table, call, others.ctypes.data, others.size)
         return c.dissipated, int(c.adopted), int(c.deep), c.deepest, (c.sunk, c.sunken)
 
 
