@@ -151,7 +151,7 @@ class ImplicitSimulation(Simulation):
 
     # --- what stays the same ---------------------------------------------------------------
 
-    def update_time_step(self, early=False):
+    def update_time_step(self, early=False, of_elements=None):
         """The length of increments follows from their success; there is no limit of stability."""
         if math.isnan(self.dt):
             self.dt = self.first_step

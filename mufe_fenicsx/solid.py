@@ -124,8 +124,12 @@ class Solid:
 
     def element_time_step(self, x):
         """Proven bound of the stable time step from single elements [s], inf without any. Local."""
+        return self.worst_element(x)[0]
+
+    def worst_element(self, x):
+        """That bound [s] at positions ``x``, and the element that asks for it, or -1. Local."""
         m = self.mesh
-        return element_time_step(x, m.cells, self.deformable, m.cell_offset, self.wave_speed)[0]
+        return element_time_step(x, m.cells, self.deformable, m.cell_offset, self.wave_speed)
 
     def nodal_stiffness(self, x):
         """What the elements resist each node with, moved alone [N/m], shape (num_nodes,). Local.
@@ -186,7 +190,7 @@ class Solid:
         stress[:, :3] += self.mean_stress(cells)[:, None]
         return stress
 
-    def failure(self, state, inverted=-1):
+    def failure(self, state, worst, inverted=-1):
         """What went wrong in an element of this rank, or None. Local.
 
         Returns:
@@ -194,6 +198,7 @@ class Solid:
 
         Args:
             state: The state of the grains.
+            worst: As of :meth:`worst_element` at its positions.
             inverted: An element that turned inside out, or -1.
         """
         if inverted >= 0:
@@ -212,9 +217,7 @@ class Solid:
                     f"{strain.max():.3g}, beyond the table of yield stresses, which ends at "
                     f'{limit:g}: extend material.yield_stress, or set material.beyond = "flat"'
                 ), False
-        step, cell = element_time_step(
-            state.x, self.mesh.cells, self.grains, self.mesh.cell_offset, self.wave_speed
-        )
+        step, cell = worst
         if step < COLLAPSED * self.first_time_step:
             return (
                 f"{self._name(cell)} collapsed: it allows {step / self.first_time_step:.2%} of the "

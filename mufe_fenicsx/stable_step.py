@@ -67,10 +67,15 @@ class StableStep:
         self.element_step_then = math.inf  # that of the tets is to be found again
         shared.forget()
 
-    def of_elements(self):
-        """Bound from single elements [s]; what does not deform has one by contact alone."""
-        own = self.comm.allreduce(self.solid.element_time_step(self.state.x), op=MPI.MIN)
-        return min(own, self._contact_step)
+    def of_elements(self, own=None):
+        """Bound from single elements [s]; what does not deform has one by contact alone.
+
+        Args:
+            own: That of this rank's elements now, where it is known.
+        """
+        if own is None:
+            own = self.solid.element_time_step(self.state.x)
+        return min(self.comm.allreduce(own, op=MPI.MIN), self._contact_step)
 
     def __call__(self, margin, element_step):
         """Limit of stability [s].

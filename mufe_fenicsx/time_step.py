@@ -5,10 +5,13 @@ import math
 
 import numpy as np
 
-from .kernels.lanczos import add, begin, square, subtract, take_known, weigh
+from .kernels.lanczos import add, begin, products, square, subtract, take_known, weigh
 
 #: Numbers of a vector from which on it has an array of its own: two large pages of memory.
 LARGE = 2 << 18
+#: A vector is made orthogonal again where no more than this part of its square is left: few springs
+#: have few frequencies, and rounding makes up more than 1e-12 of the difference then.
+AGAIN = 1e-4
 
 
 class HighestFrequency:
@@ -130,21 +133,23 @@ class HighestFrequency:
             w[:] = 0.0
             add_stiffness(w, v)
             self.num_products += 1
-            along = weigh(w, mass, v, before, off[-1] if k else 0.0)
-            diagonal.append(self._sums(along))
-            # Against the last two vectors, and again where less than a hundredth was left, of
-            # which rounding makes up more than 1e-14: few springs have few frequencies. The
-            # others are orthogonal to it in so short a sweep.
-            left = self._sums(subtract(w, mass, v, diagonal[k], before, 0.0))
-            if left[2] <= 1e-4 * diagonal[k] ** 2:
-                back = left[1] if k else 0.0
-                left = self._sums(subtract(w, mass, v, left[0], before, back))
-            norm = math.sqrt(left[2])
+            along, size = self._sums(weigh(w, mass, v, before, off[-1] if k else 0.0))
+            diagonal.append(along)
+            # Against the last two vectors; the others are orthogonal to it in so short a sweep.
+            left = size - along**2
+            if left <= AGAIN * along**2:
+                subtract(w, along, v, 1.0)
+                along, back, size = self._sums(products(w, mass, v, before))
+                if k:
+                    subtract(w, back, before, 1.0)
+                    size -= back**2
+                left = max(size - along**2, 0.0)
+            norm = math.sqrt(left)
             # Less than this is not worth a vector, of which rounding would be the larger part.
             if k + 1 == self.size or norm <= 1e-4 * self.tolerance * max(diagonal):
                 break
             off.append(norm)
-            w /= norm
+            subtract(w, along, v, 1.0 / norm)
         T = np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1)
         values, vectors = np.linalg.eigh(T)
         basis[0] *= vectors[0, -1]

@@ -36,24 +36,33 @@ def square(v, mass):
 
 @numba.njit(cache=True, fastmath=FAST)
 def weigh(w, mass, v, before, off):
-    """w = M⁻¹w - off before, in place; returns w·v."""
-    last, along = mass.shape[1] - 1, 0.0
+    """w = M⁻¹w - off before, in place; returns w·v and w·w."""
+    last, along, size = mass.shape[1] - 1, 0.0, 0.0
+    if last:
+        for i in range(len(w)):
+            for c in range(3):
+                w[i, c] = w[i, c] / mass[i, c] - off * before[i, c]
+                along += mass[i, c] * w[i, c] * v[i, c]
+                size += mass[i, c] * w[i, c] * w[i, c]
+        return along, size
     for i in range(len(w)):
-        for c in range(3):
-            m = mass[i, min(c, last)]
-            w[i, c] = w[i, c] / m - off * before[i, c]
-            along += m * w[i, c] * v[i, c]
-    return along
+        inverse = 1.0 / mass[i, 0]
+        w0 = w[i, 0] * inverse - off * before[i, 0]
+        w1 = w[i, 1] * inverse - off * before[i, 1]
+        w2 = w[i, 2] * inverse - off * before[i, 2]
+        w[i, 0], w[i, 1], w[i, 2] = w0, w1, w2
+        along += mass[i, 0] * (w0 * v[i, 0] + w1 * v[i, 1] + w2 * v[i, 2])
+        size += mass[i, 0] * (w0 * w0 + w1 * w1 + w2 * w2)
+    return along, size
 
 
 @numba.njit(cache=True, fastmath=FAST)
-def subtract(w, mass, v, along, before, back):
-    """w -= along v + back before, in place; returns w·v, w·before and w·w."""
+def products(w, mass, v, before):
+    """w·v, w·before and w·w."""
     last = mass.shape[1] - 1
     to_v = to_before = size = 0.0
     for i in range(len(w)):
         for c in range(3):
-            w[i, c] -= along * v[i, c] + back * before[i, c]
             part = mass[i, min(c, last)] * w[i, c]
             to_v += part * v[i, c]
             to_before += part * before[i, c]
@@ -62,11 +71,19 @@ def subtract(w, mass, v, along, before, back):
 
 
 @numba.njit(cache=True)
+def subtract(w, along, v, scale):
+    """w = (w - along v) scale, in place."""
+    w, v = w.ravel(), v.ravel()
+    for i in range(w.size):
+        w[i] = (w[i] - along * v[i]) * scale
+
+
+@numba.njit(cache=True)
 def add(v, share, other):
     """v += share other, in place."""
-    for i in range(len(v)):
-        for c in range(3):
-            v[i, c] += share * other[i, c]
+    v, other = v.ravel(), other.ravel()
+    for i in range(v.size):
+        v[i] += share * other[i]
 
 
 @numba.njit(cache=True)
