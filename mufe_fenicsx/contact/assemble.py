@@ -420,16 +420,16 @@ class Contact:
                 self.facets, s.neighbor, self.ring_offset, self.ring, self.edges.beside,
                 self.layer, s.layer_of_facet, points.area, points.facet_area, points.recess,
                 self.ratio, self._around, points.around_of, *self.corners(), x, forces,
-                self._first_pairs(),
+                self._early_pairs(),
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(forces, x, self.corners(), self.layer, points, self.ratio)
 
-    def _first_pairs(self):
+    def _early_pairs(self):
         """Pairs with grains of other ranks, whose forces travel while the others are found."""
-        if self.comm.size == 1:
-            return None
-        return np.flatnonzero(~np.isin(self.pairs.grain, self._grains))
+        far = np.ones(self.ledger.num_grains, dtype=bool)
+        far[self._grains] = False
+        return far[self.pairs.grain]
 
     def evaluate(self, f, adopt=False):
         """Add the forces of the known pairs at the positions that were received. Collective.

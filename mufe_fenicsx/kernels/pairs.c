@@ -6,8 +6,7 @@
 #include "pairs_one.h"
 
 /* Ask for what the pairs after the i-th of the list need; from i = -FAR_AHEAD on. */
-INLINE void fetch_ahead(const pairs_type *m, int64_t i, int64_t num_due) {
-  const int32_t *list = m->scratch;
+INLINE void fetch_ahead(const pairs_type *m, const int32_t *list, int64_t i, int64_t num_due) {
   if (i + FAR_AHEAD < num_due) {
     const char *row = (const char *)(m->state + list[i + FAR_AHEAD]);
     for (size_t line = 0; line < sizeof(state_type); line += 64) FETCH(row + line);
@@ -28,21 +27,30 @@ INLINE void fetch_ahead(const pairs_type *m, int64_t i, int64_t num_due) {
   }
 }
 
-/* See kernels/pairs.py: the pairs of a list, or all. What is found adds up where it goes on. */
-void mufe_add_pair_forces(const pairs_type *m, call_type *c, const int32_t *list, int64_t num) {
-  const int64_t num_due = list ? find_due(m->scratch, m->due, m->clocks, m->clock, list, num)
-                               : find_due(m->scratch, m->due, m->clocks, m->clock, NULL, num);
-  if (!c->goes_on) {
+/* The pairs of a part that are due; how many there are. The others are found with the early ones. */
+INLINE int64_t list_due(const pairs_type *m, call_type *c, const int32_t **list, int64_t num) {
+  int32_t *others = m->scratch + num + 1;
+  *list = c->part == OTHER_PAIRS ? others : m->scratch;
+  if (c->part == OTHER_PAIRS) return c->num_others;
+  if (c->part == ALL_PAIRS) return find_due(m->scratch, m->due, m->clocks, m->clock, num);
+  return find_both(m->scratch, others, &c->num_others, m->due, m->clocks, m->clock, m->early, num);
+}
+
+/* See kernels/pairs.py. What is found of the others is added to that of the early ones. */
+void mufe_add_pair_forces(const pairs_type *m, call_type *c, int64_t num) {
+  const int32_t *list;
+  const int64_t num_due = list_due(m, c, &list, num);
+  if (c->part != OTHER_PAIRS) {
     c->dissipated = c->num_adopted = c->num_deep = c->deepest = c->sunk = 0.0;
     c->sunken = -1;
   }
   vec dissipated = all(0.0);
   for (int64_t i = -FAR_AHEAD; i < num_due; i += LANES) {
-    for (int k = 0; k < LANES; k++) fetch_ahead(m, i + k, num_due);
+    for (int k = 0; k < LANES; k++) fetch_ahead(m, list, i + k, num_due);
     if (i < 0) continue;
     const int count = num_due - i < LANES ? (int)(num_due - i) : LANES;
     int32_t pair[LANES];
-    for (int k = 0; k < LANES; k++) pair[k] = m->scratch[i + (k < count ? k : 0)];
+    for (int k = 0; k < LANES; k++) pair[k] = list[i + (k < count ? k : 0)];
     unsigned looked = 0, left = (1u << count) - 1;
     int64_t before[LANES];
     for (int k = 0; k < count; k++)

@@ -40,6 +40,7 @@ typedef struct {
   const int32_t *clock; /* as in the rows, for those that are not due */
   int64_t *closest;
   int32_t *scratch;
+  const uint8_t *early; /* whether a pair is, where there are some */
   const int64_t *first;
   const int32_t *candidate;
   surface_type surface;
@@ -49,10 +50,13 @@ typedef struct {
   double *x, *f;
 } pairs_type;
 
+/* Parts of the pairs, in the order of kernels/pairs.py. */
+enum { ALL_PAIRS, EARLY_PAIRS, OTHER_PAIRS };
+
 /* What a call is given and finds, see kernels/pairs.py. */
 typedef struct {
   double friction, friction_kinetic, largest_depth, range;
-  int64_t adopt, goes_on;
+  int64_t adopt, part, num_others;
   double dissipated, num_adopted, num_deep, deepest, sunk;
   int64_t sunken;
 } call_type;

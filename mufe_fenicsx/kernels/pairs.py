@@ -41,12 +41,16 @@ COLUMNS = {
 }
 
 
+#: Parts of the pairs, in the order of pairs.h.
+ALL, EARLY, OTHERS = range(3)
+
+
 class _Call(ctypes.Structure):
     """What a call is given and finds, as in pairs.h."""
 
     _fields_ = [
         *((name, ctypes.c_double) for name in ("friction", "friction_kinetic", "depth", "range")),
-        *((name, ctypes.c_int64) for name in ("adopt", "goes_on")),
+        *((name, ctypes.c_int64) for name in ("adopt", "part", "num_others")),
         *((name, ctypes.c_double) for name in ("dissipated", "adopted", "deep", "deepest", "sunk")),
         ("sunken", ctypes.c_int64),
     ]
@@ -123,7 +127,7 @@ class PairForces:
             facets, which hand their forces on; else of shape (0, 3).
         x: Positions [m], shape (num_nodes_with_ghosts, 3); those of points in facets are not used.
         f: Forces on surface nodes [N], shape (num_nodes_with_ghosts, 3).
-        first_pairs: Pairs that come before all others, increasing; None: all in their order.
+        early: Whether a pair comes before all that are not, shape (num_pairs,).
 
     Raises:
         ValueError: An array is of another type, or not contiguous.
@@ -132,11 +136,11 @@ class PairForces:
     def __init__(self, state, due, candidate_due, clocks, clock, closest, node, first, candidate,
                  facets, neighbor, ring_offset, ring, sharp, layer_of_node, layer_of_facet, area,
                  facet_area, recess, ratio_of_node, around, around_of, corner, corner_weight, x, f,
-                 first_pairs=None):  # fmt: skip
+                 early):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
         self._found = _Call()
-        scratch = np.empty(node.size + 1, short)
+        scratch = np.empty(2 * (node.size + 1), short)
         of_points = {
             "area": area, "facet_area": facet_area, "recess": recess, "ratio": ratio_of_node,
             "around": around_of,
@@ -145,20 +149,17 @@ class PairForces:
         nodes, weight = corners_of(node, corner, corner_weight)
         column(state, "corner")[:], column(state, "corner_weight")[:] = nodes, weight
         column(state, "clock")[:] = clock
-        self._parts = None
-        if first_pairs is not None:
-            others = np.delete(np.arange(node.size), first_pairs)
-            self._parts = first_pairs.astype(short), others.astype(short)
+        self._any_early = bool(early.any())
         self._pointers = Pointers(
             (state, real), (due, real), (candidate_due, np.float32), (clocks, real), (clock, short),
-            (closest, long), (scratch, short),
+            (closest, long), (scratch, short), (early, flag),
             (first, long), (candidate, short),
             (facets, short), (neighbor, short), (ring_offset, long), (ring, short), (sharp, flag),
             (layer_of_node, real), (layer_of_facet, real), (around, short), (x, real), (f, real),
         )  # fmt: skip
         pointer = ctypes.c_void_p
         self._call = load("pairs").mufe_add_pair_forces
-        self._call.argtypes = [pointer, pointer, pointer, ctypes.c_int64]
+        self._call.argtypes = [pointer, pointer, ctypes.c_int64]
         self._call.restype = None
 
     def __call__(self, friction, friction_kinetic, largest_depth, longest, adopt, between):
@@ -170,7 +171,7 @@ class PairForces:
             largest_depth: Depth beyond which the force does not grow [m].
             longest: Distance up to which the clocks bound relative motion [m].
             adopt: True to adopt every node that lies inside (start of a test).
-            between: Called once the first pairs have their forces; without them, at the end.
+            between: Called once the early pairs have their forces; without any, at the end.
 
         Returns:
             Energy dissipated [J]; number of adopted pairs; number of pairs
@@ -180,17 +181,13 @@ class PairForces:
         c = self._found
         c.friction, c.friction_kinetic = friction, friction_kinetic
         c.depth, c.range, c.adopt = largest_depth, longest, adopt
-        table, call = self._pointers.table, ctypes.addressof(c)
-        c.goes_on = False
-        if self._parts is None:
-            self._call(table, call, None, self._num_pairs)
-            between()
-        else:
-            first, others = self._parts
-            self._call(table, call, first.ctypes.data, first.size)
-            between()
-            c.goes_on = True
-            self._call(table, call, others.ctypes.data, others.size)
+        table, call, num = self._pointers.table, ctypes.addressof(c), self._num_pairs
+        c.part = EARLY if self._any_early else ALL
+        self._call(table, call, num)
+        between()
+        if self._any_early:
+            c.part = OTHERS
+            self._call(table, call, num)
         return c.dissipated, int(c.adopted), int(c.deep), c.deepest, (c.sunk, c.sunken)
 
 

@@ -224,7 +224,7 @@ void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int
   }
   totals[0] = totals[1] = 0.0;
   vec dissipated = all(0.0);
-  const int64_t num_due = find_due(m->scratch, m->due, m->clocks, m->clock, NULL, num_pairs);
+  const int64_t num_due = find_due(m->scratch, m->due, m->clocks, m->clock, num_pairs);
   for (int64_t i = -FAR_AHEAD; i < num_due; i += LANES) {
     for (int k = 0; k < LANES; k++) fetch_ahead(m, i + k, num_due);
     if (i < 0) continue;
