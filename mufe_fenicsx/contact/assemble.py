@@ -221,6 +221,9 @@ class Contact:
     def connect(self):
         """Steps exchange what the pairs of now ask for from here on. Collective."""
         self._messages = Messages(self)
+        pairs = self.pairs.node, self.walls.pairs.node, self.edges.pairs.first
+        # Else no force can act on a node of this rank, or by one of its pairs on another one.
+        self._any_pair = any(of.size for of in pairs) or self._messages.any_force
 
     def _list_near(self):
         """The points of all pairs. Local."""
@@ -436,6 +439,10 @@ class Contact:
 
         Arguments as of :meth:`add_forces`; ``clock`` has to bound the motion already.
         """
+        if not self._any_pair:
+            self.walls.clear()
+            self._sunk = 0.0, -1
+            return
         self.bind()
         p, forces, x = self.pairs, self.forces.array, self.positions.array
         if self._lent:  # else all forces have been handed on since, and are zero

@@ -43,6 +43,12 @@ class Messages:
         ways = self._there, self._back
         return tuple(0 if way is None else way.of_ghosts.size for way in ways)
 
+    @property
+    def any_force(self):
+        """Whether forces are sent or received in a step."""
+        way = self._back
+        return way is not None and way.of_ghosts.size + way.of_own.size > 0
+
     def begin_there(self):
         """Own positions start on their way."""
         if way := self._there:

@@ -273,9 +273,13 @@ class Walls:
             adopt: Whether what overlaps now is not in contact.
             ahead: How much later than the planes the positions are [s].
         """
+        self.clear()
+        return self.pairs.forces(adopt, ahead)
+
+    def clear(self):
+        """Forget the forces on walls. Local."""
         self.force[:] = 0.0
         self.torque[:] = 0.0
-        return self.pairs.forces(adopt, ahead)
 
     def energy(self, layer, area, ratio):
         """Energy in the wall springs [J] and number of closed pairs. Local."""
