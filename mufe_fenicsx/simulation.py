@@ -383,7 +383,7 @@ class Simulation:
     def _limit_ahead(self, least):
         """Limit until the next evaluation [s], in which grains move by ``least`` [m] at least."""
         # Pairs that can close before the next evaluation count as closed.
-        margin, factor = self.refresh.look_ahead(least, self.contact.skin)
+        margin, factor = self.refresh.look_ahead(least, self.contact.known_ahead)
         self.contact.expect(margin, least, factor)
         if self.scaling is not None and not self.scaling.reached:
             # What is within an edge now, the walls above all, is held some time.

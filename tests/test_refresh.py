@@ -67,3 +67,25 @@ def test_elements_that_shrink_ask_for_the_limit_in_a_long_wait(strain, found):
     for _ in range(3):  # before the rim swings back
         sim.step()
     assert sim.refresh.at == (2 if found else 0)
+
+
+@pytest.mark.mpi
+def test_what_may_close_before_the_next_evaluation_is_known():
+    """Balls that fly: no evaluation looks farther ahead than the last search for pairs did."""
+    mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=0.5)
+    flight = np.zeros_like(mesh.x)
+    flight[mesh.grain_of_node == 0, 0] = -20.0
+    sim = simulation_of(mesh, Elastic(1e9, 0.15, 2650.0), velocity=flight, refresh=20)
+    contact, looked, found = sim.contact, 0, sim.contact.num_searches
+    for _ in range(300):
+        known, at, now = contact.searched_at + contact.reach, sim.refresh.at, sim.state.num_steps
+        sim.step()
+        if sim.refresh.at > at:
+            assert sim.refresh.at == now
+            # But for what moves in the next two steps, which are at most three times as long as
+            # those of single elements; waves in a ball add to its speed.
+            ahead = max(known - sim.refresh.clock, 6.0 * sim.dt_element * 1.2 * 20.0)
+            assert sim.refresh.margin <= ahead + 1e-9 * contact.edge
+            looked += 1
+    # Longer than a search lasts, or nothing was tested.
+    assert looked > 5 and contact.num_searches > found + 2

@@ -490,6 +490,11 @@ class Contact:
         return energy, num_pairs + num_edges + num_walls
 
     @property
+    def known_ahead(self):
+        """Motion from now on in which no pairs close but those that are known [m]."""
+        return min(self.searched_at + self.reach - self.clock, self.skin)
+
+    @property
     def num_exchanged(self):
         """Ghosts whose positions come in a step, and those on which forces go back. Local."""
         return self._messages.num_ghosts
