@@ -77,7 +77,7 @@ def pressed_ball(part, **options):
 def step_explicitly(s, name, speed, num_steps, dt):
     """Steps of a given length: that of the whole ball is its own."""
     s.walls.velocity[s.walls.names.index(name)] = -speed * FRAME[:, 2]
-    s.dt, s.update_time_step = dt, lambda early=False: None
+    s.dt, s.update_time_step = dt, lambda **_: None
     for _ in range(num_steps):
         s.step()
 

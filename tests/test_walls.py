@@ -104,3 +104,21 @@ def test_open_pairs_are_no_nearer_to_walls_than_their_clocks_say(spin):
     # A wall that turns has the common clock.
     if spin and advance[1]:
         assert np.median(advance[1]) == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.mpi
+def test_a_wall_that_is_left_carries_nothing():
+    """A wall that goes away faster than the ball follows: no pair is left, and no force."""
+    comm = MPI.COMM_WORLD
+    mesh = packed_spheres(comm, (3, 1, 1), gap=0.5)
+    floor = Wall("floor", np.array([0.0, 0.0, 0.25 * RADIUS]), np.array([0.0, 0.0, 1.0]))
+    s = simulation_of(mesh, Elastic(1e9, 0.15, 2650.0), [floor])
+    s.walls.velocity[0, 2] = 0.5
+    while s.wall_forces()[0] <= 0.0:
+        s.step()
+    s.walls.velocity[0, 2] = -50.0
+    while comm.allreduce(s.contact.walls.pairs.node.size):
+        s.step()
+    for _ in range(3):
+        s.step()
+    assert not s.walls.force.any() and not s.walls.torque.any()
