@@ -107,18 +107,12 @@ def test_open_pairs_are_no_nearer_to_walls_than_their_clocks_say(spin):
 
 
 @pytest.mark.mpi
-def test_a_wall_that_is_left_carries_nothing():
-    """A wall that goes away faster than the ball follows: no pair is left, and no force."""
-    comm = MPI.COMM_WORLD
-    mesh = packed_spheres(comm, (3, 1, 1), gap=0.5)
-    floor = Wall("floor", np.array([0.0, 0.0, 0.25 * RADIUS]), np.array([0.0, 0.0, 1.0]))
+def test_a_wall_that_nothing_is_near_carries_nothing():
+    """Where a step has no pairs to look at, forces of before are gone all the same."""
+    mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=2.0)
+    floor = Wall("floor", np.array([0.0, 0.0, -2.0 * RADIUS]), np.array([0.0, 0.0, 1.0]))
     s = simulation_of(mesh, Elastic(1e9, 0.15, 2650.0), [floor])
-    s.walls.velocity[0, 2] = 0.5
-    while s.wall_forces()[0] <= 0.0:
-        s.step()
-    s.walls.velocity[0, 2] = -50.0
-    while comm.allreduce(s.contact.walls.pairs.node.size):
-        s.step()
-    for _ in range(3):
-        s.step()
+    assert not s.contact.walls.pairs.node.size and not s.contact.pairs.node.size
+    s.walls.force[:] = s.walls.torque[:] = 1.0
+    s.step()
     assert not s.walls.force.any() and not s.walls.torque.any()

@@ -45,6 +45,7 @@ def weigh(w, mass, v, before, off):
                 along += mass[i, c] * w[i, c] * v[i, c]
                 size += mass[i, c] * w[i, c] * w[i, c]
         return along, size
+    # Written out, which compilers turn into vector instructions.
     for i in range(len(w)):
         inverse = 1.0 / mass[i, 0]
         w0 = w[i, 0] * inverse - off * before[i, 0]
