@@ -17,7 +17,7 @@ OF_REFRESH = ("clock", "at", "margin", "wait", "steady", "limit")
 OF_STABLE = ("rate_of_tets", "tets_at", "element_step_then")
 OF_SHARED = ("square", "misses", "failures", "rest")
 OF_STATE = ("t", "dt", "num_steps")
-OF_CONTACT = ("clock", "searched_at", "reach", "num_searches", "_dt")
+OF_CONTACT = ("clock", "searched_at", "reach", "overlap", "num_searches", "_dt")
 OF_SCALING = ("wanted", "reached")
 OF_WALLS = ("point", "normal", "velocity", "angular_velocity", "rotation", "_push", "_turn")
 OF_RIGID = ("mass", "inertia", "center", "turn", "axes", "radius", "velocity", "momentum", "spin",
@@ -77,8 +77,7 @@ def snapshot(simulation):
         "damped": simulation.damped,
         "dissipated": contact.dissipated,
         "num_adopted": contact.num_adopted,
-        "num_deep": contact.num_deep,
-        "lost": contact.edges.lost,
+        "switched": contact.switched,
         "work": walls.work,
         "force": walls.force,
         "torque": walls.torque,
@@ -167,8 +166,8 @@ def restore(simulation, tables, own, common):
     simulation.stable.shared.part = at_nodes.pop("part_of_tets", None)
     simulation.damped = float(own["damped"])
     contact.dissipated = float(own["dissipated"])
-    contact.num_adopted, contact.num_deep = int(own["num_adopted"]), int(own["num_deep"])
-    contact.deepest, contact.edges.lost = float(own["largest_deepest"]), float(own["lost"])
+    contact.switched = float(own["switched"])
+    contact.num_adopted, contact.deepest = int(own["num_adopted"]), float(own["largest_deepest"])
     rigid.moved = float(own["largest_moved"])
     walls.work, walls._radius = float(own["work"]), own["largest_radius"]
     walls._box = own["largest_box"]

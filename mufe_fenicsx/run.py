@@ -171,9 +171,15 @@ class _Test:
             summary["mass_scaling"] = self.simulation.scaling.summary(limits)
         summary["contact"] = {
             "num_searches": contact.num_searches,
-            "num_adopted": comm.allreduce(contact.num_adopted),
-            "num_too_deep": comm.allreduce(contact.num_deep),
-            "deepest_adopted": comm.allreduce(contact.deepest, op=MPI.MAX),
+            "num_overlaps_at_start": comm.allreduce(contact.num_adopted),
+            "deepest_at_start": comm.allreduce(contact.deepest, op=MPI.MAX),
+            **dict(
+                zip(
+                    ("num_closed", "num_with_offset", "num_at_largest_force"),
+                    comm.allreduce(contact.counts()).tolist(),
+                    strict=True,
+                )
+            ),
         }
         if self.profile is not None:
             summary["profile"] = self.profile.summary()

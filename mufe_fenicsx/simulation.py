@@ -35,7 +35,10 @@ from .stable_step import StableStep
 from .state import initial_state
 
 #: Names of the terms of the energy balance, in the order of history.csv.
-ENERGIES = ("kinetic", "elastic", "plastic", "friction", "contact", "damping", "work", "residual")
+ENERGIES = (
+    "kinetic", "elastic", "plastic", "friction", "switching", "contact", "damping", "work",
+    "residual",
+)  # fmt: skip
 
 #: The limit is found early where single elements ask for this part of their step then.
 SHORTER = 0.98
@@ -452,6 +455,7 @@ class Simulation:
                 self.solid.elastic_energy(self.state).sum(),
                 self.state.plastic_work.sum(),
                 self.contact.dissipated,
+                self.contact.switched,
                 contact,
                 self.damped,
                 self.walls.work,
@@ -459,9 +463,9 @@ class Simulation:
             ]
         )
         total = self.comm.allreduce(local)
-        self.num_contacts = int(total[7])
-        energies = dict(zip(ENERGIES, total[:7], strict=False))
-        energies["residual"] = self.initial_kinetic + total[6] - total[:6].sum()
+        self.num_contacts = int(total[8])
+        energies = dict(zip(ENERGIES, total[:8], strict=False))
+        energies["residual"] = self.initial_kinetic + total[7] - total[:7].sum()
         return energies
 
     def num_active_grains(self):

@@ -180,7 +180,7 @@ def test_momentum_angular_momentum_and_dissipation_of_a_collision():
         p = s.contact.pairs
         kept = p.closed
         shear = np.linalg.norm(p.shear[kept], axis=1)
-        depth = np.minimum(p.offset - p.gap, s.contact.largest_depth)[kept]
+        depth = np.minimum(p.offset - p.gap, p.largest_depth)[kept]
         # Coulomb's limit to rounding.
         assert np.all(shear <= FRICTION * p.stiffness[kept] * depth * (1 + 1e-9) + 1e-12)
         counts.add(COMM.allreduce(int(kept.sum())))

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-#: What the work of the walls turns into.
-ENERGIES = ("kinetic", "elastic", "plastic", "friction", "contact", "damping")
+#: What the work of the walls turns into; older runs have no "switching".
+ENERGIES = ("kinetic", "elastic", "plastic", "friction", "switching", "contact", "damping")
 
 
 def residual(history):
     """Work minus all energies stored and dissipated, recomputed from the columns [J]."""
-    return history["work"] - sum(history[name] for name in ENERGIES)
+    return history["work"] - sum(history[name] for name in ENERGIES if name in history)
 
 
 def residual_ratio(history):

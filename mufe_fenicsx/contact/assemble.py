@@ -18,10 +18,12 @@ from .edges import EdgeContact
 from .exchange import SurfaceArray, SurfaceVector, exchange_surface
 from .laws import (
     KINEMATIC,
+    LARGEST_DEPTH,
     LAYERS,
-    foundation_depth,
+    edge_of_area,
     inertial_layers,
     kinetic_of,
+    largest_depths,
     law_names,
     replace_layers,
 )
@@ -34,8 +36,8 @@ from .surface import own_surface
 
 #: Candidates reach this far beyond the closed gap, in mean facet edges.
 SKIN = 0.4
-#: The force of a contact grows no more beyond this depth, in mean facet edges.
-LARGEST_DEPTH = 0.1
+#: Overlaps of the start are found up to this depth, in the largest edge of the other grain.
+DEEPEST_START = 1.1
 
 
 class Contact:
@@ -105,7 +107,9 @@ class Contact:
             layers = LAYERS[law](own, modulus, of_facets, compliance)
             if rigid_layer is not None:
                 replace_layers(mesh, own, layers, rigid_layer)
-        self.points = surface_points(points, mesh, own, x, *layers)
+        depths = largest_depths(mesh, own, contact_modulus, rigid_layer)
+        self.depth_of_facet = depths[1]
+        self.points = surface_points(points, mesh, own, x, *layers, *depths)
         self.facet_layer = layers[1]
         self.layer = self.points.layer
         # Points come before nodes in all arrays; nodes that are points come once.
@@ -117,27 +121,21 @@ class Contact:
         self.edge = math.sqrt(4 / math.sqrt(3) * total[0] / total[1])
         self.skin = SKIN * self.edge
         self.width = self.comm.allreduce(float(np.ptp(x, axis=0).max()), op=MPI.SUM)
-        self.largest_depth, self.thick_layers = LARGEST_DEPTH * self.edge, False
-        if rigid_layer is not None:
-            rigid = foundation_depth(self.comm, rigid_layer, contact_modulus, LARGEST_DEPTH)
-            #: Whether grains that do not deform have layers thicker than facets would.
-            self.thick_layers = rigid > self.largest_depth
-            self.largest_depth = max(self.largest_depth, rigid)
-        # Further behind a facet of its own grain, a node is taken to be on the other side of it.
-        self.self_depth = 2 * self.largest_depth if self_contact else None
+        self.self_contact = self_contact
         check_walls(self.comm, walls, x, self.edge)
         node_ratio = tangential_ratio[mesh.grain_of_node[own.nodes]]
         # As of sharp vertices: edges that end a flat contact add nothing to it.
-        recess = RECESS * self.edge if self.num_before else 0.0
-        self.edges = EdgeContact(node_ratio, self.edge, self.largest_depth, recess)
+        self.edges = EdgeContact(node_ratio, RECESS if self.num_before else 0.0)
 
         self.ledger = Ledger(self.points.grain_of_point, mesh.labels.size)
         self.dissipated = 0.0  #: by friction on this rank so far [J]
-        self.num_adopted = 0  #: contacts that were found deep, on this rank
-        self.num_deep = 0  #: evaluations beyond the largest depth, on this rank
-        self.deepest = 0.0  #: largest depth adopted on this rank [m]
+        #: Energy that springs lost so far where pairs passed to other facets and edges [J]: less
+        #: than none where a point came under an edge; on this rank.
+        self.switched = 0.0
+        self.num_adopted = 0  #: pairs that overlapped at the start, on this rank
+        self.deepest = 0.0  #: largest depth of them on this rank [m]
         #: Deepest of all pairs since this was reset, on this rank: depth over the edge of the finer
-        #: facet, depth [m], grain and the one that it is in; steps set it, searches for
+        #: side, depth [m], grain and the one that it is in; steps set it, searches for
         #: an equilibrium do not.
         self.sunk = NOT_SUNK
         self.num_searches = 0
@@ -157,23 +155,21 @@ class Contact:
         self.before_search = None
         #: Own surface nodes whose positions are known until the next search; None: all.
         self.moving = None
-        self.search(x, deepest=self._initial_depth())
+        self.search(x)
 
-    def _initial_depth(self):
-        """Overlaps at the start are found up to one facet edge deep."""
-        return self.edge
+    def search(self, x, ahead=0.0):
+        """Find all pairs anew, those within ``ahead`` [m] at least. Collective.
 
-    def search(self, x, deepest=0.0, ahead=0.0):
-        """Find all pairs anew, those within ``ahead`` [m] at least. Collective."""
+        The first search also finds overlaps, up to an edge of the facet deep.
+        """
         if self.before_search is not None:
             self.before_search()
         self.moving = None
         gathered = np.empty((self.own.nodes.size, 3))
         gather_rows(gathered, x, self.own.nodes)
-        depth = deepest
+        depth = self.edges.deepest()
         if self.pairs is not None and self.pairs.gap.size:
             depth = max(depth, -self.pairs.gap[np.isfinite(self.pairs.gap)].min(initial=0.0))
-        depth = max(depth, self.edges.deepest())
         depth = self.comm.allreduce(depth, op=MPI.MAX)
         reach = max(self.skin, ahead) + 1.1 * depth
 
@@ -183,10 +179,12 @@ class Contact:
             self.walls.pairs.forces = None
             # Whether a node meets its own grain hangs on more than their distance.
             wait = min(self.searched_at + self.reach - self.clock, self._longest)
-            wait = 0.0 if self.self_depth else wait
+            wait = 0.0 if self.self_contact else wait
             self.edges.slip += new_slip(self)
             old.drop_candidates(self.surface.global_facet)
-        self.exchange(gathered, reach)
+        overlaps = self._overlaps_at_start() if old is None else np.zeros(self.ledger.num_grains)
+        overlap = float(overlaps.max(initial=0.0))
+        self.exchange(gathered, reach, overlap)
         num_own, num_points = self.own.nodes.size, self.points.num_points
 
         self.pairs = search_pairs(
@@ -195,15 +193,15 @@ class Contact:
             self.points.grain_of_point,
             self.facets,
             self.surface,
-            reach,
+            reach + overlaps[self.surface.grain_of_facet],
             self.clock,
-            self.self_depth,
+            self.points.depth if self.self_contact else None,
         )
         if old is not None:
             self.pairs.carry(old, self.surface.global_facet, wait)
         self.pairs.clocks.follow(self.motion)
         nodes = self.positions.array[self.num_before :]
-        self.dissipated += self.edges.search(nodes, num_own, self.surface, reach, self.clock)
+        self.edges.search(nodes, num_own, self.surface, reach + overlap, self.clock)
         points, old_walls = self.positions.array[:num_points], self.walls.pairs
         of_points = self.points.corner, self.points.grain_of_point
         self.walls.search(points, gathered, *of_points, reach, self.clock)
@@ -218,6 +216,16 @@ class Contact:
         self.searched_at = self.clock
         self.num_searches += 1
 
+    def _overlaps_at_start(self):
+        """How deep in each grain points are looked for at the start [m], (num_grains,). Collective.
+
+        All facets of a grain have to be found that far: the closest one tells the side.
+        """
+        largest = np.zeros(self.ledger.num_grains)
+        np.maximum.at(largest, self.own.grain_of_facet, self.own.facet_area)
+        self.comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
+        return DEEPEST_START * edge_of_area(largest, 1)
+
     def connect(self):
         """Steps exchange what the pairs of now ask for from here on. Collective."""
         self._messages = Messages(self)
@@ -231,16 +239,17 @@ class Contact:
         near[self.pairs.node] = near[self.walls.pairs.node] = True
         self._near = np.flatnonzero(near).astype(np.int32)
 
-    def exchange(self, gathered, reach):
+    def exchange(self, gathered, reach, overlap=0.0):
         """Fetch what other ranks have near this one's surface. Collective.
 
         Args:
             gathered: Positions of own surface nodes [m], shape (num_nodes, 3).
             reach: Distance [m].
+            overlap: Largest depth that is looked for beyond it [m].
         """
-        self.searched, self.reach = gathered, reach
+        self.searched, self.reach, self.overlap = gathered, reach, overlap
         self.surface, ghosts = exchange_surface(
-            self.comm, self.own, self.facet_layer, gathered, reach
+            self.comm, self.own, self.facet_layer, self.depth_of_facet, gathered, reach + overlap
         )
         self.own = self.surface.part_of(self.own)
         if self.forces is not None:
@@ -388,8 +397,7 @@ class Contact:
             p = self.pairs
             depth = p.offset[pair] - p.gap[pair]
             grain = self.points.grain_of_point[p.node[pair]]
-            if not (self.thick_layers and depth <= 5.0 * self.largest_depth):
-                self.sunk = (part, float(depth), int(grain), int(p.grain[pair]))
+            self.sunk = (part, float(depth), int(grain), int(p.grain[pair]))
 
     def advance(self, step, motion=None):
         """All clocks go on by ``step`` [m], those of grains by less where their motion is known.
@@ -421,9 +429,9 @@ class Contact:
                 p.state, p.due, p.candidate_due, p.clocks.readings, p.clocks.of, p.closest,
                 p.node, p.first, p.candidate,
                 self.facets, s.neighbor, self.ring_offset, self.ring, self.edges.beside,
-                self.layer, s.layer_of_facet, points.area, points.facet_area, points.recess,
-                self.ratio, self._around, points.around_of, *self.corners(), x, forces,
-                self._early_pairs(),
+                self.layer, s.layer_of_facet, points.area, points.facet_area, s.area_of_facet,
+                points.depth, s.depth_of_facet, points.recess, self.ratio, self._around,
+                points.around_of, *self.corners(), x, forces, self._early_pairs(),
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(forces, x, self.corners(), self.layer, points, self.ratio)
@@ -447,21 +455,20 @@ class Contact:
         p, forces, x = self.pairs, self.forces.array, self.positions.array
         if self._lent:  # else all forces have been handed on since, and are zero
             forces[self.num_before :] = 0.0
-        edges = 0.0, 0, 0, 0.0
+        edges = 0.0, 0.0, 0, 0.0
 
         def between():
             nonlocal edges
             if not self.kinematic:
                 nodes = slice(self.num_before, None)
                 edges = self.edges.add_forces(
-                    forces[nodes], x[nodes], self.clock, self.friction, adopt
-                )
+                    forces[nodes], x[nodes], self.clock, self.friction, self.friction_kinetic,
+                    adopt,
+                )  # fmt: skip
             self.begin_give_back()
 
         # What other ranks wait for comes first.
-        pairs = p.forces(
-            self.friction, self.friction_kinetic, self.largest_depth, self._longest, adopt, between
-        )
+        pairs = p.forces(self.friction, self.friction_kinetic, self._longest, adopt, between)
         ahead = self._dt if self.kinematic else 0.0
         walls = self.walls.add_forces(adopt, ahead)
         self.end_give_back()
@@ -469,10 +476,12 @@ class Contact:
             hand_rows(f, self.own.nodes, self.forces.own)
         else:
             hand_some(f, self.own.nodes, self.forces.own, self.moving)
-        self._lent, self._sunk = False, pairs[4]
+        part, pair = pairs[4]
+        self._lent, self._sunk = False, (0.5 * LARGEST_DEPTH * part, pair)
         self.dissipated += pairs[0] + edges[0] + walls[0]
-        self.num_adopted += pairs[1] + edges[1] + walls[1]
-        self.num_deep += pairs[2] + edges[2]
+        if not self.kinematic:  # whose springs hold no energy
+            self.switched += pairs[1] + edges[1]
+        self.num_adopted += pairs[2] + edges[2] + walls[1]
         self.deepest = max(self.deepest, pairs[3], edges[3])
 
     def energy(self):
@@ -482,12 +491,27 @@ class Contact:
         """
         p = self.pairs
         pairs, num_pairs = pair_energy(
-            p.gap, p.offset, p.closed, p.stiffness, p.shear, p.node, self.ratio, self.largest_depth
+            p.gap, p.offset, p.closed, p.stiffness, p.shear, p.node, self.ratio, p.largest_depth
         )
         edges, num_edges = self.edges.energy()
         walls, num_walls = self.walls.energy(self.layer, self.points.area, self.ratio)
         energy = 0.0 if self.kinematic else pairs + edges + walls
         return energy, num_pairs + num_edges + num_walls
+
+    def counts(self):
+        """Closed pairs, those with an offset of the start, and those at their largest force. Local.
+
+        Pairs of points with facets and walls, and crossings of edges.
+        """
+        numbers = np.zeros(3, dtype=np.int64)
+        for pairs, recess in ((self.pairs, 0.0), (self.edges.pairs, self.edges.pairs.recess)):
+            depth = pairs.offset - pairs.gap - recess
+            at_largest = pairs.closed & (depth > pairs.largest_depth)
+            with_offset = pairs.closed & (pairs.offset != 0.0)
+            numbers += [of.sum() for of in (pairs.closed, with_offset, at_largest)]
+        walls = self.walls.pairs
+        numbers[:2] += walls.closed.sum(), (walls.closed & (walls.offset != 0.0)).sum()
+        return numbers
 
     @property
     def known_ahead(self):

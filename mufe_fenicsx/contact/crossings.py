@@ -32,8 +32,8 @@ def closed_crossings(contact):
     """
     p, e = contact.edges.pairs, contact.edges.edges
     on = np.flatnonzero(p.closed)
-    depth = p.offset[on] - p.gap[on]
-    push = p.stiffness[on] * np.minimum(depth, contact.largest_depth)
+    depth = p.offset[on] - p.gap[on] - p.recess[on]
+    push = p.stiffness[on] * np.minimum(depth, p.largest_depth[on])
     normal, friction = p.normal[on], p.shear[on]
     # As in kernels.edges.add_edge_forces: friction acts at the anchors, with a couple.
     s, t = p.place[on].T

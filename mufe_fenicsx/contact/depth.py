@@ -5,7 +5,7 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from ..errors import InputError
-from .laws import edge_of_area
+from .laws import LARGEST_DEPTH
 
 #: Depth of a point in another grain at the start, over the edge of the finer of both facets, up to
 #: which it is taken for an overlap of the image and becomes an offset.
@@ -71,8 +71,7 @@ def too_deep(mesh, contact):
 def deepest(contact, depth, limit):
     """The pair that is deepest over the edge of its finer facet, if beyond a limit. Collective.
 
-    Where some grains are rigid, whose layers are thicker, five times the depth at which forces grow
-    no more are allowed in any case.
+    The edge of a rigid grain is that of a deformable one with the same largest depth, if more.
 
     Args:
         contact: :class:`~mufe_fenicsx.contact.assemble.Contact`.
@@ -86,14 +85,9 @@ def deepest(contact, depth, limit):
     on = np.flatnonzero((depth > 0.0) & (pairs.closest >= 0))
     worst = (0.0, 0.0, -1, -1)
     if on.size:
-        facet = contact.facets[pairs.candidate[pairs.closest[on]]]
-        a, b, c = (contact.positions.array[facet[:, i]] for i in range(3))
-        other = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-        node = pairs.node[on]
-        edge = edge_of_area(np.minimum(contact.points.facet_area[node], other), 1)
-        part = depth[on] / np.maximum(edge, 1e-300)
-        thick = contact.thick_layers
-        part[depth[on] <= 5.0 * contact.largest_depth * thick] = 0.0
+        facet, node = pairs.candidate[pairs.closest[on]], pairs.node[on]
+        finer = np.minimum(contact.points.depth[node], contact.surface.depth_of_facet[facet])
+        part = 0.5 * LARGEST_DEPTH * depth[on] / finer
         k = int(part.argmax())
         grain = contact.points.grain_of_point[node[k]]
         worst = (float(part[k]), float(depth[on][k]), int(grain), int(pairs.grain[on][k]))

@@ -1,38 +1,27 @@
 """Pairs of sharp edges of two grains: their search and what they remember."""
 
-import math
-
 import numpy as np
 
 from ..kernels.boxes import with_marked_vertex
 from ..kernels.edge_search import (
     edge_areas,
     find_edge_pairs,
-    find_sharp_edges,
+    list_sharp_edges,
     sort_edges_into_cells,
 )
-from ..kernels.edge_springs import (
-    edge_energy,
-    find_edge_springs,
-)
+from ..kernels.edge_springs import edge_energy, find_edge_springs
 from ..kernels.edges import add_edge_forces
-from ..kernels.springs import stored_energy
-
-#: Edges take part whose facets' normals differ by more than this angle [rad]. Where two
-#: edges of length h cross at their middles, a vertex is inside the other body from the depth
-#: (h/2) tan(angle/2) on, of the blunter edge: at 20° nodes and facets miss 0.09 h at most, on
-#: a smooth surface (angle = 0.6 h/R) 0.15 h²/R, as much as its facets cut off.
-SHARP = math.radians(20.0)
+from .laws import edge_of_area
 
 #: What a pair keeps when the edges are searched anew; work and slip are booked before.
 REMEMBERED = (
     "outside",
-    "pierced",
     "place",
     "normal",
     "gap",
     "offset",
     "closed",
+    "sliding",
     "stiffness",
     "anchor",
     "shear",
@@ -44,7 +33,7 @@ class EdgeContact:
 
     A pair is an own edge and an edge of a grain of higher number: the rank of the lower
     grain evaluates it. Edges at less than ``kernels.edges.PARALLEL`` to each other are left
-    to nodes and facets, as are edges blunter than ``SHARP``.
+    to nodes and facets, as are edges that are not sharp (``OwnSurface.sharp_edge``).
 
     The stiffness of a crossing is that of a node at its place on a facet, of the finer edge:
     k = A/2 / (c h/E* + c h/E*), A the mean area of the nodes at the edge's ends. Near a
@@ -52,15 +41,11 @@ class EdgeContact:
 
     Args:
         ratio: Tangential over normal stiffness of own surface nodes, shape (num_nodes,).
-        size: Mean facet edge [m].
-        largest_depth: Depth beyond which forces grow no more [m].
-        recess: Depth at which the contact of edges begins [m].
+        recess: Depth at which the contact of edges begins, over their length.
     """
 
-    def __init__(self, ratio, size, largest_depth, recess=0.0):
-        self.ratio_of_node = ratio
-        self.size, self.largest_depth, self.recess = size, largest_depth, recess
-        self.lost = 0.0  #: energy of normal springs that were let go, on this rank [J]
+    def __init__(self, ratio, recess=0.0):
+        self.ratio_of_node, self.recess = ratio, recess
         self.slip = np.zeros(ratio.size)  #: of own nodes in crossings, up to the last search [m]
         self.edges = None
         self.pairs = None
@@ -78,27 +63,25 @@ class EdgeContact:
             x: Positions [m], ghosts included, shape (num_nodes_with_ghosts, 3).
             num_own: Number of own nodes.
             surface: :class:`~mufe_fenicsx.contact.exchange.Surface`.
-            reach: Distance [m].
+            reach: Distance [m], no less than the depth of the deepest pair.
             clock: Reading of the clock of relative motion [m].
-
-        Returns:
-            Energy of closed pairs that no longer exist [J]: an edge became blunt.
         """
         old = self.pairs
-        self.list_edges(x, num_own, surface)
-        self.pairs = _search(x, self.edges, reach, clock)
-        return 0.0 if old is None else self._carry(old)
+        self.list_edges(num_own, surface)
+        self.set_pairs(*_search(x, self.edges, reach), clock)
+        if old is not None:
+            self._carry(old)
 
-    def list_edges(self, x, num_own, surface):
+    def list_edges(self, num_own, surface):
         """Find the sharp edges, arguments as of :meth:`search`. Local."""
-        self.edges = _Edges(x, num_own, surface, self.ratio_of_node)
-        sharp = np.zeros(len(x), dtype=bool)
+        self.edges = _Edges(num_own, surface, self.ratio_of_node)
+        sharp = np.zeros(surface.ring_offset.size - 1, dtype=bool)
         sharp[self.edges.ends] = True
         self.beside = with_marked_vertex(surface.facets, sharp)
 
     def set_pairs(self, first, second, clock):
         """Make the pairs those of the edges ``first`` and ``second``, without any past. Local."""
-        self.pairs = _EdgePairs(first, second, self.edges, clock)
+        self.pairs = _EdgePairs(first, second, self.edges, self.recess, clock)
 
     def _carry(self, old):
         new = self.pairs
@@ -107,40 +90,23 @@ class EdgeContact:
             getattr(new, name)[at_new] = getattr(old, name)[at_old]
         # What had not been due, but is looked at again, may not have moved further since.
         new.due[at_new] = np.minimum(new.due[at_new], old.due[at_old])
-        gone = old.closed.copy()
-        gone[at_old] = False
-        gone = np.flatnonzero(gone)
-        if not gone.size:
-            return 0.0
-        stored = np.array(
-            [
-                stored_energy(old.stiffness[p], old.offset[p] - old.gap[p], self.largest_depth)
-                for p in gone
-            ]
-        )
-        shear = (old.shear[gone] ** 2).sum(axis=1) / (2 * old.stiffness[gone] * old.ratio[gone])
-        self.lost += stored.sum()
-        old.work[gone] += stored + shear
-        return (stored + shear).sum()
 
-    def add_forces(self, f, x, clock, friction, adopt):
+    def add_forces(self, f, x, clock, friction, friction_kinetic, adopt):
         """Add the forces of all pairs to ``f``. Local.
 
         Returns:
-            Energy dissipated [J]; number of adopted pairs; number of pairs beyond the largest
-            depth; largest adopted depth [m].
+            Energy dissipated [J]; energy that springs lost where crossings changed [J]; number of
+            adopted pairs; largest adopted depth [m].
         """
         p, e = self.pairs, self.edges
         if clock < p.due.min(initial=np.inf):
-            return 0.0, 0, 0, 0.0
-        dissipated, lost, num_adopted, num_deep, deepest = add_edge_forces(
-            f, p.due, p.outside, p.pierced, p.place, p.normal, p.gap, p.offset, p.closed,
-            p.stiffness, p.anchor, p.shear, p.slip, p.work, clock, x, p.first, p.second, e.ends,
-            e.beyond, e.area, e.layer, e.share, e.ratio, friction, self.size,
-            self.largest_depth, self.recess, adopt,
+            return 0.0, 0.0, 0, 0.0
+        return add_edge_forces(
+            f, p.due, p.outside, p.place, p.normal, p.gap, p.offset, p.closed, p.sliding,
+            p.stiffness, p.anchor, p.shear, p.slip, p.work, clock, x, p.first,
+            p.second, e.ends, e.beyond, e.area, e.layer, e.share, e.ratio, friction,
+            friction_kinetic, p.size, p.largest_depth, p.recess, adopt,
         )  # fmt: skip
-        self.lost += lost
-        return dissipated, num_adopted, num_deep, deepest
 
     def springs(self, margin, clock):
         """Springs of closed pairs and of those that a motion of ``margin`` [m] can close. Local.
@@ -151,7 +117,7 @@ class EdgeContact:
         """
         p, e = self.pairs, self.edges
         on, kn = find_edge_springs(
-            margin, self.size, p.due, p.outside, p.gap, clock, p.place, p.closed, p.stiffness,
+            margin, p.size, p.due, p.outside, p.gap, clock, p.place, p.closed, p.stiffness,
             p.first, p.second, e.area, e.layer, e.share,
         )  # fmt: skip
         first, second = p.first[on], p.second[on]
@@ -163,8 +129,9 @@ class EdgeContact:
         """Energy in the springs [J] and number of closed pairs. Local."""
         p, e = self.pairs, self.edges
         return edge_energy(
-            p.gap, p.offset, p.closed, p.stiffness, p.shear, p.first, e.ratio, self.largest_depth
-        )
+            p.gap, p.offset, p.recess, p.closed, p.stiffness, p.shear, p.first, e.ratio,
+            p.largest_depth,
+        )  # fmt: skip
 
     def closed_grains(self):
         """Both grains of each closed pair, shape (num_closed, 2). Local."""
@@ -175,17 +142,19 @@ class EdgeContact:
 class _Edges:
     """Sharp edges of a surface, own edges first. Arrays as in kernels.edges."""
 
-    def __init__(self, x, num_own, surface, ratio_of_node):
+    def __init__(self, num_own, surface, ratio_of_node):
         s = surface
         # Those of facets that only complete a ring too: they count at the corners of others.
-        self.ends, self.beyond, sides, self.key = find_sharp_edges(
-            x, s.facets, s.neighbor, s.global_facet, math.cos(SHARP)
+        self.ends, self.beyond, sides, self.key = list_sharp_edges(
+            s.facets, s.neighbor, s.global_facet, s.sharp_edge
         )
         self.num_own = int(np.count_nonzero(self.ends[:, 0] < num_own))
         self.grain = s.grain_of_facet[sides[:, 0]]
         self.area = np.empty(self.grain.size)
-        edge_areas(self.area, x, self.ends, s.facets, s.ring_offset, s.ring)
+        edge_areas(self.area, self.ends, s.area_of_facet, s.ring_offset, s.ring)
+        self.length = edge_of_area(self.area, 2)  #: of an even mesh [m]
         self.layer = s.layer_of_facet[sides].mean(axis=1)
+        self.depth = s.depth_of_facet[sides].mean(axis=1)
         # An edge that goes on beyond its end counts in full, one of k at a corner for 1/k.
         count = np.bincount(self.ends.ravel(), minlength=1)[self.ends]
         self.share = np.where(count > 2, 1.0 / count, 1.0)
@@ -195,20 +164,23 @@ class _Edges:
 class _EdgePairs:
     """Pairs of edges of one rank. Arrays as in kernels.edges."""
 
-    def __init__(self, first, second, edges, clock):
+    def __init__(self, first, second, edges, recess, clock):
         n = first.size
         self.first, self.second = first, second
         self.key = (edges.key[first] << 31) | edges.key[second]
         self.ratio = edges.ratio[first]
         self.grain, self.partner = edges.grain[first], edges.grain[second]
+        self.size = 0.5 * (edges.length[first] + edges.length[second])
+        self.largest_depth = edges.depth[first] + edges.depth[second]
+        self.recess = recess * self.size
         self.due = np.full(n, clock)
         self.outside = np.full(n, np.inf)
-        self.pierced = np.zeros(n, dtype=bool)
         self.place = np.full((n, 2), 0.5)
         self.normal = np.zeros((n, 3))
         self.gap = np.full(n, np.inf)
         self.offset = np.zeros(n)
         self.closed = np.zeros(n, dtype=bool)
+        self.sliding = np.zeros(n, dtype=bool)
         self.stiffness = np.zeros(n)
         self.anchor = np.zeros((n, 2))
         self.shear = np.zeros((n, 3))
@@ -216,10 +188,14 @@ class _EdgePairs:
         self.work = np.zeros(n)
 
 
-def _search(x, edges, reach, clock):
-    """All pairs of edges within ``reach``; the cost grows linearly with their number. Local."""
+def _search(x, edges, reach):
+    """All pairs of edges within ``reach``; the cost grows linearly with their number. Local.
+
+    Returns:
+        First and second edge of each pair, in increasing order.
+    """
     if not edges.num_own:
-        return _EdgePairs(*np.empty((2, 0), np.int32), edges, clock)
+        return np.empty((2, 0), np.int32)
     a, b = np.moveaxis(x[edges.ends[: edges.num_own]], 1, 0)
     low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
     extent = np.abs(b - a).max(axis=1).mean()
@@ -227,7 +203,9 @@ def _search(x, edges, reach, clock):
     size = max(extent + reach, np.cbrt(np.prod(high - low + extent) / edges.num_own))
     shape = tuple(((high - low) / size).astype(np.int64) + 1)
     cells = sort_edges_into_cells(x, edges.ends, edges.num_own, low, size, shape)
-    pairs = find_edge_pairs(
+    first, second = find_edge_pairs(
         x, edges.ends, edges.grain, edges.num_own, reach, low, size, shape, *cells
     )
-    return _EdgePairs(*pairs, edges, clock)
+    # As cells have them, the order of sums would hang on where other grains are.
+    order = np.lexsort((second, first))
+    return first[order], second[order]

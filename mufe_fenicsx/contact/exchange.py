@@ -12,6 +12,8 @@ from .surface import neighbors, rings
 
 #: Tag of the messages between neighbour ranks.
 TAG = 71
+#: Numbers that tell a facet to another rank.
+NUMBERS = 8
 
 
 @dataclass(frozen=True)
@@ -22,6 +24,9 @@ class Surface:
     global_facet: np.ndarray  #: number over all ranks, shape (num_facets,)
     grain_of_facet: np.ndarray  #: global index of the grain, shape (num_facets,)
     layer_of_facet: np.ndarray  #: compliance [m/Pa], shape (num_facets,)
+    area_of_facet: np.ndarray  #: in the reference configuration [m²], shape (num_facets,)
+    depth_of_facet: np.ndarray  #: part in the largest depth of pairs [m], shape (num_facets,)
+    sharp_edge: np.ndarray  #: whether the edges 0-1, 1-2, 2-0 are sharp, shape (num_facets, 3)
     use: np.ndarray  #: False for facets that only complete a ring, shape (num_facets,)
     neighbor: np.ndarray  #: as in kernels.closest, shape (num_facets, 3)
     ring_offset: np.ndarray  #: compressed rows of the facets around each node
@@ -98,7 +103,7 @@ class SurfaceVector(SurfaceArray):
             self.vector.destroy()
 
 
-def exchange_surface(comm, own, layer_of_facet, x, reach):
+def exchange_surface(comm, own, layer_of_facet, depth_of_facet, x, reach):
     """Fetch the facets of other ranks that lie within ``reach`` of this rank's surface. Collective.
 
     Ranks whose boxes overlap, grown by ``reach``, tell each other which cells of a grid their
@@ -111,6 +116,7 @@ def exchange_surface(comm, own, layer_of_facet, x, reach):
         comm: MPI communicator.
         own: :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
         layer_of_facet: Compliance of own facets [m/Pa], shape (num_facets,).
+        depth_of_facet: Their parts in the largest depth of pairs [m], shape (num_facets,).
         x: Positions of own surface nodes [m], shape (num_nodes, 3).
         reach: Distance [m].
 
@@ -122,23 +128,26 @@ def exchange_surface(comm, own, layer_of_facet, x, reach):
     first_facet = comm.exscan(own.facets.shape[0]) or 0
     facets = own.facets
     global_facet = first_facet + np.arange(facets.shape[0])
-    grain, layer = own.grain_of_facet, layer_of_facet
+    grain, layer, area, depth = (
+        own.grain_of_facet, layer_of_facet, own.facet_area, depth_of_facet,
+    )  # fmt: skip
+    sharp = own.sharp_edge
     use = np.ones(facets.shape[0], dtype=bool)
     ghosts = np.empty(0, dtype=np.int64)
     neighbor, ring_offset, ring = own.neighbor, own.ring_offset, own.ring
 
-    far, known = np.empty((0, 6), dtype=np.int64), []
+    far, known = np.empty((0, NUMBERS), dtype=np.int64), []
     if comm.size > 1:
         ranks, selected = near_other_ranks(comm, own.facets, x, reach)
         outgoing = [
-            _packed(own, layer_of_facet, near, x.shape[0], first_node, first_facet)
+            _packed(own, layer, depth, near, x.shape[0], first_node, first_facet)
             for near in selected
         ]
         incoming = swap(comm, ranks, [part.reshape(-1).view(np.uint8) for part in outgoing])
-        incoming = [part.view(np.int64).reshape(-1, 6) for part in incoming]
+        incoming = [part.view(np.int64).reshape(-1, NUMBERS) for part in incoming]
         far = np.concatenate([far, *incoming])
         for rank, *parts in zip(ranks, outgoing, incoming, strict=True):
-            known.append((int(rank), *(np.unique(part[:, 4] >> 1) for part in parts)))
+            known.append((int(rank), *(np.unique(part[:, 4] >> 4) for part in parts)))
     if len(far):
         ghosts, far_facets = np.unique(far[:, :3], return_inverse=True)
         far_facets = far_facets.reshape(-1, 3)
@@ -152,15 +161,22 @@ def exchange_surface(comm, own, layer_of_facet, x, reach):
         ring = np.concatenate([ring, far_ring + np.int32(num_near)])
         facets = np.vstack([facets, far_facets + num_own]).astype(np.int32)
         global_facet = np.concatenate([global_facet, far[:, 3]])
-        grain = np.concatenate([grain, far[:, 4] >> 1])
+        grain = np.concatenate([grain, far[:, 4] >> 4])
         use = np.concatenate([use, (far[:, 4] & 1).astype(bool)])
-        layer = np.concatenate([layer, far[:, 5].copy().view(np.float64)])
+        sharp = np.concatenate([sharp, (far[:, 4, None] >> [1, 2, 3] & 1).astype(bool)])
+        layer, area, depth = (
+            np.concatenate([here, far[:, 5 + k].copy().view(np.float64)])
+            for k, here in enumerate((layer, area, depth))
+        )
 
     surface = Surface(
         facets=facets,
         global_facet=global_facet,
         grain_of_facet=grain.astype(np.int32),
         layer_of_facet=np.array(layer),
+        area_of_facet=area,
+        depth_of_facet=depth,
+        sharp_edge=sharp,
         use=use,
         neighbor=neighbor,
         ring_offset=ring_offset,
@@ -233,12 +249,14 @@ def swap(comm, ranks, messages):
     return received
 
 
-def _packed(own, layer, near, num_nodes, first_node, first_facet):
-    """Facets that are ``near``, and those around their vertices: six numbers each, int64."""
+def _packed(own, layer, depth, near, num_nodes, first_node, first_facet):
+    """Facets that are ``near``, and those around their vertices: ``NUMBERS`` each, int64."""
     send = with_rings(own.facets, near, num_nodes)
-    rows = np.empty((send.size, 6), dtype=np.int64)
+    rows = np.empty((send.size, NUMBERS), dtype=np.int64)
     rows[:, :3] = own.facets[send] + np.int64(first_node)
     rows[:, 3] = first_facet + send
-    rows[:, 4] = 2 * own.grain_of_facet[send].astype(np.int64) + near[send]
-    rows[:, 5] = layer[send].astype(np.float64).view(np.int64)
+    rows[:, 4] = 16 * own.grain_of_facet[send].astype(np.int64) + near[send]
+    rows[:, 4] += own.sharp_edge[send] @ np.array([2, 4, 8])
+    for k, values in enumerate((layer, own.facet_area, depth)):
+        rows[:, 5 + k] = values[send].astype(np.float64).view(np.int64)
     return rows

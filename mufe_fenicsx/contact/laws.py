@@ -21,13 +21,14 @@ at rest an overlap remains wherever force over mass varies from node to node
 import math
 
 import numpy as np
-from mpi4py import MPI
 
 from ..errors import InputError
 
 KINEMATIC = "kinematic"
 #: c of the layer, for tetrahedra with averaged pressure and contact at facets.
 COMPLIANCE = 0.25
+#: The force of a contact grows no more beyond this depth, over the mean of both sides' edges.
+LARGEST_DEPTH = 0.1
 
 
 def edge_of_area(area, num_triangles):
@@ -92,21 +93,27 @@ def replace_layers(mesh, own, layers, rigid_layer):
         layer[rigid] = rigid_layer[grain[rigid]]
 
 
-def foundation_depth(comm, rigid_layer, modulus, largest_depth):
-    """Depth [m] at which two rigid grains press as two others ``largest_depth`` h deep do.
+def largest_depths(mesh, own, modulus, rigid_layer=None):
+    """Parts of nodes and of facets in the depth from which the force of a pair grows no more [m].
 
-    Layers of c h/E* reach the pressure E* d/(2 c) there, d = ``largest_depth``; the smallest
-    over all rigid grains, 0 without any. Collective.
+    Both sides add: of deformable grains half of ``LARGEST_DEPTH`` h each, where the pressure is
+    that part of E*/(2 c); of rigid ones what reaches the same pressure with their layer, if more.
+    Nothing but the two sides of a pair takes part.
 
     Args:
-        comm: MPI communicator.
-        rigid_layer: As above [m/Pa], shape (num_grains,).
-        modulus: E/(1 - nu²) of the grains [Pa], shape (num_grains,).
-        largest_depth: Over the element size.
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        own: Its :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
+        modulus: E/(1 - nu²) of this rank's grains [Pa], shape (num_grains,).
+        rigid_layer: Compliance of grains that do not deform [m/Pa], nan for others; None: all do.
     """
-    thickness = rigid_layer * modulus
-    least = comm.allreduce(float(np.nanmin(thickness, initial=np.inf)), op=MPI.MIN)
-    return largest_depth / COMPLIANCE * least if np.isfinite(least) else 0.0
+    edges = edge_of_area(own.whole_area, 2), edge_of_area(own.facet_area, 1)
+    depths = tuple(0.5 * LARGEST_DEPTH * edge for edge in edges)
+    if rigid_layer is not None:
+        of_rigid = np.nan_to_num(0.5 * LARGEST_DEPTH / COMPLIANCE * rigid_layer * modulus)
+        grains = mesh.grain_of_node[own.nodes], own.local_grain_of_facet
+        for depth, grain in zip(depths, grains, strict=True):
+            np.maximum(depth, of_rigid[grain], out=depth)
+    return depths
 
 
 def inertial_layers(own, mass):

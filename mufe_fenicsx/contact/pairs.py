@@ -17,6 +17,7 @@ REMEMBERED = (
     "offset",
     "closed",
     "stiffness",
+    "largest_depth",
     "anchor",
     "shear",
     "slip",
@@ -95,7 +96,7 @@ def _find(global_facet, wanted):
     return np.where(ordered[place] == wanted, order[place], -1)
 
 
-def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock, deep=None):
+def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock, depth_of_point=None):
     """All pairs of own points with facets of other grains within ``reach``. Local.
 
     The cost grows linearly with nodes and facets: a regular grid of cells about
@@ -108,16 +109,16 @@ def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock, d
         grain_of_point: Their grains, shape (num_points,).
         facets: Vertices as rows of ``x``, shape (num_facets, 3).
         surface: :class:`~mufe_fenicsx.contact.exchange.Surface`.
-        reach: Distance [m].
+        reach: Distance of each facet [m], shape (num_facets,).
         clock: Reading of the clock of relative motion [m].
-        deep: For contact of grains with themselves too, how far behind a facet a node may be
-            found [m]; None for contact between grains alone.
+        depth_of_point: For contact of grains with themselves too, parts of points in the largest
+            depth of pairs [m], shape (num_points,); None for contact between grains alone.
     """
     extent = mean_extent(x, facets) if facets.size else 1.0
     low, high = box_around(x[:num_points])
     span = high - low
     # Cells no smaller than a facet with its reach, no more of them than points.
-    size = max(extent + reach, np.cbrt(np.prod(span + extent) / max(num_points, 1)))
+    size = max(extent + reach.mean(), np.cbrt(np.prod(span + extent) / max(num_points, 1)))
     shape = tuple((span / size).astype(np.int64) + 1)
     offset, nodes = sort_into_cells(x, num_points, low, size, shape)
     grains = surface.grain_of_facet
@@ -135,10 +136,11 @@ def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock, d
         offset,
         nodes,
     )
-    if deep is not None:
+    if depth_of_point is not None:
         node, facet = find_self_candidates(
             x, grain_of_point, surface.facets, surface.grain_of_facet, surface.ring_offset,
-            surface.ring, reach, deep, low, size, shape, offset, nodes,
+            surface.ring, reach, depth_of_point, surface.depth_of_facet, low, size, shape, offset,
+            nodes,
         )  # fmt: skip
         node = np.concatenate([np.repeat(np.arange(num_points), np.diff(first)), node])
         candidate = np.concatenate([candidate, facet])

@@ -39,6 +39,7 @@ class Points:
     area: np.ndarray  #: [m²], shape (num_points,)
     layer: np.ndarray  #: compliance of the layer [m/Pa], shape (num_points,)
     facet_area: np.ndarray  #: area of the facets there [m²], shape (num_points,)
+    depth: np.ndarray  #: part in the largest depth of pairs [m], shape (num_points,)
     ring_offset: np.ndarray | None  #: compressed rows of the own facets around each point;
     ring: np.ndarray | None  #: None where points are nodes
     #: Nodes around each point that is a node: surface nodes, int32, one after another;
@@ -101,7 +102,7 @@ class Points:
         return at_nodes
 
 
-def surface_points(kind, mesh, own, x, node_layer, layer):
+def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth):
     """Points of a surface. Local.
 
     Args:
@@ -110,6 +111,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
         own: Its :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
         x: Reference positions of the mesh's nodes [m], shape (num_nodes, 3).
         node_layer, layer: Compliance of the layer of nodes and of facets [m/Pa].
+        node_depth, depth: Their parts in the largest depth of pairs [m].
 
     Raises:
         InputError: There is no such kind.
@@ -127,6 +129,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
             area=own.area,
             layer=node_layer,
             facet_area=0.5 * own.whole_area,
+            depth=node_depth,
             ring_offset=None,
             ring=None,
             around=around,
@@ -154,6 +157,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer):
         area=both(own.facet_area / n, own.area),
         layer=both(layer, node_layer),
         facet_area=both(own.facet_area, 0.5 * own.whole_area),
+        depth=both(depth, node_depth),
         ring_offset=np.concatenate([[0], np.cumsum(num_around)]).astype(np.int32),
         ring=np.concatenate([facets, *around]).astype(own.ring.dtype),
         around=neighbors,

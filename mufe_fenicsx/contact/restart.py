@@ -24,8 +24,8 @@ WALLS_KEPT = (
     "due", "gap", "offset", "closed", "anchor", "shear", "slip", "push", "work", "sliding",
 )  # fmt: skip
 EDGES_KEPT = (
-    "due", "outside", "pierced", "place", "normal", "gap", "offset", "closed", "stiffness",
-    "anchor", "shear", "slip", "work",
+    "due", "outside", "place", "normal", "gap", "offset", "closed", "sliding",
+    "stiffness", "anchor", "shear", "slip", "work",
 )  # fmt: skip
 
 
@@ -275,10 +275,9 @@ def restore_contact(contact, mesh, tables, everything_moves):
     for name in ("grain", "partner", "work"):
         setattr(contact.ledger, name, accounts[name][by_pair])
 
-    contact.exchange(searched, contact.reach)
+    contact.exchange(searched, contact.reach, contact.overlap)
     names = Names(contact, mesh)
-    nodes = contact.positions.array[contact.num_before :]
-    contact.edges.list_edges(nodes, own.nodes.size, contact.surface)
+    contact.edges.list_edges(own.nodes.size, contact.surface)
     contact.pairs = pairs = _pairs(contact, names, tables.pop("pairs"), tables.pop("candidates"))
     known = np.flatnonzero(pairs.known)
     facet = pairs.candidate[pairs.closest[known]]

@@ -8,7 +8,7 @@ from .restart import EDGES_KEPT, WALLS_KEPT
 #: Arrays that an evaluation changes, of pairs with facets, besides their rows.
 OF_PAIRS = ("due", "candidate_due", "closest")
 #: Numbers of the contact operator itself.
-NUMBERS = ("dissipated", "num_adopted", "num_deep", "deepest", "clock")
+NUMBERS = ("dissipated", "switched", "num_adopted", "deepest", "clock")
 
 
 class ContactMark:
@@ -24,7 +24,6 @@ class ContactMark:
         self.num_searches = contact.num_searches
         self._kept = [(array, array.copy()) for array in _arrays(contact)]
         self._numbers = {name: getattr(contact, name) for name in NUMBERS}
-        self._lost = contact.edges.lost
 
     def restore(self):
         """Make the contacts what they were; a search since then must not have been.
@@ -39,7 +38,6 @@ class ContactMark:
             np.copyto(array, kept)
         for name, value in self._numbers.items():
             setattr(contact, name, value)
-        contact.edges.lost = self._lost
 
     def before(self, name):
         """``closed`` or ``slip`` then: of pairs with facets, of edges and with walls."""

@@ -13,13 +13,14 @@ from mpi4py import MPI
 
 from ..errors import InputError
 from .assemble import Contact
+from .laws import edge_of_area
 from .nodal import current_gaps
 from .reshape import extend, set_reference, volumes
 from .walls import Walls
 
-#: An overlap, or what remains of a gap, below this many mean facet edges counts as none.
+#: An overlap, or what remains of a gap, below this many edges at the node counts as none.
 TOLERANCE = 1e-3
-#: Nodes nearer than this many mean facet edges to a neighbour count for the contact area.
+#: Nodes nearer than this many edges to a neighbour count for the contact area.
 TOUCHING = 1e-2
 #: Gaps up to this many times the distance that is closed are narrowed, the less the wider.
 TAPER = 2.0
@@ -61,7 +62,7 @@ def separate(mesh, max_shift, close_gaps=0.0, close_gaps_over_h=0.0, max_sweeps=
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
-        max_shift: Largest shift of a node, in mean facet edges.
+        max_shift: Largest shift of a node, in edges of the facets around it.
         close_gaps: Gaps to close [m], none if 0.
         close_gaps_over_h: The same in mean facet edges; one of both is 0.
         max_sweeps: Searches at most; where gaps are closed, again as many, which only undo
@@ -83,7 +84,7 @@ def separate(mesh, max_shift, close_gaps=0.0, close_gaps_over_h=0.0, max_sweeps=
             f"mean edge of facets, {before.edge:.3g} m: each side moves by no more than half of it"
         )
     wanted = _Wanted(before, close_gaps)
-    limit = max_shift * before.edge
+    limit = max_shift * before.edge_at_node
     last = max_sweeps if close_gaps == 0 else 2 * max_sweeps
     for sweep in range(last + 1):
         move = wanted.moves(gaps, narrow=sweep < max_sweeps)
@@ -132,7 +133,11 @@ class _Gaps:
         contact.destroy()
         pairs, own = contact.pairs, contact.own
         self.comm, self.edge = mesh.comm, contact.edge
-        self.nodes = own.nodes[pairs.node]
+        edge = edge_of_area(own.whole_area, 2)
+        self.nodes, self.h = own.nodes[pairs.node], edge[pairs.node]
+        #: Of the facets around each node of the mesh that is on the surface [m], (num_nodes,).
+        self.edge_at_node = np.zeros(mesh.num_nodes)
+        self.edge_at_node[own.nodes] = edge
         #: A number for each pair of a node and another grain, increasing.
         self.key = pairs.node.astype(np.int64) * mesh.labels.size + pairs.grain
         self._look(contact, pairs)
@@ -155,7 +160,7 @@ class _Gaps:
 
     def overlaps(self):
         """Nodes inside another grain beyond the tolerance, and the deepest [m]. Collective."""
-        count = np.count_nonzero(self.gap < -TOLERANCE * self.edge)
+        count = np.count_nonzero(self.gap < -TOLERANCE * self.h)
         deepest = self.comm.allreduce(abs(self.gap.min(initial=0.0)), op=MPI.MAX)
         return int(self.comm.allreduce(count)), float(deepest)
 
@@ -165,7 +170,6 @@ class _Wanted:
 
     def __init__(self, gaps, distance):
         self.key, self.area, self.facing = gaps.key, gaps.area, gaps.facing
-        self.tolerance = TOLERANCE * gaps.edge
         g = np.maximum(gaps.gap, 0.0)
         weight = np.zeros(g.size)
         if distance > 0:
@@ -173,7 +177,7 @@ class _Wanted:
             weight *= _smooth_step((gaps.facing - FACING[0]) / (FACING[1] - FACING[0]))
         self.gap = np.where(weight > 0, g * (1.0 - weight), np.inf)
         #: Pairs whose gap shall vanish.
-        self.closing = (weight == 1.0) & (g > self.tolerance)
+        self.closing = (weight == 1.0) & (g > TOLERANCE * gaps.h)
 
     def _of(self, gaps):
         """For each pair of ``gaps`` its place among those at first, and whether it has one."""
@@ -189,10 +193,11 @@ class _Wanted:
         wanted = np.full(gaps.gap.size, np.inf)
         wanted[known] = self.gap[place[known]]
         move = np.zeros(gaps.gap.size)
-        inside = gaps.gap < -self.tolerance
-        move[inside] = 0.5 * (self.tolerance - gaps.gap[inside])
+        tolerance = TOLERANCE * gaps.h
+        inside = gaps.gap < -tolerance
+        move[inside] = 0.5 * (tolerance - gaps.gap)[inside]
         # What is narrow enough is not widened again: only what overlaps moves back.
-        wide = narrow & (gaps.gap > wanted + self.tolerance)
+        wide = narrow & (gaps.gap > wanted + tolerance)
         move[wide] = -0.5 * (gaps.gap[wide] - wanted[wide])
         return move
 
@@ -200,7 +205,7 @@ class _Wanted:
         """Nodes whose gap to another grain shall vanish and has not. Collective."""
         place, known = self._of(gaps)
         closing = np.flatnonzero(known)[self.closing[place[known]]]
-        open_still = gaps.gap[closing] > TOUCHING * gaps.edge
+        open_still = gaps.gap[closing] > TOUCHING * gaps.h[closing]
         return int(gaps.comm.allreduce(np.unique(gaps.nodes[closing[open_still]]).size))
 
     def contact_area(self, gaps):
@@ -210,8 +215,8 @@ class _Wanted:
         surfaces touch.
         """
         place, known = self._of(gaps)
-        place, gap = place[known], gaps.gap[known]
-        touching = (gap < TOUCHING * gaps.edge) & (self.facing[place] > FACING[0])
+        place, near = place[known], (gaps.gap < TOUCHING * gaps.h)[known]
+        touching = near & (self.facing[place] > FACING[0])
         return float(gaps.comm.allreduce(0.5 * self.area[place[touching]].sum()))
 
 

@@ -134,9 +134,9 @@ def _fill_pairs(contact, on, nodes, share, normal, kn, kt):
     nodes[:, :3], share[:, :3] = points.carriers(pairs.node[on])
     list_pairs(
         nodes, share, normal, kn, kt, on, pairs.node, pairs.candidate, pairs.closest,
-        surface.facets, contact.positions.array[contact.num_before :], pairs.weights,
-        pairs.normal, pairs.closed, pairs.stiffness, points.facet_area, points.area,
-        contact.layer, surface.layer_of_facet, contact.ratio,
+        surface.facets, pairs.weights, pairs.normal, pairs.closed, pairs.stiffness,
+        points.facet_area, surface.area_of_facet, points.area, contact.layer,
+        surface.layer_of_facet, contact.ratio,
     )  # fmt: skip
 
 

@@ -1,8 +1,17 @@
 """Surface of this rank's grains: nodes, facets, areas, neighbours."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+
+from ..kernels.edge_search import sharp_edges
+
+#: Convex edges are sharp whose facets' normals differ by more than this angle [rad]. Where two
+#: edges of length h cross at their middles, a vertex is inside the other body from the depth
+#: (h/2) tan(angle/2) on, of the blunter edge: at 20° nodes and facets miss 0.09 h at most, on
+#: a smooth surface (angle = 0.6 h/R) 0.15 h²/R, as much as its facets cut off.
+SHARP_EDGE = math.radians(20.0)
 
 
 @dataclass(frozen=True)
@@ -25,6 +34,7 @@ class OwnSurface:
     whole_area: np.ndarray  #: nodal areas with those beyond mirrors [m²], shape (num_nodes,)
     mirror: np.ndarray  #: wall that an edge without a neighbour lies on, -1 for none, as `neighbor`
     mirror_normal: np.ndarray  #: unit normals of all walls, shape (num_walls, 3)
+    sharp_edge: np.ndarray  #: whether the edges 0-1, 1-2, 2-0 are sharp, shape (num_facets, 3)
 
 
 def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
@@ -63,6 +73,7 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
         whole_area=area * 2.0 ** on_mirror[nodes].sum(axis=1),
         mirror=_mirrors_at_edges(on_mirror[of_mesh], across),
         mirror_normal=mirror_normal,
+        sharp_edge=sharp_edges(x[nodes], facets, across, math.cos(SHARP_EDGE)),
     )
 
 

@@ -76,13 +76,13 @@ class ContactTangent:
             *parts[0], x, before, *c.corners(), p.node, p.candidate, p.closest, p.closed, closed,
             p.weights, p.normal, p.gap, p.offset, p.stiffness, p.anchor, p.shear, p.slip, slip,
             p.push, p.sliding, c.facets, c.points.area, c.points.recess, c.ratio,
-            c.friction_kinetic, c.largest_depth,
+            c.friction_kinetic, p.largest_depth,
         )  # fmt: skip
         q = e.pairs
         edge_tangent(
             *parts[1], x[before:], q.first, q.second, e.edges.ends, q.closed, edge_closed, q.place,
-            q.normal, q.gap, q.offset, q.stiffness, q.anchor, q.shear, q.slip, edge_slip,
-            e.edges.ratio, c.friction, c.largest_depth,
+            q.normal, q.gap, q.offset, q.recess, q.stiffness, q.anchor, q.shear, q.slip, edge_slip,
+            e.edges.ratio, c.friction_kinetic, q.largest_depth,
         )  # fmt: skip
         v = w.pairs
         wall_tangent(

@@ -201,10 +201,10 @@ def pair_tangent(
                     before = X[j, k]
                     X[j, k] = before + step
                     _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset[p], recess[n],
-                             largest_depth, trial)  # fmt: skip
+                             largest_depth[p], trial)  # fmt: skip
                     X[j, k] = before - step
                     _of_pair(G, X, weight, feature, side, fixed, kn, kt, mu, offset[p], recess[n],
-                             largest_depth, trial)  # fmt: skip
+                             largest_depth[p], trial)  # fmt: skip
                     X[j, k] = before
                 for i in range(6):
                     b = count + 6 * i + j
@@ -250,7 +250,7 @@ def _of_edges(F, X, side, kn, kt, mu, offset, largest, anchor_s, anchor_t):
 @numba.njit(cache=True, error_model="numpy")
 def edge_tangent(
     rows, columns, blocks, x, first, second, ends, closed, closed0, place, normal, gap, offset,
-    stiffness, anchor, shear, slip, slip0, ratio, friction, largest_depth,
+    recess, stiffness, anchor, shear, slip, slip0, ratio, friction_kinetic, largest_depth,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed crossings of edges, in turn, as blocks.
 
@@ -275,11 +275,11 @@ def edge_tangent(
         size = math.sqrt(min(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz))
         kn = stiffness[p]
         kt = kn * ratio[i] if closed0[p] else 0.0
-        mu, scale, short = -1.0, 1.0, math.inf
+        mu, scale, short, begin = -1.0, 1.0, math.inf, offset[p] - recess[p]
         slipped = slip[p] - slip0[p]
         if slipped > 0.0 and closed0[p]:
-            mu = friction
-            limit = mu * kn * min(offset[p] - gap[p], largest_depth)
+            mu = friction_kinetic
+            limit = mu * kn * min(offset[p] - recess[p] - gap[p], largest_depth[p])
             scale = (limit + kt * slipped) / limit if limit > 0.0 else 0.0
             short = limit / kt + slipped
         trial_s = place[p, 0] + scale * (anchor[p, 0] - place[p, 0])
@@ -289,9 +289,9 @@ def edge_tangent(
             for k in range(3):
                 before = X[c, k]
                 X[c, k] = before + step
-                _of_edges(F, X, side, kn, kt, mu, offset[p], largest_depth, trial_s, trial_t)
+                _of_edges(F, X, side, kn, kt, mu, begin, largest_depth[p], trial_s, trial_t)
                 X[c, k] = before - step
-                _of_edges(G, X, side, kn, kt, mu, offset[p], largest_depth, trial_s, trial_t)
+                _of_edges(G, X, side, kn, kt, mu, begin, largest_depth[p], trial_s, trial_t)
                 X[c, k] = before
                 for r in range(4):
                     b = count + 4 * r + c

@@ -9,7 +9,7 @@ PARALLEL = 0.01
 #: Angle by which the normal may lie outside the normals of an edge's facets [rad]: where an
 #: edge lies flat on a facet, or two facets on each other, all their crossings carry.
 ARC = 0.1
-#: Part of an edge by which a crossing may lie beyond its end: edges may meet at their ends.
+#: Part of an edge by which a crossing may lie beyond its end, where another edge takes over.
 END = 1e-3
 
 
@@ -84,34 +84,46 @@ def crossing(x, ends, beyond, i, j):
 
 
 @numba.njit(cache=True)
-def _volume(x, a, b, c, d):
+def _volume(a, b, c, d):
     """Six times the volume of a tetrahedron."""
-    ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-    vx, vy, vz = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
-    wx, wy, wz = x[d, 0] - x[a, 0], x[d, 1] - x[a, 1], x[d, 2] - x[a, 2]
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    wx, wy, wz = d[0] - a[0], d[1] - a[1], d[2] - a[2]
     return ux * (vy * wz - vz * wy) + uy * (vz * wx - vx * wz) + uz * (vx * wy - vy * wx)
 
 
 @numba.njit(cache=True)
-def _pierces(x, a, b, c, d, e):
+def _pierces(a, b, c, d, e):
     """Whether the segment a, b meets the triangle c, d, e."""
-    if _volume(x, a, c, d, e) * _volume(x, b, c, d, e) > 0.0:
+    if _volume(a, c, d, e) * _volume(b, c, d, e) > 0.0:
         return False
-    first, second, third = _volume(x, a, b, c, d), _volume(x, a, b, d, e), _volume(x, a, b, e, c)
+    first, second, third = _volume(a, b, c, d), _volume(a, b, d, e), _volume(a, b, e, c)
     return (first >= 0.0 and second >= 0.0 and third >= 0.0) or (
         first <= 0.0 and second <= 0.0 and third <= 0.0
     )
 
 
 @numba.njit(cache=True)
-def piercings(x, ends, beyond, i, j):
+def _reach(x, ends, share, i):
+    """Ends of an edge, a little farther where it goes on as another one."""
+    a, b = x[ends[i, 0]], x[ends[i, 1]]
+    along = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
+    before, after = END * (share[i, 0] == 1.0), END * (share[i, 1] == 1.0)
+    return (
+        (a[0] - before * along[0], a[1] - before * along[1], a[2] - before * along[2]),
+        (b[0] + after * along[0], b[1] + after * along[1], b[2] + after * along[2]),
+    )
+
+
+@numba.njit(cache=True)
+def piercings(x, ends, beyond, share, i, j):
     """How often two edges pierce facets of each other, 0 to 4.
 
     Not at all where the lines of edges cross inside each other but the edges or the facets
     have ended before.
     """
-    a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
+    (a, b), (c, d) = _reach(x, ends, share, i), _reach(x, ends, share, j)
     count = 0
     for m in range(2):
-        count += _pierces(x, a, b, c, d, beyond[j, m]) + _pierces(x, c, d, a, b, beyond[i, m])
+        count += _pierces(a, b, c, d, x[beyond[j, m]]) + _pierces(c, d, a, b, x[beyond[i, m]])
     return count

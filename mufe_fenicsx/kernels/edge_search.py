@@ -9,15 +9,55 @@ from .closest import facet_normal
 
 
 @numba.njit(cache=True, error_model="numpy")
-def find_sharp_edges(x, facets, neighbor, number, cosine):
-    """Convex edges whose facets' outward normals differ by more than an angle.
+def sharp_edges(x, facets, neighbor, cosine):
+    """Which edges of facets are convex and turn by more than an angle.
 
     Args:
         x: Positions [m], shape (num_nodes, 3).
         facets: Vertices, outward, shape (num_facets, 3).
+        neighbor: Facets across the edges 0-1, 1-2, 2-0, -1 for none, shape (num_facets, 3).
+        cosine: Cosine of that angle between the outward normals of both facets.
+
+    Returns:
+        Shape (num_facets, 3), the same from both sides of an edge.
+    """
+    sharp = np.zeros(facets.shape, np.bool_)
+    normal = np.empty(facets.shape)
+    for f in range(facets.shape[0]):
+        normal[f] = facet_normal(x, facets[f, 0], facets[f, 1], facets[f, 2])
+    for f in range(facets.shape[0]):
+        for k in range(3):
+            o = neighbor[f, k]
+            if o < 0:
+                continue
+            nx, ny, nz = normal[f, 0], normal[f, 1], normal[f, 2]
+            if not nx * normal[o, 0] + ny * normal[o, 1] + nz * normal[o, 2] <= cosine:
+                continue
+            a, b = facets[f, k], facets[f, (k + 1) % 3]
+            d = _third(facets, o, a, b)
+            height = nx * (x[d, 0] - x[a, 0]) + ny * (x[d, 1] - x[a, 1]) + nz * (x[d, 2] - x[a, 2])
+            sharp[f, k] = height < 0.0
+    return sharp
+
+
+@numba.njit(cache=True)
+def _third(facets, f, a, b):
+    """The vertex of a facet that is neither a nor b."""
+    for m in range(2):
+        if facets[f, m] != a and facets[f, m] != b:
+            return facets[f, m]
+    return facets[f, 2]
+
+
+@numba.njit(cache=True)
+def list_sharp_edges(facets, neighbor, number, sharp):
+    """Sharp edges, each once.
+
+    Args:
+        facets: Vertices, outward, shape (num_facets, 3).
         neighbor: Facets across the edges 0-1, 1-2, 2-0, shape (num_facets, 3).
         number: Numbers of the facets over all ranks, shape (num_facets,).
-        cosine: Cosine of that angle.
+        sharp: As of :func:`sharp_edges`.
 
     Returns:
         ends, shape (num_edges, 2); the vertex beyond the edge in each of its two facets,
@@ -25,61 +65,39 @@ def find_sharp_edges(x, facets, neighbor, number, cosine):
         number first; key, three times that number plus the place of the edge in that facet,
         shape (num_edges,). In the order of the first facets.
     """
+    capacity = np.count_nonzero(sharp)
+    ends, beyond = np.empty((capacity, 2), np.int32), np.empty((capacity, 2), np.int32)
+    sides, key = np.empty((capacity, 2), np.int32), np.empty(capacity, np.int64)
     count = 0
-    normal = np.empty(facets.shape)
     for f in range(facets.shape[0]):
-        normal[f] = facet_normal(x, facets[f, 0], facets[f, 1], facets[f, 2])
-    for fill in range(2):
-        if fill:
-            ends, beyond = np.empty((count, 2), np.int32), np.empty((count, 2), np.int32)
-            sides, key = np.empty((count, 2), np.int32), np.empty(count, np.int64)
-            count = 0
-        for f in range(facets.shape[0]):
-            for k in range(3):
-                o = neighbor[f, k]
-                if o < 0 or number[o] < number[f]:
-                    continue
-                nx, ny, nz = normal[f, 0], normal[f, 1], normal[f, 2]
-                if not nx * normal[o, 0] + ny * normal[o, 1] + nz * normal[o, 2] <= cosine:
-                    continue
-                a, b = facets[f, k], facets[f, (k + 1) % 3]
-                d = facets[o, 0]
-                for m in range(1, 3):
-                    if d == a or d == b:
-                        d = facets[o, m]
-                height = (
-                    nx * (x[d, 0] - x[a, 0]) + ny * (x[d, 1] - x[a, 1]) + nz * (x[d, 2] - x[a, 2])
-                )
-                if height >= 0.0:
-                    continue
-                if fill:
-                    ends[count, 0], ends[count, 1] = a, b
-                    beyond[count, 0], beyond[count, 1] = facets[f, (k + 2) % 3], d
-                    sides[count, 0], sides[count, 1] = f, o
-                    key[count] = 3 * number[f] + k
-                count += 1
-    return ends, beyond, sides, key
+        for k in range(3):
+            o = neighbor[f, k]
+            if not sharp[f, k] or o < 0 or number[o] < number[f]:
+                continue
+            a, b = facets[f, k], facets[f, (k + 1) % 3]
+            ends[count, 0], ends[count, 1] = a, b
+            beyond[count, 0], beyond[count, 1] = facets[f, (k + 2) % 3], _third(facets, o, a, b)
+            sides[count, 0], sides[count, 1] = f, o
+            key[count] = 3 * number[f] + k
+            count += 1
+    return ends[:count].copy(), beyond[:count].copy(), sides[:count].copy(), key[:count].copy()
 
 
 @numba.njit(cache=True)
-def edge_areas(area, x, ends, facets, ring_offset, ring):
+def edge_areas(area, ends, area_of_facet, ring_offset, ring):
     """Mean area of the nodes at the ends of edges [m²], a third of their facets', in place.
 
     Args:
         area: Result, shape (num_edges,).
-        x: Positions [m], shape (num_nodes, 3).
         ends: Ends of the edges, shape (num_edges, 2).
-        facets, ring_offset, ring: Surface, as in kernels.closest.
+        area_of_facet: In the reference configuration [m²], shape (num_facets,).
+        ring_offset, ring: Surface, as in kernels.closest.
     """
     for e in range(area.size):
         area[e] = 0.0
         for m in range(2):
             for k in range(ring_offset[ends[e, m]], ring_offset[ends[e, m] + 1]):
-                a, b, c = facets[ring[k], 0], facets[ring[k], 1], facets[ring[k], 2]
-                ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-                vx, vy, vz = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
-                nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-                area[e] += math.sqrt(nx * nx + ny * ny + nz * nz) / 12.0
+                area[e] += area_of_facet[ring[k]] / 6.0
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -3,46 +3,60 @@
 import numba
 import numpy as np
 
+from .crossing import END
 from .springs import stored_energy
 
-#: A crossing that carries may leave its edges by this part of them, and the normals of their
-#: facets by this angle more [rad], before it is let go.
-OVERRUN = 0.1
+#: Crossings up to this part of their edges, or this angle [rad], outside can carry soon.
+BEYOND = 0.1
+
+
+@numba.njit(cache=True)
+def _part(place, share):
+    """Part of the stiffness of a crossing at a place on an edge.
+
+    Toward an end where the edge goes on, ``share`` 1, it fades out while that of the next edge
+    fades in: the two of a straight ridge add up to one. Toward a corner of k edges it falls to a
+    k-th over a quarter of the edge, for several of them can cross there at once.
+    """
+    inside = place if place < 0.5 else 1.0 - place
+    end = share[0] if place < 0.5 else share[1]
+    if end == 1.0:
+        return min(max(0.5 + 0.5 * inside / END, 0.0), 1.0)
+    return end + (1.0 - end) * min(max(4.0 * inside, 0.0), 1.0)
 
 
 @numba.njit(cache=True)
 def crossing_stiffness(i, j, s, t, area, layer, share):
-    """Stiffness of a crossing [N/m]: A/2 of a node of the finer edge, over both layers.
-
-    Near an end the share of the end: several edges of a corner can cross there at once.
-    """
-    part = 1.0
-    for e, place in ((i, s), (j, t)):
-        end = share[e, 0] if place < 0.5 else share[e, 1]
-        inner = min(max(4.0 * min(place, 1.0 - place), 0.0), 1.0)
-        part = min(part, end + (1.0 - end) * inner)
+    """Stiffness of a crossing [N/m]: A/2 of a node of the finer edge, over both layers."""
+    part = min(_part(s, share[i]), _part(t, share[j]))
     return 0.5 * part * min(area[i], area[j]) / (layer[i] + layer[j])
 
 
 @numba.njit(cache=True)
-def edge_energy(gap, offset, closed, stiffness, shear, first, ratio, largest_depth):
+def spring_energy(force, stiffness):
+    """Energy of a spring that carries a force [J]; none where it fades out."""
+    square = force[0] ** 2 + force[1] ** 2 + force[2] ** 2
+    return 0.5 * square / stiffness if square > 0.0 else 0.0
+
+
+@numba.njit(cache=True)
+def edge_energy(gap, offset, recess, closed, stiffness, shear, first, ratio, largest_depth):
     """Energy stored in the springs of closed pairs [J], and their number."""
     energy, count = 0.0, 0
     for p in range(first.size):
         if closed[p]:
             count += 1
-            t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
-            energy += stored_energy(stiffness[p], offset[p] - gap[p], largest_depth)
-            energy += 0.5 * t2 / (stiffness[p] * ratio[first[p]])
+            depth = offset[p] - gap[p] - recess[p]
+            energy += stored_energy(stiffness[p], depth, largest_depth[p])
+            energy += spring_energy(shear[p], stiffness[p] * ratio[first[p]])
     return energy, count
 
 
 @numba.njit(cache=True)
 def _can_close(outside, gap, wait, margin, size):
     """Whether a crossing can come between edges and facets, and close, by such a motion."""
-    if wait > 0.0:  # not looked at since: the gap is of then
-        return wait < margin and outside <= OVERRUN + 2.0 * margin / size
-    return gap < margin and outside <= OVERRUN + 2.0 * margin / size
+    nearest = wait if wait > 0.0 else gap  # not looked at since: the gap is of then
+    return nearest < margin and outside <= BEYOND + 2.0 * margin / size
 
 
 @numba.njit(cache=True)
@@ -50,7 +64,8 @@ def find_edge_springs(margin, size, due, outside, gap, clock, place, closed, sti
                       second, area, layer, share):  # fmt: skip
     """Pairs that are closed or can close by a motion of ``margin`` [m], and their stiffness.
 
-    Crossings that come between edges and facets by such a motion count too: an upper bound.
+    Crossings that come between edges and facets by such a motion count too, all with the stiffness
+    that they have away from ends: an upper bound.
 
     Args:
         others: As in :func:`~.edges.add_edge_forces`.
@@ -61,11 +76,10 @@ def find_edge_springs(margin, size, due, outside, gap, clock, place, closed, sti
     found, k = np.empty(first.size, np.int64), np.empty(first.size)
     n = 0
     for p in range(first.size):
-        if not (closed[p] or _can_close(outside[p], gap[p], due[p] - clock, margin, size)):
+        if not (closed[p] or _can_close(outside[p], gap[p], due[p] - clock, margin, size[p])):
             continue
-        s, t = min(max(place[p, 0], 0.0), 1.0), min(max(place[p, 1], 0.0), 1.0)
-        found[n], k[n] = p, stiffness[p]
-        if not closed[p]:
-            k[n] = crossing_stiffness(first[p], second[p], s, t, area, layer, share)
+        # As at the middle, whatever fades toward the ends.
+        found[n] = p
+        k[n] = crossing_stiffness(first[p], second[p], 0.5, 0.5, area, layer, share)
         n += 1
     return found[:n], k[:n]

@@ -6,13 +6,16 @@ import numba
 
 from .crossing import END, crossing, piercings
 from .edge_search import segment_distance
-from .edge_springs import OVERRUN, crossing_stiffness
+from .edge_springs import crossing_stiffness, spring_energy
 from .springs import stored_energy
 
-#: Crossings first seen deeper than this part of the mean facet edge are none.
-DEEPEST = 0.25
-#: Crossings farther outside, as of :func:`.crossing.crossing`, are not asked whether edges pierce.
-BESIDE = 0.5
+#: Crossings deeper than this part of the mean edge are none. The vertices of right-angled edges
+#: that cross at their middles are inside from a half on, and nodes and facets hold those.
+DEEPEST = 0.6
+#: Angle by which a crossing that was open may seem to lie outside its facets by rounding [rad].
+ROUNDING = 1e-3
+#: How far ``outside`` a crossing is whose edges or facets end before they meet.
+UNPIERCED = 2.0
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -44,12 +47,12 @@ def add_edge_forces(
     f,
     due,
     outside,
-    pierced,
     place,
     normal,
     gap,
     offset,
     closed,
+    sliding,
     stiffness,
     anchor,
     shear,
@@ -66,6 +69,7 @@ def add_edge_forces(
     share,
     ratio,
     friction,
+    friction_kinetic,
     size,
     largest_depth,
     recess,
@@ -81,22 +85,24 @@ def add_edge_forces(
     v; friction T = -k_t d acts at the anchors, and its couple g n x T is borne by forces
     ± h n at the ends of the edges, h u + h' v = g T. That is the gradient of k_t d²/2.
 
-    A contact begins at a gap that was open the step before, as in kernels.pairs, and a
-    crossing that was not there before counts only where edges pierce facets. A closed
-    crossing that leaves its edges or their facets hands depth and springs to the crossing
-    of an edge beside that took its place; where there is none it is let go (OVERRUN), and
-    what its springs stored counts as dissipated.
+    The normal force follows from where the edges are now: a pair carries where they cross between
+    their ends, with the stiffness of that place. It begins at a gap that was open, or where another
+    one leaves an edge that goes on. Edges that come in from the side, inside each other already,
+    are those of bodies that touch elsewhere: they carry from the depth on at which they came. What
+    springs lose where a crossing fades out or leaves its edges is counted. Anchors pass on to
+    the crossing that takes over.
 
     Args:
         f: Forces on surface nodes [N], shape (num_nodes, 3).
         due: Reading of the clock before which a pair cannot close, shape (num_pairs,).
-        outside: By how much the crossing lies outside, as of :func:`crossing`, (num_pairs,).
-        pierced: Whether the edges of an open pair pierced a facet, shape (num_pairs,).
+        outside: By how much the crossing lies outside, as of :func:`crossing`, (num_pairs,);
+            ``UNPIERCED`` where lines cross inside each other, but edges or facets end before.
         place: s and t of the crossing, shape (num_pairs, 2).
         normal: Unit normals, from the second to the first edge, shape (num_pairs, 3).
         gap, offset: Gap and its offset (<= 0) [m], shape (num_pairs,).
         closed: Whether the pair carries force, shape (num_pairs,).
-        stiffness: Of closed pairs [N/m], set when they close, shape (num_pairs,).
+        sliding: Whether it slipped in the last step, shape (num_pairs,).
+        stiffness: Of closed pairs [N/m], shape (num_pairs,).
         anchor: s and t of the anchors, shape (num_pairs, 2).
         shear: Friction on the first edge [N], shape (num_pairs, 3).
         slip: Slip since the last search [m], shape (num_pairs,).
@@ -109,96 +115,106 @@ def add_edge_forces(
         layer: Compliance c h/E* of the edges [m/Pa], shape (num_edges,).
         share: Part of the stiffness that acts at the ends of the edges, shape (num_edges, 2).
         ratio: Tangential over normal stiffness, shape (num_own_edges,).
-        friction: Coefficient of friction.
-        size: Mean facet edge [m].
-        largest_depth: Depth beyond which the force does not grow [m].
-        recess: Depth at which the contact of edges begins [m].
+        friction: Coefficient of friction that a pair has to overcome to slip.
+        friction_kinetic: Coefficient while it slips; until a step in which it sticks.
+        size: Mean edge of both sides [m], shape (num_pairs,).
+        largest_depth: Depth beyond which the force does not grow [m], shape (num_pairs,).
+        recess: Depth at which the contact of edges begins [m], shape (num_pairs,).
         adopt: True to adopt every pair that overlaps (start of a test).
 
     Returns:
-        Energy dissipated [J], and the part of it in normal springs that were let go; number of
-        adopted pairs; number of pairs beyond the largest depth; largest adopted depth [m].
+        Energy dissipated [J]; energy that springs lost where crossings changed [J]; number of
+        adopted pairs; largest adopted depth [m].
     """
-    dissipated, lost, num_adopted, num_deep, deepest = 0.0, 0.0, 0, 0, 0.0
-    num_leaving = 0
+    dissipated, switched, num_adopted, deepest = 0.0, 0.0, 0, 0.0
     for p in range(first.size):
         if due[p] > clock:
             continue
         i, j = first[p], second[p]
-        was_open = outside[p] <= 0.0 and gap[p] >= 0.0
-        was_inside = outside[p] > 0.0 and pierced[p]
+        was_open, was_inside = outside[p] <= 0.0, outside[p] <= 0.0 and gap[p] < 0.0
         outside[p], s, t, nx, ny, nz, g, across, turned = crossing(x, ends, beyond, i, j)
-        beside = min(outside[p], 1.0)
-        if not closed[p]:
-            near = -DEEPEST * size < g < 0.0 and outside[p] < BESIDE
-            count = piercings(x, ends, beyond, i, j) if near else 0
-            pierced[p] = count > 0
-            if g < 0.0 and count == 0 and not (was_open and turned <= END):
-                outside[p] = max(outside[p], 1.0)
-                # Nearer than that, edges can begin to pierce facets at any time.
-                beside = max(beside - BESIDE, 0.0)
         if g < math.inf:  # not parallel
             gap[p], place[p, 0], place[p, 1] = g, s, t
             normal[p, 0], normal[p, 1], normal[p, 2] = nx, ny, nz
         if closed[p]:
             due[p] = clock
-            if outside[p] > 0.0:
-                num_leaving += 1
             continue
-        if outside[p] > 0.0:
-            # An edge can come in from the side, below the other one.
-            distance = segment_distance(x, ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1])
-            due[p] = clock + max(distance - largest_depth, 0.25 * beside * across)
-            continue
-        offset[p] = min(max(offset[p], g), 0.0) if offset[p] < 0.0 else 0.0
-        # What was inside before it crossed, came in from the side.
-        allowed = 0.0 if adopt or was_inside else clock - due[p] + 1e-9 * size
-        if offset[p] - g > allowed:
+        if outside[p] <= 0.0 and g < 0.0 and not (was_open and turned <= ROUNDING):
+            if g <= -DEEPEST * size[p] or not piercings(x, ends, beyond, share, i, j):
+                outside[p] = UNPIERCED
+        if offset[p] < 0.0:
+            # What overlapped at the start: the offset of a pair that moves out follows it.
+            offset[p] = min(max(offset[p], g + recess[p]), 0.0)
+        if adopt and outside[p] <= 0.0 and g + recess[p] < offset[p]:
             num_adopted += 1
             deepest = max(deepest, -g)
-            offset[p] = g
-        due[p] = clock + max(g, 0.0)
+            offset[p] = g + recess[p]
+        # What is deeper than it can have moved since it was last open came in from the side.
+        deep = -g > clock - due[p] + 1e-9 * size[p]
+        if outside[p] <= 0.0 and deep and not was_inside and not adopt:
+            offset[p] = min(offset[p], g + recess[p])
+        if outside[p] > 0.0:
+            # An edge can come in from the side, below the other one, or begin to pierce a facet.
+            distance = segment_distance(x, ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1])
+            way = 0.0 if outside[p] == UNPIERCED else 0.25 * min(outside[p], 1.0) * across
+            due[p] = clock + max(distance - DEEPEST * size[p], way)
+        else:
+            due[p] = clock + max(g, 0.0)
 
-    if num_leaving:
-        released, let_go = _hand_over(
-            outside, gap, offset, closed, stiffness, anchor, shear, work, place, normal, clock,
-            due, x, first, second, ends, ratio, largest_depth,
-        )  # fmt: skip
-        dissipated, lost = dissipated + released, lost + let_go
+    # Crossings that take over from one that fades out begin as deep, and have its anchors.
+    for p in range(first.size):
+        if due[p] > clock or closed[p] or outside[p] > 0.0 or -gap[p] <= recess[p]:
+            continue
+        anchor[p, 0], anchor[p, 1] = place[p, 0], place[p, 1]
+        sliding[p] = False
+        q = _left_to(closed, outside, gap, first, second, ends, share, p)
+        if q >= 0:
+            offset[p] = offset[q]
+            depth = max(offset[p] - gap[p] - recess[p], 0.0)
+            kn = crossing_stiffness(
+                first[p], second[p], place[p, 0], place[p, 1], area, layer, share
+            )
+            switched -= stored_energy(kn, depth, largest_depth[p])
+            ds, dt = anchor[q, 0] - place[q, 0], anchor[q, 1] - place[q, 1]
+            ds, dt = _turned_spring(x, ends, normal, ds, dt, first, second, q, p)
+            anchor[p, 0], anchor[p, 1] = place[p, 0] + ds, place[p, 1] + dt
+            sliding[p] = sliding[q]
 
     for p in range(first.size):
         if due[p] > clock or not (closed[p] or outside[p] <= 0.0):
             continue
         i, j = first[p], second[p]
-        if not closed[p]:
-            offset[p] = min(offset[p], -recess)
-        depth = offset[p] - gap[p]
-        if depth <= 0.0:
-            if closed[p]:
-                t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
-                released = t2 / (2.0 * stiffness[p] * ratio[i])
-                dissipated += released
-                work[p] += released
-                closed[p] = False
-                shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
-                due[p] = clock + max(gap[p], 0.0)
-            continue
-        if not closed[p]:
-            closed[p] = True
-            stiffness[p] = crossing_stiffness(i, j, place[p, 0], place[p, 1], area, layer, share)
-            anchor[p, 0], anchor[p, 1] = place[p, 0], place[p, 1]
-        due[p] = clock
-        if depth > largest_depth:
-            num_deep += 1
-            depth = largest_depth
-        kn = stiffness[p]
-        kt = kn * ratio[i]
-        N = kn * depth
+        depth, carried = offset[p] - gap[p] - recess[p], stiffness[p]
         ds, dt = anchor[p, 0] - place[p, 0], anchor[p, 1] - place[p, 1]
         dx, dy, dz = _spring(x, ends, i, j, ds, dt)
+        half = 0.5 * ratio[i] * (dx * dx + dy * dy + dz * dz)
+        if outside[p] > 0.0 or depth <= 0.0:
+            if closed[p]:
+                if depth <= 0.0:
+                    released = spring_energy(shear[p], carried * ratio[i])
+                    dissipated += released
+                    work[p] += released
+                else:  # it left sideways
+                    switched += stored_energy(carried, depth, largest_depth[p]) + carried * half
+                closed[p] = sliding[p] = False
+                shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
+                due[p] = clock + (max(gap[p], 0.0) if outside[p] <= 0.0 else 0.0)
+            continue
+        kn = crossing_stiffness(i, j, place[p, 0], place[p, 1], area, layer, share)
+        if closed[p]:
+            switched += stored_energy(carried - kn, depth, largest_depth[p])
+            switched += (carried - kn) * half
+        else:
+            switched -= kn * half
+            closed[p] = True
+        stiffness[p] = kn
+        due[p] = clock
+        kt = kn * ratio[i]
+        N = kn * min(depth, largest_depth[p])
         T = kt * math.sqrt(dx * dx + dy * dy + dz * dz)
-        limit = friction * N
-        if T > limit:
+        sliding[p] = T > (friction_kinetic if sliding[p] else friction) * N
+        if sliding[p]:
+            limit = friction_kinetic * N
             keep = limit / T
             # Work of the mean friction of the step: exact for the trapezoidal rule.
             before2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
@@ -222,82 +238,44 @@ def add_edge_forces(
             f[b, m] += (s * N + h0) * n + ps * T
             f[c, m] -= ((1.0 - t) * N + h1) * n + (1.0 - pt) * T
             f[d, m] -= (t * N - h1) * n + pt * T
-    return dissipated, lost, num_adopted, num_deep, deepest
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _hand_over(
-    outside, gap, offset, closed, stiffness, anchor, shear, work, place, normal, clock, due, x,
-    first, second, ends, ratio, largest_depth,
-):  # fmt: skip
-    """Closed crossings that left their edges pass offset and springs on, or are let go.
-
-    What is released counts as the work of the pair that left, of the same two grains.
-
-    Returns:
-        Energy of the springs that were let go [J], and the part in normal springs.
-    """
-    dissipated, lost = 0.0, 0.0
-    for p in range(first.size):
-        if not closed[p] or outside[p] <= 0.0:
-            continue
-        best = -1
-        for q in range(first.size):
-            if (
-                outside[q] <= 0.0
-                and due[q] <= clock
-                and gap[q] < 0.0
-                and _beside(ends, first[p], first[q])
-                and _beside(ends, second[p], second[q])
-                and (best < 0 or gap[q] < gap[best])
-            ):
-                best = q
-        if best < 0 and outside[p] <= OVERRUN:
-            continue
-        i, kt = first[p], stiffness[p] * ratio[first[p]]
-        t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
-        depth = max(offset[p] - gap[p], 0.0)
-        normal_energy = stored_energy(stiffness[p], depth, largest_depth)
-        shear_energy = 0.0
-        closed[p] = False
-        # As deep as before, so that no energy appears.
-        passed = min(gap[best] + depth, 0.0) if best >= 0 else 0.0
-        if best >= 0 and offset[best] < passed:
-            q = best
-            if closed[q]:
-                q2 = shear[q, 0] ** 2 + shear[q, 1] ** 2 + shear[q, 2] ** 2
-                shear_energy = q2 / (2.0 * stiffness[q] * ratio[first[q]])
-                depth = max(offset[q] - gap[q], 0.0)
-                normal_energy += stored_energy(stiffness[q], depth, largest_depth)
-            offset[q], stiffness[q], closed[q] = passed, stiffness[p], True
-            due[q] = clock
-            # The spring keeps its length and turns with the normal.
-            dx, dy, dz = _spring(
-                x, ends, i, second[p], anchor[p, 0] - place[p, 0], anchor[p, 1] - place[p, 1]
-            )
-            along = dx * normal[q, 0] + dy * normal[q, 1] + dz * normal[q, 2]
-            d2 = dx * dx + dy * dy + dz * dz
-            now2 = d2 - along * along
-            keep = math.sqrt(d2 / now2) if now2 > 0.0 else 0.0
-            dx, dy, dz = keep * dx, keep * dy, keep * dz
-            ds, dt = _parts(x, ends, first[q], second[q], dx, dy, dz)
-            anchor[q, 0], anchor[q, 1] = place[q, 0] + ds, place[q, 1] + dt
-            for m in range(3):
-                shear[q, m] = 0.0
-            shear[q, 0] = math.sqrt(t2)  # its size before the step; the direction follows
-            left = stored_energy(stiffness[q], max(offset[q] - gap[q], 0.0), largest_depth)
-            normal_energy = max(normal_energy - left, 0.0)
-        else:
-            shear_energy = t2 / (2.0 * kt)
-        work[p] += shear_energy + normal_energy
-        dissipated += shear_energy + normal_energy
-        lost += normal_energy
-        shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
-    return dissipated, lost
+    return dissipated, switched, num_adopted, deepest
 
 
 @numba.njit(cache=True)
-def _beside(ends, i, j):
-    """Whether two edges are the same or have an end in common."""
-    a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
-    return a == c or a == d or b == c or b == d
+def _left_to(closed, outside, gap, first, second, ends, share, p):
+    """The deepest closed crossing that fades out, or has left, where that of p goes on; -1 if none.
+
+    Both edges of p are its edges, or go on from these.
+    """
+    best = -1
+    for q in range(first.size):
+        if (
+            closed[q]
+            and outside[q] > -2.0 * END
+            and (best < 0 or gap[q] < gap[best])
+            and _goes_on(ends, share, first[q], first[p])
+            and _goes_on(ends, share, second[q], second[p])
+        ):
+            best = q
+    return best
+
+
+@numba.njit(cache=True)
+def _goes_on(ends, share, i, j):
+    """Whether two edges are the same, or one goes on as the other."""
+    for m in range(2):
+        for n in range(2):
+            if ends[i, m] == ends[j, n] and share[i, m] == 1.0:
+                return True
+    return i == j
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _turned_spring(x, ends, normal, ds, dt, first, second, q, p):
+    """The spring of the pair q as one of the pair p: it keeps its length and turns."""
+    dx, dy, dz = _spring(x, ends, first[q], second[q], ds, dt)
+    along = dx * normal[p, 0] + dy * normal[p, 1] + dz * normal[p, 2]
+    d2 = dx * dx + dy * dy + dz * dz
+    now2 = d2 - along * along
+    keep = math.sqrt(d2 / now2) if now2 > 0.0 else 0.0
+    return _parts(x, ends, first[p], second[p], keep * dx, keep * dy, keep * dz)

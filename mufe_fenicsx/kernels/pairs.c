@@ -5,6 +5,8 @@
 #include "pairs_lanes.h"
 #include "pairs_one.h"
 
+#define NOT_SEEN INT32_MIN /* among the candidates of a pair: it was not looked at in this step */
+
 /* Ask for what the pairs after the i-th of the list need; from i = -FAR_AHEAD on. */
 INLINE void fetch_ahead(const pairs_type *m, const int32_t *list, int64_t i, int64_t num_due) {
   if (i + FAR_AHEAD < num_due) {
@@ -28,7 +30,7 @@ INLINE void fetch_ahead(const pairs_type *m, const int32_t *list, int64_t i, int
 }
 
 /* The pairs of a part that are due; how many there are. The others are found with the early ones. */
-INLINE int64_t list_due(const pairs_type *m, call_type *c, const int32_t **list, int64_t num) {
+INLINE int64_t list_due(const pairs_type *m, call_type *c, int32_t **list, int64_t num) {
   int32_t *others = m->scratch + num + 1;
   *list = c->part == OTHER_PAIRS ? others : m->scratch;
   if (c->part == OTHER_PAIRS) return c->num_others;
@@ -36,12 +38,16 @@ INLINE int64_t list_due(const pairs_type *m, call_type *c, const int32_t **list,
   return find_both(m->scratch, others, &c->num_others, m->due, m->clocks, m->clock, m->early, num);
 }
 
-/* See kernels/pairs.py. What is found of the others is added to that of the early ones. */
+/* See kernels/pairs.py. What is found of the others is added to that of the early ones.
+
+   First all that stay in contact inside their facets, then all others, each in the order of pairs:
+   pairs that carry nothing do not change the order of the sums. */
 void mufe_add_pair_forces(const pairs_type *m, call_type *c, int64_t num) {
-  const int32_t *list;
+  int32_t *list;
   const int64_t num_due = list_due(m, c, &list, num);
+  int64_t num_rest = 0; /* they take the places of those that have been done */
   if (c->part != OTHER_PAIRS) {
-    c->dissipated = c->num_adopted = c->num_deep = c->deepest = c->sunk = 0.0;
+    c->dissipated = c->switched = c->num_adopted = c->deepest = c->sunk = 0.0;
     c->sunken = -1;
   }
   vec dissipated = all(0.0);
@@ -59,11 +65,17 @@ void mufe_add_pair_forces(const pairs_type *m, call_type *c, int64_t num) {
         looked |= 1u << k;
       }
     if (TOGETHER) left = add_lanes(m, c, pair, left, &dissipated, &looked, before);
-    for (; left; left &= left - 1) {
+    for (; left; left &= left - 1, num_rest++) {
       const int k = __builtin_ctz(left);
-      const int seen = looked >> k & 1;
-      add_one(m, c, pair[k], seen, seen ? before[k] : m->closest[pair[k]]);
+      const int64_t first = m->first[pair[k]];
+      list[num_rest] = pair[k];
+      m->seen[num_rest] = !(looked >> k & 1) ? NOT_SEEN : before[k] < 0 ? -1 : before[k] - first;
     }
   }
   for (int k = 0; k < LANES; k++) c->dissipated += dissipated[k];
+  for (int64_t i = 0; i < num_rest; i++) {
+    const int32_t p = list[i], seen = m->seen[i];
+    const int64_t before = seen == NOT_SEEN ? m->closest[p] : seen < 0 ? -1 : m->first[p] + seen;
+    add_one(m, c, p, seen != NOT_SEEN, before);
+  }
 }

@@ -24,7 +24,7 @@ typedef struct {
   vec3 normal;
   double work;
   vec3 anchor;
-  double facet_area;
+  double largest_depth;
   vec3 shear;
   int32_t around, num_around; /* where the nodes around a point that is a node are listed */
   vec3 corner_weight;
@@ -39,13 +39,14 @@ typedef struct {
   const double *clocks;
   const int32_t *clock; /* as in the rows, for those that are not due */
   int64_t *closest;
-  int32_t *scratch;
+  int32_t *scratch, *seen;
   const uint8_t *early; /* whether a pair is, where there are some */
   const int64_t *first;
   const int32_t *candidate;
   surface_type surface;
   const uint8_t *sharp;
   const double *layer_of_node, *layer_of_facet;
+  const double *area_at_node, *area_of_facet, *depth_of_node, *depth_of_facet;
   const int32_t *around;
   double *x, *f;
 } pairs_type;
@@ -55,9 +56,9 @@ enum { ALL_PAIRS, EARLY_PAIRS, OTHER_PAIRS };
 
 /* What a call is given and finds, see kernels/pairs.py. */
 typedef struct {
-  double friction, friction_kinetic, largest_depth, range;
+  double friction, friction_kinetic, range;
   int64_t adopt, part, num_others;
-  double dissipated, num_adopted, num_deep, deepest, sunk;
+  double dissipated, switched, num_adopted, deepest, sunk;
   int64_t sunken;
 } call_type;
 
@@ -67,6 +68,21 @@ INLINE vec3 point_of(const state_type *s, const double *x) {
 }
 INLINE triangle vertices_at(const int32_t *v, const double *x) {
   return (triangle){at(x, v[0]), at(x, v[1]), at(x, v[2])};
+}
+
+/* Stiffness of the pair of a point and a candidate. Both surfaces carry points, and what they find
+   of each other adds up to one contact, whose share the finer one carries more of: few points of a
+   coarse surface would load a fine one unevenly. */
+INLINE double stiffness_of(const pairs_type *m, const state_type *s, int64_t k) {
+  const int32_t facet = m->candidate[k];
+  const double own = m->area_at_node[s->node], other = m->area_of_facet[facet];
+  return other * other / (other * other + own * own) * s->area /
+         (m->layer_of_node[s->node] + m->layer_of_facet[facet]);
+}
+
+/* Depth from which the force of that pair grows no more: both sides add. */
+INLINE double largest_depth_of(const pairs_type *m, const state_type *s, int64_t k) {
+  return m->depth_of_node[s->node] + m->depth_of_facet[m->candidate[k]];
 }
 
 /* A number of single precision that is not above v: rounding adds 2^-24 |v| at most. */

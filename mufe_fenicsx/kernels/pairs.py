@@ -33,7 +33,7 @@ COLUMNS = {
     "normal": (np.float64, slice(16, 19)),
     "work": (np.float64, 19),
     "anchor": (np.float64, slice(20, 23)),
-    "facet_area": (np.float64, 23),
+    "largest_depth": (np.float64, 23),
     "shear": (np.float64, slice(24, 27)),
     "around": (np.int32, slice(54, 56)),
     "corner_weight": (np.float64, slice(28, 31)),
@@ -49,9 +49,10 @@ class _Call(ctypes.Structure):
     """What a call is given and finds, as in pairs.h."""
 
     _fields_ = [
-        *((name, ctypes.c_double) for name in ("friction", "friction_kinetic", "depth", "range")),
+        *((name, ctypes.c_double) for name in ("friction", "friction_kinetic", "range")),
         *((name, ctypes.c_int64) for name in ("adopt", "part", "num_others")),
-        *((name, ctypes.c_double) for name in ("dissipated", "adopted", "deep", "deepest", "sunk")),
+        *((name, ctypes.c_double) for name in ("dissipated", "switched", "adopted", "deepest")),
+        ("sunk", ctypes.c_double),
         ("sunken", ctypes.c_int64),
     ]
 
@@ -88,8 +89,10 @@ class PairForces:
     the opposite force at the closest point, and the couple gap x friction, so that
     linear and angular momentum are kept.
 
-    A contact begins at a gap that was open the step before. A node found deeper than
-    it can have moved is adopted: its depth becomes the offset of its gap.
+    The normal force follows from where the pair is now: stiffness and largest depth are those of
+    its point and the facet that it is closest to now, whatever was before. Where it passes to
+    another facet they change, and so does the energy of its springs at once: that is
+    counted. What overlaps at the start is adopted: its depth becomes the offset of its gap.
 
     All arrays are changed where they are, and must stay there.
 
@@ -99,7 +102,8 @@ class PairForces:
             anchor: Weights of the anchor in the closest facet;
             shear: Friction on the node [N];
             gap, offset: Gap and its offset (<= 0, but for multipliers) [m];
-            stiffness: Of closed pairs [N/m], set when they close;
+            stiffness: Of closed pairs [N/m];
+            largest_depth: Depth from which their force grows no more [m];
             slip: Accumulated slip [m];
             push: Normal force on the node [N];
             work: Energy dissipated since the last search [J];
@@ -118,7 +122,9 @@ class PairForces:
         sharp: Whether a facet has a vertex on a sharp edge, shape (num_facets,).
         layer_of_node, layer_of_facet: Compliance c h/E* of a side [m/Pa].
         area: Areas that the nodes stand for [m²], shape (num_nodes,).
-        facet_area: Areas of the facets there [m²], shape (num_nodes,).
+        area_at_node, area_of_facet: Areas of the facets at nodes, and of facets [m²], those of the
+            reference configuration.
+        depth_of_node, depth_of_facet: Parts of a side in the largest depth of a pair [m].
         recess: How far the nodes lie behind the surface that carries contact [m], (num_nodes,).
         ratio_of_node: Tangential over normal stiffness, shape (num_nodes,).
         around: Rows of the nodes around those that are nodes, int32, one after another.
@@ -135,15 +141,14 @@ class PairForces:
 
     def __init__(self, state, due, candidate_due, clocks, clock, closest, node, first, candidate,
                  facets, neighbor, ring_offset, ring, sharp, layer_of_node, layer_of_facet, area,
-                 facet_area, recess, ratio_of_node, around, around_of, corner, corner_weight, x, f,
-                 early):  # fmt: skip
+                 area_at_node, area_of_facet, depth_of_node, depth_of_facet, recess, ratio_of_node,
+                 around, around_of, corner, corner_weight, x, f, early):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
         self._found = _Call()
-        scratch = np.empty(2 * (node.size + 1), short)
+        scratch, seen = np.empty(2 * (node.size + 1), short), np.empty(node.size, short)
         of_points = {
-            "area": area, "facet_area": facet_area, "recess": recess, "ratio": ratio_of_node,
-            "around": around_of,
+            "area": area, "recess": recess, "ratio": ratio_of_node, "around": around_of,
         }  # fmt: skip
         fill_rows(state, node, of_points)
         nodes, weight = corners_of(node, corner, corner_weight)
@@ -152,35 +157,36 @@ class PairForces:
         self._any_early = bool(early.any())
         self._pointers = Pointers(
             (state, real), (due, real), (candidate_due, np.float32), (clocks, real), (clock, short),
-            (closest, long), (scratch, short), (early, flag),
+            (closest, long), (scratch, short), (seen, short), (early, flag),
             (first, long), (candidate, short),
             (facets, short), (neighbor, short), (ring_offset, long), (ring, short), (sharp, flag),
-            (layer_of_node, real), (layer_of_facet, real), (around, short), (x, real), (f, real),
+            (layer_of_node, real), (layer_of_facet, real), (area_at_node, real),
+            (area_of_facet, real), (depth_of_node, real), (depth_of_facet, real), (around, short),
+            (x, real), (f, real),
         )  # fmt: skip
         pointer = ctypes.c_void_p
         self._call = load("pairs").mufe_add_pair_forces
         self._call.argtypes = [pointer, pointer, ctypes.c_int64]
         self._call.restype = None
 
-    def __call__(self, friction, friction_kinetic, largest_depth, longest, adopt, between):
+    def __call__(self, friction, friction_kinetic, longest, adopt, between):
         """Add the forces at the positions ``x`` to ``f``.
 
         Args:
             friction: Coefficient of friction that a pair has to overcome to slip.
             friction_kinetic: Coefficient while it slips; until a step in which it sticks.
-            largest_depth: Depth beyond which the force does not grow [m].
             longest: Distance up to which the clocks bound relative motion [m].
             adopt: True to adopt every node that lies inside (start of a test).
             between: Called once the early pairs have their forces; without any, at the end.
 
         Returns:
-            Energy dissipated [J]; number of adopted pairs; number of pairs
-            beyond the largest depth; largest adopted depth [m]; of pairs beyond the largest depth
-            the largest one over the edge of the finer facet, and its pair, -1 if none.
+            Energy dissipated [J]; energy that springs lost where pairs passed to other facets [J];
+            number of adopted pairs; largest adopted depth [m]; of pairs beyond their largest depth
+            the largest one over the lesser part of both sides in it, and its pair, -1 if none.
         """
         c = self._found
         c.friction, c.friction_kinetic = friction, friction_kinetic
-        c.depth, c.range, c.adopt = largest_depth, longest, adopt
+        c.range, c.adopt = longest, adopt
         table, call, num = self._pointers.table, ctypes.addressof(c), self._num_pairs
         c.part = EARLY if self._any_early else ALL
         self._call(table, call, num)
@@ -188,7 +194,7 @@ class PairForces:
         if self._any_early:
             c.part = OTHERS
             self._call(table, call, num)
-        return c.dissipated, int(c.adopted), int(c.deep), c.deepest, (c.sunk, c.sunken)
+        return c.dissipated, c.switched, int(c.adopted), c.deepest, (c.sunk, c.sunken)
 
 
 @numba.njit(cache=True)
@@ -199,6 +205,6 @@ def pair_energy(gap, offset, closed, stiffness, shear, node, ratio_of_node, larg
         if closed[p]:
             count += 1
             t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
-            energy += stored_energy(stiffness[p], offset[p] - gap[p], largest_depth)
+            energy += stored_energy(stiffness[p], offset[p] - gap[p], largest_depth[p])
             energy += 0.5 * t2 / (stiffness[p] * ratio_of_node[node[p]])
     return energy, count

@@ -43,7 +43,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   load_four(last, rows, IN_ROW(corner_weight));
   const mask word = (mask)head[1];
   const vec area = second[1], recess = second[2], ratio = second[3];
-  const vec gap = third[0], offset = third[1], kn = third[2];
+  const vec offset = third[1], kn = third[2], largest_depth = sixth[3];
 
   /* The point, the facet and the foot of the point in its plane. */
   const lanes3 pa = rows_at(x, node[0]), pb = rows_at(x, node[1]), pc = rows_at(x, node[2]);
@@ -63,16 +63,18 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   const vec g = height + recess, distance = where(height < 0.0, -height, height);
 
   /* Which of them are done here: for the others nothing has been changed yet. */
-  const vec moved = clock - due, depth = offset - g;
-  const vec change = where(g < gap, gap - g, g - gap);
+  const vec depth = offset - g;
   mask inside = (va > 0.0) & (vb > 0.0) & (vc > 0.0);
   mask far = head[0] - clock >= distance;
   mask corners = below_each(pa, point, n) | below_each(pb, point, n) | below_each(pc, point, n);
   /* Nodes are no points in facets: what they face is around them. */
+  mask is_node = lanes_of(0);
 #pragma GCC unroll 8
-  for (int i = 0; i < LANES; i++) corners[i] |= -(int64_t)(node[0][i] == node[1][i]);
+  for (int i = 0; i < LANES; i++) is_node[i] = -(int64_t)(node[0][i] == node[1][i]);
+  corners |= is_node;
   mask turned_away = FLAG(word, sharp) & (height < BESIDE * square_root(area)) & corners;
-  mask stays = FLAG(word, closed) & (depth > 0.0) & (depth <= c->largest_depth) & (change <= moved);
+  const vec moved = clock - due, change = where(g < third[0], third[0] - g, g - third[0]);
+  mask stays = FLAG(word, closed) & (~is_node | (change <= moved)) & (depth > 0.0) & (depth <= largest_depth);
   unsigned can = wanted & ~changed & bits(inside & stays & ~turned_away);
   for (unsigned near = can & ~*looked & ~bits(far); near; near &= near - 1) {
     const int i = __builtin_ctz(near);

@@ -14,21 +14,6 @@ INLINE double stored_energy(double stiffness, double depth, double largest_depth
   return stiffness * within * (depth - 0.5 * within);
 }
 
-/* Part of a contact that a point carries whose facet has ``own_area``. Both surfaces carry points,
-   and what they find of each other adds up to one contact. The finer one carries the greater part:
-   few points of a coarse surface would load a fine one unevenly. */
-INLINE double share(double own_area, triangle t) {
-  vec3 c = cross(minus(t.b, t.a), minus(t.c, t.a));
-  double other2 = 0.25 * dot(c, c);
-  return other2 / (other2 + own_area * own_area);
-}
-
-/* Edge of the smaller of both facets, were it equilateral. */
-INLINE double finer_edge(double own_area, triangle t) {
-  vec3 c = cross(minus(t.b, t.a), minus(t.c, t.a));
-  return sqrt(4.0 / sqrt(3.0) * least(own_area, 0.5 * length(c)));
-}
-
 /* Weights of the point of a facet that a spring s from the node p leads to. ``foot`` is the
    closest point and ``n`` the normal of the contact, which differs from that of the facet on its
    edges and vertices. The spring lies across n, so its end is moved along n into the facet: along
@@ -75,8 +60,27 @@ static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double li
   return best;
 }
 
+/* Energy that the normal spring of a pair with the candidate k would have, were the point still
+   before that facet: what a pair that passes to another facet leaves behind. The facet's plane goes
+   on beyond its edges where the last foot was ``inside`` it. */
+static double energy_left(const pairs_type *m, const state_type *s, int64_t k, vec3 point,
+                          double offset, int inside) {
+  triangle t = facet_at(&m->surface, m->x, m->candidate[k]);
+  vec3 n = normal_of(t);
+  double height = dot(minus(point, t.a), n);
+  if (!inside) {
+    int feature;
+    vec3 w = closest_point(point, t, &feature);
+    height = copysign(length(minus(point, mean(w, t.a, t.b, t.c))), height);
+  }
+  double depth = most(offset - height - s->recess, 0.0);
+  return stored_energy(stiffness_of(m, s, k), depth, largest_depth_of(m, s, k));
+}
+
 /* Forces of the pair p, which has been looked at where ``looked``, ``before`` being the candidate
-   that was closest in the last step. */
+   that was closest in the last step. The normal force of a point in a facet is that of its
+   place; a vertex that comes in from the side, past a sharp edge, carries from the depth on at
+   which it came: its body rests on that edge, or not yet. */
 static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, int64_t before) {
   double *x = m->x, *f = m->f;
   state_type *s = m->state + p;
@@ -85,7 +89,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   /* The closest point: most often in the facet where it was, the others being too far. All is
      computed in one place, so that a run that is resumed finds the same last digits. */
   int feature;
-  const double clock = m->clocks[s->clock], moved = clock - m->due[p];
+  const double clock = m->clocks[s->clock];
   triangle t = vertices_at(s->vertices, x);
   vec3 w = closest_point(point, t, &feature);
   double distance = length(minus(point, mean(w, t.a, t.b, t.c)));
@@ -107,13 +111,11 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     normal = distance > tiny(s) ? times(1.0 / g, r) : times(1.0 / length(normal), normal);
   double height = g;
   if (s->sharp && g < BESIDE * sqrt(s->area) && !faces(m, s, point, normal)) {
-    double other_gap;
+    double other_gap, limit = 3.0 * largest_depth_of(m, s, k);
     vec3 other_weights, other_normal;
-    int64_t other = find_facing(m, p, point, 3.0 * c->largest_depth, &other_gap, &other_weights,
-                                &other_normal);
-    /* A node just outside counts where it came through that facet now. */
-    if (other >= 0 &&
-        (g < 0.0 || s->closed || -other_gap <= moved + tiny(s))) {
+    int64_t other = find_facing(m, p, point, limit, &other_gap, &other_weights, &other_normal);
+    /* A node just outside, within BESIDE, counts where it came through that facet. */
+    if (other >= 0 && (g < 0.0 || s->closed || -other_gap <= clock - m->due[p] + tiny(s))) {
       k = other, g = height = other_gap, w = other_weights, normal = other_normal;
       t = facet_at(&m->surface, x, m->candidate[k]);
       facet_normal = normal;
@@ -121,33 +123,35 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     }
   }
   g += s->recess;
-  if (s->closed && fabs(g - s->gap) > moved && fabs(g - s->gap) > moved + tiny(s)) {
-    /* Across a sharp edge: no energy appears, and what is lost counts as dissipated. */
-    double was = s->offset - s->gap;
-    s->offset = least(s->offset, g + was);
-    double lost = stored_energy(s->stiffness, was, c->largest_depth) -
-                  stored_energy(s->stiffness, most(s->offset - g, 0.0), c->largest_depth);
-    c->dissipated += lost;
-    s->work += lost;
-  }
-  const vec3 old_normal = s->normal;
+  const vec3 old_normal = s->normal, old_weights = s->weights;
+  const double old_gap = s->gap;
   s->weights = w;
   s->normal = normal;
   s->gap = g;
 
+  const double moved = clock - m->due[p], was = s->offset - old_gap, old_offset = s->offset;
   if (!s->closed) {
     /* The offset of a pair that moves out follows it, and never grows again. */
     if (s->offset < 0.0) s->offset = least(most(s->offset, g), 0.0);
-    /* Motion since the pair was last known to be open bounds its depth. */
-    if (s->offset - g > (c->adopt ? 0.0 : moved + tiny(s))) {
+    if (c->adopt && s->offset > g) {
       c->num_adopted += 1.0;
       c->deepest = most(c->deepest, -g);
       s->offset = g;
     }
+    /* A vertex deeper than it can have moved came in from the side. */
+    if (s->num_around && s->offset - g > moved + tiny(s)) s->offset = g;
+  } else if (s->num_around && fabs(g - old_gap) > moved + tiny(s)) {
+    s->offset = least(s->offset, g + was);
   }
   double depth = s->offset - g;
+  const int passed = before >= 0 && before != k;
+  double left = 0.0;
+  if (passed && (s->closed || depth > 0.0))
+    left = energy_left(m, s, before, point, old_offset,
+                       least(old_weights.x, least(old_weights.y, old_weights.z)) >= -BESIDE);
   if (depth <= 0.0) {
     if (s->closed) {
+      c->switched += left;
       double lost = dot(s->shear, s->shear) / (2.0 * s->stiffness * s->ratio);
       c->dissipated += lost;
       s->work += lost;
@@ -160,12 +164,19 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   }
 
   const vec3 foot = along(point, -height, normal);
+  const double old_stiffness = s->stiffness;
+  if (!s->closed || before != k) {
+    s->stiffness = stiffness_of(m, s, k);
+    s->largest_depth = largest_depth_of(m, s, k);
+  }
+  if (passed) {
+    const double now = stored_energy(s->stiffness, depth, s->largest_depth);
+    /* A pair that was open left nothing; it may have closed by the motion across the facet. */
+    c->switched += (s->closed ? left : least(left, now)) - now;
+  }
   if (!s->closed) {
-    s->closed = 1;
-    s->stiffness = share(s->facet_area, t) * s->area /
-                   (m->layer_of_node[s->node] + m->layer_of_facet[m->candidate[k]]);
     s->anchor = w;
-  } else if (before >= 0 && before != k) {
+  } else if (passed) {
     /* Another facet: the spring keeps its length and turns with the normal. */
     triangle old = facet_at(&m->surface, x, m->candidate[before]);
     vec3 spring = minus(point, mean(s->anchor, old.a, old.b, old.c));
@@ -175,11 +186,10 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     double keep = now2 > 0.0 ? sqrt(dot(spring, spring) / now2) : 0.0;
     s->anchor = anchor_of(times(keep, turned), foot, normal, facet_normal, t);
   }
-  if (depth > c->largest_depth) {
-    c->num_deep += 1.0;
-    double part = depth / finer_edge(s->facet_area, t);
-    if (part > c->sunk) c->sunk = part, c->sunken = p;
-    depth = c->largest_depth;
+  if (depth > s->largest_depth) {
+    double sunk = depth / least(m->depth_of_node[s->node], m->depth_of_facet[m->candidate[k]]);
+    if (sunk > c->sunk) c->sunk = sunk, c->sunken = p;
+    depth = s->largest_depth;
   }
   m->due[p] = clock;
 
@@ -188,6 +198,8 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   s->push = N;
   vec3 spring = across(minus(point, mean(s->anchor, t.a, t.b, t.c)), normal);
   double T = kt * length(spring);
+  if (s->closed) c->switched += 0.5 * (old_stiffness - kn) * s->ratio * dot(spring, spring);
+  s->closed = 1;
   s->sliding = T > (s->sliding ? c->friction_kinetic : c->friction) * N;
   if (s->sliding) {
     /* Work of the mean friction of the step: exact for the trapezoidal rule. */
@@ -202,7 +214,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   }
   vec3 shear = times(-kt, spring);
   s->shear = shear;
-  vec3 force = along(shear, N, normal);
+  const vec3 force = along(shear, N, normal);
   for (int corner = 0; corner < 3; corner++)
     add_to(f, s->corner[corner], times((&s->corner_weight.x)[corner], force));
 

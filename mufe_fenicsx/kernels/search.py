@@ -44,7 +44,7 @@ def sort_into_cells(x, num_nodes, low, size, shape):
 @numba.njit(cache=True)
 def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, size, shape,
                     cell_offset, cell_nodes):  # fmt: skip
-    """All facets of another grain within ``reach`` of a node.
+    """All facets of another grain within their ``reach`` of a node.
 
     Args:
         x: Positions [m], shape (num_nodes_with_ghosts, 3).
@@ -52,7 +52,7 @@ def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, s
         facets: Vertices, shape (num_facets, 3).
         grain_of_facet: Their grains, shape (num_facets,).
         use: Whether a facet may be touched, shape (num_facets,).
-        reach: Largest distance [m].
+        reach: Largest distance of each facet [m], shape (num_facets,).
         low, size, shape, cell_offset, cell_nodes: As in :func:`sort_into_cells`.
 
     Returns:
@@ -61,7 +61,6 @@ def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, s
     """
     num_nodes = grain_of_node.size
     count = np.zeros(num_nodes + 1, np.int64)
-    reach2 = reach * reach
     capacity = 16 * num_nodes + 16
     found_node = np.empty(capacity, np.int32)
     found_facet = np.empty(capacity, np.int32)
@@ -80,8 +79,8 @@ def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, s
         a, b, c = facets[f, 0], facets[f, 1], facets[f, 2]
         empty = False
         for i in range(3):
-            lowest[i] = min(x[a, i], x[b, i], x[c, i]) - reach
-            highest[i] = max(x[a, i], x[b, i], x[c, i]) + reach
+            lowest[i] = min(x[a, i], x[b, i], x[c, i]) - reach[f]
+            highest[i] = max(x[a, i], x[b, i], x[c, i]) + reach[f]
             begin[i] = max(math.floor((lowest[i] - low[i]) / size), 0)
             end[i] = min(math.floor((highest[i] - low[i]) / size), shape[i] - 1) + 1
             empty = empty or begin[i] >= end[i]
@@ -103,7 +102,7 @@ def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, s
                     dx = px - wa * x[a, 0] - wb * x[b, 0] - wc * x[c, 0]
                     dy = py - wa * x[a, 1] - wb * x[b, 1] - wc * x[c, 1]
                     dz = pz - wa * x[a, 2] - wb * x[b, 2] - wc * x[c, 2]
-                    if dx * dx + dy * dy + dz * dz > reach2:
+                    if dx * dx + dy * dy + dz * dz > reach[f] * reach[f]:
                         continue
                     if num_found == capacity:
                         capacity *= 2

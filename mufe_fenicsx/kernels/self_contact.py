@@ -9,6 +9,8 @@ from .closest import closest_point, facet_normal
 
 #: Largest cosine of the angle between the outward normals of surfaces that face each other.
 OPPOSED = -0.3
+#: Depth over the largest one from which a node is on the other side of a facet of its own grain.
+DEEP = 2.0
 
 
 @numba.njit(cache=True)
@@ -35,8 +37,9 @@ def _node_normal(x, n, facets, ring_offset, ring):
 
 
 @numba.njit(cache=True)
-def find_self_candidates(x, grain_of_node, facets, grain_of_facet, ring_offset, ring, reach, deep,
-                         low, size, shape, cell_offset, cell_nodes):  # fmt: skip
+def find_self_candidates(x, grain_of_node, facets, grain_of_facet, ring_offset, ring, reach,
+                         depth_of_node, depth_of_facet, low, size, shape, cell_offset,
+                         cell_nodes):  # fmt: skip
     """Facets of its own grain near a node that can meet others of them across a void.
 
     Not those within two rings of facets around the node, nor those that it is behind: it
@@ -49,8 +52,8 @@ def find_self_candidates(x, grain_of_node, facets, grain_of_facet, ring_offset, 
         facets: Vertices, shape (num_facets, 3).
         grain_of_facet: Their grains, shape (num_facets,).
         ring_offset, ring: Facets around each node, compressed rows.
-        reach: Largest distance [m].
-        deep: How far one may be behind the other [m].
+        reach: Largest distance of each facet [m], shape (num_facets,).
+        depth_of_node, depth_of_facet: Parts in the largest depth of a pair [m].
         low, size, shape, cell_offset, cell_nodes: As in kernels.search.
 
     Returns:
@@ -64,8 +67,8 @@ def find_self_candidates(x, grain_of_node, facets, grain_of_facet, ring_offset, 
         a, b, c = facets[f, 0], facets[f, 1], facets[f, 2]
         nx, ny, nz = facet_normal(x, a, b, c)
         for i in range(3):
-            lowest = min(x[a, i], x[b, i], x[c, i]) - reach
-            highest = max(x[a, i], x[b, i], x[c, i]) + reach
+            lowest = min(x[a, i], x[b, i], x[c, i]) - reach[f]
+            highest = max(x[a, i], x[b, i], x[c, i]) + reach[f]
             begin[i] = max(math.floor((lowest - low[i]) / size), 0)
             end[i] = min(math.floor((highest - low[i]) / size), shape[i] - 1) + 1
         for i in range(begin[0], end[0]):
@@ -82,8 +85,9 @@ def find_self_candidates(x, grain_of_node, facets, grain_of_facet, ring_offset, 
                     dx = px - wa * x[a, 0] - wb * x[b, 0] - wc * x[c, 0]
                     dy = py - wa * x[a, 1] - wb * x[b, 1] - wc * x[c, 1]
                     dz = pz - wa * x[a, 2] - wb * x[b, 2] - wc * x[c, 2]
-                    if dx * dx + dy * dy + dz * dz > reach * reach:
+                    if dx * dx + dy * dy + dz * dz > reach[f] * reach[f]:
                         continue
+                    deep = DEEP * (depth_of_node[n] + depth_of_facet[f])
                     if dx * nx + dy * ny + dz * nz < -deep:
                         continue
                     if _within_two_rings(n, f, facets, ring_offset, ring):

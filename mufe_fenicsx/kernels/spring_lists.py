@@ -5,8 +5,8 @@ import numba
 
 @numba.njit(cache=True)
 def list_pairs(
-    nodes, share, normal, kn, kt, on, point_of_pair, candidate, closest, facets, x, weights,
-    normals, closed, stiffness, facet_area, area, layer, layer_of_facet, ratio,
+    nodes, share, normal, kn, kt, on, point_of_pair, candidate, closest, facets, weights,
+    normals, closed, stiffness, area_at_point, area_of_facet, area, layer, layer_of_facet, ratio,
 ):  # fmt: skip
     """Springs of pairs of points and facets.
 
@@ -17,12 +17,11 @@ def list_pairs(
         point_of_pair, candidate, closest: Point of each pair; facets that pairs may meet, and
             which of them each pair has.
         facets: Nodes of each facet, shape (num_facets, 3).
-        x: Positions [m] of these nodes.
         weights, normals, closed, stiffness: Of all pairs: barycentric weights, normal, whether
             in contact, and stiffness then [N/m].
-        facet_area, area, layer, ratio: Of points: area of the facet and of the point [m²], its
+        area_at_point, area, layer, ratio: Of points: area of the facet and of the point [m²], its
             layer [m³/N], tangential over normal stiffness.
-        layer_of_facet: [m³/N].
+        area_of_facet, layer_of_facet: Of facets [m²], [m³/N].
     """
     for p in range(on.size):
         pair = on[p]
@@ -33,17 +32,9 @@ def list_pairs(
         if closed[pair]:
             kn[p] = stiffness[pair]
         else:
-            # As pairs.c shares a contact between both sides when it closes.
-            a, b, c = facets[facet, 0], facets[facet, 1], facets[facet, 2]
-            square = 0.0
-            for m in range(3):
-                i, j = (m + 1) % 3, (m + 2) % 3
-                cross = (x[b, i] - x[a, i]) * (x[c, j] - x[a, j]) - (x[b, j] - x[a, j]) * (
-                    x[c, i] - x[a, i]
-                )
-                square += cross * cross
-            other = 0.25 * square  # area of the facet, squared
-            part = other / (other + facet_area[point] ** 2)
+            # As stiffness_of in pairs.h.
+            other = area_of_facet[facet] ** 2
+            part = other / (other + area_at_point[point] ** 2)
             kn[p] = part * area[point] / (layer[point] + layer_of_facet[facet])
         kt[p] = kn[p] * ratio[point]
 

@@ -30,6 +30,7 @@ COLUMNS = (
     "elastic",
     "plastic",
     "friction",
+    "switching",
     "contact",
     "damping",
     "work",
@@ -42,8 +43,8 @@ COLUMNS = (
     "length_x",
     "length_y",
 )
-#: Those that runs of earlier versions lack: distances of the side walls [m].
-NEWER_COLUMNS = ("length_x", "length_y")
+#: Those that runs of earlier versions lack.
+NEWER_COLUMNS = ("length_x", "length_y", "switching")
 TEXT_COLUMNS = ("stage", "wall")
 
 

@@ -21,6 +21,7 @@ ENERGIES = {
     "plastic": ("plastic", style.RED, "-"),
     "friction": ("friction", style.ORANGE, "-"),
     "elastic": ("elastic", style.BLUE, "-"),
+    "switching": ("switching of contacts", style.GREEN, "--"),
     "contact": ("contact springs", style.SKY, "--"),
     "damping": ("damping", style.PINK, "-."),
     "kinetic": ("kinetic", style.GREEN, ":"),
@@ -183,8 +184,9 @@ def draw_energies(source):
     (strain, over), work = source.over(history["strain"], history["time"]), history["work"]
     factor, unit = style.unit_of(work, "J")
     left.plot(strain, work / factor, color=style.BLACK, label="work of the walls")
-    for name, (label, colour, line) in ENERGIES.items():
-        if history[name].max() > SEEN * work.max():
+    there = {name: look for name, look in ENERGIES.items() if name in history}
+    for name, (label, colour, line) in there.items():
+        if np.abs(history[name]).max() > SEEN * work.max():
             left.plot(strain, history[name] / factor, line, color=colour, label=label)
     left.set(xlabel=over, ylabel=f"Energy: {unit}")
     left.legend(loc="best" if source.turns_back else "upper left")
@@ -202,7 +204,7 @@ def draw_energies(source):
     for i, axis in enumerate((left, right)):
         style.panel_letter(axis, i)
     columns = {"strain [-]": history["strain"], "work [J]": work}
-    columns |= {f"{name} [J]": history[name] for name in ENERGIES}
+    columns |= {f"{name} [J]": history[name] for name in there}
     return Drawing(
         "energies",
         figure,

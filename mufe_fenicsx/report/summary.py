@@ -221,10 +221,13 @@ def _separation(separation):
 def _adopted(contact):
     if not contact:
         return None
-    text = f"{number(contact.get('num_adopted'))} adopted with their depth as offset"
-    if contact.get("num_adopted"):
-        text += f", the deepest {quantity(contact.get('deepest_adopted'), 'm')}"
-    return f"{text}; {number(contact.get('num_too_deep'))} too deep and left out"
+    begun = contact.get("num_overlaps_at_start")
+    text = f"{number(begun)} overlapped at the start and have their depth as offset"
+    if begun:
+        text += f", the deepest {quantity(contact.get('deepest_at_start'), 'm')}"
+    now = (number(contact.get(name)) for name in ("num_closed", "num_with_offset"))
+    text += "; of {} closed at the end {} have one".format(*now)
+    return f"{text}, {number(contact.get('num_at_largest_force'))} carry their largest force"
 
 
 def _failed(labels):

@@ -30,6 +30,7 @@ from .rigid import rigid_impact, rigid_mix, rigid_rolling, rigid_top
 from .rolling import rolling
 from .segmentation import segmentation
 from .sliding import sliding_block, sliding_facets
+from .sliding_normal import sliding_graded, sliding_normal, sliding_ridges
 from .soak import soak
 from .spin import spin
 from .splitting import disc, hiramatsu_oka
@@ -44,6 +45,9 @@ CASES = (
         spin,
         sliding_block,
         sliding_facets,
+        sliding_normal,
+        sliding_graded,
+        sliding_ridges,
         energy,
         hertz,
         hertz_convergence,

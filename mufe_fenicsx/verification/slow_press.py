@@ -41,7 +41,7 @@ class TimeSteps:
         self.simulation = Simulation(mesh, materials, walls, **options)
 
     def move(self, nodes, way):
-        """Move the ``nodes`` by ``way`` [m], shape (3,), then wait for rest. Collective."""
+        """Move the ``nodes`` by ``way`` [m], (3,) or (num, 3), then wait for rest. Collective."""
         s, duration = self.simulation, MOVE * self.period
         start, gone = s.state.t, 0.0
         while (t := s.state.t) < start + duration:
@@ -84,9 +84,11 @@ class Increments:
         )  # fmt: skip
 
     def move(self, nodes, way):
-        """Move the ``nodes`` by ``way`` [m], shape (3,). Collective."""
+        """Move the ``nodes`` by ``way`` [m], shape (3,) or (num, 3). Collective."""
         s = self.simulation
-        number = math.ceil(np.linalg.norm(way) / (LONGEST * s.contact.edge)) or 1
+        longest = np.linalg.norm(np.atleast_2d(way), axis=1).max(initial=0.0)
+        longest = s.comm.allreduce(float(longest), op=MPI.MAX)
+        number = math.ceil(longest / (LONGEST * s.contact.edge)) or 1
         s.prescribed[:] = 0.0
         s.prescribed[nodes] = way / number
         for _ in range(number):
