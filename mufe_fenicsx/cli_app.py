@@ -27,7 +27,17 @@ SceneOption = Annotated[
 
 
 def world():
-    """The communicator of all ranks, imported where it is first needed."""
+    """The communicator of all ranks, for commands that compute; PETSc is started too.
+
+    Its options are those of PETSC_OPTIONS: a .petscrc in the folder where one works is not read.
+    """
+    import petsc4py
+
+    petsc4py.init(["mufe", "-skip_petscrc"])
+    return _all_ranks()
+
+
+def _all_ranks():
     from mpi4py import MPI
 
     return MPI.COMM_WORLD
@@ -35,7 +45,7 @@ def world():
 
 def serial_only(command):
     """Refuse several ranks; on one, worker processes shall not take themselves for it."""
-    size = world().size
+    size = _all_ranks().size
     if size > 1:
         raise InputError(f"mufe {command} on {size} ranks, expected one: run it without mpirun")
     forget_launcher()

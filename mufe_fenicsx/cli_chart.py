@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from .arguments import known_names
-from .cli_app import Json, app, serial_only
+from .cli_app import Json, app, serial_only, world
 from .errors import InputError
 from .terminal import Printer
 
@@ -39,6 +39,7 @@ def chart(
     An interrupted chart goes on: points that its table has are not computed again.
     """
     serial_only("chart")
+    world()
     printer = Printer(json)
     from .charts.grid import CHARTS
     from .charts.make import make_charts

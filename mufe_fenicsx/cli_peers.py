@@ -206,6 +206,7 @@ def calculix(
 ):
     """The test of a scene as a deck of CalculiX: grains, contact, rigid walls, one step."""
     serial_only("export calculix")
+    comm = world()
     printer = Printer(json)
     from .peers.calculix import export_calculix
     from .scene import load_scene
@@ -221,7 +222,7 @@ def calculix(
         output,
         loaded,
         grains,
-        world(),
+        comm,
         units=units,
         procedure=procedure,
         reach=None if reach is None else to_si(number_or_text(reach), "m", "--reach"),

@@ -6,7 +6,9 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from .errors import SolverError
 from .kernels.blocks import add_blocks
+from .petsc_options import check_command_line
 
 #: Unknowns of the largest grain up to which the direct solver is the default: grains hang together
 #: by few nodes, so that the factors are about those of the single grains.
@@ -64,6 +66,9 @@ class LinearSystem:
         prefix: Of the options of PETSc.
         solver: One of ``SOLVERS``.
         options: Further options of PETSc, without the prefix: dict.
+
+    Raises:
+        InputError: The command line of PETSc has an option that is not allowed.
     """
 
     def __init__(self, mesh, offset, columns, prefix, solver, options=None):
@@ -75,6 +80,7 @@ class LinearSystem:
         self._keys = np.empty(0, dtype=np.int64)
         self._values = None
         database = PETSc.Options(prefix)
+        check_command_line(database.getAll(), prefix)
         # The command line comes before the scene, and the scene before the defaults.
         chosen = {**SOLVERS[solver], **(options or {})}
         self._options = {name: v for name, v in chosen.items() if not database.hasName(name)}
@@ -90,12 +96,21 @@ class LinearSystem:
 
     @contextmanager
     def options(self):
-        """The options of this solver are those of PETSc within; solvers read them as they go."""
+        """The options of this solver are those of PETSc within; solvers read them as they go.
+
+        Raises:
+            SolverError: PETSc cannot do what they say.
+        """
         database = PETSc.Options(self._prefix)
         for name, value in self._options.items():
             database[name] = value
         try:
             yield
+        except PETSc.Error as error:
+            raise SolverError(
+                f"PETSc stopped ({_cause(error)}): with other options of implicit.petsc or another "
+                "implicit.linear_solver it may go on"
+            ) from error
         finally:
             for name in self._options:
                 database.delValue(name)
@@ -154,6 +169,12 @@ class LinearSystem:
         """A vector of nodal values."""
         size = (3 * self.mesh.num_nodes, PETSc.DECIDE)
         return PETSc.Vec().createMPI(size, bsize=3, comm=self.comm)
+
+
+def _cause(error):
+    """What an error of PETSc says last, without where in its sources that was."""
+    lines = [line.split("] ", 1)[-1] for line in str(error).splitlines()]
+    return next((line for line in reversed(lines) if " at /" not in line), lines[0])
 
 
 def _contained(keys, known):

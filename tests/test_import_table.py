@@ -45,6 +45,7 @@ TABLE = {
     "geometry": {"kernels"},
     "state": set(),
     "units": set(),
+    "petsc_options": set(),
     "mesh": set(),
     "time_step": {"kernels"},
     "stable_step": {"mesh", "solid", "rigid", "contact", "time_step", "shared_mass"},
@@ -59,9 +60,9 @@ TABLE = {
     "contact": {"mesh", "kernels"},
     "integrators": {"state"},
     "tangent": {"solid", "kernels"},
-    "linear_system": {"mesh", "tangent", "kernels"},
+    "linear_system": {"mesh", "tangent", "kernels", "petsc_options"},
     # geometry: its settings, of which the scene is the written form.
-    "scene": {"materials", "contact", "units", "geometry"},
+    "scene": {"materials", "contact", "units", "geometry", "petsc_options"},
     # units: its settings; geometry: files and labels; materials: that of its scene; report:
     # pictures without a screen.
     "synthetic": {"kernels", "geometry", "units", "materials", "report"},

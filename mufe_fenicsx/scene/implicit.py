@@ -1,9 +1,8 @@
 """[implicit] of a scene: increments of a static or implicit test."""
 
-import shlex
 from dataclasses import dataclass
 
-from ..errors import InputError
+from .. import petsc_options
 from .checks import one_of, require
 
 
@@ -24,7 +23,7 @@ class Implicit:
     gap_tolerance: float | None = None  #: of "static" with exact gaps, over the facet edge [-]
     max_augmentations: int = 30  #: of an increment, at most
     linear_solver: str | None = None  #: "direct", "multigrid", "products"; None: by size
-    petsc: str = ""  #: further options of PETSc, for the prefix mufe_, e.g. "-ksp_rtol 1e-8"
+    petsc: str = ""  #: options of PETSc from a list (docs/implicit.md), e.g. "-ksp_rtol 1e-8"
 
     def __post_init__(self):
         require(0 < self.step < 1, "step", self.step, "0 < step < 1")
@@ -49,12 +48,5 @@ class Implicit:
         self.petsc_options()
 
     def petsc_options(self):
-        """The options as a dict. Raises InputError where they are none."""
-        words, found = shlex.split(self.petsc), {}
-        while words:
-            name = words.pop(0)
-            if not name.startswith("-") or len(name) < 2:
-                raise InputError(f'petsc = "{self.petsc}", expected options like "-ksp_rtol 1e-8"')
-            has_value = words and not (words[0].startswith("-") and words[0][1:2].isalpha())
-            found[name[1:]] = words.pop(0) if has_value else None
-        return found
+        """The options as a dict. Raises InputError where they are none that a scene may state."""
+        return petsc_options.parse(self.petsc)
