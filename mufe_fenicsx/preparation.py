@@ -41,13 +41,7 @@ def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None):
     Raises:
         InputError: The folder cannot be used, or there are more ranks than grains.
     """
-    table, message = None, None
-    try:
-        table = read_grain_table(grains_folder)
-    except (InputError, OSError) as error:
-        message = str(error)
-    raise_together(comm, message)
-    labels, num_cells, _, centroids = table
+    labels, num_cells, _, centroids = _together(comm, lambda: read_grain_table(grains_folder))
     if comm.size > labels.size:
         raise InputError(
             f"number of ranks = {comm.size}, expected at most the number of grains, {labels.size}"
@@ -56,13 +50,24 @@ def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None):
         rank_of_grain = partition_grains(num_cells, centroids, comm.size)
     rank_of_grain = np.asarray(rank_of_grain, dtype=np.int32)
     mine = np.flatnonzero(rank_of_grain == comm.rank)
-    grains = load_grains(grains_folder, which=mine)
+    grains = _together(comm, lambda: load_grains(grains_folder, which=mine))
     cell_grain = np.repeat(mine, np.diff(grains.cell_offset))
     points, cells, family = grains.points, grains.cells, 1
     if element == "composite":
         points, cells = split(points, cells)
         cell_grain, family = np.repeat(cell_grain, PARTS), PARTS
     return create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, family)
+
+
+def _together(comm, read):
+    """What each rank reads; an error of one is raised by all. Collective."""
+    found, message = None, None
+    try:
+        found = read()
+    except (InputError, OSError) as error:
+        message = str(error)
+    raise_together(comm, message)
+    return found
 
 
 def make_walls(scene, low, high):

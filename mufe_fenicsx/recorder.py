@@ -17,14 +17,16 @@ class Recorder:
     """Writes history and fields of a test as it goes on. Collective.
 
     With ``kept``, of :meth:`keep`, it goes on from there; ``same_ranks``: on as many ranks.
+    ``lock``, a :class:`~.output.run_lock.RunLock`, is that of the folder.
     """
 
     def __init__(
-        self, folder, simulation, loading, area, output, energy_limit, kept=None, same_ranks=True
-    ):
+        self, folder, simulation, loading, area, output, energy_limit, kept=None, same_ranks=True,
+        lock=None,
+    ):  # fmt: skip
         mesh = simulation.mesh
         kept = kept or {}
-        self.simulation, self.loading, self.area = simulation, loading, area
+        self.simulation, self.loading, self.area, self.lock = simulation, loading, area, lock
         self.guard = EnergyGuard(simulation, energy_limit)
         self.history = HistoryWriter(
             folder / "history.csv",
@@ -70,6 +72,7 @@ class Recorder:
 
     def write_row(self):
         """One row of the history. Returns its energies [J]."""
+        self._check_lock()
         sim, loading = self.simulation, self.loading
         forces, energies = sim.wall_forces(), sim.energies()
         active = sim.num_active_grains()
@@ -99,6 +102,10 @@ class Recorder:
         self.check_energy(energies)
         return energies
 
+    def _check_lock(self):
+        if self.lock is not None:
+            self.lock.check()
+
     def check_energy(self, energies):
         """Stop where the balance of these energies is off. Collective.
 
@@ -110,6 +117,7 @@ class Recorder:
 
     def write_state(self):
         """One state of all fields."""
+        self._check_lock()
         sim, state = self.simulation, self.simulation.state
         sim.complete()
         solid, num_cells = sim.solid, sim.mesh.num_cells

@@ -1,6 +1,7 @@
 """A test from a scene to a run folder."""
 
 import csv
+import sys
 import time
 from functools import partial
 from pathlib import Path
@@ -19,12 +20,16 @@ from .memory import peak_memory, return_freed_arrays
 from .origin import check_origin, grains_checksum, integrator_of
 from .output.checkpoint import CheckpointWriter, find_checkpoint, read_tables, written_by
 from .output.run_folder import (
+    abandon_run_folder,
+    check_inside,
+    check_run_folder,
     create_run_folder,
     raise_together,
     versions,
     write_atomically,
     write_run_json,
 )
+from .output.run_lock import LostFolder, RunLock
 from .preparation import bounding_box, load_mesh, make_simulation, make_walls
 from .profile import Profile
 from .recorder import Recorder
@@ -75,15 +80,34 @@ def run_scene(
     """
     return_freed_arrays()
     started = time.perf_counter()
+    lock = RunLock(comm, output_folder)
+    try:
+        test, checkpoint = _prepare(
+            scene, Path(grains_folder), Path(output_folder), lock, started, overwrite, resume,
+            quiet, list(command), profile, after,
+        )  # fmt: skip
+        return test.run(checkpoint, max_steps)
+    finally:
+        lock.free()
+
+
+def _prepare(
+    scene, grains_folder, folder, lock, started, overwrite, resume, quiet, command, profile, after
+):
+    """The test and the checkpoint that it goes on from, or None; nothing is written. Collective."""
+    comm, checkpoint = lock.comm, None
     identity = {"scene": scene_to_toml(scene), "grains": grains_checksum(comm, grains_folder)}
-    folder, checkpoint = Path(output_folder), None
     if resume:
+        _say(comm, lock.take(), quiet)
+        _together(comm, lambda: check_inside(folder))
         checkpoint = find_checkpoint(comm, folder)
         check_origin(comm, checkpoint, identity, folder, quiet)
         started -= checkpoint.header["wall_s"]
+    else:
+        lock.look()
+        check_run_folder(comm, folder, overwrite)
     partition = checkpoint and _partition(checkpoint, comm)
     mesh = load_mesh(comm, grains_folder, scene.solver.element, partition)
-    # Refused before anything is written.
     scene.materials_of(mesh.labels[mesh.grains], mesh.labels)
     check_mirrors(comm, make_walls(scene, *bounding_box(mesh)), mesh.x)
     if checkpoint is not None:
@@ -91,15 +115,72 @@ def run_scene(
         _take_reference(checkpoint, mesh)
     else:
         separation = _separate(scene.sample, mesh)
-        create_run_folder(comm, folder, overwrite)
-    _write_inputs(comm, folder, identity["scene"], None if resume else Path(grains_folder))
     load = partial(load_mesh, comm, grains_folder, scene.solver.element)
+    place = _Place(folder, lock, identity["scene"], grains_folder, overwrite, resume, quiet)
     test = _Test(
-        scene, mesh, load, folder, identity, started, quiet, list(command), separation, profile,
-        after,
-    )  # fmt: skip
-    return test.run(checkpoint, max_steps)
+        scene, mesh, load, place, identity, started, quiet, command, separation, profile, after
+    )
+    return test, checkpoint
 
+
+def _say(comm, line, quiet):
+    if line and comm.rank == 0 and not quiet:
+        print(f"mufe: {line}", file=sys.stderr, flush=True)
+
+
+def _together(comm, action):
+    """Do something on rank 0 that may raise an InputError, which all ranks raise then."""
+    message = None
+    if comm.rank == 0:
+        try:
+            action()
+        except (InputError, OSError) as error:
+            message = str(error)
+    raise_together(comm, message)
+
+
+class _Place:
+    """The folder of a test, written when all else was found to be right. Collective."""
+
+    def __init__(self, folder, lock, scene_text, grains_folder, overwrite, resume, quiet):
+        self.folder, self.lock, self.comm = folder, lock, lock.comm
+        self._scene_text, self._grains_folder = scene_text, grains_folder
+        self._overwrite, self._resume, self._quiet = overwrite, resume, quiet
+        self._made = None  #: folders that were made, in that of a new run
+
+    def open(self):
+        """Make the folder unless the test goes on in it, and keep the scene there."""
+        tables = None
+        if not self._resume:
+            self._made = create_run_folder(self.comm, self.folder, self.lock, self._overwrite)
+            tables = self._grains_folder
+        try:
+            _write_inputs(self.comm, self.folder, self._scene_text, tables)
+        except InputError:
+            self.abandon()
+            raise
+
+    def abandon(self):
+        """Leave nothing of a new run."""
+        if self._made is None:
+            return
+        self.lock.free()
+        if self.comm.rank == 0:
+            abandon_run_folder(self.folder, self._made)
+        self.comm.Barrier()
+
+    def failed_grains(self):
+        """Labels of the grains that `mufe mesh` could not mesh, or None; on all ranks."""
+        found = []
+        tables = self.folder if self._resume else self._grains_folder
+        if not tables.is_dir():
+            tables = tables.parent
+        _together(self.comm, lambda: found.append(_failed_grains(tables / "quality.csv")))
+        return self.comm.bcast(found[0] if found else None)
+
+
+#: Tables of `mufe mesh` that stay with the run.
+TABLES = ("quality.csv", "grains.csv", "labels.csv")
 
 #: Of the summary, what checkpoints keep.
 KEPT = ("setup_s", "separation", "resumed_at_steps", "balanced_at_steps")
@@ -109,19 +190,19 @@ class _Test:
     """One test: what stays the same when it begins anew from a checkpoint. Collective."""
 
     def __init__(
-        self, scene, mesh, load, folder, identity, started, quiet, command, separation, profile,
+        self, scene, mesh, load, place, identity, started, quiet, command, separation, profile,
         after,
     ):  # fmt: skip
         self.after = after
         self.load = load  #: makes the mesh for given ranks of the grains
         self.wants_profile = profile
-        self.scene, self.mesh, self.folder = scene, mesh, folder
+        self.scene, self.mesh, self.place, self.folder = scene, mesh, place, place.folder
         self.comm, self.quiet = mesh.comm, quiet
         self.identity, self.started = identity, started
         self.low, self.high = bounding_box(mesh)
         self.area = float((self.high - self.low)[0] * (self.high - self.low)[1])
-        self.checkpoints = CheckpointWriter(self.comm, folder)
-        self.recovery = Recovery(self.comm, folder, scene.solver, quiet)
+        self.checkpoints = CheckpointWriter(self.comm, self.folder)
+        self.recovery = Recovery(self.comm, self.folder, scene.solver, quiet)
         self.first_kept = None
         self.summary = {
             "title": scene.title,
@@ -138,7 +219,7 @@ class _Test:
             "strain_definition": None,
             "area": self.area,
             "separation": separation,
-            "failed_grains": _failed_grains(folder / "quality.csv"),
+            "failed_grains": place.failed_grains(),
             "resumed_at_steps": [],
             "balanced_at_steps": [],
         }
@@ -146,7 +227,7 @@ class _Test:
     def run(self, checkpoint, max_steps):
         """March to the end, with retries; returns the summary."""
         comm, summary, resumed = self.comm, self.summary, checkpoint is not None
-        self.begin(checkpoint)
+        self.begin(checkpoint, self.place)
         summary["first_height"] = float(self.loading.first_height)
         summary["strain_definition"] = self.loading.strain_definition
         summary["setup_s"] = time.perf_counter() - self.started
@@ -155,8 +236,7 @@ class _Test:
             before = checkpoint.header["resumed_at_steps"]
             summary["resumed_at_steps"] = [*before, checkpoint.header["step"]]
             summary["balanced_at_steps"] = checkpoint.header["balanced_at_steps"]
-        if comm.rank == 0:
-            write_run_json(self.folder, self.now())
+        _together(comm, lambda: write_run_json(self.folder, self.now()))
         # A signal between two marches, while all begins anew, is not lost.
         with Interruption(comm, self.scene.output.checkpoint) as interruption:
             error = self.march(interruption, max_steps, resumed)
@@ -185,8 +265,8 @@ class _Test:
             summary["profile"] = self.profile.summary()
         if self.after is not None:
             summary |= self.after(summary)
-        if comm.rank == 0:
-            write_run_json(self.folder, summary)
+        self.place.lock.check()
+        _together(comm, lambda: write_run_json(self.folder, summary))
         comm.Barrier()  # every rank finds complete files when this returns
         if error is not None:
             raise error
@@ -214,6 +294,8 @@ class _Test:
                 self.begin_again(found.checkpoint)
             except (SolverError, Interrupted) as failure:
                 return failure
+            except LostFolder:
+                raise
             except InputError as failure:  # a disk that is full
                 if self.checkpoints.last is None:
                     raise
@@ -221,8 +303,14 @@ class _Test:
                     f"{failure}; --resume goes on from {self.checkpoints.last}"
                 ) from failure
 
-    def begin(self, checkpoint=None):
-        """Simulation, loading and recorder of the start, or of a checkpoint."""
+    def begin(self, checkpoint=None, place=None):
+        """Simulation, loading and recorder of the start, or of a checkpoint.
+
+        Args:
+            checkpoint: :class:`~.output.checkpoint.Checkpoint`, or None.
+            place: :class:`_Place` that is opened when nothing but writing can fail any more; None:
+                it is open.
+        """
         scene = self.scene
         if checkpoint is not None:
             self.recovery.know(checkpoint.header["retries"])
@@ -241,13 +329,18 @@ class _Test:
             self.loading.go_on(header["loading"])
             recorder = header["recorder"]
             same_ranks = written_by(checkpoint, self.comm.size, self.mesh.rank_of_grain)
+        if place is not None:
+            place.open()
+        try:
             self.checkpoints.remove_after(checkpoint)
-        else:
-            self.checkpoints.remove_after(None)
-        self.recorder = Recorder(
-            self.folder, self.simulation, self.loading, self.area, scene.output,
-            scene.solver.energy_limit, recorder, same_ranks,
-        )  # fmt: skip
+            self.recorder = Recorder(
+                self.folder, self.simulation, self.loading, self.area, scene.output,
+                scene.solver.energy_limit, recorder, same_ranks, self.place.lock,
+            )  # fmt: skip
+        except InputError:
+            if place is not None:
+                place.abandon()
+            raise
         self.profile = Profile(self.simulation) if self.wants_profile else None
         if self.profile is not None:
             after_step = self.profile.timed(self.recorder.after_step, "output")
@@ -303,6 +396,7 @@ class _Test:
         last = self.checkpoints.last
         if partition is None and last is not None and last.name == f"step-{step:09d}":
             return
+        self.place.lock.check()
         self.simulation.check()
         self.recorder.check_energy(self.simulation.energies())
         tables, own, state = snapshot(self.simulation)
@@ -380,13 +474,23 @@ def _write_inputs(comm, folder, scene_text, grains_folder):
 def _copy_tables(grains_folder, folder):
     """Keep the tables of the grains with the run."""
     source = grains_folder if grains_folder.is_dir() else grains_folder.parent
-    for path in source.glob("*.csv"):
-        (folder / path.name).write_bytes(path.read_bytes())
+    for name in TABLES:
+        if (source / name).is_file():
+            (folder / name).write_bytes((source / name).read_bytes())
 
 
 def _failed_grains(path):
-    """Labels of the grains that `mufe mesh` could not mesh, from its table; None without it."""
+    """Labels of the grains that `mufe mesh` could not mesh, from its table; None without it.
+
+    Raises:
+        InputError: It is not that table.
+    """
     if not path.is_file():
         return None
-    with path.open(newline="") as file:
-        return [int(row["label"]) for row in csv.DictReader(file) if row["status"] != "ok"]
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            return [int(row["label"]) for row in csv.DictReader(file) if row["status"] != "ok"]
+    except (KeyError, TypeError, ValueError, csv.Error):
+        raise InputError(
+            f"{path} is not the table that `mufe mesh` wrote, expected columns label and status"
+        ) from None

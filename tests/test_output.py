@@ -1,6 +1,7 @@
 """Files of a run: states, history, folder."""
 
 import json
+import os
 import resource
 
 import numpy as np
@@ -10,6 +11,7 @@ import pyvista
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.memory import peak_memory
 from mufe_fenicsx.output import fields, history, run_folder
+from mufe_fenicsx.output.run_lock import RunLock
 
 from mpi4py import MPI  # isort: skip  (after the package, which may bring MPI)
 
@@ -176,18 +178,46 @@ def test_history_names_a_wrong_column(tmp_path):
 @pytest.mark.mpi
 def test_run_folder_that_is_not_empty_is_refused(folder):
     run = folder / "a" / "run"
-    assert run_folder.create_run_folder(COMM, run) == run
-    run_folder.create_run_folder(COMM, run)
-    COMM.barrier()
+    lock = RunLock(COMM, run)
+
+    def create(**options):
+        made = run_folder.create_run_folder(COMM, run, lock, **options)
+        lock.free()
+        COMM.barrier()
+        return made
+
+    made = create()
+    assert made == ([run, run.parent] if COMM.rank == 0 else [])
+    assert create() == []
     if COMM.rank == 0:
         (run / "history.csv").write_text("old")
         (run / "thesis.tex").write_text("mine")
     COMM.barrier()
     with pytest.raises(InputError, match="not empty"):
-        run_folder.create_run_folder(COMM, run)
-    run_folder.create_run_folder(COMM, run, overwrite=True)
+        create()
+    create(overwrite=True)
     assert [p.name for p in run.iterdir()] == ["thesis.tex"]
     COMM.barrier()
+
+
+@pytest.mark.parametrize("where", ["fields", "checkpoints/step-000000001", "checkpoints"])
+def test_nothing_outside_of_a_run_folder_is_deleted(tmp_path, where):
+    """A part of it that leads elsewhere is refused; a file that does is removed as a link."""
+    run, outside = tmp_path / "run", tmp_path / "outside"
+    outside.mkdir()
+    names = ["0000.vtkhdf", "rank-0000.h5", "step-000000002"]
+    for name in names:
+        (outside / name).write_text("precious")
+    (run / where).parent.mkdir(parents=True)
+    (run / where).symlink_to(outside)
+    with pytest.raises(InputError, match=f"run/{where} is a symbolic link, expected a folder"):
+        run_folder.check_run_folder(MPI.COMM_SELF, run, overwrite=True)
+    (run / where).unlink()
+    (run / "run.json").symlink_to(outside / names[0])
+    lock = RunLock(MPI.COMM_SELF, run)
+    run_folder.create_run_folder(MPI.COMM_SELF, run, lock, overwrite=True)
+    lock.free()
+    assert not (run / "run.json").is_symlink() and sorted(os.listdir(outside)) == names
 
 
 @pytest.mark.mpi
@@ -196,8 +226,9 @@ def test_run_folder_that_cannot_be_written_is_refused(folder, name):
     if COMM.rank == 0:
         (folder / "file").write_text("")
     COMM.barrier()
+    lock = RunLock(COMM, folder / name)
     with pytest.raises(InputError, match="output folder"):
-        run_folder.create_run_folder(COMM, folder / name)
+        run_folder.create_run_folder(COMM, folder / name, lock)
 
 
 def test_run_json(tmp_path):

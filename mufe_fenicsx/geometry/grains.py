@@ -12,9 +12,8 @@ import h5py
 import numpy as np
 
 from ..errors import InputError
+from .grain_file import FORMAT, VERSION, GrainFile, grain_checksum, table_checksum
 from .measure import centroid_of, tet_volumes
-
-FORMAT, VERSION = "mufe-grains", 1
 
 
 @dataclass(frozen=True)
@@ -130,8 +129,14 @@ def save_grains(folder, grains):
             file["node_offset"] = grains.node_offset.astype(np.int64)
             file["cell_offset"] = grains.cell_offset.astype(np.int64)
             file["cell_label"] = grains.cell_label.astype(np.int32)
-            file["centroids"] = grains.centroids
-            file["volumes"] = grains.volumes
+            file["centroids"] = centroids = grains.centroids
+            file["volumes"] = volumes = grains.volumes
+            checksums = [grain_checksum(*grains.grain(g)) for g in range(grains.num_grains)]
+            file["checksums"] = checksums = np.array(checksums)
+            file.attrs["checksum"] = table_checksum(
+                grains.labels, grains.node_offset, grains.cell_offset, centroids, volumes,
+                grains.element_size, grains.box, checksums,
+            )  # fmt: skip
             if grains.box is not None:
                 file["box"] = grains.box
         (folder / "grains.xdmf").write_text(_xdmf(len(grains.points), len(grains.cells)))
@@ -140,7 +145,7 @@ def save_grains(folder, grains):
 
 
 def load_grains(folder_or_h5, which=None):
-    """Read grain meshes.
+    """Read grain meshes; all that is read is checked (:mod:`.grain_file`).
 
     Args:
         folder_or_h5: The folder written by `save_grains`, or its `grains.h5`.
@@ -148,65 +153,41 @@ def load_grains(folder_or_h5, which=None):
             which they are wanted; only their part of the file is read. None: all.
 
     Raises:
-        InputError: no such file, not a file of grains, or an index outside it.
+        InputError: no such file, not a file of grains, a damaged one, or an index outside it.
     """
-    with _open(folder_or_h5) as file:
-        labels = file["labels"][:]
-        node_offset, cell_offset = file["node_offset"][:], file["cell_offset"][:]
-        box = file["box"][:] if "box" in file else None
-        size = float(file.attrs["element_size"])
-        if which is None:
-            points, cells = file["points"][:], file["cells"][:]
-            return Grains(points, cells, labels, node_offset, cell_offset, size, box)
-
+    with GrainFile(folder_or_h5) as file:
+        labels = file.labels
+        which = np.arange(len(labels)) if which is None else which
         which = np.asarray(which, dtype=np.int64).reshape(-1)
         outside = which[(which < 0) | (which >= len(labels))]
         if len(outside):
             raise InputError(
                 f"grain index {outside[0]}, expected 0 to {len(labels) - 1} in {folder_or_h5}"
             )
-        new_node_offset = np.concatenate([[0], np.cumsum(np.diff(node_offset)[which])])
-        new_cell_offset = np.concatenate([[0], np.cumsum(np.diff(cell_offset)[which])])
-        points = np.empty((new_node_offset[-1], 3))
-        cells = np.empty((new_cell_offset[-1], 4), dtype=np.int64)
+        node_offset = np.concatenate([[0], np.cumsum(np.diff(file.node_offset)[which])])
+        cell_offset = np.concatenate([[0], np.cumsum(np.diff(file.cell_offset)[which])])
+        file.check_room(node_offset[-1], cell_offset[-1])
+        points = np.empty((node_offset[-1], 3))
+        cells = np.empty((cell_offset[-1], 4), dtype=np.int64)
         for i, g in enumerate(which):
-            nodes = slice(new_node_offset[i], new_node_offset[i + 1])
-            part = slice(new_cell_offset[i], new_cell_offset[i + 1])
-            points[nodes] = file["points"][node_offset[g] : node_offset[g + 1]]
-            cells[part] = file["cells"][cell_offset[g] : cell_offset[g + 1]]
-            cells[part] += new_node_offset[i] - node_offset[g]
-    return Grains(points, cells, labels[which], new_node_offset, new_cell_offset, size, box)
+            nodes = slice(node_offset[i], node_offset[i + 1])
+            part = slice(cell_offset[i], cell_offset[i + 1])
+            points[nodes], cells[part] = file.grain(g)
+            cells[part] += node_offset[i]
+        return Grains(
+            points, cells, labels[which], node_offset, cell_offset, file.element_size, file.box
+        )
 
 
 def read_grain_table(folder_or_h5):
     """Labels, numbers of cells and nodes, and centroids [m] of all grains; no mesh is read.
 
     Raises:
-        InputError: no such file, or not a file of grains.
+        InputError: no such file, not a file of grains, or a damaged one.
     """
-    with _open(folder_or_h5) as file:
-        num_cells, num_nodes = np.diff(file["cell_offset"][:]), np.diff(file["node_offset"][:])
-        return file["labels"][:], num_cells, num_nodes, file["centroids"][:]
-
-
-def _open(folder_or_h5):
-    """The HDF5 file of grains, opened and its format checked."""
-    path = Path(folder_or_h5)
-    path = path / "grains.h5" if path.is_dir() else path
-    if not path.is_file():
-        raise InputError(f"no file {path}, expected the grains.h5 that `mufe mesh` writes")
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise InputError(
-            f"{path} cannot be read as HDF5: {_one_line(error)}, expected the grains.h5 that "
-            "`mufe mesh` writes"
-        ) from error
-    if file.attrs.get("format") != FORMAT or file.attrs.get("version") != VERSION:
-        found = f"{file.attrs.get('format')} {file.attrs.get('version')}"
-        file.close()
-        raise InputError(f"format of {path} is {found}, expected {FORMAT} {VERSION}")
-    return file
+    with GrainFile(folder_or_h5) as file:
+        num_cells, num_nodes = np.diff(file.cell_offset), np.diff(file.node_offset)
+        return file.labels, num_cells, num_nodes, file.centroids
 
 
 def _one_line(error):

@@ -1,5 +1,6 @@
 """The folder of one run: its creation, run.json and versions."""
 
+import contextlib
 import importlib
 import importlib.metadata
 import json
@@ -11,6 +12,9 @@ from pathlib import Path
 
 import mufe_fenicsx
 from mufe_fenicsx.errors import InputError
+
+#: Made by whoever writes into a run folder, and gone when that ends (:mod:`.run_lock`).
+LOCK = "run.lock"
 
 #: What a run and its report write into their folder; only this is ever deleted.
 OWN_FILES = (
@@ -120,54 +124,139 @@ def keep_states(folder, states, *patterns):
     return None
 
 
-def create_run_folder(comm, folder, overwrite=False):
-    """Create the folder of a run and see that it can be written to. Collective.
+def check_run_folder(comm, folder, overwrite=False):
+    """See that a folder can become that of a run; nothing is written. Collective.
+
+    Args:
+        comm: MPI communicator; rank 0 does the work.
+        folder: Path.
+        overwrite: It may hold an earlier run.
+
+    Raises:
+        InputError: It is not empty, not a folder, cannot be written to, or a part of an earlier
+            run leads out of it; on all ranks.
+    """
+    raise_together(comm, _obstacle(Path(folder), overwrite) if comm.rank == 0 else None)
+
+
+def create_run_folder(comm, folder, lock, overwrite=False):
+    """Create the folder of a run, take its lock and see that it can be written to. Collective.
 
     Args:
         comm: MPI communicator; rank 0 does the work.
         folder: Path; parents are created too.
+        lock: Its :class:`~.run_lock.RunLock`.
         overwrite: Delete the files of an earlier run (:data:`OWN_FILES`) if it is
             not empty. Files that the program did not write stay.
 
     Returns:
-        The folder, a Path.
+        Folders that were made, for :func:`abandon_run_folder`; on rank 0.
 
     Raises:
-        InputError: It exists and is not empty, is not a folder, or cannot be written to.
+        InputError: As of :func:`check_run_folder`, or another run writes it; nothing is left.
     """
-    folder = Path(folder)
-    message = _prepare(folder, overwrite) if comm.rank == 0 else None
+    folder, made, message = Path(folder), [], None
+    check_run_folder(comm, folder, overwrite)
+    if comm.rank == 0:
+        made = [p for p in (folder, *folder.parents) if not p.exists()]
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            message = f"output folder {folder} cannot be created ({reason(error)})"
     raise_together(comm, message)
-    return folder
+    try:
+        lock.take()
+        if comm.rank == 0:
+            message = _prepare(folder, overwrite)
+        raise_together(comm, message)
+    except InputError:
+        lock.free()
+        if comm.rank == 0:
+            _remove_empty(made)
+        raise
+    return made
+
+
+def abandon_run_folder(folder, made):
+    """Remove what a run that cannot begin has written. To be called on one rank.
+
+    Args:
+        folder: The run folder.
+        made: What :func:`create_run_folder` returned.
+    """
+    with contextlib.suppress(OSError):
+        _remove_own_files(Path(folder))
+    _remove_empty(made)
+
+
+def _remove_empty(folders):
+    for path in folders:
+        with contextlib.suppress(OSError):
+            path.rmdir()
+
+
+def check_inside(folder):
+    """Raise InputError where a folder of a run's own files is a link that leads elsewhere."""
+    folder = Path(folder)
+    for path in [folder / name for name in OWN_FOLDERS] + list(folder.glob("checkpoints/step-*")):
+        if path.is_symlink():
+            raise InputError(
+                f"{path} is a symbolic link, expected a folder: what is outside of a run folder "
+                "is not deleted"
+            )
+
+
+def _obstacle(folder, overwrite):
+    """What keeps a folder from becoming that of a run, or None."""
+    try:
+        first = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+        if not first.is_dir():
+            return f"output folder {folder} is not a folder (a part of the path is a file)"
+        if not os.access(first, os.W_OK | os.X_OK):
+            return f"output folder {folder} cannot be written to (no permission in {first})"
+        if first != folder:
+            return None
+        if not overwrite and any(not path.name.startswith(LOCK) for path in folder.iterdir()):
+            return (
+                f"output folder {folder} is not empty, expected a new one, or overwriting allowed"
+            )
+        check_inside(folder)
+    except InputError as error:
+        return str(error)
+    except OSError as error:
+        return f"output folder {folder} cannot be written to ({reason(error)})"
+    return None
 
 
 def _prepare(folder, overwrite):
-    """Create or empty the folder; what went wrong, or None."""
+    """Empty the folder and try it; what went wrong, or None."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         if overwrite:
+            check_inside(folder)
             _remove_own_files(folder)
-        elif any(folder.iterdir()):
+        elif any(not path.name.startswith(LOCK) for path in folder.iterdir()):
             return (
                 f"output folder {folder} is not empty, expected a new one, or overwriting allowed"
             )
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"x" * 4096)
             probe.flush()
-    except (FileExistsError, NotADirectoryError):
-        return f"output folder {folder} is not a folder (a part of the path is a file)"
+    except InputError as error:
+        return str(error)
     except OSError as error:
         return f"output folder {folder} cannot be written to ({reason(error)})"
     return None
 
 
 def _remove_own_files(folder):
+    inside = folder.resolve()
     for pattern in OWN_FILES:
         for path in folder.glob(pattern):
-            path.unlink()
+            if path.parent.resolve().is_relative_to(inside) and not path.is_dir():
+                path.unlink()
     folders = [folder / name for name in OWN_FOLDERS]
     for path in [*folder.glob("checkpoints/step-*"), *folders]:
-        if path.is_dir() and not any(path.iterdir()):
+        if path.is_dir() and not path.is_symlink() and not any(path.iterdir()):
             path.rmdir()
 
 
