@@ -41,7 +41,12 @@ def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None):
     Raises:
         InputError: The folder cannot be used, or there are more ranks than grains.
     """
-    labels, num_cells, _, centroids = _together(comm, lambda: read_grain_table(grains_folder))
+    if comm.rank == 0:  # the checksum first: HDF5 may hang on a file that is damaged
+        found = _together(comm, lambda: read_grain_table(grains_folder))
+    else:
+        _together(comm, lambda: None)
+        found = None
+    labels, num_cells, _, centroids = comm.bcast(found)
     if comm.size > labels.size:
         raise InputError(
             f"number of ranks = {comm.size}, expected at most the number of grains, {labels.size}"
@@ -50,7 +55,7 @@ def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None):
         rank_of_grain = partition_grains(num_cells, centroids, comm.size)
     rank_of_grain = np.asarray(rank_of_grain, dtype=np.int32)
     mine = np.flatnonzero(rank_of_grain == comm.rank)
-    grains = _together(comm, lambda: load_grains(grains_folder, which=mine))
+    grains = _together(comm, lambda: load_grains(grains_folder, mine, compare=False))
     cell_grain = np.repeat(mine, np.diff(grains.cell_offset))
     points, cells, family = grains.points, grains.cells, 1
     if element == "composite":

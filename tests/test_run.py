@@ -146,6 +146,7 @@ def test_more_ranks_than_grains(grains):
 
         rank, size = 0, 5
         allgather = staticmethod(lambda value: [value])
+        bcast = staticmethod(lambda value: value)
 
     with pytest.raises(InputError, match=r"number of ranks = 5, expected at most .* 4"):
         load_mesh(Many(), grains)

@@ -1,8 +1,9 @@
 """The file `grains.h5`, of which nothing is believed before it was checked.
 
-The table (labels, numbers of nodes and cells, centroids, volumes) is checked when the file is
-opened, each grain when it is read: kinds and shapes, ranges, and the checksums that were written
-with them. Files of version 1 have no checksums; all else is checked.
+HDF5 may hang on a damaged file. So the file begins with a checksum of all that follows, in a block
+that HDF5 leaves to its users, and is compared before HDF5 sees it. The table (labels, numbers of
+nodes and cells, centroids, volumes) is then checked when the file is opened, each grain when it is
+read: kinds and shapes, ranges, volumes. Files of version 1 have no checksum; all else is checked.
 """
 
 import hashlib
@@ -14,9 +15,11 @@ import numpy as np
 from ..errors import InputError
 from .measure import tet_volumes
 
-FORMAT, VERSION, WITHOUT_CHECKSUMS = "mufe-grains", 2, 1
-#: Bytes of the checksum of a grain.
-DIGEST = 16
+FORMAT, VERSION, WITHOUT_CHECKSUM = "mufe-grains", 2, 1
+#: Bytes that HDF5 leaves free at the start, and what stands there before the checksum.
+BLOCK, SIGN = 512, b"mufe-grains blake2b "
+#: What a file of HDF5 without such a block begins with.
+HDF5 = b"\x89HDF\r\n\x1a\n"
 #: Volumes are those of the cells to this part of them: sums in another order.
 TOLERANCE = 1e-6
 #: Lengths beyond this are none of grains [m].
@@ -32,6 +35,7 @@ class GrainFile:
 
     Args:
         folder_or_h5: The folder that `mufe mesh` wrote, or its `grains.h5`.
+        compare: Compare the checksum, for which all of the file is read.
 
     Raises:
         InputError: No such file, no file of grains, or one that is damaged.
@@ -45,13 +49,16 @@ class GrainFile:
         box: Corners of the image domain [m], shape (2, 3), or None.
     """
 
-    def __init__(self, folder_or_h5):
+    def __init__(self, folder_or_h5, compare=True):
         path = Path(folder_or_h5)
         self.path = path / "grains.h5" if path.is_dir() else path
         if not self.path.is_file():
             raise InputError(f"no file {self.path}, expected the grains.h5 that `mufe mesh` writes")
         try:
+            self._version = self._compare() if compare else None
             self._file = h5py.File(self.path, "r")
+        except InputError:
+            raise
         except DAMAGE as error:
             raise InputError(
                 f"{self.path} cannot be read as HDF5: {_one_line(error)}, expected the grains.h5 "
@@ -91,10 +98,23 @@ class GrainFile:
                 f"{self.path} is damaged ({_one_line(error)}), expected it as `mufe mesh` wrote it"
             ) from error
 
+    def _compare(self):
+        """Version of the file, by whether it has a checksum, which is compared."""
+        with self.path.open("rb") as file:
+            start = file.read(BLOCK)
+            if start.startswith(HDF5):
+                return WITHOUT_CHECKSUM
+            if not start.startswith(SIGN):
+                raise ValueError("no signature")
+            found = hashlib.file_digest(file, "blake2b").hexdigest()
+        self._require(start == _block(found), "its checksum differs")
+        return VERSION
+
     def _read_table(self):
         file = self._file
         version = file.attrs.get("version")
-        if file.attrs.get("format") != FORMAT or version not in (WITHOUT_CHECKSUMS, VERSION):
+        wanted = (WITHOUT_CHECKSUM, VERSION) if self._version is None else (self._version,)
+        if file.attrs.get("format") != FORMAT or version not in wanted:
             found = _one_line(f"{file.attrs.get('format')} {version}")
             raise InputError(f"format of {self.path} is {found}, expected {FORMAT} {VERSION}")
         size = np.asarray(file.attrs["element_size"])
@@ -122,15 +142,6 @@ class GrainFile:
             self.box = self._read("box", (2, 3), FRACTIONS)
             wide = (np.abs(self.box) < FAR).all() and (self.box[1] > self.box[0]).all()
             self._require(bool(wide), "box is none")
-        self._checksums = None
-        if version == VERSION:
-            self._checksums = self._read("checksums", (n, DIGEST), NUMBERS)
-            written = file.attrs["checksum"]
-            found = table_checksum(
-                self.labels, self.node_offset, self.cell_offset, self.centroids, self.volumes,
-                self.element_size, self.box, self._checksums,
-            )  # fmt: skip
-            self._require(isinstance(written, str) and written == found, "checksum differs")
 
     def _read_grain(self, g):
         label = int(self.labels[g])
@@ -142,11 +153,6 @@ class GrainFile:
             first <= low and high < last, f"cells of grain {label} have nodes {low} to {high}"
         )
         cells = cells.astype(np.int64, copy=False) - first
-        if self._checksums is not None:
-            found = grain_checksum(points, cells)
-            self._require(
-                bool((found == self._checksums[g]).all()), f"checksum of grain {label} differs"
-            )
         self._require(bool((np.abs(points) < FAR).all()), f"grain {label} has a node far away")
         volumes, volume = tet_volumes(points, cells), float(self.volumes[g])
         self._require(bool((volumes > 0).all()), f"grain {label} has a cell without volume")
@@ -169,7 +175,7 @@ class GrainFile:
             return values.astype(np.float64, copy=False)
         if values.dtype.kind == "u" and values.size:
             self._require(int(values.max()) < 2**62, f"{name} has {int(values.max())}")
-        return values if name == "checksums" else values.astype(np.int64, copy=False)
+        return values.astype(np.int64, copy=False)
 
     def _dataset(self, name, shape, kinds):
         """A dataset of this file, of that kind and shape (None: any), not read yet."""
@@ -204,22 +210,17 @@ class GrainFile:
             )
 
 
-def grain_checksum(points, cells):
-    """Checksum of a grain's nodes and of its cells, numbered from 0; uint8, shape (DIGEST,)."""
-    digest = hashlib.blake2b(np.ascontiguousarray(points, "<f8"), digest_size=DIGEST)
-    digest.update(np.ascontiguousarray(cells, "<i8"))
-    return np.frombuffer(digest.digest(), np.uint8)
+def write_checksum(path):
+    """Put the checksum of a file that was made with a block of :data:`BLOCK` bytes there."""
+    with open(path, "r+b") as file:
+        file.seek(BLOCK)
+        text = hashlib.file_digest(file, "blake2b").hexdigest()
+        file.seek(0)
+        file.write(_block(text))
 
 
-def table_checksum(labels, node_offset, cell_offset, centroids, volumes, size, box, checksums):
-    """Checksum of all that is not a grain's own, as text."""
-    digest = hashlib.blake2b(digest_size=DIGEST)
-    for values in (labels, node_offset, cell_offset):
-        digest.update(np.ascontiguousarray(values, "<i8"))
-    for values in (centroids, volumes, [size], [] if box is None else box):
-        digest.update(np.ascontiguousarray(values, "<f8"))
-    digest.update(np.ascontiguousarray(checksums, np.uint8))
-    return digest.hexdigest()
+def _block(text):
+    return (SIGN + text.encode() + b"\n").ljust(BLOCK, b"\0")
 
 
 def _available_memory():

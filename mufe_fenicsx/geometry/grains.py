@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 
 from ..errors import InputError
-from .grain_file import FORMAT, VERSION, GrainFile, grain_checksum, table_checksum
+from .grain_file import BLOCK, FORMAT, VERSION, GrainFile, write_checksum
 from .measure import centroid_of, tet_volumes
 
 
@@ -118,7 +118,7 @@ def save_grains(folder, grains):
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with h5py.File(folder / "grains.h5", "w") as file:
+        with h5py.File(folder / "grains.h5", "w", userblock_size=BLOCK) as file:
             file.attrs["format"] = FORMAT
             file.attrs["version"] = VERSION
             file.attrs["length_unit"] = "m"
@@ -129,33 +129,29 @@ def save_grains(folder, grains):
             file["node_offset"] = grains.node_offset.astype(np.int64)
             file["cell_offset"] = grains.cell_offset.astype(np.int64)
             file["cell_label"] = grains.cell_label.astype(np.int32)
-            file["centroids"] = centroids = grains.centroids
-            file["volumes"] = volumes = grains.volumes
-            checksums = [grain_checksum(*grains.grain(g)) for g in range(grains.num_grains)]
-            file["checksums"] = checksums = np.array(checksums)
-            file.attrs["checksum"] = table_checksum(
-                grains.labels, grains.node_offset, grains.cell_offset, centroids, volumes,
-                grains.element_size, grains.box, checksums,
-            )  # fmt: skip
+            file["centroids"] = grains.centroids
+            file["volumes"] = grains.volumes
             if grains.box is not None:
                 file["box"] = grains.box
+        write_checksum(folder / "grains.h5")
         (folder / "grains.xdmf").write_text(_xdmf(len(grains.points), len(grains.cells)))
     except OSError as error:
         raise InputError(f"folder {folder} cannot be written: {_one_line(error)}") from error
 
 
-def load_grains(folder_or_h5, which=None):
+def load_grains(folder_or_h5, which=None, compare=True):
     """Read grain meshes; all that is read is checked (:mod:`.grain_file`).
 
     Args:
         folder_or_h5: The folder written by `save_grains`, or its `grains.h5`.
         which: Indices 0 … num_grains-1 of the grains to read, in the order in
             which they are wanted; only their part of the file is read. None: all.
+        compare: Compare the checksum of the file, for which all of it is read once.
 
     Raises:
         InputError: no such file, not a file of grains, a damaged one, or an index outside it.
     """
-    with GrainFile(folder_or_h5) as file:
+    with GrainFile(folder_or_h5, compare) as file:
         labels = file.labels
         which = np.arange(len(labels)) if which is None else which
         which = np.asarray(which, dtype=np.int64).reshape(-1)
@@ -179,13 +175,16 @@ def load_grains(folder_or_h5, which=None):
         )
 
 
-def read_grain_table(folder_or_h5):
+def read_grain_table(folder_or_h5, compare=True):
     """Labels, numbers of cells and nodes, and centroids [m] of all grains; no mesh is read.
+
+    Args:
+        folder_or_h5, compare: As of :func:`load_grains`.
 
     Raises:
         InputError: no such file, not a file of grains, or a damaged one.
     """
-    with GrainFile(folder_or_h5) as file:
+    with GrainFile(folder_or_h5, compare) as file:
         num_cells, num_nodes = np.diff(file.cell_offset), np.diff(file.node_offset)
         return file.labels, num_cells, num_nodes, file.centroids
 

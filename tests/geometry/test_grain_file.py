@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.grain_file import WITHOUT_CHECKSUMS, GrainFile
+from mufe_fenicsx.geometry.grain_file import WITHOUT_CHECKSUM, GrainFile
 from mufe_fenicsx.geometry.grains import Grains, load_grains, read_grain_table, save_grains
 from mufe_fenicsx.geometry.shapes import box
 
@@ -17,6 +17,18 @@ def folder(tmp_path):
     meshes = [box((1, 1, 1), (2, 1, 1), origin=(2.0 * k, 0, 0)) for k in range(3)]
     save_grains(tmp_path, Grains.from_list([3, 5, 9], meshes, 0.5, [[0, 0, 0], [6, 1, 1]]))
     return tmp_path
+
+
+def as_version_1(folder):
+    """The file without a checksum, as somebody else may have written it; open for changes."""
+    path = folder / "grains.h5"
+    with h5py.File(path) as old, h5py.File(folder / "plain.h5", "w") as new:
+        for name in old:
+            old.copy(name, new)
+        new.attrs.update(old.attrs)
+        new.attrs["version"] = WITHOUT_CHECKSUM
+    shutil.move(folder / "plain.h5", path)
+    return h5py.File(path, "r+")
 
 
 def put(file, name, values):
@@ -30,7 +42,7 @@ def changed(file, name, at, value):
     put(file, name, values)
 
 
-#: What is wrong -> how to do that to an open file, with the checksums left as they are or none.
+#: What is wrong -> how to do that to an open file.
 DAMAGE = {
     "labels is missing": lambda f: f.__delitem__("labels"),
     "labels is no array": lambda f: (f.__delitem__("labels"), f.create_group("labels")),
@@ -70,39 +82,36 @@ DAMAGE = {
 
 @pytest.mark.parametrize("what", DAMAGE)
 def test_damage_is_named(folder, what):
-    """In files without checksums too, which somebody else may have written."""
-    with h5py.File(folder / "grains.h5", "r+") as file:
+    with as_version_1(folder) as file:
         DAMAGE[what](file)
-        file.attrs["version"] = WITHOUT_CHECKSUMS
     with pytest.raises(InputError, match=r"grains.h5 is damaged \(") as refused:
         load_grains(folder)
     assert f"({what}" in str(refused.value) and "\n" not in str(refused.value)
 
 
-def test_files_without_checksums_are_read(folder):
-    with h5py.File(folder / "grains.h5", "r+") as file:
-        del file["checksums"], file.attrs["checksum"]
-        file.attrs["version"] = WITHOUT_CHECKSUMS
+def test_files_without_a_checksum_are_read(folder):
+    as_version_1(folder).close()
     assert load_grains(folder).labels.tolist() == [3, 5, 9]
 
 
-def test_checksums_see_what_could_be_right(folder):
-    """A node moved by a rounding, a label that is another one."""
+def test_the_checksum_sees_what_could_be_right(folder):
+    """A node moved by a rounding, a label that is another one, a version that has no checksum."""
     path, copy = folder / "grains.h5", folder / "copy.h5"
     shutil.copy(path, copy)
     with h5py.File(path, "r+") as file:
         changed(file, "points", (14, 1), np.nextafter(file["points"][14, 1], 2.0))
-    assert load_grains(folder, [0, 2]).labels.tolist() == [3, 9]  # the others are as they were
-    with pytest.raises(InputError, match="checksum of grain 5 differs"):
-        load_grains(folder, [1])
+    with pytest.raises(InputError, match=r"damaged \(its checksum differs\)"):
+        load_grains(folder, [0])
     with h5py.File(copy, "r+") as file:
-        changed(file, "labels", 1, 6)
-    with pytest.raises(InputError, match=r"damaged \(checksum differs\)"):
+        file["labels"][1] = 6
+        file.attrs["version"] = WITHOUT_CHECKSUM
+    with pytest.raises(InputError, match=r"damaged \(its checksum differs\)"):
         read_grain_table(copy)
+    assert read_grain_table(copy, compare=False)[0].tolist() == [3, 6, 9]
 
 
 def test_an_array_of_terabytes_is_refused_before_it_is_read(folder):
-    with h5py.File(folder / "grains.h5", "r+") as file:
+    with as_version_1(folder) as file:
         del file["labels"]
         file.create_dataset("labels", (1 << 42,), "i8", chunks=(1 << 16,))
     with pytest.raises(InputError, match=r"labels take 3.52e\+04 GB, expected less than the mem"):
@@ -110,10 +119,9 @@ def test_an_array_of_terabytes_is_refused_before_it_is_read(folder):
 
 
 def flip_bits(folder, chance, count):
-    """Copies of a file with some bits flipped; how many were refused, and how many read."""
+    """Copies of a file with some bits flipped, and some that are cut as well: all are refused."""
     data = (folder / "grains.h5").read_bytes()
-    path, refused, kept = folder / "flipped.h5", 0, 0
-    whole = load_grains(folder)
+    path = folder / "flipped.h5"
     for _ in range(count):
         flipped = bytearray(data)
         for at in chance.integers(8 * len(data), size=chance.integers(1, 13)):
@@ -121,34 +129,23 @@ def flip_bits(folder, chance, count):
         if chance.random() < 0.1:
             flipped = flipped[: chance.integers(len(data))]
         path.write_bytes(flipped)
-        try:
-            found = load_grains(path)
-        except InputError as error:
-            assert "\n" not in str(error) and len(str(error)) < 500
-            refused += 1
-            continue
-        # What hit neither a value nor its description: room between, names that nobody asks for.
-        assert np.array_equal(found.points, whole.points)
-        assert np.array_equal(found.cells, whole.cells)
-        assert np.array_equal(found.labels, whole.labels)
-        kept += 1
-    return refused, kept
+        with pytest.raises(InputError) as refused:
+            load_grains(path)
+        assert "\n" not in str(refused.value) and len(str(refused.value)) < 500
 
 
 def test_flipped_bits(folder):
-    refused, kept = flip_bits(folder, np.random.default_rng(40), 60)
-    assert refused > 20 and refused + kept == 60
+    flip_bits(folder, np.random.default_rng(40), 100)
 
 
 @pytest.mark.slow
-def test_flipped_bits_of_three_hundred_files(folder):
-    refused, kept = flip_bits(folder, np.random.default_rng(41), 300)
-    assert refused > 100 and refused + kept == 300
+def test_flipped_bits_of_many_files(folder):
+    flip_bits(folder, np.random.default_rng(41), 3000)
 
 
 def test_a_file_is_closed_where_it_is_refused(folder):
-    with h5py.File(folder / "grains.h5", "r+") as file:
-        del file["box"]
+    with as_version_1(folder) as file:
+        put(file, "labels", [1, 1, 2])
     for _ in range(2):
         with pytest.raises(InputError):
             GrainFile(folder)
