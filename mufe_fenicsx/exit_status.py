@@ -22,6 +22,8 @@ INTERRUPTED = 130
 #: once where an error is raised together; a rank that does not come is waiting
 #: for this one in another collective call, and would for ever.
 PATIENCE = 10.0
+#: Characters of the one line.
+LONGEST = 2000
 #: What a launcher on a busy machine takes to pass on a line [s].
 FORWARDING = 1.0
 
@@ -37,6 +39,10 @@ def run_to_exit(action):
         action: Function without arguments that returns an exit status.
     """
     from mpi4py import MPI
+
+    for stream in (sys.stdout, sys.stderr):  # what a terminal has no letter for is escaped
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
 
     # Of its own, so that ranks that end meet nobody who still computes.
     comm = MPI.COMM_WORLD.Dup()
@@ -98,7 +104,8 @@ def _one_line(error):
         text = error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
     else:
         text = str(error)
-    return " ".join(text.split())
+    line = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))
+    return line if len(line) <= LONGEST else line[:LONGEST] + "…"
 
 
 def _print_line(line):

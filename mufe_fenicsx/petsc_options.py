@@ -10,6 +10,7 @@ import re
 import shlex
 from dataclasses import dataclass
 
+from .bounds import shown
 from .errors import InputError
 
 #: On the command line of PETSc: whoever wrote it takes any option.
@@ -129,8 +130,6 @@ OPTIONS = {
 #: What may stand before a name: the levels of a multigrid, and the blocks of a preconditioner.
 LEVELS = ("mg_levels_", "mg_levels_N_", "mg_coarse_", "sub_")
 _LEVELS = re.compile("(?:mg_levels_(?:[0-9]{1,2}_)?|mg_coarse_|sub_){0,3}")
-#: Characters of a text in a message.
-SHOWN = 60
 
 
 def parse(text):
@@ -143,13 +142,13 @@ def parse(text):
         words, found = shlex.split(text), {}
     except ValueError as error:  # a quote that is not closed
         raise InputError(
-            f"petsc = {_short(text)} has {str(error).lower()}, expected options like "
+            f"petsc = {shown(text)} has {str(error).lower()}, expected options like "
             '"-ksp_rtol 1e-8"'
         ) from None
     while words:
         name = words.pop(0)
         if not name.startswith("-") or len(name) < 2:
-            raise InputError(f'petsc = {_short(text)}, expected options like "-ksp_rtol 1e-8"')
+            raise InputError(f'petsc = {shown(text)}, expected options like "-ksp_rtol 1e-8"')
         has_value = words and not (words[0].startswith("-") and words[0][1:2].isalpha())
         found[name[1:]] = words.pop(0) if has_value else None
     check(found, "petsc")
@@ -167,11 +166,11 @@ def check(options, where):
         allowed = OPTIONS.get(_LEVELS.sub("", name, count=1))
         if allowed is None:
             raise InputError(
-                f"{where} has {_short('-' + name)}, expected one of -" + ", -".join(OPTIONS)
+                f"{where} has {shown('-' + name)}, expected one of -" + ", -".join(OPTIONS)
             )
         if not allowed.allows(value):
-            shown = "no value" if value is None else _short(value)
-            raise InputError(f"{where} has -{name} with {shown}, expected {allowed}")
+            given = "no value" if value is None else shown(value)
+            raise InputError(f"{where} has -{name} with {given}, expected {allowed}")
 
 
 def check_command_line(options, prefix):
@@ -190,8 +189,3 @@ def check_command_line(options, prefix):
         raise InputError(
             f"{error} (names without {prefix}), or -{prefix}{TRUST} for any option"
         ) from None
-
-
-def _short(text):
-    text = ascii(str(text))
-    return text if len(text) <= SHOWN else text[:SHOWN] + "…"

@@ -74,10 +74,12 @@ class Printer:
             return
         text = json.dumps(plain(result), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
         if self.json_path == "-":
+            if "utf" not in (sys.stdout.encoding or "").lower():
+                text = json.dumps(json.loads(text), indent=2) + "\n"
             sys.stdout.write(text)
             sys.stdout.flush()
         else:
-            Path(self.json_path).write_text(text, encoding="utf-8")
+            Path(self.json_path).write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def plain(value):

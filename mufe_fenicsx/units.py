@@ -5,6 +5,7 @@ import math
 import re
 from decimal import Decimal
 
+from .bounds import check_number, shown
 from .errors import InputError
 
 #: SI unit -> what a number with it is, and an example of how to write it.
@@ -18,6 +19,12 @@ QUANTITIES = {
     "": ("a number", "0.1"),
 }
 
+#: Characters of a unit, and of all with its number. Its names may have small powers and no numbers:
+#: pint would compute a tower of them.
+LONGEST_UNIT, LONGEST = 40, 100
+_UNIT = re.compile(
+    r"%|[^\W\d]+(?:(?:\^|\*\*)?[+-]?\d)?(?:\s*[*/·\s]\s*[^\W\d]+(?:(?:\^|\*\*)?[+-]?\d)?)*"
+)
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*?)?\s*")
 
 
@@ -30,18 +37,16 @@ def to_si(value, unit, name):
         name: What the value is called in messages.
 
     Raises:
-        InputError: not a number, not finite, an unknown unit or one of another dimension.
+        InputError: not a number, not finite, beyond :data:`.bounds.OF_UNITS`, an unknown unit or
+            one of another dimension.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise InputError(f"{name} = {shown(value)}, expected {expected(unit)}")
-    if isinstance(value, str):
-        value = _parse(value, unit, name)
     try:
-        number = float(value)
+        number = float(_parse(value, unit, name) if isinstance(value, str) else value)
     except OverflowError:  # an integer beyond the range of floats
         number = math.inf
-    if not math.isfinite(number):
-        raise InputError(f"{name} = {shown(value)}, expected {expected(unit)}, finite")
+    check_number(number, unit, name, value, expected(unit))
     return number
 
 
@@ -51,27 +56,21 @@ def expected(unit):
     return f'{what} such as "{example}"' if unit else what
 
 
-def shown(value):
-    """A value as the user wrote it: texts in double quotes, the rest as in TOML."""
-    if isinstance(value, str):
-        return f'"{value}"'
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(shown(item) for item in value) + "]"
-    return str(value)
-
-
 def _parse(text, unit, name):
-    match = _NUMBER_AND_UNIT.fullmatch(text)
+    match = _NUMBER_AND_UNIT.fullmatch(text) if len(text) <= LONGEST else None
     wrong = InputError(f"{name} = {shown(text)}, expected {expected(unit)}")
     if match is None:
         raise wrong
-    number, written_unit = Decimal(match[1]), match[2]
+    try:
+        number, written_unit = Decimal(match[1]), match[2]
+    except ArithmeticError:  # an exponent beyond what decimals have
+        raise wrong from None
     if written_unit is None:
         if unit:  # a text says its unit; a bare number is SI
             raise InputError(f"{name} = {shown(text)}, expected {expected(unit)}, with its unit")
         return number
+    if len(written_unit) > LONGEST_UNIT or not _UNIT.fullmatch(written_unit):
+        raise wrong
     registry = _registry()
     try:
         return registry.Quantity(number, registry.parse_units(written_unit)).to(unit).magnitude

@@ -44,8 +44,9 @@ TABLE = {
     "theory": set(),
     "geometry": {"kernels"},
     "state": set(),
-    "units": set(),
-    "petsc_options": set(),
+    "bounds": set(),
+    "units": {"bounds"},
+    "petsc_options": {"bounds"},
     "mesh": set(),
     "time_step": {"kernels"},
     "stable_step": {"mesh", "solid", "rigid", "contact", "time_step", "shared_mass"},
@@ -62,10 +63,10 @@ TABLE = {
     "tangent": {"solid", "kernels"},
     "linear_system": {"mesh", "tangent", "kernels", "petsc_options"},
     # geometry: its settings, of which the scene is the written form.
-    "scene": {"materials", "contact", "units", "geometry", "petsc_options"},
+    "scene": {"materials", "contact", "bounds", "units", "geometry", "petsc_options"},
     # units: its settings; geometry: files and labels; materials: that of its scene; report:
     # pictures without a screen.
-    "synthetic": {"kernels", "geometry", "units", "materials", "report"},
+    "synthetic": {"kernels", "geometry", "bounds", "units", "materials", "report"},
     "simulation": {
         *("kernels", "geometry", "state", "mesh", "materials", "solid", "rigid", "contact"),
         *("fidelity", "integrators", "scene", "stable_step", "mass_scaling", "tangent"),

@@ -51,7 +51,7 @@ HARMFUL = """
 
 @pytest.mark.parametrize("text", HARMFUL)
 def test_what_can_do_harm_is_refused_in_one_line(text):
-    with pytest.raises(InputError, match=r"^petsc (has -|has '-|= )") as refused:
+    with pytest.raises(InputError, match=r'^petsc (has -|has "-|= )') as refused:
         parse(text)
     assert "\n" not in str(refused.value) and "expected" in str(refused.value)
 
@@ -69,7 +69,7 @@ def test_usual_options_are_taken():
 
 def test_the_command_line_of_petsc_is_held_to_the_same_list():
     check_command_line({"ksp_rtol": "1e-8"}, "mufe_")
-    with pytest.raises(InputError, match=r"PETSC_OPTIONS has '-ksp_view'.* or -mufe_trust for any"):
+    with pytest.raises(InputError, match=r'PETSC_OPTIONS has "-ksp_view".* or -mufe_trust for any'):
         check_command_line({"ksp_view": ":x"}, "mufe_")
     check_command_line({"ksp_view": ":x", "trust": None}, "mufe_")
 

@@ -2,6 +2,7 @@
 
 import math
 
+from ..bounds import shown
 from ..errors import InputError
 
 
@@ -21,4 +22,4 @@ def one_of(name, value, choices):
     """Raise InputError unless the value is one of the choices."""
     if value not in choices:
         listed = " or ".join(f'"{choice}"' for choice in choices)
-        raise InputError(f'{name} = "{value}", expected {listed}')
+        raise InputError(f"{name} = {shown(value)}, expected {listed}")

@@ -4,15 +4,19 @@ import tomllib
 from dataclasses import fields
 from pathlib import Path
 
+from ..bounds import check_text, shortened, shown
 from ..errors import InputError
 from ..materials.j2 import J2
 from ..materials.scatter import SCATTERED, Scatter
-from ..units import shown, to_si
+from ..units import to_si
 from .catalogue import MODELS, SHAPES, TABLES, TOP_KEYS
 from .scene import Scene
 from .stages import Stage
 from .tables import WALLS, Group, Wall
 from .values import build, convert_array, unknown_key
+
+#: Bytes of a scene file.
+LARGEST = 10_000_000
 
 
 def load_scene(path) -> Scene:
@@ -23,14 +27,7 @@ def load_scene(path) -> Scene:
             value that is not physical; the message names the dotted key.
     """
     path = Path(path)
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"scene {path}: {error.strerror}, expected a TOML file") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"scene {path} is not UTF-8 text, expected a TOML file") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"scene {path} is not valid TOML: {error}") from error
+    tables = _read_tables(path)
 
     known = [*TOP_KEYS, *TABLES, "material", "materials", "walls", "stage"]
     _check_keys(tables, known, "")
@@ -42,6 +39,7 @@ def load_scene(path) -> Scene:
     title = tables.get("title", "")
     if not isinstance(title, str):
         raise InputError(f"title = {shown(title)}, expected a text")
+    check_text("title", title)
     parts = {
         name: build(cls, _table(tables, name), lambda key, name=name: f"{name}.{key}", folder)
         for name, cls in TABLES.items()
@@ -71,6 +69,32 @@ def load_scene(path) -> Scene:
     )
 
 
+def _read_tables(path):
+    """Tables of a TOML file."""
+    try:
+        if path.exists() and not path.is_file():  # a pipe would be waited for
+            raise InputError(f"scene {path} is no file, expected a TOML file")
+        if path.stat().st_size > LARGEST:
+            raise InputError(
+                f"scene {path} has {path.stat().st_size} bytes, expected a TOML file of at most "
+                f"{LARGEST}"
+            )
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"scene {path}: {error.strerror}, expected a TOML file") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"scene {path} is not UTF-8 text, expected a TOML file") from error
+    except tomllib.TOMLDecodeError as error:
+        text = shortened(error) if len(str(error)) > 200 else error
+        raise InputError(f"scene {path} is not valid TOML: {text}") from error
+    except RecursionError:
+        raise InputError(f"scene {path} is nested too deep, expected a scene") from None
+    except InputError:
+        raise
+    except ValueError as error:  # a number of thousands of digits
+        raise InputError(f"scene {path} is not valid TOML: {shortened(error)}") from error
+
+
 def _read_stages(tables):
     """The tables [[stage]], in their order."""
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
@@ -85,7 +109,7 @@ def _read_groups(tables, common):
     """The tables [materials.NAME]: keys that they leave out are those of [material]."""
     groups = {}
     for key in tables:
-        prefix = f"materials.{key}"
+        prefix = f"materials.{shortened(key)}"
         values = dict(_table(tables, key, prefix))
         labels = values.pop("labels", None)
         if labels is None:

@@ -8,11 +8,15 @@ import typing
 from dataclasses import MISSING, fields
 from pathlib import Path
 
+from ..bounds import check_key, check_text, shortened, shown
 from ..errors import InputError
 from ..materials.j2 import J2
-from ..units import expected, shown, to_si
+from ..units import expected, to_si
 from .catalogue import FLOAT_ARRAYS, SHAPES, TABLES, unit_of
 from .image import PACKAGED_IMAGES
+
+#: Characters of a path.
+LONGEST_PATH = 4000
 
 
 def build(cls, values, name, folder=None):
@@ -59,7 +63,7 @@ def unknown_key(full_name, value, key, known, name):
         nearest = elsewhere[0]
     else:
         nearest = name((close or difflib.get_close_matches(key, known, n=1, cutoff=0.0))[0])
-    return f"{full_name} = {value} is not a known key, expected {nearest}"
+    return f"{shortened(full_name)} = {value} is not a known key, expected {nearest}"
 
 
 def _expected(hint, unit):
@@ -81,19 +85,25 @@ def _convert(value, hint, unit, key, name, folder):
         return convert_array(value, SHAPES[key], unit, float if key in FLOAT_ARRAYS else int, name)
     if Path in kinds:
         return _convert_path(value, name, folder)
+    if isinstance(value, str):
+        check_text(name, value)
     for kind in kinds:
         if dataclasses.is_dataclass(kind):
             if not isinstance(value, dict):
                 raise InputError(f"{name} = {shown(value)}, expected a table like {{ … }}")
             return build(kind, value, lambda inner: f"{name}.{inner}", folder)
     if float in kinds and not (str in kinds and isinstance(value, str)):
-        return to_si(value, unit, name)
+        number = to_si(value, unit, name)
+        check_key(key, number, name, value)
+        return number
     if int in kinds and (isinstance(value, bool) or not isinstance(value, int)):
         raise InputError(f"{name} = {shown(value)}, expected a whole number")
     if bool in kinds and not isinstance(value, bool):
         raise InputError(f"{name} = {shown(value)}, expected true or false")
     if str in kinds and not isinstance(value, str):
         raise InputError(f"{name} = {shown(value)}, expected a text")
+    if isinstance(value, int):
+        check_key(key, value, name, value)
     return value
 
 
@@ -122,6 +132,7 @@ def convert_array(value, shape, units, kind, name):
         for i, item in enumerate(value):
             if isinstance(item, bool) or not isinstance(item, int) or item < 0:
                 raise InputError(f"{name}[{i}] = {shown(item)}, expected a whole number >= 0")
+            check_key(None, item, f"{name}[{i}]", item)
         return tuple(value)
     return tuple(
         to_si(item, unit, f"{name}[{i}]")
@@ -134,7 +145,14 @@ def _convert_path(value, name, folder):
         raise InputError(f"{name} = {shown(value)}, expected a path")
     if str(value) in PACKAGED_IMAGES:
         return str(value)
-    path = Path(value).expanduser()
+    if "\0" in str(value) or len(str(value)) > LONGEST_PATH:
+        raise InputError(f"{name} = {shown(str(value))}, expected a path")
+    try:
+        path = Path(value).expanduser()
+    except RuntimeError:  # nobody of that name
+        raise InputError(
+            f"{name} = {shown(str(value))}, expected a path, or ~ with the name of a user"
+        ) from None
     if folder is None or path.is_absolute():
         return path
     path = Path(os.path.normpath(folder / path))

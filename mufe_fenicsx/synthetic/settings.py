@@ -4,8 +4,9 @@ import difflib
 import math
 from dataclasses import dataclass, fields
 
+from ..bounds import shown
 from ..errors import InputError
-from ..units import shown, to_si
+from ..units import to_si
 
 
 @dataclass(frozen=True)
