@@ -8,9 +8,13 @@ bodies in hard, frictional contact.
 import importlib.util
 import os
 
+from .caches import use_writable_caches
+
 # Work is shared among MPI ranks. BLAS threads that wait for more work take the cores
 # from them: two ranks on two cores then ran at a fifth of their speed.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+use_writable_caches()
 
 # The binary wheel of DOLFINx has to load its MPI before dolfinx, petsc4py or
 # mpi4py are imported. Debian, conda-forge and Spack do without this module.

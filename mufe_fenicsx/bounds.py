@@ -69,17 +69,18 @@ def check_number(number, unit, name, value, expected):
         )  # fmt: skip
 
 
-def check_key(key, number, name, value):
-    """Raise InputError unless a number of a key of a scene is plausible."""
-    if isinstance(number, bool):
-        return
-    least, largest = OF_KEYS.get(key, (None, None))
-    if least is None:
-        if not isinstance(number, int) or abs(number) <= LARGEST_COUNT:
-            return
-        least, largest = -LARGEST_COUNT, LARGEST_COUNT
+def check_count(number, key, name):
+    """Raise InputError unless a whole number of a key of a scene is a plausible one."""
+    largest = OF_KEYS.get(key, (0, LARGEST_COUNT))[1]
+    if abs(number) > largest:
+        raise InputError(f"{name} = {shown(number)}, expected a whole number up to {largest:g}")
+
+
+def check_key(key, number, name):
+    """Raise InputError unless a number of a key of a scene is between its bounds."""
+    least, largest = OF_KEYS.get(key, (number, number))
     if not least <= number <= largest:
-        raise InputError(f"{name} = {shown(value)}, expected {least:g} to {largest:g}")
+        raise InputError(f"{name} = {shown(number)}, expected {least:g} to {largest:g}")
 
 
 def check_text(name, text):

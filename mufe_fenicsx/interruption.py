@@ -7,9 +7,9 @@ import time
 import numpy as np
 from mpi4py import MPI
 
-#: Signals that end a run after a checkpoint: Ctrl-C, and requests of a batch system. Open MPI's
-#: mpirun kills its ranks when it gets SIGTERM, but passes SIGUSR1 on.
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
+#: Signals that end a run after a checkpoint: Ctrl-C, requests of a batch system, and a terminal that
+#: closes. Open MPI's mpirun kills its ranks when it gets SIGTERM, but passes SIGUSR1 on.
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGHUP)
 #: Several ranks ask each other about this often [s]; one rank asks at every step.
 LATENCY = 0.2
 
@@ -34,7 +34,9 @@ class Interruption:
 
     def __enter__(self):
         if threading.current_thread() is threading.main_thread():
-            self._before = {s: signal.signal(s, self._note) for s in SIGNALS}
+            # One that was told to be ignored, as SIGHUP by nohup, stays so.
+            wanted = [s for s in SIGNALS if s != signal.SIGHUP or not _ignored(s)]
+            self._before = {s: signal.signal(s, self._note) for s in wanted}
         return self
 
     def __exit__(self, *_):
@@ -71,3 +73,7 @@ class Interruption:
     def saved(self):
         """The time to the next checkpoint begins."""
         self._saved = self._asked = time.monotonic()
+
+
+def _ignored(number):
+    return signal.getsignal(number) == signal.SIG_IGN

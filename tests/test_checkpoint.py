@@ -209,7 +209,7 @@ def test_thirty_kills_leave_the_same_bytes(folder, serial, num_ranks):
         assert files(folder / "parts") == files(folder / "whole")
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGUSR1])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGUSR1, signal.SIGHUP])
 def test_a_signal_ends_all_ranks_after_a_checkpoint(folder, serial, number):
     if number == signal.SIGTERM and "Open MPI" in MPI.Get_library_version():
         pytest.skip("the launcher of Open MPI kills its ranks on SIGTERM")

@@ -45,6 +45,7 @@ TABLE = {
     "geometry": {"kernels"},
     "state": set(),
     "bounds": set(),
+    "caches": set(),
     "units": {"bounds"},
     "petsc_options": {"bounds"},
     "mesh": set(),

@@ -121,7 +121,7 @@ def test_three_thousand_mutated_scenes(tmp_path):
         ('speed = "1e99999999999999999999 m/s"', 'oedometer.speed = "1e99999999999999999999 m/s"'),
         ('[sample]\ngrains = "~nosuchuser/x"', 'sample.grains = "~nosuchuser/x", expected a path'),
         ('[sample]\ngrains = "a\\u0000b"', 'sample.grains = "a?b", expected a path'),
-        ('[output]\nhistory = 1000000000000000', 'output.history = 1000000000000000, expected 2 '),
+        ('[output]\nhistory = 1000000000000000', 'output.history = 1000000000000000, expected a w'),
         ('[solver]\ntime_step_factor = 5e-324', 'solver.time_step_factor = 5e-324, expected a nu'),
         ('[solver]\ntime_step_factor = 1e-6', 'solver.time_step_factor = 1e-06, expected 0.001 t'),
         ('[image]\nfile = "a.tif"\nupsample = 1e9', 'image.upsample = 1000000000.0, expected 0.0'),

@@ -5,8 +5,10 @@ the user's cache folder, one file for each state of source, options and processo
 later changes no results, and nodes without one share what was made.
 """
 
+import contextlib
 import ctypes
 import hashlib
+import json
 import os
 import shutil
 import subprocess
@@ -19,6 +21,7 @@ import llvmlite.binding
 import numpy as np
 
 from ..errors import InputError
+from .cache_files import read_sealed, write_sealed
 
 #: What there is to load, with options of its own.
 SOURCES = {
@@ -57,23 +60,53 @@ def load(name, *more_options):
     read = [source, *sorted(source.parent.glob("*.h"))]
     state = [*(path.read_text(encoding="utf-8") for path in read), *options, _processor()]
     key = hashlib.sha256("\0".join(state).encode()).hexdigest()[:20]
-    folder = _cache_folder()
-    library = folder / f"{name}-{key}.so"
-    if not library.exists():
-        compiler = _compiler()
+    library = _cache_folder() / f"{name}-{key}.so"
+    made_for = json.dumps({"library": f"{name}-{key}", "processor": _processor()}).encode()
+    found = _opened(library, made_for)
+    if found is not None:
+        return found
+    code = _compiled(source, options) + _NOTE + made_for
+    try:
         # Processes that start together each make one; the last to rename it wins, all are alike.
-        handle, made = tempfile.mkstemp(suffix=".so", dir=folder)
-        os.close(handle)
-        command = [compiler, *options, "-shared", "-fPIC", str(source), "-o", made, "-lm"]
-        done = subprocess.run(command, capture_output=True, text=True)
-        if done.returncode:
-            os.unlink(made)
+        write_sealed(library, code)
+        found = _opened(library, made_for)
+    except OSError:  # a disk that is full: it is kept for this process alone
+        pass
+    if found is None:
+        with tempfile.TemporaryDirectory(prefix="mufe_fenicsx-") as folder:
+            write_sealed(Path(folder) / library.name, code)
+            found = ctypes.CDLL(str(Path(folder) / library.name))
+    return found
+
+
+#: Stands between a library and what it was made for, at the end of its file.
+_NOTE = b"\nmufe made for "
+
+
+def _opened(library, made_for):
+    """A library that is whole and was made for this source and processor, or None."""
+    content = read_sealed(library)
+    if content is None or not content.endswith(_NOTE + made_for):
+        return None
+    try:
+        return ctypes.CDLL(str(library))
+    except OSError:  # made with another C library
+        return None
+
+
+def _compiled(source, options):
+    """Bytes of the library that the compiler makes of a source."""
+    compiler = _compiler()
+    with tempfile.TemporaryDirectory(prefix="mufe_fenicsx-") as folder:
+        made = Path(folder) / "made.so"
+        command = [compiler, *options, "-shared", "-fPIC", str(source), "-o", str(made), "-lm"]
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace")
+        if done.returncode or not made.is_file():
             raise InputError(
                 f"{' '.join(command)} failed: {done.stderr.strip()[-400:]}; expected GCC or clang "
                 "in PATH or in the variable CC"
             )
-        os.replace(made, library)
-    return ctypes.CDLL(str(library))
+        return made.read_bytes()
 
 
 def _compiler():
@@ -88,18 +121,13 @@ def _processor():
     return f"{llvmlite.binding.get_host_cpu_name()} {features}"
 
 
-@cache
 def _cache_folder():
-    """The user's own; a folder of this process alone where there is none to write to."""
+    """The user's own."""
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = base / "mufe_fenicsx"
-    try:
+    with contextlib.suppress(OSError):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK | os.X_OK):
-            return folder
-    except OSError:
-        pass
-    return Path(tempfile.mkdtemp(prefix="mufe_fenicsx-"))
+    return folder
 
 
 class Pointers:

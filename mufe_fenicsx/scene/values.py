@@ -8,7 +8,7 @@ import typing
 from dataclasses import MISSING, fields
 from pathlib import Path
 
-from ..bounds import check_key, check_text, shortened, shown
+from ..bounds import check_count, check_key, check_text, shortened, shown
 from ..errors import InputError
 from ..materials.j2 import J2
 from ..units import expected, to_si
@@ -46,9 +46,13 @@ def build(cls, values, name, folder=None):
         for key, value in values.items()
     }
     try:
-        return cls(**converted)
+        built = cls(**converted)
     except InputError as error:  # these begin with the name of the field
         raise InputError(name(str(error))) from None
+    for key, value in converted.items():
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            check_key(key, value, name(key))
+    return built
 
 
 def unknown_key(full_name, value, key, known, name):
@@ -93,9 +97,7 @@ def _convert(value, hint, unit, key, name, folder):
                 raise InputError(f"{name} = {shown(value)}, expected a table like {{ … }}")
             return build(kind, value, lambda inner: f"{name}.{inner}", folder)
     if float in kinds and not (str in kinds and isinstance(value, str)):
-        number = to_si(value, unit, name)
-        check_key(key, number, name, value)
-        return number
+        return to_si(value, unit, name)
     if int in kinds and (isinstance(value, bool) or not isinstance(value, int)):
         raise InputError(f"{name} = {shown(value)}, expected a whole number")
     if bool in kinds and not isinstance(value, bool):
@@ -103,7 +105,7 @@ def _convert(value, hint, unit, key, name, folder):
     if str in kinds and not isinstance(value, str):
         raise InputError(f"{name} = {shown(value)}, expected a text")
     if isinstance(value, int):
-        check_key(key, value, name, value)
+        check_count(value, key, name)
     return value
 
 
@@ -132,7 +134,7 @@ def convert_array(value, shape, units, kind, name):
         for i, item in enumerate(value):
             if isinstance(item, bool) or not isinstance(item, int) or item < 0:
                 raise InputError(f"{name}[{i}] = {shown(item)}, expected a whole number >= 0")
-            check_key(None, item, f"{name}[{i}]", item)
+            check_count(item, None, f"{name}[{i}]")
         return tuple(value)
     return tuple(
         to_si(item, unit, f"{name}[{i}]")

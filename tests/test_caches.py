@@ -1,0 +1,146 @@
+"""What is compiled and kept heals: torn, empty, of another machine, or nowhere to be kept."""
+
+import ctypes
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mufe_fenicsx.kernels import native
+from mufe_fenicsx.kernels.cache_files import SealedCacheFile, read_sealed, seal, write_sealed
+from mufe_fenicsx.launcher import environment_without_launcher
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture
+def library(monkeypatch, tmp_path):
+    """Loads a small library of its own from an empty cache; the number of compilations."""
+    folder, compiled = tmp_path / "kernels", native._compiled
+    folder.mkdir()
+    (folder / "small.c").write_text("int answer(void) { return 42; }\n")
+    count = []
+    monkeypatch.setattr(native, "__file__", str(folder / "native.py"))
+    monkeypatch.setitem(native.SOURCES, "small", ())
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(native, "_compiled", lambda *a: count.append(1) or compiled(*a))
+
+    def load():
+        native.load.cache_clear()
+        found = native.load("small")
+        assert isinstance(found, ctypes.CDLL) and found.answer() == 42
+        return len(count)
+
+    yield load
+    native.load.cache_clear()
+
+
+def kept(tmp_path):
+    return list((tmp_path / "cache" / "mufe_fenicsx").iterdir())
+
+
+def replace(path, data):
+    """Another file: the old one is mapped into this process."""
+    path.unlink()
+    path.write_bytes(data)
+
+
+def flipped(data):
+    return data[: len(data) // 2] + bytes([data[len(data) // 2] ^ 4]) + data[len(data) // 2 + 1 :]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [lambda d: b"", lambda d: d[:1000], lambda d: d[:-1], flipped, lambda d: seal(b"no library"),
+     lambda d: seal(d[:-100])],
+    ids=["empty", "cut", "short", "flipped", "other", "unsealed"],
+)  # fmt: skip
+def test_a_damaged_library_is_made_again(library, tmp_path, damage):
+    assert library() == library() == 1  # kept
+    (path,) = kept(tmp_path)
+    replace(path, damage(path.read_bytes()))
+    assert library() == library() == 2
+    assert kept(tmp_path) == [path]
+
+
+def test_a_library_of_another_processor_is_not_taken(library, monkeypatch, tmp_path):
+    """Two kinds of processors share a cache: each has its own, and a file moved over is found."""
+    assert library() == 1
+    (path,) = kept(tmp_path)
+    monkeypatch.setattr(native, "_processor", lambda: "another")
+    assert library() == library() == 2
+    other = next(p for p in kept(tmp_path) if p != path)
+    replace(other, path.read_bytes())
+    assert library() == 3
+
+
+@pytest.mark.parametrize("in_the_way", ["file", "folder"])
+def test_without_a_place_to_keep_it_a_library_is_made_for_the_process(
+    library, tmp_path, in_the_way
+):
+    if in_the_way == "file":  # where the cache folder should be
+        (tmp_path / "cache").write_text("")
+    else:  # where the library should be
+        assert library() == 1
+        (path,) = kept(tmp_path)
+        path.unlink()
+        path.mkdir()
+    before = library()
+    assert library() == before + 1
+
+
+def test_what_numba_kept_heals(tmp_path):
+    """Index and loops, each empty, cut and changed: they count as absent, and are made again."""
+    cache = SealedCacheFile(str(tmp_path), "loop", ("stamp", 1))
+    assert cache.load("key") is None
+    for name in ("loop.nbi", "loop.1.nbc"):
+        for damage in (lambda d: b"", lambda d: d[:-3], flipped, lambda d: b"\x80\x05."):
+            cache.save("key", {"code": b"machine code"})
+            assert cache.load("key") == {"code": b"machine code"}
+            path = tmp_path / name
+            path.write_bytes(damage(path.read_bytes()))
+            assert cache.load("key") is None
+    assert SealedCacheFile(str(tmp_path), "loop", ("stamp", 2)).load("key") is None
+    SealedCacheFile("/proc/nowhere", "loop", 1).save("key", 1)  # not kept, and no error
+
+
+def test_a_sealed_file_is_there_whole_or_not_at_all(tmp_path, monkeypatch):
+    path = tmp_path / "kept"
+    write_sealed(path, b"first")
+    monkeypatch.setattr(os, "fsync", lambda _: (_ for _ in ()).throw(OSError(28, "full")))
+    with pytest.raises(OSError):
+        write_sealed(path, b"second")
+    assert read_sealed(path) == b"first" and os.listdir(tmp_path) == ["kept"]
+
+
+def start(program, **variables):
+    environment = environment_without_launcher() | {"PYTHONPATH": str(ROOT)} | variables
+    environment = {name: value for name, value in environment.items() if value is not None}
+    return subprocess.run(
+        [sys.executable, "-c", program], env=environment, text=True, capture_output=True
+    )
+
+
+SHOW = "import mufe_fenicsx, os; print(os.environ.get('XDG_CACHE_HOME'))"
+
+
+def test_where_no_cache_can_be_written_it_is_said_once(tmp_path):
+    """A home in which nothing can be made, even by root; programs that it starts say nothing."""
+    both = (
+        f"{SHOW}; import subprocess, sys; "
+        f"print(subprocess.run([sys.executable, '-c', {SHOW!r}], text=True, "
+        "capture_output=True, check=True))"
+    )
+    done = start(both, HOME="/proc/nowhere", XDG_CACHE_HOME=None, NUMBA_CACHE_DIR=None)
+    assert done.returncode == 0, done.stderr
+    folder, child = done.stdout.splitlines()
+    assert "/mufe_fenicsx-" in folder and not Path(folder).exists()  # removed at the end
+    assert folder in child and "stderr=''" in child
+    lines = [line for line in done.stderr.splitlines() if line.startswith("mufe: ")]
+    assert len(lines) == 1 and "cache folder /proc/nowhere/.cache cannot be written" in lines[0]
+    quiet = start(SHOW, HOME="/proc/nowhere", XDG_CACHE_HOME=None, PMI_RANK="1")
+    assert quiet.returncode == 0 and "mufe: " not in quiet.stderr
+    kept = start(SHOW, XDG_CACHE_HOME=str(tmp_path))
+    assert kept.stdout.strip() == str(tmp_path) and "mufe: " not in kept.stderr
