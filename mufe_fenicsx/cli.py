@@ -59,6 +59,10 @@ def run(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the last checkpoint in the folder.")
     ] = False,
+    accept_loss: Annotated[
+        bool,
+        typer.Option("--accept-loss", help="Resume without results that are gone or changed."),
+    ] = False,
     profile: Annotated[
         bool, typer.Option("--profile", help="Time of the parts of a step, on each rank.")
     ] = False,
@@ -96,6 +100,7 @@ def run(
         quiet=quiet or json == "-",
         command=["mufe", *sys.argv[1:]],
         resume=resume,
+        accept_loss=accept_loss,
         profile=profile,
         after=after,
     )

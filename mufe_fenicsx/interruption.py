@@ -7,8 +7,8 @@ import time
 import numpy as np
 from mpi4py import MPI
 
-#: Signals that end a run after a checkpoint: Ctrl-C, requests of a batch system, and a terminal that
-#: closes. Open MPI's mpirun kills its ranks when it gets SIGTERM, but passes SIGUSR1 on.
+#: Signals that end a run after a checkpoint: Ctrl-C, requests of a batch system, and a terminal
+#: that closes. Open MPI's mpirun kills its ranks when it gets SIGTERM, but passes SIGUSR1 on.
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGHUP)
 #: Several ranks ask each other about this often [s]; one rank asks at every step.
 LATENCY = 0.2

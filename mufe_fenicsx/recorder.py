@@ -5,9 +5,12 @@ import math
 from .contact.network import find_network
 from .contact.nodal import nodal_contact
 from .energy_guard import EnergyGuard
+from .errors import InputError
 from .output.contacts import ContactWriter
 from .output.fields import Computed, FieldWriter
 from .output.history import COLUMNS, HistoryWriter
+from .output.record import ResultRecord
+from .output.run_folder import raise_together
 from .scene import WALLS
 from .simulation import ENERGIES
 from .solid import von_mises
@@ -33,13 +36,18 @@ class Recorder:
             (*COLUMNS, *loading.columns),
             comm=mesh.comm,
             kept=kept.get("history"),
+            rows=kept.get("history_rows"),
         )
         labels = mesh.labels[mesh.grains[mesh.grain_of_cell]]
-        self.fields = FieldWriter(
-            mesh.comm, folder, mesh.x, mesh.cells, labels, kept.get("fields"), same_ranks
-        )
-        self.contacts = ContactWriter(mesh.comm, folder, kept.get("contacts", ()))
         self.num_states = kept.get("num_states", 0)
+        self.fields = FieldWriter(
+            mesh.comm, folder, mesh.x, mesh.cells, labels, kept.get("fields"), same_ranks,
+            self.num_states,
+        )  # fmt: skip
+        self.contacts = ContactWriter(mesh.comm, folder, kept.get("contacts", ()))
+        self.record = ResultRecord(folder, kept.get("record"))
+        if self.fields.wrote_mesh:
+            self._note([f"fields/{self.fields.mesh}"])
         self._history_interval = loading.interval(output.history)
         self._field_interval = loading.interval(output.fields)
         self._stage, self._next_row, self._next_state = kept.get("next", (None, 0.0, 0.0))
@@ -48,6 +56,8 @@ class Recorder:
         """What a recorder that goes on from here has to know, fit for JSON; rows are on disk."""
         return {
             "history": self.history.sync(),
+            "history_rows": self.history.rows,
+            "record": self.record.kept,
             "fields": self.fields.kept,
             "contacts": self.contacts.kept,
             "num_states": self.num_states,
@@ -142,4 +152,18 @@ class Recorder:
         )
         network = find_network(sim.contact, sim.mesh, sim.solid.mass, state.x)
         self.contacts.write(self.num_states, state.t, network)
+        number, mesh = f"{self.num_states:04d}", f"fields/{self.fields.mesh}"
+        self._note([f"fields/{number}.vtkhdf"], mesh)
+        tables = (f"contacts_{number}.csv", f"grains_{number}.csv", f"{number}.vtkhdf")
+        self._note([f"contacts/{name}" for name in tables])
         self.num_states += 1
+
+    def _note(self, names, mesh=None):
+        """Record files that were written; rank 0 does so, whose checkpoint header counts."""
+        message = None
+        if self.simulation.comm.rank == 0:
+            try:
+                self.record.add(names, self.loading.strain, mesh)
+            except (InputError, OSError) as error:
+                message = str(error)
+        raise_together(self.simulation.comm, message)

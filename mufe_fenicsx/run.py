@@ -19,6 +19,7 @@ from .march import march
 from .memory import peak_memory, return_freed_arrays
 from .origin import check_origin, grains_checksum, integrator_of
 from .output.checkpoint import CheckpointWriter, find_checkpoint, read_tables, written_by
+from .output.record import lost_results
 from .output.run_folder import (
     abandon_run_folder,
     check_inside,
@@ -50,6 +51,7 @@ def run_scene(
     quiet=False,
     command=(),
     resume=False,
+    accept_loss=False,
     profile=False,
     after=None,
 ):
@@ -67,6 +69,7 @@ def run_scene(
         resume: Go on from the last checkpoint in the folder, with the same scene and grains, on
             any number of ranks; a finished test too, where the scene's strain is larger now.
 
+        accept_loss: Go on, too, where results before the checkpoint are gone or changed.
         profile: Keep the time of the parts of a step; "profile" in the result.
         after: Function of the last summary; what it returns, a dict, is added to it.
 
@@ -84,7 +87,7 @@ def run_scene(
     try:
         test, checkpoint = _prepare(
             scene, Path(grains_folder), Path(output_folder), lock, started, overwrite, resume,
-            quiet, list(command), profile, after,
+            accept_loss, quiet, list(command), profile, after,
         )  # fmt: skip
         return test.run(checkpoint, max_steps)
     finally:
@@ -92,8 +95,9 @@ def run_scene(
 
 
 def _prepare(
-    scene, grains_folder, folder, lock, started, overwrite, resume, quiet, command, profile, after
-):
+    scene, grains_folder, folder, lock, started, overwrite, resume, accept_loss, quiet, command,
+    profile, after,
+):  # fmt: skip
     """The test and the checkpoint that it goes on from, or None; nothing is written. Collective."""
     comm, checkpoint = lock.comm, None
     identity = {"scene": scene_to_toml(scene), "grains": grains_checksum(comm, grains_folder)}
@@ -102,6 +106,7 @@ def _prepare(
         _together(comm, lambda: check_inside(folder))
         checkpoint = find_checkpoint(comm, folder)
         check_origin(comm, checkpoint, identity, folder, quiet)
+        _check_results(comm, checkpoint, folder, accept_loss, quiet)
         started -= checkpoint.header["wall_s"]
     else:
         lock.look()
@@ -121,6 +126,25 @@ def _prepare(
         scene, mesh, load, place, identity, started, quiet, command, separation, profile, after
     )
     return test, checkpoint
+
+
+def _check_results(comm, checkpoint, folder, accept_loss, quiet):
+    """See that results are as the checkpoint counts them, or leave out what is not. Collective."""
+    message, left = None, None
+    if comm.rank == 0:
+        lines, strain, left = lost_results(folder, checkpoint.header["recorder"])
+        if lines:
+            more = f" and {len(lines) - 3} more" if len(lines) > 3 else ""
+            message = (
+                f"results in {folder} are not those that checkpoint {checkpoint.path.name} "
+                f"counts, from strain {strain:.4g} on: {', '.join(lines[:3])}{more}"
+            )
+    if accept_loss:
+        _say(comm, message and f"{message}; going on without them", quiet)
+    elif message is not None:
+        message += "; expected them as they were written, or --accept-loss to go on without them"
+    raise_together(comm, None if accept_loss else message)
+    checkpoint.header["recorder"] = comm.bcast(left)
 
 
 def _say(comm, line, quiet):

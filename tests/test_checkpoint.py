@@ -25,7 +25,7 @@ from mufe_fenicsx.materials.auto import Auto
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.output import checkpoint as checkpoints
-from mufe_fenicsx.output.fields import read_state
+from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.recorder import Recorder
 from mufe_fenicsx.run import run_scene
@@ -81,10 +81,9 @@ def run(folder, name, **options):
 
 
 def files(path):
-    """Names of all files of a run that hold results, and the bytes of the text ones."""
+    """All files of a run that hold results, with their bytes; run.json tells times of the clock."""
     names = [p for p in path.rglob("*") if p.is_file() and "checkpoints" not in p.parts]
-    text = (".csv", ".series", ".toml")
-    return {str(p.relative_to(path)): p.read_bytes() if p.suffix in text else b"" for p in names}
+    return {str(p.relative_to(path)): p.read_bytes() for p in names if p.name != "run.json"}
 
 
 @pytest.mark.mpi
@@ -295,6 +294,40 @@ def test_damage_is_found_and_the_one_before_used(folder, capfd):
     COMM.Barrier()
     with pytest.raises(InputError, match=r"rank-0000.h5 has changed.*there is no other"):
         run(folder, "out", resume=True)
+
+
+#: What happened to a file of results -> how the refusal of --resume says it.
+LOSSES = {
+    "fields/mesh.h5": (lambda p: p.unlink(), r"fields/mesh.h5 is missing, fields/0000.vtkhdf "),
+    "fields/0000.vtkhdf": (lambda p: p.write_bytes(b""), r"fields/0000.vtkhdf has changed; expec"),
+    "contacts/grains_0000.csv": (lambda p: p.unlink(), r"contacts/grains_0000.csv is missing; exp"),
+    "history.csv": (
+        lambda p: p.write_text(p.read_text().replace("seating", "SEATING", 3).replace("S", "s", 2)),
+        r"history.csv has changed from row 3 on; expected"),
+    "history.csv ": (
+        lambda p: os.truncate(p, p.stat().st_size - 400),
+        r"history.csv has lost rows from row \d+ on; expected"),
+}  # fmt: skip
+
+
+def test_results_that_are_gone_are_named_and_left_out_only_if_told(folder, serial, capfd):
+    """From the strain on at which they were written; the rest is as it would be."""
+    run(folder, "whole", max_steps=150)
+    for name, (harm, expected) in LOSSES.items():
+        shutil.rmtree(folder / "out", ignore_errors=True)
+        shutil.copytree(folder / "whole", folder / "out")
+        harm(folder / "out" / name.strip())
+        before = files(folder / "out")
+        with pytest.raises(InputError, match=rf"from strain \S+ on: {expected}"):
+            run(folder, "out", resume=True, max_steps=151)
+        assert files(folder / "out") == before
+        given = scene(), folder / "grains", folder / "out", COMM
+        run_scene(*given, resume=True, accept_loss=True, max_steps=160)
+        assert "going on without them" in capfd.readouterr().err
+        assert read_history(folder / "out" / "history.csv")["step"][-1] == 160
+        for state in read_states(folder / "out"):  # those that are listed are whole
+            assert read_state(folder / "out", state["index"]).n_cells > 0
+        run(folder, "out", resume=True, max_steps=170)  # and are counted so
 
 
 @pytest.mark.mpi

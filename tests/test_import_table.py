@@ -75,7 +75,7 @@ TABLE = {
     },
     # geometry: measures of tetrahedra, which are numbers from arrays.
     "analysis": {"mesh", "state", "solid", "contact", "geometry"},
-    "output": {"mesh", "state", "solid", "contact"},
+    "output": {"mesh", "state", "solid", "contact", "bounds"},
     # A scene from grains on disk to a run folder.
     "run": {
         *("kernels", "geometry", "state", "mesh", "materials", "solid", "rigid", "contact"),
@@ -94,9 +94,9 @@ TABLE = {
         *("memory", "output", "kernels"),
     },
     # What a user reads of a run folder.
-    "results": {"analysis", "output", "geometry"},
+    "results": {"analysis", "output", "geometry", "bounds"},
     # results: the tables of a run, which its page and ParaView show too.
-    "report": {"analysis", "output", "geometry", "results"},
+    "report": {"analysis", "output", "geometry", "results", "bounds"},
     "watch": {"analysis", "output"},
 }
 

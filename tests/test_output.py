@@ -231,6 +231,16 @@ def test_run_folder_that_cannot_be_written_is_refused(folder, name):
         run_folder.create_run_folder(COMM, folder / name, lock)
 
 
+@pytest.mark.parametrize("name", ["=1+1", "+a", "-a", "@SUM(A1)", "'=b", "'plain", "a=b"])
+def test_a_stage_is_no_formula_of_a_spreadsheet(tmp_path, name):
+    """Quoted in the file where it would be one, and the name that it was when it is read."""
+    with history.HistoryWriter(tmp_path / "h.csv") as writer:
+        writer.append(row(1, stage=name))
+    text = (tmp_path / "h.csv").read_text().splitlines()[1].split(",")[3]
+    assert text[0] not in "=+-@"
+    assert history.read_history(tmp_path / "h.csv")["stage"][0] == name
+
+
 def test_run_json(tmp_path):
     run = {"num_cells": np.int64(3), "area": np.float64(0.1), "failed_grains": np.array([2, 5])}
     run_folder.write_run_json(tmp_path, run)

@@ -6,8 +6,8 @@ again. The caches of numba are kept in the same way.
 
 import contextlib
 import hashlib
+import io
 import os
-import pickle
 import tempfile
 from pathlib import Path
 
@@ -42,6 +42,9 @@ def write_sealed(path, data):
             file.write(seal(data))
             file.flush()
             os.fsync(file.fileno())
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(made, 0o666 & ~mask)  # as of any new file: mkstemp lets nobody else read
         os.replace(made, path)
     except BaseException:
         with contextlib.suppress(OSError):
@@ -65,28 +68,19 @@ class SealedCacheFile(caching.IndexDataCacheFile):
     """
 
     def _load_index(self):
-        data = read_sealed(self._index_path)
-        if data is None:
-            return {}
-        version, stamp, overloads = pickle.loads(data)
-        same = version == self._version and stamp == self._source_stamp
-        return overloads if same else {}
-
-    def _save_index(self, overloads):
-        self._write(self._index_path, (self._version, self._source_stamp, overloads))
+        return {} if read_sealed(self._index_path) is None else super()._load_index()
 
     def _load_data(self, name):
-        data = read_sealed(self._data_path(name))
-        if data is None:
+        if read_sealed(self._data_path(name)) is None:
             raise OSError(f"{name} is damaged")  # which numba takes for absent
-        return pickle.loads(data)
+        return super()._load_data(name)
 
-    def _save_data(self, name, data):
-        self._write(self._data_path(name), data)
-
-    def _write(self, path, content):
+    @contextlib.contextmanager
+    def _open_for_write(self, filepath):
+        content = io.BytesIO()
+        yield content
         with contextlib.suppress(OSError):
-            write_sealed(path, self._dump(content))
+            write_sealed(filepath, content.getvalue())
 
 
 def seal_numba():

@@ -33,6 +33,7 @@ from mufe_fenicsx.output.run_folder import (
 )
 
 SERIES = "states.vtkhdf.series"
+WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
 
 
 def _vector(name):
@@ -253,4 +254,30 @@ def read_contacts(run_folder, index):
     paths = contact_files(run_folder, index)
     if not all(path.exists() for path in paths):
         return {}, {}
-    return tuple(read_history(path) for path in paths)
+    contacts, grains = (read_history(path) for path in paths)
+    _check(paths[0], contacts, CONTACT_COLUMNS, ("grain_a", "grain_b", "num_points"), "wall")
+    _check(paths[1], grains, GRAIN_COLUMNS, ("grain", "num_active_contacts", "num_active_walls"))
+    labels = grains["grain"]
+    if labels.size and (np.any(np.diff(labels) <= 0) or labels[0] <= 0):
+        raise InputError(f"{paths[1]} has labels out of order, expected each once, increasing")
+    wall = contacts["wall"] != ""
+    for name, needed in (("grain_a", slice(None)), ("grain_b", ~wall)):
+        if not np.isin(contacts[name][needed], labels).all():
+            raise InputError(f"{paths[0]} has a {name} that {paths[1].name} has not")
+    if not np.isin(contacts["wall"][wall], WALLS).all() or contacts["grain_b"][wall].any():
+        raise InputError(f"{paths[0]} has a wall that is none, expected {', '.join(WALLS)}")
+    return contacts, grains
+
+
+def _check(path, table, columns, whole, *texts):
+    """Raise InputError unless a table has those columns that are there of their kind."""
+    absent = [name for name in (*whole, *texts) if name not in table]
+    if absent:
+        raise InputError(f"{path} has no column {', '.join(absent)}")
+    for name in columns:
+        values = table.get(name)
+        if values is None or name in texts or not len(values):
+            continue
+        kind = "iu" if name in whole else "iuf"
+        if values.dtype.kind not in kind or not np.isfinite(values).all():
+            raise InputError(f"{path} has a {name} that is no number, expected finite ones")

@@ -16,6 +16,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from mufe_fenicsx.bounds import shortened
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.run_folder import (
     attempt,
@@ -56,15 +57,19 @@ class FieldWriter:
         grain_of_cell: Label of each cell's grain, shape (num_cells,).
         kept: What :attr:`kept` was, where a run goes on: later states are removed.
         same_ranks: Whether it goes on on the ranks that wrote so far: the mesh is there.
+        number: Of the next state, where it goes on.
 
     Raises:
         InputError: A file cannot be written; on all ranks together.
     """
 
-    def __init__(self, comm, folder, points, cells, grain_of_cell, kept=None, same_ranks=True):
+    def __init__(
+        self, comm, folder, points, cells, grain_of_cell, kept=None, same_ranks=True, number=0
+    ):
         self.comm = comm
         self.folder = Path(folder) / "fields"
         self._mesh, self._states = MESH, []
+        self.wrote_mesh = False  #: whether the mesh is a new file
         message = None
         if kept is not None:
             self._mesh, self._states = kept["mesh"], list(kept["states"])
@@ -86,10 +91,11 @@ class FieldWriter:
             offsets = np.append(0, offsets)
         num_nodes, num_cells = self._nodes.total, self._cells.total
         if kept is not None:
-            if same_ranks:
+            if same_ranks and not kept.get("mesh_is_gone"):
                 return
             # Other ranks have nodes and cells in another order: stored states keep their mesh.
-            self._mesh = f"mesh_{len(self._states):04d}.h5"
+            self._mesh = f"mesh_{number:04d}.h5"
+        self.wrote_mesh = True
         self._write_file(
             self._mesh,
             [
@@ -110,6 +116,11 @@ class FieldWriter:
             },
             links=(),
         )
+
+    @property
+    def mesh(self):
+        """Name of the file of the mesh."""
+        return self._mesh
 
     @property
     def kept(self):
@@ -227,6 +238,7 @@ def _lay_out(path, arrays, small, mesh, links):
     plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     plist.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     plist.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    plist.set_obj_track_times(False)  # the same state gives the same bytes at any time
     layout = []
     with h5py.File(path, "w") as file:
         group = file.create_group("VTKHDF")
@@ -282,9 +294,17 @@ def read_states(run_folder):
         return []
     try:
         files = json.loads(path.read_text(encoding="utf-8"))["files"]
-        return [dict(state, index=int(Path(state["name"]).stem)) for state in files]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is not a list of states ({error})") from error
+        found = [dict(state, index=int(Path(state["name"]).stem)) for state in files]
+        for state in found:
+            times = float(state["time"]), float(state["strain"])
+            if not (all(map(math.isfinite, times)) and isinstance(state["stage"], str)):
+                raise ValueError(f"{state['name']} has no time, strain or stage")
+        numbers = [state["index"] for state in found]
+        if numbers != sorted(set(numbers)) or min(numbers, default=0) < 0:
+            raise ValueError("the states are not in order")
+        return found
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError) as error:
+        raise InputError(f"{path} is not a list of states ({shortened(error)})") from error
 
 
 def read_arrays(run_folder, index, names=None):
@@ -313,7 +333,7 @@ def read_arrays(run_folder, index, names=None):
                     found |= {f"{folder}/{k}": v for k, v in group[folder].items()}
                 return {k: v.shape for k, v in found.items()}
             return {name: group[name][:] for name in names}
-    except (OSError, KeyError, ValueError, AttributeError) as error:
+    except (OSError, KeyError, ValueError, AttributeError, TypeError, RuntimeError) as error:
         raise InputError(f"state {path} cannot be read ({reason(error)})") from error
 
 

@@ -3,6 +3,7 @@
 import csv
 import io
 import os
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -61,13 +62,16 @@ class HistoryWriter:
         columns: Names of the columns.
         comm: MPI communicator or None.
         kept: Bytes of an existing file to go on from, what :meth:`sync` returned; None: a new one.
+        rows: What :attr:`rows` was then.
 
     Raises:
         InputError: It cannot be written (disk full, folder not writable).
     """
 
-    def __init__(self, path, columns=COLUMNS, comm=None, kept=None):
+    def __init__(self, path, columns=COLUMNS, comm=None, kept=None, rows=None):
         self.path, self._kept = Path(path), kept
+        #: Checksums of the names of the columns and of each row so far; None: unknown.
+        self.rows = [] if kept is None else rows and list(rows)
         self.columns = tuple(columns)
         self.comm = comm
         self._file = None
@@ -142,13 +146,19 @@ class HistoryWriter:
         line = io.StringIO()
         csv.writer(line, lineterminator="\n").writerow(values)
         data = line.getvalue().encode()
+        if self.rows is not None:
+            self.rows.append(zlib.crc32(data[:-1]))
         while data:
             data = data[self._file.write(data) :]
 
 
+#: A text that begins with one of these is a formula to spreadsheets; after a quote it is none.
+FORMULA, QUOTE = ("=", "+", "-", "@", "\t", "\r"), "'"
+
+
 def _text(value):
     if isinstance(value, str):
-        return value
+        return QUOTE + value if value.startswith((*FORMULA, QUOTE)) else value
     if isinstance(value, int | np.integer):
         return str(int(value))
     return repr(float(value))
@@ -171,27 +181,39 @@ def read_history(path):
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        rows = list(csv.reader(io.StringIO(text[: text.rfind("\n") + 1])))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path} cannot be read ({reason(error)})") from error
-    rows = list(csv.reader(io.StringIO(text[: text.rfind("\n") + 1])))
     if not rows:
         raise InputError(f"{path} has no line, expected column names")
     columns, rows = rows[0], rows[1:]
+    if len(set(columns)) < len(columns):
+        raise InputError(f"{path} has a column twice, expected names that differ")
     for number, row in enumerate(rows, start=2):
         if len(row) != len(columns):
             raise InputError(
                 f"{path}, line {number} has {len(row)} values, expected {len(columns)}"
             )
-    return {
-        name: _column([row[i] for row in rows], name in TEXT_COLUMNS)
-        for i, name in enumerate(columns)
-    }
+    return {name: _column([row[i] for row in rows], name) for i, name in enumerate(columns)}
 
 
-def _column(values, is_text):
-    for kind in () if is_text else (np.int64, np.float64):
-        try:
-            return np.array(values, dtype=kind) if values else np.empty(0)
-        except ValueError:
-            continue
-    return np.array(values, dtype=str)
+def _column(values, name):
+    if name not in TEXT_COLUMNS:
+        for kind in (np.int64, np.float64):
+            try:
+                return np.array(values, dtype=kind) if values else np.empty(0)
+            except (ValueError, OverflowError):
+                continue
+    if name in COLUMNS and name not in TEXT_COLUMNS:  # damaged: what is no number is none
+        return np.array([_number(value) for value in values])
+    texts = [
+        v[1:] if v.startswith(QUOTE) and v[1:].startswith((*FORMULA, QUOTE)) else v for v in values
+    ]
+    return np.array(texts, dtype=str)
+
+
+def _number(text):
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan

@@ -11,7 +11,9 @@ import tempfile
 from pathlib import Path
 
 import mufe_fenicsx
+from mufe_fenicsx.bounds import shortened
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.output.run_kinds import sorted_out
 
 #: Made by whoever writes into a run folder, and gone when that ends (:mod:`.run_lock`).
 LOCK = "run.lock"
@@ -321,18 +323,33 @@ def plain(value):
 
 
 def read_run_json(folder):
-    """Read run.json.
+    """What run.json says; entries that are of another kind than they should be are left out.
 
     Raises:
         InputError: It is absent or not a JSON object.
     """
+    return sorted_out(_read_run_json(folder))[0]
+
+
+def wrong_entries(folder):
+    """Names of the entries of run.json that are left out; raises as :func:`read_run_json`."""
+    return sorted_out(_read_run_json(folder))[1]
+
+
+def _read_run_json(folder):
     path = Path(folder) / "run.json"
     try:
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path} is no file, expected one that mufe run wrote")
         run = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path} cannot be read ({reason(error)})") from error
+    except InputError:
+        raise
+    except RecursionError:
+        raise InputError(f"{path} is nested too deep, expected what mufe run wrote") from None
     except ValueError as error:
-        raise InputError(f"{path} is not valid JSON ({error})") from error
+        raise InputError(f"{path} is not valid JSON ({shortened(error)})") from error
     if not isinstance(run, dict):
         raise InputError(f"{path} holds a {type(run).__name__}, expected a JSON object")
     return run

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import matplotlib
 
+from mufe_fenicsx.bounds import shortened
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.workers import WorkerError, run_jobs
 from mufe_fenicsx.report import (
@@ -70,6 +71,18 @@ GROUPS = (
 RENDERED = {"stress-3d", "chosen-grains", "force-chains", "displacement-split", animation.NAME}
 #: Memory of a process beside a run, and for each of its tetrahedra [bytes].
 EMPTY, A_CELL = 0.6e9, 700.0
+
+
+#: What a file of a run that was damaged, and not seen to be so, leads to.
+DAMAGE = (ArithmeticError, IndexError, KeyError, TypeError, ValueError, AttributeError, MemoryError)
+
+
+def damaged(error):
+    """Why something cannot be drawn, in words."""
+    return (
+        f"what the folder holds is damaged or was changed ({type(error).__name__}: "
+        f"{shortened(error)})"
+    )
 
 
 @dataclass(frozen=True)
@@ -168,10 +181,11 @@ def _draw_all(source, job):
 def _figure(name, source, figures):
     draw = next(draw for known, _, draw in FIGURES if known == name)
     try:
-        drawing = draw(source)
+        return Part(name, save(draw(source), figures))
     except InputError as error:
         return Part(name, None, (str(error),))
-    return Part(name, save(drawing, figures))
+    except DAMAGE as error:
+        return Part(name, None, (damaged(error),))
 
 
 def _animation(name, source, figures):
@@ -179,11 +193,16 @@ def _animation(name, source, figures):
         return Part(name, animation.draw_animation(source, figures))
     except InputError as error:
         return Part(name, None, (str(error),))
+    except DAMAGE as error:
+        return Part(name, None, (damaged(error),))
 
 
 def _view(name, source, figures):
     states = source.get("states")
-    return Part(name, *make_view(source.run, states[0] if states else None))
+    try:
+        return Part(name, *make_view(source.run, states[0] if states else None))
+    except DAMAGE as error:
+        return Part(name, None, (f"No view of the bodies: {damaged(error)}.",))
 
 
 def _tables(name, source, figures):
@@ -195,12 +214,18 @@ def _tables(name, source, figures):
         run["failed_grains"] = failed_grains(source.folder / "quality.csv")
     about = run_rows(run)
     if last is not None and history is not None:
-        about += sample_rows(states[0], last, run, history)
-    tables = [("Largest values of the loading stage", largest_values(history, last))]
+        with contextlib.suppress(*DAMAGE):  # largest values say it
+            about += sample_rows(states[0], last, run, history)
+    try:
+        tables = [("Largest values of the loading stage", largest_values(history, last))]
+    except DAMAGE as error:
+        missing.append(f"No table of largest values: {damaged(error)}.")
+        tables = []
     try:
         columns = grains.table_of_inertia(source)
-    except InputError as error:
-        missing.append(f"No table of inertia: {error}.")
+    except DAMAGE as error:
+        why = error if isinstance(error, InputError) else damaged(error)
+        missing.append(f"No table of inertia: {why}.")
         (figures / "table-1-inertia.csv").unlink(missing_ok=True)  # of an earlier report
     else:
         save_tables("table-1-inertia", {"": columns}, figures)

@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pandas
 
+from ..bounds import shortened
 from ..errors import InputError
 from ..geometry.measure import tet_volumes
 from ..output.contacts import CONTACT_COLUMNS, contact_files, read_contacts
 from ..output.fields import MESH, read_arrays, read_states
 from ..output.history import COLUMNS, read_history
-from ..output.run_folder import read_run_json, reason
+from ..output.run_folder import read_run_json, reason, wrong_entries
 from . import tables
 from .state import State
 
@@ -62,8 +63,8 @@ class Run:
             return tomllib.loads(path.read_text(encoding="utf-8"))
         except OSError as error:
             raise InputError(f"{path} cannot be read ({reason(error)})") from error
-        except ValueError as error:
-            raise InputError(f"{path} is not valid TOML ({error})") from error
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"{path} is not valid TOML ({shortened(error)})") from error
 
     @property
     def finished(self):
@@ -264,6 +265,9 @@ class Run:
                 return None
 
         summary = attempt(lambda: read_run_json(self.path))
+        wrong = attempt(lambda: wrong_entries(self.path)) or []
+        if wrong:
+            found.append(f"run.json: {', '.join(sorted(wrong))}, which is not what a run writes.")
         if summary is not None and not summary.get("finished"):
             why = summary.get("stop_reason") or "no reason recorded"
             if why == "running":

@@ -182,7 +182,7 @@ def _run(scene, run, ranks):
     environment = environment_without_launcher()
     command = [find_mpirun(), "-n", str(ranks), sys.executable, "-m", "mufe_fenicsx", "run"]
     start = time.perf_counter()
-    done = subprocess.run(
+    done = subprocess.run(  # noqa: S603  words of our own, no shell
         [*command, str(scene), "-o", str(run), "--quiet"],
         env=environment, capture_output=True, text=True, check=False,
     )  # fmt: skip

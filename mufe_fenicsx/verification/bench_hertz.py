@@ -3,6 +3,7 @@
 import numpy as np
 from mpi4py import MPI
 
+from ..errors import SolverError
 from ..theory import hertz
 from .bench_launch import row
 from .integrators import BALLS, NU, E, press
@@ -80,7 +81,9 @@ def _run(elements_per_radius, periods, increments=None, **options):
     # The last record: there the contact has nearly the elements that were asked for.
     approach = course.approach[-1]
     theory = hertz.hertz_force(approach, RADIUS, hertz.effective_modulus((E, NU)))
-    assert approach > (1 - 1.2 / RECORDS) * BALLS["hertz"][1] * RADIUS
+    wanted = (1 - 1.2 / RECORDS) * BALLS["hertz"][1] * RADIUS
+    if not approach > wanted:
+        raise SolverError(f"last record at an approach of {approach:g} m, expected {wanted:g} m")
     return {
         "processor_s": course.processor_s,
         "error": float(abs(course.force[-1] / theory - 1)),

@@ -30,7 +30,9 @@ def launch(name, parameters, num_ranks):
         name,
         json.dumps(parameters),
     ]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(  # noqa: S603  words of our own, no shell
+        command, env=environment, capture_output=True, text=True, check=False
+    )
     if done.returncode:
         raise InputError(
             f"benchmark {name} on {num_ranks} ranks failed: {done.stderr.strip()[-500:]}"

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from ..errors import SolverError
 from ..solid import Solid, von_mises
 from ..state import initial_state
 from .build import distribute
@@ -53,7 +54,8 @@ class Tets:
         s.dt, s.t, s.num_steps = dt, s.t + dt, s.num_steps + 1
         self.force[:] = 0.0
         bad = self.solid.add_internal_forces(self.force, s, dt)
-        assert bad < 0
+        if bad >= 0:
+            raise SolverError(f"element {bad} is inverted or collapsed, expected sound ones")
         self._watch(s.plastic_strain > alpha)
 
     def _watch(self, yielding):

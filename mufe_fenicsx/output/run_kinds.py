@@ -1,0 +1,100 @@
+"""What the entries of run.json are: what is of another kind is left out, and said to be."""
+
+import math
+
+#: Text that a page can show.
+LONGEST_TEXT = 10_000
+
+
+def _text(value):
+    return isinstance(value, str) and len(value) <= LONGEST_TEXT
+
+
+def _truth(value):
+    return isinstance(value, bool)
+
+
+def _number(value):
+    real = isinstance(value, int | float) and not isinstance(value, bool)
+    return real and abs(value) < 1e300 and math.isfinite(value)
+
+
+def _count(value):
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**53
+
+
+def _some(value):
+    return _count(value) and value > 0
+
+
+def _list_of(kind):
+    return lambda value: isinstance(value, list) and all(map(kind, value))
+
+
+def _table(required=(), **kinds):
+    """A dict: of the kinds that are stated and not None; those of ``required`` are there."""
+
+    def holds(value):
+        if not isinstance(value, dict) or not all(value.get(k) is not None for k in required):
+            return False
+        return all(value.get(k) is None or kind(value[k]) for k, kind in kinds.items())
+
+    return holds
+
+
+def _numbers(*names):
+    return dict.fromkeys(names, _number)
+
+
+def _texts_by_name(value):
+    return isinstance(value, dict) and all(map(_text, value.values()))
+
+
+def _separation(value):
+    names = ("volume_change", "overlap_nodes", "max_depth", "close_gaps", "contact_area",
+             "contact_area_before")  # fmt: skip
+    if not _table(**_numbers(*names))(value):
+        return False
+    needed = ("contact_area", "contact_area_before") if value.get("close_gaps") else ()
+    return all(value.get(name) is not None for name in needed)
+
+
+_FOUND = ("slowest", "fastest", "largest_kinetic", "largest_unbalanced")
+_ADDED = ("added", "added_to_grain", "num_elements", "gain")
+_STEPS = {"failed_at_step": _count, "from_step": _count, "cause": _text,
+          "time_step_factor": _number}  # fmt: skip
+#: Name -> whether a value is of its kind; None is of all kinds.
+KINDS = {
+    "title": _text,
+    "command": lambda value: _text(value) or _list_of(_text)(value),
+    "versions": _texts_by_name,
+    **dict.fromkeys(("num_ranks", "num_grains", "num_cells", "num_nodes", "num_steps"), _count),
+    "family": _some,
+    "element": _text,
+    "finished": _truth,
+    "stop_reason": _text,
+    "strain_definition": _text,
+    **_numbers(
+        "area", "first_height", "reference_height", "setup_s", "wall_s", "time", "time_step",
+        "element_time_step", "strain", "peak_memory_bytes",
+    ),
+    "separation": _separation,
+    "contact": _table(**_numbers("num_searches", "num_adopted", "num_too_deep", "deepest_adopted")),
+    "quasi_static": lambda value: _table(**_numbers(*_FOUND))(value)
+    and (not value.get("slowest") or _table(_FOUND)(value)),
+    "mass_scaling": _table(_ADDED, **_numbers(*_ADDED)),
+    "failed_grains": _list_of(_count),
+    "stages": _list_of(_table(name=_text, step=_count, time=_number, strain=_number)),
+    "retries": _list_of(_table(tuple(_STEPS), **_STEPS)),
+    "resumed_at_steps": _list_of(_count),
+    "balanced_at_steps": _list_of(_count),
+}  # fmt: skip
+
+
+def sorted_out(run):
+    """Entries that are of their kind, and the names of those that are not."""
+    wrong = [
+        name for name, value in run.items()
+        if value is not None and name in KINDS and not KINDS[name](value)
+    ]  # fmt: skip
+    return {name: value for name, value in run.items() if name not in wrong}, wrong
