@@ -18,8 +18,11 @@ test: $(STAMP)
 test-debian:
 	packaging/debian_root.sh test
 
+# Long variants of the tests of each door: scenes, grains, run folders.
+FUZZ := tests/test_scene_fuzz.py tests/geometry/test_grain_file.py tests/test_run_folder_fuzz.py
+
 verify: $(STAMP)
-	$(BIN)/python -m pytest -m slow tests/test_docs.py
+	$(BIN)/python -m pytest -m slow tests/test_docs.py tests/test_checkpoint.py $(FUZZ)
 	$(BIN)/mufe verify
 	$(BIN)/mpirun -n 3 $(BIN)/mufe verify
 
