@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -335,32 +336,32 @@ LOSSES = {
     "fields/0000.vtkhdf": (lambda p: p.write_bytes(b""), r"fields/0000.vtkhdf has changed; expec"),
     "contacts/grains_0000.csv": (lambda p: p.unlink(), r"contacts/grains_0000.csv is missing; exp"),
     "history.csv": (
-        lambda p: p.write_text(p.read_text().replace("seating", "SEATING", 3).replace("S", "s", 2)),
+        lambda p: p.write_text(re.sub(r"((?:.*\n){3})", r"\g<1>7", p.read_text(), count=1)),
         r"history.csv has changed from row 3 on; expected"),
     "history.csv ": (
-        lambda p: os.truncate(p, p.stat().st_size - 400),
+        lambda p: os.truncate(p, p.stat().st_size - 1500),
         r"history.csv has lost rows from row \d+ on; expected"),
 }  # fmt: skip
 
 
 def test_results_that_are_gone_are_named_and_left_out_only_if_told(folder, serial, capfd):
     """From the strain on at which they were written; the rest is as it would be."""
-    run(folder, "whole", max_steps=150)
+    run(folder, "whole", max_steps=220)
     for name, (harm, expected) in LOSSES.items():
         shutil.rmtree(folder / "out", ignore_errors=True)
         shutil.copytree(folder / "whole", folder / "out")
         harm(folder / "out" / name.strip())
         before = files(folder / "out")
         with pytest.raises(InputError, match=rf"from strain \S+ on: {expected}"):
-            run(folder, "out", resume=True, max_steps=151)
+            run(folder, "out", resume=True, max_steps=221)
         assert files(folder / "out") == before
         given = scene(), folder / "grains", folder / "out", COMM
-        run_scene(*given, resume=True, accept_loss=True, max_steps=160)
+        run_scene(*given, resume=True, accept_loss=True, max_steps=225)
         assert "going on without them" in capfd.readouterr().err
-        assert read_history(folder / "out" / "history.csv")["step"][-1] == 160
+        assert read_history(folder / "out" / "history.csv")["step"][-1] == 225
         for state in read_states(folder / "out"):  # those that are listed are whole
             assert read_state(folder / "out", state["index"]).n_cells > 0
-        run(folder, "out", resume=True, max_steps=170)  # and are counted so
+        run(folder, "out", resume=True, max_steps=230)  # and are counted so
 
 
 @pytest.mark.mpi

@@ -1,5 +1,6 @@
 """Run folders that were damaged: report, watch and paraview show what is there, and never fall."""
 
+import contextlib
 import json
 import math
 import random
@@ -67,6 +68,8 @@ def damage_table(chance, path):
     """Cells, rows and columns of a CSV file are others or gone, or bytes of it."""
     lines = path.read_text(encoding="utf-8").splitlines()
     what = chance.random()
+    if len(lines) < 3:
+        return
     if what < 0.6:
         for _ in range(chance.randint(1, 3)):
             at = chance.randrange(1, len(lines))
@@ -96,16 +99,21 @@ def damaged(chance, whole, folder):
     shutil.copytree(whole, folder)
     for _ in range(chance.randint(1, 3)):
         what = chance.random()
-        if what < 0.45:
-            damage_json(chance, folder / "run.json")
-        elif what < 0.55:
-            damage_json(chance, folder / "fields" / "states.vtkhdf.series")
-        elif what < 0.65:
-            damage_table(chance, folder / "history.csv")
-        elif what < 0.95:
-            damage_table(chance, folder / chance.choice(TABLES_OF_CONTACTS))
-        else:
-            (folder / chance.choice(["run.json", "history.csv", "scene.toml"])).unlink()
+        with contextlib.suppress(FileNotFoundError, ValueError, RecursionError):
+            _damage(chance, folder, what)
+
+
+def _damage(chance, folder, what):
+    if what < 0.45:
+        damage_json(chance, folder / "run.json")
+    elif what < 0.55:
+        damage_json(chance, folder / "fields" / "states.vtkhdf.series")
+    elif what < 0.65:
+        damage_table(chance, folder / "history.csv")
+    elif what < 0.95:
+        damage_table(chance, folder / chance.choice(TABLES_OF_CONTACTS))
+    else:
+        (folder / chance.choice(["run.json", "history.csv", "scene.toml"])).unlink()
 
 
 def look(folder):

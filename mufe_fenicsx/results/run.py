@@ -22,6 +22,20 @@ from .state import State
 SIGNS = ("run.json", "history.csv", "fields")
 
 
+class _Table(pandas.DataFrame):
+    """A table that lacks what a damaged file, or one of an earlier version, lacks."""
+
+    @property
+    def _constructor(self):
+        return _Table
+
+    def __getitem__(self, key):
+        try:
+            return super().__getitem__(key)
+        except KeyError as error:
+            raise InputError(f"the table has no column: {shortened(error.args[0])}") from None
+
+
 class Run:
     """A run folder: finished, still running, or killed.
 
@@ -77,7 +91,7 @@ class Run:
     @property
     def history(self):
         """history.csv as it is now, a DataFrame with a row a record."""
-        return pandas.DataFrame(read_history(self.path / "history.csv"))
+        return _Table(read_history(self.path / "history.csv"))
 
     @property
     def _states(self):
@@ -129,7 +143,7 @@ class Run:
                 f"{self.path / 'contacts'} has no tables of state {index}, expected "
                 f"contacts_{index:04d}.csv and grains_{index:04d}.csv"
             )
-        return pandas.DataFrame(contacts), pandas.DataFrame(grains)
+        return _Table(contacts), _Table(grains)
 
     def with_contacts(self):
         """The rows of :attr:`states` whose tables of contacts were written, as a DataFrame.
@@ -300,6 +314,10 @@ class Run:
         except OSError as error:
             raise InputError(
                 f"contacts of state {index}: {error.filename} cannot be read ({reason(error)})"
+            ) from error
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise InputError(
+                f"contacts of state {index}: {contacts} cannot be read ({shortened(error)})"
             ) from error
         absent = [name for name in CONTACT_COLUMNS if name not in columns]
         if absent:
