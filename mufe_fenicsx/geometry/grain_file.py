@@ -196,7 +196,7 @@ class GrainFile:
         return found
 
     def _check_room(self, size, what):
-        room = _available_memory()
+        room = available_memory()
         if size > room:
             raise InputError(
                 f"{self.path}: {what} take {size / 1e9:.3g} GB, expected less than the memory "
@@ -223,7 +223,7 @@ def _block(text):
     return (SIGN + text.encode() + b"\n").ljust(BLOCK, b"\0")
 
 
-def _available_memory():
+def available_memory():
     """Memory that can be had [bytes]."""
     try:
         for line in Path("/proc/meminfo").read_text().splitlines():

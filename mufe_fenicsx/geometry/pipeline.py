@@ -11,11 +11,12 @@ from . import labels as labelling
 from .bodies import has_bodies, read_bodies
 from .contact_faces import contact_table
 from .doubts import mark_doubts
+from .grain_file import available_memory
 from .grains import Grains, save_grains
 from .image_files import TIFF, read_with_size
 from .jobs import shared_jobs, surface_jobs, voxel_jobs
 from .label_files import grain_table, read_labels, write_labels, write_table
-from .measure import smallest_altitudes, worst_share_costs
+from .measure import smallest_altitudes, surface_volume, worst_share_costs
 from .mesher import make_thicker_together, mesh_grains
 from .output import new_files, new_folder
 from .picture import draw_quality, draw_segmentation
@@ -23,6 +24,8 @@ from .quality import QUALITY
 from .segmentation import segment
 from .stated_size import known_voxel_size
 
+#: Tetrahedra in a cube of the length of edges, and memory that meshing takes for each [bytes].
+CELLS_A_CUBE, BYTES_A_CELL = 4.0, 200.0
 #: Of the table of contacts, which may have no rows.
 CONTACT_COLUMNS = ("label_a", "label_b", "area_m2", "neck_ratio", "doubt")
 
@@ -132,6 +135,7 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
                     f"conforming = true for the surfaces {labels_path}, expected labels"
                 )
             bodies = read_bodies(labels_path, settings.scale, repaired)
+            _check_size(settings, sum(surface_volume(*body[1:3]) for body in bodies))
             jobs, total = surface_jobs(bodies, settings), len(bodies)
             points = np.concatenate([points for _, points, _ in bodies])
             box = np.array([points.min(axis=0), points.max(axis=0)])
@@ -146,6 +150,9 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
             )
             labels, trimmed = labelling.checked_labels(
                 labels, keep_largest_piece=settings.keep_largest_piece, source=str(labels_path)
+            )
+            _check_size(
+                settings, np.count_nonzero(labels) * float(np.prod(np.broadcast_to(voxel_size, 3)))
             )
             table = grain_table(labels, voxel_size)
             make = shared_jobs if settings.conforming else voxel_jobs
@@ -208,6 +215,18 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         **_distances(column, voxel_size or settings.size, "voxels" if voxel_size else "sizes"),
         "seconds": round(time.perf_counter() - start, 3),
     }
+
+
+def _check_size(settings, volume):
+    """Raise InputError where grains of that volume [m³] would have more cells than memory holds."""
+    expected = CELLS_A_CUBE * volume / (settings.size * settings.inner_size) ** 3
+    room = available_memory() / BYTES_A_CELL
+    if expected > room:
+        least = (CELLS_A_CUBE * volume / room) ** (1 / 3) / settings.inner_size
+        raise InputError(
+            f"size = {settings.size:g} m, expected at least {least:.2g} m: about {expected:.2g} "
+            f"tetrahedra, and memory for {room:.2g}"
+        )
 
 
 def _distances(column, length, unit):
