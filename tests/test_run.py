@@ -9,14 +9,15 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.errors import InputError, SolverError
-from mufe_fenicsx.geometry.grains import save_grains
+from mufe_fenicsx.geometry.grains import Grains, save_grains
+from mufe_fenicsx.geometry.shapes import sphere
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.output.contacts import read_contacts
 from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.preparation import load_mesh
 from mufe_fenicsx.run import run_scene
-from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, Solver, load_scene
+from mufe_fenicsx.scene import Contact, Oedometer, Output, Sample, Scene, Solver, load_scene
 from tests.bodies import packed_grains
 
 
@@ -178,3 +179,24 @@ def test_a_profile_changes_nothing_and_adds_up(folder, grains):
         assert min(seconds.values()) >= 0.0 and seconds["tets"] > 0.0 and seconds["other"] > 0.0
         assert (rank["bytes_per_step"] > 0) == (comm.size > 1)
     assert sum(rank["cells"] for rank in profile["ranks"]) == timed["num_cells"]
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="two grains")
+@pytest.mark.parametrize("case", ["coincident", "nested"])
+def test_a_refusal_leaves_nothing_and_the_mended_scene_can_use_the_folder(tmp_path, case):
+    """What only grains, contact and solver find out; an earlier run is not overwritten either."""
+    comm, out = MPI.COMM_WORLD, tmp_path / "runs" / "out"
+    points, cells = sphere(1e-3, 1e-3)
+    other = points if case == "coincident" else 0.5 * points
+    good = [(points, cells), (points + np.array([2e-3, 0, 0]), cells)]
+    save_grains(tmp_path / "good", Grains.from_list([1, 2], good, 1e-3))
+    save_grains(tmp_path / "bad", Grains.from_list([1, 2], [good[0], (other, cells)], 1e-3))
+    bad = replace(small_scene(), sample=Sample(separation=case == "coincident"))
+    with pytest.raises(InputError, match=r"inside grain 2|deep in grain 1"):
+        run_scene(bad, tmp_path / "bad", out, comm, quiet=True)
+    assert not out.parent.exists()
+    assert run_scene(small_scene(), tmp_path / "good", out, comm, quiet=True, max_steps=2)
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    with pytest.raises(InputError, match=r"inside grain 2|deep in grain 1"):
+        run_scene(bad, tmp_path / "bad", out, comm, quiet=True, overwrite=True)
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before

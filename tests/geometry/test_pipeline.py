@@ -149,7 +149,7 @@ def test_settings_out_of_range_are_refused(make, message):
 def test_sizes_that_no_memory_holds_are_refused_at_once(tmp_path):
     """Before anything is meshed: 1 nm on a grain of a tenth of a millimetre."""
     labels = np.zeros((12, 12, 12), np.uint16)
-    labels[1:-1, 1:-1, 1:-1] = 3
+    labels[1:-1, 1:-1, 1:6], labels[1:-1, 1:-1, 6:-1] = 3, 4
     np.save(tmp_path / "labels.npy", labels)
     settings = MeshSettings(size=1e-9, voxel_size=1e-5)
     with pytest.raises(
