@@ -33,7 +33,8 @@ def world():
     """
     import petsc4py
 
-    petsc4py.init(["mufe", "-skip_petscrc"])
+    # What nobody asks for is refused by linear_system, or none of our business.
+    petsc4py.init(["mufe", "-skip_petscrc", "-options_left", "no"])
     return _all_ranks()
 
 
