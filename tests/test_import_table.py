@@ -42,7 +42,8 @@ TABLE = {
     "errors": set(),
     "kernels": set(),
     "theory": set(),
-    "geometry": {"kernels"},
+    # memory: what there is of it, before a file fills it.
+    "geometry": {"kernels", "memory"},
     "state": set(),
     "bounds": set(),
     "caches": set(),
@@ -96,7 +97,7 @@ TABLE = {
     # What a user reads of a run folder.
     "results": {"analysis", "output", "geometry", "bounds"},
     # results: the tables of a run, which its page and ParaView show too.
-    "report": {"analysis", "output", "geometry", "results", "bounds"},
+    "report": {"analysis", "output", "geometry", "results", "bounds", "memory"},
     "watch": {"analysis", "output"},
 }
 

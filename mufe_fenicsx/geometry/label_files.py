@@ -10,9 +10,10 @@ import tifffile
 
 from ..errors import InputError
 from .image import to_cubes
-from .image_files import TIFF, read_with_size
+from .image_files import read_with_size
 from .labels import whole_numbers
 from .stated_size import known_voxel_size, own_voxel_size
+from .tiff_file import TIFF
 
 TABLE = (
     "label",

@@ -13,7 +13,7 @@ from .contact_faces import contact_table
 from .doubts import mark_doubts
 from .grain_file import available_memory
 from .grains import Grains, save_grains
-from .image_files import TIFF, read_with_size
+from .image_files import read_with_size
 from .jobs import shared_jobs, surface_jobs, voxel_jobs
 from .label_files import grain_table, read_labels, write_labels, write_table
 from .measure import smallest_altitudes, surface_volume, worst_share_costs
@@ -23,6 +23,7 @@ from .picture import draw_quality, draw_segmentation
 from .quality import QUALITY
 from .segmentation import segment
 from .stated_size import known_voxel_size
+from .tiff_file import TIFF
 
 #: Tetrahedra in a cube of the length of edges, and memory that meshing takes for each [bytes].
 CELLS_A_CUBE, BYTES_A_CELL = 4.0, 200.0

@@ -1,6 +1,5 @@
 """Parts of the report of a run: figures, view and tables, drawn by one process or by several."""
 
-import contextlib
 import os
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,6 +9,7 @@ import matplotlib
 from mufe_fenicsx.bounds import shortened
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.workers import WorkerError, run_jobs
+from mufe_fenicsx.memory import free_memory
 from mufe_fenicsx.report import (
     animation,
     chains,
@@ -108,17 +108,8 @@ class Part:
 
 def num_processes(num_cells):
     """Number of processes that may draw at once: one a core, if they find memory for half of it."""
-    fit = int(0.5 * _free_memory() / (EMPTY + A_CELL * (num_cells or 0)))
+    fit = int(0.5 * free_memory() / (EMPTY + A_CELL * (num_cells or 0)))
     return max(1, min(len(os.sched_getaffinity(0)), fit, len(GROUPS)))
-
-
-def _free_memory():
-    """What programs may still take, files that are only cached among it [bytes]."""
-    with contextlib.suppress(OSError), open("/proc/meminfo", encoding="ascii") as file:
-        for line in file:
-            if line.startswith("MemAvailable:"):
-                return 1024 * int(line.split()[1])
-    return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def draw_parts(source, wanted, figures, processes):

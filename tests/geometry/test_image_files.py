@@ -97,7 +97,9 @@ def test_a_part_of_2048_cubed_voxels_is_read_without_the_rest(tmp_path):
         array[at] = 777
         array.flush()
     with h5py.File(names[3], "w") as file:
-        file.create_dataset("grey", shape, "<u2", chunks=(32, 64, 64))[at] = 777
+        grey = file.create_dataset("grey", shape, "<u2", chunks=(32, 64, 64))
+        grey[1000:1032, 5:69, 1900:1964] = 0  # what nobody wrote is refused
+        grey[at] = 777
     done = subprocess.run(
         [sys.executable, "-c", CROP, *names], capture_output=True, text=True, check=False
     )
