@@ -46,6 +46,14 @@ def segment(
     key: Key = None,
     axes: Axes = None,
     crop: Annotated[str | None, typer.Option(help="Voxels to keep: z0:z1,y0:y1,x0:x1.")] = None,
+    mask: Annotated[
+        str | None,
+        typer.Option(help="What was measured: cylinder, none, a grey level outside, or a file."),
+    ] = None,
+    invert: Annotated[
+        bool | None,
+        typer.Option("--invert/--bright", help="Grains are darker than voids; or brighter."),
+    ] = None,
     upsample: Annotated[str | None, typer.Option(help="Label voxels per image voxel.")] = None,
     filter: Annotated[str | None, typer.Option(help="gaussian, median or none.")] = None,
     filter_radius: Annotated[str | None, typer.Option(help="Of the filter, in voxels.")] = None,
@@ -77,6 +85,10 @@ def segment(
     min_grain_voxels: Annotated[
         int | None, typer.Option(help="Smaller fragments are no grains.")
     ] = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option(metavar="LABELS", help="True labels, to tell how many grains are found."),
+    ] = None,
     overwrite: Overwrite = False,
     json: Json = None,
 ):
@@ -98,6 +110,8 @@ def segment(
         dtype=dtype,
         key=key,
         crop=crop and crop_ranges(crop),
+        mask=number_or_text(mask),
+        invert=invert,
         upsample=number_or_text(upsample),
         filter=filter,
         filter_radius=number_or_text(filter_radius),
@@ -114,8 +128,12 @@ def segment(
     from .geometry.pipeline import segment_image
 
     path = image_path(in_scene.file if image is None else image)
-    result = segment_image(path, settings, output, overwrite=overwrite)
+    result = segment_image(path, settings, output, truth=truth, overwrite=overwrite)
     printer.summary(result)
+    if result["compared"]:
+        printer.say("", f"against {truth}:")
+        printer.summary(result["compared"])
+    printer.say(*result["notices"])
     printer.say(*(f"warning: {line}" for line in result["warnings"]))
     printer.write_json(result)
 
@@ -223,6 +241,8 @@ def mesh(
     with progress_bar("meshing") as progress:
         result = mesh_labels(labels, settings, output, overwrite=overwrite, progress=progress)
     printer.summary(result)
+    if result["renumbered"]:
+        printer.say("labels are numbered anew; labels.csv says what they were (label_in_file)")
     printer.say(*(f"repaired {notice}" for notice in result["repaired"]))
     printer.say(*_failed_grains(result))
     printer.write_json(result)

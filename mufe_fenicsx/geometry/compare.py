@@ -1,8 +1,13 @@
 """Labels against other labels: grains found one-to-one, contacts, sizes, agreement of pairs."""
 
 import numpy as np
+import scipy.ndimage
 
 from ..errors import InputError
+from .image import to_cubes
+from .image_files import check_crop, read_with_size
+from .label_files import labels_key
+from .labels import plain_labels
 
 
 def touching_labels(labels):
@@ -121,6 +126,40 @@ def compare_labels(found, true, *, min_voxels=0, min_faces=1, true_contacts=None
         "solid_fraction_error": float((found > 0).mean() - (true > 0).mean()),
         "wrong_voxels": float((found[solid] != same[true[solid]]).mean()) if solid.any() else 0.0,
     }
+
+
+def true_labels(path, shape, voxel_size, settings):
+    """Labels to hold a segmentation against, of the image or of its part, on cubes.
+
+    Args:
+        path: A label image, from here or elsewhere.
+        shape: Voxels of the image as it was read, (z, y, x).
+        voxel_size: Of the image, (z, y, x) [m].
+        settings: `SegmentSettings` of the image; its order of axes is that of the labels, too.
+
+    Raises:
+        InputError: the file cannot be read, or has another size.
+    """
+    true, _ = read_with_size(path, key=labels_key(path), axes=settings.axes)
+    whole = true.shape
+    if settings.crop is not None and whole != tuple(shape):
+        ranges = check_crop(settings.crop, whole)
+        true = true[tuple(slice(*ends) for ends in ranges)]
+    if true.shape != tuple(shape):
+        raise InputError(
+            f"true labels {path} have shape {whole}, expected {tuple(shape)} as the image"
+            f"{', or of all of it' if settings.crop is not None else ''}"
+        )
+    true = plain_labels(true, str(path), numbers=[])
+    return to_cubes(true, voxel_size, labels=True)[0]
+
+
+def fitted(labels, shape):
+    """Labels on as many voxels as those that they are held against: the nearest voxel's."""
+    if labels.shape == tuple(shape):
+        return labels
+    factors = [n / m for n, m in zip(shape, labels.shape, strict=True)]
+    return scipy.ndimage.zoom(labels, factors, order=0, mode="nearest", grid_mode=True)
 
 
 def adjusted_rand_index(a, b):

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.ndimage
 
 from ..errors import InputError
+from ..memory import check_room
 
 
 def to_cubes(image, voxel_size, *, labels=False):
@@ -28,6 +29,11 @@ def to_cubes(image, voxel_size, *, labels=False):
         return image, edge
     if not labels:
         image = image.astype(np.float32)
+    voxels = [round(n * factor) for n, factor in zip(image.shape, factors, strict=True)]
+    check_room(
+        math.prod(voxels) * (8 if labels else 16),
+        f"voxel_size = {tuple(voxel_size)}: an image of {' x '.join(map(str, voxels))} cubes",
+    )
     order = 0 if labels else 3
     return scipy.ndimage.zoom(image, factors, order=order, mode="nearest", grid_mode=True), edge
 

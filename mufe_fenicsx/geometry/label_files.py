@@ -2,6 +2,7 @@
 
 import csv
 import json
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import tifffile
 from ..errors import InputError
 from .image import to_cubes
 from .image_files import read_with_size
-from .labels import whole_numbers
+from .labels import plain_labels
 from .stated_size import known_voxel_size, own_voxel_size
 from .tiff_file import TIFF
 
@@ -45,7 +46,9 @@ def write_labels(path, labels, voxel_size):
         raise InputError(f"labels {path} cannot be written: {error}") from error
 
 
-def read_labels(path, *, voxel_size=None, key=None, shape=None, dtype=None, axes="zyx"):
+def read_labels(
+    path, *, voxel_size=None, key=None, shape=None, dtype=None, axes="zyx", numbers=None
+):
     """Read labels and their voxel size.
 
     Args:
@@ -54,16 +57,16 @@ def read_labels(path, *, voxel_size=None, key=None, shape=None, dtype=None, axes
             if they are whole.
         voxel_size: Voxel size of a file that does not state it [m], or three (z, y, x).
         key, shape, dtype, axes: See `image_files.read_with_size`.
+        numbers: See `labels.plain_labels`.
 
     Returns:
-        labels on cubes, else as they are in the file, not checked; and the voxel size [m].
+        labels on cubes, integers from 0; and the voxel size [m].
 
     Raises:
         InputError: the file cannot be read or the voxel size is not known.
     """
     path = Path(path)
-    if key is None and path.suffix.lower() == ".npz" and path.is_file():
-        key = _labels_key(path)
+    key = labels_key(path) if key is None else key
     labels, stated = read_with_size(path, shape=shape, dtype=dtype, key=key, axes=axes)
     size = known_voxel_size(voxel_size, stated, path)
     own = _own_voxel_size(path)
@@ -71,12 +74,18 @@ def read_labels(path, *, voxel_size=None, key=None, shape=None, dtype=None, axes
         raise InputError(
             f"voxel_size = {voxel_size} m, but {path} states {own} m, expected one of them only"
         )
-    labels, edge = to_cubes(whole_numbers(labels, path), size, labels=True)
+    labels, edge = to_cubes(plain_labels(labels, path, numbers), size, labels=True)
     return labels, edge
 
 
-def grain_table(labels, voxel_size):
-    """One dictionary a grain: size, place and whether the image's border cuts it."""
+def grain_table(labels, voxel_size, inside=None):
+    """One dictionary a grain: size, place and whether the image's border cuts it.
+
+    Args:
+        labels: 0 void, grains from 1, (z, y, x).
+        voxel_size: [m].
+        inside: True in the field of view, whose rim is a border, too; None: all of the image.
+    """
     voxels = np.bincount(labels.ravel())
     present = np.flatnonzero(voxels)
     present = present[present > 0]
@@ -85,6 +94,8 @@ def grain_table(labels, voxel_size):
     for axis in range(3):
         for end in (0, -1):
             border[np.unique(labels.take(end, axis=axis))] = True
+    if inside is not None:
+        border[np.unique(labels[scipy.ndimage.binary_dilation(~inside)])] = True
     rows = []
     for label, (z, y, x) in zip(present, centres, strict=True):
         volume = voxels[label] * voxel_size**3
@@ -112,11 +123,15 @@ def write_table(path, rows, columns=None):
         raise InputError(f"table {path} cannot be written: {error}") from error
 
 
-def _labels_key(path):
+def labels_key(path):
+    """Name of the array with labels in a .npz file that holds one, or None."""
+    path = Path(path)
+    if path.suffix.lower() != ".npz" or not path.is_file():
+        return None
     try:
         with np.load(path, allow_pickle=False) as data:
             return "labels" if "labels" in data.files else None
-    except (OSError, ValueError, EOFError):
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, NotImplementedError):
         return None  # read_image says what is wrong
 
 

@@ -8,6 +8,9 @@ import scipy.ndimage
 
 from ..errors import InputError
 
+#: Largest label: tables by label have a row for each number up to it.
+LARGEST = 2**24
+
 
 def fill_pores(solid):
     """The solid with all voids filled that it encloses on all sides."""
@@ -65,6 +68,37 @@ def whole_numbers(labels, source="labels"):
     return labels.astype(np.int32)
 
 
+def plain_labels(labels, source="labels", numbers=None):
+    """Labels as integers from 0 to `LARGEST`.
+
+    Args:
+        labels: Array of shape (z, y, x).
+        source: Name of the labels in messages.
+        numbers: A list. Where a label is larger than `LARGEST`, all are numbered anew from 1 in
+            their order, and what they were is added here. None: such labels are refused.
+
+    Raises:
+        InputError: labels are not three-dimensional, not integers, negative or too large.
+    """
+    if labels.ndim != 3:
+        raise InputError(f"{source}: {labels.ndim} axes, expected 3: (z, y, x)")
+    labels = whole_numbers(labels, source)
+    if labels.dtype.kind not in "biu":
+        raise InputError(f"{source}: type of labels is {labels.dtype}, expected integers")
+    if labels.dtype.kind == "i" and labels.min(initial=0) < 0:
+        raise InputError(f"{source}: smallest label is {labels.min()}, expected 0 or more")
+    if labels.max(initial=0) <= LARGEST:
+        return labels
+    if numbers is None:
+        raise InputError(f"{source}: largest label is {labels.max()}, expected at most {LARGEST}")
+    found = np.unique(labels)
+    found = found[found > 0]
+    numbers.extend(found.tolist())
+    new = np.zeros(labels.shape, dtype=np.int32)
+    new[labels > 0] = 1 + np.searchsorted(found, labels[labels > 0])
+    return new
+
+
 def checked_labels(labels, *, keep_largest_piece=False, source="labels"):
     """Labels fit for meshing, as int32.
 
@@ -79,24 +113,14 @@ def checked_labels(labels, *, keep_largest_piece=False, source="labels"):
 
     Raises:
         InputError: labels are not three-dimensional, not integers, negative,
-            hold less than two grains, a grain in pieces or thinner than two voxels.
+            hold no grain, a grain in pieces or thinner than two voxels.
     """
     labels = np.asarray(labels)
-    if labels.ndim != 3:
-        raise InputError(f"{source}: {labels.ndim} axes, expected 3: (z, y, x)")
-    labels = whole_numbers(labels, source)
-    if labels.dtype.kind not in "biu":
-        raise InputError(f"{source}: type of labels is {labels.dtype}, expected integers")
-    if labels.dtype.kind == "i" and labels.min() < 0:
-        raise InputError(f"{source}: smallest label is {labels.min()}, expected 0 or more")
-    if labels.max() > np.iinfo(np.int32).max:
-        raise InputError(f"{source}: largest label is {labels.max()}, expected less than 2^31")
+    labels = plain_labels(labels, source)
     labels = labels.astype(np.int32)
     grains = np.unique(labels[labels > 0])
     if len(grains) == 0:
-        raise InputError(f"{source}: no grain, all voxels are 0, expected at least two grains")
-    if len(grains) == 1:
-        raise InputError(f"{source}: one grain only, label {grains[0]}, expected at least two")
+        raise InputError(f"{source}: no grain, all voxels are 0, expected at least one")
     differ = _differing_neighbours(labels)
     if len(grains) > 50 and differ > 0.5:
         raise InputError(

@@ -17,7 +17,7 @@ STYLE = {
 BLUE, RED = "#33658a", "#e4572e"
 
 
-def draw_segmentation(path, grey, labels, voxel_size):
+def draw_segmentation(path, grey, labels, voxel_size, inside=None):
     """Three slices through the middle, grey levels with outlines above, labels below.
 
     Args:
@@ -25,6 +25,7 @@ def draw_segmentation(path, grey, labels, voxel_size):
         grey: Grey image on the voxels of the labels, (z, y, x).
         labels: 0 void, grains from 1.
         voxel_size: [m].
+        inside: True in the field of view; the rest is left white. None: all of the image.
     """
     with matplotlib.rc_context(STYLE):
         unit, name = length_unit(max(labels.shape) * voxel_size)
@@ -38,10 +39,12 @@ def draw_segmentation(path, grey, labels, voxel_size):
         figure = Figure(figsize=(9.6, 6.6), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.subplots(2, 3)
-        low, high = np.percentile(grey, [0.5, 99.5])
+        low, high = np.percentile(grey if inside is None else grey[inside], [0.5, 99.5])
         colours = label_colours(int(labels.max()))
         for column, (across, up, where) in enumerate(planes):
             part, part_labels = grey[where], labels[where]
+            if inside is not None:
+                part = np.ma.masked_where(~inside[where], part)
             extent = (0, part.shape[1] * size, 0, part.shape[0] * size)
             shown = {"extent": extent, "origin": "lower", "interpolation": "nearest"}
             top, bottom = axes[:, column]

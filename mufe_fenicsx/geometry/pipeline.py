@@ -9,11 +9,12 @@ from ..errors import InputError
 from . import image as images
 from . import labels as labelling
 from .bodies import has_bodies, read_bodies
+from .compare import compare_labels, fitted, true_labels
 from .contact_faces import contact_table
 from .doubts import mark_doubts
-from .grain_file import available_memory
+from .field_of_view import field_of_view
 from .grains import Grains, save_grains
-from .image_files import read_with_size
+from .image_files import inverted, read_with_size
 from .jobs import shared_jobs, surface_jobs, voxel_jobs
 from .label_files import grain_table, read_labels, write_labels, write_table
 from .measure import smallest_altitudes, surface_volume, worst_share_costs
@@ -24,14 +25,13 @@ from .quality import QUALITY
 from .segmentation import segment
 from .stated_size import known_voxel_size
 from .tiff_file import TIFF
+from .work import check_work
 
-#: Tetrahedra in a cube of the length of edges, and memory that meshing takes for each [bytes].
-CELLS_A_CUBE, BYTES_A_CELL = 4.0, 200.0
 #: Of the table of contacts, which may have no rows.
 CONTACT_COLUMNS = ("label_a", "label_b", "area_m2", "neck_ratio", "doubt")
 
 
-def segment_image(image_path, settings, output, *, overwrite=False):
+def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
     """From a grey image to a label image.
 
     Writes ``output`` (TIFF), beside it the tables of grains (.csv) and of pairs that touch
@@ -41,10 +41,13 @@ def segment_image(image_path, settings, output, *, overwrite=False):
         image_path: See `image_files.read_with_size`.
         settings: `SegmentSettings`.
         output: Path of the labels, ending in .tif or .tiff.
+        truth: Labels to hold the result against (see `label_files.read_labels`), of the image or
+            of its ``crop``; None: none.
         overwrite: Replace files that are there.
 
     Returns:
-        A dictionary: files, threshold, num_grains, solid_fraction, …
+        A dictionary: files, threshold, num_grains, solid_fraction, …; notices and warnings, lists
+        of lines; compared, what `compare.compare_labels` says, or None.
 
     Raises:
         InputError: the image cannot be used, or the output not be written.
@@ -56,6 +59,7 @@ def segment_image(image_path, settings, output, *, overwrite=False):
     table, picture = output.with_suffix(".csv"), output.with_suffix(".png")
     contacts = output.with_name(f"{output.stem}_contacts.csv")
     with new_files(output, table, contacts, picture, overwrite=overwrite) as folder:
+        notices = []
         raw, stated = read_with_size(
             image_path,
             shape=settings.shape,
@@ -63,26 +67,45 @@ def segment_image(image_path, settings, output, *, overwrite=False):
             key=settings.key,
             axes=settings.axes,
             crop=settings.crop,
+            grey=True,
+            gaps=True,
+            notices=notices,
         )
         size = known_voxel_size(settings.voxel_size, stated, image_path)
+        true = None if truth is None else true_labels(truth, raw.shape, size, settings)
+        inside, line = field_of_view(
+            raw, settings.mask, source=str(image_path), axes=settings.axes, crop=settings.crop
+        )
+        notices += [line] if line else []
+        raw = inverted(raw) if settings.invert else raw
         raw, edge = images.to_cubes(raw, size)
-        labels, grey, found = segment(raw, settings)
+        if inside is not None:
+            inside, _ = images.to_cubes(inside, size, labels=True)
+        labels, grey, found = segment(raw, settings, inside)
+        field = found.pop("field")
         num_grains = int(labels.max())
-        if num_grains < 2:
+        if num_grains < 1:
             raise InputError(
-                f"image {image_path}: {num_grains} grains of at least "
-                f"{settings.min_grain_voxels} voxels above the threshold {found['threshold']:g}, "
-                "expected at least 2"
+                f"image {image_path}: no grain of at least {settings.min_grain_voxels} voxels "
+                f"above the threshold {found['threshold']:g}, expected at least one"
             )
         voxel_size = edge / settings.upsample
-        rows = grain_table(labels, voxel_size)
+        rows = grain_table(labels, voxel_size, field)
         pairs = contact_table(labels, voxel_size)
         doubts = mark_doubts(rows, pairs, labels)
+        compared = None
+        if true is not None:
+            compared = compare_labels(
+                labels, fitted(true, labels.shape), min_voxels=settings.min_grain_voxels
+            )
         write_labels(folder / output.name, labels, voxel_size)
         write_table(folder / contacts.name, pairs, CONTACT_COLUMNS)
         write_table(folder / table.name, rows)
-        draw_segmentation(folder / picture.name, grey, labels, voxel_size)
+        draw_segmentation(folder / picture.name, grey, labels, voxel_size, field)
     warning = found.pop("warning")
+    warnings = [] if warning is None else [warning]
+    if num_grains == 1:
+        warnings.append("one grain only: is the threshold right, are grains brighter than voids?")
     diameters = np.array([row["equivalent_diameter_m"] for row in rows])
     return {
         "labels": str(output),
@@ -98,10 +121,11 @@ def segment_image(image_path, settings, output, *, overwrite=False):
         "num_border_grains": sum(row["touches_border"] for row in rows),
         "num_contacts": len(pairs),
         **found,
-        "solid_fraction": float(np.count_nonzero(labels) / labels.size),
         "median_diameter": float(np.median(diameters)),
         **doubts,
-        "warnings": [] if warning is None else [warning],
+        "notices": notices,
+        "warnings": warnings,
+        "compared": compared,
         "seconds": round(time.perf_counter() - start, 3),
     }
 
@@ -129,14 +153,14 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
     """
     start = time.perf_counter()
     with new_folder(output_folder, overwrite=overwrite, marker="grains.h5") as folder:
-        table, trimmed, repaired, voxel_size = None, [], [], None
+        table, trimmed, repaired, voxel_size, numbers = None, [], [], None, []
         if has_bodies(labels_path):
             if settings.conforming:
                 raise InputError(
                     f"conforming = true for the surfaces {labels_path}, expected labels"
                 )
             bodies = read_bodies(labels_path, settings.scale, repaired)
-            _check_size(settings, sum(surface_volume(*body[1:3]) for body in bodies))
+            check_work([surface_volume(*body[1:3]) for body in bodies], settings)
             jobs, total = surface_jobs(bodies, settings), len(bodies)
             points = np.concatenate([points for _, points, _ in bodies])
             box = np.array([points.min(axis=0), points.max(axis=0)])
@@ -148,14 +172,15 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
                 shape=settings.shape,
                 dtype=settings.dtype,
                 axes=settings.axes,
+                numbers=numbers,
             )
             labels, trimmed = labelling.checked_labels(
                 labels, keep_largest_piece=settings.keep_largest_piece, source=str(labels_path)
             )
-            _check_size(
-                settings, np.count_nonzero(labels) * float(np.prod(np.broadcast_to(voxel_size, 3)))
-            )
             table = grain_table(labels, voxel_size)
+            for row in table if numbers else ():
+                row["label_in_file"] = numbers[row["label"] - 1]
+            check_work([row["volume_m3"] for row in table], settings)
             make = shared_jobs if settings.conforming else voxel_jobs
             jobs, total = make(labels, voxel_size, settings), len(table)
             box = np.array([[0, 0, 0], np.array(labels.shape[::-1]) * voxel_size])
@@ -198,6 +223,7 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         "reasons": [mesh.quality["reason"] for mesh in failed],
         "trimmed": trimmed,
         "repaired": repaired,
+        "renumbered": bool(numbers),
         "retried": int((column("attempts") > 1).sum()),
         "num_cells": len(grains.cells),
         "num_nodes": len(grains.points),
@@ -216,18 +242,6 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         **_distances(column, voxel_size or settings.size, "voxels" if voxel_size else "sizes"),
         "seconds": round(time.perf_counter() - start, 3),
     }
-
-
-def _check_size(settings, volume):
-    """Raise InputError where grains of that volume [m³] would have more cells than memory holds."""
-    expected = CELLS_A_CUBE * volume / (settings.size * settings.inner_size) ** 3
-    room = available_memory() / BYTES_A_CELL
-    if expected > room:
-        least = (CELLS_A_CUBE * volume / room) ** (1 / 3) / settings.inner_size
-        raise InputError(
-            f"size = {settings.size:g} m, expected at least {least:.2g} m: about {expected:.2g} "
-            f"tetrahedra, and memory for {room:.2g}"
-        )
 
 
 def _distances(column, length, unit):

@@ -19,12 +19,9 @@ def open_raw(path, shape, dtype):
     """
     if shape is None or dtype is None:
         raise InputError(f"raw image {path}: shape = {shape}, dtype = {dtype}, expected both")
-    try:
-        dtype = np.dtype(dtype)
-    except TypeError as error:
-        raise InputError(f'dtype = {dtype!r}, expected a NumPy type such as "<u2"') from error
-    if dtype.kind not in "buif" or len(shape) != 3 or min(shape) < 1:
-        raise InputError(f"shape = {shape}, dtype = {dtype}, expected (z, y, x) and a number type")
+    dtype = number_type(dtype)
+    if len(shape) != 3 or min(shape) < 1:
+        raise InputError(f"shape = {shape}, expected (z, y, x), each >= 1")
     expected, size = math.prod(shape) * dtype.itemsize, path.stat().st_size
     if size != expected:
         raise InputError(
@@ -34,6 +31,21 @@ def open_raw(path, shape, dtype):
     voxels = np.memmap(path, dtype=dtype, mode="r", shape=tuple(shape))
     _check_looks(path, voxels)
     return voxels
+
+
+def number_type(dtype):
+    """The NumPy type of voxels by its name.
+
+    Raises:
+        InputError: there is none, or it is no type of single numbers.
+    """
+    try:
+        found = np.dtype(dtype)
+    except (TypeError, ValueError, SyntaxError):  # SyntaxError: "u2,"
+        found = None
+    if found is None or found.kind not in "buif" or found.shape:
+        raise InputError(f'dtype = {dtype!r}, expected a NumPy type of numbers such as "<u2"')
+    return found
 
 
 def _what_fits(size, shape, dtype):

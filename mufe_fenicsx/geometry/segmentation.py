@@ -1,65 +1,124 @@
 """From a grey image to one label a grain: threshold, distance map, watershed, contacts."""
 
+import math
+
 import numpy as np
 import scipy.ndimage
 import skimage.morphology
 import skimage.segmentation
 
+from ..memory import check_room
 from .contact_faces import open_gaps
+from .field_of_view import filled
 from .image import resample, smooth
 from .labels import fill_pores, grains_in, is_thick, largest_piece
 from .threshold import doubt_about, find_threshold
 from .watershed import watershed
 
-#: Voxels of a slab in which distances are found at once.
-SLAB = 2**23
+#: Memory at the peak of a segmentation, for each voxel of the labels [bytes].
+A_VOXEL = 60
 
 
-def segment(raw, settings):
+def segment(raw, settings, inside=None):
     """Labels of a grey image: filter, threshold, pores, grains.
 
     Args:
         raw: Grey levels of cubic voxels, (z, y, x).
         settings: `SegmentSettings`.
+        inside: True where something was measured; None: everywhere. The rest takes part in
+            nothing, as if the image ended there.
 
     Returns:
         labels, and the filtered image, both on the voxels of labels; and a dictionary: threshold,
-        void_grey and solid_grey (modes of the histogram), warning (text or None),
-        filled_pore_voxels, and what `separate_grains` found.
+        void_grey and solid_grey (modes of the histogram, or None), warning (text or None),
+        filled_pore_voxels, solid_fraction (of what was measured), field (that, on the voxels of
+        labels, or None), and what `separate_grains` found.
 
     Raises:
-        InputError: see `threshold.find_threshold` and `image.resample`.
+        InputError: see `threshold.find_threshold` and `image.resample`; or the memory is too small.
     """
+    if inside is not None and float(settings.upsample).is_integer():
+        where = scipy.ndimage.find_objects(inside.view(np.uint8))[0]
+        if raw[where].shape != raw.shape:
+            return _embedded(raw.shape, where, *segment(raw[where], settings, inside[where]),
+                             int(settings.upsample))  # fmt: skip
+    num_voxels = math.prod(max(1, round(n * settings.upsample)) for n in raw.shape)
+    check_room(
+        A_VOXEL * num_voxels,
+        f"upsample = {settings.upsample:g}: to segment {num_voxels} voxels",
+        "; crop takes a part of the image",
+    )
+    if inside is not None:
+        raw = filled(raw, inside)
     grey = smooth(raw, settings.filter, settings.filter_radius)
     grey = resample(grey, settings.upsample)
-    threshold = find_threshold(grey, settings.threshold)
-    warning, void, full = doubt_about(grey, threshold)
+    measured = grey
+    if inside is not None:
+        inside = _like(inside, settings.upsample, grey.shape)
+        measured = grey[inside]
+    threshold = find_threshold(measured, settings.threshold)
+    warning, void, full = doubt_about(measured, threshold)
+    num_measured = measured.size
+    del measured
     solid = grey > threshold
+    if inside is not None:
+        solid &= inside
     num_pores = 0
     if settings.fill_pores:
         num_pores = -np.count_nonzero(solid)
         solid = fill_pores(solid)
+        if inside is not None:
+            solid &= inside
         num_pores += np.count_nonzero(solid)
-    labels, separated = separate_grains(solid, settings, settings.upsample, grey, (void, full))
+    phases = None if void is None else (void, full)
+    labels, separated = separate_grains(
+        solid, settings, settings.upsample, grey, phases, None if inside is None else ~inside
+    )
     found = {
         "threshold": threshold,
         "void_grey": void,
         "solid_grey": full,
         "warning": warning,
         "filled_pore_voxels": int(num_pores),
+        "solid_fraction": float(np.count_nonzero(labels) / num_measured),
+        "field": inside,
     }
     return labels, grey, found | separated
 
 
-def separate_grains(solid, settings, scale=1.0, grey=None, phases=None):
+def _embedded(shape, where, labels, grey, found, factor):
+    """What `segment` found in a part of an image, in the whole of it."""
+    shape = tuple(n * factor for n in shape)
+    where = tuple(slice(s.start * factor, s.stop * factor) for s in where)
+    parts = labels, grey, found["field"]
+    wholes = []
+    for part, outside in zip(parts, (0, grey.min(), False), strict=True):
+        whole = np.full(shape, outside, dtype=part.dtype)
+        whole[where] = part
+        wholes.append(whole)
+    return wholes[0], wholes[1], found | {"field": wholes[2]}
+
+
+def _like(inside, factor, shape):
+    """A field of view on the voxels of a resampled image."""
+    if factor == 1:
+        return inside
+    fine = scipy.ndimage.zoom(inside.view(np.uint8), factor, order=0, mode="nearest",
+                              grid_mode=True)  # fmt: skip
+    assert fine.shape == shape
+    return fine > 0
+
+
+def separate_grains(solid, settings, scale=1.0, grey=None, phases=None, outside=None):
     """Cut a solid into grains along the necks of its distance map.
 
     Args:
         solid: True in grains, shape (z, y, x).
         settings: `SegmentSettings`; its lengths are in raw voxels.
         scale: Voxels of ``solid`` per raw voxel.
-        grey: The filtered image on the same voxels; None: labels touch where they meet.
-        phases: Grey levels of void and solid.
+        grey: The filtered image on the same voxels.
+        phases: Grey levels of void and solid; None: labels touch where they meet.
+        outside: True where nothing was measured; None: nowhere.
 
     Returns:
         labels 1 … n, int32, each grain in one piece and at least two voxels thick; and a
@@ -67,7 +126,7 @@ def separate_grains(solid, settings, scale=1.0, grey=None, phases=None):
         ``solid``), opened_contacts (pairs that the grey level parts), dropped_fragments,
         dropped_voxels.
     """
-    distance = distance_map(solid)
+    distance = distance_map(solid, outside=outside)
     depth = settings.depth * scale
     if settings.separation == "markers":
         labels = grown_markers(solid, distance, depth, settings.min_grain_voxels)
@@ -81,7 +140,7 @@ def separate_grains(solid, settings, scale=1.0, grey=None, phases=None):
     if settings.tightening > 0:
         labels = straightened(labels, settings.tightening * scale)
     num_opened, opened = 0, np.empty(0, dtype=np.int64)
-    if grey is not None and settings.contact_level > 0:
+    if phases is not None and settings.contact_level > 0:
         # Noise is averaged over about a voxel of the image, whatever the filter was.
         filtered = settings.filter_radius if settings.filter == "gaussian" else 0.0
         more = scale * np.sqrt(max(0.0, 1.0 - filtered**2))
@@ -101,32 +160,40 @@ def separate_grains(solid, settings, scale=1.0, grey=None, phases=None):
     }
 
 
-def distance_map(solid, smoothing=1.0):
+def distance_map(solid, smoothing=1.0, outside=None):
     """Distance of each solid voxel to the void, smoothed, float32, 0 in the void [voxels].
 
-    Faces of the image are no surfaces of grains: the distance ignores them. Distances to voxels
-    are rugged; the smoothing removes false maxima.
+    Faces of the image are no surfaces of grains: the distance ignores them, and what lies
+    ``outside`` of the field of view. Distances to voxels are rugged; the smoothing removes false
+    maxima.
     """
-    distance = np.empty(solid.shape, dtype=np.float32)
-    slices = max(1, SLAB // max(solid[0].size, 1))
-    for first in range(0, len(solid), slices):
-        last = min(first + slices, len(solid))
-        halo = 32
-        while True:
-            low, high = max(first - halo, 0), min(last + halo, len(solid))
-            whole = low == 0 and high == len(solid)
-            if whole or not solid[low:high].all():
-                found = scipy.ndimage.distance_transform_edt(solid[low:high])[first - low :][
-                    : last - first
-                ]
-                # What lies beyond the halo is farther away than the halo is thick.
-                if whole or found.max() <= halo:
-                    break
-            halo *= 2
-        distance[first:last] = found
+    distance = distance_to_void(solid if outside is None else solid | outside)
     scipy.ndimage.gaussian_filter(distance, smoothing, output=distance, mode="nearest")
     distance *= solid
     return distance
+
+
+def distance_to_void(solid):
+    """Distance of the middle of each solid voxel to that of the nearest void one, float32 [voxels].
+
+    The diagonal of the image where there is no void. ITK's filter takes a third of the time of
+    SciPy's, runs on all cores, and keeps no indices.
+
+    Source: C. R. Maurer, R. Qi, V. Raghavan, IEEE Trans. Pattern Analysis and Machine
+    Intelligence 25 (2003) 265-270.
+    """
+    import SimpleITK
+
+    if solid.all():
+        return np.full(solid.shape, np.linalg.norm(solid.shape), dtype=np.float32)
+    # Squares of distances are whole numbers, and exact.
+    squares = SimpleITK.SignedMaurerDistanceMap(
+        SimpleITK.GetImageFromArray((~solid).view(np.uint8)),
+        insideIsPositive=False, squaredDistance=True, useImageSpacing=False,
+    )  # fmt: skip
+    distance = SimpleITK.GetArrayFromImage(squares)
+    np.maximum(distance, 0, out=distance)  # in the void it is negative
+    return np.sqrt(distance, out=distance)
 
 
 def grown_markers(solid, distance, depth, min_voxels):

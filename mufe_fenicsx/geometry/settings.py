@@ -1,12 +1,17 @@
 """What a user may choose about segmenting an image and meshing its grains."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from ..errors import InputError
+from .raw_file import number_type
 from .sizing import CONTACT, CURVATURE, FEWEST_NODES, UNIFORM, Sizing
 
 #: Ways to find the grey level between void and solid.
 METHODS = ("otsu", "gaussians", "middle")
+
+#: Masks that are neither a file nor a grey level.
+MASKS = ("cylinder", "none")
 
 
 @dataclass(frozen=True)
@@ -19,6 +24,10 @@ class SegmentSettings:
     key: str | None = None  #: name of the array in an .npz or .h5 file
     axes: str = "zyx"  #: order of the axes in the file, slowest first
     crop: tuple | None = None  #: ((z0, z1), (y0, y1), (x0, x1)) in raw voxels
+    mask: float | str | Path | None = (
+        None  #: what was measured: "cylinder", "none", a grey level outside, or a file, 0 outside
+    )
+    invert: bool = False  #: grains are darker than voids
     upsample: float = 1.0  #: voxels of the labels per raw voxel
     filter: str = "gaussian"  #: "gaussian", "median" or "none"
     filter_radius: float = 0.7  #: standard deviation, or radius of the median's ball [voxels]
@@ -39,14 +48,19 @@ class SegmentSettings:
 
     def __post_init__(self):
         _require_voxels(self)
-        _require(self.upsample > 0, "upsample", self.upsample, "> 0")
+        _require_crop(self.crop)
+        _require(0 < self.upsample <= 100, "upsample", self.upsample, "> 0, at most 100")
         _require(
             self.filter in ("gaussian", "median", "none"),
             "filter",
             repr(self.filter),
             '"gaussian", "median" or "none"',
         )
-        _require(self.filter_radius >= 0, "filter_radius", self.filter_radius, ">= 0 voxels")
+        _require(
+            0 <= self.filter_radius <= 100, "filter_radius", self.filter_radius, "0 to 100 voxels"
+        )
+        ball = self.filter != "median" or self.filter_radius <= 10
+        _require(ball, "filter_radius", self.filter_radius, "at most 10 voxels for the median")
         check_method(self.threshold)
         _require(
             self.separation in ("depth", "level", "markers"),
@@ -182,8 +196,20 @@ def _require_voxels(settings):
     size = settings.voxel_size
     edges = size if isinstance(size, tuple) else (1.0 if size is None else size,)
     _require(all(edge > 0 for edge in edges), "voxel_size", size, "a length > 0 in metres")
+    shape = settings.shape
+    good = shape is None or (len(shape) == 3 and all(n >= 1 for n in shape))
+    _require(good, "shape", shape, "three numbers of voxels >= 1")
+    if settings.dtype is not None:
+        number_type(settings.dtype)
     order = 'an order of z, y and x such as "zyx"'
     _require(sorted(settings.axes) == ["x", "y", "z"], "axes", repr(settings.axes), order)
+
+
+def _require_crop(crop):
+    for axis, ends in zip("zyx", crop or (), strict=False):
+        _require(len(ends) == 2, "crop", ends, "(first, last) along each axis")
+        text = f"{ends[0]} to {ends[1]} along {axis}"
+        _require(0 <= ends[0] < ends[1], "crop", text, "a first voxel below the last, from 0")
 
 
 def _require(holds, name, value, expected):

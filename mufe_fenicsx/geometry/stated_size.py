@@ -5,6 +5,9 @@ import re
 
 from ..errors import InputError
 
+#: Voxels of all tomography lie between [m].
+SMALLEST, LARGEST = 1e-10, 1.0
+
 #: Metres a unit, by the names that ImageJ and OME use.
 UNITS = {
     **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "nm": 1e-9},
@@ -67,6 +70,8 @@ def known_voxel_size(given, stated, path):
             f"voxel_size of {path} is not stated, expected a length in metres, or three (z, y, x)"
         )
     size = tuple(map(float, size)) if isinstance(size, tuple | list) else (float(size),) * 3
-    if len(size) != 3 or not all(0 < s < float("inf") for s in size):
-        raise InputError(f"voxel_size = {size} of {path}, expected lengths > 0 in metres")
+    if len(size) != 3 or not all(SMALLEST <= s <= LARGEST for s in size):
+        raise InputError(
+            f"voxel_size = {size} of {path}, expected lengths of {SMALLEST:g} to {LARGEST:g} m"
+        )
     return size

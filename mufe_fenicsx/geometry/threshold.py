@@ -10,6 +10,9 @@ from .settings import check_method
 
 NUM_BINS = 256
 
+#: Of the lower of two modes: a valley between them is at most as high.
+HIGHEST_VALLEY = 0.8
+
 #: Of the contrast of both phases: a threshold farther than this from Otsu's is reported.
 DISAGREEMENT = 0.1
 
@@ -50,11 +53,24 @@ def doubt_about(image, level):
     """A line on what speaks against a threshold, or None; and the grey levels of both phases.
 
     Otsu's level lies off the middle of the phases where one of them fills more of the image or
-    many voxels are cut by surfaces. The phases are the modes of the histogram on either side.
+    many voxels are cut by surfaces. The phases are the modes of the histogram on either side; they
+    are None where no valley parts them or the threshold does not lie between them, for nothing can
+    be derived from them then.
     """
-    void, solid = modes(image, level)
+    void, solid, parted = _phases(image, level)
+    if not (parted and void < level < solid):
+        what = (
+            f"the modes of the histogram, {void:g} and {solid:g}, lie on one side"
+            if parted
+            else f"no valley parts the levels around it ({void:g} and {solid:g})"
+        )
+        line = (
+            f"the threshold {level:g} parts no two phases: {what}, expected two modes with a "
+            "valley between them; contact_level is not used: look at the outlines in the picture"
+        )
+        return line, None, None
     reference = otsu(image)
-    part = (level - reference) / max(solid - void, 1e-300)
+    part = (level - reference) / (solid - void)
     lower, upper = sorted((level, reference))
     none_between = np.count_nonzero((image > lower) & (image <= upper)) < 1e-4 * image.size
     if abs(part) <= DISAGREEMENT or none_between:
@@ -74,20 +90,31 @@ def modes(image, level, *, parted=False):
     Raises:
         InputError: ``parted`` is asked for, and no valley parts the peaks.
     """
+    void, solid, valley = _phases(image, level)
+    if parted and not valley:
+        raise _not_bimodal((float(image.min()), float(image.max())))
+    return void, solid
+
+
+def has_valley(image):
+    """Whether the histogram has a valley between its modes on either side of Otsu's level."""
+    return _phases(image, otsu(image))[2]
+
+
+def _phases(image, level):
+    """The modes below and above ``level``, and whether a valley parts them."""
     low, high = float(image.min()), float(image.max())
     if np.all((image == low) | (image == high)):  # parted before
-        return low, high
+        return low, high, True
     density, levels = _histogram(image)
     split = int(np.clip(np.searchsorted(levels, level), 1, NUM_BINS - 1))
     peaks = [int(np.argmax(density[:split])), split + int(np.argmax(density[split:]))]
     valley = density[peaks[0] : peaks[1] + 1].min()
-    if parted and valley > 0.8 * density[peaks].min():
-        raise _not_bimodal(levels)
     result = []
     for peak in peaks:
         around = _upper_half(density, peak, valley)
         result.append(float(np.average(levels[around], weights=density[around])))
-    return tuple(result)
+    return *result, bool(valley <= HIGHEST_VALLEY * density[peaks].min())
 
 
 def between_gaussians(image):
@@ -129,7 +156,7 @@ def fitted_gaussians(image):
     x = np.linspace(m1, m2, 2001)
     lowest = x[np.argmin(_log_sum(x, a1, m1, s1, a2, m2, s2))]
     peaks = np.interp([m1, m2], unit, density)
-    if lowest in (m1, m2) or np.interp(lowest, unit, density) > 0.8 * peaks.min():
+    if lowest in (m1, m2) or np.interp(lowest, unit, density) > HIGHEST_VALLEY * peaks.min():
         raise _not_bimodal(level)
     whole = float(np.ptp(level))
     return tuple((float(a), float(level[0] + m * whole), float(s * whole))

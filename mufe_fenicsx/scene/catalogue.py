@@ -1,7 +1,7 @@
 """What scene files name: their tables, the models of [material], units and shapes of values."""
 
 from ..errors import InputError
-from ..geometry.settings import MeshSettings, SegmentSettings
+from ..geometry.settings import MASKS, MeshSettings, SegmentSettings
 from ..materials.auto import Auto
 from ..materials.elastic import Elastic
 from ..materials.j2 import J2
@@ -61,6 +61,9 @@ UNITS = {
     },
     Oedometer: {"speed": "m/s", "seating_stress": "Pa", "seating_speed": "m/s"},
 }
+
+#: Texts that a field whose others are paths may have as well.
+WORDS = {"mask": MASKS}
 
 #: Shapes of the fields that are arrays; -1 is any length.
 SHAPES = {

@@ -12,7 +12,7 @@ from ..bounds import check_count, check_key, check_text, shortened, shown
 from ..errors import InputError
 from ..materials.j2 import J2
 from ..units import expected, to_si
-from .catalogue import FLOAT_ARRAYS, SHAPES, TABLES, unit_of
+from .catalogue import FLOAT_ARRAYS, SHAPES, TABLES, WORDS, unit_of
 from .image import PACKAGED_IMAGES
 
 #: Characters of a path.
@@ -87,8 +87,8 @@ def _convert(value, hint, unit, key, name, folder):
         if isinstance(unit, str):
             unit = (unit,) * SHAPES[key][-1]
         return convert_array(value, SHAPES[key], unit, float if key in FLOAT_ARRAYS else int, name)
-    if Path in kinds:
-        return _convert_path(value, name, folder)
+    if Path in kinds and (float not in kinds or isinstance(value, str | Path)):
+        return value if value in WORDS.get(key, ()) else _convert_path(value, name, folder)
     if isinstance(value, str):
         check_text(name, value)
     for kind in kinds:

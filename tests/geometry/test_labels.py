@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+import scipy.ndimage
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry import segmentation
 from mufe_fenicsx.geometry.label_files import grain_table, read_labels, write_labels
 from mufe_fenicsx.geometry.labels import checked_labels, fill_pores
-from mufe_fenicsx.geometry.segmentation import distance_map, separate_grains
+from mufe_fenicsx.geometry.segmentation import distance_map, distance_to_void, separate_grains
 from mufe_fenicsx.geometry.settings import SegmentSettings
 from tests.geometry.scenes import ball, two_balls
 
@@ -37,12 +37,25 @@ def test_one_ball_stays_one_grain():
     assert np.array_equal(labels > 0, solid) and labels.max() == 1
 
 
-def test_distances_do_not_depend_on_slabs(monkeypatch):
-    solid = two_balls() > 0
-    solid[2:26, 5:25, 15:40] = True
-    whole = distance_map(solid)
-    monkeypatch.setattr(segmentation, "SLAB", 3 * solid[0].size)
-    assert np.array_equal(distance_map(solid), whole)
+def test_distances_are_those_of_scipy():
+    """Squares of distances are whole numbers: equal to the last bit; in the void they are zero."""
+    solid = np.random.default_rng(0).random((9, 30, 40)) < 0.97
+    solid[3:8, 4:20, 5:30] = True
+    expected = scipy.ndimage.distance_transform_edt(solid).astype(np.float32)
+    assert np.array_equal(distance_to_void(solid), expected)
+    assert np.all(distance_to_void(np.ones((3, 4, 12), bool)) == 13)
+
+
+def test_distances_ignore_what_was_not_measured():
+    """A ball cut by the field of view is as deep as one cut by the border of the image."""
+    solid = ball((30, 30, 30), (15, 15, 15), 11)
+    outside = np.zeros(solid.shape, dtype=bool)
+    outside[:, :, 15:] = True
+    part = distance_map(solid & ~outside, outside=outside, smoothing=0)
+    cut = distance_map(solid[:, :, :15], smoothing=0)
+    assert np.array_equal(part[:, :, :15], cut) and part[:, :, 15:].max() == 0
+    # The middle of the ball, as far from the void as before it was cut.
+    assert part[15, 15, 14] == distance_map(solid, smoothing=0)[15, 15, 14]
 
 
 def test_crumbs_are_dropped_and_counted():
@@ -110,7 +123,7 @@ def changed(value, where=np.s_[14, 14, 14], dtype=np.int32):
         (GREY_LEVELS, r"[0-9]+ labels, and 9[0-9]% of neighbouring voxels .* like grey levels"),
         (changed(-3), "smallest label is -3"),
         (two_balls() * 0, "no grain, all voxels are 0"),
-        (np.minimum(two_balls(), 1), "one grain only, label 1"),
+        (two_balls().astype(np.int64) * 10**9, "largest label is 2000000000, expected at most"),
         (changed(2, np.s_[1:4, 1:4, 1:4]), "grain 2 is in 2 pieces of .* 27 voxels"),
         (changed(7, np.s_[1, 1:9, 1:9]), "grain 7 of 64 voxels within 1 x 8 x 8 is thinner"),
     ],
@@ -119,6 +132,19 @@ def test_labels_that_cannot_be_meshed_are_refused(labels, message):
     with pytest.raises(InputError, match=message) as caught:
         checked_labels(labels)
     assert "\n" not in str(caught.value)
+
+
+def test_one_grain_alone_is_taken():
+    assert checked_labels(np.minimum(two_balls(), 1) * 5)[0].max() == 5
+
+
+def test_large_labels_are_numbered_anew(tmp_path):
+    """Tables by label would have a row for each number up to the largest one."""
+    labels = two_balls().astype(np.int64) * 10**12
+    np.save(tmp_path / "a.npy", labels)
+    numbers = []
+    found, _ = read_labels(tmp_path / "a.npy", voxel_size=1e-5, numbers=numbers)
+    assert np.array_equal(found, two_balls()) and numbers == [10**12, 2 * 10**12]
 
 
 def test_labels_of_fiji_are_floating_point_numbers():

@@ -6,6 +6,7 @@ import errno
 import numpy as np
 import pytest
 
+from mufe_fenicsx import memory
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import pipeline
 from mufe_fenicsx.geometry.grains import load_grains
@@ -107,6 +108,29 @@ def test_a_size_that_fits_no_grain_is_refused(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("voxel_size", [1e-3, 1.0])
+def test_a_mesh_that_cannot_end_is_not_begun(tmp_path, voxel_size):
+    """Voxels of a millimetre, edges of micrometres: 10^9 tetrahedra and more."""
+    write_labels(tmp_path / "labels.tif", two_balls(), voxel_size)
+    with pytest.raises(InputError, match=r"size = 1.4e-05 m: a grain of .* m takes .* tetrahedra"):
+        pipeline.mesh_labels(
+            tmp_path / "labels.tif", MeshSettings(size=14e-6, processes=1), tmp_path / "out"
+        )
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_segmentation_larger_than_the_memory_is_not_begun(tmp_path, monkeypatch):
+    np.save(tmp_path / "image.npy", grey_packing())
+    monkeypatch.setattr(memory, "free_memory", lambda: 10 * 2**20)
+    settings = SegmentSettings(voxel_size=1e-5, upsample=2)
+    message = r"upsample = 2: to segment 373248 voxels takes .* GB, expected at most the .* GB"
+    with pytest.raises(InputError, match=message):
+        pipeline.segment_image(tmp_path / "image.npy", settings, tmp_path / "labels.tif")
+    flat = SegmentSettings(voxel_size=(1e-3, 1e-5, 1e-5))
+    with pytest.raises(InputError, match=r"voxel_size = .*3600 x 36 x 36 cubes takes"):
+        pipeline.segment_image(tmp_path / "image.npy", flat, tmp_path / "labels.tif")
+
+
 def test_output_below_a_file_is_refused(tmp_path):
     write_labels(tmp_path / "labels.tif", two_balls(), 1e-5)
     with pytest.raises(InputError, match="cannot be written"):
@@ -137,6 +161,14 @@ def test_another_separation_drops_what_only_the_old_one_uses():
             "watershed_level = 0.2, expected a value only",
         ),
         (lambda: SegmentSettings(voxel_size=(1e-5, -1, 1)), "voxel_size = "),
+        (lambda: SegmentSettings(upsample=1e9), r"upsample = 1000000000.0, expected > 0, at most"),
+        (lambda: SegmentSettings(filter_radius=1e9), "filter_radius = 1000000000.0, expected 0 to"),
+        (lambda: SegmentSettings(filter="median", filter_radius=20), "at most 10 voxels for the"),
+        (lambda: SegmentSettings(crop=((5, 2), (0, 1), (0, 1))), "crop = 5 to 2 along z, expected"),
+        (lambda: SegmentSettings(shape=(0, 3, 3)), r"shape = \(0, 3, 3\), expected three numbers"),
+        (lambda: SegmentSettings(dtype="O"), "dtype = 'O', expected a NumPy type of numbers"),
+        (lambda: SegmentSettings(dtype="u2,u2"), "dtype = 'u2,u2', expected a NumPy type"),
+        (lambda: MeshSettings(size=1e-5, shape=(1, 0, 1)), r"shape = \(1, 0, 1\)"),
         (lambda: MeshSettings(size=-1.0), "size = -1.0"),
         (lambda: MeshSettings(size=1e-5, smoothing=20), "smoothing = 20"),
     ],

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.ndimage
 from scipy.optimize import minimize_scalar
 
 from mufe_fenicsx.errors import InputError
@@ -57,6 +58,25 @@ def test_a_threshold_far_from_otsus_is_reported():
     assert line is None and (void, solid) == pytest.approx((100, 200), abs=4)
     line, _, _ = doubt_about(image, 130.0)
     assert line.startswith("the threshold 130 lies") and "below Otsu's" in line
+
+
+def one_phase():
+    """Filtered noise: one mode, and twice its deviation would pass for a contrast."""
+    noise = np.random.default_rng(2).normal(150, 60, (40, 40, 40))
+    return scipy.ndimage.gaussian_filter(noise, 1.0)
+
+
+@pytest.mark.parametrize("level", [otsu(one_phase()), 120.0, 151.0, 170.0])
+def test_nothing_is_derived_from_a_level_that_parts_nothing(level):
+    """Both "phases" of a single mode had been above the threshold, and contacts opened by them."""
+    line, void, solid = doubt_about(one_phase(), level)
+    assert (void, solid) == (None, None)
+    assert "parts no two phases" in line and "contact_level is not used" in line
+
+
+def test_a_level_beside_both_phases_is_reported():
+    line, void, _ = doubt_about(two_phases(5, 5), 85.0)
+    assert void is None and "parts no two phases" in line
 
 
 def test_a_number_is_taken_as_it_is():
