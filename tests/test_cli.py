@@ -115,7 +115,6 @@ def inputs(tmp_path):
     box = np.zeros((12, 12, 24), dtype=np.int32)
     np.save(folder / "no_grain.npy", box)
     box[2:10, 2:10, 2:10] = 1
-    np.save(folder / "one_grain.npy", box)
     box[2:10, 2:10, 14:22] = 2
     np.save(folder / "negative.npy", np.where(box == 2, -2, box))
     np.save(folder / "float.npy", box + 0.5)
@@ -171,7 +170,6 @@ def test_image_that_cannot_be_used(inputs, mufe_here, image, said):
 MESH = [
     ("none.npy", "none.npy"),
     ("no_grain.npy", "no grain"),
-    ("one_grain.npy", "one"),
     ("negative.npy", "-2"),
     ("float.npy", "float"),
     ("pieces.npy", "pieces"),

@@ -162,6 +162,7 @@ def test_units_and_paths_are_converted_at_the_door(tmp_path):
     assert scene.solver.damping == 2000.0
     assert scene.walls["y_min"].velocity == -1e-3
     assert scene.image.crop == ((0, 50), (10, 60), (0, 400))
+    assert scene.image.mask is None and not scene.image.invert
     assert scene.image.path == tmp_path / "scans" / "sand.raw"
     assert scene.sample.grains == tmp_path / "grains"
 
@@ -304,6 +305,13 @@ BAD = [
     ),
     ('grains = "grains"', "grains = 5", "sample.grains = 5, expected a path"),
     ("shape = [200, 300, 400]", "shape = [200, 300]", "image.shape = [200, 300], expected a list"),
+    ("[0, 50]", "[50, 5]", "image.crop = 50 to 5 along z, expected a first voxel below the last"),
+    ("[200, 300, 400]", "[200, 0, 400]", "image.shape = (200, 0, 400), expected three numbers"),
+    ('"<u2"', '"O"', "image.dtype = 'O', expected a NumPy type of numbers"),
+    ("threshold = 1234", "upsample = 1e9", "image.upsample = 1000000000.0, expected > 0, at most"),
+    ("threshold = 1234", "filter_radius = 1e9", "image.filter_radius = 1000000000.0, expected 0"),
+    ("threshold = 1234", "mask = true", "image.mask = true, expected a number"),
+    ("threshold = 1234", 'mask = "../m.tif"', 'image.mask = "../m.tif" leaves the folder'),
     ("[0, 50]", "[0, 5.5]", "image.crop[0][1] = 5.5, expected a whole number"),
     ("threshold = 1234", 'threshold = "otto"', "image.threshold = 'otto', expected"),
     ('dtype = "<u2"', "dtype = 2", "image.dtype = 2, expected a text"),

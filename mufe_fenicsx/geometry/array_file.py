@@ -150,6 +150,12 @@ def _check_sources(data, path):
     """Files that a data set takes its values from have to be there, with enough bytes."""
     folder = Path(path).parent
     if data.is_virtual:
+        mapped = sum(source.vspace.get_select_npoints() for source in data.virtual_sources())
+        if mapped < math.prod(data.shape):
+            raise InputError(
+                f"data set {data.name} of {path} has sources for {mapped} of "
+                f"{math.prod(data.shape)} voxels, expected all of them"
+            )
         for source in data.virtual_sources():
             if source.file_name != "." and "%" not in source.file_name:
                 check_regular(folder / source.file_name, path)

@@ -41,7 +41,7 @@ class _ItkVoxels:
 
         SimpleITK.ProcessObject.SetGlobalWarningDisplay(False)
         reader = SimpleITK.ImageFileReader()
-        with _silent():
+        with _silent(), _plain_errors(self.path):
             reader.SetFileName(str(self.path))
             reader.ReadImageInformation()
             shape = tuple(reader.GetSize()[::-1])
@@ -53,6 +53,16 @@ class _ItkVoxels:
             reader.SetExtractIndex([s.start for s in where][::-1])
             reader.SetExtractSize([s.stop - s.start for s in where][::-1])
             return SimpleITK.GetArrayFromImage(reader.Execute())
+
+
+@contextmanager
+def _plain_errors(path):
+    """What ITK says is wrong, without the places in its sources."""
+    try:
+        yield
+    except RuntimeError as error:
+        text = " ".join(str(error).split("ERROR:")[-1].split())
+        raise InputError(f"image {path} cannot be read by SimpleITK: {text}") from error
 
 
 @contextmanager

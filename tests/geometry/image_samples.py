@@ -20,6 +20,8 @@ def write_samples(folder):
     tifffile.imwrite(file("plain.tif"), IMAGE)
     tifffile.imwrite(file("big.tif"), IMAGE, bigtiff=True, byteorder=">")
     tifffile.imwrite(file("imagej.tif"), IMAGE, imagej=True)
+    # One directory for all slices, as ImageJ writes files above 4 GB.
+    tifffile.imwrite(file("one_page.tif"), IMAGE, imagej=True, truncate=True)
     tifffile.imwrite(file("ome.tif"), IMAGE, ome=True, metadata={"axes": "ZYX"})
     tifffile.imwrite(file("tiles.tif"), IMAGE, tile=(16, 16), compression="zlib")
     for codec in ("zlib", "lzw", "zstd", "packbits", "lzma"):

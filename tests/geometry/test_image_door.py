@@ -212,11 +212,15 @@ def test_zeros_that_nobody_wrote_are_no_voxels(tmp_path):
         layout = h5py.VirtualLayout((6, 5, 7), "<u2")
         layout[...] = h5py.VirtualSource("gone.h5", "grey", (6, 5, 7))
         file.create_virtual_dataset("virtual", layout)
+        layout = h5py.VirtualLayout((6, 5, 7), "<u2")
+        layout[:4] = h5py.VirtualSource("a.h5", "chunks", (6, 5, 7))[:4]
+        file.create_virtual_dataset("unmapped", layout)
     path = tmp_path / "a.h5"
     assert "lacks the chunk at (4, 0, 0)" in refusal(path, key="chunks")
     part = read_image(path, key="chunks", crop=((0, 4), (0, 5), (0, 7)))
     assert np.array_equal(part, IMAGE[:4])
     assert "has 0 bytes, expected 420" in refusal(path, key="late")
+    assert "has sources for 140 of 210 voxels" in refusal(path, key="unmapped")
     assert "gone.h5 cannot be read: No such file" in refusal(path, key="virtual")
 
 
