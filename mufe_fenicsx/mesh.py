@@ -9,9 +9,7 @@ import numpy as np
 from dolfinx import fem, graph, mesh
 
 from .errors import InputError
-
-#: Faces of a positively oriented cell, seen from outside.
-OUTWARD_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+from .topology import FACETS, body_defect
 
 #: An element with less volume than this times the cube of its longest edge has none.
 FLAT = 1e-9
@@ -148,8 +146,10 @@ def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, fa
         family: So many tetrahedra in turn belong together, and stay so in the order given.
 
     Raises:
-        InputError: A grain is in pieces.
+        InputError: A grain is no body (see `topology.body_defect`), or one of its cells has no
+            volume or lies in another; on all ranks.
     """
+    _check_bodies(comm, points, cells, cell_grain, labels)
     first_node = comm.exscan(points.shape[0]) or 0
     first_cell = comm.exscan(cells.shape[0]) or 0
     element = basix.ufl.element("Lagrange", "tetrahedron", 1, shape=(3,))
@@ -192,7 +192,6 @@ def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, fa
     grain_of_node[dofs] = local_grain[:, None]
     nodes = np.argsort(grain_of_node, kind="stable").astype(np.int32)
     node_offset = np.searchsorted(grain_of_node[nodes], np.arange(grains.size + 1))
-    _check_whole(comm, nodes, node_offset, np.asarray(labels)[grains])
 
     facets, grain_of_facet = _boundary(dofs, cell_offset)
     _check_elements(comm, x, dofs, cell_offset, facets, grain_of_facet, np.asarray(labels)[grains])
@@ -215,19 +214,33 @@ def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, fa
     )
 
 
-def _check_whole(comm, nodes, node_offset, labels):
-    """The nodes of each grain are numbered in a row; so they are in a connected body. Collective.
+def _check_bodies(comm, points, cells, cell_grain, labels):
+    """Each grain is one body on nodes of its own: whatever follows relies on it. Collective.
 
     Raises:
-        InputError: A grain is in pieces; on all ranks.
+        InputError: It is none; on all ranks.
     """
-    last = nodes[node_offset[1:] - 1] - nodes[node_offset[:-1]]
-    torn = labels[last + 1 != np.diff(node_offset)]
-    torn = [label for rank in comm.allgather(torn.tolist()) for label in rank]
-    if torn:
-        raise InputError(
-            f"grain {torn[0]} is in pieces, expected tetrahedra that hang together at their nodes"
-        )
+    message = None
+    owner = np.full(len(points), -1)
+    order = np.argsort(cell_grain, kind="stable")
+    for part in np.split(order, np.flatnonzero(np.diff(cell_grain[order])) + 1):
+        if part.size == 0:
+            continue
+        grain = cell_grain[part[0]]
+        defect = body_defect(cells[part], len(points))
+        if not defect:
+            shared = owner[cells[part]].max()
+            owner[cells[part]] = grain
+            if shared >= 0:
+                defect = f"a node of grain {labels[shared]}, expected nodes of its own"
+            elif not np.isfinite(points[cells[part]]).all():
+                defect = "a node whose place is not finite"
+        if defect:
+            message = f"grain {labels[grain]} has {defect}: mesh that grain anew"
+            break
+    messages = [text for text in comm.allgather(message) if text]
+    if messages:
+        raise InputError(messages[0])
 
 
 def _check_elements(comm, x, cells, cell_offset, facets, grain_of_facet, labels):
@@ -294,7 +307,7 @@ def _boundary(cells, cell_offset):
     """
     found, count = [], []
     for first, end in pairwise(cell_offset):
-        faces = cells[first:end][:, OUTWARD_FACES].reshape(-1, 3)
+        faces = cells[first:end][:, FACETS].reshape(-1, 3)
         key = np.sort(faces, axis=1)
         order = np.lexsort(key.T)
         key = key[order]

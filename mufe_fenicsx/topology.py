@@ -1,0 +1,113 @@
+"""Whether tetrahedra make one body: what a mesh has to be before anything is computed on it."""
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+#: The four facets of a tetrahedron, seen from outside where it is positively oriented.
+FACETS = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+
+
+def body_defect(cells, num_nodes):
+    """What keeps tetrahedra from being one body, in words; empty if they are one.
+
+    In a body cells hang together by facets, also around each node, every facet has one cell or
+    two, and the facets of the surface around each of its nodes make one ring. Where one of these
+    fails two parts are joined as by a ball or a hinge, or cells lie in each other. Local.
+
+    Args:
+        cells: Nodes of the tetrahedra, shape (num_cells, 4).
+        num_nodes: How many nodes there are.
+    """
+    cells = np.asarray(cells)
+    if cells.ndim != 2 or cells.shape[1:] != (4,) or len(cells) == 0:
+        return f"cells of shape {cells.shape}, expected (n, 4) with n > 0"
+    if cells.min() < 0 or cells.max() >= num_nodes:
+        wrong = cells.min() if cells.min() < 0 else cells.max()
+        return f"a cell with node {wrong}, expected nodes from 0 to {num_nodes - 1}"
+    cells = cells - cells.min()  # so that numbers are as small as those of one grain alone
+    corners = np.sort(cells, axis=1)
+    if (corners[:, 1:] == corners[:, :-1]).any():
+        return "a cell that has one node twice, expected four nodes"
+    _, same = _sorted_rows(corners)
+    if same.any():
+        return f"{np.count_nonzero(same)} cells that are there twice, expected each once"
+
+    facets = cells[:, FACETS].reshape(-1, 3)
+    key = np.sort(facets, axis=1)
+    order, same = _sorted_rows(key)
+    if (same[1:] & same[:-1]).any():
+        return "a facet of more than two cells, expected one or two"
+    first, second = order[:-1][same], order[1:][same]
+    num_parts = _num_parts(len(cells), first // 4, second // 4)
+    if num_parts > 1:
+        return (
+            f"{num_parts} parts that have only nodes or edges in common, expected cells that hang "
+            "together by facets"
+        )
+    # Corner i of a facet is one node: the corners of both cells there belong together.
+    joined = [_cell_corners(cells, facet // 4, key[facet]) for facet in (first, second)]
+    if _num_parts(cells.size, *joined) > _num_used(cells):
+        return "parts that only touch at a node or an edge, expected them to hang together there"
+    single = np.ones(len(facets), dtype=bool)
+    single[first] = single[second] = False
+    return surface_pinch(facets[single])
+
+
+def surface_pinch(triangles):
+    """Where a closed surface touches itself, in words; empty if it does nowhere.
+
+    Args:
+        triangles: Shape (num_triangles, 3); each edge belongs to an even number of them.
+    """
+    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2), axis=2)
+    edges = edges.reshape(-1, 2)  # number 3 t + i: from corner i of triangle t to the next one
+    order, same = _sorted_rows(edges)
+    if not same[::2].all():
+        return "a surface with an open edge, expected a closed one"
+    if same[1::2].any():
+        return "a surface that touches itself along an edge, expected two facets at each edge"
+    one, other = order[::2], order[1::2]
+    ends = []
+    for edge in (one, other):
+        triangle, i = edge // 3, edge % 3
+        corner = np.column_stack([3 * triangle + i, 3 * triangle + (i + 1) % 3])
+        swap = triangles.ravel()[corner[:, 0]] > triangles.ravel()[corner[:, 1]]
+        corner[swap] = corner[swap][:, ::-1]
+        ends.append(corner.ravel())
+    more = _num_parts(triangles.size, *ends) - _num_used(triangles)
+    if more:
+        return f"a surface that touches itself at {more} nodes, expected one ring of facets at each"
+    return ""
+
+
+def _sorted_rows(rows):
+    """Order of rows of node numbers, and whether each but the first equals the one before."""
+    base = np.int64(rows.max(initial=0)) + 1
+    if float(base) ** rows.shape[1] < 2.0**63:
+        keys = [np.zeros(len(rows), dtype=np.int64)]
+        for column in rows.T:
+            keys[0] = keys[0] * base + column
+    else:
+        keys = list(rows.T)
+    order = np.lexsort(keys)
+    same = np.ones(max(len(rows) - 1, 0), dtype=bool)
+    for key in keys:
+        same &= key[order[1:]] == key[order[:-1]]
+    return order, same
+
+
+def _cell_corners(cells, cell, nodes):
+    """Numbers 4 c + i of the corners of cells that are given nodes, one after the other."""
+    place = (cells[cell][:, None, :] == nodes[:, :, None]).argmax(axis=2)
+    return (4 * cell[:, None] + place).ravel()
+
+
+def _num_used(nodes):
+    return np.count_nonzero(np.bincount(nodes.ravel()))
+
+
+def _num_parts(size, one, other):
+    """Parts of a graph of so many nodes with edges from ``one`` to ``other``."""
+    graph = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(size, size))
+    return connected_components(graph, directed=False)[0]
