@@ -255,6 +255,14 @@ def import_meshes(
         Path, typer.Option("--output", "-o", metavar="GRAINS", help="Folder to write.")
     ],
     scale: Annotated[str, typer.Option(help='Length unit of the file, such as "1 mm".')] = "1 m",
+    labels: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="What tells grains apart: cell data, the begin of the names of element sets, "
+            "sets (all of them) or pieces (what hangs together).",
+        ),
+    ] = None,
     overwrite: Overwrite = False,
     json: Json = None,
 ):
@@ -266,7 +274,9 @@ def import_meshes(
     from .geometry.output import new_folder
     from .units import to_si
 
-    grains = import_grains(mesh, to_si(number_or_text(scale), "m", "--scale"))
+    notices = []
+    unit = to_si(number_or_text(scale), "m", "--scale")
+    grains = import_grains(mesh, unit, labels=labels, notices=notices)
     with new_folder(output, overwrite=overwrite, marker="grains.h5") as folder:
         save_grains(folder, grains)
     result = {
@@ -275,8 +285,10 @@ def import_meshes(
         "num_cells": len(grains.cells),
         "num_nodes": len(grains.points),
         "element_size": grains.element_size,
+        "notices": notices,
     }
     printer.summary(result)
+    printer.say(*notices)
     printer.write_json(result)
 
 

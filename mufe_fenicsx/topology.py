@@ -8,6 +8,16 @@ from scipy.sparse.csgraph import connected_components
 FACETS = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
 
+def cell_defect(cells, num_nodes):
+    """What keeps tetrahedra from being cells of one mesh, in words; empty if they are. Local.
+
+    Args:
+        cells: Nodes of the tetrahedra, shape (num_cells, 4).
+        num_nodes: How many nodes there are.
+    """
+    return _joints(np.asarray(cells), num_nodes)[0]
+
+
 def body_defect(cells, num_nodes):
     """What keeps tetrahedra from being one body, in words; empty if they are one.
 
@@ -20,25 +30,9 @@ def body_defect(cells, num_nodes):
         num_nodes: How many nodes there are.
     """
     cells = np.asarray(cells)
-    if cells.ndim != 2 or cells.shape[1:] != (4,) or len(cells) == 0:
-        return f"cells of shape {cells.shape}, expected (n, 4) with n > 0"
-    if cells.min() < 0 or cells.max() >= num_nodes:
-        wrong = cells.min() if cells.min() < 0 else cells.max()
-        return f"a cell with node {wrong}, expected nodes from 0 to {num_nodes - 1}"
-    cells = cells - cells.min()  # so that numbers are as small as those of one grain alone
-    corners = np.sort(cells, axis=1)
-    if (corners[:, 1:] == corners[:, :-1]).any():
-        return "a cell that has one node twice, expected four nodes"
-    _, same = _sorted_rows(corners)
-    if same.any():
-        return f"{np.count_nonzero(same)} cells that are there twice, expected each once"
-
-    facets = cells[:, FACETS].reshape(-1, 3)
-    key = np.sort(facets, axis=1)
-    order, same = _sorted_rows(key)
-    if (same[1:] & same[:-1]).any():
-        return "a facet of more than two cells, expected one or two"
-    first, second = order[:-1][same], order[1:][same]
+    defect, facets, key, (first, second) = _joints(cells, num_nodes)
+    if defect:
+        return defect
     num_parts = _num_parts(len(cells), first // 4, second // 4)
     if num_parts > 1:
         return (
@@ -46,12 +40,55 @@ def body_defect(cells, num_nodes):
             "together by facets"
         )
     # Corner i of a facet is one node: the corners of both cells there belong together.
+    cells = cells - cells.min()
     joined = [_cell_corners(cells, facet // 4, key[facet]) for facet in (first, second)]
     if _num_parts(cells.size, *joined) > _num_used(cells):
         return "parts that only touch at a node or an edge, expected them to hang together there"
     single = np.ones(len(facets), dtype=bool)
     single[first] = single[second] = False
     return surface_pinch(facets[single])
+
+
+def num_folds(cells):
+    """Facets whose two cells lie on the same side of them: there the mesh is folded. Local.
+
+    Args:
+        cells: Positively oriented tetrahedra that have no `cell_defect`, shape (num_cells, 4).
+    """
+    cells = np.asarray(cells)
+    _, facets, _, (first, second) = _joints(cells, cells.max() + 1)
+    # Of two neighbours' views of a facet, one is an even permutation of the other's reverse.
+    one, other = facets[first], facets[second]
+    place = (one[:, None, :] == other[:, :, None]).argmax(axis=2)
+    even = (place[:, 1] - place[:, 0]) % 3 == 1
+    return int(np.count_nonzero(even))
+
+
+def _joints(cells, num_nodes):
+    """A defect in words; all facets, as they are and sorted; and pairs of those that are one."""
+    none = np.zeros(0, dtype=np.int64)
+    nothing = (none.reshape(0, 3), none.reshape(0, 3), (none, none))
+    if cells.ndim != 2 or cells.shape[1:] != (4,) or len(cells) == 0:
+        return f"cells of shape {cells.shape}, expected (n, 4) with n > 0", *nothing
+    if cells.min() < 0 or cells.max() >= num_nodes:
+        wrong = cells.min() if cells.min() < 0 else cells.max()
+        return f"a cell with node {wrong}, expected nodes from 0 to {num_nodes - 1}", *nothing
+    cells = cells - cells.min()  # so that numbers are as small as those of one grain alone
+    corners = np.sort(cells, axis=1)
+    if (corners[:, 1:] == corners[:, :-1]).any():
+        return "a cell that has one node twice, expected four nodes", *nothing
+    _, same = _sorted_rows(corners)
+    if same.any():
+        return (
+            f"{np.count_nonzero(same)} cells that are there twice, expected each once",
+            *nothing,
+        )
+    facets = cells[:, FACETS].reshape(-1, 3)
+    key = np.sort(facets, axis=1)
+    order, same = _sorted_rows(key)
+    if (same[1:] & same[:-1]).any():
+        return "a facet of more than two cells, expected one or two", *nothing
+    return "", facets, key, (order[:-1][same], order[1:][same])
 
 
 def surface_pinch(triangles):

@@ -6,7 +6,7 @@ import numpy as np
 import pyvista
 
 from ..errors import InputError
-from .exchange import read_foreign
+from .foreign import read_foreign
 from .image_files import natural_order
 from .measure import compact, surface_defect, surface_volume
 from .pieces import piece_of_cell

@@ -11,12 +11,14 @@ import meshio
 import numpy as np
 
 from ..errors import InputError
+from ..topology import body_defect, cell_defect, num_folds
+from .cell_labels import PIECES, SETS, labels_of_cells
+from .foreign import counted, read_tetrahedra
 from .grains import Grains
-from .measure import positively_oriented
+from .measure import positively_oriented, renumbered
 from .output import new_files
 from .pieces import piece_of_cell
 
-SETS = "GRAIN_"
 #: Formats by the end of the name, and how meshio is to write them.
 FORMATS = {
     # Version 2.2 has a tag for each element; 4.1 only for each entity.
@@ -26,8 +28,6 @@ FORMATS = {
     ".xdmf": {"file_format": "xdmf"},
     ".inp": {"file_format": "abaqus", "float_fmt": ".17g"},
 }
-#: Cell data that tell grains apart, the first that is there.
-TAGS = ("label", "gmsh:physical", "gmsh:geometrical", "cell_tags", "grain")
 
 
 def export_grains(path, grains, *, overwrite=False):
@@ -62,77 +62,58 @@ def export_grains(path, grains, *, overwrite=False):
         meshio.write(folder / path.name, mesh, **FORMATS[kind])
 
 
-def import_grains(path, scale=1.0, element_size=None):
+def import_grains(path, scale=1.0, element_size=None, labels=None, notices=None):
     """Read tetrahedral meshes of grains from a file of another program.
 
-    Grains are told apart by the first of `TAGS` among the cell data, by element sets
-    ``GRAIN_<label>``, or else by which cells hang together. A node that grains share is
+    Grains are told apart as `cell_labels.labels_of_cells` says. A node that grains share is
     doubled: in this model they touch through contact. Cells that are inside out are turned.
 
     Args:
-        path: File in a format of meshio.
+        path: See `foreign.read_tetrahedra`.
         scale: Metres a unit of length.
         element_size: Wanted length of edges [m], which is stored; None: the mean edge.
+        labels: What tells grains apart, where the file leaves more than one answer.
+        notices: A list to which a line is added for whatever was left out or changed.
 
     Raises:
-        InputError: the file cannot be read or holds no tetrahedra, or a grain is in pieces.
+        InputError: the file cannot be read, holds other than linear tetrahedra, leaves open which
+            cells make a grain, or one of these is no body.
     """
-    path = Path(path)
-    mesh = read_foreign(path)
-    blocks = [k for k, block in enumerate(mesh.cells) if block.type == "tetra"]
-    if not blocks:
-        found = ", ".join(sorted({block.type for block in mesh.cells})) or "nothing"
-        raise InputError(f"{path} holds {found}, expected linear tetrahedra (tetra)")
-    cells = np.concatenate([mesh.cells[k].data for k in blocks]).astype(np.int64)
-    points = np.asarray(mesh.points, dtype=np.float64) * scale
-    label = _labels_of_cells(mesh, blocks, cells)
-    if label.min() < 1:
-        raise InputError(f"{path}: smallest label is {label.min()}, expected labels from 1")
-    labels, meshes = np.unique(label), []
-    for number in labels:
-        used, local = np.unique(cells[label == number], return_inverse=True)
-        part = local.reshape(-1, 4)
+    path, notices = Path(path), [] if notices is None else notices
+    mesh = read_tetrahedra(path)
+    if mesh.others:
+        notices.append(f"{path.name}: left out {counted(mesh.others)}")
+    defect = cell_defect(mesh.cells, len(mesh.points))
+    if defect:
+        raise InputError(f"{path} has {defect}")
+    points = mesh.points * scale
+    cells = positively_oriented(points, mesh.cells)
+    turned = np.count_nonzero((cells != mesh.cells).any(axis=1))
+    if turned:
+        notices.append(f"{path.name}: {turned} cells turned, which were inside out")
+    folds = num_folds(cells)
+    if folds:
+        raise InputError(
+            f"{path} has {folds} facets with both cells on one side, expected cells that do not "
+            "lie in each other"
+        )
+    label, by = labels_of_cells(mesh, labels, str(path))
+    numbers, meshes = np.unique(label), []
+    order = np.argsort(label, kind="stable")
+    first = np.searchsorted(label[order], numbers)
+    for number, own in zip(numbers, np.split(order, first[1:]), strict=True):
+        used, part = renumbered(cells[own])
         num_pieces = 1 + piece_of_cell(part).max()
         if num_pieces > 1:
             raise InputError(
-                f"{path}: grain {number} is in {num_pieces} pieces, expected one that hangs "
-                "together"
+                f"{path}: grain {number} by {by} is in {num_pieces} pieces, expected one that "
+                f"hangs together, or --labels {PIECES}"
             )
-        meshes.append((points[used], positively_oriented(points[used], part)))
+        defect = body_defect(part, len(used))
+        if defect:
+            raise InputError(f"{path}: grain {number} has {defect}")
+        meshes.append((points[used], part))
     if element_size is None:
         edges = points[cells[:, [0, 0, 0, 1, 1, 2]]] - points[cells[:, [1, 2, 3, 2, 3, 3]]]
         element_size = float(np.linalg.norm(edges, axis=-1).mean())
-    return Grains.from_list(labels, meshes, element_size)
-
-
-def read_foreign(path, what="mesh", expected="a format of meshio"):
-    """A mesh by meshio, whose failures become one line.
-
-    Args:
-        path: Its file.
-        what, expected: What the message calls it, and what it asks for.
-
-    Raises:
-        InputError: the file cannot be read.
-    """
-    try:
-        return meshio.read(path)
-    except SystemExit as error:  # meshio ends the program on a file that it cannot read
-        raise InputError(f"{what} {path} cannot be read, expected {expected}") from error
-    except Exception as error:
-        raise InputError(f"{what} {path} cannot be read: {' '.join(str(error).split())}") from error
-
-
-def _labels_of_cells(mesh, blocks, cells):
-    for name in TAGS:
-        if name in mesh.cell_data:
-            return np.concatenate([mesh.cell_data[name][k] for k in blocks]).astype(np.int64)
-    label = np.zeros(len(cells), dtype=np.int64)
-    first = np.cumsum([0] + [len(mesh.cells[k].data) for k in blocks])
-    for name, members in mesh.cell_sets.items():
-        number = name.upper().removeprefix(SETS)
-        if name.upper().startswith(SETS) and number.isdigit():
-            for i, k in enumerate(blocks):
-                if members[k] is not None:
-                    label[first[i] + np.asarray(members[k], dtype=np.int64)] = int(number)
-    return label if label.any() else 1 + piece_of_cell(cells)
+    return Grains.from_list(numbers, meshes, element_size)
