@@ -35,7 +35,10 @@ def labels_of_cells(mesh, name=None, source="mesh"):
     """
     if name is not None:
         return _named(mesh, name, source), name
-    found = next((tag for tag in TAGS if tag in mesh.data), None)
+    # In gmsh 0 stands for no physical group.
+    there = [tag for tag in TAGS if tag in mesh.data]
+    there = [tag for tag in there if tag != "gmsh:physical" or (mesh.data[tag] > 0).all()]
+    found = next(iter(there), None)
     if found is None and any(_number_of(key, SETS) for key in mesh.sets):
         found = SETS
     found = found or PIECES
@@ -59,11 +62,12 @@ def _finer(mesh, label, found):
     for name, values in mesh.data.items():
         if name == found or values.dtype.kind not in "biuf":
             continue
-        # Fractions are no labels; a number of its own for each cell tells no grains.
+        # Fractions are no labels, and numbers of cells, from 0 or 1 on, tell no grains.
         if not (np.isfinite(values).all() and (values == np.floor(values)).all()):
             continue
+        numbers = values[0] in (0, 1) and np.array_equal(values - values[0], np.arange(len(values)))
         count = len(np.unique(values))
-        if 1 < count < len(values) and _parts(label, values):
+        if not numbers and count > 1 and _parts(label, values):
             names.append(f"{name} ({count} values)")
     sets = {key: members for key, members in mesh.sets.items() if 0 < len(members) < len(label)}
     parting = [key for key, members in sets.items() if _parts(label, _indicator(label, members))]

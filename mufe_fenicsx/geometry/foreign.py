@@ -13,11 +13,12 @@ from ..errors import InputError
 from .abaqus import read_abaqus
 from .gmsh_model import gmsh_model
 
+NASTRAN = (".bdf", ".nas", ".fem")
 #: Lines that begin with the number of a node, by the ending of the file: the words between which
 #: they stand, if any, and the line itself. meshio lets a number that is there twice overwrite the
 #: first.
 NUMBERED = {
-    (".bdf", ".nas", ".fem"): ("", "", r"GRID\*?[\s,]\s*(\d+)"),
+    NASTRAN: ("", "", r"GRID\*?[\s,]\s*(\d+)"),
     (".f3grid",): ("", "", r"G\s+(\d+)\s"),
     (".mdpa",): ("Begin Nodes", "End Nodes", r"(\d+)\s"),
     (".post", ".dato"): ("$COOR", "$", r"(\d+)\s"),
@@ -142,6 +143,8 @@ def _check_numbers(path):
     again = None
     if kind == ".msh" and path.read_bytes()[:11].startswith(b"$MeshFormat"):
         again = _twice_in_gmsh(path)
+    if kind in NASTRAN and re.search(rb"(?mi)^CORD[123][RCS]", path.read_bytes()):
+        raise InputError(f"{path} has coordinate systems (CORD…), expected the basic one only")
     for endings, (begin, end, line) in NUMBERED.items():
         if kind in endings:
             again = _twice_in_lines(path, begin, end, re.compile(line, re.IGNORECASE))

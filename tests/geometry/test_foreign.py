@@ -156,6 +156,10 @@ def test_a_physical_group_of_several_volumes(tmp_path):
     with pytest.raises(InputError, match=r"gmsh:physical are 1, .*gmsh:geometrical \(4 values\)"):
         import_grains(tmp_path / "a.msh")
     assert import_grains(tmp_path / "a.msh", labels="gmsh:geometrical").num_grains == 4
+    data["gmsh:physical"][cube > 1] = 0  # no group
+    mesh = meshio.Mesh(points, [("tetra", cells)], cell_data={k: [v] for k, v in data.items()})
+    mesh.write(tmp_path / "b.msh", file_format="gmsh22", binary=False)
+    assert import_grains(tmp_path / "b.msh").num_grains == 4
 
 
 def test_element_sets(tmp_path):
@@ -229,6 +233,14 @@ def test_a_node_number_that_is_there_twice(tmp_path, name, text):
     (tmp_path / name).write_text(text)
     with pytest.raises(InputError, match="node 1 is there twice, expected each number once"):
         import_grains(tmp_path / name)
+
+
+def test_nodes_in_a_coordinate_system_of_their_own(tmp_path):
+    polar = "CORD2C,7,,0.,0.,0.,0.,0.,1.\n,1.,0.,1.\n"
+    text = NASTRAN.replace("GRID,1,,5.,0.,0.\n", polar)
+    (tmp_path / "a.bdf").write_text(text)
+    with pytest.raises(InputError, match="coordinate systems"):
+        import_grains(tmp_path / "a.bdf")
 
 
 def cells_again(rng, points, cells):
