@@ -192,6 +192,13 @@ def mesh(
             help="Of a grain in several pieces; otherwise that is an error.",
         ),
     ] = None,
+    fill_cavities: Annotated[
+        bool | None,
+        typer.Option(
+            "--fill-cavities/--keep-cavities",
+            help="Fill voids that a grain encloses; otherwise their surfaces are meshed too.",
+        ),
+    ] = None,
     voxel_size: Annotated[
         str | None, typer.Option(help='For labels that state none, "5 um", or along z,y,x.')
     ] = None,
@@ -229,6 +236,7 @@ def mesh(
         processes=processes,
         time_limit=number_or_text(time_limit),
         keep_largest_piece=keep_largest_piece,
+        fill_cavities=fill_cavities,
         voxel_size=lengths(voxel_size),
         axes=axes,
         shape=shape and whole_numbers("--shape", shape, "z,y,x"),
@@ -244,6 +252,8 @@ def mesh(
     if result["renumbered"]:
         printer.say("labels are numbered anew; labels.csv says what they were (label_in_file)")
     printer.say(*(f"repaired {notice}" for notice in result["repaired"]))
+    printer.say(*_first_lines("filled", result["filled"]))
+    printer.say(*_first_lines("warning:", result["warnings"]))
     printer.say(*_failed_grains(result))
     printer.write_json(result)
 
@@ -350,6 +360,13 @@ def synthesize(
         result = make(settings, output, overwrite=overwrite, progress=progress)
     printer.summary(result)
     printer.write_json(result)
+
+
+def _first_lines(what, lines, num_lines=10):
+    """The first lines, each after what it is, and how many follow."""
+    more = len(lines) - num_lines
+    rest = [f"{what} {more} other grains, see quality.csv or --json"] if more > 0 else []
+    return [f"{what} {line}" for line in lines[:num_lines]] + rest
 
 
 def _failed_grains(result, num_reasons=10):

@@ -97,14 +97,58 @@ def surface_pinch(triangles):
     Args:
         triangles: Shape (num_triangles, 3); each edge belongs to an even number of them.
     """
-    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2), axis=2)
-    edges = edges.reshape(-1, 2)  # number 3 t + i: from corner i of triangle t to the next one
-    order, same = _sorted_rows(edges)
+    order, same = _sorted_rows(_edges(triangles))
     if not same[::2].all():
         return "a surface with an open edge, expected a closed one"
     if same[1::2].any():
         return "a surface that touches itself along an edge, expected two facets at each edge"
-    one, other = order[::2], order[1::2]
+    corners = _rings(triangles, order[::2], order[1::2])
+    more = _num_parts(triangles.size, *corners) - _num_used(triangles)
+    if more:
+        return f"a surface that touches itself at {more} nodes, expected one ring of facets at each"
+    return ""
+
+
+def cut_at_pinches(points, triangles):
+    """A surface whose nodes have one fan of triangles each: others get nodes of their own. Local.
+
+    Args:
+        points: Shape (n, 3).
+        triangles: Shape (m, 3). Edges with other than two triangles part fans.
+
+    Returns:
+        points and triangles, and how many nodes were added.
+    """
+    order, same = _sorted_rows(_edges(triangles))
+    first = np.append(True, ~same)
+    count = np.diff(np.append(np.flatnonzero(first), len(order)))
+    pairs = np.flatnonzero(first)[count == 2]
+    corners = _rings(triangles, order[pairs], order[pairs + 1])
+    graph = coo_array((np.ones(len(corners[0])), corners), shape=(triangles.size,) * 2)
+    _, fan = connected_components(graph, directed=False)
+    found, at, number = np.unique(fan, return_index=True, return_inverse=True)
+    node = triangles.ravel()[at]
+    # The first fan of a node keeps it.
+    _, keeps = np.unique(node, return_index=True)
+    new = np.full(len(found), -1)
+    new[keeps] = node[keeps]
+    others = np.flatnonzero(new < 0)
+    new[others] = len(points) + np.arange(len(others))
+    return (
+        np.concatenate([points, points[node[others]]]),
+        new[number].reshape(-1, 3),
+        len(others),
+    )
+
+
+def _edges(triangles):
+    """Nodes of edges, the lower one first; number 3 t + i: from corner i of triangle t onwards."""
+    ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)
+    return np.sort(ends, axis=2).reshape(-1, 2)
+
+
+def _rings(triangles, one, other):
+    """Corners 3 t + i that belong together, since their triangles share an edge: two arrays."""
     ends = []
     for edge in (one, other):
         triangle, i = edge // 3, edge % 3
@@ -112,10 +156,7 @@ def surface_pinch(triangles):
         swap = triangles.ravel()[corner[:, 0]] > triangles.ravel()[corner[:, 1]]
         corner[swap] = corner[swap][:, ::-1]
         ends.append(corner.ravel())
-    more = _num_parts(triangles.size, *ends) - _num_used(triangles)
-    if more:
-        return f"a surface that touches itself at {more} nodes, expected one ring of facets at each"
-    return ""
+    return ends
 
 
 def _sorted_rows(rows):

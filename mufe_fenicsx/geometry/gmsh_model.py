@@ -41,9 +41,10 @@ def tetrahedra():
     _, node_tags = gmsh.model.mesh.getElementsByType(4)
     if len(node_tags) == 0:
         raise RuntimeError("gmsh made no tetrahedra")
-    points = coordinates.reshape(-1, 3)
+    order = np.argsort(tags)  # given nodes first, in the order in which they were numbered
+    points = coordinates.reshape(-1, 3)[order]
     position = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-    position[tags.astype(np.int64)] = np.arange(len(tags))
+    position[tags[order].astype(np.int64)] = np.arange(len(tags))
     cells = position[node_tags.astype(np.int64)].reshape(-1, 4)
     points, cells = compact(points, cells)
     return points, positively_oriented(points, cells)

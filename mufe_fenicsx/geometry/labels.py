@@ -23,6 +23,40 @@ def fill_pores(solid):
     return ~open_[voids]
 
 
+def fill_cavities(labels, largest=None):
+    """Give voids that one grain encloses on all sides to it, in place.
+
+    A void that reaches the border of the image, or another grain, is no cavity. Voids hang
+    together by corners too, since grains do by faces.
+
+    Args:
+        labels: int32, shape (z, y, x); changed.
+        largest: Only cavities of fewer voxels; None: all.
+
+    Returns:
+        Number of cavities and of their voxels, by label.
+    """
+    voids, num_voids = scipy.ndimage.label(labels == 0, structure=np.ones((3, 3, 3)))
+    sizes = np.bincount(voids.ravel(), minlength=num_voids + 1)
+    wanted = np.ones(num_voids + 1, dtype=bool) if largest is None else sizes < largest
+    wanted[0] = False
+    filled = {}
+    for index, where in enumerate(scipy.ndimage.find_objects(voids), start=1):
+        at_border = any(
+            s.start == 0 or s.stop == n for s, n in zip(where, labels.shape, strict=True)
+        )
+        if at_border or not wanted[index]:
+            continue
+        around = tuple(slice(s.start - 1, s.stop + 1) for s in where)
+        void = voids[around] == index
+        grains = np.unique(labels[around][scipy.ndimage.binary_dilation(void) & ~void])
+        if len(grains) == 1:
+            labels[around][void] = grains[0]
+            count, voxels = filled.get(int(grains[0]), (0, 0))
+            filled[int(grains[0])] = count + 1, voxels + int(sizes[index])
+    return filled
+
+
 def pieces(mask):
     """Number of pieces of a mask whose voxels share faces, and their sizes."""
     numbered, num_pieces = scipy.ndimage.label(mask)

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from ..topology import surface_pinch
+
 #: The four faces of a tetrahedron, each seen from outside counter-clockwise.
 FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))
 #: Cells that are worked on at once: what lies between stays in the processor's cache.
@@ -123,8 +125,9 @@ def surface_defect(points, triangles):
     """What is wrong with a triangle surface, in words; empty if it bounds a body.
 
     A surface bounds a body if each directed edge occurs once, together with
-    its reverse: then it is closed, manifold along its edges and consistently
-    oriented. One that is inside out is told by its negative volume.
+    its reverse, and the triangles around each node make one ring: then it is
+    closed, manifold and consistently oriented. One that is inside out is told
+    by its negative volume.
     """
     n = len(points)
     start = triangles.astype(np.int64).ravel()
@@ -138,7 +141,7 @@ def surface_defect(points, triangles):
         return "open edges"
     if surface_volume(points, triangles) <= 0:
         return "inside out"
-    return ""
+    return surface_pinch(triangles)
 
 
 def euler_characteristic(triangles):

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..topology import body_defect
 from . import measure
 from .jobs import Job
 from .joined import joined
@@ -121,6 +122,10 @@ def mesh_one(job):
             break
         except Exception as error:  # whatever gmsh, VTK or pyacvd raise: try the next settings
             reasons.append(" ".join(str(error).split()) or type(error).__name__)
+            continue
+        defect = body_defect(cells, len(nodes))
+        if defect:
+            reasons.append(f"the mesh has {defect}")
             continue
         row = measured_row(
             grain.label, grain.volume, nodes, cells, (h if wanted else size) if uniform else None

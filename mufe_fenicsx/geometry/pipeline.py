@@ -27,6 +27,8 @@ from .stated_size import known_voxel_size
 from .tiff_file import TIFF
 from .work import check_work
 
+#: Part of a grain's volume by which its mesh may be off without a warning.
+VOLUME_OFF = 0.02
 #: Of the table of contacts, which may have no rows.
 CONTACT_COLUMNS = ("label_a", "label_b", "area_m2", "neck_ratio", "doubt")
 
@@ -153,13 +155,14 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
     """
     start = time.perf_counter()
     with new_folder(output_folder, overwrite=overwrite, marker="grains.h5") as folder:
-        table, trimmed, repaired, voxel_size, numbers = None, [], [], None, []
+        table, trimmed, repaired, filled, voxel_size, numbers = None, [], [], [], None, []
         if has_bodies(labels_path):
             if settings.conforming:
                 raise InputError(
                     f"conforming = true for the surfaces {labels_path}, expected labels"
                 )
-            bodies = read_bodies(labels_path, settings.scale, repaired)
+            cavity = np.inf if settings.fill_cavities else settings.least_cavity
+            bodies = read_bodies(labels_path, settings.scale, repaired, cavity)
             check_work([surface_volume(*body[1:3]) for body in bodies], settings)
             jobs, total = surface_jobs(bodies, settings), len(bodies)
             points = np.concatenate([points for _, points, _ in bodies])
@@ -177,7 +180,17 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
             labels, trimmed = labelling.checked_labels(
                 labels, keep_largest_piece=settings.keep_largest_piece, source=str(labels_path)
             )
+            largest = None if settings.fill_cavities else settings.least_cavity / voxel_size**3
+            cavities = labelling.fill_cavities(labels, largest)
             table = grain_table(labels, voxel_size)
+            why = "" if settings.fill_cavities else " smaller than elements"
+            for row in table:
+                count, voxels = cavities.get(row["label"], (0, 0))
+                if count:
+                    filled.append(
+                        f"grain {row['label']}: {count} cavities{why} of {voxels} voxels, "
+                        f"{voxels / row['voxels']:.2g} of its volume"
+                    )
             for row in table if numbers else ():
                 row["label_in_file"] = numbers[row["label"] - 1]
             check_work([row["volume_m3"] for row in table], settings)
@@ -223,6 +236,8 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         "reasons": [mesh.quality["reason"] for mesh in failed],
         "trimmed": trimmed,
         "repaired": repaired,
+        "filled": filled,
+        "warnings": volume_warnings(done),
         "renumbered": bool(numbers),
         "retried": int((column("attempts") > 1).sum()),
         "num_cells": len(grains.cells),
@@ -242,6 +257,17 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         **_distances(column, voxel_size or settings.size, "voxels" if voxel_size else "sizes"),
         "seconds": round(time.perf_counter() - start, 3),
     }
+
+
+def volume_warnings(meshes):
+    """A line for each grain whose mesh has another volume than what was given."""
+    off = [mesh.quality for mesh in meshes if abs(mesh.quality["volume_ratio"] - 1) > VOLUME_OFF]
+    off.sort(key=lambda row: -abs(row["volume_ratio"] - 1))
+    return [
+        f"grain {row['label']}: the mesh has {row['volume_ratio']:.3f} of the volume that was "
+        f"given, expected within {VOLUME_OFF:.0%}: take a smaller size"
+        for row in off
+    ]
 
 
 def _distances(column, length, unit):

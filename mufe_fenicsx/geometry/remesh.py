@@ -12,6 +12,7 @@ import pyvista
 from .creases import Creases
 from .measure import compact, surface_defect, surface_volume
 from .pieces import piece_of_cell
+from .shells import shells
 from .sizing import FEWEST_NODES
 
 
@@ -74,6 +75,38 @@ def remesh(points, triangles, sizes):
             if not defect:
                 return vertices, faces
     raise SurfaceError(f"remeshed surface has {defect}")
+
+
+def with_cavities(points, triangles, tags, sizes, remesh_outer):
+    """Remeshed outer surface, whose triangles have tags, and cavities, which have none (0).
+
+    Args:
+        points, triangles, tags: The surface and its cavities.
+        sizes: `Sizes`, the wanted length of edges.
+        remesh_outer: Called with points, triangles, tags and sizes; returns these three anew.
+
+    Raises:
+        SurfaceError: as of ``remesh_outer`` and `remesh`.
+    """
+    part, depth, _ = shells(points, triangles)
+    outer = depth[part] == 0
+    x, faces, new_tags = remesh_outer(*compact(points, triangles[outer]), tags[outer], sizes)
+    found = [(x, faces)]
+    for p in np.flatnonzero(depth == 1):
+        own = compact(points, triangles[part == p])
+        try:
+            y, inner = remesh(*own, sizes)
+        except SurfaceTooSmall as error:
+            y, inner = remesh(*own, sizes.times(error.factor))
+        # Seen from outside now as the outer one is; a cavity is seen the other way round.
+        found.append((y, inner[:, ::-1]))
+    num_faces = [len(faces) for _, faces in found]
+    first = np.cumsum([0] + [len(x) for x, _ in found])
+    return (
+        np.concatenate([x for x, _ in found]),
+        np.concatenate([faces + n for (_, faces), n in zip(found, first, strict=False)]),
+        np.concatenate([new_tags, np.zeros(sum(num_faces[1:]), dtype=np.int64)]),
+    )
 
 
 def num_nodes(points, triangles, sizes):
@@ -141,14 +174,15 @@ def closed(triangles, longest=6):
 
 
 def oriented(points, triangles):
-    """Triangles turned so that neighbours agree and the surface is seen from outside.
+    """Triangles turned so that neighbours agree and the body is seen from outside.
 
-    Edges with other than two triangles are not crossed.
+    Edges with other than two triangles are not crossed. The surface of a cavity lies inside that
+    of the body, and is seen from the cavity.
     """
     defect = surface_defect(points, triangles)
-    if not defect:
+    if not defect and piece_of_cell(triangles).max() == 0:
         return triangles
-    if defect == "inside out":
+    if defect == "inside out" and piece_of_cell(triangles).max() == 0:
         return np.ascontiguousarray(triangles[:, ::-1])
     at_edge = {}
     for t, (a, b, c) in enumerate(triangles.tolist()):
@@ -173,9 +207,12 @@ def oriented(points, triangles):
                     part[t], turn[t] = first, turn[s] ^ differ
                     stack.append(t)
     result = np.where(turn[:, None], triangles[:, ::-1], triangles)
+    shell, depth, _ = shells(points, result)
     for first in np.unique(part):
-        if surface_volume(points, result[part == first]) < 0:
-            result[part == first] = result[part == first][:, ::-1]
+        own = part == first
+        inward = depth[shell[first]] % 2
+        if (surface_volume(points, result[own]) < 0) != inward:
+            result[own] = result[own][:, ::-1]
     return result
 
 

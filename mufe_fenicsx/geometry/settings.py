@@ -1,5 +1,6 @@
 """What a user may choose about segmenting an image and meshing its grains."""
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -132,6 +133,7 @@ class MeshSettings:
     processes: int = 0  #: worker processes; 0: one a core
     time_limit: float = 120.0  #: for a grain, which is then tried once with other settings [s]
     keep_largest_piece: bool = False  #: of a grain in several pieces; otherwise an error
+    fill_cavities: bool = False  #: voids that a grain encloses become part of it
     voxel_size: float | tuple | None = None  #: of labels that do not state it, or (z, y, x) [m]
     shape: tuple | None = None  #: voxels of a raw file along its axes, the last one fastest
     dtype: str | None = None  #: type of a raw file's voxels, such as "<u2"
@@ -185,6 +187,15 @@ class MeshSettings:
         return Sizing(
             self.sizing, self.size, least, self.angle, reach, self.growth, self.surface_nodes
         )
+
+    @property
+    def least_cavity(self):
+        """Volume from which a cavity is meshed [m³]: a ball of it takes `FEWEST_NODES` nodes.
+
+        That is where 2/√3 (36π)^(1/3) V^(2/3) = `FEWEST_NODES` times the square of the least size.
+        """
+        nodes_of_unit = 2 / 3**0.5 * (36 * math.pi) ** (1 / 3)
+        return (FEWEST_NODES / nodes_of_unit) ** 1.5 * self.least_size**3
 
     @property
     def least_size(self):

@@ -12,13 +12,14 @@ from .remesh import (
     SurfaceError,
     collapse_short_edges,
     flip_long_edges,
-    in_largest_surface,
     num_nodes,
     oriented,
     remesh,
     split_long_edges,
+    with_cavities,
 )
 from .self_crossing import crossing_triangles
+from .shells import in_largest_body
 
 #: Free surfaces keep this distance from the border of the image, except where they end there
 #: [voxels].
@@ -55,11 +56,7 @@ def grain_surface(level_set, sizes, volume=None, nodes=None):
         fine = _isosurface_around(level_set, volume, fine)
     points, triangles, tags = fine
     sizes = fitted(sizes(level_set, *fine), points, triangles, nodes)
-    if tags.any():
-        x, faces, tags = remesh_creased(points, triangles, tags, sizes)
-    else:
-        x, faces = remesh(points, triangles, sizes)
-        tags = np.zeros(len(faces), dtype=np.int64)
+    x, faces, tags = with_cavities(points, triangles, tags, sizes, _outer)
     x = relaxed(x, faces, tags, level_set)
     for _ in range(3):
         x, faces, tags = split_long_edges(x, faces, 1.6, sizes, tags)
@@ -85,6 +82,14 @@ def grain_surface(level_set, sizes, volume=None, nodes=None):
     return xyz, faces, sizes, planes, along
 
 
+def _outer(points, triangles, tags, sizes):
+    """The outer surface remeshed, with its creases if it has some."""
+    if tags.any():
+        return remesh_creased(points, triangles, tags, sizes)
+    x, faces = remesh(points, triangles, sizes)
+    return x, faces, np.zeros(len(faces), dtype=np.int64)
+
+
 def fitted(sizes, points, triangles, nodes):
     """Sizes times the factor that gives a surface so many nodes; as they are if that is None."""
     if nodes is None:
@@ -93,7 +98,7 @@ def fitted(sizes, points, triangles, nodes):
 
 
 def isosurface(level_set):
-    """Marching cubes on the level set; the largest surface.
+    """Marching cubes on the level set; the surface of the largest body with its cavities.
 
     Returns:
         points (z, y, x) in voxels, triangles, and a tag for each: 0 on the free surface, otherwise
@@ -124,7 +129,7 @@ def isosurface(level_set):
         a, b, c = (triangles := same[triangles]).T
         kept = (a != b) & (b != c) & (c != a)
         triangles, tags = triangles[kept], tags[kept]
-    kept = in_largest_surface(points, triangles)
+    kept = in_largest_body(points, triangles)
     return *compact(points, triangles[kept]), tags[kept]
 
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from .gmsh_model import gmsh_model, tetrahedra
 from .measure import mean_edges, smallest_altitudes
+from .shells import shells
 from .slivers import thickened
 
 DELAUNAY, HXT = 1, 10
@@ -42,17 +43,23 @@ def fill(
     Raises:
         Exception: gmsh fails; its message says where.
     """
-    options = {"Mesh.Algorithm3D": algorithm, "Mesh.Optimize": 0}
+    # Renumbered, nodes of several surfaces would not keep their order.
+    options = {"Mesh.Algorithm3D": algorithm, "Mesh.Optimize": 0, "Mesh.Renumber": 0}
     if inner > 1:
         options["Mesh.MeshSizeExtendFromBoundary"] = 0
         options["Mesh.MeshSizeMin"] = options["Mesh.MeshSizeMax"] = inner
     with gmsh_model(options) as gmsh:
-        surface = gmsh.model.addDiscreteEntity(2)
-        tags = np.arange(1, len(points) + 1)
-        gmsh.model.mesh.addNodes(2, surface, tags, np.asarray(points, dtype=float).ravel())
-        gmsh.model.mesh.addElementsByType(surface, 2, [], (triangles + 1).ravel())
-        loop = gmsh.model.geo.addSurfaceLoop([surface])
-        gmsh.model.geo.addVolume([loop])
+        part, depth, _ = shells(points, triangles)
+        loops = []
+        for p in np.argsort(depth, kind="stable"):  # the outer surface first
+            own = triangles[part == p]
+            nodes = np.unique(own)
+            surface = gmsh.model.addDiscreteEntity(2)
+            at = np.asarray(points, dtype=float)[nodes]
+            gmsh.model.mesh.addNodes(2, surface, nodes + 1, at.ravel())
+            gmsh.model.mesh.addElementsByType(surface, 2, [], (own + 1).ravel())
+            loops.append(gmsh.model.geo.addSurfaceLoop([surface]))
+        gmsh.model.geo.addVolume(loops)
         gmsh.model.geo.synchronize()
         gmsh.model.mesh.generate(3)
         gmsh.model.mesh.optimize(optimizer)
