@@ -12,6 +12,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
@@ -183,6 +184,17 @@ def test_labels_that_cannot_be_used(inputs, mufe_here, labels, said):
     options = ("--voxel-size", "5 um", "--size", "10 um", "--processes", "1")
     result = mufe_here("mesh", folder / labels, "-o", "grains", *options, cwd=work)
     assert_refused(result, said, work, [])
+
+
+def test_meshes_that_cannot_be_imported(inputs, mufe_here):
+    folder, work = inputs
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    meshio.Mesh(points, [("tetra", np.array([[0, 1, 2, 3]] * 2))]).write(folder / "twice.vtu")
+    result = mufe_here("import", folder / "twice.vtu", "-o", "grains", cwd=work)
+    assert_refused(result, "1 cells that are there twice", work, [])
+    (folder / "none.vtu").write_text("no mesh")
+    result = mufe_here("import", folder / "none.vtu", "-o", "grains", cwd=work)
+    assert_refused(result, "cannot be read", work, [])
 
 
 RUN = [
