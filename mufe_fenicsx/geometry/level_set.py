@@ -20,6 +20,10 @@ from ..kernels.spline import spline_value_and_gradient
 
 #: Range of beta; its upper end leaves a margin to the 1/2 at which voids close.
 BETA = (-0.4, 0.4)
+#: The one that a surface has at first; later ones do not change how it hangs together.
+FIRST_BETA = 0.5 * BETA[1]
+#: Part of a grain's volume that may break off unnoticed.
+LOST = 0.02
 
 
 def face_tag(axis, side):
@@ -146,6 +150,26 @@ def continued(crop, offset, shape):
     after = np.maximum(np.asarray(offset) + crop.shape - shape, 0)
     inside = tuple(slice(b, n - a) for b, n, a in zip(before, crop.shape, after, strict=True))
     return np.pad(crop[inside], np.column_stack([before, after]), mode="edge")
+
+
+def volume_in_one_piece(body, crop):
+    """Voxels of grain 1 without those of parts that break off where it is smoothed.
+
+    The part that is left would otherwise grow to the volume of all.
+
+    Args:
+        body: `LevelSet` of the grain.
+        crop: Its voxels, as `smoothed` had them.
+    """
+    mine = crop == 1
+    volume = np.count_nonzero(mine)
+    inside, num_parts = scipy.ndimage.label(body.grain + FIRST_BETA * body.void > 0.5)
+    if num_parts > 1:
+        _, nearest = scipy.ndimage.distance_transform_edt(inside == 0, return_indices=True)
+        voxels = np.bincount(inside[tuple(nearest)][mine], minlength=num_parts + 1)
+        if voxels.max() < (1 - LOST) * volume:
+            return int(voxels.max())
+    return volume
 
 
 def smoothed(crop, label, offset, shape, sigma):

@@ -265,7 +265,7 @@ def volume_warnings(meshes):
     off.sort(key=lambda row: -abs(row["volume_ratio"] - 1))
     return [
         f"grain {row['label']}: the mesh has {row['volume_ratio']:.3f} of the volume that was "
-        f"given, expected within {VOLUME_OFF:.0%}: take a smaller size"
+        f"given, expected within {VOLUME_OFF:.0%}: take a smaller size, or part it at thin necks"
         for row in off
     ]
 

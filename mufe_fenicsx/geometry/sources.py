@@ -61,7 +61,7 @@ class VoxelGrain:
             crop = level_set.without_clefts(crop, attempt.closing * sizing.largest)
         sigma = self.smoothing * attempt.smoothing
         body = level_set.smoothed(crop, 1, offset, self.shape, sigma)
-        volume = np.count_nonzero(crop == 1) if self.keep_volume else None
+        volume = level_set.volume_in_one_piece(body, crop) if self.keep_volume else None
 
         def sizes(body, points, triangles, tags):
             if sizing.mode == UNIFORM:

@@ -6,7 +6,7 @@ import skimage.measure
 
 from .creased import remesh_creased
 from .creases import Creases
-from .level_set import BETA
+from .level_set import BETA, FIRST_BETA
 from .measure import compact, smallest_angle, surface_defect, surface_volume
 from .remesh import (
     SurfaceError,
@@ -50,7 +50,7 @@ def grain_surface(level_set, sizes, volume=None, nodes=None):
         SurfaceError: the grain is too small for its size or its surface is not sound.
     """
     if volume is not None:
-        level_set.beta = BETA[1] / 2
+        level_set.beta = FIRST_BETA
     fine = isosurface(level_set)
     if volume is not None and fine[2].any():
         fine = _isosurface_around(level_set, volume, fine)

@@ -68,7 +68,7 @@ def test_which_voids_are_filled():
 def test_necks_become_necks_or_are_cut(seed):
     """Two balls of voxels on a thin neck: one body without a joint, or said."""
     rng = np.random.default_rng(seed)
-    gap, width = rng.integers(1, 5), rng.integers(1, 3)
+    gap, width = [(1, 1), (2, 2), (6, 1)][seed]
     labels = np.zeros((17, 17, 30 + gap), dtype=np.int32)
     for middle in (7, 22 + gap):
         labels[ball(labels.shape, (8, 8, middle), 6.6)] = 1
@@ -79,8 +79,10 @@ def test_necks_become_necks_or_are_cut(seed):
         assert body_defect(mesh.cells, len(mesh.points)) == ""
         volume = measure.tet_volumes(mesh.points, mesh.cells).sum()
         assert mesh.quality["volume_ratio"] == pytest.approx(volume / np.count_nonzero(labels))
+        # A ball whose neck broke does not grow to the volume of both; voxels know half a voxel.
+        assert mesh.quality["distance_95_m"] < 0.7
     else:
-        assert mesh.quality["reason"]
+        assert "of the volume of the grain" in mesh.quality["reason"]
 
 
 def shell(radius, middle=(0, 0, 0), h=0.7):
@@ -188,5 +190,5 @@ def test_lost_volume_is_a_warning_that_names_the_grain():
     assert ratio < 0.98
     assert volume_warnings(meshes) == [
         f"grain 2: the mesh has {ratio:.3f} of the volume that was given, expected within 2%: take "
-        "a smaller size"
+        "a smaller size, or part it at thin necks"
     ]
