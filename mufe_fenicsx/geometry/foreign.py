@@ -3,6 +3,7 @@
 import contextlib
 import io
 import re
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -148,6 +149,8 @@ def _check_numbers(path):
     for endings, (begin, end, line) in NUMBERED.items():
         if kind in endings:
             again = _twice_in_lines(path, begin, end, re.compile(line, re.IGNORECASE))
+    if kind == ".avs":
+        again = _twice_in_table(path)
     if again is not None:
         raise InputError(f"{path}: node {again} is there twice, expected each number once")
 
@@ -169,6 +172,14 @@ def _twice_in_gmsh(path):
         if found:
             return found.group(1)
     return None
+
+
+def _twice_in_table(path):
+    """Of an AVS-UCD file, whose first line says how many lines of nodes follow."""
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    rows = [line.split() for line in lines if line.strip() and not line.startswith("#")]
+    numbers = [int(row[0]) for row in rows[1 : 1 + int(rows[0][0])]]
+    return next((n for n, count in Counter(numbers).items() if count > 1), None)
 
 
 def _twice_in_lines(path, begin, end, pattern):

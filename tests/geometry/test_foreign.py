@@ -228,7 +228,10 @@ NASTRAN = "BEGIN BULK\nGRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,0.,1.,0.\nGRI
 NASTRAN += "GRID,1,,5.,0.,0.\nCTETRA,1,1,1,2,3,4\nENDDATA\n"
 
 
-@pytest.mark.parametrize("name, text", [("a.msh", GMSH), ("a.bdf", NASTRAN)])
+AVS = "# by hand\n5 1 0 0 0\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n1 5 0 0\n1 1 tet 1 2 3 4\n"
+
+
+@pytest.mark.parametrize("name, text", [("a.msh", GMSH), ("a.bdf", NASTRAN), ("a.avs", AVS)])
 def test_a_node_number_that_is_there_twice(tmp_path, name, text):
     (tmp_path / name).write_text(text)
     with pytest.raises(InputError, match="node 1 is there twice, expected each number once"):
