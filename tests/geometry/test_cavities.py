@@ -156,6 +156,10 @@ def test_several_bodies_in_a_file_of_a_folder(tmp_path):
              grain_of_face=np.full(len(triangles), 7))  # fmt: skip
     with pytest.raises(InputError, match="grain 7 has 2 bodies, expected one body a grain"):
         read_bodies(tmp_path / "b.npz")
+    np.savez(tmp_path / "c.npz", vertices=points, faces=triangles,
+             grain_of_face=np.linspace(3.2, 3.9, len(triangles)))  # fmt: skip
+    with pytest.raises(InputError, match="whole from 1"):
+        read_bodies(tmp_path / "c.npz")
 
 
 def test_surfaces_of_other_cells(tmp_path):
