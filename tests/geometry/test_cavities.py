@@ -3,12 +3,13 @@
 import meshio
 import numpy as np
 import pytest
+import scipy.ndimage
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import measure
 from mufe_fenicsx.geometry.bodies import read_bodies
 from mufe_fenicsx.geometry.jobs import shared_jobs, surface_jobs, voxel_jobs
-from mufe_fenicsx.geometry.labels import fill_cavities
+from mufe_fenicsx.geometry.labels import fill_cavities, largest_piece
 from mufe_fenicsx.geometry.mesher import mesh_one
 from mufe_fenicsx.geometry.pieces import piece_of_cell
 from mufe_fenicsx.geometry.pipeline import volume_warnings
@@ -83,6 +84,20 @@ def test_necks_become_necks_or_are_cut(seed):
         assert mesh.quality["distance_95_m"] < 0.7
     else:
         assert "of the volume of the grain" in mesh.quality["reason"]
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_sponges_are_bodies(seed):
+    """The largest piece of smooth noise has handles, necks and cavities of all sizes."""
+    noise = np.random.default_rng(seed).normal(size=(18, 18, 18))
+    field = scipy.ndimage.gaussian_filter(noise, 1.6)
+    labels = np.pad(largest_piece(field > -0.3 * field.std()), 3).astype(np.int32)
+    settings = MeshSettings(size=2.0)
+    fill_cavities(labels, settings.least_cavity)
+    mesh = mesh_one(next(iter(voxel_jobs(labels, 1.0, settings))))
+    assert body_defect(mesh.cells, len(mesh.points)) == ""
+    # Solved for to 1e-4 before facets and nodes are evened out: a tenth of what is warned of.
+    assert mesh.quality["volume_ratio"] == pytest.approx(1, abs=2e-3)
 
 
 def shell(radius, middle=(0, 0, 0), h=0.7):
