@@ -24,12 +24,12 @@ class Recorder:
     """
 
     def __init__(
-        self, folder, simulation, loading, area, output, energy_limit, kept=None, same_ranks=True,
+        self, folder, simulation, loading, output, energy_limit, kept=None, same_ranks=True,
         lock=None,
     ):  # fmt: skip
         mesh = simulation.mesh
         kept = kept or {}
-        self.simulation, self.loading, self.area, self.lock = simulation, loading, area, lock
+        self.simulation, self.loading, self.lock = simulation, loading, lock
         self.guard = EnergyGuard(simulation, energy_limit)
         self.history = HistoryWriter(
             folder / "history.csv",
@@ -88,6 +88,7 @@ class Recorder:
         active = sim.num_active_grains()
         added, largest = sim.scaling.shares() if sim.scaling else (0.0, 0.0)
         low, high = sim.walls.point[0::2], sim.walls.point[1::2]
+        length_x, length_y = high[0, 0] - low[0, 0], high[1, 1] - low[1, 1]
         row = {
             "step": sim.state.num_steps,
             "time": sim.state.t,
@@ -96,14 +97,14 @@ class Recorder:
             "strain": loading.strain,
             "height": loading.height,
             "speed": loading.speed_now,
-            "stress": 0.5 * (forces[4] + forces[5]) / self.area,
+            "stress": 0.5 * (forces[4] + forces[5]) / (length_x * length_y),
             "added_mass": added,
             "added_mass_of_grain": largest,
             "num_contacts": sim.num_contacts,
             "num_active_grains": active,
             "num_active_contacts": sim.mean_active_contacts(),
-            "length_x": high[0, 0] - low[0, 0],
-            "length_y": high[1, 1] - low[1, 1],
+            "length_x": length_x,
+            "length_y": length_y,
         }
         row.update({f"force_{name}": f for name, f in zip(WALLS, forces, strict=True)})
         row.update({name: energies[name] for name in ENERGIES})

@@ -358,7 +358,7 @@ class _Test:
         try:
             self.checkpoints.remove_after(checkpoint)
             self.recorder = Recorder(
-                self.folder, self.simulation, self.loading, self.area, scene.output,
+                self.folder, self.simulation, self.loading, scene.output,
                 scene.solver.energy_limit, recorder, same_ranks, self.place.lock,
             )  # fmt: skip
         except InputError:

@@ -6,7 +6,7 @@ import pytest
 
 from mufe_fenicsx.analysis import macro, rows
 from mufe_fenicsx.output import fields, history
-from mufe_fenicsx.report import curves, style
+from mufe_fenicsx.report import curves, style, summary
 from mufe_fenicsx.report.source import Source
 from mufe_fenicsx.staged_loading import COLUMNS
 from tests.made_up_run import ball, fake_history
@@ -96,6 +96,18 @@ def test_walls_of_a_box_whose_sides_move(tmp_path, moved):
     beside = np.sign(moved) * np.maximum(np.abs(moved) - np.maximum(room, 0), 0)
     beside = np.where(room < 0, moved, beside)
     assert box.mean(axis=0) == pytest.approx(0.5 * (low + high) + beside, abs=1e-12 * size[0])
+
+
+def test_the_page_has_volumes_between_the_walls_of_that_time(tmp_path):
+    """Its void ratio is that of the table of curves, its cross-section said to be the first."""
+    write_staged_run(tmp_path, staged_history(), (0, 0, 0))
+    source = Source(tmp_path)
+    area = 4e-8  # at the start; at the end half as much again
+    found = dict(summary.sample_rows(source.start, source.end, {"area": area}, source.history))
+    ratio = source.run.curves()["void_ratio"]
+    assert found["Void ratio, start → end"] == f"{ratio.iloc[0]:.3f} → {ratio.iloc[-1]:.3f}"
+    assert ratio.iloc[-1] > 1.3 * ratio.iloc[0]
+    assert "Cross-section at the start" in dict(summary.run_rows({"area": area}))
 
 
 def test_a_test_in_extension(tmp_path):

@@ -80,6 +80,40 @@ def test_tables_of_a_lattice(whole):
     assert friction["z_max"] == pytest.approx(12) and friction["x_min"] == 0
 
 
+def edit(path, line, column, value):
+    """Change one cell of a CSV file; line 1 is that of the names."""
+    rows = [row.split(",") for row in path.read_text().splitlines()]
+    rows[line - 1][rows[0].index(column)] = value
+    path.write_text("\n".join(map(",".join, rows)) + "\n")
+
+
+def test_a_wall_contact_that_opened_takes_no_part_and_other_nans_are_named(whole, tmp_path):
+    folder = shutil.copytree(whole, tmp_path / "run")
+    table = folder / "contacts" / "contacts_0002.csv"
+    contacts = Run(folder).contacts(2)
+    line = int(np.flatnonzero(contacts["wall"] == "z_max")[0]) + 2
+    before = Run(folder).stresses().iloc[2]
+    part = before["contact_zz"] * (1 / 6) / 4  # one of four columns, its half ball of three balls
+    for name in ("num_points", "area", "normal_force", *(f"force_{a}" for a in "xyz")):
+        edit(table, line, name, "0")
+    for name in (f"{what}_{a}" for what in ("centroid", "branch") for a in "xyz"):
+        edit(table, line, name, "nan")
+    run = Run(folder)
+    # The sums are exact to rounding.
+    assert run.stresses()["contact_zz"][2] == pytest.approx(before["contact_zz"] - part, rel=1e-12)
+    assert run.missing == []
+
+    edit(table, line, "torque_x", "nan")
+    edit(folder / "contacts" / "grains_0001.csv", 3, "mass", "inf")
+    edit(folder / "history.csv", 7, "elastic", "nan")
+    named = [sentence for sentence in Run(folder).missing if "not numbers" in sentence]
+    expected = (("history.csv", "elastic in line 7"), ("grains_0001.csv", "mass in line 3"),
+                ("contacts_0002.csv", f"torque_x in line {line}"))  # fmt: skip
+    assert [all(part in s for part in e) for s, e in zip(named, expected, strict=True)] == [
+        True
+    ] * 3
+
+
 def test_a_contact_that_was_open_for_a_state_is_younger(whole, tmp_path):
     shutil.copytree(whole, tmp_path / "run")
     middle = tmp_path / "run" / "contacts" / "contacts_0001.csv"

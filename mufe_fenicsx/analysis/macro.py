@@ -22,13 +22,16 @@ def contact_stress(force, branch, volume):
     Args:
         force: On grain a from b, or from the wall [N], shape (num_contacts, 3).
         branch: From the centre of b (or the contact's centroid on the wall) to that of a [m],
-            shape (num_contacts, 3).
+            shape (num_contacts, 3). Where there is no force it may be nan: a contact that has
+            opened has no place on its wall.
         volume: Grains and voids [m³].
 
     Source: A. E. H. Love, A Treatise on the Mathematical Theory of Elasticity, 1927, p. 618;
     J. Weber, Cahiers du Groupe Français de Rhéologie 3, 1966, 161-170.
     """
-    return np.einsum("ci,cj->ij", force, branch) / volume
+    force, branch = np.asarray(force), np.asarray(branch)
+    acts = force.any(axis=1)
+    return np.einsum("ci,cj->ij", force[acts], branch[acts]) / volume
 
 
 def inertial_stress(force, center, middle, volume):

@@ -21,7 +21,7 @@ class State:
     Args:
         stored: :class:`mufe_fenicsx.results.State`, which reads its arrays when asked for.
         height: Height of the sample then [m], or None.
-        sides: Distances of its side walls then [m], where these move, or None.
+        sides: Distances of its side walls then [m], where these moved, or None.
         like: Another State of the run with the same mesh, whose faces are taken, or None.
     """
 
@@ -220,9 +220,9 @@ def state_at(run, listed, history, like=None):
     height = sides = None
     if history is not None and len(history["time"]):
         height = float(np.interp(listed["time"], history["time"], history["height"]))
-        if "strain_x" in history:  # a test by stages, whose six walls move
+        names = ("length_x", "length_y")
+        if any(np.ptp(history.get(name, 0.0)) > 0 for name in names):
             sides = [
-                float(np.interp(listed["time"], history["time"], history[name]))
-                for name in ("length_x", "length_y")
+                float(np.interp(listed["time"], history["time"], history[name])) for name in names
             ]
     return State(run.state(listed["index"]), height, like, sides)

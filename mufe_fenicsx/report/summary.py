@@ -40,7 +40,7 @@ def run_rows(run):
         ("Peak memory, all ranks", _memory(run)),
         ("How strain is counted", run.get("strain_definition") or "not recorded"),
         ("Height at strain 0", quantity(run.get("reference_height"), "m", 4)),
-        ("Cross-section", _area(run.get("area"))),
+        ("Cross-section at the start", _area(run.get("area"))),
         ("Separation of overlaps", _separation(run.get("separation"))),
         ("Contacts found inside a grain", _adopted(run.get("contact"))),
         ("Grains that failed to mesh", _failed(run.get("failed_grains"))),
@@ -125,18 +125,17 @@ def sample_rows(start, last, run, history):
     """Rows (name, value) about the sample, from its stored states.
 
     Among them the vertical stress by the mean stress of the grains beside that of the
-    platens, which are two independent numbers.
+    platens, which are two independent numbers. Volumes are those between the walls at the time
+    of each state.
     """
-    area, height = run.get("area"), last.height
-    if not area or not height:
+    boxes = [_box_volume(state, run, history) for state in (start, last)]
+    if not all(boxes):
         return []
     solid = tet_volumes(start.reference, start.cells).sum()
-    rows = []
-    if start.height:
-        ratios = [void_ratio(solid, area * h) for h in (start.height, height)]
-        rows.append(("Void ratio, start → end", f"{ratios[0]:.3f} → {ratios[1]:.3f}"))
+    ratios = [void_ratio(solid, volume) for volume in boxes]
+    rows = [("Void ratio, start → end", f"{ratios[0]:.3f} → {ratios[1]:.3f}")]
     if last.has("stress"):
-        inside = -sample_stress(last.field("stress"), last.volume, area * height)[2]
+        inside = -sample_stress(last.field("stress"), last.volume, boxes[1])[2]
         walls = float(np.interp(last.time, history["time"], history["stress"]))
         rows.append(
             (
@@ -155,6 +154,16 @@ def sample_rows(start, last, run, history):
             )
         )
     return rows
+
+
+def _box_volume(state, run, history):
+    """Volume between the walls at the time of a state [m³]; None where that is not known."""
+    if not state.height:
+        return None
+    if "length_x" not in history:  # of earlier versions, where side walls stood still
+        return run["area"] * state.height if run.get("area") else None
+    area = history["length_x"] * history["length_y"]
+    return float(np.interp(state.time, history["time"], area)) * state.height
 
 
 def _at(name, history, column, symbol, rows):

@@ -91,7 +91,7 @@ def _columns_of(run, number, labels):
     table["diameter"] = np.cbrt(6 / np.pi * table["volume"])
     table["translation"] = np.sqrt(sum(table[f"translation_{axis}"] ** 2 for axis in "xyz"))
     try:
-        contacts = run.grains(number)
+        contacts = run.grains(number).assign(contact_area=_contact_area(run, number))
     except InputError:  # said where contacts are packed
         contacts = table.iloc[:0]
     for source in (contacts, table):
@@ -101,6 +101,15 @@ def _columns_of(run, number, labels):
             if column.name in source:
                 found[column.name] = source[column.name].to_numpy(dtype=float)
     return found
+
+
+def _contact_area(run, number):
+    """Area of each grain's contacts as it is now [m²]; at the start where only that is stored."""
+    contacts, grains = run.contacts(number), run.grains(number)["grain"]
+    area = contacts["area_deformed" if "area_deformed" in contacts else "area"]
+    found = sum(area.groupby(contacts[k]).sum().reindex(grains, fill_value=0.0)
+                for k in ("grain_a", "grain_b"))  # fmt: skip
+    return found.to_numpy()
 
 
 def pack_contacts(packer, run, numbers, labels, without):

@@ -295,17 +295,18 @@ class Run:
                 found.append(f"history.csv has no column {', '.join(absent)}.")
             if "stage" in history and not (history["stage"] != "seating").any():
                 found.append("The loading stage: history.csv has no row of it.")
+            attempt(lambda: tables.check_finite("history.csv", history))
         states = attempt(lambda: self._states)
         if states == []:
             found.append("Stored states: there is none in the folder fields.")
         mesh = attempt(lambda: self._start)
         for state in states or [] if mesh is not None else []:
             attempt(lambda s=state: read_arrays(self.path, s["index"]))
-            attempt(lambda s=state: self._needed_columns(s["index"]))
+            attempt(lambda s=state: self._check_contacts(s["index"]))
         return list(dict.fromkeys(found))
 
-    def _needed_columns(self, index):
-        """See that the tables of contacts of a state have all columns."""
+    def _check_contacts(self, index):
+        """See that the tables of contacts of a state have all columns, and numbers in them."""
         contacts, grains = contact_files(self.path, index)
         try:
             with contacts.open(newline="", encoding="utf-8") as file:
@@ -322,3 +323,10 @@ class Run:
         absent = [name for name in CONTACT_COLUMNS if name not in columns]
         if absent:
             raise InputError(f"the tables of contacts have no column {', '.join(absent)}")
+        table, of_grains = self._network(index)
+        # A contact that has opened has no place any more, and on a wall no branch to it.
+        places = [name for name in table if name.startswith(("centroid_", "branch_"))]
+        is_open = table["num_points"] == 0
+        known = table[places].mask(is_open, 0.0)
+        tables.check_finite(contacts.name, table.assign(**known))
+        tables.check_finite(grains.name, of_grains)

@@ -26,6 +26,26 @@ def exact_csv(path):
     return pandas.read_csv(path, dtype=str).apply(_numbers)
 
 
+def check_finite(name, table):
+    """See that all numbers of a table that a run wrote are such.
+
+    Args:
+        name: Of its file.
+        table: DataFrame; columns of text are left out.
+
+    Raises:
+        InputError: One is nan or infinite: a fault of the run.
+    """
+    numbers = table.select_dtypes("number")
+    wrong = ~np.isfinite(numbers.to_numpy(dtype=float))
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        raise InputError(
+            f"fault: {name} has {wrong.sum()} values that are not numbers, the first of column "
+            f"{numbers.columns[column]} in line {row + 2}"
+        )
+
+
 def _numbers(column):
     texts = column.to_numpy(dtype=object)
     for kind in (np.int64, np.float64):
