@@ -17,7 +17,6 @@ shrink: where a grain snaps to another place, shorter steps follow it as if thro
 Its work counts as damping.
 """
 
-import itertools
 import math
 
 import numpy as np
@@ -26,6 +25,7 @@ from mpi4py import MPI
 from .contact.augmented import Augmentation
 from .contact.rewind import ContactMark
 from .errors import InputError, SolverError
+from .increment_end import IncrementEnd
 from .increment_equations import IncrementEquations
 from .increment_start import HeldWalls, IncrementStart
 from .integrators.generalized_alpha import GeneralizedAlpha
@@ -76,9 +76,12 @@ class ImplicitSimulation(Simulation):
         prescribed: Displacements of held nodes in the next increment [m], (num_nodes, 3).
         report: Of each increment since the start: (time, length [s], Newton iterations, linear
             iterations, residual at the last three iterations); those of the last augmentation.
+        end: :class:`~.increment_end.IncrementEnd`: how far the next increment may go.
         num_on_jumps: Increments that ended on a jump of the forces of contact (integrators.jumps).
         augmentations: Of each increment with exact gaps: (how many, largest distance left [m]).
     """
+
+    increments = True
 
     def __init__(
         self,
@@ -145,6 +148,7 @@ class ImplicitSimulation(Simulation):
         )  # fmt: skip
         self._held_walls = HeldWalls(self) if self.walls.has_servo else None
         self._last = None  # displacement of the last increment, its length, motion of its walls
+        self.end = IncrementEnd()
         self.report = []
         self.num_failed = 0  #: increments that had to be shortened
         self.num_on_jumps = 0
@@ -190,17 +194,22 @@ class ImplicitSimulation(Simulation):
     # --- an increment ----------------------------------------------------------------------
 
     def step(self, everywhere=True):
-        """One increment, shortened until it converges. Collective.
+        """One increment, shortened until it converges and ends where it may. Collective.
 
         Raises:
             SolverError: It does not converge at the smallest length; the state is the last one
                 that did. On all ranks.
             UnstableError, SolverError: As of :meth:`check`.
         """
-        for tries in itertools.count(1):
-            dt = self.dt
-            if self._increment(dt) if self._held_walls is None else self._balance(dt):
-                break
+        tries = 0
+        while True:
+            dt, mark = self.end.cut(self.dt), self._mark()
+            if self._increment(dt) if self._held_walls is None else self._balance(dt, mark):
+                if not self.end.goes_too_far(dt, self.smallest_step):
+                    break
+                self._take_back(mark)
+                continue
+            tries += 1
             self.num_failed += 1
             if tries > 1:  # perhaps it is the guess
                 self._last = None
@@ -215,24 +224,34 @@ class ImplicitSimulation(Simulation):
         effort = self._newton.effort
         if effort <= SOME:
             factor = LONGER if effort <= FEW else LITTLE_LONGER
-            self.dt = min(factor * dt, self.largest_step)
+            # One that was cut tells nothing about longer ones.
+            self.dt = max(self.dt, min(factor * dt, self.largest_step))
         elif effort >= MANY:
             self.dt = max(SHORTER * dt, self.smallest_step)
         self.check()
 
-    def _balance(self, dt):
+    def _balance(self, dt, mark):
         """One increment at whose end walls carry their targets, or move at their full speed."""
-        s = self.state
-        keep = (s.t, s.dt, s.num_steps, self.damped)
-        num_before = len(self.report), len(self.augmentations)
 
         def take_back():
-            self._rewind()
-            s.t, s.dt, s.num_steps, self.damped = keep
-            del self.report[num_before[0] :], self.augmentations[num_before[1] :]
+            self._take_back(mark)
             self._reason = f"walls not at their forces after {self._held_walls.num_trials} trials"
 
         return self._held_walls(self._increment, take_back, dt)
+
+    def _mark(self):
+        """What :meth:`_take_back` needs beside the copy of the state."""
+        s = self.state
+        lists = self.report, self.augmentations
+        return (s.t, s.dt, s.num_steps), (self.damped, self.num_on_jumps), [*map(len, lists)]
+
+    def _take_back(self, mark):
+        """Undo an increment that converged."""
+        self._rewind()
+        s = self.state
+        (s.t, s.dt, s.num_steps), (self.damped, self.num_on_jumps), lengths = mark
+        for found, length in zip((self.report, self.augmentations), lengths, strict=True):
+            del found[length:]
 
     def _increment(self, dt):
         """One increment of length ``dt``; whether it converged. The state stays where not."""

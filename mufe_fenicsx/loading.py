@@ -3,7 +3,9 @@
 Strain is the shortening of the distance between top and bottom platen over that
 distance at the end of the seating stage, positive in compression: gaps that the
 segmentation left are closed by the seating and do not count. Its end is the
-first step at which top and bottom both carry the seating stress.
+first step at which top and bottom both carry the seating stress. Increments, which are
+longer than steps, end there to ``SEATED`` of that stress, and where the strain of the test is
+reached.
 """
 
 from .errors import SolverError
@@ -20,6 +22,12 @@ STRAIN_DEFINITION = (
 
 #: The seating stage gives up when the platens have approached by this part of their distance.
 LARGEST_SEATING = 0.25
+#: Part of the seating force by which an increment may go beyond it.
+SEATED = 0.01
+#: Part of the strain of the test to which it is reached.
+EXACT = 1e-9
+#: Part of the work of the walls that damping takes where it is what a test fails by.
+OVERDAMPED = 0.5
 
 
 #: What changes in the course of a test, beside the walls.
@@ -30,6 +38,18 @@ def smooth_step(s):
     """0 below 0, 1 above 1, between them the quintic with two vanishing derivatives."""
     s = min(max(s, 0.0), 1.0)
     return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
+
+
+def overdamped(simulation):
+    """What to do about damping where that takes most of the work; empty where not. Collective."""
+    energies = simulation.energies()
+    damped, work = energies["damping"], energies["work"]
+    if not 0.0 < OVERDAMPED * work < damped:
+        return ""
+    return (
+        f"solver.damping = {simulation.damping:g} 1/s takes {damped / work:.0%} of the work of the "
+        "walls, and grains move as through a viscous fluid: lower it"
+    )
 
 
 class OedometerLoading:
@@ -110,7 +130,7 @@ class OedometerLoading:
     @property
     def finished(self):
         """Whether the strain of the test is reached."""
-        return self.stage == LOADING and self.progress >= self.final_strain
+        return self.stage == LOADING and self.progress >= self.final_strain * (1.0 - EXACT)
 
     def keep(self):
         """What a loading that goes on from here has to know, fit for JSON."""
@@ -135,13 +155,14 @@ class OedometerLoading:
         """Set the speed of the platen and change stage when it is time. Collective."""
         if self.stage == SEATING:
             if self.progress > LARGEST_SEATING:
+                what = overdamped(self.simulation) or (
+                    "lower oedometer.seating_stress, or check that the sample fills the box"
+                )
                 raise SolverError(
                     f"after {LARGEST_SEATING:.0%} of the height top and bottom do not both carry "
-                    f"the seating force of {self.seating_force:.3g} N: lower "
-                    "oedometer.seating_stress, or check that the sample fills the box"
+                    f"the seating force of {self.seating_force:.3g} N: {what}"
                 )
-            forces = self.simulation.wall_forces()
-            if min(forces[self._top], forces[self._bottom]) >= self.seating_force:
+            if self._carried() >= self.seating_force:
                 self.stage = LOADING
                 self.reference_height = self.height
                 self.stages.append(self._note())
@@ -158,3 +179,20 @@ class OedometerLoading:
             start = self._speed_at_start
             self._speed = start + (self.speed - start) * smooth_step(s)
         self.simulation.walls.velocity[self._top, 2] = -self._speed
+        if self.simulation.increments:
+            self._bound_increment()
+
+    def _carried(self):
+        """Force that both platens carry [N]. Collective."""
+        forces = self.simulation.wall_forces()
+        return min(forces[self._top], forces[self._bottom])
+
+    def _bound_increment(self):
+        """The coming increment ends with its stage, at the latest."""
+        end = self.simulation.end
+        if self.stage == SEATING:
+            most = (1.0 + SEATED) * self.seating_force
+            end.aim(passed=lambda: self._carried() > most)
+        else:
+            left = (self.final_strain - self.progress) * self.reference_height
+            end.aim(longest=left / self._speed)

@@ -40,6 +40,9 @@ ENERGIES = (
     "residual",
 )  # fmt: skip
 
+#: Largest damping times step. At 2 a step would leave no velocity to damp, and the kinetic energy
+#: of a node that falls at its final speed, m/2 v² (1 - (damping step)²/4), would be none.
+MOST_DAMPED = 1.0
 #: The limit is found early where single elements ask for this part of their step then.
 SHORTER = 0.98
 
@@ -57,7 +60,7 @@ class Simulation:
         points: Where contact acts, one of contact.points.KINDS.
         law: Normal law of contact, one of contact.laws.law_names().
         element: One of solid.ELEMENTS: "averaged", "p1" or "composite".
-        damping: Force -damping m v on every node [1/s].
+        damping: Force -damping m v on every node [1/s]; steps are at most one over it.
         assembled: Time step from the assembled system (True) or from single elements.
         time_step_factor: Time step over the limit of stability.
         refresh: Steps between two evaluations of that limit, where none waits longer.
@@ -69,6 +72,7 @@ class Simulation:
     """
 
     static = False  #: whether increments leave inertia out; steps in time do not
+    increments = False  #: whether a step is an increment that takes Newton's method
 
     def __init__(
         self,
@@ -377,6 +381,8 @@ class Simulation:
             self.scaling.reached = limit
         elif self.scaling is not None and not self.scaling.reached:
             self.scaling.reached = limit
+        if self.damping > 0.0:
+            limit = min(limit, MOST_DAMPED / self.damping)
         dt = _rounded_down(self.time_step_factor * limit)
         # A change costs accuracy of the energies: small ones are not worth it.
         if not 0.99 * self.dt <= dt <= (math.inf if early else 1.05 * self.dt):

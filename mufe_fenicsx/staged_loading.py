@@ -32,7 +32,7 @@ import math
 import numpy as np
 
 from .errors import SolverError
-from .loading import smooth_step
+from .loading import overdamped, smooth_step
 from .servo import Servo
 from .speed_control import QuasiStaticSpeed
 
@@ -325,10 +325,13 @@ class StagedLoading:
         for a, (task, _) in enumerate(self._do):
             change = 1.0 - lengths[a] / self._length0[a]
             if task in (HOLD, STRESS, SPEED) and abs(change) > limit:
+                what = overdamped(self.simulation) or (
+                    "see that the sample fills the box and can carry what is asked"
+                )
                 raise SolverError(
                     f'stage "{self.stage}": the length along {"xyz"[a]} changed by {change:.1%} at '
                     f"a stress of {stress[a]:.3g} Pa there (loading.largest_strain = {limit:g}): "
-                    "see that the sample fills the box and can carry what is asked"
+                    f"{what}"
                 )
 
     def _has_passed(self, until, now):

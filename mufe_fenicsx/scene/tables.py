@@ -98,7 +98,7 @@ class Solver:
     element: str = "averaged"  #: "averaged" nodal pressure, plain "p1", or "composite"
     time_step: str = "assembled"  #: stability limit of the "assembled" system, or by "element"
     time_step_factor: float = 0.9  #: time step over the stability limit [-]
-    damping: float = 0.0  #: force -damping·m·v on each node [1/s]
+    damping: float = 0.0  #: force -damping·m·v on each node [1/s]; steps are at most 1/damping
     energy_limit: float = 0.1  #: stop at an energy residual over all energy beyond this [-]
     retries: int = 3  #: times that an unstable run goes back and on with half the time step
 
