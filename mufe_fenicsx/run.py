@@ -253,6 +253,7 @@ class _Test:
         comm, summary, resumed = self.comm, self.summary, checkpoint is not None
         self.begin(checkpoint, self.place)
         summary["first_height"] = float(self.loading.first_height)
+        summary["mass"] = comm.allreduce(float(self.simulation.solid.mass.sum()))
         summary["strain_definition"] = self.loading.strain_definition
         summary["setup_s"] = time.perf_counter() - self.started
         if resumed:

@@ -36,7 +36,7 @@ def ball(n, radius, rng):
 
 
 def fake_history(num_rows=200, strain=0.1, area=1e-6, height=1e-3):
-    """A plausible oedometer test whose energies add up to the work but for 0.2 %."""
+    """A plausible oedometer test whose energies add up to the work but for 0.05 %."""
     e = np.concatenate([np.linspace(-0.003, 0, num_rows // 10), np.linspace(0, strain, num_rows)])
     x = np.maximum(e, 0)
     stress = 5e4 * np.exp(e / 0.003) * (e <= 0) + (e > 0) * (5e4 + 40e6 * x + 4e9 * x**2.2)
@@ -47,7 +47,7 @@ def fake_history(num_rows=200, strain=0.1, area=1e-6, height=1e-3):
     share = {
         "elastic": 0.12,
         "plastic": 0.78,
-        "friction": 0.085,
+        "friction": 0.0865,
         "contact": 0.01,
         "kinetic": 0.003,
         "damping": 0.0,

@@ -1,6 +1,19 @@
-"""Is the test quasi-static? Kinetic energy and the balance of the platens' forces."""
+"""Is the test quasi-static? Kinetic energy and the balance of the platens' forces.
+
+Single rows of a history shake with the waves of a grain that slips, at any speed of loading. Forces
+that inertia makes last as long as a wave travels. So both ratios are judged over half of the
+time T that a wave takes through the sample, as the control of [quasi_static] judges them
+(speed_control): the mean of the energies' ratio, the root mean square of the forces' difference.
+"""
 
 import numpy as np
+
+from mufe_fenicsx.analysis.macro import wall_stress
+
+#: Time over T within which rows are taken together.
+WINDOW = 0.5
+#: Walls in the order of `macro.wall_stress`.
+WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
 
 
 def kinetic_ratio(history):
@@ -13,6 +26,57 @@ def force_difference(history):
     """|top - bottom| over the mean of both platens' forces; nan where that is 0."""
     top, bottom = history["force_z_max"], history["force_z_min"]
     return _ratio(np.abs(top - bottom), 0.5 * (top + bottom))
+
+
+def travel_time(history, mass):
+    """Time of a wave through the height of the sample [s], shape (num_rows,); nan without a load.
+
+    That of a solid of the same mass m, volume V, internal energy U and stresses σj along the axes,
+
+        T = H (m/V) √(2U / (m Σσj²)),
+
+    which is √(2mU)/F where F is the only force (speed_control).
+
+    Args:
+        history: dict column -> array.
+        mass: Of all grains [kg]; None where that is not known: nothing is.
+    """
+    nothing = np.full(np.shape(history["time"]), np.nan)
+    if mass is None or "length_x" not in history:
+        return nothing
+    lengths = np.column_stack([history[name] for name in ("length_x", "length_y", "height")])
+    forces = np.column_stack([history[f"force_{name}"] for name in WALLS])
+    square = (wall_stress(forces, lengths) ** 2).sum(axis=1)
+    internal = history["elastic"] + history["plastic"]
+    loaded = (square > 0) & (internal > 0)
+    slowness = np.sqrt(2 * internal[loaded] / (mass * square[loaded]))
+    nothing[loaded] = mass / lengths[loaded, :2].prod(axis=1) * slowness
+    return nothing
+
+
+def judged(history, mass):
+    """The two ratios as they are judged, (kinetic, difference of the forces), (num_rows,) each.
+
+    Args:
+        history: dict column -> array.
+        mass: Of all grains [kg]; None: single rows are judged.
+    """
+    time, window = history["time"], WINDOW * travel_time(history, mass)
+    kinetic = _recent_mean(kinetic_ratio(history), time, window)
+    return kinetic, np.sqrt(_recent_mean(force_difference(history) ** 2, time, window))
+
+
+def _recent_mean(values, time, window):
+    """Mean of the values that are numbers since a ``window`` before each row; nan where it is."""
+    known = np.isfinite(values)
+    index = np.arange(len(values))
+    first = np.searchsorted(time, time - np.nan_to_num(window), side="right")
+    first = np.minimum(first, index)
+    sums = np.append(0.0, np.cumsum(np.where(known, values, 0.0)))
+    counts = np.append(0, np.cumsum(known))
+    mean = (sums[index + 1] - sums[first]) / np.maximum(counts[index + 1] - counts[first], 1)
+    alone = first == index  # to the last bit what it is
+    return np.where(known, np.where(alone, values, mean), np.nan)
 
 
 def _ratio(part, whole):

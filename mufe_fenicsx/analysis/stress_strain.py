@@ -2,6 +2,11 @@
 
 import numpy as np
 
+from mufe_fenicsx.analysis.rows import branches
+
+#: Stages that add less than this part of the largest vertical stress can lose nothing.
+ADDS = 0.1
+
 
 def displacement(history, reference_height):
     """How far the top platen has come down since the end of seating [m], shape (num_rows,).
@@ -16,6 +21,27 @@ def displacement(history, reference_height):
 def side_forces(history):
     """Normal forces on the four side walls [N], dict wall -> shape (num_rows,)."""
     return {name: history[f"force_{name}"] for name in ("x_min", "x_max", "y_min", "y_max")}
+
+
+def lost_load(history):
+    """Vertical stress lost since its peak in a stage over what that had added, (num_rows,).
+
+    Of stages that shorten the sample and add to its stress; 0 elsewhere. One that gives way under
+    a platen that goes on loses its load; softening beyond a peak loses a part of it.
+
+    Args:
+        history: dict column -> array.
+    """
+    stress = np.asarray(history["stress"], dtype=float)
+    least, lost = ADDS * np.abs(stress).max(initial=0.0), np.zeros(stress.shape)
+    for branch in branches(history):
+        if branch.kind == "unloading":
+            continue
+        added = stress[branch.rows] - stress[branch.rows][0]
+        peak = np.maximum.accumulate(added)
+        on = peak > least
+        lost[branch.rows][on] = 1.0 - added[on] / peak[on]
+    return lost
 
 
 def secant_modulus(strain, stress):

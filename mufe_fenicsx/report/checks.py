@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mufe_fenicsx.analysis import energy_check, quasi_static
-from mufe_fenicsx.analysis.rows import largest, loaded_rows
+from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
+from mufe_fenicsx.analysis.rows import largest, loaded_rows, loading_rows
 
 #: Largest values allowed once the sample is loaded.
-TARGETS = {"kinetic": 0.05, "platens": 0.03, "residual": 0.01}
+TARGETS = {"kinetic": 0.05, "platens": 0.03, "residual": 0.001, "load": 0.5}
+#: Energies that are never below zero, and the part of the largest work that is rounding.
+POSITIVE, ROUNDING = ("kinetic", "elastic", "plastic", "friction", "contact"), 1e-6
 
 
 @dataclass(frozen=True)
@@ -22,6 +24,8 @@ class Check:
     mean: float  #: over the loaded rows
     passed: bool
     text: str  #: in plain words
+    since: float = math.nan  #: vertical strain from which on it is met to the end; nan: not there
+    row: int | None = None  #: that row of the history
 
     @property
     def reached(self):
@@ -37,36 +41,84 @@ def ratio(value):
     return f"{value:.{1 - math.floor(math.log10(100 * value)) if small else 2}%}"
 
 
-def check_run(history):
-    """The three targets, taken over the loaded rows.
+def check_run(history, mass=None):
+    """The targets, taken over the loaded rows, and from where on each is met.
+
+    Args:
+        history: dict column -> array.
+        mass: Of all grains [kg], by which it is known how long waves travel; None: single rows
+            are judged.
 
     Returns:
         List of Check.
     """
-    loaded = loaded_rows(history)
+    kinetic, difference = quasi_static.judged(history, mass)
+    fault = faults(history)
     return [
         _check(
             "kinetic",
-            quasi_static.kinetic_ratio(history)[loaded],
+            history,
+            kinetic,
             "Kinetic energy over internal (elastic + plastic) energy",
             "the grains' inertia plays no part: the test is quasi-static",
             "inertia may add to the forces: lower the speed of the platen",
+            fault,
         ),
         _check(
             "platens",
-            quasi_static.force_difference(history)[loaded],
+            history,
+            difference,
             "Difference between the forces on the top and the bottom platen",
             "the sample is in equilibrium",
             "the sample is not in equilibrium, or rough side walls carry a part of the load",
+            fault,
         ),
         _check(
             "residual",
-            energy_check.residual_ratio(history)[loaded],
+            history,
+            energy_check.residual_ratio(history),
             "Energy that is not accounted for, over the work of the walls",
             "the energy balance closes",
             "energy was created or lost: lower the time step, and look at the contacts",
+            fault,
+        ),
+        _check(
+            "load",
+            history,
+            stress_strain.lost_load(history),
+            "Vertical stress lost while the sample was compressed, over what the stage had added",
+            "the sample carries its load",
+            "grains gave way at once: too few of them, a loose packing, or a surface of failure",
+            fault,
         ),
     ]
+
+
+def begin_of_good(checks, history):
+    """Row from which on all targets are met to the end; None: from the first of loading, or never.
+
+    Args:
+        checks: Of :func:`check_run`.
+        history: That they were made of.
+    """
+    rows = [check.row for check in checks]
+    if None in rows or max(rows) == int(np.argmax(loading_rows(history))):
+        return None
+    return max(rows)
+
+
+def faults(history):
+    """What no run may have: values that are no numbers, energies below zero. A text, or ""."""
+    for name, values in history.items():
+        if values.dtype.kind == "f" and not np.isfinite(values).all():
+            count = int((~np.isfinite(values)).sum())
+            return f"{name} is not a number in {count} of {len(values)} rows"
+    most = float(np.abs(history["work"]).max(initial=0.0))
+    for name in POSITIVE:
+        below = int((history[name] < -ROUNDING * most).sum())
+        if below:
+            return f"the {name} energy is below zero in {below} of {len(history[name])} rows"
+    return ""
 
 
 def worst_of(checks, names):
@@ -83,19 +135,45 @@ def worst_of(checks, names):
         failed = sum(not check.passed for check in same)
         others = f"; {failed} of them miss the target" if failed else ""
         text = f"{same[worst].text} Worst of {len(same)} runs: {names[worst]}{others}."
-        found.append(replace(same[worst], text=text))
+        passed = not failed
+        found.append(replace(same[worst], text=text, passed=passed))
     return found
 
 
-def _check(name, values, what, good, bad):
-    worst, target = largest(values), TARGETS[name]
-    finite = values[np.isfinite(values)]
+def _check(name, history, values, what, good, bad, fault):
+    loaded = loaded_rows(history)
+    judged, target = values[loaded], TARGETS[name]
+    worst = largest(judged)
+    finite = judged[np.isfinite(judged)]
     mean = float(finite.mean()) if finite.size else np.nan
-    passed = bool(finite.size) and worst <= target
+    passed = bool(finite.size) and worst <= target and not fault
     if not finite.size:
         return Check(name, target, worst, mean, False, f"{what}: the sample was never loaded.")
+    row, place = _since(history, values, target)
+    since = math.nan if row is None else float(history["strain"][row])
+    words = good if passed else bad
+    if fault:
+        words = f"nothing can be believed where {fault}: lower solver.damping and the time step"
     text = (
-        f"{what}: at most {ratio(worst)} (mean {ratio(mean)}) once loaded, target {target:.0%}; "
-        f"{good if passed else bad}."
+        f"{what}: at most {ratio(worst)} (mean {ratio(mean)}) once loaded, target "
+        f"{100 * target:g}%; {words}. {place}"
     )
-    return Check(name, target, worst, mean, passed, text)
+    return Check(name, target, worst, mean, passed, text, since, row)
+
+
+def _since(history, values, target):
+    """Row from which on a target is met, or None, and where that is in words."""
+    rows = np.flatnonzero(loading_rows(history))
+    missed = np.flatnonzero(~(values[rows] <= target) & ~np.isnan(values[rows]))
+    if not missed.size:
+        return int(rows[0]), "Met in all rows."
+    if missed[-1] == len(rows) - 1:
+        return None, "Not met at the end."
+    row = int(rows[missed[-1] + 1])
+    return row, f"Met from {where(history, row)} on, to the end."
+
+
+def where(history, row):
+    """A row of the history in words: "strain 0.0123", of a test by stages with the stage."""
+    stage = f' of stage "{history["stage"][row]}"' if "strain_x" in history else ""
+    return f"strain {history['strain'][row]:.4f}{stage}"

@@ -18,6 +18,7 @@ CHECKED = {
     "kinetic": "Kinetic over internal energy",
     "platens": "Top against bottom force",
     "residual": "Energy residual over work",
+    "load": "Stress lost over stress added",
 }
 
 
@@ -264,7 +265,7 @@ def tables(sources, names):
                 style.number(energy_check.friction_share(history)),
             )
         )
-        reached = {check.name: check.reached for check in check_run(source.history)}
+        reached = {check.name: check.reached for check in check_run(source.history, source.mass)}
         checked.append((name, *(reached[check] for check in CHECKED)))
     found = differences(sources)
     scenes = [(key, *(value_text(key, v) for v in values)) for key, values in found.items()]

@@ -7,7 +7,7 @@ from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.analysis.rows import branches, largest, loaded_rows, loading_rows
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
-from mufe_fenicsx.report.checks import TARGETS
+from mufe_fenicsx.report.checks import TARGETS, begin_of_good, check_run
 from mufe_fenicsx.report.figure import Drawing
 
 STRAIN = style.STRAIN
@@ -64,9 +64,12 @@ def draw_stress_strain(source):
             "vertical stress of the contacts [Pa]": contacts["contact_zz"],
             "vertical stress of the platens [Pa]": contacts["wall_zz"],
         }
+    begin = begin_of_good(check_run(history, source.mass), history)
+    if begin is not None and not source.turns_back:
+        axis.axvline(strain[begin], color=style.GREY, linestyle=":", linewidth=0.8, zorder=0)
     axis.set(xlabel=STRAIN, ylabel=f"{STRESS}: {unit}")
     axis.set_ylim(bottom=min(0, 1.05 * stress.min()))
-    axis.legend(loc="upper left")
+    axis.legend(loc="upper left", frameon=True, facecolor="white", edgecolor="none", framealpha=1)
     return Drawing(
         "stress-strain",
         figure,
@@ -75,6 +78,11 @@ def draw_stress_strain(source):
         "Strain counts from the end of seating, so that gaps left by the segmentation do not "
         "count."
         + _about_branches(source)
+        + (
+            " Right of the dotted line all targets of a quasi-static test are met."
+            if begin is not None and not source.turns_back
+            else ""
+        )
         + (
             " Circles are the mean stress from forces and branch vectors of the contacts (Love, "
             "Weber), independent of the line."
@@ -263,17 +271,23 @@ def draw_monitors(source):
     figure, axes = style.new_figure(style.PAGE, 2.4, ncols=3)
     rows, loaded = loading_rows(history), loaded_rows(history)
     source.loading  # noqa: B018  there has to be some
+    kinetic, difference = quasi_static.judged(history, source.mass)
+    single = quasi_static.kinetic_ratio(history), quasi_static.force_difference(history)
     panels = (
-        ("kinetic", quasi_static.kinetic_ratio(history), "Kinetic / internal energy"),
-        ("platens", quasi_static.force_difference(history), "|top − bottom| / mean force"),
-        ("residual", energy_check.residual_ratio(history), "|Energy residual| / work"),
+        ("kinetic", kinetic, single[0], "Kinetic / internal energy"),
+        ("platens", difference, single[1], "|top − bottom| / mean force"),
+        ("residual", energy_check.residual_ratio(history), None, "|Energy residual| / work"),
     )
     strain, over = source.over(history["strain"], history["time"])
     columns = {"strain [-]": history["strain"][rows]}
-    for i, (axis, (name, values, label)) in enumerate(zip(axes, panels, strict=True)):
+    for i, (axis, (name, values, of_rows, label)) in enumerate(zip(axes, panels, strict=True)):
         columns[f"{label.replace('−', '-')} [-]"] = values[rows]
         target = TARGETS[name]
         positive = rows & (values > 0)
+        if of_rows is not None:
+            columns[f"{label.replace('−', '-')} of single rows [-]"] = of_rows[rows]
+            shown = rows & (of_rows > 0)
+            axis.plot(strain[shown], of_rows[shown], color=style.SKY, linewidth=0.5, alpha=0.6)
         axis.plot(strain[positive], values[positive], color=style.BLUE, linewidth=0.9)
         axis.axhline(target, color=style.RED, linestyle="--", linewidth=0.9)
         axis.set_yscale("log")
@@ -285,7 +299,7 @@ def draw_monitors(source):
         look = {"transform": across, "color": "0.93", "linewidth": 0, "zorder": 0}
         axis.fill_between(strain, 0, 1, where=loaded, **look)
         axis.set_title(f"- - target {100 * target:g} %", loc="right", color=style.RED, fontsize=7.5)
-        axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{100 * y:g} %"))
+        axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{_plain(100 * y)} %"))
         axis.set(xlabel=over, ylabel=label)
         style.panel_letter(axis, i)
     return Drawing(
@@ -294,10 +308,17 @@ def draw_monitors(source):
         "Quasi-static monitors: (a) kinetic over internal energy, (b) difference of the platens' "
         "forces, (c) energy residual over work",
         "Grey is the part where the sample counts as loaded (beyond half of the final strain); "
-        "there the curves should stay below the dashed targets.",
+        "there the dark curves should stay below the dashed targets. They are the mean (a) and "
+        "the root mean square (b) over half of the time that a wave takes through the sample; "
+        "pale ones are single rows, which shake where a grain slips.",
         {"": columns},
         "wide",
     )
+
+
+def _plain(value):
+    """A number without a power of ten."""
+    return f"{value:.8f}".rstrip("0").rstrip(".")
 
 
 def draw_compression(source):

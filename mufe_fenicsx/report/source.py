@@ -111,6 +111,16 @@ class Source:
         return history
 
     @cached_property
+    def mass(self):
+        """Mass of all grains [kg]; None where it is not known."""
+        if self.summary.get("mass"):
+            return self.summary["mass"]
+        try:  # of a run of earlier versions
+            return float(self.run.grains(0)["mass"].sum())
+        except (InputError, KeyError):
+            return None
+
+    @cached_property
     def loading(self):
         """The rows of the history after seating, dict column -> array."""
         rows = loading_rows(self.history)

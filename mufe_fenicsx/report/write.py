@@ -12,7 +12,7 @@ from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.run_folder import reason
 from mufe_fenicsx.report import compare, style
-from mufe_fenicsx.report.checks import check_run, worst_of
+from mufe_fenicsx.report.checks import begin_of_good, check_run, where, worst_of
 from mufe_fenicsx.report.figure import remove_listed, save, write_index
 from mufe_fenicsx.report.page import write_page
 from mufe_fenicsx.report.parts import FIGURES, NAMES, TABLES, VIEW, draw_parts, num_processes
@@ -47,8 +47,8 @@ def write_report(runs, output=None, grains=None, points=None, only=None, skip=No
 
     Returns:
         dict of plain values: ``report`` (path), ``figures`` (paths of the pictures), ``missing``
-        (sentences), ``checks`` (a dict name, target, largest, mean, passed each), ``passed``
-        (all checks).
+        (sentences), ``checks`` (a dict name, target, largest, mean, passed, since each),
+        ``passed`` (all checks).
 
     Raises:
         InputError: There is no run in a folder, a grain or point is not in it, the same run is
@@ -115,6 +115,7 @@ class _Report:
                     "largest": _plain(c.largest),
                     "mean": _plain(c.mean),
                     "passed": c.passed,
+                    "since": _plain(c.since),
                 }
                 for c in checks
             ],
@@ -163,14 +164,14 @@ class _RunReport(_Report):
 
     def _write_page(self):
         run, history = self.source.summary, self.source.get("history")
-        checks = check_run(history) if history is not None else []
+        checks = check_run(history, self.source.mass) if history is not None else []
         self.missing += [*self.tables.missing, *self.view.missing]
         title = run.get("title") or f"Test in {self.folder.resolve().name}"
-        lead = self._lead(run, history)
+        lead = self._lead(run, history, checks)
         self._page(title, lead, checks, self.tables.content or [], self.view.content)
         return checks
 
-    def _lead(self, run, history):
+    def _lead(self, run, history, checks):
         stages = [] if history is None else [part.stage for part in branches(history)]
         test = "Oedometer test"
         if history is not None and "strain_x" in history:
@@ -184,7 +185,9 @@ class _RunReport(_Report):
         if history is not None:
             parts.append(f"vertical strain {history['strain'][-1]:.4g}")
             parts.append(f"vertical stress {style.quantity(history['stress'][-1], 'Pa', 4)}")
-        return "; ".join(parts) + " at the end."
+        row = begin_of_good(checks, history) if checks else None
+        begin = "" if row is None else f" All targets are met from {where(history, row)} on."
+        return "; ".join(parts) + f" at the end.{begin}"
 
 
 class _Comparison(_Report):
@@ -214,7 +217,8 @@ class _Comparison(_Report):
                 self.lacking.setdefault(str(error), []).append(f"{what} compared")
 
     def _write_page(self):
-        checks = worst_of([check_run(source.history) for source in self.sources], self.names)
+        checks = [check_run(source.history, source.mass) for source in self.sources]
+        checks = worst_of(checks, self.names)
         folders = ", ".join(source.folder.resolve().name for source in self.sources)
         self._page(
             f"{len(self.sources)} tests compared",
