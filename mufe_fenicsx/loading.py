@@ -119,6 +119,11 @@ class OedometerLoading:
         """Of the whole test."""
         return self.strain / self.final_strain
 
+    @property
+    def course(self):
+        """What rows of the history fall due by: the progress."""
+        return self.progress
+
     def interval(self, count):
         """Progress between two of ``count`` records of the loading stage."""
         return self.final_strain / (count - 1)

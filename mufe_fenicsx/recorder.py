@@ -75,8 +75,9 @@ class Recorder:
         if loading.loaded and progress >= self._next_state:
             self._next_state += self._field_interval * (1 - 1e-12)
             self.write_state()
-        if progress >= self._next_row:
-            self._next_row = progress - math.fmod(progress, self._history_interval)
+        course = loading.course
+        if course >= self._next_row:
+            self._next_row = course - math.fmod(course, self._history_interval)
             self._next_row += self._history_interval * (1 - 1e-12)
             self.write_row()
 

@@ -21,7 +21,12 @@ left of it, at a constant rate over the same strain.
 A stage ends when a value of ``until`` is passed, or when s = 1, lengths are reached, and all held
 stresses are within ``tolerance`` for twice the time T that a wave travels; then ``hold`` begins.
 These stresses are means over T (exponentially weighted): grains that still rattle between few
-contacts shake a wall for long, and without a load of their own.
+contacts shake a wall for long, and without a load of their own. Where ``until`` is passed walls
+brake first, over ``ramp``: at once they would send a wave through the sample that unloads it.
+
+Rows of the history fall due by the ways that a stage has come, one for each of what leads it:
+s, the changes of lengths that go at a speed, the values of ``until``, and time where it only
+waits. Each grows alone, so that rows are nowhere farther apart than one interval of each.
 
 Stresses are forces over the present areas of the walls; strains are 1 - L/L0, L0 the length at the
 end of the last stage with ``zero``, or at the start. Compression is positive.
@@ -51,13 +56,16 @@ SETTLED = 2.0
 UNMET = 0.2
 #: Part of a length to which a strain is reached.
 EXACT = 1e-9
+#: Ways of every stage: s, that of lengths, and of time where it waits.
+NUM_WAYS = 3
 
 #: Columns of history.csv beyond the usual ones.
 COLUMNS = ("stress_x", "stress_y", "stress_z", "strain_x", "strain_y", "strain_z")
 
 #: What changes in the course of a test, beside the walls.
 KEPT = ("index", "stages", "first_height", "_reference", "_held", "_begun", "_length0", "_stress0",
-        "_values0", "_s", "_settled", "_hold_from", "_speed", "_mean", "_mean_at")  # fmt: skip
+        "_values0", "_s", "_settled", "_hold_from", "_speed", "_mean", "_mean_at", "_brake_from",
+        "_led_until", "_ways")  # fmt: skip
 
 
 class StagedLoading:
@@ -150,6 +158,13 @@ class StagedLoading:
         return self.index == len(self.program) - 1 and self._is_over()
 
     @property
+    def course(self):
+        """What rows fall due by: sum of the ways of this stage, whole at its end. Collective."""
+        if self._is_over():
+            return math.floor(sum(self._ways)) + 1.0
+        return sum(self._ways)
+
+    @property
     def progress(self):
         """How far the present stage has come, from 0 to 1, 1 only when it is over. Collective."""
         if self._is_over():
@@ -215,9 +230,12 @@ class StagedLoading:
             held if held is not None else self._moving_mean(a, forces)
             for a, held in enumerate(self._held)
         ]
-        self._values0 = self._values(stress)
+        if self.index == 0:
+            self._mean, self._mean_at = self._wall_stress(forces).tolist(), state.t
+        self._values0 = self._values(self._mean_stress())
         self._s, self._settled, self._hold_from = 0.0, None, None
-        self._mean, self._mean_at = self._wall_stress(forces).tolist(), state.t
+        self._brake_from = self._led_until = None
+        self._ways = [0.0] * (NUM_WAYS + len(self._given()))
         self._updated = -1
         if self.control is not None:
             self.control.begin(self.settings.speed)
@@ -262,14 +280,43 @@ class StagedLoading:
 
     def _part_led(self):
         """How far the leading part of the stage has come, from 0 to 1."""
-        until = self.program[self.index].until
         parts = [self._s] if any(task in (STRESS, STRAIN) for task, _ in self._do) else []
-        if until is not None and self._loads is not None:
-            now = self._values(self._axis_stress(self._loads[0]))
-            for name, value in until.given.items():
-                way = value - self._values0[name]
-                parts.append((now[name] - self._values0[name]) / way if way else 1.0)
+        parts += self._parts_of_until()
         return min(max(max(parts, default=0.0), 0.0), 1.0)
+
+    def _given(self):
+        """The values of `until` of this stage, by name."""
+        until = self.program[self.index].until
+        return {} if until is None else until.given
+
+    def _parts_of_until(self):
+        """How far each value of `until` has come; 1 where it is passed."""
+        if not self._given() or self._loads is None:
+            return []
+        now, before = self._values(self._mean_stress()), self._values0
+        ways = {name: value - before[name] for name, value in self._given().items()}
+        return [(now[n] - before[n]) / way if way else 1.0 for n, way in ways.items()]
+
+    def _come(self, lengths, t):
+        """Add to the ways of this stage what has been done since, each of which only grows."""
+        most = self.settings.largest_strain
+        shares = [
+            abs(1.0 - lengths[a] / self._length0[a]) / most
+            for a, (task, _) in enumerate(self._do)
+            if task in (HOLD, STRESS, SPEED)
+        ]
+        until = t if self._led_until is None else self._led_until
+        # As many rows in a time of waiting as in the same time before it.
+        wait = max(self.program[self.index].hold, SETTLED * self.servo.travel_time)
+        whole = max(until - self._begun, wait, self._ramp_time())
+        now = [self._s, max(shares, default=0.0), (t - until) / whole if whole > 0.0 else 0.0]
+        now += self._parts_of_until()
+        self._ways = [float(max(a, b)) for a, b in zip(self._ways, now, strict=True)]
+
+    def _is_led(self):
+        """Whether walls are on the way to what the stage is to reach, or go at a speed."""
+        on_line = self._s < 1.0 and any(task in (STRESS, STRAIN) for task, _ in self._do)
+        return on_line or any(task == SPEED and axis.speed for task, axis in self._do)
 
     def _is_over(self):
         """Whether the present stage is over in the present state. Collective."""
@@ -287,6 +334,7 @@ class StagedLoading:
         self.servo.sample(stress, lengths)
         self._check_lengths(stress, lengths)
         self._average(self._wall_stress(forces), t)
+        self._come(lengths, t)
         near = True
         for a, (task, axis) in enumerate(self._do):
             if task in (HOLD, STRESS):
@@ -297,6 +345,8 @@ class StagedLoading:
                 near &= bool(abs(lengths[a] - self._length1(a)) <= EXACT * lengths[a])
         near &= self._s == 1.0 or not any(task in (STRESS, STRAIN) for task, _ in self._do)
         self._settled = (t if self._settled is None else self._settled) if near else None
+        if self._led_until is None and not self._is_led():
+            self._led_until = t
         if self._hold_from is not None:
             return
         stage = self.program[self.index]
@@ -308,7 +358,12 @@ class StagedLoading:
             wait = SETTLED * self.servo.travel_time if servo else 0.0
             if t - self._settled >= wait:
                 self._hold_from = t
-        if stage.until is not None and self._has_passed(stage.until, self._values(stress)):
+        if self._brake_from is None and any(part >= 1.0 for part in self._parts_of_until()):
+            self._brake_from = t
+            if self._led_until is None:
+                self._led_until = t
+        braked = self._ramp_time() if self._is_led() else 0.0
+        if self._brake_from is not None and t - self._brake_from >= braked:
             self._hold_from = t
 
     def _average(self, stress, t):
@@ -333,13 +388,6 @@ class StagedLoading:
                     f"a stress of {stress[a]:.3g} Pa there (loading.largest_strain = {limit:g}): "
                     f"{what}"
                 )
-
-    def _has_passed(self, until, now):
-        before = self._values0
-        return any(
-            (now[name] - value) * (before[name] - value) <= 0.0
-            for name, value in until.given.items()
-        )
 
     def _values(self, stress):
         """All that `until` can name."""
@@ -366,6 +414,11 @@ class StagedLoading:
         lengths = self.lengths
         area = np.prod(lengths) / lengths
         return 0.5 * (np.asarray(forces)[0::2] + np.asarray(forces)[1::2]) / area
+
+    def _mean_stress(self):
+        """That, as the mean over the time that a wave travels [Pa], shape (3,)."""
+        mean = np.asarray(self._mean)
+        return 0.5 * (mean[0::2] + mean[1::2])
 
     def _wall_stress(self, forces):
         """Stress of each wall [Pa], shape (6,)."""
@@ -431,11 +484,18 @@ class StagedLoading:
         return self.settings.speed if axis.speed is None else axis.speed
 
     def _ramp(self):
-        """Part of the speed that the ramp at the start of a stage lets through."""
-        time = self.settings.ramp * min(self._length0) / self.settings.speed
+        """Part of the speed that the ramps, at the start of a stage and at its end, let through."""
+        time = self._ramp_time()
         # The middle of the coming step: the first one moves.
-        t = self.simulation.state.t - self._begun + 0.5 * self.simulation.dt
-        return smooth_step(t / time) if time > 0.0 else 1.0
+        now = self.simulation.state.t + 0.5 * self.simulation.dt
+        if time == 0.0:
+            return 1.0
+        brake = 0.0 if self._brake_from is None else smooth_step((now - self._brake_from) / time)
+        return smooth_step((now - self._begun) / time) * (1.0 - brake)
+
+    def _ramp_time(self):
+        """In which walls get from rest to their speed, and back [s]."""
+        return self.settings.ramp * min(self._length0) / self.settings.speed
 
     def _control_factor(self):
         """Speed that keeps the test quasi-static over the one that is stated."""
