@@ -30,14 +30,16 @@ from mufe_fenicsx.planning.cost import (
     TET_MEMORY,
     WHILE_SEATING,
     Benchmark,
-    mean_speed,
+    loading_time,
     predict,
 )
+from mufe_fenicsx.planning.course import course_of, elastic_wave_speed
 from mufe_fenicsx.planning.errors import GRAINS, falling, of_loading, sample_errors, time_for
 from mufe_fenicsx.planning.run import planned_scene
 from mufe_fenicsx.planning.sample import Sample
 from mufe_fenicsx.run import run_scene
 from mufe_fenicsx.scene import Contact, MassScaling, Oedometer, Output, Scene, Solver, load_scene
+from mufe_fenicsx.scene.stages import Axis, Loading, Stage, Until
 from mufe_fenicsx.verification.build import build
 from mufe_fenicsx.verification.cases import run_cases
 from tests.bodies import RADIUS, packed_grains
@@ -251,14 +253,61 @@ def test_cost_by_hand():
 def test_a_stated_speed_is_reached_from_that_of_the_seating():
     """Without a ramp it is itself; over a ramp as long as the test the time is that of a march."""
     whole = Scene(J2_ROCK, Contact(0.23), Oedometer(0.01, 1.0, ramp=0.0, seating_speed=5.0))
-    assert mean_speed(whole, 1e-3) == 1.0
+    assert loading_time(whole, 1e-3) == pytest.approx(1e-5, rel=1e-12)
     ramp = replace(whole, oedometer=replace(whole.oedometer, ramp=0.01))
     strain, time, dt = 0.0, 0.0, 1e-9
     while strain < 0.01:
         s = strain / 0.01
         strain += (5.0 - 4.0 * s**3 * (10 - 15 * s + 6 * s**2)) * dt / 1e-3
         time += dt
-    assert mean_speed(ramp, 1e-3) == pytest.approx(1e-5 / time, rel=1e-3)
+    assert loading_time(ramp, 1e-3) == pytest.approx(time, rel=1e-3)
+
+
+def staged(**last):
+    """Seating, 5 MPa on all sides, then shear."""
+    stages = (
+        Stage(zero=True, xyz=Axis(stress=5e5, speed=3.0)),
+        Stage("isotropic", xyz=Axis(stress=5e6), hold=5e-6),
+        Stage("shear", **({"z": Axis(strain=0.03)} | last)),
+    )
+    return Scene(J2_ROCK, Contact(0.23), loading=Loading(speed=0.5, ramp=0.001), stages=stages)
+
+
+def test_the_course_of_a_test_by_stages():
+    """A linear sample: M = 0.6 ρ (0.08 c)². Stages that reach a stress count as stiff as balls."""
+    found, c = course_of(staged()), 0.08 * J2_ROCK.wave_speed
+    M = 0.6 * 2650 * c**2
+    assert (found.key, found.seating_stress, found.seating_speed) == ("loading.speed", 5e5, 3.0)
+    isotropic, shear = found.parts
+    assert isotropic.way == pytest.approx(4.5e6 / M) and isotropic.waits == 5e-6
+    # Strains begin at zero after the seating: the shear goes on from that of the isotropic part.
+    assert shear.way == pytest.approx(0.03 - isotropic.way)
+    assert shear.level == pytest.approx(5e6 / M + shear.way)
+    stiff = elastic_wave_speed(J2_ROCK, 5e6)
+    assert isotropic.level == pytest.approx(5e6 / (0.6 * 2650 * c * stiff), rel=1e-12)
+    assert 1000 < stiff < 2000  # where sound in dense sand of hard grains is at 5 MPa
+    for until, wanted in ((Until(strain_z=0.02), 0.02), (Until(deviator=3e6), 8e6 / M - 0.5e6 / M),
+                          (Until(mean_stress=6e6), 8e6 / M - 0.5e6 / M)):  # fmt: skip
+        part = course_of(staged(z=Axis(speed=0.3), until=until)).parts[1]
+        assert part.way == pytest.approx(wanted - isotropic.way) and part.stated == 0.3
+    rest = course_of(staged(z=None, hold=3e-6)).parts[1]
+    assert rest.way == 0.0 and rest.waits == 3e-6 and rest.level == math.inf
+
+
+def test_a_plan_of_a_test_by_stages_sets_its_speed_and_judges_stated_ones(table):
+    plan = plan_scene(staged(), sample(0.5), 0.12, table)
+    time = time_for(plan.parts["loading"])
+    level = min(part.level for part in course_of(staged()).parts)
+    speed = plan.settings["loading.speed"]
+    assert speed == pytest.approx(level * 0.08 * J2_ROCK.wave_speed / time, rel=5e-3)
+    followed = follow(staged(), plan)
+    assert followed.loading.speed == speed and followed.output.fields == 5
+    way, H = sum(part.way for part in course_of(staged()).parts), 1e-3
+    # Ramps of three stages' ends, the hold, and the time that stresses settle in.
+    least = way * H / speed + 5e-6
+    assert least < loading_time(followed, H) < least + 4 * 0.001 * H / speed + 8 * H / 500
+    with pytest.raises(InputError, match=r'stage "shear": speed = 80 m/s, expected at most .* or'):
+        plan_scene(staged(z=Axis(strain=0.03, speed=80.0)), sample(0.5), 0.12, table)
 
 
 def test_a_chain_of_cubes_closes_by_the_sum_of_its_gaps():

@@ -9,7 +9,7 @@ from ..materials.auto import Auto
 from ..materials.elastic import Elastic
 from ..materials.rigid import Rigid
 from ..scene import Contact, MassScaling, Output
-from .cost import packing_wave_speed
+from .course import course_of, wave_speed
 from .errors import (
     FASTEST,
     best_law,
@@ -19,7 +19,7 @@ from .errors import (
     sample_errors,
     time_for,
 )
-from .reasons import driver, out_of_reach, too_simple, unknown
+from .reasons import driver, out_of_reach, stage_too_fast, too_simple, unknown
 
 #: What the table calls a law of contact, by what a scene says.
 LAWS = {"matched": {"law": "matched"}, "kinematic": {"law": "kinematic"},
@@ -90,6 +90,11 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
     plans = list(_plans(scene, sample, errors, accuracy - fixed, keep_mesh))
     if not plans:
         raise InputError(out_of_reach(scene, accuracy, fixed, errors, sample, keep_mesh))
+    # What a stage states itself is kept, and has to do.
+    slow = [plan for plan in plans if not course_of(scene).too_fast(wave_speed(scene), plan.time)]
+    if not slow:
+        raise InputError(stage_too_fast(scene, accuracy, min(plan.time for plan in plans)))
+    plans = slow
     best = min(plans, key=lambda plan: plan.cost)
     as_they_are = [plan for plan in plans if plan.size == sample.size]
     if as_they_are:
@@ -184,7 +189,8 @@ class _Choice:
 
 def _plans(scene, sample, errors, left, keep_mesh):
     """Every :class:`_Choice` whose parts keep within ``left``."""
-    wave, radius = packing_wave_speed(scene), contact_radius(scene.material)
+    wave, radius = wave_speed(scene), contact_radius(scene.material)
+    course = course_of(scene)
     here = radius * sample.diameter / sample.size
     for mass, (of_mass, gain) in _masses(scene, errors).items():
         rest = left - of_mass
@@ -206,7 +212,7 @@ def _plans(scene, sample, errors, left, keep_mesh):
             if of_mesh + inertia > rest * (1 + 1e-9):
                 continue
             parts = {"mesh": of_mesh, "loading": inertia, "mass": of_mass}
-            speed = scene.oedometer.strain * wave / time
+            speed = course.level * wave / time
             cost = tets / size * time / gain
             yield _Choice(cost, parts, n, size, inner, tets, time, speed, mass)
 
@@ -214,13 +220,15 @@ def _plans(scene, sample, errors, left, keep_mesh):
 def _settings(scene, law, speed, mass):
     """What the plan changes: {"table.key": value}."""
     wanted = {f"contact.{key}": value for key, value in LAWS[law].items()}
+    course = course_of(scene)
     if scene.quasi_static is None:
-        wanted["oedometer.speed"] = float(f"{speed:.3g}")
+        wanted[course.key] = float(f"{speed:.3g}")
     if mass and scene.mass_scaling is None:
         wanted["mass_scaling.added"] = mass
     default = Output()
     if scene.output.fields == default.fields:
-        wanted["output.fields"] = min(max(round(scene.oedometer.strain / STATE_STRAIN) + 1, 5), 51)
+        least = 5 if scene.loading is None else 2 * len(course.parts) + 1
+        wanted["output.fields"] = min(max(round(course.strain / STATE_STRAIN) + 1, least), 51)
     return {key: value for key, value in wanted.items() if _value(scene, key) != value}
 
 

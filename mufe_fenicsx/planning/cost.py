@@ -21,8 +21,9 @@ from ..loading import LARGEST_SEATING, smooth_step
 from ..memory import peak_memory
 from ..preparation import bounding_box, load_mesh, make_simulation
 from ..speed_control import AIM
+from ..staged_loading import SETTLED
 from .contacts import Closing
-from .errors import PACKING
+from .course import course_of, wave_speed
 
 #: Pairs nearer than this part of an edge count as closed for the stable step under load. With the
 #: mass that is added for them, steps of sand of 63 to 612 grains are 0.97 to 1.04 of the actual
@@ -110,13 +111,14 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
     s = make_simulation(scene, mesh, low, high)
     setup = comm.allreduce(clock() - start, op=MPI.MAX)
     closing, height = Closing(s, low, high), float(high[2] - low[2])  # before the platen moves
-    travel = closing.travel(scene.oedometer.seating_speed, flow_pressure(scene.material)) / height
+    course = course_of(scene)
+    travel = closing.travel(course.seating_speed, flow_pressure(scene.material)) / height
     travel = travel if math.isfinite(travel) else NO_CHAIN
     # From then on the sample carries what waves of its stiffness carry, M = ρ c².
     density = comm.allreduce(float(s.solid.mass.sum())) / float(np.prod(high - low))
-    travel += scene.oedometer.seating_stress / (density * packing_wave_speed(scene) ** 2)
+    travel += course.seating_stress / (density * wave_speed(scene) ** 2)
     top = s.walls.names.index("z_max")
-    s.walls.velocity[top, 2] = -scene.oedometer.seating_speed
+    s.walls.velocity[top, 2] = -course.seating_speed
     blocks = []
     while sum(blocks) < seconds or len(blocks) < 4:
         comm.Barrier()
@@ -147,7 +149,7 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
         step_s=quantiles(blocks[1:], n=4, method="inclusive")[0] / BLOCK
         + estimate / s.refresh.steps,
         due=due,
-        closing=tuple(closing.num_points(0.5 * scene.oedometer.strain)),
+        closing=tuple(closing.num_points(0.5 * course.strain)),
         travel=travel,
         row_s=row,
         time_step=dt,
@@ -183,14 +185,13 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
         finer: Tetrahedra over those of the grains that were measured.
         shorter: Length of edges over theirs: time steps go with it.
     """
-    o, out, b = scene.oedometer, scene.output, measured
+    course, out, b = course_of(scene), scene.output, measured
     first, loaded = (shorter * dt for dt in (b.time_step, b.loaded_step))
     # A ramp of speed that rises smoothly from rest covers half of the way in its time.
-    seating = (b.travel + 0.5 * o.ramp) * b.height / o.seating_speed
-    seating = min(seating, LARGEST_SEATING * b.height / o.seating_speed)
-    speed = mean_speed(scene, b.height)
-    loading = o.strain * b.height / speed
-    late = max(0.0, 1 - LATE / o.strain)
+    seating = (b.travel + 0.5 * course.ramp) * b.height / course.seating_speed
+    seating = min(seating, LARGEST_SEATING * b.height / course.seating_speed)
+    loading = loading_time(scene, b.height)
+    late = max(0.0, 1 - LATE / course.strain)
     steps = seating / min(first, 1.1 * loaded), loading / loaded * (1 - late + late / SHORTER)
     num_cells, num_nodes = finer * b.num_cells, finer * b.num_nodes
     step_s = finer * b.step_s
@@ -204,7 +205,7 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
     )
     checkpoints = 1 + (stepping / out.checkpoint if out.checkpoint else 0)
     written = state * (out.fields + CHECKPOINT * checkpoints)
-    rows = out.history * (1 + b.travel / o.strain)
+    rows = out.history * (1 + b.travel / course.strain)
     output = rows * finer * b.row_s + written / WRITING + STATE_S * (out.fields + checkpoints)
     setup = finer * b.setup_s
     memory = MORE_MEMORY * b.memory + TET_MEMORY * (num_cells - b.num_cells)
@@ -230,40 +231,56 @@ def flow_pressure(material):
     return math.inf if stress is None else PLATEAU * stress[0][1]
 
 
-def mean_speed(scene, height):
-    """Speed of the platen while loading [m/s], the strain over the time.
+def loading_time(scene, height):
+    """Time of loading [s], after the sample is seated.
 
-    A stated one is reached smoothly from that of the seating, over the ramp. One that adapts
-    ([quasi_static]) follows kinetic over internal energy of a linear sample, k = (v/(c ε))²/3, c
-    the speed of waves through it, at its target and within its limits (speed_control). It begins
-    with that of the seating, and changes by no more than v in the time T = H/c of a wave, nor by
-    more than makes half of the force difference that is allowed:
-    d H ε/T².
+    The platen of an oedometer gets smoothly from the speed of the seating to its own, over the
+    ramp. In a test by stages each stage begins at rest; towards a strain its speed falls with
+    the root of what is left, over the ramp, which takes twice as long; and each waits for its
+    stresses, and its hold.
 
     Args:
         scene: :class:`~mufe_fenicsx.scene.Scene`.
         height: Of the sample, H [m].
     """
-    o, wanted = scene.oedometer, scene.quasi_static
-    if wanted is None:
+    o, course = scene.oedometer, course_of(scene)
+    if scene.quasi_static is not None and o is not None:
+        return _adapted_time(scene, height, 0.0, o.strain, o.seating_speed)
+    if o is not None:
         parts = (np.arange(200) + 0.5) / 200
         slowness = [1 / (o.seating_speed + (o.speed - o.seating_speed) * smooth_step(s))
                     for s in parts]  # fmt: skip
-        return o.strain / (o.ramp * float(np.mean(slowness)) + (o.strain - o.ramp) / o.speed)
-    c = packing_wave_speed(scene)
+        return height * (o.ramp * float(np.mean(slowness)) + (o.strain - o.ramp) / o.speed)
+    found, wait = 0.0, SETTLED * height / wave_speed(scene)
+    for part in course.parts:
+        if part.way > 0.0 and scene.quasi_static is not None and part.stated is None:
+            begin = max(part.level - part.way, 0.0)
+            found += _adapted_time(scene, height, begin, begin + part.way, course.speed)
+        elif part.way > 0.0:
+            ramps = (1.5 if part.slows else 0.5) * course.ramp
+            found += (part.way + ramps) * height / (part.stated or course.speed)
+        found += part.waits + wait
+    return found
+
+
+def _adapted_time(scene, height, begin, end, speed):
+    """Time from one strain to another [s] at a speed that adapts ([quasi_static]).
+
+    It follows kinetic over internal energy of a linear sample, k = (v/(c ε))²/3, c
+    the speed of waves through it, at its target and within its limits (speed_control). It begins
+    with ``speed``, and changes by no more than v in the time T = H/c of a wave, nor by
+    more than makes half of the force difference that is allowed:
+    d H ε/T².
+    """
+    wanted, c = scene.quasi_static, wave_speed(scene)
     step = height / c / 50  # of time
     k, d = min(wanted.kinetic, wanted.unbalanced / 1.5), wanted.unbalanced
-    strain, steps, v = 0.0, 0, o.seating_speed
-    while strain < o.strain:
+    strain, steps, v = begin, 0, speed
+    while strain < end:
         loaded = max(strain, wanted.loaded)
         aim = min(max(AIM * loaded * c * math.sqrt(3 * k), wanted.slowest), wanted.fastest)
         most = step * min(v * c, d * loaded * c**2) / height
         v += min(max(aim - v, -most), most)
         strain += v * step / height
         steps += 1
-    return o.strain * height / (steps * step)
-
-
-def packing_wave_speed(scene):
-    """Speed of waves through the loaded sample [m/s], a guess from that of its rock."""
-    return PACKING * scene.material.wave_speed
+    return steps * step

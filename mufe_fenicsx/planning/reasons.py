@@ -4,7 +4,8 @@ import math
 from dataclasses import replace
 
 from ..scene import Solver
-from .cost import LATE, SHORTER, packing_wave_speed
+from .cost import LATE, SHORTER
+from .course import course_of, wave_speed
 from .errors import BEYOND, contact_radius, time_for
 
 
@@ -28,6 +29,16 @@ def too_simple(accuracy, fixed, fidelity):
     return (
         f"accuracy = {accuracy:g}, expected more than {fixed:.2g} with {models}: "
         'material.model = "j2" would do'
+    )
+
+
+def stage_too_fast(scene, accuracy, time):
+    """Which stage states a speed that no plan can keep an accuracy with."""
+    course, wave = course_of(scene), wave_speed(scene)
+    part = course.too_fast(wave, time)
+    return (
+        f'stage "{part.name}": speed = {part.stated:g} m/s, expected at most '
+        f"{part.level * wave / time:.2g} m/s, or none, with accuracy = {accuracy:g}"
     )
 
 
@@ -63,7 +74,7 @@ def unknown(scene, errors, best):
         "how far the platen travels until the sample is seated: until a chain of grains that "
         "neither turn nor slip makes the bottom feel it",
         "how fast waves travel through the loaded sample, which depends on its density: "
-        f"{packing_wave_speed(scene):.0f} m/s are assumed; top against bottom force in the report "
+        f"{wave_speed(scene):.0f} m/s are assumed; top against bottom force in the report "
         "tell how slow the loading was",
         "what other programs do to this machine meanwhile",
     ]
@@ -72,7 +83,13 @@ def unknown(scene, errors, best):
             "errors of so fine a mesh: beyond the finest one measured they are taken to fall with "
             "the length of edges"
         )
-    if scene.oedometer.strain > LATE:
+    course = course_of(scene)
+    if scene.loading is not None:
+        known.append(
+            "strains that stresses make, and stresses that strains make: those of a linear sample "
+            f"in which waves travel at {wave_speed(scene):.0f} m/s"
+        )
+    if course.strain > LATE:
         known.append(
             f"how much new contacts shorten the time step beyond a strain of {LATE:g}: to "
             f"{SHORTER:g} of it is assumed"

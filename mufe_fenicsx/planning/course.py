@@ -1,0 +1,172 @@
+"""How far, how high and how long a test loads its sample, as far as that is known beforehand.
+
+Of a test by stages strains that stresses make, and stresses that strains make, follow from a linear
+sample of the stiffness M = ρ c² along each axis, c a guess of the speed of waves through it and ρ
+the density of its rock times ``SOLID``.
+
+Inertia adds the stress ρ c v at the speed v. At a strain ε it is the part v/(c ε) of that which the
+strain has made. At a stress it is the larger the stiffer the sample is: there c is that of
+elastic balls in contact, the stiffest that grains are. All parts are judged at their ends.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import PACKING
+
+#: Solids of a packing over its volume; contacts of a ball in it.
+SOLID, COORDINATION = 0.6, 6.0
+
+
+@dataclass(frozen=True)
+class Part:
+    """A stage of loading after the sample is seated."""
+
+    name: str
+    way: float  #: largest change of strain along an axis
+    level: float  #: strain at which inertia is the same part of the stress as at its end
+    stated: float | None  #: speed that the stage states itself [m/s]
+    waits: float  #: time that does not depend on speeds [s]
+    slows: bool  #: whether it comes to rest at a strain
+
+
+@dataclass(frozen=True)
+class Course:
+    """The test of a scene as a plan needs it."""
+
+    key: str  #: of the speed of loading in the scene: "table.key"
+    speed: float  #: that speed [m/s]
+    ramp: float  #: strain over which it is reached
+    strain: float  #: largest strain
+    seating_stress: float  #: [Pa]
+    seating_speed: float  #: [m/s]
+    parts: tuple  #: of :class:`Part`
+
+    @property
+    def level(self):
+        """Least load at the end of a part, as a strain: inertia is the most of it there."""
+        return min(part.level for part in self.parts)
+
+    def too_fast(self, wave, time):
+        """The first part whose stated speed leaves less time than that, or None.
+
+        Args:
+            wave: Speed of waves [m/s].
+            time: Of loading over that of a wave.
+        """
+        return next((p for p in self.parts if p.stated and p.level * wave < p.stated * time), None)
+
+
+def wave_speed(scene):
+    """Speed of waves through the loaded sample [m/s], a guess from that of its rock."""
+    return PACKING * scene.material.wave_speed
+
+
+def elastic_wave_speed(material, stress):
+    """Speed of waves through a random packing of elastic balls under a mean stress [m/s].
+
+        K = (1/6) (3 (1 - φ)² n² p Ec²/π²)^(1/3),  G = 3/5 K (5 + r)/(2 + r),  r = ν/(1 - ν),
+
+    balls so rough that they do not slip, n contacts each, 1 - φ = ``SOLID``, Ec = E/(1 - ν²).
+
+    Args:
+        material: Of the balls.
+        stress: p [Pa].
+
+    Source: K. Walton, Journal of the Mechanics and Physics of Solids 35, 1987, 213-226.
+    """
+    square = (SOLID * COORDINATION * material.contact_modulus / math.pi) ** 2
+    K = (3.0 * square * stress) ** (1 / 3) / 6.0
+    r = material.nu / (1.0 - material.nu)
+    G = 0.6 * K * (5.0 + r) / (2.0 + r)
+    return math.sqrt((K + 4.0 / 3.0 * G) / (SOLID * material.rho))
+
+
+def course_of(scene):
+    """The :class:`Course` of a scene."""
+    o, loading = scene.oedometer, scene.loading
+    if o is not None:
+        part = Part("loading", o.strain, o.strain, None, 0.0, False)
+        return Course("oedometer.speed", o.speed, o.ramp, o.strain, o.seating_stress,
+                      o.seating_speed, (part,))  # fmt: skip
+    modulus = SOLID * scene.material.rho * wave_speed(scene) ** 2
+    zeros = [number for number, stage in enumerate(scene.stages) if stage.zero]
+    seated = max(zeros, default=-1)
+    stress, strain, parts, furthest = np.zeros(3), np.zeros(3), [], 0.0
+    seating_stress, seating_speed = 0.0, _speed(scene.stages[0]) or loading.speed
+    for number, stage in enumerate(scene.stages):
+        new_stress, new_strain = _after(stage, stress, strain, modulus)
+        way = float(np.abs(new_strain - strain).max())
+        stress, strain = new_stress, new_strain
+        if number <= seated:
+            seating_stress, seating_speed = float(stress.max()), _speed(stage) or loading.speed
+            strain = np.zeros(3) if number == seated else strain
+            continue
+        until = None if stage.until is None else stage.until.time
+        largest = float(stress.max())
+        level = largest / modulus
+        if largest > 0.0 and _is_led_by_stress(stage):
+            density, wave = SOLID * scene.material.rho, wave_speed(scene)
+            level = largest / (density * wave * elastic_wave_speed(scene.material, largest))
+        furthest = max(furthest, float(np.abs(strain).max()))
+        slows = any(axis.strain is not None for axis in stage.axes.values())
+        moves = way > 0.0
+        parts.append(
+            Part(stage.name, way, level if moves else math.inf, _speed(stage) if moves else None,
+                 stage.hold + (until or 0.0) * (not moves), slows)
+        )  # fmt: skip
+    loaded = [part for part in parts if part.way > 0.0]
+    if not loaded:  # seating is all that there is
+        level = max(seating_stress / modulus, 1e-6)
+        parts = [Part(scene.stages[-1].name, level, level, None, 0.0, False)]
+        furthest = level
+    return Course("loading.speed", loading.speed, loading.ramp, furthest or 1e-6, seating_stress,
+                  seating_speed, tuple(parts))  # fmt: skip
+
+
+def _is_led_by_stress(stage):
+    """Whether a stage ends at a stress."""
+    values = {} if stage.until is None else stage.until.given
+    by_stress = any("stress" in name or name == "deviator" for name in values)
+    return by_stress or any(axis.stress is not None for axis in stage.axes.values())
+
+
+def _speed(stage):
+    """The slowest speed that a stage states for what it moves [m/s]; None: it states none."""
+    stated = [abs(axis.speed) for axis in stage.axes.values() if axis.speed]
+    return min(stated, default=None)
+
+
+def _after(stage, stress, strain, modulus):
+    """Stresses [Pa] and strains along x, y, z after a stage, from those before."""
+    change = np.zeros(3)  # of strain
+    for a, name in enumerate("xyz"):
+        axis = stage.axes.get(name)
+        if axis is None:
+            continue
+        if axis.stress is not None:
+            change[a] = (axis.stress - stress[a]) / modulus
+            continue
+        ways = [] if axis.strain is None else [axis.strain - strain[a]]
+        ways += _ways_until(stage, name, stress, strain, modulus)
+        change[a] = min(ways, key=abs, default=0.0)
+    return np.maximum(stress + modulus * change, 0.0), strain + change
+
+
+def _ways_until(stage, name, stress, strain, modulus):
+    """Changes of strain along an axis at which values of `until` are passed, other axes held."""
+    a, given = "xyz".index(name), {} if stage.until is None else stage.until.given
+    side = float(np.delete(stress, a).mean())
+    ends = {
+        f"stress_{name}": lambda value: value,
+        "deviator": lambda value: side + value,
+        "mean_stress": lambda value: 3.0 * value - 2.0 * side,
+    }
+    ways = [(end(given[key]) - stress[a]) / modulus for key, end in ends.items() if key in given]
+    if f"strain_{name}" in given:
+        ways.append(given[f"strain_{name}"] - strain[a])
+    if "strain_volume" in given:
+        ways.append(given["strain_volume"] - float(strain.sum()))
+    return ways
