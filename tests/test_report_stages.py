@@ -6,7 +6,7 @@ import pytest
 
 from mufe_fenicsx.analysis import macro, rows
 from mufe_fenicsx.output import fields, history
-from mufe_fenicsx.report import curves, style, summary
+from mufe_fenicsx.report import curves, style, summary, write_report
 from mufe_fenicsx.report.source import Source
 from mufe_fenicsx.staged_loading import COLUMNS
 from tests.made_up_run import ball, fake_history
@@ -108,6 +108,25 @@ def test_the_page_has_volumes_between_the_walls_of_that_time(tmp_path):
     assert found["Void ratio, start → end"] == f"{ratio.iloc[0]:.3f} → {ratio.iloc[-1]:.3f}"
     assert ratio.iloc[-1] > 1.3 * ratio.iloc[0]
     assert "Cross-section at the start" in dict(summary.run_rows({"area": area}))
+
+
+def test_deviator_mean_stress_and_volume_of_known_stresses(tmp_path):
+    """x = 2, y = 3, z = 7 and then 1 MPa: q = √21 and -√3 MPa, p = 4 and 2 MPa; sides give way."""
+    h = staged_history((0.0, 0.02, 0.03, 0.05))
+    num = len(h["step"])
+    late = np.arange(num) >= num // 2
+    h |= {"stress_x": np.full(num, 2e6), "stress_y": np.full(num, 3e6)}
+    h |= {"stress_z": np.where(late, 1e6, 7e6), "strain_x": np.full(num, -0.01)}
+    h |= {"strain_y": np.zeros(num), "strain_z": h["strain"]}
+    found = macro.triaxial_curves(h)
+    assert found["q"][[0, -1]] == pytest.approx([np.sqrt(21) * 1e6, -np.sqrt(3) * 1e6], rel=1e-12)
+    assert found["p"][[0, -1]] == pytest.approx([4e6, 2e6], rel=1e-12)
+    assert found["strain_volume"][-1] == pytest.approx(1 - 1.01 * 0.95, rel=1e-12)
+    write_staged_run(tmp_path, h, [0, 0, 0])
+    result = write_report(tmp_path, tmp_path / "out", only=["triaxial", "stress-strain"])
+    assert len(result["figures"]) == 2
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Constrained modulus" not in page and "constrained modulus" not in page
 
 
 def test_a_test_in_extension(tmp_path):

@@ -130,6 +130,27 @@ def oedometer_curves(history, lengths, solid_volume, width=0.01):
     }
 
 
+def triaxial_curves(history):
+    """Invariants of a test by stages, a value a row.
+
+    Args:
+        history: dict column -> array.
+
+    Returns:
+        dict of arrays, shape (num_rows,): ``p`` the mean stress, ``q`` the deviator with the sign
+        of σz less the mean of σx and σy [Pa], ``strain_volume``, loss of volume over that at
+        strain 0.
+    """
+    x, y, z = (np.asarray(history[f"stress_{axis}"], dtype=float) for axis in "xyz")
+    q = np.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2))
+    lengths = [1.0 - np.asarray(history[f"strain_{axis}"], dtype=float) for axis in "xyz"]
+    return {
+        "p": (x + y + z) / 3.0,
+        "q": np.where(z < 0.5 * (x + y), -q, q),
+        "strain_volume": 1.0 - np.prod(lengths, axis=0),
+    }
+
+
 def moduli(strain, stress, width):
     """Constrained modulus at each row: the slope of the line fitted around it [Pa].
 

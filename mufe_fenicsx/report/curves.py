@@ -140,8 +140,9 @@ def _arrow(axis, x, y, width, height, colour):
 
 def _about_branches(source):
     """Words about the stages of a test that turns back."""
+    by_stages = "strain_x" in source.history
     if not source.turns_back:
-        return " The slope is the constrained modulus."
+        return "" if by_stages else " The slope is the constrained modulus."
     kinds = [(part.stage, part.kind) for part in branches(source.history)]
     stages = ", ".join(f"{stage} ({kind})" for stage, kind in kinds)
     return f" Arrows show the course of the test; its stages: {stages}."
@@ -372,8 +373,8 @@ def draw_compression(source):
                 "strain [-]": curves["strain"],
                 "vertical stress [Pa]": curves["stress"],
                 "void ratio [-]": curves["void_ratio"],
-                "constrained modulus [Pa]": curves["modulus"],
-                "K0 [-]": curves["K0"],
+                f"{'constrained modulus' if oedometer else 'slope'} [Pa]": curves["modulus"],
+                "K0 [-]" if oedometer else "horizontal over vertical stress [-]": curves["K0"],
             }
         },
         "wide",

@@ -19,6 +19,7 @@ from mufe_fenicsx.report import (
     motion,
     network,
     style,
+    triaxial,
     views,
     yielding,
 )
@@ -32,6 +33,7 @@ FIGURES = (
     ("stress-strain", "stress against strain", curves.draw_stress_strain),
     ("forces", "forces on the walls", curves.draw_forces),
     ("compression", "compression", curves.draw_compression),
+    (triaxial.NAME, "deviator, mean stress and volume", triaxial.draw_triaxial),
     ("energies", "energy balance", curves.draw_energies),
     ("dissipation", "dissipation", curves.draw_dissipation),
     ("energies-of-a-grain", "energies of a grain", grains.draw_energies),
@@ -64,7 +66,7 @@ GROUPS = (
     ("stress-3d", "stress-cut", "chosen-grains", animation.NAME),
     ("force-chains", "fabric-rose", "force-distribution", "active-contacts", "contact-age"),
     ("mesh-quality", TABLES),
-    ("stress-strain", "forces", "compression"),
+    ("stress-strain", "forces", "compression", triaxial.NAME),
     ("energies", "dissipation", "quasi-static"),
 )
 #: Figures that show bodies in space.

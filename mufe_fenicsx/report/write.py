@@ -11,7 +11,7 @@ from mufe_fenicsx.analysis.probes import find_cells
 from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.run_folder import reason
-from mufe_fenicsx.report import compare, style
+from mufe_fenicsx.report import compare, style, triaxial
 from mufe_fenicsx.report.checks import begin_of_good, check_run, where, worst_of
 from mufe_fenicsx.report.figure import remove_listed, save, write_index
 from mufe_fenicsx.report.page import write_page
@@ -57,7 +57,7 @@ def write_report(runs, output=None, grains=None, points=None, only=None, skip=No
     folders = [Path(runs)] if isinstance(runs, str | Path) else [Path(run) for run in runs]
     if len(folders) == 1:
         wanted = _wanted(only, skip)
-        report = _RunReport(folders[0], output, grains, points, wanted, processes)
+        report = _RunReport(folders[0], output, grains, points, wanted, only, processes)
     else:
         if grains or points or only or skip:
             raise InputError("grains, points or figures chosen for several runs, expected one run")
@@ -139,8 +139,11 @@ class _Report:
 class _RunReport(_Report):
     """The report of one run."""
 
-    def __init__(self, folder, output, grains, points, wanted, processes):
+    def __init__(self, folder, output, grains, points, wanted, only, processes):
         self.source = Source(folder, grains, points)
+        history = self.source.get("history")
+        if history is None or "strain_x" not in history:  # unless asked for, not said to lack
+            wanted = [name for name in wanted if name != triaxial.NAME or name in (only or ())]
         super().__init__(folder if output is None else output)
         self.folder, self.wanted, self.processes = folder, wanted, processes
         self.missing += missing_of(self.source)
