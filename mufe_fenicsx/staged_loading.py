@@ -237,7 +237,7 @@ class StagedLoading:
         self._brake_from = self._led_until = None
         self._ways = [0.0] * (NUM_WAYS + len(self._given()))
         self._updated = -1
-        if self.control is not None:
+        if self._is_controlled():
             self.control.begin(self.settings.speed)
             self.control.acceleration = 0.0
             self.control.platens = self._leading_walls()
@@ -478,7 +478,7 @@ class StagedLoading:
 
     def _fastest(self):
         """The speed of the test, or that which keeps it quasi-static where this is larger."""
-        return max(self.settings.speed, self.control.speed if self.control else 0.0)
+        return max(self.settings.speed, self.control.speed if self._is_controlled() else 0.0)
 
     def _most(self, axis):
         return self.settings.speed if axis.speed is None else axis.speed
@@ -497,9 +497,13 @@ class StagedLoading:
         """In which walls get from rest to their speed, and back [s]."""
         return self.settings.ramp * min(self._length0) / self.settings.speed
 
+    def _is_controlled(self):
+        """Whether the speed adapts: not while the sample is seated, where walls travel freely."""
+        return self.control is not None and self.loaded
+
     def _control_factor(self):
         """Speed that keeps the test quasi-static over the one that is stated."""
-        if self.control is None:
+        if not self._is_controlled():
             return 1.0
         if self._s == 1.0 and SPEED not in [task for task, _ in self._do]:
             return self.control.speed / self.settings.speed
