@@ -51,11 +51,16 @@ class HeldWalls:
         walls = simulation.walls.walls
         self._which = np.array([wall.target is not None for wall in walls], dtype=bool)
         held = [wall for wall in walls if wall.target is not None]
-        self._target = np.array([wall.target for wall in held])
+        self._held = held
         self._fastest = np.array([wall.speed for wall in held])
         # As the servo of time steps: at full speed while nothing presses on it.
         slope = self._target / (self._fastest * simulation.first_step)
         self._search = Broyden(slope, SERVO_TOLERANCE * self._target)
+
+    @property
+    def _target(self):
+        """Forces to hold now [N]."""
+        return np.array([wall.target for wall in self._held])
 
     @property
     def num_trials(self):

@@ -8,10 +8,14 @@ longer than steps, end there to ``SEATED`` of that stress, and where the strain 
 reached.
 """
 
+import numpy as np
+
 from .errors import SolverError
 from .speed_control import QuasiStaticSpeed
 
 TOP, BOTTOM = "z_max", "z_min"
+#: The walls of a box, opposite ones beside each other.
+BOX = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
 SEATING, LOADING = "seating", "loading"
 
 STRAIN_DEFINITION = (
@@ -85,6 +89,7 @@ class OedometerLoading:
         self.first_height = self.height
         self.reference_height = self.first_height
         self._speed = self._speed_at_start = 0.0
+        self._held = self._held_stresses()
         self.stage = SEATING
         self.stages = [self._note()]
 
@@ -156,8 +161,30 @@ class OedometerLoading:
         state = self.simulation.state
         return {"name": self.stage, "step": state.num_steps, "time": state.t, "strain": 0.0}
 
+    def _held_stresses(self):
+        """Walls that hold a force, each with its number and the stress that this is now [Pa]."""
+        walls = self.simulation.walls
+        if tuple(walls.names) != BOX:
+            return []
+        areas = self._areas()
+        return [
+            (i, wall, wall.target / areas[i])
+            for i, wall in enumerate(walls.walls)
+            if wall.target is not None
+        ]
+
+    def _areas(self):
+        """Of the walls of a box, between those around them [m²], shape (6,)."""
+        points = self.simulation.walls.point
+        lengths = np.diag(points[1::2]) - np.diag(points[0::2])
+        return np.repeat(np.prod(lengths) / lengths, 2)
+
     def before_step(self):
         """Set the speed of the platen and change stage when it is time. Collective."""
+        if self._held:
+            areas = self._areas()
+            for i, wall, stress in self._held:
+                wall.target = stress * areas[i]
         if self.stage == SEATING:
             if self.progress > LARGEST_SEATING:
                 what = overdamped(self.simulation) or (

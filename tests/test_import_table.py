@@ -29,6 +29,7 @@ PART_OF = {
     "balance": "run",
     "speed_control": "simulation",
     "implicit": "simulation",
+    "increment_end": "simulation",
     "increment_start": "simulation",
     "increment_equations": "simulation",
     "held_nodes": "simulation",

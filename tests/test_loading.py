@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import SolverError
 from mufe_fenicsx.geometry.shapes import box
 from mufe_fenicsx.loading import LOADING, SEATED, OedometerLoading
 from mufe_fenicsx.materials.elastic import Elastic
-from mufe_fenicsx.verification.build import build
+from mufe_fenicsx.verification.build import axis_planes, build
 
 SIZE, STUFF = 1e-3, Elastic(1e9, 0.2, 2650.0)
 SEATING_STRESS, STRAIN = 2e5, 4e-3
@@ -51,6 +52,22 @@ def test_increments_end_where_the_stages_of_loading_do():
     # Linear: the same place as by short increments, both within the force's tolerance.
     fine = load(cube(increment=0.0004 * SIZE / speed), speed)[0].reference_height
     assert fine == pytest.approx(loading.reference_height, abs=SEATED * 3e-4 * SIZE)
+
+
+def test_walls_hold_their_stress_over_their_present_area():
+    """The top comes down by a tenth: the force of a side wall does too, its stress does not."""
+    stress, area = 3e4, 1.01 * SIZE**2
+    side = Wall("x_min", np.zeros(3), np.array([1.0, 0.0, 0.0]), target=stress * area, speed=0.1)
+    size = np.array([1.0, 1.0, 1.01]) * SIZE
+    walls = [Wall(n, *p) for n, p in axis_planes(np.zeros(3), size).items() if n != "x_min"]
+    sim = build(MPI.COMM_SELF, [box((SIZE,) * 3, (1, 1, 1))], STUFF, np.zeros(3), size, axes="",
+                walls=[side, *walls])  # fmt: skip
+    loading = OedometerLoading(sim, STRAIN, 1.0, 0.0, 1.0, 1.0)
+    loading.before_step()
+    assert side.target == pytest.approx(stress * area, rel=1e-12)
+    sim.walls.point[5, 2] -= 0.1 * size[2]
+    loading.before_step()
+    assert side.target == pytest.approx(0.9 * stress * area, rel=1e-12)
 
 
 def test_damping_keeps_below_its_step_and_its_energies_above_zero():
