@@ -65,7 +65,8 @@ class Axis:
 class Until:
     """What ends a stage: the first of these values that is passed, from either side.
 
-    Stresses are those of the walls, the mean of both of an axis.
+    Stresses are those of the walls, the mean of both of an axis and over the time that a wave
+    travels. Then the walls brake, over ``ramp``.
     """
 
     stress_x: float | None = None  #: along x [Pa]
