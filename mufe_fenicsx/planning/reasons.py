@@ -89,6 +89,10 @@ def unknown(scene, errors, best):
             "strains that stresses make, and stresses that strains make: those of a linear sample "
             f"in which waves travel at {wave_speed(scene):.0f} m/s"
         )
+        known.append(
+            "how long stresses take to settle where grains still rattle, in the seating above all: "
+            "24 balls took twice the steps that were planned"
+        )
     if course.strain > LATE:
         known.append(
             f"how much new contacts shorten the time step beyond a strain of {LATE:g}: to "

@@ -179,7 +179,8 @@ class QuasiStatic:
     """[quasi_static]: the speed of loading follows from what it does to the sample.
 
     Without this table it is ``oedometer.speed`` (or ``loading.speed``) throughout; with it, that
-    is the first speed, in a test by stages that of each stage.
+    is the first speed, in a test by stages that of each stage after the last one with
+    ``zero = true``; until there walls travel freely, at their own speeds.
     """
 
     kinetic: float = 0.01  #: kinetic over internal energy to stay below [-]
