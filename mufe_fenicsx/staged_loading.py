@@ -306,10 +306,12 @@ class StagedLoading:
             if task in (HOLD, STRESS, SPEED)
         ]
         until = t if self._led_until is None else self._led_until
-        # As many rows in a time of waiting as in the same time before it.
+        # Rows are as near at first as before it waits, and as many each time that it has waited
+        # e times as long: few grains may rattle for long.
         wait = max(self.program[self.index].hold, SETTLED * self.servo.travel_time)
         whole = max(until - self._begun, wait, self._ramp_time())
-        now = [self._s, max(shares, default=0.0), (t - until) / whole if whole > 0.0 else 0.0]
+        waited = math.log1p((t - until) / whole) if whole > 0.0 else 0.0
+        now = [self._s, max(shares, default=0.0), waited]
         now += self._parts_of_until()
         self._ways = [float(max(a, b)) for a, b in zip(self._ways, now, strict=True)]
 
