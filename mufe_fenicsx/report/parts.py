@@ -1,5 +1,6 @@
 """Parts of the report of a run: figures, view and tables, drawn by one process or by several."""
 
+import contextlib
 import os
 from dataclasses import dataclass
 from functools import lru_cache
