@@ -401,8 +401,8 @@ def test_candidates_against_all_pairs():
     cell_offset, cell_nodes = sort_into_cells(x, num_nodes, low, size, shape)
     np.testing.assert_array_equal(np.sort(cell_nodes), np.arange(num_nodes))
     offset, found = find_candidates(
-        x, grain_of_node, facets, grain_of_facet, use, reach, low, size, shape,
-        cell_offset, cell_nodes,
+        x, grain_of_node, facets, grain_of_facet, use, np.full(len(facets), reach), low, size,
+        shape, cell_offset, cell_nodes,
     )  # fmt: skip
 
     twin = set()

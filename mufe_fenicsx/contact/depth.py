@@ -71,7 +71,8 @@ def too_deep(mesh, contact):
 def deepest(contact, depth, limit):
     """The pair that is deepest over the edge of its finer facet, if beyond a limit. Collective.
 
-    The edge of a rigid grain is that of a deformable one with the same largest depth, if more.
+    Where one of the grains is rigid, with a layer thicker than its facets', the mean edge of both
+    counts: those that deformable grains with these largest depths would have.
 
     Args:
         contact: :class:`~mufe_fenicsx.contact.assemble.Contact`.
@@ -86,7 +87,10 @@ def deepest(contact, depth, limit):
     worst = (0.0, 0.0, -1, -1)
     if on.size:
         facet, node = pairs.candidate[pairs.closest[on]], pairs.node[on]
-        finer = np.minimum(contact.points.depth[node], contact.surface.depth_of_facet[facet])
+        own, other = contact.points.depth[node], contact.surface.depth_of_facet[facet]
+        areas = contact.surface.area_of_facet[facet] / contact.points.facet_area[node]
+        alike = np.abs(own / other * np.sqrt(areas) - 1.0) < 0.01  # else one of them is rigid
+        finer = np.where(alike, np.minimum(own, other), 0.5 * (own + other))
         part = 0.5 * LARGEST_DEPTH * depth[on] / finer
         k = int(part.argmax())
         grain = contact.points.grain_of_point[node[k]]

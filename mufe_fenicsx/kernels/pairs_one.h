@@ -14,6 +14,15 @@ INLINE double stored_energy(double stiffness, double depth, double largest_depth
   return stiffness * within * (depth - 0.5 * within);
 }
 
+/* What the finer side of a pair has in its largest depth. Where one of them is rigid, with a layer
+   thicker than its facets', half of the whole. */
+INLINE double finer_depth(const pairs_type *m, const state_type *s, int64_t k) {
+  const int32_t facet = m->candidate[k];
+  const double own = m->depth_of_node[s->node], other = m->depth_of_facet[facet];
+  const double alike = own * sqrt(m->area_of_facet[facet] / m->area_at_node[s->node]) / other;
+  return fabs(alike - 1.0) < 0.01 ? least(own, other) : 0.5 * (own + other);
+}
+
 /* Weights of the point of a facet that a spring s from the node p leads to. ``foot`` is the
    closest point and ``n`` the normal of the contact, which differs from that of the facet on its
    edges and vertices. The spring lies across n, so its end is moved along n into the facet: along
@@ -187,7 +196,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     s->anchor = anchor_of(times(keep, turned), foot, normal, facet_normal, t);
   }
   if (depth > s->largest_depth) {
-    double sunk = depth / least(m->depth_of_node[s->node], m->depth_of_facet[m->candidate[k]]);
+    double sunk = depth / finer_depth(m, s, k);
     if (sunk > c->sunk) c->sunk = sunk, c->sunken = p;
     depth = s->largest_depth;
   }
