@@ -11,11 +11,11 @@ import numpy as np
 def compare(computed, theory, tolerance, scale=None):
     """One line of a case's answer.
 
-    The error is relative to ``scale``, or to ``theory`` where that is None; a
+    The error is relative to ``scale``, or to ``theory`` where that is None, unless it is zero; a
     scale of 1 leaves it as it is. A tolerance of inf is that of a number for information, which
     may be nan.
     """
-    scale = abs(theory) if scale is None else scale
+    scale = (abs(theory) or 1.0) if scale is None else scale
     error = abs(computed - theory) / scale
     return {
         "computed": float(computed),
