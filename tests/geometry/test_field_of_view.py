@@ -43,6 +43,14 @@ def test_constant_padding_is_recognised(inside, value):
     assert line == f"{1 - inside.mean():.1%} of the voxels left out: constant at {value}"
 
 
+@pytest.mark.parametrize("level", [33000, 36000])
+def test_a_mould_is_within_the_field_of_view(level):
+    image, inside = scan(), disc(36, 17.5)
+    image[:, ~disc(36, 15.5)] = level
+    image[:, ~inside] = 0
+    assert np.array_equal(field_of_view(image)[0][0], inside)
+
+
 def test_padding_may_be_no_number():
     image, inside = scan("f4"), disc(36, 17.5)
     image[:, ~inside] = np.nan
