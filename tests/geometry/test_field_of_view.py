@@ -152,6 +152,12 @@ def test_a_real_cylinder_is_recognised(shared_data, crop):
     assert 35800 < find_threshold(image[found], "middle") < 36300
 
 
+def test_real_voids_are_no_padding(shared_data):
+    assert padding(read_image(shared_data("snow_xct_grey_100.tif")))[1] is None
+    rock = np.load(shared_data("tsquare_rock_73x105x115.npz"))["solid"]
+    assert padding(rock)[1] is None
+
+
 def test_grains_at_the_rim_are_cut_and_the_image_is_held_against_the_truth(tmp_path):
     truth, inside = np.zeros((36, 36, 36), np.int64), disc(36, 17.5)
     for k, at in enumerate(np.ndindex(2, 2, 2)):
