@@ -26,7 +26,7 @@ class SegmentSettings:
     axes: str = "zyx"  #: order of the axes in the file, slowest first
     crop: tuple | None = None  #: ((z0, z1), (y0, y1), (x0, x1)) in raw voxels
     mask: float | str | Path | None = (
-        None  #: what was measured: "cylinder", "none", a grey level outside, or a file, 0 outside
+        None  #: field of view: "cylinder", a level or a file (0) outside; not set: recognised
     )
     invert: bool = False  #: grains are darker than voids
     upsample: float = 1.0  #: voxels of the labels per raw voxel

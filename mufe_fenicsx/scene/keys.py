@@ -18,7 +18,7 @@ from pathlib import Path
 from ..errors import InputError
 from ..materials.scatter import Scatter
 from ..units import QUANTITIES
-from .catalogue import MODELS, SHAPES, TABLES, TOP_KEYS, unit_of
+from .catalogue import MODELS, SHAPES, TABLES, TOP_KEYS, WORDS, unit_of
 from .scene import Scene
 from .stages import Stage
 from .tables import WALLS, Wall
@@ -159,6 +159,8 @@ def expectation(key):
     elif float in key.kinds:
         what, example = QUANTITIES[key.unit if isinstance(key.unit, str) else ""]
         parts.append(f'{what} such as "{example}", or a number in {key.unit}' if key.unit else what)
+        if Path in key.kinds:
+            parts += [*(f'"{word}"' for word in WORDS.get(key.name, ())), "a path"]
     elif Path in key.kinds:
         parts.append("a path")
     elif not key.choices:
