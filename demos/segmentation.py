@@ -71,6 +71,8 @@ class Scan:
 
     def __post_init__(self):
         self.labels, self.filtered, self.found = segment(self.grey, self.settings)
+        if self.found["void_grey"] is None:  # sweeps are parts of the contrast
+            raise InputError(self.found["warning"])
 
     def changed(self, panel, value):
         """Settings of a sweep."""
