@@ -52,7 +52,7 @@ def test_numbers_of_the_page_are_those_of_the_history(reported, reported_page):
     checks = {c["name"]: c for c in result["checks"]}
     assert checks["residual"]["largest"] == pytest.approx(0.0005, rel=1e-9)
     assert result["passed"]
-    assert page.count("✓ pass") == 4
+    assert page.count("✓ pass") == 5
 
 
 def test_figures_are_not_empty(reported):

@@ -13,10 +13,18 @@ def residual(history):
 
 def residual_ratio(history):
     """|residual| over the largest |work| so far, shape (num_rows,); nan before any work."""
+    return _over_work(residual(history), history)
+
+
+def switching_ratio(history):
+    """|switching| over the largest |work| so far, shape (num_rows,); nan before any work."""
+    lost = history.get("switching", np.zeros(len(history["work"])))
+    return _over_work(lost, history)
+
+
+def _over_work(values, history):
     work = np.maximum.accumulate(np.abs(history["work"])) if len(history["work"]) else np.empty(0)
-    return np.divide(
-        np.abs(residual(history)), work, out=np.full(work.shape, np.nan), where=work > 0
-    )
+    return np.divide(np.abs(values), work, out=np.full(work.shape, np.nan), where=work > 0)
 
 
 def friction_share(history):

@@ -9,7 +9,7 @@ from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.analysis.rows import largest, loaded_rows, loading_rows
 
 #: Largest values allowed once the sample is loaded.
-TARGETS = {"kinetic": 0.05, "platens": 0.03, "residual": 0.001, "load": 0.5}
+TARGETS = {"kinetic": 0.05, "platens": 0.03, "residual": 0.001, "switching": 0.01, "load": 0.5}
 #: Energies that are never below zero, and the part of the largest work that is rounding.
 POSITIVE, ROUNDING = ("kinetic", "elastic", "plastic", "friction", "contact"), 1e-6
 
@@ -80,6 +80,15 @@ def check_run(history, mass=None):
             "Energy that is not accounted for, over the work of the walls",
             "the energy balance closes",
             "energy was created or lost: lower the time step, and look at the contacts",
+            fault,
+        ),
+        _check(
+            "switching",
+            history,
+            energy_check.switching_ratio(history),
+            "Energy that contacts gained or lost from facet to facet, over the work of the walls",
+            "the facets of the mesh play no part in it",
+            "contact passes over sharp edges or very uneven facets: mesh them finer or more evenly",
             fault,
         ),
         _check(
