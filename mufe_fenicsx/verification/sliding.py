@@ -28,7 +28,8 @@ def sliding_block(comm, friction=0.3, strain=1e-4, slip=1e-5, divisions=4):
 
     Args:
         comm: MPI communicator.
-        friction: Coefficient of friction between block and plane.
+        friction: Coefficient of friction between block and plane; the tolerances hold up to 0.5:
+            with more the drag tips the block so far that its rear slips first.
         strain: Compression of the block.
         slip: Distance to slide [m].
         divisions: Bricks along the length.
