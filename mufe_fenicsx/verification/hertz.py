@@ -50,8 +50,8 @@ def hertz(
         elements_per_radius: Contact radius √(ab) over the length of edges there.
         a_over_R: That radius over the effective radius, by Hertz. Strains are of its order:
             at 0.02 they add 0.1 to 0.4 % to the largest pressure.
-        nu: Poisson's ratio. The tolerances hold from 0.15 on: at 0 the largest pressure is 7.6 % too
-            high and the worst force 2.2 %.
+        nu: Poisson's ratio. The tolerances hold from 0.15 on: at 0 the largest pressure is 7.6 %
+            too high and the worst force 2.2 %.
         growth: Growth of the element size with the distance, times elements_per_radius.
         element: One of solid.ELEMENTS; for composites on meshes twice as coarse, whose
             nodes, with those of middles, are as near as those of the others.
