@@ -1,6 +1,5 @@
 """Grain meshes come back from disk as they were written, all or some of them."""
 
-import h5py
 import meshio
 import numpy as np
 import pytest
@@ -75,26 +74,3 @@ def test_what_is_no_grain_is_refused(tmp_path, grains):
     save_grains(tmp_path, grains)
     with pytest.raises(InputError, match="grain index 3, expected 0 to 2"):
         load_grains(tmp_path, [0, 3])
-
-
-@pytest.mark.parametrize("which", [None, [1]])
-@pytest.mark.parametrize(
-    "name, at, value, said",
-    [
-        ("cells", (1, 2), 31, r"a cell of grain 20 has nodes .*, expected \d+ to \d+"),
-        ("cells", (36, 0), 3, r"a cell of grain 20 has nodes .*, expected \d+ to \d+"),
-        ("cell_offset", 1, 0, r"cell_offset of shape \(4,\) .* rise from 0 to 49"),
-        ("node_offset", 3, 41, r"node_offset .* rise from 0 to 40"),
-        ("node_offset", None, None, "holds no array node_offset"),
-    ],
-)
-def test_a_damaged_file_is_refused(tmp_path, grains, which, name, at, value, said):
-    """Nothing that is read from disk leads outside of arrays."""
-    save_grains(tmp_path, grains)
-    with h5py.File(tmp_path / "grains.h5", "r+") as file:
-        if at is None:
-            del file[name]
-        else:
-            file[name][at] = value
-    with pytest.raises(InputError, match=said):
-        load_grains(tmp_path, which)

@@ -176,16 +176,3 @@ def test_another_separation_drops_what_only_the_old_one_uses():
 def test_settings_out_of_range_are_refused(make, message):
     with pytest.raises(InputError, match=message):
         make()
-
-
-def test_sizes_that_no_memory_holds_are_refused_at_once(tmp_path):
-    """Before anything is meshed: 1 nm on a grain of a tenth of a millimetre."""
-    labels = np.zeros((12, 12, 12), np.uint16)
-    labels[1:-1, 1:-1, 1:6], labels[1:-1, 1:-1, 6:-1] = 3, 4
-    np.save(tmp_path / "labels.npy", labels)
-    settings = MeshSettings(size=1e-9, voxel_size=1e-5)
-    with pytest.raises(
-        InputError, match=r"size = 1e-09 m, expected at least .* about 4e\+15 tetra"
-    ):
-        pipeline.mesh_labels(tmp_path / "labels.npy", settings, tmp_path / "grains")
-    assert not (tmp_path / "grains").exists()
