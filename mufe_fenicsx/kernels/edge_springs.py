@@ -64,8 +64,7 @@ def find_edge_springs(margin, size, due, outside, gap, clock, place, closed, sti
                       second, area, layer, share):  # fmt: skip
     """Pairs that are closed or can close by a motion of ``margin`` [m], and their stiffness.
 
-    Crossings that come between edges and facets by such a motion count too, all with the stiffness
-    that they have away from ends: an upper bound.
+    Crossings that come between edges and facets by such a motion count too, an upper bound.
 
     Args:
         others: As in :func:`~.edges.add_edge_forces`.
@@ -78,8 +77,9 @@ def find_edge_springs(margin, size, due, outside, gap, clock, place, closed, sti
     for p in range(first.size):
         if not (closed[p] or _can_close(outside[p], gap[p], due[p] - clock, margin, size[p])):
             continue
-        # As at the middle, whatever fades toward the ends.
+        # Where one edge goes on as the next, as if it did not fade out.
+        s, t = min(max(place[p, 0], END), 1.0 - END), min(max(place[p, 1], END), 1.0 - END)
         found[n] = p
-        k[n] = crossing_stiffness(first[p], second[p], 0.5, 0.5, area, layer, share)
+        k[n] = crossing_stiffness(first[p], second[p], s, t, area, layer, share)
         n += 1
     return found[:n], k[:n]
