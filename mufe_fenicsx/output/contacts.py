@@ -269,6 +269,10 @@ def read_contacts(run_folder, index):
     return contacts, grains
 
 
+#: Columns that a contact which has opened lacks: it has no place any more.
+PLACES = ("centroid_", "branch_")
+
+
 def _check(path, table, columns, whole, *texts):
     """Raise InputError unless a table has those columns that are there of their kind."""
     absent = [name for name in (*whole, *texts) if name not in table]
@@ -278,6 +282,13 @@ def _check(path, table, columns, whole, *texts):
         values = table.get(name)
         if values is None or name in texts or not len(values):
             continue
-        kind = "iu" if name in whole else "iuf"
-        if values.dtype.kind not in kind or not np.isfinite(values).all():
+        if values.dtype.kind not in ("iu" if name in whole else "iuf"):
             raise InputError(f"{path} has a {name} that is no number, expected finite ones")
+        wrong = ~np.isfinite(values)
+        if name.startswith(PLACES):
+            wrong &= table["num_points"] != 0
+        if wrong.any():
+            raise InputError(
+                f"fault: {path.name} has {wrong.sum()} values that are not numbers, the first of "
+                f"column {name} in line {int(wrong.argmax()) + 2}"
+            )
