@@ -28,7 +28,7 @@ def _part(place, share):
 @numba.njit(cache=True)
 def crossing_stiffness(i, j, s, t, area, layer, share):
     """Stiffness of a crossing [N/m]: A/2 of a node of the finer edge, over both layers."""
-    part = min(_part(s, share[i]), _part(t, share[j]))
+    part = _part(s, share[i]) * _part(t, share[j])
     return 0.5 * part * min(area[i], area[j]) / (layer[i] + layer[j])
 
 

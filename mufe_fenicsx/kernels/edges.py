@@ -14,6 +14,8 @@ from .springs import stored_energy
 DEEPEST = 0.6
 #: Angle by which a crossing that was open may seem to lie outside its facets by rounding [rad].
 ROUNDING = 1e-3
+#: Part of its edge from the end on which a crossing may leave to the next one: more than fades out.
+LEAVING = 10.0 * END
 #: How far ``outside`` a crossing is whose edges or facets end before they meet.
 UNPIERCED = 2.0
 
@@ -163,13 +165,16 @@ def add_edge_forces(
 
     # Crossings that take over from one that fades out begin as deep, and have its anchors.
     for p in range(first.size):
-        if due[p] > clock or closed[p] or outside[p] > 0.0 or -gap[p] <= recess[p]:
+        if due[p] > clock or closed[p] or -gap[p] <= recess[p]:
+            continue
+        if outside[p] > 0.0 and outside[p] != UNPIERCED:
             continue
         anchor[p, 0], anchor[p, 1] = place[p, 0], place[p, 1]
         sliding[p] = False
         q = _left_to(closed, outside, gap, first, second, ends, share, p)
         if q >= 0:
-            offset[p] = offset[q]
+            # Near a corner of facets, edges need not pierce those beside them.
+            outside[p], offset[p], due[p] = min(outside[p], 0.0), offset[q], clock
             depth = max(offset[p] - gap[p] - recess[p], 0.0)
             kn = crossing_stiffness(
                 first[p], second[p], place[p, 0], place[p, 1], area, layer, share
@@ -251,7 +256,7 @@ def _left_to(closed, outside, gap, first, second, ends, share, p):
     for q in range(first.size):
         if (
             closed[q]
-            and outside[q] > -2.0 * END
+            and outside[q] > -LEAVING
             and (best < 0 or gap[q] < gap[best])
             and _goes_on(ends, share, first[q], first[p])
             and _goes_on(ends, share, second[q], second[p])

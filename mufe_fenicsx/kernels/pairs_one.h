@@ -86,10 +86,13 @@ static double energy_left(const pairs_type *m, const state_type *s, int64_t k, v
   return stored_energy(stiffness_of(m, s, k), depth, largest_depth_of(m, s, k));
 }
 
+/* Whether a point is a node of contact at nodes, not in a facet or at a sharp vertex beside those. */
+INLINE int at_node(const state_type *s) { return s->num_around && s->recess == 0.0; }
+
 /* Forces of the pair p, which has been looked at where ``looked``, ``before`` being the candidate
-   that was closest in the last step. The normal force of a point in a facet is that of its
-   place; a vertex that comes in from the side, past a sharp edge, carries from the depth on at
-   which it came: its body rests on that edge, or not yet. */
+   that was closest in the last step. The normal force is that of the place of the point. With
+   contact at nodes, one that comes in from the side, past a sharp edge, carries from the depth on
+   at which it came: where sides of bodies lie in a plane, nodes cross it all the time. */
 static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, int64_t before) {
   double *x = m->x, *f = m->f;
   state_type *s = m->state + p;
@@ -138,6 +141,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   s->normal = normal;
   s->gap = g;
 
+  const int is_node = at_node(s);
   const double moved = clock - m->due[p], was = s->offset - old_gap, old_offset = s->offset;
   if (!s->closed) {
     /* The offset of a pair that moves out follows it, and never grows again. */
@@ -147,9 +151,9 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
       c->deepest = most(c->deepest, -g);
       s->offset = g;
     }
-    /* A vertex deeper than it can have moved came in from the side. */
-    if (s->num_around && s->offset - g > moved + tiny(s)) s->offset = g;
-  } else if (s->num_around && fabs(g - old_gap) > moved + tiny(s)) {
+    /* A node deeper than it can have moved came in from the side. */
+    if (is_node && s->offset - g > moved + tiny(s)) s->offset = g;
+  } else if (is_node && fabs(g - old_gap) > moved + tiny(s)) {
     s->offset = least(s->offset, g + was);
   }
   double depth = s->offset - g;

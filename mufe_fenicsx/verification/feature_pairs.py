@@ -23,7 +23,7 @@ BEGIN = RECESS
 
 
 @case("feature-pairs", num_bodies=64)
-def feature_pairs(comm, num_random=26, slow=0.005, way=0.6, friction=0.3, rounds=3):
+def feature_pairs(comm, num_random=26, slow=0.005, way=0.7, friction=0.3, rounds=3):
     """Tetrahedra that approach with every pair of features: none missed, momentum kept.
 
     Single-element tetrahedra, both of a pair on different ranks: each pair of features
