@@ -6,12 +6,28 @@ L. Kavan, O. Sorkine-Hornung, ACM Trans. Graph. 32(4), 2013). Neither candidates
 features nor pseudo-normals are shared with mufe_fenicsx.contact.
 """
 
+import subprocess
+import sys
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from ..errors import InputError
+from ..launcher import environment_without_launcher
 
+#: What ends a process where the library was built for other processors than this one.
+TRIAL = """
+import ipctk
+import numpy as np
+
+x = np.asfortranarray(np.random.default_rng(0).random((12, 3)))
+facets = np.asfortranarray(np.arange(12, dtype=np.int32).reshape(4, 3))
+found = ipctk.LBVH()
+found.can_vertices_collide = ipctk.make_vertex_patches_filter(np.arange(12, dtype=np.int32) // 6)
+found.build(x, np.asfortranarray(ipctk.edges(facets)), facets, 0.0)
+found.detect_edge_face_candidates()
+"""
 #: Points looked at along an edge between one pierced facet and the next, or its end.
 NUM_SAMPLES = 9
 
@@ -26,6 +42,20 @@ class Intrusion:
     num_edges: int  #: edges that pierce a facet of another body
     place: np.ndarray | None  #: the deepest point [m], shape (3,); None without any
     bodies: tuple | None  #: the body it belongs to and the body it is inside of
+
+
+@cache
+def what_is_missing():
+    """Why the library ipctk cannot be used here, or "". Local."""
+    tried = subprocess.run(  # noqa: S603, a program of this file
+        [sys.executable, "-c", TRIAL], env=environment_without_launcher(), capture_output=True,
+        check=False,
+    )  # fmt: skip
+    if tried.returncode < 0:
+        return "the library ipctk does not run on this processor, expected one that it is built for"
+    if tried.returncode:
+        return "the library ipctk is not installed, expected pip install 'mufe-fenicsx[test]'"
+    return ""
 
 
 def find_intrusion(x, facets, body, reach):
@@ -44,14 +74,13 @@ def find_intrusion(x, facets, body, reach):
         :class:`Intrusion`.
 
     Raises:
-        InputError: ipctk is not installed.
+        InputError: ipctk is not installed, or does not run on this processor.
     """
-    try:
-        import ipctk
-    except ImportError:
-        raise InputError(
-            "the library ipctk is not installed, expected pip install 'mufe-fenicsx[test]'"
-        ) from None
+    missing = what_is_missing()
+    if missing:
+        raise InputError(missing)
+    import ipctk
+
     ipctk.set_num_threads(1)  # ranks share the cores
     # Its tolerances mean lengths of order one.
     scale = 1.0 / np.ptp(x, axis=0).max()
