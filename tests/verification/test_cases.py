@@ -83,7 +83,7 @@ def test_overlap():
 
 def test_segmentation():
     """Without meshes or steps: labels of an image, of the least size that has grains enough."""
-    # Packings differ with the processor. In that of seed 1 on one without AVX-512, five of 62 grains
+    # Packings differ with the processor: without AVX-512, five of the 62 grains of seed 1
     # are slivers at the border.
     (answer,) = run_cases(["segmentation"], {"seed": 3}, MPI.COMM_SELF)
     assert answer["passed"], answer["results"]
