@@ -74,7 +74,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   corners |= is_node;
   mask turned_away = FLAG(word, sharp) & (height < BESIDE * square_root(area)) & corners;
   const vec moved = clock - due, change = where(g < third[0], third[0] - g, g - third[0]);
-  mask stays = FLAG(word, closed) & (~is_node | (recess > 0.0) | (change <= moved)) & (depth > 0.0) & (depth <= largest_depth);
+  mask stays = FLAG(word, closed) & (~is_node | (change <= moved)) & (depth > 0.0) & (depth <= largest_depth);
   unsigned can = wanted & ~changed & bits(inside & stays & ~turned_away);
   for (unsigned near = can & ~*looked & ~bits(far); near; near &= near - 1) {
     const int i = __builtin_ctz(near);

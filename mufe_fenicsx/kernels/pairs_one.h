@@ -71,28 +71,25 @@ static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double li
 
 /* Energy that the normal spring of a pair with the candidate k would have, were the point still
    before that facet: what a pair that passes to another facet leaves behind. The facet's plane goes
-   on beyond its edges where the last foot was ``inside`` it. */
+   on beyond its edges where the last foot was ``inside`` it; else the point stays on its side. */
 static double energy_left(const pairs_type *m, const state_type *s, int64_t k, vec3 point,
-                          double offset, int inside) {
+                          double offset, double old_gap, int inside) {
   triangle t = facet_at(&m->surface, m->x, m->candidate[k]);
   vec3 n = normal_of(t);
   double height = dot(minus(point, t.a), n);
   if (!inside) {
     int feature;
     vec3 w = closest_point(point, t, &feature);
-    height = copysign(length(minus(point, mean(w, t.a, t.b, t.c))), height);
+    height = copysign(length(minus(point, mean(w, t.a, t.b, t.c))), old_gap - s->recess);
   }
   double depth = most(offset - height - s->recess, 0.0);
   return stored_energy(stiffness_of(m, s, k), depth, largest_depth_of(m, s, k));
 }
 
-/* Whether a point is a node of contact at nodes, not in a facet or at a sharp vertex beside those. */
-INLINE int at_node(const state_type *s) { return s->num_around && s->recess == 0.0; }
-
 /* Forces of the pair p, which has been looked at where ``looked``, ``before`` being the candidate
-   that was closest in the last step. The normal force is that of the place of the point. With
-   contact at nodes, one that comes in from the side, past a sharp edge, carries from the depth on
-   at which it came: where sides of bodies lie in a plane, nodes cross it all the time. */
+   that was closest in the last step. The normal force of a point in a facet is that of its
+   place; a vertex that comes in from the side, past a sharp edge, carries from the depth on at
+   which it came: where sides of bodies lie in a plane, vertices cross it all the time. */
 static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, int64_t before) {
   double *x = m->x, *f = m->f;
   state_type *s = m->state + p;
@@ -141,7 +138,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   s->normal = normal;
   s->gap = g;
 
-  const int is_node = at_node(s);
+  const int is_vertex = s->num_around > 0;
   const double moved = clock - m->due[p], was = s->offset - old_gap, old_offset = s->offset;
   if (!s->closed) {
     /* The offset of a pair that moves out follows it, and never grows again. */
@@ -151,16 +148,16 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
       c->deepest = most(c->deepest, -g);
       s->offset = g;
     }
-    /* A node deeper than it can have moved came in from the side. */
-    if (is_node && s->offset - g > moved + tiny(s)) s->offset = g;
-  } else if (is_node && fabs(g - old_gap) > moved + tiny(s)) {
+    /* A vertex deeper than it can have moved came in from the side. */
+    if (is_vertex && s->offset - g > moved + tiny(s)) s->offset = g;
+  } else if (is_vertex && fabs(g - old_gap) > moved + tiny(s)) {
     s->offset = least(s->offset, g + was);
   }
   double depth = s->offset - g;
   const int passed = before >= 0 && before != k;
   double left = 0.0;
   if (passed && (s->closed || depth > 0.0))
-    left = energy_left(m, s, before, point, old_offset,
+    left = energy_left(m, s, before, point, old_offset, old_gap,
                        least(old_weights.x, least(old_weights.y, old_weights.z)) >= -BESIDE);
   if (depth <= 0.0) {
     if (s->closed) {
