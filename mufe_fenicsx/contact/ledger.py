@@ -9,8 +9,8 @@ class Ledger:
     """Friction work of each grain pair and slip of each point on this rank, over all searches.
 
     Pairs of points and crossings count their own work from search to search only; a search
-    closes these accounts, so that nothing is lost with the pairs that it drops. Work is all
-    that contact dissipated: with it what normal springs stored that were let go at edges.
+    closes these accounts, so that nothing is lost with the pairs that it drops. Work is what
+    friction dissipated.
 
     Args:
         grain_of_point: Global grain of each point of contact of this rank, shape (num_points,).

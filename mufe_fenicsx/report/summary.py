@@ -42,7 +42,7 @@ def run_rows(run):
         ("Height at strain 0", quantity(run.get("reference_height"), "m", 4)),
         ("Cross-section at the start", _area(run.get("area"))),
         ("Separation of overlaps", _separation(run.get("separation"))),
-        ("Contacts found inside a grain", _adopted(run.get("contact"))),
+        ("Overlaps of the start, largest forces", _adopted(run.get("contact"))),
         ("Grains that failed to mesh", _failed(run.get("failed_grains"))),
         ("Stages", _stages(run.get("stages"))),
         ("Speed led by targets", _quasi_static(run.get("quasi_static"))),
