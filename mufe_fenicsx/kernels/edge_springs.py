@@ -11,24 +11,26 @@ BEYOND = 0.1
 
 
 @numba.njit(cache=True)
-def _part(place, share):
-    """Part of the stiffness of a crossing at a place on an edge.
+def _parts(place, share):
+    """Parts of the stiffness of a crossing by its place on an edge: at corners, and beside edges.
 
-    Toward an end where the edge goes on, ``share`` 1, it fades out while that of the next edge
-    fades in: the two of a straight ridge add up to one. Toward a corner of k edges it falls to a
-    k-th over a quarter of the edge, for several of them can cross there at once.
+    Toward a corner of k edges it falls to a k-th over a quarter of the edge, for several of them
+    can cross there at once. Toward an end where the edge goes on, ``share`` 1, it fades out while
+    that of the next edge fades in: the two of a straight ridge add up to one.
     """
     inside = place if place < 0.5 else 1.0 - place
     end = share[0] if place < 0.5 else share[1]
     if end == 1.0:
-        return min(max(0.5 + 0.5 * inside / END, 0.0), 1.0)
-    return end + (1.0 - end) * min(max(4.0 * inside, 0.0), 1.0)
+        return 1.0, min(max(0.5 + 0.5 * inside / END, 0.0), 1.0)
+    return end + (1.0 - end) * min(max(4.0 * inside, 0.0), 1.0), 1.0
 
 
 @numba.njit(cache=True)
 def crossing_stiffness(i, j, s, t, area, layer, share):
     """Stiffness of a crossing [N/m]: A/2 of a node of the finer edge, over both layers."""
-    part = _part(s, share[i]) * _part(t, share[j])
+    corner, fade = _parts(s, share[i])
+    other_corner, other_fade = _parts(t, share[j])
+    part = min(corner, other_corner) * fade * other_fade
     return 0.5 * part * min(area[i], area[j]) / (layer[i] + layer[j])
 
 
