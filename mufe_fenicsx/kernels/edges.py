@@ -167,7 +167,8 @@ def add_edge_forces(
     for p in range(first.size):
         if due[p] > clock or closed[p] or -gap[p] <= recess[p]:
             continue
-        if outside[p] > 0.0 and outside[p] != UNPIERCED:
+        s, t = place[p, 0], place[p, 1]
+        if outside[p] > 0.0 and (outside[p] != UNPIERCED or min(s, 1.0 - s, t, 1.0 - t) > LEAVING):
             continue
         anchor[p, 0], anchor[p, 1] = place[p, 0], place[p, 1]
         sliding[p] = False
