@@ -32,9 +32,8 @@ def meet(comm, speed, divisions=(4, 4, 12), compliance=COMPLIANCE, check=True, t
     there are no rims.
 
     Returns:
-        Largest depth over the mean edge of facets; evaluations beyond the largest depth that
-        counts; relative speed afterwards over that before (1: passed through, -1: bounced); the
-        words of the program, if it stops; simulation.
+        Largest depth over the mean edge of facets; relative speed afterwards over that before (1:
+        passed through, -1: bounced); the words of the program, if it stops; simulation.
     """
     side = SIZE
     length = SIZE * divisions[2] / divisions[0]
@@ -71,7 +70,7 @@ def meet(comm, speed, divisions=(4, 4, 12), compliance=COMPLIANCE, check=True, t
         (mass * s.state.v)[sign == k].sum(axis=0)[2] / mass[sign == k].sum() for k in (1.0, -1.0)
     ]
     return SimpleNamespace(
-        speed=speed, deepest=deepest / s.contact.edge, num_deep=s.contact.num_deep,
+        speed=speed, deepest=deepest / s.contact.edge,
         after=(momentum[0] - momentum[1]) / (2 * v), message=message, simulation=s,
         residual=s.energies()["residual"] / s.initial_kinetic if not message else math.nan,
     )  # fmt: skip
