@@ -3,7 +3,7 @@
 import numpy as np
 
 from mufe_fenicsx.geometry.grains import Grains
-from mufe_fenicsx.geometry.shapes import box, sphere
+from mufe_fenicsx.geometry.shapes import sphere
 from mufe_fenicsx.mesh import create_grain_mesh, partition_grains
 from mufe_fenicsx.simulation import Simulation
 
@@ -39,16 +39,6 @@ def packed_spheres(comm, counts, gap=0.0, h=0.45 * RADIUS):
         np.arange(1, len(centers) + 1),
         rank_of_grain,
     )
-
-
-def ridge(n):
-    """Half a cube of n bricks along its edges; its right-angled edge lies on the x axis, up."""
-    points, cells = box((1.0, 1.0, 1.0), (n, n, n))
-    centre = points[cells].mean(axis=1)
-    nodes, cells = np.unique(cells[centre[:, 2] > centre[:, 1]], return_inverse=True)
-    half = np.sqrt(0.5)
-    turn = np.array([[1, 0, 0], [0, half, half], [0, -half, half]])
-    return (points[nodes] - [0.5, 0, 1]) @ turn.T, cells.reshape(-1, 4)
 
 
 def simulation_of(mesh, material, walls=(), **options):

@@ -13,8 +13,8 @@ from mufe_fenicsx.contact.nodal import nodal_contact
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.simulation import Simulation
+from mufe_fenicsx.verification.sliding_normal import ridge
 from mufe_fenicsx.verification.tets import rotation
-from tests.bodies import ridge
 
 COMM = MPI.COMM_WORLD
 QUARTZ = Elastic(100e9, 0.15, 2650.0)

@@ -21,7 +21,7 @@ from mufe_fenicsx.kernels.edges import add_edge_forces
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.simulation import Simulation
-from tests.bodies import ridge
+from mufe_fenicsx.verification.sliding_normal import ridge
 
 #: Outward facets of a tetrahedron with positive volume.
 TET = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], dtype=np.int32)

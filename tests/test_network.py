@@ -15,7 +15,8 @@ from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.output.contacts import CONTACT_COLUMNS, ContactWriter, read_contacts
 from mufe_fenicsx.verification.build import build, distribute, drive, settle
 from mufe_fenicsx.verification.case import on_first_ranks
-from tests.bodies import RADIUS, packed_spheres, ridge, simulation_of
+from mufe_fenicsx.verification.sliding_normal import ridge
+from tests.bodies import RADIUS, packed_spheres, simulation_of
 
 COMM = MPI.COMM_WORLD
 QUARTZ = Elastic(100e9, 0.15, 2650.0)
