@@ -79,8 +79,13 @@ class Mover:
         return self.f[self.moving].sum(axis=0)
 
     def balance(self):
-        """Work less what is stored and rubbed, over the work."""
-        return 1 - (self.contact.energy()[0] + self.contact.dissipated) / self.work
+        """Work less what is stored, rubbed and lost at edges of facets, over the work."""
+        return self.residual() / self.work
+
+    def residual(self):
+        """The same in [J]."""
+        c = self.contact
+        return self.work - c.energy()[0] - c.dissipated - c.switched
 
     def stiffness(self):
         """Of all tangential springs [N/m]."""
@@ -118,6 +123,21 @@ def test_sticks_below_the_limit_and_slides_at_it(on_block):
 
 
 @pytest.mark.parametrize("on_block", [False, True])
+def test_friction_takes_its_work_where_it_turns_and_where_a_contact_opens(on_block):
+    """Trapezoids of the force vector: across the last friction, and on the way of the last step."""
+    m = Mover(on_block, STATIC)
+    m.go(-DEPTH * UP)
+    reach = STATIC * (FRAME @ m.force)[2] / m.stiffness()
+    m.go(-DEPTH * UP + 0.9 * reach * ALONG)
+    m.go(-DEPTH * UP + 0.9 * reach * ALONG + 2 * reach * ACROSS)
+    # It opens, and springs back by half on the way; the normal force ends with its depth.
+    m.go(-DEPTH * UP + 0.9 * reach * ALONG + 0.5 * reach * ACROSS)
+    m.go(1e-12 * DEPTH * UP + 0.9 * reach * ALONG + 1.0 * reach * ACROSS)
+    assert m.contact.energy()[0] == 0.0
+    assert abs(m.balance()) < 1e-9
+
+
+@pytest.mark.parametrize("on_block", [False, True])
 def test_kinetic_friction_holds_while_a_contact_slips(on_block):
     """It has to overcome μs N, slips at μk N, and sticks up to μs N again after a stop."""
     m = Mover(on_block, STATIC, KINETIC)
@@ -149,7 +169,7 @@ def test_friction_work_across_many_facets():
     m = Mover(True, STATIC, body=(ball[0] @ FRAME.T + SIZE * (1 + 1e-4) * E3 + CENTRE, ball[1]))
     for k in range(20):
         m.go(-4e-3 * SIZE * (k + 1) / 20 * UP)
-    start, rubbed = m.place, m.contact.dissipated
+    start, rubbed, residual = m.place, m.contact.dissipated, m.residual()
     num_steps, step = 4000, 1e-4 * SIZE
     angle, place, expected, crossed, facet = 0.3, np.zeros(2), 0.0, 0, None
     normal = (FRAME @ m.force)[2]
@@ -166,7 +186,10 @@ def test_friction_work_across_many_facets():
     assert crossed > 100
     assert np.hypot(along, across) == pytest.approx(STATIC * normal, rel=5e-3)
     assert m.contact.dissipated - rubbed == pytest.approx(expected, rel=5e-3)
-    assert abs(m.balance()) < 5e-3
+    # Springs gain 0.09 of their energy where points pass to other facets: all of it is in the
+    # account, up to the second order. Four times the step leaves 1.6e-6.
+    assert m.contact.switched < -0.05 * m.contact.energy()[0]
+    assert abs(m.residual() - residual) < 1e-6 * m.contact.energy()[0]
 
 
 def test_kinetic_friction_above_the_static_is_refused():

@@ -55,9 +55,9 @@ INLINE slip_type slip(lanes3 *spring, lanes3 n, vec kt, mask was_sliding, vec he
   const mask sliding = T > where(was_sliding, kinetic, held);
   const vec slipped = where(sliding, (T - kinetic) / kt, all(0.0));
   *spring = scaled(where(sliding, kinetic / T, all(1.0)), s);
-  /* Work of the mean friction of the step: exact for the trapezoidal rule. */
-  const vec mean = 0.5 * (square_root(product(shear, shear)) + kinetic);
-  return (slip_type){sliding, slipped, mean * slipped};
+  /* Work of the mean friction of the step: exact for the trapezoidal rule. It acts against s. */
+  const vec before = -kt * product(shear, s) / where(sliding, T, all(1.0));
+  return (slip_type){sliding, slipped, 0.5 * (before + kinetic) * slipped};
 }
 
 /* A row of three numbers, as four. */

@@ -3,6 +3,7 @@
 #ifndef PAIRS_ONE_H
 #define PAIRS_ONE_H
 
+#include "friction.h"
 #include "pairs.h"
 
 /* A length that is nothing beside the facets around a point. */
@@ -69,21 +70,10 @@ static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double li
   return best;
 }
 
-/* Energy that the normal spring of a pair with the candidate k would have, were the point still
-   before that facet: what a pair that passes to another facet leaves behind. The facet's plane goes
-   on beyond its edges where the last foot was ``inside`` it; else the point stays on its side. */
-static double energy_left(const pairs_type *m, const state_type *s, int64_t k, vec3 point,
-                          double offset, double old_gap, int inside) {
-  triangle t = facet_at(&m->surface, m->x, m->candidate[k]);
-  vec3 n = normal_of(t);
-  double height = dot(minus(point, t.a), n);
-  if (!inside) {
-    int feature;
-    vec3 w = closest_point(point, t, &feature);
-    height = copysign(length(minus(point, mean(w, t.a, t.b, t.c))), old_gap - s->recess);
-  }
-  double depth = most(offset - height - s->recess, 0.0);
-  return stored_energy(stiffness_of(m, s, k), depth, largest_depth_of(m, s, k));
+/* Energy of the springs of a closed pair, normal and tangential. */
+INLINE double energy_of(const state_type *s, double depth) {
+  return stored_energy(s->stiffness, depth, s->largest_depth) +
+         dot(s->shear, s->shear) / (2.0 * s->stiffness * s->ratio);
 }
 
 /* Forces of the pair p, which has been looked at where ``looked``, ``before`` being the candidate
@@ -132,14 +122,14 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     }
   }
   g += s->recess;
-  const vec3 old_normal = s->normal, old_weights = s->weights;
-  const double old_gap = s->gap;
+  const vec3 old_normal = s->normal, old_weights = s->weights, old_shear = s->shear;
+  const double old_gap = s->gap, was = s->offset - old_gap;
   s->weights = w;
   s->normal = normal;
   s->gap = g;
 
   const int is_vertex = s->num_around > 0;
-  const double moved = clock - m->due[p], was = s->offset - old_gap, old_offset = s->offset;
+  const double moved = clock - m->due[p];
   if (!s->closed) {
     /* The offset of a pair that moves out follows it, and never grows again. */
     if (s->offset < 0.0) s->offset = least(most(s->offset, g), 0.0);
@@ -155,14 +145,18 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   }
   double depth = s->offset - g;
   const int passed = before >= 0 && before != k;
-  double left = 0.0;
-  if (passed && (s->closed || depth > 0.0))
-    left = energy_left(m, s, before, point, old_offset, old_gap,
-                       least(old_weights.x, least(old_weights.y, old_weights.z)) >= -BESIDE);
+  const triangle old = passed ? facet_at(&m->surface, x, m->candidate[before]) : t;
+  /* Energy and force of before, and the way of the point since, relative to the facet of before. */
+  const int was_closed = s->closed;
+  const double old_energy = was_closed ? energy_of(s, was) : 0.0;
+  const vec3 old_force = along(old_shear, s->push, old_normal);
+  const vec3 old_foot = mean(old_weights, old.a, old.b, old.c);
+  const vec3 way = along(minus(point, old_foot), s->recess - old_gap, old_normal);
   if (depth <= 0.0) {
     if (s->closed) {
-      c->switched += left;
-      double lost = dot(s->shear, s->shear) / (2.0 * s->stiffness * s->ratio);
+      const vec3 spring = minus(point, mean(s->anchor, old.a, old.b, old.c));
+      const double lost = lost_in_slip(old_shear, across(spring, normal));
+      if (passed) c->switched += old_energy - lost - 0.5 * dot(old_force, way);
       c->dissipated += lost;
       s->work += lost;
       s->closed = s->sliding = 0;
@@ -174,21 +168,14 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   }
 
   const vec3 foot = along(point, -height, normal);
-  const double old_stiffness = s->stiffness;
-  if (!s->closed || before != k) {
+  if (!was_closed || before != k) {
     s->stiffness = stiffness_of(m, s, k);
     s->largest_depth = largest_depth_of(m, s, k);
   }
-  if (passed) {
-    const double now = stored_energy(s->stiffness, depth, s->largest_depth);
-    /* A pair that was open left nothing; it may have closed by the motion across the facet. */
-    c->switched += (s->closed ? left : least(left, now)) - now;
-  }
-  if (!s->closed) {
+  if (!was_closed) {
     s->anchor = w;
   } else if (passed) {
     /* Another facet: the spring keeps its length and turns with the normal. */
-    triangle old = facet_at(&m->surface, x, m->candidate[before]);
     vec3 spring = minus(point, mean(s->anchor, old.a, old.b, old.c));
     spring = across(spring, old_normal);
     vec3 turned = across(spring, normal);
@@ -199,32 +186,37 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   if (depth > s->largest_depth) {
     double sunk = depth / finer_depth(m, s, k);
     if (sunk > c->sunk) c->sunk = sunk, c->sunken = p;
-    depth = s->largest_depth;
   }
   m->due[p] = clock;
 
   /* Normal force, and friction of the spring between the node and its anchor. */
-  const double kn = s->stiffness, kt = kn * s->ratio, N = kn * depth;
+  const double kn = s->stiffness, kt = kn * s->ratio, N = kn * least(depth, s->largest_depth);
   s->push = N;
   vec3 spring = across(minus(point, mean(s->anchor, t.a, t.b, t.c)), normal);
   double T = kt * length(spring);
-  if (s->closed) c->switched += 0.5 * (old_stiffness - kn) * s->ratio * dot(spring, spring);
   s->closed = 1;
   s->sliding = T > (s->sliding ? c->friction_kinetic : c->friction) * N;
+  double lost = 0.0;
   if (s->sliding) {
-    /* Work of the mean friction of the step: exact for the trapezoidal rule. */
-    double limit = c->friction_kinetic * N, slipped = (T - limit) / kt;
-    double lost = 0.5 * (length(s->shear) + limit) * slipped;
+    const double limit = c->friction_kinetic * N, part = 1.0 - limit / T;
+    const vec3 slipped = times(part, spring);
+    spring = minus(spring, slipped);
+    lost = lost_in_slip(along(old_shear, -kt, spring), slipped);
     c->dissipated += lost;
     s->work += lost;
-    s->slip += slipped;
-    spring = times(limit / T, spring);
+    s->slip += length(slipped);
     /* The anchor that leaves just this much of the spring. */
     s->anchor = anchor_of(spring, foot, normal, facet_normal, t);
   }
   vec3 shear = times(-kt, spring);
   s->shear = shear;
   const vec3 force = along(shear, N, normal);
+  /* Work on the way to another facet, or an energy that comes from nowhere: a point deeper than it
+     can have moved came in from the side. */
+  if (was_closed && passed)
+    c->switched += old_energy - energy_of(s, depth) - lost - 0.5 * dot(plus(old_force, force), way);
+  else if (!was_closed && depth > moved + tiny(s))
+    c->switched -= energy_of(s, depth);
   for (int corner = 0; corner < 3; corner++)
     add_to(f, s->corner[corner], times((&s->corner_weight.x)[corner], force));
 

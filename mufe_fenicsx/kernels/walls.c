@@ -2,6 +2,7 @@
    described in kernels/walls.py. */
 
 #include "due.h"
+#include "friction.h"
 #include "lane_vectors.h"
 
 /* What a pair keeps, two cache lines in rows of four numbers; the anchor from ``point`` of the wall.
@@ -82,10 +83,10 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t adop
       s->offset = g;
     }
   }
-  const double depth = s->offset - g, kn = s->stiffness, kt = kn * s->ratio;
+  const double depth = s->offset - g;
   if (depth <= 0.0) {
     if (s->closed) {
-      double lost = dot(s->shear, s->shear) / (2.0 * kt);
+      double lost = lost_in_slip(s->shear, across(minus(r, s->anchor), normal));
       totals[0] += lost;
       s->work += lost;
       s->closed = s->sliding = 0;
@@ -100,19 +101,19 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t adop
     s->closed = 1;
     s->anchor = r;
   }
-  const double N = kn * depth;
+  const double kn = s->stiffness, kt = kn * s->ratio, N = kn * depth;
   s->push = N;
   vec3 spring = across(minus(r, s->anchor), normal);
   const double T = kt * length(spring);
   s->sliding = T > (s->sliding ? wall->friction_kinetic : wall->friction) * N;
   if (s->sliding) {
-    /* Work of the mean friction of the step: exact for the trapezoidal rule. */
-    double limit = wall->friction_kinetic * N, slipped = (T - limit) / kt;
-    double lost = 0.5 * (length(s->shear) + limit) * slipped;
+    const double limit = wall->friction_kinetic * N, part = 1.0 - limit / T;
+    const vec3 slipped = times(part, spring);
+    spring = minus(spring, slipped);
+    const double lost = lost_in_slip(along(s->shear, -kt, spring), slipped);
     totals[0] += lost;
     s->work += lost;
-    s->slip += slipped;
-    spring = times(limit / T, spring);
+    s->slip += length(slipped);
     s->anchor = minus(r, spring);
   }
   s->shear = times(-kt, spring);
