@@ -122,6 +122,7 @@ class Simulation:
             friction_kinetic,
             self_contact,
             self.rigid.layers(materials),
+            self.solid.edge_compliance,
         )
         self.bonded = Bonded(
             self.comm, self.walls, self.contact.own.nodes, self.walls.bonded, mesh.x

@@ -5,6 +5,7 @@ import ufl
 from dolfinx import fem
 
 from .errors import InputError
+from .kernels.edge_compliance import add_edge_compliance, cells_around, largest_patch
 from .kernels.element_step import add_nodal_stiffness, element_time_step
 from .kernels.energy import elastic_energy
 from .kernels.native import SOURCES, load
@@ -140,6 +141,40 @@ class Solid:
         modulus = (self.bulk + 10.0 / 3.0 * self.shear) / 3.0
         add_nodal_stiffness(found, x, m.cells, self.deformable, m.cell_offset, modulus)
         return found
+
+    def edge_compliance(self, ends, direction):
+        """Relative compliance of the two ends of edges, elastic, as they are at the start. Local.
+
+        Args:
+            ends: Nodes, shape (num_edges, 2).
+            direction: Unit vectors of the two opposite forces, shape (num_edges, 3).
+
+        Returns:
+            By how much the ends part along these under opposite unit forces [m/N], shape
+            (num_edges,), as of :func:`~.kernels.edge_compliance.add_edge_compliance`; zero for
+            rigid grains.
+        """
+        m = self.mesh
+        compliance, averaged = np.zeros(len(ends)), self._kind == AVERAGED
+        soft = np.isin(m.grain_of_node[ends[:, 0]], self.deformable)
+        if not soft.any():
+            return compliance
+        some = ends[soft]
+        family = PARTS if self._kind == COMPOSITE else 1
+        volume_of_cell = np.arange(m.num_cells) // family
+        volume = self.node_volume0 if averaged else np.bincount(volume_of_cell, self.volume0)
+        place, places = np.full(m.num_nodes, -1), np.full(volume.size, -1)
+        free = np.empty(m.num_nodes, np.int64)
+        offset, around = cells_around(m.cells, m.num_nodes)
+        n, num = largest_patch(place, free, some, m.cells, offset, around, averaged)
+        found, volumes = np.zeros(len(some)), np.empty(num, np.int64)
+        add_edge_compliance(
+            found, np.empty((3 * n, 3 * n)), np.empty((num, 3 * n)), free, place, places, volumes,
+            some, direction[soft], m.x, m.cells, offset, around, m.grain_of_cell, self.bulk,
+            self.shear, volume, volume_of_cell, averaged,
+        )  # fmt: skip
+        compliance[soft] = found
+        return compliance
 
     def elastic_energy(self, state):
         """Elastic energy of each grain [J], shape (num_grains,). Local."""

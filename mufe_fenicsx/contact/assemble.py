@@ -14,7 +14,7 @@ from .checks import check_law, check_stiffness, check_surface, check_walls
 from .clocks import RANGE, Motion
 from .crossings import new_slip
 from .depth import NOT_SUNK
-from .edges import EdgeContact
+from .edges import EdgeContact, edge_compliances
 from .exchange import SurfaceArray, SurfaceVector, exchange_surface
 from .laws import (
     KINEMATIC,
@@ -61,6 +61,8 @@ class Contact:
         self_contact: Nodes of a grain also meet facets of the same grain across a void.
         rigid_layer: Compliance of the layer of grains that do not deform [m/Pa], nan for
             others, shape (num_grains,); None: all deform.
+        edge_compliance: Gives what a mesh lacks of compliance between the ends of its sharp edges,
+            called as :meth:`~mufe_fenicsx.solid.Solid.edge_compliance`; None: nothing.
 
     Raises:
         InputError: There are no such points, or no such law; a coefficient cannot be; a wall
@@ -82,6 +84,7 @@ class Contact:
         friction_kinetic=None,
         self_contact=False,
         rigid_layer=None,
+        edge_compliance=None,
     ):
         check_law(friction, compliance)
         if self_contact and points != "nodes":
@@ -109,6 +112,8 @@ class Contact:
                 replace_layers(mesh, own, layers, rigid_layer)
         depths = largest_depths(mesh, own, contact_modulus, rigid_layer)
         self.depth_of_facet = depths[1]
+        of_mesh = None if self.kinematic else edge_compliance
+        self.compliance_of_edge = edge_compliances(own, x, of_mesh)
         self.points = surface_points(points, mesh, own, x, *layers, *depths)
         self.facet_layer = layers[1]
         self.layer = self.points.layer
@@ -249,8 +254,9 @@ class Contact:
         """
         self.searched, self.reach, self.overlap = gathered, reach, overlap
         self.surface, ghosts = exchange_surface(
-            self.comm, self.own, self.facet_layer, self.depth_of_facet, gathered, reach + overlap
-        )
+            self.comm, self.own, self.facet_layer, self.depth_of_facet, self.compliance_of_edge,
+            gathered, reach + overlap,
+        )  # fmt: skip
         self.own = self.surface.part_of(self.own)
         if self.forces is not None:
             self.destroy()

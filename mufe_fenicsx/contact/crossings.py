@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..kernels.edge_springs import areas_and_pushes
+
 
 @dataclass(frozen=True)
 class Crossings:
@@ -21,6 +23,8 @@ class Crossings:
     push: np.ndarray  #: normal force [N], shape (num,)
     normal: np.ndarray  #: unit normal, from the second to the first edge, shape (num, 3)
     friction: np.ndarray  #: on the first edge [N], shape (num, 3)
+    #: Normal force, friction, and what pushes it along where the spring is softer [N], (num, 3)
+    force: np.ndarray
     forces: np.ndarray  #: on the nodes [N], shape (num, 4, 3)
 
 
@@ -39,21 +43,33 @@ def closed_crossings(contact):
     s, t = p.place[on].T
     anchor_s, anchor_t = p.anchor[on].T
     lever = p.stiffness[on] * p.ratio[on] * p.gap[on]
-    h0, h1 = -lever * (anchor_s - s), lever * (anchor_t - t)
+    area, pushes = np.empty(on.size), np.empty((on.size, 5))
+    areas_and_pushes(
+        area, pushes, on, contact.positions.array[contact.num_before :], p.place, depth,
+        p.largest_depth, p.stiffness, p.shear, p.first, p.second, e.ends, e.area, e.layer, e.share,
+        e.compliance, e.ratio,
+    )  # fmt: skip
+    q, r, pulled = pushes[:, 0], pushes[:, 1], pushes[:, 2:]
+    h0 = -lever * (anchor_s - s) + p.gap[on] * q
+    h1 = lever * (anchor_t - t) + p.gap[on] * r
     along = np.stack([(1 - s) * push - h0, s * push + h0, (t - 1) * push - h1, h1 - t * push], 1)
     across = np.stack([1 - anchor_s, anchor_s, anchor_t - 1, -anchor_t], axis=1)
+    at_place = np.stack([1 - s, s, t - 1, -t], axis=1)
     nodes, share = _ends(contact.edges, on)
     return Crossings(
         grain=p.grain[on],
         partner=p.partner[on],
         nodes=nodes,
         share=share,
-        area=p.stiffness[on] * (e.layer[p.first[on]] + e.layer[p.second[on]]),
+        area=area,
         depth=depth,
         push=push,
         normal=normal,
         friction=friction,
-        forces=along[..., None] * normal[:, None] + across[..., None] * friction[:, None],
+        force=push[:, None] * normal + friction + pulled,
+        forces=along[..., None] * normal[:, None]
+        + across[..., None] * friction[:, None]
+        + at_place[..., None] * pulled[:, None],
     )
 
 

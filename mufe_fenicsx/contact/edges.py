@@ -104,7 +104,7 @@ class EdgeContact:
         return add_edge_forces(
             f, p.due, p.outside, p.place, p.normal, p.gap, p.offset, p.closed, p.sliding,
             p.stiffness, p.anchor, p.shear, p.slip, p.work, clock, x, p.first,
-            p.second, e.ends, e.beyond, e.area, e.layer, e.share, e.ratio, friction,
+            p.second, e.ends, e.beyond, e.area, e.layer, e.share, e.compliance, e.ratio, friction,
             friction_kinetic, p.size, p.largest_depth, p.recess, adopt,
         )  # fmt: skip
 
@@ -154,6 +154,7 @@ class _Edges:
         edge_areas(self.area, self.ends, s.area_of_facet, s.ring_offset, s.ring)
         self.length = edge_of_area(self.area, 2)  #: of an even mesh [m]
         self.layer = s.layer_of_facet[sides].mean(axis=1)
+        self.compliance = s.compliance_of_edge[sides[:, 0], self.key % 3]
         self.depth = s.depth_of_facet[sides].mean(axis=1)
         # An edge that goes on beyond its end counts in full, one of k at a corner for 1/k.
         count = np.bincount(self.ends.ravel(), minlength=1)[self.ends]
@@ -186,6 +187,29 @@ class _EdgePairs:
         self.shear = np.zeros((n, 3))
         self.slip = np.zeros(n)
         self.work = np.zeros(n)
+
+
+def edge_compliances(own, x, of_mesh):
+    """Relative compliance of the ends of sharp edges [m/N], shape (num_facets, 3). Local.
+
+    It is along the bisector of both facets' normals, and stands in the facet of the lower number.
+
+    Args:
+        own: :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
+        x: Reference positions of the mesh's nodes [m], shape (num_nodes, 3).
+        of_mesh: Called as :meth:`~mufe_fenicsx.solid.Solid.edge_compliance`; None: zeros.
+    """
+    if of_mesh is None or not own.sharp_edge.any():
+        return np.broadcast_to(0.0, own.sharp_edge.shape)
+    numbers = np.arange(len(own.facets))
+    ends, _, sides, key = list_sharp_edges(own.facets, own.neighbor, numbers, own.sharp_edge)
+    a, b, c = np.moveaxis(x[own.nodes[own.facets[sides]]], 2, 0)
+    normal = np.cross(b - a, c - a)
+    bisector = (normal / np.linalg.norm(normal, axis=2, keepdims=True)).sum(axis=1)
+    bisector /= np.linalg.norm(bisector, axis=1, keepdims=True)
+    found = np.zeros(own.sharp_edge.shape)
+    found.ravel()[key] = of_mesh(own.nodes[ends], bisector)
+    return found
 
 
 def _search(x, edges, reach):

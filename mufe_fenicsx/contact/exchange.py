@@ -13,7 +13,7 @@ from .surface import neighbors, rings
 #: Tag of the messages between neighbour ranks.
 TAG = 71
 #: Numbers that tell a facet to another rank.
-NUMBERS = 8
+NUMBERS = 11
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,7 @@ class Surface:
     area_of_facet: np.ndarray  #: in the reference configuration [m²], shape (num_facets,)
     depth_of_facet: np.ndarray  #: part in the largest depth of pairs [m], shape (num_facets,)
     sharp_edge: np.ndarray  #: whether the edges 0-1, 1-2, 2-0 are sharp, shape (num_facets, 3)
+    compliance_of_edge: np.ndarray  #: of sharp ones, relative, of both ends [m/N], (num_facets, 3)
     use: np.ndarray  #: False for facets that only complete a ring, shape (num_facets,)
     neighbor: np.ndarray  #: as in kernels.closest, shape (num_facets, 3)
     ring_offset: np.ndarray  #: compressed rows of the facets around each node
@@ -103,7 +104,7 @@ class SurfaceVector(SurfaceArray):
             self.vector.destroy()
 
 
-def exchange_surface(comm, own, layer_of_facet, depth_of_facet, x, reach):
+def exchange_surface(comm, own, layer_of_facet, depth_of_facet, compliance_of_edge, x, reach):
     """Fetch the facets of other ranks that lie within ``reach`` of this rank's surface. Collective.
 
     Ranks whose boxes overlap, grown by ``reach``, tell each other which cells of a grid their
@@ -117,6 +118,7 @@ def exchange_surface(comm, own, layer_of_facet, depth_of_facet, x, reach):
         own: :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
         layer_of_facet: Compliance of own facets [m/Pa], shape (num_facets,).
         depth_of_facet: Their parts in the largest depth of pairs [m], shape (num_facets,).
+        compliance_of_edge: Of own sharp edges, as of :class:`Surface`, shape (num_facets, 3).
         x: Positions of own surface nodes [m], shape (num_nodes, 3).
         reach: Distance [m].
 
@@ -131,7 +133,7 @@ def exchange_surface(comm, own, layer_of_facet, depth_of_facet, x, reach):
     grain, layer, area, depth = (
         own.grain_of_facet, layer_of_facet, own.facet_area, depth_of_facet,
     )  # fmt: skip
-    sharp = own.sharp_edge
+    sharp, compliance = own.sharp_edge, compliance_of_edge
     use = np.ones(facets.shape[0], dtype=bool)
     ghosts = np.empty(0, dtype=np.int64)
     neighbor, ring_offset, ring = own.neighbor, own.ring_offset, own.ring
@@ -140,7 +142,7 @@ def exchange_surface(comm, own, layer_of_facet, depth_of_facet, x, reach):
     if comm.size > 1:
         ranks, selected = near_other_ranks(comm, own.facets, x, reach)
         outgoing = [
-            _packed(own, layer, depth, near, x.shape[0], first_node, first_facet)
+            _packed(own, layer, depth, compliance, near, x.shape[0], first_node, first_facet)
             for near in selected
         ]
         incoming = swap(comm, ranks, [part.reshape(-1).view(np.uint8) for part in outgoing])
@@ -168,6 +170,7 @@ def exchange_surface(comm, own, layer_of_facet, depth_of_facet, x, reach):
             np.concatenate([here, far[:, 5 + k].copy().view(np.float64)])
             for k, here in enumerate((layer, area, depth))
         )
+        compliance = np.concatenate([compliance, far[:, 8:].copy().view(np.float64)])
 
     surface = Surface(
         facets=facets,
@@ -177,6 +180,7 @@ def exchange_surface(comm, own, layer_of_facet, depth_of_facet, x, reach):
         area_of_facet=area,
         depth_of_facet=depth,
         sharp_edge=sharp,
+        compliance_of_edge=compliance,
         use=use,
         neighbor=neighbor,
         ring_offset=ring_offset,
@@ -249,7 +253,7 @@ def swap(comm, ranks, messages):
     return received
 
 
-def _packed(own, layer, depth, near, num_nodes, first_node, first_facet):
+def _packed(own, layer, depth, compliance, near, num_nodes, first_node, first_facet):
     """Facets that are ``near``, and those around their vertices: ``NUMBERS`` each, int64."""
     send = with_rings(own.facets, near, num_nodes)
     rows = np.empty((send.size, NUMBERS), dtype=np.int64)
@@ -257,6 +261,6 @@ def _packed(own, layer, depth, near, num_nodes, first_node, first_facet):
     rows[:, 3] = first_facet + send
     rows[:, 4] = 16 * own.grain_of_facet[send].astype(np.int64) + near[send]
     rows[:, 4] += own.sharp_edge[send] @ np.array([2, 4, 8])
-    for k, values in enumerate((layer, own.facet_area, depth)):
+    for k, values in enumerate((layer, own.facet_area, depth, *compliance.T)):
         rows[:, 5 + k] = values[send].astype(np.float64).view(np.int64)
     return rows

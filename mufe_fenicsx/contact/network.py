@@ -218,7 +218,7 @@ def _sums_of_crossings(contact, crossings):
     terms[:, _NORMAL] = c.area[:, None] * c.normal
     terms[:, _PLACE] = c.area[:, None] * place
     terms[:, _FRICTION] = c.friction
-    terms[:, _FORCE] = c.push[:, None] * c.normal + c.friction
+    terms[:, _FORCE] = c.force
     terms[:, _MOMENT] = np.cross(ends[:, :2], c.forces[:, :2]).sum(axis=1)
     return terms
 

@@ -82,7 +82,8 @@ class ContactTangent:
         edge_tangent(
             *parts[1], x[before:], q.first, q.second, e.edges.ends, q.closed, edge_closed, q.place,
             q.normal, q.gap, q.offset, q.recess, q.stiffness, q.anchor, q.shear, q.slip, edge_slip,
-            e.edges.ratio, c.friction_kinetic, q.largest_depth,
+            e.edges.area, e.edges.layer, e.edges.share, e.edges.compliance, e.edges.ratio,
+            c.friction_kinetic, q.largest_depth,
         )  # fmt: skip
         v = w.pairs
         wall_tangent(

@@ -16,6 +16,8 @@ import numba
 import numpy as np
 
 from .closest import EDGE, INTERIOR, VERTEX, closest_point, facet_normal, project
+from .edge_springs import at_place, in_series, push_along
+from .springs import stored_energy
 
 #: Step of the differences over the size of a contact.
 STEP = 1e-5
@@ -25,6 +27,8 @@ NEAR, LEAST = 1e-4, 1e-9
 SAME = 1e-7
 #: Nodes of a contact of a point with a facet, and of two edges.
 OF_PAIR, OF_EDGES = 6, 4
+#: Ends of two edges as places among four nodes.
+FIRST, SECOND = (0, 1), (2, 3)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -215,8 +219,10 @@ def pair_tangent(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _of_edges(F, X, side, kn, kt, mu, offset, largest, anchor_s, anchor_t):
+def _of_edges(F, X, side, law, state):
     """Forces F (4, 3) on the ends X (4, 3) of two edges that cross, as kernels.edges."""
+    even, fade, compliance, other_compliance, ratio = law
+    mu, offset, largest, anchor_s, anchor_t = state
     ux, uy, uz = X[1, 0] - X[0, 0], X[1, 1] - X[0, 1], X[1, 2] - X[0, 2]
     vx, vy, vz = X[3, 0] - X[2, 0], X[3, 1] - X[2, 1], X[3, 2] - X[2, 2]
     wx, wy, wz = X[0, 0] - X[2, 0], X[0, 1] - X[2, 1], X[0, 2] - X[2, 2]
@@ -229,28 +235,33 @@ def _of_edges(F, X, side, kn, kt, mu, offset, largest, anchor_s, anchor_t):
     uw, vw = ux * wx + uy * wy + uz * wz, vx * wx + vy * wy + vz * wz
     s, t = (uv * vw - vv * uw) / det, (uu * vw - uv * uw) / det
     gap = wx * nx + wy * ny + wz * nz
-    N = kn * min(offset - gap, largest)
+    kn, by_s, by_t = in_series(even, fade, s, t, compliance, other_compliance)
+    depth, kt = offset - gap, kn * ratio
+    N = kn * min(depth, largest)
     ds, dt = anchor_s - s, anchor_t - t
     dx, dy, dz = ds * ux - dt * vx, ds * uy - dt * vy, ds * uz - dt * vz
     if mu >= 0.0:
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
-        keep = mu * N / (kt * length) if length > 0.0 else 0.0
+        keep = mu * min(depth, largest) / (ratio * length) if length > 0.0 else 0.0
         ds, dt, dx, dy, dz = keep * ds, keep * dt, keep * dx, keep * dy, keep * dz
-    h0, h1 = -kt * gap * ds, kt * gap * dt
+    stored = stored_energy(1.0, depth, largest) + 0.5 * ratio * (dx * dx + dy * dy + dz * dz)
+    q, r, along = push_along(X, FIRST, SECOND, by_s * stored, by_t * stored)
+    h0, h1 = gap * (q - kt * ds), gap * (r + kt * dt)
     ps, pt = s + ds, t + dt
     for m in range(3):
-        n = nx if m == 0 else (ny if m == 1 else nz)
+        n, Q = nx if m == 0 else (ny if m == 1 else nz), along[m]
         T = -kt * (dx if m == 0 else (dy if m == 1 else dz))
-        F[0, m] = ((1.0 - s) * N - h0) * n + (1.0 - ps) * T
-        F[1, m] = (s * N + h0) * n + ps * T
-        F[2, m] = -((1.0 - t) * N + h1) * n - (1.0 - pt) * T
-        F[3, m] = -(t * N - h1) * n - pt * T
+        F[0, m] = ((1.0 - s) * N - h0) * n + (1.0 - ps) * T + (1.0 - s) * Q
+        F[1, m] = (s * N + h0) * n + ps * T + s * Q
+        F[2, m] = -((1.0 - t) * N + h1) * n - (1.0 - pt) * T - (1.0 - t) * Q
+        F[3, m] = -(t * N - h1) * n - pt * T - t * Q
 
 
 @numba.njit(cache=True, error_model="numpy")
 def edge_tangent(
     rows, columns, blocks, x, first, second, ends, closed, closed0, place, normal, gap, offset,
-    recess, stiffness, anchor, shear, slip, slip0, ratio, friction_kinetic, largest_depth,
+    recess, stiffness, anchor, shear, slip, slip0, area, layer, share, compliance, ratio,
+    friction_kinetic, largest_depth,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed crossings of edges, in turn, as blocks.
 
@@ -285,13 +296,16 @@ def edge_tangent(
         trial_s = place[p, 0] + scale * (anchor[p, 0] - place[p, 0])
         trial_t = place[p, 1] + scale * (anchor[p, 1] - place[p, 1])
         step = max(min(STEP * size, NEAR * short), LEAST * size)
+        even, fade = at_place(i, j, place[p, 0], place[p, 1], area, layer, share)
+        law = even, fade, compliance[i], compliance[j], ratio[i] if closed0[p] else 0.0
+        state = mu, begin, largest_depth[p], trial_s, trial_t
         for c in range(4):
             for k in range(3):
                 before = X[c, k]
                 X[c, k] = before + step
-                _of_edges(F, X, side, kn, kt, mu, begin, largest_depth[p], trial_s, trial_t)
+                _of_edges(F, X, side, law, state)
                 X[c, k] = before - step
-                _of_edges(G, X, side, kn, kt, mu, begin, largest_depth[p], trial_s, trial_t)
+                _of_edges(G, X, side, law, state)
                 X[c, k] = before
                 for r in range(4):
                     b = count + 4 * r + c

@@ -26,12 +26,67 @@ def _parts(place, share):
 
 
 @numba.njit(cache=True)
-def crossing_stiffness(i, j, s, t, area, layer, share):
-    """Stiffness of a crossing [N/m]: A/2 of a node of the finer edge, over both layers."""
+def at_place(i, j, s, t, area, layer, share):
+    """Stiffness of a crossing between meshes that are even [N/m], and the part that has faded in.
+
+    A/2 of a node of the finer edge, over both layers.
+    """
     corner, fade = _parts(s, share[i])
     other_corner, other_fade = _parts(t, share[j])
-    part = min(corner, other_corner) * fade * other_fade
-    return 0.5 * part * min(area[i], area[j]) / (layer[i] + layer[j])
+    k = 0.5 * min(corner, other_corner) * min(area[i], area[j]) / (layer[i] + layer[j])
+    return k, fade * other_fade
+
+
+@numba.njit(cache=True)
+def in_series(k, fade, s, t, compliance, other_compliance):
+    """Stiffness of a crossing [N/m], and its derivatives by s and t.
+
+    Between the ends of an edge a force finds the mesh stiffer than at them, by what the place ξ
+    takes off its compliance, ξ (1 - ξ) D. That is added to the spring's own:
+    1/k' = 1/k + s (1 - s) D + t (1 - t) D of the other.
+    """
+    s, t = min(max(s, 0.0), 1.0), min(max(t, 0.0), 1.0)
+    soft = 1.0 + k * (s * (1.0 - s) * compliance + t * (1.0 - t) * other_compliance)
+    slope = -fade * (k / soft) ** 2
+    return (
+        fade * k / soft,
+        slope * (1.0 - 2.0 * s) * compliance,
+        slope * (1.0 - 2.0 * t) * other_compliance,
+    )
+
+
+@numba.njit(cache=True)
+def crossing_stiffness(i, j, s, t, area, layer, share, compliance):
+    """Stiffness of a crossing [N/m], and its derivatives by s and t as of :func:`in_series`."""
+    k, fade = at_place(i, j, s, t, area, layer, share)
+    return in_series(k, fade, s, t, compliance[i], compliance[j])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def push_along(x, first, second, by_s, by_t):
+    """Force Q = q u + r v on edge u, its opposite on edge v, by which an energy moves a crossing.
+
+    Where edge u moves by w, the crossing moves by ds and dt with ds u - dt v = -w, less what w has
+    along the normal: Q.u is the derivative of the energy by s, -Q.v that by t.
+
+    Args:
+        x: Positions [m].
+        first, second: Ends of u and of v in ``x``.
+        by_s, by_t: Derivatives of the energy [J].
+
+    Returns:
+        q and r [N/m], and Q [N].
+    """
+    if by_s == 0.0 and by_t == 0.0:
+        return 0.0, 0.0, (0.0, 0.0, 0.0)
+    a, b, c, d = first[0], first[1], second[0], second[1]
+    ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
+    vx, vy, vz = x[d, 0] - x[c, 0], x[d, 1] - x[c, 1], x[d, 2] - x[c, 2]
+    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
+    uv = ux * vx + uy * vy + uz * vz
+    det = uu * vv - uv * uv
+    q, r = (vv * by_s + uv * by_t) / det, -(uv * by_s + uu * by_t) / det
+    return q, r, (q * ux + r * vx, q * uy + r * vy, q * uz + r * vz)
 
 
 @numba.njit(cache=True)
@@ -79,9 +134,34 @@ def find_edge_springs(margin, size, due, outside, gap, clock, place, closed, sti
     for p in range(first.size):
         if not (closed[p] or _can_close(outside[p], gap[p], due[p] - clock, margin, size[p])):
             continue
-        # Where one edge goes on as the next, as if it did not fade out.
-        s, t = min(max(place[p, 0], END), 1.0 - END), min(max(place[p, 1], END), 1.0 - END)
+        # As if it did not fade out where one edge goes on as the next, and were at nodes.
+        s, t = place[p, 0], place[p, 1]
         found[n] = p
-        k[n] = crossing_stiffness(first[p], second[p], s, t, area, layer, share)
+        k[n], _ = at_place(first[p], second[p], s, t, area, layer, share)
         n += 1
     return found[:n], k[:n]
+
+
+@numba.njit(cache=True)
+def areas_and_pushes(area_of, along, on, x, place, depth, largest_depth, stiffness, shear, first,
+                     second, ends, area, layer, share, compliance, ratio):  # fmt: skip
+    """Areas that crossings stand for, and their forces along edges, in place.
+
+    Args:
+        area_of: Result [m²], shape (n,).
+        along: q, r and Q as of :func:`push_along`, shape (n, 5).
+        on: The crossings, shape (n,).
+        depth: Of these, without offset and recess [m], shape (n,).
+        others: As in :func:`~.edges.add_edge_forces`.
+    """
+    for k in range(on.size):
+        p = on[k]
+        i, j = first[p], second[p]
+        s, t = place[p, 0], place[p, 1]
+        even, fade = at_place(i, j, s, t, area, layer, share)
+        area_of[k] = fade * even * (layer[i] + layer[j])
+        kn, by_s, by_t = in_series(even, fade, s, t, compliance[i], compliance[j])
+        stored = stored_energy(1.0, depth[k], largest_depth[p])
+        stored += spring_energy(shear[p], kn * ratio[i]) / kn
+        q, r, Q = push_along(x, ends[i], ends[j], by_s * stored, by_t * stored)
+        along[k, 0], along[k, 1], along[k, 2], along[k, 3], along[k, 4] = q, r, Q[0], Q[1], Q[2]

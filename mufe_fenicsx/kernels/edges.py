@@ -6,7 +6,7 @@ import numba
 
 from .crossing import END, crossing, piercings
 from .edge_search import segment_distance
-from .edge_springs import crossing_stiffness, spring_energy
+from .edge_springs import at_place, crossing_stiffness, in_series, push_along, spring_energy
 from .springs import stored_energy
 
 #: Crossings deeper than this part of the mean edge are none. The vertices of right-angled edges
@@ -69,6 +69,7 @@ def add_edge_forces(
     area,
     layer,
     share,
+    compliance,
     ratio,
     friction,
     friction_kinetic,
@@ -86,6 +87,9 @@ def add_edge_forces(
     along. What separates them beside g n is a vector d = ds u - dt v of the edges u and
     v; friction T = -k_t d acts at the anchors, and its couple g n x T is borne by forces
     ± h n at the ends of the edges, h u + h' v = g T. That is the gradient of k_t d²/2.
+
+    Where k falls along an edge, so does the energy of both springs: it pushes the crossing there by
+    a force along the edges, Q, with a couple like that of friction. Both are parts of the gradient.
 
     The normal force follows from where the edges are now: a pair carries where they cross between
     their ends, with the stiffness of that place. It begins at a gap that was open, or where another
@@ -116,6 +120,7 @@ def add_edge_forces(
         area: Area that stands for an edge [m²], shape (num_edges,).
         layer: Compliance c h/E* of the edges [m/Pa], shape (num_edges,).
         share: Part of the stiffness that acts at the ends of the edges, shape (num_edges, 2).
+        compliance: Relative one of their ends [m/N], shape (num_edges,).
         ratio: Tangential over normal stiffness, shape (num_own_edges,).
         friction: Coefficient of friction that a pair has to overcome to slip.
         friction_kinetic: Coefficient while it slips; until a step in which it sticks.
@@ -136,6 +141,10 @@ def add_edge_forces(
         was_open, was_inside = outside[p] <= 0.0, outside[p] <= 0.0 and gap[p] < 0.0
         outside[p], s, t, nx, ny, nz, g, across, turned = crossing(x, ends, beyond, i, j)
         if g < math.inf:  # not parallel
+            if closed[p]:
+                # What the stiffness changes by along even edges is a work of the forces.
+                k, fade = at_place(i, j, place[p, 0], place[p, 1], area, layer, share)
+                stiffness[p] = in_series(k, fade, s, t, compliance[i], compliance[j])[0]
             gap[p], place[p, 0], place[p, 1] = g, s, t
             normal[p, 0], normal[p, 1], normal[p, 2] = nx, ny, nz
         if closed[p]:
@@ -177,9 +186,8 @@ def add_edge_forces(
             # Near a corner of facets, edges need not pierce those beside them.
             outside[p], offset[p], due[p] = min(outside[p], 0.0), offset[q], clock
             depth = max(offset[p] - gap[p] - recess[p], 0.0)
-            kn = crossing_stiffness(
-                first[p], second[p], place[p, 0], place[p, 1], area, layer, share
-            )
+            i, j = first[p], second[p]
+            kn, _, _ = crossing_stiffness(i, j, s, t, area, layer, share, compliance)
             switched -= stored_energy(kn, depth, largest_depth[p])
             ds, dt = anchor[q, 0] - place[q, 0], anchor[q, 1] - place[q, 1]
             ds, dt = _turned_spring(x, ends, normal, ds, dt, first, second, q, p)
@@ -193,7 +201,12 @@ def add_edge_forces(
         depth, carried = offset[p] - gap[p] - recess[p], stiffness[p]
         ds, dt = anchor[p, 0] - place[p, 0], anchor[p, 1] - place[p, 1]
         dx, dy, dz = _spring(x, ends, i, j, ds, dt)
-        half = 0.5 * ratio[i] * (dx * dx + dy * dy + dz * dz)
+        length = math.sqrt(dx * dx + dy * dy + dz * dz)
+        # As long as friction holds it, whatever the stiffness; its energy over that.
+        pressed = max(min(depth, largest_depth[p]), 0.0) / ratio[i]
+        sliding[p] = length > (friction_kinetic if sliding[p] else friction) * pressed
+        keep = friction_kinetic * pressed / length if sliding[p] else 1.0
+        half = 0.5 * ratio[i] * (keep * length) ** 2
         if outside[p] > 0.0 or depth <= 0.0:
             if closed[p]:
                 if depth <= 0.0:
@@ -202,11 +215,13 @@ def add_edge_forces(
                     work[p] += released
                 else:  # it left sideways
                     switched += stored_energy(carried, depth, largest_depth[p]) + carried * half
-                closed[p] = sliding[p] = False
+                closed[p] = False
                 shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
                 due[p] = clock + (max(gap[p], 0.0) if outside[p] <= 0.0 else 0.0)
+            sliding[p] = False
             continue
-        kn = crossing_stiffness(i, j, place[p, 0], place[p, 1], area, layer, share)
+        s, t = place[p, 0], place[p, 1]
+        kn, by_s, by_t = crossing_stiffness(i, j, s, t, area, layer, share, compliance)
         if closed[p]:
             switched += stored_energy(carried - kn, depth, largest_depth[p])
             switched += (carried - kn) * half
@@ -217,14 +232,11 @@ def add_edge_forces(
         due[p] = clock
         kt = kn * ratio[i]
         N = kn * min(depth, largest_depth[p])
-        T = kt * math.sqrt(dx * dx + dy * dy + dz * dz)
-        sliding[p] = T > (friction_kinetic if sliding[p] else friction) * N
         if sliding[p]:
             limit = friction_kinetic * N
-            keep = limit / T
             # Work of the mean friction of the step: exact for the trapezoidal rule.
             before2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
-            slipped = (T - limit) / kt
+            slipped = (1.0 - keep) * length
             released = 0.5 * (math.sqrt(before2) + limit) * slipped
             dissipated += released
             work[p] += released
@@ -235,15 +247,18 @@ def add_edge_forces(
         shear[p, 0], shear[p, 1], shear[p, 2] = -kt * dx, -kt * dy, -kt * dz
         # Couple: T = -kt (ds u - dt v), so h = -kt g ds on the first edge, kt g dt on the second.
         h0, h1 = -kt * gap[p] * ds, kt * gap[p] * dt
+        # The same of the force along the edges, towards where the spring is softer.
+        stored = stored_energy(1.0, depth, largest_depth[p]) + half
+        q, r, along = push_along(x, ends[i], ends[j], by_s * stored, by_t * stored)
+        h0, h1 = h0 + gap[p] * q, h1 + gap[p] * r
         a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
-        s, t = place[p, 0], place[p, 1]
         ps, pt = anchor[p, 0], anchor[p, 1]
         for m in range(3):
-            n, T = normal[p, m], shear[p, m]
-            f[a, m] += ((1.0 - s) * N - h0) * n + (1.0 - ps) * T
-            f[b, m] += (s * N + h0) * n + ps * T
-            f[c, m] -= ((1.0 - t) * N + h1) * n + (1.0 - pt) * T
-            f[d, m] -= (t * N - h1) * n + pt * T
+            n, T, Q = normal[p, m], shear[p, m], along[m]
+            f[a, m] += ((1.0 - s) * N - h0) * n + (1.0 - ps) * T + (1.0 - s) * Q
+            f[b, m] += (s * N + h0) * n + ps * T + s * Q
+            f[c, m] -= ((1.0 - t) * N + h1) * n + (1.0 - pt) * T + (1.0 - t) * Q
+            f[d, m] -= (t * N - h1) * n + pt * T + t * Q
     return dissipated, switched, num_adopted, deepest
 
 

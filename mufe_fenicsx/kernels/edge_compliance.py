@@ -1,0 +1,190 @@
+"""How much less a mesh gives way between two nodes of an edge than its nodes themselves do."""
+
+import math
+
+import numba
+import numpy as np
+
+
+@numba.njit(cache=True)
+def cells_around(cells, num_nodes):
+    """Tetrahedra around each node, as compressed rows.
+
+    Args:
+        cells: Nodes of the tetrahedra, shape (num_cells, 4).
+        num_nodes: Number of nodes.
+
+    Returns:
+        First entry of each node, shape (num_nodes + 1,); tetrahedra, shape (4 num_cells,).
+    """
+    offset = np.zeros(num_nodes + 1, np.int64)
+    for c in range(cells.shape[0]):
+        for a in range(4):
+            offset[cells[c, a] + 1] += 1
+    for n in range(num_nodes):
+        offset[n + 1] += offset[n]
+    fill, found = offset[:-1].copy(), np.empty(4 * cells.shape[0], np.int32)
+    for c in range(cells.shape[0]):
+        for a in range(4):
+            found[fill[cells[c, a]]] = c
+            fill[cells[c, a]] += 1
+    return offset, found
+
+
+@numba.njit(cache=True)
+def _free_nodes(free, place, a, b, cells, offset, around):
+    """Nodes of all tetrahedra around a and b, these two last, and their places; their number."""
+    count = 0
+    for end in (a, b):
+        for m in range(offset[end], offset[end + 1]):
+            for k in range(4):
+                n = cells[around[m], k]
+                if n != a and n != b and place[n] < 0:
+                    place[n] = count
+                    free[count] = n
+                    count += 1
+    for end in (a, b):
+        place[end] = count
+        free[count] = end
+        count += 1
+    return count
+
+
+@numba.njit(cache=True)
+def largest_patch(place, free, ends, cells, offset, around, averaged):
+    """Most nodes that are free around an edge, and most volumes that they take part in.
+
+    Args:
+        place: -1 for each node, and again afterwards, shape (num_nodes,).
+        free: Room for as many nodes as a patch has, shape (num_nodes,).
+        ends, cells, offset, around, averaged: As of :func:`add_edge_compliance`.
+    """
+    most, most_volumes = 0, 0
+    for e in range(ends.shape[0]):
+        count = _free_nodes(free, place, ends[e, 0], ends[e, 1], cells, offset, around)
+        num_cells = 0
+        for i in range(count):
+            place[free[i]] = -1
+            num_cells += offset[free[i] + 1] - offset[free[i]]
+        most = max(most, count)
+        most_volumes = max(most_volumes, 4 * num_cells if averaged else num_cells)
+    return most, most_volumes
+
+
+@numba.njit(cache=True, error_model="numpy")
+def add_edge_compliance(
+    compliance, K, B, free, place, place_of_volume, volumes, ends, direction, x, cells, offset,
+    around, grain_of_cell, bulk, shear, volume, volume_of_cell, averaged,
+):  # fmt: skip
+    """Add the relative compliance of the ends of edges, in place.
+
+        D = (e1 - e2)ᵀ K⁻¹ (e1 - e2)
+
+    with unit forces e1 and e2 on the two ends along a direction. K is the elastic stiffness of the
+    tetrahedra around both ends and around their neighbours; the nodes beyond are held.
+
+    Args:
+        compliance: D [m/N], shape (num_edges,).
+        K: Room for the stiffness, shape (3 n, 3 n), n as of :func:`largest_patch`.
+        B: Room for derivatives of volumes, shape (m, 3 n), m as of :func:`largest_patch`.
+        free: Room for the nodes, shape (n,).
+        place, place_of_volume: -1 for each node and volume, and again afterwards.
+        volumes: Room for the volumes, shape (m,).
+        ends: Nodes, shape (num_edges, 2).
+        direction: Unit vectors, shape (num_edges, 3).
+        x: Reference positions [m], shape (num_nodes, 3).
+        cells: Nodes of the tetrahedra, shape (num_cells, 4).
+        offset, around: As of :func:`cells_around`.
+        grain_of_cell: Shape (num_cells,).
+        bulk, shear: Moduli of the grains [Pa], shape (num_grains,).
+        volume: That mean stresses belong to [m³]: of nodes if ``averaged``, else of tetrahedra or
+            composites, shape (num_volumes,).
+        volume_of_cell: The one of each tetrahedron unless ``averaged``, shape (num_cells,).
+        averaged: Whether a tetrahedron takes the mean of its four nodes.
+    """
+    g, e, at, f = np.empty((4, 3)), np.empty((3, 3)), np.empty(4, np.int64), np.empty(6)
+    for n_edge in range(ends.shape[0]):
+        a, b = ends[n_edge, 0], ends[n_edge, 1]
+        count = _free_nodes(free, place, a, b, cells, offset, around)
+        size, num_volumes = 3 * count, 0
+        K[:size, :size] = 0.0
+        for i in range(count):
+            for entry in range(offset[free[i]], offset[free[i] + 1]):
+                c = around[entry]
+                first = True  # each tetrahedron with the first of its free nodes
+                for k in range(4):
+                    at[k] = place[cells[c, k]]
+                    first = first and not 0 <= at[k] < i
+                if not first:
+                    continue
+                for m in range(3):
+                    for k in range(3):
+                        e[m, k] = x[cells[c, m + 1], k] - x[cells[c, 0], k]
+                for m in range(3):
+                    q, r = e[(m + 1) % 3], e[(m + 2) % 3]
+                    g[m + 1, 0] = q[1] * r[2] - q[2] * r[1]
+                    g[m + 1, 1] = q[2] * r[0] - q[0] * r[2]
+                    g[m + 1, 2] = q[0] * r[1] - q[1] * r[0]
+                for k in range(3):
+                    g[0, k] = -g[1, k] - g[2, k] - g[3, k]
+                six = e[0, 0] * g[1, 0] + e[0, 1] * g[1, 1] + e[0, 2] * g[1, 2]
+                # Deviator: V G (b ⊗ a + a·b I - 2/3 a ⊗ b), gradients g over six volumes.
+                G = shear[grain_of_cell[c]] / (6.0 * six)
+                for p in range(4):
+                    for s in range(4):
+                        if at[p] < 0 or at[s] < 0 or at[s] > at[p]:
+                            continue
+                        dot = g[p, 0] * g[s, 0] + g[p, 1] * g[s, 1] + g[p, 2] * g[s, 2]
+                        for k in range(3):
+                            for m in range(3):
+                                K[3 * at[p] + k, 3 * at[s] + m] += G * (
+                                    g[s, k] * g[p, m] - 2.0 / 3.0 * g[p, k] * g[s, m]
+                                )
+                            K[3 * at[p] + k, 3 * at[s] + k] += G * dot
+                # Mean stress: derivatives of the volumes that the tetrahedron is part of.
+                for v in range(4 if averaged else 1):
+                    number = cells[c, v] if averaged else volume_of_cell[c]
+                    if place_of_volume[number] < 0:
+                        place_of_volume[number] = num_volumes
+                        volumes[num_volumes] = number
+                        B[num_volumes, :size] = 0.0
+                        num_volumes += 1
+                    part = 1.0 / 24.0 if averaged else 1.0 / 6.0
+                    for p in range(4):
+                        if at[p] >= 0:
+                            for k in range(3):
+                                B[place_of_volume[number], 3 * at[p] + k] += part * g[p, k]
+        modulus = bulk[grain_of_cell[around[offset[a]]]]
+        for v in range(num_volumes):
+            place_of_volume[volumes[v]] = -1
+            row, factor = B[v], modulus / volume[volumes[v]]
+            for i in range(size):
+                if row[i] != 0.0:
+                    for j in range(i + 1):
+                        K[i, j] += factor * row[i] * row[j]
+        for i in range(count):
+            place[free[i]] = -1
+        for k in range(3):
+            f[k], f[3 + k] = direction[n_edge, k], -direction[n_edge, k]
+        compliance[n_edge] += _relative_compliance(K, size, f)
+
+
+@numba.njit(cache=True, fastmath={"contract", "reassoc"}, error_model="numpy")
+def _relative_compliance(K, size, f):
+    """fᵀ K⁻¹ f of forces ``f`` (6,) on the last two nodes; K and ``f`` become L of K = L Lᵀ and y.
+
+    It is |y|² with L y = f.
+    """
+    for i in range(size):
+        for j in range(i + 1):
+            rest = K[i, j]
+            for m in range(j):
+                rest -= K[i, m] * K[j, m]
+            K[i, j] = math.sqrt(rest) if i == j else rest / K[j, j]
+    total, first = 0.0, size - 6
+    for i in range(6):
+        for m in range(i):
+            f[i] -= K[first + i, first + m] * f[m]
+        f[i] /= K[first + i, first + i]
+        total += f[i] * f[i]
+    return total
