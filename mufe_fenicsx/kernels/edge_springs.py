@@ -97,6 +97,20 @@ def spring_energy(force, stiffness):
 
 
 @numba.njit(cache=True)
+def lost_in_slip(shear, stiffness, part, dx, dy, dz):
+    """Energy that friction takes in a step [J], as in friction.h.
+
+    Args:
+        shear: Friction at the start of the step [N], shape (3,).
+        stiffness: Of the spring over its length, at the end of the step [N/m].
+        part: Of the spring that slipped.
+        dx, dy, dz: The spring before it slipped [m].
+    """
+    on_spring = shear[0] * dx + shear[1] * dy + shear[2] * dz
+    return 0.5 * part * (stiffness * (dx * dx + dy * dy + dz * dz) - on_spring)
+
+
+@numba.njit(cache=True)
 def edge_energy(gap, offset, recess, closed, stiffness, shear, first, ratio, largest_depth):
     """Energy stored in the springs of closed pairs [J], and their number."""
     energy, count = 0.0, 0

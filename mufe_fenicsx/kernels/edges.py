@@ -6,7 +6,7 @@ import numba
 
 from .crossing import END, crossing, piercings
 from .edge_search import segment_distance
-from .edge_springs import at_place, crossing_stiffness, in_series, push_along, spring_energy
+from .edge_springs import at_place, crossing_stiffness, in_series, lost_in_slip, push_along
 from .springs import stored_energy
 
 #: Crossings deeper than this part of the mean edge are none. The vertices of right-angled edges
@@ -210,7 +210,7 @@ def add_edge_forces(
         if outside[p] > 0.0 or depth <= 0.0:
             if closed[p]:
                 if depth <= 0.0:
-                    released = spring_energy(shear[p], carried * ratio[i])
+                    released = lost_in_slip(shear[p], 0.0, 1.0, dx, dy, dz)
                     dissipated += released
                     work[p] += released
                 else:  # it left sideways
@@ -233,14 +233,10 @@ def add_edge_forces(
         kt = kn * ratio[i]
         N = kn * min(depth, largest_depth[p])
         if sliding[p]:
-            limit = friction_kinetic * N
-            # Work of the mean friction of the step: exact for the trapezoidal rule.
-            before2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
-            slipped = (1.0 - keep) * length
-            released = 0.5 * (math.sqrt(before2) + limit) * slipped
+            released = lost_in_slip(shear[p], kt * keep, 1.0 - keep, dx, dy, dz)
             dissipated += released
             work[p] += released
-            slip[p] += slipped
+            slip[p] += (1.0 - keep) * length
             ds, dt = keep * ds, keep * dt
             dx, dy, dz = keep * dx, keep * dy, keep * dz
             anchor[p, 0], anchor[p, 1] = place[p, 0] + ds, place[p, 1] + dt
