@@ -338,3 +338,28 @@ def test_a_pair_of_forces_on_an_edge_is_felt_by_its_neighbours_alone():
         f[ends, 2] = 1, -1
         whole = f.ravel()[free] @ np.linalg.solve(K[np.ix_(free, free)], f.ravel()[free])
         assert 0.9 < value / whole < 1
+
+
+def test_relative_compliance_in_grains_of_few_elements():
+    """Two tetrahedra: all nodes but the two are held, to rounding. A tetrahedron alone: none."""
+    points = np.array([[0.0, 0, 0], [2, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
+    for cells in ([[0, 1, 2, 3]], [[0, 1, 2, 3], [1, 2, 3, 4]]):
+        mesh = create_grain_mesh(
+            MPI.COMM_SELF, points[: 3 + len(cells)], np.array(cells), np.zeros(len(cells), int),
+            np.array([1]), np.array([0]),
+        )  # fmt: skip
+        solid = Solid(mesh, [Elastic(1.0, 0.25, 1.0)])
+        ends = [int(np.linalg.norm(mesh.x - points[k], axis=1).argmin()) for k in (1, 2)]
+        n = np.array([0.6, 0.0, 0.8])
+        found = solid.edge_compliance(np.array([ends]), n[None])[0]
+        if len(cells) == 1:
+            assert found == 0
+            continue
+        K = np.zeros((6, 6))
+        for k in range(6):
+            q, product = np.zeros((5, 3)), np.zeros((5, 3))
+            q[ends[k // 3], k % 3] = 1
+            solid.add_stiffness(product, q, mesh.x)
+            K[:, k] = product[ends].ravel()
+        f = np.concatenate([n, -n])
+        assert found == pytest.approx(f @ np.linalg.solve(K, f), rel=1e-10)

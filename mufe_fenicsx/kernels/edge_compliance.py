@@ -31,12 +31,16 @@ def cells_around(cells, num_nodes):
     return offset, found
 
 
+#: Part of a diagonal of the stiffness that is left where nothing holds a node any more.
+FREE = 1e-9
+
+
 @numba.njit(cache=True)
-def _free_nodes(free, place, a, b, cells, offset, around):
+def _free_nodes(free, place, a, b, cells, offset, around, neighbors=True):
     """Nodes of all tetrahedra around a and b, these two last, and their places; their number."""
     count = 0
     for end in (a, b):
-        for m in range(offset[end], offset[end + 1]):
+        for m in range(offset[end], offset[end + 1] if neighbors else 0):
             for k in range(4):
                 n = cells[around[m], k]
                 if n != a and n != b and place[n] < 0:
@@ -48,6 +52,23 @@ def _free_nodes(free, place, a, b, cells, offset, around):
         free[count] = end
         count += 1
     return count
+
+
+@numba.njit(cache=True)
+def _num_held(free, place, count, cells, offset, around):
+    """How many nodes that are not free the tetrahedra around the free ones have."""
+    held = 0
+    for i in range(count):
+        for m in range(offset[free[i]], offset[free[i] + 1]):
+            for k in range(4):
+                n = cells[around[m], k]
+                if place[n] == -1:
+                    place[n] = -2
+                    free[count + held] = n
+                    held += 1
+    for i in range(count, count + held):
+        place[free[i]] = -1
+    return held
 
 
 @numba.njit(cache=True)
@@ -72,6 +93,76 @@ def largest_patch(place, free, ends, cells, offset, around, averaged):
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _assemble(
+    K, B, free, count, place, place_of_volume, volumes, x, cells, offset, around, grain_of_cell,
+    bulk, shear, volume, volume_of_cell, averaged, g, e, at,
+):  # fmt: skip
+    """The lower half of the stiffness of ``count`` free nodes, all others held, in place.
+
+    Arguments as of :func:`add_edge_compliance`; ``g``, ``e`` and ``at`` are room for a tetrahedron.
+    Places of the nodes are forgotten.
+    """
+    size, num_volumes = 3 * count, 0
+    K[:size, :size] = 0.0
+    for i in range(count):
+        for entry in range(offset[free[i]], offset[free[i] + 1]):
+            c = around[entry]
+            first = True  # each tetrahedron with the first of its free nodes
+            for k in range(4):
+                at[k] = place[cells[c, k]]
+                first = first and not 0 <= at[k] < i
+            if not first:
+                continue
+            for m in range(3):
+                for k in range(3):
+                    e[m, k] = x[cells[c, m + 1], k] - x[cells[c, 0], k]
+            for m in range(3):
+                q, r = e[(m + 1) % 3], e[(m + 2) % 3]
+                g[m + 1, 0] = q[1] * r[2] - q[2] * r[1]
+                g[m + 1, 1] = q[2] * r[0] - q[0] * r[2]
+                g[m + 1, 2] = q[0] * r[1] - q[1] * r[0]
+            for k in range(3):
+                g[0, k] = -g[1, k] - g[2, k] - g[3, k]
+            six = e[0, 0] * g[1, 0] + e[0, 1] * g[1, 1] + e[0, 2] * g[1, 2]
+            # Deviator: V G (b ⊗ a + a·b I - 2/3 a ⊗ b), gradients g over six volumes.
+            G = shear[grain_of_cell[c]] / (6.0 * six)
+            for p in range(4):
+                for s in range(4):
+                    if at[p] < 0 or at[s] < 0 or at[s] > at[p]:
+                        continue
+                    dot = g[p, 0] * g[s, 0] + g[p, 1] * g[s, 1] + g[p, 2] * g[s, 2]
+                    for k in range(3):
+                        for m in range(3):
+                            K[3 * at[p] + k, 3 * at[s] + m] += G * (
+                                g[s, k] * g[p, m] - 2.0 / 3.0 * g[p, k] * g[s, m]
+                            )
+                        K[3 * at[p] + k, 3 * at[s] + k] += G * dot
+            # Mean stress: derivatives of the volumes that the tetrahedron is part of.
+            for v in range(4 if averaged else 1):
+                number = cells[c, v] if averaged else volume_of_cell[c]
+                if place_of_volume[number] < 0:
+                    place_of_volume[number] = num_volumes
+                    volumes[num_volumes] = number
+                    B[num_volumes, :size] = 0.0
+                    num_volumes += 1
+                part = 1.0 / 24.0 if averaged else 1.0 / 6.0
+                for p in range(4):
+                    if at[p] >= 0:
+                        for k in range(3):
+                            B[place_of_volume[number], 3 * at[p] + k] += part * g[p, k]
+    modulus = bulk[grain_of_cell[around[offset[free[0]]]]]
+    for v in range(num_volumes):
+        place_of_volume[volumes[v]] = -1
+        row, factor = B[v], modulus / volume[volumes[v]]
+        for i in range(size):
+            if row[i] != 0.0:
+                for j in range(i + 1):
+                    K[i, j] += factor * row[i] * row[j]
+    for i in range(count):
+        place[free[i]] = -1
+
+
+@numba.njit(cache=True, error_model="numpy")
 def add_edge_compliance(
     compliance, K, B, free, place, place_of_volume, volumes, ends, direction, x, cells, offset,
     around, grain_of_cell, bulk, shear, volume, volume_of_cell, averaged,
@@ -81,7 +172,9 @@ def add_edge_compliance(
         D = (e1 - e2)ᵀ K⁻¹ (e1 - e2)
 
     with unit forces e1 and e2 on the two ends along a direction. K is the elastic stiffness of the
-    tetrahedra around both ends and around their neighbours; the nodes beyond are held.
+    tetrahedra around both ends and around their neighbours; the nodes beyond are held. Where these
+    are fewer than the free ones, as in a grain of few elements, all nodes but the two are held; and
+    where the two can turn then, as in a tetrahedron alone, nothing is added.
 
     Args:
         compliance: D [m/N], shape (num_edges,).
@@ -105,81 +198,36 @@ def add_edge_compliance(
     g, e, at, f = np.empty((4, 3)), np.empty((3, 3)), np.empty(4, np.int64), np.empty(6)
     for n_edge in range(ends.shape[0]):
         a, b = ends[n_edge, 0], ends[n_edge, 1]
-        count = _free_nodes(free, place, a, b, cells, offset, around)
-        size, num_volumes = 3 * count, 0
-        K[:size, :size] = 0.0
-        for i in range(count):
-            for entry in range(offset[free[i]], offset[free[i] + 1]):
-                c = around[entry]
-                first = True  # each tetrahedron with the first of its free nodes
-                for k in range(4):
-                    at[k] = place[cells[c, k]]
-                    first = first and not 0 <= at[k] < i
-                if not first:
-                    continue
-                for m in range(3):
-                    for k in range(3):
-                        e[m, k] = x[cells[c, m + 1], k] - x[cells[c, 0], k]
-                for m in range(3):
-                    q, r = e[(m + 1) % 3], e[(m + 2) % 3]
-                    g[m + 1, 0] = q[1] * r[2] - q[2] * r[1]
-                    g[m + 1, 1] = q[2] * r[0] - q[0] * r[2]
-                    g[m + 1, 2] = q[0] * r[1] - q[1] * r[0]
-                for k in range(3):
-                    g[0, k] = -g[1, k] - g[2, k] - g[3, k]
-                six = e[0, 0] * g[1, 0] + e[0, 1] * g[1, 1] + e[0, 2] * g[1, 2]
-                # Deviator: V G (b ⊗ a + a·b I - 2/3 a ⊗ b), gradients g over six volumes.
-                G = shear[grain_of_cell[c]] / (6.0 * six)
-                for p in range(4):
-                    for s in range(4):
-                        if at[p] < 0 or at[s] < 0 or at[s] > at[p]:
-                            continue
-                        dot = g[p, 0] * g[s, 0] + g[p, 1] * g[s, 1] + g[p, 2] * g[s, 2]
-                        for k in range(3):
-                            for m in range(3):
-                                K[3 * at[p] + k, 3 * at[s] + m] += G * (
-                                    g[s, k] * g[p, m] - 2.0 / 3.0 * g[p, k] * g[s, m]
-                                )
-                            K[3 * at[p] + k, 3 * at[s] + k] += G * dot
-                # Mean stress: derivatives of the volumes that the tetrahedron is part of.
-                for v in range(4 if averaged else 1):
-                    number = cells[c, v] if averaged else volume_of_cell[c]
-                    if place_of_volume[number] < 0:
-                        place_of_volume[number] = num_volumes
-                        volumes[num_volumes] = number
-                        B[num_volumes, :size] = 0.0
-                        num_volumes += 1
-                    part = 1.0 / 24.0 if averaged else 1.0 / 6.0
-                    for p in range(4):
-                        if at[p] >= 0:
-                            for k in range(3):
-                                B[place_of_volume[number], 3 * at[p] + k] += part * g[p, k]
-        modulus = bulk[grain_of_cell[around[offset[a]]]]
-        for v in range(num_volumes):
-            place_of_volume[volumes[v]] = -1
-            row, factor = B[v], modulus / volume[volumes[v]]
-            for i in range(size):
-                if row[i] != 0.0:
-                    for j in range(i + 1):
-                        K[i, j] += factor * row[i] * row[j]
-        for i in range(count):
-            place[free[i]] = -1
-        for k in range(3):
-            f[k], f[3 + k] = direction[n_edge, k], -direction[n_edge, k]
-        compliance[n_edge] += _relative_compliance(K, size, f)
+        for neighbors in (True, False):
+            count = _free_nodes(free, place, a, b, cells, offset, around, neighbors)
+            if neighbors and _num_held(free, place, count, cells, offset, around) < count:
+                for i in range(count):
+                    place[free[i]] = -1
+                continue
+            _assemble(
+                K, B, free, count, place, place_of_volume, volumes, x, cells, offset, around,
+                grain_of_cell, bulk, shear, volume, volume_of_cell, averaged, g, e, at,
+            )  # fmt: skip
+            for k in range(3):
+                f[k], f[3 + k] = direction[n_edge, k], -direction[n_edge, k]
+            compliance[n_edge] += _relative_compliance(K, 3 * count, f)
+            break
 
 
 @numba.njit(cache=True, fastmath={"contract", "reassoc"}, error_model="numpy")
 def _relative_compliance(K, size, f):
     """fᵀ K⁻¹ f of forces ``f`` (6,) on the last two nodes; K and ``f`` become L of K = L Lᵀ and y.
 
-    It is |y|² with L y = f.
+    It is |y|² with L y = f; 0 where the nodes can move without any force.
     """
     for i in range(size):
+        diagonal = K[i, i]
         for j in range(i + 1):
             rest = K[i, j]
             for m in range(j):
                 rest -= K[i, m] * K[j, m]
+            if i == j and rest < FREE * diagonal:
+                return 0.0
             K[i, j] = math.sqrt(rest) if i == j else rest / K[j, j]
     total, first = 0.0, size - 6
     for i in range(6):
