@@ -1,8 +1,8 @@
 """Texts from the command line, checked and turned into settings, numbers and names."""
 
-import difflib
 from dataclasses import fields
 
+from .bounds import nearest_name
 from .errors import InputError
 
 
@@ -80,6 +80,5 @@ def known_names(names, cases):
     """The names, all of them in ``cases``; all cases where there are none."""
     for name in names or []:
         if name not in cases:
-            near = difflib.get_close_matches(name, cases, n=1, cutoff=0.0)
-            raise InputError(f"case {name} is not known, expected {', '.join(near) or 'none'}")
+            raise InputError(f"case {name} is not known, expected {nearest_name(name, cases)}")
     return list(names or cases)

@@ -4,6 +4,7 @@ They are wide, since they shall stop slips of the keyboard and values that no co
 not unusual tests. What a value has to be beyond that, each class of settings says itself.
 """
 
+import difflib
 import math
 
 from .errors import InputError
@@ -47,6 +48,8 @@ OF_KEYS = {
 LONGEST_TEXT = 500
 #: Characters of a value in a message.
 SHOWN = 60
+#: Names count as misspelled from this ratio of :mod:`difflib` on.
+SIMILAR = 0.6
 
 
 def check_number(number, unit, name, value, expected):
@@ -109,6 +112,23 @@ def _shown(value, depth):
     if isinstance(value, dict):
         return "a table"
     return shortened(str(value))
+
+
+def nearest_name(word, known):
+    """What a message expects in place of a name that is not known.
+
+    Args:
+        word: As it was written.
+        known: Names that there are, in the order in which they are listed.
+
+    Returns:
+        The known name that is spelled much like it; where none is, all of them.
+    """
+    known = list(known)
+    close = difflib.get_close_matches(str(word), known, n=1, cutoff=SIMILAR)
+    if close or len(known) == 1:
+        return (close or known)[0]
+    return f"one of {', '.join(known)}" if known else "none"
 
 
 def shortened(text):

@@ -1,10 +1,10 @@
 """New scenes to begin with: a commented scene file, its JSON schema, and grains."""
 
-import difflib
 import functools
 
 import numpy as np
 
+from .bounds import nearest_name, shown
 from .errors import InputError
 from .geometry.grains import Grains, save_grains
 from .geometry.output import new_folder
@@ -186,8 +186,7 @@ def write_new_scene(kind, folder, *, overwrite=False):
         InputError: there is no such kind, or the folder cannot be written.
     """
     if kind not in KINDS:
-        near = difflib.get_close_matches(kind, KINDS, n=1, cutoff=0.6)
-        raise InputError(f'kind = "{kind}", expected {near[0] if near else " or ".join(KINDS)}')
+        raise InputError(f"kind = {shown(kind)}, expected {nearest_name(kind, KINDS)}")
     text, make = KINDS[kind]
     with new_folder(folder, overwrite=overwrite, marker=SCHEMA_FILE) as new:
         grains = make()

@@ -92,7 +92,7 @@ def test_unknown_grain_or_place_is_refused_before_anything_is_written(tmp_path):
     for options in ({"grains": [99]}, {"points": [[1.0, 0.0, 0.0]]}):
         with pytest.raises(InputError, match=r"grain 99 is not|is in no grain"):
             write_report(tmp_path, tmp_path / "out", **options)
-    with pytest.raises(InputError, match="figure forcs is not known, expected forces or"):
+    with pytest.raises(InputError, match="figure forcs is not known, expected forces"):
         write_report(tmp_path, tmp_path / "out", only=["forcs"])
     assert not (tmp_path / "out").exists()
 

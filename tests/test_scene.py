@@ -167,6 +167,13 @@ def test_units_and_paths_are_converted_at_the_door(tmp_path):
     assert scene.sample.grains == tmp_path / "grains"
 
 
+def test_a_byte_order_mark_is_no_part_of_a_scene(tmp_path):
+    """Editors of Windows put one before the text."""
+    path = tmp_path / "scene.toml"
+    path.write_text(SMALLEST.lstrip(), encoding="utf-8-sig")
+    assert load_scene(path).oedometer.speed == 2.0
+
+
 def test_walls_that_state_no_friction_take_that_of_contact(tmp_path):
     text = FULL.replace("friction = 0.23", "friction = 0.23\nwall_friction = 0.05")
     scene = load_scene(scene_file(tmp_path, text))
@@ -225,6 +232,16 @@ BAD = [
     ("processes = 2", "processes = 2.5", "mesh.processes = 2.5, expected a whole number"),
     ("processes = 2", "friction = 2", "mesh.friction = 2 is not a known key, expected contact.fri"),
     ("[mesh]", "[mehs]", "mehs = a table is not a known key, expected mesh"),
+    (
+        "[mesh]",
+        "[membrane]",
+        "membrane = a table is not a known key, expected one of title, accuracy, image, mesh, ",
+    ),
+    (
+        "processes = 2",
+        "zz = 2",
+        "mesh.zz = 2 is not a known key, expected one of size, smallest_size, sizing, ",
+    ),
     (
         "[walls.y_min]",
         "[walls.ymin]",

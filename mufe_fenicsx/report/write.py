@@ -1,6 +1,5 @@
 """Report of a run, or of several together: figures, their data, and one HTML page."""
 
-import difflib
 from pathlib import Path
 
 import matplotlib
@@ -9,6 +8,7 @@ import numpy as np
 import mufe_fenicsx
 from mufe_fenicsx.analysis.probes import find_cells
 from mufe_fenicsx.analysis.rows import branches
+from mufe_fenicsx.bounds import nearest_name
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.run_folder import reason
 from mufe_fenicsx.report import compare, style, triaxial
@@ -72,8 +72,7 @@ def _wanted(only, skip):
     """Names of the figures to draw."""
     for name in (*(only or ()), *(skip or ())):
         if name not in NAMES:
-            near = difflib.get_close_matches(name, NAMES, n=1, cutoff=0.0)
-            raise InputError(f"figure {name} is not known, expected {near[0]} or another name")
+            raise InputError(f"figure {name} is not known, expected {nearest_name(name, NAMES)}")
     return [name for name in only or NAMES if name not in (skip or ())]
 
 

@@ -5,7 +5,6 @@ allowed values and bounds are those that ``__post_init__`` checks. Nothing is st
 """
 
 import ast
-import difflib
 import functools
 import inspect
 import re
@@ -15,6 +14,7 @@ import typing
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from pathlib import Path
 
+from ..bounds import nearest_name, shown
 from ..errors import InputError
 from ..materials.scatter import Scatter
 from ..units import QUANTITIES
@@ -135,10 +135,11 @@ def explain(wanted):
                 seen |= same
                 lines += ([""] if lines else []) + _explain_key(table, key)
     if not lines:
-        known = [*TOP_KEYS, *(_plain(table) for table in tables())]
-        known += [f"{_plain(t)}.{key}" for t, cls in tables().items() for key in keys_of(cls)]
-        near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
-        raise InputError(f'"{wanted}" is not a key of a scene, expected {near}')
+        known = list(dict.fromkeys([*TOP_KEYS, *map(_plain, tables())]))
+        keys = [f"{_plain(t)}.{key}" for t, cls in tables().items() for key in keys_of(cls)]
+        near = nearest_name(name, known + keys)
+        near = near if near in known + keys else nearest_name(name, known)
+        raise InputError(f"{shown(wanted)} is not a key of a scene, expected {near}")
     return lines
 
 

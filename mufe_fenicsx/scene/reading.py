@@ -79,7 +79,8 @@ def _read_tables(path):
                 f"scene {path} has {path.stat().st_size} bytes, expected a TOML file of at most "
                 f"{LARGEST}"
             )
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        # With or without the byte order mark that editors of Windows put first.
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise InputError(f"scene {path}: {error.strerror}, expected a TOML file") from error
     except UnicodeDecodeError as error:

@@ -1,14 +1,13 @@
 """Untyped values of a table, checked, converted to SI and put into its dataclass."""
 
 import dataclasses
-import difflib
 import os
 import types
 import typing
 from dataclasses import MISSING, fields
 from pathlib import Path
 
-from ..bounds import check_count, check_key, check_text, shortened, shown
+from ..bounds import check_count, check_key, check_text, nearest_name, shortened, shown
 from ..errors import InputError
 from ..materials.j2 import J2
 from ..units import expected, to_si
@@ -56,17 +55,17 @@ def build(cls, values, name, folder=None):
 
 
 def unknown_key(full_name, value, key, known, name):
-    """Message for an unknown key: the nearest of its table, or the same key of another one."""
+    """Message for an unknown key: one spelled alike, the same of another table, or all there are."""
     elsewhere = [
         f"{table}.{key}"
         for table, cls in {**TABLES, "material": J2}.items()
         if any(field.name == key for field in fields(cls)) and f"{table}.{key}" != full_name
     ]
-    close = difflib.get_close_matches(key, known, n=1, cutoff=0.6)
-    if elsewhere and not close:
+    nearest = nearest_name(key, known)
+    if nearest in known:
+        nearest = name(nearest)
+    elif elsewhere:
         nearest = elsewhere[0]
-    else:
-        nearest = name((close or difflib.get_close_matches(key, known, n=1, cutoff=0.0))[0])
     return f"{shortened(full_name)} = {value} is not a known key, expected {nearest}"
 
 

@@ -1,10 +1,9 @@
 """What a user may choose about a synthetic scan."""
 
-import difflib
 import math
 from dataclasses import dataclass, fields
 
-from ..bounds import shown
+from ..bounds import nearest_name, shown
 from ..errors import InputError
 from ..units import to_si
 
@@ -84,7 +83,7 @@ def settings_from(given):
     values = {}
     for name, value in given.items():
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
+            near = nearest_name(name, known)
             raise InputError(f"{name} = {shown(value)} is not a known setting, expected {near}")
         if name == "shape":
             if not isinstance(value, tuple | list):

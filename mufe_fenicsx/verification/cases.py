@@ -1,9 +1,9 @@
 """All cases by name, and a function that runs some of them."""
 
-import difflib
 import inspect
 import typing
 
+from ..bounds import nearest_name
 from ..errors import InputError
 from .bar_impact import bar_impact
 from .case import by_name
@@ -148,5 +148,4 @@ def _number(key, value, kind):
 
 
 def _nearest(word, words):
-    close = difflib.get_close_matches(word, words, n=1, cutoff=0.0)
-    return close[0] if close else "no parameter: the chosen cases have none"
+    return nearest_name(word, words) if words else "no parameter: the chosen cases have none"
