@@ -3,6 +3,7 @@
 What a command needs is imported where it runs, so that `mufe --help` is quick.
 """
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -24,6 +25,9 @@ from .errors import InputError
 from .exit_status import FAILED, run_to_exit
 from .terminal import Printer, number
 
+#: Variable by which a shell asks for completions (`mufe --install-completion`).
+COMPLETION = "_MUFE_COMPLETE"
+
 Changes = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="K=V", help="Change a parameter of the cases; repeatable."),
@@ -34,6 +38,8 @@ ListCases = Annotated[bool, typer.Option("--list", help="List the cases and end.
 
 def main(arguments=None):
     """Run `mufe` with the given arguments (default: those of the process) and exit. Collective."""
+    if COMPLETION in os.environ:  # a shell that asks how a word goes on, and waits
+        app(arguments, prog_name="mufe")
     run_to_exit(lambda: _dispatch(arguments))
 
 

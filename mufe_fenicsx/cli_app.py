@@ -10,8 +10,7 @@ from .launcher import forget_launcher
 
 app = typer.Typer(
     name="mufe",
-    help="Micro finite-element model of sand: from a CT scan to grains in frictional contact.",
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
@@ -24,6 +23,24 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace earlier ou
 SceneOption = Annotated[
     Path | None, typer.Option("--scene", metavar="SCENE", help="Take the settings of a scene file.")
 ]
+
+
+def _version(wanted):
+    if wanted:
+        from . import __version__
+
+        typer.echo(f"mufe_fenicsx {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Print it and end."),
+    ] = False,
+):
+    """Micro finite-element model of sand: from a CT scan to grains in frictional contact."""
 
 
 def world():

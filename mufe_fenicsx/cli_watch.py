@@ -37,12 +37,15 @@ def watch(
     interval: Annotated[float, typer.Option(min=0.1, help="Seconds between two looks.")] = 2.0,
     json: Json = None,
 ):
-    """Follow a run as it goes on: strain, forces, energies, speed, time left."""
+    """Follow a run as it goes on: strain, forces, energies, speed, time left.
+
+    A folder that is not there yet is waited for, but with --once.
+    """
     printer = Printer(json)
     from rich.console import Console
     from rich.live import Live
 
-    watched = Watch(folder)
+    watched = Watch(folder, wait=not once)
     now = watched.look()
     # A pipe or a file has no width: lines as long as they need to be.
     width = None if printer.stream.isatty() else 200

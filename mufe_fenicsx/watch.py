@@ -13,9 +13,11 @@ from .errors import InputError
 
 #: How many seconds without a row make it worth saying [s], and how many times the usual interval.
 SILENCE, INTERVALS = 60.0, 10.0
+#: Files by which a folder is known as that of a run.
+FIRST = ("run.json", "history.csv", "scene.toml")
 #: Rows that say how fast strain grows, and rows seen that say how fast steps are.
 RECENT, SEEN = 50, 60
-STATES = ("starting", "running", "silent", "finished", "stopped")
+STATES = ("waiting", "starting", "running", "silent", "finished", "stopped")
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,9 @@ class Progress:
     """Where a run stands; what is not known is None."""
 
     title: str
-    state: str  #: one of :data:`STATES`; silent: no row for long, it computes or was killed
+    #: One of :data:`STATES`; waiting: there is no run yet; silent: no row for long, it computes
+    #: or was killed.
+    state: str
     why: str  #: why it is in that state, in words
     values: dict = field(default_factory=dict)  #: numbers of the last row, SI units
     steps_per_second: float | None = None
@@ -56,23 +60,33 @@ class Watch:
     Args:
         folder: Folder that `mufe run` writes; it may still be empty of rows.
         clock: Seconds since the epoch, as those of files.
+        wait: The folder may still be absent or empty, of a run that has yet to begin.
 
     Raises:
         InputError: There is no such folder, or nothing of a run in it.
     """
 
-    def __init__(self, folder, clock=time.time):
+    def __init__(self, folder, clock=time.time, wait=False):
         self.folder, self.clock = Path(folder), clock
         self._before = []  # (seconds, step) of rows as they came
-        if not self.folder.is_dir():
+        if not self.folder.is_dir() and not (wait and not self.folder.exists()):
             raise InputError(
                 f"run folder {folder} is absent, expected a folder that mufe run writes"
             )
-        if not any((self.folder / n).exists() for n in ("run.json", "history.csv", "scene.toml")):
+        if not self._begun() and not (wait and self._empty()):
             raise InputError(
                 f"run folder {folder} has none of run.json, history.csv and scene.toml, expected "
                 "a folder that mufe run writes"
             )
+
+    def _begun(self):
+        return any((self.folder / name).exists() for name in FIRST)
+
+    def _empty(self):
+        from .output.run_folder import LOCK
+
+        there = self.folder.iterdir() if self.folder.is_dir() else ()
+        return all(path.name.startswith(LOCK) for path in there)
 
     def look(self):
         """The run as its files say it now, a :class:`Progress`.
@@ -80,6 +94,8 @@ class Watch:
         A row that is being written is left out; a file that is being replaced, or a history
         that was cut back to a checkpoint, is met at the next look.
         """
+        if not self._begun():
+            return Progress(self.folder.resolve().name, "waiting", "the run has yet to begin")
         run, started = self._run()
         history, written = self._history()
         title = run.get("title") or self.folder.resolve().name

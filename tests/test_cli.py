@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import mufe_fenicsx.geometry.grains as grain_files
+from mufe_fenicsx import __version__
 from mufe_fenicsx.arguments import known_names, parameters
 from mufe_fenicsx.cli import main
 from mufe_fenicsx.demo import demo_commands, demo_scene
@@ -236,7 +237,7 @@ def test_output_folder_that_is_not_empty(inputs, num_ranks):
     (work / "results" / "mine.txt").write_text("keep")
     arguments = ("run", folder / "scene.toml", "--grains", folder / "grains", "-o", "results")
     result = mufe(*arguments, cwd=work, num_ranks=num_ranks)
-    assert_refused(result, "not empty", work, ["results"])
+    assert_refused(result, "expected a new one, or --overwrite to replace", work, ["results"])
     assert [path.name for path in (work / "results").iterdir()] == ["mine.txt"]
     assert_refused(mufe("demo", "-o", "results", cwd=work), "not empty", work, ["results"])
 
@@ -299,6 +300,26 @@ def test_serial_command_on_two_ranks(tmp_path, command):
     }[command]
     result = mufe(command, *arguments, cwd=tmp_path, num_ranks=2)
     assert_refused(result, f"mufe {command} on 2 ranks, expected one", tmp_path, [])
+
+
+@pytest.mark.parametrize("arguments", [("-h",), ("run", "-h")])
+def test_short_help(tmp_path, mufe_here, arguments):
+    result = mufe_here(*arguments, cwd=tmp_path)
+    assert result.returncode == 0 and "Usage: mufe" in result.stdout
+
+
+def test_version(tmp_path, mufe_here):
+    result = mufe_here("--version", cwd=tmp_path)
+    assert (result.returncode, result.stdout) == (0, f"mufe_fenicsx {__version__}\n")
+
+
+@pytest.mark.parametrize("words, ends", [("mufe seg", "segment"), ("mufe run --res", "--resume")])
+def test_shells_complete_commands_and_options(tmp_path, mufe_here, monkeypatch, words, ends):
+    monkeypatch.setenv("_MUFE_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", words)
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
+    result = mufe_here(cwd=tmp_path)
+    assert (result.returncode, result.stdout.split()) == (0, [ends])
 
 
 def ending(body):

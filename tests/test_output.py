@@ -193,8 +193,12 @@ def test_run_folder_that_is_not_empty_is_refused(folder):
         (run / "history.csv").write_text("old")
         (run / "thesis.tex").write_text("mine")
     COMM.barrier()
-    with pytest.raises(InputError, match="not empty"):
-        create()
+    for there, said in ((False, "new one, or --over"), (True, "new one, --resume to go on with")):
+        if there and COMM.rank == 0:
+            (run / "checkpoints" / "step-000000001").mkdir(parents=True)
+        COMM.barrier()
+        with pytest.raises(InputError, match=f"not empty, expected a {said}"):
+            create()
     create(overwrite=True)
     assert [p.name for p in run.iterdir()] == ["thesis.tex"]
     COMM.barrier()

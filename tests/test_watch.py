@@ -2,6 +2,7 @@
 
 import json
 import os
+import time
 
 import pytest
 
@@ -119,3 +120,28 @@ def test_a_folder_without_a_run_is_refused(tmp_path):
         Watch(tmp_path)
     with pytest.raises(InputError, match="absent"):
         Watch(tmp_path / "nothing")
+    (tmp_path / "mine.txt").write_text("")  # no run will be written here
+    with pytest.raises(InputError, match="none of run"):
+        Watch(tmp_path, wait=True)
+
+
+def test_a_run_that_has_yet_to_begin_is_waited_for(tmp_path, monkeypatch, capfd):
+    folder, looks = tmp_path / "results", []
+    watch = Watch(folder, wait=True)
+    assert watch.look().state == "waiting" and not watch.look().ended
+    folder.mkdir()
+    (folder / "run.lock").write_text("")  # what a run makes first
+    assert watch.look().state == "waiting"
+
+    def begin(_):
+        looks.append(1)
+        if len(looks) == 2:
+            run = MadeUpRun(folder)
+            run.write(row(0, 0.0), row(400, 0.01), seconds=4)
+            run.summary(finished=True, stop_reason="final strain reached")
+
+    monkeypatch.setattr(time, "sleep", begin)
+    with pytest.raises(SystemExit) as end:
+        main(["watch", str(folder)])
+    out = capfd.readouterr().out
+    assert end.value.code == 0 and out.count("waiting: the run has yet to begin") == 2

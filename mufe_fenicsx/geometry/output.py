@@ -24,9 +24,11 @@ def new_folder(path, *, overwrite=False, marker=None):
     path = Path(path).absolute()
     check_place(path)
     if path.is_dir() and any(path.iterdir()):
+        known = marker is None or (path / marker).exists()
         if not overwrite:
-            raise InputError(f"output folder {path} is not empty, expected a new or empty one")
-        if marker is not None and not (path / marker).exists():
+            more = ", or --overwrite" if known else ""
+            raise InputError(f"output folder {path} is not empty, expected a new one{more}")
+        if not known:
             raise InputError(
                 f"output folder {path} is not empty and holds no {marker}, "
                 "expected a folder that may be replaced"
@@ -54,7 +56,8 @@ def new_files(*paths, overwrite=False):
     check_place(paths[0])
     for path in paths:
         if path.is_dir() or (path.exists() and not overwrite):
-            raise InputError(f"output {path} exists, expected a new file")
+            more = "" if path.is_dir() or overwrite else ", or --overwrite"
+            raise InputError(f"output {path} exists, expected a new file{more}")
     with _temporary(paths[0].parent) as temporary:
         yield temporary
         with written(paths[0]):

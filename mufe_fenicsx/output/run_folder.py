@@ -218,10 +218,8 @@ def _obstacle(folder, overwrite):
             return f"output folder {folder} cannot be written to (no permission in {first})"
         if first != folder:
             return None
-        if not overwrite and any(not path.name.startswith(LOCK) for path in folder.iterdir()):
-            return (
-                f"output folder {folder} is not empty, expected a new one, or overwriting allowed"
-            )
+        if not overwrite and (message := _not_empty(folder)):
+            return message
         check_inside(folder)
     except InputError as error:
         return str(error)
@@ -230,16 +228,25 @@ def _obstacle(folder, overwrite):
     return None
 
 
+def _not_empty(folder):
+    """Line for a folder that holds more than the lock of its run, or None."""
+    if all(path.name.startswith(LOCK) for path in folder.iterdir()):
+        return None
+    resume = "--resume to go on with its run, " if any(folder.glob("checkpoints/step-*")) else ""
+    return (
+        f"output folder {folder} is not empty, expected a new one, {resume}or --overwrite to "
+        "replace its run"
+    )
+
+
 def _prepare(folder, overwrite):
     """Empty the folder and try it; what went wrong, or None."""
     try:
         if overwrite:
             check_inside(folder)
             _remove_own_files(folder)
-        elif any(not path.name.startswith(LOCK) for path in folder.iterdir()):
-            return (
-                f"output folder {folder} is not empty, expected a new one, or overwriting allowed"
-            )
+        elif message := _not_empty(folder):
+            return message
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"x" * 4096)
             probe.flush()

@@ -59,7 +59,7 @@ def test_an_image_becomes_grain_meshes(tmp_path):
 def test_results_are_not_overwritten_by_accident(tmp_path):
     write_labels(tmp_path / "labels.tif", two_balls(), 1e-5)
     np.save(tmp_path / "image.npy", grey_packing())
-    with pytest.raises(InputError, match=r"labels.tif exists, expected a new file"):
+    with pytest.raises(InputError, match=r"labels.tif exists, expected a new file, or --over"):
         pipeline.segment_image(
             tmp_path / "image.npy", SegmentSettings(voxel_size=1e-5), tmp_path / "labels.tif"
         )
