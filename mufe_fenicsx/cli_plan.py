@@ -63,6 +63,6 @@ def _plan_case(case, accuracy, stated, printer):
     known = "measured" if measured(point) else point.status
     printer.summary({
         "case": case, "accuracy": accuracy, "error": point.error, "choice": point.series,
-        "time of a processor [s]": point.seconds, "known": known, "command": point.command,
+        "processor_time_s": point.seconds, "known": known, "command": point.command,
     })  # fmt: skip
     printer.write_json(asdict(point) | {"accuracy": accuracy})

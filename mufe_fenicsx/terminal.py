@@ -3,10 +3,15 @@
 import json
 import math
 import sys
+import time
 from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import InputError
+from .summary_words import described
+
+#: Without a terminal, progress is told so often [s].
+SECONDS_BETWEEN_LINES = 10.0
 
 
 class Printer:
@@ -41,14 +46,16 @@ class Printer:
             print(*lines, sep="\n", file=self.stream, flush=True)
 
     def summary(self, values):
-        """Print the numbers and short texts of a mapping, one a line."""
-        shown = {
-            key.replace("_", " "): _text(value)
+        """Print the numbers and short texts of a mapping in words, one a line, with units."""
+        shown = [
+            (*described(key), value)
             for key, value in values.items()
             if isinstance(value, bool | int | float | str | Path) or value is None
-        }
-        width = max((len(key) for key in shown), default=0)
-        self.say(*(f"{key:{width}}  {text}" for key, text in shown.items()))
+        ]
+        width = max((len(words) for words, _, _ in shown), default=0)
+        for words, unit, value in shown:
+            plain = isinstance(value, bool) or not isinstance(value, int | float)
+            self.say(f"{words:{width}}  {_text(value)} {'' if plain else unit}".rstrip())
 
     def table(self, columns, rows):
         """Print rows of texts under columns; a column whose name starts with ">" is flush right."""
@@ -99,9 +106,9 @@ def plain(value):
 
 @contextmanager
 def progress_bar(title):
-    """A function (done, total, text) that draws a bar, where standard error is a terminal."""
+    """A function (done, total, text) that draws a bar; lines now and then without a terminal."""
     if not sys.stderr.isatty():
-        yield lambda done, total, text="": None
+        yield _ProgressLines(title)
         return
     from rich.console import Console
     from rich.progress import (
@@ -124,6 +131,27 @@ def progress_bar(title):
         yield lambda done, total, text="": bar.update(
             task, completed=done, total=total, description=str(text)
         )
+
+
+class _ProgressLines:
+    """Lines on standard error for a pipe or a file, some seconds apart.
+
+    Args:
+        title: What is done.
+    """
+
+    def __init__(self, title):
+        self.title = title
+        self.start = self.last = time.monotonic()
+
+    def __call__(self, done, total, text=""):
+        """Print how much is done of the total, if the last line is old enough."""
+        now = time.monotonic()
+        if now - self.last < SECONDS_BETWEEN_LINES:
+            return
+        self.last = now
+        line = f"{self.title}: {done} of {total} after {now - self.start:.0f} s  {text}"
+        print(line.rstrip(), file=sys.stderr, flush=True)
 
 
 def number(value):

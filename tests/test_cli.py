@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 
 import mufe_fenicsx.geometry.grains as grain_files
-from mufe_fenicsx import __version__
+from mufe_fenicsx import __version__, terminal
 from mufe_fenicsx.arguments import known_names, parameters
 from mufe_fenicsx.cli import main
 from mufe_fenicsx.demo import demo_commands, demo_scene
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.launcher import find_mpirun
-from mufe_fenicsx.terminal import plain
+from mufe_fenicsx.terminal import Printer, plain, progress_bar
 
 #: Longest time for a command that has nothing to do [s]; one that hangs is ended then.
 PATIENCE = 120
@@ -380,7 +380,39 @@ def test_json_stands_alone_on_standard_output(inputs):
     values = json.loads(result.stdout)
     assert values["num_grains"] == 2
     assert values["solid_fraction"] == 1024 / 3456
-    assert "num grains" in result.stderr
+    assert "grains " in result.stderr
+
+
+def test_summaries_are_in_words_with_units(capsys):
+    Printer().summary(
+        {"num_grains": 3, "element_size": 3e-5, "volume_ratio": 0.5, "wall_s": 2.0, "d10_m": 1e-4,
+         "time_step_without_worst": 1.05, "min_dihedral_deg": 15.0, "voxel_size": None}
+    )  # fmt: skip
+    lines = [line.split("  ") for line in capsys.readouterr().out.splitlines()]
+    assert [(words[0], words[-1].strip()) for words in lines] == [
+        ("grains", "3"),
+        ("element size h", "3e-05 m"),
+        ("volume of all meshes, over that given", "0.5"),
+        ("time in all", "2 s"),
+        ("d10", "0.0001 m"),
+        ("time step without the flattest 0.1 % of tetrahedra, over now", "1.05"),
+        ("angle between faces of a tetrahedron, smallest", "15 °"),
+        ("voxel size", "-"),
+    ]
+
+
+def test_progress_without_a_terminal_is_told_in_lines(capsys, monkeypatch):
+    monkeypatch.setattr(terminal, "SECONDS_BETWEEN_LINES", 0.0)
+    with progress_bar("meshing") as progress:
+        progress(1, 20)
+        progress(2, 20)
+    assert capsys.readouterr().err == (
+        "meshing: 1 of 20 after 0 s\nmeshing: 2 of 20 after 0 s\n"
+    )
+    monkeypatch.setattr(terminal, "SECONDS_BETWEEN_LINES", 100.0)
+    with progress_bar("meshing") as progress:
+        progress(1, 20)
+    assert capsys.readouterr().err == ""
 
 
 def test_workers_of_a_launched_process(inputs):

@@ -118,6 +118,7 @@ ANYTHING = {
     "charts",
     "arguments",
     "terminal",
+    "summary_words",
     "exit_status",
     "demo",
     "__main__",

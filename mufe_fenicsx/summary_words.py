@@ -1,0 +1,102 @@
+"""What the numbers of printed summaries are called, and their units; JSON has the keys."""
+
+#: Endings of keys that state a unit.
+ENDINGS = {"_m": "m", "_s": "s", "_deg": "°", "_bytes": "bytes", "_voxels": "voxels"}
+
+_OF_MESHES = {
+    "retried": ("grains meshed with other settings than the first", ""),
+    "element_size": ("element size h", "m"),
+    "volume_ratio": ("volume of all meshes, over that given", ""),
+    "smallest_volume_ratio": ("the same of a grain, smallest", ""),
+    "min_altitude_over_h": ("altitude of tetrahedra over h, smallest", ""),
+    "mean_min_altitude_over_h": ("the same, mean of the grains' smallest", ""),
+    "min_dihedral_deg": ("angle between faces of a tetrahedron, smallest", "°"),
+    "share_below_quarter_h": ("tetrahedra with an altitude below h/4, part of all", ""),
+    "time_step_without_worst": ("time step without the flattest 0.1 % of tetrahedra, over now", ""),
+} | {
+    key.format(unit): (text, "h" if unit == "sizes" else unit)
+    for unit in ("voxels", "sizes")
+    for key, text in {
+        "distance_median_{}": "distance from the surfaces given, half of the nodes within",
+        "distance_95_{}": "the same, 95 % of the nodes within",
+        "largest_distance_95_{}": "the same, of the worst grain",
+    }.items()
+}
+
+_OF_LABELS = {
+    "threshold": ("threshold", "grey levels"),
+    "void_grey": ("level of voids", "grey levels"),
+    "solid_grey": ("level of grains", "grey levels"),
+    "filled_pore_voxels": ("pores filled inside grains", "voxels"),
+    "opened_contacts": ("contacts opened: dark between the grains", ""),
+    "dropped_fragments": ("fragments left out as too small", ""),
+    "dropped_voxels": ("the same, in all", "voxels"),
+    "merge_depth": ("depth up to which basins merge", ""),
+    "median_diameter": ("diameter of the sphere of equal volume, median", "m"),
+    "small_grains": ("grains much smaller than the rest", ""),
+    "large_grains": ("grains much larger than the rest", ""),
+    "concave_grains": ("concave grains, perhaps several in one", ""),
+    "wide_necks": ("wide necks, perhaps one grain cut in two", ""),
+    "num_true": ("true grains", ""),
+    "num_found": ("grains found", ""),
+    "num_matched": ("grains found one-to-one", ""),
+    "matched_share": ("the same, part of the true ones", ""),
+    "false_grains": ("grains found that are none", ""),
+    "split": ("true grains cut into several", ""),
+    "merged": ("true grains in one with others", ""),
+    "num_true_contacts": ("true contacts", ""),
+    "num_found_contacts": ("contacts found", ""),
+    "contact_precision": ("contacts found that are true, part of those found", ""),
+    "contact_recall": ("true contacts found, part of the true ones", ""),
+    "mean_diameter_error": ("error of the diameter, mean, relative", ""),
+    "largest_diameter_error": ("the same, largest", ""),
+    "diameter_error_95": ("the same, 95 % of the grains within", ""),
+    "solid_fraction_error": ("error of the solid fraction", ""),
+    "wrong_voxels": ("voxels of another grain, part of those solid in both", ""),
+    "mean_whole_diameter": ("mean diameter of whole grains", "m"),
+    "porosity_of_labels": ("porosity of the labels", ""),
+    "num_label_contacts": ("contacts of the labels", ""),
+}
+
+_OF_RUNS = {
+    "area": ("cross-section of the sample", "m²"),
+    "first_height": ("height at the start", "m"),
+    "reference_height": ("height at strain 0", "m"),
+    "mass": ("mass of the grains", "kg"),
+    "setup_s": ("time to set up", "s"),
+    "wall_s": ("time in all", "s"),
+    "time": ("simulated time", "s"),
+    "time_step": ("time step", "s"),
+    "element_time_step": ("time step that elements alone allow", "s"),
+    "peak_memory_bytes": ("memory at its peak", "bytes"),
+}
+
+#: Key -> words and unit, where the key does not say them.
+WORDS = {
+    "voxel_size": ("voxel size", "m"),
+    "image_voxel_size_from": ("voxel size stated by", ""),
+    "d50": ("d50", "m"),
+    "seconds": ("time", "s"),
+    "packing_seconds": ("time of packing", "s"),
+    **_OF_MESHES,
+    **_OF_LABELS,
+    **_OF_RUNS,
+}
+
+
+def described(key):
+    """Words and unit of a key of a summary.
+
+    Args:
+        key: As in JSON.
+
+    Returns:
+        (words, unit); the unit is "" where there is none.
+    """
+    if key in WORDS:
+        return WORDS[key]
+    unit = next((unit for ending, unit in ENDINGS.items() if key.endswith(ending)), "")
+    words = key.removeprefix("num_")
+    for ending, own in ENDINGS.items():
+        words = words.removesuffix(ending) if own == unit else words
+    return words.replace("_", " "), unit
