@@ -75,6 +75,7 @@ _OF_RUNS = {
 WORDS = {
     "voxel_size": ("voxel size", "m"),
     "image_voxel_size_from": ("voxel size stated by", ""),
+    "grains": ("folder of grains", ""),
     "d50": ("d50", "m"),
     "seconds": ("time", "s"),
     "packing_seconds": ("time of packing", "s"),

@@ -3,6 +3,7 @@
 import json
 import shutil
 
+import networkx
 import numpy as np
 import pytest
 
@@ -162,6 +163,31 @@ def test_tables_of_curves_grains_and_probes(whole):
 def torn(folder, name, keep=0.6):
     path = folder / name
     path.write_bytes(path.read_bytes()[: int(keep * path.stat().st_size)])
+
+
+def test_grains_of_surfaces_name_their_files(whole, tmp_path):
+    copy = tmp_path / "run"
+    shutil.copytree(whole, copy)
+    rows = [f"{label},sand-{label}.stl,1" for label in range(10, 22)]
+    (copy / "labels.csv").write_text("\n".join(["label,file,body", *rows]))
+    table = Run(copy).grain_table()
+    assert table["file"].tolist() == [f"sand-{label}.stl" for label in table["grain"]]
+    assert "file" not in Run(whole).grain_table()
+
+
+def test_a_network_goes_into_graphml_and_back(whole, tmp_path):
+    run = Run(whole)
+    run.write_graphml(tmp_path / "network.graphml")
+    graph = networkx.read_graphml(tmp_path / "network.graphml", node_type=str)
+    contacts = run.contact_table()
+    grains = [name for name, kind in graph.nodes(data="kind") if kind == "grain"]
+    assert sorted(map(int, grains)) == run.grains()["grain"].tolist()
+    assert {name for name in graph if name not in grains} == {"z_min", "z_max"}
+    assert graph.number_of_edges() == len(contacts)
+    total = sum(force for _, _, force in graph.edges(data="normal_force"))
+    assert total == pytest.approx(contacts["normal_force"].sum(), rel=1e-12)
+    with pytest.raises(InputError, match="cannot be written"):
+        run.write_graphml(tmp_path / "none" / "network.graphml")
 
 
 def test_a_killed_run_says_what_is_not_there(whole, tmp_path):

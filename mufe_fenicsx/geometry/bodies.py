@@ -1,5 +1,6 @@
 """Grains given as surfaces: read, check, repair their orientation, mesh anew."""
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ LARGEST_HOLE = 12
 FORMATS = (".stl", ".ply", ".obj", ".off", ".vtk", ".vtu", ".msh")
 
 
-def read_bodies(path, scale=1.0, notices=None, least_cavity=0.0):
+def read_bodies(path, scale=1.0, notices=None, least_cavity=0.0, origins=None):
     """Read surfaces of grains.
 
     A surface inside that of a body is a cavity of it. A body inside a cavity is one of its own.
@@ -34,6 +35,8 @@ def read_bodies(path, scale=1.0, notices=None, least_cavity=0.0):
         notices: A list to which one line is added for each surface that was repaired, cut or
             filled, and each file of a folder that holds several bodies.
         least_cavity: Smaller cavities are filled [m³].
+        origins: A list to which (label, name of its file, number of the body in it, from 1) of
+            each grain is added.
 
     Returns:
         A list of (label, points [m], triangles seen from outside).
@@ -78,8 +81,12 @@ def read_bodies(path, scale=1.0, notices=None, least_cavity=0.0):
         )
     if len(surfaces) == 0:
         raise InputError(f"{path} holds no grain, expected at least one")
-    result = []
+    result, of_file = [], Counter()
     for label, name, points, triangles in surfaces:
+        file = name if path.is_dir() else path.name
+        of_file[file] += 1
+        if origins is not None:
+            origins.append((label, file, of_file[file]))
         name = f"{path.name}: grain {label} ({name})"
         points, triangles = sound_surface(points * scale, triangles, name, notices)
         result.append(

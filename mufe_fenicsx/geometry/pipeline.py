@@ -142,7 +142,8 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         labels_path: A label image (see `label_files.read_labels`), or surfaces
             (see `bodies.read_bodies`).
         settings: `MeshSettings`.
-        output_folder: New folder for grains.h5, grains.xdmf, quality.csv and quality.png.
+        output_folder: New folder for grains.h5, grains.xdmf, labels.csv (of labels a row a grain,
+            of surfaces the file of each), quality.csv and quality.png.
         progress: Called with the numbers of finished and of all grains.
         overwrite: Replace a folder of grains that is there.
 
@@ -156,13 +157,14 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
     start = time.perf_counter()
     with new_folder(output_folder, overwrite=overwrite, marker="grains.h5") as folder:
         table, trimmed, repaired, filled, voxel_size, numbers = None, [], [], [], None, []
+        origins = []
         if has_bodies(labels_path):
             if settings.conforming:
                 raise InputError(
                     f"conforming = true for the surfaces {labels_path}, expected labels"
                 )
             cavity = np.inf if settings.fill_cavities else settings.least_cavity
-            bodies = read_bodies(labels_path, settings.scale, repaired, cavity)
+            bodies = read_bodies(labels_path, settings.scale, repaired, cavity, origins)
             check_work([surface_volume(*body[1:3]) for body in bodies], settings)
             jobs, total = surface_jobs(bodies, settings), len(bodies)
             points = np.concatenate([points for _, points, _ in bodies])
@@ -222,8 +224,10 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         rows = [mesh.quality for mesh in meshes]
         save_grains(folder, grains)
         write_table(folder / "quality.csv", rows, QUALITY)
-        if table is not None:
-            write_table(folder / "labels.csv", table)
+        if origins:
+            columns = ("label", "file", "body")
+            table = [dict(zip(columns, origin, strict=True)) for origin in origins]
+        write_table(folder / "labels.csv", table)
         draw_quality(folder / "quality.png", rows, settings.size)
 
     def column(name):

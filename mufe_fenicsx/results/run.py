@@ -15,7 +15,7 @@ from ..output.contacts import CONTACT_COLUMNS, contact_files, read_contacts
 from ..output.fields import MESH, read_arrays, read_states
 from ..output.history import COLUMNS, read_history
 from ..output.run_folder import read_run_json, reason, wrong_entries
-from . import tables
+from . import graph, tables
 from .state import State
 
 #: By one of these a folder is known as that of a run.
@@ -224,6 +224,20 @@ class Run:
         See :func:`mufe_fenicsx.results.tables.network`.
         """
         return tables.network(self)
+
+    def graph(self, number=-1):
+        """Grains, walls and active contacts of a stored state, a networkx.Graph.
+
+        See :func:`mufe_fenicsx.results.graph.contact_graph`.
+        """
+        return graph.contact_graph(self, number)
+
+    def write_graphml(self, path, number=-1):
+        """Write :meth:`graph` as GraphML, which Gephi and Cytoscape read.
+
+        See :func:`mufe_fenicsx.results.graph.write_graphml`.
+        """
+        graph.write_graphml(self, path, number)
 
     def contact_table(self, number=-1):
         """Active contacts with their part in the network, a DataFrame.

@@ -311,7 +311,8 @@ def grain_table(run, number=-1):
     (rotation vector [rad]), ``angle`` [rad], ``misfit`` [m] of the best rigid motion;
     ``volume_strain`` and ``shear_strain`` (√(2/3 e:e) of the deviator) of what it leaves;
     ``stress_xx`` …, ``mean``, ``peak``, ``percentile_95`` of von Mises stress [Pa];
-    ``plastic_fraction`` of the volume; ``unstressed``: mean below 1 % of the sample's.
+    ``plastic_fraction`` of the volume; ``unstressed``: mean below 1 % of the sample's. Where the
+    grains were surfaces, ``file`` and ``body`` say which: the body of that number in that file.
     """
     state = run.state(number)
     mesh = state.cells, state.grain
@@ -322,7 +323,7 @@ def grain_table(run, number=-1):
     )
     strain = motion.remaining_strain
     deviator = strain - np.trace(strain, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
-    return pandas.DataFrame(
+    table = pandas.DataFrame(
         {"grain": found.labels, "volume": found.volume}
         | _columns("inertia", form.moments, "123")
         | _columns("translation", motion.translation)
@@ -342,6 +343,12 @@ def grain_table(run, number=-1):
             "unstressed": grain_stress.unstressed(found.mean, found.volume),
         }
     )
+    if (run.path / "labels.csv").is_file():
+        origin = run.table("labels")
+        if {"label", "file", "body"} <= set(origin):
+            origin = origin[["label", "file", "body"]].rename(columns={"label": "grain"})
+            table = table.merge(origin, how="left", on="grain")
+    return table
 
 
 def first_yield_table(run):

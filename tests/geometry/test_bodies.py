@@ -9,6 +9,7 @@ from mufe_fenicsx.geometry import measure
 from mufe_fenicsx.geometry.bodies import read_bodies
 from mufe_fenicsx.geometry.jobs import surface_jobs
 from mufe_fenicsx.geometry.mesher import mesh_one
+from mufe_fenicsx.geometry.pipeline import mesh_labels
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.shapes import sphere
 
@@ -24,8 +25,10 @@ def test_files_of_one_body_each(tmp_path, ball):
     points, triangles = ball
     for name in ("grain10.stl", "grain2.ply", "grain3.obj"):
         meshio.write_points_cells(tmp_path / name, points, [("triangle", triangles)])
-    bodies = read_bodies(tmp_path, scale=1e-3)
+    origins = []
+    bodies = read_bodies(tmp_path, scale=1e-3, origins=origins)
     assert [label for label, _, _ in bodies] == [1, 2, 3]
+    assert origins == [(1, "grain2.ply", 1), (2, "grain3.obj", 1), (3, "grain10.stl", 1)]
     for _, body_points, body_triangles in bodies:
         assert len(body_points) == len(points)  # STL repeats points
         volume = measure.surface_volume(body_points, body_triangles)
@@ -42,11 +45,22 @@ def test_one_file_of_many_bodies(tmp_path, ball, name):
         np.concatenate([triangles + n, triangles]) % (2 * n),
     )
     meshio.write_points_cells(tmp_path / name, both[0], [("triangle", both[1])])
-    bodies = read_bodies(tmp_path / name)
+    origins = []
+    bodies = read_bodies(tmp_path / name, origins=origins)
+    assert origins == [(1, name, 1), (2, name, 2)]
     assert [label for label, _, _ in bodies] == [1, 2]
     assert [len(p) for _, p, _ in bodies] == [n, n]
     # In the order of their first triangles: the shifted one comes first.
     assert bodies[0][1].min() > 3.0 > bodies[1][1].max()
+
+
+def test_the_file_of_each_grain_is_kept_with_its_mesh(tmp_path, ball):
+    points, triangles = ball
+    (tmp_path / "sand").mkdir()
+    meshio.write_points_cells(tmp_path / "sand" / "quartz.stl", points, [("triangle", triangles)])
+    mesh_labels(tmp_path / "sand", MeshSettings(size=1.5, processes=1), tmp_path / "grains")
+    table = (tmp_path / "grains" / "labels.csv").read_text().split()
+    assert table == ["label,file,body", "1,quartz.stl,1"]
 
 
 def test_orientation_is_repaired(tmp_path, ball):
