@@ -22,7 +22,10 @@ def plan(
     ],
     accuracy: Annotated[
         float | None,
-        typer.Option(help="Wanted error of the stress, 0.05 for 5 %; default: the scene's."),
+        typer.Option(
+            help="Wanted error of the stress, 0.05 for 5 %; default: the scene's. Without one: "
+            "what the test as it stands gives."
+        ),
     ] = None,
     changes: Annotated[
         list[str] | None,
@@ -42,16 +45,19 @@ def plan(
         return
     if changes:
         raise InputError(f"--set {changes[0]} with a scene file, expected one with a case alone")
-    from .planning.text import as_dict, lines
+    from .planning.text import as_dict, lines, lines_of_present
     from .preparation import read_scene
 
     loaded = read_scene(comm, Path(scene))
-    if accuracy is None and loaded.accuracy is None:
-        raise InputError("accuracy is missing, expected one in the scene or --accuracy")
-    from .planning.run import make_plan
+    grains = loaded.sample.grains if grains is None else grains
+    from .planning.run import make_plan, present
 
-    made, cost = make_plan(loaded, loaded.sample.grains if grains is None else grains, comm,
-                           accuracy)  # fmt: skip
+    if accuracy is None and loaded.accuracy is None:
+        found, cost = present(loaded, grains, comm)
+        printer.say(*lines_of_present(found, cost))
+        printer.write_json(as_dict(found, cost))
+        return
+    made, cost = make_plan(loaded, grains, comm, accuracy)
     printer.say(*lines(made, cost))
     printer.write_json(as_dict(made, cost))
 

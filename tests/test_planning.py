@@ -33,10 +33,12 @@ from mufe_fenicsx.planning.cost import (
     loading_time,
     predict,
 )
-from mufe_fenicsx.planning.course import course_of, elastic_wave_speed
+from mufe_fenicsx.planning.course import course_of, elastic_wave_speed, wave_speed
 from mufe_fenicsx.planning.errors import GRAINS, falling, of_loading, sample_errors, time_for
+from mufe_fenicsx.planning.present import present_state
 from mufe_fenicsx.planning.run import planned_scene
 from mufe_fenicsx.planning.sample import Sample
+from mufe_fenicsx.planning.text import lines_of_present
 from mufe_fenicsx.run import run_scene
 from mufe_fenicsx.scene import Contact, MassScaling, Oedometer, Output, Scene, Solver, load_scene
 from mufe_fenicsx.scene.stages import Axis, Loading, Stage, Until
@@ -204,6 +206,25 @@ def test_a_plan_is_near_the_cheapest_of_all_by_brute_force(table):
     )
     found = cost(plan.elements_per_radius, time_for(plan.parts["loading"]))
     assert found <= 1.05 * best
+
+
+def test_a_test_as_it_stands_tells_its_error(table):
+    """One element per contact radius: 8 %. A strain of 0.1 at v: t = 0.1 c/v of a wave's time."""
+    wave = wave_speed(scene())
+    slow = scene(mass_scaling=MassScaling(0.01))
+    slow = replace(slow, oedometer=Oedometer(0.1, 0.1 * wave / 10.0))  # ten times a wave's time
+    found = present_state(slow, sample(1.0), table)
+    parts = {"mesh": 0.08, "loading": of_loading(10.0), "mass": 0.005, "fidelity": 0.0}
+    assert found.parts == pytest.approx(parts) and found.time == pytest.approx(10.0)
+    assert found.error == pytest.approx(sum(parts.values()))
+    # A plan that changes nothing promises the same.
+    plan = plan_scene(slow, sample(1.0), found.error * 1.0001, table, keep_mesh=True)
+    assert plan.parts["mesh"] == found.parts["mesh"]
+    assert plan.parts["loading"] == pytest.approx(found.parts["loading"], rel=1e-2)
+    coarse = present_state(scene(Rigid(**ROCK)), sample(0.1), table + hertz_table(table))
+    assert math.isinf(coarse.error) and coarse.parts["fidelity"] == pytest.approx(0.5)
+    text = "\n".join(lines_of_present(coarse, None))
+    assert "expected error  more than is known of forces: mesh more than is known" in text
 
 
 def test_what_cannot_be_reached_is_refused_with_what_would(table):

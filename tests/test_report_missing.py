@@ -1,5 +1,7 @@
 """Reports of runs that lack something, of several runs, and of what may not be asked."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -85,6 +87,13 @@ def test_two_runs_in_one_report(tmp_path):
         assert np.array_equal(table["vertical stress [Pa]"], h[k]["stress"][rows_of])
     with pytest.raises(InputError, match="given twice"):
         write_report([tmp_path / "run0", tmp_path / "run0"])
+    runs, some = [tmp_path / "run0", tmp_path / "run1"], tmp_path / "some"
+    result = write_report(runs, some, only=["runs-forces", "runs-energies"], skip=["runs-forces"])
+    assert [Path(figure).stem for figure in result["figures"]] == ["runs-energies"]
+    with pytest.raises(InputError, match="forces is one of a single run, expected runs-forces"):
+        write_report(runs, some, only=["forces"])
+    with pytest.raises(InputError, match="runs-forces is one of several runs, expected forces"):
+        write_report(runs[:1], some, only=["runs-forces"])
 
 
 def test_unknown_grain_or_place_is_refused_before_anything_is_written(tmp_path):

@@ -72,14 +72,9 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
     accuracy = checked_accuracy(scene.accuracy if accuracy is None else accuracy)
     points = read_points() if points is None else points
     yields = hasattr(scene.material, "yield_stress")
-    element, law = scene.solver.element, _law(scene.contact, points, yields)
-    if scene.solver.integrator != "explicit":
-        raise InputError(
-            f'solver.integrator = "{scene.solver.integrator}", expected "explicit" with an '
-            "accuracy: nothing is known of others for packings"
-        )
+    element, law = scene.solver.element, law_of(scene) or best_law(points, yields)
     errors = sample_errors(points, element, law, yields)
-    fidelity = _fidelity(scene, sample.labels)
+    fidelity = fidelity_of(scene, sample.labels)
     # Rock that never yields is what the scene is about; grains that do not deform are a shortcut.
     simpler = sum(
         len(own) * errors.fidelities.get(model, math.inf) for model, own in fidelity.items()
@@ -115,17 +110,26 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
         settings=_settings(scene, law, best.speed, best.mass),
         driver=driver(scene, sample, errors, best),
         path=errors.of_path(len(sample.labels)),
-        unknown=unknown(scene, errors, best),
+        unknown=unknown(scene, errors, best.elements),
     )
 
 
-def _law(contact, points, yields):
-    """Law of contact by its name in the table: what the scene states, else the best."""
-    default = Contact(contact.friction)
+def law_of(scene):
+    """Law of contact that a scene states, by its name in the table; None: it states none.
+
+    Raises:
+        InputError: Nothing is known of it in packings, or of the integrator.
+    """
+    if scene.solver.integrator != "explicit":
+        raise InputError(
+            f'solver.integrator = "{scene.solver.integrator}", expected "explicit" in a plan: '
+            "nothing is known of others for packings"
+        )
+    contact, default = scene.contact, Contact(scene.contact.friction)
     stated = {k: getattr(contact, k) for k in ("law", "compliance", "points")
               if getattr(contact, k) != getattr(default, k)}  # fmt: skip
     if not stated:
-        return best_law(points, yields)
+        return None
     for name, keys in LAWS.items():
         if stated == {k: v for k, v in keys.items() if v != getattr(default, k)}:
             return name
@@ -141,7 +145,7 @@ def _model(material):
     return "j2"
 
 
-def _fidelity(scene, labels):
+def fidelity_of(scene, labels):
     """{model: labels of its grains}."""
     group_of = {label: group for group in scene.materials.values() for label in group.labels}
     found = {}

@@ -66,8 +66,8 @@ def out_of_reach(scene, accuracy, fixed, errors, sample, keep_mesh):
     )
 
 
-def unknown(scene, errors, best):
-    """What the plan cannot know."""
+def unknown(scene, errors, elements):
+    """What is not known beforehand, with so many elements per radius of a contact."""
     known = [
         f"the size of contacts: a radius of {contact_radius(scene.material):.2g} diameters is "
         "assumed, and grows with the load",
@@ -78,7 +78,7 @@ def unknown(scene, errors, best):
         "tell how slow the loading was",
         "what other programs do to this machine meanwhile",
     ]
-    if best.elements > errors.mesh[-1][0]:
+    if elements > errors.mesh[-1][0]:
         known.append(
             "errors of so fine a mesh: beyond the finest one measured they are taken to fall with "
             "the length of edges"

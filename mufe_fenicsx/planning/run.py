@@ -7,6 +7,7 @@ from ..errors import InputError
 from ..output.run_folder import raise_together
 from .choice import follow, plan_scene
 from .cost import benchmark, predict
+from .present import present_state
 from .sample import read_sample
 from .text import brief
 
@@ -46,6 +47,32 @@ def make_plan(
     measured = benchmark(planned, grains, comm, clock=clock)
     gc.collect()  # what was measured refers to itself
     return made, predict(planned, measured, made.tets / sample.tets, made.size / sample.size)
+
+
+def present(scene, grains, comm, measure=True, clock=time.perf_counter):
+    """What error a scene has as it stands, and its cost here. Collective.
+
+    Args:
+        scene, grains, comm, measure, clock: As of :func:`make_plan`.
+
+    Returns:
+        :class:`~.present.Present` and :class:`~.cost.Cost`, the same on all ranks.
+
+    Raises:
+        InputError: The grains cannot be read, or nothing is known of the scene's element,
+            integrator or law of contact; on all ranks.
+    """
+    found, message = None, None
+    if comm.rank == 0:
+        try:
+            found = present_state(scene, read_sample(grains))
+        except InputError as error:
+            message = str(error)
+    raise_together(comm, message)
+    found = comm.bcast(found)
+    if not measure:
+        return found, None
+    return found, predict(scene, benchmark(scene, grains, comm, clock=clock))
 
 
 def planned_scene(scene, grains, comm, measure=True, clock=time.perf_counter):

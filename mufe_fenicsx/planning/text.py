@@ -1,12 +1,11 @@
 """A plan in words and as plain values."""
 
+import math
 from dataclasses import asdict
 
 
 def lines(plan, cost):
     """Lines that tell a plan and its cost; ``cost`` may be None."""
-    model = ", ".join(f"{len(labels)} grains {name}" for name, labels in plan.fidelity.items())
-    parts = ", ".join(f"{name} {percent(part)}" for name, part in plan.parts.items() if part)
     edges = f"{1e6 * plan.size:.3g} um near contacts, {1e6 * plan.inner_size:.3g} um inside"
     grains = "the grains as they are"
     if plan.mesh_again:
@@ -16,33 +15,73 @@ def lines(plan, cost):
         grains = f"mesh the grains again with {sizes}"
     rows = [
         ("accuracy", percent(plan.accuracy)),
-        ("expected error", f"{percent(plan.error)} of forces: {parts}"),
-        (
-            "path",
-            f"two such tests that differ in rounding alone part by about {percent(plan.path)}",
-        ),
-        ("model", f"{model}; solver.element = {plan.element}"),
+        *_of_errors(plan),
         (
             "mesh",
             f"{plan.elements_per_radius:.2g} elements per contact radius, edges of {edges}, "
             f"{plan.tets:.0f} tetrahedra a grain: {grains}",
         ),
         *((key, _value(value)) for key, value in plan.settings.items()),
+        *_of_cost(cost),
+        ("what costs most", plan.driver),
     ]
-    if cost is not None:
-        rows += [
-            ("size", f"{cost.num_cells} tetrahedra, {cost.num_steps} steps of "
-                     f"{1e9 * cost.time_step:.3g} ns (limited by the {cost.limit})"),
-            ("cost", f"{duration(cost.wall_s)}, {bytes_of(cost.memory_bytes)} of memory, "
-                     f"{bytes_of(cost.disk_bytes)} on disk, on {cost.num_ranks} "
-                     f"{'rank' if cost.num_ranks == 1 else 'ranks'} here"),
-        ]  # fmt: skip
-    rows.append(("what costs most", plan.driver))
+    return _written(rows, plan.unknown)
+
+
+def lines_of_present(present, cost):
+    """Lines that tell what error a test has as it stands; ``cost`` may be None."""
+    rows = [
+        ("accuracy", "none stated: this is the test as it stands; --accuracy 0.05 plans one"),
+        *_of_errors(present),
+        (
+            "mesh",
+            f"{present.elements:.2g} elements per contact radius, edges of "
+            f"{1e6 * present.size:.3g} um, {present.tets:.0f} tetrahedra a grain",
+        ),
+        ("contact", f"law {present.law}"),
+        (
+            "loading",
+            f"{present.speed:.3g} m/s: {present.time:.3g} times as long as a wave takes through "
+            "the sample",
+        ),
+        *_of_cost(cost),
+    ]
+    return _written(rows, present.unknown)
+
+
+def _of_errors(found):
+    """Rows of the error of a plan or of a test as it stands, and of its models."""
+    model = ", ".join(f"{len(labels)} grains {name}" for name, labels in found.fidelity.items())
+    parts = ", ".join(f"{name} {percent(part)}" for name, part in found.parts.items() if part)
+    return [
+        ("expected error", f"{percent(found.error)} of forces: {parts}"),
+        (
+            "path",
+            f"two such tests that differ in rounding alone part by about {percent(found.path)}",
+        ),
+        ("model", f"{model}; solver.element = {found.element}"),
+    ]
+
+
+def _of_cost(cost):
+    """Rows of the cost, none where it is None."""
+    if cost is None:
+        return []
+    return [
+        ("size", f"{cost.num_cells} tetrahedra, {cost.num_steps} steps of "
+                 f"{1e9 * cost.time_step:.3g} ns (limited by the {cost.limit})"),
+        ("cost", f"{duration(cost.wall_s)}, {bytes_of(cost.memory_bytes)} of memory, "
+                 f"{bytes_of(cost.disk_bytes)} on disk, on {cost.num_ranks} "
+                 f"{'rank' if cost.num_ranks == 1 else 'ranks'} here"),
+    ]  # fmt: skip
+
+
+def _written(rows, unknown):
     width = max(len(name) for name, _ in rows)
     return [
         *(f"{name:{width}}  {text}" for name, text in rows),
         "not known beforehand:",
-        *(f"- {text}" for text in plan.unknown),
+        *(f"- {text}" for text in unknown),
     ]
 
 
@@ -66,7 +105,9 @@ def brief(plan, cost, summary):
 
 
 def percent(value):
-    """A part as a percentage."""
+    """A part as a percentage; an infinite one is worse than any in the table of points."""
+    if math.isinf(value):
+        return "more than is known"
     return f"{100 * value:.2g} %"
 
 

@@ -233,7 +233,16 @@ def draw_networks(sources, names):
     )
 
 
-FIGURES = (draw_stress_strain, draw_parameter, draw_forces, draw_energies, draw_networks)
+#: Name of each figure, and what draws it from sources and names of runs, in the page's order.
+FIGURES = (
+    ("runs-stress-strain", draw_stress_strain),
+    ("runs-parameter", draw_parameter),
+    ("runs-forces", draw_forces),
+    ("runs-energies", draw_energies),
+    ("runs-networks", draw_networks),
+)
+#: All that may be chosen, or left out.
+NAMES = tuple(name for name, _ in FIGURES)
 
 
 def tables(sources, names):

@@ -40,7 +40,8 @@ def write_report(runs, output=None, grains=None, points=None, only=None, skip=No
         output: Folder of the report; None: the run's own, or ``comparison`` beside the first.
         grains: Labels of the grains that are shown one by one; None: three by their stress.
         points: Places [m] whose course is shown, shape (num_points, 3); None: two by stress.
-        only, skip: Names of the figures to draw, or not to draw, of :data:`NAMES`; None: all.
+        only, skip: Names of the figures to draw, or not to draw, of :data:`~.parts.NAMES`, of
+            several runs of :data:`~.compare.NAMES`; None: all.
         processes: That draw one run's figures together; 0: as many as there are cores and
             memory for. A script that gives another number than 1 has to do so below
             ``if __name__ == "__main__":``.
@@ -56,24 +57,28 @@ def write_report(runs, output=None, grains=None, points=None, only=None, skip=No
     """
     folders = [Path(runs)] if isinstance(runs, str | Path) else [Path(run) for run in runs]
     if len(folders) == 1:
-        wanted = _wanted(only, skip)
+        wanted = _wanted(only, skip, NAMES)
         report = _RunReport(folders[0], output, grains, points, wanted, only, processes)
     else:
-        if grains or points or only or skip:
-            raise InputError("grains, points or figures chosen for several runs, expected one run")
+        if grains or points:
+            raise InputError("grains or points chosen for several runs, expected one run")
+        wanted = _wanted(only, skip, compare.NAMES)
         twice = [f for k, f in enumerate(folders) if f.resolve() in _resolved(folders[:k])]
         if twice:
             raise InputError(f"run folder {twice[0]} is given twice, expected different runs")
-        report = _Comparison(folders, output)
+        report = _Comparison(folders, output, wanted)
     return report.write()
 
 
-def _wanted(only, skip):
-    """Names of the figures to draw."""
+def _wanted(only, skip, names):
+    """Those of the names of figures that are to be drawn."""
     for name in (*(only or ()), *(skip or ())):
-        if name not in NAMES:
-            raise InputError(f"figure {name} is not known, expected {nearest_name(name, NAMES)}")
-    return [name for name in only or NAMES if name not in (skip or ())]
+        if name not in names:
+            others = compare.NAMES if names is NAMES else NAMES
+            why = f"one of {'several runs' if names is NAMES else 'a single run'}"
+            why = why if name in others else "not known"
+            raise InputError(f"figure {name} is {why}, expected {nearest_name(name, names)}")
+    return [name for name in only or names if name not in (skip or ())]
 
 
 def _resolved(folders):
@@ -195,9 +200,9 @@ class _RunReport(_Report):
 class _Comparison(_Report):
     """The report of several runs."""
 
-    def __init__(self, folders, output):
+    def __init__(self, folders, output, wanted):
         super().__init__(folders[0].parent / "comparison" if output is None else output)
-        self.sources = []
+        self.sources, self.wanted = [], wanted
         for source in map(Source, folders):
             name = source.folder.resolve().name
             self.missing += [f"{name}: {sentence}" for sentence in missing_of(source)]
@@ -211,7 +216,9 @@ class _Comparison(_Report):
         self.names = name_runs(self.sources)
 
     def _draw(self):
-        for draw in compare.FIGURES:
+        for name, draw in compare.FIGURES:
+            if name not in self.wanted:
+                continue
             what = draw.__name__.removeprefix("draw_").replace("_", " ")
             try:
                 self.pictures.append(save(draw(self.sources, self.names), self.figures))

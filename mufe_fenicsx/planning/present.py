@@ -1,0 +1,77 @@
+"""What error a test has as it stands: with the present mesh, speed and models of grains."""
+
+import math
+from dataclasses import dataclass, field
+
+from ..evidence import read_points
+from .choice import fidelity_of, law_of
+from .course import course_of, wave_speed
+from .errors import FASTEST, contact_radius, of_loading, sample_errors
+from .reasons import unknown
+
+
+@dataclass(frozen=True)
+class Present:
+    """How far off the forces of a test are expected to be."""
+
+    error: float  #: the sum of its parts [-]; inf: one of them is worse than any that is known
+    parts: dict  #: name -> error
+    elements: float  #: per radius of a typical contact
+    tets: float  #: tetrahedra a grain
+    size: float  #: length of edges [m]
+    element: str  #: one of solid.ELEMENTS
+    law: str  #: of contact, as the table of points names it
+    fidelity: dict  #: model -> labels of grains
+    speed: float  #: of loading [m/s]
+    time: float  #: of loading over that of a wave through the sample
+    path: float  #: by how much two such tests part that differ in rounding alone [-]
+    unknown: tuple = field(default=())  #: what is not known beforehand, sentences
+
+
+def present_state(scene, sample, points=None):
+    """The :class:`Present` of a scene and its grains.
+
+    Args:
+        scene: :class:`~mufe_fenicsx.scene.Scene`.
+        sample: :class:`~.sample.Sample`.
+        points: Of the table; None: the stored one.
+
+    Raises:
+        InputError: Nothing is known of its element, integrator or law of contact.
+    """
+    points = read_points() if points is None else points
+    law = law_of(scene) or "matched"
+    yields = hasattr(scene.material, "yield_stress")
+    errors = sample_errors(points, scene.solver.element, law, yields)
+    fidelity, course = fidelity_of(scene, sample.labels), course_of(scene)
+    elements = contact_radius(scene.material) * sample.diameter / sample.size
+    wave = wave_speed(scene)
+    if scene.quasi_static is None:
+        time = min(part.level * wave / (part.stated or course.speed) for part in course.parts)
+    else:
+        time = max(1 / math.sqrt(3 * scene.quasi_static.kinetic), FASTEST)
+    added = 0.0 if scene.mass_scaling is None else scene.mass_scaling.added
+    masses = [mass for mass in errors.masses if mass >= added * (1 - 1e-9)]
+    parts = {
+        "mesh": errors.of_mesh(elements),
+        "loading": of_loading(time),
+        "mass": errors.masses[min(masses)][0] if masses else math.inf,
+        "fidelity": sum(
+            len(own) * errors.fidelities.get(model, math.inf) for model, own in fidelity.items()
+        )
+        / len(sample.labels),
+    }
+    return Present(
+        error=sum(parts.values()),
+        parts=parts,
+        elements=elements,
+        tets=sample.tets,
+        size=sample.size,
+        element=scene.solver.element,
+        law=law,
+        fidelity=fidelity,
+        speed=course.speed,
+        time=time,
+        path=errors.of_path(len(sample.labels)),
+        unknown=unknown(scene, errors, elements),
+    )
