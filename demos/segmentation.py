@@ -26,7 +26,7 @@ from matplotlib.collections import LineCollection
 from mufe_fenicsx.arguments import crop_ranges
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import threshold as thresholds
-from mufe_fenicsx.geometry.compare import adjusted_rand_index, compare_labels
+from mufe_fenicsx.geometry.compare import adjusted_rand_index, compare_labels, touching_labels
 from mufe_fenicsx.geometry.image_files import read_image
 from mufe_fenicsx.geometry.labels import fill_pores
 from mufe_fenicsx.geometry.picture import label_colours, outlines
@@ -120,7 +120,8 @@ def chain(scan):
     for k, (axis, (title, volume, edges)) in enumerate(zip(axes.ravel(), panels, strict=True)):
         shown = volume[middle]
         if volume is edges:
-            axis.imshow(label_colours(int(volume.max()))[shown], interpolation="nearest")
+            colours = label_colours(int(volume.max()), touching_labels(shown[None]))
+            axis.imshow(colours[shown], interpolation="nearest")
         else:
             axis.imshow(shown, cmap="gray", interpolation="nearest")
             if edges is not None:

@@ -1,10 +1,13 @@
 """Pictures to judge a segmentation and meshes by eye."""
 
 import matplotlib
+import networkx
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+
+from .compare import touching_labels
 
 STYLE = {
     "font.size": 9,
@@ -15,6 +18,13 @@ STYLE = {
     "savefig.dpi": 200,
 }
 BLUE, RED = "#33658a", "#e4572e"
+#: Colours of grains, RGB: those that the colour-blind tell apart (Okabe & Ito 2008), and brown.
+PALETTE = tuple(
+    matplotlib.colors.to_rgb(colour)
+    for colour in (
+        "#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00", "#0072b2", "#8c6d4f"
+    )
+)  # fmt: skip
 
 
 def draw_segmentation(path, grey, labels, voxel_size, inside=None):
@@ -40,7 +50,8 @@ def draw_segmentation(path, grey, labels, voxel_size, inside=None):
         FigureCanvasAgg(figure)
         axes = figure.subplots(2, 3)
         low, high = np.percentile(grey if inside is None else grey[inside], [0.5, 99.5])
-        colours = label_colours(int(labels.max()))
+        pairs = set().union(*(touching_labels(labels[where][None]) for _, _, where in planes))
+        colours = label_colours(int(labels.max()), pairs)
         for column, (across, up, where) in enumerate(planes):
             part, part_labels = grey[where], labels[where]
             if inside is not None:
@@ -73,7 +84,7 @@ def draw_quality(path, rows, h):
     unit, name = length_unit(h)
     panels = (
         ("tets", "tetrahedra per grain [-]"),
-        ("volume_ratio", "mesh volume / voxel volume [-]"),
+        ("volume_ratio", "mesh volume off that given [%]"),
         ("min_altitude_over_h", "smallest altitude / $h$ [-]"),
         ("min_dihedral_deg", "smallest dihedral angle [°]"),
     )
@@ -82,8 +93,11 @@ def draw_quality(path, rows, h):
         FigureCanvasAgg(figure)
         for axis, (column, label) in zip(figure.subplots(2, 2).ravel(), panels, strict=True):
             values = np.array([row[column] for row in rows], dtype=float)
+            least = 1e-3 * abs(values.mean())
+            if column == "volume_ratio":
+                values, least = np.round(100 * (values - 1), 4), 0.01
             # Grains that all agree to round-off still get a bar of some width.
-            spread = max(np.ptp(values), 1e-3 * abs(values.mean()))
+            spread = max(np.ptp(values), least)
             middle = (values.min() + values.max()) / 2
             axis.hist(
                 values,
@@ -123,13 +137,21 @@ def outlines(labels):
     return np.concatenate([level, upright]).astype(float)
 
 
-def label_colours(num_labels):
-    """RGB a label: void white, grains in different pale colours, the same in every run."""
-    rng = np.random.default_rng(1)
-    hue = rng.permutation(num_labels + 1) / (num_labels + 1)
-    hsv = np.column_stack(
-        [hue, 0.35 + 0.4 * rng.random(num_labels + 1), np.full(num_labels + 1, 0.85)]
-    )
-    colours = matplotlib.colors.hsv_to_rgb(hsv)
+def label_colours(num_labels, pairs):
+    """RGB a label, shape (num_labels + 1, 3): void white, labels that touch in other colours.
+
+    Args:
+        num_labels: The largest label.
+        pairs: Of labels that touch.
+    """
+    colour_of = networkx.greedy_color(networkx.Graph(list(pairs)))
+    # Those without neighbours take turns, so that all colours are used.
+    number = np.arange(-1, num_labels) % len(PALETTE)
+    number[list(colour_of)] = list(colour_of.values())
+    palette = np.array(PALETTE)
+    more = number.max(initial=0) + 1 - len(PALETTE)
+    if more > 0:  # beyond the palette greys, from dark to light
+        palette = np.concatenate([palette, np.linspace(0.25, 0.75, more)[:, None].repeat(3, 1)])
+    colours = palette[number]
     colours[0] = 1
     return colours

@@ -5,6 +5,7 @@ import numpy as np
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
+from mufe_fenicsx.report.axes import legend, without_spikes
 from mufe_fenicsx.report.checks import TARGETS, check_run
 from mufe_fenicsx.report.curves import PAPER, STRAIN, STRESS
 from mufe_fenicsx.report.figure import Drawing
@@ -51,6 +52,8 @@ def draw_stress_strain(sources, names):
         right.plot(curves["stress"] / factor, curves["void_ratio"], **look)
     left.set(xlabel=STRAIN, ylabel=f"{STRESS}: {unit}")
     left.set_ylim(bottom=0)
+    strain = np.concatenate([100 * source.loading["strain"] for source in sources])
+    without_spikes(left, strain, np.concatenate([s.loading["stress"] for s in sources]) / factor)
     right.set_xscale("log")
     style.plain_log_ticks(right.xaxis)
     right.set(xlabel=f"{STRESS}: {unit}", ylabel="Void ratio, $e$: –")
@@ -81,6 +84,11 @@ def draw_forces(sources, names):
         tables[_file(name)] = {"displacement [m]": travel, "force [N]": history["force_z_max"]}
     axis.set(xlabel=f"Displacement of top platen: {unit_u}", ylabel=f"Force: {unit}")
     axis.set_ylim(bottom=0)
+    travel, force = (
+        np.concatenate([table[name] for table in tables.values()])
+        for name in ("displacement [m]", "force [N]")
+    )
+    without_spikes(axis, travel / scale, force / factor)
     _finish(figure, (axis,))
     return Drawing(
         "runs-forces",
@@ -124,7 +132,7 @@ def draw_parameter(sources, names):
     name = "Yield stress" if key == YIELD else key
     axis.set(xlabel=f"{name}: {prefixed}", ylabel=f"{STRESS}: {stress_unit}")
     axis.set_ylim(bottom=0)
-    axis.legend(title="strain", ncols=2)
+    legend(axis, title="strain", ncols=2)
     return Drawing(
         "runs-parameter",
         figure,

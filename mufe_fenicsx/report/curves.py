@@ -7,6 +7,7 @@ from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.analysis.rows import branches, largest, loaded_rows, loading_rows
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
+from mufe_fenicsx.report.axes import legend, without_spikes
 from mufe_fenicsx.report.checks import TARGETS, begin_of_good, check_run
 from mufe_fenicsx.report.figure import Drawing
 
@@ -69,7 +70,8 @@ def draw_stress_strain(source):
         axis.axvline(strain[begin], color=style.GREY, linestyle=":", linewidth=0.8, zorder=0)
     axis.set(xlabel=STRAIN, ylabel=f"{STRESS}: {unit}")
     axis.set_ylim(bottom=min(0, 1.05 * stress.min()))
-    axis.legend(loc="upper left", frameon=True, facecolor="white", edgecolor="none", framealpha=1)
+    without_spikes(axis, strain, stress)
+    legend(axis)
     return Drawing(
         "stress-strain",
         figure,
@@ -170,7 +172,8 @@ def draw_forces(source):
             axis.plot(over, force / factor, "--" if i % 2 else "-", color=colour, label=label)
         axis.set(xlabel=label_x, ylabel=f"Normal force: {unit}")
         axis.set_ylim(bottom=min(0, *(1.05 * f.min() / factor for f in forces.values())))
-        axis.legend(title="side walls" if axis is right else None)
+        without_spikes(axis, over, *(force / factor for force in forces.values()))
+        legend(axis, title="side walls" if axis is right else None)
     style.panel_letter(left, 0)
     style.panel_letter(right, 1)
     columns = {"displacement [m]": travel, "strain [-]": history["strain"]}
@@ -198,7 +201,7 @@ def draw_energies(source):
         if np.abs(history[name]).max() > SEEN * work.max():
             left.plot(strain, history[name] / factor, line, color=colour, label=label)
     left.set(xlabel=over, ylabel=f"Energy: {unit}")
-    left.legend(loc="best" if source.turns_back else "upper left")
+    legend(left)
     internal = history["elastic"] + history["plastic"]
     for values, label, colour, line in (
         (internal, "internal (elastic + plastic)", style.BLUE, "-"),
@@ -209,7 +212,7 @@ def draw_energies(source):
     right.set_yscale("log")
     style.few_decades(right, [internal / factor, history["kinetic"] / factor])
     right.set(xlabel=over, ylabel=f"Energy: {unit}")
-    right.legend(loc="best")
+    legend(right)
     for i, axis in enumerate((left, right)):
         style.panel_letter(axis, i)
     columns = {"strain [-]": history["strain"], "work [J]": work}
@@ -247,7 +250,7 @@ def draw_dissipation(source):
     if any((values > 0).any() for values in shown.values()):
         right.set_yscale("log")
         style.few_decades(right, [values / factor for values in shown.values()])
-        left.legend(loc="upper left")
+        legend(left)
     else:
         for axis in (left, right):
             axis.text(0.5, 0.5, "nothing was dissipated", transform=axis.transAxes, ha="center")
@@ -349,10 +352,11 @@ def draw_compression(source):
         axis.set_xscale("log")
         style.plain_log_ticks(axis.xaxis)
         axis.set(xlabel=f"{STRESS}: {unit}", ylabel=label)
-    for axis in axes[1:]:
+    for axis, values in ((axes[1], curves["modulus"] / modulus), (axes[2], curves["K0"])):
         axis.set_ylim(bottom=min(0, *axis.get_ylim()))
+        without_spikes(axis, curves["stress"] / factor, values)
     if source.turns_back:
-        axes[0].legend(loc="lower left")
+        legend(axes[0])
     for i, axis in enumerate(axes):
         style.panel_letter(axis, i)
     return Drawing(

@@ -7,6 +7,7 @@ from matplotlib.colors import ListedColormap
 from mufe_fenicsx.analysis.inertia import grain_inertia, unphysical
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
+from mufe_fenicsx.report.axes import legend
 from mufe_fenicsx.report.curves import PAPER
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.render import Camera, Layer, render
@@ -262,7 +263,7 @@ def draw_energies(source):
         axis.set_yscale("log")
         style.few_decades(axis, [v / factor for v in values.values()], 7)
         axis.set(xlabel=over, ylabel=f"Energy: {unit}")
-        axis.legend(loc="best")
+        legend(axis)
     style.heading(axes[0], f"grain {label}")
     style.heading(axes[1], "whole sample")
     for i, axis in enumerate(axes):

@@ -7,6 +7,7 @@ from matplotlib.colors import Normalize
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
+from mufe_fenicsx.report.axes import legend
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.render import Camera, Layer, render
 from mufe_fenicsx.report.views import FROM, box_corners, colour_bar, three_in_a_row
@@ -222,7 +223,7 @@ def _draw_spread(axis, parts):
     top = axis.get_xlim()[1]
     axis.set_xlim(left=max(axis.get_xlim()[0], 1e-5 * top))
     axis.set(xlabel=f"Displacement of a grain: {unit}", ylabel="Grains with less: %", ylim=(0, 100))
-    axis.legend(loc="upper left")
+    legend(axis)
     style.panel_letter(axis, 3)
 
 

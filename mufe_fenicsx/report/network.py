@@ -7,6 +7,7 @@ from mufe_fenicsx.analysis.contact_forces import active_contacts, force_distribu
 from mufe_fenicsx.analysis.fabric import rose
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
+from mufe_fenicsx.report.axes import legend
 from mufe_fenicsx.report.curves import PAPER
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.results.tables import vectors
@@ -112,7 +113,7 @@ def draw_force_distribution(source):
     axis.set_yscale("log")
     axis.set(xlabel="Normal force over its mean, f/⟨f⟩: –", ylabel="Probability density: –")
     axis.set_ylim(top=40)
-    axis.legend(loc="upper right", title="strain")
+    legend(axis, title="strain")
     return Drawing(
         "force-distribution",
         figure,
@@ -165,7 +166,7 @@ def draw_active_contacts(source):
         )
     right.set(xlabel=over, ylabel="Mean number of active contacts: –")
     right.set_ylim(bottom=0)
-    right.legend(loc="lower right")
+    legend(right)
     tables["mean"] = {
         "strain [-]": network["strain"],
         "mean of all grains [-]": network["N_cA"],
@@ -216,7 +217,7 @@ def draw_ages(source):
         )
         table[f"share of {column} [-]"] = share
     axis.set(xlabel=over, ylabel="Active since then or longer: %", ylim=(0, 102))
-    axis.legend(loc="lower right")
+    legend(axis)
     return Drawing(
         "contact-age",
         figure,

@@ -92,7 +92,7 @@ def largest_values(history, last):
             ]
             share = energy_check.friction_share(history)
             rows.append(("Frictional over plastic dissipation", number(share), "at the end"))
-            rows.append(_at("Contacts", history, "num_contacts", None, loading))
+            rows.append(_at("Points in contact", history, "num_contacts", None, loading))
             rows.append(_at("Grains in contact", history, "num_active_grains", None, loading))
     if last is not None:
         rows += _state_rows(last)

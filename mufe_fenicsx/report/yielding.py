@@ -6,6 +6,7 @@ from mufe_fenicsx.analysis.yield_place import closest_on_triangles, yield_place
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.measure import boundary_triangles
 from mufe_fenicsx.report import style
+from mufe_fenicsx.report.axes import legend
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.sample import State
 from mufe_fenicsx.report.views import add_outline, colour_bar, cut_collection, polygons
@@ -37,7 +38,7 @@ def draw_yield(source):
             label=label,
         )
     left.set(xlabel=over, ylabel="Has yielded: %", ylim=(0, 105))
-    left.legend(loc="lower right")
+    legend(left)
     known = table[np.isfinite(table["contact_radius"])]
     depth = (known["depth"] / known["contact_radius"]).to_numpy()
     aside = (known["edge_distance"] / known["contact_radius"]).to_numpy()

@@ -55,7 +55,7 @@ def build(cls, values, name, folder=None):
 
 
 def unknown_key(full_name, value, key, known, name):
-    """Message for an unknown key: one spelled alike, the same of another table, or all there are."""
+    """Message for an unknown key: one like it, the same of another table, or all there are."""
     elsewhere = [
         f"{table}.{key}"
         for table, cls in {**TABLES, "material": J2}.items()
