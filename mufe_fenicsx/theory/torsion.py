@@ -10,7 +10,7 @@ Sources: J. L. Lubkin, J. Appl. Mech. 18, 1951, 183-187; H. Deresiewicz, J. Appl
 import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq
-from scipy.special import ellipe, ellipk
+from scipy.special import elliprd
 
 
 def stick_moment(beta, a, G):
@@ -21,6 +21,15 @@ def stick_moment(beta, a, G):
 def sliding_moment(P, mu, a):
     """M = 3π μPa/16 where all slips: ∫ μ p r dA with Hertz's pressure [N m]."""
     return 3 * np.pi / 16 * mu * P * a
+
+
+def _difference(ratio):
+    """K(k) - E(k), k² = 1 - ratio²: k²/3 R_D(0, ratio², 1), to rounding at both ends.
+
+    Source: B. C. Carlson, NIST Handbook, 2010, eq. (19.25.1).
+    """
+    ratio = np.asarray(ratio, float)
+    return (1 - ratio) * (1 + ratio) / 3 * elliprd(0.0, ratio**2, 1.0)
 
 
 def twist(ratio, P, mu, a, G):
@@ -34,19 +43,17 @@ def twist(ratio, P, mu, a, G):
     c to a, each turned by dβ and carrying (4G/π) r dβ/√(s² - r²); Abel's equation gives
     them from q = μp in the annulus that slips.
     """
-    m = 1 - np.asarray(ratio, float) ** 2
-    return 3 * mu * P / (4 * np.pi * G * a**2) * (ellipk(m) - ellipe(m))
+    return 3 * mu * P / (4 * np.pi * G * a**2) * _difference(ratio)
 
 
 def moment(ratio, P, mu, a):
     """M where the stick radius is c = ``ratio`` a: those discs, (16/3) G s³ dβ each [N m]."""
 
     def part(s):
-        m = 1 - s**2
-        return s**2 * (ellipk(m) - ellipe(m)) if s > 0 else 0.0
+        return s**2 * _difference(s) if s**2 > 0 else 0.0
 
     rest = quad(part, ratio, 1.0)[0]
-    return 4 / np.pi * mu * P * a * ((ratio * part(ratio) if ratio > 0 else 0.0) + 3 * rest)
+    return 4 / np.pi * mu * P * a * (ratio * part(ratio) + 3 * rest)
 
 
 def moment_of_twist(beta, P, mu, a, G):

@@ -209,6 +209,21 @@ def test_torsion_starts_stuck_and_ends_sliding():
     assert torsion.moment_of_twist(10 * beta / 1e-6, P, MU, A, G) <= sliding * (1 + 1e-6)
 
 
+def test_torsion_to_rounding_at_both_ends():
+    """β = (3μP/4πGa²) (ln(4a/c) - 1) for c → 0; M falls short of sliding like c³ ln(a/c)."""
+    unit = 3 * MU * P / (4 * np.pi * G * A**2)
+    for c in (1e-9, 1e-12, 1e-100):
+        assert torsion.twist(c, P, MU, A, G) == pytest.approx(unit * (np.log(4 / c) - 1), rel=1e-14)
+        assert torsion.moment(c, P, MU, A) == pytest.approx(
+            torsion.sliding_moment(P, MU, A), rel=1e-12
+        )
+    # K - E = (π/4) k² for k → 0, and M is that of bodies that stick.
+    beta = torsion.twist(1 - 1e-12, P, MU, A, G)
+    assert beta == pytest.approx(unit * np.pi / 4 * 2e-12, rel=1e-4)  # of 1 - 1e-12 itself
+    stuck = torsion.stick_moment(beta, A, G)
+    assert torsion.moment(1 - 1e-12, P, MU, A) == pytest.approx(stuck, rel=1e-11)
+
+
 def test_torsion_inverts_and_agrees_with_deresiewicz_far_from_sliding():
     for ratio in (0.95, 0.7, 0.2):
         beta, M = torsion.twist(ratio, P, MU, A, G), torsion.moment(ratio, P, MU, A)
