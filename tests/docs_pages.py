@@ -4,8 +4,8 @@ A line such as `<!-- test: slow -->` before a block says how it is treated:
 
     slow              a reader waits for minutes: its `mufe run` get `--max-steps`
     needs PROGRAM     it runs where that program is installed, and is listed elsewhere
-    as FILE           of TOML: the scene with these tables is kept as FILE; of Python: all Python
-                      of the page up to here becomes FILE
+    as FILE           of TOML: it is a whole scene, kept as FILE; of Python: all Python of the page
+                      up to here becomes FILE
     not run: REASON   it cannot run here; its `mufe` commands are still read, and it is listed
 
 Several marks are parted by semicolons. Of a report of one run one figure is drawn. `make verify`
@@ -292,9 +292,9 @@ class Reader:
             del tables["oedometer"]
             tables["loading"] = {"speed": 1.0}
         self._write_scene("fragment.toml", tables, found)
-        if block.file:
-            mine = tomllib.loads(Path("mine.toml").read_text(encoding="utf-8"))
-            self._write_scene(block.file, mine, found)
+        if block.file:  # a reader copies it as it stands
+            Path(block.file).write_text(block.text, encoding="utf-8")
+            load_scene(block.file)
 
     def _write_scene(self, name, tables, found):
         for table, given in found.items():
