@@ -21,6 +21,10 @@ class J2(IsotropicSolid):
     ("flat": a single point is perfect plasticity), goes on with the last slope ("slope"), or
     the computation stops ("stop"), for a table that must not be left.
 
+    The table is of the Kirchhoff stress τ = J σ, which the flow rule limits. The von Mises stress
+    of the Cauchy stress σ, which states show, is that of the table over J, the ratio of volumes:
+    above it where a grain is compressed.
+
     Raises:
         InputError: as `IsotropicSolid`; or the table is empty, does not start at
             plastic strain 0, does not increase in strain, or has a stress that
@@ -28,7 +32,7 @@ class J2(IsotropicSolid):
             that is independent of the mesh); or there is no such way beyond the table.
     """
 
-    yield_stress: tuple[tuple[float, float], ...]  #: (plastic strain [-], stress [Pa]) of points
+    yield_stress: tuple[tuple[float, float], ...]  #: plastic strain [-], yield stress of J σ [Pa]
     beyond: str = "flat"  #: the last point of the table: "flat", "slope" or "stop"
 
     def __post_init__(self):
