@@ -62,7 +62,9 @@ def new(
     kind: Annotated[
         str,
         typer.Argument(
-            metavar="KIND", help="oedometer, isotropic, triaxial, single-grain or two-spheres"
+            metavar="KIND",
+            help="scan (one of your own), oedometer, isotropic, triaxial, single-grain or "
+            "two-spheres",
         ),
     ],
     output: Annotated[
@@ -72,7 +74,7 @@ def new(
     overwrite: Overwrite = False,
     json: Json = None,
 ):
-    """Write a scene to begin with: commented, with grains, ready for `mufe run`."""
+    """Write a scene to begin with: commented; but for scan with grains, ready for `mufe run`."""
     serial_only("new")
     printer = Printer(json)
     from .new_scene import write_new_scene

@@ -56,6 +56,42 @@ friction = {friction:<15}# between grains
 wall_friction = {wall:<10}# between grains and walls
 """
 
+SCAN = """\
+#:schema ./scene.schema.json
+# {title}. In this folder, with the scan beside this file:
+#
+#     mufe segment --scene scene.toml -o labels.tif      then look at labels.png
+#     mufe mesh labels.tif --scene scene.toml -o grains  then look at grains/quality.png
+#     mufe run scene.toml -o results                     (or: mpirun -n 4 mufe run ...)
+#     mufe report results
+#
+# Numbers without a unit are in SI units; a text carries one: "20 um", "100 GPa". A key that is
+# left out takes its default: `mufe scene scene.toml` lists all of them, and
+# `mufe scene --explain KEY` says what one means. `mufe synthesize` makes a scan to practise on.
+
+title = "{title}"
+
+[image]                   # to change: file, voxel_size
+file = "scan.tif"         # TIFF, folder of slices, HDF5, NRRD, MetaImage, NIfTI, NumPy; raw
+                          # files need shape = [z, y, x] and dtype = "<u2"
+voxel_size = "5 um"       # or three lengths, z, y, x
+crop = [[0, 100], [0, 100], [0, 100]]  # voxels, z, y, x: begin with a part; all without it
+# invert = true           # where grains are darker than voids
+# relative_depth = 0.06   # lower where grains hang together, higher where they are cut
+
+[mesh]
+size = "20 um"            # to change: wanted length of edges, a tenth to a fifteenth of a grain
+keep_largest_piece = true # of a grain that noise left in pieces
+
+[sample]
+grains = "grains"         # the folder that `mufe mesh` writes
+
+{material}
+[contact]
+friction = 0.23           # between grains
+wall_friction = 0.0       # between grains and walls
+"""
+
 OEDOMETER = """
 [oedometer]               # the top platen moves, all other walls rest
 strain = 0.06             # vertical, counted from the end of seating
@@ -172,7 +208,7 @@ checkpoint = "5 min"      # by the clock; `mufe run --resume` goes on from the l
 
 
 def write_new_scene(kind, folder, *, overwrite=False):
-    """Write scene.toml, its JSON schema and grains into a new folder.
+    """Write scene.toml, its JSON schema and grains, but for a scan, into a new folder.
 
     Args:
         kind: One of `KINDS`.
@@ -180,7 +216,7 @@ def write_new_scene(kind, folder, *, overwrite=False):
         overwrite: Replace a folder that was written by this before.
 
     Returns:
-        What was written: folder, num_grains, num_cells, and the command that runs it.
+        What was written: folder, the next command, and num_grains and num_cells of grains.
 
     Raises:
         InputError: there is no such kind, or the folder cannot be written.
@@ -189,10 +225,17 @@ def write_new_scene(kind, folder, *, overwrite=False):
         raise InputError(f"kind = {shown(kind)}, expected {nearest_name(kind, KINDS)}")
     text, make = KINDS[kind]
     with new_folder(folder, overwrite=overwrite, marker=SCHEMA_FILE) as new:
-        grains = make()
-        save_grains(new / "grains", grains)
+        grains = make() if make else None
+        if grains is not None:
+            save_grains(new / "grains", grains)
         (new / "scene.toml").write_text(text, encoding="utf-8")
         (new / SCHEMA_FILE).write_text(schema_text(), encoding="utf-8")
+    if grains is None:
+        return {
+            "folder": str(folder),
+            "next": f"edit image and mesh.size in {folder}/scene.toml, then in {folder}: "
+            "mufe segment --scene scene.toml -o labels.tif",
+        }
     return {
         "folder": str(folder),
         "num_grains": grains.num_grains,
@@ -238,8 +281,14 @@ def _text(title, test, grains, friction=0.23, wall=0.0, **material):
 _SAND, _MORE = (f"{number} balls in a random packing, meshed coarsely" for number, _ in (FEW, MANY))
 _HARD = {"first": "1 GPa", "last": "2 GPa"}
 
-#: Scenes by name: text of the file and the function that makes the grains.
+_TITLE = "Oedometer test on a scan"
+
+#: Scenes by name: text of the file and the function that makes the grains, None for those of a scan.
 KINDS = {
+    "scan": (
+        SCAN.format(title=_TITLE, material=scene_table()) + OEDOMETER + OUTPUT,
+        None,
+    ),
     "oedometer": (
         _text("Oedometer test on balls", DAMPED.format(100) + OEDOMETER, _SAND, **_HARD),
         ball_packing,

@@ -5,7 +5,9 @@ import tomllib
 from pathlib import Path
 
 import jsonschema
+import numpy as np
 import pytest
+import tifffile
 from mpi4py import MPI
 
 from mufe_fenicsx.cli import main
@@ -121,7 +123,23 @@ def test_commands(tmp_path, capsys):
     assert "expected oedometer" in capsys.readouterr().err and not (tmp_path / "x").exists()
 
 
-@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_scene_of_a_scan_segments_it(tmp_path, monkeypatch, capsys):
+    """Two bright balls in a dark image; its crop is made smaller to be quick."""
+    folder = tmp_path / "mine"
+    assert mufe("new", "scan", "-o", folder) == 0
+    assert "mufe segment" in capsys.readouterr().out
+    assert sorted(path.name for path in folder.iterdir()) == ["scene.schema.json", "scene.toml"]
+    text = (folder / "scene.toml").read_text()
+    (folder / "scene.toml").write_text(text.replace("100]", "28]"))
+    z, y, x = np.mgrid[:28, :28, :28]
+    balls = [(z - 14) ** 2 + (y - 14) ** 2 + (x - at) ** 2 < 36 for at in (7, 21)]
+    tifffile.imwrite(folder / "scan.tif", np.where(balls[0] | balls[1], 200, 20).astype(np.uint8))
+    monkeypatch.chdir(folder)
+    assert mufe("segment", "--scene", "scene.toml", "-o", "labels.tif", "--json", "s.json") == 0
+    assert json.loads((folder / "s.json").read_text())["num_grains"] == 2
+
+
+@pytest.mark.parametrize("kind", [kind for kind, (_, make) in KINDS.items() if make])
 def test_new_scenes_run(kind, tmp_path):
     folder = tmp_path / "test"
     assert mufe("new", kind, "-o", folder) == 0
