@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.report import curves, style
+from mufe_fenicsx.report.animation import _write_mp4
 from mufe_fenicsx.report.axes import covered, legend, without_spikes
 from mufe_fenicsx.report.source import Source
 from tests.made_up_run import fake_history, write_history
@@ -55,6 +56,23 @@ def test_a_single_value_does_not_flatten_the_rest(look, tmp_path):
     assert axis.get_ylim()[1] * factor < 1.3 * largest
     said = axis.get_title(loc="right")
     assert said.startswith("1 value beyond: ") and f"{history['stress'][120] / factor:.3g}" in said
+
+
+def test_an_animation_is_a_film_too_where_ffmpeg_is(tmp_path, monkeypatch):
+    """A program of that name that keeps what it is given: even sizes, three bytes a pixel."""
+    program = tmp_path / "ffmpeg"
+    program.write_text('#!/bin/sh\nfor last; do :; done\ncat > "$last"\n')
+    program.chmod(0o755)
+    frames = [np.full((5, 8, 3), k, np.uint8) for k in range(3)]
+    monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+    path = tmp_path / "animation.mp4"
+    assert _write_mp4(frames, path) == path
+    assert path.read_bytes() == b"".join(bytes([k]) * 4 * 8 * 3 for k in range(3))
+    program.write_text("#!/bin/sh\nexit 1\n")
+    assert _write_mp4(frames, path) is None and not path.exists()
+    program.unlink()
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert _write_mp4(frames, path) is None
 
 
 def test_what_rises_steeply_is_no_spike(look):

@@ -1,7 +1,7 @@
 """Size and form of grains: what is reported of a grain of sand.
 
-Lengths are the extents along the principal axes of inertia: L, I, S (long, intermediate,
-short), as callipers along these axes would read them. Elongation I/L and flatness S/I
+Length L, width W and thickness T are the extents along the principal axes of inertia, sorted, as
+callipers along these axes would read them. Elongation W/L and flatness T/W
 are those of Th. Zingg (Schweiz. mineral. petrogr. Mitt. 15, 1935, 39-140). Sphericity is
 the surface of the ball of equal volume over that of the grain (H. Wadell, J. Geol. 40, 1932,
 443-451), convexity the volume over that of the convex hull.
@@ -20,6 +20,11 @@ from .measure import boundary_triangles, surface_area, tet_volumes
 #: Standard deviation of the filter of voxels before their surface is drawn [voxels].
 SMOOTHING = 0.7
 
+#: What the lengths of the table are, in a line.
+LENGTHS = (
+    "length L >= width W >= thickness T: extents along the grain's principal axes of inertia, "
+    "sorted; elongation W/L, flatness T/W"
+)
 #: Columns of the table, with units.
 COLUMNS = (
     "label", "volume_m3", "surface_m2", "equivalent_diameter_m", "length_m", "width_m",

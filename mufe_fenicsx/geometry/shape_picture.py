@@ -6,7 +6,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from .picture import BLUE, RED, STYLE, length_unit
-from .shape import size_at, sizes_by_mass
+from .shape import LENGTHS, size_at, sizes_by_mass
 
 
 def draw_shapes(path, rows):
@@ -17,7 +17,7 @@ def draw_shapes(path, rows):
         rows: As by :func:`~mufe_fenicsx.geometry.shape.shapes_of_meshes`.
     """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 3.1), layout="constrained")
+        figure = Figure(figsize=(9.6, 3.3), layout="constrained")
         FigureCanvasAgg(figure)
         sizes, zingg, form = figure.subplots(1, 3)
         diameter, finer = sizes_by_mass(rows)
@@ -43,7 +43,8 @@ def draw_shapes(path, rows):
         ):  # fmt: skip
             zingg.text(x, y, text, ha="right" if x > 0.5 else "left",
                        va="top" if y > 0.5 else "bottom", color="0.4", fontsize=8)  # fmt: skip
-        zingg.set(xlabel="flatness S/I", ylabel="elongation I/L", xlim=(0.3, 1), ylim=(0.3, 1))
+        low = min(0.3, flatness.min() - 0.02, elongation.min() - 0.02)
+        zingg.set(xlabel="flatness T/W", ylabel="elongation W/L", xlim=(low, 1), ylim=(low, 1))
 
         sphericity, convexity = _columns(rows, "sphericity", "convexity")
         low = min(sphericity.min(), convexity.min())
@@ -52,6 +53,7 @@ def draw_shapes(path, rows):
         form.hist(convexity, bins, color=RED, alpha=0.5, label="convexity")
         form.set(xlabel="sphericity, convexity [-]", ylabel="grains")
         form.legend(frameon=False, fontsize=8)
+        figure.supxlabel(LENGTHS.replace(">=", "≥"), fontsize=7, color="0.4")
         figure.savefig(path)
 
 

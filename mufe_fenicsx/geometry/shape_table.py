@@ -9,7 +9,7 @@ from ..errors import InputError
 from .grains import load_grains
 from .label_files import read_labels
 from .output import new_files
-from .shape import COLUMNS, shapes_of_labels, shapes_of_meshes, size_at
+from .shape import COLUMNS, LENGTHS, shapes_of_labels, shapes_of_meshes, size_at
 from .shape_picture import draw_shapes
 
 
@@ -61,6 +61,7 @@ def write_shapes(source, output, *, voxel_size=None, key=None, overwrite=False):
             f"mean_{name}": float(np.mean([row[name] for row in rows]))
             for name in ("elongation", "flatness", "sphericity", "convexity")
         },
+        "lengths": LENGTHS,
         "table": str(output / names[0]),
         "figure": str(output / names[1]),
     }

@@ -25,8 +25,8 @@ class SynthesisSettings:
     voxel_size: float = 5e-6  #: [m]
     d50: float = 300e-6  #: half of the mass is in smaller grains [m]
     uniformity: float = 1.4  #: d60/d10 by mass
-    elongation: float = 0.75  #: mean of I/L
-    flatness: float = 0.80  #: mean of S/I
+    elongation: float = 0.75  #: mean of W/L
+    flatness: float = 0.80  #: mean of T/W
     form_spread: float = 0.08  #: standard deviation of both
     roughness: float = 0.06  #: root mean square of ln(radius) over degrees >= 3
     falloff: float = 1.7  #: exponent of that spectrum; larger: rounder

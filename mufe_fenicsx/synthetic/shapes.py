@@ -76,7 +76,7 @@ def make_grains(rng, diameters, elongation, flatness, roughness, falloff, max_de
     Args:
         rng: NumPy generator.
         diameters: Of the spheres of equal volume [m], shape (n,).
-        elongation, flatness: I/L and S/I of each grain, shape (n,).
+        elongation, flatness: W/L and T/W of each grain, shape (n,).
         roughness, falloff, max_degree: As of `SynthesisSettings`.
 
     What a packing comes to hangs on the last bit of its grains, and that on the processor and the

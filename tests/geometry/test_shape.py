@@ -1,6 +1,8 @@
 """Size and form of bodies whose numbers are known."""
 
+import csv
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +18,10 @@ from mufe_fenicsx.geometry.shape import (
     size_at,
     tet_moments,
 )
+from mufe_fenicsx.geometry.shape_table import write_shapes
 from mufe_fenicsx.geometry.shapes import box, sphere
+
+ROOT = Path(__file__).resolve().parents[2]
 
 RNG = np.random.default_rng(5)
 
@@ -44,6 +49,20 @@ def test_a_brick_has_its_own_numbers_wherever_it_lies():
     axis = np.array([row[f"axis_1_{k}"] for k in "xyz"])
     assert abs(axis @ R[:, 0]) == pytest.approx(1.0, abs=1e-10) and axis[2] >= 0
     assert row["inclination_deg"] == pytest.approx(math.degrees(math.asin(axis[2])))
+
+
+def test_lengths_say_what_they_are(tmp_path):
+    """In the summary, in the picture and in the documentation."""
+    labels = np.kron(np.arange(1, 9).reshape(2, 2, 2), np.ones((4, 6, 8), np.uint16))
+    np.savez(tmp_path / "labels.npz", labels=labels.astype(np.uint16))
+    result = write_shapes(tmp_path / "labels.npz", tmp_path / "shapes", voxel_size=1e-5)
+    assert "length L >= width W >= thickness T: extents along" in result["lengths"]
+    with (tmp_path / "shapes" / "shapes.csv").open() as file:
+        row = next(csv.DictReader(file))
+    # Of bricks of 8 x 6 x 4 voxels; their filtered surface is rounder.
+    for name, voxels in (("length_m", 8), ("width_m", 6), ("thickness_m", 4)):
+        assert float(row[name]) == pytest.approx(voxels * 1e-5, rel=0.15)
+        assert f"`{name}`" in (ROOT / "docs" / "files.md").read_text()
 
 
 def test_inertia_of_an_ellipsoid_and_that_tensors_are_valid():
