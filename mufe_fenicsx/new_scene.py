@@ -283,7 +283,7 @@ _HARD = {"first": "1 GPa", "last": "2 GPa"}
 
 _TITLE = "Oedometer test on a scan"
 
-#: Scenes by name: text of the file and the function that makes the grains, None for those of a scan.
+#: Scenes by name: text of the file and the function that makes the grains, or None.
 KINDS = {
     "scan": (
         SCAN.format(title=_TITLE, material=scene_table()) + OEDOMETER + OUTPUT,

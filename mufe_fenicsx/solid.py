@@ -5,6 +5,7 @@ import ufl
 from dolfinx import fem
 
 from .errors import InputError
+from .forms import compiled_form
 from .kernels.edge_compliance import add_edge_compliance, cells_around, largest_patch
 from .kernels.element_step import add_nodal_stiffness, element_time_step
 from .kernels.energy import elastic_energy
@@ -39,8 +40,8 @@ def lumped_mass(mesh, density):
     """
     rho = mesh.cell_function(density[mesh.grain_of_cell])
     test = ufl.TestFunction(mesh.V)
-    form = fem.form(rho * ufl.inner(ufl.as_vector((1.0, 1.0, 1.0)), test) * ufl.dx)
-    return fem.assemble_vector(form).array.reshape(-1, 3)[:, 0].copy()
+    masses = compiled_form(rho * ufl.inner(ufl.as_vector((1.0, 1.0, 1.0)), test) * ufl.dx)
+    return fem.assemble_vector(masses).array.reshape(-1, 3)[:, 0].copy()
 
 
 class Solid:

@@ -25,6 +25,7 @@ from dolfinx import fem
 from dolfinx.fem.petsc import assemble_matrix, create_matrix
 from dolfinx.la import BlockMode
 
+from .forms import compiled_form
 from .kernels.blocks import add_products, find_slots, joined_pattern
 from .kernels.hardening import plastic_increment
 from .kernels.law_slopes import law_slopes, law_slopes_of
@@ -67,15 +68,15 @@ class SolidTangent:
             return _internal_work(v, u, u0, self._stress, *means, **self._of_cells) * ufl.dx
 
         J = ufl.det(ufl.Identity(3) + ufl.grad(u))
-        self.residual = fem.form(forces(test))
+        self.residual = compiled_form(forces(test))
         self._forms = [
-            fem.form(ufl.derivative(forces(test), u, step)),
-            fem.form(ufl.derivative(J * weight * ufl.dx, u, step)),
+            compiled_form(ufl.derivative(forces(test), u, step)),
+            compiled_form(ufl.derivative(J * weight * ufl.dx, u, step)),
         ]
         # Where flow does not depend on the mean stress, G is B.
         self._coupled = any(law is not plastic_increment for law, _ in solid._laws)
         if self._coupled:
-            self._forms.append(fem.form(ufl.derivative(forces(step), self._mean, weight)))
+            self._forms.append(compiled_form(ufl.derivative(forces(step), self._mean, weight)))
         # DOLFINx's own matrices cannot have blocks that are not square.
         self._bulk = fem.create_matrix(self._forms[0], BlockMode.compact)
         self._by_volume, *self._by_mean = (create_matrix(form) for form in self._forms[1:])

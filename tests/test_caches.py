@@ -144,3 +144,23 @@ def test_where_no_cache_can_be_written_it_is_said_once(tmp_path):
     assert quiet.returncode == 0 and "mufe: " not in quiet.stderr
     kept = start(SHOW, XDG_CACHE_HOME=str(tmp_path))
     assert kept.stdout.strip() == str(tmp_path) and "mufe: " not in kept.stderr
+
+
+def test_without_a_compiler_a_form_is_one_clear_line(tmp_path):
+    """Nothing is cached and PATH leads nowhere: no traceback."""
+    program = (
+        "import mufe_fenicsx, mufe_fenicsx.exit_status as end\n"
+        "from mpi4py import MPI\n"
+        "def action():\n"
+        "    import ufl\n"
+        "    from dolfinx import fem, mesh\n"
+        "    from mufe_fenicsx.forms import compiled_form\n"
+        "    cube = mesh.create_unit_cube(MPI.COMM_WORLD, 1, 1, 1)\n"
+        "    V = fem.functionspace(cube, ('Lagrange', 1))\n"
+        "    compiled_form(ufl.TestFunction(V) * ufl.dx)\n"
+        "end.run_to_exit(action)"
+    )
+    cache = tmp_path / "cache"
+    done = start(program, PATH=str(tmp_path), CC=None, XDG_CACHE_HOME=str(cache))
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count("\n") == 1 and "expected a C compiler, GCC or clang" in done.stderr

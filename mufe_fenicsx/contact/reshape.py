@@ -7,6 +7,8 @@ from dolfinx import fem
 from dolfinx.fem.petsc import apply_lifting, assemble_matrix, create_vector
 from petsc4py import PETSc
 
+from ..forms import compiled_form
+
 #: Elements keep at least this part of their volume.
 SMALLEST_VOLUME = 0.5
 #: So many times the shift is halved around elements that would keep less.
@@ -56,7 +58,7 @@ def _harmonic(mesh, values, surface):
     of_node = np.empty(node.size, dtype=np.int32)
     of_node[node] = np.arange(node.size, dtype=np.int32)
     trial, test = ufl.TrialFunction(W), ufl.TestFunction(W)
-    laplace = fem.form(ufl.inner(ufl.grad(trial), ufl.grad(test)) * ufl.dx)
+    laplace = compiled_form(ufl.inner(ufl.grad(trial), ufl.grad(test)) * ufl.dx)
     boundary = fem.Function(W)
     condition = fem.dirichletbc(boundary, of_node[surface])
     matrix = assemble_matrix(laplace, bcs=[condition])
