@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from .stored_image import check_regular
 
 #: Kinds of solid elements by the number in their type, as C3D4 or DC3D10, and their nodes.
 SOLIDS = {
@@ -231,6 +232,7 @@ class _Reader:
 
     def _blocks(self, path, depth):
         """Each keyword with the place where it stands, its options and the lines of its data."""
+        check_regular(path, path, "mesh")
         try:
             lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
         except OSError as error:
@@ -277,6 +279,7 @@ class _Reader:
             yield from self._blocks(other, depth + 1)
             return
         try:
+            check_regular(other, path, "mesh")
             text = other.read_text(encoding="utf-8", errors="replace")
         except OSError as error:
             raise InputError(f"{at}: {other} cannot be read: {error.strerror}") from error

@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 
 from ..errors import InputError
+from ..memory import check_room
 from .stored_image import Stored, check_regular, only_one, three_axes
 
 
@@ -29,6 +30,44 @@ def open_numpy(path, key=None):
     volumes = {name: three_axes(array) for name, array in members.items()}
     found = {name: array for name, array in volumes.items() if len(array.shape) == 3}
     return Stored(only_one(found, path), whole=True)
+
+
+def array_names(path):
+    """Names of the arrays of a .npz, none where it is no such file or a damaged one."""
+    path = Path(path)
+    if path.suffix.lower() != ".npz" or not path.is_file():
+        return set()
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return {name.removesuffix(".npy") for name in archive.namelist()}
+    except Exception:  # whoever reads it says what is wrong
+        return set()
+
+
+def read_arrays(path, names, what):
+    """Some arrays of a .npz, once it is known that they fit into the memory.
+
+    Args:
+        path: Its file.
+        names: Their names.
+        what: What the messages call the file.
+
+    Raises:
+        InputError: it cannot be read, or lacks one.
+    """
+    try:
+        members = _members(path)
+        lacking = [name for name in names if name not in members]
+        if lacking:
+            raise InputError(f"{what} {path} has no {lacking[0]}, expected {', '.join(names)}")
+        chosen = [members[name] for name in names]
+        check_room(sum(m.dtype.itemsize * math.prod(m.shape) for m in chosen), f"{what} {path}")
+        return [member[()] for member in chosen]
+    except InputError:
+        raise
+    except Exception as error:  # of many kinds where bytes are damaged
+        text = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{what} {path} cannot be read: {text[:300]}") from error
 
 
 class _Member:

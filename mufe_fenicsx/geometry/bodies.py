@@ -8,6 +8,7 @@ import pyvista
 
 from ..errors import InputError
 from ..topology import cut_at_pinches, surface_pinch
+from .array_file import array_names, read_arrays
 from .foreign import SOLID, counted, read_foreign
 from .image_files import natural_order
 from .measure import compact, surface_defect, surface_volume
@@ -102,13 +103,7 @@ def has_bodies(path):
         return any(f.suffix.lower() in FORMATS for f in path.iterdir())
     if path.suffix.lower() in FORMATS and path.is_file():
         return True
-    if path.suffix.lower() != ".npz" or not path.is_file():
-        return False
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            return {"vertices", "faces", "grain_of_face"} <= set(data.files)
-    except (OSError, ValueError, EOFError):
-        return False
+    return {"vertices", "faces", "grain_of_face"} <= array_names(path)
 
 
 def sound_surface(points, triangles, name, notices):
@@ -280,21 +275,16 @@ def _read_file(file, notices):
 
 
 def _read_npz(path):
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            arrays = [data[key] for key in ("vertices", "faces", "grain_of_face")]
-    except (OSError, ValueError, KeyError, EOFError) as error:
-        raise InputError(
-            f"surfaces {path} cannot be read: {' '.join(str(error).split())}, expected arrays "
-            "vertices, faces and grain_of_face"
-        ) from error
+    arrays = read_arrays(path, ("vertices", "faces", "grain_of_face"), "surfaces")
     vertices, faces, grain_of_face = arrays
     if (
-        vertices.ndim != 2
+        any(array.dtype.kind not in "iuf" for array in arrays)
+        or faces.dtype.kind == "f"
+        or vertices.ndim != 2
         or vertices.shape[1] != 3
         or faces.ndim != 2
         or faces.shape[1] != 3
-        or len(grain_of_face) != len(faces)
+        or grain_of_face.shape != faces.shape[:1]
         or len(faces) == 0
         or faces.min() < 0
         or faces.max() >= len(vertices)

@@ -3,6 +3,9 @@
 import contextlib
 import io
 import re
+import signal
+import threading
+import warnings
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +16,7 @@ import numpy as np
 from ..errors import InputError
 from .abaqus import read_abaqus
 from .gmsh_model import gmsh_model
+from .stored_image import check_regular
 
 NASTRAN = (".bdf", ".nas", ".fem")
 #: Lines that begin with the number of a node, by the ending of the file: the words between which
@@ -24,6 +28,9 @@ NUMBERED = {
     (".mdpa",): ("Begin Nodes", "End Nodes", r"(\d+)\s"),
     (".post", ".dato"): ("$COOR", "$", r"(\d+)\s"),
 }
+#: Time of computing that meshio may take [s], and that for each byte: several of its readers look
+#: for the end of a file that was cut for ever.
+PATIENCE, SECONDS_PER_BYTE = 3.0, 1e-5
 #: Kinds of cells in three dimensions.
 SOLID = re.compile(r"tetra|hexa|wedge|pyramid|polyhedron|VTK_.*TETRA|VTK_.*HEXA")
 
@@ -51,8 +58,6 @@ def read_tetrahedra(path):
     """
     path = Path(path)
     if path.suffix.lower() == ".inp":
-        if not path.is_file():
-            raise InputError(f"mesh {path} cannot be read: no such file")
         points, cells, others, sets, instance = read_abaqus(path)
         data = {} if instance is None else {"instance": instance}
         mesh = ForeignMesh(points, cells, data, sets, others)
@@ -86,15 +91,42 @@ def read_foreign(path, what="mesh", expected="a format of meshio"):
     Raises:
         InputError: the file cannot be read.
     """
+    path = Path(path)
+    check_regular(path, path, what)
     nowhere = io.StringIO()  # meshio prints beside what it raises
     try:
-        with contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
+        with (
+            contextlib.redirect_stdout(nowhere),
+            contextlib.redirect_stderr(nowhere),
+            warnings.catch_warnings(action="ignore"),
+            _in_time(path),
+        ):
             return meshio.read(path)
     except SystemExit as error:  # meshio ends the program on a file that it cannot read
         raise InputError(f"{what} {path} cannot be read, expected {expected}") from error
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{what} {path} cannot be read: {reason}") from error
+
+
+@contextlib.contextmanager
+def _in_time(path):
+    """Raise TimeoutError where the block goes on for ever, in the main thread."""
+    if threading.current_thread() is not threading.main_thread():  # of a program of one's own
+        yield
+        return
+    limit = PATIENCE + SECONDS_PER_BYTE * path.stat().st_size
+
+    def ring(*_):
+        raise TimeoutError(f"its end was not found in {limit:.3g} s")
+
+    before = signal.signal(signal.SIGPROF, ring)
+    signal.setitimer(signal.ITIMER_PROF, limit)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def counted(kinds):

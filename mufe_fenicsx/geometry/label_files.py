@@ -2,7 +2,6 @@
 
 import csv
 import json
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ import scipy.ndimage
 import tifffile
 
 from ..errors import InputError
+from .array_file import array_names
 from .image import to_cubes
 from .image_files import read_with_size
 from .labels import plain_labels
@@ -125,14 +125,7 @@ def write_table(path, rows, columns=None):
 
 def labels_key(path):
     """Name of the array with labels in a .npz file that holds one, or None."""
-    path = Path(path)
-    if path.suffix.lower() != ".npz" or not path.is_file():
-        return None
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            return "labels" if "labels" in data.files else None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, NotImplementedError):
-        return None  # read_image says what is wrong
+    return "labels" if "labels" in array_names(path) else None
 
 
 def _own_voxel_size(path):

@@ -49,21 +49,22 @@ def three_axes(voxels):
     return voxels if len(voxels.shape) <= 3 else ThreeAxes(voxels)
 
 
-def check_regular(path, image):
+def check_regular(path, whole, kind="image"):
     """Raise InputError unless a path is a plain file: to open a pipe would wait for ever.
 
     Args:
         path: The file.
-        image: The image that it belongs to, named in the message.
+        whole: The image, or whatever it belongs to, named in the message.
+        kind: What that is called there.
     """
     path = Path(path)
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError) as error:  # ValueError: NUL in the name
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"image {image}: {path.name} cannot be read: {reason}") from None
+        raise InputError(f"{kind} {whole}: {path.name} cannot be read: {reason}") from None
     if not stat.S_ISREG(mode):
-        raise InputError(f"image {image}: {path.name} is no plain file, expected one")
+        raise InputError(f"{kind} {whole}: {path.name} is no plain file, expected one")
 
 
 def only_one(found, path, kind="arrays"):
