@@ -12,6 +12,7 @@ import os
 import sys
 import time
 import traceback
+import warnings
 
 from .errors import InputError, Interrupted, SolverError
 
@@ -44,6 +45,8 @@ def run_to_exit(action):
     for stream in (sys.stdout, sys.stderr):  # what a terminal has no letter for is escaped
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
+    if not sys.warnoptions:  # those of libraries are for who writes programs
+        warnings.simplefilter("ignore")
 
     # Of its own, so that ranks that end meet nobody who still computes.
     comm = MPI.COMM_WORLD.Dup()

@@ -22,7 +22,7 @@ from mufe_fenicsx.arguments import known_names, parameters
 from mufe_fenicsx.cli import main
 from mufe_fenicsx.demo import demo_commands, demo_scene
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.launcher import find_mpirun
+from mufe_fenicsx.launcher import environment_without_launcher, find_mpirun
 from mufe_fenicsx.terminal import Printer, plain, progress_bar
 
 #: Longest time for a command that has nothing to do [s]; one that hangs is ended then.
@@ -463,3 +463,17 @@ def test_json_holds_what_numpy_computes():
     assert json.dumps(plain(result), allow_nan=False) == (
         '{"a": 0.5, "b": [0, 1], "c": [null, 3], "d": "x"}'
     )
+
+
+def test_warnings_of_libraries_are_not_shown():
+    """They concern who writes programs, and are more lines than the one that says what is wrong."""
+    program = (
+        "import warnings; from mufe_fenicsx.exit_status import run_to_exit; "
+        "run_to_exit(lambda: warnings.warn('x'))"
+    )
+    for options, shown in ([], False), (["-Wdefault"], True):
+        done = subprocess.run(
+            [sys.executable, *options, "-c", program], capture_output=True, text=True,
+            env=environment_without_launcher() | {"PYTHONPATH": str(Path(__file__).parents[1])},
+        )  # fmt: skip
+        assert done.returncode == 0 and ("x" in done.stderr) == shown
