@@ -199,10 +199,15 @@ class Watch:
             return None
         return max(float((target - values["strain"]) * steps / strain / speed - since), 0.0)
 
+    def _scene(self):
+        from .output.run_folder import regular
+
+        return tomllib.loads(regular(self.folder / "scene.toml").read_text(encoding="utf-8"))
+
     def _stages(self):
         """Number of stages of the test and rows of each, by the scene; None without stages."""
         try:
-            scene = tomllib.loads((self.folder / "scene.toml").read_text(encoding="utf-8"))
+            scene = self._scene()
             num = len(scene["stage"])
             return num, math.ceil((int(scene["output"]["history"]) - 1) / num)
         except (OSError, ValueError, KeyError, TypeError, ZeroDivisionError):
@@ -211,7 +216,7 @@ class Watch:
     def _target(self):
         """Strain at which the run ends, by its scene; None where that does not say."""
         try:
-            scene = tomllib.loads((self.folder / "scene.toml").read_text(encoding="utf-8"))
+            scene = self._scene()
             return float(scene["oedometer"]["strain"])
         except (OSError, ValueError, KeyError, TypeError):
             return None

@@ -3,19 +3,18 @@
 import contextlib
 import json
 import math
+import os
 import random
 import shutil
-import time
 
 import pytest
 
 from mufe_fenicsx.cli_watch import _line, _panel
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.report import write_report
-from mufe_fenicsx.report.paraview import write_paraview
 from mufe_fenicsx.report.parts import TABLES, Job, draw_job
 from mufe_fenicsx.results import Run
 from mufe_fenicsx.watch import Watch
+from tests.geometry.test_image_door import in_time
 from tests.made_up_run import write_whole_run
 
 #: What may stand in place of any value of JSON.
@@ -37,6 +36,8 @@ def whole(tmp_path_factory):
 
 def damage_json(chance, path):
     """One to three entries of JSON, at any depth, are others; or the text is cut or nested."""
+    if not path.is_file():  # any more
+        return
     text = path.read_text(encoding="utf-8")
     what = chance.random()
     if what < 0.1:
@@ -66,6 +67,8 @@ def damage_json(chance, path):
 
 def damage_table(chance, path):
     """Cells, rows and columns of a CSV file are others or gone, or bytes of it."""
+    if not path.is_file():
+        return
     lines = path.read_text(encoding="utf-8").splitlines()
     what = chance.random()
     if len(lines) < 3:
@@ -113,7 +116,9 @@ def _damage(chance, folder, what):
     elif what < 0.95:
         damage_table(chance, folder / chance.choice(TABLES_OF_CONTACTS))
     else:
-        (folder / chance.choice(["run.json", "history.csv", "scene.toml"])).unlink()
+        path = folder / chance.choice(["run.json", "history.csv", "scene.toml"])
+        path.unlink(missing_ok=True)
+        chance.choice([lambda: None, path.mkdir, lambda: os.mkfifo(path)])()
 
 
 def look(folder):
@@ -131,33 +136,17 @@ def look(folder):
             assert "\n" not in str(error)
 
 
-def look_all(whole, folder, chance, count, also=lambda folder: None):
-    for number in range(count):
+def test_damaged_run_folders_are_looked_at(whole, tmp_path):
+    chance, folder = random.Random(40), tmp_path / "run"
+    for number in range(25):
         damaged(chance, whole, folder)
-        began = time.perf_counter()
         try:
-            look(folder)
-            also(folder)
+            with in_time(120):  # a machine with other programs
+                look(folder)
         except InputError as error:
             assert "\n" not in str(error), number
         except Exception as error:
             raise AssertionError(f"run folder {number}: {error!r}") from error
-        assert time.perf_counter() - began < 20, number
-
-
-def test_damaged_run_folders_are_looked_at(whole, tmp_path):
-    look_all(whole, tmp_path / "run", random.Random(40), 25)
-
-
-@pytest.mark.slow
-def test_two_hundred_damaged_run_folders(whole, tmp_path):
-    def report(folder):
-        names = ["stress-strain", "active-contacts", "force-distribution", "contact-age"]
-        result = write_report(folder, folder / "report", only=names)
-        assert (folder / "report" / "report.html").exists() and result["missing"]
-        write_paraview(Run(folder))
-
-    look_all(whole, tmp_path / "run", random.Random(41), 200, report)
 
 
 def test_what_is_damaged_is_said_and_the_rest_is_shown(whole, tmp_path):
@@ -172,3 +161,17 @@ def test_what_is_damaged_is_said_and_the_rest_is_shown(whole, tmp_path):
     job = Job((TABLES,), folder, tmp_path, None, None, None)
     (tables,) = draw_job(job)
     assert any(heading == "Run" for heading, *_ in tables.content)
+
+
+FILES = ["run.json", "scene.toml", "history.csv", "fields/states.vtkhdf.series",
+         "fields/0001.vtkhdf", *TABLES_OF_CONTACTS]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_pipes_are_not_waited_for(whole, tmp_path, name):
+    folder = tmp_path / "run"
+    shutil.copytree(whole, folder)
+    (folder / name).unlink()
+    os.mkfifo(folder / name)
+    with in_time(120), contextlib.suppress(InputError):
+        look(folder)

@@ -20,7 +20,7 @@ import h5py
 import numpy as np
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.output.run_folder import attempt, plain, raise_together, reason, try_room
+from mufe_fenicsx.output.run_folder import attempt, plain, raise_together, reason, regular, try_room
 
 FORMAT, VERSION = "mufe checkpoint", 9
 MANIFEST = "manifest.json"
@@ -160,7 +160,7 @@ def _find(folder, before=None):
 def _read_manifest(path):
     """Content of the manifest of a whole checkpoint and None, or None and what is wrong."""
     try:
-        manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
+        manifest = json.loads(regular(path / MANIFEST).read_text(encoding="utf-8"))
         kind = manifest["format"], manifest["version"]
     except OSError as error:
         return None, f"{MANIFEST}: {reason(error)}"
@@ -180,7 +180,7 @@ def _read_manifest(path):
         try:
             if (path / file["name"]).stat().st_size != file["size"]:
                 return None, f"{file['name']} is torn"
-            with (path / file["name"]).open("rb") as stream:
+            with regular(path / file["name"]).open("rb") as stream:
                 if _checksum(stream) != file["checksum"]:
                     return None, f"{file['name']} has changed"
         except OSError as error:
@@ -292,7 +292,7 @@ def file_checksum(path):
         InputError: It cannot be read.
     """
     try:
-        with Path(path).open("rb") as stream:
+        with regular(path).open("rb") as stream:
             return _checksum(stream)
     except OSError as error:
         raise InputError(f"{path} cannot be read ({reason(error)})") from error

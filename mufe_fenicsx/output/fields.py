@@ -23,6 +23,7 @@ from mufe_fenicsx.output.run_folder import (
     keep_states,
     raise_together,
     reason,
+    regular,
     try_room,
     write_atomically,
 )
@@ -293,7 +294,7 @@ def read_states(run_folder):
     if not path.exists():
         return []
     try:
-        files = json.loads(path.read_text(encoding="utf-8"))["files"]
+        files = json.loads(regular(path).read_text(encoding="utf-8"))["files"]
         found = [dict(state, index=int(Path(state["name"]).stem)) for state in files]
         for state in found:
             times = float(state["time"]), float(state["strain"])
@@ -325,7 +326,7 @@ def read_arrays(run_folder, index, names=None):
     name = index if isinstance(index, str) else f"{index:04d}.vtkhdf"
     path = Path(run_folder) / "fields" / name
     try:
-        with h5py.File(path, "r") as file:
+        with h5py.File(regular(path), "r") as file:
             group = file["VTKHDF"]
             if names is None:
                 found = {k: group[k] for k in ("Points", "Connectivity")}
@@ -354,7 +355,7 @@ def read_state(run_folder, index):
 
     path = Path(run_folder) / "fields" / f"{index:04d}.vtkhdf"
     try:
-        with h5py.File(path, "r") as file:
+        with h5py.File(regular(path), "r") as file:
             group = file["VTKHDF"]
             cells = group["Connectivity"][:].reshape(-1, 4)
             points = group["Points"][:]

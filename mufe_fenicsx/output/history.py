@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.output.run_folder import raise_together, reason
+from mufe_fenicsx.output.run_folder import raise_together, reason, regular
 
 #: Columns of history.csv, in order; SI units.
 COLUMNS = (
@@ -180,7 +180,7 @@ def read_history(path):
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = regular(path).read_text(encoding="utf-8")
         rows = list(csv.reader(io.StringIO(text[: text.rfind("\n") + 1])))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path} cannot be read ({reason(error)})") from error

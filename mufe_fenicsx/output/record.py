@@ -9,6 +9,7 @@ from pathlib import Path
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.checkpoint import file_checksum
+from mufe_fenicsx.output.run_folder import regular
 
 HISTORY = "history.csv"
 
@@ -107,7 +108,7 @@ def _history(path, kept):
     """What is wrong with the history or None, from which strain on, its bytes and rows."""
     wanted, size = kept["history_rows"], kept["history"]
     try:
-        with path.open("rb") as file:
+        with regular(path).open("rb") as file:
             data = file.read(size)
     except OSError:
         return f"{HISTORY} is missing", 0.0, None, None

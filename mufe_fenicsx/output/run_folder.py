@@ -1,6 +1,7 @@
 """The folder of one run: its creation, run.json and versions."""
 
 import contextlib
+import errno
 import importlib
 import importlib.metadata
 import json
@@ -69,6 +70,18 @@ def raise_together(comm, message):
     for other in comm.allgather(message):
         if other is not None:
             raise InputError(other)
+
+
+def regular(path):
+    """A path, as it is, of a file, a link to one or nothing.
+
+    Raises:
+        OSError: It is something else: a pipe would be waited for.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "is no plain file", str(path))
+    return path
 
 
 def reason(error):
@@ -346,13 +359,9 @@ def wrong_entries(folder):
 def _read_run_json(folder):
     path = Path(folder) / "run.json"
     try:
-        if path.exists() and not path.is_file():
-            raise InputError(f"{path} is no file, expected one that mufe run wrote")
-        run = json.loads(path.read_text(encoding="utf-8"))
+        run = json.loads(regular(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path} cannot be read ({reason(error)})") from error
-    except InputError:
-        raise
     except RecursionError:
         raise InputError(f"{path} is nested too deep, expected what mufe run wrote") from None
     except ValueError as error:

@@ -23,7 +23,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ..errors import InputError
-from .run_folder import LOCK, raise_together, reason
+from .run_folder import LOCK, raise_together, reason, regular
 
 #: A holder touches its file this often [s].
 BEAT = 20.0
@@ -182,7 +182,7 @@ class RunLock:
 def read_lock(folder, name=LOCK):
     """What a lock says, a dict; empty where it is damaged, None where there is none."""
     try:
-        found = json.loads((Path(folder) / name).read_text(encoding="utf-8"))
+        found = json.loads(regular(Path(folder) / name).read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError):
         return None
     except ValueError:

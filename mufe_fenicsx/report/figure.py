@@ -8,7 +8,7 @@ import numpy as np
 import pandas
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.output.run_folder import reason, write_atomically
+from mufe_fenicsx.output.run_folder import reason, regular, write_atomically
 
 #: Lists what is in the folder of figures.
 INDEX = "index.json"
@@ -114,7 +114,7 @@ def list_figures(report_folder):
     """
     path = Path(report_folder) / "figures" / INDEX
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(regular(path).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(
             f"{path} cannot be read ({reason(error)}), expected the list that mufe report writes"
@@ -124,7 +124,7 @@ def list_figures(report_folder):
 def remove_listed(folder):
     """Remove the figures of an earlier report, which would stay beside those of this one."""
     try:
-        listed = json.loads((folder / INDEX).read_text(encoding="utf-8"))
+        listed = json.loads(regular(folder / INDEX).read_text(encoding="utf-8"))
         names = [n for f in listed for n in (f["image"], f["vector"], f["movie"], *f["data"])]
     except (OSError, ValueError, KeyError, TypeError):
         return

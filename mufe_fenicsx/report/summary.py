@@ -10,6 +10,7 @@ from mufe_fenicsx.analysis.checkerboard import checkerboard
 from mufe_fenicsx.analysis.grain_means import sample_stress, void_ratio
 from mufe_fenicsx.analysis.rows import loading_rows
 from mufe_fenicsx.geometry.measure import tet_volumes
+from mufe_fenicsx.output.run_folder import regular
 from mufe_fenicsx.report.style import number, quantity
 
 
@@ -19,7 +20,7 @@ def failed_grains(quality_csv):
     None where there is no such table.
     """
     try:
-        with open(quality_csv, newline="", encoding="utf-8") as file:
+        with regular(quality_csv).open(newline="", encoding="utf-8") as file:
             return [int(r["label"]) for r in csv.DictReader(file) if r["status"] != "ok"]
     except (OSError, KeyError, ValueError):
         return None

@@ -14,7 +14,7 @@ from ..geometry.measure import tet_volumes
 from ..output.contacts import CONTACT_COLUMNS, contact_files, read_contacts
 from ..output.fields import MESH, read_arrays, read_states
 from ..output.history import COLUMNS, read_history
-from ..output.run_folder import read_run_json, reason, wrong_entries
+from ..output.run_folder import read_run_json, reason, regular, wrong_entries
 from . import graph, tables
 from .state import State
 
@@ -74,7 +74,7 @@ class Run:
         """scene.toml with every default written out, a dict of dicts in SI units."""
         path = self.path / "scene.toml"
         try:
-            return tomllib.loads(path.read_text(encoding="utf-8"))
+            return tomllib.loads(regular(path).read_text(encoding="utf-8"))
         except OSError as error:
             raise InputError(f"{path} cannot be read ({reason(error)})") from error
         except (ValueError, RecursionError) as error:
@@ -323,7 +323,7 @@ class Run:
         """See that the tables of contacts of a state have all columns, and numbers in them."""
         contacts, grains = contact_files(self.path, index)
         try:
-            with contacts.open(newline="", encoding="utf-8") as file:
+            with regular(contacts).open(newline="", encoding="utf-8") as file:
                 columns = next(csv.reader(file), [])
             grains.stat()
         except OSError as error:
