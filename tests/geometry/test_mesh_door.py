@@ -51,8 +51,11 @@ SURFACES = {"a.stl": {"binary": True}, "ascii.stl": {"binary": False}, "a.ply": 
 
 @pytest.fixture(scope="module")
 def samples(tmp_path_factory):
-    """Pairs of a file and what reads it."""
-    folder = tmp_path_factory.mktemp("meshes")
+    return write_meshes(tmp_path_factory.mktemp("meshes"))
+
+
+def write_meshes(folder):
+    """Write two cubes, and one as a surface, in every format: a list of a file and its reader."""
     points, cells = map(np.asarray, box((2.0, 1.0, 1.0), (2, 1, 1)))
     cube = np.floor(points[cells].mean(axis=1)[:, 0]).astype(np.int32) + 1
     made = []
