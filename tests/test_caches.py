@@ -164,3 +164,20 @@ def test_without_a_compiler_a_form_is_one_clear_line(tmp_path):
     done = start(program, PATH=str(tmp_path), CC=None, XDG_CACHE_HOME=str(cache))
     assert done.returncode == 2, done.stderr
     assert done.stderr.count("\n") == 1 and "expected a C compiler, GCC or clang" in done.stderr
+
+
+def test_two_processors_share_a_cache_of_numba(tmp_path):
+    """Each finds its own loops again, and none of the other's."""
+    program = (
+        "import numpy as np; from mufe_fenicsx.kernels.lanczos import square; "
+        "assert square(np.ones((4, 3)), np.ones((4, 1))) == 12.0; "
+        "print(sum(square.stats.cache_hits.values()), sum(square.stats.cache_misses.values()))"
+    )
+    found = []
+    for name in (None, "generic", None, "generic"):
+        features = None if name is None else ""
+        done = start(program, NUMBA_CACHE_DIR=str(tmp_path),
+                     NUMBA_CPU_NAME=name, NUMBA_CPU_FEATURES=features)  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        found.append(tuple(map(int, done.stdout.split())))
+    assert found == [(0, 1), (0, 1), (1, 0), (1, 0)]
