@@ -1,9 +1,13 @@
 """`python -m tests`: all tests on one rank, then those marked mpi on three ranks.
 
-Further arguments go to pytest. The last line adds up both runs; a test that fails
-on any rank has failed. Exit status 1 if one did, if a rank hung, or if none ran.
+Two processes share the tests on one rank: they start at both ends of the list and go on until
+they meet, so that both end together whatever the tests take. Further arguments go to pytest.
+The last line adds up both runs; a test that fails on any rank has failed. Exit status 1 if one
+did, if a rank hung, or if none ran.
 """
 
+import hashlib
+import json
 import os
 import shutil
 import signal
@@ -16,6 +20,7 @@ from pathlib import Path
 import pytest
 
 NUM_RANKS = 3
+NUM_WORKERS = 2
 TESTS = Path(__file__).resolve().parent
 
 #: A test that takes longer shows where each thread stands [s]; a run in which none ends for so long
@@ -29,30 +34,42 @@ ORDER = ("skipped", "passed", "failed")
 OF_PHASES = ("passed", "skipped", "failed")
 
 
+#: With fewer cores than ranks, a rank of MPICH that waits has to leave its core to the others.
+YIELDING = {
+    "MPIR_CVAR_POLLS_BEFORE_YIELD": "1",
+    "MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1",
+    "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "1",
+}
+
+
 def main(arguments):
     """Run both and return the exit status."""
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     python = [sys.executable, "-m"]
     with tempfile.TemporaryDirectory() as scratch:
         folders = [Path(scratch, "one"), Path(scratch, "three")]
         for folder in folders:
             folder.mkdir()
-        one = [*python, "tests", "--as-rank", str(folders[0]), "not slow", *arguments]
+        environment = {**os.environ, "OMP_NUM_THREADS": "1", **YIELDING, **_patient(scratch)}
+        ones = [
+            [*python, "tests", "--as-worker", str(number), str(folders[0]), "not slow", *arguments]
+            for number in range(NUM_WORKERS)
+        ]
         three = [*python, "mpi4py", "-m", "tests", "--as-rank", str(folders[1])]
         three += ["mpi and not slow", *arguments]
-        print("== on one rank", flush=True)
-        ended_well = [_run(one, environment, folders[0])]
+        print(f"== on one rank, in {NUM_WORKERS} processes: output of the first", flush=True)
+        ended_well = [_run(ones, environment, folders[0])]
         print(f"\n== marked mpi, on {NUM_RANKS} ranks: output of rank 0", flush=True)
         mpirun = _mpirun()
         if mpirun is None:
             print("no mpirun beside Python or on PATH: tests on several ranks cannot run")
         ended_well.append(
             mpirun is not None
-            and _run([mpirun, "-n", str(NUM_RANKS), *three], environment, folders[1])
+            and _run([[mpirun, "-n", str(NUM_RANKS), *three]], environment, folders[1])
         )
         outcomes = [_outcomes(folder) for folder in folders]
-        if not ended_well[1] or "failed" in outcomes[1].values():
-            _show_other_ranks(folders[1])
+        for ok, outcome, folder in zip(ended_well, outcomes, folders, strict=True):
+            if not ok or "failed" in outcome.values():
+                _show_others(folder)
 
     counts = {kind: sum(list(o.values()).count(kind) for o in outcomes) for kind in ORDER}
     for ok, outcome in zip(ended_well, outcomes, strict=True):
@@ -64,12 +81,21 @@ def main(arguments):
 
 
 def as_rank(folder, marks, arguments):
-    """Run pytest on this rank; only rank 0 prints, the others into a file of ``folder``."""
-    rank, wait_for_others = 0, None
-    if "mpi4py" in sys.modules:  # started by `python -m mpi4py`
-        from mpi4py import MPI
+    """Run pytest on this rank of several, started by `python -m mpi4py`."""
+    from mpi4py import MPI
 
-        rank, wait_for_others = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.Barrier
+    status = _run_pytest(MPI.COMM_WORLD.rank, folder, marks, arguments, [])
+    MPI.COMM_WORLD.Barrier()  # a rank that ends with another status than 0 ends the others too
+    return status
+
+
+def as_worker(number, folder, marks, arguments):
+    """Run the tests that no other worker has begun, every other worker from the end."""
+    return _run_pytest(number, folder, marks, arguments, [Sharing(folder, number % 2 == 1)])
+
+
+def _run_pytest(rank, folder, marks, arguments, plugins):
+    """Run pytest; only rank 0 prints, the others into a file of ``folder``."""
     if rank != 0:
         log = os.open(folder / f"rank{rank}.txt", os.O_WRONLY | os.O_CREAT)
         os.dup2(log, sys.stdout.fileno())
@@ -87,10 +113,8 @@ def as_rank(folder, marks, arguments):
             marks,
             *arguments,
         ],
-        plugins=[Outcomes(folder / f"rank{rank}.outcomes")],
+        plugins=[Outcomes(folder / f"rank{rank}.outcomes"), *plugins],
     )
-    if wait_for_others:  # a rank that ends with another status than 0 ends the others too
-        wait_for_others()
     return 0 if status == pytest.ExitCode.NO_TESTS_COLLECTED else int(status)
 
 
@@ -112,20 +136,63 @@ class Outcomes:
             self.pytest_runtest_logreport(report)
 
 
+class Sharing:
+    """A plugin of pytest that leaves out what another process has begun.
+
+    From both ends, two meet within one file at most: fixtures of the others are made once.
+    """
+
+    def __init__(self, folder, backwards):
+        self._begun = folder / "begun"
+        self._begun.mkdir(exist_ok=True)
+        self._backwards = backwards
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items):
+        """The order of this process."""
+        if self._backwards:
+            items.reverse()
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_protocol(self, item):
+        """True, as of a test that has been run, where another process has begun it."""
+        name = hashlib.sha256(item.nodeid.encode()).hexdigest()
+        try:
+            (self._begun / name).touch(exist_ok=False)
+        except FileExistsError:
+            return True
+        return None
+
+
+def _patient(scratch):
+    """Variables by which DOLFINx waits for forms that another process compiles: 10 s by itself."""
+    options = Path(scratch, "config", "dolfinx", "dolfinx_jit_options.json")
+    options.parent.mkdir(parents=True)
+    options.write_text(json.dumps({"timeout": STILL_SECONDS}), encoding="utf-8")
+    return {"XDG_CONFIG_HOME": str(options.parents[1])}
+
+
 def _mpirun():
     """The launcher of the environment's own MPI, or the one on PATH."""
     beside = Path(sys.executable).parent / "mpirun"
     return str(beside) if beside.exists() else shutil.which("mpirun")
 
 
-def _run(command, environment, folder):
-    """Whether the command ended with status 0; one in which no test ends any more is killed."""
-    process = subprocess.Popen(
-        command, cwd=TESTS.parent, env=environment, start_new_session=True, stdin=subprocess.DEVNULL
-    )
+def _run(commands, environment, folder):
+    """Whether all ended with status 0; where no test ends any more, all are killed."""
+    processes = [
+        subprocess.Popen(
+            command,
+            cwd=TESTS.parent,
+            env=environment,
+            start_new_session=True,
+            stdin=subprocess.DEVNULL,
+        )
+        for command in commands
+    ]
     try:
         written, since = 0, time.monotonic()
-        while process.poll() is None:
+        while any(process.poll() is None for process in processes):
             time.sleep(0.5)
             now = sum(path.stat().st_size for path in folder.glob("*.outcomes"))
             if now != written:
@@ -133,11 +200,12 @@ def _run(command, environment, folder):
             elif time.monotonic() - since > STILL_SECONDS:
                 print(f"no test has ended for {STILL_SECONDS} s: a rank hangs", flush=True)
                 return False
-        return process.returncode == 0
+        return not any(process.returncode for process in processes)
     finally:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+        for process in processes:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
 
 
 def _outcomes(folder):
@@ -153,13 +221,15 @@ def _outcomes(folder):
     return outcomes
 
 
-def _show_other_ranks(folder):
+def _show_others(folder):
     for path in sorted(folder.glob("rank*.txt")):
         print(f"\n== output of {path.stem}", flush=True)
         print(path.read_text(errors="replace"), flush=True)
 
 
 if __name__ == "__main__":
+    if sys.argv[1:2] == ["--as-worker"]:
+        sys.exit(as_worker(int(sys.argv[2]), Path(sys.argv[3]), sys.argv[4], sys.argv[5:]))
     if sys.argv[1:2] == ["--as-rank"]:
         sys.exit(as_rank(Path(sys.argv[2]), sys.argv[3], sys.argv[4:]))
     sys.exit(main(sys.argv[1:]))
