@@ -207,20 +207,26 @@ RUN = [
 ]
 
 
-@pytest.mark.parametrize("num_ranks", [None, 2])
 @pytest.mark.parametrize("scene, said", RUN, ids=[scene for scene, _ in RUN])
-def test_scene_that_cannot_be_used(inputs, scene, said, num_ranks):
+def test_scene_that_cannot_be_used(inputs, mufe_here, scene, said):
     folder, work = inputs
     arguments = ("run", folder / scene, "--grains", folder / "grains", "-o", "results")
-    assert_refused(mufe(*arguments, cwd=work, num_ranks=num_ranks), said, work, [])
+    assert_refused(mufe_here(*arguments, cwd=work), said, work, [])
 
 
-@pytest.mark.parametrize("num_ranks", [None, 2])
-def test_grains_that_are_not_there(inputs, num_ranks):
+def test_grains_that_are_not_there(inputs, mufe_here):
     folder, work = inputs
     for grains, said in ((("--grains", "none"), "none"), ((), "sample.grains is missing")):
-        result = mufe("run", folder / "scene.toml", *grains, cwd=work, num_ranks=num_ranks)
+        result = mufe_here("run", folder / "scene.toml", *grains, cwd=work)
         assert_refused(result, said, work, [])
+
+
+@pytest.mark.parametrize("scene, said", [RUN[0], ("scene.toml", "none")])
+def test_what_cannot_be_used_is_said_by_one_rank(inputs, scene, said):
+    """A scene, which all ranks read, and grains that are not there."""
+    folder, work = inputs
+    result = mufe("run", folder / scene, "--grains", "none", cwd=work, num_ranks=2)
+    assert_refused(result, said, work, [])
 
 
 def test_more_ranks_than_grains(inputs):
@@ -239,15 +245,15 @@ def test_output_folder_that_is_not_empty(inputs, num_ranks):
     result = mufe(*arguments, cwd=work, num_ranks=num_ranks)
     assert_refused(result, "expected a new one, or --overwrite to replace", work, ["results"])
     assert [path.name for path in (work / "results").iterdir()] == ["mine.txt"]
-    assert_refused(mufe("demo", "-o", "results", cwd=work), "not empty", work, ["results"])
 
 
-def test_output_below_a_file(inputs):
-    """A place that cannot be written to, whoever asks."""
+def test_output_below_a_file(inputs, mufe_here):
+    """A place that cannot be written to, whoever asks; nor a demonstration into another folder."""
     folder, work = inputs
     (work / "file").write_text("")
     arguments = ("run", folder / "scene.toml", "--grains", folder / "grains", "-o", "file/results")
-    assert_refused(mufe(*arguments, cwd=work), "file", work, ["file"])
+    assert_refused(mufe_here(*arguments, cwd=work), "file", work, ["file"])
+    assert_refused(mufe_here("demo", "-o", ".", cwd=work), "not empty", work, ["file"])
 
 
 def test_disk_that_is_full(inputs):
@@ -423,14 +429,14 @@ def test_workers_of_a_launched_process(inputs):
     assert json.loads(result.stdout)["num_grains"] == 2
 
 
-def test_options_come_before_the_scene(inputs):
+def test_options_come_before_the_scene(inputs, mufe_here):
     """The scene states the voxel size; the option replaces it; the rest stays."""
     folder, work = inputs
     np.save(folder / "grains.npy", two_boxes())
     image = '\n[image]\nfile = "grains.npy"\nvoxel_size = "5 um"\nfilter = "none"\nupsample = 2\n'
     (folder / "own.toml").write_text(SCENE + image)
     options = ("--scene", folder / "own.toml", "--voxel-size", "3 um", "--json", "a.json")
-    result = mufe("segment", "-o", "out.tif", *options, cwd=work)
+    result = mufe_here("segment", "-o", "out.tif", *options, cwd=work)
     assert result.returncode == 0, result.stderr
     values = json.loads((work / "a.json").read_text())
     assert values["shape"] == [24, 24, 48]
