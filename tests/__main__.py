@@ -49,22 +49,23 @@ def main(arguments):
         folders = [Path(scratch, "one"), Path(scratch, "three")]
         for folder in folders:
             folder.mkdir()
-        environment = {**os.environ, "OMP_NUM_THREADS": "1", **YIELDING, **_patient(scratch)}
+        environment = {**os.environ, "OMP_NUM_THREADS": "1", **YIELDING}
         ones = [
             [*python, "tests", "--as-worker", str(number), str(folders[0]), "not slow", *arguments]
             for number in range(NUM_WORKERS)
         ]
+        own = [environment | _own_forms(Path(scratch, f"w{n}")) for n in range(NUM_WORKERS)]
         three = [*python, "mpi4py", "-m", "tests", "--as-rank", str(folders[1])]
         three += ["mpi and not slow", *arguments]
         print(f"== on one rank, in {NUM_WORKERS} processes: output of the first", flush=True)
-        ended_well = [_run(ones, environment, folders[0])]
+        ended_well = [_run(ones, own, folders[0])]
         print(f"\n== marked mpi, on {NUM_RANKS} ranks: output of rank 0", flush=True)
         mpirun = _mpirun()
         if mpirun is None:
             print("no mpirun beside Python or on PATH: tests on several ranks cannot run")
         ended_well.append(
             mpirun is not None
-            and _run([[mpirun, "-n", str(NUM_RANKS), *three]], environment, folders[1])
+            and _run([[mpirun, "-n", str(NUM_RANKS), *three]], own[:1], folders[1])
         )
         outcomes = [_outcomes(folder) for folder in folders]
         for ok, outcome, folder in zip(ended_well, outcomes, folders, strict=True):
@@ -164,12 +165,15 @@ class Sharing:
         return None
 
 
-def _patient(scratch):
-    """Variables by which DOLFINx waits for forms that another process compiles: 10 s by itself."""
-    options = Path(scratch, "config", "dolfinx", "dolfinx_jit_options.json")
+def _own_forms(folder):
+    """Variables by which DOLFINx keeps what it compiles in a folder of this run.
+
+    It waits 10 s for a form that another process compiles, or was killed at, and then fails.
+    """
+    options = folder / "dolfinx" / "dolfinx_jit_options.json"
     options.parent.mkdir(parents=True)
-    options.write_text(json.dumps({"timeout": STILL_SECONDS}), encoding="utf-8")
-    return {"XDG_CONFIG_HOME": str(options.parents[1])}
+    options.write_text(json.dumps({"cache_dir": str(folder / "forms")}), encoding="utf-8")
+    return {"XDG_CONFIG_HOME": str(folder)}
 
 
 def _mpirun():
@@ -178,7 +182,7 @@ def _mpirun():
     return str(beside) if beside.exists() else shutil.which("mpirun")
 
 
-def _run(commands, environment, folder):
+def _run(commands, environments, folder):
     """Whether all ended with status 0; where no test ends any more, all are killed."""
     processes = [
         subprocess.Popen(
@@ -188,7 +192,7 @@ def _run(commands, environment, folder):
             start_new_session=True,
             stdin=subprocess.DEVNULL,
         )
-        for command in commands
+        for command, environment in zip(commands, environments, strict=True)
     ]
     try:
         written, since = 0, time.monotonic()
