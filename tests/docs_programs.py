@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 #: Longest time of one command line of a shell [s].
-PATIENCE = 240
+PATIENCE = 600
 
 MUFE = f'''#!{sys.executable} -SE
 import json, os, socket, sys

@@ -49,7 +49,7 @@ COMM = MPI.COMM_WORLD
 ROCK = (100e9, 0.15, 2650.0)
 TABLE = ((0.0, 10e6), (0.05, 110e6))
 #: Time for a process, which may have to compile first [s].
-PATIENCE = 240
+PATIENCE = 600
 
 
 def scene(strain=0.008, speed=20.0, **output):
@@ -265,7 +265,7 @@ def test_a_signal_ends_all_ranks_after_a_checkpoint(folder, serial, number):
     process = start(folder, "out", num_ranks, strain=0.1, speed=0.5)
     wait_for_checkpoint(process, folder / "out")
     process.send_signal(number)
-    _, error = process.communicate(timeout=60)
+    _, error = process.communicate(timeout=PATIENCE)
     assert process.returncode == 128 + number
     step = last_step(folder / "out")
     lines = [line for line in error.splitlines() if line.startswith("mufe: ")]

@@ -26,7 +26,7 @@ from mufe_fenicsx.launcher import environment_without_launcher, find_mpirun
 from mufe_fenicsx.terminal import Printer, plain, progress_bar
 
 #: Longest time for a command that has nothing to do [s]; one that hangs is ended then.
-PATIENCE = 120
+PATIENCE = 600
 
 SCENE = """
 [material]

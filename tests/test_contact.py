@@ -319,7 +319,7 @@ def test_one_two_and_three_ranks_agree(tmp_path):
             ],
             cwd=Path(__file__).resolve().parents[1],
             check=True,
-            timeout=120,
+            timeout=600,
         )
         answers.append(np.array(json.loads(path.read_text())))
     size = np.abs(answers[0]).max()

@@ -81,7 +81,7 @@ def try_scenes(path, chance, count):
     for number in range(count):
         text = mutated(chance, chance.choice([SMALLEST, FULL, STAGES]))
         path.write_bytes(text.encode("utf-8", "surrogateescape"))
-        began = time.perf_counter()
+        began = time.process_time()
         try:
             written = scene_to_toml(load_scene(path))
         except InputError as error:
@@ -95,8 +95,8 @@ def try_scenes(path, chance, count):
             path.write_text(written, encoding="utf-8")
             assert scene_to_toml(load_scene(path)) == written
             taken += 1
-        # Of a machine with other programs; a hang takes longer.
-        assert time.perf_counter() - began < 20, (number, text)
+        # Of the processor, whatever else it does.
+        assert time.process_time() - began < 20, (number, text)
     return taken, refused
 
 

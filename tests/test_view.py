@@ -282,7 +282,7 @@ def seen(folder, tmp_path_factory):
     command += ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--window-size=1200,900"]
     command += [f"--user-data-dir={scratch / 'profile'}", "--enable-logging=stderr"]
     command += ["--virtual-time-budget=20000", "--dump-dom", page.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600)
     found = re.search(r'<pre id="result">(.*?)</pre>', done.stdout, re.DOTALL)
     assert found, f"the page gave no result: {done.stderr[-2000:]}"
     result = json.loads(found[1].replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&"))

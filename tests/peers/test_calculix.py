@@ -218,7 +218,7 @@ def test_calculix_finds_our_force(tmp_path):
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
     done = subprocess.run(
         [ccx, "-i", "deck"], cwd=tmp_path, env=environment, capture_output=True, text=True,
-        timeout=300, check=False,
+        timeout=600, check=False,
     )  # fmt: skip
     assert "Job finished" in done.stdout, done.stdout[-2000:]
     times, forces = read_wall_forces(deck)
