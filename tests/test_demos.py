@@ -33,6 +33,7 @@ def test_a_demo_says_what_it_does(name, monkeypatch, capsys):
     assert "usage" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_page_on_meshing(tmp_path):
     """The demo checks volumes, distances and shared facets itself, and says so by its status."""
     command = [sys.executable, DEMOS / "meshing.py", tmp_path / "page", "--quick"]
@@ -42,6 +43,7 @@ def test_the_page_on_meshing(tmp_path):
     assert page.count("<img") == 3 and "conforming" in page
 
 
+@pytest.mark.slow
 def test_the_page_on_time_steps_and_increments(tmp_path):
     """The demo sees to it itself that both ways lead to the same answers."""
     command = [sys.executable, DEMOS / "implicit_vs_explicit.py", tmp_path, "--quick"]
