@@ -52,14 +52,9 @@ def test_energy():
     run("energy", strain=0.01)
 
 
-def test_hertz():
-    """At the mesh of the targets."""
-    run("hertz", bodies="sphere-plane")
-
-
-@pytest.mark.mpi
-def test_hertz_of_unlike_balls():
-    run("hertz", bodies="spheres-E1:10", elements_per_radius=1.5)
+@pytest.mark.parametrize("bodies", ["sphere-plane", "spheres-E1:10"])
+def test_hertz(bodies):
+    run("hertz", bodies=bodies)
 
 
 def test_hertz_of_cylinders():
