@@ -297,7 +297,6 @@ def test_a_signal_is_heard_while_all_begins_anew(folder, monkeypatch):
     assert run(folder, "anew", resume=True)["finished"]
 
 
-@pytest.mark.mpi
 def test_a_run_killed_between_its_last_checkpoint_and_its_summary_only_has_to_end(folder):
     whole = run(folder, "out")
     before = None if COMM.rank else files(folder / "out")
@@ -399,7 +398,6 @@ def test_a_checkpoint_of_something_else_is_refused(folder, monkeypatch):
         run(folder, "out", resume=True)
 
 
-@pytest.mark.mpi
 def test_a_finished_test_is_prolonged_to_the_same_bytes(folder):
     """The longer test from the start, in the same rows and states: only the end was moved."""
 
