@@ -50,7 +50,6 @@ def forces_on_fast_wall(comm, target):
     return np.array(forces)
 
 
-@pytest.mark.mpi
 def test_servo_on_a_stiff_sample_does_not_chatter():
     """It is not thrown off its contacts in one step and back, and ranks add rounding alone."""
     target = 20.0

@@ -42,12 +42,10 @@ def test_sliding_block():
     run("sliding-block", slip="2e-6")
 
 
-@pytest.mark.mpi
 def test_sliding_facets():
     run("sliding-facets", facets=0.5)
 
 
-@pytest.mark.mpi
 def test_energy():
     run("energy", strain=0.01)
 
@@ -61,8 +59,10 @@ def test_hertz_of_cylinders():
     run("hertz", bodies="cylinders", elements_per_radius=1.5)
 
 
+@pytest.mark.slow
 def test_hertz_convergence():
-    run("hertz-convergence", finest=3.2)
+    """Coarser families of meshes are not in the range of the order yet."""
+    run("hertz-convergence")
 
 
 def test_hertz_stress():
