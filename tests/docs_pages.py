@@ -36,7 +36,7 @@ SHELL, PYTHON, TOML = ("sh", "bash", "shell"), ("python",), ("toml",)
 #: Fences whose text is read, not run.
 SHOWN = ("", "text", "csv", "json", "c")
 #: Steps of a run in a block that is slow.
-FEW_STEPS = 100
+FEW_STEPS = 400
 #: Figures of a report of one run; the tests of the report draw all of them.
 FEW_FIGURES = ("--only", "stress-strain")
 #: `mufe` in a pipe or a substitution, or with its output sent elsewhere.
