@@ -1,7 +1,7 @@
 """The cases of `mufe verify`, in their cheap versions.
 
-A grain lives on one rank: those of several grains in contact run on several ranks too, and one of
-a single grain, whose answer all ranks receive. `make verify` has all of them on three ranks.
+A grain lives on one rank: one case of a single grain runs on several ranks too, whose answer all
+receive, and a few of several grains, each with another kind of contact. `make verify` has all.
 """
 
 import json
