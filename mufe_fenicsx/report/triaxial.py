@@ -4,6 +4,7 @@ from mufe_fenicsx.analysis.macro import triaxial_curves
 from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
+from mufe_fenicsx.report.axes import without_spikes
 from mufe_fenicsx.report.figure import Drawing
 
 NAME = "triaxial"
@@ -32,6 +33,7 @@ def draw_triaxial(source):
             axis.plot(x[part.rows], y[part.rows], line, color=colour, label=part.stage)
         axis.axhline(0, color=style.GREY, linewidth=0.5, zorder=0)
         axis.set(xlabel=label_x, ylabel=label_y)
+        without_spikes(axis, x, y)
         style.panel_letter(axis, i)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 6))
