@@ -4,10 +4,13 @@ import ctypes
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from mufe_fenicsx import forms
+from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.kernels import native
 from mufe_fenicsx.kernels.cache_files import SealedCacheFile, read_sealed, seal, write_sealed
 from mufe_fenicsx.launcher import environment_without_launcher
@@ -181,3 +184,26 @@ def test_two_processors_share_a_cache_of_numba(tmp_path):
         assert done.returncode == 0, done.stderr
         found.append(tuple(map(int, done.stdout.split())))
     assert found == [(0, 1), (0, 1), (1, 0), (1, 0)]
+
+
+@pytest.mark.parametrize("age, is_left", [(3600, True), (1, False)])
+def test_a_form_that_a_killed_program_left_half_made_is_made_anew(
+    monkeypatch, tmp_path, age, is_left
+):
+    """FFCx waits for a library whose source is there; the younger one may still be compiled."""
+    source = tmp_path / "libffcx_forms_1.c"
+    source.write_text("")
+    os.utime(source, (time.time() - age,) * 2)
+
+    def form(expression):
+        if source.exists():
+            raise TimeoutError(f"timed out. Try cleaning cache (e.g. remove {source}) or increase")
+        return expression
+
+    monkeypatch.setattr(forms.fem, "form", form)
+    if is_left:
+        assert forms.compiled_form("form") == "form"
+    else:
+        with pytest.raises(InputError, match="cannot be compiled"):
+            forms.compiled_form("form")
+    assert source.exists() is not is_left
