@@ -27,6 +27,8 @@ from mufe_fenicsx.terminal import Printer, plain, progress_bar
 
 #: Longest time for a command that has nothing to do [s]; one that hangs is ended then.
 PATIENCE = 600
+#: Variables by which a process of its own finds the package.
+FROM_HERE = {"PYTHONPATH": str(Path(__file__).parents[1])}
 
 SCENE = """
 [material]
@@ -480,6 +482,18 @@ def test_warnings_of_libraries_are_not_shown():
     for options, shown in ([], False), (["-Wdefault"], True):
         done = subprocess.run(
             [sys.executable, *options, "-c", program], capture_output=True, text=True,
-            env=environment_without_launcher() | {"PYTHONPATH": str(Path(__file__).parents[1])},
+            env=environment_without_launcher() | FROM_HERE,
         )  # fmt: skip
         assert done.returncode == 0 and ("x" in done.stderr) == shown
+
+
+@pytest.mark.parametrize("words", [["scene", "a.toml"], ["scene", "ü.toml"]])
+def test_a_terminal_without_utf_8_gets_what_it_can_show(tmp_path, words):
+    (tmp_path / "a.toml").write_text('title = "Über Ω"\n' + SCENE, encoding="utf-8")
+    environment = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(
+        [sys.executable, "-m", "mufe_fenicsx", *words], capture_output=True, cwd=tmp_path,
+        env=environment_without_launcher() | environment | FROM_HERE,
+    )  # fmt: skip
+    assert done.returncode == (0 if words[1] == "a.toml" else 2)
+    assert (done.stdout + done.stderr).isascii() and b"Traceback" not in done.stderr
