@@ -214,7 +214,6 @@ def test_parameters_of_generalised_alpha_are_those_of_its_source():
     assert found == (-1.0, 0.0, 1.5, 1.0)
 
 
-@pytest.mark.mpi
 def test_free_grains_are_held_and_do_not_change_the_answer():
     """A loose cube beside a loaded column of two: the force for s from 1e-8 to 1e-4.
 

@@ -291,7 +291,6 @@ def arrays(run_folder):
         return [(n, v[()].tobytes()) for n, v in found if isinstance(v, h5py.Dataset)]
 
 
-@pytest.mark.mpi
 def test_a_run_by_stages_reaches_its_stresses_and_resumes_to_the_same_bits(folder):
     whole = run(folder, "whole", scene())
     assert whole["finished"] and whole["stop_reason"] == "last stage done"

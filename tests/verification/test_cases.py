@@ -50,15 +50,20 @@ def test_energy():
     run("energy", strain=0.01)
 
 
-@pytest.mark.parametrize("bodies", ["sphere-plane", "spheres-E1:10"])
-def test_hertz(bodies):
-    run("hertz", bodies=bodies)
+def test_hertz():
+    run("hertz", bodies="sphere-plane")
+
+
+@pytest.mark.slow
+def test_hertz_of_unlike_balls():
+    run("hertz", bodies="spheres-E1:10")
 
 
 def test_hertz_of_cylinders():
     run("hertz", bodies="cylinders", elements_per_radius=1.5)
 
 
+@pytest.mark.slow
 def test_hertz_convergence():
     """Of coarser meshes (4 elements in the finest) the coarsest misses its force by a tenth."""
     run("hertz-convergence")
@@ -110,6 +115,7 @@ def test_torsion():
     run("torsion", elements_per_radius=2.5, growth=0.4, periods=16)
 
 
+@pytest.mark.slow
 def test_rolling():
     run("rolling", elements_per_radius=2, periods=12)
 
