@@ -10,11 +10,13 @@ LEAST_STRAIN = 1e-6
 
 
 class EnergyGuard:
-    """Compares the residual of the energy balance with what has gone through it. Collective.
+    """Compares what the energy balance cannot explain with what has gone through it. Collective.
+
+    That is its residual, and what contacts lost as they switched.
 
     Args:
         simulation: :class:`~mufe_fenicsx.simulation.Simulation`.
-        limit: Largest |residual| over the larger of the work done so far, with the initial
+        limit: Largest sum of both over the larger of the work done so far, with the initial
             kinetic energy, and all energy that is stored and dissipated.
     """
 
@@ -40,7 +42,7 @@ class EnergyGuard:
         Raises:
             UnstableError: The balance is off, or not a number; on all ranks.
         """
-        residual = energies["residual"]
+        residual = energies["residual"] + energies["switching"]
         put_in = self.simulation.initial_kinetic + abs(energies["work"])
         scale = max(put_in, self.simulation.initial_kinetic + energies["work"] - residual)
         if scale < self._least or abs(residual) <= self.limit * scale:

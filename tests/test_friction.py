@@ -192,6 +192,27 @@ def test_friction_work_across_many_facets():
     assert abs(m.residual() - residual) < 1e-6 * m.contact.energy()[0]
 
 
+@pytest.mark.parametrize("friction", [0.0, STATIC])
+def test_energy_of_points_that_come_under_an_edge_or_leave_it_is_in_the_account(friction):
+    """Whatever the step: a seventh of the stored energy goes, and the rest is work."""
+    side, gap = 0.3 * SIZE, 1e-5 * SIZE
+    accounts = []
+    for num_steps in (20, 200):
+        block = box((side, side, side), (3, 3, 3), (0.31 * SIZE, 0.33 * SIZE, gap))
+        m = Mover(True, friction, body=block)
+        for k in range(4):
+            m.go(-(gap + 5e-4 * SIZE * (k + 1) / 4) * UP)
+        start, residual = m.place, m.residual()
+        for k in range(num_steps):
+            way = 0.2 * SIZE * (k + 1) / num_steps
+            m.go(start + way * (0.8 * ALONG + 0.6 * ACROSS))
+        stored = m.contact.energy()[0]
+        accounts.append(m.contact.switched / stored)
+        # Rounding of sums of thousands of pairs.
+        assert abs(m.residual() - residual) < 1e-10 * stored
+    assert accounts[0] == pytest.approx(accounts[1], rel=1e-9) and abs(accounts[0]) > 0.1
+
+
 def test_kinetic_friction_above_the_static_is_refused():
     with pytest.raises(InputError, match="kinetic friction of wall low"):
         Wall("low", np.zeros(3), UP, 0.5, friction_kinetic=0.6)

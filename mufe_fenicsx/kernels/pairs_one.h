@@ -123,7 +123,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   }
   g += s->recess;
   const vec3 old_normal = s->normal, old_weights = s->weights, old_shear = s->shear;
-  const double old_gap = s->gap, was = s->offset - old_gap;
+  const double old_gap = s->gap, old_offset = s->offset, was = old_offset - old_gap;
   s->weights = w;
   s->normal = normal;
   s->gap = g;
@@ -155,8 +155,10 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   if (depth <= 0.0) {
     if (s->closed) {
       const vec3 spring = minus(point, mean(s->anchor, old.a, old.b, old.c));
-      const double lost = lost_in_slip(old_shear, across(spring, normal));
-      if (passed) c->switched += old_energy - lost - 0.5 * dot(old_force, way);
+      const double lost = lost_in_slip(old_shear, across(spring, old_normal));
+      /* It left over an edge where it did not move out as far as it was deep. */
+      if (passed || dot(way, old_normal) < was - tiny(s))
+        c->switched += old_energy - lost - 0.5 * dot(old_force, way);
       c->dissipated += lost;
       s->work += lost;
       s->closed = s->sliding = 0;
@@ -211,12 +213,13 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   vec3 shear = times(-kt, spring);
   s->shear = shear;
   const vec3 force = along(shear, N, normal);
-  /* Work on the way to another facet, or an energy that comes from nowhere: a point deeper than it
-     can have moved came in from the side. */
-  if (was_closed && passed)
-    c->switched += old_energy - energy_of(s, depth) - lost - 0.5 * dot(plus(old_force, force), way);
-  else if (!was_closed && depth > moved + tiny(s))
-    c->switched -= energy_of(s, depth);
+  /* What the springs lost beside their work where the facet changed, or where a point came in from
+     the side: it did not move in as far as it is deep. */
+  const int known = isfinite(old_gap);
+  const int came_in = !was_closed && !(known && -dot(way, normal) >= depth - tiny(s));
+  if ((was_closed && (passed || s->offset != old_offset)) || came_in)
+    c->switched += old_energy - energy_of(s, depth) - lost -
+                   (known ? 0.5 * dot(plus(old_force, force), way) : 0.0);
   for (int corner = 0; corner < 3; corner++)
     add_to(f, s->corner[corner], times((&s->corner_weight.x)[corner], force));
 
