@@ -99,16 +99,20 @@ def draw_quality(path, rows, h):
             # Grains that all agree to round-off still get a bar of some width.
             spread = max(np.ptp(values), least)
             middle = (values.min() + values.max()) / 2
+            # Round-off must not leave out the least or the largest value.
+            low = min(values.min(), middle - spread / 2)
+            high = max(values.max(), middle + spread / 2)
             axis.hist(
                 values,
                 bins=min(30, max(8, len(values) // 5)),
-                range=(middle - spread / 2, middle + spread / 2),
+                range=(low, high),
                 color=BLUE,
                 edgecolor="white",
                 linewidth=0.4,
             )
             axis.axvline(values.mean(), color=RED, linewidth=1.2)
             axis.set(xlabel=label, ylabel="grains [-]")
+            axis.xaxis.get_major_locator().set_params(nbins=5)
             axis.yaxis.get_major_locator().set_params(integer=True)
             low, mean, high = (
                 f"{v:,.0f}" if v >= 100 else f"{v:.3g}"

@@ -59,3 +59,18 @@ def test_volumes_of_meshes_are_told_in_per_cent(drawn, tmp_path):
         row["volume_ratio"] = 1 + 1e-15
     draw_quality(tmp_path / "quality.png", rows, 1e-5)
     assert drawn[1].axes[1].get_title(loc="left") == "min 0, mean 0 (line), max 0"
+
+
+def test_bars_hold_every_grain_the_worst_one_too(drawn, tmp_path):
+    """The ends of the bars are not off by round-off."""
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        rows = [
+            {"status": "ok", "tets": 100, "volume_ratio": 1 + 0.01 * a, "min_altitude_over_h": b,
+             "min_dihedral_deg": 30 * c}
+            for a, b, c in rng.random((12, 3))
+        ]  # fmt: skip
+        draw_quality(tmp_path / "quality.png", rows, 1e-5)
+    for figure in drawn:
+        for axis in figure.axes:
+            assert sum(bar.get_height() for bar in axis.patches) == 12
