@@ -104,6 +104,10 @@ def _line(now):
         text += f"; {now.values['stage']}, strain {now.values['strain']:.4f}"
         if now.values.get("target_strain"):
             text += f" of {now.values['target_strain']:g}"
+        if now.values["stage"] == "seating":  # the strain says nothing yet
+            text += f", step {now.values['step']:.0f}"
+            if now.values.get("stress") is not None:
+                text += f", vertical stress {1e-6 * now.values['stress']:.4g} MPa"
     if now.seconds_left is not None:
         text += f"; about {duration(now.seconds_left)} left"
     return text

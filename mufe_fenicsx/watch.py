@@ -100,15 +100,18 @@ class Watch:
         history, written = self._history()
         title = run.get("title") or self.folder.resolve().name
         reason = run.get("stop_reason")
+        died = self._died() if reason in (None, "running") else None
         if history is None:
             if run.get("finished") is False and reason not in (None, "running"):
                 return Progress(title, "stopped", reason)
+            if died is not None:
+                return Progress(title, "stopped", died)
             return Progress(title, "starting", "there is no row of the history yet")
         values = _last_row(history)
         self._remember(written, values)
         speed = self._steps_per_second(run, started)
         since = max(self.clock() - written, 0.0)
-        state, why = self._state(run, since)
+        state, why = ("stopped", died) if died is not None else self._state(run, since)
         cells = run.get("num_cells")
         left = None
         if state in ("running", "silent"):
@@ -177,6 +180,27 @@ class Watch:
         if since > max(SILENCE, INTERVALS * (usual or 0.0)):
             return "silent", "no row for long: it computes, or was killed"
         return "running", "it writes rows"
+
+    def _died(self):
+        """In words that the process which holds the folder is gone, and what to do; or None.
+
+        Of a process on another machine nothing is known.
+        """
+        from .output.run_lock import holder, is_stale, read_lock
+
+        try:
+            lock = read_lock(self.folder)
+        except (InputError, OSError):
+            return None
+        if not lock or not is_stale(lock, silence=0.0):
+            return None
+        kept = any((self.folder / "checkpoints").glob("step-*[0-9]"))
+        what = (
+            "--resume goes on from its checkpoint"
+            if kept
+            else "it left no checkpoint, --overwrite begins anew"
+        )
+        return f"the run died ({holder(lock)}); {what}"
 
     def _usual_interval(self):
         rows = self._before

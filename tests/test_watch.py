@@ -5,9 +5,11 @@ import os
 import time
 
 import pytest
+from mpi4py import MPI
 
 from mufe_fenicsx.cli import main
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.output.run_lock import RunLock
 from mufe_fenicsx.watch import Watch
 
 ENERGIES = "kinetic,elastic,plastic,friction,contact,damping,work"
@@ -113,6 +115,29 @@ def test_the_command_prints_once_and_as_json(tmp_path, capfd):
     with pytest.raises(SystemExit) as end:
         main(["watch", str(tmp_path)])  # ends by itself
     assert end.value.code == 0 and "final strain reached" in capfd.readouterr().out
+
+
+def test_a_run_that_was_killed_is_told_and_ends(tmp_path, capfd):
+    """Its process, which the lock names, is gone; in another case it is there."""
+    run = MadeUpRun(tmp_path)
+    run.write(row(0, 0.0, "seating"), row(400, 0.0, "seating"), seconds=4)
+    lock = RunLock(MPI.COMM_SELF, tmp_path)
+    lock.take()
+    watch = Watch(tmp_path, clock=lambda: run.now)
+    assert watch.look().state == "running"
+    kept = json.loads((tmp_path / "run.lock").read_text())
+    lock.free()
+    (tmp_path / "run.lock").write_text(json.dumps(kept | {"started": -5}))
+    now = watch.look()
+    assert now.ended and "the run died" in now.why and "it left no checkpoint" in now.why
+    (tmp_path / "checkpoints" / "step-000000100").mkdir(parents=True)
+    with pytest.raises(SystemExit) as end:
+        main(["watch", str(tmp_path)])  # ends by itself
+    out = capfd.readouterr().out
+    assert end.value.code == 0 and "--resume goes on from its checkpoint" in out
+    assert "step 400, vertical stress 10 MPa" in out
+    (tmp_path / "run.lock").write_text(json.dumps(kept | {"machine": "another"}))
+    assert watch.look().state == "running"
 
 
 def test_a_folder_without_a_run_is_refused(tmp_path):

@@ -56,6 +56,22 @@ def labels_of_cells(mesh, name=None, source="mesh"):
     return label, found
 
 
+def unused_numbers(mesh, label):
+    """Names of cell data that number the same grains as labels do, but otherwise."""
+    _, grain = np.unique(label, return_inverse=True)
+    return [
+        name
+        for name, values in mesh.data.items()
+        if values.dtype.kind in "biuf"
+        and np.isfinite(values).all()
+        and (values == np.floor(values)).all()
+        and values.any()  # zeros everywhere number nothing
+        and (values != label).any()
+        and not _parts(grain, values)
+        and not _parts(values, grain)
+    ]
+
+
 def _finer(mesh, label, found):
     """Names in the file that part cells of one label, with how many grains they tell."""
     names = []
@@ -163,8 +179,9 @@ def _whole(values, name, source):
             f"{source}: {name} of cell {wrong[0]} is {values[wrong[0]]:g}, expected whole numbers"
         )
     if values.min() < 1 or values.max() > np.iinfo(np.int32).max:
+        remedy = f"--labels {PIECES}" + (", or add 1" if values.min() == 0 else "")
         raise InputError(
             f"{source}: {name} from {values.min():g} to {values.max():g}, expected labels from 1 "
-            f"to {np.iinfo(np.int32).max}"
+            f"to {np.iinfo(np.int32).max}: {remedy}"
         )
     return values.astype(np.int64)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..topology import body_defect, cell_defect, num_folds
-from .cell_labels import PIECES, SETS, labels_of_cells
+from .cell_labels import PIECES, SETS, labels_of_cells, unused_numbers
 from .foreign import counted, read_tetrahedra
 from .grains import Grains
 from .measure import positively_oriented, renumbered
@@ -98,6 +98,11 @@ def import_grains(path, scale=1.0, element_size=None, labels=None, notices=None)
             "lie in each other"
         )
     label, by = labels_of_cells(mesh, labels, str(path))
+    unused = unused_numbers(mesh, label) if labels is None and by == PIECES else ()
+    if unused:
+        whole = mesh.data[unused[0]].min() >= 1
+        how = f"--labels {unused[0]} takes it" if whole else "labels are from 1 on"
+        notices.append(f"grains told apart by: {PIECES} ({', '.join(unused)} not used; {how})")
     numbers, meshes = np.unique(label), []
     order = np.argsort(label, kind="stable")
     first = np.searchsorted(label[order], numbers)

@@ -148,6 +148,24 @@ def test_numbers_that_change_nothing_are_not_asked_about(tmp_path):
     assert import_grains(tmp_path / "a.vtu").num_grains == 4
 
 
+def test_numbers_that_only_name_the_pieces_are_said_to_be_left_out(tmp_path):
+    points, cells, _ = row_of_cubes(1)
+    far = np.concatenate([points + [3.0 * k, 0, 0] for k in range(3)])
+    cells3 = np.concatenate([cells + k * len(points) for k in range(3)])
+    number = np.repeat([7, 3, 11], len(cells))
+    write(tmp_path / "a.vtu", far, cells3, {"GrainId": number, "load": 0 * number})
+    notices = []
+    assert import_grains(tmp_path / "a.vtu", notices=notices).labels.tolist() == [1, 2, 3]
+    said = "grains told apart by: pieces (GrainId not used; --labels GrainId takes it)"
+    assert notices == [said]
+    notices.clear()
+    taken = import_grains(tmp_path / "a.vtu", labels="GrainId", notices=notices)
+    assert taken.labels.tolist() == [3, 7, 11] and notices == []
+    write(tmp_path / "b.vtu", far, cells3, {"GrainId": number - 3})
+    with pytest.raises(InputError, match="from 0 to 8, .*: --labels pieces, or add 1"):
+        import_grains(tmp_path / "b.vtu", labels="GrainId")
+
+
 def test_a_physical_group_of_several_volumes(tmp_path):
     points, cells, cube = row_of_cubes()
     data = {"gmsh:physical": np.ones(len(cells), int), "gmsh:geometrical": cube + 1}
