@@ -71,7 +71,7 @@ SCAN = """\
 
 title = "{title}"
 
-[image]                   # to change: file, voxel_size
+[image]                   # to change: file, voxel_size, crop
 file = "scan.tif"         # TIFF, folder of slices, HDF5, NRRD, MetaImage, NIfTI, NumPy; raw
                           # files need shape = [z, y, x] and dtype = "<u2"
 voxel_size = "5 um"       # or three lengths, z, y, x

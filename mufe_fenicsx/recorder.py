@@ -88,8 +88,7 @@ class Recorder:
         forces, energies = sim.wall_forces(), sim.energies()
         active = sim.num_active_grains()
         added, largest = sim.scaling.shares() if sim.scaling else (0.0, 0.0)
-        low, high = sim.walls.point[0::2], sim.walls.point[1::2]
-        length_x, length_y = high[0, 0] - low[0, 0], high[1, 1] - low[1, 1]
+        length_x, length_y = self._widths()
         row = {
             "step": sim.state.num_steps,
             "time": sim.state.t,
@@ -98,7 +97,7 @@ class Recorder:
             "strain": loading.strain,
             "height": loading.height,
             "speed": loading.speed_now,
-            "stress": 0.5 * (forces[4] + forces[5]) / (length_x * length_y),
+            "stress": self.vertical_stress(forces),
             "added_mass": added,
             "added_mass_of_grain": largest,
             "num_contacts": sim.num_contacts,
@@ -113,6 +112,17 @@ class Recorder:
         self.history.append(row)
         self.check_energy(energies)
         return energies
+
+    def vertical_stress(self, forces=None):
+        """Mean of those on the bottom and on the top [Pa]. Collective without the forces [N]."""
+        forces = self.simulation.wall_forces() if forces is None else forces
+        length_x, length_y = self._widths()
+        return 0.5 * (forces[4] + forces[5]) / (length_x * length_y)
+
+    def _widths(self):
+        """Distances of the walls along x and y [m]."""
+        points = self.simulation.walls.point
+        return points[1, 0] - points[0, 0], points[3, 1] - points[2, 1]
 
     def _check_lock(self):
         if self.lock is not None:

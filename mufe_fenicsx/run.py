@@ -1,6 +1,7 @@
 """A test from a scene to a run folder."""
 
 import csv
+import math
 import sys
 import time
 from functools import partial
@@ -269,6 +270,8 @@ class _Test:
             summary["stop_reason"] = str(error)
         if isinstance(error, SolverError):
             self.recorder.write_state()
+        stress = float(self.recorder.vertical_stress())
+        summary["stress"] = stress if math.isfinite(stress) else None
         summary = self.now(peak_memory(comm))
         contact = self.simulation.contact
         if self.simulation.scaling is not None:

@@ -63,6 +63,7 @@ _OF_RUNS = {
     "first_height": ("height at the start", "m"),
     "reference_height": ("height at strain 0", "m"),
     "mass": ("mass of the grains", "kg"),
+    "stress": ("vertical stress at the end", "Pa"),
     "setup_s": ("time to set up", "s"),
     "wall_s": ("time in all", "s"),
     "time": ("simulated time", "s"),

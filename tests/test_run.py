@@ -101,7 +101,9 @@ def test_run_writes_what_it_did(folder, grains):
     slip, gap = last.point_data["contact_slip"], last.point_data["contact_gap"]
     assert slip.max() > 0 and np.all((last.point_data["contact_pressure"] > 0) <= (gap < 0))
     assert load_scene(out / "scene.toml").oedometer == small_scene().oedometer
-    assert json.loads((out / "run.json").read_text())["num_ranks"] == comm.size
+    summary = json.loads((out / "run.json").read_text())
+    assert summary["num_ranks"] == comm.size
+    assert summary["stress"] == history["stress"][-1] > 0  # that at the end
 
 
 @pytest.mark.mpi

@@ -392,3 +392,9 @@ def test_numbers_beyond_floats():
         to_si(10**400, "", "n")
     with pytest.raises(InputError, match="finite"):
         to_si("1e999 m", "m", "x")
+
+
+def test_a_default_that_does_not_fit_is_called_so(tmp_path):
+    text = FULL.replace("ramp = 0.01\n", "").replace("strain = 0.1\n", "strain = 0.004\n")
+    said = "oedometer.ramp = 0.005 (the default), expected 0 <= ramp <= strain = 0.004"
+    assert said in message_of(tmp_path, text)

@@ -103,7 +103,9 @@ def read_foreign(path, what="mesh", expected="a format of meshio"):
         ):
             return meshio.read(path)
     except SystemExit as error:  # meshio ends the program on a file that it cannot read
-        raise InputError(f"{what} {path} cannot be read, expected {expected}") from error
+        raise InputError(
+            f"{what} {path} cannot be read: it may be cut short, expected {expected}"
+        ) from error
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{what} {path} cannot be read: {reason}") from error

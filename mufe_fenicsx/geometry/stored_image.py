@@ -58,13 +58,14 @@ def check_regular(path, whole, kind="image"):
         kind: What that is called there.
     """
     path = Path(path)
+    named = whole if path == Path(whole) else f"{whole}: {path.name}"
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError) as error:  # ValueError: NUL in the name
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{kind} {whole}: {path.name} cannot be read: {reason}") from None
+        raise InputError(f"{kind} {named} cannot be read: {reason}") from None
     if not stat.S_ISREG(mode):
-        raise InputError(f"{kind} {whole}: {path.name} is no plain file, expected one")
+        raise InputError(f"{kind} {named} is no plain file, expected one")
 
 
 def only_one(found, path, kind="arrays"):

@@ -12,7 +12,9 @@ FASTEST, A_TET = 2e5, 150
 
 
 def check_work(volumes, settings):
-    """Raise InputError where the mesh cannot end within ``time_limit``, or not fit into the memory.
+    """Raise InputError where no grain is as large as an edge, or the mesh too large.
+
+    That is where it cannot end within ``time_limit``, or does not fit into the memory.
 
     Args:
         volumes: Of the grains [m³].
@@ -20,15 +22,20 @@ def check_work(volumes, settings):
     """
     if settings.surface_nodes is not None or len(volumes) == 0:
         return
+    largest = np.cbrt(6 / np.pi * max(volumes))
+    if settings.least_size > largest:
+        raise InputError(
+            f"size = {settings.size:g} m: the largest grain is as a ball of {largest:.3g} m, "
+            "expected a smaller size, a tenth of a grain or less"
+        )
     edge = settings.size * settings.inner_size
     # Each on its own: a cube of a length may be zero or infinite where the length is not.
     tets = TETS_A_CUBE * (np.cbrt(np.asarray(volumes, dtype=float)) / edge) ** 3
     advice = ", expected a larger size, or another voxel_size"
     most = FASTEST * settings.time_limit
     if tets.max() > most:
-        diameter = np.cbrt(6 / np.pi * max(volumes))
         raise InputError(
-            f"size = {settings.size:g} m: a grain of {diameter:.3g} m takes {tets.max():.2g} "
+            f"size = {settings.size:g} m: a grain of {largest:.3g} m takes {tets.max():.2g} "
             f"tetrahedra, which no time_limit of {settings.time_limit:g} s is enough for{advice}"
         )
     check_room(

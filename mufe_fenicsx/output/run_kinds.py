@@ -76,7 +76,7 @@ KINDS = {
     "strain_definition": _text,
     **_numbers(
         "area", "first_height", "reference_height", "setup_s", "wall_s", "time", "time_step",
-        "element_time_step", "strain", "peak_memory_bytes",
+        "element_time_step", "strain", "stress", "peak_memory_bytes",
     ),
     "separation": _separation,
     "contact": _table(**_numbers("num_searches", "num_adopted", "num_too_deep", "deepest_adopted")),

@@ -47,11 +47,19 @@ def build(cls, values, name, folder=None):
     try:
         built = cls(**converted)
     except InputError as error:  # these begin with the name of the field
-        raise InputError(name(str(error))) from None
+        raise InputError(name(_with_default(str(error), known, converted))) from None
     for key, value in converted.items():
         if isinstance(value, int | float) and not isinstance(value, bool):
             check_key(key, value, name(key))
     return built
+
+
+def _with_default(message, known, given):
+    """A message `key = value, expected …` that says where the value is not one of the scene."""
+    key, equals, rest = message.partition(" = ")
+    if equals and key in known and key not in given:
+        return f"{key} = " + rest.replace(", expected", " (the default), expected", 1)
+    return message
 
 
 def unknown_key(full_name, value, key, known, name):

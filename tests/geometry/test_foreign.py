@@ -150,7 +150,7 @@ def test_numbers_that_change_nothing_are_not_asked_about(tmp_path):
 
 def test_numbers_that_only_name_the_pieces_are_said_to_be_left_out(tmp_path):
     points, cells, _ = row_of_cubes(1)
-    far = np.concatenate([points + [3.0 * k, 0, 0] for k in range(3)])
+    far = np.concatenate([np.add(points, [3.0 * k, 0, 0]) for k in range(3)])
     cells3 = np.concatenate([cells + k * len(points) for k in range(3)])
     number = np.repeat([7, 3, 11], len(cells))
     write(tmp_path / "a.vtu", far, cells3, {"GrainId": number, "load": 0 * number})
@@ -162,7 +162,7 @@ def test_numbers_that_only_name_the_pieces_are_said_to_be_left_out(tmp_path):
     taken = import_grains(tmp_path / "a.vtu", labels="GrainId", notices=notices)
     assert taken.labels.tolist() == [3, 7, 11] and notices == []
     write(tmp_path / "b.vtu", far, cells3, {"GrainId": number - 3})
-    with pytest.raises(InputError, match="from 0 to 8, .*: --labels pieces, or add 1"):
+    with pytest.raises(InputError, match=r"from 0 to 8, .*: --labels pieces, or add 1"):
         import_grains(tmp_path / "b.vtu", labels="GrainId")
 
 
@@ -341,3 +341,15 @@ def test_hostile_meshes_are_refused_or_whole(tmp_path, damage, ending):
         lost = np.abs(np.linalg.det(points[cells[:, 1:]] - points[cells[:, :1]])).sum() / 6
         assert grains.volumes.sum() == pytest.approx(lost, rel=1e-6)
     assert accepted == (4 if damage in (mirrored, stray_nodes) else 0)
+
+
+def test_a_file_that_is_absent_or_cut_short_is_named_once(tmp_path):
+    points, cells, _ = row_of_cubes()
+    path = tmp_path / "a.vtu"
+    with pytest.raises(InputError) as absent:
+        import_grains(path)
+    assert str(absent.value) == f"mesh {path} cannot be read: No such file or directory"
+    write(path, points, cells)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(InputError, match=r"a\.vtu cannot be read: it may be cut short, expected"):
+        import_grains(path)

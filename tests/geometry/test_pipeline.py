@@ -99,13 +99,19 @@ def test_nothing_is_left_when_the_disk_is_full(tmp_path, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == ["image.npy"]
 
 
-def test_a_size_that_fits_no_grain_is_refused(tmp_path):
+def test_a_size_that_fits_no_grain_is_refused(tmp_path, monkeypatch):
     write_labels(tmp_path / "labels.tif", two_balls(), 1e-5)
-    with pytest.raises(InputError, match=r"size = 0.001 m: none of 2 grains.*too small"):
-        pipeline.mesh_labels(
-            tmp_path / "labels.tif", MeshSettings(size=1e-3, processes=1), tmp_path / "out"
-        )
-    assert not (tmp_path / "out").exists()
+
+    def refused(size, said):
+        with pytest.raises(InputError, match=said):
+            pipeline.mesh_labels(
+                tmp_path / "labels.tif", MeshSettings(size=size, processes=1), tmp_path / "out"
+            )
+        assert not (tmp_path / "out").exists()
+
+    refused(2e-4, r"size = 0.0002 m: none of 2 grains.*too small")
+    monkeypatch.setattr(pipeline, "mesh_grains", None)  # no grain is begun
+    refused(1e-3, r"size = 0.001 m: the largest grain is as a ball of 0.000188 m, exp")
 
 
 @pytest.mark.parametrize("voxel_size", [1e-3, 1.0])
