@@ -80,7 +80,7 @@ def _panel(now):
     for name, title, unit, factor, form in ROWS:
         value = now.values.get(name)
         if value is not None:
-            grid.add_row(title, format(factor * value, form), unit)
+            grid.add_row(title, format(factor * value + 0.0, form), unit)
     if now.steps_per_second is not None:
         grid.add_row("steps a second", f"{now.steps_per_second:.4g}", "")
     if now.cells_per_second is not None:
@@ -107,7 +107,7 @@ def _line(now):
         if now.values["stage"] == "seating":  # the strain says nothing yet
             text += f", step {now.values['step']:.0f}"
             if now.values.get("stress") is not None:
-                text += f", vertical stress {1e-6 * now.values['stress']:.4g} MPa"
+                text += f", vertical stress {1e-6 * now.values['stress'] + 0.0:.4g} MPa"
     if now.seconds_left is not None:
         text += f"; about {duration(now.seconds_left)} left"
     return text
