@@ -19,8 +19,10 @@ WORN, SPARED = 1.5, 5
 #: But never above this part of the internal forces.
 LARGEST_LEFT = 0.01
 _REASONS = PETSc.SNES.ConvergedReason
-#: Ends that :meth:`Newton.test` and guarded steps name; PETSc knows more, in units of its own.
-FOUND = (_REASONS.CONVERGED_FNORM_RELATIVE, _REASONS.CONVERGED_SNORM_RELATIVE)
+#: Ends that :meth:`Newton.test` names, and guarded steps beside it. PETSc's own may be none: where a
+#: step leads out of all states, lengths are infinite, and it takes the step for a short one.
+FOUND = (_REASONS.CONVERGED_FNORM_RELATIVE,)
+FOUND_GUARDED = (*FOUND, _REASONS.CONVERGED_SNORM_RELATIVE)
 
 
 class Newton:
@@ -107,7 +109,7 @@ class Newton:
         if snes is self.guarded:
             context = snes.getPythonContext()
             self.num_linear, self.num_sides = context.num_linear, context.num_sides
-        if snes.getConvergedReason() not in FOUND:
+        if snes.getConvergedReason() not in (FOUND_GUARDED if snes is self.guarded else FOUND):
             return None
         self.evaluate(self.x)  # the last evaluation is that of the solution
         return self.x.array_r.reshape(-1, 3).copy()

@@ -97,7 +97,7 @@ def sliding_graded(comm, grading=4.0, friction=0.0, way=8.0, depth=0.05, moves=8
 
 
 @case("sliding-ridges", num_bodies=4)
-def sliding_ridges(comm, friction=0.0, depth=0.03, positions=24):
+def sliding_ridges(comm, friction=0.0, depth=0.03, positions=39):
     """Crossed ridges drawn over each other's nodes carry what they carry pressed anew.
 
     One pair is drawn along the edge of the lower one, the other along both. A force at a node of a
@@ -161,6 +161,7 @@ class Drawn:
             [(held, axis) for axis in np.eye(3)], height, **options,
         )  # fmt: skip
         self.simulation = self._driver.simulation
+        self._friction = options.get("friction", 0.0)
 
     def move(self, way):
         """Move the sliders by ``way`` [m], shape (num_sliders, 3) or (3,), and wait for rest."""
@@ -173,6 +174,9 @@ class Drawn:
 
     def draw_and_press_again(self, moves):
         """Press, draw in so many parts, lift and press again; keeps what was found as attributes.
+
+        With friction they are pressed again before the last part, and drawn there: a body that
+        sticks carries another normal force than one that slides.
 
         ``drawn`` and ``anew``: normal forces [N], shape (num_sliders,); ``on_the_way``: those after
         each part, shape (moves, num_sliders); ``friction`` and ``stored``: work of friction, and
@@ -189,8 +193,12 @@ class Drawn:
         energies = self.simulation.energies()
         self.friction, self.stored = energies["friction"], energies["elastic"]
         self.switched = energies["switching"]
+        # Where there is friction it has to slide again, over the last part of the way.
+        last = self.way / moves if self._friction else np.zeros(3)
         self.move(-press)
+        self.move(-last)
         self.move(press)
+        self.move(last)
         self.anew = self.normal_forces()
         return self
 
