@@ -140,3 +140,26 @@ def test_equilibrium_on_the_edges_of_ledges(push):
     assert ((part > 0) & (part < 1)).all()
     np.testing.assert_allclose((system.chain @ q)[~on], 0.0, atol=1e-9)
     assert solver.num_sides > 1
+
+
+def test_a_short_step_is_no_solution():
+    """PETSc names one where a line search leads out of all states, at whatever residual."""
+
+    class Ended:
+        def solve(self, b, x):
+            pass
+
+        def getConvergedReason(self):
+            return PETSc.SNES.ConvergedReason.CONVERGED_SNORM_RELATIVE
+
+        def getIterationNumber(self):
+            return 0
+
+        def getLinearSolveIterations(self):
+            return 7
+
+        def getTolerances(self):
+            return 0.0, 0.0, 0.0, 40
+
+    solver = newton(Springs(1.0, [1.0, 0.0, 2.0], [0.5, 9.0, -0.5]))
+    assert solver._solve(Ended(), np.zeros((1, 3))) is None
