@@ -62,7 +62,7 @@ class ImplicitSimulation(Simulation):
         linear_solver: One of linear_system.SOLVERS; None: by size.
         petsc: Further options of PETSc, without the prefix ``mufe_``.
         held: Pairs (nodes of this rank, unit vector (3,)): displacements along the vector are
-            those of :attr:`prescribed` at these nodes.
+            those of :attr:`prescribed` at these nodes. Their work is not part of that of the walls.
         gap_tolerance: Of static increments with exact gaps (contact.augmented): largest distance
             of a closed contact from its gap, over the mean facet edge; None: layers stay.
         max_augmentations: Times that multipliers are renewed in an increment, at most.
@@ -73,7 +73,8 @@ class ImplicitSimulation(Simulation):
     Attributes:
         static: Whether increments leave inertia out.
         equations: :class:`~.increment_equations.IncrementEquations`.
-        prescribed: Displacements of held nodes in the next increment [m], (num_nodes, 3).
+        prescribed: Displacements of held nodes in the next increments [m], (num_nodes, 3); they
+            stay until they are changed.
         report: Of each increment since the start: (time, length [s], Newton iterations, linear
             iterations, residual at the last three iterations); those of the last augmentation.
         end: :class:`~.increment_end.IncrementEnd`: how far the next increment may go.
