@@ -19,8 +19,8 @@ WORN, SPARED = 1.5, 5
 #: But never above this part of the internal forces.
 LARGEST_LEFT = 0.01
 _REASONS = PETSc.SNES.ConvergedReason
-#: Ends that :meth:`Newton.test` names, and guarded steps beside it. PETSc's own may be none: where a
-#: step leads out of all states, lengths are infinite, and it takes the step for a short one.
+#: Ends that :meth:`Newton.test` names, and guarded steps beside it. PETSc's own may be none: where
+#: a step leads out of all states, lengths are infinite, and it takes the step for a short one.
 FOUND = (_REASONS.CONVERGED_FNORM_RELATIVE,)
 FOUND_GUARDED = (*FOUND, _REASONS.CONVERGED_SNORM_RELATIVE)
 
