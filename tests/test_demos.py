@@ -135,6 +135,7 @@ def test_the_page_on_segmentation(tmp_path):
     assert page.count("<img") == 3 and "balls.npy" in page
 
 
+@pytest.mark.slow
 def test_the_axisymmetric_reference_can_be_made_again(tmp_path):
     """Coarse: the demo compares the forces with the stored ones itself."""
     command = [sys.executable, DEMOS / "axisymmetric_reference.py", tmp_path, "--quick"]

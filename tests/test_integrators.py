@@ -47,7 +47,6 @@ def by(integrator, strain):
     )
 
 
-@pytest.mark.mpi
 def test_a_test_goes_on_with_another_integrator(tmp_path_factory):
     """Time steps, static and implicit increments, time steps: one history without a jump.
 

@@ -443,7 +443,6 @@ def test_stored_points_plan_their_cases(case):
         plan_case(case, 1e-6)
 
 
-@pytest.mark.mpi
 def test_a_run_follows_its_plan_and_tells_what_was_predicted(tmp_path_factory):
     comm = MPI.COMM_WORLD
     folder = comm.bcast(tmp_path_factory.mktemp("plan") if comm.rank == 0 else None)

@@ -69,6 +69,7 @@ def test_hertz_convergence():
     run("hertz-convergence")
 
 
+@pytest.mark.slow
 def test_hertz_stress():
     run("hertz-stress", elements_per_radius=2.5)
 
@@ -137,7 +138,6 @@ def test_rigid_mix():
     run("rigid-mix", strain=0.01)
 
 
-@pytest.mark.mpi
 def test_feature_pairs():
     run("feature-pairs", num_random=8, slow=0.02, rounds=1)
 
@@ -151,6 +151,7 @@ def test_free_sphere(element):
     run("free-sphere", elements_per_radius=3, element=element)
 
 
+@pytest.mark.slow
 def test_hertz_with_composites():
     # Composites grow to twice the size of others away from the contact: at the default growth
     # that adds 2 % to the force, which has nothing to do with the contact.
