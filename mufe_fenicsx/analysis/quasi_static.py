@@ -42,7 +42,7 @@ def travel_time(history, mass):
         mass: Of all grains [kg]; None where that is not known: nothing is.
     """
     nothing = np.full(np.shape(history["time"]), np.nan)
-    if mass is None or "length_x" not in history:
+    if mass is None or not {"length_x", "length_y"} <= history.keys():
         return nothing
     lengths = np.column_stack([history[name] for name in ("length_x", "length_y", "height")])
     forces = np.column_stack([history[f"force_{name}"] for name in WALLS])
