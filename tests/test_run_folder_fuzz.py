@@ -11,6 +11,7 @@ import pytest
 
 from mufe_fenicsx.cli_watch import _line, _panel
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.output.run_kinds import sorted_out
 from mufe_fenicsx.report.parts import TABLES, Job, draw_job
 from mufe_fenicsx.results import Run
 from mufe_fenicsx.watch import Watch
@@ -134,6 +135,12 @@ def look(folder):
             read()
         except InputError as error:
             assert "\n" not in str(error)
+
+
+def test_what_no_page_can_count_with_is_left_out():
+    """Integers beyond 64 bits, and text among the numbers of contact."""
+    run = {"reference_height": 10**40, "contact": {"num_closed": "few"}, "strain": 0.1}
+    assert sorted_out(run) == ({"strain": 0.1}, ["reference_height", "contact"])
 
 
 def test_damaged_run_folders_are_looked_at(whole, tmp_path):

@@ -5,6 +5,8 @@ import math
 import numba
 import numpy as np
 
+from .stiffness import gradients
+
 
 @numba.njit(cache=True)
 def cells_around(cells, num_nodes):
@@ -113,17 +115,7 @@ def _assemble(
                 first = first and not 0 <= at[k] < i
             if not first:
                 continue
-            for m in range(3):
-                for k in range(3):
-                    e[m, k] = x[cells[c, m + 1], k] - x[cells[c, 0], k]
-            for m in range(3):
-                q, r = e[(m + 1) % 3], e[(m + 2) % 3]
-                g[m + 1, 0] = q[1] * r[2] - q[2] * r[1]
-                g[m + 1, 1] = q[2] * r[0] - q[0] * r[2]
-                g[m + 1, 2] = q[0] * r[1] - q[1] * r[0]
-            for k in range(3):
-                g[0, k] = -g[1, k] - g[2, k] - g[3, k]
-            six = e[0, 0] * g[1, 0] + e[0, 1] * g[1, 1] + e[0, 2] * g[1, 2]
+            six = gradients(g, e, x, cells, c)
             # Deviator: V G (b ⊗ a + a·b I - 2/3 a ⊗ b), gradients g over six volumes.
             G = shear[grain_of_cell[c]] / (6.0 * six)
             for p in range(4):

@@ -5,6 +5,28 @@ import numpy as np
 
 
 @numba.njit(cache=True)
+def gradients(g, e, x, cells, c):
+    """Gradients of the four shape functions of the tetrahedron c, in place; six times its volume.
+
+    Args:
+        g: The gradients times six volumes [m²], shape (4, 3).
+        e: Room for three edges, shape (3, 3).
+        x, cells: As of :func:`add_tetrahedra`.
+    """
+    for m in range(3):
+        for k in range(3):
+            e[m, k] = x[cells[c, m + 1], k] - x[cells[c, 0], k]
+    for m in range(3):
+        q, r = e[(m + 1) % 3], e[(m + 2) % 3]
+        g[m + 1, 0] = q[1] * r[2] - q[2] * r[1]
+        g[m + 1, 1] = q[2] * r[0] - q[0] * r[2]
+        g[m + 1, 2] = q[0] * r[1] - q[1] * r[0]
+    for k in range(3):
+        g[0, k] = -g[1, k] - g[2, k] - g[3, k]
+    return e[0, 0] * g[1, 0] + e[0, 1] * g[1, 1] + e[0, 2] * g[1, 2]
+
+
+@numba.njit(cache=True)
 def add_tetrahedra(blocks, offset, columns, x, cells, lame, shear):
     """Add V (λ a ⊗ b + G (b ⊗ a + a·b I)) to the block of each two nodes, in place.
 
@@ -35,18 +57,7 @@ def add_tetrahedra(blocks, offset, columns, x, cells, lame, shear):
             place[columns[s]] = s
         for i in range(end[n], end[n + 1]):
             c, a = divmod(corner_of[i], 4)
-            for m in range(3):
-                for k in range(3):
-                    e[m, k] = x[cells[c, m + 1], k] - x[cells[c, 0], k]
-            for m in range(3):
-                q, r = e[(m + 1) % 3], e[(m + 2) % 3]
-                g[m + 1, 0] = q[1] * r[2] - q[2] * r[1]
-                g[m + 1, 1] = q[2] * r[0] - q[0] * r[2]
-                g[m + 1, 2] = q[0] * r[1] - q[1] * r[0]
-            for k in range(3):
-                g[0, k] = -g[1, k] - g[2, k] - g[3, k]
-            # Six times the volume; gradients are g over it.
-            six = e[0, 0] * g[1, 0] + e[0, 1] * g[1, 1] + e[0, 2] * g[1, 2]
+            six = gradients(g, e, x, cells, c)
             first, second = lame[c] / (6.0 * six), shear[c] / (6.0 * six)
             for b in range(4):
                 s = place[cells[c, b]]

@@ -15,8 +15,12 @@ def _truth(value):
 
 
 def _number(value):
-    real = isinstance(value, int | float) and not isinstance(value, bool)
-    return real and abs(value) < 1e300 and math.isfinite(value)
+    """Whether it is a number that NumPy takes; JSON may hold integers of any length."""
+    if isinstance(value, bool):
+        return False
+    if isinstance(value, int):
+        return abs(value) < 2**63
+    return isinstance(value, float) and abs(value) < 1e300 and math.isfinite(value)
 
 
 def _count(value):
@@ -79,7 +83,13 @@ KINDS = {
         "element_time_step", "strain", "stress", "peak_memory_bytes",
     ),
     "separation": _separation,
-    "contact": _table(**_numbers("num_searches", "num_adopted", "num_too_deep", "deepest_adopted")),
+    "contact": _table(
+        **dict.fromkeys(
+            ("num_searches", "num_overlaps_at_start", "num_closed", "num_with_offset",
+             "num_at_largest_force"), _count,
+        ),
+        deepest_at_start=_number,
+    ),
     "quasi_static": lambda value: _table(**_numbers(*_FOUND))(value)
     and (not value.get("slowest") or _table(_FOUND)(value)),
     "mass_scaling": _table(_ADDED, **_numbers(*_ADDED)),

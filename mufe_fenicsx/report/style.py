@@ -1,8 +1,5 @@
 """One look for all figures: sizes, fonts, colours, units."""
 
-import math
-from numbers import Real
-
 import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -100,14 +97,9 @@ def unit_of(values, symbol):
     return 1e-12, "p" + symbol
 
 
-def _is_number(value):
-    """Whether it is one, and finite: a damaged run.json may hold anything."""
-    return isinstance(value, Real) and math.isfinite(value)
-
-
 def quantity(value, symbol, digits=3):
     """A value in words, e.g. ``quantity(2.5e7, "Pa")`` is "25 MPa"."""
-    if not _is_number(value):
+    if value is None or not np.isfinite(value):
         return "not known"
     factor, unit = unit_of([value], symbol)
     return f"{number(value / factor, digits)} {unit}"
@@ -115,7 +107,7 @@ def quantity(value, symbol, digits=3):
 
 def number(value, digits=3):
     """A number with some significant digits and no exponent where it is a handy one."""
-    if not _is_number(value):
+    if value is None or not np.isfinite(value):
         return "not known"
     if value == int(value) and 10**digits <= abs(value) < 1e12:
         text = f"{int(value):,}".replace(",", "\u202f")

@@ -24,6 +24,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..errors import InputError
+from ..forms import compiled_form
 from . import axisymmetric_law as law
 from .axisymmetric_mesh import quarter_disc
 
@@ -112,8 +113,8 @@ class Ball:
         state = law.deviator(now, before, self.state, shear, table, finite)
         dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": DEGREE})
         work = 2 * math.pi * X[0] * law.virtual_work(now, state, p, v, q, bulk, finite) * dx
-        self.residual = fem.form(work)
-        self.tangent = fem.form(ufl.derivative(work, self.w))
+        self.residual = compiled_form(work)
+        self.tangent = compiled_form(ufl.derivative(work, self.w))
         places = X + u if finite else X
         volume = now.J if finite else ufl.as_ufl(1.0)
         rows = [*(state[i] for i in range(5)), places[0], places[1], p, volume]

@@ -194,11 +194,13 @@ class Drawn:
         self.friction, self.stored = energies["friction"], energies["elastic"]
         self.switched = energies["switching"]
         # Where there is friction it has to slide again, over the last part of the way.
-        last = self.way / moves if self._friction else np.zeros(3)
+        last = [self.way / moves] if self._friction else []
         self.move(-press)
-        self.move(-last)
+        for way in last:
+            self.move(-way)
         self.move(press)
-        self.move(last)
+        for way in last:
+            self.move(way)
         self.anew = self.normal_forces()
         return self
 
