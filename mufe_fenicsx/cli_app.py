@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from .errors import InputError
+from .errors import InputError, raise_on_broken_pipes
 from .launcher import forget_launcher
 
 app = typer.Typer(
@@ -52,6 +52,7 @@ def world():
 
     # What nobody asks for is refused by linear_system, or none of our business.
     petsc4py.init(["mufe", "-skip_petscrc", "-options_left", "no"])
+    raise_on_broken_pipes()
     return _all_ranks()
 
 

@@ -1,5 +1,8 @@
 """The ways in which a run ends early."""
 
+import signal
+import threading
+
 
 class InputError(ValueError):
     """Something the user gave cannot be used.
@@ -27,3 +30,13 @@ class Interrupted(RuntimeError):
     def __init__(self, message, signal):
         super().__init__(message)
         self.signal = int(signal)
+
+
+def raise_on_broken_pipes():
+    """Give SIGPIPE back to Python, so that a reader that left is a BrokenPipeError.
+
+    To be called after gmsh or PETSc has started: the one lets the signal end the program without
+    a word, the other aborts all ranks.
+    """
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGPIPE, signal.getsignal(signal.SIGPIPE))

@@ -7,9 +7,12 @@ from itertools import pairwise
 import basix.ufl
 import numpy as np
 from dolfinx import fem, graph, mesh
+from petsc4py import PETSc  # noqa: F401  starts it, and with it its handlers of signals
 
-from .errors import InputError
+from .errors import InputError, raise_on_broken_pipes
 from .topology import FACETS, body_defect
+
+raise_on_broken_pipes()
 
 #: An element with less volume than this times the cube of its longest edge has none.
 FLAT = 1e-9

@@ -201,6 +201,10 @@ def _run(commands, environments, folder):
             elif time.monotonic() - since > STILL_SECONDS:
                 print(f"no test has ended for {STILL_SECONDS} s: a rank hangs", flush=True)
                 return False
+        for number, process in enumerate(processes):
+            if process.returncode < 0:  # pytest says itself what failed
+                how = signal.Signals(-process.returncode).name
+                print(f"process {number} was ended by {how}", flush=True)
         return not any(process.returncode for process in processes)
     finally:
         for process in processes:
@@ -223,6 +227,9 @@ def _outcomes(folder):
 
 
 def _show_others(folder):
+    for path in sorted(folder.glob("*.outcomes")):
+        names = [line.split("\t", 1)[1] for line in path.read_text("utf-8").splitlines()]
+        print(f"{path.stem} ended after {names[-1] if names else 'no test'}", flush=True)
     for path in sorted(folder.glob("rank*.txt")):
         print(f"\n== output of {path.stem}", flush=True)
         print(path.read_text(errors="replace"), flush=True)

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 import gmsh
 import numpy as np
 
+from ..errors import raise_on_broken_pipes
 from .measure import compact, positively_oriented
 
 
@@ -19,6 +20,7 @@ def gmsh_model(options=None):
     if started:
         # interruptible=False leaves Ctrl-C to Python.
         gmsh.initialize(readConfigFiles=False, interruptible=False)
+        raise_on_broken_pipes()
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.option.setNumber("General.NumThreads", 1)
     gmsh.option.setNumber("Mesh.RandomSeed", 1)
