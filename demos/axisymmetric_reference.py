@@ -30,8 +30,8 @@ import numpy as np
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.theory import finite_sphere, plastic_contact
-from mufe_fenicsx.verification import axisymmetric_cases as cases
 from mufe_fenicsx.verification import reference
+from mufe_fenicsx.verification.axisymmetric import cases as cases
 
 #: Of --quick: part of edges and steps, and the error of the force that they leave.
 QUICK = (0.5, 0.02)

@@ -25,10 +25,10 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from mpi4py import MPI
 
+from mufe_fenicsx.bulk.solid import von_mises
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.page import write_page
-from mufe_fenicsx.solid import von_mises
 from mufe_fenicsx.theory import plastic_impact as impact_theory
 from mufe_fenicsx.verification import plastic_impact
 from mufe_fenicsx.verification.paper_sphere import YIELD, force_curve

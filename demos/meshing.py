@@ -29,9 +29,9 @@ from scipy.sparse.linalg import eigsh
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import measure
-from mufe_fenicsx.geometry.jobs import shared_jobs, voxel_jobs
-from mufe_fenicsx.geometry.mesher import make_thicker_together, mesh_one
 from mufe_fenicsx.geometry.settings import MeshSettings
+from mufe_fenicsx.geometry.tets.jobs import shared_jobs, voxel_jobs
+from mufe_fenicsx.geometry.tets.mesher import make_thicker_together, mesh_one
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.page import write_page
 from mufe_fenicsx.theory.elasticity import oedometric_modulus

@@ -50,11 +50,11 @@ import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 import numpy as np
 from mpi4py import MPI
 
-from mufe_fenicsx.contact.springs import list_springs
-from mufe_fenicsx.geometry.shapes import sphere
+from mufe_fenicsx.contact.stiffness.springs import list_springs
+from mufe_fenicsx.geometry.bodies.shapes import sphere
 from mufe_fenicsx.materials.elastic import Elastic
-from mufe_fenicsx.time_step import HighestFrequency
-from mufe_fenicsx.verification.build import build, drive
+from mufe_fenicsx.run.from_bodies import build, drive
+from mufe_fenicsx.solvers.highest_frequency import HighestFrequency
 from mufe_fenicsx.verification.hertz import FORCE, LARGE_STRAIN, errors_of
 from mufe_fenicsx.verification.hertz_bodies import E
 from mufe_fenicsx.verification.patch import press_blocks

@@ -37,12 +37,12 @@ from mpi4py import MPI
 from mufe_fenicsx.analysis.fabric import rose
 from mufe_fenicsx.analysis.quasi_static import kinetic_ratio
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry.bodies.shapes import sphere
 from mufe_fenicsx.geometry.grains import Grains, save_grains
-from mufe_fenicsx.geometry.shapes import sphere
 from mufe_fenicsx.materials.sand import SAND
 from mufe_fenicsx.report import style
 from mufe_fenicsx.results.tables import vectors
-from mufe_fenicsx.run import run_scene
+from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, Solver
 
 R = 1e-4  # radius of the balls [m]

@@ -33,7 +33,10 @@ from mpi4py import MPI
 from peer_programs import calculix
 from peer_programs.ball import NU, RADIUS, E, make_ball
 
-from mufe_fenicsx.charts.cases import (
+from mufe_fenicsx.materials.j2 import J2
+from mufe_fenicsx.planning.evidence import command_of
+from mufe_fenicsx.theory import hertz
+from mufe_fenicsx.verification.charts.points import (
     course_error,
     finite_size,
     flowing_ball,
@@ -43,9 +46,6 @@ from mufe_fenicsx.charts.cases import (
     impact_point,
     plastic_sphere_point,
 )
-from mufe_fenicsx.evidence import command_of
-from mufe_fenicsx.materials.j2 import J2
-from mufe_fenicsx.theory import hertz
 from mufe_fenicsx.verification.impact import QUARTZ, contact_time, impact_theory
 from mufe_fenicsx.verification.plastic_sphere import RHO, approach_for
 

@@ -31,11 +31,10 @@ from pathlib import Path
 import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 
 # isort: split
-from mufe_fenicsx.arguments import number_or_text
-from mufe_fenicsx.charts.cases import POINTS
-from mufe_fenicsx.charts.measure import measure
+from mufe_fenicsx.cli.arguments import number_or_text
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.evidence import (
+from mufe_fenicsx.planning.case import lines, plan_case
+from mufe_fenicsx.planning.evidence import (
     DONE,
     ELSEWHERE,
     SUFFIX,
@@ -46,7 +45,8 @@ from mufe_fenicsx.evidence import (
     usable,
     write_elsewhere,
 )
-from mufe_fenicsx.planning.case import lines, plan_case
+from mufe_fenicsx.verification.charts.measure import measure
+from mufe_fenicsx.verification.charts.points import POINTS
 
 #: What plans are asked for.
 ACCURACIES = (0.2, 0.1, 0.05, 0.03, 0.02)

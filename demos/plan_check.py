@@ -26,8 +26,8 @@ import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 # isort: split
 import numpy as np
 
+from mufe_fenicsx.geometry.bodies.shapes import sphere
 from mufe_fenicsx.geometry.grains import Grains, save_grains
-from mufe_fenicsx.geometry.shapes import sphere
 from mufe_fenicsx.materials.sand import scene_table
 from mufe_fenicsx.verification.fidelity import lattice
 from mufe_fenicsx.verification.packing import RADIUS, angular_grains
@@ -118,8 +118,8 @@ def test(scene, grains, out, answer):
     from mpi4py import MPI
 
     from mufe_fenicsx.planning.run import planned_scene
-    from mufe_fenicsx.preparation import read_scene
-    from mufe_fenicsx.run import run_scene
+    from mufe_fenicsx.run.from_scene import read_scene
+    from mufe_fenicsx.run.run import run_scene
 
     comm = MPI.COMM_WORLD
     given = read_scene(comm, Path(scene))

@@ -19,14 +19,14 @@ import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 import numpy as np
 from mpi4py import MPI
 
-from mufe_fenicsx.charts.cases import FRICTION, PARTS, STRAIN, jammed_column
-from mufe_fenicsx.evidence import JAMMED, distance, read_curve
 from mufe_fenicsx.geometry.grains import Grains, save_grains
 from mufe_fenicsx.materials.sand import scene_table
 from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.planning.evidence import JAMMED, distance, read_curve
 from mufe_fenicsx.planning.run import make_plan, planned_scene
-from mufe_fenicsx.preparation import read_scene
-from mufe_fenicsx.run import run_scene
+from mufe_fenicsx.run.from_scene import read_scene
+from mufe_fenicsx.run.run import run_scene
+from mufe_fenicsx.verification.charts.points import FRICTION, PARTS, STRAIN, jammed_column
 from mufe_fenicsx.verification.polyhedra import polyhedral_grains
 
 #: Half of the distance of grains [m], and edges of the mesh that the first plan is made with, over

@@ -23,16 +23,20 @@ import matplotlib
 import numpy as np
 from matplotlib.collections import LineCollection
 
-from mufe_fenicsx.arguments import crop_ranges
+from mufe_fenicsx.cli.arguments import crop_ranges
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry import threshold as thresholds
-from mufe_fenicsx.geometry.compare import adjusted_rand_index, compare_labels, touching_labels
-from mufe_fenicsx.geometry.image_files import read_image
-from mufe_fenicsx.geometry.labels import fill_pores
-from mufe_fenicsx.geometry.picture import label_colours, outlines
-from mufe_fenicsx.geometry.segmentation import distance_map, segment
+from mufe_fenicsx.geometry.image import threshold as thresholds
+from mufe_fenicsx.geometry.image.compare_labels import (
+    adjusted_rand_index,
+    compare_labels,
+    touching_labels,
+)
+from mufe_fenicsx.geometry.image.image_files import read_image
+from mufe_fenicsx.geometry.image.labels import fill_pores
+from mufe_fenicsx.geometry.image.picture import label_colours, outlines
+from mufe_fenicsx.geometry.image.segmentation import distance_map, segment
+from mufe_fenicsx.geometry.image.watershed import watershed
 from mufe_fenicsx.geometry.settings import METHODS, SegmentSettings
-from mufe_fenicsx.geometry.watershed import watershed
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.page import write_page
 from mufe_fenicsx.synthetic.settings import SynthesisSettings

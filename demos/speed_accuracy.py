@@ -36,18 +36,11 @@ import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 import numpy as np
 from mpi4py import MPI
 
-from mufe_fenicsx.charts.cases import (
-    COUNTS,
-    FRICTION,
-    STRAIN,
-    jammed_column,
-    press_grains,
-    press_polyhedra,
-)
-from mufe_fenicsx.charts.grid import CHARTS
-from mufe_fenicsx.charts.make import make_charts
 from mufe_fenicsx.contact.walls import Wall
-from mufe_fenicsx.evidence import (
+from mufe_fenicsx.explicit.simulation import Simulation
+from mufe_fenicsx.materials.sand import SAND
+from mufe_fenicsx.planning.contacts import Closing
+from mufe_fenicsx.planning.evidence import (
     JAMMED,
     REFERENCE,
     TABLE,
@@ -57,11 +50,17 @@ from mufe_fenicsx.evidence import (
     read_points,
     write_points,
 )
-from mufe_fenicsx.materials.sand import SAND
-from mufe_fenicsx.planning.contacts import Closing
-from mufe_fenicsx.simulation import Simulation
-from mufe_fenicsx.verification.build import build
-from mufe_fenicsx.verification.case import axis_planes
+from mufe_fenicsx.run.from_bodies import axis_planes, build
+from mufe_fenicsx.verification.charts.grid import CHARTS
+from mufe_fenicsx.verification.charts.make import make_charts
+from mufe_fenicsx.verification.charts.points import (
+    COUNTS,
+    FRICTION,
+    STRAIN,
+    jammed_column,
+    press_grains,
+    press_polyhedra,
+)
 from mufe_fenicsx.verification.packing import angular_grains
 
 #: Length of edges over half of the distance of grains, and loading, of the references; and of

@@ -25,7 +25,7 @@ import numpy as np
 from mpi4py import MPI
 
 from mufe_fenicsx.materials.j2 import J2
-from mufe_fenicsx.run import run_scene
+from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Implicit, Oedometer, Output, Sample, Scene, Solver
 from mufe_fenicsx.verification.family import member
 

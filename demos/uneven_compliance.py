@@ -64,9 +64,9 @@ import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 import numpy as np
 from mpi4py import MPI
 
-from mufe_fenicsx.geometry.shapes import box
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
-from mufe_fenicsx.time_step import HighestFrequency
+from mufe_fenicsx.solvers.highest_frequency import HighestFrequency
 from mufe_fenicsx.verification.hertz_bodies import RADIUS, E, make, whole_contact
 from mufe_fenicsx.verification.pressed import AXIS, FRAME, Body, Pressed, measure
 

@@ -8,7 +8,7 @@ bodies in hard, frictional contact.
 import importlib.util
 import os
 
-from .caches import use_writable_caches
+from .machine.caches import use_writable_caches
 
 # Work is shared among MPI ranks. BLAS threads that wait for more work take the cores
 # from them: two ranks on two cores then ran at a fifth of their speed.

@@ -1,7 +1,14 @@
-"""The ways in which a run ends early."""
+"""The ways in which a run ends early, and how messages show values."""
 
+import difflib
+import math
 import signal
 import threading
+
+#: Characters of a value in a message.
+SHOWN = 60
+#: Names count as misspelled from this ratio of :mod:`difflib` on.
+SIMILAR = 0.6
 
 
 class InputError(ValueError):
@@ -40,3 +47,49 @@ def raise_on_broken_pipes():
     """
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGPIPE, signal.getsignal(signal.SIGPIPE))
+
+
+def shown(value):
+    """A value as the user wrote it, but short: texts in double quotes, the rest as in TOML."""
+    return _shown(value, 3)
+
+
+def _shown(value, depth):
+    if isinstance(value, str):
+        return f'"{shortened(value)}"'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int) and value.bit_length() > 4 * SHOWN:
+        return f"a number of {int((value.bit_length() - 1) * math.log10(2)) + 1} digits"
+    if isinstance(value, list | tuple):
+        if not depth:
+            return "[…]"
+        first = [_shown(item, depth - 1) for item in value[:4]]
+        return "[" + ", ".join([*first, *(["…"] if len(value) > 4 else [])]) + "]"
+    if isinstance(value, dict):
+        return "a table"
+    return shortened(str(value))
+
+
+def nearest_name(word, known):
+    """What a message expects in place of a name that is not known.
+
+    Args:
+        word: As it was written.
+        known: Names that there are, in the order in which they are listed.
+
+    Returns:
+        The known name that is spelled much like it; where none is, all of them.
+    """
+    known = list(known)
+    close = difflib.get_close_matches(str(word), known, n=1, cutoff=SIMILAR)
+    if close or len(known) == 1:
+        return (close or known)[0]
+    return f"one of {', '.join(known)}" if known else "none"
+
+
+def shortened(text):
+    """The beginning of a text on one line, without characters that no terminal shows."""
+    text = str(text)
+    cut = text if len(text) <= SHOWN else text[:SHOWN] + "…"
+    return "".join(c if c.isprintable() else "?" for c in cut)

@@ -10,7 +10,7 @@ from dolfinx import fem, graph, mesh
 from petsc4py import PETSc  # noqa: F401  starts it, and with it its handlers of signals
 
 from .errors import InputError, raise_on_broken_pipes
-from .topology import FACETS, body_defect
+from .kernels.topology import FACETS, body_defect
 
 raise_on_broken_pipes()
 

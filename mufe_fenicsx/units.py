@@ -5,8 +5,7 @@ import math
 import re
 from decimal import Decimal
 
-from .bounds import check_number, shown
-from .errors import InputError
+from .errors import InputError, shown
 
 #: SI unit -> what a number with it is, and an example of how to write it.
 QUANTITIES = {
@@ -17,6 +16,18 @@ QUANTITIES = {
     "kg/m^3": ("a density", "2.65 g/cm^3"),
     "s^-1": ("a rate", "100 s^-1"),
     "": ("a number", "0.1"),
+}
+
+#: SI unit -> least and largest absolute value, of numbers that are not zero: wide, since they shall
+#: stop slips of the keyboard and values that no computation survives, not unusual tests.
+PLAUSIBLE = {
+    "m": (1e-10, 1e4),
+    "m/s": (1e-12, 1e5),
+    "s": (1e-18, 1e10),
+    "Pa": (1e-6, 1e15),
+    "kg/m^3": (1e-3, 1e12),
+    "s^-1": (1e-9, 1e18),
+    "": (1e-15, 1e12),
 }
 
 #: Characters of a unit, and of all with its number. Its names may have small powers and no numbers:
@@ -37,7 +48,7 @@ def to_si(value, unit, name):
         name: What the value is called in messages.
 
     Raises:
-        InputError: not a number, not finite, beyond :data:`.bounds.OF_UNITS`, an unknown unit or
+        InputError: not a number, not finite, beyond :data:`PLAUSIBLE`, an unknown unit or
             one of another dimension.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
@@ -84,3 +95,23 @@ def _registry():
 
     # Decimals keep "5 um" exactly 5e-06.
     return pint.UnitRegistry(non_int_type=Decimal)
+
+
+def check_number(number, unit, name, value, expected):
+    """Raise InputError unless a number of a unit is finite and plausible.
+
+    Args:
+        number: In SI units.
+        unit: A key of :data:`PLAUSIBLE`.
+        name: What messages call it.
+        value: As it was written.
+        expected: What is expected, in words.
+    """
+    least, largest = PLAUSIBLE[unit]
+    if not math.isfinite(number):
+        raise InputError(f"{name} = {shown(value)}, expected {expected}, finite")
+    if number and not least <= abs(number) <= largest:
+        raise InputError(
+            f"{name} = {shown(value)}, expected {expected}, of {least:g} to {largest:g} {unit}"
+            .rstrip()
+        )  # fmt: skip

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from mufe_fenicsx.explicit.simulation import Simulation
+from mufe_fenicsx.geometry.bodies.shapes import sphere
 from mufe_fenicsx.geometry.grains import Grains
-from mufe_fenicsx.geometry.shapes import sphere
 from mufe_fenicsx.mesh import create_grain_mesh, partition_grains
-from mufe_fenicsx.simulation import Simulation
 
 RADIUS = 1e-3
 

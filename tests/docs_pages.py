@@ -26,8 +26,8 @@ from pathlib import Path
 import typer
 
 import mufe_fenicsx
-from mufe_fenicsx.cli import app, main
-from mufe_fenicsx.launcher import find_mpirun
+from mufe_fenicsx.cli.main import app, main
+from mufe_fenicsx.machine.mpi_launcher import find_mpirun
 from mufe_fenicsx.scene import load_scene
 from tests.docs_programs import lacking, run_command
 

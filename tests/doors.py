@@ -9,7 +9,7 @@ import time
 import warnings
 from pathlib import Path
 
-from mufe_fenicsx.cli import main
+from mufe_fenicsx.cli.main import main
 
 #: Longest that a command may compute [s], and that it may take beside other programs.
 COMPUTING, WAITING = 20, 300

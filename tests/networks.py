@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mufe_fenicsx.contact.network import Contacts, Network
+from mufe_fenicsx.contact.results.network import Contacts, Network
 
 
 def lattice_network(force, counts=(2, 2, 3), D=2e-4):

@@ -8,7 +8,7 @@ import pytest
 #: What starts the libraries that take SIGPIPE for themselves, in either order.
 STARTING = {
     "PETSc": "import mufe_fenicsx.mesh",
-    "gmsh": "from mufe_fenicsx.geometry.shapes import sphere; sphere(1.0, 0.5)",
+    "gmsh": "from mufe_fenicsx.geometry.bodies.shapes import sphere; sphere(1.0, 0.5)",
 }
 BREAKING = """
 import os

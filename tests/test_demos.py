@@ -163,7 +163,7 @@ def test_a_law_of_ones_own_acts_in_the_elements(drucker_prager):
 
 
 def test_scene_files_name_a_material_of_ones_own(drucker_prager, tmp_path):
-    from mufe_fenicsx.demo import demo_scene
+    from mufe_fenicsx.run.demo import demo_scene
     from mufe_fenicsx.scene import load_scene, scene_to_toml
 
     text = demo_scene().read_text()

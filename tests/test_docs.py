@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.contact.laws import LAYERS
-from mufe_fenicsx.demo import demo_scene
-from mufe_fenicsx.evidence import TABLE
+from mufe_fenicsx.geometry.bodies.half_ball import half_ball
 from mufe_fenicsx.geometry.grains import Grains, save_grains
-from mufe_fenicsx.geometry.half_ball import half_ball
 from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.planning.evidence import TABLE
+from mufe_fenicsx.run.demo import demo_scene
 from mufe_fenicsx.scene import (
     Contact,
     Implicit,
@@ -212,7 +212,7 @@ def test_commands_within_sentences():
 def check_options(words, options):
     import typer
 
-    from mufe_fenicsx.cli import app
+    from mufe_fenicsx.cli.main import app
 
     command = typer.main.get_command(app)
     for name in words:

@@ -8,17 +8,17 @@ import shutil
 
 import pytest
 
-from mufe_fenicsx.geometry.exchange import import_grains
 from mufe_fenicsx.geometry.grains import save_grains
+from mufe_fenicsx.geometry.tets.foreign_meshes import import_grains
 from tests.bodies import RADIUS, packed_grains
 from tests.doors import check_answer, mufe, warm
+from tests.geometry.image.test_image_door import damaged
 from tests.geometry.image_samples import write_samples
-from tests.geometry.test_image_door import damaged
-from tests.geometry.test_mesh_door import write_meshes
+from tests.geometry.tets.test_mesh_door import write_meshes
 from tests.made_up_run import write_whole_run
-from tests.test_run_folder_fuzz import damaged as damaged_run
-from tests.test_scene import FULL, SMALLEST
-from tests.test_scene_fuzz import STAGES, mutated
+from tests.report.test_run_folder_fuzz import damaged as damaged_run
+from tests.scene.test_scene import FULL, SMALLEST
+from tests.scene.test_scene_fuzz import STAGES, mutated
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*multi-threaded, use of fork")
 FIGURES = ["stress-strain", "contact-age"]

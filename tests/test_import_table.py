@@ -1,4 +1,4 @@
-"""Imports between the parts of the package point one way."""
+"""The house: folders stand on levels, and import only from lower ones; what is private stays."""
 
 import ast
 import subprocess
@@ -9,135 +9,42 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "mufe_fenicsx"
 
-#: Modules that are one part of the design under more than one name.
-PART_OF = {
-    "body_mass": "rigid",
-    "loading": "simulation",
-    "staged_loading": "simulation",
-    "servo": "simulation",
-    "energy_guard": "simulation",
-    "refresh": "simulation",
-    "restart": "simulation",
-    "interruption": "run",
-    "origin": "run",
-    "preparation": "run",
-    "recorder": "run",
-    "march": "run",
-    "progress": "run",
-    "recovery": "run",
-    "profile": "run",
-    "balance": "run",
-    "speed_control": "simulation",
-    "implicit": "simulation",
-    "increment_end": "simulation",
-    "increment_start": "simulation",
-    "increment_equations": "simulation",
-    "held_nodes": "simulation",
-    "near_tangent": "tangent",
-    "near_system": "linear_system",
-    "coarse_space": "linear_system",
-}
-
-#: What each part may import, besides itself and `errors`, which any may.
-TABLE = {
-    "errors": set(),
-    "kernels": set(),
-    "theory": set(),
-    # memory: what there is of it, before a file fills it.
-    "geometry": {"kernels", "memory", "topology"},
-    "state": set(),
-    "bounds": set(),
-    "caches": set(),
-    "units": {"bounds"},
-    "petsc_options": {"bounds"},
-    "topology": set(),
-    "mesh": {"topology"},
-    "time_step": {"kernels"},
-    "stable_step": {"mesh", "solid", "rigid", "contact", "time_step", "shared_mass"},
-    "shared_mass": {"mesh", "solid", "contact", "time_step"},
-    "mass_scaling": {"mesh", "solid", "kernels"},
-    "launcher": set(),
-    "memory": set(),
-    "materials": {"kernels"},
-    "forms": set(),
-    "solid": {"mesh", "materials", "kernels", "forms"},
-    "rigid": {"mesh", "materials", "kernels"},
-    "fidelity": {"materials", "rigid"},
-    "contact": {"mesh", "kernels", "forms"},
-    "integrators": {"state"},
-    "tangent": {"solid", "kernels", "forms"},
-    "linear_system": {"mesh", "tangent", "kernels", "petsc_options"},
-    # geometry: its settings, of which the scene is the written form.
-    "scene": {"materials", "contact", "bounds", "units", "geometry", "petsc_options"},
-    # units: its settings; geometry: files and labels; materials: that of its scene; report:
-    # pictures without a screen.
-    "synthetic": {"kernels", "geometry", "bounds", "units", "materials", "report"},
-    "simulation": {
-        *("kernels", "geometry", "state", "mesh", "materials", "solid", "rigid", "contact"),
-        *("fidelity", "integrators", "scene", "stable_step", "mass_scaling", "tangent"),
-        "linear_system",
-    },
-    # geometry: measures of tetrahedra, which are numbers from arrays.
-    "analysis": {"mesh", "state", "solid", "contact", "geometry"},
-    "output": {"mesh", "state", "solid", "contact", "bounds"},
-    # A scene from grains on disk to a run folder.
-    "run": {
-        *("kernels", "geometry", "state", "mesh", "materials", "solid", "rigid", "contact"),
-        *("integrators", "scene", "time_step", "simulation", "output", "launcher", "memory"),
-        "mass_scaling",
-    },
-    # Files for other programs; a test becomes a deck with what a run makes of it.
-    "peers": {
-        *("kernels", "geometry", "mesh", "materials", "contact", "scene", "units", "run"),
-    },
-    # Measured points: a stored table.
-    "evidence": set(),
-    # A scene and what it needs; it steps the scene for a second.
-    "planning": {
-        *("evidence", "scene", "materials", "geometry", "contact", "mesh", "simulation", "run"),
-        *("memory", "output", "kernels"),
-    },
-    # What a user reads of a run folder.
-    "results": {"analysis", "output", "geometry", "bounds"},
-    # results: the tables of a run, which its page and ParaView show too.
-    "report": {"analysis", "output", "geometry", "results", "bounds", "memory"},
-    "watch": {"analysis", "output"},
-}
-
-#: The program around the parts, and the cases of verification: they import anything.
-ANYTHING = {
-    "cli",
-    "cli_app",
-    "cli_grains",
-    "cli_scene",
-    "new_scene",
-    "cli_peers",
-    "cli_paraview",
-    "cli_watch",
-    "cli_chart",
-    "cli_plan",
-    "charts",
-    "arguments",
-    "terminal",
-    "summary_words",
-    "exit_status",
-    "demo",
-    "__main__",
-    "verification",
-}
+#: Folders and files of the root, from the ground up. Each imports from levels below its own only.
+LEVELS = (
+    {"errors"},
+    {"machine", "state", "units", "theory"},
+    {"kernels"},
+    {"mesh", "output", "solvers", "materials"},
+    {"geometry", "contact"},
+    {"bulk", "loading", "analysis", "scene"},
+    {"explicit", "results"},
+    {"implicit", "report"},
+    {"run", "synthetic"},
+    {"planning", "peers"},
+    {"verification"},
+    {"cli"},
+)
+LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}
+#: `mufe_fenicsx.open_run` reads results; `python -m mufe_fenicsx` is the command.
+FROM_THE_DOOR = {"__init__": {"machine", "results"}, "__main__": {"cli"}}
 
 #: Geometry prepares grains without the solver's libraries.
 SOLVER_LIBRARIES = {"dolfinx", "dolfinx_solver", "mpi4py", "petsc4py", "ufl", "basix"}
+#: Names of other libraries that begin with an underscore.
+FOREIGN = {"_cpp_object"}
 
 
-def part(module):
-    """Part of the design that a dotted name inside the package belongs to."""
-    first = module.split(".")[0]
-    return PART_OF.get(first, first)
+def sources():
+    return sorted(PACKAGE.rglob("*.py"))
+
+
+def room(path):
+    """Folder or file of the root that a source file belongs to."""
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
 def own_imports(path):
-    """Parts of the package that a source file imports, anywhere in it, with their lines."""
+    """Rooms of the root that a source file imports, anywhere in it, with their lines."""
     folder = path.relative_to(PACKAGE).parent.parts
     found = []
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -147,51 +54,39 @@ def own_imports(path):
             start = node.module or ""
             if node.level:
                 start = ".".join((PACKAGE.name, *folder[: len(folder) + 1 - node.level], start))
-            start = start.rstrip(".")
-            # `from package import x` may name a module; `from package.x import y` has it already.
-            only_package = start == PACKAGE.name
-            names = [f"{start}.{alias.name}" for alias in node.names] if only_package else [start]
+            # `from package import x` may name a module.
+            names = [f"{start.rstrip('.')}.{alias.name}" for alias in node.names]
         else:
             continue
-        for name in names:
-            if name.startswith(PACKAGE.name + "."):
-                found.append((part(name.removeprefix(PACKAGE.name + ".")), node.lineno))
+        inside = [name.split(".") for name in names if name.startswith(PACKAGE.name + ".")]
+        found += {(words[1], node.lineno) for words in inside}
     return found
 
 
-def sources():
-    return sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
+def test_each_room_of_the_root_has_a_level():
+    rooms = {room(path) for path in sources()} - set(FROM_THE_DOOR)
+    assert rooms == set(LEVEL)
+    assert len([name for name in rooms if (PACKAGE / name).is_dir()]) <= 22
+    assert len(list(PACKAGE.glob("*.py"))) <= 7
 
 
-def part_of_file(path):
-    return part(".".join(path.relative_to(PACKAGE).with_suffix("").parts))
-
-
-def test_every_part_has_a_place_in_the_table():
-    assert {part_of_file(path) for path in sources()} <= set(TABLE) | ANYTHING
-
-
-def test_imports_follow_the_table():
-    wrong = [
-        f"{path.relative_to(PACKAGE)}:{line} imports {imported}"
-        for path in sources()
-        if (importer := part_of_file(path)) in TABLE
-        for imported, line in own_imports(path)
-        if imported not in TABLE[importer] | {importer, "errors"}
-        and not imported.startswith("__version__")
-    ]
+def test_imports_point_down():
+    wrong = []
+    for path in sources():
+        here = room(path)
+        for other, line in own_imports(path):
+            if other == "__version__":
+                continue
+            if here in FROM_THE_DOOR:
+                allowed = other in FROM_THE_DOOR[here]
+            else:
+                allowed = other == here or LEVEL[other] < LEVEL[here]
+            if not allowed:
+                wrong.append(f"{path.relative_to(PACKAGE)}:{line} imports {other}")
     assert not wrong, "\n".join(wrong)
 
 
-def test_the_table_has_no_circle():
-    order = []
-    while len(order) < len(TABLE):
-        free = [p for p in TABLE if p not in order and TABLE[p] <= set(order)]
-        assert free, f"circle among {set(TABLE) - set(order)}"
-        order += free
-
-
-@pytest.mark.parametrize("source", ["from ..solid import Solid", "import mufe_fenicsx.solid"])
+@pytest.mark.parametrize("source", ["from ..bulk.solid import Solid", "import mufe_fenicsx.bulk"])
 def test_a_forbidden_import_is_found(tmp_path, monkeypatch, source):
     """The reader of imports sees both forms, also inside a function."""
     package = tmp_path / "mufe_fenicsx"
@@ -199,7 +94,48 @@ def test_a_forbidden_import_is_found(tmp_path, monkeypatch, source):
     path = package / "kernels" / "fast.py"
     path.write_text(f"def f():\n    {source}\n")
     monkeypatch.setattr(sys.modules[__name__], "PACKAGE", package)
-    assert own_imports(path) == [("solid", 2)]
+    assert own_imports(path) == [("bulk", 2)]
+
+
+def private_uses(source):
+    """Lines of a source that name private things of other modules."""
+    tree = ast.parse(source)
+    own, used = set(), []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            own.add(node.name)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            own.add(node.id)
+        elif isinstance(node, ast.Attribute):
+            if isinstance(node.ctx, ast.Store) and _is_self(node.value):
+                own.add(node.attr)
+            elif not _is_self(node.value):
+                used.append((node.lineno, node.attr))
+        elif isinstance(node, ast.ImportFrom):
+            used += [(node.lineno, alias.name) for alias in node.names]
+    return [
+        f"{line}: {name}"
+        for line, name in used
+        if name.startswith("_") and not name.startswith("__") and name not in own | FOREIGN
+    ]
+
+
+def _is_self(node):
+    return isinstance(node, ast.Name) and node.id in ("self", "cls")
+
+
+def test_private_names_stay_in_their_modules():
+    wrong = [
+        f"{path.relative_to(PACKAGE)}:{use}"
+        for path in sources()
+        for use in private_uses(path.read_text(encoding="utf-8"))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_a_private_name_of_another_module_is_found():
+    assert private_uses("def f(x):\n    return x._hidden") == ["2: _hidden"]
+    assert private_uses("from ..bulk import _hidden") == ["1: _hidden"]
 
 
 def test_geometry_needs_no_solver_library():
@@ -214,12 +150,12 @@ def test_geometry_needs_no_solver_library():
 def test_the_command_line_loads_nothing_heavy():
     """`mufe --help` answers at once: no library of more than some milliseconds is loaded."""
     heavy = "numpy scipy numba dolfinx gmsh skimage pyvista matplotlib pint h5py".split()
-    code = f"import sys, mufe_fenicsx.cli; print([m for m in {heavy} if m in sys.modules])"
+    code = f"import sys, mufe_fenicsx.cli.main; print([m for m in {heavy} if m in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("name", ["run", "verification.cases", "verification.finite_body"])
+@pytest.mark.parametrize("name", ["run.run", "verification.cases", "verification.finite_body"])
 def test_hdf5_keeps_its_compression(name):
     """DOLFINx' wheel brings an HDF5 without any, which h5py must not take for its own."""
     code = f"import mufe_fenicsx.{name}, h5py; print('gzip' in h5py.filters.encode)"
@@ -230,6 +166,6 @@ def test_hdf5_keeps_its_compression(name):
 def test_a_run_loads_nothing_for_images_and_pictures():
     """Each rank of `mufe run` would pay for it in memory."""
     heavy = "skimage SimpleITK pyvista matplotlib tifffile scipy.optimize scipy.stats".split()
-    code = f"import sys, mufe_fenicsx.run; print([m for m in {heavy} if m in sys.modules])"
+    code = f"import sys, mufe_fenicsx.run.run; print([m for m in {heavy} if m in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"

@@ -5,8 +5,8 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.refine import split
-from mufe_fenicsx.geometry.shapes import box
+from mufe_fenicsx.geometry.bodies.shapes import box
+from mufe_fenicsx.geometry.tets.refine import split
 from mufe_fenicsx.mesh import create_grain_mesh, partition_grains
 from tests.bodies import RADIUS, packed_spheres
 

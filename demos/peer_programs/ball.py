@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from mufe_fenicsx.geometry.half_ball import half_ball
+from mufe_fenicsx.geometry.bodies.half_ball import half_ball
 
 E, NU, RADIUS, GROWTH = 100e9, 0.15, 1e-3, 0.3
 #: Corners of the faces of a tetrahedron, S1 to S4 of CalculiX.

@@ -5,7 +5,7 @@ import subprocess
 
 import numpy as np
 
-from mufe_fenicsx.geometry.refine import EDGES
+from mufe_fenicsx.geometry.tets.refine import EDGES
 
 #: Stiffness of the penalty over E/h, h the length of edges in the contact.
 PENALTY = 50.0

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mufe_fenicsx.analysis.by_grain import blocks, index_grains, sum_by_grain
+from mufe_fenicsx.geometry.form.shape import inertia_of, principal
 from mufe_fenicsx.geometry.measure import tet_volumes
-from mufe_fenicsx.geometry.shape import inertia_of, principal
 
 #: Rounding that the inequalities of :func:`unphysical` allow, relative to the largest moment.
 ROUNDING = 1e-12

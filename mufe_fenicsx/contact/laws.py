@@ -40,7 +40,7 @@ def matched_layers(own, node_modulus, facet_modulus, c):
     """Compliance c h/E* of nodes and of facets [m/Pa].
 
     Args:
-        own: :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
+        own: :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
         node_modulus, facet_modulus: E/(1 - nu²) of their grains [Pa].
         c: The constant of the layer.
     """
@@ -83,7 +83,7 @@ def replace_layers(mesh, own, layers, rigid_layer):
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
-        own: Its :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
+        own: Its :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
         layers: Compliance of its nodes and of its facets [m/Pa], changed in place.
         rigid_layer: Compliance of rigid grains [m/Pa], nan for others, shape (num_grains,).
     """
@@ -102,7 +102,7 @@ def largest_depths(mesh, own, modulus, rigid_layer=None):
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
-        own: Its :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
+        own: Its :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
         modulus: E/(1 - nu²) of this rank's grains [Pa], shape (num_grains,).
         rigid_layer: Compliance of grains that do not deform [m/Pa], nan for others; None: all do.
     """
@@ -120,7 +120,7 @@ def inertial_layers(own, mass):
     """Area over mass of nodes and of facets [m²/kg]; times Δt² that is their layer [m/Pa].
 
     Args:
-        own: :class:`~mufe_fenicsx.contact.surface.OwnSurface`.
+        own: :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
         mass: Masses of its nodes [kg], shape (num_nodes,).
     """
     node = own.area / mass

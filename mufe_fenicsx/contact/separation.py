@@ -12,10 +12,10 @@ import numpy as np
 from mpi4py import MPI
 
 from ..errors import InputError
-from .assemble import Contact
+from .contact import Contact
 from .laws import edge_of_area
-from .nodal import current_gaps
-from .reshape import extend, set_reference, volumes
+from .results.nodal_fields import current_gaps
+from .start.reference import extend, set_reference, volumes
 from .walls import Walls
 
 #: An overlap, or what remains of a gap, below this many edges at the node counts as none.

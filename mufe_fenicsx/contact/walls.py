@@ -23,9 +23,9 @@ from ..kernels.walls import (
     wall_energy,
 )
 from .bonded import find_bonded
-from .clocks import WALLS, GrainClocks
 from .laws import kinetic_of
 from .mirrors import nodes_on_mirrors
+from .pairs.motion_bounds import WALLS, GrainClocks
 
 #: Part α of the force that a servo lacks which one step may change: stable below 1 at the longest
 #: step that contacts allow, and below 2 at short ones (theory.servo).
@@ -257,7 +257,7 @@ class Walls:
             f, x: Forces [N] and positions [m] of points and nodes.
             corners: Nodes and weights of points in facets, kernels.points.
             layer, ratio: As of :class:`~mufe_fenicsx.kernels.walls.WallForces`.
-            points: :class:`~mufe_fenicsx.contact.points.Points`.
+            points: :class:`~mufe_fenicsx.contact.surface.points.Points`.
         """
         p = self.pairs
         p.forces = WallForces(

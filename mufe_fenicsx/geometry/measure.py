@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..topology import surface_pinch
+from ..kernels.topology import surface_pinch
 
 #: The four faces of a tetrahedron, each seen from outside counter-clockwise.
 FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))

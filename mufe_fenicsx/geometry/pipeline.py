@@ -6,26 +6,26 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from . import image as images
-from . import labels as labelling
-from .bodies import has_bodies, read_bodies
-from .compare import compare_labels, fitted, true_labels
-from .contact_faces import contact_table
-from .doubts import mark_doubts
-from .field_of_view import field_of_view
+from .atomic_output import new_files, new_folder
 from .grains import Grains, save_grains
-from .image_files import inverted, read_with_size
-from .jobs import shared_jobs, surface_jobs, voxel_jobs
-from .label_files import grain_table, read_labels, write_labels, write_table
+from .image import image as images
+from .image import labels as labelling
+from .image.compare_labels import compare_labels, fitted, true_labels
+from .image.contact_faces import contact_table
+from .image.field_of_view import field_of_view
+from .image.image_files import inverted, read_with_size
+from .image.label_files import grain_table, read_labels, write_labels, write_table
+from .image.picture import draw_quality, draw_segmentation
+from .image.quality_flags import mark_doubts
+from .image.segmentation import segment
+from .image.tiff_file import TIFF
+from .image.voxel_size import known_voxel_size
 from .measure import smallest_altitudes, surface_volume, worst_share_costs
-from .mesher import make_thicker_together, mesh_grains
-from .output import new_files, new_folder
-from .picture import draw_quality, draw_segmentation
-from .quality import QUALITY
-from .segmentation import segment
-from .stated_size import known_voxel_size
-from .tiff_file import TIFF
-from .work import check_work
+from .surface.given_surfaces import has_bodies, read_bodies
+from .tets.jobs import shared_jobs, surface_jobs, voxel_jobs
+from .tets.mesher import make_thicker_together, mesh_grains
+from .tets.quality import QUALITY
+from .tets.work import check_work
 
 #: Part of a grain's volume by which its mesh may be off without a warning.
 VOLUME_OFF = 0.02

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import InputError
-from .raw_file import number_type
-from .sizing import CONTACT, CURVATURE, FEWEST_NODES, UNIFORM, Sizing
+from .image.raw_file import number_type
+from .surface.sizing import CONTACT, CURVATURE, FEWEST_NODES, UNIFORM, Sizing
 
 #: Ways to find the grey level between void and solid.
 METHODS = ("otsu", "gaussians", "middle")

@@ -9,7 +9,7 @@ In the folder ``contacts``, numbered as the states in ``fields``:
   (or from the wall to the centre) with what they carry as data, for ParaView.
 
 ``pandas.read_csv`` opens the tables. SI units; sign conventions of
-:mod:`mufe_fenicsx.contact.network`: vectors are those on ``grain_a`` from ``grain_b``.
+:mod:`mufe_fenicsx.contact.results.network`: vectors are those on ``grain_a`` from ``grain_b``.
 
 Format of the lines: VTK documentation, "VTKHDF file format", PolyData, version 2.
 """
@@ -103,7 +103,7 @@ class ContactWriter:
         Args:
             index: Its number.
             time: Time [s].
-            network: :class:`~mufe_fenicsx.contact.network.Network` on rank 0.
+            network: :class:`~mufe_fenicsx.contact.results.network.Network` on rank 0.
 
         Raises:
             InputError: It cannot be written; on all ranks together.

@@ -16,8 +16,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from mufe_fenicsx.bounds import shortened
-from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.errors import InputError, shortened
 from mufe_fenicsx.output.run_folder import (
     attempt,
     keep_states,

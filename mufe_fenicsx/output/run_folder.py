@@ -12,8 +12,7 @@ import tempfile
 from pathlib import Path
 
 import mufe_fenicsx
-from mufe_fenicsx.bounds import shortened
-from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.errors import InputError, shortened
 from mufe_fenicsx.output.run_kinds import sorted_out
 
 #: Made by whoever writes into a run folder, and gone when that ends (:mod:`.run_lock`).

@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..contact.surface import neighbors, rings
+from ..contact.surface.surface import neighbors, rings
+from ..geometry.form.shape import inertia_of, principal, tet_moments
 from ..geometry.measure import boundary_triangles, compact
-from ..geometry.shape import inertia_of, principal, tet_moments
 from ..kernels.signed_distance import find_signed_distances
 
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from ..contact.separation import separate
 from ..errors import InputError
+from ..geometry.atomic_output import new_files
 from ..geometry.measure import tet_volumes
-from ..geometry.output import new_files
 from ..materials.elastic import Elastic
 from ..materials.j2 import FAR, J2
-from ..preparation import bounding_box, load_mesh, make_walls
+from ..run.from_scene import bounding_box, load_mesh, make_walls
 from ..scene import TOP_PLATEN
 from .deck import UNITS, Deck, Grain, Material, Pair, Plane, Step, write_deck
 from .touching import surfaces_of, touching_grains, touching_planes

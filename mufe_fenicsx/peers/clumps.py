@@ -20,7 +20,7 @@ from scipy.ndimage import maximum_filter
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
-from ..geometry.shape import inertia_of
+from ..geometry.form.shape import inertia_of
 
 #: Cells of the grid in the diameter of the ball of equal volume.
 CELLS = 32

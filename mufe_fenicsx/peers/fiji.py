@@ -4,7 +4,7 @@ ImageJ keeps the lengths of a voxel along x and y as resolutions (pixels a unit,
 whole numbers), that along z as ``spacing``, with ``unit`` and the number of ``slices`` in the
 description of the first page. It knows whole numbers of 8 and 16 bits and floating point numbers;
 labels beyond 65535 are written as the latter, which is exact up to 2²⁴.
-`mufe mesh` and :func:`~mufe_fenicsx.geometry.label_files.read_labels` read such files again.
+`mufe mesh` and :func:`~mufe_fenicsx.geometry.image.label_files.read_labels` read such files again.
 """
 
 from fractions import Fraction
@@ -14,7 +14,7 @@ import numpy as np
 import tifffile
 
 from ..errors import InputError
-from ..geometry.output import new_files
+from ..geometry.atomic_output import new_files
 
 #: Largest label that each type of ImageJ holds exactly.
 TYPES = ((2**8 - 1, np.uint8), (2**16 - 1, np.uint16), (2**24, np.float32))

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass, field, replace
 
 from ..errors import InputError
-from ..evidence import read_points
 from ..materials.auto import Auto
 from ..materials.elastic import Elastic
 from ..materials.rigid import Rigid
@@ -19,6 +18,7 @@ from .errors import (
     sample_errors,
     time_for,
 )
+from .evidence import read_points
 from .reasons import driver, out_of_reach, stage_too_fast, too_simple, unknown
 
 #: What the table calls a law of contact, by what a scene says.

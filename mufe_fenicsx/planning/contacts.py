@@ -30,7 +30,7 @@ class Closing:
     """Gaps of a simulation before its test. Collective; it searches contacts anew and steps once.
 
     Args:
-        simulation: :class:`~mufe_fenicsx.simulation.Simulation`.
+        simulation: :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
         low, high: Corners of the box [m], shape (3,).
     """
 

@@ -15,13 +15,13 @@ from statistics import quantiles
 import numpy as np
 from mpi4py import MPI
 
-from ..balance import PAIR_COSTS
 from ..contact.separation import separate
-from ..loading import LARGEST_SEATING, smooth_step
-from ..memory import peak_memory
-from ..preparation import bounding_box, load_mesh, make_simulation
-from ..speed_control import AIM
-from ..staged_loading import SETTLED
+from ..loading.oedometer import LARGEST_SEATING, smooth_step
+from ..loading.quasi_static import AIM
+from ..loading.stages import SETTLED
+from ..machine.memory import peak_memory
+from ..run.from_scene import bounding_box, load_mesh, make_simulation
+from ..run.rebalance import PAIR_COSTS
 from .contacts import Closing
 from .course import course_of, wave_speed
 

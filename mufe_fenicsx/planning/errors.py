@@ -21,7 +21,7 @@ import math
 from dataclasses import dataclass
 
 from ..errors import InputError
-from ..evidence import distance, read_points, usable
+from .evidence import distance, read_points, usable
 
 OEDOMETER = "oedometer"
 #: Grains of its sample.

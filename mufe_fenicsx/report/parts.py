@@ -7,10 +7,9 @@ from functools import lru_cache
 
 import matplotlib
 
-from mufe_fenicsx.bounds import shortened
-from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.workers import WorkerError, run_jobs
-from mufe_fenicsx.memory import free_memory
+from mufe_fenicsx.errors import InputError, shortened
+from mufe_fenicsx.geometry.tets.workers import WorkerError, run_jobs
+from mufe_fenicsx.machine.memory import free_memory
 from mufe_fenicsx.report import (
     animation,
     chains,

@@ -8,8 +8,7 @@ import numpy as np
 import mufe_fenicsx
 from mufe_fenicsx.analysis.probes import find_cells
 from mufe_fenicsx.analysis.rows import branches
-from mufe_fenicsx.bounds import nearest_name
-from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.errors import InputError, nearest_name
 from mufe_fenicsx.output.run_folder import reason
 from mufe_fenicsx.report import compare, style, triaxial
 from mufe_fenicsx.report.checks import begin_of_good, check_run, where, worst_of

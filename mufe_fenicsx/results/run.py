@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 
-from ..bounds import shortened
-from ..errors import InputError
+from ..errors import InputError, shortened
 from ..geometry.measure import tet_volumes
 from ..output.contacts import CONTACT_COLUMNS, contact_files, read_contacts
 from ..output.fields import MESH, read_arrays, read_states

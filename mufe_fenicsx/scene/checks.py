@@ -2,8 +2,7 @@
 
 import math
 
-from ..bounds import shown
-from ..errors import InputError
+from ..errors import InputError, shown
 
 
 def require(holds, name, value, expectation):

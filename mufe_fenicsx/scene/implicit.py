@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from .. import petsc_options
+from ..solvers import petsc_options
 from .checks import one_of, require
 
 

@@ -14,8 +14,7 @@ import typing
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from pathlib import Path
 
-from ..bounds import nearest_name, shown
-from ..errors import InputError
+from ..errors import InputError, nearest_name, shown
 from ..materials.scatter import Scatter
 from ..units import QUANTITIES
 from .catalogue import MODELS, SHAPES, TABLES, TOP_KEYS, WORDS, unit_of

@@ -4,11 +4,11 @@ import tomllib
 from dataclasses import fields
 from pathlib import Path
 
-from ..bounds import check_text, shortened, shown
-from ..errors import InputError
+from ..errors import InputError, shortened, shown
 from ..materials.j2 import J2
 from ..materials.scatter import SCATTERED, Scatter
 from ..units import to_si
+from .bounds import check_text
 from .catalogue import MODELS, SHAPES, TABLES, TOP_KEYS
 from .scene import Scene
 from .stages import Stage

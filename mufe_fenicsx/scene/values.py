@@ -7,10 +7,10 @@ import typing
 from dataclasses import MISSING, fields
 from pathlib import Path
 
-from ..bounds import check_count, check_key, check_text, nearest_name, shortened, shown
-from ..errors import InputError
+from ..errors import InputError, nearest_name, shortened, shown
 from ..materials.j2 import J2
 from ..units import expected, to_si
+from .bounds import check_count, check_key, check_text
 from .catalogue import FLOAT_ARRAYS, SHAPES, TABLES, WORDS, unit_of
 from .image import PACKAGED_IMAGES
 

@@ -6,7 +6,7 @@ import pyvista
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from ..geometry.picture import STYLE, length_unit
+from ..geometry.image.picture import STYLE, length_unit
 from ..report.render import cannot_render, quiet
 from .packing import icosphere
 

@@ -6,9 +6,9 @@ import numpy as np
 import tifffile
 
 from ..errors import SolverError
-from ..geometry.compare import touching_labels
-from ..geometry.label_files import write_labels, write_table
-from ..geometry.output import new_folder
+from ..geometry.atomic_output import new_folder
+from ..geometry.image.compare_labels import touching_labels
+from ..geometry.image.label_files import write_labels, write_table
 from .imaging import grey_image, voxelise
 from .packing import icosphere, pack
 from .picture import draw_scan

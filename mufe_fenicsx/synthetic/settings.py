@@ -3,8 +3,7 @@
 import math
 from dataclasses import dataclass, fields
 
-from ..bounds import nearest_name, shown
-from ..errors import InputError
+from ..errors import InputError, nearest_name, shown
 from ..units import to_si
 
 

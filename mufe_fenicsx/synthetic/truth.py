@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..geometry.compare import touching_labels
-from ..geometry.label_files import grain_table
+from ..geometry.image.compare_labels import touching_labels
+from ..geometry.image.label_files import grain_table
 from ..kernels import radial
 from .packing import icosphere
 
@@ -13,7 +13,7 @@ SHAPE = ("whole_volume_m3", "length_m", "elongation", "flatness")
 
 
 def grain_rows(packing, voxels, labels, voxel_size):
-    """One dictionary a grain, of the columns of `geometry.label_files.TABLE` and `SHAPE`.
+    """One dictionary a grain, of the columns of `geometry.image.label_files.TABLE` and `SHAPE`.
 
     Volume, diameter and centroid are those of the surface's inside within the image, by
     supersampling, not of voxels.

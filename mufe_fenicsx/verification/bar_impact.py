@@ -4,9 +4,9 @@ from typing import Literal
 
 import numpy as np
 
-from ..geometry.shapes import box
+from ..geometry.bodies.shapes import box
 from ..materials.elastic import Elastic
-from .build import build, sum_over_nodes
+from ..run.from_bodies import build, sum_over_nodes
 from .case import case, compare
 
 E, RHO, LENGTH = 100e9, 2650.0, 1e-2

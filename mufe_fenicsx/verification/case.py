@@ -5,8 +5,6 @@ import inspect
 import math
 import time
 
-import numpy as np
-
 
 def compare(computed, theory, tolerance, scale=None):
     """One line of a case's answer.
@@ -100,18 +98,3 @@ def on_first_ranks(comm, count, function):
     if error is not None:
         raise error
     return result
-
-
-def axis_planes(low, high, axes="xyz"):
-    """Point and inward normal of planes around a box: a dict by name, x_min, x_max, …
-
-    Args:
-        low, high: Corners of the box [m], shape (3,).
-        axes: Which pairs of planes.
-    """
-    planes = {}
-    for axis in axes:
-        normal = np.eye(3)["xyz".index(axis)]
-        planes[f"{axis}_min"] = np.array(low, dtype=float), normal
-        planes[f"{axis}_max"] = np.array(high, dtype=float), -normal
-    return planes

@@ -3,8 +3,7 @@
 import inspect
 import typing
 
-from ..bounds import nearest_name
-from ..errors import InputError
+from ..errors import InputError, nearest_name
 from .bar_impact import bar_impact
 from .case import by_name
 from .column import column
@@ -85,7 +84,7 @@ CASES = (
 
 def known_cases():
     """All cases that can be named: ``CASES``, and the single points of charts."""
-    from ..charts.cases import POINTS  # which are made of these
+    from .charts.points import POINTS  # which are made of these
 
     return CASES | POINTS
 

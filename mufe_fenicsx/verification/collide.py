@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..contact.walls import Wall
-from ..geometry.shapes import sphere_near_contact
-from .build import build
+from ..geometry.bodies.shapes import sphere_near_contact
+from ..run.from_bodies import build
 
 
 def odd_frame():
@@ -66,7 +66,7 @@ class Balls:
         comm: MPI communicator with at most as many ranks as balls.
         impacts: :class:`Impacts`.
         material: Material of all balls.
-        options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
+        options: Of :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
     """
 
     def __init__(self, comm, impacts, material, **options):

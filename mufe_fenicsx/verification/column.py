@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from ..contact.laws import COMPLIANCE
-from ..geometry.shapes import box
+from ..geometry.bodies.shapes import box
 from ..materials.elastic import Elastic
+from ..run.from_bodies import build, drive, settle, sum_over_nodes
 from ..theory.elasticity import lateral_stress_ratio, oedometric_modulus
-from .build import build, drive, settle, sum_over_nodes
 from .case import case, compare
 
 E, RHO, SIZE = 100e9, 2650.0, 1e-3

@@ -4,11 +4,11 @@ import re
 
 import numpy as np
 
-from ..energy_guard import EnergyGuard
 from ..errors import SolverError
-from ..geometry.shapes import sphere
+from ..geometry.bodies.shapes import sphere
 from ..materials.sand import SAND
-from .build import build, drive
+from ..run.energy_guard import EnergyGuard
+from ..run.from_bodies import build, drive
 from .case import case, compare
 
 E, NU, RHO, RADIUS = 100e9, 0.15, 2650.0, 1e-3

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ..geometry.shapes import sphere
+from ..geometry.bodies.shapes import sphere
 from ..materials.elastic import Elastic
 from ..materials.sand import SAND
-from .build import build, sum_over_nodes
+from ..run.from_bodies import build, sum_over_nodes
 from .case import at_least, case, compare
 from .shrinking_box import RADIUS, press_four_balls
 

@@ -87,7 +87,7 @@ def _scan(cache):
 
 def _labels(cache, number, folder):
     """Label image of a member: a corner of that of the largest."""
-    from ..geometry.label_files import read_labels, write_labels
+    from ..geometry.image.label_files import read_labels, write_labels
     from ..geometry.pipeline import segment_image
     from ..scene import load_scene
     from ..synthetic.pipeline import synthesize

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from ..contact.points import RECESS
+from ..contact.surface.points import RECESS
+from ..explicit.simulation import Simulation
 from ..materials.elastic import Elastic
 from ..mesh import create_grain_mesh
-from ..simulation import Simulation
 from .case import case, compare
 from .tet_depth import penetration_depth
 from .tets import rotation, tet_pairs

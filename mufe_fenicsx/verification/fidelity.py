@@ -8,15 +8,15 @@ import numpy as np
 from ..contact.separation import separate
 from ..contact.walls import Wall
 from ..errors import InputError
-from ..geometry.shapes import sphere
-from ..loading import LOADING, OedometerLoading
+from ..explicit.simulation import Simulation
+from ..geometry.bodies.shapes import sphere
+from ..loading.oedometer import LOADING, OedometerLoading
 from ..materials.auto import Auto
 from ..materials.elastic import Elastic
 from ..materials.rigid import Rigid
 from ..materials.sand import SAND
-from ..simulation import Simulation
-from .build import build
-from .case import axis_planes, case, compare
+from ..run.from_bodies import axis_planes, build
+from .case import case, compare
 
 ROCK = {"E": SAND.E, "nu": SAND.nu, "rho": SAND.rho}
 #: Materials by fidelity: that of the paper, and the same with less of its behaviour.
@@ -67,7 +67,7 @@ def compress(
         records: Number of records.
         seating: Mean stress at which the strain begins to count [Pa].
         close_gaps: Between neighbours that are closed first, over the element size.
-        options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
+        options: Of :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
     """
     mesh = build(comm, bodies, FIDELITIES["elastic"], np.zeros(3), np.zeros(3), axes="").mesh
     separate(mesh, 0.3, 0.0, close_gaps)

@@ -12,8 +12,8 @@ from dolfinx import fem
 from dolfinx.fem.petsc import LinearProblem
 from mpi4py import MPI
 
-from ..forms import compiled_form
-from ..geometry.half_ball import half_ball
+from ..geometry.bodies.half_ball import half_ball
+from ..kernels.compiled_forms import compiled_form
 from ..mesh import create_grain_mesh
 
 

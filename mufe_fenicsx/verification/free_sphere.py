@@ -5,11 +5,11 @@ from typing import Literal
 
 import numpy as np
 
-from ..geometry.shapes import sphere
+from ..bulk.solid import ELEMENTS
+from ..geometry.bodies.shapes import sphere
 from ..materials.elastic import Elastic
-from ..solid import ELEMENTS
+from ..run.from_bodies import build
 from ..theory.sphere_modes import displacement, modes, torsional_frequency, twist
-from .build import build
 from .case import case, compare
 
 E, RHO, RADIUS = 100e9, 2650.0, 1e-3

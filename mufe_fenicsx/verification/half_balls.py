@@ -7,8 +7,8 @@ import numpy as np
 from mpi4py import MPI
 
 from ..contact.walls import Wall, rotation_of
-from ..geometry.half_ball import half_ball
-from .build import distribute, simulate
+from ..geometry.bodies.half_ball import half_ball
+from ..run.from_bodies import distribute, simulate
 
 #: Rows: along, across and up. Nothing is aligned with the axes.
 FRAME = rotation_of(np.array([0.7, -0.4, 1.1]))
@@ -59,7 +59,7 @@ class HalfBalls:
             comm, material: What they are made of, and where.
             friction: Coefficient of friction.
             added_mass: As of :func:`slow_mass_factor`; 0 for none.
-            options: Of :class:`~mufe_fenicsx.simulation.Simulation`, and ``increment``.
+            options: Of :class:`~mufe_fenicsx.explicit.simulation.Simulation`, and ``increment``.
         """
         bodies, walls = self.make()
         mesh = distribute(comm, bodies)

@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..solid import ELEMENTS
+from ..bulk.solid import ELEMENTS
 from .case import case, compare, on_first_ranks
 from .hertz_bodies import NAMES, RADIUS, hertz_at, make, whole_contact
 from .pressed import Pressed, measure

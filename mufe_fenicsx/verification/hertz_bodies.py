@@ -4,9 +4,9 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 
-from ..geometry.half_ball import half_ball
-from ..geometry.half_cylinder import half_cylinder
-from ..geometry.half_ellipsoid import half_ellipsoid
+from ..geometry.bodies.half_ball import half_ball
+from ..geometry.bodies.half_cylinder import half_cylinder
+from ..geometry.bodies.half_ellipsoid import half_ellipsoid
 from ..materials.elastic import Elastic
 from ..theory import hertz, two_spheres
 from .pressed import Body, turn

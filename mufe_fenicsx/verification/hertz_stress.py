@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..solid import von_mises
+from ..bulk.solid import von_mises
 from ..theory.hertz import stress_on_axis
 from .case import case, compare
 from .hertz_bodies import RADIUS, make, whole_contact

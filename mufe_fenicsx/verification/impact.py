@@ -53,7 +53,7 @@ def normal_impact(
         growth: Growth of the element size with the distance from the contact.
         material, radius: Of the balls [m].
         increments: Number of implicit ones during the contact; None for time steps.
-        options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
+        options: Of :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
 
     Returns:
         :class:`NormalImpact`.

@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 
 from ..errors import InputError
-from ..launcher import environment_without_launcher
+from ..machine.mpi_launcher import environment_without_launcher
 
 #: What ends a process where the library was built for other processors than this one.
 TRIAL = """

@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 
 from ..materials.elastic import Elastic
+from ..run.from_bodies import drive
 from ..theory import hertz
 from ..theory import mindlin as theory
-from .build import drive
 from .case import case, compare
 from .finite_body import shear_compliance
 from .half_balls import ALONG, UP, HalfBalls, displacement, low_load

@@ -44,7 +44,7 @@ def rebound(
         elements_per_radius: Contact radius over the length of edges there.
         growth: Growth of the element size with the distance from the contact.
         material, radius: Of the balls [m].
-        options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
+        options: Of :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
 
     Returns:
         :class:`Rebound`.

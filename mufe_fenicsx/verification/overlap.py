@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from ..contact.reshape import volumes
 from ..contact.separation import separate
-from ..geometry.shapes import box, sphere
+from ..contact.start.reference import volumes
+from ..explicit.simulation import Simulation
+from ..geometry.bodies.shapes import box, sphere
 from ..materials.elastic import Elastic
-from ..simulation import Simulation
-from .build import build
+from ..run.from_bodies import build
 from .case import case, compare
 
 MATERIAL = Elastic(100e9, 0.15, 2650.0)

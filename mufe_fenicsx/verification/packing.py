@@ -5,12 +5,12 @@ import numpy as np
 from ..contact.separation import separate
 from ..contact.walls import Wall
 from ..errors import InputError
-from ..geometry.shapes import sphere
-from ..loading import OedometerLoading
+from ..explicit.simulation import Simulation
+from ..geometry.bodies.shapes import sphere
+from ..loading.oedometer import OedometerLoading
 from ..materials.sand import SAND
-from ..simulation import Simulation
-from .build import build
-from .case import axis_planes, case, compare
+from ..run.from_bodies import axis_planes, build
+from .case import case, compare
 from .intrusion import find_intrusion
 
 RADIUS = 1e-3

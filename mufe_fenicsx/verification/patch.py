@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from ..geometry.shapes import box
+from ..geometry.bodies.shapes import box
 from ..materials.elastic import Elastic
-from .build import build, drive, settle, sum_over_nodes
+from ..run.from_bodies import build, drive, settle, sum_over_nodes
 from .case import case, compare
 
 E, RHO, SIZE = 100e9, 2650.0, 1e-3
@@ -61,7 +61,7 @@ def press_blocks(comm, divisions, other_divisions, strain=1e-4, at_rest=1e-14, *
         comm: MPI communicator of at most two ranks.
         divisions, other_divisions, strain: As of the case.
         at_rest: Kinetic over stored energy at which to stop.
-        options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
+        options: Of :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
 
     Returns:
         :class:`Blocks`.

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..contact.walls import Wall
-from ..geometry.half_ball import half_ball
-from ..simulation import Simulation
-from .build import distribute, drive, simulate
+from ..explicit.simulation import Simulation
+from ..geometry.bodies.half_ball import half_ball
+from ..run.from_bodies import distribute, drive, simulate
 from .half_balls import ADDED, slow_mass_factor
 from .pressed import FRAME, turn
 
@@ -91,7 +91,7 @@ def press_ball(
         watch_yield: Look for the first plastic strain at each step.
         increments: Number of static increments; None for time steps.
         added_mass: By which small elements are slowed down, over that of the body.
-        options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
+        options: Of :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
 
     Returns:
         :class:`Course`.

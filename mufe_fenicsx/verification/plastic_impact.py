@@ -81,7 +81,7 @@ def rebound(comm, ratio, elements_per_radius=2.5, nu=0.3, E_over_Y=300.0, **opti
         comm: MPI communicator of one rank.
         ratio: Speed over V_y of Thornton with the limiting pressure ``LOW`` Y.
         elements_per_radius, nu, E_over_Y: As of the case.
-        options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
+        options: Of :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
 
     Returns:
         :class:`Rebound`.

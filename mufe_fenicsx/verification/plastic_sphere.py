@@ -6,8 +6,8 @@ from typing import Literal
 
 import numpy as np
 
+from ..bulk.solid import von_mises
 from ..materials.j2 import J2
-from ..solid import von_mises
 from ..theory import plastic_contact
 from .case import case, compare
 from .hertz_stress import PATCH, recover

@@ -4,9 +4,9 @@ import numpy as np
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 from scipy.spatial.transform import Rotation
 
-from ..geometry.gmsh_model import gmsh_model, tetrahedra
 from ..geometry.measure import compact
-from ..geometry.tetra import fill
+from ..geometry.tets.fill import fill
+from ..geometry.tets.gmsh_model import gmsh_model, tetrahedra
 
 #: Sample, the seed of the random numbers: of 1 to 12 the one that gives the longest shortest edge
 #: (a tenth of half of the distance of grains), since a short edge makes small elements on all

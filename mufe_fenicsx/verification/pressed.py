@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..contact.walls import Wall
-from ..geometry.refine import PARTS, split
+from ..geometry.tets.refine import PARTS, split
 from ..mesh import create_grain_mesh, partition_grains
 from .slow_press import Increments, TimeSteps
 
@@ -71,8 +71,8 @@ class Pressed:
         comm: At most as many ranks as bodies.
         bodies: One or two :class:`Body`.
         integrator: "static" increments; or the same state by "explicit", damped time steps.
-        options: Of :class:`~mufe_fenicsx.simulation.Simulation`, and of
-            :class:`~mufe_fenicsx.implicit.ImplicitSimulation` for increments; for
+        options: Of :class:`~mufe_fenicsx.explicit.simulation.Simulation`, and of
+            :class:`~mufe_fenicsx.implicit.simulation.ImplicitSimulation` for increments; for
             ``element = "composite"`` the tetrahedra of the bodies are split.
     """
 

@@ -6,12 +6,12 @@ import numpy as np
 from mpi4py import MPI
 
 from ..contact.walls import Wall
-from ..geometry.bulge import bulged_ball
-from ..geometry.shapes import box, sphere, sphere_near_contact
+from ..geometry.bodies.bulge import bulged_ball
+from ..geometry.bodies.shapes import box, sphere, sphere_near_contact
 from ..materials.rigid import Rigid
 from ..materials.sand import SAND
+from ..run.from_bodies import build, drive, sum_over_nodes
 from ..theory import rigid as theory
-from .build import build, drive, sum_over_nodes
 from .case import at_least, case, compare
 from .shrinking_box import press_four_balls
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..materials.elastic import Elastic
+from ..run.from_bodies import drive
 from ..theory import hertz
 from ..theory import rolling as theory
-from .build import drive
 from .case import case, compare
 from .half_balls import ACROSS, FRAME, UP, HalfBalls
 

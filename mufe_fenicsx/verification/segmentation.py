@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import tifffile
 
-from ..geometry.compare import compare_labels
-from ..geometry.label_files import read_labels
-from ..geometry.segmentation import segment
+from ..geometry.image.compare_labels import compare_labels
+from ..geometry.image.label_files import read_labels
+from ..geometry.image.segmentation import segment
 from ..geometry.settings import SegmentSettings
 from ..synthetic.pipeline import TOLERANCE, synthesize
 from ..synthetic.settings import SynthesisSettings

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from ..geometry.shapes import sphere
+from ..geometry.bodies.shapes import sphere
+from ..run.from_bodies import build, drive
 from ..scene import WALLS
-from .build import build, drive
 
 RADIUS = 1e-3
 #: Distance of the balls over their diameter, and their first velocities and spins over the speed.

@@ -5,11 +5,11 @@ import math
 import numpy as np
 
 from ..contact.walls import Wall, rotation_of
-from ..geometry.shapes import box
+from ..explicit.simulation import Simulation
+from ..geometry.bodies.shapes import box
 from ..materials.elastic import Elastic
-from ..simulation import Simulation
+from ..run.from_bodies import build, distribute, drive, settle
 from ..theory.coulomb import friction_work
-from .build import build, distribute, drive, settle
 from .case import case, compare
 
 # Without lateral strain pressing alone makes no node slip.

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from ..geometry.shapes import box
+from ..geometry.bodies.shapes import box
 from ..materials.elastic import Elastic
-from .build import distribute
+from ..run.from_bodies import distribute
 from .case import case, compare
 from .slow_press import Increments, TimeSteps
 
@@ -136,7 +136,7 @@ class Drawn:
         way: To be drawn [m], shape (3,), or (num_sliders, 3).
         depth: By which they are pressed, with the gap [m].
         integrator: A name out of ``INTEGRATORS``.
-        options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
+        options: Of :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
     """
 
     def __init__(self, comm, pairs, way, depth, integrator, **options):

@@ -8,8 +8,8 @@ import math
 import numpy as np
 from mpi4py import MPI
 
-from ..implicit import ImplicitSimulation
-from ..simulation import Simulation
+from ..explicit.simulation import Simulation
+from ..implicit.simulation import ImplicitSimulation
 from .half_balls import slow_mass_factor
 
 #: Durations of a move and of the rest after it, over the period of a body on its base.
@@ -26,7 +26,7 @@ class TimeSteps:
     """Damped time steps, with masses that make all elements about equally fast. Collective.
 
     Args:
-        mesh, materials, walls, options: Of :class:`~mufe_fenicsx.simulation.Simulation`.
+        mesh, materials, walls, options: Of :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
         held: Pairs (nodes of this rank, unit vector (3,)): displacements along the vector are zero,
             or prescribed.
         height: Of the tallest body [m].
@@ -71,7 +71,7 @@ class Increments:
     """Static increments by products, one for each move unless it is long. Collective.
 
     Args:
-        mesh, materials, walls, options: Of :class:`~mufe_fenicsx.implicit.ImplicitSimulation`.
+        mesh, materials, walls, options: Of :class:`~.ImplicitSimulation`.
         held: As of :class:`TimeSteps`.
         height: Not needed.
     """

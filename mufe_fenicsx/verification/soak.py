@@ -4,12 +4,12 @@ import numpy as np
 
 from ..contact.separation import separate
 from ..contact.walls import Wall
-from ..loading import TOP, OedometerLoading
+from ..explicit.simulation import Simulation
+from ..loading.oedometer import TOP, OedometerLoading
+from ..machine.memory import memory_in_use
 from ..materials.sand import SAND
-from ..memory import memory_in_use
-from ..simulation import Simulation
-from .build import build
-from .case import axis_planes, case, compare
+from ..run.from_bodies import axis_planes, build
+from .case import case, compare
 from .packing import angular_grains
 
 #: Parts of the steps after which the memory is compared with that at the end, and the forces.

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
-from ..geometry.shapes import sphere
+from ..bulk.solid import von_mises
+from ..geometry.bodies.shapes import sphere
 from ..materials.elastic import Elastic
 from ..materials.j2 import J2
-from ..solid import von_mises
+from ..run.from_bodies import build, sum_over_nodes
 from ..theory.rotation import mean_centrifugal_stress
-from .build import build, sum_over_nodes
 from .case import case, compare
 from .strain_paths import Tets, rotations, tensor
 

@@ -5,11 +5,11 @@ from typing import Literal
 
 import numpy as np
 
+from ..bulk.solid import ELEMENTS
 from ..errors import InputError
-from ..geometry.half_ball import half_ball
-from ..geometry.half_cylinder import half_cylinder
+from ..geometry.bodies.half_ball import half_ball
+from ..geometry.bodies.half_cylinder import half_cylinder
 from ..materials.elastic import Elastic
-from ..solid import ELEMENTS
 from ..theory import splitting
 from .case import case, compare
 from .hertz import FORCE, LARGE_STRAIN

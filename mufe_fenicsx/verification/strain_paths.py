@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
+from ..bulk.solid import Solid, von_mises
 from ..errors import SolverError
-from ..solid import Solid, von_mises
+from ..run.from_bodies import distribute
 from ..state import initial_state
-from .build import distribute
 
 VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 

@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 
 from ..materials.elastic import Elastic
+from ..run.from_bodies import drive
 from ..theory import hertz
 from ..theory import torsion as theory
-from .build import drive
 from .case import case, compare
 from .half_balls import FRAME, UP, HalfBalls, low_load
 

@@ -5,8 +5,8 @@ import pytest
 
 from mufe_fenicsx.analysis.grain_stress import first_yield, grain_stress, unstressed
 from mufe_fenicsx.analysis.yield_place import closest_on_triangles, yield_place
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.measure import boundary_triangles
-from mufe_fenicsx.geometry.shapes import box
 
 ROUND_OFF = 1e-12
 

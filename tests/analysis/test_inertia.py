@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mufe_fenicsx.analysis.inertia import grain_inertia, unphysical
+from mufe_fenicsx.geometry.bodies.shapes import box, sphere
 from mufe_fenicsx.geometry.measure import tet_volumes
-from mufe_fenicsx.geometry.shapes import box, sphere
 
 TURN = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
 FAR = np.array([30.0, -20.0, 50.0])

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mufe_fenicsx.analysis.kinematics import grain_motion
-from mufe_fenicsx.geometry.shapes import box, tetrahedron
+from mufe_fenicsx.geometry.bodies.shapes import box, tetrahedron
 
 #: Rotation vectors [rad]: none, tiny, some, nearly half a turn, half a turn.
 TURNS = np.array(

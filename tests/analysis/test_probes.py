@@ -5,7 +5,7 @@ import pytest
 
 from mufe_fenicsx.analysis.probes import at_places, find_cells, of_grains
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.shapes import box
+from mufe_fenicsx.geometry.bodies.shapes import box
 
 ROUND_OFF = 1e-12
 F = np.array([[0.01, 0.02, 0.0], [-0.01, 0.0, 0.03], [0.0, 0.01, -0.02]])

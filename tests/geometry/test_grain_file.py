@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.grain_file import WITHOUT_CHECKSUM, GrainFile
 from mufe_fenicsx.geometry.grains import Grains, load_grains, read_grain_table, save_grains
-from mufe_fenicsx.geometry.shapes import box
 
 
 @pytest.fixture

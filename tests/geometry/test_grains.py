@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry.bodies.shapes import box, tetrahedron
 from mufe_fenicsx.geometry.grains import Grains, load_grains, read_grain_table, save_grains
-from mufe_fenicsx.geometry.shapes import box, tetrahedron
 
 
 @pytest.fixture

@@ -6,12 +6,12 @@ import errno
 import numpy as np
 import pytest
 
-from mufe_fenicsx import memory
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import pipeline
 from mufe_fenicsx.geometry.grains import load_grains
-from mufe_fenicsx.geometry.label_files import read_labels, write_labels
+from mufe_fenicsx.geometry.image.label_files import read_labels, write_labels
 from mufe_fenicsx.geometry.settings import MeshSettings, SegmentSettings
+from mufe_fenicsx.machine import memory
 from tests.geometry.scenes import grey_packing, two_balls
 
 

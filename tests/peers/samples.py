@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mufe_fenicsx.geometry.bodies.shapes import box, sphere
 from mufe_fenicsx.geometry.grains import Grains
-from mufe_fenicsx.geometry.shapes import box, sphere
 
 #: Edges of a brick, its turn in the sample, and its place.
 EDGES = np.array([3e-4, 2e-4, 1e-4])

@@ -9,8 +9,8 @@ import pyvista
 from scipy.spatial.transform import Rotation
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies import read_bodies
 from mufe_fenicsx.geometry.measure import surface_volume
+from mufe_fenicsx.geometry.surface.given_surfaces import read_bodies
 from mufe_fenicsx.peers.body import bodies_of
 from mufe_fenicsx.peers.clump_files import export_clumps
 from mufe_fenicsx.peers.clumps import clump_of

@@ -14,16 +14,16 @@ from mpi4py import MPI
 
 from mufe_fenicsx.contact.laws import edge_of_area
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry.bodies.half_ball import half_ball
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.grains import Grains, save_grains
-from mufe_fenicsx.geometry.half_ball import half_ball
-from mufe_fenicsx.geometry.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.peers.calculix import export_calculix
 from mufe_fenicsx.peers.deck_forces import read_wall_forces
-from mufe_fenicsx.run import run_scene
+from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Implicit, Oedometer, Sample, Scene, Solver, Wall
 
 RADIUS = 1e-4
@@ -144,7 +144,7 @@ def test_a_deck_of_two_cubes(tmp_path):
 
 def test_the_platen_of_a_dynamic_deck_moves_as_that_of_a_run(tmp_path):
     """Speed rises with the same quintic; integrated with fine steps. Round-off of 12 digits."""
-    from mufe_fenicsx.loading import smooth_step
+    from mufe_fenicsx.loading.oedometer import smooth_step
 
     points, cells = box((1e-4,) * 3, (1,) * 3)
     save_grains(

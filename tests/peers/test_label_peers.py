@@ -8,7 +8,7 @@ import pytest
 import tifffile
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.label_files import read_labels
+from mufe_fenicsx.geometry.image.label_files import read_labels
 from mufe_fenicsx.peers.fiji import export_fiji
 from mufe_fenicsx.peers.spam import contact_table, export_spam, find_contacts, read_contacts
 from tests.peers.samples import packed_labels

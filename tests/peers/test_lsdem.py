@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from mufe_fenicsx.geometry.bodies.shapes import sphere
 from mufe_fenicsx.geometry.grains import Grains
-from mufe_fenicsx.geometry.shapes import sphere
 from mufe_fenicsx.peers.body import bodies_of
 from mufe_fenicsx.peers.level_set_files import export_level_sets
 from tests.peers.lsdem_reader import read_grain

@@ -12,9 +12,9 @@ from mufe_fenicsx.kernels.hardening import plastic_increment
 from mufe_fenicsx.kernels.solid import PLAIN, InternalForces
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.theory import finite_sphere, hertz, plastic_contact
-from mufe_fenicsx.verification import axisymmetric_cases as cases
-from mufe_fenicsx.verification import axisymmetric_law as law
 from mufe_fenicsx.verification import reference
+from mufe_fenicsx.verification.axisymmetric import cases as cases
+from mufe_fenicsx.verification.axisymmetric import law as law
 
 TABLE = ((0.0, 1.0), (0.01, 1.5), (0.03, 3.5), (0.1, 4.0))
 

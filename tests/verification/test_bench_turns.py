@@ -5,7 +5,7 @@ import statistics
 import pytest
 from mpi4py import MPI
 
-from mufe_fenicsx.verification.bench_turns import ratio, turns
+from mufe_fenicsx.verification.bench.interleaved import ratio, turns
 
 
 @pytest.mark.mpi

@@ -9,8 +9,8 @@ import json
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.bulk.solid import ELEMENTS
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.solid import ELEMENTS
 from mufe_fenicsx.verification.cases import CASES, run_cases
 from mufe_fenicsx.verification.intrusion import what_is_missing
 

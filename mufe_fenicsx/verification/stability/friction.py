@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 
 from ...contact.walls import Wall
-from ...geometry.shapes import box
-from ...implicit import ImplicitSimulation
+from ...explicit.simulation import Simulation
+from ...geometry.bodies.shapes import box
+from ...implicit.simulation import ImplicitSimulation
 from ...materials.elastic import Elastic
+from ...run.from_bodies import distribute, drive
 from ...scene import Contact
-from ...simulation import Simulation
-from ..build import distribute, drive
 from ..case import case, compare
 from .limits import NEVER, NU, RHO, SIZE, E, dense_stiffness, message_of
 

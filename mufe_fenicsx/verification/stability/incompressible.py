@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from ...contact.walls import Wall
-from ...geometry.shapes import box
+from ...geometry.bodies.shapes import box
 from ...materials.elastic import Elastic
-from ..build import build, distribute, simulate
+from ...run.from_bodies import build, distribute, simulate
 from ..case import case, compare
 from .limits import NEVER, RHO, SIZE, E, Snapshot, bisect, growth, highest_frequency, message_of
 

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 
 from ...errors import SolverError
-from ...geometry.shapes import box, tetrahedron
+from ...geometry.bodies.shapes import box, tetrahedron
 from ...materials.elastic import Elastic
 from ...materials.j2 import J2
+from ...run.from_bodies import build, distribute, drive
 from ...theory.stability import inversion_speed
-from ..build import build, distribute, drive
 from ..case import case, compare
 from .limits import NEVER, NU, RHO, SIZE, E, bisect
 

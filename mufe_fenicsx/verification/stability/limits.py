@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 
-from ...contact.rewind import ContactMark
-from ...contact.springs import list_springs
-from ...energy_guard import EnergyGuard
+from ...contact.mark import ContactMark
+from ...contact.stiffness.springs import list_springs
 from ...errors import InputError, SolverError
-from ...geometry.shapes import box
+from ...geometry.bodies.shapes import box
 from ...materials.elastic import Elastic
-from ..build import build, drive, settle
+from ...run.energy_guard import EnergyGuard
+from ...run.from_bodies import build, drive, settle
 
 SIZE = 1e-3  #: edge of the blocks [m]
 E, NU, RHO = 100e9, 0.15, 2650.0

@@ -7,11 +7,11 @@ import numpy as np
 
 from ...contact.walls import Wall
 from ...errors import SolverError
-from ...geometry.shapes import box
-from ...implicit import ImplicitSimulation
+from ...geometry.bodies.shapes import box
+from ...implicit.simulation import ImplicitSimulation
 from ...materials.elastic import Elastic
+from ...run.from_bodies import distribute
 from ...theory.stability import drag_error, self_locking_friction
-from ..build import distribute
 from ..case import case, compare
 from .limits import RHO, SIZE, E, bisect
 

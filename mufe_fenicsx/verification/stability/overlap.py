@@ -5,12 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ...contact.depth import DEEPEST_START
 from ...contact.laws import edge_of_area
 from ...contact.separation import separate
-from ...geometry.shapes import sphere
-from ...simulation import Simulation
-from ..build import distribute
+from ...contact.start.overlap import DEEPEST_START
+from ...explicit.simulation import Simulation
+from ...geometry.bodies.shapes import sphere
+from ...run.from_bodies import distribute
 from ..case import case, compare
 from ..overlap import MATERIAL, RADIUS, _pair
 from .limits import bisect, message_of

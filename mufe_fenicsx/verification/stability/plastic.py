@@ -6,16 +6,16 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from ...bulk.solid import COLLAPSED
 from ...contact.walls import Wall
 from ...errors import SolverError
-from ...geometry.shapes import box
-from ...implicit import ImplicitSimulation
+from ...geometry.bodies.shapes import box
+from ...implicit.simulation import ImplicitSimulation
 from ...kernels.element_step import element_steps
 from ...materials.elastic import IsotropicSolid
 from ...materials.j2 import J2
-from ...solid import COLLAPSED
+from ...run.from_bodies import build, distribute, drive
 from ...theory.stability import necking_strain
-from ..build import build, distribute, drive
 from ..case import case, compare
 from .limits import NU, RHO, SIZE, E, bisect, message_of
 

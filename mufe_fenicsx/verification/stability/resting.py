@@ -7,10 +7,10 @@ import numpy as np
 
 from ...contact.separation import separate
 from ...contact.walls import Wall
+from ...explicit.simulation import Simulation
 from ...materials.sand import SAND
-from ...simulation import Simulation
-from ..build import build, drive, settle
-from ..case import axis_planes, case, compare
+from ...run.from_bodies import axis_planes, build, drive, settle
+from ..case import case, compare
 from ..fidelity import lattice
 from .limits import shake
 

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ...geometry.shapes import box
+from ...geometry.bodies.shapes import box
 from ...materials.elastic import Elastic
 from ...mesh import create_grain_mesh
+from ...run.from_bodies import build
 from ...theory.stability import cap_step
-from ..build import build
 from ..case import case, compare
 from .limits import NEVER, NU, RHO, SIZE, E, Snapshot, bisect, growth, highest_frequency, message_of
 

@@ -7,15 +7,15 @@ import numpy as np
 
 from ...contact.separation import separate
 from ...contact.walls import Wall
-from ...geometry.shapes import box
-from ...loading import OedometerLoading
+from ...explicit.simulation import Simulation
+from ...geometry.bodies.shapes import box
+from ...loading.oedometer import OedometerLoading
 from ...materials.elastic import Elastic
 from ...materials.sand import SAND
+from ...run.from_bodies import axis_planes, build
 from ...scene import MassScaling, QuasiStatic
-from ...simulation import Simulation
 from ...theory.stability import sudden_stress
-from ..build import build
-from ..case import axis_planes, case, compare
+from ..case import case, compare
 from ..fidelity import lattice
 from .limits import RHO, SIZE, E, message_of
 

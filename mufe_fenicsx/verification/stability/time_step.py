@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 
 from ...contact.walls import Wall
-from ...geometry.shapes import box, tetrahedron
+from ...explicit.simulation import Simulation
+from ...geometry.bodies.shapes import box, tetrahedron
 from ...materials.elastic import Elastic
 from ...materials.j2 import J2
+from ...run.from_bodies import build, distribute, drive
 from ...scene import Solver
-from ...simulation import Simulation
 from ...theory.stability import growth_per_step, rebound_speed
-from ..build import build, distribute, drive
 from ..case import case, compare
 from .limits import (
     NEVER,

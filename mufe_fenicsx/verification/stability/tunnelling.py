@@ -7,17 +7,17 @@ from unittest.mock import patch
 
 import numpy as np
 
-from ...contact.assemble import LARGEST_DEPTH
-from ...contact.depth import DEEPEST
+from ...contact.contact import LARGEST_DEPTH
 from ...contact.laws import COMPLIANCE, edge_of_area
+from ...contact.start.overlap import DEEPEST
 from ...contact.walls import Wall
 from ...errors import SolverError
-from ...geometry.shapes import box
+from ...explicit.simulation import Simulation
+from ...geometry.bodies.shapes import box
 from ...materials.elastic import Elastic
-from ...simulation import Simulation
+from ...run.from_bodies import axis_planes, distribute
 from ...theory.stability import sealed_speed, sinking_speed
-from ..build import distribute
-from ..case import axis_planes, case, compare
+from ..case import case, compare
 from .limits import RHO, SIZE, E, bisect
 
 #: ν = 0: plane waves in a bar without sides held are those of E.
@@ -56,7 +56,7 @@ def meet(comm, speed, divisions=(4, 4, 12), compliance=COMPLIANCE, check=True, t
     end = gap / (2 * v) + travel * length / MATERIAL.wave_speed
     deepest, message = 0.0, ""
     mass = s.solid.mass[:, None]
-    guard = nullcontext() if check else patch("mufe_fenicsx.simulation.too_deep", _content)
+    guard = nullcontext() if check else patch("mufe_fenicsx.explicit.simulation.too_deep", _content)
     try:
         with guard:
             while s.state.t < end:

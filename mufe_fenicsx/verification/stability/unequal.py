@@ -5,16 +5,16 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ...contact.depth import DEEPEST
 from ...contact.laws import COMPLIANCE, edge_of_area
-from ...contact.points import RECESS
+from ...contact.start.overlap import DEEPEST
+from ...contact.surface.points import RECESS
 from ...contact.walls import Wall
 from ...errors import SolverError
-from ...geometry.shapes import box
+from ...explicit.simulation import Simulation
+from ...geometry.bodies.shapes import box
 from ...materials.elastic import Elastic
-from ...simulation import Simulation
+from ...run.from_bodies import distribute, drive
 from ...theory.stability import swallowed_ratio
-from ..build import distribute, drive
 from ..case import case, compare
 from .limits import NEVER, RHO, SIZE, E, Snapshot, bisect, growth, highest_frequency
 

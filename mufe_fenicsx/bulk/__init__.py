@@ -1,0 +1,1 @@
+"""What grains do inside: tetrahedra that deform, rigid grains, tangents, masses."""

@@ -1,0 +1,307 @@
+"""The bulk of the grains: mass, internal forces, energies and stable time step."""
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from ..errors import InputError
+from ..kernels.compiled_forms import compiled_form
+from ..kernels.edge_compliance import add_edge_compliance, cells_around, largest_patch
+from ..kernels.element_step import add_nodal_stiffness, element_time_step
+from ..kernels.energy import elastic_energy
+from ..kernels.native import SOURCES, load
+from ..kernels.solid import (
+    AVERAGED,
+    COMPOSITE,
+    PARTS,
+    PLAIN,
+    InternalForces,
+)
+from ..materials.auto import Auto
+from ..materials.rigid import Rigid
+
+#: Elements by name: averaged nodal pressure, plain linear tetrahedra, and composites of
+#: eight linear ones, which need a mesh made of such (geometry.refine, ``family`` of the mesh).
+ELEMENTS = {"averaged": AVERAGED, "p1": PLAIN, "composite": COMPOSITE}
+
+#: An element whose time step falls to this part of the first smallest one has collapsed.
+COLLAPSED = 0.02
+
+
+def lumped_mass(mesh, density):
+    """Nodal masses [kg] by row sums of the mass matrix, as a DOLFINx form. Collective.
+
+    Args:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        density: Densities of this rank's grains [kg/m³], shape (num_grains,).
+
+    Returns:
+        Masses, shape (num_nodes,).
+    """
+    rho = mesh.cell_function(density[mesh.grain_of_cell])
+    test = ufl.TestFunction(mesh.V)
+    masses = compiled_form(rho * ufl.inner(ufl.as_vector((1.0, 1.0, 1.0)), test) * ufl.dx)
+    return fem.assemble_vector(masses).array.reshape(-1, 3)[:, 0].copy()
+
+
+class Solid:
+    """Elastic or elasto-plastic grains of one rank; rigid ones cost nothing here.
+
+    Args:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        materials: One material (with ``bulk_modulus``, ``shear_modulus``, ``rho``,
+            ``wave_speed``, ``contact_modulus``, ``plastic_increment``, ``parameters()``) for
+            each grain of this rank.
+        element: One of :data:`ELEMENTS`.
+
+    Raises:
+        InputError: There is no such element, the mesh is not made of composites, or there is no
+            C compiler.
+    """
+
+    def __init__(self, mesh, materials, element="averaged"):
+        self.mesh = mesh
+        if element not in ELEMENTS:
+            raise InputError(f"element = {element}, expected one of {', '.join(ELEMENTS)}")
+        if element == "composite" and mesh.family != PARTS:
+            raise InputError(
+                f"tetrahedra of one composite = {mesh.family}, expected {PARTS}: "
+                "split the mesh with geometry.tets.refine.split"
+            )
+        self.element = element
+        self._kind = ELEMENTS[element]
+        self.bulk = np.array([m.bulk_modulus for m in materials])
+        self.shear = np.array([m.shear_modulus for m in materials])
+        self.wave_speed = np.array([m.wave_speed for m in materials])
+        self.contact_modulus = np.array([m.contact_modulus for m in materials])
+        self.tangential_ratio = np.array([2 * (1 - m.nu) / (2 - m.nu) for m in materials])
+        self.parameters = _rows([m.parameters() for m in materials])
+        self._increments = [m.plastic_increment for m in materials]
+        self.largest_plastic_strain = np.array([m.largest_plastic_strain for m in materials])
+        self.mass = lumped_mass(mesh, np.array([m.rho for m in materials]))
+
+        x = mesh.x
+        edges = x[mesh.cells[:, 1:]] - x[mesh.cells[:, :1]]
+        self.volume0 = np.linalg.det(edges) / 6
+        self.pressure = np.zeros(max(mesh.num_nodes, mesh.num_cells))
+        _compile_once(mesh.comm)
+        self._advance = InternalForces(
+            mesh.cells, self.volume0, mesh.cell_offset, mesh.nodes[mesh.node_offset[:-1]],
+            np.diff(mesh.node_offset), self.bulk, self.shear, self.parameters, self.pressure,
+            self._kind, x,
+        )  # fmt: skip
+        self.node_volume0 = self._advance.node_volume0
+        #: Grains that deform now or later, shape (num_deformable,).
+        self.deformable = np.flatnonzero([not isinstance(m, Rigid) for m in materials])
+        self.first_time_step = self.element_time_step(x)
+        self.set_deforming(np.flatnonzero([not isinstance(m, Rigid | Auto) for m in materials]))
+
+    def set_deforming(self, grains):
+        """Say which grains deform; the others cost nothing, and keep their stress. Local.
+
+        Args:
+            grains: Local indices, increasing, shape (num_deforming,).
+        """
+        self.grains = grains  #: grains that deform, shape (num_deforming,)
+        self._laws = _laws(grains, self._increments)
+
+    def add_internal_forces(self, f, state, dt):
+        """Advance the stress of ``state`` by ``dt`` and subtract the internal forces from ``f``.
+
+        Returns:
+            An inverted element, or -1. Local.
+        """
+        bad = -1
+        for increment, grains in self._laws:
+            found = self._advance(
+                f, state.deviator, state.plastic_strain, state.plastic_work, state.x, state.v,
+                dt, grains, increment,
+            )  # fmt: skip
+            bad = max(bad, found)
+        return bad
+
+    def add_stiffness(self, y, q, x):
+        """Add the elastic tangent at positions ``x`` times ``q`` to ``y``. Local."""
+        self._advance.add_stiffness(y, q, x, self.deformable)
+
+    def element_time_step(self, x):
+        """Proven bound of the stable time step from single elements [s], inf without any. Local."""
+        return self.worst_element(x)[0]
+
+    def worst_element(self, x):
+        """That bound [s] at positions ``x``, and the element that asks for it, or -1. Local."""
+        m = self.mesh
+        return element_time_step(x, m.cells, self.deformable, m.cell_offset, self.wave_speed)
+
+    def nodal_stiffness(self, x):
+        """What the elements resist each node with, moved alone [N/m], shape (num_nodes,). Local.
+
+        The mean of three directions at the positions ``x``, (M + 2 G)/3 the modulus.
+        """
+        m, found = self.mesh, np.zeros(self.mesh.num_nodes)
+        modulus = (self.bulk + 10.0 / 3.0 * self.shear) / 3.0
+        add_nodal_stiffness(found, x, m.cells, self.deformable, m.cell_offset, modulus)
+        return found
+
+    def edge_compliance(self, ends, direction):
+        """Relative compliance of the two ends of edges, elastic, as they are at the start. Local.
+
+        Args:
+            ends: Nodes, shape (num_edges, 2).
+            direction: Unit vectors of the two opposite forces, shape (num_edges, 3).
+
+        Returns:
+            By how much the ends part along these under opposite unit forces [m/N], shape
+            (num_edges,), as of :func:`~.kernels.edge_compliance.add_edge_compliance`; zero for
+            rigid grains.
+        """
+        m = self.mesh
+        compliance, averaged = np.zeros(len(ends)), self._kind == AVERAGED
+        soft = np.isin(m.grain_of_node[ends[:, 0]], self.deformable)
+        if not soft.any():
+            return compliance
+        some = ends[soft]
+        family = PARTS if self._kind == COMPOSITE else 1
+        volume_of_cell = np.arange(m.num_cells) // family
+        volume = self.node_volume0 if averaged else np.bincount(volume_of_cell, self.volume0)
+        place, places = np.full(m.num_nodes, -1), np.full(volume.size, -1)
+        free = np.empty(m.num_nodes, np.int64)
+        offset, around = cells_around(m.cells, m.num_nodes)
+        n, num = largest_patch(place, free, some, m.cells, offset, around, averaged)
+        found, volumes = np.zeros(len(some)), np.empty(num, np.int64)
+        add_edge_compliance(
+            found, np.empty((3 * n, 3 * n)), np.empty((num, 3 * n)), free, place, places, volumes,
+            some, direction[soft], m.x, m.cells, offset, around, m.grain_of_cell, self.bulk,
+            self.shear, volume, volume_of_cell, averaged,
+        )  # fmt: skip
+        compliance[soft] = found
+        return compliance
+
+    def elastic_energy(self, state):
+        """Elastic energy of each grain [J], shape (num_grains,). Local."""
+        m = self.mesh
+        energy = np.zeros(m.num_grains)
+        volume = np.empty(m.num_nodes)
+        self._advance.nodal_volumes(volume, state.x)
+        elastic_energy(
+            energy,
+            state.deviator,
+            state.x,
+            m.cells,
+            self.volume0,
+            self.grains,
+            m.cell_offset,
+            m.nodes,
+            m.node_offset,
+            self.node_volume0,
+            volume,
+            self.bulk,
+            self.shear,
+            self._kind,
+        )
+        return energy
+
+    def plastic_energy(self, state):
+        """Plastic work of each grain so far [J], shape (num_grains,). Local."""
+        return np.add.reduceat(state.plastic_work, self.mesh.cell_offset[:-1])
+
+    def mean_stress(self, cells=slice(None)):
+        """Mean Cauchy stress of ``cells`` [Pa], tension positive, shape (num_cells,). Local."""
+        if self._kind == AVERAGED:
+            return self.pressure[self.mesh.cells[cells]].mean(axis=1)
+        return self.pressure[: self.mesh.num_cells][cells].copy()
+
+    def deviator(self, state, cells=slice(None)):
+        """Deviator of the Cauchy stress of ``cells`` [Pa], xx yy zz xy yz xz. Local.
+
+        Shape (num_cells, 6).
+        """
+        x = state.x[self.mesh.cells[cells]]
+        J = np.linalg.det(x[:, 1:] - x[:, :1]) / (6 * self.volume0[cells])
+        return state.deviator[cells] / J[:, None]
+
+    def stress(self, state, cells=slice(None)):
+        """Cauchy stress of ``cells`` [Pa], xx yy zz xy yz xz, shape (num_cells, 6). Local."""
+        stress = self.deviator(state, cells)
+        stress[:, :3] += self.mean_stress(cells)[:, None]
+        return stress
+
+    def failure(self, state, worst, inverted=-1):
+        """What went wrong in an element of this rank, or None. Local.
+
+        Returns:
+            None, or a message and whether a shorter time step may be the answer.
+
+        Args:
+            state: The state of the grains.
+            worst: As of :meth:`worst_element` at its positions.
+            inverted: An element that turned inside out, or -1.
+        """
+        if inverted >= 0:
+            return (
+                f"{self._name(inverted)} lost its volume: load more slowly, use a coarser or "
+                "better shaped mesh near it, or reduce solver.time_step_factor"
+            ), True
+        grains = np.flatnonzero(np.isfinite(self.largest_plastic_strain))
+        for grain in grains:
+            begin = self.mesh.cell_offset[grain]
+            strain = state.plastic_strain[begin : self.mesh.cell_offset[grain + 1]]
+            limit = self.largest_plastic_strain[grain]
+            if strain.max() > limit:
+                return (
+                    f"{self._name(begin + strain.argmax())} reached a plastic strain of "
+                    f"{strain.max():.3g}, beyond the table of yield stresses, which ends at "
+                    f'{limit:g}: extend material.yield_stress, or set material.beyond = "flat"'
+                ), False
+        step, cell = worst
+        if step < COLLAPSED * self.first_time_step:
+            return (
+                f"{self._name(cell)} collapsed: it allows {step / self.first_time_step:.2%} of the "
+                "first time step; the grain deforms more than its mesh can: end the test earlier, "
+                "use a coarser mesh there, or a harder material"
+            ), True
+        return None
+
+    def _name(self, cell):
+        label = self.mesh.labels[self.mesh.grains[self.mesh.grain_of_cell[cell]]]
+        return f"an element of grain {label} (element {cell} of its rank)"
+
+
+def _compile_once(comm):
+    """Rank 0 has the kernel made where it is not; the others find it. Collective.
+
+    Raises:
+        InputError: There is no C compiler; on all ranks.
+    """
+    message = None
+    if comm.rank == 0:
+        try:
+            for name in SOURCES:
+                load(name)
+        except InputError as error:
+            message = str(error)
+    message = comm.bcast(message)
+    if message:
+        raise InputError(message)
+
+
+def von_mises(deviator):
+    """Von Mises stress [Pa] of deviators xx yy zz xy yz xz, shape (n, 6)."""
+    normal, shear = deviator[:, :3], deviator[:, 3:]
+    return np.sqrt(1.5 * (normal**2).sum(axis=1) + 3.0 * (shear**2).sum(axis=1))
+
+
+def _rows(parameters):
+    """Parameters of all grains side by side, shape (num_grains, m)."""
+    rows = np.zeros((len(parameters), max((p.size for p in parameters), default=1)))
+    for row, values in zip(rows, parameters, strict=True):
+        row[: values.size] = values
+    return rows
+
+
+def _laws(grains, increments):
+    """The laws of plastic flow, and those of the ``grains`` that each is for."""
+    grains_of = {}
+    for grain in grains:
+        grains_of.setdefault(increments[grain], []).append(grain)
+    return [(increment, np.array(grains)) for increment, grains in grains_of.items()]

@@ -1,0 +1,200 @@
+"""Tangent of the grains' internal forces, from DOLFINx forms.
+
+The forces are those of the time steps, kernels.solid: deviator t of the Kirchhoff stress by a
+midpoint increment with rotation and radial return, mean stress p = K ln J of nodes, elements or
+composites. Written in the reference configuration, for one increment from u0 to u,
+
+    r(u; v) = ∫ (t + J p I) F⁻ᵀ : grad v dX,    F = I + grad u,  J = det F,
+    L = grad(u - u0) (I + grad (u0 + u)/2)⁻¹,   h = G dev sym L,   Q = skew L / 2,
+    R = I + 2/(1 + |q|²) (Q + Q Q),             t_trial = R (t0 + h) Rᵀ + h,
+    t = (1 - 3 G dp/m) t_trial,                 m = √(3/2 t_trial : t_trial),
+
+q the axial vector of Q. UFL differentiates this, which gives the consistent tangent (J. C. Simo,
+R. L. Taylor, Comput. Methods Appl. Mech. Eng. 48, 1985, 101-118) with all derivatives of the
+rotation. dp is a line in m and p through the increment that the law gave, with the law's slopes.
+
+The mean stress adds G D Bᵀ: Bᵀ, a form too, is the derivative of the volumes that J belongs to, D
+that of p by them, and G that of the forces by p (equal to B where flow does not depend on p).
+Averaged over nodes it joins neighbours of neighbours; all of that is inside a grain, and a rank.
+"""
+
+import h5py  # noqa: F401  before dolfinx.fem.petsc, whose HDF5 has no compression
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem.petsc import assemble_matrix, create_matrix
+from dolfinx.la import BlockMode
+
+from ..kernels.blocks import add_products, find_slots, joined_pattern
+from ..kernels.compiled_forms import compiled_form
+from ..kernels.hardening import plastic_increment
+from ..kernels.law_slopes import law_slopes, law_slopes_of
+from .solid import von_mises
+
+#: Keeps the derivative of the von Mises stress finite where there is no stress, over shear modulus.
+TINY = 1e-14
+
+
+class SolidTangent:
+    """Derivative of this rank's internal forces by its displacements. Collective when made.
+
+    Args:
+        solid: :class:`~mufe_fenicsx.bulk.solid.Solid`, all of whose grains deform.
+        u, u0: DOLFINx functions on ``mesh.V``: displacements now and at the start of the
+            increment [m].
+
+    Attributes:
+        offset, columns: Compressed rows of 3 × 3 blocks, a row for each node of the mesh.
+        diagonal: Place of each node's own block, shape (num_nodes,).
+        residual: The form r(u; v): forces on nodes [N] with the opposite sign.
+    """
+
+    def __init__(self, solid, u, u0):
+        self.solid, self.mesh = solid, solid.mesh
+        mesh = self.mesh
+        cells = fem.functionspace(mesh.mesh, ("DG", 0))
+        self._averaged = solid.element == "averaged"
+        volumes = fem.functionspace(mesh.mesh, ("Lagrange", 1)) if self._averaged else cells
+        self._stress = fem.Function(fem.functionspace(mesh.mesh, ("DG", 0, (6,))))
+        names = ("shear", "increment", "trial", "by_trial", "by_mean")
+        self._of_cells = {name: fem.Function(cells) for name in names}
+        self._mean, self._mean_of_law = fem.Function(volumes), fem.Function(volumes)
+        self._of_cells["shear"].x.array[mesh.cell_order] = solid.shear[mesh.grain_of_cell]
+        test, step = ufl.TestFunction(mesh.V), ufl.TrialFunction(mesh.V)
+        weight = ufl.TestFunction(volumes)
+
+        def forces(v):
+            means = self._mean, self._mean_of_law
+            return _internal_work(v, u, u0, self._stress, *means, **self._of_cells) * ufl.dx
+
+        J = ufl.det(ufl.Identity(3) + ufl.grad(u))
+        self.residual = compiled_form(forces(test))
+        self._forms = [
+            compiled_form(ufl.derivative(forces(test), u, step)),
+            compiled_form(ufl.derivative(J * weight * ufl.dx, u, step)),
+        ]
+        # Where flow does not depend on the mean stress, G is B.
+        self._coupled = any(law is not plastic_increment for law, _ in solid._laws)
+        if self._coupled:
+            self._forms.append(compiled_form(ufl.derivative(forces(step), self._mean, weight)))
+        # DOLFINx's own matrices cannot have blocks that are not square.
+        self._bulk = fem.create_matrix(self._forms[0], BlockMode.compact)
+        self._by_volume, *self._by_mean = (create_matrix(form) for form in self._forms[1:])
+        self._make_pattern(volumes)
+
+    def _make_pattern(self, volumes):
+        """Where the blocks of all terms go."""
+        mesh = self.mesh
+        bulk = self._bulk
+        _values_of(self._by_volume, self._forms[1])  # entries appear as they are set
+        indptr, columns = _local_rows(self._by_volume)[:2]
+        # Rows of volumes: nodes, cells, or cells of a composite together.
+        num_rows = indptr.size - 1
+        if self._averaged:
+            group = np.empty(num_rows, dtype=np.int64)
+            group[volumes.dofmap.list] = mesh.V.dofmap.list
+            self.num_groups = mesh.num_nodes
+        else:
+            row = np.empty(num_rows, dtype=np.int64)
+            row[mesh.cell_order] = np.arange(num_rows)
+            family = mesh.family if self.solid.element == "composite" else 1
+            group = row // family
+            self.num_groups = num_rows // family
+        self._row_of_volume = group if self._averaged else row
+        entry_group, columns = np.repeat(group, np.diff(indptr)), columns.astype(np.int64)
+        key, entry = np.unique(entry_group * mesh.num_nodes + columns // 3, return_inverse=True)
+        self._entry = 3 * entry + columns % 3
+        self._node = (key % mesh.num_nodes).astype(np.int32)
+        self._first = np.searchsorted(key // mesh.num_nodes, np.arange(self.num_groups + 1))
+        self.offset, self.columns = joined_pattern(
+            self._first, self._node, bulk.indptr.astype(np.int64), bulk.indices, mesh.num_nodes
+        )
+        rows = np.repeat(np.arange(mesh.num_nodes), np.diff(bulk.indptr))
+        self._bulk_slots = find_slots(self.offset, self.columns, rows, bulk.indices)
+        nodes = np.arange(mesh.num_nodes)
+        self.diagonal = find_slots(self.offset, self.columns, nodes, nodes.astype(np.int32))
+
+    def take(self, state, deviator0, strain0, dt):
+        """Follow the increment that the forces were last evaluated for. Local.
+
+        Args:
+            state: :class:`~mufe_fenicsx.state.State` after it.
+            deviator0, strain0: Its deviator and plastic strain before.
+            dt: Length of the increment [s].
+        """
+        mesh, solid, c = self.mesh, self.solid, self._of_cells
+        self._stress.x.array.reshape(-1, 6)[mesh.cell_order] = deviator0
+        increment = state.plastic_strain - strain0
+        shear = solid.shear[mesh.grain_of_cell]
+        trial = von_mises(state.deviator) + 3.0 * shear * increment
+        mean = solid.mean_stress()
+        by_trial, by_mean = np.zeros(mesh.num_cells), np.zeros(mesh.num_cells)
+        for law, grains in solid._laws:
+            slopes = law_slopes if law is plastic_increment else law_slopes_of(law)
+            slopes(
+                by_trial, by_mean, trial, mean, strain0, increment, dt, grains, mesh.cell_offset,
+                solid.shear, solid.parameters,
+            )  # fmt: skip
+        for name, values in (("increment", increment), ("trial", trial), ("by_trial", by_trial),
+                             ("by_mean", by_mean)):  # fmt: skip
+            c[name].x.array[mesh.cell_order] = values
+        self._mean.x.array[:] = solid.pressure[self._row_of_volume]
+        self._mean_of_law.x.array[:] = self._mean.x.array
+
+    def assemble(self, x):
+        """The tangent at the positions ``x`` [m], blocks of shape (num_blocks, 3, 3). Local."""
+        self._bulk.set_value(0.0)
+        fem.assemble_matrix(self._bulk, self._forms[0])
+        bulk = self._bulk.data
+        b = g = self._grouped(_values_of(self._by_volume, self._forms[1]))
+        if self._coupled:
+            g = self._grouped(_values_of(self._by_mean[0], self._forms[2]))
+        blocks = np.zeros((self.columns.size, 3, 3))
+        blocks[self._bulk_slots] = bulk.reshape(-1, 3, 3)
+        add_products(blocks, self._first, self._node, g, b, self._slope(x), self.offset,
+                     self.columns)  # fmt: skip
+        return blocks
+
+    def _grouped(self, values):
+        """Sums of rows that share a volume, shape (num_entries, 3)."""
+        return np.bincount(self._entry, values, 3 * self._node.size).reshape(-1, 3)
+
+    def _slope(self, x):
+        """Derivative of the mean stress by its volume [Pa/m³], shape (num_groups,)."""
+        mesh, solid = self.mesh, self.solid
+        if self._averaged:
+            volume = np.empty(mesh.num_nodes)
+            solid._advance.nodal_volumes(volume, x)
+            return solid.bulk[mesh.grain_of_node] / volume
+        corners = x[mesh.cells]
+        volume = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
+        family = mesh.num_cells // max(self.num_groups, 1)
+        return solid.bulk[mesh.grain_of_cell[::family]] / volume.reshape(-1, family).sum(axis=1)
+
+
+def _local_rows(matrix):
+    """Compressed rows of this rank and their values."""
+    return matrix.getDiagonalBlock().getValuesCSR()
+
+
+def _values_of(matrix, form):
+    matrix.zeroEntries()
+    assemble_matrix(matrix, form)
+    matrix.assemble()
+    return _local_rows(matrix)[2]
+
+
+def _internal_work(v, u, u0, stress, mean, mean_of_law, shear, increment, trial, by_trial,
+                   by_mean):  # fmt: skip
+    """(t + J p I) F⁻ᵀ : grad v, with the names of the module's docstring."""
+    one, grad, s = ufl.Identity(3), ufl.grad, stress
+    F = one + grad(u)
+    L = grad(u - u0) * ufl.inv(one + 0.5 * grad(u0 + u))
+    h, Q = shear * ufl.dev(ufl.sym(L)), 0.5 * ufl.skew(L)
+    R = one + 2.0 / (1.0 + 0.5 * ufl.inner(Q, Q)) * (Q + Q * Q)
+    t0 = ufl.as_matrix([[s[0], s[3], s[5]], [s[3], s[1], s[4]], [s[5], s[4], s[2]]])
+    t_trial = R * (t0 + h) * R.T + h
+    m = ufl.sqrt(1.5 * ufl.inner(t_trial, t_trial) + (TINY * shear) ** 2)
+    dp = increment + by_trial * (m - trial) + by_mean * (mean - mean_of_law)
+    t = (1.0 - 3.0 * shear * dp / m) * t_trial
+    return ufl.inner((t + ufl.det(F) * mean * one) * ufl.inv(F).T, grad(v))

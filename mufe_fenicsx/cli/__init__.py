@@ -1,0 +1,1 @@
+"""The command `mufe`: its commands, what they print, and how it ends."""

@@ -1,0 +1,74 @@
+"""The command `mufe plan`: how much model a test needs, and what it will cost here."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import InputError
+from .app import Json, app, world
+from .arguments import parameters
+from .terminal import Printer
+
+CASES = ("hertz", "mindlin", "impact", "plastic-sphere", "oedometer", "jammed")
+
+
+@app.command()
+def plan(
+    scene: Annotated[
+        str,
+        typer.Argument(metavar="SCENE", help=f"Scene file (TOML), or a case: {', '.join(CASES)}."),
+    ],
+    accuracy: Annotated[
+        float | None,
+        typer.Option(
+            help="Wanted error of the stress, 0.05 for 5 %; default: the scene's. Without one: "
+            "what the test as it stands gives."
+        ),
+    ] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="K=V", help="Parameter of a case, as speed=15; repeatable."),
+    ] = None,
+    grains: Annotated[Path | None, typer.Option(metavar="DIR", help="As of `mufe run`.")] = None,
+    json: Json = None,
+):
+    """What a test needs for an accuracy: model, mesh, speed, steps, memory, time; under mpirun too.
+
+    Nothing is written. About a second of the test itself is run to measure this machine.
+    """
+    comm = world()
+    printer = Printer(json, comm.rank)
+    if scene in CASES and not Path(scene).exists():
+        _plan_case(scene, accuracy, parameters(changes), printer)
+        return
+    if changes:
+        raise InputError(f"--set {changes[0]} with a scene file, expected one with a case alone")
+    from ..planning.text import as_dict, lines, lines_of_present
+    from ..run.from_scene import read_scene
+
+    loaded = read_scene(comm, Path(scene))
+    grains = loaded.sample.grains if grains is None else grains
+    from ..planning.run import make_plan, present
+
+    if accuracy is None and loaded.accuracy is None:
+        found, cost = present(loaded, grains, comm)
+        printer.say(*lines_of_present(found, cost))
+        printer.write_json(as_dict(found, cost))
+        return
+    made, cost = make_plan(loaded, grains, comm, accuracy)
+    printer.say(*lines(made, cost))
+    printer.write_json(as_dict(made, cost))
+
+
+def _plan_case(case, accuracy, stated, printer):
+    from ..planning.case import measured, plan_case
+
+    point = plan_case(case, accuracy, stated=stated)
+    known = "measured" if measured(point) else point.status
+    printer.summary({
+        "case": case, "accuracy": accuracy, "error": point.error, "choice": point.series,
+        "processor_time_s": point.seconds, "known": known, "command": point.command,
+    })  # fmt: skip
+    printer.write_json(asdict(point) | {"accuracy": accuracy})

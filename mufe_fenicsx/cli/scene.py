@@ -1,0 +1,84 @@
+"""Commands for scene files: what may stand in one, and new ones to begin with.
+
+What a command needs is imported where it runs, so that `mufe --help` is quick.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import InputError
+from .app import Json, Overwrite, app, serial_only
+from .terminal import Printer
+
+
+@app.command()
+def scene(
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="SCENE", help="Scene to check, and to print with all defaults."),
+    ] = None,
+    explain: Annotated[
+        str | None,
+        typer.Option(metavar="KEY", help="What a key or table is: meaning, unit, default, values."),
+    ] = None,
+    schema: Annotated[
+        bool, typer.Option("--schema", help="JSON schema of a scene, for editors.")
+    ] = False,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write it there instead.")
+    ] = None,
+    overwrite: Overwrite = False,
+):
+    """Check a scene file, explain a key of one, or give their JSON schema."""
+    serial_only("scene")
+    given = [file is not None, explain is not None, schema]
+    if sum(given) != 1:
+        raise InputError(f"{sum(given)} of SCENE, --explain and --schema, expected one")
+    if schema:
+        from ..scene.schema import schema_text
+
+        text = schema_text()
+    elif explain is not None:
+        from ..scene.keys import explain as explained
+
+        text = "\n".join(explained(explain)) + "\n"
+    else:
+        from ..scene import load_scene, scene_to_toml
+
+        text = scene_to_toml(load_scene(file))
+    if output is None:
+        Printer().say(text.rstrip("\n"))
+        return
+    from ..geometry.atomic_output import new_files
+
+    with new_files(output, overwrite=overwrite) as folder:
+        (folder / output.name).write_text(text, encoding="utf-8")
+
+
+@app.command()
+def new(
+    kind: Annotated[
+        str,
+        typer.Argument(
+            metavar="KIND",
+            help="scan (one of your own), oedometer, isotropic, triaxial, single-grain or "
+            "two-spheres",
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write; default: KIND."),
+    ] = None,
+    overwrite: Overwrite = False,
+    json: Json = None,
+):
+    """Write a scene to begin with: commented; but for scan with grains, ready for `mufe run`."""
+    serial_only("new")
+    printer = Printer(json)
+    from ..synthetic.starter_scenes import write_new_scene
+
+    result = write_new_scene(kind, Path(kind) if output is None else output, overwrite=overwrite)
+    printer.summary(result)
+    printer.write_json(result)

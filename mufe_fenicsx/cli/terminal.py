@@ -1,0 +1,173 @@
+"""What the command line prints: summaries, tables, progress and JSON."""
+
+import json
+import math
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..errors import InputError
+from .summary_words import described
+
+#: Without a terminal, progress is told so often [s].
+SECONDS_BETWEEN_LINES = 10.0
+
+
+class Printer:
+    """Readable output of rank 0, on standard error where JSON goes to standard output.
+
+    Args:
+        json_path: Where JSON is wanted: a path, "-" for standard output, or None.
+        rank: Rank of this process; other ranks than 0 print and write nothing.
+
+    Raises:
+        InputError: the folder of ``json_path`` does not exist.
+    """
+
+    def __init__(self, json_path=None, rank=0):
+        self.json_path = None if json_path is None else str(json_path)
+        self.rank = rank
+        if self.json_path not in (None, "-"):
+            path = Path(self.json_path)
+            if not path.parent.is_dir():
+                raise InputError(f"--json {path}, expected a file in a folder that exists")
+            if path.is_dir():
+                raise InputError(f"--json {path} is a folder, expected a file")
+
+    @property
+    def stream(self):
+        """Where readable output goes."""
+        return sys.stderr if self.json_path == "-" else sys.stdout
+
+    def say(self, *lines):
+        """Print lines, if any."""
+        if self.rank == 0 and lines:
+            print(*lines, sep="\n", file=self.stream, flush=True)
+
+    def summary(self, values):
+        """Print the numbers and short texts of a mapping in words, one a line, with units."""
+        shown = [
+            (*described(key), value)
+            for key, value in values.items()
+            if isinstance(value, bool | int | float | str | Path) or value is None
+        ]
+        width = max((len(words) for words, _, _ in shown), default=0)
+        for words, unit, value in shown:
+            plain = isinstance(value, bool) or not isinstance(value, int | float)
+            self.say(f"{words:{width}}  {_text(value)} {'' if plain else unit}".rstrip())
+
+    def table(self, columns, rows):
+        """Print rows of texts under columns; a column whose name starts with ">" is flush right."""
+        if self.rank != 0:
+            return
+        from rich import box
+        from rich.console import Console
+        from rich.table import Table
+
+        table = Table(box=box.SIMPLE_HEAD)
+        for column in columns:
+            right = column.startswith(">")
+            table.add_column(column.lstrip(">"), justify="right" if right else "left")
+        for row in rows:
+            table.add_row(*row)
+        # A pipe or a file has no width: lines as long as they need to be.
+        width = None if self.stream.isatty() else 200
+        Console(file=self.stream, width=width, highlight=False).print(table)
+
+    def write_json(self, result):
+        """Write one JSON object, or a list of them, where it is wanted."""
+        if self.rank != 0 or self.json_path is None:
+            return
+        text = json.dumps(plain(result), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        if self.json_path == "-":
+            if "utf" not in (sys.stdout.encoding or "").lower():
+                text = json.dumps(json.loads(text), indent=2) + "\n"
+            sys.stdout.write(text)
+            sys.stdout.flush()
+        else:
+            Path(self.json_path).write_text(text, encoding="utf-8", errors="backslashreplace")
+
+
+def plain(value):
+    """Copy of a result that JSON can hold: arrays as lists, numbers that are not finite as null."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):  # NumPy scalars and arrays
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+@contextmanager
+def progress_bar(title):
+    """A function (done, total, text) that draws a bar; lines now and then without a terminal."""
+    if not sys.stderr.isatty():
+        yield _ProgressLines(title)
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    with Progress(
+        TextColumn(title),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+        console=Console(stderr=True),
+    ) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda done, total, text="": bar.update(
+            task, completed=done, total=total, description=str(text)
+        )
+
+
+class _ProgressLines:
+    """Lines on standard error for a pipe or a file, some seconds apart.
+
+    Args:
+        title: What is done.
+    """
+
+    def __init__(self, title):
+        self.title = title
+        self.start = self.last = time.monotonic()
+
+    def __call__(self, done, total, text=""):
+        """Print how much is done of the total, if the last line is old enough."""
+        now = time.monotonic()
+        if now - self.last < SECONDS_BETWEEN_LINES:
+            return
+        self.last = now
+        line = f"{self.title}: {done} of {total} after {now - self.start:.0f} s  {text}"
+        print(line.rstrip(), file=sys.stderr, flush=True)
+
+
+def number(value):
+    """A number in five digits; other values as text."""
+    if isinstance(value, bool) or value is None:
+        return _text(value)
+    if isinstance(value, int | float) or hasattr(value, "dtype"):
+        return f"{value:.5g}"
+    return str(value)
+
+
+def _text(value):
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return str(value)

@@ -1,0 +1,235 @@
+"""Pairs of sharp edges of two grains: their search and what they remember."""
+
+import numpy as np
+
+from ...kernels.boxes import with_marked_vertex
+from ...kernels.edge_search import (
+    edge_areas,
+    find_edge_pairs,
+    list_sharp_edges,
+    sort_edges_into_cells,
+)
+from ...kernels.edge_springs import edge_energy, find_edge_springs
+from ...kernels.edges import add_edge_forces
+from ..laws import edge_of_area
+
+#: What a pair keeps when the edges are searched anew; work and slip are booked before.
+REMEMBERED = (
+    "outside",
+    "place",
+    "normal",
+    "gap",
+    "offset",
+    "closed",
+    "sliding",
+    "stiffness",
+    "anchor",
+    "shear",
+)
+
+
+class EdgeContact:
+    """Contact of crossing sharp edges, of which no vertex need be inside the other grain.
+
+    A pair is an own edge and an edge of a grain of higher number: the rank of the lower
+    grain evaluates it. Edges at less than ``kernels.edges.PARALLEL`` to each other are left
+    to nodes and facets, as are edges that are not sharp (``OwnSurface.sharp_edge``).
+
+    The stiffness of a crossing is that of a node at its place on a facet, of the finer edge:
+    k = A/2 / (c h/E* + c h/E*), A the mean area of the nodes at the edge's ends. Near a
+    corner of k sharp edges it falls to a k-th, for several of them can cross there at once.
+
+    Args:
+        ratio: Tangential over normal stiffness of own surface nodes, shape (num_nodes,).
+        recess: Depth at which the contact of edges begins, over their length.
+    """
+
+    def __init__(self, ratio, recess=0.0):
+        self.ratio_of_node, self.recess = ratio, recess
+        self.slip = np.zeros(ratio.size)  #: of own nodes in crossings, up to the last search [m]
+        self.edges = None
+        self.pairs = None
+
+    def deepest(self):
+        """Depth of the deepest closed pair [m]; local."""
+        if self.pairs is None or not self.pairs.closed.any():
+            return 0.0
+        return -self.pairs.gap[self.pairs.closed].min()
+
+    def search(self, x, num_own, surface, reach, clock):
+        """Find all pairs within ``reach`` and carry over what they remember. Local.
+
+        Args:
+            x: Positions [m], ghosts included, shape (num_nodes_with_ghosts, 3).
+            num_own: Number of own nodes.
+            surface: :class:`~mufe_fenicsx.contact.surface.exchange.Surface`.
+            reach: Distance [m], no less than the depth of the deepest pair.
+            clock: Reading of the clock of relative motion [m].
+        """
+        old = self.pairs
+        self.list_edges(num_own, surface)
+        self.set_pairs(*_search(x, self.edges, reach), clock)
+        if old is not None:
+            self._carry(old)
+
+    def list_edges(self, num_own, surface):
+        """Find the sharp edges, arguments as of :meth:`search`. Local."""
+        self.edges = _Edges(num_own, surface, self.ratio_of_node)
+        sharp = np.zeros(surface.ring_offset.size - 1, dtype=bool)
+        sharp[self.edges.ends] = True
+        self.beside = with_marked_vertex(surface.facets, sharp)
+
+    def set_pairs(self, first, second, clock):
+        """Make the pairs those of the edges ``first`` and ``second``, without any past. Local."""
+        self.pairs = _EdgePairs(first, second, self.edges, self.recess, clock)
+
+    def _carry(self, old):
+        new = self.pairs
+        _, at_old, at_new = np.intersect1d(old.key, new.key, True, return_indices=True)
+        for name in REMEMBERED:
+            getattr(new, name)[at_new] = getattr(old, name)[at_old]
+        # What had not been due, but is looked at again, may not have moved further since.
+        new.due[at_new] = np.minimum(new.due[at_new], old.due[at_old])
+
+    def add_forces(self, f, x, clock, friction, friction_kinetic, adopt):
+        """Add the forces of all pairs to ``f``. Local.
+
+        Returns:
+            Energy dissipated [J]; energy that springs lost where crossings changed [J]; number of
+            adopted pairs; largest adopted depth [m].
+        """
+        p, e = self.pairs, self.edges
+        if clock < p.due.min(initial=np.inf):
+            return 0.0, 0.0, 0, 0.0
+        return add_edge_forces(
+            f, p.due, p.outside, p.place, p.normal, p.gap, p.offset, p.closed, p.sliding,
+            p.stiffness, p.anchor, p.shear, p.slip, p.work, clock, x, p.first,
+            p.second, e.ends, e.beyond, e.area, e.layer, e.share, e.compliance, e.ratio, friction,
+            friction_kinetic, p.size, p.largest_depth, p.recess, adopt,
+        )  # fmt: skip
+
+    def springs(self, margin, clock):
+        """Springs of closed pairs and of those that a motion of ``margin`` [m] can close. Local.
+
+        Returns:
+            Nodes, shares and normals as of :func:`~mufe_fenicsx.kernels.springs.add_springs`, with
+            four nodes each; stiffness along and across [N/m].
+        """
+        p, e = self.pairs, self.edges
+        on, kn = find_edge_springs(
+            margin, p.size, p.due, p.outside, p.gap, clock, p.place, p.closed, p.stiffness,
+            p.first, p.second, e.area, e.layer, e.share,
+        )  # fmt: skip
+        first, second = p.first[on], p.second[on]
+        s, t = np.clip(p.place[on], 0.0, 1.0).T
+        nodes = np.concatenate([e.ends[first], e.ends[second]], axis=1)
+        return nodes, np.stack([1 - s, s, t - 1, -t], axis=1), p.normal[on], kn, kn * e.ratio[first]
+
+    def energy(self):
+        """Energy in the springs [J] and number of closed pairs. Local."""
+        p, e = self.pairs, self.edges
+        return edge_energy(
+            p.gap, p.offset, p.recess, p.closed, p.stiffness, p.shear, p.first, e.ratio,
+            p.largest_depth,
+        )  # fmt: skip
+
+    def closed_grains(self):
+        """Both grains of each closed pair, shape (num_closed, 2). Local."""
+        p = self.pairs
+        return np.column_stack([p.grain[p.closed], p.partner[p.closed]])
+
+
+class _Edges:
+    """Sharp edges of a surface, own edges first. Arrays as in kernels.edges."""
+
+    def __init__(self, num_own, surface, ratio_of_node):
+        s = surface
+        # Those of facets that only complete a ring too: they count at the corners of others.
+        self.ends, self.beyond, sides, self.key = list_sharp_edges(
+            s.facets, s.neighbor, s.global_facet, s.sharp_edge
+        )
+        self.num_own = int(np.count_nonzero(self.ends[:, 0] < num_own))
+        self.grain = s.grain_of_facet[sides[:, 0]]
+        self.area = np.empty(self.grain.size)
+        edge_areas(self.area, self.ends, s.area_of_facet, s.ring_offset, s.ring)
+        self.length = edge_of_area(self.area, 2)  #: of an even mesh [m]
+        self.layer = s.layer_of_facet[sides].mean(axis=1)
+        self.compliance = s.compliance_of_edge[sides[:, 0], self.key % 3]
+        self.depth = s.depth_of_facet[sides].mean(axis=1)
+        # An edge that goes on beyond its end counts in full, one of k at a corner for 1/k.
+        count = np.bincount(self.ends.ravel(), minlength=1)[self.ends]
+        self.share = np.where(count > 2, 1.0 / count, 1.0)
+        self.ratio = ratio_of_node[self.ends[: self.num_own, 0]]
+
+
+class _EdgePairs:
+    """Pairs of edges of one rank. Arrays as in kernels.edges."""
+
+    def __init__(self, first, second, edges, recess, clock):
+        n = first.size
+        self.first, self.second = first, second
+        self.key = (edges.key[first] << 31) | edges.key[second]
+        self.ratio = edges.ratio[first]
+        self.grain, self.partner = edges.grain[first], edges.grain[second]
+        self.size = 0.5 * (edges.length[first] + edges.length[second])
+        self.largest_depth = edges.depth[first] + edges.depth[second]
+        self.recess = recess * self.size
+        self.due = np.full(n, clock)
+        self.outside = np.full(n, np.inf)
+        self.place = np.full((n, 2), 0.5)
+        self.normal = np.zeros((n, 3))
+        self.gap = np.full(n, np.inf)
+        self.offset = np.zeros(n)
+        self.closed = np.zeros(n, dtype=bool)
+        self.sliding = np.zeros(n, dtype=bool)
+        self.stiffness = np.zeros(n)
+        self.anchor = np.zeros((n, 2))
+        self.shear = np.zeros((n, 3))
+        self.slip = np.zeros(n)
+        self.work = np.zeros(n)
+
+
+def edge_compliances(own, x, of_mesh):
+    """Relative compliance of the ends of sharp edges [m/N], shape (num_facets, 3). Local.
+
+    It is along the bisector of both facets' normals, and stands in the facet of the lower number.
+
+    Args:
+        own: :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
+        x: Reference positions of the mesh's nodes [m], shape (num_nodes, 3).
+        of_mesh: Called as :meth:`~mufe_fenicsx.bulk.solid.Solid.edge_compliance`; None: zeros.
+    """
+    if of_mesh is None or not own.sharp_edge.any():
+        return np.broadcast_to(0.0, own.sharp_edge.shape)
+    numbers = np.arange(len(own.facets))
+    ends, _, sides, key = list_sharp_edges(own.facets, own.neighbor, numbers, own.sharp_edge)
+    a, b, c = np.moveaxis(x[own.nodes[own.facets[sides]]], 2, 0)
+    normal = np.cross(b - a, c - a)
+    bisector = (normal / np.linalg.norm(normal, axis=2, keepdims=True)).sum(axis=1)
+    bisector /= np.linalg.norm(bisector, axis=1, keepdims=True)
+    found = np.zeros(own.sharp_edge.shape)
+    found.ravel()[key] = of_mesh(own.nodes[ends], bisector)
+    return found
+
+
+def _search(x, edges, reach):
+    """All pairs of edges within ``reach``; the cost grows linearly with their number. Local.
+
+    Returns:
+        First and second edge of each pair, in increasing order.
+    """
+    if not edges.num_own:
+        return np.empty((2, 0), np.int32)
+    a, b = np.moveaxis(x[edges.ends[: edges.num_own]], 1, 0)
+    low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
+    extent = np.abs(b - a).max(axis=1).mean()
+    # Cells no smaller than an edge with its reach, no more of them than edges.
+    size = max(extent + reach, np.cbrt(np.prod(high - low + extent) / edges.num_own))
+    shape = tuple(((high - low) / size).astype(np.int64) + 1)
+    cells = sort_edges_into_cells(x, edges.ends, edges.num_own, low, size, shape)
+    first, second = find_edge_pairs(
+        x, edges.ends, edges.grain, edges.num_own, reach, low, size, shape, *cells
+    )
+    # As cells have them, the order of sums would hang on where other grains are.
+    order = np.lexsort((second, first))
+    return first[order], second[order]

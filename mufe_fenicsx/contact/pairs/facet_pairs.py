@@ -1,0 +1,151 @@
+"""Pairs of a node and another grain: their search and what they remember."""
+
+import numpy as np
+
+from ...kernels.boxes import box_around, mean_extent
+from ...kernels.carry import carry_pairs, copy_rows, find_again
+from ...kernels.pairs import ROW, column, rows
+from ...kernels.search import find_candidates, group_by_grain, sort_into_cells
+from ...kernels.self_contact import find_self_candidates
+from .motion_bounds import GrainClocks
+
+#: What a pair keeps when the candidates are searched anew, beside its closest facet.
+REMEMBERED = (
+    "weights",
+    "normal",
+    "gap",
+    "offset",
+    "closed",
+    "stiffness",
+    "largest_depth",
+    "anchor",
+    "shear",
+    "slip",
+    "push",
+    "sliding",
+)
+
+
+class Pairs:
+    """Node-grain pairs of one rank, found by :func:`search_pairs`. Arrays as in kernels.pairs."""
+
+    def __init__(self, node, grain, first, candidate, grain_of_point, clock):
+        num_pairs = node.size
+        self.clocks = GrainClocks(grain_of_point[node], grain, clock)
+        self.node, self.grain = node, grain
+        self.first, self.candidate = first, candidate
+        self.due = np.full(num_pairs, clock)
+        # Single precision is enough for bounds, and these are most of what a search keeps.
+        self.candidate_due = np.full(candidate.size, -np.inf, dtype=np.float32)
+        self.closest = np.full(num_pairs, -1, dtype=np.int64)
+        self.state = rows(num_pairs, ROW)
+        column(self.state, "node")[:] = node
+        for name in (*REMEMBERED, "work", "known", "other_due", "vertices", "sharp"):
+            setattr(self, name, column(self.state, name))
+        self.gap[:] = np.inf
+        self.forces = None  #: kernels.pairs.PairForces, once they are wanted
+        self.closest_facet = None  #: numbers of the closest facets, once candidates are dropped
+
+    def drop_candidates(self, global_facet):
+        """Keep of the candidates the closest ones alone, for :meth:`carry` of the next search.
+
+        They have most of the memory of a search, and their successors need it. Local.
+
+        Args:
+            global_facet: Numbers over all ranks of the facets of this search.
+        """
+        known = self.closest >= 0
+        closest = np.full(self.closest.size, -1, dtype=np.int64)
+        closest[known] = global_facet[self.candidate[self.closest[known]]]
+        self.closest_facet = closest
+        self.forces = self.candidate = self.candidate_due = self.first = self.closest = None
+
+    def carry(self, old, global_facet, wait):
+        """Take over what ``old`` pairs remember. Local.
+
+        Args:
+            old: Pairs of the last search, without candidates by :meth:`drop_candidates`.
+            global_facet: Numbers over all ranks of the facets now.
+            wait: Motion from now on before which no facet beyond the reach of that search can be
+                met [m].
+        """
+        self.clocks.carry(old.clocks)
+        clock = self.clocks.now
+        self.due[:] = clock
+        source = carry_pairs(old.node, old.grain, self.node, self.grain)
+        new = np.flatnonzero(source >= 0)
+        source = source[new]
+        copy_rows(self.state, new, old.state, source)
+        self.known[new], self.work[new] = False, 0.0  # the ledger has the work
+        # A pair that was due may have closed by the motion since, and no other.
+        self.due[new] = np.minimum(old.due[source], clock[new] + wait)
+        known = old.closest_facet[source] >= 0
+        new, source = new[known], source[known]
+        facet = _find(global_facet, old.closest_facet[source])
+        find_again(self.closest, new, facet, self.first, self.candidate)
+        # What pairs may close in some time is asked for too: each needs a facet where it will.
+        lost = self.closest < 0
+        self.due[lost] = np.minimum(self.due[lost], clock[lost])
+
+
+def _find(global_facet, wanted):
+    """Local numbers of facets from their numbers over all ranks, -1 where absent."""
+    order = np.argsort(global_facet, kind="stable")
+    ordered = global_facet[order]
+    place = np.minimum(np.searchsorted(ordered, wanted), max(ordered.size - 1, 0))
+    return np.where(ordered[place] == wanted, order[place], -1)
+
+
+def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock, depth_of_point=None):
+    """All pairs of own points with facets of other grains within ``reach``. Local.
+
+    The cost grows linearly with nodes and facets: a regular grid of cells about
+    as large as a facet's box holds the points, and each facet looks into those
+    that its own box, grown by ``reach``, covers.
+
+    Args:
+        x: Positions [m], points first, ghosts included.
+        num_points: Number of points.
+        grain_of_point: Their grains, shape (num_points,).
+        facets: Vertices as rows of ``x``, shape (num_facets, 3).
+        surface: :class:`~mufe_fenicsx.contact.surface.exchange.Surface`.
+        reach: Distance of each facet [m], shape (num_facets,).
+        clock: Reading of the clock of relative motion [m].
+        depth_of_point: For contact of grains with themselves too, parts of points in the largest
+            depth of pairs [m], shape (num_points,); None for contact between grains alone.
+    """
+    extent = mean_extent(x, facets) if facets.size else 1.0
+    low, high = box_around(x[:num_points])
+    span = high - low
+    # Cells no smaller than a facet with its reach, no more of them than points.
+    size = max(extent + reach.mean(), np.cbrt(np.prod(span + extent) / max(num_points, 1)))
+    shape = tuple((span / size).astype(np.int64) + 1)
+    offset, nodes = sort_into_cells(x, num_points, low, size, shape)
+    grains = surface.grain_of_facet
+    alone = grains.size and (grains == grains[0]).all() and (grain_of_point == grains[0]).all()
+    first, candidate = find_candidates(
+        x,
+        grain_of_point,
+        facets[:0] if alone else facets,
+        surface.grain_of_facet,
+        surface.use,
+        reach,
+        low,
+        size,
+        shape,
+        offset,
+        nodes,
+    )
+    if depth_of_point is not None:
+        node, facet = find_self_candidates(
+            x, grain_of_point, surface.facets, surface.grain_of_facet, surface.ring_offset,
+            surface.ring, reach, depth_of_point, surface.depth_of_facet, low, size, shape, offset,
+            nodes,
+        )  # fmt: skip
+        node = np.concatenate([np.repeat(np.arange(num_points), np.diff(first)), node])
+        candidate = np.concatenate([candidate, facet])
+        order = np.lexsort((candidate, surface.grain_of_facet[candidate], node))
+        candidate = candidate[order]
+        first = np.searchsorted(node[order], np.arange(num_points + 1))
+    grouped = group_by_grain(first, candidate, surface.grain_of_facet)
+    return Pairs(*grouped, candidate, grain_of_point, clock)

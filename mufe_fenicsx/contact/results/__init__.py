@@ -1,0 +1,1 @@
+"""What contact hands on: the network of grains, fields of nodes, dissipation."""

@@ -1,0 +1,127 @@
+"""What crossing edges carry, for the contact network and the fields at nodes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...kernels.edge_springs import areas_and_pushes
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """Closed crossings of this rank. Nodes: ends of the first edge, then of the second.
+
+    They may belong to other ranks: nodes of the surface with its ghosts.
+    """
+
+    grain: np.ndarray  #: of the first edge, global index, shape (num,)
+    partner: np.ndarray  #: grain of the second edge, a higher index, shape (num,)
+    nodes: np.ndarray  #: surface nodes, shape (num, 4)
+    share: np.ndarray  #: of the crossing in these nodes, 1 in all for each edge, shape (num, 4)
+    area: np.ndarray  #: that the crossing stands for, in the reference configuration [m²], (num,)
+    depth: np.ndarray  #: by which they overlap, the offset left out [m], shape (num,)
+    push: np.ndarray  #: normal force [N], shape (num,)
+    normal: np.ndarray  #: unit normal, from the second to the first edge, shape (num, 3)
+    friction: np.ndarray  #: on the first edge [N], shape (num, 3)
+    #: Normal force, friction, and what pushes it along where the spring is softer [N], (num, 3)
+    force: np.ndarray
+    forces: np.ndarray  #: on the nodes [N], shape (num, 4, 3)
+
+
+def closed_crossings(contact):
+    """:class:`Crossings` at the positions of the last forces. Local.
+
+    Args:
+        contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
+    """
+    p, e = contact.edges.pairs, contact.edges.edges
+    on = np.flatnonzero(p.closed)
+    depth = p.offset[on] - p.gap[on] - p.recess[on]
+    push = p.stiffness[on] * np.minimum(depth, p.largest_depth[on])
+    normal, friction = p.normal[on], p.shear[on]
+    # As in kernels.edges.add_edge_forces: friction acts at the anchors, with a couple.
+    s, t = p.place[on].T
+    anchor_s, anchor_t = p.anchor[on].T
+    lever = p.stiffness[on] * p.ratio[on] * p.gap[on]
+    area, pushes = np.empty(on.size), np.empty((on.size, 5))
+    areas_and_pushes(
+        area, pushes, on, contact.positions.array[contact.num_before :], p.place, depth,
+        p.largest_depth, p.stiffness, p.shear, p.first, p.second, e.ends, e.area, e.layer, e.share,
+        e.compliance, e.ratio,
+    )  # fmt: skip
+    q, r, pulled = pushes[:, 0], pushes[:, 1], pushes[:, 2:]
+    h0 = -lever * (anchor_s - s) + p.gap[on] * q
+    h1 = lever * (anchor_t - t) + p.gap[on] * r
+    along = np.stack([(1 - s) * push - h0, s * push + h0, (t - 1) * push - h1, h1 - t * push], 1)
+    across = np.stack([1 - anchor_s, anchor_s, anchor_t - 1, -anchor_t], axis=1)
+    at_place = np.stack([1 - s, s, t - 1, -t], axis=1)
+    nodes, share = _ends(contact.edges, on)
+    return Crossings(
+        grain=p.grain[on],
+        partner=p.partner[on],
+        nodes=nodes,
+        share=share,
+        area=area,
+        depth=depth,
+        push=push,
+        normal=normal,
+        friction=friction,
+        force=push[:, None] * normal + friction + pulled,
+        forces=along[..., None] * normal[:, None]
+        + across[..., None] * friction[:, None]
+        + at_place[..., None] * pulled[:, None],
+    )
+
+
+def crossings_at_nodes(contact):
+    """What own surface nodes have from crossings of all ranks. Collective.
+
+    Each edge's force goes to its ends, by where the crossing lies between them.
+
+    Returns:
+        Normal force [N], shape (num_nodes,); friction [N], shape (num_nodes, 3); slip so far
+        [m], shape (num_nodes,); and depth of the deepest [m], 0 where there is none, (num_nodes,).
+    """
+    c = closed_crossings(contact)
+    sign = np.array([1.0, 1.0, -1.0, -1.0])
+    friction = (sign * c.share)[..., None] * c.friction[:, None]
+    return (
+        _at_owners(contact, c.nodes, c.share * c.push[:, None])[:, 0].copy(),
+        _at_owners(contact, c.nodes, friction),
+        contact.edges.slip + new_slip(contact),
+        _at_owners(contact, c.nodes, c.depth[:, None], largest=True)[:, 0].copy(),
+    )
+
+
+def new_slip(contact):
+    """Slip of crossings since the last search at own surface nodes [m], (num_nodes,). Collective.
+
+    Each node takes its share of the slip of the edge that it ends.
+    """
+    p = contact.edges.pairs
+    on = np.flatnonzero(p.slip)
+    nodes, share = _ends(contact.edges, on)
+    return _at_owners(contact, nodes, share * p.slip[on, None])[:, 0]
+
+
+def _at_owners(contact, nodes, values, largest=False):
+    """Sums, or the largest, of values at own surface nodes, (num_nodes, 3). Collective.
+
+    Args:
+        contact: As above.
+        nodes: Where they are on this rank, shape (num, 4).
+        values: Vectors, shape (num, 4, 3), or numbers, which become first components, (num, 4).
+        largest: The largest instead of the sum.
+    """
+    there = np.zeros((contact.num_nodes_with_ghosts, 3))
+    gather = np.maximum if largest else np.add
+    gather.at(there if values.ndim == 3 else there[:, 0], nodes, values)
+    return contact.back_to_owners(there, largest)
+
+
+def _ends(edges, on):
+    """Nodes at the ends of both edges of pairs, and the crossing's share in them, (num, 4)."""
+    p, ends = edges.pairs, edges.edges.ends
+    s, t = np.clip(p.place[on], 0.0, 1.0).T
+    nodes = np.hstack([ends[p.first[on]], ends[p.second[on]]])
+    return nodes, np.column_stack([1 - s, s, 1 - t, t])

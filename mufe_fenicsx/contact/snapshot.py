@@ -1,0 +1,370 @@
+"""What contact remembers, in names that know no ranks, and contact made again from it.
+
+Tables are dicts of arrays with one row a thing and a column ``grain``, the global index of the
+grain whose rank keeps it. A surface node is named by its number among those of its grain; a
+facet by the numbers of its three nodes; a point of contact by its facet and its place in it,
+or as -1 - n where it is the node n. The order of rows is that of the rank that wrote them, so
+that sums over them give the same bits on the same number of ranks.
+"""
+
+import numpy as np
+
+from ..errors import InputError
+from .pairs.facet_pairs import REMEMBERED, Pairs
+from .pairs.motion_bounds import KEPT as CLOCKS_KEPT
+from .walls import WallPairs
+
+#: Bits of the number of a surface node in the name of a facet.
+BITS = 21
+#: Rows that are looked up at a time where contact is made again.
+BLOCK = 1 << 17
+#: What pairs keep from step to step, beside what a search carries over.
+KEPT = (*REMEMBERED, "due", "work", "known", "other_due")
+WALLS_KEPT = (
+    "due", "gap", "offset", "closed", "anchor", "shear", "slip", "push", "work", "sliding",
+)  # fmt: skip
+EDGES_KEPT = (
+    "due", "outside", "place", "normal", "gap", "offset", "closed", "sliding",
+    "stiffness", "anchor", "shear", "slip", "work",
+)  # fmt: skip
+
+
+class Rows:
+    """Rows of an array, taken where they are wanted: a checkpoint has no room for them all.
+
+    Args:
+        values: The array.
+        order: Which of its rows.
+        times: How often each, shape as ``order``; None: once.
+    """
+
+    def __init__(self, values, order, times=None):
+        self.values, self.order, self.times = values, order, times
+
+    @property
+    def dtype(self):
+        """Type of the values."""
+        return self.values.dtype
+
+    @property
+    def shape(self):
+        """Shape of the column."""
+        number = len(self.order) if self.times is None else int(self.times.sum())
+        return (number, *self.values.shape[1:])
+
+    @property
+    def nbytes(self):
+        """Size [bytes]."""
+        return self.shape[0] * self.values[:1].nbytes
+
+    def blocks(self, number):
+        """The column in turn, ``number`` of the rows that were taken at a time."""
+        for begin in range(0, len(self.order), number):
+            some = slice(begin, begin + number)
+            rows = self.values[self.order[some]]
+            yield rows if self.times is None else np.repeat(rows, self.times[some], axis=0)
+
+
+class Names:
+    """Names of what contact on this rank knows. Collective.
+
+    Args:
+        contact: :class:`~mufe_fenicsx.contact.contact.Contact`; what is on its way in its vector
+            of forces is lost.
+        mesh: Its :class:`~mufe_fenicsx.mesh.GrainMesh`.
+    """
+
+    def __init__(self, contact, mesh):
+        own, points = contact.own, contact.points
+        row = np.full(mesh.num_nodes, -1, dtype=np.int64)
+        row[own.nodes] = np.arange(own.nodes.size)
+        #: own surface nodes grain after grain, in each by their names
+        self.order = row[mesh.named_nodes]
+        self.order = self.order[self.order >= 0]
+        self.grains = mesh.grains
+        grain = mesh.grain_of_node[own.nodes[self.order]]
+        first = np.searchsorted(grain, np.arange(mesh.num_grains))
+        number = np.empty(own.nodes.size, dtype=np.int64)
+        number[self.order] = np.arange(own.nodes.size) - first[grain]
+        if number.max(initial=0) >= 1 << BITS:
+            raise InputError(
+                f"surface nodes of one grain = {number.max() + 1}, expected at most {1 << BITS} "
+                "where checkpoints are written"
+            )
+        names = contact.lend()
+        names.own[:, 0] = number
+        names.forward()
+        #: of surface nodes, those of other ranks included
+        self.node = names.array[contact.num_before :, 0].astype(np.int64)
+        names.array[:] = 0.0
+        self.facet = _joined(self.node[contact.surface.facets])
+        self.facet_grain = contact.surface.grain_of_facet
+        self.point_grain = points.grain_of_point
+        if points.corner is None:
+            self.point, self.part = -1 - number, np.zeros(number.size, np.int8)
+        else:
+            # Points of facets come first, those of sharp vertices after them.
+            single = np.flatnonzero((points.corner == points.corner[:, :1]).all(axis=1))
+            of_facets = points.num_points - single.size
+            n = of_facets // max(len(own.facets), 1)
+            self.point = np.concatenate(
+                [np.repeat(_joined(number[own.facets]), n), -1 - number[points.corner[single, 0]]]
+            )
+            self.part = np.concatenate(
+                [np.arange(of_facets) % max(n, 1), np.zeros(single.size)]
+            ).astype(np.int8)
+
+    def points(self, rows):
+        """Columns that name the points of contact ``rows``."""
+        return {
+            "grain": self.point_grain[rows],
+            "point": self.point[rows],
+            "part": self.part[rows],
+        }
+
+    def rows_of_points(self, table):
+        """Own points of contact that a table names."""
+        known = (self.point_grain, self.point, self.part)
+        return find_rows(known, (table["grain"], table["point"], table["part"]), "point")
+
+
+def find_rows(known, wanted, what):
+    """For each wanted tuple the row of the known ones; columns of integers.
+
+    By bisection, `BLOCK` of the wanted ones at a time: there can be many more of them than known
+    ones, and a checkpoint's tables fill the memory already.
+
+    Raises:
+        InputError: One is not known.
+    """
+    order = np.lexsort(known[::-1])
+    ordered = [column[order] for column in known]
+    rows = np.empty(wanted[0].size, dtype=np.int64)
+    missing = 0
+    for begin in range(0, rows.size, BLOCK):
+        some = [column[begin : begin + BLOCK] for column in wanted]
+        place, there = _bisect(ordered, some)
+        missing += there.size - np.count_nonzero(there)
+        if not missing:
+            rows[begin : begin + BLOCK] = order[place]
+    if missing:
+        raise InputError(
+            f"a {what} of contact in the checkpoint, one of {missing}, is not part of these "
+            "grains, expected the grains that it was written with"
+        )
+    return rows
+
+
+def _bisect(ordered, wanted):
+    """Places of the first tuples that are not less than the wanted ones, and whether they match."""
+    low = np.zeros(wanted[0].size, dtype=np.int64)
+    num = ordered[0].size
+    if not num:
+        return low, np.zeros(low.size, dtype=bool)
+    high = np.full(low.size, num)
+    for _ in range(num.bit_length()):
+        middle = (low + high) // 2
+        less = _compare(ordered, np.minimum(middle, num - 1), wanted)[0] & (middle < high)
+        low, high = np.where(less, middle + 1, low), np.where(less, high, middle)
+    place = np.minimum(low, num - 1)
+    return place, _compare(ordered, place, wanted)[1] & (low < num)
+
+
+def _compare(ordered, place, wanted):
+    """Whether tuples at places are less than the wanted ones, and whether they are the same."""
+    less, same = np.zeros(place.size, dtype=bool), np.ones(place.size, dtype=bool)
+    for column, other in zip(ordered, wanted, strict=True):
+        value = column[place]
+        less |= same & (value < other)
+        same &= value == other
+    return less, same
+
+
+def contact_tables(contact, mesh):
+    """All that contact remembers, as tables, columns arrays or :class:`Rows`. Collective."""
+    names, p, w = Names(contact, mesh), contact.pairs, contact.walls.pairs
+    edges, e = contact.edges.edges, contact.edges.pairs
+    order, own = names.order, contact.own
+    closest = np.where(p.closest >= 0, p.closest - p.first[:-1], -1)
+    count = np.diff(p.first)
+    moving = np.zeros(own.nodes.size, dtype=bool)
+    moving[slice(None) if contact.moving is None else contact.moving] = True
+    ends = names.node[edges.ends]
+    everything = slice(None)
+    return {
+        "surface": {
+            "grain": own.grain_of_node[order],
+            "searched": Rows(contact.searched, order),
+            "previous": Rows(contact.positions.own, order),
+            "slip": Rows(contact.edges.slip, order),
+            "moving": moving[order],
+        },
+        "facets": {
+            "grain": own.grain_of_facet,
+            "facet": names.facet[: len(own.facets)],
+            "layer": contact.facet_layer,
+        },
+        "points": {
+            **names.points(everything),
+            "layer": contact.layer,
+            "slip": contact.ledger._slip,
+        },
+        "pairs": {
+            **names.points(p.node),
+            "partner": p.grain,
+            "count": count,
+            "closest": closest,
+            **{name: getattr(p.clocks, name)[p.clocks.of] for name in CLOCKS_KEPT},
+            **{name: getattr(p, name) for name in KEPT},
+        },
+        "candidates": {
+            "grain": Rows(names.point_grain, p.node, count),
+            "facet": Rows(names.facet, p.candidate),
+            "due": p.candidate_due,
+        },
+        "wall_pairs": {
+            **names.points(w.node),
+            "wall": w.wall,
+            **{name: getattr(w.clocks, name)[w.clocks.of] for name in CLOCKS_KEPT},
+            **{name: getattr(w, name) for name in WALLS_KEPT},
+        },
+        "edge_pairs": {
+            "grain": e.grain,
+            "partner": e.partner,
+            "first": ends[e.first],
+            "second": ends[e.second],
+            **{name: getattr(e, name) for name in EDGES_KEPT},
+        },
+        "accounts": {
+            "grain": contact.ledger.grain,
+            "partner": contact.ledger.partner,
+            "work": contact.ledger.work,
+        },
+    }
+
+
+def restore_contact(contact, mesh, tables, everything_moves):
+    """Make contact what it was. Collective.
+
+    Args:
+        contact: :class:`~mufe_fenicsx.contact.contact.Contact` of the same grains, its ``clock``
+            and ``reach`` those of then.
+        mesh: Its :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        tables: Of :func:`contact_tables`, with the rows of this rank's grains; emptied.
+        everything_moves: Whether all surface nodes were followed then, on this rank.
+
+    Raises:
+        InputError: The tables are not those of these grains; on one rank or more.
+    """
+    own, walls = contact.own, contact.walls
+    names = Names(contact, mesh)
+    surface, order = tables.pop("surface"), names.order
+    searched, previous = np.empty((2, own.nodes.size, 3))
+    searched[order], previous[order] = surface["searched"], surface["previous"]
+    contact.edges.slip[order] = surface["slip"]
+    known = (own.grain_of_facet, names.facet[: len(own.facets)])
+    facets = tables.pop("facets")
+    rows = find_rows(known, (facets["grain"], facets["facet"]), "facet")
+    contact.facet_layer[rows] = facets["layer"]
+    points = tables.pop("points")
+    rows = names.rows_of_points(points)
+    contact.layer[rows], contact.ledger._slip[rows] = points["layer"], points["slip"]
+    del facets, points, known, rows, names
+    accounts = tables.pop("accounts")
+    by_pair = np.lexsort((accounts["partner"], accounts["grain"]))
+    for name in ("grain", "partner", "work"):
+        setattr(contact.ledger, name, accounts[name][by_pair])
+
+    contact.exchange(searched, contact.reach, contact.overlap)
+    names = Names(contact, mesh)
+    contact.edges.list_edges(own.nodes.size, contact.surface)
+    contact.pairs = pairs = _pairs(contact, names, tables.pop("pairs"), tables.pop("candidates"))
+    known = np.flatnonzero(pairs.known)
+    facet = pairs.candidate[pairs.closest[known]]
+    pairs.clocks.follow(contact.motion)
+    pairs.vertices[known], pairs.sharp[known] = contact.facets[facet], contact.edges.beside[facet]
+    walls.pairs = _wall_pairs(contact, names, tables.pop("wall_pairs"))
+    walls.pairs.clocks.follow(contact.motion)
+    _set_edge_pairs(contact, names, tables.pop("edge_pairs"))
+    if contact.num_before:
+        contact._list_near()
+
+    moving = np.empty(own.nodes.size, dtype=bool)
+    moving[order] = surface["moving"]
+    contact.moving = None if everything_moves else np.flatnonzero(moving)
+    contact.positions.own[:] = previous
+    contact.connect()
+    contact.send()
+    contact.receive()
+    contact.place_points()
+    contact.measure_from(previous)
+
+
+def _pairs(contact, names, table, candidates):
+    node = names.rows_of_points(table).astype(np.int32)
+    order = np.lexsort((table["partner"], node))
+    first = np.concatenate([[0], np.cumsum(table["count"])])
+    count = table["count"][order]
+    new_first = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+    # Where each candidate stands in the table.
+    place = np.repeat(first[:-1][order] - new_first[:-1], count) + np.arange(new_first[-1])
+    partner = table["partner"][order]
+    facet = find_rows(
+        (names.facet_grain, names.facet),
+        (np.repeat(partner, count), candidates.pop("facet")[place]),
+        "facet",
+    ).astype(np.int32)
+    points = contact.points.grain_of_point
+    pairs = Pairs(node[order], partner, new_first, facet, points, contact.clock)
+    for name in CLOCKS_KEPT:
+        getattr(pairs.clocks, name)[pairs.clocks.of] = table.pop(name)[order]
+    pairs.candidate_due[:] = candidates.pop("due")[place]
+    closest = table["closest"][order]
+    pairs.closest[:] = np.where(closest >= 0, new_first[:-1] + closest, -1)
+    for name in KEPT:
+        getattr(pairs, name)[:] = table.pop(name)[order]
+    return pairs
+
+
+def _wall_pairs(contact, names, table):
+    node = names.rows_of_points(table).astype(np.int32)
+    order = np.lexsort((table["wall"], node))
+    grains = contact.points.grain_of_point
+    pairs = WallPairs(node[order], table["wall"][order], grains, contact.clock)
+    for name in CLOCKS_KEPT:
+        getattr(pairs.clocks, name)[pairs.clocks.of] = table.pop(name)[order]
+    for name in WALLS_KEPT:
+        getattr(pairs, name)[:] = table.pop(name)[order]
+    pairs.stiffness[:] = contact.points.area[pairs.node] / contact.layer[pairs.node]
+    return pairs
+
+
+def _set_edge_pairs(contact, names, table):
+    edges = contact.edges.edges
+    ends = names.node[edges.ends]
+    # The direction of an edge may depend on the number of ranks.
+    grain = np.concatenate([edges.grain, edges.grain])
+    known = (grain, *np.vstack([ends, ends[:, ::-1]]).T)
+    first, second = (
+        find_rows(known, (table[grain], *table[edge].T), "edge")
+        for grain, edge in (("grain", "first"), ("partner", "second"))
+    )
+    num = edges.grain.size
+    contact.edges.set_pairs(
+        (first % max(num, 1)).astype(np.int32), (second % max(num, 1)).astype(np.int32),
+        contact.clock,
+    )  # fmt: skip
+    pairs = contact.edges.pairs
+    for name in EDGES_KEPT:
+        getattr(pairs, name)[:] = table[name]
+    for column, edge in enumerate((first, second)):
+        turned = edge >= num
+        for name in ("place", "anchor"):
+            values = getattr(pairs, name)
+            values[turned, column] = 1.0 - values[turned, column]
+
+
+def _joined(numbers):
+    """One number from three of at most ``BITS`` bits, of shape (n, 3)."""
+    a, b, c = numbers.astype(np.int64).T
+    return (a << (2 * BITS)) | (b << BITS) | c

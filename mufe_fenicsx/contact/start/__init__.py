@@ -1,0 +1,1 @@
+"""The start of contact: overlaps, checks, and the shape without forces."""

@@ -1,0 +1,1 @@
+"""Springs of contact as matrices, and exact gaps."""

@@ -1,0 +1,108 @@
+"""Exact gaps by augmented Lagrangian: normal forces that springs need not be pressed for.
+
+A closed contact carries N = λ + k d, d its depth and k its layer's stiffness. After an equilibrium
+is found, λ becomes N and the next one is looked for, until no depth is left (Uzawa's method; J. C.
+Simo, T. A. Laursen, Comput. Struct. 42, 1992, 97-116). The layer then sets how fast depths go, a
+factor of about three each time, and no longer how deep a contact is.
+
+λ acts as a lift λ/k of the pair's offset, so that forces and tangents are those of any contact. It
+is there within an increment only: between increments offsets are what they were without, and
+the normal forces, which every pair remembers, are the next multipliers.
+
+Contact between grains is looked at from both sides: where curved surfaces with other meshes
+meet, gaps cannot vanish at all points, and a small tolerance is not reached. Crossings of sharp
+edges keep their layer, and so does friction while it sticks.
+"""
+
+import numpy as np
+from mpi4py import MPI
+
+
+class Augmentation:
+    """Multipliers of all pairs of points with facets and walls.
+
+    Args:
+        contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
+    """
+
+    def __init__(self, contact):
+        self.contact = contact
+        self._lift = None
+
+    def _parts(self):
+        """Pairs with facets and with walls, each with its stiffnesses [N/m]."""
+        contact, walls = self.contact, self.contact.walls.pairs
+        of_walls = contact.points.area[walls.node] / contact.layer[walls.node]
+        return (contact.pairs, contact.pairs.stiffness), (walls, of_walls)
+
+    def begin(self):
+        """The normal forces of closed pairs become multipliers, before a mark is made. Local."""
+        self._lift, self._due = [], []
+        for pairs, stiffness in self._parts():
+            on = np.flatnonzero(pairs.closed)
+            lift = np.zeros(pairs.node.size)
+            lift[on] = pairs.push[on] / stiffness[on]
+            pairs.offset += lift
+            self._lift.append(lift)
+            self._due.append(pairs.due.copy())
+
+    def depth(self):
+        """Largest distance of a closed pair from its gap in the last evaluation [m]. Collective."""
+        worst = 0.0
+        for (pairs, _), lift in zip(self._parts(), self._lift, strict=True):
+            off = (pairs.offset - lift - pairs.gap)[pairs.closed]
+            worst = max(worst, float(np.abs(off).max(initial=0.0)))
+        return self.contact.comm.allreduce(worst, op=MPI.MAX)
+
+    def update(self, mark):
+        """The forces of the last evaluation become multipliers. Local.
+
+        Args:
+            mark: :class:`~.rewind.ContactMark` that evaluations start from.
+        """
+        for k, (pairs, _) in enumerate(self._parts()):
+            old, due = self._lift[k], self._due[k]
+            new = np.zeros_like(old)
+            on = pairs.closed
+            new[on] = (pairs.offset - pairs.gap)[on]
+            offsets, dues = mark.of_points("offset")[k], mark.of_points("due")[k]
+            offsets += new - old
+            # An open pair with a multiplier closes before it touches.
+            was_open = ~mark.of_points("closed")[k]
+            dues[was_open] = (due - new)[was_open]
+            self._lift[k] = new
+
+    def end(self, mark):
+        """An increment is over: multipliers are what the pairs' forces are. Local.
+
+        Args:
+            mark: :class:`~.rewind.ContactMark` at its start.
+
+        Returns:
+            What the normal forces took as depths within the tolerance changed, beyond what springs
+            of that depth store [J]: by the trapezoidal rule, as the work of walls.
+        """
+        self._lower()
+        taken = 0.0
+        for k, (pairs, stiffness) in enumerate(self._parts()):
+            depths = [
+                np.where(closed, pairs.offset - gap, 0.0)
+                for closed, gap in (
+                    (mark.of_points("closed")[k], mark.of_points("gap")[k]),
+                    (pairs.closed, pairs.gap),
+                )
+            ]
+            push = 0.5 * (mark.of_points("push")[k] + pairs.push)
+            taken += push @ (depths[1] - depths[0])
+            taken -= 0.5 * stiffness @ (depths[1] ** 2 - depths[0] ** 2)
+        return float(taken)
+
+    def _lower(self):
+        for (pairs, _), lift in zip(self._parts(), self._lift, strict=True):
+            pairs.offset -= lift
+
+    def cancel(self):
+        """Back to before :meth:`begin`, once the mark is restored. Local."""
+        for (pairs, _), due in zip(self._parts(), self._due, strict=True):
+            pairs.due[:] = due
+        self._lower()

@@ -1,0 +1,266 @@
+"""Facets of other ranks near this one, and PETSc vectors that keep them up to date."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from ...kernels.boxes import box_around, boxes_of_facets, touch_box, with_marked_vertex
+from .occupancy import Cells, occupied_cells
+from .surface import neighbors, rings
+
+#: Tag of the messages between neighbour ranks.
+TAG = 71
+#: Numbers that tell a facet to another rank.
+NUMBERS = 11
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Own facets first, then those of other ranks. Nodes likewise."""
+
+    facets: np.ndarray  #: local surface nodes, int32, shape (num_facets, 3)
+    global_facet: np.ndarray  #: number over all ranks, shape (num_facets,)
+    grain_of_facet: np.ndarray  #: global index of the grain, shape (num_facets,)
+    layer_of_facet: np.ndarray  #: compliance [m/Pa], shape (num_facets,)
+    area_of_facet: np.ndarray  #: in the reference configuration [m²], shape (num_facets,)
+    depth_of_facet: np.ndarray  #: part in the largest depth of pairs [m], shape (num_facets,)
+    sharp_edge: np.ndarray  #: whether the edges 0-1, 1-2, 2-0 are sharp, shape (num_facets, 3)
+    compliance_of_edge: np.ndarray  #: of sharp ones, relative, of both ends [m/N], (num_facets, 3)
+    use: np.ndarray  #: False for facets that only complete a ring, shape (num_facets,)
+    neighbor: np.ndarray  #: as in kernels.closest, shape (num_facets, 3)
+    ring_offset: np.ndarray  #: compressed rows of the facets around each node
+    ring: np.ndarray
+    #: Ranks that know facets of each other: rank, grains of this rank that it knows, and its
+    #: grains that are known here; global indices, increasing.
+    neighbors: list
+
+    def part_of(self, own):
+        """The own surface with arrays that are the first part of these: memory for one. Local.
+
+        Args:
+            own: :class:`~.OwnSurface` that this one was made from.
+        """
+        facets, neighbor = self.facets[: len(own.facets)], self.neighbor[: len(own.facets)]
+        return replace(own, facets=facets, neighbor=neighbor, ring=self.ring[: own.ring.size])
+
+
+class SurfaceArray:
+    """Vectors at surface nodes, own ones first, then those of other ranks. Local.
+
+    Args:
+        num_own: Surface nodes of this rank.
+        ghosts: Global numbers of the surface nodes of other ranks that are wanted, increasing.
+        num_points: Rows of ``array`` before those of the nodes.
+    """
+
+    def __init__(self, num_own, ghosts, num_points=0):
+        self.array = np.zeros((num_points + num_own + ghosts.size, 3))
+        self.own = self.array[num_points : num_points + num_own]
+        self.ghosts = self.array[num_points + num_own :]
+        self.numbers = ghosts  #: of the ghosts
+
+
+class SurfaceVector(SurfaceArray):
+    """The same as a PETSc vector with ghosts. Collective.
+
+    Args:
+        comm: MPI communicator.
+        num_own, ghosts: As of :class:`SurfaceArray`.
+        num_points: Rows of ``array`` that the vector leaves alone.
+    """
+
+    def __init__(self, comm, num_own, ghosts, num_points=0):
+        super().__init__(num_own, ghosts, num_points)
+        self.vector = None
+        if comm.size > 1:
+            self.vector = PETSc.Vec().createGhostWithArray(
+                ghosts.astype(PETSc.IntType),
+                self.array[num_points:].ravel(),
+                size=(3 * num_own, PETSc.DECIDE),
+                bsize=3,
+                comm=comm,
+            )
+
+    def forward(self):
+        """Ghosts take the values of their owners."""
+        if self.vector is not None:
+            self.vector.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
+
+    def add_back(self):
+        """Add the values of ghosts to those of their owners."""
+        if self.vector is not None:
+            self.vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+
+    def largest_back(self):
+        """Owners take the largest of their values and those of ghosts."""
+        if self.vector is not None:
+            self.vector.ghostUpdate(PETSc.InsertMode.MAX, PETSc.ScatterMode.REVERSE)
+
+    def destroy(self):
+        """Free the PETSc vector. Collective."""
+        if self.vector is not None:
+            self.vector.destroy()
+
+
+def exchange_surface(comm, own, layer_of_facet, depth_of_facet, compliance_of_edge, x, reach):
+    """Fetch the facets of other ranks that lie within ``reach`` of this rank's surface. Collective.
+
+    Ranks whose boxes overlap, grown by ``reach``, tell each other which cells of a grid their
+    surface touches there. A facet is sent to a rank where its box, grown by ``reach``, touches
+    such a cell: all that are within reach, and some that are a cell or a facet farther away. The
+    facets around its vertices go along, since normals of edges and vertices need them. No rank
+    ever sees the whole surface: of ranks elsewhere it knows the box.
+
+    Args:
+        comm: MPI communicator.
+        own: :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
+        layer_of_facet: Compliance of own facets [m/Pa], shape (num_facets,).
+        depth_of_facet: Their parts in the largest depth of pairs [m], shape (num_facets,).
+        compliance_of_edge: Of own sharp edges, as of :class:`Surface`, shape (num_facets, 3).
+        x: Positions of own surface nodes [m], shape (num_nodes, 3).
+        reach: Distance [m].
+
+    Returns:
+        :class:`Surface` and the global numbers of ghost nodes, shape (num_ghosts,).
+    """
+    num_own = own.nodes.size
+    first_node = comm.exscan(num_own) or 0
+    first_facet = comm.exscan(own.facets.shape[0]) or 0
+    facets = own.facets
+    global_facet = first_facet + np.arange(facets.shape[0])
+    grain, layer, area, depth = (
+        own.grain_of_facet, layer_of_facet, own.facet_area, depth_of_facet,
+    )  # fmt: skip
+    sharp, compliance = own.sharp_edge, compliance_of_edge
+    use = np.ones(facets.shape[0], dtype=bool)
+    ghosts = np.empty(0, dtype=np.int64)
+    neighbor, ring_offset, ring = own.neighbor, own.ring_offset, own.ring
+
+    far, known = np.empty((0, NUMBERS), dtype=np.int64), []
+    if comm.size > 1:
+        ranks, selected = near_other_ranks(comm, own.facets, x, reach)
+        outgoing = [
+            _packed(own, layer, depth, compliance, near, x.shape[0], first_node, first_facet)
+            for near in selected
+        ]
+        incoming = swap(comm, ranks, [part.reshape(-1).view(np.uint8) for part in outgoing])
+        incoming = [part.view(np.int64).reshape(-1, NUMBERS) for part in incoming]
+        far = np.concatenate([far, *incoming])
+        for rank, *parts in zip(ranks, outgoing, incoming, strict=True):
+            known.append((int(rank), *(np.unique(part[:, 4] >> 4) for part in parts)))
+    if len(far):
+        ghosts, far_facets = np.unique(far[:, :3], return_inverse=True)
+        far_facets = far_facets.reshape(-1, 3)
+        # Grains are whole on their ranks, so far facets neighbour far facets only.
+        num_near = facets.shape[0]
+        far_neighbor = neighbors(far_facets)
+        far_neighbor[far_neighbor >= 0] += num_near
+        neighbor = np.vstack([neighbor, far_neighbor])
+        far_offset, far_ring = rings(far_facets, ghosts.size)
+        ring_offset = np.concatenate([ring_offset, ring_offset[-1] + far_offset[1:]])
+        ring = np.concatenate([ring, far_ring + np.int32(num_near)])
+        facets = np.vstack([facets, far_facets + num_own]).astype(np.int32)
+        global_facet = np.concatenate([global_facet, far[:, 3]])
+        grain = np.concatenate([grain, far[:, 4] >> 4])
+        use = np.concatenate([use, (far[:, 4] & 1).astype(bool)])
+        sharp = np.concatenate([sharp, (far[:, 4, None] >> [1, 2, 3] & 1).astype(bool)])
+        layer, area, depth = (
+            np.concatenate([here, far[:, 5 + k].copy().view(np.float64)])
+            for k, here in enumerate((layer, area, depth))
+        )
+        compliance = np.concatenate([compliance, far[:, 8:].copy().view(np.float64)])
+
+    surface = Surface(
+        facets=facets,
+        global_facet=global_facet,
+        grain_of_facet=grain.astype(np.int32),
+        layer_of_facet=np.array(layer),
+        area_of_facet=area,
+        depth_of_facet=depth,
+        sharp_edge=sharp,
+        compliance_of_edge=compliance,
+        use=use,
+        neighbor=neighbor,
+        ring_offset=ring_offset,
+        ring=ring,
+        neighbors=known,
+    )
+    return surface, ghosts
+
+
+def near_other_ranks(comm, facets, x, reach):
+    """Own facets that may come within ``reach`` of the surfaces of other ranks. Collective.
+
+    Args:
+        comm: MPI communicator.
+        facets: Own facets, shape (num_facets, 3).
+        x: Positions of own surface nodes [m], shape (num_nodes, 3).
+        reach: Distance [m].
+
+    Returns:
+        Ranks whose boxes overlap this one's, grown by ``reach``, increasing; such a rank finds
+        this one too. For each of them True for the facets, shape (num_ranks, num_facets).
+    """
+    reach = reach * (1 + 1e-9)  # what is just within reach is not lost by rounding
+    boxes = np.empty((comm.size, 2, 3))
+    own_box = np.array(box_around(x))
+    comm.Allgather(own_box, boxes)
+    apart = np.maximum(boxes[:, 0] - own_box[1], own_box[0] - boxes[:, 1]).max(axis=1)
+    apart[comm.rank] = np.inf
+    ranks = np.flatnonzero(apart <= reach)
+    if not ranks.size:
+        return ranks, []
+    low, high = boxes_of_facets(x, facets)
+    # Most of a rank's surface is in no other one's box.
+    others = boxes[ranks] + reach * np.array([[-1.0], [1.0]])
+    selected = np.array([touch_box(low, high, *other) for other in others])
+    some = selected.any(axis=0)
+    cells = occupied_cells(low[some], high[some])
+    outgoing = [cells.within(*other).packed() for other in others]
+    incoming = swap(comm, ranks, outgoing)
+    for near, part in zip(selected, incoming, strict=True):
+        near[near] = Cells.unpacked(part).near(low[near], high[near], reach)
+    return ranks, selected
+
+
+def with_rings(facets, near, num_nodes):
+    """Facets that are ``near`` and all around their vertices, increasing, shape (num,). Local."""
+    touched = np.zeros(num_nodes, dtype=bool)
+    touched[facets[near]] = True
+    return np.flatnonzero(with_marked_vertex(facets, touched))
+
+
+def swap(comm, ranks, messages):
+    """Send a message to each of the ``ranks`` and receive one from each. Collective among them.
+
+    Args:
+        comm: MPI communicator.
+        ranks: Neighbours, each of which has this rank among its own.
+        messages: For each of them an array of bytes, uint8.
+
+    Returns:
+        The messages from them, uint8.
+    """
+    requests = [comm.Isend(m, dest=r, tag=TAG) for r, m in zip(ranks, messages, strict=True)]
+    status, received = MPI.Status(), []
+    for rank in ranks:
+        comm.Probe(source=rank, tag=TAG, status=status)
+        received.append(np.empty(status.Get_count(MPI.BYTE), dtype=np.uint8))
+        comm.Recv(received[-1], source=rank, tag=TAG)
+    MPI.Request.Waitall(requests)
+    return received
+
+
+def _packed(own, layer, depth, compliance, near, num_nodes, first_node, first_facet):
+    """Facets that are ``near``, and those around their vertices: ``NUMBERS`` each, int64."""
+    send = with_rings(own.facets, near, num_nodes)
+    rows = np.empty((send.size, NUMBERS), dtype=np.int64)
+    rows[:, :3] = own.facets[send] + np.int64(first_node)
+    rows[:, 3] = first_facet + send
+    rows[:, 4] = 16 * own.grain_of_facet[send].astype(np.int64) + near[send]
+    rows[:, 4] += own.sharp_edge[send] @ np.array([2, 4, 8])
+    for k, values in enumerate((layer, own.facet_area, depth, *compliance.T)):
+        rows[:, 5 + k] = values[send].astype(np.float64).view(np.int64)
+    return rows

@@ -1,0 +1,218 @@
+"""Points of a surface that carry contact: its nodes, or quadrature points of its facets.
+
+The traction at a point acts on the nodes of its facet with their shape functions, so
+that an even pressure between surfaces that do not match stays even, which forces at
+nodes cannot do. A facet's centroid alone would let a sharp vertex sink in before it
+feels anything: sharp vertices carry contact as well.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import InputError
+from ..laws import edge_of_area
+
+#: Barycentric coordinates of the quadrature points of a facet, of equal weight.
+RULES = {
+    "facets": np.full((1, 3), 1 / 3),
+    "facets3": np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6,
+}
+KINDS = ("nodes", *RULES)
+#: A vertex is sharp where facets around it turn by more [rad]: between smoother ones a
+#: vertex reaches 2/3 · 0.87 h tan(angle/2) <= 0.1 h beyond the centroids.
+SHARP = np.radians(20.0)
+#: A sharp vertex carries contact once it is this part of an edge deep: after the
+#: centroids where the contact is flat (depth over edge about half of p/E), so that it adds
+#: nothing there.
+RECESS = 0.01
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points of this rank's surface; where ``corner`` is None they are its nodes."""
+
+    corner: np.ndarray | None  #: own surface nodes around each point, int32, shape (num_points, 3)
+    rule: np.ndarray | None  #: weights of the points of one facet, shape (num, 3)
+    grain_of_point: np.ndarray  #: global index of the grain, int32, shape (num_points,)
+    local_grain: np.ndarray  #: local index of the grain, shape (num_points,)
+    area: np.ndarray  #: [m²], shape (num_points,)
+    layer: np.ndarray  #: compliance of the layer [m/Pa], shape (num_points,)
+    facet_area: np.ndarray  #: area of the facets there [m²], shape (num_points,)
+    depth: np.ndarray  #: part in the largest depth of pairs [m], shape (num_points,)
+    ring_offset: np.ndarray | None  #: compressed rows of the own facets around each point;
+    ring: np.ndarray | None  #: None where points are nodes
+    #: Nodes around each point that is a node: surface nodes, int32, one after another;
+    around: np.ndarray
+    around_of: np.ndarray  #: the first there and how many, int32, shape (num_points, 2)
+    recess: np.ndarray  #: depth at which contact begins [m], shape (num_points,)
+    num_vertices: int = 0  #: points at sharp vertices beside those of the facets
+
+    @property
+    def num_points(self):
+        return self.area.size
+
+    @property
+    def weight(self):
+        """Weights of ``corner``, (num_points, 3), made anew; points at sharp vertices come last."""
+        weight = np.zeros(self.corner.shape)
+        weight[:, 0] = 1.0
+        of_facets = weight[: len(self.corner) - self.num_vertices]
+        of_facets.reshape(-1, *self.rule.shape)[:] = self.rule
+        return weight
+
+    def nodes_around(self, points):
+        """Surface nodes of the given points: one array for points at nodes, else three."""
+        return (points,) if self.corner is None else tuple(self.corner[points].T)
+
+    def carriers(self, points):
+        """Surface nodes that carry the given points and their weights, both of shape (num, 3)."""
+        first = np.array([1.0, 0.0, 0.0])
+        if self.corner is None:
+            return np.repeat(points[:, None], 3, axis=1), np.tile(first, (len(points), 1))
+        weight = self.rule.take(points % len(self.rule), axis=0)
+        weight[points >= len(self.corner) - self.num_vertices] = first
+        return self.corner.take(points, axis=0), weight
+
+    def stretch(self, own, x, points):
+        """Area of the facets around ``points`` now over the reference one, shape (num,).
+
+        Args:
+            own: :class:`~.OwnSurface` that the points belong to.
+            x: Positions of the mesh's nodes [m], shape (num_nodes, 3).
+            points: Of this rank, shape (num,).
+        """
+        ring, offset = (
+            (own.ring, own.ring_offset) if self.corner is None else (self.ring, self.ring_offset)
+        )
+        at, begin, _ = _entries(offset, points)
+        facet = ring[at]
+        a, b, c = (x[own.nodes[own.facets[facet, i]]] for i in range(3))
+        now = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        return _sums(now, begin) / _sums(own.facet_area[facet], begin)
+
+    def to_nodes(self, values, num_nodes):
+        """Values at points, shape (num_points, k), spread to surface nodes (num_nodes, k)."""
+        if self.corner is None:
+            return values
+        at_nodes = np.zeros((num_nodes, values.shape[1]))
+        for corner, weight in zip(self.corner.T, self.weight.T, strict=True):
+            for k in range(values.shape[1]):  # one at a time needs less room
+                np.add.at(at_nodes[:, k], corner, weight * values[:, k])
+        return at_nodes
+
+
+def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth):
+    """Points of a surface. Local.
+
+    Args:
+        kind: One of ``KINDS``: the nodes, or one or three points of each facet.
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        own: Its :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
+        x: Reference positions of the mesh's nodes [m], shape (num_nodes, 3).
+        node_layer, layer: Compliance of the layer of nodes and of facets [m/Pa].
+        node_depth, depth: Their parts in the largest depth of pairs [m].
+
+    Raises:
+        InputError: There is no such kind.
+    """
+    if kind not in KINDS:
+        raise InputError(f"points of contact = {kind}, expected one of {', '.join(KINDS)}")
+    node_grain, facet_grain = mesh.grain_of_node[own.nodes], own.local_grain_of_facet
+    if kind == "nodes":
+        around, around_of = nodes_around(own, np.arange(own.nodes.size))
+        return Points(
+            corner=None,
+            rule=None,
+            grain_of_point=own.grain_of_node,
+            local_grain=node_grain,
+            area=own.area,
+            layer=node_layer,
+            facet_area=0.5 * own.whole_area,
+            depth=node_depth,
+            ring_offset=None,
+            ring=None,
+            around=around,
+            around_of=around_of,
+            recess=np.zeros(own.area.size),
+        )
+    rule = RULES[kind]
+    sharp = sharp_vertices(own, x)
+    vertex = np.flatnonzero(sharp).astype(np.int32)
+    n = len(rule)
+
+    def both(of_facets, of_nodes):
+        return np.concatenate([np.repeat(of_facets, n, axis=0), of_nodes[vertex]])
+
+    nodes = np.arange(own.nodes.size, dtype=np.int32)
+    around = [own.ring[own.ring_offset[v] : own.ring_offset[v + 1]] for v in vertex]
+    num_around = np.concatenate([np.ones(n * len(own.facets)), [len(r) for r in around]])
+    facets = np.repeat(np.arange(len(own.facets), dtype=np.int32), n)
+    neighbors, neighbors_of = nodes_around(own, vertex)
+    return Points(
+        corner=both(own.facets, np.stack([nodes] * 3, axis=1)),
+        rule=rule,
+        grain_of_point=both(own.grain_of_facet, own.grain_of_node),
+        local_grain=both(facet_grain, node_grain),
+        area=both(own.facet_area / n, own.area),
+        layer=both(layer, node_layer),
+        facet_area=both(own.facet_area, 0.5 * own.whole_area),
+        depth=both(depth, node_depth),
+        ring_offset=np.concatenate([[0], np.cumsum(num_around)]).astype(np.int32),
+        ring=np.concatenate([facets, *around]).astype(own.ring.dtype),
+        around=neighbors,
+        around_of=np.concatenate([np.zeros((facets.size, 2), np.int32), neighbors_of]),
+        recess=both(np.zeros(own.facet_area.size), RECESS * edge_of_area(own.whole_area, 2)),
+        num_vertices=vertex.size,
+    )
+
+
+def nodes_around(own, nodes):
+    """Ends of the edges from surface nodes.
+
+    Returns:
+        Surface nodes, int32, one after another; and of each of ``nodes`` the first there and how
+        many, int32, shape (num, 2).
+    """
+    ring, _, count = _entries(own.ring_offset, nodes)
+    of = np.repeat(np.arange(nodes.size), 3 * count)
+    vertices = own.facets[own.ring[ring]].ravel()
+    others = vertices != nodes[of]
+    key = np.unique(of[others] * np.int64(own.nodes.size) + vertices[others])
+    of, around = np.divmod(key, max(own.nodes.size, 1))
+    first = np.searchsorted(of, np.arange(nodes.size + 1))
+    return around.astype(np.int32), np.stack([first[:-1], np.diff(first)], axis=1).astype(np.int32)
+
+
+def _entries(offset, rows):
+    """Where the entries of some compressed rows are, the first of each row there, and how many."""
+    first, count = offset[rows], offset[rows + 1] - offset[rows]
+    begin = np.cumsum(count) - count
+    return np.repeat(first - begin, count) + np.arange(count.sum()), begin, count
+
+
+def _sums(values, first):
+    """Sums over rows of compressed rows, none of them empty, shape (num_rows,)."""
+    return np.add.reduceat(values, first) if values.size else np.zeros(0)
+
+
+def sharp_vertices(own, x):
+    """Whether facets around each node of a surface turn by more than ``SHARP``, (num_nodes,).
+
+    A facet that ends on a mirror has its image for a neighbour.
+    """
+    a, b, c = (x[own.nodes[own.facets[:, i]]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    across = own.neighbor
+    sharp = np.zeros(own.nodes.size, dtype=bool)
+    for i in range(3):
+        other = across[:, i]
+        cosine = np.einsum("ij,ij->i", normal, normal[other])
+        at = np.flatnonzero(own.mirror[:, i] >= 0)
+        plane = own.mirror_normal[own.mirror[at, i]]
+        cosine[at] = 1.0 - 2.0 * np.einsum("ij,ij->i", normal[at], plane) ** 2
+        turned = ((other < 0) & (own.mirror[:, i] < 0)) | (cosine < np.cos(SHARP))
+        sharp[own.facets[turned, i]] = True
+        sharp[own.facets[turned, (i + 1) % 3]] = True
+    return sharp

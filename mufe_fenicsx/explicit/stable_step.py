@@ -1,0 +1,199 @@
+"""Limit of stability of explicit time steps, from the assembled system with contact."""
+
+import math
+
+from mpi4py import MPI
+
+from ..contact.stiffness.springs import list_edge_springs, list_springs
+from ..solvers.highest_frequency import HighestFrequency
+from .mass_split import SharedMass
+
+#: The tets are looked at again when the bound of single ones falls by this, or after so many
+#: steps: their frequency changes with their shapes alone.
+WORSE, RARELY = 0.97, 1500
+#: A step shorter by this part costs less than the products of springs and tets together, which took
+#: 6 % of the time of a loaded packing (demos/performance.md).
+LITTLE = 0.03
+
+
+class StableStep:
+    """The limit at the present state of a simulation. Collective, as its methods.
+
+    Two bounds hold. The highest frequency w of tetrahedra and springs of contact together allows
+    2/w. And a node that meets a spring of rate w_c at speed v leaves it one step later at up to
+    |1 - (w_c dt)²| v: contacts that open and close need (w_c dt)² <= 2 of the springs alone.
+
+    Args:
+        simulation: :class:`~.Simulation` with its grains, contact and state.
+        assembled: From the assembled system (True) or from single elements.
+        factor: What part of the limit will be used.
+    """
+
+    def __init__(self, simulation, assembled, factor):
+        self.comm, self.mesh = simulation.comm, simulation.mesh
+        self.solid, self.contact = simulation.solid, simulation.contact
+        self.rigid, self.state = simulation.rigid, simulation.state
+        self.assembled, self.factor = assembled, factor
+        self._springs = None
+        # All ranks alike, for the others start the iteration from rows that no spring touches too.
+        self._rows_are_nodes = not self.comm.allreduce(self.rigid.num_always)
+        contact_step = self.rigid.contact_step(self.contact.points)
+        self._contact_step = self.comm.allreduce(contact_step, op=MPI.MIN)
+        self.highest, self.highest_of_springs, self.highest_of_tets = self._frequencies()
+        #: Highest frequency of the tets [rad/s], when it was found, and the step of the worst
+        #: single one then [s].
+        self.rate_of_tets, self.tets_at, self.element_step_then = math.nan, 0, math.nan
+        #: The bound by contacts that open and close over the limit that was found last.
+        self.slack = 1.0
+        #: Mass that tets and springs share, for a bound of both together.
+        self.shared = SharedMass(
+            self.solid, self.contact.own.nodes, self.highest_of_tets, self.highest_of_springs
+        )
+
+    def _frequencies(self):
+        """Iterations for the highest frequencies of all, springs and tets, from the start."""
+        mass, turned = self.rigid.free_masses(self.solid.mass), self.rigid.turned_rows()
+        adds = self._add_stiffness, self.add_springs, self._add_tets
+        first, *others = (self.rigid.constrained(add, self.state) for add in adds)
+        highest = HighestFrequency(self.comm, *mass, first, turned=turned)
+        return [highest, *(highest.of(add) for add in others)]
+
+    def set_mass(self, mass):
+        """Take other nodal masses [kg], shape (num_nodes,)."""
+        shared = self.shared
+        others = self.highest_of_springs, self.highest_of_tets, shared.highest
+        for highest in (self.highest, *others):
+            highest.set_mass(mass)
+        self.element_step_then = math.inf  # that of the tets is to be found again
+        shared.forget()
+
+    def of_elements(self, own=None):
+        """Bound from single elements [s]; what does not deform has one by contact alone.
+
+        Args:
+            own: That of this rank's elements now, where it is known.
+        """
+        if own is None:
+            own = self.solid.element_time_step(self.state.x)
+        return min(self.comm.allreduce(own, op=MPI.MIN), self._contact_step)
+
+    def __call__(self, margin, element_step):
+        """Limit of stability [s].
+
+        Args:
+            margin: All pairs within it [m] count as closed, but for those of two grains that are
+                not expected to move so far (:class:`~.contact.clocks.GrainClocks`).
+            element_step: Present value of :meth:`of_elements` [s].
+        """
+        springs = list_springs(self.contact, margin, expected=True)
+        limit, of_contact = self._limit(
+            springs, margin, element_step, self.highest, self.highest_of_springs,
+            lambda: self._recent_rate_of_tets(element_step), self._square_by_shares,
+        )  # fmt: skip
+        self.slack = of_contact / limit
+        return limit
+
+    def afresh(self, margin, element_step, mass=None):
+        """The same from scratch, of all pairs within the margin.
+
+        Where given with other nodal masses [kg], shape (num_nodes,).
+        """
+        all_of_them = self.highest, self.highest_of_springs, self.highest_of_tets
+        frequencies = [highest.of(highest.add_stiffness) for highest in all_of_them]
+        if mass is not None:
+            for highest in frequencies:
+                highest.set_mass(mass)
+        springs = list_springs(self.contact, margin)
+        return self._limit(springs, margin, element_step, *frequencies)[0]
+
+    def of_tets(self):
+        """Limit [s] of the tetrahedra without contact; inf for rigid grains."""
+        rate = HighestFrequency(self.comm, self.solid.mass, self.mesh.x, self._add_tets)()
+        return 2.0 / rate if rate > 0.0 else math.inf
+
+    def _limit(
+        self, listed, margin, element_step, highest, highest_of_springs, rate_of_tets, better=None
+    ):
+        """Limit of stability, and the bound by contact that opens and closes alone [s]."""
+        if self._springs is not None:
+            self._springs.destroy()
+        self._springs = listed
+        springs = 0.0
+        if not self.contact.kinematic:
+            among = (listed.at, listed.add_compact) if self._rows_are_nodes else ()
+            springs = highest_of_springs(*among)
+        limit = self._contact_step
+        if springs > 0.0:
+            limit = min(limit, math.sqrt(2.0) / springs)
+        if not self.assembled:
+            stiffest = self.comm.allreduce(self._stiffest_contact(margin), op=MPI.MAX)
+            both = 2.0 / math.sqrt((2.0 / element_step) ** 2 + 2.0 * stiffest)
+            return min(limit, both), limit
+        # The squares of springs and tets add up at most (Weyl), and less with a closer look. Where
+        # a bound takes little from what contacts that open and close ask for, the costly products
+        # with both are not needed. Half of what the factor takes off is not taken off a bound.
+        if springs > 0.0:
+            safe = 2.0 / (0.5 * (1.0 + self.factor))
+            of_tets, enough = rate_of_tets(), (safe / limit) ** 2
+            square, most = springs**2 + of_tets**2, enough / (1.0 - LITTLE) ** 2
+            if better and square > enough and of_tets**2 <= most:
+                square = min(square, better(enough, most, springs))
+            if square <= most:
+                return min(limit, safe / math.sqrt(square)), limit
+        rate = highest()
+        return min(limit, 2.0 / rate) if rate > 0.0 else limit, limit
+
+    def _recent_rate_of_tets(self, element_step):
+        """Highest frequency of the tetrahedra [rad/s], from not long ago."""
+        waited = self.state.num_steps - self.tets_at
+        if waited >= RARELY or not element_step >= WORSE * self.element_step_then:
+            self.rate_of_tets = self.highest_of_tets()
+            self.tets_at, self.element_step_then = self.state.num_steps, element_step
+            self.shared.forget()
+        return self.rate_of_tets
+
+    def _square_by_shares(self, enough, most, rate_of_springs):
+        """Bound of the square of the highest frequency by shares of mass [1/s²], inf for none.
+
+        Args:
+            enough: What it need not be below.
+            most: What is of no use any more.
+            rate_of_springs: Highest frequency of springs alone [rad/s].
+        """
+        shared = self.shared
+        if not self._rows_are_nodes or shared.rests():
+            return math.inf
+        chosen = shared.part is None
+        if chosen:
+            shared.choose(self.state.x, self._springs, rate_of_springs)
+        square = shared.bound(enough, self._springs)
+        shared.judge(square <= most, chosen)
+        return square
+
+    def _add_stiffness(self, y, q):
+        self._add_tets(y, q)
+        self.add_springs(y, q)
+
+    def _add_tets(self, y, q):
+        self.solid.add_stiffness(y, q, self.state.x)
+
+    def add_springs(self, y, q):
+        """Add the forces that springs resist ``q`` with to ``y``, both of shape (num_nodes, 3)."""
+        if not self.contact.kinematic:
+            self._springs.add(y, q)
+
+    def _stiffest_contact(self, margin):
+        """Largest sum over mass of a node's contact springs [1/s²], all closed. Local.
+
+        A spring between two nodes adds at most twice its stiffness over the mass
+        (Gershgorin); a surface node carries its own spring and those of the facets.
+        """
+        c = self.contact
+        if c.kinematic:
+            return 0.0
+        mass = self.solid.mass[c.own.nodes]
+        spring = c.points.to_nodes((c.points.area / c.layer)[:, None], mass.size)[:, 0]
+        listed = list_edge_springs(c, margin)
+        edges = listed.bounds()
+        listed.destroy()
+        return float(((2.0 * spring + edges) / mass).max(initial=0.0))

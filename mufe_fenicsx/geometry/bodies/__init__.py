@@ -1,0 +1,1 @@
+"""Bodies with formulas: balls, cylinders, ellipsoids, boxes."""

@@ -1,0 +1,1 @@
+"""Images: their files, thresholds, and grains as labels."""

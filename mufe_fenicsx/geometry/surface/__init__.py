@@ -1,0 +1,1 @@
+"""Surfaces of grains as triangles."""

@@ -1,0 +1,1 @@
+"""Tetrahedra inside surfaces, and those of other programs."""

@@ -1,0 +1,154 @@
+"""What is known of a grain: the labels around it, its own surface, or one shared with others.
+
+Each gives the surface that tetrahedra are to fill, in edges of the wanted lengths, and the
+distances of points from what was given.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import measure
+from ..image.distance import surface_distance, voxel_distance
+from ..surface import level_set
+from ..surface.edge_sizes import Sizes, sizes_by_curvature, sizes_by_gap, voxel_gaps
+from ..surface.given_surfaces import body_surface
+from ..surface.remesh import SurfaceError, oriented
+from ..surface.sizing import CONTACT, UNIFORM
+from ..surface.surface import fitted, grain_surface
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Triangles that tetrahedra are to fill."""
+
+    points: np.ndarray  #: [m]
+    triangles: np.ndarray
+    sizes: Sizes  #: [m]
+    held: np.ndarray | None = None  #: coordinates of points that may not change, (n, 3)
+    along: np.ndarray | None = None  #: neighbours of points along edges of the body, (n, 2), or -1
+
+    @property
+    def sharp(self):
+        """Whether it has edges that are to stay."""
+        return self.along is not None and bool((self.along >= 0).any())
+
+
+@dataclass(frozen=True)
+class VoxelGrain:
+    """A grain given by the labels around it."""
+
+    label: int
+    crop: np.ndarray  #: 0 void, 1 this grain, 2 other grains
+    offset: np.ndarray  #: index of the crop's first voxel within the image
+    shape: tuple  #: voxels of the image
+    voxel_size: float  #: [m]
+    smoothing: float  #: [voxels]
+    keep_volume: bool
+    more: int = 0  #: voxels of the crop beyond those that smoothing needs
+
+    @property
+    def volume(self):
+        """Volume of the voxels within the image [m³]."""
+        return np.count_nonzero(self.crop == 1) * self.voxel_size**3
+
+    def surface(self, sizing, attempt):
+        """`Surface` of the wanted sizes."""
+        sizing = sizing.scaled(1 / self.voxel_size)
+        crop, inner = self.crop, slice(self.more, -self.more or None)
+        others = crop == 2
+        crop, offset = crop[inner, inner, inner], np.asarray(self.offset) + self.more
+        if attempt.closing:
+            crop = level_set.without_clefts(crop, attempt.closing * sizing.largest)
+        sigma = self.smoothing * attempt.smoothing
+        body = level_set.smoothed(crop, 1, offset, self.shape, sigma)
+        volume = level_set.volume_in_one_piece(body, crop) if self.keep_volume else None
+
+        def sizes(body, points, triangles, tags):
+            if sizing.mode == UNIFORM:
+                return Sizes(sizing.largest)
+            if sizing.mode == CONTACT:
+                gaps = voxel_gaps(others, points - self.offset)
+                return sizes_by_gap(points, gaps, sizing)
+            _, gradient = body.value_and_gradient(points)
+            length = np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-12)
+            plane = np.ones(len(points), dtype=bool)
+            plane[triangles[tags == 0]] = False
+            return sizes_by_curvature(points, -gradient / length, sizing, plane)
+
+        points, triangles, found, *held = grain_surface(body, sizes, volume, sizing.nodes)
+        found = found.scaled(self.voxel_size)
+        return Surface(points * self.voxel_size, triangles, found, *held)
+
+    def distance(self, points):
+        """Distances of points on the surface from the faces of the voxels [m]."""
+        at = points[:, ::-1] / self.voxel_size - self.offset
+        return voxel_distance(self.crop == 1, at) * self.voxel_size
+
+
+@dataclass(frozen=True)
+class SurfaceGrain:
+    """A grain given by its surface."""
+
+    label: int
+    points: np.ndarray  #: [m]
+    triangles: np.ndarray
+    gaps: np.ndarray | None = None  #: distances of the points from other grains [m]
+
+    @property
+    def volume(self):
+        """Volume within the surface [m³]."""
+        return measure.surface_volume(self.points, self.triangles)
+
+    def surface(self, sizing, attempt):
+        """`Surface` of the wanted sizes."""
+        points, triangles = self.points, self.triangles
+        if sizing.mode == UNIFORM:
+            sizes = Sizes(sizing.largest)
+        elif sizing.mode == CONTACT:
+            sizes = sizes_by_gap(points, self.gaps, sizing)
+        else:
+            normals = measure.vertex_normals(points, triangles)
+            sizes = sizes_by_curvature(points, normals, sizing)
+        sizes = fitted(sizes, points, triangles, sizing.nodes)
+        return Surface(*body_surface(points, triangles, sizes), sizes)
+
+    def distance(self, points):
+        """Distances of points from the given surface [m]."""
+        return surface_distance(self.points, self.triangles, points)
+
+
+@dataclass(frozen=True)
+class SharedGrain:
+    """A grain of voxels whose surface is made already, together with its neighbours'."""
+
+    voxels: VoxelGrain
+    points: np.ndarray  #: [m]
+    triangles: np.ndarray
+    shared: np.ndarray  #: nodes that belong to a neighbour too
+
+    @property
+    def label(self):
+        """Label of the grain."""
+        return self.voxels.label
+
+    @property
+    def volume(self):
+        """Volume of its voxels within the image [m³]."""
+        return self.voxels.volume
+
+    def surface(self, sizing, attempt):
+        """`Surface` of the wanted sizes."""
+        if len(self.triangles) == 0:
+            raise SurfaceError("no cell of the size of elements lies in the grain")
+        triangles = oriented(self.points, self.triangles)
+        defect = measure.surface_defect(self.points, triangles)
+        if defect:
+            raise SurfaceError(f"surface has {defect}")
+        held = np.zeros(self.points.shape, dtype=bool)
+        held[self.shared] = True
+        return Surface(self.points, triangles, Sizes(sizing.largest), held)
+
+    def distance(self, points):
+        """Distances of points on the surface from the faces of the voxels [m]."""
+        return self.voxels.distance(points)

@@ -1,0 +1,1 @@
+"""Increments to equilibrium, or through time: their equations and their linear systems."""

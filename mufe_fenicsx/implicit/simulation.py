@@ -1,0 +1,398 @@
+"""Grains, contact and walls, stepped together by implicit increments: static or dynamic.
+
+Forces are those of the explicit simulation, evaluated from the state at the start of the
+increment: stress update, contact and friction are the same functions of positions, and a state
+can go from one integrator to another and back. Newton's method solves for the displacements; the
+tangent is that of `tangent` and `contact.tangent`. Pairs of contact are those of one search
+through all iterations of an increment; where grains move further than it saw, it is repeated
+from the start of the increment, for a longer way.
+
+Static increments leave inertia out. What no contact holds would then float, and a drag holds it:
+
+    F = -c ΔU/Δt,   c = s E* V^(1/3) Δt_first m/M,
+
+on a node of mass m of a grain of mass M and volume V, s the ``stabilisation``. Over the first
+step Δt_first it is a spring of s times about the stiffness of the grain, and it grows as steps
+shrink: where a grain snaps to another place, shorter steps follow it as if through a viscous fluid.
+Its work counts as damping.
+"""
+
+import math
+
+import numpy as np
+from mpi4py import MPI
+
+from ..contact.mark import ContactMark
+from ..contact.stiffness.augmented import Augmentation
+from ..errors import InputError, SolverError
+from ..explicit.simulation import Simulation
+from ..solvers.generalized_alpha import GeneralizedAlpha
+from ..solvers.newton import Newton
+from .increment import IncrementEquations
+from .increment_end import IncrementEnd
+from .increment_start import HeldWalls, IncrementStart
+from .linear_system import solver_by_size
+
+#: Iterations over the most allowed, up to which the next increment is much and a little longer, and
+#: from which on it is shorter.
+FEW, SOME, MANY = 0.25, 0.5, 0.75
+#: Factors of the length of an increment then, and where it failed.
+LONGER, LITTLE_LONGER, SHORTER, FAILED = 1.5, 1.2, 0.7, 0.4
+#: Searches within one increment.
+MAX_SEARCHES = 6
+#: A residual that is none, over E* times the square of an edge.
+NO_FORCE = 1e-9
+
+
+class ImplicitSimulation(Simulation):
+    """As :class:`~mufe_fenicsx.explicit.simulation.Simulation`, by implicit increments. Collective.
+
+    Args:
+        mesh, materials, walls, options: Of the explicit simulation; no rigid grains, no
+            kinematic law, no mass scaling. Damping acts in dynamics only. Walls held at a
+            force, in static increments only, move within each until they carry it.
+        first_step: Length of the first increment [s].
+        smallest_step, largest_step: Bounds of the length [s]; None: 1e-4 of and 4 times the first.
+        spectral_radius: Of :class:`~.integrators.generalized_alpha.GeneralizedAlpha`; None for
+            static increments.
+        stabilisation: s of static ones.
+        tolerance: Residual over the internal forces, in the norm over all nodes.
+        max_iterations: Newton iterations of an increment.
+        no_force: Residual that is none, over E* times the square of the mean facet edge.
+        linear_solver: One of linear_system.SOLVERS; None: by size.
+        petsc: Further options of PETSc, without the prefix ``mufe_``.
+        held: Pairs (nodes of this rank, unit vector (3,)): displacements along the vector are
+            those of :attr:`prescribed` at these nodes. Their work is not part of that of the walls.
+        gap_tolerance: Of static increments with exact gaps (contact.augmented): largest distance
+            of a closed contact from its gap, over the mean facet edge; None: layers stay.
+        max_augmentations: Times that multipliers are renewed in an increment, at most.
+
+    Raises:
+        InputError: What cannot be used; see the arguments.
+
+    Attributes:
+        static: Whether increments leave inertia out.
+        equations: :class:`~.increment_equations.IncrementEquations`.
+        prescribed: Displacements of held nodes in the next increments [m], (num_nodes, 3); they
+            stay until they are changed.
+        report: Of each increment since the start: (time, length [s], Newton iterations, linear
+            iterations, residual at the last three iterations); those of the last augmentation.
+        end: :class:`~.increment_end.IncrementEnd`: how far the next increment may go.
+        num_on_jumps: Increments that ended on a jump of the forces of contact (integrators.jumps).
+        augmentations: Of each increment with exact gaps: (how many, largest distance left [m]).
+    """
+
+    increments = True
+
+    def __init__(
+        self,
+        mesh,
+        materials,
+        walls=(),
+        *,
+        first_step,
+        smallest_step=None,
+        largest_step=None,
+        spectral_radius=None,
+        stabilisation=1e-6,
+        tolerance=1e-6,
+        max_iterations=30,
+        no_force=NO_FORCE,
+        linear_solver=None,
+        petsc=None,
+        held=(),
+        gap_tolerance=None,
+        max_augmentations=30,
+        **options,
+    ):
+        self.first_step = float(first_step)
+        self.smallest_step = 1e-4 * first_step if smallest_step is None else smallest_step
+        self.largest_step = 4.0 * first_step if largest_step is None else largest_step
+        if not 0 < self.smallest_step <= self.first_step <= self.largest_step:
+            raise InputError(
+                f"first_step = {first_step} s, expected 0 < smallest_step = {self.smallest_step} "
+                f"<= first_step <= largest_step = {self.largest_step}"
+            )
+        self.method = None if spectral_radius is None else GeneralizedAlpha(spectral_radius)
+        self.static = self.method is None
+        self.stabilisation = float(stabilisation) if self.static else 0.0
+        if gap_tolerance is not None and self.method:
+            raise InputError(
+                f"gap_tolerance = {gap_tolerance}, expected none for dynamics: augmentations "
+                "belong to static increments"
+            )
+        super().__init__(mesh, materials, walls, **options)
+        if self._any_rigid:
+            raise InputError("rigid grains, expected deformable ones for an implicit solver")
+        if self.walls.has_servo and self.method:
+            raise InputError(
+                "a wall is held at a force, expected walls at rest or moving for dynamic increments"
+            )
+        if self.scaling is not None:
+            raise InputError("[mass_scaling] is given, expected none for an implicit solver")
+        self.held = [(np.asarray(nodes), np.asarray(d, float)) for nodes, d in held]
+        self.held += self.mirrors.held()
+        self.prescribed = np.zeros_like(mesh.x)
+        self.equations = IncrementEquations(self, linear_solver or solver_by_size(mesh), petsc)
+        self.system = self.equations.system
+        self._exact = None if gap_tolerance is None else Augmentation(self.contact)
+        self._gap_tolerance = (gap_tolerance or 0.0) * self.contact.edge
+        self._max_augmentations = max_augmentations
+        self.augmentations = []
+        self._unmet = ""  # what an increment with exact gaps fell short of
+        modulus = self.solid.contact_modulus
+        floor = self.comm.allreduce(float(modulus.max(initial=0.0)), op=MPI.MAX)
+        self._newton = Newton(
+            self.system, self.equations.residual, self.equations.set_tangent, "mufe_", tolerance,
+            no_force * floor * self.contact.edge**2 / tolerance, max_iterations,
+            self.equations.products,
+        )  # fmt: skip
+        self._held_walls = HeldWalls(self) if self.walls.has_servo else None
+        self._last = None  # displacement of the last increment, its length, motion of its walls
+        self.end = IncrementEnd()
+        self.report = []
+        self.num_failed = 0  #: increments that had to be shortened
+        self.num_on_jumps = 0
+
+    # --- what stays the same ---------------------------------------------------------------
+
+    def update_time_step(self, early=False, of_elements=None):
+        """The length of increments follows from their success; there is no limit of stability."""
+        if math.isnan(self.dt):
+            self.dt = self.first_step
+            own = self.solid.element_time_step(self.state.x)
+            self.dt_element = self.comm.allreduce(own, op=MPI.MIN)
+
+    def _kinetic(self):
+        s = self.state
+        return 0.5 * float(self._free_mass @ (s.v**2).sum(axis=1))
+
+    def response(self, load):
+        """Displacements [m] by small further forces ``load`` [N], both (num_nodes, 3). Collective.
+
+        With the tangent of the present state, which stays.
+        """
+        self._begin(self.dt)
+        found = self._newton.solve_linear(
+            np.zeros_like(load), self.equations.held.project(load.copy())
+        )
+        self._rewind()
+        return found
+
+    def take_over(self):
+        """Go on from a state that another integrator left. Collective.
+
+        Static increments know no motion: its energy counts as damped.
+        """
+        s = self.state
+        self.dt, self._last = self.first_step, None
+        if self.method is None:
+            self.damped += self._kinetic()
+            s.v[:], s.a[:] = 0.0, 0.0
+        else:
+            s.a[:] = self._f / self.solid.mass[:, None]
+
+    # --- an increment ----------------------------------------------------------------------
+
+    def step(self, everywhere=True):
+        """One increment, shortened until it converges and ends where it may. Collective.
+
+        Raises:
+            SolverError: It does not converge at the smallest length; the state is the last one
+                that did. On all ranks.
+            UnstableError, SolverError: As of :meth:`check`.
+        """
+        tries = 0
+        while True:
+            dt, mark = self.end.cut(self.dt), self._mark()
+            if self._increment(dt) if self._held_walls is None else self._balance(dt, mark):
+                if not self.end.goes_too_far(dt, self.smallest_step):
+                    break
+                self._take_back(mark)
+                continue
+            tries += 1
+            self.num_failed += 1
+            if tries > 1:  # perhaps it is the guess
+                self._last = None
+            if dt <= self.smallest_step:
+                raise SolverError(
+                    f"no equilibrium found from t = {self.state.t:g} s on, with increments down "
+                    f"to {dt:g} s ({self._reason}): the last one found is kept; load in smaller "
+                    "steps, with more stabilisation or less friction, or go on with "
+                    'solver.integrator = "explicit"'
+                )
+            self.dt = max(FAILED * dt, self.smallest_step)
+        effort = self._newton.effort
+        if effort <= SOME:
+            factor = LONGER if effort <= FEW else LITTLE_LONGER
+            # One that was cut tells nothing about longer ones.
+            self.dt = max(self.dt, min(factor * dt, self.largest_step))
+        elif effort >= MANY:
+            self.dt = max(SHORTER * dt, self.smallest_step)
+        self.check()
+
+    def _balance(self, dt, mark):
+        """One increment at whose end walls carry their targets, or move at their full speed."""
+
+        def take_back():
+            self._take_back(mark)
+            self._reason = f"walls not at their forces after {self._held_walls.num_trials} trials"
+
+        return self._held_walls(self._increment, take_back, dt)
+
+    def _mark(self):
+        """What :meth:`_take_back` needs beside the copy of the state."""
+        s = self.state
+        lists = self.report, self.augmentations
+        return (s.t, s.dt, s.num_steps), (self.damped, self.num_on_jumps), [*map(len, lists)]
+
+    def _take_back(self, mark):
+        """Undo an increment that converged."""
+        self._rewind()
+        s = self.state
+        (s.t, s.dt, s.num_steps), (self.damped, self.num_on_jumps), lengths = mark
+        for found, length in zip((self.report, self.augmentations), lengths, strict=True):
+            del found[length:]
+
+    def _increment(self, dt):
+        """One increment of length ``dt``; whether it converged. The state stays where not."""
+        s, walls = self.state, self.walls
+        self._begin(dt)
+        guess = self._guess(dt)
+        found = None
+        for _ in range(MAX_SEARCHES):
+            self.equations.too_far = 0.0
+            found = self._newton(guess)
+            if self._exact:
+                found = self._augment(found)
+            if found is not None or not self.equations.too_far:
+                break
+            self._search(4.0 * self.equations.too_far)
+        if found is None:
+            self._reason = self._unmet or (
+                f"{self._newton.num_iterations} iterations, residual "
+                f"{min(self._newton.history, default=math.nan):.1e} of the internal forces"
+            )
+            self._rewind()
+            return False
+        if self._exact:
+            self.damped += self._exact.end(self.equations.mark)
+        self._finish(found, dt)
+        self.num_on_jumps += self._newton.num_sides > 1
+        history = self._newton.history
+        self.report.append(
+            (s.t, dt, self._newton.num_iterations, self._newton.num_linear, history[-3:])
+        )
+        walls.add_work()
+        return True
+
+    def _augment(self, found):
+        """From the equilibrium ``found`` to one with exact gaps; None where there is none."""
+        count = 0
+        self._unmet = ""
+        while found is not None:
+            left = self._exact.depth()
+            if left <= self._gap_tolerance:
+                self.augmentations.append((count, left))
+                break
+            if count == self._max_augmentations:
+                self._unmet = (
+                    f"{count} augmentations, {left:.1e} m from the exact gap, wanted "
+                    f"{self._gap_tolerance:.1e} m"
+                )
+                return None
+            self._exact.update(self.equations.mark)
+            found = self._newton(found)
+            count += 1
+        return found
+
+    def _begin(self, dt):
+        """Keep the state, and move walls and what is prescribed."""
+        s, walls = self.state, self.walls
+        equations = self.equations
+        equations.begin(IncrementStart(self), dt)
+        equations.wall_move = walls.move(dt)
+        if self._exact:
+            self._exact.begin()
+        # Anchors on walls that turned have gone along.
+        equations.mark = ContactMark(self.contact)
+        walls.add_work()
+        equations.reach = self.contact.searched_at + self.contact.skin
+        if self.bonded.nodes.size:
+            x, u, v = s.x.copy(), s.u.copy(), s.v.copy()
+            self.bonded.move(x, u, v, self.mesh.x, dt)
+            self.prescribed[self.bonded.nodes] = (x - s.x)[self.bonded.nodes]
+        expected = equations.wall_move
+        if self._last is not None:
+            expected = max(expected, float(np.abs(self._last[0]).max()) * dt / self._last[1])
+        expected = self.comm.allreduce(expected, op=MPI.MAX)
+        if self.contact.clock + 3.0 * expected > equations.reach:
+            self._search(4.0 * expected)
+
+    def _search(self, ahead):
+        """Pairs anew at the start of the increment, for motions of ``ahead`` [m]."""
+        self.equations.mark.restore()
+        x0 = self.equations.start.state["x"]
+        if self._exact:
+            self._exact.cancel()
+        self.contact.search(x0, ahead=ahead)
+        if self._exact:
+            self._exact.begin()
+        self.equations.reach = self.contact.searched_at + max(self.contact.skin, ahead)
+        self.equations.mark = ContactMark(self.contact)
+        self.system.forget()
+
+    def _guess(self, dt):
+        """First guess of the displacement."""
+        s = self.state
+        if self.method:
+            guess = dt * s.v + 0.5 * dt**2 * s.a
+        elif self._last is not None:
+            guess = self._last[0] * self._as_far(dt)
+        else:
+            guess = np.zeros_like(s.x)
+        return self.equations.held.project(guess) + self.prescribed
+
+    def _as_far(self, dt):
+        """How far this increment goes over the last one: by what is moved, else by time."""
+        (walls, nodes), (walls0, nodes0) = self._motion(), self._last[2]
+        products = [np.vdot(nodes0, nodes0), np.vdot(nodes0, nodes), np.vdot(nodes, nodes)]
+        size, along, now = self.comm.allreduce(np.array(products))
+        size += walls0 @ walls0
+        along += walls0 @ walls
+        if size > 0.0:
+            return along / size
+        if now > 0.0 or walls.any():
+            return 0.0
+        return dt / self._last[1]
+
+    def _motion(self):
+        """The last motion of all walls, turns over an edge of facets, and of held nodes [m]."""
+        walls = np.concatenate([self.walls._push, self.contact.edge * self.walls._turn])
+        return walls.ravel(), self.prescribed.copy()
+
+    def _finish(self, du, dt):
+        """Take the state that was found."""
+        s, start, method = self.state, self.equations.start.state, self.method
+        if method:
+            s.a[:] = method.acceleration(du, start["v"], start["a"], dt)
+            s.v[:] = method.velocity(s.a, start["v"], start["a"], dt)
+            middle = 0.5 * (s.v + start["v"])
+            mass = self._free_mass[:, None]
+            self.damped += self.damping * dt * float((mass * middle**2).sum())
+        else:
+            s.a[:], s.v[:] = 0.0, 0.0
+            self.damped += float(((self.equations.drag / dt)[:, None] * du**2).sum())
+        self._last = (du, dt, self._motion())
+        self.contact.measure_from(self.contact.positions.own)
+        s.t += dt
+        s.dt = dt
+        s.num_steps += 1
+
+    def _rewind(self):
+        """Back to the start of the increment."""
+        self.equations.mark.restore()
+        if self._exact:
+            self._exact.cancel()
+        self.walls.turn_back()
+        self.equations.start.restore(self)

@@ -1,0 +1,230 @@
+"""The oedometer test as a sequence of stages that drive the top platen.
+
+Strain is the shortening of the distance between top and bottom platen over that
+distance at the end of the seating stage, positive in compression: gaps that the
+segmentation left are closed by the seating and do not count. Its end is the
+first step at which top and bottom both carry the seating stress. Increments, which are
+longer than steps, end there to ``SEATED`` of that stress, and where the strain of the test is
+reached.
+"""
+
+import numpy as np
+
+from ..errors import SolverError
+from .quasi_static import QuasiStaticSpeed
+
+TOP, BOTTOM = "z_max", "z_min"
+#: The walls of a box, opposite ones beside each other.
+BOX = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
+SEATING, LOADING = "seating", "loading"
+
+STRAIN_DEFINITION = (
+    "shortening of the distance between top and bottom platen over that distance at the end of "
+    "the seating stage (the first step at which both carry the seating stress); compression "
+    "positive"
+)
+
+#: The seating stage gives up when the platens have approached by this part of their distance.
+LARGEST_SEATING = 0.25
+#: Part of the seating force by which an increment may go beyond it.
+SEATED = 0.01
+#: Part of the strain of the test to which it is reached.
+EXACT = 1e-9
+#: Part of the work of the walls that damping takes where it is what a test fails by.
+OVERDAMPED = 0.5
+
+
+#: What changes in the course of a test, beside the walls.
+KEPT = ("stage", "stages", "first_height", "reference_height", "_speed", "_speed_at_start")
+
+
+def smooth_step(s):
+    """0 below 0, 1 above 1, between them the quintic with two vanishing derivatives."""
+    s = min(max(s, 0.0), 1.0)
+    return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
+
+
+def overdamped(simulation):
+    """What to do about damping where that takes most of the work; empty where not. Collective."""
+    energies = simulation.energies()
+    damped, work = energies["damping"], energies["work"]
+    if not 0.0 < OVERDAMPED * work < damped:
+        return ""
+    return (
+        f"solver.damping = {simulation.damping:g} 1/s takes {damped / work:.0%} of the work of the "
+        "walls, and grains move as through a viscous fluid: lower it"
+    )
+
+
+class OedometerLoading:
+    """Moves the top platen of a simulation through seating and loading.
+
+    Args:
+        simulation: :class:`~.Simulation` with walls z_min and z_max.
+        strain: Strain at which the test ends.
+        speed: Speed of the top platen [m/s].
+        ramp: Strain over which the speed rises smoothly, at the start of each stage.
+        seating_force: Force on top and bottom that ends the seating [N].
+        seating_speed: Speed of the top platen while seating [m/s].
+        quasi_static: Settings of a speed that adapts (scene.QuasiStatic), from the end of the
+            seating on; None: ``speed`` throughout, reached over ``ramp``.
+    """
+
+    columns = ()  #: of history.csv beyond the usual ones
+    end = "final strain reached"  #: why a test stops that does all it should
+    strain_definition = STRAIN_DEFINITION
+    follows = False  #: whether the start of a stage is the stored end of another one
+
+    def __init__(
+        self, simulation, strain, speed, ramp, seating_force, seating_speed, quasi_static=None
+    ):
+        self.simulation = simulation
+        self.final_strain, self.speed, self.ramp = strain, speed, ramp
+        self.seating_force, self.seating_speed = seating_force, seating_speed
+        walls = simulation.walls
+        self._top, self._bottom = walls.names.index(TOP), walls.names.index(BOTTOM)
+        self.control = None
+        if quasi_static is not None:
+            self.control = QuasiStaticSpeed(simulation, quasi_static, self._top, self._bottom)
+        self.first_height = self.height
+        self.reference_height = self.first_height
+        self._speed = self._speed_at_start = 0.0
+        self._held = self._held_stresses()
+        self.stage = SEATING
+        self.stages = [self._note()]
+
+    @property
+    def height(self):
+        """Distance of top and bottom platen [m]."""
+        points = self.simulation.walls.point
+        return points[self._top, 2] - points[self._bottom, 2]
+
+    @property
+    def strain(self):
+        """Strain since the end of the seating; zero while it lasts."""
+        return 0.0 if self.stage == SEATING else self.progress
+
+    @property
+    def progress(self):
+        """How far the present stage has come: the height lost over the reference height [-]."""
+        return 1.0 - self.height / self.reference_height
+
+    @property
+    def speed_now(self):
+        """Speed of the top platen in the last step [m/s]."""
+        return self._speed
+
+    @property
+    def loaded(self):
+        """Whether the seating is over."""
+        return self.stage == LOADING
+
+    @property
+    def part_done(self):
+        """Of the whole test."""
+        return self.strain / self.final_strain
+
+    @property
+    def course(self):
+        """What rows of the history fall due by: the progress."""
+        return self.progress
+
+    def interval(self, count):
+        """Progress between two of ``count`` records of the loading stage."""
+        return self.final_strain / (count - 1)
+
+    def row(self, forces):
+        """Columns of history.csv that this loading adds: none."""
+        return {}
+
+    @property
+    def finished(self):
+        """Whether the strain of the test is reached."""
+        return self.stage == LOADING and self.progress >= self.final_strain * (1.0 - EXACT)
+
+    def keep(self):
+        """What a loading that goes on from here has to know, fit for JSON."""
+        kept = {name: getattr(self, name) for name in KEPT}
+        return kept if self.control is None else kept | {"control": self.control.keep()}
+
+    def go_on(self, kept):
+        """Go on from what :meth:`keep` gave."""
+        for name in KEPT:
+            setattr(self, name, kept[name])
+        if self.control is not None:
+            if "control" in kept:
+                self.control.go_on(kept["control"])
+            elif self.stage == LOADING:  # the speed was constant before
+                self.control.begin(self._speed)
+
+    def _note(self):
+        state = self.simulation.state
+        return {"name": self.stage, "step": state.num_steps, "time": state.t, "strain": 0.0}
+
+    def _held_stresses(self):
+        """Walls that hold a force, each with its number and the stress that this is now [Pa]."""
+        walls = self.simulation.walls
+        if tuple(walls.names) != BOX:
+            return []
+        areas = self._areas()
+        return [
+            (i, wall, wall.target / areas[i])
+            for i, wall in enumerate(walls.walls)
+            if wall.target is not None
+        ]
+
+    def _areas(self):
+        """Of the walls of a box, between those around them [m²], shape (6,)."""
+        points = self.simulation.walls.point
+        lengths = np.diag(points[1::2]) - np.diag(points[0::2])
+        return np.repeat(np.prod(lengths) / lengths, 2)
+
+    def before_step(self):
+        """Set the speed of the platen and change stage when it is time. Collective."""
+        if self._held:
+            areas = self._areas()
+            for i, wall, stress in self._held:
+                wall.target = stress * areas[i]
+        if self.stage == SEATING:
+            if self.progress > LARGEST_SEATING:
+                what = overdamped(self.simulation) or (
+                    "lower oedometer.seating_stress, or check that the sample fills the box"
+                )
+                raise SolverError(
+                    f"after {LARGEST_SEATING:.0%} of the height top and bottom do not both carry "
+                    f"the seating force of {self.seating_force:.3g} N: {what}"
+                )
+            if self._carried() >= self.seating_force:
+                self.stage = LOADING
+                self.reference_height = self.height
+                self.stages.append(self._note())
+                if self.control is not None:
+                    self.control.begin(self._speed)
+        if self.stage == SEATING:
+            ramp_time = self.ramp * self.first_height / self.seating_speed
+            s = self.simulation.state.t / ramp_time if ramp_time > 0 else 1.0
+            self._speed = self._speed_at_start = self.seating_speed * smooth_step(s)
+        elif self.control is not None:
+            self._speed = self.control(self.progress)
+        else:
+            s = self.progress / self.ramp if self.ramp > 0 else 1.0
+            start = self._speed_at_start
+            self._speed = start + (self.speed - start) * smooth_step(s)
+        self.simulation.walls.velocity[self._top, 2] = -self._speed
+        if self.simulation.increments:
+            self._bound_increment()
+
+    def _carried(self):
+        """Force that both platens carry [N]. Collective."""
+        forces = self.simulation.wall_forces()
+        return min(forces[self._top], forces[self._bottom])
+
+    def _bound_increment(self):
+        """The coming increment ends with its stage, at the latest."""
+        end = self.simulation.end
+        if self.stage == SEATING:
+            most = (1.0 + SEATED) * self.seating_force
+            end.aim(passed=lambda: self._carried() > most)
+        else:
+            left = (self.final_strain - self.progress) * self.reference_height
+            end.aim(longest=left / self._speed)

@@ -1,0 +1,537 @@
+"""A test by stages: six walls led by stress, strain or speed along three axes.
+
+Each axis of a stage does one of these:
+
+    rest     its walls stand still
+    hold     a servo keeps the stress that it had reached
+    stress   it goes to a stress, then holds it
+    strain   it goes to a strain, then rests
+    speed    its length changes at a speed until the stage ends
+
+Axes that go to a stress or a strain go together along a straight line,
+
+    σ*(s) = σ0 + s (σ1 - σ0),  L*(s) = L0 + s (L1 - L0),  s from 0 to 1,
+
+as fast as all of them can: s grows until the first one is at its largest speed, a strain by the
+change of its length, a stress by what its walls would have to move (servo.py). So stress paths
+are straight whatever the stiffness of the sample along each axis is. Speeds rise over the strain
+``ramp`` as a smooth step of time; towards the end of a strain they fall with the root of what is
+left of it, at a constant rate over the same strain.
+
+A stage ends when a value of ``until`` is passed, or when s = 1, lengths are reached, and all held
+stresses are within ``tolerance`` for twice the time T that a wave travels; then ``hold`` begins.
+These stresses are means over T (exponentially weighted): grains that still rattle between few
+contacts shake a wall for long, and without a load of their own. Where ``until`` is passed walls
+brake first, over ``ramp``: at once they would send a wave through the sample that unloads it.
+
+Rows of the history fall due by the ways that a stage has come, one for each of what leads it:
+s, the changes of lengths that go at a speed, the values of ``until``, and time where it only
+waits. Each grows alone, so that rows are nowhere farther apart than one interval of each.
+
+Stresses are forces over the present areas of the walls; strains are 1 - L/L0, L0 the length at the
+end of the last stage with ``zero``, or at the start. Compression is positive.
+"""
+
+import math
+
+import numpy as np
+
+from ..errors import SolverError
+from .oedometer import overdamped, smooth_step
+from .quasi_static import QuasiStaticSpeed
+from .wall_servo import Servo
+
+REST, HOLD, STRESS, STRAIN, SPEED = "rest", "hold", "stress", "strain", "speed"
+
+STRAIN_DEFINITION = (
+    "shortening of the distance between the walls across an axis over that distance at the end of "
+    "the last stage with zero = true before (without one: at the start); compression positive"
+)
+
+#: Walls that hold a stress may move so many times faster than `loading.speed`.
+HOLDING = 4.0
+#: Times that a wave travels for which stresses have to stay within their tolerance.
+SETTLED = 2.0
+#: Part of the way along the line while a wall that is to carry a stress has not met the sample.
+UNMET = 0.2
+#: Part of a length to which a strain is reached.
+EXACT = 1e-9
+#: Ways of every stage: s, that of lengths, and of time where it waits.
+NUM_WAYS = 3
+
+#: Columns of history.csv beyond the usual ones.
+COLUMNS = ("stress_x", "stress_y", "stress_z", "strain_x", "strain_y", "strain_z")
+
+#: What changes in the course of a test, beside the walls.
+KEPT = ("index", "stages", "first_height", "_reference", "_held", "_begun", "_length0", "_stress0",
+        "_values0", "_s", "_settled", "_hold_from", "_speed", "_mean", "_mean_at", "_brake_from",
+        "_led_until", "_ways")  # fmt: skip
+
+
+class StagedLoading:
+    """Moves the six walls of a simulation through stages. Collective but for plain numbers.
+
+    Args:
+        simulation: :class:`~.Simulation` with the six walls of a box.
+        settings: :class:`~mufe_fenicsx.scene.stages.Loading`.
+        program: Its :class:`~mufe_fenicsx.scene.stages.Stage` s, with their names.
+        quasi_static: Settings of a speed that adapts (scene.QuasiStatic), or None.
+    """
+
+    columns = COLUMNS
+    end = "last stage done"
+    strain_definition = STRAIN_DEFINITION
+
+    def __init__(self, simulation, settings, program, quasi_static=None):
+        self.simulation, self.settings, self.program = simulation, settings, program
+        self.servo = Servo(simulation)
+        self.control = None
+        if quasi_static is not None:
+            self.control = QuasiStaticSpeed(simulation, quasi_static, 5, 4)
+        zeros = [number for number, stage in enumerate(program) if stage.zero]
+        self._last_zero = max(zeros, default=-1)
+        self._reference = self.lengths.tolist()
+        self.first_height = self._reference[2]
+        self._held = [None, None, None]  # stress that each axis holds [Pa]
+        self._speed = 0.0
+        self._updated, self._loads = -1, None
+        self.stages = []
+        self.index = -1
+        self._begin(np.zeros(6))
+
+    # --- what others read -----------------------------------------------------------------
+
+    @property
+    def lengths(self):
+        """Distances of opposite walls [m], shape (3,)."""
+        points = self.simulation.walls.point
+        return np.diag(points[1::2]) - np.diag(points[0::2])
+
+    @property
+    def strains(self):
+        """Along x, y, z, compression positive, shape (3,)."""
+        return 1.0 - self.lengths / self._reference
+
+    @property
+    def strain(self):
+        """Vertical strain."""
+        return float(self.strains[2])
+
+    @property
+    def height(self):
+        """Distance of top and bottom wall [m]."""
+        return float(self.lengths[2])
+
+    @property
+    def reference_height(self):
+        """That distance at strain 0 [m]."""
+        return self._reference[2]
+
+    @property
+    def speed_now(self):
+        """Fastest change of a length in the last step [m/s]."""
+        return self._speed
+
+    @property
+    def stage(self):
+        """Name of the present stage."""
+        return self.program[self.index].name
+
+    @property
+    def loaded(self):
+        """Whether the stages that bring the sample to strain 0 are over."""
+        return self.index > self._last_zero
+
+    @property
+    def follows(self):
+        """Whether the start of this stage is the stored end of another one."""
+        return self.index - 1 > self._last_zero and self.index > 0
+
+    @property
+    def part_done(self):
+        """Of all stages, as far as known without asking other ranks."""
+        return (self.index + 0.5 * self._s) / len(self.program)
+
+    @property
+    def finished(self):
+        """Whether the last stage is over. Collective."""
+        return self.index == len(self.program) - 1 and self._is_over()
+
+    @property
+    def course(self):
+        """What rows fall due by: sum of the ways of this stage, whole at its end. Collective."""
+        if self._is_over():
+            return math.floor(sum(self._ways)) + 1.0
+        return sum(self._ways)
+
+    @property
+    def progress(self):
+        """How far the present stage has come, from 0 to 1, 1 only when it is over. Collective."""
+        if self._is_over():
+            return 1.0
+        stage, t = self.program[self.index], self.simulation.state.t
+        # Where it waits it stays just below what a row or a state is due at.
+        done = self._part_led() * (1.0 - 1e-9)
+        if stage.hold > 0.0:
+            held = 0.0 if self._hold_from is None else (t - self._hold_from) / stage.hold
+            done = 0.5 * (done if self._hold_from is None else 1.0) + 0.5 * min(held, 1.0)
+        return min(done, 1.0 - 1e-9)
+
+    def interval(self, count):
+        """Progress between two of ``count`` records of the test, shared evenly by its stages."""
+        return 1.0 / math.ceil((count - 1) / len(self.program))
+
+    def row(self, forces):
+        """Columns of history.csv that this loading adds, and those that it defines itself.
+
+        Args:
+            forces: On the walls [N], shape (6,).
+        """
+        stress = self._axis_stress(forces)
+        values = dict(zip(COLUMNS, [*stress, *self.strains], strict=True))
+        return values | {"stress": stress[2]}
+
+    def keep(self):
+        """What a loading that goes on from here has to know, fit for JSON."""
+        kept = {name: getattr(self, name) for name in KEPT} | {"servo": self.servo.keep()}
+        return kept if self.control is None else kept | {"control": self.control.keep()}
+
+    def go_on(self, kept):
+        """Go on from what :meth:`keep` gave."""
+        for name in KEPT:
+            setattr(self, name, kept[name])
+        self.servo.go_on(kept["servo"])
+        self._updated = -1
+        self._do = self._tasks()
+        if self.control is not None:
+            self.control.go_on(kept["control"])
+            self.control.platens = self._leading_walls()
+
+    # --- stages ---------------------------------------------------------------------------
+
+    def before_step(self):
+        """Set the speeds of the walls and change stage when it is time. Collective."""
+        if self._is_over() and self.index + 1 < len(self.program):
+            self._begin(self._loads[0])
+        self._move()
+
+    def _begin(self, forces):
+        """Begin the next stage."""
+        if self.index >= 0:
+            self._held = [self._target(a) for a in range(3)]
+            if self.program[self.index].zero:
+                self._reference = self.lengths.tolist()
+        self.index += 1
+        state = self.simulation.state
+        stress = self._axis_stress(forces)
+        self._begun, self._length0 = state.t, self.lengths.tolist()
+        self._do = self._tasks()
+        self._stress0 = [
+            held if held is not None else self._moving_mean(a, forces)
+            for a, held in enumerate(self._held)
+        ]
+        if self.index == 0:
+            self._mean, self._mean_at = self._wall_stress(forces).tolist(), state.t
+        self._values0 = self._values(self._mean_stress())
+        self._s, self._settled, self._hold_from = 0.0, None, None
+        self._brake_from = self._led_until = None
+        self._ways = [0.0] * (NUM_WAYS + len(self._given()))
+        self._updated = -1
+        if self._is_controlled():
+            self.control.begin(self.settings.speed)
+            self.control.acceleration = 0.0
+            self.control.platens = self._leading_walls()
+        self.stages.append(
+            {
+                "name": self.stage,
+                "step": state.num_steps,
+                "time": state.t,
+                "strain": self.strain,
+                "strains": self.strains.tolist(),
+                "stresses": stress.tolist(),
+            }
+        )
+
+    def _tasks(self):
+        """What the axes do in this stage: list of (task, Axis or None)."""
+        axes, found = self.program[self.index].axes, []
+        for a, name in enumerate("xyz"):
+            axis = axes.get(name)
+            if axis is None:
+                found.append((REST if self._held[a] is None else HOLD, None))
+            elif axis.stress is not None:
+                found.append((STRESS, axis))
+            else:
+                found.append((SPEED if axis.strain is None else STRAIN, axis))
+        return found
+
+    def _moving(self, a):
+        """Walls of an axis that move."""
+        axis = self._do[a][1]
+        which = "both" if axis is None else axis.walls
+        return {"both": (2 * a, 2 * a + 1), "min": (2 * a,), "max": (2 * a + 1,)}[which]
+
+    def _leading_walls(self):
+        """Upper and lower wall of the axis that leads the stage, for the quasi-static speed."""
+        tasks = [task for task, _ in self._do]
+        leads = [a for a in (2, 1, 0) if tasks[a] in (STRESS, STRAIN, SPEED)]
+        a = leads[0] if leads else 2
+        return 2 * a + 1, 2 * a
+
+    def _part_led(self):
+        """How far the leading part of the stage has come, from 0 to 1."""
+        parts = [self._s] if any(task in (STRESS, STRAIN) for task, _ in self._do) else []
+        parts += self._parts_of_until()
+        return min(max(max(parts, default=0.0), 0.0), 1.0)
+
+    def _given(self):
+        """The values of `until` of this stage, by name."""
+        until = self.program[self.index].until
+        return {} if until is None else until.given
+
+    def _parts_of_until(self):
+        """How far each value of `until` has come; 1 where it is passed."""
+        if not self._given() or self._loads is None:
+            return []
+        now, before = self._values(self._mean_stress()), self._values0
+        ways = {name: value - before[name] for name, value in self._given().items()}
+        return [(now[n] - before[n]) / way if way else 1.0 for n, way in ways.items()]
+
+    def _come(self, lengths, t):
+        """Add to the ways of this stage what has been done since, each of which only grows."""
+        most = self.settings.largest_strain
+        shares = [
+            abs(1.0 - lengths[a] / self._length0[a]) / most
+            for a, (task, _) in enumerate(self._do)
+            if task in (HOLD, STRESS, SPEED)
+        ]
+        until = t if self._led_until is None else self._led_until
+        # Rows are as near at first as before it waits, and as many each time that it has waited
+        # e times as long: few grains may rattle for long.
+        wait = max(self.program[self.index].hold, SETTLED * self.servo.travel_time)
+        whole = max(until - self._begun, wait, self._ramp_time())
+        waited = math.log1p((t - until) / whole) if whole > 0.0 else 0.0
+        now = [self._s, max(shares, default=0.0), waited]
+        now += self._parts_of_until()
+        self._ways = [float(max(a, b)) for a, b in zip(self._ways, now, strict=True)]
+
+    def _is_led(self):
+        """Whether walls are on the way to what the stage is to reach, or go at a speed."""
+        on_line = self._s < 1.0 and any(task in (STRESS, STRAIN) for task, _ in self._do)
+        return on_line or any(task == SPEED and axis.speed for task, axis in self._do)
+
+    def _is_over(self):
+        """Whether the present stage is over in the present state. Collective."""
+        t = self.simulation.state.t
+        if self._updated != self.simulation.state.num_steps:
+            self._updated = self.simulation.state.num_steps
+            self._update(t)
+        hold = self.program[self.index].hold
+        return self._hold_from is not None and t - self._hold_from >= hold
+
+    def _update(self, t):
+        """Look at the present state. Collective; twice gives the same as once."""
+        self._loads = forces, _ = self.simulation.walls.pressing(self.simulation.comm)
+        stress, lengths = self._axis_stress(forces), self.lengths
+        self.servo.sample(stress, lengths)
+        self._check_lengths(stress, lengths)
+        self._average(self._wall_stress(forces), t)
+        self._come(lengths, t)
+        near = True
+        for a, (task, axis) in enumerate(self._do):
+            if task in (HOLD, STRESS):
+                target = self._stress0[a] if task == HOLD else axis.stress
+                off = max(abs(self._mean[wall] - target) for wall in self._moving(a))
+                near &= bool(off <= self.settings.tolerance * target)
+            elif task == STRAIN:
+                near &= bool(abs(lengths[a] - self._length1(a)) <= EXACT * lengths[a])
+        near &= self._s == 1.0 or not any(task in (STRESS, STRAIN) for task, _ in self._do)
+        self._settled = (t if self._settled is None else self._settled) if near else None
+        if self._led_until is None and not self._is_led():
+            self._led_until = t
+        if self._hold_from is not None:
+            return
+        stage = self.program[self.index]
+        tasks = [task for task, _ in self._do]
+        servo = HOLD in tasks or STRESS in tasks
+        ends_itself = not (stage.until is not None or SPEED in tasks) or STRESS in tasks
+        ends_itself = ends_itself or STRAIN in tasks
+        if ends_itself and self._settled is not None:
+            wait = SETTLED * self.servo.travel_time if servo else 0.0
+            if t - self._settled >= wait:
+                self._hold_from = t
+        if self._brake_from is None and any(part >= 1.0 for part in self._parts_of_until()):
+            self._brake_from = t
+            if self._led_until is None:
+                self._led_until = t
+        braked = self._ramp_time() if self._is_led() else 0.0
+        if self._brake_from is not None and t - self._brake_from >= braked:
+            self._hold_from = t
+
+    def _average(self, stress, t):
+        """Mean stress of each wall over the time that a wave travels."""
+        elapsed, self._mean_at = t - self._mean_at, t
+        if elapsed > 0.0:  # not twice in the same state
+            time = self.servo.travel_time
+            weight = 1.0 - math.exp(-elapsed / time) if time > 0.0 else 1.0
+            mean = np.asarray(self._mean)
+            self._mean = (mean + weight * (stress - mean)).tolist()
+
+    def _check_lengths(self, stress, lengths):
+        limit = self.settings.largest_strain
+        for a, (task, _) in enumerate(self._do):
+            change = 1.0 - lengths[a] / self._length0[a]
+            if task in (HOLD, STRESS, SPEED) and abs(change) > limit:
+                what = overdamped(self.simulation) or (
+                    "see that the sample fills the box and can carry what is asked"
+                )
+                raise SolverError(
+                    f'stage "{self.stage}": the length along {"xyz"[a]} changed by {change:.1%} at '
+                    f"a stress of {stress[a]:.3g} Pa there (loading.largest_strain = {limit:g}): "
+                    f"{what}"
+                )
+
+    def _values(self, stress):
+        """All that `until` can name."""
+        strains = self.strains
+        x, y, z = (float(value) for value in stress)
+        volume = float(np.prod(self.lengths) / np.prod(self._reference))
+        return {
+            **{f"stress_{a}": v for a, v in zip("xyz", (x, y, z), strict=True)},
+            **{f"strain_{a}": float(v) for a, v in zip("xyz", strains, strict=True)},
+            "mean_stress": (x + y + z) / 3.0,
+            "deviator": math.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2)),
+            "strain_volume": 1.0 - volume,
+            "time": self.simulation.state.t - self._begun,
+        }
+
+    # --- walls ----------------------------------------------------------------------------
+
+    def _area(self, a):
+        lengths = self.lengths
+        return float(lengths[(a + 1) % 3] * lengths[(a + 2) % 3])
+
+    def _axis_stress(self, forces):
+        """Mean stress of both walls of each axis [Pa], shape (3,)."""
+        lengths = self.lengths
+        area = np.prod(lengths) / lengths
+        return 0.5 * (np.asarray(forces)[0::2] + np.asarray(forces)[1::2]) / area
+
+    def _mean_stress(self):
+        """That, as the mean over the time that a wave travels [Pa], shape (3,)."""
+        mean = np.asarray(self._mean)
+        return 0.5 * (mean[0::2] + mean[1::2])
+
+    def _wall_stress(self, forces):
+        """Stress of each wall [Pa], shape (6,)."""
+        lengths = self.lengths
+        return np.asarray(forces) / np.repeat(np.prod(lengths) / lengths, 2)
+
+    def _moving_mean(self, a, forces):
+        walls = list(self._moving(a))
+        return float(np.mean(np.asarray(forces)[walls])) / self._area(a)
+
+    def _length1(self, a):
+        """Length at the strain that an axis goes to [m]."""
+        return self._reference[a] * (1.0 - self._do[a][1].strain)
+
+    def _target(self, a):
+        """Stress that an axis is to carry now [Pa]; None where that is free."""
+        task, axis = self._do[a]
+        if task == STRESS:
+            return self._stress0[a] + self._s * (axis.stress - self._stress0[a])
+        return self._stress0[a] if task == HOLD else None
+
+    def _move(self):
+        """Velocities of the walls for the coming step."""
+        sim, settings = self.simulation, self.settings
+        forces, stiffness = self._loads
+        lengths = self.lengths
+        area = np.repeat(np.prod(lengths) / lengths, 2)
+        stress, gain = self._wall_stress(forces), self.servo.gains(stiffness, area)
+        leading = self._hold_from is None
+        factor = self._ramp() * self._control_factor() if leading else 0.0
+        if leading:
+            self._s = self._next_s(factor, lengths, stress, gain)
+        velocity = np.zeros(6)
+        for a, (task, axis) in enumerate(self._do):
+            walls = list(self._moving(a))
+            share = 1.0 / len(walls)
+            if task in (HOLD, STRESS):
+                most, free, target = HOLDING * self._fastest(), settings.speed, self._target(a)
+                if task == STRESS and leading:
+                    free = self._most(axis) * factor
+                    if self._s < 1.0 and axis.stress != self._stress0[a]:
+                        most = free
+                for w in walls:
+                    if stiffness[w] > 0.0:
+                        v = gain[w] * (target - stress[w])
+                        velocity[w] = min(max(v, -most * share), most * share)
+                    else:  # on towards the sample
+                        velocity[w] = share * free
+            elif task == STRAIN and leading:
+                wanted = self._length0[a] + self._s * (self._length1(a) - self._length0[a])
+                velocity[walls] = share * (lengths[a] - wanted) / sim.dt
+            elif task == SPEED and leading:
+                velocity[walls] = share * axis.speed * factor
+        inward = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
+        sim.walls.velocity[:] = velocity[:, None] * inward
+        self._speed = float(np.abs(velocity[0::2] + velocity[1::2]).max())
+
+    def _fastest(self):
+        """The speed of the test, or that which keeps it quasi-static where this is larger."""
+        return max(self.settings.speed, self.control.speed if self._is_controlled() else 0.0)
+
+    def _most(self, axis):
+        return self.settings.speed if axis.speed is None else axis.speed
+
+    def _ramp(self):
+        """Part of the speed that the ramps, at the start of a stage and at its end, let through."""
+        time = self._ramp_time()
+        # The middle of the coming step: the first one moves.
+        now = self.simulation.state.t + 0.5 * self.simulation.dt
+        if time == 0.0:
+            return 1.0
+        brake = 0.0 if self._brake_from is None else smooth_step((now - self._brake_from) / time)
+        return smooth_step((now - self._begun) / time) * (1.0 - brake)
+
+    def _ramp_time(self):
+        """In which walls get from rest to their speed, and back [s]."""
+        return self.settings.ramp * min(self._length0) / self.settings.speed
+
+    def _is_controlled(self):
+        """Whether the speed adapts: not while the sample is seated, where walls travel freely."""
+        return self.control is not None and self.loaded
+
+    def _control_factor(self):
+        """Speed that keeps the test quasi-static over the one that is stated."""
+        if not self._is_controlled():
+            return 1.0
+        if self._s == 1.0 and SPEED not in [task for task, _ in self._do]:
+            return self.control.speed / self.settings.speed
+        upper = self.control.platens[0]
+        return self.control(abs(float(self.strains[upper // 2]))) / self.settings.speed
+
+    def _next_s(self, factor, lengths, stress, gain):
+        """How far along the line walls may go in the coming step."""
+        s, dt, ramp = self._s, self.simulation.dt, self.settings.ramp
+        found = 1.0
+        for a, (task, axis) in enumerate(self._do):
+            if task == STRAIN:
+                way = abs(self._length1(a) - self._length0[a])
+                if way > 0.0:
+                    most = self._most(axis) * factor
+                    left = (1.0 - s) * way / (ramp * self._length0[a]) if ramp > 0.0 else 1.0
+                    found = min(found, s + most * math.sqrt(min(left, 1.0)) * dt / way)
+            elif task == STRESS:
+                way = axis.stress - self._stress0[a]
+                walls = self._moving(a)
+                most = self._most(axis) * factor / len(walls)
+                for w in walls:
+                    if not math.isfinite(gain[w]):
+                        # Those that have met the sample press a little, and stay.
+                        found = min(found, UNMET)
+                    elif way != 0.0:
+                        come = (stress[w] - self._stress0[a]) * math.copysign(1.0, way)
+                        found = min(found, (come + most / gain[w]) / abs(way))
+        return max(s, found)

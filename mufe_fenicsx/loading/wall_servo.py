@@ -1,0 +1,100 @@
+"""How fast a wall moves that is to carry a stress.
+
+A wall that carries σ and shall carry σ* moves towards the sample by
+
+    v = g (σ* - σ),  g = min( 1/(ρ c), α A/(K Δt) ),
+
+never faster than it may. The first gain is that of a viscous boundary under a dead load (Lysmer
+& Kuhlemeyer 1969): waves that meet the wall do not come back, and the stress of a sample of
+length L between two such walls gets to σ* as exp(-2 t c/L), of one such wall as exp(-t c/L).
+The sample's ρ c is measured as it goes on: with the mass m, the energy U in springs and in
+elastic strain, and the stresses σj of the three axes it is that of a solid of the same stresses
+and energy, M = V Σ σj²/2U, so that
+
+    ρ c = √(ρ M) = √( m Σ σj² / 2U ).
+
+The second gain is the bound of stability, that of the servo walls of PFC (Itasca, PFC
+documentation, wall servo: G = α A/(k N Δt), α = 0.5); YADE's TriaxialStressController divides the
+lacking force by the same stiffness. K is the stiffness of all contacts on the wall, so
+that a step changes the stress by at most the part α of what it lacks. With the mass of the nodes
+in contact that is stable below α = 2 - (ω Δt)²/2 (theory.servo), which is 1 at the longest
+time step that contacts allow.
+"""
+
+import math
+
+import numpy as np
+
+from ..contact.walls import SERVO_GAIN
+
+#: Samples of ρ c in the time that a wave travels through the sample.
+SAMPLES = 8
+#: Steps between two of them before there is one.
+FIRST_STEPS = 32
+#: Largest change of ρ c from one to the next.
+CHANGE = 2.0
+
+#: What changes in the course of a test.
+KEPT = ("impedance", "travel_time", "_next")
+
+
+class Servo:
+    """Gains of the six walls of a simulation. Collective.
+
+    Args:
+        simulation: :class:`~mufe_fenicsx.explicit.simulation.Simulation` with the walls of a box.
+    """
+
+    def __init__(self, simulation):
+        self.simulation = simulation
+        self.impedance = 0.0  #: ρ c [Pa s/m]; 0 before the sample carries anything
+        self.travel_time = 0.0  #: of a wave through the sample along its shortest length [s]
+        self._next = 0.0
+
+    def keep(self):
+        """What one that goes on from here has to know, fit for JSON."""
+        return {name: getattr(self, name) for name in KEPT}
+
+    def go_on(self, kept):
+        """Go on from what :meth:`keep` gave."""
+        for name in KEPT:
+            setattr(self, name, kept[name])
+
+    def sample(self, stress, lengths):
+        """Measure ρ c where that is due. Collective.
+
+        Args:
+            stress: Along the axes [Pa], shape (3,).
+            lengths: Of the sample [m], shape (3,).
+        """
+        sim = self.simulation
+        t = sim.state.t
+        if t < self._next:
+            return
+        energies = sim.energies()
+        energy = energies["elastic"] + energies["contact"]
+        square = float(np.dot(stress, stress))
+        if energy > 0.0 and square > 0.0:
+            mass = sim.comm.allreduce(float(sim.solid.mass.sum()))
+            found = math.sqrt(mass * square / (2.0 * energy))
+            before = self.impedance or found
+            self.impedance = min(max(found, before / CHANGE), before * CHANGE)
+            density = mass / float(np.prod(lengths))
+            self.travel_time = float(min(lengths)) * density / self.impedance
+            self._next = t + max(self.travel_time / SAMPLES, FIRST_STEPS * sim.dt)
+        else:
+            self._next = t + FIRST_STEPS * sim.dt
+
+    def gains(self, stiffness, area):
+        """Speed over lack of stress of each wall [m/(s Pa)], shape (6,); inf where it is free.
+
+        Args:
+            stiffness: Of the contacts on each wall [N/m], shape (6,).
+            area: Of each wall [m²], shape (6,).
+        """
+        bound = np.full(stiffness.shape, np.inf)
+        touched = stiffness > 0.0
+        bound[touched] = SERVO_GAIN * area[touched] / (stiffness[touched] * self.simulation.dt)
+        if self.impedance > 0.0:
+            bound[touched] = np.minimum(bound[touched], 1.0 / self.impedance)
+        return bound

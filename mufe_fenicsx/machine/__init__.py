@@ -1,0 +1,1 @@
+"""The machine that computes: memory, caches, the MPI launcher."""

@@ -1,0 +1,1 @@
+"""A scene from grains on disk to a run folder: preparation, time loop, results, checkpoints."""

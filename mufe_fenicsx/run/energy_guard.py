@@ -1,0 +1,75 @@
+"""Stops a computation whose energy balance no longer closes."""
+
+import numpy as np
+
+from ..errors import UnstableError
+
+#: A sample counts as loaded once its energies are those of this strain throughout. Below it,
+#: at the first touch, round-off of the terms is all there is.
+LEAST_STRAIN = 1e-6
+
+
+class EnergyGuard:
+    """Compares what the energy balance cannot explain with what has gone through it. Collective.
+
+    That is its residual, and what contacts lost as they switched.
+
+    Args:
+        simulation: :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
+        limit: Largest sum of both over the larger of the work done so far, with the initial
+            kinetic energy, and all energy that is stored and dissipated.
+    """
+
+    def __init__(self, simulation, limit):
+        self.simulation, self.limit = simulation, limit
+        self._static = simulation.static
+        solid, volume = simulation.solid, simulation.solid.volume0
+        modulus = solid.contact_modulus[simulation.mesh.grain_of_cell]
+        self._least = LEAST_STRAIN**2 * simulation.comm.allreduce(float(volume @ modulus))
+
+    def check(self, energies, where, loaded=True):
+        """Stop where the residual is beyond the limit. Collective.
+
+        Args:
+            energies: Of :meth:`~mufe_fenicsx.explicit.simulation.Simulation.energies`, the same on
+                all ranks.
+            where: How far the test has come, for the message.
+            loaded: Whether the sample carries its load. Before, only a gain counts: the first
+                touch is a blow that few steps resolve, and small in the end. Static increments
+                cannot blow up: there neither counts before, for work is a trapezium over each
+                increment, and a contact that closes within one stores less.
+
+        Raises:
+            UnstableError: The balance is off, or not a number; on all ranks.
+        """
+        residual = energies["residual"] + energies["switching"]
+        put_in = self.simulation.initial_kinetic + abs(energies["work"])
+        scale = max(put_in, self.simulation.initial_kinetic + energies["work"] - residual)
+        if scale < self._least or abs(residual) <= self.limit * scale:
+            return
+        if not loaded and (residual > 0 or self._static):
+            return
+        part, grain, cell = self._most_agitated()
+        way = "came from nowhere" if residual < 0 else "went missing"
+        raise UnstableError(
+            f"{abs(residual):.3g} J {way} {where}, {abs(residual) / scale:.0%} of all energy "
+            f"(solver.energy_limit = {self.limit:g}); {part:.0%} of the motion is in grain "
+            f"{grain}, fastest at element {cell} of its rank: reduce solver.time_step_factor or "
+            "the speed of loading, or refine the mesh of that grain where it is coarse"
+        )
+
+    def _most_agitated(self):
+        """Part of the kinetic energy, label and fastest element of the grain with most of it."""
+        s = self.simulation
+        mesh, v = s.mesh, s.state.v
+        square = np.nan_to_num((v**2).sum(axis=1), nan=np.inf)
+        square = np.minimum(square, 1e200)
+        kinetic = np.bincount(mesh.grain_of_node, s.solid.mass * square, mesh.num_grains)
+        grain = int(kinetic.argmax())
+        begin, end = mesh.cell_offset[grain], mesh.cell_offset[grain + 1]
+        cell = int(begin + square[mesh.cells[begin:end]].sum(axis=1).argmax())
+        label = int(mesh.labels[mesh.grains[grain]])
+        found = s.comm.allgather((float(kinetic[grain]), label, cell))
+        total = s.comm.allreduce(float(kinetic.sum()))
+        most, label, cell = max(found)
+        return most / total if total > 0 else 0.0, label, cell

@@ -1,0 +1,161 @@
+"""From a few bodies to a simulation, and how to load it without shaking it."""
+
+import math
+
+import numpy as np
+
+from ..contact.walls import Wall
+from ..explicit.simulation import Simulation
+from ..geometry.tets.refine import PARTS, split
+from ..implicit.simulation import ImplicitSimulation
+from ..mesh import create_grain_mesh, partition_grains
+
+
+def build(
+    comm, bodies, material, low, high, axes="xyz", wall_friction=None, velocity=None, walls=(),
+    increment=None, **options,
+):  # fmt: skip
+    """Bodies between smooth planes. Collective.
+
+    Args:
+        comm: Communicator with at most as many ranks as bodies.
+        bodies: List of (points [m], cells), the same on all ranks; labels are 1, 2, …
+        material: Material of all of them, or a list with that of each.
+        low, high: Where the walls stand [m], shape (3,).
+        axes: Which pairs of walls there are.
+        wall_friction: Coefficient by the name of a wall, 0 where absent.
+        velocity: ``velocity(x, grain)`` at the start [m/s], for arrays of nodes.
+        walls: Further :class:`~mufe_fenicsx.contact.walls.Wall`, in any position.
+        increment: Length of implicit increments [s]; None for time steps.
+        options: Of :class:`~.Simulation`; for ``element = "composite"``
+            the tetrahedra of the bodies are split.
+    """
+    friction = wall_friction or {}
+    walls = [
+        Wall(name, point, normal, friction=friction.get(name, 0.0))
+        for name, (point, normal) in axis_planes(low, high, axes).items()
+    ] + list(walls)
+    mesh = distribute(comm, bodies, options.get("element") == "composite")
+    if velocity is not None:
+        options["velocity"] = velocity(mesh.x, mesh.grains[mesh.grain_of_node])
+    materials = material if isinstance(material, list) else [material] * len(bodies)
+    return simulate(mesh, [materials[g] for g in mesh.grains], walls, increment, **options)
+
+
+def distribute(comm, bodies, composite=False):
+    """Mesh of a few bodies, each on one rank. Collective.
+
+    Args:
+        comm: Communicator with at most as many ranks as bodies.
+        bodies: List of (points [m], cells), the same on all ranks; labels are 1, 2, …
+        composite: Split every tetrahedron into the eight of a composite one.
+    """
+    if composite:
+        bodies = [split(*body) for body in bodies]
+    weights = [len(cells) for _, cells in bodies]
+    centroids = [points.mean(axis=0) for points, _ in bodies]
+    rank_of_grain = partition_grains(weights, centroids, comm.size)
+    mine = np.flatnonzero(rank_of_grain == comm.rank)
+    offset = np.cumsum([0] + [len(bodies[g][0]) for g in mine])
+    return create_grain_mesh(
+        comm,
+        np.concatenate([bodies[g][0] for g in mine]),
+        np.concatenate([bodies[g][1] + offset[k] for k, g in enumerate(mine)]),
+        np.repeat(mine, [weights[g] for g in mine]),
+        np.arange(1, len(bodies) + 1),
+        rank_of_grain,
+        PARTS if composite else 1,
+    )
+
+
+def simulate(mesh, materials, walls, increment=None, **options):
+    """Time steps, or increments of the length ``increment`` [s]. Collective.
+
+    Options are those of :class:`~.Simulation`, and of increments those of
+    :class:`~.ImplicitSimulation`: static ones without ``spectral_radius``.
+    """
+    if increment is None:
+        return Simulation(mesh, materials, walls, **options)
+    options = {"first_step": increment, "largest_step": increment} | options
+    return ImplicitSimulation(mesh, materials, walls, **options)
+
+
+def drive(simulation, moves, duration, at_step=None, turns=None):
+    """Move and turn walls smoothly, with speed (1 - cos 2πt/T)/T times the whole. Collective.
+
+    Args:
+        simulation: The simulation.
+        moves: Displacements [m] by the name of the wall, shape (3,) each.
+        duration: T [s].
+        at_step: Called after each step, without arguments.
+        turns: Rotation vectors about their points [rad] by the name of the wall, shape (3,).
+    """
+    walls = simulation.walls
+    start, end = simulation.state.t, simulation.state.t + duration
+    target = {walls.names.index(name): np.asarray(move, float) for name, move in moves.items()}
+    target = {i: (move, walls.point[i] + move) for i, move in target.items()}
+    turns = {walls.names.index(name): np.asarray(t, float) for name, t in (turns or {}).items()}
+    turned = 0.0  # part of the turns
+    while (t := simulation.state.t) < end:
+        # The mean over the coming step: few increments go as far as many.
+        dt = simulation.dt
+        ends = [min((at - start) / duration, 1.0) for at in (t, t + dt)]
+        before, after = (s - math.sin(2 * math.pi * s) / (2 * math.pi) for s in ends)
+        rate = (after - before) / dt
+        for i, (move, _) in target.items():
+            walls.velocity[i] = move * rate
+        for i, turn in turns.items():
+            walls.angular_velocity[i] = turn * rate
+        simulation.step()
+        turned += rate * simulation.state.dt
+        if at_step:
+            at_step()
+    # The sum over steps is the integral but for a remainder far below one step's way.
+    for i, (_, place) in target.items():
+        walls.velocity[i] = (place - walls.point[i]) / simulation.dt
+    for i, turn in turns.items():
+        walls.angular_velocity[i] = turn * (1 - turned) / simulation.dt
+    simulation.step()
+    if at_step:
+        at_step()
+    for i in target:
+        walls.velocity[i] = 0.0
+    for i in turns:
+        walls.angular_velocity[i] = 0.0
+
+
+def settle(simulation, ratio, max_steps=20000, every=50):
+    """Step until kinetic energy is below ``ratio`` times the stored one. Collective.
+
+    Returns:
+        The ratio reached.
+    """
+    reached = math.inf
+    for k in range(max_steps):
+        simulation.step()
+        if k % every == every - 1:
+            e = simulation.energies()
+            reached = abs(e["kinetic"]) / (e["elastic"] + e["contact"])
+            if reached <= ratio:
+                break
+    return reached
+
+
+def sum_over_nodes(simulation, values):
+    """Sum of nodal values, shape (num_nodes, k), over all ranks. Collective."""
+    return simulation.comm.allreduce(np.asarray(values).sum(axis=0))
+
+
+def axis_planes(low, high, axes="xyz"):
+    """Point and inward normal of planes around a box: a dict by name, x_min, x_max, …
+
+    Args:
+        low, high: Corners of the box [m], shape (3,).
+        axes: Which pairs of planes.
+    """
+    planes = {}
+    for axis in axes:
+        normal = np.eye(3)["xyz".index(axis)]
+        planes[f"{axis}_min"] = np.array(low, dtype=float), normal
+        planes[f"{axis}_max"] = np.array(high, dtype=float), -normal
+    return planes

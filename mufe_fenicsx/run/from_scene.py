@@ -1,0 +1,164 @@
+"""From a scene file and grains on disk to the simulation of a test."""
+
+import numpy as np
+from mpi4py import MPI
+
+from ..contact.walls import Wall
+from ..errors import InputError
+from ..explicit.simulation import Simulation
+from ..geometry.grains import load_grains, read_grain_table
+from ..geometry.tets.refine import PARTS, split
+from ..mesh import create_grain_mesh, partition_grains
+from ..output.run_folder import raise_together
+from ..scene import WALLS, load_scene
+
+
+def read_scene(comm, path):
+    """The scene in the file ``path``, read by rank 0 alone. Collective.
+
+    Raises:
+        InputError: The file cannot be read, or holds what a scene must not.
+    """
+    scene, message = None, None
+    if comm.rank == 0:
+        try:
+            scene = load_scene(path)
+        except InputError as error:
+            message = str(error)
+    raise_together(comm, message)
+    return comm.bcast(scene)
+
+
+def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None):
+    """Read each rank's own grains and make the distributed mesh. Collective.
+
+    Args:
+        comm: MPI communicator.
+        grains_folder: Folder that `mufe mesh` wrote.
+        element: Tetrahedra are split where it is "composite".
+        rank_of_grain: Ranks of the grains, shape (num_grains,); None: evenly by their cells.
+
+    Raises:
+        InputError: The folder cannot be used, or there are more ranks than grains.
+    """
+    if comm.rank == 0:  # the checksum first: HDF5 may hang on a file that is damaged
+        found = _together(comm, lambda: read_grain_table(grains_folder))
+    else:
+        _together(comm, lambda: None)
+        found = None
+    labels, num_cells, _, centroids = comm.bcast(found)
+    if comm.size > labels.size:
+        raise InputError(
+            f"number of ranks = {comm.size}, expected at most the number of grains, {labels.size}"
+        )
+    if rank_of_grain is None:
+        rank_of_grain = partition_grains(num_cells, centroids, comm.size)
+    rank_of_grain = np.asarray(rank_of_grain, dtype=np.int32)
+    mine = np.flatnonzero(rank_of_grain == comm.rank)
+    grains = _together(comm, lambda: load_grains(grains_folder, mine, compare=False))
+    cell_grain = np.repeat(mine, np.diff(grains.cell_offset))
+    points, cells, family = grains.points, grains.cells, 1
+    if element == "composite":
+        points, cells = split(points, cells)
+        cell_grain, family = np.repeat(cell_grain, PARTS), PARTS
+    return create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, family)
+
+
+def _together(comm, read):
+    """What each rank reads; an error of one is raised by all. Collective."""
+    found, message = None, None
+    try:
+        found = read()
+    except (InputError, OSError) as error:
+        message = str(error)
+    raise_together(comm, message)
+    return found
+
+
+def make_walls(scene, low, high):
+    """The six walls of a scene at the faces of the box from ``low`` to ``high`` [m]."""
+    walls = []
+    size = high - low
+    for name in WALLS:
+        settings = scene.walls[name]
+        axis = "xyz".index(name[0])
+        normal = np.zeros(3)
+        normal[axis] = 1.0 if name.endswith("min") else -1.0
+        area = size[(axis + 1) % 3] * size[(axis + 2) % 3]
+        walls.append(
+            Wall(
+                name=name,
+                point=(low if name.endswith("min") else high).copy(),
+                normal=normal,
+                friction=settings.friction,
+                friction_kinetic=settings.friction_kinetic,
+                velocity=settings.velocity * normal,
+                target=None if not settings.stress else settings.stress * area,
+                speed=settings.speed or 0.0,
+                mirror=settings.mirror,
+            )
+        )
+    return walls
+
+
+def bounding_box(mesh):
+    """Corners of the box around all grains [m], two arrays of shape (3,). Collective."""
+    low, high = np.empty(3), np.empty(3)
+    mesh.comm.Allreduce(mesh.x.min(axis=0), low, op=MPI.MIN)
+    mesh.comm.Allreduce(mesh.x.max(axis=0), high, op=MPI.MAX)
+    return low, high
+
+
+def make_simulation(scene, mesh, low, high, shorter=1.0):
+    """The :class:`Simulation` of a scene at its start, walls around a box. Collective.
+
+    Args:
+        scene: :class:`~mufe_fenicsx.scene.Scene`.
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        low, high: Corners of the box [m], shape (3,).
+        shorter: The scene's time step times this.
+    """
+    contact, solver = scene.contact, scene.solver
+    make, more = Simulation, {"mass_scaling": scene.mass_scaling}
+    if solver.integrator != "explicit":
+        from ..implicit.simulation import (
+            ImplicitSimulation,  # a tenth of a second that others need not wait
+        )
+
+        make, more = ImplicitSimulation, _increments(scene, high[2] - low[2], shorter)
+    return make(
+        mesh,
+        scene.materials_of(mesh.labels[mesh.grains], mesh.labels),
+        make_walls(scene, low, high),
+        **more,
+        friction=contact.friction,
+        friction_kinetic=contact.friction_kinetic,
+        compliance=contact.compliance,
+        points=contact.points,
+        law=contact.law,
+        self_contact=contact.self_contact,
+        element=solver.element,
+        damping=solver.damping,
+        assembled=solver.time_step == "assembled",
+        time_step_factor=solver.time_step_factor * shorter,
+    )
+
+
+def _increments(scene, height, shorter):
+    """Options of an :class:`ImplicitSimulation`, strains turned into times."""
+    settings, dynamic = scene.implicit, scene.solver.integrator == "implicit"
+    second = shorter * height / scene.oedometer.speed  # for a strain of one
+    smallest, largest = settings.smallest, settings.largest
+    return {
+        "first_step": settings.step * second,
+        "smallest_step": None if smallest is None else smallest * second,
+        "largest_step": None if largest is None else largest * second,
+        "spectral_radius": settings.spectral_radius if dynamic else None,
+        "stabilisation": settings.stabilisation,
+        "tolerance": settings.tolerance,
+        "max_iterations": settings.max_iterations,
+        "gap_tolerance": settings.gap_tolerance,
+        "max_augmentations": settings.max_augmentations,
+        "linear_solver": settings.linear_solver,
+        "petsc": settings.petsc_options(),
+    }

@@ -1,0 +1,112 @@
+"""Where the time of a run goes: methods of one simulation replaced by ones that keep time.
+
+Without a profile nothing is measured and nothing costs. Time spent in a part that another one
+calls counts for the inner one alone, so that the parts add up to the whole.
+"""
+
+import time
+
+import numpy as np
+
+#: Parts and the methods that they are made of: (attribute of the simulation, method).
+PARTS = {
+    "tets": (("solid", "add_internal_forces"),),
+    "contact search": (("contact", "search"),),
+    "contact forces": (("contact", "begin"), ("contact", "add_forces")),
+    "walls": (("walls", "add_forces"), ("walls", "move"), ("walls", "add_work")),
+    "communication": tuple(
+        ("contact", name)
+        for name in ("send", "receive", "agree", "begin_give_back", "end_give_back")
+    ),
+    "motion": (("", "_drift"), ("", "_kick")),
+    "rigid": (("rigid", "take_forces"), ("rigid", "drift"), ("rigid", "kick")),
+    "time step": (("", "update_time_step"),),
+    "checks": (("", "check"), ("", "energies")),
+}
+
+
+class Profile:
+    """Seconds of this rank in each part of a simulation; local until :meth:`summary`.
+
+    Args:
+        simulation: :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
+    """
+
+    def __init__(self, simulation):
+        self.simulation = simulation
+        self.seconds = dict.fromkeys([*PARTS, "output"], 0.0)
+        self._inner = [0.0]  # time of parts within the one that runs now
+        self._start, self._first = time.perf_counter(), simulation.state.num_steps
+        self._searches = simulation.contact.num_searches
+        for part, methods in PARTS.items():
+            for owner, name in methods:
+                thing = getattr(simulation, owner) if owner else simulation
+                setattr(thing, name, self.timed(getattr(thing, name), part))
+
+    def timed(self, function, part):
+        """The function with its time kept under ``part``."""
+
+        def timed(*arguments, **named):
+            start = time.perf_counter()
+            self._inner.append(0.0)
+            try:
+                return function(*arguments, **named)
+            finally:
+                spent = time.perf_counter() - start
+                self.seconds[part] += spent - self._inner.pop()
+                self._inner[-1] += spent
+
+        return timed
+
+    def summary(self):
+        """Seconds of each part on every rank, sizes, and what is sent in a step. Collective.
+
+        Returns:
+            dict: "steps", "searches"; "ranks": a dict of each rank with "seconds" by part ("other":
+            the rest), "cells", "contact_points", "contact_pairs", "ghost_nodes" (of other ranks'
+            surfaces), "ranks_around" (that have those), "bytes_per_step"; "imbalance": largest over
+            mean of "cells" and of the seconds in "contact forces".
+        """
+        simulation, comm = self.simulation, self.simulation.comm
+        total = time.perf_counter() - self._start
+        contact, seconds = simulation.contact, dict(self.seconds)
+        seconds["other"] = total - sum(seconds.values())
+        ghosts, owners = contact.positions.numbers, np.empty(0)
+        if ghosts.size:
+            last = contact.forces.vector.getOwnershipRanges()[1:] // 3
+            owners = np.unique(np.searchsorted(last, ghosts, side="right"))
+        mine = {
+            "seconds": seconds,
+            "cells": simulation.mesh.num_cells,
+            "contact_points": contact.points.num_points,
+            "contact_pairs": int(contact.pairs.node.size),
+            "ghost_nodes": ghosts.size,
+            "ranks_around": owners.size,
+            # Positions in, forces back.
+            "bytes_per_step": 3 * 8 * sum(contact.num_exchanged),
+        }
+        ranks = comm.allgather(mine)
+        work = {
+            "cells": [rank["cells"] for rank in ranks],
+            "contact forces": [rank["seconds"]["contact forces"] for rank in ranks],
+        }
+        return {
+            "steps": simulation.state.num_steps - self._first,
+            "searches": contact.num_searches - self._searches,
+            "ranks": ranks,
+            "imbalance": {
+                name: float(np.max(w) / np.mean(w)) if np.mean(w) > 0 else 1.0
+                for name, w in work.items()
+            },
+        }
+
+
+def profile_rows(summary):
+    """Rows of a table: part, then for each rank its seconds; and the headings."""
+    ranks = summary["ranks"]
+    head = ["part", *(f">rank {r} [s]" for r in range(len(ranks)))]
+    rows = [[part, *(f"{r['seconds'][part]:.2f}" for r in ranks)] for part in ranks[0]["seconds"]]
+    sizes = ("cells", "contact_points", "contact_pairs", "ghost_nodes", "ranks_around")
+    for name in (*sizes, "bytes_per_step"):
+        rows.append([name.replace("_", " "), *(str(rank[name]) for rank in ranks)])
+    return head, rows

@@ -1,0 +1,181 @@
+"""What a test writes as it goes on: rows of its history and states of all fields."""
+
+import math
+
+from ..bulk.solid import von_mises
+from ..contact.results.network import find_network
+from ..contact.results.nodal_fields import nodal_contact
+from ..errors import InputError
+from ..explicit.simulation import ENERGIES
+from ..output.contacts import ContactWriter
+from ..output.fields import Computed, FieldWriter
+from ..output.history import COLUMNS, HistoryWriter
+from ..output.record import ResultRecord
+from ..output.run_folder import raise_together
+from ..scene import WALLS
+from .energy_guard import EnergyGuard
+
+
+class Recorder:
+    """Writes history and fields of a test as it goes on. Collective.
+
+    With ``kept``, of :meth:`keep`, it goes on from there; ``same_ranks``: on as many ranks.
+    ``lock``, a :class:`~.output.run_lock.RunLock`, is that of the folder.
+    """
+
+    def __init__(
+        self, folder, simulation, loading, output, energy_limit, kept=None, same_ranks=True,
+        lock=None,
+    ):  # fmt: skip
+        mesh = simulation.mesh
+        kept = kept or {}
+        self.simulation, self.loading, self.lock = simulation, loading, lock
+        self.guard = EnergyGuard(simulation, energy_limit)
+        self.history = HistoryWriter(
+            folder / "history.csv",
+            (*COLUMNS, *loading.columns),
+            comm=mesh.comm,
+            kept=kept.get("history"),
+            rows=kept.get("history_rows"),
+        )
+        labels = mesh.labels[mesh.grains[mesh.grain_of_cell]]
+        self.num_states = kept.get("num_states", 0)
+        self.fields = FieldWriter(
+            mesh.comm, folder, mesh.x, mesh.cells, labels, kept.get("fields"), same_ranks,
+            self.num_states,
+        )  # fmt: skip
+        self.contacts = ContactWriter(mesh.comm, folder, kept.get("contacts", ()))
+        self.record = ResultRecord(folder, kept.get("record"))
+        if self.fields.wrote_mesh:
+            self._note([f"fields/{self.fields.mesh}"])
+        self._history_interval = loading.interval(output.history)
+        self._field_interval = loading.interval(output.fields)
+        self._stage, self._next_row, self._next_state = kept.get("next", (None, 0.0, 0.0))
+
+    def keep(self):
+        """What a recorder that goes on from here has to know, fit for JSON; rows are on disk."""
+        return {
+            "history": self.history.sync(),
+            "history_rows": self.history.rows,
+            "record": self.record.kept,
+            "fields": self.fields.kept,
+            "contacts": self.contacts.kept,
+            "num_states": self.num_states,
+            "next": (self._stage, self._next_row, self._next_state),
+        }
+
+    def after_step(self):
+        """Write what is due."""
+        loading = self.loading
+        if loading.stage != self._stage:
+            self._stage, self._next_row, self._next_state = loading.stage, 0.0, 0.0
+            if loading.follows:
+                self._next_state = self._field_interval * (1 - 1e-12)
+        progress = loading.progress
+        if loading.loaded and progress >= self._next_state:
+            self._next_state += self._field_interval * (1 - 1e-12)
+            self.write_state()
+        course = loading.course
+        if course >= self._next_row:
+            self._next_row = course - math.fmod(course, self._history_interval)
+            self._next_row += self._history_interval * (1 - 1e-12)
+            self.write_row()
+
+    def write_row(self):
+        """One row of the history. Returns its energies [J]."""
+        self._check_lock()
+        sim, loading = self.simulation, self.loading
+        forces, energies = sim.wall_forces(), sim.energies()
+        active = sim.num_active_grains()
+        added, largest = sim.scaling.shares() if sim.scaling else (0.0, 0.0)
+        length_x, length_y = self._widths()
+        row = {
+            "step": sim.state.num_steps,
+            "time": sim.state.t,
+            "dt": sim.dt,
+            "stage": loading.stage,
+            "strain": loading.strain,
+            "height": loading.height,
+            "speed": loading.speed_now,
+            "stress": self.vertical_stress(forces),
+            "added_mass": added,
+            "added_mass_of_grain": largest,
+            "num_contacts": sim.num_contacts,
+            "num_active_grains": active,
+            "num_active_contacts": sim.mean_active_contacts(),
+            "length_x": length_x,
+            "length_y": length_y,
+        }
+        row.update({f"force_{name}": f for name, f in zip(WALLS, forces, strict=True)})
+        row.update({name: energies[name] for name in ENERGIES})
+        row.update(loading.row(forces))
+        self.history.append(row)
+        self.check_energy(energies)
+        return energies
+
+    def vertical_stress(self, forces=None):
+        """Mean of those on the bottom and on the top [Pa]. Collective without the forces [N]."""
+        forces = self.simulation.wall_forces() if forces is None else forces
+        length_x, length_y = self._widths()
+        return 0.5 * (forces[4] + forces[5]) / (length_x * length_y)
+
+    def _widths(self):
+        """Distances of the walls along x and y [m]."""
+        points = self.simulation.walls.point
+        return points[1, 0] - points[0, 0], points[3, 1] - points[2, 1]
+
+    def _check_lock(self):
+        if self.lock is not None:
+            self.lock.check()
+
+    def check_energy(self, energies):
+        """Stop where the balance of these energies is off. Collective.
+
+        Raises:
+            UnstableError: It is.
+        """
+        loading = self.loading
+        self.guard.check(energies, f"at strain {loading.strain:.4f}", loaded=loading.loaded)
+
+    def write_state(self):
+        """One state of all fields."""
+        self._check_lock()
+        sim, state = self.simulation, self.simulation.state
+        sim.complete()
+        solid, num_cells = sim.solid, sim.mesh.num_cells
+        self.fields.write(
+            self.num_states,
+            state.t,
+            self.loading.strain,
+            self.loading.stage,
+            {
+                "displacement": state.u,
+                "velocity": state.v,
+                **nodal_contact(sim.contact, sim.mesh.num_nodes),
+            },
+            {
+                "stress": Computed((num_cells, 6), lambda rows: solid.stress(state, rows)),
+                "von_mises": Computed(
+                    (num_cells,), lambda rows: von_mises(solid.deviator(state, rows))
+                ),
+                "pressure": Computed((num_cells,), lambda rows: -solid.mean_stress(rows)),
+                "plastic_strain": state.plastic_strain,
+            },
+        )
+        network = find_network(sim.contact, sim.mesh, sim.solid.mass, state.x)
+        self.contacts.write(self.num_states, state.t, network)
+        number, mesh = f"{self.num_states:04d}", f"fields/{self.fields.mesh}"
+        self._note([f"fields/{number}.vtkhdf"], mesh)
+        tables = (f"contacts_{number}.csv", f"grains_{number}.csv", f"{number}.vtkhdf")
+        self._note([f"contacts/{name}" for name in tables])
+        self.num_states += 1
+
+    def _note(self, names, mesh=None):
+        """Record files that were written; rank 0 does so, whose checkpoint header counts."""
+        message = None
+        if self.simulation.comm.rank == 0:
+            try:
+                self.record.add(names, self.loading.strain, mesh)
+            except (InputError, OSError) as error:
+                message = str(error)
+        raise_together(self.simulation.comm, message)

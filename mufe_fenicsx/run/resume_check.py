@@ -1,0 +1,125 @@
+"""Whether a checkpoint belongs to the scene and the grains that a run is to go on with."""
+
+import sys
+import tomllib
+from pathlib import Path
+
+from ..errors import InputError
+from ..output.checkpoint import file_checksum
+from ..output.run_folder import raise_together, read_run_json
+
+
+def grains_checksum(comm, grains_folder):
+    """Checksum of the file of grains. Collective."""
+    found, message = None, None
+    if comm.rank == 0:
+        path = Path(grains_folder)
+        try:
+            found = file_checksum(path / "grains.h5" if path.is_dir() else path)
+        except InputError as error:
+            message = str(error)
+    raise_together(comm, message)
+    return comm.bcast(found)
+
+
+#: Keys of a scene that may differ where a run goes on, beside when the test ends; tables that
+#: came before it, when what is written, and how time goes on.
+FREE_KEYS = ("title", "sample.grains", "solver.integrator")
+FREE_TABLES = ("image", "mesh", "output", "implicit")
+#: Tables that may differ where the integrator does: what drives only one of them.
+OF_INTEGRATOR = ("quasi_static", "mass_scaling")
+#: Where the test ends: it may do so later, or earlier but not before the checkpoint.
+END = "oedometer.strain"
+#: Parts of a test: those that have not begun may be others.
+STAGES = "stage"
+
+
+def check_origin(comm, checkpoint, identity, folder, quiet):
+    """See that a checkpoint belongs to this scene and these grains, and that there is more to do.
+
+    Raises:
+        InputError: It does not; on all ranks.
+    """
+    message = None
+    if comm.rank == 0:
+        if not quiet:
+            for notice in checkpoint.notices:
+                print(f"mufe: {notice}", file=sys.stderr, flush=True)
+        header = checkpoint.header
+        changed = _first_difference(header["scene"], identity["scene"])
+        if changed:
+            message = (
+                f"{changed}, expected the value of checkpoint {checkpoint.path}: a run that goes "
+                f"on may only change {END}, [[stage]] to come, [output], solver.integrator and "
+                "[implicit]"
+            )
+        elif header["grains"] != identity["grains"]:
+            message = (
+                f"grains of checkpoint {checkpoint.path} are others than those given, "
+                "expected the grains that the run began with"
+            )
+        else:
+            try:
+                message = _nothing_to_do(header, identity["scene"], folder)
+            except InputError as error:
+                message = str(error)
+    raise_together(comm, message)
+
+
+def integrator_of(scene):
+    """The integrator of a scene in TOML."""
+    return tomllib.loads(scene)["solver"].get("integrator", "explicit")
+
+
+def _nothing_to_do(header, scene, folder):
+    """What is wrong with the end of the test that a scene wants, or None."""
+    old, new = (tomllib.loads(text).get(STAGES) for text in (header["scene"], scene))
+    if new is not None:
+        return _wrong_stages(old, new, header["loading"]["index"] + 1, folder)
+    old, new = (tomllib.loads(text)["oedometer"]["strain"] for text in (header["scene"], scene))
+    if read_run_json(folder).get("finished") and new <= old:
+        return (
+            f"run in {folder} is finished, expected one to go on with, or {END} above {old:g} "
+            "to prolong it"
+        )
+    if new < min(old, header["strain"]):  # one killed after its last checkpoint only has to end
+        return f"{END} = {new:g}, expected more than {header['strain']:.4g}, which is reached"
+    return None
+
+
+def _wrong_stages(old, new, num_begun, folder):
+    """What is wrong with the stages that a scene wants, or None."""
+    begun = f"{num_begun} stage{'s' if num_begun > 1 else ''} of the run in {folder}"
+    if new[:num_begun] != old[:num_begun]:
+        return f"[[stage]] of the scene differ in the first {begun}, which have begun"
+    if read_run_json(folder).get("finished") and len(new) == num_begun:
+        return f"all {begun} are done, expected further [[stage]] to go on with"
+    return None
+
+
+def _first_difference(old, new):
+    """`key = new value, was old value` of the first key in which two scenes differ, or None."""
+    old, new = (_flat(tomllib.loads(text)) for text in (old, new))
+    free = FREE_TABLES
+    if old.get("solver.integrator") != new.get("solver.integrator"):
+        free = (*FREE_TABLES, *OF_INTEGRATOR)
+    for key in [*new, *(k for k in old if k not in new)]:
+        is_free = key in (*FREE_KEYS, END, STAGES) or key.split(".")[0] in free
+        if is_free or new.get(key) == old.get(key):
+            continue
+        return f"{key} = {new.get(key, 'not set')}, was {old.get(key, 'not set')}"
+    # With exact gaps no layer of a contact is pressed: time steps would begin without forces.
+    key = "implicit.gap_tolerance"
+    if key in old and new.get("solver.integrator") == "explicit":
+        return f'solver.integrator = "explicit", was "static" with {key} = {old[key]}'
+    return None
+
+
+def _flat(table, prefix=""):
+    flat = {}
+    for key, value in table.items():
+        if isinstance(value, dict):
+            flat |= _flat(value, f"{prefix}{key}.")
+        else:
+            flat[prefix + key] = value
+    return flat

@@ -1,0 +1,311 @@
+"""New scenes to begin with: a commented scene file, its JSON schema, and grains."""
+
+import functools
+
+import numpy as np
+
+from ..errors import InputError, nearest_name, shown
+from ..geometry.atomic_output import new_folder
+from ..geometry.bodies.shapes import sphere, sphere_near_contact
+from ..geometry.grains import Grains, save_grains
+from ..materials.sand import scene_table
+from ..scene.schema import schema_text
+from .packing import pack
+from .shapes import make_grains, sizes
+
+SCHEMA_FILE = "scene.schema.json"
+
+#: Balls of the sample of sand: median diameter by mass [m] and d60/d10.
+D50, UNIFORMITY = 300e-6, 1.3
+#: Number of the balls, and the packing that is taken: of 60 tried that with most solids, half of
+#: the box. Walls are near to all of so few balls, and looser packings (0.44 in the middle of the
+#: 60) collapse when they are loaded.
+FEW = (24, 5)
+#: The same where side walls give way: of 24 balls chains of a few carry all, and the load is lost
+#: where one of them buckles. Of 8 packings tried that with most solids, 0.52.
+MANY = (60, 7)
+#: Depth of contacts at which their packing is done, over D50.
+DEPTH = 2e-3
+#: Element size over radius of these balls.
+COARSE = 0.35
+#: Radius of a single ball [m]; element size at its poles and radius of contact over the radius.
+RADIUS, FINE, CONTACT = 0.5e-3, 0.04, 0.1
+
+HEAD = """\
+#:schema ./scene.schema.json
+# {title}. Run it, and look at it:
+#
+#     mufe run scene.toml -o results          (or: mpirun -n 4 mufe run ...)
+#     mufe report results
+#
+# Numbers without a unit are in SI units; a text carries one: "20 um", "100 GPa". A key that is
+# left out takes its default: `mufe scene scene.toml` lists all of them, and
+# `mufe scene --explain KEY` says what one means. The first line lets an editor with a TOML
+# language server (Taplo: "Even Better TOML" for VS Code) complete and check keys.
+
+title = "{title}"
+
+[sample]
+grains = "grains"         # {grains};
+                          # instead of it, the folder that `mufe mesh` wrote of your own scan
+
+{material}
+[contact]
+friction = {friction:<15}# between grains
+wall_friction = {wall:<10}# between grains and walls
+"""
+
+SCAN = """\
+#:schema ./scene.schema.json
+# {title}. In this folder, with the scan beside this file:
+#
+#     mufe segment --scene scene.toml -o labels.tif      then look at labels.png
+#     mufe mesh labels.tif --scene scene.toml -o grains  then look at grains/quality.png
+#     mufe run scene.toml -o results                     (or: mpirun -n 4 mufe run ...)
+#     mufe report results
+#
+# Numbers without a unit are in SI units; a text carries one: "20 um", "100 GPa". A key that is
+# left out takes its default: `mufe scene scene.toml` lists all of them, and
+# `mufe scene --explain KEY` says what one means. `mufe synthesize` makes a scan to practise on.
+
+title = "{title}"
+
+[image]                   # to change: file, voxel_size, crop
+file = "scan.tif"         # TIFF, folder of slices, HDF5, NRRD, MetaImage, NIfTI, NumPy; raw
+                          # files need shape = [z, y, x] and dtype = "<u2"
+voxel_size = "5 um"       # or three lengths, z, y, x
+crop = [[0, 100], [0, 100], [0, 100]]  # voxels, z, y, x: begin with a part; all without it
+# invert = true           # where grains are darker than voids
+# relative_depth = 0.06   # lower where grains hang together, higher where they are cut
+
+[mesh]
+size = "20 um"            # to change: wanted length of edges, a tenth to a fifteenth of a grain
+keep_largest_piece = true # of a grain that noise left in pieces
+
+[sample]
+grains = "grains"         # the folder that `mufe mesh` writes
+
+{material}
+[contact]
+friction = 0.23           # between grains
+wall_friction = 0.0       # between grains and walls
+"""
+
+OEDOMETER = """
+[oedometer]               # the top platen moves, all other walls rest
+strain = 0.06             # vertical, counted from the end of seating
+speed = "0.5 m/s"         # of the top platen: slow enough if kinetic energy stays small
+ramp = 0.002              # strain over which the platen reaches this speed
+seating_stress = "1 MPa"  # the platen first closes the gaps, up to this stress, which has to be
+seating_speed = "0.6 m/s" # above that of single impacts at this speed
+"""
+
+DAMPED = """
+[solver]
+damping = "{} ms^-1"     # stills few grains that rattle between their contacts; counted as damping
+"""
+
+STAGED = """
+[loading]                 # a test by stages: the six walls move
+speed = "0.5 m/s"         # at which a length of the sample changes, at most
+ramp = 0.001              # strain over which walls get to it
+tolerance = 0.01          # of stresses
+                          # `mufe plan` says which speed an accuracy asks for; a table
+                          # [quasi_static] lets it follow targets after the seating
+
+[[stage]]                 # close the gaps; strains count from its end
+zero = true
+xyz = { stress = "0.5 MPa", speed = "3 m/s" }
+"""
+
+ISOTROPIC = (
+    STAGED
+    + """
+[[stage]]
+name = "load"
+xyz = { stress = "5 MPa" }
+
+[[stage]]
+name = "unload"
+xyz = { stress = "1 MPa" }
+
+[[stage]]
+name = "reload"
+xyz = { stress = "8 MPa" }
+hold = "5 us"             # stresses are held so long
+"""
+)
+
+TRIAXIAL = (
+    STAGED
+    + """
+[[stage]]
+name = "isotropic"
+xyz = { stress = "5 MPa" }
+
+[[stage]]                 # x and y go on at the stress that they hold; it is off by more the
+name = "shear"            # faster their walls have to move
+z = { strain = 0.012, speed = "0.15 m/s" }
+
+# A true-triaxial test says what each axis does:
+#
+#     [[stage]]
+#     name = "shear"
+#     x = { stress = "3 MPa" }
+#     y = { stress = "5 MPa" }
+#     z = { stress = "9 MPa" }
+"""
+)
+
+BALL = """
+[loading]                 # a test by stages: the six walls move
+speed = "1 m/s"           # at which a length of the sample changes, at most
+ramp = 0.002              # strain over which walls get to it
+
+[[stage]]                 # the walls at the sides go out of the way
+name = "aside"
+xy = { strain = -0.05, speed = "5 m/s" }
+
+[[stage]]
+name = "press"
+z = { strain = 0.01 }
+
+[[stage]]
+name = "unload"
+z = { strain = 0.0 }
+"""
+
+BALLS = """
+[loading]                 # a test by stages: the six walls move
+speed = "0.5 m/s"         # at which a length of the sample changes, at most
+ramp = 0.002              # strain over which walls get to it
+tolerance = 0.02          # of stresses
+
+[[stage]]                 # the walls at the sides stay near: balls on end roll away otherwise
+name = "aside"
+xy = { strain = -0.001 }
+
+[[stage]]                 # led by the mean stress of top and bottom: 2 MPa are 2.2 N here
+name = "press"
+z = { stress = "2 MPa" }
+
+[[stage]]
+name = "unload"
+z = { stress = "0.5 MPa" }
+
+[[stage]]
+name = "reload"
+z = { stress = "2 MPa" }
+"""
+
+OUTPUT = """
+[output]
+fields = 11               # states with all fields, for ParaView and the report
+history = 300             # rows of history.csv
+checkpoint = "5 min"      # by the clock; `mufe run --resume` goes on from the last one
+"""
+
+
+def write_new_scene(kind, folder, *, overwrite=False):
+    """Write scene.toml, its JSON schema and grains, but for a scan, into a new folder.
+
+    Args:
+        kind: One of `KINDS`.
+        folder: New folder.
+        overwrite: Replace a folder that was written by this before.
+
+    Returns:
+        What was written: folder, the next command, and num_grains and num_cells of grains.
+
+    Raises:
+        InputError: there is no such kind, or the folder cannot be written.
+    """
+    if kind not in KINDS:
+        raise InputError(f"kind = {shown(kind)}, expected {nearest_name(kind, KINDS)}")
+    text, make = KINDS[kind]
+    with new_folder(folder, overwrite=overwrite, marker=SCHEMA_FILE) as new:
+        grains = make() if make else None
+        if grains is not None:
+            save_grains(new / "grains", grains)
+        (new / "scene.toml").write_text(text, encoding="utf-8")
+        (new / SCHEMA_FILE).write_text(schema_text(), encoding="utf-8")
+    if grains is None:
+        return {
+            "folder": str(folder),
+            "next": f"edit image and mesh.size in {folder}/scene.toml, then in {folder}: "
+            "mufe segment --scene scene.toml -o labels.tif",
+        }
+    return {
+        "folder": str(folder),
+        "num_grains": grains.num_grains,
+        "num_cells": len(grains.cells),
+        "next": f"mufe run {folder}/scene.toml -o {folder}/results",
+    }
+
+
+@functools.cache
+def ball_packing(number=FEW[0], seed=FEW[1]):
+    """`Grains` of balls packed at random without friction."""
+    rng = np.random.default_rng(seed)
+    ones = np.ones(number)
+    balls = make_grains(rng, sizes(rng, number, D50, UNIFORMITY), ones, ones, 0.0, 1.7, 3)
+    packing = pack(balls, rng, np.ones(3), DEPTH * D50)
+    points, cells = sphere(1.0, COARSE)
+    meshes = [
+        (center + radius * points @ axes.T, cells)
+        for center, radius, axes in zip(
+            packing.center, 0.5 * balls.diameter, packing.axes, strict=True
+        )
+    ]
+    return Grains.from_list(np.arange(1, number + 1), meshes, 0.5 * COARSE * D50)
+
+
+def column_of_balls(number):
+    """`Grains` of equal balls on top of each other."""
+    points, cells = sphere_near_contact(
+        RADIUS, FINE * RADIUS, 0.3, (0.0, 0.0, 1.0), CONTACT * RADIUS, both_poles=True
+    )
+    height = np.ptp(points[:, 2])
+    meshes = [(points + np.array([0.0, 0.0, k * height]), cells) for k in range(number)]
+    return Grains.from_list(np.arange(1, number + 1), meshes, FINE * RADIUS)
+
+
+def _text(title, test, grains, friction=0.23, wall=0.0, **material):
+    head = HEAD.format(
+        title=title, grains=grains, friction=friction, wall=wall, material=scene_table(**material)
+    )
+    return head + test + OUTPUT
+
+
+_SAND, _MORE = (f"{number} balls in a random packing, meshed coarsely" for number, _ in (FEW, MANY))
+_HARD = {"first": "1 GPa", "last": "2 GPa"}
+
+_TITLE = "Oedometer test on a scan"
+
+#: Scenes by name: text of the file and the function that makes the grains, or None.
+KINDS = {
+    "scan": (
+        SCAN.format(title=_TITLE, material=scene_table()) + OEDOMETER + OUTPUT,
+        None,
+    ),
+    "oedometer": (
+        _text("Oedometer test on balls", DAMPED.format(100) + OEDOMETER, _SAND, **_HARD),
+        ball_packing,
+    ),
+    "isotropic": (
+        _text("Isotropic compression of balls", DAMPED.format(100) + ISOTROPIC, _SAND, **_HARD),
+        ball_packing,
+    ),
+    "triaxial": (
+        _text("Triaxial test on balls", DAMPED.format(200) + TRIAXIAL, _MORE, 0.5, **_HARD),
+        functools.partial(ball_packing, *MANY),
+    ),
+    "single-grain": (
+        _text("A ball between two platens", BALL, "one ball of 1 mm", wall=0.2),
+        functools.partial(column_of_balls, 1),
+    ),
+    "two-spheres": (
+        _text("Two balls pressed together", BALLS, "two balls of 1 mm", wall=0.2, **_HARD),
+        functools.partial(column_of_balls, 2),
+    ),
+}  # fmt: skip

@@ -1,0 +1,96 @@
+"""Figures of a chart: error over time and over element-steps, with the front of the best."""
+
+import math
+from pathlib import Path
+
+import matplotlib
+
+from ...planning.evidence import cost_at, pareto, usable
+from ...report import style
+from .grid import OURS, SEED
+
+#: Colour, mark and line of each line of the chart.
+LOOKS = {
+    OURS: (style.BLUE, "o", "-"),
+    SEED: (style.RED, "s", "-"),
+    "plain P1": (style.RED, "s", ":"),
+    "composite": (style.GREEN, "^", "-"),
+    "stiff penalty": (style.PINK, "v", "-"),
+    "kinematic law": (style.PINK, "D", ":"),
+    "kinematic law, loading x 2": (style.PINK, "d", "-."),
+    "contact at nodes": (style.PINK, "x", "--"),
+    "element's time step": (style.BLUE, "o", ":"),
+    "mass 1 %": (style.SKY, "o", "--"),
+    "mass 5 %": (style.SKY, "o", "-"),
+    "loading x 2": (style.ORANGE, "<", "-"),
+    "loading x 4": (style.ORANGE, ">", "--"),
+    "mass 1 %, loading x 2": (style.ORANGE, "h", "-."),
+    "mass 5 %, loading x 1.5": (style.ORANGE, "H", "-"),
+    "mass 5 %, loading x 2": (style.ORANGE, "p", ":"),
+    "static": (style.GREY, "P", "-"),
+    "augmented Lagrangian": (style.GREY, "+", ":"),
+    "implicit": (style.GREY, "X", "--"),
+    "rigid": (style.BLACK, "*", "-"),
+    "elastic": (style.BLACK, "1", "-"),
+    "auto": (style.GREEN, "d", "--"),
+    "another rounding": (style.GREY, ".", "-"),
+}
+#: Errors beyond this are not drawn: they would leave no room for the others.
+LARGEST = 1.5
+COSTS = {"seconds": "time of one processor (s)", "element_steps": "element-steps"}
+
+
+def draw_chart(points, case, folder):
+    """Write CASE.png and CASE.pdf into a folder; errors up to :data:`LARGEST`.
+
+    Args:
+        points: Of any cases.
+        case: Of which the chart is.
+        folder: Where to, which exists.
+
+    Returns:
+        The two paths.
+    """
+    own = [p for p in usable(points, case) if p.error <= LARGEST]
+    with matplotlib.rc_context(style.RC):
+        figure, axes = style.new_figure(style.PAGE, 0.52 * style.PAGE, ncols=2, sharey=True)
+        for index, (axis, (cost, label)) in enumerate(zip(axes, COSTS.items(), strict=True)):
+            for name, (color, mark, line) in LOOKS.items():
+                some = [p for p in own if p.series == name and math.isfinite(getattr(p, cost))]
+                if not some:
+                    continue
+                some.sort(key=lambda p: p.num_cells)
+                x, y = [getattr(p, cost) for p in some], [100 * p.error for p in some]
+                axis.plot(x, y, color=color, marker=mark, linestyle=line, markersize=3.5,
+                          linewidth=0.9, label=name)  # fmt: skip
+            front = pareto(own, cost)
+            axis.plot([getattr(p, cost) for p in front], [100 * p.error for p in front],
+                      color=style.BLACK, linewidth=2.2, alpha=0.25, zorder=0,
+                      label="front of all")  # fmt: skip
+            axis.set(xscale="log", yscale="log", xlabel=label)
+            style.plain_log_ticks(axis.yaxis)
+            if cost == "seconds":
+                style.plain_log_ticks(axis.xaxis)
+            style.panel_letter(axis, index)
+        axes[0].set_ylabel(f"{case}: error (%)")
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside right upper")
+        paths = [Path(folder) / f"{case}.{kind}" for kind in ("png", "pdf")]
+        for path in paths:
+            figure.savefig(path)
+    return paths
+
+
+def gain_over_seed(points, case, cost="seconds"):
+    """How many times cheaper than the seed's method, at each error that this one reaches.
+
+    Returns:
+        List of (error, cost of the seed's method over that of the default choices, the same over
+        that of the front of all); nan where these do not reach it.
+    """
+    own = usable(points, case)
+    ours = [p for p in own if p.series == OURS]
+    return [
+        (p.error, *(getattr(p, cost) / cost_at(some, p.error, cost) for some in (ours, own)))
+        for p in pareto([p for p in own if p.series == SEED], cost)
+    ]

@@ -1,0 +1,500 @@
+"""The command line: what a user can do wrong ends in one line, status 2, and no output.
+
+Where ranks or the state of a process matter, a command is a process of its own, as a
+user would start it; elsewhere the test calls `main`, which is quicker.
+"""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+import mufe_fenicsx.geometry.grains as grain_files
+from mufe_fenicsx import __version__
+from mufe_fenicsx.cli import terminal
+from mufe_fenicsx.cli.arguments import known_names, parameters
+from mufe_fenicsx.cli.main import main
+from mufe_fenicsx.cli.terminal import Printer, plain, progress_bar
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.machine.mpi_launcher import environment_without_launcher, find_mpirun
+from mufe_fenicsx.run.demo import demo_commands, demo_scene
+
+#: Longest time for a command that has nothing to do [s]; one that hangs is ended then.
+PATIENCE = 600
+#: Variables by which a process of its own finds the package.
+FROM_HERE = {"PYTHONPATH": str(Path(__file__).parents[2])}
+
+SCENE = """
+[material]
+model = "elastic"
+E = 100e9
+nu = 0.15
+rho = 2650
+[contact]
+friction = 0.23
+[oedometer]
+strain = 0.1
+speed = 2
+"""
+
+
+@pytest.fixture
+def mufe_here(monkeypatch, capfd):
+    """Run `mufe` in this process."""
+
+    def call(*arguments, cwd):
+        monkeypatch.chdir(cwd)
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as end:
+            main([str(argument) for argument in arguments])
+        out, err = capfd.readouterr()
+        return subprocess.CompletedProcess(arguments, end.value.code, out, err)
+
+    return call
+
+
+def mufe(*arguments, cwd, num_ranks=None):
+    """Run `mufe` on one or more ranks and return the finished process."""
+    command = [sys.executable, "-m", "mufe_fenicsx", *map(str, arguments)]
+    return run(command, cwd, num_ranks)
+
+
+def run(command, cwd, num_ranks=None):
+    """Run a command, under mpirun where ``num_ranks`` is given."""
+    if num_ranks is not None:
+        mpirun = find_mpirun()
+        if mpirun is None:
+            pytest.skip("no mpirun beside Python or on PATH")
+        command = [mpirun, "-n", str(num_ranks), *command]
+    process = subprocess.Popen(
+        command,
+        cwd=cwd,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        out, err = process.communicate(timeout=PATIENCE)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        pytest.fail(f"{' '.join(command)} hangs")
+    # Open MPI's launcher adds texts of its own between two rules.
+    err = re.sub(r"^-{20,}\n.*?^-{20,}\n", "", err, flags=re.DOTALL | re.MULTILINE)
+    return subprocess.CompletedProcess(command, process.returncode, out, err)
+
+
+def assert_refused(result, said, folder, files):
+    """Status 2 after one line that says it, and ``folder`` holds ``files`` and nothing else."""
+    lines = result.stderr.splitlines()
+    assert result.returncode == 2, result.stderr
+    assert len(lines) == 1 and lines[0].startswith("mufe: "), result.stderr
+    assert said in lines[0]
+    assert result.stdout == ""
+    assert sorted(path.name for path in folder.iterdir()) == sorted(files)
+
+
+@pytest.fixture
+def inputs(tmp_path):
+    """A folder of usable and unusable inputs, and an empty one to work in beside it."""
+    folder, work = tmp_path / "inputs", tmp_path / "work"
+    folder.mkdir()
+    work.mkdir()
+    rng = np.random.default_rng(1)
+    grey = rng.integers(0, 255, (8, 9, 10)).astype(np.uint8)
+    np.save(folder / "flat.npy", grey[0])
+    np.save(folder / "constant.npy", np.full((8, 8, 8), 7, dtype=np.uint8))
+    np.save(folder / "nan.npy", np.where(grey == grey.max(), np.nan, grey))
+    np.savez(folder / "pickled.npz", grey=np.array([{"a": 1}], dtype=object))
+    (folder / "text.tif").write_text("this is no image")
+
+    box = np.zeros((12, 12, 24), dtype=np.int32)
+    np.save(folder / "no_grain.npy", box)
+    box[2:10, 2:10, 2:10] = 1
+    box[2:10, 2:10, 14:22] = 2
+    np.save(folder / "negative.npy", np.where(box == 2, -2, box))
+    np.save(folder / "float.npy", box + 0.5)
+    pieces = box.copy()
+    pieces[2:10, 2:10, 5:7] = 0
+    np.save(folder / "pieces.npy", pieces)
+    thin = box.copy()
+    thin[:, :, 12:] = 0
+    thin[5, 2:10, 14:22] = 2
+    np.save(folder / "thin.npy", thin)
+
+    (folder / "scene.toml").write_text(SCENE)
+    (folder / "unknown.toml").write_text(SCENE.replace("friction", "frition"))
+    (folder / "unit.toml").write_text(SCENE.replace("speed = 2", 'speed = "5 kg"'))
+    (folder / "nu.toml").write_text(SCENE.replace("0.15", "0.5"))
+    (folder / "missing.toml").write_text(SCENE.replace("strain = 0.1", ""))
+    grain_files.save_grains(folder / "grains", two_tetrahedra())
+    return folder, work
+
+
+def two_tetrahedra():
+    """Two grains of one element each, apart from each other."""
+    points = 1e-4 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+    cells = np.array([[0, 1, 2, 3]])
+    shifted = points + np.array([0, 0, 2e-4])
+    return grain_files.Grains.from_list([1, 2], [(points, cells), (shifted, cells)], 1e-4)
+
+
+def two_boxes():
+    """A grey image of 12 x 12 x 24 voxels with two bright boxes of 8 x 8 x 8."""
+    grey = np.full((12, 12, 24), 10, dtype=np.uint8)
+    grey[2:10, 2:10, 2:10] = grey[2:10, 2:10, 14:22] = 200
+    return grey
+
+
+SEGMENT = [
+    ("none.tif", "none.tif"),
+    ("text.tif", "text.tif"),
+    ("flat.npy", "flat.npy"),
+    ("constant.npy", "constant"),
+    ("nan.npy", "NaN"),
+    ("pickled.npz", "pickled"),
+]
+
+
+@pytest.mark.parametrize("image, said", SEGMENT, ids=[image for image, _ in SEGMENT])
+def test_image_that_cannot_be_used(inputs, mufe_here, image, said):
+    folder, work = inputs
+    result = mufe_here("segment", folder / image, "-o", "out.tif", "--voxel-size", "5 um", cwd=work)
+    assert_refused(result, said, work, [])
+
+
+MESH = [
+    ("none.npy", "none.npy"),
+    ("no_grain.npy", "no grain"),
+    ("negative.npy", "-2"),
+    ("float.npy", "float"),
+    ("pieces.npy", "pieces"),
+    ("thin.npy", "thin"),
+]
+
+
+@pytest.mark.parametrize("labels, said", MESH, ids=[labels for labels, _ in MESH])
+def test_labels_that_cannot_be_used(inputs, mufe_here, labels, said):
+    folder, work = inputs
+    options = ("--voxel-size", "5 um", "--size", "10 um", "--processes", "1")
+    result = mufe_here("mesh", folder / labels, "-o", "grains", *options, cwd=work)
+    assert_refused(result, said, work, [])
+
+
+def test_meshes_that_cannot_be_imported(inputs, mufe_here):
+    folder, work = inputs
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    meshio.Mesh(points, [("tetra", np.array([[0, 1, 2, 3]] * 2))]).write(folder / "twice.vtu")
+    result = mufe_here("import", folder / "twice.vtu", "-o", "grains", cwd=work)
+    assert_refused(result, "1 cells that are there twice", work, [])
+    (folder / "none.vtu").write_text("no mesh")
+    result = mufe_here("import", folder / "none.vtu", "-o", "grains", cwd=work)
+    assert_refused(result, "cannot be read", work, [])
+
+
+RUN = [
+    ("unknown.toml", "contact.frition = 0.23 is not a known key, expected contact.friction"),
+    ("unit.toml", 'oedometer.speed = "5 kg", expected a speed'),
+    ("nu.toml", "material.nu = 0.5, expected -1 < nu < 0.5"),
+    ("missing.toml", "oedometer.strain is missing"),
+    ("none.toml", "none.toml"),
+]
+
+
+@pytest.mark.parametrize("scene, said", RUN, ids=[scene for scene, _ in RUN])
+def test_scene_that_cannot_be_used(inputs, mufe_here, scene, said):
+    folder, work = inputs
+    arguments = ("run", folder / scene, "--grains", folder / "grains", "-o", "results")
+    assert_refused(mufe_here(*arguments, cwd=work), said, work, [])
+
+
+def test_grains_that_are_not_there(inputs, mufe_here):
+    folder, work = inputs
+    for grains, said in ((("--grains", "none"), "none"), ((), "sample.grains is missing")):
+        result = mufe_here("run", folder / "scene.toml", *grains, cwd=work)
+        assert_refused(result, said, work, [])
+
+
+@pytest.mark.parametrize("scene, said", [RUN[0], ("scene.toml", "none")])
+def test_what_cannot_be_used_is_said_by_one_rank(inputs, scene, said):
+    """A scene, which all ranks read, and grains that are not there."""
+    folder, work = inputs
+    result = mufe("run", folder / scene, "--grains", "none", cwd=work, num_ranks=2)
+    assert_refused(result, said, work, [])
+
+
+def test_more_ranks_than_grains(inputs):
+    folder, work = inputs
+    arguments = ("run", folder / "scene.toml", "--grains", folder / "grains", "-o", "results")
+    result = mufe(*arguments, cwd=work, num_ranks=3)
+    assert_refused(result, "number of ranks = 3, expected at most", work, [])
+
+
+@pytest.mark.parametrize("num_ranks", [None, 2])
+def test_output_folder_that_is_not_empty(inputs, num_ranks):
+    folder, work = inputs
+    (work / "results").mkdir()
+    (work / "results" / "mine.txt").write_text("keep")
+    arguments = ("run", folder / "scene.toml", "--grains", folder / "grains", "-o", "results")
+    result = mufe(*arguments, cwd=work, num_ranks=num_ranks)
+    assert_refused(result, "expected a new one, or --overwrite to replace", work, ["results"])
+    assert [path.name for path in (work / "results").iterdir()] == ["mine.txt"]
+
+
+def test_output_below_a_file(inputs, mufe_here):
+    """A place that cannot be written to, whoever asks; nor a demonstration into another folder."""
+    folder, work = inputs
+    (work / "file").write_text("")
+    arguments = ("run", folder / "scene.toml", "--grains", folder / "grains", "-o", "file/results")
+    assert_refused(mufe_here(*arguments, cwd=work), "file", work, ["file"])
+    assert_refused(mufe_here("demo", "-o", ".", cwd=work), "not empty", work, ["file"])
+
+
+def test_disk_that_is_full(inputs):
+    """No file may grow beyond 100 bytes: as on a full disk, writing fails half-way."""
+    folder, work = inputs
+    np.save(folder / "grains.npy", two_boxes())
+    arguments = ["segment", str(folder / "grains.npy"), "-o", "out.tif", "--voxel-size", "5 um"]
+    program = (
+        "import resource, signal, mufe_fenicsx.cli.main\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
+        f"mufe_fenicsx.cli.main.main({arguments})"
+    )
+    assert_refused(run([sys.executable, "-c", program], work), "File too large", work, [])
+
+
+USAGE = [
+    (("run",), "Missing argument 'SCENE'"),
+    (("segment", "a.tif"), "Missing option '--output'"),
+    (("segment", "-o", "x.tif"), "IMAGE is missing"),
+    (("segment", "a.tif", "-o", "x.tif", "--axes", "zz"), "--axes = 'zz', expected an order"),
+    (("segment", "a.tif", "-o", "x.tif", "--voxel-size", "5 kg"), '--voxel-size = "5 kg"'),
+    (("segment", "a", "-o", "x.tif", "--voxel-size", "1", "--crop", "1-2"), '--crop = "1-2"'),
+    (("segment", "a", "-o", "x.tif", "--voxel-size", "1", "--shape", "a"), '--shape = "a"'),
+    (("mesh", "a.tif", "-o", "g", "--size", "0"), "--size = 0.0, expected a length > 0"),
+    (("mesh", "a.tif", "-o", "g", "--processes", "two"), "--processes"),
+    (("run", "s.toml", "--frobnicate"), "--frobnicate"),
+    (("frobnicate",), "frobnicate"),
+    (("report", "none"), "none"),
+    (("report", "none", "--point", "1,2"), '--point "1,2", expected three coordinates'),
+    (("report", "none", "--json", "none/x.json"), "--json none/x.json, expected a file in"),
+    (("verify", "frobnicate"), "case frobnicate is not known, expected"),
+    (("verify", "--set", "nonsense"), '--set "nonsense", expected name=value'),
+    (("bench", "frobnicate"), "case frobnicate is not known, expected"),
+]
+
+
+@pytest.mark.parametrize("arguments, said", USAGE, ids=[" ".join(a) for a, _ in USAGE])
+def test_wrong_use(tmp_path, mufe_here, arguments, said):
+    assert_refused(mufe_here(*arguments, cwd=tmp_path), said, tmp_path, [])
+
+
+@pytest.mark.parametrize("command", ["segment", "mesh", "report", "demo"])
+def test_serial_command_on_two_ranks(tmp_path, command):
+    arguments = {
+        "segment": ("a.tif", "-o", "x.tif"),
+        "mesh": ("a.tif", "-o", "grains"),
+        "report": ("results",),
+        "demo": (),
+    }[command]
+    result = mufe(command, *arguments, cwd=tmp_path, num_ranks=2)
+    assert_refused(result, f"mufe {command} on 2 ranks, expected one", tmp_path, [])
+
+
+@pytest.mark.parametrize("arguments", [("-h",), ("run", "-h")])
+def test_short_help(tmp_path, mufe_here, arguments):
+    result = mufe_here(*arguments, cwd=tmp_path)
+    assert result.returncode == 0 and "Usage: mufe" in result.stdout
+
+
+def test_version(tmp_path, mufe_here):
+    result = mufe_here("--version", cwd=tmp_path)
+    assert (result.returncode, result.stdout) == (0, f"mufe_fenicsx {__version__}\n")
+
+
+@pytest.mark.parametrize("words, ends", [("mufe seg", "segment"), ("mufe run --res", "--resume")])
+def test_shells_complete_commands_and_options(tmp_path, mufe_here, monkeypatch, words, ends):
+    monkeypatch.setenv("_MUFE_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", words)
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
+    result = mufe_here(cwd=tmp_path)
+    assert (result.returncode, result.stdout.split()) == (0, [ends])
+
+
+def ending(body):
+    """A program whose rank-dependent end goes through `run_to_exit`."""
+    return [
+        sys.executable,
+        "-c",
+        "import mufe_fenicsx, mufe_fenicsx.cli.exit_status as exit_status\n"
+        "from mufe_fenicsx.errors import InputError, SolverError\n"
+        "from mpi4py import MPI\n"
+        "comm = MPI.COMM_WORLD\n"
+        "exit_status.PATIENCE = 1.0\n"
+        f"def action():\n    {body}\n    return 0\n"
+        "exit_status.run_to_exit(action)\n",
+    ]
+
+
+def test_line_of_a_rank_that_fails_alone_is_printed_once(tmp_path):
+    body = "if comm.rank == 1: raise InputError('quantity = 1, expected\\n 2')"
+    result = run(ending(body), tmp_path, num_ranks=2)
+    assert_refused(result, "mufe: quantity = 1, expected 2", tmp_path, [])
+
+
+def test_rank_that_fails_while_others_wait_ends_them(tmp_path):
+    body = "\n    ".join(
+        ["if comm.rank == 1: raise InputError('quantity = 1, expected 2')", "comm.Barrier()"]
+    )
+    result = run(ending(body), tmp_path, num_ranks=2)
+    assert result.returncode == 2
+    assert result.stderr.count("mufe: quantity = 1, expected 2") == 1
+    assert "Traceback" not in result.stderr
+
+
+def test_defect_on_one_rank_shows_its_traceback_and_ends_all(tmp_path):
+    body = "\n    ".join(["if comm.rank == 1: raise KeyError('lost')", "comm.Barrier()"])
+    result = run(ending(body), tmp_path, num_ranks=2)
+    assert result.returncode == 1
+    assert "Traceback" in result.stderr and "KeyError: 'lost'" in result.stderr
+
+
+def test_computation_that_fails_has_status_1(tmp_path):
+    result = run(ending("raise SolverError('energy grows')"), tmp_path, num_ranks=2)
+    assert (result.returncode, result.stderr) == (1, "mufe: energy grows\n")
+
+
+def test_full_file_system_is_one_line(tmp_path):
+    result = run(ending("raise OSError(28, 'No space left on device', 'history.csv')"), tmp_path)
+    assert_refused(result, "mufe: history.csv: No space left on device", tmp_path, [])
+
+
+def test_json_stands_alone_on_standard_output(inputs):
+    """Two boxes of 8 voxels a side; what people read goes to standard error."""
+    folder, work = inputs
+    np.save(folder / "grains.npy", two_boxes())
+    options = ("--voxel-size", "5 um", "--filter", "none", "--json", "-")
+    result = mufe("segment", folder / "grains.npy", "-o", "out.tif", *options, cwd=work)
+    assert result.returncode == 0, result.stderr
+    values = json.loads(result.stdout)
+    assert values["num_grains"] == 2
+    assert values["solid_fraction"] == 1024 / 3456
+    assert "grains " in result.stderr
+
+
+def test_summaries_are_in_words_with_units(capsys):
+    Printer().summary(
+        {"num_grains": 3, "element_size": 3e-5, "volume_ratio": 0.5, "wall_s": 2.0, "d10_m": 1e-4,
+         "time_step_without_worst": 1.05, "min_dihedral_deg": 15.0, "voxel_size": None}
+    )  # fmt: skip
+    lines = [line.split("  ") for line in capsys.readouterr().out.splitlines()]
+    assert [(words[0], words[-1].strip()) for words in lines] == [
+        ("grains", "3"),
+        ("element size h", "3e-05 m"),
+        ("volume of all meshes, over that given", "0.5"),
+        ("time in all", "2 s"),
+        ("d10", "0.0001 m"),
+        ("time step without the flattest 0.1 % of tetrahedra, over now", "1.05"),
+        ("angle between faces of a tetrahedron, smallest", "15 °"),
+        ("voxel size", "-"),
+    ]
+
+
+def test_progress_without_a_terminal_is_told_in_lines(capsys, monkeypatch):
+    monkeypatch.setattr(terminal, "SECONDS_BETWEEN_LINES", 0.0)
+    with progress_bar("meshing") as progress:
+        progress(1, 20)
+        progress(2, 20)
+    assert capsys.readouterr().err == ("meshing: 1 of 20 after 0 s\nmeshing: 2 of 20 after 0 s\n")
+    monkeypatch.setattr(terminal, "SECONDS_BETWEEN_LINES", 100.0)
+    with progress_bar("meshing") as progress:
+        progress(1, 20)
+    assert capsys.readouterr().err == ""
+
+
+def test_workers_of_a_launched_process(inputs):
+    """`mpirun -n 1` and SLURM mark their process; its workers must not inherit that."""
+    folder, work = inputs
+    np.savez(folder / "grains.npz", labels=(two_boxes() > 100) * (1 + (np.arange(24) > 11)))
+    options = ("--voxel-size", "5 um", "--size", "10 um", "--processes", "2", "--json", "-")
+    result = mufe("mesh", folder / "grains.npz", "-o", "grains", *options, cwd=work, num_ranks=1)
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["num_grains"] == 2
+
+
+def test_options_come_before_the_scene(inputs, mufe_here):
+    """The scene states the voxel size; the option replaces it; the rest stays."""
+    folder, work = inputs
+    np.save(folder / "grains.npy", two_boxes())
+    image = '\n[image]\nfile = "grains.npy"\nvoxel_size = "5 um"\nfilter = "none"\nupsample = 2\n'
+    (folder / "own.toml").write_text(SCENE + image)
+    options = ("--scene", folder / "own.toml", "--voxel-size", "3 um", "--json", "a.json")
+    result = mufe_here("segment", "-o", "out.tif", *options, cwd=work)
+    assert result.returncode == 0, result.stderr
+    values = json.loads((work / "a.json").read_text())
+    assert values["shape"] == [24, 24, 48]
+    # 3 um in two halves; only round-off of a division.
+    assert values["voxel_size"] == pytest.approx(1.5e-6, rel=1e-15)
+
+
+def test_demonstration_is_four_commands_on_the_scene_of_the_repository(tmp_path):
+    root = Path(__file__).resolve().parents[2]
+    assert demo_scene() == root / "demos" / "snow_oedometer.toml"
+    commands = demo_commands(demo_scene(), tmp_path, overwrite=True)
+    assert [command[0] for command in commands] == ["segment", "mesh", "run", "report"]
+    # Each command reads what an earlier one wrote.
+    labels, grains, results = (c[c.index("-o") + 1] for c in commands[:3])
+    assert commands[1][1] == labels
+    assert commands[2][commands[2].index("--grains") + 1] == grains
+    assert commands[3][1] == results
+
+
+def test_parameters_and_names_of_cases():
+    assert parameters(["a=0.5", "name=p1", "n=2"]) == {"a": 0.5, "name": "p1", "n": 2.0}
+    cases = {"column": None, "patch": None}
+    assert known_names([], cases) == ["column", "patch"]
+    with pytest.raises(InputError, match="colum is not known, expected column"):
+        known_names(["colum"], cases)
+
+
+def test_json_holds_what_numpy_computes():
+    result = {"a": np.float64(0.5), "b": np.arange(2), "c": (np.nan, np.int32(3)), "d": Path("x")}
+    assert json.dumps(plain(result), allow_nan=False) == (
+        '{"a": 0.5, "b": [0, 1], "c": [null, 3], "d": "x"}'
+    )
+
+
+def test_warnings_of_libraries_are_not_shown():
+    """They concern who writes programs, and are more lines than the one that says what is wrong."""
+    program = (
+        "import warnings; from mufe_fenicsx.cli.exit_status import run_to_exit; "
+        "run_to_exit(lambda: warnings.warn('x'))"
+    )
+    for options, shown in ([], False), (["-Wdefault"], True):
+        done = subprocess.run(
+            [sys.executable, *options, "-c", program], capture_output=True, text=True,
+            env=environment_without_launcher() | FROM_HERE,
+        )  # fmt: skip
+        assert done.returncode == 0 and ("x" in done.stderr) == shown
+
+
+@pytest.mark.parametrize("words", [["scene", "a.toml"], ["scene", "ü.toml"]])
+def test_a_terminal_without_utf_8_gets_what_it_can_show(tmp_path, words):
+    (tmp_path / "a.toml").write_text('title = "Über Ω"\n' + SCENE, encoding="utf-8")
+    environment = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(
+        [sys.executable, "-m", "mufe_fenicsx", *words], capture_output=True, cwd=tmp_path,
+        env=environment_without_launcher() | environment | FROM_HERE,
+    )  # fmt: skip
+    assert done.returncode == (0 if words[1] == "a.toml" else 2)
+    assert (done.stdout + done.stderr).isascii() and b"Traceback" not in done.stderr

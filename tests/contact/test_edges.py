@@ -1,0 +1,365 @@
+"""Crossing edges: search and forces against slow twins."""
+
+import mufe_fenicsx  # noqa: F401, before dolfinx: it loads MPI
+
+# isort: split
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.bulk.solid import Solid
+from mufe_fenicsx.contact.surface.surface import neighbors
+from mufe_fenicsx.explicit.simulation import Simulation
+from mufe_fenicsx.geometry.tets.refine import split
+from mufe_fenicsx.kernels.crossing import crossing
+from mufe_fenicsx.kernels.edge_search import (
+    find_edge_pairs,
+    list_sharp_edges,
+    segment_distance,
+    sharp_edges,
+    sort_edges_into_cells,
+)
+from mufe_fenicsx.kernels.edge_springs import edge_energy
+from mufe_fenicsx.kernels.edges import add_edge_forces
+from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.mesh import create_grain_mesh
+from mufe_fenicsx.verification.sliding_normal import ridge
+
+#: Outward facets of a tetrahedron with positive volume.
+TET = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], dtype=np.int32)
+
+
+def two_tets(rng):
+    """Edge 0-1 of the first tetrahedron above edge 4-5 of the second, crossing, turned."""
+    upper = np.array([[-1.0, 0, 0], [1, 0, 0], [0, 0.8, 1.5], [0, -0.9, 1.4]])
+    lower = np.array([[0.0, -1, 0], [0, 1, 0], [-0.8, 0, -1.5], [0.9, 0, -1.4]])
+    x = np.vstack([upper, lower]) + 0.1 * rng.standard_normal((8, 3))
+    q, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+    return x @ (q * np.sign(np.linalg.det(q))).T
+
+
+ENDS = np.array([[0, 1], [4, 5]], dtype=np.int32)
+BEYOND = np.array([[2, 3], [6, 7]], dtype=np.int32)
+
+
+def test_distance_of_segments_against_sampling():
+    rng = np.random.default_rng(0)
+    s = np.linspace(0, 1, 201)
+    for _ in range(100):
+        x = rng.standard_normal((4, 3))
+        d = segment_distance(x, 0, 1, 2, 3)
+        p = x[0] + s[:, None] * (x[1] - x[0])
+        q = x[2] + s[:, None] * (x[3] - x[2])
+        sampled = np.linalg.norm(p[:, None] - q[None], axis=2).min()
+        spacing = 0.5 * (np.linalg.norm(x[1] - x[0]) + np.linalg.norm(x[3] - x[2])) / 200
+        # No sample is nearer, and one is within a spacing of both.
+        assert d <= sampled * (1 + 1e-12) <= d + 2 * spacing
+
+
+def test_sharp_edges_of_a_tetrahedron_and_none_of_what_is_flat_or_concave():
+    x = np.array([[1.0, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]])
+    if np.linalg.det(x[1:] - x[0]) < 0:
+        x[[0, 1]] = x[[1, 0]]
+    numbers = np.arange(4)
+    for sign, angle, expected in ((1, 20, 6), (1, 109, 6), (1, 110, 0), (-1, 20, 0)):
+        # Turned inside out all its edges are concave; normals differ by 109.5 degrees.
+        facets = TET[:, ::sign].copy()
+        cosine = np.cos(np.radians(angle))
+        sharp = sharp_edges(x, facets, neighbors(facets), cosine)
+        ends, beyond, sides, key = list_sharp_edges(facets, neighbors(facets), numbers, sharp)
+        assert len(ends) == expected and np.unique(key).size == expected
+        for e, o, f in zip(ends, beyond, sides, strict=True):
+            assert {*e, *o} == {0, 1, 2, 3}
+            assert {*e, o[0]} == set(facets[f[0]]) and {*e, o[1]} == set(facets[f[1]])
+
+
+def test_edge_pairs_against_all_pairs():
+    rng = np.random.default_rng(1)
+    n, num_own, reach = 300, 180, 0.12
+    x = np.empty((2 * n, 3))
+    x[::2] = rng.random((n, 3))
+    x[1::2] = x[::2] + 0.15 * rng.standard_normal((n, 3))
+    ends = np.arange(2 * n, dtype=np.int32).reshape(n, 2)
+    grain = rng.integers(0, 5, n).astype(np.int32)
+    low = x[: 2 * num_own].min(axis=0)
+    size = 0.2
+    shape = tuple((np.ptp(x[: 2 * num_own], axis=0) / size).astype(np.int64) + 1)
+    cells = sort_edges_into_cells(x, ends, num_own, low, size, shape)
+    own, other = find_edge_pairs(x, ends, grain, num_own, reach, low, size, shape, *cells)
+    found = sorted(zip(own.tolist(), other.tolist(), strict=True))
+    twin = [
+        (i, j)
+        for i in range(num_own)
+        for j in range(n)
+        if grain[i] < grain[j] and segment_distance(x, *ends[i], *ends[j]) <= reach
+    ]
+    assert found == twin and len(twin) > 100
+
+
+class Pair:
+    """State of one pair of edges."""
+
+    def __init__(self):
+        self.due, self.outside = np.zeros(1), np.zeros(1)
+        self.sliding = np.zeros(1, dtype=bool)
+        self.largest_depth, self.size, self.recess = np.full(1, 10.0), np.ones(1), np.zeros(1)
+        self.place, self.normal = np.zeros((1, 2)), np.zeros((1, 3))
+        self.gap, self.offset, self.closed = np.zeros(1), np.zeros(1), np.zeros(1, dtype=bool)
+        self.stiffness, self.anchor = np.zeros(1), np.zeros((1, 2))
+        self.shear, self.slip, self.work = np.zeros((1, 3)), np.zeros(1), np.zeros(1)
+        self.first, self.second = np.zeros(1, np.int32), np.ones(1, np.int32)
+        self.ratio, self.compliance = np.array([0.9]), np.zeros(2)
+
+    def forces(self, x, friction=1e9, clock=10.0, adopt=False, kinetic=None):
+        f, kinetic = np.zeros_like(x), friction if kinetic is None else kinetic
+        one = np.ones(2)
+        self.lost = add_edge_forces(
+            f, self.due, self.outside, self.place, self.normal, self.gap, self.offset,
+            self.closed,
+            self.sliding, self.stiffness, self.anchor, self.shear, self.slip,
+            self.work, clock, x, self.first, self.second, ENDS, BEYOND, one, one,
+            np.ones((2, 2)), self.compliance, self.ratio, friction, kinetic, self.size,
+            self.largest_depth, self.recess, adopt,
+        )  # fmt: skip
+        return f
+
+    def energy(self):
+        return edge_energy(
+            self.gap, self.offset, self.recess, self.closed, self.stiffness, self.shear, self.first,
+            self.ratio, self.largest_depth,
+        )[0]  # fmt: skip
+
+
+@pytest.mark.parametrize("compliance", [0.0, 0.7])
+@pytest.mark.parametrize("seed", range(5))
+def test_forces_are_the_gradient_of_the_energy_and_in_balance(seed, compliance):
+    """Stuck and pressed: f = -dU/dx in normal and tangential direction, no net force or moment.
+
+    With the stiffness that changes along both edges, too.
+    """
+    rng = np.random.default_rng(seed)
+    x = two_tets(rng)
+    _, _, _, *n, gap, _, _ = crossing(x, ENDS, BEYOND, 0, 1)
+    x[4:] += (gap + 0.05) * np.array(n)
+    pair = Pair()
+    pair.compliance[:] = compliance, 2.0 * compliance
+    pair.forces(x)  # closes with its anchors at the crossing
+    assert pair.closed[0]
+    x = x + 0.03 * rng.standard_normal(x.shape)
+    assert crossing(x, ENDS, BEYOND, 0, 1)[0] <= 0
+    f = pair.forces(x)
+    size = np.abs(f).max()
+    assert np.linalg.norm(pair.shear) > 1e-3
+    # Round-off, over the square of the sine between the edges.
+    assert np.abs(f.sum(axis=0)).max() < 1e-14 * size
+    assert np.abs(np.cross(x, f).sum(axis=0)).max() < 1e-13 * size
+
+    numeric, step = np.zeros_like(x), 1e-6
+    for i in np.ndindex(x.shape):
+        d = np.zeros_like(x)
+        d[i] = step
+        sides = []
+        for y in (x + d, x - d):
+            pair.forces(y)
+            sides.append(pair.energy())
+        numeric[i] = -(sides[0] - sides[1]) / (2 * step)
+    # Central differences: step² and eps/step.
+    np.testing.assert_allclose(f, numeric, atol=1e-8 * size)
+
+
+def test_friction_of_a_crossing():
+    """Dragged along both edges it slips at mu N; the work of the drag is stored or dissipated."""
+    rng = np.random.default_rng(7)
+    x = two_tets(rng)
+    _, _, _, *n, gap, _, _ = crossing(x, ENDS, BEYOND, 0, 1)
+    n = np.array(n)
+    x[4:] += (gap + 0.05) * n
+    mu, pair = 0.3, Pair()
+    before = pair.forces(x, mu)
+    way = 0.1 * ((x[1] - x[0]) / 2 + (x[5] - x[4]) / 3)
+    way -= n * n.dot(way)
+    work = dissipated = 0.0
+    steps = 400
+    for _ in range(steps):
+        x[:4] += way / steps
+        now = pair.forces(x, mu)
+        dissipated += pair.lost[0]
+        work -= (0.5 * (before + now)[:4].sum(axis=0)).dot(way / steps)
+        before = now
+    N = pair.stiffness[0] * -pair.gap[0]
+    assert pair.gap[0] == pytest.approx(-0.05, abs=1e-12)
+    drag = np.linalg.norm(pair.shear[0])
+    assert drag == pytest.approx(mu * N, rel=1e-12)
+    # Against the motion, which is straight.
+    assert pair.shear[0] @ way == pytest.approx(-drag * np.linalg.norm(way), rel=1e-9)
+    stored = 0.5 * drag**2 / (pair.stiffness[0] * pair.ratio[0])
+    # Trapezoidal rule but for the one step in which slip begins.
+    assert work == pytest.approx(stored + dissipated, rel=1e-3 / steps)
+    assert dissipated > 0
+    assert pair.slip[0] * mu * N == pytest.approx(dissipated, rel=1e-2)
+
+
+def test_a_crossing_slips_at_the_kinetic_coefficient():
+    """It holds up to the static one, then slips at the kinetic one until it sticks."""
+    rng = np.random.default_rng(7)
+    x = two_tets(rng)
+    _, _, _, *n, gap, _, _ = crossing(x, ENDS, BEYOND, 0, 1)
+    x[4:] += (gap + 0.05) * np.array(n)
+    static, kinetic, pair = 0.5, 0.2, Pair()
+    along = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
+    ratios = []
+    for step in (*[1e-4] * 400, -2e-4, 0.0):
+        x[:4] += step * along
+        pair.forces(x, static, kinetic=kinetic)
+        ratios.append(np.linalg.norm(pair.shear[0]) / (pair.stiffness[0] * -pair.gap[0]))
+    slipping = np.isclose(ratios, kinetic, rtol=1e-9)
+    first = int(np.argmax(slipping[1:])) + 1
+    # One step adds kt 1e-4 to the spring, 0.9 of 1e-4 over the depth of N.
+    assert ratios[first - 1] == pytest.approx(static, abs=0.9 * 1e-4 / 0.05)
+    assert slipping[first:400].all() and pair.slip[0] > 0
+    assert not pair.sliding[0] and ratios[-1] < kinetic
+
+
+def test_a_crossing_moves_on_along_a_ridge():
+    """Two ridges slide along one of them: past its nodes one crossing takes over from the next.
+
+    The depth stays. The spring is the same at all places, but for what the mesh lacks of compliance
+    between nodes, 1/k = 1/k₀ + Σ ξ (1 - ξ) D, and friction works mu N along the way.
+    """
+    n, depth, friction = 8, 2e-3, 0.3  # edges at the ends of a ridge are softer
+    (lower, cells), (upper, _) = ridge(n), ridge(n)
+    lower, upper = lower - [0.013, 0, 0], upper - [0.021, 0, 0]
+    upper = upper @ np.array([[0, 1.0, 0], [1, 0, 0], [0, 0, -1]]) + [0, 0, 1e-4]
+    mesh = create_grain_mesh(
+        MPI.COMM_SELF,
+        np.vstack([lower, upper]),
+        np.vstack([cells, cells + len(lower)]),
+        np.repeat([0, 1], len(cells)),
+        np.array([1, 2]),
+        np.array([0, 0]),
+    )
+    material = Elastic(100e9, 0.15, 2650.0)
+    contact = Simulation(mesh, [material] * 2, friction=friction, points="nodes").contact
+    above = mesh.grain_of_node == np.flatnonzero(mesh.grains == 1)[0]
+    x = mesh.x.copy()
+
+    def move(vector):
+        x[above] += vector
+        contact.begin(x)
+        contact.add_forces(np.zeros_like(x), x)
+        pairs = contact.edges.pairs
+        return pairs, np.flatnonzero(pairs.closed)
+
+    def between(pairs, on):
+        place, D = pairs.place[on].clip(0, 1), contact.edges.edges.compliance
+        return (place * (1 - place) * D[np.column_stack([pairs.first, pairs.second])[on]]).sum(1)
+
+    for _ in range(20):
+        pairs, on = move([0, 0, -(depth + 1e-4) / 20])
+    keys = {int(pairs.key[on[0]])}
+    before, steps, way, k = contact.dissipated, 600, 1.5 / n, []
+    softness = 1 / pairs.stiffness[on[0]] - between(pairs, on)[0]
+    for _ in range(steps):
+        pairs, on = move([way / steps, 0, 0])
+        keys.update(pairs.key[on].tolist())
+        # Rigid motion: the depth is kept to rounding of positions.
+        assert pairs.gap[on] == pytest.approx(-depth, rel=1e-9)
+        # Beside a node one fades out while the next one fades in.
+        assert 1 <= on.size <= 2
+        parts = pairs.stiffness[on] * (softness + between(pairs, on))
+        assert parts.sum() == pytest.approx(1, rel=1e-9)
+        k.append(pairs.stiffness[on].sum())
+        # On the lower one along the motion: the spring is carried over past the node.
+        assert np.all(pairs.shear[on, 0] > 0)
+    assert len(keys) >= 2 and max(k) > 1.2 * min(k)
+    assert np.linalg.norm(pairs.shear[on[0]]) == pytest.approx(friction * k[-1] * depth, rel=1e-9)
+    slip = contact.dissipated - before
+    # Less the way until it slips, mu N / kt: 2e-3 of the whole.
+    assert slip == pytest.approx(friction * np.mean(k) * depth * way, rel=2e-3)
+
+
+@pytest.mark.parametrize("element", ["averaged", "p1", "composite"])
+def test_relative_compliance_of_the_ends_of_edges(element):
+    """(e1 - e2)ᵀ K⁻¹ (e1 - e2), K where all nodes are held but those around both ends.
+
+    Against K from products of the elements, to rounding. Held nodes make it less than that of a
+    large body, where the pair of forces dies out in some edges.
+    """
+    points, cells = ridge(4)
+    rng = np.random.default_rng(5)
+    points, cells = points + 0.02 * rng.standard_normal(points.shape), cells
+    if element == "composite":
+        points, cells = split(*ridge(2))
+    mesh = create_grain_mesh(
+        MPI.COMM_SELF, points, cells, np.zeros(len(cells), int), np.array([1]), np.array([0]),
+        **({"family": 8} if element == "composite" else {}),
+    )  # fmt: skip
+    solid = Solid(mesh, [Elastic(3.0, 0.3, 1.0)], element)
+    num = mesh.num_nodes
+    K = np.zeros((3 * num, 3 * num))
+    for q, column in zip(np.eye(3 * num), K.T, strict=True):
+        product = np.zeros((num, 3))
+        solid.add_stiffness(product, q.reshape(-1, 3), mesh.x)
+        column[:] = product.ravel()
+    edges = mesh.cells[rng.choice(len(mesh.cells), 20, False), :2]
+    direction = rng.standard_normal((20, 3))
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    found = solid.edge_compliance(edges, direction)
+    for ends, n, value in zip(edges, direction, found, strict=True):
+        f = np.zeros((num, 3))
+        f[ends] = n, -n
+        near = np.zeros(num, dtype=bool)
+        near[mesh.cells[np.isin(mesh.cells, ends).any(axis=1)]] = True
+        free = np.repeat(near, 3)
+        twin = f.ravel()[free] @ np.linalg.solve(K[np.ix_(free, free)], f.ravel()[free])
+        assert value == pytest.approx(twin, rel=1e-10)
+
+
+def test_a_pair_of_forces_on_an_edge_is_felt_by_its_neighbours_alone():
+    """What is left out beyond them is below a tenth, on a ridge of six edges held at its foot."""
+    points, cells = ridge(6)
+    mesh = create_grain_mesh(
+        MPI.COMM_SELF, points, cells, np.zeros(len(cells), int), np.array([1]), np.array([0])
+    )
+    solid = Solid(mesh, [Elastic(1.0, 0.2, 1.0)])
+    num, z = mesh.num_nodes, mesh.x[:, 2]
+    K = np.zeros((3 * num, 3 * num))
+    for q, column in zip(np.eye(3 * num), K.T, strict=True):
+        product = np.zeros((num, 3))
+        solid.add_stiffness(product, q.reshape(-1, 3), mesh.x)
+        column[:] = product.ravel()
+    free = np.repeat(z > z.min() + 0.1, 3)
+    top = np.flatnonzero(np.abs(mesh.x[:, 1:]).max(axis=1) < 1e-9)
+    top = top[np.argsort(mesh.x[top, 0])]
+    edges = np.stack([top[:-1], top[1:]], axis=1)
+    found = solid.edge_compliance(edges, np.tile([0, 0, 1.0], (len(edges), 1)))
+    for ends, value in zip(edges[1:-1], found[1:-1], strict=True):
+        f = np.zeros((num, 3))
+        f[ends, 2] = 1, -1
+        whole = f.ravel()[free] @ np.linalg.solve(K[np.ix_(free, free)], f.ravel()[free])
+        assert 0.9 < value / whole < 1
+
+
+def test_relative_compliance_in_grains_of_few_elements():
+    """Two tetrahedra: all nodes but the two are held, to rounding. A tetrahedron alone: none."""
+    points = np.array([[0.0, 0, 0], [2, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
+    for cells in ([[0, 1, 2, 3]], [[0, 1, 2, 3], [1, 2, 3, 4]]):
+        mesh = create_grain_mesh(
+            MPI.COMM_SELF, points[: 3 + len(cells)], np.array(cells), np.zeros(len(cells), int),
+            np.array([1]), np.array([0]),
+        )  # fmt: skip
+        solid = Solid(mesh, [Elastic(1.0, 0.25, 1.0)])
+        ends = [int(np.linalg.norm(mesh.x - points[k], axis=1).argmin()) for k in (1, 2)]
+        n = np.array([0.6, 0.0, 0.8])
+        found = solid.edge_compliance(np.array([ends]), n[None])[0]
+        if len(cells) == 1:
+            assert found == 0
+            continue
+        K = np.zeros((6, 6))
+        for k in range(6):
+            q, product = np.zeros((5, 3)), np.zeros((5, 3))
+            q[ends[k // 3], k % 3] = 1
+            solid.add_stiffness(product, q, mesh.x)
+            K[:, k] = product[ends].ravel()
+        f = np.concatenate([n, -n])
+        assert found == pytest.approx(f @ np.linalg.solve(K, f), rel=1e-10)

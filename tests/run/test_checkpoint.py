@@ -1,0 +1,513 @@
+"""A run that stops, by whatever, goes on as if it had not."""
+
+import contextlib
+import json
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.contact.snapshot import find_rows
+from mufe_fenicsx.errors import InputError, Interrupted
+from mufe_fenicsx.geometry.grains import save_grains
+from mufe_fenicsx.machine.mpi_launcher import environment_without_launcher, find_mpirun
+from mufe_fenicsx.materials.auto import Auto
+from mufe_fenicsx.materials.j2 import J2
+from mufe_fenicsx.materials.rigid import Rigid
+from mufe_fenicsx.output import checkpoint as checkpoints
+from mufe_fenicsx.output.fields import read_state, read_states
+from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.run import run as run_module
+from mufe_fenicsx.run import signals as interruption
+from mufe_fenicsx.run.recorder import Recorder
+from mufe_fenicsx.run.run import run_scene
+from mufe_fenicsx.scene import (
+    Contact,
+    Group,
+    MassScaling,
+    Oedometer,
+    Output,
+    QuasiStatic,
+    Scene,
+    Wall,
+    scene_to_toml,
+)
+from tests.bodies import RADIUS, packed_grains
+
+COMM = MPI.COMM_WORLD
+ROCK = (100e9, 0.15, 2650.0)
+TABLE = ((0.0, 10e6), (0.05, 110e6))
+#: Time for a process, which may have to compile first [s].
+PATIENCE = 600
+
+
+def scene(strain=0.008, speed=20.0, **output):
+    """Friction, yielding, a rigid grain, one that is so until loaded, and a wall with a servo."""
+    return Scene(
+        material=J2(*ROCK, TABLE),
+        materials={
+            "hard": Group((2,), Rigid(*ROCK)),
+            "late": Group((3, 5), Auto(*ROCK, TABLE, margin=0.05)),
+        },
+        contact=Contact(friction=0.4, friction_kinetic=0.3, wall_friction=0.2),
+        oedometer=Oedometer(strain=strain, speed=speed, seating_stress=1e4),
+        walls={"x_max": Wall(stress=2e5, speed=1.0)},
+        output=Output(fields=3, history=41, **output),
+        quasi_static=QuasiStatic(kinetic=0.5, unbalanced=0.2, loaded=0.004),
+    )
+
+
+@pytest.fixture
+def folder(tmp_path_factory):
+    """A folder that all ranks share, with the grains: two layers of spheres."""
+    path = COMM.bcast(tmp_path_factory.mktemp("keep") if COMM.rank == 0 else None)
+    if COMM.rank == 0:
+        save_grains(path / "grains", packed_grains((2, 2, 2), h=0.7 * RADIUS))
+    COMM.Barrier()
+    return path
+
+
+def run(folder, name, **options):
+    given = options.pop("scene", scene())
+    return run_scene(given, folder / "grains", folder / name, COMM, quiet=True, **options)
+
+
+def files(path):
+    """All files of a run that hold results, with their bytes; run.json tells times of the clock."""
+    names = [p for p in path.rglob("*") if p.is_file() and "checkpoints" not in p.parts]
+    return {str(p.relative_to(path)): p.read_bytes() for p in names if p.name != "run.json"}
+
+
+@pytest.mark.mpi
+def test_resumed_runs_give_the_same_bytes(folder, monkeypatch):
+    """Stopped before and after grains begin to deform, then by a signal that one rank receives."""
+    handler = signal.getsignal(signal.SIGINT)  # ignored where tests run in the background
+    often = scene(checkpoint_steps=40)
+    whole = run(folder, "whole", scene=often)
+    assert whole["finished"]
+    run(folder, "parts", scene=often, max_steps=100)
+    run(folder, "parts", scene=often, max_steps=145, resume=True)
+    write_state = Recorder.write_state
+
+    def interrupt(recorder):
+        write_state(recorder)
+        if COMM.rank == COMM.size - 1:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(Recorder, "write_state", interrupt)
+    monkeypatch.setattr(interruption, "LATENCY", 1e-3)
+    with pytest.raises(Interrupted, match="stopped by SIGINT") as stopped:
+        run(folder, "parts", scene=often, resume=True)
+    assert stopped.value.signal == signal.SIGINT
+    assert signal.getsignal(signal.SIGINT) is handler
+    monkeypatch.undo()
+    parts = run(folder, "parts", scene=often, resume=True)
+    assert parts["finished"] and parts["resumed_at_steps"][:2] == [100, 145]
+    assert len(parts["resumed_at_steps"]) == 3
+    if COMM.rank == 0:
+        assert files(folder / "parts") == files(folder / "whole")
+        assert last_step(folder / "whole") == last_step(folder / "parts")
+    for one, other in zip(*(arrays(folder / name) for name in ("whole", "parts")), strict=True):
+        assert one == other
+    assert parts["stages"] == whole["stages"] and parts["contact"] == whole["contact"]
+    with pytest.raises(InputError, match="is finished"):
+        run(folder, "parts", scene=often, resume=True)
+
+
+def arrays(run_folder):
+    """Name and bytes of all that this rank has in the last checkpoint."""
+    path = max(run_folder.glob("checkpoints/step-*")) / f"rank-{COMM.rank:04d}.h5"
+    found = []
+    with h5py.File(path) as file:
+        file.visititems(lambda name, item: found.append((name, item)))
+        return [(n, v[()].tobytes()) for n, v in found if isinstance(v, h5py.Dataset)]
+
+
+@pytest.fixture
+def serial():
+    if COMM.size > 1:
+        pytest.skip("starts processes of its own")
+
+
+def start(folder, name, num_ranks=1, resume=False, **changes):
+    """Start the command `mufe run` with a checkpoint every 20 steps, as an MPI world of its own."""
+    path = folder / "scene.toml"
+    path.write_text(scene_to_toml(scene(checkpoint_steps=20, **changes)))
+    command = [sys.executable, "-m", "mufe_fenicsx", "run", path, "--grains", folder / "grains"]
+    command += ["-o", folder / name, "--quiet", *(["--resume"] if resume else [])]
+    if num_ranks > 1:
+        command = [find_mpirun(), "-n", num_ranks, *command]
+    environment = environment_without_launcher()
+    return subprocess.Popen(
+        [str(word) for word in command], env=environment | {"OMP_NUM_THREADS": "1"}, text=True,
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        start_new_session=True,
+    )  # fmt: skip
+
+
+def wait_for_checkpoint(process, run_folder, after=-1):
+    """Wait for a checkpoint of a later step than ``after``, or the end of the process."""
+    deadline = time.monotonic() + PATIENCE
+    while process.poll() is None:
+        assert time.monotonic() < deadline, "no checkpoint"
+        steps = [int(p.name[5:]) for p in run_folder.glob("checkpoints/step-*[0-9]")]
+        if max(steps, default=-1) > after:
+            return
+        time.sleep(0.002)
+
+
+def last_step(run_folder):
+    return int(max(run_folder.glob("checkpoints/step-*[0-9]")).name[5:])
+
+
+def _kill(process, one_rank):
+    """Kill a run, or one of its ranks, at whose end the launcher ends the others.
+
+    Returns:
+        Whether it was one rank: none is there while the launcher starts.
+    """
+    ranks = (
+        [p for p in _descendants(process.pid) if b"mufe_fenicsx" in _words(p)] if one_rank else []
+    )
+    if ranks:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(random.choice(ranks), signal.SIGKILL)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.communicate(timeout=30)
+            return True
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+    return False
+
+
+def _descendants(parent):
+    """Numbers of the processes that a process started, and that these did."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            if int(path.read_text().rpartition(")")[2].split()[1]) == parent:
+                found.append(int(path.parent.name))
+    return found + [p for one in found for p in _descendants(one)]
+
+
+def _words(process):
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{process}/cmdline").read_bytes()
+    return b""
+
+
+def kill_and_resume(folder, name, kills, chance, num_ranks=1):
+    """Kill a run so often at random moments, some of them while it starts to go on.
+
+    Returns:
+        For each time that it was killed, whether it was one rank alone.
+    """
+    killed, process = [], start(folder, name, num_ranks)
+    for _ in range(kills):
+        known = any((folder / name).glob("checkpoints/step-*[0-9]"))
+        if known and chance.random() < 0.25:
+            time.sleep(chance.uniform(0.0, 2.0))
+        else:
+            wait_for_checkpoint(process, folder / name, last_step(folder / name) if known else -1)
+            time.sleep(chance.uniform(0.0, 0.05))
+        if process.poll() is not None:
+            break
+        killed.append(_kill(process, one_rank=num_ranks > 1 and chance.random() < 0.5))
+        if json.loads((folder / name / "run.json").read_text())["finished"]:
+            return killed  # while it was leaving
+        process = start(folder, name, num_ranks, resume=True)
+    _, error = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, error
+    return killed
+
+
+def test_a_killed_run_goes_on_to_the_same_bytes(folder, serial):
+    run(folder, "whole", scene=scene(checkpoint_steps=20))
+    assert kill_and_resume(folder, "parts", 2, random.Random(1))
+    assert files(folder / "parts") == files(folder / "whole")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("num_ranks", [1, 2, 3])
+def test_sixty_kills_leave_the_same_bytes(folder, serial, num_ranks):
+    """Twenty for each number of ranks; of several ranks, some are one rank alone."""
+    process = start(folder, "whole", num_ranks)
+    process.communicate()
+    chance, killed = random.Random(2), []
+    for trial in range(30):
+        shutil.rmtree(folder / "parts", ignore_errors=True)
+        killed += kill_and_resume(folder, "parts", 6, chance, num_ranks)
+        assert files(folder / "parts") == files(folder / "whole"), trial
+        if len(killed) >= 20:
+            break
+    print(f"{num_ranks} ranks: {len(killed)} kills, {sum(killed)} of one rank alone")
+    assert len(killed) >= 20 and (sum(killed) >= 5 or num_ranks == 1)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGUSR1, signal.SIGHUP])
+def test_a_signal_ends_all_ranks_after_a_checkpoint(folder, serial, number):
+    if number == signal.SIGTERM and "Open MPI" in MPI.Get_library_version():
+        pytest.skip("the launcher of Open MPI kills its ranks on SIGTERM")
+    # Slow enough for the signal to get there.
+    num_ranks = 1 if number == signal.SIGHUP else 2  # by which MPICH's launcher itself ends
+    process = start(folder, "out", num_ranks, strain=0.1, speed=0.5)
+    wait_for_checkpoint(process, folder / "out")
+    process.send_signal(number)
+    _, error = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 128 + number
+    step = last_step(folder / "out")
+    lines = [line for line in error.splitlines() if line.startswith("mufe: ")]
+    assert len(lines) == 1 and f"{number.name} at step {step}," in lines[0], error
+    summary = json.loads((folder / "out" / "run.json").read_text())
+    assert summary["num_steps"] == step and number.name in summary["stop_reason"]
+
+
+@pytest.mark.mpi
+def test_a_signal_is_heard_while_all_begins_anew(folder, monkeypatch):
+    """It comes between the checkpoint that new shares of the work begin from and their start."""
+    begin_again = run_module._Test.begin_again
+
+    def balance(test):
+        test.save()
+        return not test.summary["resumed_at_steps"]
+
+    def begin(test, checkpoint):
+        if COMM.rank == 0:
+            signal.raise_signal(signal.SIGINT)
+        begin_again(test, checkpoint)
+
+    monkeypatch.setattr(run_module._Test, "balance", balance)
+    monkeypatch.setattr(run_module._Test, "begin_again", begin)
+    monkeypatch.setattr(interruption, "LATENCY", 1e-3)
+    with pytest.raises(Interrupted, match="stopped by SIGINT"):
+        run(folder, "anew")
+    monkeypatch.undo()
+    assert run(folder, "anew", resume=True)["finished"]
+
+
+def test_a_run_killed_between_its_last_checkpoint_and_its_summary_only_has_to_end(folder):
+    whole = run(folder, "out")
+    before = None if COMM.rank else files(folder / "out")
+    COMM.Barrier()
+    if COMM.rank == 0:
+        path = folder / "out" / "run.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"finished": False}))
+    COMM.Barrier()
+    ended = run(folder, "out", resume=True)
+    assert ended["finished"] and ended["num_steps"] == whole["num_steps"]
+    assert COMM.rank or files(folder / "out") == before
+
+
+@pytest.mark.mpi
+def test_damage_is_found_and_the_one_before_used(folder, capfd):
+    run(folder, "out", max_steps=20)
+    run(folder, "out", max_steps=30, resume=True)
+    good, torn = (folder / "out" / "checkpoints" / f"step-{n:09d}" for n in (20, 30))
+    assert checkpoints.find_checkpoint(COMM, folder / "out").path == torn
+    COMM.Barrier()
+    if COMM.rank == 0:  # one digit of a number that parses as well
+        text = (torn / "manifest.json").read_text()
+        (torn / "manifest.json").write_text(text.replace('"clock": ', '"clock": 1'))
+    found = checkpoints.find_checkpoint(COMM, folder / "out")
+    assert found.path == good and "is damaged (manifest.json has changed)" in found.notices[0]
+    COMM.Barrier()
+    if COMM.rank == 0:
+        (torn / "manifest.json").write_text(text)
+        os.truncate(torn / "rank-0000.h5", 5000)
+    found = checkpoints.find_checkpoint(COMM, folder / "out")
+    assert found.path == good and "rank-0000.h5 is torn" in found.notices[0]
+    again = run_scene(
+        scene(), folder / "grains", folder / "out", COMM, max_steps=25, resume=True, quiet=False
+    )
+    assert again["resumed_at_steps"] == [20]
+    if COMM.rank == 0:
+        assert not torn.exists()
+        assert capfd.readouterr().err.count("is damaged") == 1
+        for path in (folder / "out" / "checkpoints").iterdir():
+            data = bytearray((path / "rank-0000.h5").read_bytes())
+            data[len(data) // 2] ^= 1
+            (path / "rank-0000.h5").write_bytes(data)
+    COMM.Barrier()
+    with pytest.raises(InputError, match=r"rank-0000.h5 has changed.*there is no other"):
+        run(folder, "out", resume=True)
+
+
+#: What happened to a file of results -> how the refusal of --resume says it.
+LOSSES = {
+    "fields/mesh.h5": (lambda p: p.unlink(), r"fields/mesh.h5 is missing, fields/0000.vtkhdf "),
+    "fields/0000.vtkhdf": (lambda p: p.write_bytes(b""), r"fields/0000.vtkhdf has changed; expec"),
+    "contacts/grains_0000.csv": (lambda p: p.unlink(), r"contacts/grains_0000.csv is missing; exp"),
+    "history.csv": (
+        lambda p: p.write_text(re.sub(r"((?:.*\n){3})", r"\g<1>7", p.read_text(), count=1)),
+        r"history.csv has changed from row 3 on; expected"),
+    "history.csv ": (
+        lambda p: os.truncate(p, p.stat().st_size - 1500),
+        r"history.csv has lost rows from row \d+ on; expected"),
+}  # fmt: skip
+
+
+def test_results_that_are_gone_are_named_and_left_out_only_if_told(folder, serial, capfd):
+    """From the strain on at which they were written; the rest is as it would be."""
+    run(folder, "whole", max_steps=220)
+    for name, (harm, expected) in LOSSES.items():
+        shutil.rmtree(folder / "out", ignore_errors=True)
+        shutil.copytree(folder / "whole", folder / "out")
+        harm(folder / "out" / name.strip())
+        before = files(folder / "out")
+        with pytest.raises(InputError, match=rf"from strain \S+ on: {expected}"):
+            run(folder, "out", resume=True, max_steps=221)
+        assert files(folder / "out") == before
+        given = scene(), folder / "grains", folder / "out", COMM
+        run_scene(*given, resume=True, accept_loss=True, max_steps=225)
+        assert "going on without them" in capfd.readouterr().err
+        assert read_history(folder / "out" / "history.csv")["step"][-1] == 225
+        for state in read_states(folder / "out"):  # those that are listed are whole
+            assert read_state(folder / "out", state["index"]).n_cells > 0
+        run(folder, "out", resume=True, max_steps=230)  # and are counted so
+
+
+@pytest.mark.mpi
+def test_a_checkpoint_of_something_else_is_refused(folder, monkeypatch):
+    with pytest.raises(InputError, match=r"no checkpoint in .*, expected one to go on from"):
+        run(folder, "out", resume=True)
+    run(folder, "out", max_steps=5)
+    other = replace(scene(), contact=Contact(friction=0.3, wall_friction=0.2))
+    with pytest.raises(InputError, match=r"contact.friction = 0.3, was 0.4, expected"):
+        run(folder, "out", resume=True, scene=other)
+    monkeypatch.setattr(checkpoints, "VERSION", checkpoints.VERSION + 1)
+    with pytest.raises(InputError, match=r"checkpoint .* is mufe checkpoint \d, expected"):
+        run(folder, "out", resume=True)
+    monkeypatch.undo()
+    COMM.Barrier()
+    if COMM.rank == 0:
+        save_grains(folder / "grains", packed_grains((2, 2, 2), h=0.8 * RADIUS))
+    COMM.Barrier()
+    with pytest.raises(InputError, match=r"grains of checkpoint .* are others than those given"):
+        run(folder, "out", resume=True)
+
+
+def test_a_finished_test_is_prolonged_to_the_same_bytes(folder):
+    """The longer test from the start, in the same rows and states: only the end was moved."""
+
+    def ending(strain, rows, states):
+        given = scene(checkpoint_strain=0.003)
+        return replace(
+            given,
+            material=J2(*ROCK, TABLE),
+            materials={},
+            mass_scaling=MassScaling(0.01),
+            oedometer=replace(given.oedometer, strain=strain, ramp=0.0),
+            output=replace(given.output, history=rows, fields=states),
+        )
+
+    short, long = ending(0.004, 21, 2), ending(0.008, 41, 3)
+    whole = run(folder, "whole", scene=long)
+    assert run(folder, "parts", scene=short)["finished"]
+    with pytest.raises(InputError, match=r"is finished, .* or oedometer.strain above 0.004 to"):
+        run(folder, "parts", scene=short, resume=True)
+    with pytest.raises(InputError, match=r"oedometer.speed = 30.0, was 20.0, .* may only change"):
+        other = replace(long, oedometer=replace(long.oedometer, speed=30.0))
+        run(folder, "parts", scene=other, resume=True)
+    with pytest.raises(InputError, match=r"run in .* is finished, expected"):
+        run(folder, "parts", scene=ending(0.002, 11, 2), resume=True)
+    parts = run(folder, "parts", scene=long, resume=True)
+    assert parts["finished"] and parts["num_steps"] == whole["num_steps"]
+    assert parts["mass_scaling"] == whole["mass_scaling"]
+    assert parts["quasi_static"] == whole["quasi_static"]
+    if COMM.rank == 0:
+        assert files(folder / "parts") == files(folder / "whole")
+    for one, other in zip(*(arrays(folder / name) for name in ("whole", "parts")), strict=True):
+        assert one == other
+
+
+@pytest.mark.mpi
+def test_a_full_disk_leaves_the_last_checkpoint(folder, monkeypatch):
+    def full(path, size, room=checkpoints.try_room):
+        if "step-000000040" in str(path):
+            raise OSError(28, "No space left on device")
+        room(path, size)
+
+    monkeypatch.setattr(checkpoints, "try_room", full)
+    often = scene(checkpoint_steps=20)
+    message = r"step-000000040 cannot be written \(No space.*goes on from .*step-000000020"
+    with pytest.raises(InputError, match=message):
+        run(folder, "out", scene=often)
+    monkeypatch.undo()
+    COMM.Barrier()
+    assert [p.name for p in (folder / "out" / "checkpoints").iterdir()] == ["step-000000020"]
+    assert run(folder, "out", max_steps=21, resume=True)["resumed_at_steps"] == [20]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("before", ["one", "several"])
+def test_another_number_of_ranks_goes_on(folder, before):
+    """Grains, contacts and sums find their new ranks: forces differ by rounding alone.
+
+    The bound is that of sums in another order, 1e-16, which hundreds of steps amplify.
+    """
+    if COMM.size == 1:
+        pytest.skip("needs several ranks")
+
+    def on(which, name, **options):
+        if which == "several" or COMM.rank == 0:
+            comm = COMM if which == "several" else MPI.COMM_SELF
+            run_scene(scene(), folder / "grains", folder / name, comm, quiet=True, **options)
+        COMM.Barrier()
+
+    # Before grains begin to deform, and after; all kinds of contact are there.
+    step, after = (120, "several") if before == "one" else (200, "one")
+    on(before, "same", max_steps=step)
+    if COMM.rank == 0:
+        shutil.copytree(folder / "same", folder / "other")
+    COMM.Barrier()
+    on(before, "same", resume=True)
+    on(after, "other", resume=True)
+    if COMM.rank == 0:
+        check_alike(folder / "same", folder / "other", after=step)
+
+
+def check_alike(same, other, after):
+    one, two = (read_history(path / "history.csv") for path in (same, other))
+    assert one["step"][-1] > after and np.array_equal(one["step"], two["step"])
+    scale = np.abs(one["force_z_max"]).max()
+    for name in (name for name in one if name.startswith("force")):
+        assert np.abs(one[name] - two[name]).max() < 1e-9 * scale
+    # The mean stress of each grain, from states with the mesh in its own order.
+    for index in range(3):
+        means = []
+        for path in (same, other):
+            state = read_state(path, index)
+            weight = state.compute_cell_sizes()["Volume"][:, None] * state["stress"]
+            grain = state["grain"]
+            means.append([weight[grain == g].sum(axis=0) for g in np.unique(grain)])
+        assert np.allclose(*means, rtol=0, atol=1e-9 * np.abs(means[0]).max())
+
+
+def test_rows_are_found_by_all_of_their_names(monkeypatch):
+    """In blocks that do not divide the wanted ones; a name that differs in one column is none."""
+    monkeypatch.setattr("mufe_fenicsx.contact.snapshot.BLOCK", 7)
+    rng = np.random.default_rng(4)
+    known = np.stack(np.meshgrid([2, 5], [1 << 60, 3, -4], [0, 1]), axis=-1).reshape(-1, 3)
+    known = rng.permutation(known)
+    wanted = rng.integers(0, len(known), 40)
+    assert (find_rows(tuple(known.T), tuple(known[wanted].T), "point") == wanted).all()
+    other = known[wanted].copy()
+    other[[3, 39], [0, 1]] += 1
+    with pytest.raises(InputError, match="a point of contact in the checkpoint, one of 2,"):
+        find_rows(tuple(known.T), tuple(other.T), "point")
+    none = tuple(np.empty((3, 0), dtype=np.int64))
+    assert find_rows(none, none, "point").size == 0
+    with pytest.raises(InputError, match="one of 40,"):
+        find_rows(none, tuple(known[wanted].T), "point")

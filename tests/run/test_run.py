@@ -1,0 +1,204 @@
+"""A scene becomes a run folder."""
+
+import json
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.errors import InputError, SolverError
+from mufe_fenicsx.geometry.bodies.shapes import sphere
+from mufe_fenicsx.geometry.grains import Grains, save_grains
+from mufe_fenicsx.materials.j2 import J2
+from mufe_fenicsx.output.contacts import read_contacts
+from mufe_fenicsx.output.fields import read_state, read_states
+from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.run.from_scene import load_mesh
+from mufe_fenicsx.run.run import run_scene
+from mufe_fenicsx.scene import Contact, Oedometer, Output, Sample, Scene, Solver, load_scene
+from tests.bodies import packed_grains
+
+
+@pytest.fixture
+def folder(tmp_path_factory):
+    """A folder that all ranks share."""
+    comm = MPI.COMM_WORLD
+    return comm.bcast(tmp_path_factory.mktemp("run") if comm.rank == 0 else None)
+
+
+@pytest.fixture
+def grains(folder):
+    """2 x 2 x 1 spheres, as `mufe mesh` would store them."""
+    comm = MPI.COMM_WORLD
+    if comm.rank == 0:
+        save_grains(folder / "grains", packed_grains((2, 2, 1)))
+    comm.Barrier()
+    return folder / "grains"
+
+
+def small_scene(**changes):
+    values = dict(strain=0.01, speed=20.0, seating_stress=1e4)
+    return Scene(
+        material=J2(100e9, 0.15, 2650.0, ((0.0, 10e6), (0.05, 110e6))),
+        contact=Contact(friction=0.23),
+        oedometer=Oedometer(**(values | changes)),
+        output=Output(fields=3, history=21),
+    )
+
+
+@pytest.mark.mpi
+def test_run_splits_the_grains_for_composites(folder, grains):
+    comm, out = MPI.COMM_WORLD, folder / "out"
+    given = comm.allreduce(load_mesh(comm, grains).num_cells)
+    scene = replace(small_scene(), solver=Solver(element="composite"))
+    result = run_scene(scene, grains, out, comm, quiet=True)
+    assert result["finished"] and result["num_cells"] == 8 * given
+    history = read_history(out / "history.csv")
+    assert 0 < abs(history["residual"][-1]) < 0.01 * history["work"][-1]
+    # A mean stress for each composite, in the order of the file.
+    pressure = read_state(out, 2).cell_data["pressure"].reshape(-1, 8)
+    assert np.ptp(pressure, axis=1).max() < 1e-9 * np.abs(pressure).max()
+
+
+@pytest.mark.mpi
+def test_run_writes_what_it_did(folder, grains):
+    comm = MPI.COMM_WORLD
+    out = folder / "out"
+    result = run_scene(small_scene(), grains, out, comm, quiet=True, command=["mufe", "run"])
+    assert result["finished"]
+    history = read_history(out / "history.csv")
+    loading = history["stage"] == "loading"
+    # The last step may overshoot by what the platen moves in it.
+    step = 20.0 * history["dt"].max() / history["height"][0]
+    assert 0.01 <= history["strain"][-1] < 0.01 + 2 * step
+    assert loading.sum() in (20, 21, 22)
+    assert history["length_x"] * history["length_y"] == pytest.approx(result["area"], rel=1e-12)
+    work = history["work"][-1]
+    assert work > 0
+    # The budget of the demonstration is 1 %; this sample is small and fast.
+    assert abs(history["residual"][-1]) < 0.01 * work
+
+    states = read_states(out)
+    assert [state["stage"] for state in states] == ["loading"] * 3
+    last = read_state(out, 2)
+    assert last.n_cells == result["num_cells"]
+    stress = last.cell_data["stress"]
+    mean = stress[:, :3].mean(axis=1)
+    assert np.allclose(mean, -last.cell_data["pressure"])
+    deviator = stress.copy()
+    deviator[:, :3] -= mean[:, None]
+    mises = np.sqrt(1.5 * (deviator**2 * [1, 1, 1, 2, 2, 2]).sum(axis=1))
+    assert np.allclose(mises, last.cell_data["von_mises"])
+    contacts, grains = read_contacts(out, 2)
+    # State and row of the last step hold the same numbers, added up in another order.
+    assert contacts["friction_work"].sum() == pytest.approx(history["friction"][-1], rel=1e-9)
+    top = contacts["normal_force"][contacts["wall"] == "z_max"].sum()
+    assert top == pytest.approx(history["force_z_max"][-1], rel=1e-9)
+    assert grains["num_active_contacts"].mean() == history["num_active_contacts"][-1]
+    assert np.sum(contacts["num_points"] > 0) >= 4
+    slip, gap = last.point_data["contact_slip"], last.point_data["contact_gap"]
+    assert slip.max() > 0 and np.all((last.point_data["contact_pressure"] > 0) <= (gap < 0))
+    assert load_scene(out / "scene.toml").oedometer == small_scene().oedometer
+    summary = json.loads((out / "run.json").read_text())
+    assert summary["num_ranks"] == comm.size
+    assert summary["stress"] == history["stress"][-1] > 0  # that at the end
+
+
+@pytest.mark.mpi
+def test_seating_that_never_ends_stops_with_what_it_has(folder, grains):
+    out = folder / "out"
+    with pytest.raises(SolverError, match="seating"):
+        run_scene(
+            small_scene(speed=100.0, seating_stress=1e12), grains, out, MPI.COMM_WORLD, quiet=True
+        )
+    assert "seating" in json.loads((out / "run.json").read_text())["stop_reason"]
+    assert len(read_history(out / "history.csv")["step"]) > 1
+
+
+@pytest.mark.mpi
+def test_a_balance_that_does_not_close_stops_with_state_and_history(folder, grains):
+    """No time step is that exact: the limit is far below what central differences conserve."""
+    out, scene = folder / "out", small_scene()
+    scene = replace(scene, solver=Solver(energy_limit=1e-9))
+    expected = r"J (came from nowhere|went missing) at strain .* is in grain \d+, .* element \d+ "
+    with pytest.raises(SolverError, match=expected):
+        run_scene(scene, grains, out, MPI.COMM_WORLD, quiet=True)
+    summary = json.loads((out / "run.json").read_text())
+    assert "energy_limit = 1e-09" in summary["stop_reason"] and not summary["finished"]
+    history, states = read_history(out / "history.csv"), read_states(out)
+    assert abs(history["residual"][-1]) > 1e-9 * history["work"][-1]
+    assert read_state(out, len(states) - 1).n_cells == summary["num_cells"]
+    assert states[-1]["time"] == history["time"][-1]
+
+
+@pytest.mark.mpi
+def test_unusable_folders_are_refused_together(folder, grains):
+    comm = MPI.COMM_WORLD
+    with pytest.raises(InputError, match="nowhere"):
+        load_mesh(comm, folder / "nowhere")
+    with pytest.raises(InputError, match="not empty"):
+        run_scene(small_scene(), grains, grains, comm, quiet=True)
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts with one rank's view of many")
+def test_more_ranks_than_grains(grains):
+    class Many:
+        """A communicator that claims five ranks."""
+
+        rank, size = 0, 5
+        allgather = staticmethod(lambda value: [value])
+        bcast = staticmethod(lambda value: value)
+
+    with pytest.raises(InputError, match=r"number of ranks = 5, expected at most .* 4"):
+        load_mesh(Many(), grains)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_unwritable_folder(folder, grains):
+    folder.chmod(0o500)
+    with pytest.raises(InputError, match="cannot"):
+        run_scene(small_scene(), grains, folder / "out", MPI.COMM_WORLD, quiet=True)
+
+
+@pytest.mark.mpi
+def test_a_profile_changes_nothing_and_adds_up(folder, grains):
+    """The same bits as without; every part is there once, and "other" is what is left."""
+    comm = MPI.COMM_WORLD
+    plain = run_scene(small_scene(), grains, folder / "a", comm, quiet=True, max_steps=60)
+    timed = run_scene(
+        small_scene(), grains, folder / "b", comm, quiet=True, max_steps=60, profile=True
+    )
+    assert timed["time"] == plain["time"] and "profile" not in plain
+    last = [read_history(folder / run / "history.csv")["work"][-1] for run in ("a", "b")]
+    assert last[0] == last[1]
+    profile = timed["profile"]
+    assert profile["steps"] == 60 and len(profile["ranks"]) == comm.size
+    for rank in profile["ranks"]:
+        seconds = rank["seconds"]
+        # A part counted twice would leave less than nothing for the rest.
+        assert min(seconds.values()) >= 0.0 and seconds["tets"] > 0.0 and seconds["other"] > 0.0
+        assert (rank["bytes_per_step"] > 0) == (comm.size > 1)
+    assert sum(rank["cells"] for rank in profile["ranks"]) == timed["num_cells"]
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="two grains")
+@pytest.mark.parametrize("case", ["coincident", "nested"])
+def test_a_refusal_leaves_nothing_and_the_mended_scene_can_use_the_folder(tmp_path, case):
+    """What only grains, contact and solver find out; an earlier run is not overwritten either."""
+    comm, out = MPI.COMM_WORLD, tmp_path / "runs" / "out"
+    points, cells = sphere(1e-3, 1e-3)
+    other = points if case == "coincident" else 0.5 * points
+    good = [(points, cells), (points + np.array([2e-3, 0, 0]), cells)]
+    save_grains(tmp_path / "good", Grains.from_list([1, 2], good, 1e-3))
+    save_grains(tmp_path / "bad", Grains.from_list([1, 2], [good[0], (other, cells)], 1e-3))
+    bad = replace(small_scene(), sample=Sample(separation=case == "coincident"))
+    with pytest.raises(InputError, match=r"inside grain 2|deep in grain 1"):
+        run_scene(bad, tmp_path / "bad", out, comm, quiet=True)
+    assert not out.parent.exists()
+    assert run_scene(small_scene(), tmp_path / "good", out, comm, quiet=True, max_steps=2)
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    with pytest.raises(InputError, match=r"inside grain 2|deep in grain 1"):
+        run_scene(bad, tmp_path / "bad", out, comm, quiet=True, overwrite=True)
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before

@@ -1,0 +1,152 @@
+"""Schema, explanations and new scenes: what they say is what the program takes."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+import tifffile
+from mpi4py import MPI
+
+from mufe_fenicsx.cli.main import main
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.run.run import run_scene
+from mufe_fenicsx.scene import load_scene, scene_to_toml
+from mufe_fenicsx.scene.keys import explain, keys_of, tables
+from mufe_fenicsx.scene.schema import scene_schema
+from mufe_fenicsx.synthetic.scene_text import scene_text
+from mufe_fenicsx.synthetic.settings import SynthesisSettings
+from mufe_fenicsx.synthetic.starter_scenes import KINDS
+from tests.loading import test_stages
+from tests.scene import test_scene
+
+ROOT = Path(__file__).resolve().parents[2]
+SCENES = {path.name: path.read_text() for path in ROOT.glob("demos/*.toml")}
+SCENES |= {f"new {kind}": text for kind, (text, _) in KINDS.items()}
+SCENES |= {"synthetic": scene_text(SynthesisSettings())}
+SCENES |= {
+    "small": test_scene.SMALLEST,
+    "planned": "accuracy = 0.05\n" + test_scene.SMALLEST,
+    "full": test_scene.FULL,
+    "stages": test_stages.TEXT,
+}
+
+
+@pytest.fixture(scope="module")
+def validator():
+    schema = scene_schema()
+    jsonschema.Draft7Validator.check_schema(schema)
+    return jsonschema.Draft7Validator(schema)
+
+
+def check(validator, text):
+    return [error.message for error in validator.iter_errors(tomllib.loads(text))]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_schema_takes_every_scene_and_its_written_form(validator, name, tmp_path):
+    assert check(validator, SCENES[name]) == []
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENES[name], encoding="utf-8")
+    assert check(validator, scene_to_toml(load_scene(path))) == []
+
+
+@pytest.mark.parametrize(
+    "old, new",
+    [
+        ("friction = 0.23", "frition = 0.23"),  # unknown key
+        ("strain = 0.1", "strain = 1.5"),  # bound from the check of the class
+        ("[material]", "accuracy = 2\n[material]"),  # outside of the tables
+        ("strain = 0.1", ""),  # required
+        ("speed = 2", 'speed = "fast"'),  # no number with a unit
+        ("speed = 2", "speed = true"),
+        ("[contact]", "[contact]\nlaw = 'hard'"),  # one of some texts
+        ("[material]", "[material]\nmodel = 'elastic'"),  # with a yield stress
+        ("[oedometer]", "[loading]\nspeed = 1\n[oedometer]"),  # two tests
+    ],
+)
+def test_schema_refuses_what_the_program_refuses(validator, tmp_path, old, new):
+    text = test_scene.SMALLEST.replace(old, new, 1)
+    path = tmp_path / "scene.toml"
+    path.write_text(text)
+    with pytest.raises(InputError):
+        load_scene(path)
+    assert check(validator, text)
+
+
+def test_every_key_is_documented():
+    """A key without its meaning beside it would be one without an explanation."""
+    silent = [
+        f"{table}.{key.name}"
+        for table, cls in tables().items()
+        for key in keys_of(cls).values()
+        if len(key.text) < 4
+    ]
+    assert silent == []
+
+
+@pytest.mark.parametrize(
+    "name, words",
+    [
+        ("oedometer.speed", ["of the top platen", "10 mm/s", "> 0", "has to be given"]),
+        ("contact.points", ['"facets" or "facets3" or "nodes"', "left out: facets"]),
+        ("solver.time_step_factor", ["> 0 and < 1", "left out: 0.9"]),
+        ("walls.x_min.stress", ["mean pressure", "a stress such as"]),
+        ("stage.z.stress", ["to hold from then on"]),
+        ("materials.soft.E", ["Young's modulus"]),
+        ("output", ["checkpoint_strain", "rows of history.csv"]),
+        ("compliance", ["contact.compliance"]),
+        ("accuracy", ["wanted error", "> 0 and < 1", "left out: not set"]),
+        ("title", ["a text", "left out: not set"]),
+    ],
+)
+def test_explanations(name, words):
+    text = "\n".join(explain(name))
+    assert all(word in text for word in words), text
+
+
+def mufe(*arguments):
+    with pytest.raises(SystemExit) as end:
+        main([str(argument) for argument in arguments])
+    return end.value.code
+
+
+def test_commands(tmp_path, capsys):
+    path = tmp_path / "schema.json"
+    assert mufe("scene", "--schema", "-o", path) == 0
+    assert json.loads(path.read_text()) == json.loads(json.dumps(scene_schema()))
+    assert mufe("scene", "--explain", "oedometer.spead") == 2
+    assert "expected oedometer.speed" in capsys.readouterr().err
+    assert mufe("scene") == 2 and "expected one" in capsys.readouterr().err
+    assert mufe("new", "oedometr", "-o", tmp_path / "x") == 2
+    assert "expected oedometer" in capsys.readouterr().err and not (tmp_path / "x").exists()
+
+
+def test_a_new_scene_of_a_scan_segments_it(tmp_path, monkeypatch, capsys):
+    """Two bright balls in a dark image; its crop is made smaller to be quick."""
+    folder = tmp_path / "mine"
+    assert mufe("new", "scan", "-o", folder) == 0
+    assert "mufe segment" in capsys.readouterr().out
+    assert sorted(path.name for path in folder.iterdir()) == ["scene.schema.json", "scene.toml"]
+    text = (folder / "scene.toml").read_text()
+    (folder / "scene.toml").write_text(text.replace("100]", "28]"))
+    z, y, x = np.mgrid[:28, :28, :28]
+    balls = [(z - 14) ** 2 + (y - 14) ** 2 + (x - at) ** 2 < 36 for at in (7, 21)]
+    tifffile.imwrite(folder / "scan.tif", np.where(balls[0] | balls[1], 200, 20).astype(np.uint8))
+    monkeypatch.chdir(folder)
+    assert mufe("segment", "--scene", "scene.toml", "-o", "labels.tif", "--json", "s.json") == 0
+    assert json.loads((folder / "s.json").read_text())["num_grains"] == 2
+
+
+@pytest.mark.parametrize("kind", [kind for kind, (_, make) in KINDS.items() if make])
+def test_new_scenes_run(kind, tmp_path):
+    folder = tmp_path / "test"
+    assert mufe("new", kind, "-o", folder) == 0
+    first = (folder / "scene.toml").read_text().partition("\n")[0]
+    assert (folder / first.removeprefix("#:schema ")).is_file()
+    scene = load_scene(folder / "scene.toml")
+    out = folder / "results"
+    result = run_scene(scene, scene.sample.grains, out, MPI.COMM_SELF, max_steps=40, quiet=True)
+    assert result["num_steps"] == 40 and (out / "history.csv").is_file()
