@@ -1,13 +1,64 @@
-"""What changes with time: motion of the nodes and history of the material points."""
+"""What changes with time: motion of nodes, history of material points; and what acts on them."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 
+class Stateful:
+    """Something that steps change. It says what changes, and comes back from it.
+
+    :attr:`STATE` names the attributes by the place where their values live:
+
+    - ``nodes``, ``cells``, ``rigid``: a row for each node, tetrahedron, rigid grain of this rank;
+    - ``common``: the same on all ranks, numbers, texts or small arrays;
+    - ``sum``, ``largest``: of each rank, of which the sum or the largest matters;
+    - ``here``: of this rank's arrays of now, which a checkpoint makes anew in another way.
+
+    What refers to another object has its own :meth:`state_dict`.
+    """
+
+    STATE = {}  #: place -> names of attributes
+
+    def state_dict(self):
+        """{place: {name: value}}; arrays are those of now, not copies. Local."""
+        return {
+            place: {name: getattr(self, name) for name in names}
+            for place, names in self.STATE.items()
+        }
+
+    def load_state_dict(self, kept):
+        """Become what :meth:`state_dict` told; arrays take values in place. Local."""
+        for values in kept.values():
+            for name, value in values.items():
+                now = getattr(self, name)
+                if isinstance(now, np.ndarray):
+                    now[...] = np.reshape(value, now.shape)
+                else:
+                    single = isinstance(value, np.ndarray | np.generic)
+                    setattr(self, name, value.item() if single else value)
+
+
+def copied(kept):
+    """A copy of what :meth:`Stateful.state_dict` gives, which later steps leave alone."""
+    return {
+        place: {
+            name: value.copy() if isinstance(value, np.ndarray) else value
+            for name, value in values.items()
+        }
+        for place, values in kept.items()
+    }
+
+
 @dataclass
-class State:
+class State(Stateful):
     """Motion and history on one rank; the arrays are changed in place."""
+
+    STATE = {
+        "nodes": ("x", "u", "v", "a"),
+        "cells": ("deviator", "plastic_strain", "plastic_work"),
+        "common": ("t", "dt", "num_steps"),
+    }
 
     t: float  #: time [s]
     dt: float  #: length of the last step [s]
@@ -39,3 +90,52 @@ def initial_state(x, num_cells, u=None, v=None):
         plastic_strain=np.zeros(num_cells),
         plastic_work=np.zeros(num_cells),
     )
+
+
+class ForceTerm(Stateful):
+    """One kind of force on the nodes, of those that a specimen adds up.
+
+    A term states its forces in two halves. In the first, messages to other ranks leave, and forces
+    are added that need none; meanwhile they travel. In the second half the rest is added. Most
+    terms have :meth:`add_forces` alone, which is the second half. Constraints come last: they take
+    from the sum what they hold.
+
+    What changes in a term besides, :attr:`STATE` names.
+    """
+
+    name = ""  #: of the term, in messages and in the energy balance
+
+    def begin_forces(self, f, state, dt):
+        """First half: send what others need, add what needs no other rank. May be collective."""
+
+    def add_forces(self, f, state, dt):
+        """Add the forces to ``f``, in place. May be collective.
+
+        Args:
+            f: Sum of the forces on the nodes [N], shape (num_nodes, 3).
+            state: :class:`State` at the positions where the forces act.
+            dt: Length of the step or increment that led there [s].
+        """
+
+    def act_on_rigid(self, rigid, state):
+        """Add force and torque to rigid grains, of which few nodes are looked at. Local.
+
+        Args:
+            rigid: :class:`~mufe_fenicsx.bulk.rigid.RigidGrains`, whose ``force`` [N] and
+                ``torque`` about ``center`` [N m] have shape (num_grains, 3).
+            state: As of :meth:`add_forces`.
+        """
+
+    def energy(self, state):
+        """Energy that the term has stored [J] on this rank, None where it has none. Local."""
+        return None
+
+    def stiffness(self, state):
+        """Minus the derivative of the forces by the positions, None where there is none. Local.
+
+        Returns:
+            Rows and columns, nodes of this rank, shape (num_blocks,); blocks [N/m], shape
+            (num_blocks, 3, 3). The stable time step and the tangent of increments count it. The
+            time step does so now and then: where it grows between, it has to be a bound.
+        """
+        return None

@@ -9,6 +9,7 @@ from ..errors import InputError
 from ..kernels import rigid as kernels
 from ..materials.auto import Auto
 from ..materials.rigid import Rigid
+from ..state import ForceTerm
 from .mass_properties import mass_properties, point_properties, quaternion_of
 
 #: Points in contact that the step of free rigid grains allows for. With fewer the step has to
@@ -26,7 +27,7 @@ class _Followed(NamedTuple):
     reach: np.ndarray  #: of the farthest node of each grain from its centre [m]
 
 
-class RigidGrains:
+class RigidGrains(ForceTerm):
     """Motion of the rigid grains of one rank; the state's nodes follow it.
 
     At each step only those nodes do that contact reads, see :meth:`follow`, and only their
@@ -42,6 +43,14 @@ class RigidGrains:
         mass_factor: Masses times this, at the nodes, shape (num_nodes,); 1 if None.
     """
 
+    STATE = {
+        "rigid": (
+            "mass", "inertia", "center", "turn", "axes", "radius", "velocity", "momentum", "spin",
+            "force", "torque",
+        ),
+        "largest": ("moved",),
+    }  # fmt: skip
+
     def __init__(self, mesh, materials, node_mass, mass_factor=None):
         self.mesh = mesh
         # Those that stay rigid come first, whatever the others do.
@@ -50,6 +59,7 @@ class RigidGrains:
         ]
         self.grains = np.array(chosen, dtype=np.int64)  #: local index of each rigid grain
         n = self.grains.size
+        self.any = mesh.comm.allreduce(n) > 0  #: whether any rank has rigid grains at the start
         self._node_mass = node_mass.copy() if n else node_mass
         self.num_always = sum(isinstance(m, Rigid) for m in materials)  #: that never deform
         self._list_nodes()
@@ -92,7 +102,47 @@ class RigidGrains:
             self.place[here] = (mesh.x[self.nodes[here]] - self.center[b]) @ self.axes[b]
         self.velocity, self.momentum, self.spin, self.force, self.torque = np.zeros((5, n, 3))
         self._energy = np.zeros(n)
-        self._q = self._y = None
+        self._q = self._y = self._followed = None
+        self.moved = 0.0  #: bound of the distance that a node moved in the last step [m]
+
+    def state_dict(self):
+        """Places of the nodes in their grains too, and which follow at each step."""
+        kept = super().state_dict()
+        if not self.any:
+            return kept
+        place, followed = np.zeros((self.mesh.num_nodes, 3)), np.zeros(self.mesh.num_nodes, bool)
+        place[self.nodes] = self.place
+        followed[self.followed.nodes if self.chosen else self.surface] = True
+        kept["largest"]["chosen"] = self.chosen
+        return kept | {"nodes": {"place": place, "followed": followed}}
+
+    def load_state_dict(self, kept):
+        """Become what :meth:`state_dict` told."""
+        largest = dict(kept.get("largest", {}))
+        chosen = largest.pop("chosen", False)
+        super().load_state_dict({"rigid": kept["rigid"], "largest": largest})
+        if self.any:
+            self.place[:] = kept["nodes"]["place"][self.nodes]
+            if chosen:
+                self.follow(kept["nodes"]["followed"])
+
+    def unpacked(self, rows):
+        """Rows of :meth:`free_masses` as values at nodes and of rigid grains. Local."""
+        n, free = self.num_always, self.unconstrained
+        of_grains = np.zeros((self.num_grains, 2, 3))
+        if not n:
+            return rows, of_grains
+        at_nodes = np.zeros((self.mesh.num_nodes, 3))
+        at_nodes[free] = rows[: free.size]
+        of_grains[:n] = rows[free.size :].reshape(n, 2, 3)
+        return at_nodes, of_grains
+
+    def packed(self, at_nodes, of_grains):
+        """The reverse of :meth:`unpacked`. Local."""
+        if not self.num_always:
+            return at_nodes
+        of_grains = of_grains[: self.num_always]
+        return np.concatenate([at_nodes[self.unconstrained], of_grains.reshape(-1, 3)])
 
     def _list_nodes(self):
         """Nodes of the rigid grains, and of all others."""
@@ -139,9 +189,6 @@ class RigidGrains:
         kept = [p for p, gone in zip(places, which, strict=True) if not gone]
         self.place = np.concatenate([np.empty((0, 3)), *kept])
         self._list_nodes()
-
-    _followed = None
-    moved = 0.0  #: bound of the distance that a node moved in the last step [m]
 
     def follow(self, near):
         """Choose the nodes that follow at each step, out of those on the surface. Local.
@@ -234,12 +281,17 @@ class RigidGrains:
             x, u, self.mesh.x, near.nodes, near.offset, near.place, self.center, self.axes
         )
 
-    def take_forces(self, f, x):
+    def begin_forces(self, f, state, dt):
+        """No forces yet on the nodes that follow. Local."""
+        if self.grains.size:
+            kernels.clear(f, self.followed.nodes)
+
+    def add_forces(self, f, state, dt):
         """Force and torque of each grain from the nodal forces ``f`` on its surface. Local."""
         if self.grains.size:
             near = self.followed
             kernels.gather_loads(
-                self.force, self.torque, f, x, near.nodes, near.offset, self.center
+                self.force, self.torque, f, state.x, near.nodes, near.offset, self.center
             )
 
     def kick(self, dt, damping):
@@ -352,7 +404,7 @@ class RigidGrains:
         return add
 
 
-def check_rigid(comm, rigid, bonded, kinematic, assembled):
+def check_rigid(comm, rigid, bonded, kinematic):
     """What rigid grains cannot be used with, said on all ranks together. Collective.
 
     Args:
@@ -360,11 +412,10 @@ def check_rigid(comm, rigid, bonded, kinematic, assembled):
         rigid: :class:`RigidGrains`.
         bonded: Nodes glued to walls, shape (num_bonded,).
         kinematic: Whether the normal law of contact is the kinematic one.
-        assembled: Whether the time step comes from the assembled system.
 
     Raises:
-        InputError: The kinematic law, the time step of single elements, glued nodes, or a
-            mass factor that is not the same all over a rigid grain.
+        InputError: The kinematic law, glued nodes, or a mass factor that is not the same all
+            over a rigid grain.
     """
     uneven = [label for label in comm.allgather(rigid.uneven) if label is not None]
     if uneven:
@@ -377,8 +428,6 @@ def check_rigid(comm, rigid, bonded, kinematic, assembled):
         return
     if kinematic:
         raise InputError('normal law of contact = kinematic, expected "matched" for rigid grains')
-    if not assembled:
-        raise InputError('time step = by element, expected "assembled" for rigid grains')
     if glued:
         raise InputError(
             f"nodes of rigid grains on bonded walls = {glued}, expected none: deformable grains"

@@ -19,6 +19,7 @@ from ..kernels.solid import (
 )
 from ..materials.auto import Auto
 from ..materials.rigid import Rigid
+from ..state import ForceTerm
 
 #: Elements by name: averaged nodal pressure, plain linear tetrahedra, and composites of
 #: eight linear ones, which need a mesh made of such (geometry.refine, ``family`` of the mesh).
@@ -44,7 +45,7 @@ def lumped_mass(mesh, density):
     return fem.assemble_vector(masses).array.reshape(-1, 3)[:, 0].copy()
 
 
-class Solid:
+class Solid(ForceTerm):
     """Elastic or elasto-plastic grains of one rank; rigid ones cost nothing here.
 
     Args:
@@ -85,16 +86,28 @@ class Solid:
         self.volume0 = np.linalg.det(edges) / 6
         self.pressure = np.zeros(max(mesh.num_nodes, mesh.num_cells))
         _compile_once(mesh.comm)
-        self._advance = InternalForces(
+        self.kernel = InternalForces(
             mesh.cells, self.volume0, mesh.cell_offset, mesh.nodes[mesh.node_offset[:-1]],
             np.diff(mesh.node_offset), self.bulk, self.shear, self.parameters, self.pressure,
             self._kind, x,
         )  # fmt: skip
-        self.node_volume0 = self._advance.node_volume0
+        self.node_volume0 = self.kernel.node_volume0
+        self.inverted = -1  #: an element of this rank that turned inside out, or -1
         #: Grains that deform now or later, shape (num_deformable,).
         self.deformable = np.flatnonzero([not isinstance(m, Rigid) for m in materials])
         self.first_time_step = self.element_time_step(x)
         self.set_deforming(np.flatnonzero([not isinstance(m, Rigid | Auto) for m in materials]))
+
+    def state_dict(self):
+        """Pressure of the nodes, or of the tetrahedra, as the element has it."""
+        if self.element == "averaged":
+            return {"nodes": {"pressure": self.pressure[: self.mesh.num_nodes]}}
+        return {"cells": {"pressure": self.pressure[: self.mesh.num_cells]}}
+
+    def load_state_dict(self, kept):
+        """Take the pressure."""
+        for values in kept.values():
+            self.pressure[: len(values["pressure"])] = values["pressure"]
 
     def set_deforming(self, grains):
         """Say which grains deform; the others cost nothing, and keep their stress. Local.
@@ -103,7 +116,13 @@ class Solid:
             grains: Local indices, increasing, shape (num_deforming,).
         """
         self.grains = grains  #: grains that deform, shape (num_deforming,)
-        self._laws = _laws(grains, self._increments)
+        self.laws = _laws(grains, self._increments)
+
+    def begin_forces(self, f, state, dt):
+        """Subtract the internal forces; an element that turned inside out is :attr:`inverted`."""
+        bad = self.add_internal_forces(f, state, dt)
+        if bad >= 0:
+            self.inverted = bad
 
     def add_internal_forces(self, f, state, dt):
         """Advance the stress of ``state`` by ``dt`` and subtract the internal forces from ``f``.
@@ -112,8 +131,8 @@ class Solid:
             An inverted element, or -1. Local.
         """
         bad = -1
-        for increment, grains in self._laws:
-            found = self._advance(
+        for increment, grains in self.laws:
+            found = self.kernel(
                 f, state.deviator, state.plastic_strain, state.plastic_work, state.x, state.v,
                 dt, grains, increment,
             )  # fmt: skip
@@ -122,7 +141,7 @@ class Solid:
 
     def add_stiffness(self, y, q, x):
         """Add the elastic tangent at positions ``x`` times ``q`` to ``y``. Local."""
-        self._advance.add_stiffness(y, q, x, self.deformable)
+        self.kernel.add_stiffness(y, q, x, self.deformable)
 
     def element_time_step(self, x):
         """Proven bound of the stable time step from single elements [s], inf without any. Local."""
@@ -182,7 +201,7 @@ class Solid:
         m = self.mesh
         energy = np.zeros(m.num_grains)
         volume = np.empty(m.num_nodes)
-        self._advance.nodal_volumes(volume, state.x)
+        self.kernel.nodal_volumes(volume, state.x)
         elastic_energy(
             energy,
             state.deviator,

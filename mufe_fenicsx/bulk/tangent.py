@@ -74,7 +74,7 @@ class SolidTangent:
             compiled_form(ufl.derivative(J * weight * ufl.dx, u, step)),
         ]
         # Where flow does not depend on the mean stress, G is B.
-        self._coupled = any(law is not plastic_increment for law, _ in solid._laws)
+        self._coupled = any(law is not plastic_increment for law, _ in solid.laws)
         if self._coupled:
             self._forms.append(compiled_form(ufl.derivative(forces(step), self._mean, weight)))
         # DOLFINx's own matrices cannot have blocks that are not square.
@@ -129,7 +129,7 @@ class SolidTangent:
         trial = von_mises(state.deviator) + 3.0 * shear * increment
         mean = solid.mean_stress()
         by_trial, by_mean = np.zeros(mesh.num_cells), np.zeros(mesh.num_cells)
-        for law, grains in solid._laws:
+        for law, grains in solid.laws:
             slopes = law_slopes if law is plastic_increment else law_slopes_of(law)
             slopes(
                 by_trial, by_mean, trial, mean, strain0, increment, dt, grains, mesh.cell_offset,
@@ -164,7 +164,7 @@ class SolidTangent:
         mesh, solid = self.mesh, self.solid
         if self._averaged:
             volume = np.empty(mesh.num_nodes)
-            solid._advance.nodal_volumes(volume, x)
+            solid.kernel.nodal_volumes(volume, x)
             return solid.bulk[mesh.grain_of_node] / volume
         corners = x[mesh.cells]
         volume = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6

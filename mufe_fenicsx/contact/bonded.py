@@ -4,6 +4,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..kernels.bonded import place_bonded, take_bonded
+from ..state import ForceTerm
 
 #: A node lies on a plane within this part of the width of a rank's grains.
 TOLERANCE = 1e-9
@@ -29,7 +30,7 @@ def on_plane(x, wall):
     return np.abs((x - wall.point) @ wall.normal) <= TOLERANCE * width
 
 
-class Bonded:
+class Bonded(ForceTerm):
     """The glued nodes of this rank.
 
     Their motion is that of the wall, in tension, compression and shear; what the
@@ -47,6 +48,8 @@ class Bonded:
         InputError: Fewer than three nodes on a bonded wall, or a node on two of them; on
             all ranks together.
     """
+
+    STATE = {"here": ("before",)}
 
     def __init__(self, comm, walls, nodes, wall_of_node, x):
         self.walls = walls
@@ -92,17 +95,18 @@ class Bonded:
         v[self.nodes] = self.velocity
         self.before[:] = x[self.nodes]
 
-    def take_forces(self, f, v, x):
-        """Pass the forces ``f`` on glued nodes on to their walls.
+    def add_forces(self, f, state, dt):
+        """Pass the forces ``f`` on glued nodes on to their walls. Local.
 
         Force and velocity of these nodes are zero afterwards, so that kick and damping
         pass them by; :meth:`give_velocity` brings the velocity back.
         """
         if self.nodes.size:
             take_bonded(
-                f, self.walls.force, self.walls.torque, x, self.nodes, self.wall, self.walls.point
-            )
-            v[self.nodes] = 0.0
+                f, self.walls.force, self.walls.torque, state.x, self.nodes, self.wall,
+                self.walls.point,
+            )  # fmt: skip
+            state.v[self.nodes] = 0.0
 
     def give_velocity(self, v):
         """Velocity of the glued nodes, at the end of a step."""

@@ -10,6 +10,7 @@ from ..kernels.motion import largest_move
 from ..kernels.pairs import PairForces, pair_energy
 from ..kernels.points import place_points
 from ..kernels.rows import gather_rows, gather_some, hand_rows, hand_some
+from ..state import Stateful
 from .laws import (
     KINEMATIC,
     LARGEST_DEPTH,
@@ -40,7 +41,7 @@ SKIN = 0.4
 DEEPEST_START = 1.1
 
 
-class Contact:
+class Contact(Stateful):
     """Contact of the grains with each other and with walls. Collective.
 
     Positions of surface nodes go forward to the ranks that need them, forces
@@ -68,6 +69,12 @@ class Contact:
         InputError: There are no such points, or no such law; a coefficient cannot be; a wall
             stands inside the sample; self-contact at other points than nodes.
     """
+
+    STATE = {
+        "common": ("clock", "searched_at", "reach", "overlap", "num_searches", "step_of_layers"),
+        "sum": ("dissipated", "switched", "num_adopted"),
+        "largest": ("deepest", "overrun", "overrun_of_all"),
+    }
 
     def __init__(
         self,
@@ -101,7 +108,7 @@ class Contact:
             names = ", ".join(law_names())
             raise InputError(f"normal law of contact = {law}, expected one of {names}")
         self.kinematic = law == KINEMATIC
-        self._dt = 1.0  # of the step that kinematic layers are made for [s]
+        self.step_of_layers = 1.0  #: step that kinematic layers are made for [s]
         if self.kinematic:
             layers = inertial_layers(own, mass[own.nodes])
         else:
@@ -216,7 +223,7 @@ class Contact:
             self.ledger.change(old, self.pairs, old_walls, self.walls.pairs, old_crossings)
         if self.num_before:
             # The others are needed again at the next search only.
-            self._list_near()
+            self.list_near()
         self.connect()
         self.searched_at = self.clock
         self.num_searches += 1
@@ -238,7 +245,7 @@ class Contact:
         # Else no force can act on a node of this rank, or by one of its pairs on another one.
         self._any_pair = any(of.size for of in pairs) or self._messages.any_force
 
-    def _list_near(self):
+    def list_near(self):
         """The points of all pairs. Local."""
         near = np.zeros(self.points.num_points, dtype=bool)
         near[self.pairs.node] = near[self.walls.pairs.node] = True
@@ -288,9 +295,9 @@ class Contact:
 
     def set_time_step(self, dt):
         """Make kinematic layers those of steps of length ``dt`` [s]. Local."""
-        if self.kinematic and dt != self._dt:
-            factor = (dt / self._dt) ** 2
-            self._dt = dt
+        if self.kinematic and dt != self.step_of_layers:
+            factor = (dt / self.step_of_layers) ** 2
+            self.step_of_layers = dt
             # The layers of the points are these arrays too.
             self.layer *= factor
             self.facet_layer *= factor
@@ -475,7 +482,7 @@ class Contact:
 
         # What other ranks wait for comes first.
         pairs = p.forces(self.friction, self.friction_kinetic, self._longest, adopt, between)
-        ahead = self._dt if self.kinematic else 0.0
+        ahead = self.step_of_layers if self.kinematic else 0.0
         walls = self.walls.add_forces(adopt, ahead)
         self.end_give_back()
         if self.moving is None:

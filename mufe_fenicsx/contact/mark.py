@@ -1,14 +1,8 @@
 """The state of all contacts kept, to evaluate them again from there."""
 
-import numpy as np
-
 from ..kernels.pairs import column
-from .snapshot import EDGES_KEPT, WALLS_KEPT
-
-#: Arrays that an evaluation changes, of pairs with facets, besides their rows.
-OF_PAIRS = ("due", "candidate_due", "closest")
-#: Numbers of the contact operator itself.
-NUMBERS = ("dissipated", "switched", "num_adopted", "deepest", "clock")
+from ..kernels.walls import COLUMNS as OF_WALLS
+from ..state import copied
 
 
 class ContactMark:
@@ -22,8 +16,9 @@ class ContactMark:
         contact.bind()  # which completes the rows of pairs
         self.contact = contact
         self.num_searches = contact.num_searches
-        self._kept = [(array, array.copy()) for array in _arrays(contact)]
-        self._numbers = {name: getattr(contact, name) for name in NUMBERS}
+        of_pairs = contact.pairs, contact.edges.pairs, contact.walls.pairs
+        self._kept = [(part, copied(part.state_dict())) for part in (contact, *of_pairs)]
+        self._pairs, self._edges, self._walls = (kept["here"] for _, kept in self._kept[1:])
 
     def restore(self):
         """Make the contacts what they were; a search since then must not have been.
@@ -31,35 +26,20 @@ class ContactMark:
         Raises:
             RuntimeError: There was one.
         """
-        contact = self.contact
-        if contact.num_searches != self.num_searches:
+        if self.contact.num_searches != self.num_searches:
             raise RuntimeError("contacts were searched anew, expected the pairs of the mark")
-        for array, kept in self._kept:
-            np.copyto(array, kept)
-        for name, value in self._numbers.items():
-            setattr(contact, name, value)
+        for part, kept in self._kept:
+            part.load_state_dict(kept)
 
     def before(self, name):
         """``closed`` or ``slip`` then: of pairs with facets, of edges and with walls."""
-        of_edges = self._kept[-len(EDGES_KEPT) - len(WALLS_KEPT) :][EDGES_KEPT.index(name)][1]
-        of_walls = self._kept[-len(WALLS_KEPT) :][WALLS_KEPT.index(name)][1]
-        return self._of_pairs(name), of_edges, of_walls
+        of_pairs, of_walls = self.of_points(name)
+        return of_pairs, self._edges[name], of_walls
 
     def of_points(self, name):
         """An array of pairs with facets and of those with walls then, which may be changed."""
-        return self._of_pairs(name), self._kept[-len(WALLS_KEPT) :][WALLS_KEPT.index(name)][1]
-
-    def _of_pairs(self, name):
-        if name in OF_PAIRS:
-            return self._kept[OF_PAIRS.index(name)][1]
-        return column(self._kept[len(OF_PAIRS)][1], name)
-
-
-def _arrays(contact):
-    pairs, edges, walls = contact.pairs, contact.edges.pairs, contact.walls.pairs
-    return (
-        [getattr(pairs, name) for name in OF_PAIRS]
-        + [pairs.state, pairs.clocks.readings, walls.clocks.readings]
-        + [getattr(edges, name) for name in EDGES_KEPT]
-        + [getattr(walls, name) for name in WALLS_KEPT]
-    )
+        if name in self._pairs:
+            return self._pairs[name], self._walls[name]
+        return (
+            column(self._pairs["state"], name), column(self._walls["state"], name, OF_WALLS)
+        )  # fmt: skip

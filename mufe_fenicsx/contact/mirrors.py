@@ -15,6 +15,7 @@ from mpi4py import MPI
 
 from ..errors import InputError
 from ..kernels.bonded import take_normal
+from ..state import ForceTerm
 from .bonded import on_plane
 
 
@@ -65,7 +66,7 @@ def check_mirrors(comm, walls, x):
                 )
 
 
-class Mirrors:
+class Mirrors(ForceTerm):
     """The nodes of this rank that lie on mirrors. Collective when made.
 
     Glued nodes are left to the wall that they are glued to.
@@ -117,14 +118,15 @@ class Mirrors:
                 self.walls.normal,
             )  # fmt: skip
 
-    def take_forces(self, f, x):
+    def add_forces(self, f, state, dt):
         """Pass what the forces ``f`` on held nodes have along the normals on to their mirrors.
 
         Velocities that start along the mirror stay there: masses and time step do not change.
 
         Args:
             f: Forces on nodes [N], shape (num_nodes, 3), changed in place.
-            x: Positions [m], shape (num_nodes, 3).
+            state: :class:`~mufe_fenicsx.state.State`.
+            dt: Not used.
 
         Raises:
             InputError: A mirror is made to move.
@@ -139,5 +141,5 @@ class Mirrors:
                     "expected a mirror at rest"
                 )
         take_normal(
-            f, walls.force, walls.torque, x, self.node, self.wall, walls.point, walls.normal
+            f, walls.force, walls.torque, state.x, self.node, self.wall, walls.point, walls.normal
         )

@@ -10,23 +10,13 @@ that sums over them give the same bits on the same number of ranks.
 import numpy as np
 
 from ..errors import InputError
-from .pairs.facet_pairs import REMEMBERED, Pairs
-from .pairs.motion_bounds import KEPT as CLOCKS_KEPT
+from .pairs.facet_pairs import Pairs
 from .walls import WallPairs
 
 #: Bits of the number of a surface node in the name of a facet.
 BITS = 21
 #: Rows that are looked up at a time where contact is made again.
 BLOCK = 1 << 17
-#: What pairs keep from step to step, beside what a search carries over.
-KEPT = (*REMEMBERED, "due", "work", "known", "other_due")
-WALLS_KEPT = (
-    "due", "gap", "offset", "closed", "anchor", "shear", "slip", "push", "work", "sliding",
-)  # fmt: skip
-EDGES_KEPT = (
-    "due", "outside", "place", "normal", "gap", "offset", "closed", "sliding",
-    "stiffness", "anchor", "shear", "slip", "work",
-)  # fmt: skip
 
 
 class Rows:
@@ -207,15 +197,15 @@ def contact_tables(contact, mesh):
         "points": {
             **names.points(everything),
             "layer": contact.layer,
-            "slip": contact.ledger._slip,
+            "slip": contact.ledger.slip_of_dropped,
         },
         "pairs": {
             **names.points(p.node),
             "partner": p.grain,
             "count": count,
             "closest": closest,
-            **{name: getattr(p.clocks, name)[p.clocks.of] for name in CLOCKS_KEPT},
-            **{name: getattr(p, name) for name in KEPT},
+            **{name: getattr(p.clocks, name)[p.clocks.of] for name in p.clocks.KEPT},
+            **{name: getattr(p, name) for name in p.KEPT},
         },
         "candidates": {
             "grain": Rows(names.point_grain, p.node, count),
@@ -225,15 +215,15 @@ def contact_tables(contact, mesh):
         "wall_pairs": {
             **names.points(w.node),
             "wall": w.wall,
-            **{name: getattr(w.clocks, name)[w.clocks.of] for name in CLOCKS_KEPT},
-            **{name: getattr(w, name) for name in WALLS_KEPT},
+            **{name: getattr(w.clocks, name)[w.clocks.of] for name in w.clocks.KEPT},
+            **{name: getattr(w, name) for name in w.KEPT},
         },
         "edge_pairs": {
             "grain": e.grain,
             "partner": e.partner,
             "first": ends[e.first],
             "second": ends[e.second],
-            **{name: getattr(e, name) for name in EDGES_KEPT},
+            **{name: getattr(e, name) for name in e.KEPT},
         },
         "accounts": {
             "grain": contact.ledger.grain,
@@ -268,7 +258,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
     contact.facet_layer[rows] = facets["layer"]
     points = tables.pop("points")
     rows = names.rows_of_points(points)
-    contact.layer[rows], contact.ledger._slip[rows] = points["layer"], points["slip"]
+    contact.layer[rows], contact.ledger.slip_of_dropped[rows] = points["layer"], points["slip"]
     del facets, points, known, rows, names
     accounts = tables.pop("accounts")
     by_pair = np.lexsort((accounts["partner"], accounts["grain"]))
@@ -287,7 +277,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
     walls.pairs.clocks.follow(contact.motion)
     _set_edge_pairs(contact, names, tables.pop("edge_pairs"))
     if contact.num_before:
-        contact._list_near()
+        contact.list_near()
 
     moving = np.empty(own.nodes.size, dtype=bool)
     moving[order] = surface["moving"]
@@ -316,12 +306,12 @@ def _pairs(contact, names, table, candidates):
     ).astype(np.int32)
     points = contact.points.grain_of_point
     pairs = Pairs(node[order], partner, new_first, facet, points, contact.clock)
-    for name in CLOCKS_KEPT:
+    for name in pairs.clocks.KEPT:
         getattr(pairs.clocks, name)[pairs.clocks.of] = table.pop(name)[order]
     pairs.candidate_due[:] = candidates.pop("due")[place]
     closest = table["closest"][order]
     pairs.closest[:] = np.where(closest >= 0, new_first[:-1] + closest, -1)
-    for name in KEPT:
+    for name in pairs.KEPT:
         getattr(pairs, name)[:] = table.pop(name)[order]
     return pairs
 
@@ -331,9 +321,9 @@ def _wall_pairs(contact, names, table):
     order = np.lexsort((table["wall"], node))
     grains = contact.points.grain_of_point
     pairs = WallPairs(node[order], table["wall"][order], grains, contact.clock)
-    for name in CLOCKS_KEPT:
+    for name in pairs.clocks.KEPT:
         getattr(pairs.clocks, name)[pairs.clocks.of] = table.pop(name)[order]
-    for name in WALLS_KEPT:
+    for name in pairs.KEPT:
         getattr(pairs, name)[:] = table.pop(name)[order]
     pairs.stiffness[:] = contact.points.area[pairs.node] / contact.layer[pairs.node]
     return pairs
@@ -355,7 +345,7 @@ def _set_edge_pairs(contact, names, table):
         contact.clock,
     )  # fmt: skip
     pairs = contact.edges.pairs
-    for name in EDGES_KEPT:
+    for name in pairs.KEPT:
         getattr(pairs, name)[:] = table[name]
     for column, edge in enumerate((first, second)):
         turned = edge >= num

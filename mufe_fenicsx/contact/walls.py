@@ -22,6 +22,7 @@ from ..kernels.walls import (
     motion_to_walls,
     wall_energy,
 )
+from ..state import Stateful
 from .bonded import find_bonded
 from .laws import kinetic_of
 from .mirrors import nodes_on_mirrors
@@ -92,8 +93,16 @@ class Wall:
         return min(max(v, -self.speed), self.speed) * self.normal
 
 
-class Walls:
+class Walls(Stateful):
     """All walls and their pairs with the nodes of this rank."""
+
+    STATE = {
+        "common": (
+            "point", "normal", "velocity", "angular_velocity", "rotation", "push", "turn",
+        ),
+        "sum": ("work", "force", "torque"),
+        "largest": ("radius", "box"),
+    }  # fmt: skip
 
     def __init__(self, walls):
         self.walls = list(walls)
@@ -119,11 +128,11 @@ class Walls:
         self.torque = np.zeros((n, 3))  #: of these forces about ``point`` [N m]
         self.work = 0.0  #: done by walls on this rank's grains so far [J]
         self.bonded = np.empty(0, dtype=np.int32)  #: wall that each surface node is glued to, or -1
-        self._push = np.zeros((n, 3))
-        self._turn = np.zeros((n, 3))
+        self.push = np.zeros((n, 3))  #: displacement in the last move [m]
+        self.turn = np.zeros((n, 3))  #: rotation in the last move [rad]
         self._first_normal = self.normal.copy()
-        self._radius = np.zeros(n)  # of this rank's surface nodes about ``point``
-        self._box = np.zeros((n, 2, 3))  # around the points near each, of all ranks
+        self.radius = np.zeros(n)  #: of this rank's surface nodes about ``point`` [m]
+        self.box = np.zeros((n, 2, 3))  #: around the points near each, of all ranks [m]
         self._moves = np.zeros(n)
         self.pairs = None
 
@@ -133,15 +142,15 @@ class Walls:
         Moved is the plane, not the material in it: a turn about the normal counts nothing.
         """
         moved, turns = advance(
-            self.point, self._push, self.velocity, self._turn, self.angular_velocity, dt
+            self.point, self.push, self.velocity, self.turn, self.angular_velocity, dt
         )
         if not turns:
             return moved
-        moved = np.sqrt((self._push**2).sum(axis=1))
-        for i in np.flatnonzero(self._turn.any(axis=1)):
-            turn = rotation_of(self._turn[i])
-            swing = np.linalg.norm(np.cross(self._turn[i], self.normal[i]))
-            moved[i] += swing * self._radius[i]
+        moved = np.sqrt((self.push**2).sum(axis=1))
+        for i in np.flatnonzero(self.turn.any(axis=1)):
+            turn = rotation_of(self.turn[i])
+            swing = np.linalg.norm(np.cross(self.turn[i], self.normal[i]))
+            moved[i] += swing * self.radius[i]
             self.rotation[i] = turn @ self.rotation[i]
             self.normal[i] = self.rotation[i] @ self._first_normal[i]
             turn_rows(self.pairs.anchor, self.pairs.wall, i, turn)
@@ -157,17 +166,17 @@ class Walls:
         Returns:
             Distances [m], infinity for planes that turn, shape (num_walls,).
         """
-        motion_to_walls(self._moves, field, self.normal, self._push, self._turn, self._box, dt)
+        motion_to_walls(self._moves, field, self.normal, self.push, self.turn, self.box, dt)
         return self._moves
 
     def turn_back(self):
         """Undo what the last :meth:`move` did to the anchors of walls that turn. Local."""
-        for i in np.flatnonzero(self._turn.any(axis=1)):
-            turn_rows(self.pairs.anchor, self.pairs.wall, i, rotation_of(-self._turn[i]))
+        for i in np.flatnonzero(self.turn.any(axis=1)):
+            turn_rows(self.pairs.anchor, self.pairs.wall, i, rotation_of(-self.turn[i]))
 
     def add_work(self):
         """Add half of the work of the forces that act now along the last move."""
-        self.work -= 0.5 * work_of(self.force, self._push, self.torque, self._turn)
+        self.work -= 0.5 * work_of(self.force, self.push, self.torque, self.turn)
 
     def loads(self, comm):
         """Forces on walls [N] and their torques about ``point`` [N m], (num_walls, 3). Collective.
@@ -242,13 +251,13 @@ class Walls:
             reach: More than points move until the next one [m].
         """
         if x.size:
-            self._radius = farthest(x, self.point) + reach
+            self.radius = farthest(x, self.point) + reach
         low, high = boxes_of_groups(x, self.pairs.node, self.pairs.wall, len(self.walls))
         both = np.stack([low, -high], axis=1)
         comm.Allreduce(MPI.IN_PLACE, both, op=MPI.MIN)
         both[:, 1] *= -1.0
         both += reach * np.array([[-1.0], [1.0]])
-        self._box = np.where(np.isfinite(both), both, 0.0)
+        self.box = np.where(np.isfinite(both), both, 0.0)
 
     def bind(self, f, x, corners, layer, points, ratio):
         """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
@@ -296,8 +305,12 @@ def rotation_of(turn):
     return np.eye(3) + math.sin(angle) / angle * K + (1 - math.cos(angle)) / angle**2 * K @ K
 
 
-class WallPairs:
+class WallPairs(Stateful):
     """Node-wall pairs of one rank. Arrays as in kernels.walls."""
+
+    STATE = {"here": ("due", "state", "readings")}
+    #: What a checkpoint keeps of each pair.
+    KEPT = ("due", *REMEMBERED, "work")
 
     def __init__(self, node, wall, grain_of_point, clock):
         n = node.size
@@ -309,3 +322,8 @@ class WallPairs:
             setattr(self, name, column(self.state, name, COLUMNS))
         self.gap[:] = np.inf
         self.forces = None  #: kernels.walls.WallForces, once they are wanted
+
+    @property
+    def readings(self):
+        """Of the clocks [m]."""
+        return self.clocks.readings

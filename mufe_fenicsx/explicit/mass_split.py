@@ -15,6 +15,8 @@ import math
 
 import numpy as np
 
+from ..state import Stateful
+
 #: A node that tetrahedra hold by k and springs by up to g has p = k/(k + WEIGHT g): in a loaded
 #: sand of 204 grains the bound is least there; 0.1 in its place makes it 22 % more, 0.6 18 %.
 WEIGHT = 0.25
@@ -27,7 +29,7 @@ MISSES = 2
 LEAST = 1e-3
 
 
-class SharedMass:
+class SharedMass(Stateful):
     """Parts of the nodal masses. Collective, as its methods.
 
     Args:
@@ -36,6 +38,8 @@ class SharedMass:
         of_tets: :class:`~.HighestFrequency` of the tetrahedra alone.
         of_springs: That of the springs.
     """
+
+    STATE = {"common": ("square", "misses", "failures", "rest")}
 
     def __init__(self, solid, nodes, of_tets, of_springs):
         self.solid, self.nodes = solid, nodes
@@ -46,6 +50,17 @@ class SharedMass:
         self.misses = 0  #: bounds in a row that were of no use
         self.failures = 0  #: choices in a row whose first bound was of none
         self.rest = 0  #: bounds that are not asked for yet
+
+    def state_dict(self):
+        """The parts of the nodes too, where they are chosen."""
+        kept = super().state_dict()
+        return kept if self.part is None else kept | {"nodes": {"part": self.part}}
+
+    def load_state_dict(self, kept):
+        """Become what :meth:`state_dict` told."""
+        kept = dict(kept)
+        self.part = kept.pop("nodes", {}).get("part")
+        super().load_state_dict(kept)
 
     def forget(self):
         """Choose the parts anew when they are wanted next. Local."""

@@ -3,42 +3,19 @@
 import math
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 
 from ..bulk.release import LoadWatch
-from ..bulk.rigid import RigidGrains, check_rigid
-from ..bulk.solid import Solid
-from ..contact.bonded import Bonded
-from ..contact.contact import Contact
-from ..contact.laws import COMPLIANCE
-from ..contact.mirrors import Mirrors
 from ..contact.pairs.motion_bounds import linear_field
-from ..contact.results.network import num_active_pairs
-from ..contact.start.overlap import check_start, too_deep
 from ..contact.stiffness.springs import list_springs
-from ..contact.surface.active_nodes import near_nodes
-from ..contact.walls import Walls
-from ..errors import SolverError, UnstableError
-from ..kernels.energy import kinetic_energy
-from ..kernels.kick_drift import KickAndDrift
-from ..kernels.motion import (
-    accelerate_and_half_kick,
-    half_kick_and_drift,
-    predict,
-)
-from ..kernels.rigid import clear
+from ..errors import InputError
 from ..solvers.central_difference import central_difference
-from ..state import initial_state
+from ..specimen import OfSpecimen, Specimen
+from .contact_in_steps import ContactInSteps
 from .mass_scaling import FALLEN, MassScaling
+from .motion import Motion
 from .stable_step import StableStep
 from .step_schedule import Refresh
-
-#: Names of the terms of the energy balance, in the order of history.csv.
-ENERGIES = (
-    "kinetic", "elastic", "plastic", "friction", "switching", "contact", "damping", "work",
-    "residual",
-)  # fmt: skip
 
 #: Largest damping times step. At 2 a step would leave no velocity to damp, and the kinetic energy
 #: of a node that falls at its final speed, m/2 v² (1 - (damping step)²/4), would be none.
@@ -47,29 +24,23 @@ MOST_DAMPED = 1.0
 SHORTER = 0.98
 
 
-class Simulation:
-    """A set of grains between walls, on all ranks of ``mesh.comm``. Collective.
+class Simulation(OfSpecimen):
+    """A specimen in time steps. Collective.
 
     Args:
-        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
-        materials: A material for each grain of this rank.
-        walls: List of :class:`~mufe_fenicsx.contact.walls.Wall`.
-        friction: Coefficient of friction between grains.
-        friction_kinetic: Coefficient while a contact slips; ``friction`` if None.
-        compliance: Constant c of the contact layer.
-        points: Where contact acts, one of contact.surface.points.KINDS.
-        law: Normal law of contact, one of contact.laws.law_names().
-        element: One of solid.ELEMENTS: "averaged", "p1" or "composite".
+        mesh, materials, walls, options: As of :class:`~mufe_fenicsx.specimen.Specimen`.
         damping: Force -damping m v on every node [1/s]; steps are at most one over it.
         assembled: Time step from the assembled system (True) or from single elements.
         time_step_factor: Time step over the limit of stability.
         refresh: Steps between two evaluations of that limit, where none waits longer.
-        velocity: Initial velocities [m/s], shape (num_nodes, 3); rest if None.
-        mass_factor: Nodal masses times this, shape (num_nodes,), where only slow loading is
-            of interest; 1 if None. Not seen by the time step of single elements.
-        self_contact: Concave grains meet themselves too: nodes with facets.
         mass_scaling: Settings of mass added for a longer step (scene.MassScaling), or None.
+
+    Raises:
+        InputError: Rigid grains, or forces with a stiffness of their own, and a step from single
+            elements; and as of the specimen.
     """
+
+    STATE = {"common": ("dt", "dt_element")}
 
     static = False  #: whether increments leave inertia out; steps in time do not
     increments = False  #: whether a step is an increment that takes Newton's method
@@ -80,106 +51,60 @@ class Simulation:
         materials,
         walls=(),
         *,
-        friction=0.0,
-        friction_kinetic=None,
-        compliance=COMPLIANCE,
-        points="facets",
-        law="matched",
-        element="averaged",
         damping=0.0,
         assembled=True,
         time_step_factor=0.9,
         refresh=150,
-        velocity=None,
-        mass_factor=None,
-        self_contact=False,
         mass_scaling=None,
+        **options,
     ):
-        self.mesh, self.comm = mesh, mesh.comm
+        specimen = Specimen(mesh, materials, walls, **options)
+        super().__init__(specimen)
+        if specimen.any_rigid and not assembled:
+            raise InputError('time step = by element, expected "assembled" for rigid grains')
         self.damping = float(damping)
         self.time_step_factor, self.refresh = time_step_factor, Refresh(refresh)
-        self.solid = Solid(mesh, materials, element)
-        self.rigid = RigidGrains(mesh, materials, self.solid.mass, mass_factor)
-        self._watch = LoadWatch(self.rigid, materials)
-        if mass_factor is not None:
-            self.solid.mass *= mass_factor
         self.scaling = None
         if mass_scaling is not None:
             rho = np.array([m.rho for m in materials])
-            self.scaling = MassScaling(self.solid, rho, mass_scaling)
-        self.walls = Walls(walls)
-        self.contact = Contact(
-            mesh,
-            mesh.x,
-            self.solid.contact_modulus,
-            self.solid.tangential_ratio,
-            friction,
-            compliance,
-            self.walls,
-            points,
-            law,
-            self.solid.mass,
-            friction_kinetic,
-            self_contact,
-            self.rigid.layers(materials),
-            self.solid.edge_compliance,
-        )
-        self.bonded = Bonded(
-            self.comm, self.walls, self.contact.own.nodes, self.walls.bonded, mesh.x
-        )
-        self.mirrors = Mirrors(
-            self.comm, self.walls, mesh.x, self.bonded.nodes, self.rigid.nodes,
-            self.contact.kinematic,
-        )  # fmt: skip
-        check_rigid(self.comm, self.rigid, self.bonded.nodes, self.contact.kinematic, assembled)
-        self._free_mass = self.bonded.free_mass(self.solid.mass)
-        if self.contact.kinematic:
-            self._predicted = mesh.x.copy()
-            # Glued nodes go where their wall goes, whatever acts on them.
-            self._inertia = np.where(self._free_mass > 0, self.solid.mass, np.inf)
-        # Displacement, velocity and force live in PETSc-backed DOLFINx functions.
-        self.u, self.v, self.force = (fem.Function(mesh.V) for _ in range(3))
-        self._f = self.force.x.array.reshape(-1, 3)
-        self.state = initial_state(
-            mesh.x, mesh.num_cells, self.u.x.array.reshape(-1, 3), self.v.x.array.reshape(-1, 3)
-        )
-        if velocity is not None:
-            self.state.v[:] = velocity
-            self.rigid.set_velocity(self.state.v)
-            self.mirrors.project(self.state.v)
-        self.damped = 0.0  #: energy taken by the damping on this rank [J]
-        self.initial_kinetic = 0.0
-        self._inverted = -1
-        # The second half of the last step's kick waits for the next step, or is to wait.
-        self._kick_waits = self._may_wait = False
-        self._kick_and_drift = KickAndDrift()
-        self._moved = 0.0  # how far a deformable node moved in this step [m]
-        # Of each grain, beside a field that fits all velocities; those of rigid ones stay unknown.
-        self._moves = np.full(mesh.num_grains, np.inf)
-        self.set_field(np.zeros((4, 3)))
-        self.stable = StableStep(self, assembled, time_step_factor)
+            self.scaling = MassScaling(specimen.solid, rho, mass_scaling)
+        self.watch = LoadWatch(specimen.rigid, materials)
+        self.motion = Motion(specimen, self.damping)
+        self.stable = StableStep(specimen, assembled, time_step_factor)
         self.dt = math.nan
         self.dt_element = math.nan
-        self._start()
-
-    def _start(self):
-        """Forces and accelerations of the initial state; overlaps there are adopted."""
-        s = self.state
-        self._any_rigid = self.comm.allreduce(self.rigid.num_grains) > 0
-        self._followed_search = 0
-        if self._any_rigid:
-            self.contact.before_search = lambda: self.rigid.place_all(s.x, s.u)
-        self.contact.begin(s.x)
-        self._f[:] = 0.0
-        self.solid.add_internal_forces(self._f, s, 0.0)
-        self.contact.add_forces(self._f, s.x, adopt=True)
-        check_start(self.mesh, self.contact)
-        self.bonded.take_forces(self._f, s.v, s.x)
-        self.mirrors.take_forces(self._f, s.x)
-        self.rigid.take_forces(self._f, s.x)
-        s.a[self.rigid.soft] = (self._f / self.solid.mass[:, None])[self.rigid.soft]
+        specimen.start()
+        self.contact_term = ContactInSteps(specimen, self.motion)
+        specimen.terms.insert(0, self.contact_term)
+        s, soft = self.state, specimen.rigid.soft
+        s.a[soft] = (specimen.f / specimen.solid.mass[:, None])[soft]
         self.update_time_step()
-        self.initial_kinetic = self.comm.allreduce(self._kinetic())
+        specimen.initial_kinetic = self.comm.allreduce(self.kinetic_energy())
+
+    @property
+    def damped(self):
+        """Energy taken by the damping, and by changes of added mass, on this rank [J]."""
+        return self.motion.damped
+
+    @property
+    def parts(self):
+        """All that steps change, :class:`~mufe_fenicsx.state.Stateful` by name."""
+        scaling = {} if self.scaling is None else {"scaling": self.scaling}
+        return scaling | self.specimen.parts | {
+            "simulation": self,
+            "motion": self.motion,
+            "schedule": self.refresh,
+            "stable": self.stable,
+            "shared": self.stable.shared,
+            "contact_term": self.contact_term,
+        }  # fmt: skip
+
+    def load_state_dict(self, kept):
+        """Become what :meth:`state_dict` told; added mass is there already."""
+        super().load_state_dict(kept)
+        if self.scaling is not None:
+            self.specimen.take_masses()
+            self.stable.set_mass(self.solid.mass)
 
     # --- stepping -------------------------------------------------------------------------
 
@@ -191,7 +116,7 @@ class Simulation:
                 less; it leaves velocities at its middle, accelerations as they were, and of rigid
                 grains the nodes that contact does not read where they were.
         """
-        if self._watch.num_waiting:
+        if self.watch.num_waiting:
             self._release_loaded()
         # Early where contacts may close that the last evaluation did not count.
         refresh, now = self.refresh, self.state.num_steps
@@ -204,28 +129,28 @@ class Simulation:
             of_elements = self.check()
             if self.stable.of_elements(of_elements) < SHORTER * self.dt_element:
                 self.update_time_step(of_elements=of_elements)
-        self._may_wait = not everywhere and not self.bonded.nodes.size
-        central_difference(self.state, self.dt, self._drift, self._forces, self._kick)
+        self.motion.may_wait = not everywhere and not self.specimen.bonded.nodes.size
+        central_difference(self.state, self.dt, self.motion.drift, self._forces, self.motion.kick)
         if everywhere:
             self.complete()
 
     def complete(self):
         """Bring all nodes up to date, after steps that did not. Local."""
-        self.finish_kick()
-        if self.rigid.num_grains:
-            self.rigid.complete(self.state.x, self.state.u, self.state.v)
+        self.motion.complete()
 
-    def _follow_search(self):
-        """Only nodes that contact reads until its next search follow rigid grains. Collective."""
-        contact, rigid = self.contact, self.rigid
-        if not self._any_rigid or contact.num_searches == self._followed_search:
-            return
-        self._followed_search = contact.num_searches
-        near = np.zeros(self.mesh.num_nodes, dtype=bool)
-        near[contact.own.nodes[near_nodes(contact)]] = True
-        rigid.follow(near)
-        near[rigid.soft] = True
-        contact.moving = np.flatnonzero(near[contact.own.nodes])
+    def kinetic_energy(self):
+        """Kinetic energy of this rank's grains [J]. Local."""
+        return self.motion.kinetic_energy()
+
+    def _forces(self, dt):
+        self.motion.move_walls(dt)
+        try:
+            self.specimen.add_forces(dt)
+        except FloatingPointError:
+            self.check(diverged=True)
+        self.walls.add_work()
+        if self.walls.has_servo:
+            self.walls.adjust(self.comm, dt)
 
     def _release_loaded(self):
         """Let grains deform that carry more than they may as rigid ones. Local.
@@ -233,90 +158,37 @@ class Simulation:
         Contact, places, velocities and kinetic energy stay as they are, and so does the time
         step: contact layer, lumped masses and limit are those of the deformable grain already.
         """
-        which = self._watch.loaded(self._f)
+        specimen, rigid = self.specimen, self.specimen.rigid
+        which = self.watch.loaded(specimen.f)
         if not which.any():
             return
-        s, rigid = self.state, self.rigid
+        s = self.state
         self.complete()
         s.a[rigid.nodes[np.repeat(which, np.diff(rigid.offset))]] = 0.0
         near = rigid.followed  # other nodes carry no force
         nodes = near.nodes[np.repeat(which, np.diff(near.offset))]
-        s.a[nodes] = self._f[nodes] / self.solid.mass[nodes, None]
-        rigid.release(which)
+        s.a[nodes] = specimen.f[nodes] / specimen.solid.mass[nodes, None]
+        self._let_deform(which)
         self.contact.follow_all(s.x)
-        self._watch.release(which)
+
+    def deform_all_but(self, still_rigid):
+        """Let rigid grains deform but for ``still_rigid``, global indices. Local."""
+        rigid = self.specimen.rigid
+        which = ~np.isin(self.mesh.grains[rigid.grains], still_rigid)
+        if which.any():
+            self._let_deform(which)
+
+    def _let_deform(self, which):
+        specimen, rigid = self.specimen, self.specimen.rigid
+        rigid.release(which)
+        self.watch.release(which)
         grains = np.arange(self.mesh.num_grains)
-        self.solid.set_deforming(grains[~np.isin(grains, rigid.grains)])
-
-    def _drift(self, dt):
-        s, runs = self.state, self.rigid.runs
-        if self._kick_waits:
-            self._kick_waits = False
-            damped, self._moved = self._kick_and_drift(
-                s.x, s.u, s.v, self._f, self.solid.mass, self.mesh.x, runs, s.dt, dt, self.damping,
-                self._field, self._moves,
-            )  # fmt: skip
-            self.damped += damped
-        else:
-            self._moved = half_kick_and_drift(
-                s.x, s.u, s.v, s.a, self._f, self.mesh.x, runs, dt, self.damping, self._field,
-                self._moves,
-            )  # fmt: skip
-        self.rigid.drift(s.x, s.u, dt, self.damping)
-
-    def _forces(self, dt):
-        s = self.state
-        moved = max(self.walls.move(dt), self.rigid.moved, self._moved)
-        self.walls.add_work()
-        self.bonded.move(s.x, s.u, s.v, self.mesh.x, dt)
-        positions = s.x
-        if not self.contact.kinematic:
-            # Glued nodes go where their wall goes.
-            known = () if self.bonded.nodes.size else (self._moves, self._field, self._slope, dt)
-            self.contact.begin(positions, moved, known)
-        if self.rigid.num_grains:
-            every = self.contact.moving is None
-            clear(self._f, self.rigid.nodes if every else self.rigid.followed.nodes)
-        bad = self.solid.add_internal_forces(self._f, s, dt)
-        if bad >= 0:
-            self._inverted = bad
-        if self.contact.kinematic:
-            positions = self._predicted
-            predict(positions, s.x, s.v, self._f, self._inertia, dt)
-            self.contact.begin(positions, moved)
-        try:
-            self.contact.add_forces(self._f, positions)
-        except FloatingPointError:
-            self.check(diverged=True)
-        self._follow_search()
-        self.bonded.take_forces(self._f, s.v, s.x)
-        self.mirrors.take_forces(self._f, s.x)
-        self.rigid.take_forces(self._f, s.x)
-        self.walls.add_work()
-        if self.walls.has_servo:
-            self.walls.adjust(self.comm, dt)
-
-    def _kick(self, dt):
-        self._kick_waits = True
-        self.damped += self.rigid.kick(dt, self.damping)
-        if not self._may_wait:
-            self.finish_kick()
-
-    def finish_kick(self):
-        """Velocities and accelerations of the deformable grains at the end of the step. Local."""
-        if not self._kick_waits:
-            return
-        self._kick_waits = False
-        s = self.state
-        self.damped += accelerate_and_half_kick(
-            s.a, s.v, self._f, self.solid.mass, self.rigid.runs, s.dt, self.damping
-        )
-        self.bonded.give_velocity(s.v)
+        specimen.solid.set_deforming(grains[~np.isin(grains, rigid.grains)])
 
     def take_over(self):
         """Go on from a state that another integrator left. Collective."""
         s = self.state
-        s.a[:] = self._f / self.solid.mass[:, None]
+        s.a[:] = self.specimen.f / self.solid.mass[:, None]
         s.dt, self.dt = 0.0, math.nan
         self.refresh.clock = self.contact.clock
         self.update_time_step()
@@ -333,26 +205,9 @@ class Simulation:
             SolverError: An element left its table of yield stresses, or a grain is too deep in
                 another one; on all ranks.
         """
-        finite = math.isfinite(self._kinetic()) and not diverged
-        failure = None
+        finite = math.isfinite(self.kinetic_energy()) and not diverged
         self.complete()
-        worst = self.solid.worst_element(self.state.x)
-        if finite or self._inverted >= 0:
-            failure = self.solid.failure(self.state, worst, self._inverted)
-        found = self.comm.allgather((failure, finite))
-        failures = [failure for failure, _ in found if failure]
-        if failures:
-            message, unstable = failures[0]
-            raise (UnstableError if unstable else SolverError)(message)
-        if not all(ok for _, ok in found):
-            raise UnstableError(
-                f"the motion is no longer finite at step {self.state.num_steps}: reduce "
-                "solver.time_step_factor or oedometer.speed"
-            )
-        deep = too_deep(self.mesh, self.contact)
-        if deep is not None:
-            raise SolverError(deep)
-        return worst[0]
+        return self.specimen.check(finite)
 
     # --- time step ------------------------------------------------------------------------
 
@@ -364,7 +219,7 @@ class Simulation:
         """
         s = self.state
         self.complete()
-        self.set_field(linear_field(self.comm, s.x, s.v))
+        self.motion.set_field(linear_field(self.comm, s.x, s.v))
         self.dt_element = self.stable.of_elements(of_elements)
         # The first step is counted too, by its speed: an assembled step is up to 3 times longer.
         speed = np.sqrt(max(np.einsum("ni,ni->n", s.v, s.v).max(), (self.walls.velocity**2).sum()))
@@ -400,15 +255,11 @@ class Simulation:
             self.scale_masses(max(margin, self.contact.edge))
         return self.stable(margin, self.dt_element)
 
-    def set_field(self, field):
-        """Measure the motion of grains beside another velocity field, as in kernels.motion."""
-        self._field, self._slope = field, float(np.linalg.norm(field[1:]))
-
     def _add_mass(self):
         """Adjust the added mass to the present geometry; whether there is more. Collective."""
-        before = self._kinetic()
+        before = self.kinetic_energy()
         changed = self.scale_masses(self.refresh.margin)
-        self.damped += before - self._kinetic()
+        self.motion.damped += before - self.kinetic_energy()
         return changed
 
     def scale_masses(self, margin):
@@ -427,8 +278,8 @@ class Simulation:
     def take_masses(self):
         """Follow a change of the nodal masses; velocities and forces stay. Local."""
         s, mass = self.state, self.solid.mass
-        self._free_mass = self.bonded.free_mass(mass)
-        s.a[:] = self._f / mass[:, None]
+        self.specimen.take_masses()
+        s.a[:] = self.specimen.f / mass[:, None]
         self.stable.set_mass(mass)
 
     def stable_step_within(self, margin):
@@ -439,56 +290,6 @@ class Simulation:
         """Stable steps of the present state [s], each estimated from scratch. Collective."""
         masses = self.solid.mass, self.scaling.first_mass
         return [self.stable.afresh(self.refresh.margin, self.dt_element, mass) for mass in masses]
-
-    # --- numbers --------------------------------------------------------------------------
-
-    def wall_forces(self):
-        """Normal forces of the grains on the walls [N], compression positive. Collective."""
-        normal = self.walls.normal_forces()
-        return self.comm.allreduce(normal) if self.comm.size > 1 else normal
-
-    def _kinetic(self):
-        self.finish_kick()
-        s = self.state
-        deformable = kinetic_energy(s.v, s.a, s.dt, self._free_mass, self.rigid.runs)
-        return deformable + self.rigid.kinetic_energy(s.dt)
-
-    def energies(self):
-        """Terms of the energy balance [J], a dict with the keys of ``ENERGIES``. Collective."""
-        contact, num_contacts = self.contact.energy()
-        local = np.array(
-            [
-                self._kinetic(),
-                self.solid.elastic_energy(self.state).sum(),
-                self.state.plastic_work.sum(),
-                self.contact.dissipated,
-                self.contact.switched,
-                contact,
-                self.damped,
-                self.walls.work,
-                num_contacts,
-            ]
-        )
-        total = self.comm.allreduce(local)
-        self.num_contacts = int(total[8])
-        energies = dict(zip(ENERGIES, total[:8], strict=False))
-        energies["residual"] = self.initial_kinetic + total[7] - total[:7].sum()
-        return energies
-
-    def num_active_grains(self):
-        """Grains with at least one closed contact. Collective."""
-        active = np.zeros(self.mesh.labels.size, dtype=bool)
-        p, w, points = self.contact.pairs, self.walls.pairs, self.contact.points
-        active[points.grain_of_point[p.node[p.closed]]] = True
-        active[p.grain[p.closed]] = True
-        active[points.grain_of_point[w.node[w.closed]]] = True
-        active[self.contact.edges.closed_grains()] = True
-        self.comm.Allreduce(MPI.IN_PLACE, active, op=MPI.LOR)
-        return int(active.sum())
-
-    def mean_active_contacts(self):
-        """Mean number of neighbours that press on a grain, walls left out. Collective."""
-        return 2.0 * num_active_pairs(self.contact) / self.mesh.labels.size
 
 
 def _rounded_down(value):

@@ -2,10 +2,13 @@
 
 import math
 
+import numpy as np
 from mpi4py import MPI
 
 from ..contact.stiffness.springs import list_edge_springs, list_springs
+from ..errors import InputError
 from ..solvers.highest_frequency import HighestFrequency
+from ..state import Stateful
 from .mass_split import SharedMass
 
 #: The tets are looked at again when the bound of single ones falls by this, or after so many
@@ -16,23 +19,27 @@ WORSE, RARELY = 0.97, 1500
 LITTLE = 0.03
 
 
-class StableStep:
-    """The limit at the present state of a simulation. Collective, as its methods.
+class StableStep(Stateful):
+    """The limit at the present state of a specimen. Collective, as its methods.
 
     Two bounds hold. The highest frequency w of tetrahedra and springs of contact together allows
     2/w. And a node that meets a spring of rate w_c at speed v leaves it one step later at up to
     |1 - (w_c dt)²| v: contacts that open and close need (w_c dt)² <= 2 of the springs alone.
 
     Args:
-        simulation: :class:`~.Simulation` with its grains, contact and state.
+        specimen: :class:`~mufe_fenicsx.specimen.Specimen`. The stiffness of its added terms counts
+            as that of the tetrahedra.
         assembled: From the assembled system (True) or from single elements.
         factor: What part of the limit will be used.
     """
 
-    def __init__(self, simulation, assembled, factor):
-        self.comm, self.mesh = simulation.comm, simulation.mesh
-        self.solid, self.contact = simulation.solid, simulation.contact
-        self.rigid, self.state = simulation.rigid, simulation.state
+    STATE = {"common": ("rate_of_tets", "tets_at", "element_step_then")}
+
+    def __init__(self, specimen, assembled, factor):
+        self.specimen, self.comm, self.mesh = specimen, specimen.comm, specimen.mesh
+        self.solid, self.contact = specimen.solid, specimen.contact
+        self.rigid, self.state = specimen.rigid, specimen.state
+        self._of_terms = []  # what added terms have of stiffness now
         self.assembled, self.factor = assembled, factor
         self._springs = None
         # All ranks alike, for the others start the iteration from rows that no spring touches too.
@@ -57,6 +64,35 @@ class StableStep:
         first, *others = (self.rigid.constrained(add, self.state) for add in adds)
         highest = HighestFrequency(self.comm, *mass, first, turned=turned)
         return [highest, *(highest.of(add) for add in others)]
+
+    def frequencies(self):
+        """All iterations for highest frequencies, by name."""
+        return {
+            "highest": self.highest,
+            "highest_of_springs": self.highest_of_springs,
+            "highest_of_tets": self.highest_of_tets,
+            "of_shares": self.shared.highest,
+        }
+
+    def state_dict(self):
+        """Vectors that iterations begin from too, at nodes and of rigid grains."""
+        kept = super().state_dict() | {"nodes": {}, "rigid": {}}
+        kept["common"]["num_products"] = {n: h.num_products for n, h in self.frequencies().items()}
+        for name, highest in self.frequencies().items():
+            if highest.vector is not None:
+                at_nodes, of_grains = self.rigid.unpacked(highest.vector)
+                kept["nodes"][name], kept["rigid"][name] = at_nodes, of_grains
+        return kept
+
+    def load_state_dict(self, kept):
+        """Become what :meth:`state_dict` told."""
+        common = dict(kept["common"])
+        num_products = common.pop("num_products")
+        super().load_state_dict({"common": common})
+        for name, highest in self.frequencies().items():
+            highest.num_products = num_products[name]
+            if name in kept.get("nodes", {}):
+                highest.vector = self.rigid.packed(kept["nodes"][name], kept["rigid"][name])
 
     def set_mass(self, mass):
         """Take other nodal masses [kg], shape (num_nodes,)."""
@@ -85,6 +121,7 @@ class StableStep:
                 not expected to move so far (:class:`~.contact.clocks.GrainClocks`).
             element_step: Present value of :meth:`of_elements` [s].
         """
+        self._take_stiffness_of_terms()
         springs = list_springs(self.contact, margin, expected=True)
         limit, of_contact = self._limit(
             springs, margin, element_step, self.highest, self.highest_of_springs,
@@ -98,6 +135,7 @@ class StableStep:
 
         Where given with other nodal masses [kg], shape (num_nodes,).
         """
+        self._take_stiffness_of_terms()
         all_of_them = self.highest, self.highest_of_springs, self.highest_of_tets
         frequencies = [highest.of(highest.add_stiffness) for highest in all_of_them]
         if mass is not None:
@@ -105,6 +143,20 @@ class StableStep:
                 highest.set_mass(mass)
         springs = list_springs(self.contact, margin)
         return self._limit(springs, margin, element_step, *frequencies)[0]
+
+    def _take_stiffness_of_terms(self):
+        """Stiffness of the added terms at the present state.
+
+        Raises:
+            InputError: There is one, and the step is to come from single elements.
+        """
+        found = [term.stiffness(self.state) for term in self.specimen.added_terms]
+        self._of_terms = [of_term for of_term in found if of_term is not None]
+        if self._of_terms and not self.assembled:
+            raise InputError(
+                'time step = by element, expected "assembled" where forces of their own have '
+                "a stiffness"
+            )
 
     def of_tets(self):
         """Limit [s] of the tetrahedra without contact; inf for rigid grains."""
@@ -146,7 +198,8 @@ class StableStep:
     def _recent_rate_of_tets(self, element_step):
         """Highest frequency of the tetrahedra [rad/s], from not long ago."""
         waited = self.state.num_steps - self.tets_at
-        if waited >= RARELY or not element_step >= WORSE * self.element_step_then:
+        often = waited >= RARELY or self._of_terms
+        if often or not element_step >= WORSE * self.element_step_then:
             self.rate_of_tets = self.highest_of_tets()
             self.tets_at, self.element_step_then = self.state.num_steps, element_step
             self.shared.forget()
@@ -161,7 +214,7 @@ class StableStep:
             rate_of_springs: Highest frequency of springs alone [rad/s].
         """
         shared = self.shared
-        if not self._rows_are_nodes or shared.rests():
+        if not self._rows_are_nodes or self._of_terms or shared.rests():
             return math.inf
         chosen = shared.part is None
         if chosen:
@@ -176,6 +229,8 @@ class StableStep:
 
     def _add_tets(self, y, q):
         self.solid.add_stiffness(y, q, self.state.x)
+        for rows, columns, blocks in self._of_terms:
+            np.add.at(y, rows, np.einsum("bij,bj->bi", blocks, q[columns]))
 
     def add_springs(self, y, q):
         """Add the forces that springs resist ``q`` with to ``y``, both of shape (num_nodes, 3)."""

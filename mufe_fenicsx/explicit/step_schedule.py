@@ -1,5 +1,7 @@
 """When the limit of explicit time steps is found again, and what may move until then."""
 
+from ..state import Stateful
+
 #: How much faster than so far grains may move before the limit is found early.
 FASTER = 1.25
 #: Where the bound by contact is so many times the limit, pairs that can close before the next
@@ -9,12 +11,14 @@ SLACK, LONGEST_WAIT = 1.02, 4
 STEADY = 0.99
 
 
-class Refresh:
+class Refresh(Stateful):
     """Evaluations of the limit: the last one, and when the next one is due.
 
     Args:
         steps: Steps between two of them, where none waits longer.
     """
+
+    STATE = {"common": ("clock", "at", "margin", "wait", "steady", "limit")}
 
     def __init__(self, steps):
         self.steps = steps

@@ -24,7 +24,11 @@ class IncrementEquations:
     """Residual and tangent of an increment, for :class:`~.integrators.newton.Newton`. Collective.
 
     Args:
-        simulation: :class:`~.implicit.ImplicitSimulation`.
+        specimen: :class:`~mufe_fenicsx.specimen.Specimen`, the term of contact first.
+        method: :class:`~mufe_fenicsx.solvers.generalized_alpha.GeneralizedAlpha`; None: static.
+        damping: Of dynamic increments [1/s].
+        drag_time: Of static increments: stabilisation times the length of the first [s].
+        held: Pairs (nodes, unit vector) of what is prescribed.
         solver: One of linear_system.SOLVERS.
         petsc: Further options of PETSc, without the prefix ``mufe_``.
 
@@ -40,11 +44,11 @@ class IncrementEquations:
         too_far: Largest motion that it was not good for [m].
     """
 
-    def __init__(self, simulation, solver, petsc):
-        s = self._simulation = simulation
-        self.comm, self.method, mesh = s.comm, s.method, s.mesh
+    def __init__(self, specimen, method, damping, drag_time, held, solver, petsc):
+        s = self._specimen = specimen
+        self.comm, self.method, self.damping, mesh = s.comm, method, damping, s.mesh
         self._contact_tangent = ContactTangent(s.contact, mesh)
-        self.held = HeldNodes(mesh, s.held, s.bonded.nodes, self._contact_tangent)
+        self.held = HeldNodes(mesh, held, s.bonded.nodes, self._contact_tangent)
         self._u0 = fem.Function(mesh.V)
         part = 1.0 - self.method.force_of_start if self.method else 1.0
         if solver == "products":
@@ -59,22 +63,22 @@ class IncrementEquations:
             self._tangent = own = SolidTangent(s.solid, s.u, self._u0)
             self.system = LinearSystem(mesh, own.offset, own.columns, "mufe_", solver, petsc)
         self._stiffness = self._share_of_stiffness()
-        self.drag = s.stabilisation * s.first_step * self._stiffness
+        self.drag = drag_time * self._stiffness
         self.start = self.mark = self._dt = None
         self.wall_move = self.reach = self.too_far = 0.0
 
     def begin(self, start, dt):
         """Be those of an increment of length ``dt`` from ``start`` on. Local."""
         self.start, self._dt = start, dt
-        self._u0.x.array[:] = self._simulation.state.u.ravel()
+        self._u0.x.array[:] = self._specimen.state.u.ravel()
 
     def residual(self, du):
         """Minus the sum of all forces after the displacement ``du``, and the internal ones' size.
 
         r is None, on all ranks, where a node goes too far or an element turns inside out.
         """
-        sim, start, dt = self._simulation, self.start.state, self._dt
-        s, contact, f, method = sim.state, sim.contact, sim._f, self.method
+        specimen, start, dt = self._specimen, self.start.state, self._dt
+        s, contact, f, method = specimen.state, specimen.contact, specimen.f, self.method
         move = float(np.abs(du).max(initial=0.0)) if np.isfinite(du).all() else math.inf
         move = self.comm.allreduce(max(math.sqrt(3.0) * move, self.wall_move), op=MPI.MAX)
         if not move < LARGEST_MOVE * contact.edge:
@@ -85,27 +89,27 @@ class IncrementEquations:
             self.too_far = max(self.too_far, move)
             return None, 0.0
         self._place(du)
-        contact.place(s.x)
-        inverted = sim.solid.add_internal_forces(f, s, dt)
+        specimen.solid.inverted = -1
+        for term in specimen.terms:
+            term.begin_forces(f, s, dt)
         if self.products:
             self.products.take(du, f)
-        if self.comm.allreduce(int(inverted >= 0)):
+        if self.comm.allreduce(int(specimen.solid.inverted >= 0)):
+            specimen.solid.inverted = -1
             contact.receive()
             return None, 0.0
         size = float(np.vdot(f, f))
-        contact.receive()
-        contact.evaluate(f)
-        sim.bonded.take_forces(f, s.v, s.x)
-        sim.mirrors.take_forces(f, s.x)
+        for term in specimen.terms:
+            term.add_forces(f, s, dt)
         if method:
             a1 = method.acceleration(du, start["v"], start["a"], dt)
             v1 = method.velocity(a1, start["v"], start["a"], dt)
             ma, mf = method.inertia_of_start, method.force_of_start
-            mass = sim.solid.mass[:, None]
+            mass = specimen.solid.mass[:, None]
             r = mass * ((1 - ma) * a1 + ma * start["a"])
             size += float(np.vdot(r, r))
-            r -= (1 - mf) * (f - sim.damping * mass * v1)
-            r -= mf * (self.start.force - sim.damping * mass * start["v"])
+            r -= (1 - mf) * (f - self.damping * mass * v1)
+            r -= mf * (self.start.force - self.damping * mass * start["v"])
         else:
             drag = (self.drag / dt)[:, None] * du
             r = drag - f
@@ -113,36 +117,36 @@ class IncrementEquations:
 
     def _place(self, du):
         """The state at the start of the increment, nodes moved by ``du``, no forces. Local."""
-        sim, start = self._simulation, self.start.state
-        s = sim.state
+        specimen, start = self._specimen, self.start.state
+        s = specimen.state
         s.x[:] = start["x"] + du
-        s.u[:] = s.x - sim.mesh.x
+        s.u[:] = s.x - specimen.mesh.x
         s.v[:] = du / self._dt
         for name in ("deviator", "plastic_strain", "plastic_work"):
             getattr(s, name)[:] = start[name]
-        sim._f[:] = 0.0
+        specimen.f[:] = 0.0
 
     def _forces_of_grains(self, du):
         """Their own forces after the displacement ``du``; None where one turns inside out."""
-        sim = self._simulation
+        specimen = self._specimen
         self._place(du)
-        inverted = sim.solid.add_internal_forces(sim._f, sim.state, self._dt)
-        return None if self.comm.allreduce(int(inverted >= 0)) else sim._f
+        inverted = specimen.solid.add_internal_forces(specimen.f, specimen.state, self._dt)
+        return None if self.comm.allreduce(int(inverted >= 0)) else specimen.f
 
     def set_tangent(self, regularisation=0.0):
         """The derivative of :meth:`residual` at its last argument, into the linear system.
 
         ``regularisation`` times the share of each node in its grain's stiffness is added.
         """
-        sim, start, method, dt = self._simulation, self.start.state, self.method, self._dt
+        specimen, start, method, dt = self._specimen, self.start.state, self.method, self._dt
         rows, columns, contact = self._contact_tangent(self.mark)
         nodes = self._contact_tangent.global_nodes()
         factor = 1.0
         if method:
             factor = 1.0 - method.force_of_start
             slope = method.inertia_slope(dt)
-            slope += factor * sim.damping * method.velocity_slope(dt)
-            diagonal = slope * sim.solid.mass
+            slope += factor * self.damping * method.velocity_slope(dt)
+            diagonal = slope * specimen.solid.mass
         else:
             diagonal = self.drag / dt
         diagonal = diagonal + regularisation * self._stiffness
@@ -150,17 +154,34 @@ class IncrementEquations:
         tangent = self._tangent
         if tangent is None:
             self.held.project_contact(rows, columns, contact)
-            self.system.put(diagonal, nodes[rows], nodes[columns], contact)
+            more = self._with_terms(nodes[rows], nodes[columns], contact, factor)
+            self.system.put(diagonal, *more)
             return
-        tangent.take(sim.state, start["deviator"], start["plastic_strain"], dt)
-        blocks = factor * tangent.assemble(sim.state.x)
+        tangent.take(specimen.state, start["deviator"], start["plastic_strain"], dt)
+        blocks = factor * tangent.assemble(specimen.state.x)
         blocks[tangent.diagonal] += diagonal[:, None, None] * np.eye(3)
         self.held.project_tangent(tangent, blocks, rows, columns, contact)
-        self.system.set(blocks, nodes[rows], nodes[columns], contact)
+        more = self._with_terms(nodes[rows], nodes[columns], contact, factor)
+        self.system.set(blocks, *more)
+
+    def _with_terms(self, rows, columns, blocks, factor):
+        """Blocks of contact, by global nodes, and after them those of added terms."""
+        first = self._specimen.mesh.V.dofmap.index_map.local_range[0]
+        for term in self._specimen.added_terms:
+            found = term.stiffness(self._specimen.state)
+            if found is None:
+                continue
+            own_rows, own_columns, more = found
+            more = factor * more
+            self.held.project_nodes(own_rows, own_columns, more)
+            rows = np.concatenate([rows, first + own_rows])
+            columns = np.concatenate([columns, first + own_columns])
+            blocks = np.concatenate([blocks, more])
+        return rows, columns, blocks
 
     def _share_of_stiffness(self):
         """E* V^(1/3) m/M of each node [N/m], shape (num_nodes,)."""
-        mesh, solid = self._simulation.mesh, self._simulation.solid
+        mesh, solid = self._specimen.mesh, self._specimen.solid
         volume = np.add.reduceat(solid.volume0, mesh.cell_offset[:-1])
         mass = np.bincount(mesh.grain_of_node, solid.mass, mesh.num_grains)
         stiffness = solid.contact_modulus * np.cbrt(volume)

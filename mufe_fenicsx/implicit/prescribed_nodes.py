@@ -69,6 +69,11 @@ class HeldNodes:
         if self._any:
             project_pairs(contact, rows, columns, *self._at_surface())
 
+    def project_nodes(self, rows, columns, blocks):
+        """The free part of further blocks of two nodes of this rank, in place. Local."""
+        if self._is_held.any():
+            project_pairs(blocks, rows, columns, self._projector, self._is_held)
+
     def _at_surface(self):
         """Projectors at surface nodes and ghosts, and where they differ from one."""
         contact = self._contact_tangent.contact

@@ -1,6 +1,6 @@
-"""Grains, contact and walls, stepped together by implicit increments: static or dynamic.
+"""Grains, contact and walls, moved together by implicit increments: static or dynamic.
 
-Forces are those of the explicit simulation, evaluated from the state at the start of the
+Forces are those of the specimen, as in time steps, evaluated from the state at the start of the
 increment: stress update, contact and friction are the same functions of positions, and a state
 can go from one integrator to another and back. Newton's method solves for the displacements; the
 tangent is that of `tangent` and `contact.tangent`. Pairs of contact are those of one search
@@ -25,12 +25,14 @@ from mpi4py import MPI
 from ..contact.mark import ContactMark
 from ..contact.stiffness.augmented import Augmentation
 from ..errors import InputError, SolverError
-from ..explicit.simulation import Simulation
 from ..solvers.generalized_alpha import GeneralizedAlpha
 from ..solvers.newton import Newton
+from ..specimen import OfSpecimen, Specimen
+from .contact_in_increments import ContactInIncrements
+from .force_controlled_walls import ForceControlledWalls
 from .increment import IncrementEquations
 from .increment_end import IncrementEnd
-from .increment_start import HeldWalls, IncrementStart
+from .increment_start import IncrementStart
 from .linear_system import solver_by_size
 
 #: Iterations over the most allowed, up to which the next increment is much and a little longer, and
@@ -44,13 +46,14 @@ MAX_SEARCHES = 6
 NO_FORCE = 1e-9
 
 
-class ImplicitSimulation(Simulation):
-    """As :class:`~mufe_fenicsx.explicit.simulation.Simulation`, by implicit increments. Collective.
+class ImplicitSimulation(OfSpecimen):
+    """A specimen in implicit increments. Collective.
 
     Args:
-        mesh, materials, walls, options: Of the explicit simulation; no rigid grains, no
-            kinematic law, no mass scaling. Damping acts in dynamics only. Walls held at a
-            force, in static increments only, move within each until they carry it.
+        mesh, materials, walls, options: As of :class:`~mufe_fenicsx.specimen.Specimen`; no rigid
+            grains, no kinematic law. Walls held at a force, in static increments only, move
+            within each until they carry it.
+        damping: Force -damping m v on every node [1/s], in dynamics.
         first_step: Length of the first increment [s].
         smallest_step, largest_step: Bounds of the length [s]; None: 1e-4 of and 4 times the first.
         spectral_radius: Of :class:`~.integrators.generalized_alpha.GeneralizedAlpha`; None for
@@ -82,7 +85,10 @@ class ImplicitSimulation(Simulation):
         augmentations: Of each increment with exact gaps: (how many, largest distance left [m]).
     """
 
+    STATE = {"common": ("dt", "dt_element"), "sum": ("damped",)}
+
     increments = True
+    scaling = None  #: increments need no added mass
 
     def __init__(
         self,
@@ -103,6 +109,7 @@ class ImplicitSimulation(Simulation):
         held=(),
         gap_tolerance=None,
         max_augmentations=30,
+        damping=0.0,
         **options,
     ):
         self.first_step = float(first_step)
@@ -121,19 +128,30 @@ class ImplicitSimulation(Simulation):
                 f"gap_tolerance = {gap_tolerance}, expected none for dynamics: augmentations "
                 "belong to static increments"
             )
-        super().__init__(mesh, materials, walls, **options)
-        if self._any_rigid:
+        specimen = Specimen(mesh, materials, walls, **options)
+        super().__init__(specimen)
+        self.damping = float(damping)
+        self.damped = 0.0  #: energy taken by damping and stabilisation on this rank [J]
+        if specimen.any_rigid:
             raise InputError("rigid grains, expected deformable ones for an implicit solver")
         if self.walls.has_servo and self.method:
             raise InputError(
                 "a wall is held at a force, expected walls at rest or moving for dynamic increments"
             )
-        if self.scaling is not None:
-            raise InputError("[mass_scaling] is given, expected none for an implicit solver")
         self.held = [(np.asarray(nodes), np.asarray(d, float)) for nodes, d in held]
-        self.held += self.mirrors.held()
+        self.held += specimen.mirrors.held()
         self.prescribed = np.zeros_like(mesh.x)
-        self.equations = IncrementEquations(self, linear_solver or solver_by_size(mesh), petsc)
+        specimen.start()
+        specimen.terms.insert(0, ContactInIncrements(self.contact))
+        self.state.a[:] = specimen.f / specimen.solid.mass[:, None]
+        self.dt = self.first_step
+        own = specimen.solid.element_time_step(self.state.x)
+        self.dt_element = self.comm.allreduce(own, op=MPI.MIN)
+        specimen.initial_kinetic = self.comm.allreduce(self.kinetic_energy())
+        self.equations = IncrementEquations(
+            specimen, self.method, self.damping, self.stabilisation * self.first_step, self.held,
+            linear_solver or solver_by_size(mesh), petsc,
+        )  # fmt: skip
         self.system = self.equations.system
         self._exact = None if gap_tolerance is None else Augmentation(self.contact)
         self._gap_tolerance = (gap_tolerance or 0.0) * self.contact.edge
@@ -147,25 +165,46 @@ class ImplicitSimulation(Simulation):
             no_force * floor * self.contact.edge**2 / tolerance, max_iterations,
             self.equations.products,
         )  # fmt: skip
-        self._held_walls = HeldWalls(self) if self.walls.has_servo else None
+        self._held_walls = None
+        if self.walls.has_servo:
+            self._held_walls = ForceControlledWalls(specimen, self.first_step)
         self._last = None  # displacement of the last increment, its length, motion of its walls
         self.end = IncrementEnd()
         self.report = []
         self.num_failed = 0  #: increments that had to be shortened
         self.num_on_jumps = 0
 
+    @property
+    def parts(self):
+        """All that increments change, :class:`~mufe_fenicsx.state.Stateful` by name."""
+        return self.specimen.parts | {"simulation": self}
+
+    def deform_all_but(self, still_rigid):
+        """Nothing: there are no rigid grains. Local."""
+
     # --- what stays the same ---------------------------------------------------------------
 
-    def update_time_step(self, early=False, of_elements=None):
-        """The length of increments follows from their success; there is no limit of stability."""
-        if math.isnan(self.dt):
-            self.dt = self.first_step
-            own = self.solid.element_time_step(self.state.x)
-            self.dt_element = self.comm.allreduce(own, op=MPI.MIN)
-
-    def _kinetic(self):
+    def kinetic_energy(self):
+        """Kinetic energy of this rank's grains [J]. Local."""
         s = self.state
-        return 0.5 * float(self._free_mass @ (s.v**2).sum(axis=1))
+        return 0.5 * float(self.specimen.free_mass @ (s.v**2).sum(axis=1))
+
+    def complete(self):
+        """All nodes are up to date at the end of an increment. Local."""
+
+    def update_time_step(self):
+        """Nothing: the length of increments follows from their success. Local."""
+
+    def check(self):
+        """Stop where an element fails or a grain is too deep in another one. Collective.
+
+        Raises:
+            UnstableError: An element turned inside out or collapsed, or the motion is not
+                finite; on all ranks.
+            SolverError: An element left its table of yield stresses, or a grain is too deep in
+                another one; on all ranks.
+        """
+        self.specimen.check(math.isfinite(self.kinetic_energy()))
 
     def response(self, load):
         """Displacements [m] by small further forces ``load`` [N], both (num_nodes, 3). Collective.
@@ -187,10 +226,10 @@ class ImplicitSimulation(Simulation):
         s = self.state
         self.dt, self._last = self.first_step, None
         if self.method is None:
-            self.damped += self._kinetic()
+            self.damped += self.kinetic_energy()
             s.v[:], s.a[:] = 0.0, 0.0
         else:
-            s.a[:] = self._f / self.solid.mass[:, None]
+            s.a[:] = self.specimen.f / self.solid.mass[:, None]
 
     # --- an increment ----------------------------------------------------------------------
 
@@ -310,7 +349,7 @@ class ImplicitSimulation(Simulation):
         """Keep the state, and move walls and what is prescribed."""
         s, walls = self.state, self.walls
         equations = self.equations
-        equations.begin(IncrementStart(self), dt)
+        equations.begin(IncrementStart(self.specimen), dt)
         equations.wall_move = walls.move(dt)
         if self._exact:
             self._exact.begin()
@@ -318,10 +357,10 @@ class ImplicitSimulation(Simulation):
         equations.mark = ContactMark(self.contact)
         walls.add_work()
         equations.reach = self.contact.searched_at + self.contact.skin
-        if self.bonded.nodes.size:
+        if self.specimen.bonded.nodes.size:
             x, u, v = s.x.copy(), s.u.copy(), s.v.copy()
-            self.bonded.move(x, u, v, self.mesh.x, dt)
-            self.prescribed[self.bonded.nodes] = (x - s.x)[self.bonded.nodes]
+            self.specimen.bonded.move(x, u, v, self.mesh.x, dt)
+            self.prescribed[self.specimen.bonded.nodes] = (x - s.x)[self.specimen.bonded.nodes]
         expected = equations.wall_move
         if self._last is not None:
             expected = max(expected, float(np.abs(self._last[0]).max()) * dt / self._last[1])
@@ -368,7 +407,7 @@ class ImplicitSimulation(Simulation):
 
     def _motion(self):
         """The last motion of all walls, turns over an edge of facets, and of held nodes [m]."""
-        walls = np.concatenate([self.walls._push, self.contact.edge * self.walls._turn])
+        walls = np.concatenate([self.walls.push, self.contact.edge * self.walls.turn])
         return walls.ravel(), self.prescribed.copy()
 
     def _finish(self, du, dt):
@@ -378,7 +417,7 @@ class ImplicitSimulation(Simulation):
             s.a[:] = method.acceleration(du, start["v"], start["a"], dt)
             s.v[:] = method.velocity(s.a, start["v"], start["a"], dt)
             middle = 0.5 * (s.v + start["v"])
-            mass = self._free_mass[:, None]
+            mass = self.specimen.free_mass[:, None]
             self.damped += self.damping * dt * float((mass * middle**2).sum())
         else:
             s.a[:], s.v[:] = 0.0, 0.0
@@ -395,4 +434,4 @@ class ImplicitSimulation(Simulation):
         if self._exact:
             self._exact.cancel()
         self.walls.turn_back()
-        self.equations.start.restore(self)
+        self.equations.start.restore()

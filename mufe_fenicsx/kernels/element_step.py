@@ -5,13 +5,13 @@ import math
 import numba
 import numpy as np
 
-from .solid import _cofactors
+from .solid import cofactors
 
 
 @numba.njit(cache=True, inline="always")
 def _step(x, cell, wave_speed):
     """Proven time step of one element [s]."""
-    h = _cofactors(x, cell[0], cell[1], cell[2], cell[3])
+    h = cofactors(x, cell[0], cell[1], cell[2], cell[3])
     s0, s1, s2 = h[0] + h[3] + h[6], h[1] + h[4] + h[7], h[2] + h[5] + h[8]
     total = s0 * s0 + s1 * s1 + s2 * s2
     for i in range(9):
@@ -72,7 +72,7 @@ def add_nodal_stiffness(stiffness, x, cells, grains, cell_offset, modulus):
     for g in grains:
         for e in range(cell_offset[g], cell_offset[g + 1]):
             a, b, c, d = cells[e]
-            h = _cofactors(x, a, b, c, d)
+            h = cofactors(x, a, b, c, d)
             factor = modulus[g] / (6.0 * abs(h[9]))
             s0, s1, s2 = h[0] + h[3] + h[6], h[1] + h[4] + h[7], h[2] + h[5] + h[8]
             stiffness[a] += factor * (s0 * s0 + s1 * s1 + s2 * s2)

@@ -151,3 +151,19 @@ def moments(sums, x, v):
     total[0, 0] = len(x)
     total[1:, 0] = total[0, 1:4]
     sums += total
+
+
+@numba.njit(cache=True)
+def add_weights(f, mass, g, runs):
+    """Add the weights m g of the nodes of ``runs`` to their forces ``f``, in place.
+
+    Args:
+        f: Forces [N], shape (num_nodes, 3).
+        mass: Masses [kg], shape (num_nodes,).
+        g: Acceleration [m/s²], shape (3,).
+        runs: First node and end of ranges of nodes, shape (num_runs, 3).
+    """
+    for r in range(runs.shape[0]):
+        for n in range(runs[r, 0], runs[r, 1]):
+            for i in range(3):
+                f[n, i] += mass[n] * g[i]

@@ -60,7 +60,7 @@ PARTS = 8
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy", inline="always")
-def _cofactors(x, a, b, c, d):
+def cofactors(x, a, b, c, d):
     """Six times volume times the gradients of nodes b, c, d; and six times the volume."""
     e1x, e1y, e1z = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
     e2x, e2y, e2z = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]

@@ -11,6 +11,7 @@ reached.
 import numpy as np
 
 from ..errors import SolverError
+from ..state import Stateful
 from .quasi_static import QuasiStaticSpeed
 
 TOP, BOTTOM = "z_max", "z_min"
@@ -34,10 +35,6 @@ EXACT = 1e-9
 OVERDAMPED = 0.5
 
 
-#: What changes in the course of a test, beside the walls.
-KEPT = ("stage", "stages", "first_height", "reference_height", "_speed", "_speed_at_start")
-
-
 def smooth_step(s):
     """0 below 0, 1 above 1, between them the quintic with two vanishing derivatives."""
     s = min(max(s, 0.0), 1.0)
@@ -56,7 +53,7 @@ def overdamped(simulation):
     )
 
 
-class OedometerLoading:
+class OedometerLoading(Stateful):
     """Moves the top platen of a simulation through seating and loading.
 
     Args:
@@ -74,6 +71,17 @@ class OedometerLoading:
     end = "final strain reached"  #: why a test stops that does all it should
     strain_definition = STRAIN_DEFINITION
     follows = False  #: whether the start of a stage is the stored end of another one
+
+    STATE = {
+        "common": (
+            "stage",
+            "stages",
+            "first_height",
+            "reference_height",
+            "_speed",
+            "_speed_at_start",
+        )
+    }
 
     def __init__(
         self, simulation, strain, speed, ramp, seating_force, seating_speed, quasi_static=None
@@ -142,18 +150,17 @@ class OedometerLoading:
         """Whether the strain of the test is reached."""
         return self.stage == LOADING and self.progress >= self.final_strain * (1.0 - EXACT)
 
-    def keep(self):
+    def state_dict(self):
         """What a loading that goes on from here has to know, fit for JSON."""
-        kept = {name: getattr(self, name) for name in KEPT}
-        return kept if self.control is None else kept | {"control": self.control.keep()}
+        kept = super().state_dict()
+        return kept if self.control is None else kept | {"control": self.control.state_dict()}
 
-    def go_on(self, kept):
-        """Go on from what :meth:`keep` gave."""
-        for name in KEPT:
-            setattr(self, name, kept[name])
+    def load_state_dict(self, kept):
+        """Go on from what :meth:`state_dict` gave."""
+        super().load_state_dict({"common": kept["common"]})
         if self.control is not None:
             if "control" in kept:
-                self.control.go_on(kept["control"])
+                self.control.load_state_dict(kept["control"])
             elif self.stage == LOADING:  # the speed was constant before
                 self.control.begin(self._speed)
 

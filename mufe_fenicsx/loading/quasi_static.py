@@ -39,6 +39,8 @@ newtons, those that a linear sample has at that strain: both targets are divided
 
 import math
 
+from ..state import Stateful
+
 #: Samples within the time T that a wave travels.
 SAMPLES = 32
 #: r that the control aims at.
@@ -54,12 +56,8 @@ SHARE = 0.5
 #: Below this part of ``loaded`` targets grow no more.
 LEAST = 0.1
 
-#: What changes in the course of a test.
-KEPT = ("speed", "acceleration", "travel_time", "falling", "_last", "_next", "_square", "_force",
-        "_kinetic", "_target", "range", "worst")  # fmt: skip
 
-
-class QuasiStaticSpeed:
+class QuasiStaticSpeed(Stateful):
     """Speed of the top platen that keeps a test quasi-static at few steps. Collective.
 
     Args:
@@ -67,6 +65,23 @@ class QuasiStaticSpeed:
         settings: :class:`~mufe_fenicsx.scene.QuasiStatic` with its limits of speed filled in.
         top, bottom: Indices of the platens among its walls.
     """
+
+    STATE = {
+        "common": (
+            "speed",
+            "acceleration",
+            "travel_time",
+            "falling",
+            "_last",
+            "_next",
+            "_square",
+            "_force",
+            "_kinetic",
+            "_target",
+            "range",
+            "worst",
+        )
+    }
 
     def __init__(self, simulation, settings, top, bottom):
         self.simulation, self.settings = simulation, settings
@@ -79,15 +94,6 @@ class QuasiStaticSpeed:
         self._target = 0.0  # k_target of the last sample
         self.range = [math.inf, 0.0]  #: slowest and fastest so far [m/s]
         self.worst = [0.0, 0.0]  #: largest k and d since the strain ``loaded`` [-]
-
-    def keep(self):
-        """What a control that goes on from here has to know, fit for JSON."""
-        return {name: getattr(self, name) for name in KEPT}
-
-    def go_on(self, kept):
-        """Go on from what :meth:`keep` gave."""
-        for name in KEPT:
-            setattr(self, name, kept[name])
 
     def begin(self, speed):
         """Start from a speed [m/s] that the platen has."""

@@ -37,6 +37,7 @@ import math
 import numpy as np
 
 from ..errors import SolverError
+from ..state import Stateful
 from .oedometer import overdamped, smooth_step
 from .quasi_static import QuasiStaticSpeed
 from .wall_servo import Servo
@@ -62,13 +63,8 @@ NUM_WAYS = 3
 #: Columns of history.csv beyond the usual ones.
 COLUMNS = ("stress_x", "stress_y", "stress_z", "strain_x", "strain_y", "strain_z")
 
-#: What changes in the course of a test, beside the walls.
-KEPT = ("index", "stages", "first_height", "_reference", "_held", "_begun", "_length0", "_stress0",
-        "_values0", "_s", "_settled", "_hold_from", "_speed", "_mean", "_mean_at", "_brake_from",
-        "_led_until", "_ways")  # fmt: skip
 
-
-class StagedLoading:
+class StagedLoading(Stateful):
     """Moves the six walls of a simulation through stages. Collective but for plain numbers.
 
     Args:
@@ -81,6 +77,29 @@ class StagedLoading:
     columns = COLUMNS
     end = "last stage done"
     strain_definition = STRAIN_DEFINITION
+
+    STATE = {
+        "common": (
+            "index",
+            "stages",
+            "first_height",
+            "_reference",
+            "_held",
+            "_begun",
+            "_length0",
+            "_stress0",
+            "_values0",
+            "_s",
+            "_settled",
+            "_hold_from",
+            "_speed",
+            "_mean",
+            "_mean_at",
+            "_brake_from",
+            "_led_until",
+            "_ways",
+        )
+    }
 
     def __init__(self, simulation, settings, program, quasi_static=None):
         self.simulation, self.settings, self.program = simulation, settings, program
@@ -191,20 +210,19 @@ class StagedLoading:
         values = dict(zip(COLUMNS, [*stress, *self.strains], strict=True))
         return values | {"stress": stress[2]}
 
-    def keep(self):
+    def state_dict(self):
         """What a loading that goes on from here has to know, fit for JSON."""
-        kept = {name: getattr(self, name) for name in KEPT} | {"servo": self.servo.keep()}
-        return kept if self.control is None else kept | {"control": self.control.keep()}
+        kept = super().state_dict() | {"servo": self.servo.state_dict()}
+        return kept if self.control is None else kept | {"control": self.control.state_dict()}
 
-    def go_on(self, kept):
-        """Go on from what :meth:`keep` gave."""
-        for name in KEPT:
-            setattr(self, name, kept[name])
-        self.servo.go_on(kept["servo"])
+    def load_state_dict(self, kept):
+        """Go on from what :meth:`state_dict` gave."""
+        super().load_state_dict({"common": kept["common"]})
+        self.servo.load_state_dict(kept["servo"])
         self._updated = -1
         self._do = self._tasks()
         if self.control is not None:
-            self.control.go_on(kept["control"])
+            self.control.load_state_dict(kept["control"])
             self.control.platens = self._leading_walls()
 
     # --- stages ---------------------------------------------------------------------------

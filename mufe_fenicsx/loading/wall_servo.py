@@ -26,6 +26,7 @@ import math
 import numpy as np
 
 from ..contact.walls import SERVO_GAIN
+from ..state import Stateful
 
 #: Samples of ρ c in the time that a wave travels through the sample.
 SAMPLES = 8
@@ -34,31 +35,21 @@ FIRST_STEPS = 32
 #: Largest change of ρ c from one to the next.
 CHANGE = 2.0
 
-#: What changes in the course of a test.
-KEPT = ("impedance", "travel_time", "_next")
 
-
-class Servo:
+class Servo(Stateful):
     """Gains of the six walls of a simulation. Collective.
 
     Args:
         simulation: :class:`~mufe_fenicsx.explicit.simulation.Simulation` with the walls of a box.
     """
 
+    STATE = {"common": ("impedance", "travel_time", "_next")}
+
     def __init__(self, simulation):
         self.simulation = simulation
         self.impedance = 0.0  #: ρ c [Pa s/m]; 0 before the sample carries anything
         self.travel_time = 0.0  #: of a wave through the sample along its shortest length [s]
         self._next = 0.0
-
-    def keep(self):
-        """What one that goes on from here has to know, fit for JSON."""
-        return {name: getattr(self, name) for name in KEPT}
-
-    def go_on(self, kept):
-        """Go on from what :meth:`keep` gave."""
-        for name in KEPT:
-            setattr(self, name, kept[name])
 
     def sample(self, stress, lengths):
         """Measure ρ c where that is due. Collective.

@@ -38,7 +38,7 @@ def draw_animation(source, folder):
     Raises:
         InputError: There are less than two states, or nothing can be rendered.
     """
-    listed = source.run._states
+    listed = source.run.stored_states
     if len(listed) < 2:
         raise InputError(f"{len(listed)} stored states, expected 2 or more for an animation")
     source.need_rendering()

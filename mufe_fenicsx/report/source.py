@@ -24,7 +24,7 @@ class ReadableRun(Run):
     """A run of which only the states that can be read are counted."""
 
     @cached_property
-    def _states(self):
+    def stored_states(self):
         try:
             listed = read_states(self.path)
         except InputError:
@@ -156,7 +156,7 @@ class Source:
     @cached_property
     def states(self):
         """Stored states at the start, middle and end of loading, :class:`State`; one at least."""
-        if not self.run._states:
+        if not self.run.stored_states:
             raise InputError(f"{self.folder / 'fields'} has no stored states that can be read")
         try:
             history = self.history

@@ -59,7 +59,9 @@ class Run:
             )
 
     def __repr__(self):
-        return f"Run {self.path}: {len(self._states)} states, {len(self.missing)} things missing"
+        return (
+            f"Run {self.path}: {len(self.stored_states)} states, {len(self.missing)} things missing"
+        )
 
     # --- what the files hold --------------------------------------------------------------
 
@@ -93,13 +95,13 @@ class Run:
         return _Table(read_history(self.path / "history.csv"))
 
     @property
-    def _states(self):
+    def stored_states(self):
         return read_states(self.path)
 
     @property
     def states(self):
         """The stored states: time [s], strain, stage; the index is their number."""
-        table = pandas.DataFrame(self._states, columns=["index", "time", "strain", "stage"])
+        table = pandas.DataFrame(self.stored_states, columns=["index", "time", "strain", "stage"])
         return table.set_index("index")
 
     def state(self, number=-1):
@@ -108,7 +110,7 @@ class Run:
         Raises:
             InputError: It was not stored.
         """
-        listed = self._states
+        listed = self.stored_states
         if number < 0:
             found = listed[number] if -number <= len(listed) else None
         else:
@@ -309,7 +311,7 @@ class Run:
             if "stage" in history and not (history["stage"] != "seating").any():
                 found.append("The loading stage: history.csv has no row of it.")
             attempt(lambda: tables.check_finite("history.csv", history))
-        states = attempt(lambda: self._states)
+        states = attempt(lambda: self.stored_states)
         if states == []:
             found.append("Stored states: there is none in the folder fields.")
         mesh = attempt(lambda: self._start)

@@ -119,11 +119,15 @@ def make_simulation(scene, mesh, low, high, shorter=1.0):
         shorter: The scene's time step times this.
     """
     contact, solver = scene.contact, scene.solver
-    make, more = Simulation, {"mass_scaling": scene.mass_scaling}
+    make = Simulation
+    more = {
+        "assembled": solver.time_step == "assembled",
+        "time_step_factor": solver.time_step_factor * shorter,
+        "mass_scaling": scene.mass_scaling,
+    }
     if solver.integrator != "explicit":
-        from ..implicit.simulation import (
-            ImplicitSimulation,  # a tenth of a second that others need not wait
-        )
+        # A tenth of a second that others need not wait.
+        from ..implicit.simulation import ImplicitSimulation
 
         make, more = ImplicitSimulation, _increments(scene, high[2] - low[2], shorter)
     return make(
@@ -139,8 +143,6 @@ def make_simulation(scene, mesh, low, high, shorter=1.0):
         self_contact=contact.self_contact,
         element=solver.element,
         damping=solver.damping,
-        assembled=solver.time_step == "assembled",
-        time_step_factor=solver.time_step_factor * shorter,
     )
 
 

@@ -18,8 +18,8 @@ PARTS = {
         ("contact", name)
         for name in ("send", "receive", "agree", "begin_give_back", "end_give_back")
     ),
-    "motion": (("", "_drift"), ("", "_kick")),
-    "rigid": (("rigid", "take_forces"), ("rigid", "drift"), ("rigid", "kick")),
+    "motion": (("motion", "drift"), ("motion", "kick")),
+    "rigid": (("rigid", "add_forces"), ("rigid", "drift"), ("rigid", "kick")),
     "time step": (("", "update_time_step"),),
     "checks": (("", "check"), ("", "energies")),
 }
@@ -40,7 +40,9 @@ class Profile:
         self._searches = simulation.contact.num_searches
         for part, methods in PARTS.items():
             for owner, name in methods:
-                thing = getattr(simulation, owner) if owner else simulation
+                thing = getattr(simulation, owner, None) if owner else simulation
+                if thing is None:  # increments know no such part
+                    continue
                 setattr(thing, name, self.timed(getattr(thing, name), part))
 
     def timed(self, function, part):

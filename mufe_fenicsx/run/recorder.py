@@ -6,7 +6,6 @@ from ..bulk.solid import von_mises
 from ..contact.results.network import find_network
 from ..contact.results.nodal_fields import nodal_contact
 from ..errors import InputError
-from ..explicit.simulation import ENERGIES
 from ..output.contacts import ContactWriter
 from ..output.fields import Computed, FieldWriter
 from ..output.history import COLUMNS, HistoryWriter
@@ -19,7 +18,7 @@ from .energy_guard import EnergyGuard
 class Recorder:
     """Writes history and fields of a test as it goes on. Collective.
 
-    With ``kept``, of :meth:`keep`, it goes on from there; ``same_ranks``: on as many ranks.
+    With ``kept``, of :meth:`state_dict`, it goes on from there; ``same_ranks``: on as many ranks.
     ``lock``, a :class:`~.output.run_lock.RunLock`, is that of the folder.
     """
 
@@ -33,7 +32,7 @@ class Recorder:
         self.guard = EnergyGuard(simulation, energy_limit)
         self.history = HistoryWriter(
             folder / "history.csv",
-            (*COLUMNS, *loading.columns),
+            (*COLUMNS, *loading.columns, *simulation.specimen.energy_columns),
             comm=mesh.comm,
             kept=kept.get("history"),
             rows=kept.get("history_rows"),
@@ -52,7 +51,7 @@ class Recorder:
         self._field_interval = loading.interval(output.fields)
         self._stage, self._next_row, self._next_state = kept.get("next", (None, 0.0, 0.0))
 
-    def keep(self):
+    def state_dict(self):
         """What a recorder that goes on from here has to know, fit for JSON; rows are on disk."""
         return {
             "history": self.history.sync(),
@@ -107,7 +106,7 @@ class Recorder:
             "length_y": length_y,
         }
         row.update({f"force_{name}": f for name, f in zip(WALLS, forces, strict=True)})
-        row.update({name: energies[name] for name in ENERGIES})
+        row.update(energies)
         row.update(loading.row(forces))
         self.history.append(row)
         self.check_energy(energies)

@@ -75,7 +75,7 @@ def _nothing_to_do(header, scene, folder):
     """What is wrong with the end of the test that a scene wants, or None."""
     old, new = (tomllib.loads(text).get(STAGES) for text in (header["scene"], scene))
     if new is not None:
-        return _wrong_stages(old, new, header["loading"]["index"] + 1, folder)
+        return _wrong_stages(old, new, header["loading"]["common"]["index"] + 1, folder)
     old, new = (tomllib.loads(text)["oedometer"]["strain"] for text in (header["scene"], scene))
     if read_run_json(folder).get("finished") and new <= old:
         return (

@@ -354,7 +354,7 @@ class _Test:
                 self.simulation.update_time_step()
             if integrator_of(header["scene"]) != scene.solver.integrator:
                 self.simulation.take_over()
-            self.loading.go_on(header["loading"])
+            self.loading.load_state_dict(header["loading"])
             recorder = header["recorder"]
             same_ranks = written_by(checkpoint, self.comm.size, self.mesh.rank_of_grain)
         if place is not None:
@@ -374,7 +374,7 @@ class _Test:
             after_step = self.profile.timed(self.recorder.after_step, "output")
             self.recorder.after_step = after_step
         if self.first_kept is None and checkpoint is None:
-            self.first_kept = self.recorder.keep()
+            self.first_kept = self.recorder.state_dict()
 
     def make_loading(self):
         """What moves the walls of the present simulation, at its start. Collective."""
@@ -430,8 +430,8 @@ class _Test:
         tables, own, state = snapshot(self.simulation)
         header = {
             "state": state,
-            "loading": self.loading.keep(),
-            "recorder": self.recorder.keep(),
+            "loading": self.loading.state_dict(),
+            "recorder": self.recorder.state_dict(),
             "retries": self.recovery.done,
             "strain": float(self.loading.strain),
             "wall_s": time.perf_counter() - self.started,

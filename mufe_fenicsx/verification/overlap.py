@@ -139,14 +139,14 @@ def _pairs(h, depth):
         for k, fraction in enumerate(FRACTIONS):
             place = np.array([0.0, 5.0 * i, 5.0 * k]) * RADIUS
             for sign, (points, cells) in zip(
-                (-1, 1), _pair(kind, h, fraction * depth), strict=True
+                (-1, 1), two_bodies(kind, h, fraction * depth), strict=True
             ):
                 bodies.append(((points + place) @ turn.T, cells))
                 away.append(sign * turn[:, 0])
     return bodies, np.array(away)
 
 
-def _pair(kind, h, d):
+def two_bodies(kind, h, d):
     """Two bodies that meet at the origin along x, the second one ``d`` [m] deep in the first."""
     n = max(round(RADIUS / h), 2)
     if kind == "blocks":

@@ -52,7 +52,7 @@ def test_nothing_jumps_when_a_grain_begins_to_deform():
     s.state.dt = 0.0  # energies at the instant, without the term in dt of the scheme
     (before, momenta), wall_forces = balance(s), s.wall_forces()
     x, v = s.state.x.copy(), s.state.v.copy()
-    s._watch.largest *= SOON
+    s.watch.largest *= SOON
     s._release_loaded()
     assert s.comm.allreduce(s.solid.grains.size) == 2
     (after, momenta_after), _ = balance(s), s.wall_forces()

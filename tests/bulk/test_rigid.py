@@ -163,7 +163,10 @@ def test_nodes_that_contact_does_not_read_need_not_follow():
     found = []
     for everywhere in (True, False):
         s = on_ranks(comm, bodies, materials)
-        s._follow_search = (lambda: None) if everywhere else _spoiling(s)
+        if everywhere:
+            s.contact_term._follow = lambda: None
+        else:
+            s.contact_term.add_forces = _spoiling(s)
         for _ in range(60):
             s.step(everywhere)
         s.complete()
@@ -179,11 +182,11 @@ def test_nodes_that_contact_does_not_read_need_not_follow():
 
 
 def _spoiling(s):
-    """As `_follow_search`; what contact must not read until its next search becomes nan."""
-    follow = s._follow_search
+    """The forces of contact; what it must not read until its next search becomes nan."""
+    add_forces = s.contact_term.add_forces
 
-    def spoil():
-        follow()
+    def spoil(f, state, dt):
+        add_forces(f, state, dt)
         if s.contact.moving is not None:
             rest = np.ones(s.contact.own.nodes.size, dtype=bool)
             rest[s.contact.moving] = False

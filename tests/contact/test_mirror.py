@@ -105,7 +105,7 @@ def test_time_steps_of_a_quarter_are_those_of_the_ball(points):
     # What the cut faces carry, along their normals alone.
     assert min(abs(of_part["x"][0]), abs(of_part["y"][1])) > 0.01 * of_part["plane"][2]
     assert np.abs(of_part["x"][1:]).max() < 1e-12 * abs(of_part["x"][0])
-    held = part.mirrors
+    held = part.specimen.mirrors
     on = held.node[held.wall == part.walls.names.index("x")]
     assert np.abs(part.state.x[on] @ FRAME[:, 0]).max() < 1e-15 * RADIUS * 200
     assert part.state.plastic_strain.max() > 1e-4

@@ -80,8 +80,8 @@ def test_kernel_with_four_lanes_and_with_a_law_from_outside(element, change, mon
         mesh = one_body(points, cells[:-4] if element != "composite" else cells, element)
         solid = Solid(mesh, [material], element)
         if other and change == "law":
-            solid._laws = [
-                (numba.njit(plastic_increment.py_func), grains) for _, grains in solid._laws
+            solid.laws = [
+                (numba.njit(plastic_increment.py_func), grains) for _, grains in solid.laws
             ]
         state = initial_state(mesh.x, mesh.num_cells)
         rng = np.random.default_rng(5)

@@ -11,6 +11,7 @@ from ...kernels.edge_search import (
 )
 from ...kernels.edge_springs import edge_energy, find_edge_springs
 from ...kernels.edges import add_edge_forces
+from ...state import Stateful
 from ..laws import edge_of_area
 
 #: What a pair keeps when the edges are searched anew; work and slip are booked before.
@@ -81,7 +82,7 @@ class EdgeContact:
 
     def set_pairs(self, first, second, clock):
         """Make the pairs those of the edges ``first`` and ``second``, without any past. Local."""
-        self.pairs = _EdgePairs(first, second, self.edges, self.recess, clock)
+        self.pairs = EdgePairs(first, second, self.edges, self.recess, clock)
 
     def _carry(self, old):
         new = self.pairs
@@ -162,8 +163,15 @@ class _Edges:
         self.ratio = ratio_of_node[self.ends[: self.num_own, 0]]
 
 
-class _EdgePairs:
+class EdgePairs(Stateful):
     """Pairs of edges of one rank. Arrays as in kernels.edges."""
+
+    #: What a checkpoint keeps of each pair.
+    KEPT = (
+        "due", "outside", "place", "normal", "gap", "offset", "closed", "sliding", "stiffness",
+        "anchor", "shear", "slip", "work",
+    )  # fmt: skip
+    STATE = {"here": KEPT}
 
     def __init__(self, first, second, edges, recess, clock):
         n = first.size

@@ -7,6 +7,7 @@ from ...kernels.carry import carry_pairs, copy_rows, find_again
 from ...kernels.pairs import ROW, column, rows
 from ...kernels.search import find_candidates, group_by_grain, sort_into_cells
 from ...kernels.self_contact import find_self_candidates
+from ...state import Stateful
 from .motion_bounds import GrainClocks
 
 #: What a pair keeps when the candidates are searched anew, beside its closest facet.
@@ -26,8 +27,12 @@ REMEMBERED = (
 )
 
 
-class Pairs:
+class Pairs(Stateful):
     """Node-grain pairs of one rank, found by :func:`search_pairs`. Arrays as in kernels.pairs."""
+
+    STATE = {"here": ("due", "candidate_due", "closest", "state", "readings")}
+    #: What a checkpoint keeps of each pair.
+    KEPT = (*REMEMBERED, "due", "work", "known", "other_due")
 
     def __init__(self, node, grain, first, candidate, grain_of_point, clock):
         num_pairs = node.size
@@ -45,6 +50,11 @@ class Pairs:
         self.gap[:] = np.inf
         self.forces = None  #: kernels.pairs.PairForces, once they are wanted
         self.closest_facet = None  #: numbers of the closest facets, once candidates are dropped
+
+    @property
+    def readings(self):
+        """Of the clocks [m]."""
+        return self.clocks.readings
 
     def drop_candidates(self, global_facet):
         """Keep of the candidates the closest ones alone, for :meth:`carry` of the next search.

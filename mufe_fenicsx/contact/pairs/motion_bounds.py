@@ -27,8 +27,6 @@ RANGE = 2.0
 LEAST = 0.25
 #: Number of the first wall, among those of grains.
 WALLS = 1 << 31
-#: What a clock keeps.
-KEPT = ("readings", "since", "until")
 
 
 class GrainClocks:
@@ -41,6 +39,9 @@ class GrainClocks:
         other: Grain of its facets, shape (num_pairs,).
         reading: Of new clocks [m].
     """
+
+    #: What a clock keeps.
+    KEPT = ("readings", "since", "until")
 
     def __init__(self, own, other, reading):
         key = own.astype(np.int64) << 32 | other
@@ -62,7 +63,7 @@ class GrainClocks:
     def carry(self, old):
         """Clocks of grains that had one before go on from there."""
         _, new, before = np.intersect1d(self.key, old.key, True, return_indices=True)
-        for name in KEPT:
+        for name in self.KEPT:
             getattr(self, name)[new] = getattr(old, name)[before]
 
     def follow(self, motion):

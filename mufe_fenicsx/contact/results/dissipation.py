@@ -23,7 +23,8 @@ class Ledger:
         self.partner = np.empty(0, dtype=np.int64)  #: the other grain, or the wall
         self.work = np.empty(0)  #: friction work of their points and crossings so far [J]
         self._grain_of_point = grain_of_point
-        self._slip = np.zeros(grain_of_point.size)
+        #: slip of each point by pairs that were dropped [m]
+        self.slip_of_dropped = np.zeros(grain_of_point.size)
 
     def totals(self, pairs, walls, crossings):
         """Work of all accounts with what pairs with grains, with walls and of edges did since.
@@ -52,11 +53,11 @@ class Ledger:
         self.grain, self.partner, self.work = self.totals(old, old_walls, old_crossings)
         for a, b, of in ((old, new, "grain"), (old_walls, new_walls, "wall")):
             dropped = carry_pairs(b.node, getattr(b, of), a.node, getattr(a, of)) < 0
-            np.add.at(self._slip, a.node[dropped], a.slip[dropped])
+            np.add.at(self.slip_of_dropped, a.node[dropped], a.slip[dropped])
 
     def slip(self, pairs, walls):
         """Slip of each point of contact so far [m], shape (num_points,)."""
-        total = self._slip.copy()
+        total = self.slip_of_dropped.copy()
         for p in (pairs, walls):
             np.add.at(total, p.node, p.slip)
         return total

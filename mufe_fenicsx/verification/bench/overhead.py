@@ -38,7 +38,7 @@ def small(comm, *, divisions=SMALL, steps=450, repeats=9):
     kernels = [
         _Timed(owner, "_call")
         for owner in (
-            simulation.solid._advance,
+            simulation.solid.kernel,
             contact.pairs.forces,
             contact.walls.pairs.forces,
         )

@@ -48,7 +48,7 @@ class _Shot:
         s.dt = height / speed / steps_per_edge
         for k in range(3 * steps_per_edge):
             s.step()
-            if s._inverted >= 0:
+            if s.solid.inverted >= 0:
                 return True
             if k % 50 == 0 and self._opening(s, apex):
                 return False
@@ -81,7 +81,7 @@ def crushed(comm, strain=1.2, refresh=400):
     inverted = []
 
     def watch():
-        if s._inverted >= 0 and not inverted:
+        if s.solid.inverted >= 0 and not inverted:
             inverted.append(s.state.num_steps)
 
     try:

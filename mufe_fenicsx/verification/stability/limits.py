@@ -11,6 +11,7 @@ from ...geometry.bodies.shapes import box
 from ...materials.elastic import Elastic
 from ...run.energy_guard import EnergyGuard
 from ...run.from_bodies import build, drive, settle
+from ...state import copied
 
 SIZE = 1e-3  #: edge of the blocks [m]
 E, NU, RHO = 100e9, 0.15, 2650.0
@@ -39,18 +40,16 @@ def bisect(fails, low, high, num=14):
 class Snapshot:
     """A state to start from again and again, with its contacts."""
 
-    NAMES = ("x", "u", "v", "a", "deviator", "plastic_strain", "plastic_work")
-
     def __init__(self, simulation):
         self.simulation = simulation
         self._contact = ContactMark(simulation.contact)
         self._previous = simulation.contact.positions.own.copy()
-        self._kept = {name: getattr(simulation.state, name).copy() for name in self.NAMES}
+        kept = simulation.state.state_dict()
+        self._kept = copied({place: kept[place] for place in ("nodes", "cells")})
 
     def restore(self):
         """Make the state what it was."""
-        for name, values in self._kept.items():
-            getattr(self.simulation.state, name)[:] = values
+        self.simulation.state.load_state_dict(self._kept)
         contact = self.simulation.contact
         if contact.num_searches == self._contact.num_searches:
             self._contact.restore()

@@ -12,7 +12,7 @@ from ...explicit.simulation import Simulation
 from ...geometry.bodies.shapes import sphere
 from ...run.from_bodies import distribute
 from ..case import case, compare
-from ..overlap import MATERIAL, RADIUS, _pair
+from ..overlap import MATERIAL, RADIUS, two_bodies
 from .limits import bisect, message_of
 
 #: Overlap over the element size.
@@ -33,7 +33,7 @@ def start(comm, depth, kind="balls", part=None, speed=0.0):
     Returns:
         Simulation, and what was moved apart.
     """
-    bodies = _pair(kind, H, depth * H)
+    bodies = two_bodies(kind, H, depth * H)
     mesh = distribute(comm, bodies)
     moved = None if part is None else separate(mesh, part)
     v = np.zeros_like(mesh.x)

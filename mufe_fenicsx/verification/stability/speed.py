@@ -63,7 +63,7 @@ def column_error(comm, ratio, mass_factor=1.0, strain=1e-3, divisions=(1, 1, 48)
         s.step()
         times.append(s.state.t)
         stress.append(s.wall_forces()[1] / SIZE**2)
-        moving.append(s._kinetic())
+        moving.append(s.kinetic_energy())
     times, stress, moving = np.array(times), np.array(stress), np.array(moving)
     static = E * speed * times / height
     late = times > end - 2 * height / slow

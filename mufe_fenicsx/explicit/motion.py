@@ -1,0 +1,103 @@
+"""Kick and drift of a step, and how far nodes move in it."""
+
+import numpy as np
+
+from ..kernels.energy import kinetic_energy
+from ..kernels.kick_drift import KickAndDrift
+from ..kernels.motion import accelerate_and_half_kick, half_kick_and_drift
+from ..state import Stateful
+
+
+class Motion(Stateful):
+    """Motion of all nodes of this rank, those of rigid grains with these. Local.
+
+    The second half of a kick may wait for the next step, whose first half then goes with it: nodes
+    are read and written once. Until :meth:`finish_kick` their velocities are those of the middle of
+    the step, and accelerations as they were.
+
+    Args:
+        specimen: :class:`~mufe_fenicsx.specimen.Specimen`.
+        damping: Force -damping m v on every node [1/s].
+    """
+
+    STATE = {"common": ("field",), "sum": ("damped",)}
+
+    def __init__(self, specimen, damping):
+        self._specimen, self._damping = specimen, damping
+        self.damped = 0.0  #: energy taken by the damping on this rank [J]
+        self.may_wait = False  #: whether the second half of this step's kick is to wait
+        self._kick_waits = False
+        self._kick_and_drift = KickAndDrift()
+        self.largest = 0.0  #: largest motion of a node or a wall in this step [m]
+        self._moved = 0.0  # how far a deformable node moved in this step [m]
+        # Of each grain, beside a field that fits all velocities; those of rigid ones stay unknown.
+        self._moves = np.full(specimen.mesh.num_grains, np.inf)
+        self.set_field(np.zeros((4, 3)))
+
+    def set_field(self, field):
+        """Measure the motion of grains beside another velocity field, as in kernels.motion."""
+        self.field = field
+        self._slope = float(np.linalg.norm(field[1:]))
+
+    def load_state_dict(self, kept):
+        """Become what :meth:`state_dict` told."""
+        super().load_state_dict(kept)
+        self.set_field(self.field)
+
+    def beside_field(self, dt):
+        """Motion of the grains in a step of ``dt`` [s], as contact.begin wants it."""
+        return self._moves, self.field, self._slope, dt
+
+    def drift(self, dt):
+        """Half a kick, and the motion over a step ``dt`` [s]."""
+        sp, s = self._specimen, self._specimen.state
+        x0, runs = sp.mesh.x, sp.rigid.runs
+        if self._kick_waits:
+            self._kick_waits = False
+            damped, self._moved = self._kick_and_drift(
+                s.x, s.u, s.v, sp.f, sp.solid.mass, x0, runs, s.dt, dt, self._damping, self.field,
+                self._moves,
+            )  # fmt: skip
+            self.damped += damped
+        else:
+            self._moved = half_kick_and_drift(
+                s.x, s.u, s.v, s.a, sp.f, x0, runs, dt, self._damping, self.field, self._moves
+            )
+        sp.rigid.drift(s.x, s.u, dt, self._damping)
+
+    def move_walls(self, dt):
+        """Walls go on by ``dt`` [s]."""
+        moved = self._specimen.move_walls(dt)
+        self.largest = max(moved, self._specimen.rigid.moved, self._moved)
+
+    def kick(self, dt):
+        """Half a kick at the end of the step."""
+        self._kick_waits = True
+        self.damped += self._specimen.rigid.kick(dt, self._damping)
+        if not self.may_wait:
+            self.finish_kick()
+
+    def finish_kick(self):
+        """Velocities and accelerations of the deformable grains at the end of the step."""
+        if not self._kick_waits:
+            return
+        self._kick_waits = False
+        sp, s = self._specimen, self._specimen.state
+        self.damped += accelerate_and_half_kick(
+            s.a, s.v, sp.f, sp.solid.mass, sp.rigid.runs, s.dt, self._damping
+        )
+        sp.bonded.give_velocity(s.v)
+
+    def complete(self):
+        """Bring all nodes up to date, after steps that did not."""
+        self.finish_kick()
+        sp, s = self._specimen, self._specimen.state
+        if sp.rigid.num_grains:
+            sp.rigid.complete(s.x, s.u, s.v)
+
+    def kinetic_energy(self):
+        """Kinetic energy of this rank's grains [J]."""
+        self.finish_kick()
+        sp, s = self._specimen, self._specimen.state
+        deformable = kinetic_energy(s.v, s.a, s.dt, sp.free_mass, sp.rigid.runs)
+        return deformable + sp.rigid.kinetic_energy(s.dt)

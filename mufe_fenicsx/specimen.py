@@ -1,0 +1,379 @@
+"""What is computed: grains, contact, walls, masses and energies, and all forces as a list of terms.
+
+Nothing here knows how the specimen moves: :mod:`.explicit` steps it in time, :mod:`.implicit` looks
+for its equilibria.
+"""
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from .bulk.rigid import RigidGrains, check_rigid
+from .bulk.solid import Solid
+from .contact.bonded import Bonded
+from .contact.contact import Contact
+from .contact.laws import COMPLIANCE
+from .contact.mirrors import Mirrors
+from .contact.results.network import num_active_pairs
+from .contact.start.overlap import check_start, too_deep
+from .contact.walls import Walls
+from .errors import InputError, SolverError, UnstableError
+from .loading.gravity import Gravity
+from .state import Stateful, initial_state
+
+#: Terms of the energy balance before those of force terms, and after them.
+ENERGIES = ("kinetic", "elastic", "plastic", "friction", "switching", "contact", "damping")
+
+
+class Specimen(Stateful):
+    """A set of grains between walls, on all ranks of ``mesh.comm``. Collective.
+
+    Args:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        materials: A material for each grain of this rank.
+        walls: List of :class:`~mufe_fenicsx.contact.walls.Wall`.
+        friction: Coefficient of friction between grains.
+        friction_kinetic: Coefficient while a contact slips; ``friction`` if None.
+        compliance: Constant c of the contact layer.
+        points: Where contact acts, one of contact.surface.points.KINDS.
+        law: Normal law of contact, one of contact.laws.law_names().
+        element: One of solid.ELEMENTS: "averaged", "p1" or "composite".
+        velocity: Initial velocities [m/s], shape (num_nodes, 3); rest if None.
+        mass_factor: Nodal masses times this, shape (num_nodes,), where only slow loading is
+            of interest; 1 if None. Not seen by the time step of single elements.
+        self_contact: Concave grains meet themselves too: nodes with facets.
+        gravity: Acceleration [m/s²], shape (3,); none if None.
+
+    Attributes:
+        state: :class:`~mufe_fenicsx.state.State`.
+        f: Sum of all forces on the nodes [N], shape (num_nodes, 3).
+        terms: All forces, :class:`~mufe_fenicsx.state.ForceTerm`, in the order in which they act.
+            What moves the specimen puts that of contact first.
+        free_mass: Nodal masses [kg] without those of glued nodes, shape (num_nodes,).
+    """
+
+    STATE = {"nodes": ("f",), "common": ("initial_kinetic",), "sum": ("first_energies",)}
+
+    def __init__(
+        self,
+        mesh,
+        materials,
+        walls=(),
+        *,
+        friction=0.0,
+        friction_kinetic=None,
+        compliance=COMPLIANCE,
+        points="facets",
+        law="matched",
+        element="averaged",
+        velocity=None,
+        mass_factor=None,
+        self_contact=False,
+        gravity=None,
+    ):
+        self.mesh, self.comm = mesh, mesh.comm
+        self.solid = solid = Solid(mesh, materials, element)
+        weighed = solid.mass.copy()
+        self.rigid = RigidGrains(mesh, materials, solid.mass, mass_factor)
+        if mass_factor is not None:
+            solid.mass *= mass_factor
+        self.walls = Walls(walls)
+        self.contact = Contact(
+            mesh,
+            mesh.x,
+            solid.contact_modulus,
+            solid.tangential_ratio,
+            friction,
+            compliance,
+            self.walls,
+            points,
+            law,
+            solid.mass,
+            friction_kinetic,
+            self_contact,
+            self.rigid.layers(materials),
+            solid.edge_compliance,
+        )
+        kinematic = self.contact.kinematic
+        self.bonded = Bonded(
+            self.comm, self.walls, self.contact.own.nodes, self.walls.bonded, mesh.x
+        )
+        self.mirrors = Mirrors(
+            self.comm, self.walls, mesh.x, self.bonded.nodes, self.rigid.nodes, kinematic
+        )
+        check_rigid(self.comm, self.rigid, self.bonded.nodes, kinematic)
+        self.any_rigid = self.rigid.any
+        self.terms = [solid, self.bonded, self.mirrors, self.rigid]
+        self.free_mass = self.bonded.free_mass(solid.mass)
+        # Displacement, velocity and force live in PETSc-backed DOLFINx functions.
+        self.u, self.v, self.force = (fem.Function(mesh.V) for _ in range(3))
+        self.f = self.force.x.array.reshape(-1, 3)
+        self.state = initial_state(
+            mesh.x, mesh.num_cells, self.u.x.array.reshape(-1, 3), self.v.x.array.reshape(-1, 3)
+        )
+        if velocity is not None:
+            self.state.v[:] = velocity
+            self.rigid.set_velocity(self.state.v)
+            self.mirrors.project(self.state.v)
+        self.initial_kinetic = 0.0
+        self.first_energies = np.empty(0)  #: of the added terms, on this rank [J]
+        if gravity is not None:
+            weight = self.bonded.free_mass(weighed)
+            self.add_term(Gravity(mesh, weight, gravity, self.rigid))
+
+    def add_term(self, term):
+        """Let a force of one's own act, before constraints take what they hold. Collective.
+
+        Args:
+            term: :class:`~mufe_fenicsx.state.ForceTerm` with a name that no other term has.
+
+        Raises:
+            InputError: It has none, or there is one of that name.
+        """
+        names = [other.name for other in self.terms if other.name]
+        if not term.name or term.name in names:
+            raise InputError(
+                f'name of a force term = "{term.name}", expected one that is not there: '
+                f"{', '.join(names) or 'none is'}"
+            )
+        self.terms.insert(self.terms.index(self.bonded), term)
+        energy = term.energy(self.state)
+        self.first_energies = np.append(self.first_energies, np.nan if energy is None else energy)
+
+    @property
+    def parts(self):
+        """All that changes, :class:`~mufe_fenicsx.state.Stateful` by name, but pairs of contact."""
+        return {
+            "specimen": self,
+            "state": self.state,
+            "solid": self.solid,
+            "rigid": self.rigid,
+            "bonded": self.bonded,
+            "walls": self.walls,
+            "contact": self.contact,
+        } | {f"term_{term.name}": term for term in self.added_terms}
+
+    @property
+    def added_terms(self):
+        """Forces beside those of bulk, contact and constraints."""
+        return [term for term in self.terms if term.name]
+
+    @property
+    def energy_columns(self):
+        """Keys of :meth:`energies` by added terms."""
+        pairs = zip(self.added_terms, self.first_energies, strict=True)
+        return [f"energy_{term.name}" for term, first in pairs if not np.isnan(first)]
+
+    def start(self):
+        """Forces of the initial state; overlaps there are accepted. Collective."""
+        s, contact = self.state, self.contact
+        if self.any_rigid:
+            contact.before_search = lambda: self.rigid.place_all(s.x, s.u)
+        contact.begin(s.x)
+        self.f[:] = 0.0
+        # Of the terms, all but that of contact, which what moves the specimen brings.
+        for term in self.terms:
+            term.begin_forces(self.f, s, 0.0)
+        contact.add_forces(self.f, s.x, adopt=True)
+        check_start(self.mesh, contact)
+        self._end_forces(0.0)
+
+    def add_forces(self, dt):
+        """All forces at the present positions, added to ``f``. Collective.
+
+        Args:
+            dt: Length of the step that led there [s].
+        """
+        for term in self.terms:
+            term.begin_forces(self.f, self.state, dt)
+        self._end_forces(dt)
+
+    def _end_forces(self, dt):
+        for term in self.terms:
+            term.add_forces(self.f, self.state, dt)
+        if self.any_rigid:
+            for term in self.terms:
+                term.act_on_rigid(self.rigid, self.state)
+
+    def move_walls(self, dt):
+        """Walls and what is glued to them go on by ``dt`` [s]; largest motion of a wall [m]."""
+        s = self.state
+        moved = self.walls.move(dt)
+        self.walls.add_work()
+        self.bonded.move(s.x, s.u, s.v, self.mesh.x, dt)
+        return moved
+
+    def take_masses(self):
+        """Follow a change of the nodal masses. Local."""
+        self.free_mass = self.bonded.free_mass(self.solid.mass)
+
+    def check(self, finite):
+        """Stop where an element fails or a value is not finite. Collective.
+
+        Args:
+            finite: Whether the motion of this rank is.
+
+        Returns:
+            Proven bound of the stable time step from single elements of this rank [s].
+
+        Raises:
+            UnstableError: An element turned inside out or collapsed, or the motion is not
+                finite; on all ranks.
+            SolverError: An element left its table of yield stresses, or a grain is too deep in
+                another one; on all ranks.
+        """
+        failure, solid = None, self.solid
+        worst = solid.worst_element(self.state.x)
+        if finite or solid.inverted >= 0:
+            failure = solid.failure(self.state, worst, solid.inverted)
+        found = self.comm.allgather((failure, finite))
+        failures = [failure for failure, _ in found if failure]
+        if failures:
+            message, unstable = failures[0]
+            raise (UnstableError if unstable else SolverError)(message)
+        if not all(ok for _, ok in found):
+            raise UnstableError(
+                f"the motion is no longer finite at step {self.state.num_steps}: reduce "
+                "solver.time_step_factor or oedometer.speed"
+            )
+        deep = too_deep(self.mesh, self.contact)
+        if deep is not None:
+            raise SolverError(deep)
+        return worst[0]
+
+    # --- numbers --------------------------------------------------------------------------
+
+    def wall_forces(self):
+        """Normal forces of the grains on the walls [N], compression positive. Collective."""
+        normal = self.walls.normal_forces()
+        return self.comm.allreduce(normal) if self.comm.size > 1 else normal
+
+    def energies(self, kinetic, damped):
+        """Terms of the energy balance [J], and the number of closed contacts. Collective.
+
+        Args:
+            kinetic: Kinetic energy of this rank's grains [J].
+            damped: What damping took from them [J].
+
+        Returns:
+            dict with the keys of ``ENERGIES``; ``energy_NAME`` of each added term that has an
+            energy, since the start; ``work`` of the walls; and ``residual``, what none explains.
+        """
+        contact, num_contacts = self.contact.energy()
+        local = {
+            "kinetic": kinetic,
+            "elastic": self.solid.elastic_energy(self.state).sum(),
+            "plastic": self.state.plastic_work.sum(),
+            "friction": self.contact.dissipated,
+            "switching": self.contact.switched,
+            "contact": contact,
+            "damping": damped,
+        }
+        for term, first in zip(self.added_terms, self.first_energies, strict=True):
+            if not np.isnan(first):
+                local[f"energy_{term.name}"] = term.energy(self.state) - first
+        local["work"] = self.walls.work
+        *values, number = self.comm.allreduce(np.array([*local.values(), num_contacts]))
+        work = values[-1]
+        total = dict(zip(local, values, strict=True))
+        total["residual"] = self.initial_kinetic + work - np.sum(values[:-1])
+        return total, int(number)
+
+    def num_active_grains(self):
+        """Grains with at least one closed contact. Collective."""
+        active = np.zeros(self.mesh.labels.size, dtype=bool)
+        p, w, points = self.contact.pairs, self.walls.pairs, self.contact.points
+        active[points.grain_of_point[p.node[p.closed]]] = True
+        active[p.grain[p.closed]] = True
+        active[points.grain_of_point[w.node[w.closed]]] = True
+        active[self.contact.edges.closed_grains()] = True
+        self.comm.Allreduce(MPI.IN_PLACE, active, op=MPI.LOR)
+        return int(active.sum())
+
+    def mean_active_contacts(self):
+        """Mean number of neighbours that press on a grain, walls left out. Collective."""
+        return 2.0 * num_active_pairs(self.contact) / self.mesh.labels.size
+
+
+class OfSpecimen(Stateful):
+    """What simulations show of the specimen that they move."""
+
+    def __init__(self, specimen):
+        self.specimen = specimen
+        self.num_contacts = 0  #: closed ones when the energies were asked for last
+
+    @property
+    def mesh(self):
+        """:class:`~mufe_fenicsx.mesh.GrainMesh`."""
+        return self.specimen.mesh
+
+    @property
+    def comm(self):
+        """MPI communicator."""
+        return self.specimen.comm
+
+    @property
+    def state(self):
+        """:class:`~mufe_fenicsx.state.State`."""
+        return self.specimen.state
+
+    @property
+    def solid(self):
+        """:class:`~mufe_fenicsx.bulk.solid.Solid`."""
+        return self.specimen.solid
+
+    @property
+    def rigid(self):
+        """:class:`~mufe_fenicsx.bulk.rigid.RigidGrains`."""
+        return self.specimen.rigid
+
+    @property
+    def walls(self):
+        """:class:`~mufe_fenicsx.contact.walls.Walls`."""
+        return self.specimen.walls
+
+    @property
+    def contact(self):
+        """:class:`~mufe_fenicsx.contact.contact.Contact`."""
+        return self.specimen.contact
+
+    @property
+    def u(self):
+        """Displacement as a function of DOLFINx [m]."""
+        return self.specimen.u
+
+    @property
+    def v(self):
+        """Velocity as a function of DOLFINx [m/s]."""
+        return self.specimen.v
+
+    @property
+    def force(self):
+        """Sum of the forces on the nodes as a function of DOLFINx [N]."""
+        return self.specimen.force
+
+    @property
+    def initial_kinetic(self):
+        """Kinetic energy at the start [J]."""
+        return self.specimen.initial_kinetic
+
+    def kinetic_energy(self):
+        """Kinetic energy of this rank's grains [J]. Local."""
+        raise NotImplementedError
+
+    def energies(self):
+        """Terms of the energy balance [J], as of :meth:`Specimen.energies`. Collective."""
+        found, self.num_contacts = self.specimen.energies(self.kinetic_energy(), self.damped)
+        return found
+
+    def wall_forces(self):
+        """Normal forces of the grains on the walls [N], compression positive. Collective."""
+        return self.specimen.wall_forces()
+
+    def num_active_grains(self):
+        """Grains with at least one closed contact. Collective."""
+        return self.specimen.num_active_grains()
+
+    def mean_active_contacts(self):
+        """Mean number of neighbours that press on a grain, walls left out. Collective."""
+        return self.specimen.mean_active_contacts()
