@@ -14,19 +14,20 @@ METHODS = ("otsu", "gaussians", "middle")
 #: Masks that are neither a file nor a grey level.
 MASKS = ("cylinder", "none")
 
-#: What lists with a value for each axis have in common.
-OF_AXES = {"shape": (3,), "form": "z,y,x"}
-
 
 @dataclass(frozen=True)
 class SegmentSettings:
     """From a grey image to labelled grains. Lengths in voxels mean voxels of the raw image."""
 
     voxel_size: float | tuple | None = setting(
-        None, "m", "edge of an image voxel, or (z, y, x); as stated", **OF_AXES
+        None, "m", "edge of an image voxel, or (z, y, x); None: as the image states it", shape=(3,)
     )
     shape: tuple | None = setting(
-        None, "", "voxels of a raw file along its axes, the last one fastest", **OF_AXES
+        None,
+        "",
+        "voxels of a raw file along its axes, the last one fastest",
+        shape=(3,),
+        form="z,y,x",
     )
     dtype: str | None = setting(
         None, "", 'type of a raw file\'s voxels, such as "<u2"; ">" is big endian'
@@ -36,14 +37,14 @@ class SegmentSettings:
     crop: tuple | None = setting(
         None,
         "",
-        "((z0, z1), (y0, y1), (x0, x1)) in raw voxels",
+        "ranges of raw voxels along z, y and x that are kept",
         shape=(3, 2),
         form="z0:z1,y0:y1,x0:x1",
     )
     mask: float | str | Path | None = setting(
         None,
         "",
-        'field of view: "cylinder", a level or a file (0) outside; not set: recognised',
+        'field of view: "cylinder", "none", a level or a file (0) outside; None: recognised',
         words=MASKS,
     )
     invert: bool = setting(False, "", "grains are darker than voids", off="bright")
@@ -51,40 +52,43 @@ class SegmentSettings:
         1.0, "", "voxels of the labels per raw voxel", gt=0, le=100, plausible=(0.05, 20.0)
     )
     filter: str = setting(
-        "gaussian", "", '"gaussian", "median" or "none"', allowed=("gaussian", "median", "none")
+        "gaussian",
+        "",
+        'of grey levels: "gaussian", "median" or "none"',
+        allowed=("gaussian", "median", "none"),
     )
     filter_radius: float = setting(
         0.7,
         "voxels",
-        "standard deviation, or radius of the median's ball",
+        "of the filter: standard deviation, or radius of the median's ball",
         ge=0,
         le=100,
         plausible=(0.0, 50.0),
     )
     threshold: str | float = setting(
-        "middle", "", '"middle" of both phases, "gaussians", "otsu", or a level'
+        "middle", "", 'between void and solid: "middle" of both, "gaussians", "otsu", or a level'
     )
     separation: str = setting(
         "depth",
         "",
-        '"depth", "level" (as ITK\'s watershed filter) or "markers"',
+        'of grains: "depth", "level" (as ITK\'s watershed filter) or "markers"',
         allowed=("depth", "level", "markers"),
     )
     marker_depth: float | None = setting(
         None,
         "voxels",
-        "grains part where the distance map dips more; 0.35",
+        "grains part where the distance map dips more; None: 0.35",
         gt=0,
         plausible=(0.0, 1e4),
     )
     relative_depth: float | None = setting(
-        None, "-", "and more than this part of its local maximum; 0.06", ge=0, lt=1
+        None, "-", "and more than this part of its local maximum; None: 0.06", ge=0, lt=1
     )
     watershed_threshold: float | None = setting(
-        None, "-", "ITK's threshold, of the largest distance; 0.04", ge=0, le=1
+        None, "-", "ITK's threshold, of the largest distance; None: 0.04", ge=0, le=1
     )
     watershed_level: float | None = setting(
-        None, "-", "ITK's level, of the largest distance; 0.2", ge=0, le=1
+        None, "-", "ITK's level, of the largest distance; None: 0.2", ge=0, le=1
     )
     tightening: float = setting(
         1.5, "voxels", "width over which faces between grains are drawn tight", ge=0, le=10
@@ -152,7 +156,7 @@ class MeshSettings:
         REQUIRED, "m", "wanted length of edges, at most", gt=0, expected="a length > 0 in metres"
     )
     smallest_size: float | None = setting(
-        None, "m", "at least, where size varies and in small grains", gt=0
+        None, "m", "least length of edges, where size varies and in small grains", gt=0
     )
     sizing: str = setting(
         UNIFORM,
@@ -170,7 +174,7 @@ class MeshSettings:
     contact_reach: float | None = setting(
         None,
         "m",
-        "gaps up to this get the smallest size; None: it",
+        "gaps up to this get the smallest size; None: that size",
         ge=0,
         expected="a length >= 0 in metres",
     )
@@ -178,7 +182,7 @@ class MeshSettings:
     surface_nodes: int | None = setting(
         None,
         "",
-        "of each grain, whose sizes are scaled to that",
+        "nodes of the surface of each grain, whose sizes are scaled to that",
         ge=FEWEST_NODES,
         plausible=(1, 1_000_000),
     )
@@ -186,7 +190,11 @@ class MeshSettings:
         1.0, "-", "length of edges inside grains, times that of the surface", ge=1, le=5
     )
     min_angle: float = setting(
-        0.0, "degrees", "of triangles; other settings are tried where one is less", ge=0, le=35
+        0.0,
+        "degrees",
+        "least angle of triangles; other settings are tried where one is less",
+        ge=0,
+        le=35,
     )
     conforming: bool = setting(
         False, "", "grains that touch share their nodes and facets there", off="apart"
@@ -215,10 +223,14 @@ class MeshSettings:
         False, "", "voids that a grain encloses become part of it", off="keep-cavities"
     )
     voxel_size: float | tuple | None = setting(
-        None, "m", "of labels that do not state it, or (z, y, x)", **OF_AXES
+        None, "m", "edge of a voxel of labels that do not state it, or (z, y, x)", shape=(3,)
     )
     shape: tuple | None = setting(
-        None, "", "voxels of a raw file along its axes, the last one fastest", **OF_AXES
+        None,
+        "",
+        "voxels of a raw file along its axes, the last one fastest",
+        shape=(3,),
+        form="z,y,x",
     )
     dtype: str | None = setting(
         None, "", 'type of a raw file\'s voxels, such as "<u2"; ">" is big endian'
