@@ -35,8 +35,8 @@ from mpi4py import MPI
 
 from mufe_fenicsx.bulk.solid import von_mises
 from mufe_fenicsx.cli.main import main as mufe
-from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.keys import REQUIRED, setting
 from mufe_fenicsx.materials.elastic import IsotropicSolid
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.report import style
@@ -62,24 +62,18 @@ class DruckerPrager(IsotropicSolid):
         InputError: cohesion, friction or hardening is not >= 0.
     """
 
-    cohesion: float  #: strength without pressure [Pa]
-    friction: float  #: growth of the strength with pressure [-]
-    hardening: float = 0.0  #: growth of the strength with plastic strain [Pa]
+    cohesion: float = setting(REQUIRED, "Pa", "strength without pressure", ge=0)
+    friction: float = setting(REQUIRED, "-", "growth of the strength with pressure", ge=0)
+    hardening: float = setting(0.0, "Pa", "growth of the strength with plastic strain", ge=0)
 
     plastic_increment = staticmethod(increment)
-
-    def __post_init__(self):
-        super().__post_init__()
-        for name in ("cohesion", "friction", "hardening"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise InputError(f"{name} = {getattr(self, name)}, expected a number >= 0")
 
     def parameters(self):
         # Under tension the material can yield at any stress.
         return np.array([0.0, self.cohesion, self.friction, self.hardening])
 
 
-register_material("drucker-prager", DruckerPrager, {"cohesion": "Pa", "hardening": "Pa"})
+register_material("drucker-prager", DruckerPrager)
 
 E, NU, RHO = 100e9, 0.15, 2650.0
 SIZE = 1e-3

@@ -5,6 +5,8 @@ demos/ lead to the same places here and where the repository is read. Pages of t
 are written anew at each build, one for each part of the package, into docs/api.
 """
 
+import dataclasses
+import inspect
 import os
 import pkgutil
 import posixpath
@@ -18,6 +20,7 @@ import docutils.nodes
 import latex2mathml.converter
 
 import mufe_fenicsx
+from mufe_fenicsx.keys import keys_of
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -85,6 +88,14 @@ def as_rst(app, what, name, obj, options, lines):
     lines[:] = out
     if what in ("attribute", "data", "property") and not SECTIONS & set(lines):
         app.kept_texts[name] = out
+
+
+def add_keys(app, what, name, obj, options, lines):
+    """Settings of a class say what they are in their keys, not beside them."""
+    if what == "class" and dataclasses.is_dataclass(obj):
+        own = [keys_of(obj)[name] for name in inspect.get_annotations(obj) if name in keys_of(obj)]
+        texts = [f"    {key.name}: {key.text}" for key in own if key.meaning]
+        lines += ["Attributes:", *texts, ""] if texts else []
 
 
 def keep_colons(app, what, name, obj, options, lines):
@@ -186,6 +197,7 @@ def write_front_page(app, exception):
 def setup(app):
     app.add_html_math_renderer("mathml", (visit_math, None), (visit_math, None))
     app.kept_texts = {}
+    app.connect("autodoc-process-docstring", add_keys, priority=50)
     app.connect("autodoc-process-docstring", as_rst, priority=100)
     app.connect("autodoc-process-docstring", keep_colons, priority=900)  # after napoleon's
     app.connect("builder-inited", write_api_pages)

@@ -1,20 +1,88 @@
 """Texts from the command line, checked and turned into settings, numbers and names."""
 
-from dataclasses import fields
+import functools
+import inspect
+from typing import Annotated
+
+import typer
 
 from ..errors import InputError, nearest_name
+from ..keys import keys_of
+from ..units import QUANTITIES
 
 
-def merged_settings(cls, in_scene, **options):
+def with_settings(cls):
+    """Let a command take each setting of a class as an option.
+
+    The command gets them by name as ``given``, None where an option is left out; the options stand
+    where this parameter does.
+    """
+
+    def decorate(command):
+        @functools.wraps(command)
+        def run(**values):
+            given = {name: _read(key, values.pop(name)) for name, key in keys_of(cls).items()}
+            return command(**values, given=given)
+
+        own = inspect.signature(command)
+        options = [own.parameters["given"].replace(name=key.name, annotation=_option(key))
+                   for key in keys_of(cls).values()]  # fmt: skip
+        parameters = []
+        for name, parameter in own.parameters.items():
+            parameters += options if name == "given" else [parameter]
+        run.__signature__ = own.replace(parameters=parameters)
+        run.__annotations__ = {each.name: each.annotation for each in parameters}
+        return run
+
+    return decorate
+
+
+def _option(key):
+    """Type of the option of a key, with its name and help."""
+    name = "--" + key.name.replace("_", "-")
+    text = _help(key, name)
+    if bool in key.kinds:
+        return Annotated[bool | None, typer.Option(f"{name}/--{key.off}", help=text)]
+    kind = int if key.kinds == (int,) else str
+    return Annotated[kind | None, typer.Option(name, metavar=key.form or None, help=text)]
+
+
+def _help(key, name):
+    """What a key means as a sentence, with an example of its unit and its default."""
+    meaning, _, notes = key.meaning.partition(";")
+    if key.unit:
+        meaning += f', such as "{QUANTITIES[key.unit][1]}"'
+    elif key.symbol not in ("", "-"):
+        meaning += f", in {key.symbol}"
+    parts = [meaning[0].upper() + meaning[1:], *([notes.strip()] if notes else [])]
+    if isinstance(key.default, bool):
+        parts.append(f"default: {name}" if key.default else f"default: --{key.off}")
+    elif isinstance(key.default, float):
+        parts.append(f"default: {key.default:g} {key.unit}".rstrip())
+    elif isinstance(key.default, str | int):
+        parts.append(f"default: {key.default}")
+    return "; ".join(parts).replace("None:", "default:") + "."
+
+
+def _read(key, text):
+    """What the text of an option says, for a key: a number, a list, or the text as it is."""
+    if not isinstance(text, str):  # a whole number, a flag, or nothing
+        return text
+    if len(key.shape) == 2:
+        return crop_ranges(text)
+    if key.shape and not key.unit:
+        return whole_numbers("--" + key.name.replace("_", "-"), text, key.form)
+    return lengths(text) if key.shape else number_or_text(text) if float in key.kinds else text
+
+
+def merged_settings(cls, in_scene, given):
     """Settings of the scene, where there is one, with those of the options put over them."""
     from ..scene.values import build
 
-    given = {key: value for key, value in options.items() if value is not None}
-    if in_scene is not None:
-        names = [field.name for field in fields(cls)]
-        stated = {key: getattr(in_scene, key) for key in names}
-        given = {**{key: value for key, value in stated.items() if value is not None}, **given}
-    return build(cls, given, _option_name)
+    stated = {} if in_scene is None else {name: getattr(in_scene, name) for name in keys_of(cls)}
+    stated |= {name: value for name, value in given.items() if value is not None}
+    stated = {name: value for name, value in stated.items() if value is not None}
+    return build(cls, stated, _option_name)
 
 
 def _option_name(text):

@@ -9,26 +9,20 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError
+from ..geometry.settings import MeshSettings, SegmentSettings
 from .app import Json, Overwrite, SceneOption, app, serial_only
 from .arguments import (
-    crop_ranges,
-    lengths,
     merged_settings,
     number_or_text,
     parameters,
     whole_numbers,
+    with_settings,
 )
 from .terminal import Printer, progress_bar
 
-RawShape = Annotated[str | None, typer.Option(help="Of a raw file, along its axes: z,y,x.")]
-RawType = Annotated[
-    str | None, typer.Option(help='Of a raw file, such as "<u2"; ">" is big endian.')
-]
-Key = Annotated[str | None, typer.Option(help="Name of the array in a .npz or .h5 file.")]
-Axes = Annotated[str | None, typer.Option(help="Order of the file's axes, slowest first: zyx.")]
-
 
 @app.command()
+@with_settings(SegmentSettings)
 def segment(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="LABELS", help="Labels to write (TIFF).")
@@ -38,53 +32,7 @@ def segment(
         typer.Argument(metavar="IMAGE", help="Grey image; left out: the one that the scene names."),
     ] = None,
     scene: SceneOption = None,
-    voxel_size: Annotated[
-        str | None, typer.Option(help='Edge of a voxel, "5 um", or along z,y,x.')
-    ] = None,
-    shape: RawShape = None,
-    dtype: RawType = None,
-    key: Key = None,
-    axes: Axes = None,
-    crop: Annotated[str | None, typer.Option(help="Voxels to keep: z0:z1,y0:y1,x0:x1.")] = None,
-    mask: Annotated[
-        str | None,
-        typer.Option(help="What was measured: cylinder, none, a grey level outside, or a file."),
-    ] = None,
-    invert: Annotated[
-        bool | None,
-        typer.Option("--invert/--bright", help="Grains are darker than voids; or brighter."),
-    ] = None,
-    upsample: Annotated[str | None, typer.Option(help="Label voxels per image voxel.")] = None,
-    filter: Annotated[str | None, typer.Option(help="gaussian, median or none.")] = None,
-    filter_radius: Annotated[str | None, typer.Option(help="Of the filter, in voxels.")] = None,
-    threshold: Annotated[
-        str | None, typer.Option(help="middle, gaussians, otsu or a grey level.")
-    ] = None,
-    separation: Annotated[
-        str | None, typer.Option(help="depth, level (ITK's watershed filter) or markers.")
-    ] = None,
-    marker_depth: Annotated[
-        str | None, typer.Option(help="Dip of the distance map that parts grains, in voxels.")
-    ] = None,
-    relative_depth: Annotated[
-        str | None, typer.Option(help="The same, over the grain's largest distance to the void.")
-    ] = None,
-    watershed_threshold: Annotated[
-        str | None, typer.Option(help="ITK's threshold, with separation level.")
-    ] = None,
-    watershed_level: Annotated[
-        str | None, typer.Option(help="ITK's level, with separation level.")
-    ] = None,
-    contact_level: Annotated[
-        str | None,
-        typer.Option(help="Least brightness of a contact, void 0, solid 1; 0: none asked."),
-    ] = None,
-    fill_pores: Annotated[
-        bool | None, typer.Option("--fill-pores/--keep-pores", help="Fill voids inside grains.")
-    ] = None,
-    min_grain_voxels: Annotated[
-        int | None, typer.Option(help="Smaller fragments are no grains.")
-    ] = None,
+    given: dict | None = None,
     truth: Annotated[
         Path | None,
         typer.Option(metavar="LABELS", help="True labels, to tell how many grains are found."),
@@ -95,36 +43,14 @@ def segment(
     """Part the grains of a grey image: threshold, distance map, watershed."""
     serial_only("segment")
     printer = Printer(json)
-    from ..geometry.settings import SegmentSettings
     from ..scene import image_path, load_scene
 
     in_scene = load_scene(scene).image if scene is not None else None
     if image is None and in_scene is None:
         raise InputError("IMAGE is missing, expected an image or a --scene with [image] file")
-    settings = merged_settings(
-        SegmentSettings,
-        in_scene if in_scene is None else in_scene.separated_by(separation),
-        voxel_size=lengths(voxel_size),
-        axes=axes,
-        shape=shape and whole_numbers("--shape", shape, "z,y,x"),
-        dtype=dtype,
-        key=key,
-        crop=crop and crop_ranges(crop),
-        mask=number_or_text(mask),
-        invert=invert,
-        upsample=number_or_text(upsample),
-        filter=filter,
-        filter_radius=number_or_text(filter_radius),
-        threshold=number_or_text(threshold),
-        separation=separation,
-        marker_depth=number_or_text(marker_depth),
-        relative_depth=number_or_text(relative_depth),
-        watershed_threshold=number_or_text(watershed_threshold),
-        watershed_level=number_or_text(watershed_level),
-        contact_level=number_or_text(contact_level),
-        fill_pores=fill_pores,
-        min_grain_voxels=min_grain_voxels,
-    )
+    if in_scene is not None:
+        in_scene = in_scene.separated_by(given["separation"])
+    settings = merged_settings(SegmentSettings, in_scene, given)
     from ..geometry.pipeline import segment_image
 
     path = image_path(in_scene.file if image is None else image)
@@ -139,6 +65,7 @@ def segment(
 
 
 @app.command()
+@with_settings(MeshSettings)
 def mesh(
     labels: Annotated[
         Path,
@@ -151,99 +78,17 @@ def mesh(
         Path, typer.Option("--output", "-o", metavar="GRAINS", help="Folder to write.")
     ],
     scene: SceneOption = None,
-    size: Annotated[str | None, typer.Option(help='Length of edges, such as "30 um".')] = None,
-    smallest_size: Annotated[
-        str | None, typer.Option(help="At least, where the size varies and in small grains.")
-    ] = None,
-    sizing: Annotated[
-        str | None, typer.Option(help="What the size follows: uniform, curvature or contact.")
-    ] = None,
-    angle: Annotated[
-        str | None, typer.Option(help="Between neighbouring facets, for --sizing curvature.")
-    ] = None,
-    contact_reach: Annotated[
-        str | None, typer.Option(help="Gaps up to this are meshed finely, for --sizing contact.")
-    ] = None,
-    growth: Annotated[str | None, typer.Option(help="Of the size over distance.")] = None,
-    surface_nodes: Annotated[
-        int | None, typer.Option(help="Of each grain, whose sizes are scaled to that.")
-    ] = None,
-    inner_size: Annotated[
-        str | None, typer.Option(help="Of edges inside grains, times those of the surface.")
-    ] = None,
-    min_angle: Annotated[
-        str | None, typer.Option(help="Of triangles; grains with less are tried otherwise.")
-    ] = None,
-    smoothing: Annotated[str | None, typer.Option(help="Of surfaces, in voxels.")] = None,
-    conforming: Annotated[
-        bool | None,
-        typer.Option("--conforming/--apart", help="Grains that touch share their facets there."),
-    ] = None,
-    keep_volume: Annotated[
-        bool | None,
-        typer.Option("--keep-volume/--free-volume", help="Keep the volume of each grain's voxels."),
-    ] = None,
-    processes: Annotated[int | None, typer.Option(help="Worker processes; 0: all cores.")] = None,
-    time_limit: Annotated[str | None, typer.Option(help='For one grain, such as "2 min".')] = None,
-    keep_largest_piece: Annotated[
-        bool | None,
-        typer.Option(
-            "--keep-largest-piece/--whole-grains",
-            help="Of a grain in several pieces; otherwise that is an error.",
-        ),
-    ] = None,
-    fill_cavities: Annotated[
-        bool | None,
-        typer.Option(
-            "--fill-cavities/--keep-cavities",
-            help="Fill voids that a grain encloses; otherwise their surfaces are meshed too.",
-        ),
-    ] = None,
-    voxel_size: Annotated[
-        str | None, typer.Option(help='For labels that state none, "5 um", or along z,y,x.')
-    ] = None,
-    shape: RawShape = None,
-    dtype: RawType = None,
-    key: Key = None,
-    axes: Axes = None,
-    scale: Annotated[
-        str | None, typer.Option(help='Length unit of surfaces, such as "1 mm".')
-    ] = None,
+    given: dict | None = None,
     overwrite: Overwrite = False,
     json: Json = None,
 ):
     """Mesh each grain with tetrahedra and print their quality."""
     serial_only("mesh")
     printer = Printer(json)
-    from ..geometry.settings import MeshSettings
     from ..scene import load_scene
 
-    settings = merged_settings(
-        MeshSettings,
-        load_scene(scene).mesh if scene is not None else None,
-        size=number_or_text(size),
-        smallest_size=number_or_text(smallest_size),
-        sizing=sizing,
-        angle=number_or_text(angle),
-        contact_reach=number_or_text(contact_reach),
-        growth=number_or_text(growth),
-        surface_nodes=surface_nodes,
-        inner_size=number_or_text(inner_size),
-        min_angle=number_or_text(min_angle),
-        smoothing=number_or_text(smoothing),
-        conforming=conforming,
-        keep_volume=keep_volume,
-        processes=processes,
-        time_limit=number_or_text(time_limit),
-        keep_largest_piece=keep_largest_piece,
-        fill_cavities=fill_cavities,
-        voxel_size=lengths(voxel_size),
-        axes=axes,
-        shape=shape and whole_numbers("--shape", shape, "z,y,x"),
-        dtype=dtype,
-        key=key,
-        scale=number_or_text(scale),
-    )
+    in_scene = load_scene(scene).mesh if scene is not None else None
+    settings = merged_settings(MeshSettings, in_scene, given)
     from ..geometry.pipeline import mesh_labels
 
     with progress_bar("meshing") as progress:

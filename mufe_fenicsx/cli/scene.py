@@ -41,7 +41,7 @@ def scene(
 
         text = schema_text()
     elif explain is not None:
-        from ..scene.keys import explain as explained
+        from ..scene.explanations import explain as explained
 
         text = "\n".join(explained(explain)) + "\n"
     else:

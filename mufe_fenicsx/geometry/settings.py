@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import InputError
-from .image.raw_file import number_type
+from ..keys import REQUIRED, check_keys, require, setting
 from .surface.sizing import CONTACT, CURVATURE, FEWEST_NODES, UNIFORM, Sizing
 
 #: Ways to find the grey level between void and solid.
@@ -19,72 +19,106 @@ MASKS = ("cylinder", "none")
 class SegmentSettings:
     """From a grey image to labelled grains. Lengths in voxels mean voxels of the raw image."""
 
-    voxel_size: float | tuple | None = None  #: edge of an image voxel, or (z, y, x) [m]; as stated
-    shape: tuple | None = None  #: voxels of a raw file along its axes, the last one fastest
-    dtype: str | None = None  #: type of a raw file's voxels, such as "<u2"
-    key: str | None = None  #: name of the array in an .npz or .h5 file
-    axes: str = "zyx"  #: order of the axes in the file, slowest first
-    crop: tuple | None = None  #: ((z0, z1), (y0, y1), (x0, x1)) in raw voxels
-    mask: float | str | Path | None = (
-        None  #: field of view: "cylinder", a level or a file (0) outside; not set: recognised
+    voxel_size: float | tuple | None = setting(
+        None, "m", "edge of an image voxel, or (z, y, x); None: as the image states it", shape=(3,)
     )
-    invert: bool = False  #: grains are darker than voids
-    upsample: float = 1.0  #: voxels of the labels per raw voxel
-    filter: str = "gaussian"  #: "gaussian", "median" or "none"
-    filter_radius: float = 0.7  #: standard deviation, or radius of the median's ball [voxels]
-    threshold: str | float = "middle"  #: "middle" of both phases, "gaussians", "otsu", or a level
-    separation: str = "depth"  #: "depth", "level" (as ITK's watershed filter) or "markers"
-    marker_depth: float | None = (
-        None  #: grains part where the distance map dips more [voxels]; 0.35
+    shape: tuple | None = setting(
+        None,
+        "",
+        "voxels of a raw file along its axes, the last one fastest",
+        shape=(3,),
+        form="z,y,x",
     )
-    relative_depth: float | None = None  #: and more than this part of its local maximum [-]; 0.06
-    watershed_threshold: float | None = None  #: ITK's threshold, of the largest distance [-]; 0.04
-    watershed_level: float | None = None  #: ITK's level, of the largest distance [-]; 0.2
-    tightening: float = 1.5  #: width over which faces between grains are drawn tight [voxels]
-    contact_level: float = 0.7  #: grains touch where their face gets as bright, void 0, solid 1
-    fill_pores: bool = True  #: voids enclosed on all sides become part of the solid
-    min_grain_voxels: int = (
-        200  #: smaller fragments join a neighbour or are dropped [voxels of labels]
+    dtype: str | None = setting(
+        None, "", 'type of a raw file\'s voxels, such as "<u2"; ">" is big endian'
+    )
+    key: str | None = setting(None, "", "name of the array in an .npz or .h5 file")
+    axes: str = setting("zyx", "", "order of the axes in the file, slowest first")
+    crop: tuple | None = setting(
+        None,
+        "",
+        "ranges of raw voxels along z, y and x that are kept",
+        shape=(3, 2),
+        form="z0:z1,y0:y1,x0:x1",
+    )
+    mask: float | str | Path | None = setting(
+        None,
+        "",
+        'field of view: "cylinder", "none", a level or a file (0) outside; None: recognised',
+        words=MASKS,
+    )
+    invert: bool = setting(False, "", "grains are darker than voids", off="bright")
+    upsample: float = setting(
+        1.0, "", "voxels of the labels per raw voxel", gt=0, le=100, plausible=(0.05, 20.0)
+    )
+    filter: str = setting(
+        "gaussian",
+        "",
+        'of grey levels: "gaussian", "median" or "none"',
+        allowed=("gaussian", "median", "none"),
+    )
+    filter_radius: float = setting(
+        0.7,
+        "voxels",
+        "of the filter: standard deviation, or radius of the median's ball",
+        ge=0,
+        le=100,
+        plausible=(0.0, 50.0),
+    )
+    threshold: str | float = setting(
+        "middle", "", 'between void and solid: "middle" of both, "gaussians", "otsu", or a level'
+    )
+    separation: str = setting(
+        "depth",
+        "",
+        'of grains: "depth", "level" (as ITK\'s watershed filter) or "markers"',
+        allowed=("depth", "level", "markers"),
+    )
+    marker_depth: float | None = setting(
+        None,
+        "voxels",
+        "grains part where the distance map dips more; None: 0.35",
+        gt=0,
+        plausible=(0.0, 1e4),
+    )
+    relative_depth: float | None = setting(
+        None, "-", "and more than this part of its local maximum; None: 0.06", ge=0, lt=1
+    )
+    watershed_threshold: float | None = setting(
+        None, "-", "ITK's threshold, of the largest distance; None: 0.04", ge=0, le=1
+    )
+    watershed_level: float | None = setting(
+        None, "-", "ITK's level, of the largest distance; None: 0.2", ge=0, le=1
+    )
+    tightening: float = setting(
+        1.5, "voxels", "width over which faces between grains are drawn tight", ge=0, le=10
+    )
+    contact_level: float = setting(
+        0.7, "", "grains touch where their face gets as bright, void 0, solid 1", ge=0, lt=1
+    )
+    fill_pores: bool = setting(
+        True, "", "voids enclosed on all sides become part of the solid", off="keep-pores"
+    )
+    min_grain_voxels: int = setting(
+        200, "voxels of labels", "smaller fragments join a neighbour or are dropped", ge=0
     )
 
     def __post_init__(self):
         _require_voxels(self)
         _require_crop(self.crop)
-        _require(0 < self.upsample <= 100, "upsample", self.upsample, "> 0, at most 100")
-        _require(
-            self.filter in ("gaussian", "median", "none"),
-            "filter",
-            repr(self.filter),
-            '"gaussian", "median" or "none"',
-        )
-        _require(
-            0 <= self.filter_radius <= 100, "filter_radius", self.filter_radius, "0 to 100 voxels"
-        )
+        check_keys(self)
         ball = self.filter != "median" or self.filter_radius <= 10
-        _require(ball, "filter_radius", self.filter_radius, "at most 10 voxels for the median")
+        require(ball, "filter_radius", self.filter_radius, "at most 10 voxels for the median")
         check_method(self.threshold)
-        _require(
-            self.separation in ("depth", "level", "markers"),
-            "separation",
-            repr(self.separation),
-            '"depth", "level" or "markers"',
-        )
         for name in ("watershed_threshold", "watershed_level"):
             value = getattr(self, name)
-            _require(value is None or 0 <= value <= 1, name, value, "0 to 1")
             only = 'a value only where separation = "level"'
-            _require(value is None or self.separation == "level", name, value, only)
-        depth = self.marker_depth
-        _require(depth is None or depth > 0, "marker_depth", depth, "> 0 voxels")
-        share = self.relative_depth
-        _require(share is None or 0 <= share < 1, "relative_depth", share, "0 to below 1")
+            require(value is None or self.separation == "level", name, value, only)
         only = 'a value only where separation = "depth"'
-        _require(share is None or self.separation == "depth", "relative_depth", share, only)
+        share, depth = self.relative_depth, self.marker_depth
+        require(share is None or self.separation == "depth", "relative_depth", share, only)
         only = 'a value only where separation = "depth" or "markers"'
-        _require(depth is None or self.separation != "level", "marker_depth", depth, only)
-        _require(0 <= self.tightening <= 10, "tightening", self.tightening, "0 to 10 voxels")
-        _require(0 <= self.contact_level < 1, "contact_level", self.contact_level, "0 to below 1")
-        _require(self.min_grain_voxels >= 0, "min_grain_voxels", self.min_grain_voxels, ">= 0")
+        require(depth is None or self.separation != "level", "marker_depth", depth, only)
 
     def separated_by(self, separation):
         """These settings with another way to part grains, without what only the old one uses."""
@@ -118,66 +152,115 @@ class SegmentSettings:
 class MeshSettings:
     """From labels, or surfaces, to tetrahedra."""
 
-    size: float  #: wanted length of edges, at most [m]
-    smallest_size: float | None = None  #: at least, where size varies and in small grains [m]
-    sizing: str = "uniform"  #: "uniform", "curvature" or "contact": what the size follows
-    angle: float = 20.0  #: between neighbouring facets, by which curvature sets the size [degrees]
-    contact_reach: float | None = None  #: gaps up to this get the smallest size [m]; None: it
-    growth: float = 0.4  #: of the size over distance and over the gap
-    surface_nodes: int | None = None  #: of each grain, whose sizes are scaled to that
-    inner_size: float = 1.0  #: length of edges inside grains, times that of the surface [-]
-    min_angle: float = 0.0  #: of triangles; other settings are tried where one is less [degrees]
-    conforming: bool = False  #: grains that touch share their nodes and facets there
-    smoothing: float = 1.0  #: standard deviation of the filter of surfaces [voxels of the labels]
-    keep_volume: bool = True  #: move free surfaces so that each grain keeps its voxels' volume
-    processes: int = 0  #: worker processes; 0: one a core
-    time_limit: float = 120.0  #: for a grain, which is then tried once with other settings [s]
-    keep_largest_piece: bool = False  #: of a grain in several pieces; otherwise an error
-    fill_cavities: bool = False  #: voids that a grain encloses become part of it
-    voxel_size: float | tuple | None = None  #: of labels that do not state it, or (z, y, x) [m]
-    shape: tuple | None = None  #: voxels of a raw file along its axes, the last one fastest
-    dtype: str | None = None  #: type of a raw file's voxels, such as "<u2"
-    key: str | None = None  #: name of the labels in an .npz or .h5 file
-    axes: str = "zyx"  #: order of the axes in the file, slowest first
-    scale: float = 1.0  #: metres a unit of length of foreign surfaces
+    size: float = setting(
+        REQUIRED, "m", "wanted length of edges, at most", gt=0, expected="a length > 0 in metres"
+    )
+    smallest_size: float | None = setting(
+        None, "m", "least length of edges, where size varies and in small grains", gt=0
+    )
+    sizing: str = setting(
+        UNIFORM,
+        "",
+        '"uniform", "curvature" or "contact": what the size follows',
+        allowed=(UNIFORM, CURVATURE, CONTACT),
+    )
+    angle: float = setting(
+        20.0,
+        "degrees",
+        "between neighbouring facets, by which curvature sets the size",
+        ge=1,
+        le=90,
+    )
+    contact_reach: float | None = setting(
+        None,
+        "m",
+        "gaps up to this get the smallest size; None: that size",
+        ge=0,
+        expected="a length >= 0 in metres",
+    )
+    growth: float = setting(0.4, "", "of the size over distance and over the gap", ge=0.05, le=2)
+    surface_nodes: int | None = setting(
+        None,
+        "",
+        "nodes of the surface of each grain, whose sizes are scaled to that",
+        ge=FEWEST_NODES,
+        plausible=(1, 1_000_000),
+    )
+    inner_size: float = setting(
+        1.0, "-", "length of edges inside grains, times that of the surface", ge=1, le=5
+    )
+    min_angle: float = setting(
+        0.0,
+        "degrees",
+        "least angle of triangles; other settings are tried where one is less",
+        ge=0,
+        le=35,
+    )
+    conforming: bool = setting(
+        False, "", "grains that touch share their nodes and facets there", off="apart"
+    )
+    smoothing: float = setting(
+        1.0, "voxels of the labels", "standard deviation of the filter of surfaces", ge=0.3, le=5
+    )
+    keep_volume: bool = setting(
+        True,
+        "",
+        "move free surfaces so that each grain keeps its voxels' volume",
+        off="free-volume",
+    )
+    processes: int = setting(0, "", "worker processes; 0: one a core", ge=0, plausible=(0, 4096))
+    time_limit: float = setting(
+        120.0,
+        "s",
+        "for a grain, which is then tried once with other settings",
+        gt=0,
+        expected="a time > 0 in seconds",
+    )
+    keep_largest_piece: bool = setting(
+        False, "", "of a grain in several pieces; otherwise an error", off="whole-grains"
+    )
+    fill_cavities: bool = setting(
+        False, "", "voids that a grain encloses become part of it", off="keep-cavities"
+    )
+    voxel_size: float | tuple | None = setting(
+        None, "m", "edge of a voxel of labels that do not state it, or (z, y, x)", shape=(3,)
+    )
+    shape: tuple | None = setting(
+        None,
+        "",
+        "voxels of a raw file along its axes, the last one fastest",
+        shape=(3,),
+        form="z,y,x",
+    )
+    dtype: str | None = setting(
+        None, "", 'type of a raw file\'s voxels, such as "<u2"; ">" is big endian'
+    )
+    key: str | None = setting(None, "", "name of the labels in an .npz or .h5 file")
+    axes: str = setting("zyx", "", "order of the axes in the file, slowest first")
+    scale: float = setting(
+        1.0,
+        "m",
+        "length of a unit of foreign surfaces",
+        gt=0,
+        expected="> 0 metres a unit",
+        plausible=(1e-10, 1e4),
+    )
 
     def __post_init__(self):
-        _require(self.size > 0, "size", self.size, "a length > 0 in metres")
-        _require(
-            self.smallest_size is None or 0 < self.smallest_size <= self.size,
+        check_keys(self)
+        require(
+            self.smallest_size is None or self.smallest_size <= self.size,
             "smallest_size",
             self.smallest_size,
             f"a length in metres > 0 and <= size = {self.size:g}",
         )
-        modes = (UNIFORM, CURVATURE, CONTACT)
-        _require(self.sizing in modes, "sizing", repr(self.sizing), f"one of {', '.join(modes)}")
-        _require(
+        require(
             not self.conforming or (self.sizing == UNIFORM and self.surface_nodes is None),
             "conforming",
             "true",
             'sizing = "uniform" and no surface_nodes beside it',
         )
-        _require(1 <= self.angle <= 90, "angle", self.angle, "1 to 90 degrees")
-        _require(
-            self.contact_reach is None or self.contact_reach >= 0,
-            "contact_reach",
-            self.contact_reach,
-            "a length >= 0 in metres",
-        )
-        _require(0.05 <= self.growth <= 2, "growth", self.growth, "0.05 to 2")
-        _require(
-            self.surface_nodes is None or self.surface_nodes >= FEWEST_NODES,
-            "surface_nodes",
-            self.surface_nodes,
-            f">= {FEWEST_NODES}",
-        )
-        _require(1 <= self.inner_size <= 5, "inner_size", self.inner_size, "1 to 5")
-        _require(0 <= self.min_angle <= 35, "min_angle", self.min_angle, "0 to 35 degrees")
-        _require(self.time_limit > 0, "time_limit", self.time_limit, "a time > 0 in seconds")
-        _require(0.3 <= self.smoothing <= 5, "smoothing", self.smoothing, "0.3 to 5 voxels")
-        _require(self.processes >= 0, "processes", self.processes, ">= 0")
         _require_voxels(self)
-        _require(self.scale > 0, "scale", self.scale, "> 0 metres a unit")
 
     @property
     def lengths(self):
@@ -206,26 +289,23 @@ class MeshSettings:
 def _require_voxels(settings):
     size = settings.voxel_size
     edges = size if isinstance(size, tuple) else (1.0 if size is None else size,)
-    _require(all(edge > 0 for edge in edges), "voxel_size", size, "a length > 0 in metres")
+    require(all(edge > 0 for edge in edges), "voxel_size", size, "a length > 0 in metres")
     shape = settings.shape
     good = shape is None or (len(shape) == 3 and all(n >= 1 for n in shape))
-    _require(good, "shape", shape, "three numbers of voxels >= 1")
+    require(good, "shape", shape, "three numbers of voxels >= 1")
     if settings.dtype is not None:
+        from .image.raw_file import number_type
+
         number_type(settings.dtype)
     order = 'an order of z, y and x such as "zyx"'
-    _require(sorted(settings.axes) == ["x", "y", "z"], "axes", repr(settings.axes), order)
+    require(sorted(settings.axes) == ["x", "y", "z"], "axes", repr(settings.axes), order)
 
 
 def _require_crop(crop):
     for axis, ends in zip("zyx", crop or (), strict=False):
-        _require(len(ends) == 2, "crop", ends, "(first, last) along each axis")
+        require(len(ends) == 2, "crop", ends, "(first, last) along each axis")
         text = f"{ends[0]} to {ends[1]} along {axis}"
-        _require(0 <= ends[0] < ends[1], "crop", text, "a first voxel below the last, from 0")
-
-
-def _require(holds, name, value, expected):
-    if not holds:
-        raise InputError(f"{name} = {value}, expected {expected}")
+        require(0 <= ends[0] < ends[1], "crop", text, "a first voxel below the last, from 0")
 
 
 def check_method(method):

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from ..errors import InputError
+from ..keys import setting
 from .j2 import J2
 
 
@@ -23,9 +23,6 @@ class Auto(J2):
         InputError: as `J2`; or the margin is not in ]0, 1].
     """
 
-    margin: float = 1e-3  #: nominal over yield stress at which the grain begins to deform [-]
-
-    def __post_init__(self):
-        super().__post_init__()
-        if not 0 < self.margin <= 1:
-            raise InputError(f"margin = {self.margin}, expected 0 < margin <= 1")
+    margin: float = setting(
+        1e-3, "-", "nominal over yield stress at which the grain begins to deform", gt=0, le=1
+    )

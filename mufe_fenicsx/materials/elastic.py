@@ -17,8 +17,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..errors import InputError
 from ..kernels.hardening import plastic_increment
+from ..keys import REQUIRED, check_keys, setting
 
 
 @dataclass(frozen=True)
@@ -35,17 +35,12 @@ class IsotropicSolid:
     #: Plastic strain at which the computation has to stop.
     largest_plastic_strain: ClassVar = math.inf
 
-    E: float  #: Young's modulus [Pa]
-    nu: float  #: Poisson's ratio [-]
-    rho: float  #: density [kg/m³]
+    E: float = setting(REQUIRED, "Pa", "Young's modulus", gt=0, expected="a stiffness > 0 Pa")
+    nu: float = setting(REQUIRED, "-", "Poisson's ratio", gt=-1, lt=0.5, plausible=(-0.99, 0.4999))
+    rho: float = setting(REQUIRED, "kg/m^3", "density", gt=0, expected="a density > 0 kg/m³")
 
     def __post_init__(self):
-        if not 0 < self.E < math.inf:
-            raise InputError(f"E = {self.E}, expected a stiffness > 0 Pa")
-        if not -1.0 < self.nu < 0.5:
-            raise InputError(f"nu = {self.nu}, expected -1 < nu < 0.5")
-        if not 0 < self.rho < math.inf:
-            raise InputError(f"rho = {self.rho}, expected a density > 0 kg/m³")
+        check_keys(self)
 
     @property
     def bulk_modulus(self) -> float:

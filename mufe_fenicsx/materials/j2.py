@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
+from ..keys import REQUIRED, setting
 from .elastic import IsotropicSolid
 
 BEYOND = ("flat", "slope", "stop")
@@ -32,8 +33,12 @@ class J2(IsotropicSolid):
             that is independent of the mesh); or there is no such way beyond the table.
     """
 
-    yield_stress: tuple[tuple[float, float], ...]  #: plastic strain [-], yield stress of J σ [Pa]
-    beyond: str = "flat"  #: the last point of the table: "flat", "slope" or "stop"
+    yield_stress: tuple[tuple[float, float], ...] = setting(
+        REQUIRED, ("-", "Pa"), "plastic strain [-], yield stress of J σ [Pa]", shape=(-1, 2)
+    )
+    beyond: str = setting(
+        "flat", "", 'the last point of the table: "flat", "slope" or "stop"', allowed=BEYOND
+    )
 
     def __post_init__(self):
         super().__post_init__()
@@ -57,8 +62,6 @@ class J2(IsotropicSolid):
                     + (f">= {least} Pa, the one before it" if i else "> 0 Pa")
                 )
             before, least = strain, stress
-        if self.beyond not in BEYOND:
-            raise InputError(f'beyond = "{self.beyond}", expected "' + '" or "'.join(BEYOND) + '"')
         if self.beyond == "slope" and len(points) < 2:
             raise InputError('beyond = "slope", expected "flat" for a table of one point')
 

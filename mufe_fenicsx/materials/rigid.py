@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
+from ..keys import setting
 from .elastic import IsotropicSolid
 
 
@@ -25,14 +25,9 @@ class Rigid(IsotropicSolid):
         InputError: as `IsotropicSolid`; or contact_radius is not a number in ]0, 1[.
     """
 
-    contact_radius: float = 0.1  #: contact radius a/R at which the force is Hertz's [-]
-
-    def __post_init__(self):
-        super().__post_init__()
-        if not 0 < self.contact_radius < 1:
-            raise InputError(
-                f"contact_radius = {self.contact_radius}, expected 0 < contact_radius < 1"
-            )
+    contact_radius: float = setting(
+        0.1, "-", "contact radius a/R at which the force is Hertz's", gt=0, lt=1
+    )
 
     def layer(self, radius) -> float:
         """Compliance kappa R/E* of the layer [m/Pa] of a grain of that ``radius`` [m]."""

@@ -7,9 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
+from ..keys import check_keys, setting
 
 #: What may scatter, and the parameter of the material that it is.
 SCATTERED = {"E": "E", "rho": "rho", "strength": "yield_stress"}
+#: What each of them may be.
+VARIATION = {"ge": 0, "le": 1, "expected": "a coefficient of variation, 0 to 1"}
 
 
 @dataclass(frozen=True)
@@ -24,23 +27,16 @@ class Scatter:
             seed < 0.
     """
 
-    E: float = 0.0  #: coefficient of variation of Young's modulus [-]
-    rho: float = 0.0  #: the same of the density [-]
-    strength: float = 0.0  #: the same of all yield stresses of the grain's table [-]
-    distribution: str = "lognormal"  #: or "weibull"
-    seed: int = 0  #: of the random numbers
+    E: float = setting(0.0, "-", "coefficient of variation of Young's modulus", **VARIATION)
+    rho: float = setting(0.0, "-", "the same of the density", **VARIATION)
+    strength: float = setting(
+        0.0, "-", "the same of all yield stresses of the grain's table", **VARIATION
+    )
+    distribution: str = setting("lognormal", "", 'or "weibull"', allowed=("lognormal", "weibull"))
+    seed: int = setting(0, "", "of the random numbers", ge=0, plausible=(0, 2**63 - 1))
 
     def __post_init__(self):
-        for name in SCATTERED:
-            value = getattr(self, name)
-            if not 0 <= value <= 1:
-                raise InputError(f"{name} = {value}, expected a coefficient of variation, 0 to 1")
-        if self.distribution not in ("lognormal", "weibull"):
-            raise InputError(
-                f'distribution = "{self.distribution}", expected "lognormal" or "weibull"'
-            )
-        if self.seed < 0:
-            raise InputError(f"seed = {self.seed}, expected a whole number >= 0")
+        check_keys(self)
 
     def of(self, material, label):
         """The material of the grain ``label``.

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..geometry.settings import SegmentSettings
+from ..keys import REQUIRED, setting
 
 #: Images that installed packages carry: name -> (package, path inside it).
 PACKAGED_IMAGES = {"spam:snow": ("spam", "data/snow/snow.tif")}
@@ -15,7 +16,9 @@ PACKAGED_IMAGES = {"spam:snow": ("spam", "data/snow/snow.tif")}
 class ImageSettings(SegmentSettings):
     """[image]: the tomography and how its grains are told apart."""
 
-    file: str | Path  #: image file or folder of slices, or a name in `PACKAGED_IMAGES`
+    file: str | Path = setting(
+        REQUIRED, "", "image file or folder of slices, or a name in `PACKAGED_IMAGES`"
+    )
 
     @property
     def path(self) -> Path:

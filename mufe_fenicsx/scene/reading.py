@@ -5,11 +5,12 @@ from dataclasses import fields
 from pathlib import Path
 
 from ..errors import InputError, shortened, shown
+from ..keys import keys_of
 from ..materials.j2 import J2
 from ..materials.scatter import SCATTERED, Scatter
 from ..units import to_si
 from .bounds import check_text
-from .catalogue import MODELS, SHAPES, TABLES, TOP_KEYS
+from .catalogue import MODELS, TABLES, TOP_KEYS
 from .scene import Scene
 from .stages import Stage
 from .tables import WALLS, Group, Wall
@@ -115,7 +116,7 @@ def _read_groups(tables, common):
         labels = values.pop("labels", None)
         if labels is None:
             raise InputError(f"{prefix}.labels is missing, expected a list of labels")
-        labels = convert_array(labels, SHAPES["labels"], ("",), int, f"{prefix}.labels")
+        labels = convert_array(labels, keys_of(Group)["labels"], f"{prefix}.labels")
         model = values.get("model", common.get("model", "j2"))
         cls = MODELS.get(model if isinstance(model, str) else None, J2)
         known = [field.name for field in fields(cls)] + ["model"]

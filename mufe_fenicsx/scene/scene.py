@@ -6,9 +6,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.settings import MeshSettings
+from ..keys import check_keys, setting
 from ..materials.elastic import IsotropicSolid
 from ..materials.scatter import Scatter
-from .checks import require
 from .consistency import check
 from .image import ImageSettings
 from .implicit import Implicit
@@ -39,7 +39,7 @@ class Scene:
     material: IsotropicSolid
     contact: Contact
     oedometer: Oedometer | None = None  #: or ``loading`` with ``stages``
-    title: str = ""  #: shown in reports
+    title: str = setting("", "", "shown in reports")
     image: ImageSettings | None = None
     mesh: MeshSettings | None = None
     sample: Sample = field(default_factory=Sample)
@@ -53,11 +53,12 @@ class Scene:
     materials: dict[str, Group] = field(default_factory=dict)  #: of grains that differ
     loading: Loading | None = None  #: of a test by stages
     stages: tuple[Stage, ...] = ()  #: [[stage]]: parts of that test, in their order
-    accuracy: float | None = None  #: wanted error of the stress, which plans the rest
+    accuracy: float | None = setting(
+        None, "", "wanted error of the stress, which plans the rest", gt=0, lt=1
+    )
 
     def __post_init__(self):
-        if self.accuracy is not None:
-            require(0 < self.accuracy < 1, "accuracy", self.accuracy, "0 < accuracy < 1")
+        check_keys(self)
         check(self)
         object.__setattr__(self, "stages", named(self.stages))
         if self.quasi_static is not None:

@@ -4,10 +4,11 @@ import json
 from dataclasses import MISSING
 from pathlib import Path
 
+from ..keys import keys_of
 from ..materials.scatter import Scatter
 from ..units import QUANTITIES
-from .catalogue import FLOAT_ARRAYS, MODELS, SHAPES, TABLES, TOP_KEYS
-from .keys import expectation, first_lines, keys_of
+from .catalogue import MODELS, TABLES, TOP_KEYS
+from .explanations import expectation, first_lines
 from .scene import Scene
 from .stages import Stage
 from .tables import WALLS, Wall
@@ -116,9 +117,8 @@ def _value(key):
 
 def _type(key):
     kinds, options = key.kinds, []
-    if key.name in SHAPES:
-        units = key.unit if isinstance(key.unit, tuple) else (key.unit,) * SHAPES[key.name][-1]
-        options.append(_array(SHAPES[key.name], units, key.name in FLOAT_ARRAYS))
+    if key.shape:
+        options.append(_array(key.shape, key))
     if float in kinds:
         options += _number(key.unit if isinstance(key.unit, str) else "", key.bounds)
     if bool in kinds:
@@ -145,10 +145,10 @@ def _number(unit, bounds):
     ]
 
 
-def _array(shape, units, fractions):
+def _array(shape, key):
     size = {} if shape[0] < 0 else {"minItems": shape[0], "maxItems": shape[0]}
     if len(shape) > 1:
-        return {"type": "array", "items": _array(shape[1:], units, fractions), **size}
-    if not fractions:
+        return {"type": "array", "items": _array(shape[1:], key), **size}
+    if not key.unit:
         return {"type": "array", "items": {"type": "integer", "minimum": 0}, **size}
-    return {"type": "array", "items": [{"anyOf": _number(unit, {})} for unit in units], **size}
+    return {"type": "array", "items": [{"anyOf": _number(unit, {})} for unit in key.units], **size}

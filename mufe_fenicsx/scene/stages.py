@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields, replace
 
 from ..errors import InputError
-from .checks import one_of, require
+from ..keys import REQUIRED, check_keys, require, setting
 
 #: Keys of a stage that say what the walls across one, two or all three axes do.
 AXIS_KEYS = ("x", "y", "z", "xy", "xz", "yz", "xyz")
@@ -16,17 +16,19 @@ MOVING = ("both", "min", "max")
 class Loading:
     """[loading]: what all stages of a test have in common."""
 
-    speed: float  #: at which a length of the sample changes, at most [m/s]
-    ramp: float = 0.005  #: strain over which walls speed up, and slow down before a strain [-]
-    tolerance: float = 0.01  #: of a stress that is held, over that stress [-]
-    largest_strain: float = 0.25  #: of an axis without a strain to reach in a stage; then it fails
+    speed: float = setting(
+        REQUIRED, "m/s", "at which a length of the sample changes, at most", gt=0
+    )
+    ramp: float = setting(
+        0.005, "-", "strain over which walls speed up, and slow down before a strain", ge=0, lt=1
+    )
+    tolerance: float = setting(0.01, "-", "of a stress that is held, over that stress", gt=0, lt=1)
+    largest_strain: float = setting(
+        0.25, "", "of an axis without a strain to reach in a stage; then it fails", gt=0, lt=1
+    )
 
     def __post_init__(self):
-        require(0 < self.speed, "speed", self.speed, "> 0 m/s")
-        require(0 <= self.ramp < 1, "ramp", self.ramp, "0 <= ramp < 1")
-        require(0 < self.tolerance < 1, "tolerance", self.tolerance, "0 < tolerance < 1")
-        require(0 < self.largest_strain < 1, "largest_strain", self.largest_strain,
-                 "0 < largest_strain < 1")  # fmt: skip
+        check_keys(self)
 
 
 @dataclass(frozen=True)
@@ -36,18 +38,17 @@ class Axis:
     Compression is positive. Strain is the shortening over the length at strain 0.
     """
 
-    stress: float | None = None  #: to reach, and to hold from then on [Pa]
-    strain: float | None = None  #: to reach; then the walls rest [-]
-    speed: float | None = None  #: of the length: alone, all stage long; else at most [m/s]
-    walls: str = "both"  #: walls that move: "both", "min" or "max"
+    stress: float | None = setting(
+        None, "Pa", "to reach, and to hold from then on", gt=0, expected="> 0 Pa (compression)"
+    )
+    strain: float | None = setting(None, "-", "to reach; then the walls rest", gt=-1, lt=1)
+    speed: float | None = setting(None, "m/s", "of the length: alone, all stage long; else at most")
+    walls: str = setting("both", "", 'walls that move: "both", "min" or "max"', allowed=MOVING)
 
     def __post_init__(self):
-        one_of("walls", self.walls, MOVING)
+        check_keys(self)
         if self.stress is not None:
             require(self.strain is None, "strain", self.strain or 0.0, "none beside a stress")
-            require(0 < self.stress, "stress", self.stress, "> 0 Pa (compression)")
-        if self.strain is not None:
-            require(-1 < self.strain < 1, "strain", self.strain, "-1 < strain < 1")
         if self.speed is not None:
             if self.leads and self.speed <= 0:
                 raise InputError(f"speed = {self.speed}, expected > 0 m/s beside what to reach")
@@ -69,24 +70,23 @@ class Until:
     travels. Then the walls brake, over ``ramp``.
     """
 
-    stress_x: float | None = None  #: along x [Pa]
-    stress_y: float | None = None  #: along y [Pa]
-    stress_z: float | None = None  #: along z [Pa]
-    mean_stress: float | None = None  #: p = (σx + σy + σz)/3 [Pa]
-    deviator: float | None = None  #: q = √(½((σx-σy)² + (σy-σz)² + (σz-σx)²)) [Pa]
-    strain_x: float | None = None  #: along x [-]
-    strain_y: float | None = None  #: along y [-]
-    strain_z: float | None = None  #: along z [-]
-    strain_volume: float | None = None  #: loss of volume over the volume at strain 0 [-]
-    time: float | None = None  #: since the start of the stage [s]
+    stress_x: float | None = setting(None, "Pa", "along x")
+    stress_y: float | None = setting(None, "Pa", "along y")
+    stress_z: float | None = setting(None, "Pa", "along z")
+    mean_stress: float | None = setting(None, "Pa", "p = (σx + σy + σz)/3")
+    deviator: float | None = setting(None, "Pa", "q = √(½((σx-σy)² + (σy-σz)² + (σz-σx)²))")
+    strain_x: float | None = setting(None, "-", "along x")
+    strain_y: float | None = setting(None, "-", "along y")
+    strain_z: float | None = setting(None, "-", "along z")
+    strain_volume: float | None = setting(None, "-", "loss of volume over the volume at strain 0")
+    time: float | None = setting(None, "s", "since the start of the stage", gt=0)
 
     def __post_init__(self):
         given = self.given
         if not given:
             raise InputError("stress_z is missing, expected at least one value that ends the stage")
+        check_keys(self)
         for name, value in given.items():
-            if name == "time":
-                require(0 < value, name, value, "> 0 s")
             require(abs(value) < 1e30, name, value, "a finite number")
 
     @property
@@ -103,20 +103,26 @@ class Stage:
     That is: held at the stress that they had reached, or at rest.
     """
 
-    name: str = ""  #: in history.csv; left out: "seating" where zero = true, else "stage N"
-    x: Axis | None = None  #: what the walls across x do
-    y: Axis | None = None  #: what the walls across y do
-    z: Axis | None = None  #: what the walls across z do
-    xy: Axis | None = None  #: the same for x and y
-    xz: Axis | None = None  #: the same for x and z
-    yz: Axis | None = None  #: the same for y and z
-    xyz: Axis | None = None  #: the same for all three
-    until: Until | None = None  #: what ends the stage, if not what its axes are to reach
-    hold: float = 0.0  #: time at its end in which stresses are held and all else rests [s]
-    zero: bool = False  #: strains are counted from the end of this stage
+    name: str = setting(
+        "", "", 'in history.csv; left out: "seating" where zero = true, else "stage N"'
+    )
+    x: Axis | None = setting(None, "", "what the walls across x do")
+    y: Axis | None = setting(None, "", "what the walls across y do")
+    z: Axis | None = setting(None, "", "what the walls across z do")
+    xy: Axis | None = setting(None, "", "the same for x and y")
+    xz: Axis | None = setting(None, "", "the same for x and z")
+    yz: Axis | None = setting(None, "", "the same for y and z")
+    xyz: Axis | None = setting(None, "", "the same for all three")
+    until: Until | None = setting(
+        None, "", "what ends the stage, if not what its axes are to reach"
+    )
+    hold: float = setting(
+        0.0, "s", "time at its end in which stresses are held and all else rests", ge=0
+    )
+    zero: bool = setting(False, "", "strains are counted from the end of this stage")
 
     def __post_init__(self):
-        require(0 <= self.hold, "hold", self.hold, ">= 0 s")
+        check_keys(self)
         seen = {}
         for key in AXIS_KEYS:
             for axis in key if getattr(self, key) is not None else "":

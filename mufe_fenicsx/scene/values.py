@@ -1,17 +1,15 @@
 """Untyped values of a table, checked, converted to SI and put into its dataclass."""
 
-import dataclasses
 import os
-import types
-import typing
-from dataclasses import MISSING, fields
+from dataclasses import fields
 from pathlib import Path
 
 from ..errors import InputError, nearest_name, shortened, shown
+from ..keys import keys_of
 from ..materials.j2 import J2
 from ..units import expected, to_si
-from .bounds import check_count, check_key, check_text
-from .catalogue import FLOAT_ARRAYS, SHAPES, TABLES, WORDS, unit_of
+from .bounds import LARGEST_COUNT, check_count, check_plausible, check_text
+from .catalogue import TABLES
 from .image import PACKAGED_IMAGES
 
 #: Characters of a path.
@@ -30,19 +28,15 @@ def build(cls, values, name, folder=None):
     Raises:
         InputError: an unknown or missing key, a wrong type or unit, a value out of range.
     """
-    hints = typing.get_type_hints(cls)
-    known = [field.name for field in fields(cls)]
+    known = keys_of(cls)
     for key in values:
         if key not in known:
-            raise InputError(unknown_key(name(key), shown(values[key]), key, known, name))
-    for field in fields(cls):
-        required = field.default is MISSING and field.default_factory is MISSING
-        if required and field.name not in values:
-            wanted = _expected(hints[field.name], unit_of(cls, field.name))
-            raise InputError(f"{name(field.name)} is missing, expected {wanted}")
+            raise InputError(unknown_key(name(key), shown(values[key]), key, list(known), name))
+    for key in known.values():
+        if key.required and key.name not in values:
+            raise InputError(f"{name(key.name)} is missing, expected {_expected(key)}")
     converted = {
-        key: _convert(value, hints[key], unit_of(cls, key), key, name(key), folder)
-        for key, value in values.items()
+        key: _convert(value, known[key], name(key), folder) for key, value in values.items()
     }
     try:
         built = cls(**converted)
@@ -50,7 +44,7 @@ def build(cls, values, name, folder=None):
         raise InputError(name(_with_default(str(error), known, converted))) from None
     for key, value in converted.items():
         if isinstance(value, int | float) and not isinstance(value, bool):
-            check_key(key, value, name(key))
+            check_plausible(value, known[key].plausible, name(key))
     return built
 
 
@@ -77,34 +71,31 @@ def unknown_key(full_name, value, key, known, name):
     return f"{shortened(full_name)} = {value} is not a known key, expected {nearest}"
 
 
-def _expected(hint, unit):
-    if hint is float:
-        return expected(unit)
-    if hint is Path or Path in typing.get_args(hint):
+def _expected(key):
+    if float in key.kinds:
+        return expected(key.unit)
+    if Path in key.kinds:
         return "a path"
-    if isinstance(unit, tuple):
+    if isinstance(key.unit, tuple):
         return "a list of [number, value] pairs"
-    return {int: "a whole number", bool: "true or false", str: "a text"}[hint]
+    return {int: "a whole number", bool: "true or false", str: "a text"}[key.hint]
 
 
-def _convert(value, hint, unit, key, name, folder):
-    """A value of the type that a field declares, in SI units."""
-    kinds = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
-    if key in SHAPES and (float not in kinds or isinstance(value, list | tuple)):
-        if isinstance(unit, str):
-            unit = (unit,) * SHAPES[key][-1]
-        return convert_array(value, SHAPES[key], unit, float if key in FLOAT_ARRAYS else int, name)
+def _convert(value, key, name, folder):
+    """A value of the type that a key declares, in SI units."""
+    kinds = key.kinds
+    if key.shape and (float not in kinds or isinstance(value, list | tuple)):
+        return convert_array(value, key, name)
     if Path in kinds and (float not in kinds or isinstance(value, str | Path)):
-        return value if value in WORDS.get(key, ()) else _convert_path(value, name, folder)
+        return value if value in key.words else _convert_path(value, name, folder)
     if isinstance(value, str):
         check_text(name, value)
-    for kind in kinds:
-        if dataclasses.is_dataclass(kind):
-            if not isinstance(value, dict):
-                raise InputError(f"{name} = {shown(value)}, expected a table like {{ … }}")
-            return build(kind, value, lambda inner: f"{name}.{inner}", folder)
+    if key.table is not None:
+        if not isinstance(value, dict):
+            raise InputError(f"{name} = {shown(value)}, expected a table like {{ … }}")
+        return build(key.table, value, lambda inner: f"{name}.{inner}", folder)
     if float in kinds and not (str in kinds and isinstance(value, str)):
-        return to_si(value, unit, name)
+        return to_si(value, key.unit, name)
     if int in kinds and (isinstance(value, bool) or not isinstance(value, int)):
         raise InputError(f"{name} = {shown(value)}, expected a whole number")
     if bool in kinds and not isinstance(value, bool):
@@ -112,40 +103,39 @@ def _convert(value, hint, unit, key, name, folder):
     if str in kinds and not isinstance(value, str):
         raise InputError(f"{name} = {shown(value)}, expected a text")
     if isinstance(value, int):
-        check_count(value, key, name)
+        check_count(value, key.plausible[1] if key.plausible else LARGEST_COUNT, name)
     return value
 
 
-def convert_array(value, shape, units, kind, name):
+def convert_array(value, key, name):
     """A list of numbers, or of such lists, as tuples in SI units.
 
     Args:
         value: As TOML gives it.
-        shape: Wanted sizes, outermost first; -1 is any length.
-        units: Units of the numbers of the innermost lists, one each.
-        kind: int for whole numbers >= 0, or float.
+        key: Its `Key`. Without a unit its numbers are whole and >= 0.
         name: What messages call it.
 
     Raises:
         InputError: it has another shape, or an item is no such number.
     """
+    return _tuple_of(value, key.shape, key, name)
+
+
+def _tuple_of(value, shape, key, name):
     sizes = " x ".join("n" if size < 0 else str(size) for size in shape)
     if not isinstance(value, list | tuple) or shape[0] not in (-1, len(value)):
         raise InputError(f"{name} = {shown(value)}, expected a list of {sizes} numbers")
     if len(shape) > 1:
-        return tuple(
-            convert_array(row, shape[1:], units, kind, f"{name}[{i}]")
-            for i, row in enumerate(value)
-        )
-    if kind is int:
+        return tuple(_tuple_of(row, shape[1:], key, f"{name}[{i}]") for i, row in enumerate(value))
+    if not key.unit:
         for i, item in enumerate(value):
             if isinstance(item, bool) or not isinstance(item, int) or item < 0:
                 raise InputError(f"{name}[{i}] = {shown(item)}, expected a whole number >= 0")
-            check_count(item, None, f"{name}[{i}]")
+            check_count(item, LARGEST_COUNT, f"{name}[{i}]")
         return tuple(value)
     return tuple(
         to_si(item, unit, f"{name}[{i}]")
-        for i, (item, unit) in enumerate(zip(value, units, strict=True))
+        for i, (item, unit) in enumerate(zip(value, key.units, strict=True))
     )
 
 

@@ -7,7 +7,8 @@ from dataclasses import fields
 from decimal import Decimal
 from pathlib import Path
 
-from .catalogue import MODELS, unit_of
+from ..keys import keys_of
+from .catalogue import MODELS
 from .tables import WALLS
 
 
@@ -48,7 +49,7 @@ def _write_table(table, content, first_lines=()):
         if value is None:
             lines.append(f"# {field.name} is not set")
             continue
-        unit = unit_of(type(content), field.name)
+        unit = keys_of(type(content))[field.name].unit
         if isinstance(unit, tuple):
             unit = ", ".join(part or "-" for part in unit)
         lines.append(f"{field.name} = {_toml(value)}" + (f"  # [{unit}]" if unit else ""))

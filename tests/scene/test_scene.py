@@ -325,7 +325,11 @@ BAD = [
     ("[0, 50]", "[50, 5]", "image.crop = 50 to 5 along z, expected a first voxel below the last"),
     ("[200, 300, 400]", "[200, 0, 400]", "image.shape = (200, 0, 400), expected three numbers"),
     ('"<u2"', '"O"', "image.dtype = 'O', expected a NumPy type of numbers"),
-    ("threshold = 1234", "upsample = 1e9", "image.upsample = 1000000000.0, expected > 0, at most"),
+    (
+        "threshold = 1234",
+        "upsample = 1e9",
+        "image.upsample = 1000000000.0, expected 0 < upsample <= 100",
+    ),
     ("threshold = 1234", "filter_radius = 1e9", "image.filter_radius = 1000000000.0, expected 0"),
     ("threshold = 1234", "mask = true", "image.mask = true, expected a number"),
     ("threshold = 1234", 'mask = "../m.tif"', 'image.mask = "../m.tif" leaves the folder'),

@@ -12,9 +12,10 @@ from mpi4py import MPI
 
 from mufe_fenicsx.cli.main import main
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.keys import keys_of
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import load_scene, scene_to_toml
-from mufe_fenicsx.scene.keys import explain, keys_of, tables
+from mufe_fenicsx.scene.explanations import explain, tables
 from mufe_fenicsx.scene.schema import scene_schema
 from mufe_fenicsx.synthetic.scene_text import scene_text
 from mufe_fenicsx.synthetic.settings import SynthesisSettings
