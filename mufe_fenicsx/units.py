@@ -11,6 +11,7 @@ from .errors import InputError, shown
 QUANTITIES = {
     "m": ("a length", "5 um"),
     "m/s": ("a speed", "10 mm/s"),
+    "m/s^2": ("an acceleration", "9.81 m/s^2"),
     "s": ("a time", "5 min"),
     "Pa": ("a stress", "10 MPa"),
     "kg/m^3": ("a density", "2.65 g/cm^3"),
@@ -23,6 +24,7 @@ QUANTITIES = {
 PLAUSIBLE = {
     "m": (1e-10, 1e4),
     "m/s": (1e-12, 1e5),
+    "m/s^2": (1e-9, 1e9),
     "s": (1e-18, 1e10),
     "Pa": (1e-6, 1e15),
     "kg/m^3": (1e-3, 1e12),

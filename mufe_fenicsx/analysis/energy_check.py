@@ -6,24 +6,46 @@ import numpy as np
 ENERGIES = ("kinetic", "elastic", "plastic", "friction", "switching", "contact", "damping")
 
 
+#: How columns begin that hold the energy of a force term, as "energy_gravity".
+OF_TERM = "energy_"
+
+
+def energies_of(columns):
+    """Names of the energies among some columns, those of added forces too."""
+    return [name for name in columns if name in ENERGIES or name.startswith(OF_TERM)]
+
+
+def put_in(energies):
+    """Work of the walls, and what added forces gave or took [J].
+
+    Args:
+        energies: Of one moment, or columns of a history, by name.
+    """
+    given = np.abs(energies["work"])
+    for name in energies:
+        if name.startswith(OF_TERM):
+            given = given + np.abs(energies[name])
+    return given
+
+
 def residual(history):
     """Work minus all energies stored and dissipated, recomputed from the columns [J]."""
-    return history["work"] - sum(history[name] for name in ENERGIES if name in history)
+    return history["work"] - sum(history[name] for name in energies_of(history))
 
 
 def residual_ratio(history):
-    """|residual| over the largest |work| so far, shape (num_rows,); nan before any work."""
+    """|residual| over the largest :func:`put_in` so far, shape (num_rows,); nan before any."""
     return _over_work(residual(history), history)
 
 
 def switching_ratio(history):
-    """|switching| over the largest |work| so far, shape (num_rows,); nan before any work."""
+    """|switching| over the largest :func:`put_in` so far, shape (num_rows,); nan before any."""
     lost = history.get("switching", np.zeros(len(history["work"])))
     return _over_work(lost, history)
 
 
 def _over_work(values, history):
-    work = np.maximum.accumulate(np.abs(history["work"])) if len(history["work"]) else np.empty(0)
+    work = np.maximum.accumulate(put_in(history)) if len(history["work"]) else np.empty(0)
     return np.divide(np.abs(values), work, out=np.full(work.shape, np.nan), where=work > 0)
 
 

@@ -169,6 +169,7 @@ class ImplicitSimulation(OfSpecimen):
         if self.walls.has_servo:
             self._held_walls = ForceControlledWalls(specimen, self.first_step)
         self._last = None  # displacement of the last increment, its length, motion of its walls
+        self._unbalanced = True  # at the start there may be forces without an equilibrium
         self.end = IncrementEnd()
         self.report = []
         self.num_failed = 0  #: increments that had to be shortened
@@ -224,7 +225,7 @@ class ImplicitSimulation(OfSpecimen):
         Static increments know no motion: its energy counts as damped.
         """
         s = self.state
-        self.dt, self._last = self.first_step, None
+        self.dt, self._last, self._unbalanced = self.first_step, None, True
         if self.method is None:
             self.damped += self.kinetic_energy()
             s.v[:], s.a[:] = 0.0, 0.0
@@ -422,6 +423,10 @@ class ImplicitSimulation(OfSpecimen):
         else:
             s.a[:], s.v[:] = 0.0, 0.0
             self.damped += float(((self.equations.drag / dt)[:, None] * du**2).sum())
+            if self._unbalanced:
+                # Weight that comes at once, or what time steps left: half of its work is lost.
+                self.damped += 0.5 * float(np.vdot(self.equations.start.force, du))
+                self._unbalanced = False
         self._last = (du, dt, self._motion())
         self.contact.measure_from(self.contact.positions.own)
         s.t += dt

@@ -197,6 +197,9 @@ def draw_energies(source):
     factor, unit = style.unit_of(work, "J")
     left.plot(strain, work / factor, color=style.BLACK, label="work of the walls")
     there = {name: look for name, look in ENERGIES.items() if name in history}
+    for name in history:
+        if name.startswith(energy_check.OF_TERM):
+            there[name] = (name.removeprefix(energy_check.OF_TERM), style.GREY, "-.")
     for name, (label, colour, line) in there.items():
         if np.abs(history[name]).max() > SEEN * work.max():
             left.plot(strain, history[name] / factor, line, color=colour, label=label)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..analysis.energy_check import put_in
 from ..errors import UnstableError
 
 #: A sample counts as loaded once its energies are those of this strain throughout. Below it,
@@ -43,8 +44,8 @@ class EnergyGuard:
             UnstableError: The balance is off, or not a number; on all ranks.
         """
         residual = energies["residual"] + energies["switching"]
-        put_in = self.simulation.initial_kinetic + abs(energies["work"])
-        scale = max(put_in, self.simulation.initial_kinetic + energies["work"] - residual)
+        first = self.simulation.initial_kinetic
+        scale = max(first + put_in(energies), first + energies["work"] - residual)
         if scale < self._least or abs(residual) <= self.limit * scale:
             return
         if not loaded and (residual > 0 or self._static):

@@ -143,6 +143,7 @@ def make_simulation(scene, mesh, low, high, shorter=1.0):
         self_contact=contact.self_contact,
         element=solver.element,
         damping=solver.damping,
+        gravity=scene.gravity,
     )
 
 

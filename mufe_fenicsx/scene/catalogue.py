@@ -14,7 +14,7 @@ from .tables import Contact, MassScaling, Oedometer, Output, QuasiStatic, Sample
 MODELS = {"j2": J2, "elastic": Elastic, "rigid": Rigid, "auto": Auto}
 
 #: Keys outside of all tables, fields of `scene.Scene`.
-TOP_KEYS = ("title", "accuracy")
+TOP_KEYS = ("title", "accuracy", "gravity")
 
 #: Table of the file -> its class; [material], [walls.*] and [[stage]] are read apart.
 TABLES = {

@@ -8,13 +8,12 @@ from ..errors import InputError, shortened, shown
 from ..keys import keys_of
 from ..materials.j2 import J2
 from ..materials.scatter import SCATTERED, Scatter
-from ..units import to_si
 from .bounds import check_text
 from .catalogue import MODELS, TABLES, TOP_KEYS
 from .scene import Scene
 from .stages import Stage
 from .tables import WALLS, Group, Wall
-from .values import build, convert_array, unknown_key
+from .values import build, convert, convert_array, unknown_key
 
 #: Bytes of a scene file.
 LARGEST = 10_000_000
@@ -50,10 +49,10 @@ def load_scene(path) -> Scene:
     _check_keys(walls, WALLS, "walls.")
     common = _table(tables, "material")
     material, scatter = _read_material(common)
-    accuracy = tables.get("accuracy")
     return Scene(
         title=title,
-        accuracy=None if accuracy is None else to_si(accuracy, "", "accuracy"),
+        accuracy=_top_value(tables, "accuracy", folder),
+        gravity=_top_value(tables, "gravity", folder),
         material=material,
         scatter=scatter,
         materials=_read_groups(_table(tables, "materials"), common),
@@ -68,6 +67,13 @@ def load_scene(path) -> Scene:
         stages=_read_stages(tables.get("stage", [])),
         **parts,
     )
+
+
+def _top_value(tables, name, folder):
+    """Value of a key outside of all tables; None where it is left out."""
+    if name not in tables:
+        return None
+    return convert(tables[name], keys_of(Scene)[name], name, folder)
 
 
 def _read_tables(path):

@@ -57,6 +57,11 @@ class Scene:
         None, "", "wanted error of the stress, which plans the rest", gt=0, lt=1
     )
 
+    gravity: tuple[float, float, float] | None = setting(
+        None, "m/s^2", "acceleration of gravity along x, y and z; left out: grains have no weight",
+        shape=(3,),
+    )  # fmt: skip
+
     def __post_init__(self):
         check_keys(self)
         check(self)

@@ -36,7 +36,7 @@ def build(cls, values, name, folder=None):
         if key.required and key.name not in values:
             raise InputError(f"{name(key.name)} is missing, expected {_expected(key)}")
     converted = {
-        key: _convert(value, known[key], name(key), folder) for key, value in values.items()
+        key: convert(value, known[key], name(key), folder) for key, value in values.items()
     }
     try:
         built = cls(**converted)
@@ -81,7 +81,7 @@ def _expected(key):
     return {int: "a whole number", bool: "true or false", str: "a text"}[key.hint]
 
 
-def _convert(value, key, name, folder):
+def convert(value, key, name, folder):
     """A value of the type that a key declares, in SI units."""
     kinds = key.kinds
     if key.shape and (float not in kinds or isinstance(value, list | tuple)):

@@ -15,7 +15,9 @@ from .tables import WALLS
 def scene_to_toml(scene) -> str:
     """The scene as TOML with every default written out: loading it gives it back."""
     lines = [f"title = {_toml(scene.title)}"]
-    lines += [] if scene.accuracy is None else [f"accuracy = {_toml(scene.accuracy)}"]
+    for name in ("accuracy", "gravity"):
+        value = getattr(scene, name)
+        lines += [] if value is None else [f"{name} = {_toml(value)}"]
     for name in ("image", "mesh", "sample"):
         lines += _write_table(name, getattr(scene, name))
     lines += _write_material("material", scene.material, scene.scatter)
