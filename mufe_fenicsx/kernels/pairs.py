@@ -5,9 +5,9 @@ import ctypes
 import numba
 import numpy as np
 
+from .contact_law import spring_energy, stored_energy
 from .native import Pointers, aligned, load
 from .points import corners_of
-from .springs import stored_energy
 
 #: What a pair keeps, a row of 32 numbers in which a step finds all it needs: types, and columns
 #: counted in numbers of that type. The rest of the row is as in pairs.h.
@@ -204,7 +204,6 @@ def pair_energy(gap, offset, closed, stiffness, shear, node, ratio_of_node, larg
     for p in range(node.size):
         if closed[p]:
             count += 1
-            t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
             energy += stored_energy(stiffness[p], offset[p] - gap[p], largest_depth[p])
-            energy += 0.5 * t2 / (stiffness[p] * ratio_of_node[node[p]])
+            energy += spring_energy(shear[p], stiffness[p] * ratio_of_node[node[p]])
     return energy, count
