@@ -36,6 +36,12 @@ def left_by_slip(trial, limit):
 
 
 @numba.njit(cache=True)
+def friction_of(friction, friction_row, p):
+    """Static and kinetic coefficient of a pair, in its row or in the first of all."""
+    return friction[friction_row[p] if friction_row.size else 0]
+
+
+@numba.njit(cache=True)
 def coulomb(trial, static, kinetic, slid):
     """Coulomb's law: whether a spring slips, and the part of it that is left.
 

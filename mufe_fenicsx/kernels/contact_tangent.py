@@ -16,7 +16,7 @@ import numba
 import numpy as np
 
 from .closest import EDGE, INTERIOR, VERTEX, closest_point, facet_normal, project
-from .contact_law import law_slope, left_by_slip, normal_force, stored_energy
+from .contact_law import friction_of, law_slope, left_by_slip, normal_force, stored_energy
 from .edge_springs import at_place, in_series, push_along
 
 #: Step of the differences over the size of a contact.
@@ -135,7 +135,7 @@ def _take_corners(at, weight, n, corner, corner_weight):
 def pair_tangent(
     rows, columns, blocks, x, num_before, corner, corner_weight, node, candidate, closest, closed,
     closed0, weights, normal, gap, offset, stiffness, anchor, shear, slip, slip0, push, sliding,
-    facets, area, recess, ratio_of_node, friction_kinetic, largest_depth,
+    facets, area, recess, ratio_of_node, friction, friction_row, largest_depth,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed pairs, in turn, as blocks of two nodes.
 
@@ -182,7 +182,7 @@ def pair_tangent(
             short = abs(height)
         a0, a1, a2 = anchor[p, 0], anchor[p, 1], anchor[p, 2]
         if sliding[p] and closed0[p]:
-            mu = friction_kinetic
+            mu = friction_of(friction, friction_row, p)[1]
             limit = mu * push[p]
             if limit > 0.0:  # back to the spring before the slip
                 trial = limit + kt * (slip[p] - slip0[p])
@@ -264,7 +264,7 @@ def _of_edges(F, X, side, law, state):
 def edge_tangent(
     rows, columns, blocks, x, first, second, ends, closed, closed0, place, normal, gap, offset,
     recess, stiffness, anchor, shear, slip, slip0, area, layer, share, compliance, ratio,
-    friction_kinetic, largest_depth,
+    friction, friction_row, largest_depth,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed crossings of edges, in turn, as blocks.
 
@@ -292,7 +292,7 @@ def edge_tangent(
         mu, scale, short, begin = -1.0, 1.0, math.inf, offset[p] - recess[p]
         slipped = slip[p] - slip0[p]
         if slipped > 0.0 and closed0[p]:
-            mu = friction_kinetic
+            mu = friction_of(friction, friction_row, p)[1]
             limit = mu * normal_force(kn, begin - gap[p], largest_depth[p])
             trial = limit + kt * slipped
             scale, short = trial / limit if limit > 0.0 else 0.0, trial / kt

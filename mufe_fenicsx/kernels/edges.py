@@ -4,7 +4,7 @@ import math
 
 import numba
 
-from .contact_law import coulomb, lost_in_slip, normal_force, stored_energy
+from .contact_law import coulomb, friction_of, lost_in_slip, normal_force, stored_energy
 from .crossing import END, crossing, piercings
 from .edge_search import segment_distance
 from .edge_springs import (
@@ -62,7 +62,7 @@ def add_edge_forces(
     compliance,
     ratio,
     friction,
-    friction_kinetic,
+    friction_row,
     size,
     largest_depth,
     recess,
@@ -112,8 +112,7 @@ def add_edge_forces(
         share: Part of the stiffness that acts at the ends of the edges, shape (num_edges, 2).
         compliance: Relative one of their ends [m/N], shape (num_edges,).
         ratio: Tangential over normal stiffness, shape (num_own_edges,).
-        friction: Coefficient of friction that a pair has to overcome to slip.
-        friction_kinetic: Coefficient while it slips; until a step in which it sticks.
+        friction, friction_row: Coefficients, as of :class:`~.pairs.PairForces`.
         size: Mean edge of both sides [m], shape (num_pairs,).
         largest_depth: Depth beyond which the force does not grow [m], shape (num_pairs,).
         recess: Depth at which the contact of edges begins [m], shape (num_pairs,).
@@ -194,9 +193,8 @@ def add_edge_forces(
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         # As long as friction holds it, whatever the stiffness; its energy over that.
         pressed = max(min(depth, largest_depth[p]), 0.0) / ratio[i]
-        sliding[p], keep = coulomb(
-            length, friction * pressed, friction_kinetic * pressed, sliding[p]
-        )
+        mu = friction_of(friction, friction_row, p)
+        sliding[p], keep = coulomb(length, mu[0] * pressed, mu[1] * pressed, sliding[p])
         half = 0.5 * ratio[i] * (keep * length) ** 2
         if outside[p] > 0.0 or depth <= 0.0:
             if closed[p]:

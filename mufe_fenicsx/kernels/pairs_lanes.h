@@ -84,8 +84,15 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   /* Normal force, and friction of the spring between the point and its anchor. */
   const vec kt = kn * ratio, N = kn * depth;
   lanes3 spring = difference(point, mean_of((lanes3){sixth[0], sixth[1], sixth[2]}, a, b, d));
+  vec held = all(c->friction), kinetic = all(c->friction_kinetic);
+  if (m->friction)
+#pragma GCC unroll 8
+    for (int i = 0; i < LANES; i++) {
+      const friction_type mu = friction_of(m, c, m->state + pair[i]);
+      held[i] = mu.held, kinetic[i] = mu.kinetic;
+    }
   const slip_type found =
-      slip(&spring, n, kt, FLAG(word, sliding), c->friction * N, c->friction_kinetic * N,
+      slip(&spring, n, kt, FLAG(word, sliding), held * N, kinetic * N,
            (lanes3){seventh[0], seventh[1], seventh[2]});
   const mask sliding = found.sliding;
   const lanes3 to_anchor = difference(ap, moved_along(spring, height, n));

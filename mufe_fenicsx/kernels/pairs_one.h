@@ -190,8 +190,9 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   const double N = normal_force(kn, depth, s->largest_depth);
   s->push = N;
   vec3 spring = minus(point, mean(s->anchor, t.a, t.b, t.c));
-  const slip_type found = slip_one(&spring, normal, kt, s->sliding, c->friction * N,
-                                       c->friction_kinetic * N, old_shear);
+  const friction_type mu = friction_of(m, c, s);
+  const slip_type found =
+      slip_one(&spring, normal, kt, s->sliding, mu.held * N, mu.kinetic * N, old_shear);
   s->closed = 1;
   s->sliding = found.sliding[0] & 1;
   s->slip += found.slipped[0];
