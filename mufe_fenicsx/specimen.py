@@ -32,7 +32,8 @@ class Specimen(Stateful):
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         materials: A material for each grain of this rank.
         walls: List of :class:`~mufe_fenicsx.contact.walls.Wall`.
-        friction: Coefficient of friction between grains.
+        friction: Coefficient of friction between grains, or by pair of materials a
+            :class:`~mufe_fenicsx.contact.friction.PairFriction`.
         friction_kinetic: Coefficient while a contact slips; ``friction`` if None.
         compliance: Constant c of the contact layer.
         points: Where contact acts, one of contact.surface.points.KINDS.

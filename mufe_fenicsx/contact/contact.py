@@ -11,13 +11,13 @@ from ..kernels.pairs import PairForces, pair_energy
 from ..kernels.points import place_points
 from ..kernels.rows import gather_rows, gather_some, hand_rows, hand_some
 from ..state import Stateful
+from .friction import PairFriction
 from .laws import (
     KINEMATIC,
     LARGEST_DEPTH,
     LAYERS,
     edge_of_area,
     inertial_layers,
-    kinetic_of,
     largest_depths,
     law_names,
     replace_layers,
@@ -52,7 +52,8 @@ class Contact(Stateful):
         x: Reference positions of its nodes [m], shape (num_nodes, 3).
         contact_modulus: E/(1 - nu²) of this rank's grains [Pa], shape (num_grains,).
         tangential_ratio: 2(1 - nu)/(2 - nu) of this rank's grains, shape (num_grains,).
-        friction: Coefficient of friction between grains.
+        friction: Coefficient of friction between grains, or a
+            :class:`~mufe_fenicsx.contact.friction.PairFriction`.
         compliance: Constant c of the layer that matches stiffness to mesh.
         walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
         points: Where contact acts, one of contact.surface.points.KINDS.
@@ -93,15 +94,17 @@ class Contact(Stateful):
         rigid_layer=None,
         edge_compliance=None,
     ):
-        check_law(friction, compliance)
+        by_pair = friction if isinstance(friction, PairFriction) else PairFriction(friction)
+        check_law(by_pair.friction, compliance)
         if self_contact and points != "nodes":
             raise InputError(f'self-contact with points of contact = {points}, expected "nodes"')
         self.comm, self._grains = mesh.comm, mesh.grains
         self.own = own_surface(mesh, x, nodes_on_mirrors(x, walls.walls), walls.normal)
         check_surface(mesh, self.own)
         check_stiffness(mesh, contact_modulus)
-        self.friction = float(friction)
-        self.friction_kinetic = kinetic_of(self.friction, friction_kinetic, "between grains")
+        #: Static and kinetic coefficients, of no pair of materials and of each, shape (n, 2).
+        self.coefficients = by_pair.table(friction_kinetic, mesh.labels.size)
+        self._friction_rows = by_pair.rows
         self.walls = walls
         own = self.own
         if law not in law_names():
@@ -137,7 +140,9 @@ class Contact(Stateful):
         check_walls(self.comm, walls, x, self.edge)
         node_ratio = tangential_ratio[mesh.grain_of_node[own.nodes]]
         # As of sharp vertices: edges that end a flat contact add nothing to it.
-        self.edges = EdgeContact(node_ratio, RECESS if self.num_before else 0.0)
+        self.edges = EdgeContact(
+            node_ratio, RECESS if self.num_before else 0.0, self.coefficients, by_pair.rows
+        )
 
         self.ledger = Ledger(self.points.grain_of_point, mesh.labels.size)
         self.dissipated = 0.0  #: by friction on this rank so far [J]
@@ -438,6 +443,7 @@ class Contact(Stateful):
         x, forces = self.positions.array, self.forces.array
         if p.forces is None:
             s = self.surface
+            p.friction_row = self._friction_rows(points.grain_of_point[p.node], p.grain)
             p.forces = PairForces(
                 p.state, p.due, p.candidate_due, p.clocks.readings, p.clocks.of, p.closest,
                 p.node, p.first, p.candidate,
@@ -445,6 +451,7 @@ class Contact(Stateful):
                 self.layer, s.layer_of_facet, points.area, points.facet_area, s.area_of_facet,
                 points.depth, s.depth_of_facet, points.recess, self.ratio, self._around,
                 points.around_of, *self.corners(), x, forces, self._early_pairs(),
+                self.coefficients, p.friction_row,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(forces, x, self.corners(), self.layer, points, self.ratio)
@@ -474,14 +481,11 @@ class Contact(Stateful):
             nonlocal edges
             if not self.kinematic:
                 nodes = slice(self.num_before, None)
-                edges = self.edges.add_forces(
-                    forces[nodes], x[nodes], self.clock, self.friction, self.friction_kinetic,
-                    adopt,
-                )  # fmt: skip
+                edges = self.edges.add_forces(forces[nodes], x[nodes], self.clock, adopt)
             self.begin_give_back()
 
         # What other ranks wait for comes first.
-        pairs = p.forces(self.friction, self.friction_kinetic, self._longest, adopt, between)
+        pairs = p.forces(self._longest, adopt, between)
         ahead = self.step_of_layers if self.kinematic else 0.0
         walls = self.walls.add_forces(adopt, ahead)
         self.end_give_back()

@@ -16,8 +16,8 @@ import numba
 import numpy as np
 
 from .closest import EDGE, INTERIOR, VERTEX, closest_point, facet_normal, project
+from .contact_law import friction_of, law_slope, left_by_slip, normal_force, stored_energy
 from .edge_springs import at_place, in_series, push_along
-from .springs import stored_energy
 
 #: Step of the differences over the size of a contact.
 STEP = 1e-5
@@ -92,15 +92,14 @@ def _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset, recess, lar
     else:
         height = side * math.sqrt(rx * rx + ry * ry + rz * rz)
         nx, ny, nz = rx / height, ry / height, rz / height
-    N = kn * min(offset - height - recess, largest)
+    N = normal_force(kn, offset - height - recess, largest)
     sx = X[6, 0] - anchor[0] * X[3, 0] - anchor[1] * X[4, 0] - anchor[2] * X[5, 0]
     sy = X[6, 1] - anchor[0] * X[3, 1] - anchor[1] * X[4, 1] - anchor[2] * X[5, 1]
     sz = X[6, 2] - anchor[0] * X[3, 2] - anchor[1] * X[4, 2] - anchor[2] * X[5, 2]
     along = sx * nx + sy * ny + sz * nz
     sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
     if mu >= 0.0:
-        length = math.sqrt(sx * sx + sy * sy + sz * sz)
-        keep = mu * N / (kt * length) if length > 0.0 else 0.0
+        keep = left_by_slip(kt * math.sqrt(sx * sx + sy * sy + sz * sz), mu * N)
         sx, sy, sz = keep * sx, keep * sy, keep * sz
     tx, ty, tz = -kt * sx, -kt * sy, -kt * sz
     fx, fy, fz = N * nx + tx, N * ny + ty, N * nz + tz
@@ -123,11 +122,20 @@ def _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset, recess, lar
     F[5, 0], F[5, 1], F[5, 2] = hc * nx - wc * fx, hc * ny - wc * fy, hc * nz - wc * fz
 
 
+@numba.njit(cache=True)
+def _take_corners(at, weight, n, corner, corner_weight):
+    """Nodes and weights of the point n, which is a node where there are no corners, in place."""
+    for m in range(3):
+        at[m], weight[m] = n, 1.0 if m == 0 else 0.0
+        if corner.shape[0]:
+            at[m], weight[m] = corner[n, m], corner_weight[n, m]
+
+
 @numba.njit(cache=True, error_model="numpy")
 def pair_tangent(
     rows, columns, blocks, x, num_before, corner, corner_weight, node, candidate, closest, closed,
     closed0, weights, normal, gap, offset, stiffness, anchor, shear, slip, slip0, push, sliding,
-    facets, area, recess, ratio_of_node, friction_kinetic, largest_depth,
+    facets, area, recess, ratio_of_node, friction, friction_row, largest_depth,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed pairs, in turn, as blocks of two nodes.
 
@@ -150,12 +158,7 @@ def pair_tangent(
         if not closed[p]:
             continue
         n, t = node[p], candidate[closest[p]]
-        if corner.shape[0]:
-            for m in range(3):
-                at[m], weight[m] = corner[n, m], corner_weight[n, m]
-        else:
-            at[:3] = n
-            weight[0], weight[1], weight[2] = 1.0, 0.0, 0.0
+        _take_corners(at, weight, n, corner, corner_weight)
         for m in range(3):
             at[3 + m] = facets[t, m]
         for i in range(6):
@@ -179,13 +182,13 @@ def pair_tangent(
             short = abs(height)
         a0, a1, a2 = anchor[p, 0], anchor[p, 1], anchor[p, 2]
         if sliding[p] and closed0[p]:
-            mu = friction_kinetic
+            mu = friction_of(friction, friction_row, p)[1]
             limit = mu * push[p]
             if limit > 0.0:  # back to the spring before the slip
-                scale = -(limit + kt * (slip[p] - slip0[p])) / (limit * kt)
-                short = min(short, -scale * limit)
+                trial = limit + kt * (slip[p] - slip0[p])
+                short = min(short, trial / kt)
                 for m in range(3):
-                    spring[m] = scale * shear[p, m]
+                    spring[m] = -trial / (limit * kt) * shear[p, m]
                 a0, a1, a2 = _anchor_of(
                     spring[0], spring[1], spring[2], X[6, 0] - height * normal[p, 0],
                     X[6, 1] - height * normal[p, 1], X[6, 2] - height * normal[p, 2],
@@ -193,7 +196,7 @@ def pair_tangent(
                 )  # fmt: skip
             else:
                 mu = 0.0
-        trial = (a0, a1, a2)
+        begin = (a0, a1, a2)
         side = 1.0 if height >= 0.0 else -1.0
         step = max(min(STEP * size, NEAR * short), LEAST * size)
         for j in range(6):
@@ -205,10 +208,10 @@ def pair_tangent(
                     before = X[j, k]
                     X[j, k] = before + step
                     _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset[p], recess[n],
-                             largest_depth[p], trial)  # fmt: skip
+                             largest_depth[p], begin)  # fmt: skip
                     X[j, k] = before - step
                     _of_pair(G, X, weight, feature, side, fixed, kn, kt, mu, offset[p], recess[n],
-                             largest_depth[p], trial)  # fmt: skip
+                             largest_depth[p], begin)  # fmt: skip
                     X[j, k] = before
                 for i in range(6):
                     b = count + 6 * i + j
@@ -237,12 +240,12 @@ def _of_edges(F, X, side, law, state):
     gap = wx * nx + wy * ny + wz * nz
     kn, by_s, by_t = in_series(even, fade, s, t, compliance, other_compliance)
     depth, kt = offset - gap, kn * ratio
-    N = kn * min(depth, largest)
+    N = normal_force(kn, depth, largest)
     ds, dt = anchor_s - s, anchor_t - t
     dx, dy, dz = ds * ux - dt * vx, ds * uy - dt * vy, ds * uz - dt * vz
     if mu >= 0.0:
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
-        keep = mu * min(depth, largest) / (ratio * length) if length > 0.0 else 0.0
+        keep = left_by_slip(ratio * length, mu * normal_force(1.0, depth, largest))
         ds, dt, dx, dy, dz = keep * ds, keep * dt, keep * dx, keep * dy, keep * dz
     stored = stored_energy(1.0, depth, largest) + 0.5 * ratio * (dx * dx + dy * dy + dz * dz)
     q, r, along = push_along(X, FIRST, SECOND, by_s * stored, by_t * stored)
@@ -261,7 +264,7 @@ def _of_edges(F, X, side, law, state):
 def edge_tangent(
     rows, columns, blocks, x, first, second, ends, closed, closed0, place, normal, gap, offset,
     recess, stiffness, anchor, shear, slip, slip0, area, layer, share, compliance, ratio,
-    friction_kinetic, largest_depth,
+    friction, friction_row, largest_depth,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed crossings of edges, in turn, as blocks.
 
@@ -289,10 +292,10 @@ def edge_tangent(
         mu, scale, short, begin = -1.0, 1.0, math.inf, offset[p] - recess[p]
         slipped = slip[p] - slip0[p]
         if slipped > 0.0 and closed0[p]:
-            mu = friction_kinetic
-            limit = mu * kn * min(offset[p] - recess[p] - gap[p], largest_depth[p])
-            scale = (limit + kt * slipped) / limit if limit > 0.0 else 0.0
-            short = limit / kt + slipped
+            mu = friction_of(friction, friction_row, p)[1]
+            limit = mu * normal_force(kn, begin - gap[p], largest_depth[p])
+            trial = limit + kt * slipped
+            scale, short = trial / limit if limit > 0.0 else 0.0, trial / kt
         trial_s = place[p, 0] + scale * (anchor[p, 0] - place[p, 0])
         trial_t = place[p, 1] + scale * (anchor[p, 1] - place[p, 1])
         step = max(min(STEP * size, NEAR * short), LEAST * size)
@@ -322,39 +325,27 @@ def wall_tangent(
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed pairs with walls, in turn, as blocks.
 
-    Sticking kn n nᵀ + kt (1 - n nᵀ); slipping with the coefficient mu in the direction e of the
-    force, after a trial force T: kn n nᵀ + mu kn e nᵀ + kt mu N/T (1 - n nᵀ - e eᵀ).
     Arguments as of :func:`pair_tangent` and of :class:`~.walls.WallForces`; 9 blocks each.
     """
-    K = np.zeros((3, 3))
+    K, e = np.zeros((3, 3)), np.zeros(3)
     at, weight = np.empty(3, np.int32), np.zeros(3)
     count = 0
     for p in range(node.size):
         if not closed[p]:
             continue
         n, w = node[p], wall[p]
-        if corner.shape[0]:
-            for m in range(3):
-                at[m], weight[m] = corner[n, m], corner_weight[n, m]
-        else:
-            at[:] = n
-            weight[0], weight[1], weight[2] = 1.0, 0.0, 0.0
+        _take_corners(at, weight, n, corner, corner_weight)
         kn = area[n] / layer[n]
         kt = kn * ratio[n] if closed0[p] else 0.0
-        mu = limit = keep = 0.0
+        mu, left = 0.0, 1.0
+        e[:] = 0.0
         if sliding[p] and closed0[p]:
             mu = friction_kinetic[w]
             limit = mu * push[p]
+            left = left_by_slip(limit + kt * (slip[p] - slip0[p]), limit)
             if limit > 0.0:
-                keep = limit / (limit + kt * (slip[p] - slip0[p]))
-            kt *= keep
-        for i in range(3):
-            ei = shear[p, i] / limit if limit > 0.0 else 0.0
-            for j in range(3):
-                ej = shear[p, j] / limit if limit > 0.0 else 0.0
-                nn = normal[w, i] * normal[w, j]
-                K[i, j] = kn * nn + kt * ((1.0 if i == j else 0.0) - nn - ei * ej)
-                K[i, j] += mu * kn * ei * normal[w, j]
+                e[:] = shear[p] / limit
+        law_slope(K, normal[w], e, kn, kt, mu, left)
         for i in range(3):
             for j in range(3):
                 b = count + 3 * i + j

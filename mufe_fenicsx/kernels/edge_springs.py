@@ -3,8 +3,8 @@
 import numba
 import numpy as np
 
+from .contact_law import spring_energy, stored_energy
 from .crossing import END
-from .springs import stored_energy
 
 #: Crossings up to this part of their edges, or this angle [rad], outside can carry soon.
 BEYOND = 0.1
@@ -62,6 +62,24 @@ def crossing_stiffness(i, j, s, t, area, layer, share, compliance):
     return in_series(k, fade, s, t, compliance[i], compliance[j])
 
 
+@numba.njit(cache=True)
+def both_edges(x, first, second):
+    """The vectors of two edges with these ends [m]."""
+    a, b, c, d = first[0], first[1], second[0], second[1]
+    u = (x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2])
+    return u, (x[d, 0] - x[c, 0], x[d, 1] - x[c, 1], x[d, 2] - x[c, 2])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def parts_along(u, v, along_u, along_v):
+    """s and t of the vector s u - t v that has these products with u and v."""
+    uu = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
+    vv = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+    uv = u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+    det = uu * vv - uv * uv
+    return (vv * along_u - uv * along_v) / det, (uv * along_u - uu * along_v) / det
+
+
 @numba.njit(cache=True, error_model="numpy")
 def push_along(x, first, second, by_s, by_t):
     """Force Q = q u + r v on edge u, its opposite on edge v, by which an energy moves a crossing.
@@ -79,35 +97,9 @@ def push_along(x, first, second, by_s, by_t):
     """
     if by_s == 0.0 and by_t == 0.0:
         return 0.0, 0.0, (0.0, 0.0, 0.0)
-    a, b, c, d = first[0], first[1], second[0], second[1]
-    ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-    vx, vy, vz = x[d, 0] - x[c, 0], x[d, 1] - x[c, 1], x[d, 2] - x[c, 2]
-    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
-    uv = ux * vx + uy * vy + uz * vz
-    det = uu * vv - uv * uv
-    q, r = (vv * by_s + uv * by_t) / det, -(uv * by_s + uu * by_t) / det
-    return q, r, (q * ux + r * vx, q * uy + r * vy, q * uz + r * vz)
-
-
-@numba.njit(cache=True)
-def spring_energy(force, stiffness):
-    """Energy of a spring that carries a force [J]; none where it fades out."""
-    square = force[0] ** 2 + force[1] ** 2 + force[2] ** 2
-    return 0.5 * square / stiffness if square > 0.0 else 0.0
-
-
-@numba.njit(cache=True)
-def lost_in_slip(shear, stiffness, part, dx, dy, dz):
-    """Energy that friction takes in a step [J], as in friction.h.
-
-    Args:
-        shear: Friction at the start of the step [N], shape (3,).
-        stiffness: Of the spring over its length, at the end of the step [N/m].
-        part: Of the spring that slipped.
-        dx, dy, dz: The spring before it slipped [m].
-    """
-    on_spring = shear[0] * dx + shear[1] * dy + shear[2] * dz
-    return 0.5 * part * (stiffness * (dx * dx + dy * dy + dz * dz) - on_spring)
+    u, v = both_edges(x, first, second)
+    q, t = parts_along(u, v, by_s, -by_t)
+    return q, -t, (q * u[0] - t * v[0], q * u[1] - t * v[1], q * u[2] - t * v[2])
 
 
 @numba.njit(cache=True)

@@ -4,10 +4,17 @@ import math
 
 import numba
 
+from .contact_law import coulomb, friction_of, lost_in_slip, normal_force, stored_energy
 from .crossing import END, crossing, piercings
 from .edge_search import segment_distance
-from .edge_springs import at_place, crossing_stiffness, in_series, lost_in_slip, push_along
-from .springs import stored_energy
+from .edge_springs import (
+    at_place,
+    both_edges,
+    crossing_stiffness,
+    in_series,
+    parts_along,
+    push_along,
+)
 
 #: Crossings deeper than this part of the mean edge are none. The vertices of right-angled edges
 #: that cross at their middles are inside from a half on, and nodes and facets hold those.
@@ -23,25 +30,8 @@ UNPIERCED = 2.0
 @numba.njit(cache=True, error_model="numpy")
 def _spring(x, ends, i, j, ds, dt):
     """The vector ds u - dt v of edges u and v: from anchor to anchor, along the surfaces [m]."""
-    a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
-    return (
-        ds * (x[b, 0] - x[a, 0]) - dt * (x[d, 0] - x[c, 0]),
-        ds * (x[b, 1] - x[a, 1]) - dt * (x[d, 1] - x[c, 1]),
-        ds * (x[b, 2] - x[a, 2]) - dt * (x[d, 2] - x[c, 2]),
-    )
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _parts(x, ends, i, j, dx, dy, dz):
-    """ds and dt with ds u - dt v equal to a vector, less its part across both edges."""
-    a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
-    ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-    vx, vy, vz = x[d, 0] - x[c, 0], x[d, 1] - x[c, 1], x[d, 2] - x[c, 2]
-    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
-    uv = ux * vx + uy * vy + uz * vz
-    du, dv = dx * ux + dy * uy + dz * uz, dx * vx + dy * vy + dz * vz
-    det = uu * vv - uv * uv
-    return (vv * du - uv * dv) / det, (uv * du - uu * dv) / det
+    u, v = both_edges(x, ends[i], ends[j])
+    return ds * u[0] - dt * v[0], ds * u[1] - dt * v[1], ds * u[2] - dt * v[2]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -72,7 +62,7 @@ def add_edge_forces(
     compliance,
     ratio,
     friction,
-    friction_kinetic,
+    friction_row,
     size,
     largest_depth,
     recess,
@@ -122,8 +112,7 @@ def add_edge_forces(
         share: Part of the stiffness that acts at the ends of the edges, shape (num_edges, 2).
         compliance: Relative one of their ends [m/N], shape (num_edges,).
         ratio: Tangential over normal stiffness, shape (num_own_edges,).
-        friction: Coefficient of friction that a pair has to overcome to slip.
-        friction_kinetic: Coefficient while it slips; until a step in which it sticks.
+        friction, friction_row: Coefficients, as of :class:`~.pairs.PairForces`.
         size: Mean edge of both sides [m], shape (num_pairs,).
         largest_depth: Depth beyond which the force does not grow [m], shape (num_pairs,).
         recess: Depth at which the contact of edges begins [m], shape (num_pairs,).
@@ -204,8 +193,8 @@ def add_edge_forces(
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         # As long as friction holds it, whatever the stiffness; its energy over that.
         pressed = max(min(depth, largest_depth[p]), 0.0) / ratio[i]
-        sliding[p] = length > (friction_kinetic if sliding[p] else friction) * pressed
-        keep = friction_kinetic * pressed / length if sliding[p] else 1.0
+        mu = friction_of(friction, friction_row, p)
+        sliding[p], keep = coulomb(length, mu[0] * pressed, mu[1] * pressed, sliding[p])
         half = 0.5 * ratio[i] * (keep * length) ** 2
         if outside[p] > 0.0 or depth <= 0.0:
             if closed[p]:
@@ -231,7 +220,7 @@ def add_edge_forces(
         stiffness[p] = kn
         due[p] = clock
         kt = kn * ratio[i]
-        N = kn * min(depth, largest_depth[p])
+        N = normal_force(kn, depth, largest_depth[p])
         if sliding[p]:
             released = lost_in_slip(shear[p], kt * keep, 1.0 - keep, dx, dy, dz)
             dissipated += released
@@ -295,4 +284,7 @@ def _turned_spring(x, ends, normal, ds, dt, first, second, q, p):
     d2 = dx * dx + dy * dy + dz * dz
     now2 = d2 - along * along
     keep = math.sqrt(d2 / now2) if now2 > 0.0 else 0.0
-    return _parts(x, ends, first[p], second[p], keep * dx, keep * dy, keep * dz)
+    dx, dy, dz = keep * dx, keep * dy, keep * dz
+    u, v = both_edges(x, ends[first[p]], ends[second[p]])
+    du, dv = dx * u[0] + dy * u[1] + dz * u[2], dx * v[0] + dy * v[1] + dz * v[2]
+    return parts_along(u, v, du, dv)

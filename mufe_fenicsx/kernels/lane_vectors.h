@@ -36,28 +36,10 @@ INLINE lanes3 across_both(lanes3 a, lanes3 b) {
 INLINE lanes3 mean_of(lanes3 w, lanes3 a, lanes3 b, lanes3 c) {
   return moved_along(moved_along(scaled(w.x, a), w.y, b), w.z, c);
 }
+/* The same vector in all lanes. */
+INLINE lanes3 in_all(vec3 a) { return (lanes3){all(a.x), all(a.y), all(a.z)}; }
 INLINE lanes3 where_each(mask m, lanes3 a, lanes3 b) {
   return (lanes3){where(m, a.x, b.x), where(m, a.y, b.y), where(m, a.z, b.z)};
-}
-
-/* Coulomb's friction of lanes. */
-typedef struct {
-  mask sliding;
-  vec slipped, lost; /* distance and energy; zero where nothing slides */
-} slip_type;
-
-/* What slides of ``spring``, from the anchor to the point, which is laid across the normals n and
-   shortened to what the kinetic friction holds. ``shear``: friction of the last step. */
-INLINE slip_type slip(lanes3 *spring, lanes3 n, vec kt, mask was_sliding, vec held, vec kinetic,
-                      lanes3 shear) {
-  lanes3 s = moved_along(*spring, -product(*spring, n), n);
-  const vec T = kt * square_root(product(s, s));
-  const mask sliding = T > where(was_sliding, kinetic, held);
-  const vec slipped = where(sliding, (T - kinetic) / kt, all(0.0));
-  *spring = scaled(where(sliding, kinetic / T, all(1.0)), s);
-  /* Work of the mean friction of the step: exact for the trapezoidal rule. It acts against s. */
-  const vec before = -kt * product(shear, s) / where(sliding, T, all(1.0));
-  return (slip_type){sliding, slipped, 0.5 * (before + kinetic) * slipped};
 }
 
 /* A row of three numbers, as four. */

@@ -28,7 +28,8 @@ typedef struct {
   vec3 shear;
   int32_t around, num_around; /* where the nodes around a point that is a node are listed */
   vec3 corner_weight;
-  int32_t clock, nothing; /* which one of ``clocks`` is that of both grains */
+  int32_t clock;    /* which one of ``clocks`` is that of both grains */
+  int32_t friction; /* the row of the pair of materials, where there are some */
 } state_type;
 
 /* In the order of kernels/pairs.py. */
@@ -49,6 +50,7 @@ typedef struct {
   const double *area_at_node, *area_of_facet, *depth_of_node, *depth_of_facet;
   const int32_t *around;
   double *x, *f;
+  const double *friction; /* static and kinetic of pairs of materials; none: one for all */
 } pairs_type;
 
 /* Parts of the pairs, in the order of kernels/pairs.py. */
@@ -61,6 +63,16 @@ typedef struct {
   double dissipated, switched, num_adopted, deepest, sunk;
   int64_t sunken;
 } call_type;
+
+/* Static and kinetic coefficient of a pair. */
+typedef struct {
+  double held, kinetic;
+} friction_type;
+INLINE friction_type friction_of(const pairs_type *m, const call_type *c, const state_type *s) {
+  if (!m->friction) return (friction_type){c->friction, c->friction_kinetic};
+  const double *of = m->friction + 2 * (int64_t)s->friction;
+  return (friction_type){of[0], of[1]};
+}
 
 INLINE vec3 point_of(const state_type *s, const double *x) {
   const int32_t *c = s->corner;

@@ -5,9 +5,9 @@ import ctypes
 import numba
 import numpy as np
 
+from .contact_law import spring_energy, stored_energy
 from .native import Pointers, aligned, load
 from .points import corners_of
-from .springs import stored_energy
 
 #: What a pair keeps, a row of 32 numbers in which a step finds all it needs: types, and columns
 #: counted in numbers of that type. The rest of the row is as in pairs.h.
@@ -38,6 +38,7 @@ COLUMNS = {
     "around": (np.int32, slice(54, 56)),
     "corner_weight": (np.float64, slice(28, 31)),
     "clock": (np.int32, 62),
+    "friction": (np.int32, 63),
 }
 
 
@@ -134,6 +135,9 @@ class PairForces:
         x: Positions [m], shape (num_nodes_with_ghosts, 3); those of points in facets are not used.
         f: Forces on surface nodes [N], shape (num_nodes_with_ghosts, 3).
         early: Whether a pair comes before all that are not, shape (num_pairs,).
+        friction: Static and kinetic coefficients, shape (n, 2): a pair has to overcome the one to
+            slip, and has the other while it slips, until a step in which it sticks.
+        friction_row: The row there of each pair, int32; of size 0: the first of all.
 
     Raises:
         ValueError: An array is of another type, or not contiguous.
@@ -142,7 +146,8 @@ class PairForces:
     def __init__(self, state, due, candidate_due, clocks, clock, closest, node, first, candidate,
                  facets, neighbor, ring_offset, ring, sharp, layer_of_node, layer_of_facet, area,
                  area_at_node, area_of_facet, depth_of_node, depth_of_facet, recess, ratio_of_node,
-                 around, around_of, corner, corner_weight, x, f, early):  # fmt: skip
+                 around, around_of, corner, corner_weight, x, f, early, friction,
+                 friction_row):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
         self._found = _Call()
@@ -154,6 +159,9 @@ class PairForces:
         nodes, weight = corners_of(node, corner, corner_weight)
         column(state, "corner")[:], column(state, "corner_weight")[:] = nodes, weight
         column(state, "clock")[:] = clock
+        self._found.friction, self._found.friction_kinetic = friction[0]
+        if friction_row.size:
+            column(state, "friction")[:] = friction_row
         self._any_early = bool(early.any())
         self._pointers = Pointers(
             (state, real), (due, real), (candidate_due, np.float32), (clocks, real), (clock, short),
@@ -162,19 +170,17 @@ class PairForces:
             (facets, short), (neighbor, short), (ring_offset, long), (ring, short), (sharp, flag),
             (layer_of_node, real), (layer_of_facet, real), (area_at_node, real),
             (area_of_facet, real), (depth_of_node, real), (depth_of_facet, real), (around, short),
-            (x, real), (f, real),
+            (x, real), (f, real), (friction, real) if friction_row.size else None,
         )  # fmt: skip
         pointer = ctypes.c_void_p
         self._call = load("pairs").mufe_add_pair_forces
         self._call.argtypes = [pointer, pointer, ctypes.c_int64]
         self._call.restype = None
 
-    def __call__(self, friction, friction_kinetic, longest, adopt, between):
+    def __call__(self, longest, adopt, between):
         """Add the forces at the positions ``x`` to ``f``.
 
         Args:
-            friction: Coefficient of friction that a pair has to overcome to slip.
-            friction_kinetic: Coefficient while it slips; until a step in which it sticks.
             longest: Distance up to which the clocks bound relative motion [m].
             adopt: True to adopt every node that lies inside (start of a test).
             between: Called once the early pairs have their forces; without any, at the end.
@@ -185,7 +191,6 @@ class PairForces:
             the largest one over the lesser part of both sides in it, and its pair, -1 if none.
         """
         c = self._found
-        c.friction, c.friction_kinetic = friction, friction_kinetic
         c.range, c.adopt = longest, adopt
         table, call, num = self._pointers.table, ctypes.addressof(c), self._num_pairs
         c.part = EARLY if self._any_early else ALL
@@ -204,7 +209,6 @@ def pair_energy(gap, offset, closed, stiffness, shear, node, ratio_of_node, larg
     for p in range(node.size):
         if closed[p]:
             count += 1
-            t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
             energy += stored_energy(stiffness[p], offset[p] - gap[p], largest_depth[p])
-            energy += 0.5 * t2 / (stiffness[p] * ratio_of_node[node[p]])
+            energy += spring_energy(shear[p], stiffness[p] * ratio_of_node[node[p]])
     return energy, count

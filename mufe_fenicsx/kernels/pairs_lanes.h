@@ -4,7 +4,7 @@
 #ifndef PAIRS_LANES_H
 #define PAIRS_LANES_H
 
-#include "lane_vectors.h"
+#include "contact_law.h"
 #include "pairs.h"
 
 /* Whether a node at ``corner`` lies below, as in pairs_one.h. */
@@ -50,10 +50,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   const lanes3 a = rows_at(x, node[3]), b = rows_at(x, node[4]), d = rows_at(x, node[5]);
   const lanes3 point = mean_of((lanes3){last[0], last[1], last[2]}, pa, pb, pc);
   const lanes3 ab = difference(b, a), ac = difference(d, a), ap = difference(point, a);
-  const vec d1 = product(ab, ap), d2 = product(ac, ap);
-  const vec ab2 = product(ab, ab), ac2 = product(ac, ac), abac = product(ab, ac);
-  const vec d3 = d1 - ab2, d4 = d2 - abac, d5 = d1 - abac, d6 = d2 - ac2;
-  const vec va = d3 * d6 - d5 * d4, vb = d5 * d2 - d1 * d6, vc = d1 * d4 - d3 * d2;
+  REGIONS(vec, product, ab, ac, ap);
   const vec square = va + vb + vc, inverse = 1.0 / square;
   const vec wb = vb * inverse, wc = vc * inverse;
   const lanes3 w = {1.0 - wb - wc, wb, wc};
@@ -87,8 +84,15 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   /* Normal force, and friction of the spring between the point and its anchor. */
   const vec kt = kn * ratio, N = kn * depth;
   lanes3 spring = difference(point, mean_of((lanes3){sixth[0], sixth[1], sixth[2]}, a, b, d));
+  vec held = all(c->friction), kinetic = all(c->friction_kinetic);
+  if (m->friction)
+#pragma GCC unroll 8
+    for (int i = 0; i < LANES; i++) {
+      const friction_type mu = friction_of(m, c, m->state + pair[i]);
+      held[i] = mu.held, kinetic[i] = mu.kinetic;
+    }
   const slip_type found =
-      slip(&spring, n, kt, FLAG(word, sliding), c->friction * N, c->friction_kinetic * N,
+      slip(&spring, n, kt, FLAG(word, sliding), held * N, kinetic * N,
            (lanes3){seventh[0], seventh[1], seventh[2]});
   const mask sliding = found.sliding;
   const lanes3 to_anchor = difference(ap, moved_along(spring, height, n));

@@ -3,17 +3,11 @@
 #ifndef PAIRS_ONE_H
 #define PAIRS_ONE_H
 
-#include "friction.h"
+#include "contact_law.h"
 #include "pairs.h"
 
 /* A length that is nothing beside the facets around a point. */
 INLINE double tiny(const state_type *s) { return 1e-9 * sqrt(s->area); }
-
-/* Energy of a normal spring, as in kernels/springs.py. */
-INLINE double stored_energy(double stiffness, double depth, double largest_depth) {
-  double within = least(depth, largest_depth);
-  return stiffness * within * (depth - 0.5 * within);
-}
 
 /* What the finer side of a pair has in its largest depth. Where one of them is rigid, with a layer
    thicker than its facets', half of the whole. */
@@ -155,7 +149,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   if (depth <= 0.0) {
     if (s->closed) {
       const vec3 spring = minus(point, mean(s->anchor, old.a, old.b, old.c));
-      const double lost = lost_in_slip(old_shear, across(spring, old_normal));
+      const double lost = lost_at_opening(old_shear, across(spring, old_normal));
       /* It left over an edge where it did not move out as far as it was deep. */
       if (passed || dot(way, old_normal) < was - tiny(s))
         c->switched += old_energy - lost - 0.5 * dot(old_force, way);
@@ -192,24 +186,20 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   m->due[p] = clock;
 
   /* Normal force, and friction of the spring between the node and its anchor. */
-  const double kn = s->stiffness, kt = kn * s->ratio, N = kn * least(depth, s->largest_depth);
+  const double kn = s->stiffness, kt = kn * s->ratio;
+  const double N = normal_force(kn, depth, s->largest_depth);
   s->push = N;
-  vec3 spring = across(minus(point, mean(s->anchor, t.a, t.b, t.c)), normal);
-  double T = kt * length(spring);
+  vec3 spring = minus(point, mean(s->anchor, t.a, t.b, t.c));
+  const friction_type mu = friction_of(m, c, s);
+  const slip_type found =
+      slip_one(&spring, normal, kt, s->sliding, mu.held * N, mu.kinetic * N, old_shear);
   s->closed = 1;
-  s->sliding = T > (s->sliding ? c->friction_kinetic : c->friction) * N;
-  double lost = 0.0;
-  if (s->sliding) {
-    const double limit = c->friction_kinetic * N, part = 1.0 - limit / T;
-    const vec3 slipped = times(part, spring);
-    spring = minus(spring, slipped);
-    lost = lost_in_slip(along(old_shear, -kt, spring), slipped);
-    c->dissipated += lost;
-    s->work += lost;
-    s->slip += length(slipped);
-    /* The anchor that leaves just this much of the spring. */
-    s->anchor = anchor_of(spring, foot, normal, facet_normal, t);
-  }
+  s->sliding = found.sliding[0] & 1;
+  s->slip += found.slipped[0];
+  s->work += found.lost[0];
+  c->dissipated += found.lost[0];
+  /* The anchor that leaves just this much of the spring. */
+  if (s->sliding) s->anchor = anchor_of(spring, foot, normal, facet_normal, t);
   vec3 shear = times(-kt, spring);
   s->shear = shear;
   const vec3 force = along(shear, N, normal);
@@ -218,7 +208,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   const int known = isfinite(old_gap);
   const int came_in = !was_closed && !(known && -dot(way, normal) >= depth - tiny(s));
   if ((was_closed && (passed || s->offset != old_offset)) || came_in)
-    c->switched += old_energy - energy_of(s, depth) - lost -
+    c->switched += old_energy - energy_of(s, depth) - found.lost[0] -
                    (known ? 0.5 * dot(plus(old_force, force), way) : 0.0);
   for (int corner = 0; corner < 3; corner++)
     add_to(f, s->corner[corner], times((&s->corner_weight.x)[corner], force));

@@ -1,16 +1,6 @@
-"""Springs of contact: the energy of a normal one, and what many pull with."""
+"""Springs of contact: what many pull with."""
 
 import numba
-
-
-@numba.njit(cache=True)
-def stored_energy(stiffness, depth, largest_depth):
-    """Energy of a normal spring whose force grows no more beyond the largest depth [J].
-
-    k d²/2 up to the largest depth D, then k D (d - D/2): the work of the force.
-    """
-    within = min(depth, largest_depth)
-    return stiffness * within * (depth - 0.5 * within)
 
 
 @numba.njit(cache=True)

@@ -31,14 +31,20 @@ INLINE vec3 normal_of(triangle t) {
   return times(1.0 / sqrt(dot(n, n)), n);
 }
 
+/* Where the point a + ap lies beside a triangle with the sides ab and ac: products by which the
+   regions are told apart, and va, vb and vc, the weights of its foot in their plane times their
+   sum, four times the area squared. The foot is inside where all three are positive. */
+#define REGIONS(real, dot, ab, ac, ap)                                              \
+  const real d1 = dot(ab, ap), d2 = dot(ac, ap);                                    \
+  const real ab2 = dot(ab, ab), ac2 = dot(ac, ac), abac = dot(ab, ac);              \
+  const real d3 = d1 - ab2, d4 = d2 - abac, d5 = d1 - abac, d6 = d2 - ac2;          \
+  const real va = d3 * d6 - d5 * d4, vb = d5 * d2 - d1 * d6, vc = d1 * d4 - d3 * d2
+
 /* Weights of the vertices at the closest point of a triangle, and its feature. Voronoi regions of
    the features in turn (C. Ericson, Real-Time Collision Detection, 2005, section 5.1.5). */
 INLINE vec3 closest_point(vec3 p, triangle t, int *feature) {
   vec3 ab = minus(t.b, t.a), ac = minus(t.c, t.a), ap = minus(p, t.a);
-  double d1 = dot(ab, ap), d2 = dot(ac, ap);
-  double ab2 = dot(ab, ab), ac2 = dot(ac, ac), abac = dot(ab, ac);
-  double d3 = d1 - ab2, d4 = d2 - abac, d5 = d1 - abac, d6 = d2 - ac2;
-  double va = d3 * d6 - d5 * d4, vb = d5 * d2 - d1 * d6, vc = d1 * d4 - d3 * d2;
+  REGIONS(double, dot, ab, ac, ap);
   if (va > 0.0 && vb > 0.0 && vc > 0.0) { /* most often; no other region has all three */
     double scale = 1.0 / (va + vb + vc), v = vb * scale, w = vc * scale;
     *feature = INTERIOR;

@@ -1,9 +1,8 @@
 /* Contact of nodes, or of points in facets, with rigid planes. The law and all arrays are
    described in kernels/walls.py. */
 
+#include "contact_law.h"
 #include "due.h"
-#include "friction.h"
-#include "lane_vectors.h"
 
 /* What a pair keeps, two cache lines in rows of four numbers; the anchor from ``point`` of the wall.
    ``corner``: nodes around a point in a facet, or thrice the node; the first has a weight of its
@@ -86,7 +85,7 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t adop
   const double depth = s->offset - g;
   if (depth <= 0.0) {
     if (s->closed) {
-      double lost = lost_in_slip(s->shear, across(minus(r, s->anchor), normal));
+      double lost = lost_at_opening(s->shear, across(minus(r, s->anchor), normal));
       totals[0] += lost;
       s->work += lost;
       s->closed = s->sliding = 0;
@@ -103,19 +102,14 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t adop
   }
   const double kn = s->stiffness, kt = kn * s->ratio, N = kn * depth;
   s->push = N;
-  vec3 spring = across(minus(r, s->anchor), normal);
-  const double T = kt * length(spring);
-  s->sliding = T > (s->sliding ? wall->friction_kinetic : wall->friction) * N;
-  if (s->sliding) {
-    const double limit = wall->friction_kinetic * N, part = 1.0 - limit / T;
-    const vec3 slipped = times(part, spring);
-    spring = minus(spring, slipped);
-    const double lost = lost_in_slip(along(s->shear, -kt, spring), slipped);
-    totals[0] += lost;
-    s->work += lost;
-    s->slip += length(slipped);
-    s->anchor = minus(r, spring);
-  }
+  vec3 spring = minus(r, s->anchor);
+  const slip_type found = slip_one(&spring, normal, kt, s->sliding, wall->friction * N,
+                                       wall->friction_kinetic * N, s->shear);
+  s->sliding = found.sliding[0] & 1;
+  s->slip += found.slipped[0];
+  s->work += found.lost[0];
+  totals[0] += found.lost[0];
+  if (s->sliding) s->anchor = minus(r, spring);
   s->shear = times(-kt, spring);
   const vec3 force = along(s->shear, N, normal), torque = cross(force, r);
   for (int k = 0; k < 3; k++) add_to(m->f, c[k], times(k ? rest : lead, force));

@@ -5,6 +5,7 @@ import ctypes
 import numba
 import numpy as np
 
+from .contact_law import spring_energy
 from .native import Pointers, address, aligned, load
 from .pairs import column, fill_rows
 from .points import corners_of
@@ -207,9 +208,8 @@ def wall_energy(gap, offset, closed, shear, node, layer, area, ratio):
         if closed[p]:
             count += 1
             kn = area[node[p]] / layer[node[p]]
-            t2 = shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2
             depth = offset[p] - gap[p]
-            energy += 0.5 * kn * depth * depth + 0.5 * t2 / (kn * ratio[node[p]])
+            energy += 0.5 * kn * depth * depth + spring_energy(shear[p], kn * ratio[node[p]])
     return energy, count
 
 

@@ -118,7 +118,8 @@ class Pair:
             self.closed,
             self.sliding, self.stiffness, self.anchor, self.shear, self.slip,
             self.work, clock, x, self.first, self.second, ENDS, BEYOND, one, one,
-            np.ones((2, 2)), self.compliance, self.ratio, friction, kinetic, self.size,
+            np.ones((2, 2)), self.compliance, self.ratio,
+            np.array([[friction, kinetic]]), np.empty(0, np.int32), self.size,
             self.largest_depth, self.recess, adopt,
         )  # fmt: skip
         return f

@@ -43,10 +43,14 @@ class EdgeContact:
     Args:
         ratio: Tangential over normal stiffness of own surface nodes, shape (num_nodes,).
         recess: Depth at which the contact of edges begins, over their length.
+        friction: Static and kinetic coefficients, shape (n, 2).
+        friction_rows: Gives the rows there of pairs of grains, as of
+            :meth:`~mufe_fenicsx.contact.friction.PairFriction.rows`.
     """
 
-    def __init__(self, ratio, recess=0.0):
+    def __init__(self, ratio, recess, friction, friction_rows):
         self.ratio_of_node, self.recess = ratio, recess
+        self.friction, self._friction_rows = friction, friction_rows
         self.slip = np.zeros(ratio.size)  #: of own nodes in crossings, up to the last search [m]
         self.edges = None
         self.pairs = None
@@ -82,7 +86,9 @@ class EdgeContact:
 
     def set_pairs(self, first, second, clock):
         """Make the pairs those of the edges ``first`` and ``second``, without any past. Local."""
-        self.pairs = EdgePairs(first, second, self.edges, self.recess, clock)
+        pairs = EdgePairs(first, second, self.edges, self.recess, clock)
+        pairs.friction_row = self._friction_rows(pairs.grain, pairs.partner)
+        self.pairs = pairs
 
     def _carry(self, old):
         new = self.pairs
@@ -92,7 +98,7 @@ class EdgeContact:
         # What had not been due, but is looked at again, may not have moved further since.
         new.due[at_new] = np.minimum(new.due[at_new], old.due[at_old])
 
-    def add_forces(self, f, x, clock, friction, friction_kinetic, adopt):
+    def add_forces(self, f, x, clock, adopt):
         """Add the forces of all pairs to ``f``. Local.
 
         Returns:
@@ -105,8 +111,8 @@ class EdgeContact:
         return add_edge_forces(
             f, p.due, p.outside, p.place, p.normal, p.gap, p.offset, p.closed, p.sliding,
             p.stiffness, p.anchor, p.shear, p.slip, p.work, clock, x, p.first,
-            p.second, e.ends, e.beyond, e.area, e.layer, e.share, e.compliance, e.ratio, friction,
-            friction_kinetic, p.size, p.largest_depth, p.recess, adopt,
+            p.second, e.ends, e.beyond, e.area, e.layer, e.share, e.compliance, e.ratio,
+            self.friction, p.friction_row, p.size, p.largest_depth, p.recess, adopt,
         )  # fmt: skip
 
     def springs(self, margin, clock):

@@ -76,14 +76,14 @@ class ContactTangent:
             *parts[0], x, before, *c.corners(), p.node, p.candidate, p.closest, p.closed, closed,
             p.weights, p.normal, p.gap, p.offset, p.stiffness, p.anchor, p.shear, p.slip, slip,
             p.push, p.sliding, c.facets, c.points.area, c.points.recess, c.ratio,
-            c.friction_kinetic, p.largest_depth,
+            c.coefficients, p.friction_row, p.largest_depth,
         )  # fmt: skip
         q = e.pairs
         edge_tangent(
             *parts[1], x[before:], q.first, q.second, e.edges.ends, q.closed, edge_closed, q.place,
             q.normal, q.gap, q.offset, q.recess, q.stiffness, q.anchor, q.shear, q.slip, edge_slip,
             e.edges.area, e.edges.layer, e.edges.share, e.edges.compliance, e.edges.ratio,
-            c.friction_kinetic, q.largest_depth,
+            c.coefficients, q.friction_row, q.largest_depth,
         )  # fmt: skip
         v = w.pairs
         wall_tangent(

@@ -1,0 +1,70 @@
+"""Coefficients of friction between grains: one for all, or by the materials of both."""
+
+import numpy as np
+
+from ..errors import InputError
+from .laws import kinetic_of
+
+
+class PairFriction:
+    """Coefficients of friction by the materials of both grains.
+
+    Args:
+        friction: Coefficient between materials that no pair names [-].
+        materials: Name of the material of each grain, of all ranks, in the order of the mesh's
+            labels, shape (num_grains,).
+        pairs: (name, name), in either order -> coefficient, or (static, kinetic) ones [-].
+
+    Raises:
+        InputError: A pair of a material that no grain has, or that is there twice; a coefficient
+            that cannot be.
+    """
+
+    def __init__(self, friction, materials=(), pairs=None):
+        self.friction, pairs = float(friction), pairs or {}
+        names = list(dict.fromkeys(materials))
+        number = {name: n for n, name in enumerate(names)}
+        self._material = np.array([number[name] for name in materials], dtype=np.int32)
+        self._row = np.zeros((len(names), len(names)), dtype=np.int32)
+        self._others = []
+        for pair, given in pairs.items():
+            for name in pair:
+                if name not in number:
+                    raise InputError(
+                        f"friction of {'-'.join(map(str, pair))} = {given}, expected materials of "
+                        f"grains: {', '.join(map(str, names))}"
+                    )
+            a, b = (number[name] for name in pair)
+            where = f"of {names[a]}-{names[b]}"
+            static, kinetic = given if isinstance(given, tuple) else (given, None)
+            if self._row[a, b]:
+                raise InputError(f"friction {where} = {static}, expected one entry for a pair")
+            self._others.append((static, kinetic_of(static, kinetic, where)))
+            self._row[a, b] = self._row[b, a] = len(self._others)
+
+    def table(self, friction_kinetic, num_grains):
+        """Static and kinetic coefficients, shape (1 + num_pairs, 2); first those of no pair.
+
+        Args:
+            friction_kinetic: Coefficient while a contact of no pair slips; ``friction`` if None.
+            num_grains: Number of grains of all ranks.
+
+        Raises:
+            InputError: There are materials of other grains.
+        """
+        if self._others and self._material.size != num_grains:
+            raise InputError(
+                f"materials = {self._material.size}, expected one a grain, {num_grains}"
+            )
+        kinetic = kinetic_of(self.friction, friction_kinetic, "between grains")
+        return np.array([(self.friction, kinetic), *self._others])
+
+    def rows(self, grain, partner):
+        """Rows of the table of pairs of grains, int32; of size 0 where all have the first one.
+
+        Args:
+            grain, partner: Global indices of the grains, shape (num_contacts,).
+        """
+        if not self._others:
+            return np.empty(0, dtype=np.int32)
+        return self._row[self._material[grain], self._material[partner]]
