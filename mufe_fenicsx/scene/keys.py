@@ -44,6 +44,8 @@ class Key:
     @property
     def kinds(self):
         """Its types, None left out."""
+        if self.entries is not None:
+            return (dict,)
         return tuple(kind for kind in typing.get_args(self.hint) or (self.hint,)
                      if kind is not type(None))  # fmt: skip
 
@@ -51,6 +53,12 @@ class Key:
     def table(self):
         """Dataclass of a table within, or None."""
         return next((kind for kind in self.kinds if is_dataclass(kind)), None)
+
+    @property
+    def entries(self):
+        """Dataclass of the entries of a table with names of one's own, or None."""
+        named = typing.get_origin(self.hint) is dict
+        return typing.get_args(self.hint)[1] if named else None
 
     @property
     def required(self):
@@ -96,6 +104,12 @@ def tables():
     found = dict(TABLES)
     found |= {f'material (model = "{name}")': cls for name, cls in MODELS.items()}
     found |= {"material.scatter": Scatter, "walls.NAME": Wall, "stage": Stage}
+    found |= {
+        f"{table}.{key.name}.NAME": key.entries
+        for table, cls in TABLES.items()
+        for key in keys_of(cls).values()
+        if key.entries is not None
+    }
     for key in keys_of(Stage).values():
         if key.table is not None:
             found[f"stage.{key.name}"] = key.table
@@ -115,13 +129,15 @@ def explain(wanted):
     parts = name.split(".")
     if parts[0] == "materials":  # of one's own name: as [material]
         parts = ["material", *parts[2:]]
+    if parts[:2] == ["contact", "pairs"] and len(parts) > 2:
+        parts[2] = "NAME"
     if parts[0] == "walls" and len(parts) > 1 and parts[1] in WALLS:
         parts[1] = "NAME"
     name = ".".join(parts)
     if name in TOP_KEYS:
         return _explain_key("", keys_of(Scene)[name])
-    if name == "walls":
-        name = "walls.NAME"
+    if name in ("walls", "contact.pairs"):
+        name += ".NAME"
     found = [(table, cls) for table, cls in tables().items() if _plain(table) == name]
     if found:
         return _explain_table(*found[0] if len(found) == 1 else (name, found[0][1]), found)
@@ -146,6 +162,9 @@ def expectation(key):
     """What a value of a key has to be, in words."""
     if key.table is not None:
         return f"a table {{ … }}: {', '.join(keys_of(key.table))}"
+    if key.entries is not None:
+        keys = keys_of(key.entries)
+        return f"a table of NAME = {next(iter(keys))}, or {{ … }}: {', '.join(keys)}"
     parts = []
     if key.choices:
         parts.append(" or ".join(f'"{choice}"' for choice in key.choices))
@@ -205,7 +224,7 @@ def _explain_key(table, key):
     where = _plain(table)
     if key.required:
         default = "has to be given"
-    elif key.default in (None, ""):
+    elif key.default in (None, "", {}):
         default = "left out: not set"
     else:
         shown = str(key.default).lower() if isinstance(key.default, bool) else key.default

@@ -3,7 +3,7 @@
 The tables of tests by stages are in `stages`, that of static and implicit tests in `implicit`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..contact.laws import COMPLIANCE, law_names
@@ -59,6 +59,21 @@ class Group:
 
 
 @dataclass(frozen=True)
+class Pair:
+    """[contact.pairs]: friction of grains of two materials, NAME-NAME in either order.
+
+    A number alone is ``friction``. The grains that are in no group are of "material".
+    """
+
+    friction: float  #: coefficient of friction between them [-]
+    friction_kinetic: float | None = None  #: while they slip [-]; None: friction
+
+    def __post_init__(self):
+        require(0 <= self.friction, "friction", self.friction, ">= 0")
+        require_kinetic("friction_kinetic", self.friction_kinetic, "friction", self.friction)
+
+
+@dataclass(frozen=True)
 class Contact:
     """[contact]: between grains, and the default between grains and walls.
 
@@ -77,6 +92,7 @@ class Contact:
     friction_kinetic: float | None = None  #: between grains while they slip [-]; None: friction
     wall_friction_kinetic: float | None = None  #: the same of walls that state no friction [-]
     self_contact: bool = False  #: concave grains meet themselves too
+    pairs: dict[str, Pair] = field(default_factory=dict)  #: friction by pair of materials
 
     def __post_init__(self):
         require(0 <= self.friction, "friction", self.friction, ">= 0")

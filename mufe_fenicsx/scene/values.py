@@ -89,6 +89,8 @@ def _expected(hint, unit):
 
 def _convert(value, hint, unit, key, name, folder):
     """A value of the type that a field declares, in SI units."""
+    if typing.get_origin(hint) is dict:
+        return _convert_entries(value, typing.get_args(hint)[1], name)
     kinds = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
     if key in SHAPES and (float not in kinds or isinstance(value, list | tuple)):
         if isinstance(unit, str):
@@ -114,6 +116,23 @@ def _convert(value, hint, unit, key, name, folder):
     if isinstance(value, int):
         check_count(value, key, name)
     return value
+
+
+def _convert_entries(table, cls, name):
+    """A table with names of one's own: each a table, or the first of its values alone."""
+    if not isinstance(table, dict):
+        raise InputError(f"{name} = {shown(table)}, expected a table [{name}]")
+    first, found = fields(cls)[0].name, {}
+    for key, value in table.items():
+        check_text(name, key)
+        entry = f"{name}.{shortened(key)}"
+        if isinstance(value, dict):
+            found[key] = build(cls, value, lambda inner, entry=entry: f"{entry}.{inner}")
+        else:  # what is said of that value is said of the entry
+            found[key] = build(
+                cls, {first: value}, lambda inner, entry=entry: entry + inner.removeprefix(first)
+            )
+    return found
 
 
 def convert_array(value, shape, units, kind, name):

@@ -42,9 +42,13 @@ def _write_material(table, material, scatter, first_lines=()):
 def _write_table(table, content, first_lines=()):
     if content is None:
         return []
-    lines = ["", f"[{table}]", *first_lines]
+    lines, below = ["", f"[{table}]", *first_lines], []
     for field in fields(content):
         value = getattr(content, field.name)
+        if isinstance(value, dict):
+            below += ["", f"[{table}.{field.name}]"]
+            below += [f"{_key(name)} = {_toml(entry)}" for name, entry in value.items()]
+            continue
         if value is None:
             lines.append(f"# {field.name} is not set")
             continue
@@ -52,7 +56,7 @@ def _write_table(table, content, first_lines=()):
         if isinstance(unit, tuple):
             unit = ", ".join(part or "-" for part in unit)
         lines.append(f"{field.name} = {_toml(value)}" + (f"  # [{unit}]" if unit else ""))
-    return lines
+    return lines + below
 
 
 def _key(name):

@@ -60,6 +60,9 @@ def test_schema_takes_every_scene_and_its_written_form(validator, name, tmp_path
         ("strain = 0.1", "strain = 1.5"),  # bound from the check of the class
         ("[material]", "accuracy = 2\n[material]"),  # outside of the tables
         ("strain = 0.1", ""),  # required
+        ("[oedometer]", "[contact.pairs]\nmaterial-material = -1\n[oedometer]"),
+        ("[oedometer]", "[contact.pairs]\nmaterial-material = true\n[oedometer]"),
+        ("[oedometer]", "[contact.pairs]\nmaterial-material = {}\n[oedometer]"),
         ("speed = 2", 'speed = "fast"'),  # no number with a unit
         ("speed = 2", "speed = true"),
         ("[contact]", "[contact]\nlaw = 'hard'"),  # one of some texts
@@ -93,6 +96,8 @@ def test_every_key_is_documented():
         ("oedometer.speed", ["of the top platen", "10 mm/s", "> 0", "has to be given"]),
         ("contact.points", ['"facets" or "facets3" or "nodes"', "left out: facets"]),
         ("solver.time_step_factor", ["> 0 and < 1", "left out: 0.9"]),
+        ("contact.pairs", ["NAME-NAME in either order", "[contact.pairs.NAME]"]),
+        ("contact.pairs.a-b.friction_kinetic", ["while they slip"]),
         ("walls.x_min.stress", ["mean pressure", "a stress such as"]),
         ("stage.z.stress", ["to hold from then on"]),
         ("materials.soft.E", ["Young's modulus"]),
