@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "mufe_fenicsx"
 LEVELS = (
     {"errors"},
     {"machine", "state", "units", "theory"},
-    {"kernels", "keys"},
+    {"kernels"},
     {"mesh", "output", "solvers", "materials"},
     {"geometry", "contact"},
     {"bulk", "loading", "analysis", "scene"},

@@ -7,8 +7,7 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError, nearest_name
-from ..keys import keys_of
-from ..units import QUANTITIES
+from ..units import QUANTITIES, keys_of
 
 
 def with_settings(cls):

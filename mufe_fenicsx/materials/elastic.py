@@ -18,7 +18,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..kernels.hardening import plastic_increment
-from ..keys import REQUIRED, check_keys, setting
+from ..units import REQUIRED, check_keys, setting
 
 
 @dataclass(frozen=True)

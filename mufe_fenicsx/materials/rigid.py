@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..keys import setting
+from ..units import setting
 from .elastic import IsotropicSolid
 
 

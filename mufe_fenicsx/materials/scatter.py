@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..keys import check_keys, setting
+from ..units import check_keys, setting
 
 #: What may scatter, and the parameter of the material that it is.
 SCATTERED = {"E": "E", "rho": "rho", "strength": "yield_stress"}

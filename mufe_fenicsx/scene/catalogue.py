@@ -38,7 +38,7 @@ def register_material(name, cls):
     Args:
         name: Its name in scene files.
         cls: A frozen dataclass derived from :class:`~.materials.elastic.IsotropicSolid`, whose own
-            fields are made by :func:`~mufe_fenicsx.keys.setting`.
+            fields are made by :func:`~mufe_fenicsx.units.setting`.
 
     Raises:
         InputError: The name is taken.

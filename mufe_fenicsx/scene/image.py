@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..geometry.settings import SegmentSettings
-from ..keys import REQUIRED, setting
+from ..units import REQUIRED, setting
 
 #: Images that installed packages carry: name -> (package, path inside it).
 PACKAGED_IMAGES = {"spam:snow": ("spam", "data/snow/snow.tif")}

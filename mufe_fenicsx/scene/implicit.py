@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from ..keys import check_keys, require, setting
 from ..solvers import petsc_options
+from ..units import check_keys, require, setting
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..contact.friction import PairFriction
 from ..errors import InputError
 from ..geometry.settings import MeshSettings
-from ..keys import check_keys, setting
 from ..materials.elastic import IsotropicSolid
 from ..materials.scatter import Scatter
+from ..units import check_keys, setting
 from .consistency import check
 from .image import ImageSettings
 from .implicit import Implicit
+from .pairs import REST, by_materials
 from .stages import Loading, Stage, named
 from .tables import (
     WALLS,
@@ -96,6 +98,25 @@ class Scene:
             scatter = group.scatter
             found.append(scatter.of(group.material, label) if scatter else group.material)
         return found
+
+    def friction_of(self, labels):
+        """Coefficients of friction between grains, by pair of their materials where these differ.
+
+        Args:
+            labels: Labels of all grains of the sample, shape (num_grains,).
+        """
+        group_of = {label: name for name, g in self.materials.items() for label in g.labels}
+        names = [group_of.get(int(label), REST) for label in labels]
+        pairs = by_materials(self.contact.pairs, self.materials)
+        return PairFriction(
+            self.contact.friction,
+            names,
+            {
+                pair: (entry.friction, entry.friction_kinetic)
+                for pair, entry in pairs.items()
+                if set(pair) <= set(names)
+            },
+        )
 
     def _between_speeds(self):
         """Settings of the speed of loading with both limits filled in."""

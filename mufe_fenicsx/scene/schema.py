@@ -4,9 +4,8 @@ import json
 from dataclasses import MISSING
 from pathlib import Path
 
-from ..keys import keys_of
 from ..materials.scatter import Scatter
-from ..units import QUANTITIES
+from ..units import QUANTITIES, keys_of
 from .catalogue import MODELS, TABLES, TOP_KEYS
 from .explanations import expectation, first_lines
 from .scene import Scene
@@ -108,6 +107,10 @@ def _value(key):
     """Schema of the value of one key."""
     if key.table is not None:
         return _table(key.table) | {"description": key.text}
+    if key.entries is not None:
+        alone = _value(next(iter(keys_of(key.entries).values())))
+        entry = {"anyOf": [*alone.pop("anyOf"), _table(key.entries)]}
+        return {"type": "object", "description": key.text, "additionalProperties": entry}
     found = _type(key)
     found["description"] = f"{key.text}\n{expectation(key)}"
     if key.default not in (MISSING, None, "") and not isinstance(key.default, Path | tuple):

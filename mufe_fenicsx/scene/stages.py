@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields, replace
 
 from ..errors import InputError
-from ..keys import REQUIRED, check_keys, require, setting
+from ..units import REQUIRED, check_keys, require, setting
 
 #: Keys of a stage that say what the walls across one, two or all three axes do.
 AXIS_KEYS = ("x", "y", "z", "xy", "xz", "yz", "xyz")

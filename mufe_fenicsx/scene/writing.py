@@ -7,7 +7,7 @@ from dataclasses import fields
 from decimal import Decimal
 from pathlib import Path
 
-from ..keys import keys_of
+from ..units import keys_of
 from .catalogue import MODELS
 from .tables import WALLS
 
@@ -45,9 +45,13 @@ def _write_material(table, material, scatter, first_lines=()):
 def _write_table(table, content, first_lines=()):
     if content is None:
         return []
-    lines = ["", f"[{table}]", *first_lines]
+    lines, below = ["", f"[{table}]", *first_lines], []
     for field in fields(content):
         value = getattr(content, field.name)
+        if isinstance(value, dict):
+            below += ["", f"[{table}.{field.name}]"]
+            below += [f"{_key(name)} = {_toml(entry)}" for name, entry in value.items()]
+            continue
         if value is None:
             lines.append(f"# {field.name} is not set")
             continue
@@ -55,7 +59,7 @@ def _write_table(table, content, first_lines=()):
         if isinstance(unit, tuple):
             unit = ", ".join(part or "-" for part in unit)
         lines.append(f"{field.name} = {_toml(value)}" + (f"  # [{unit}]" if unit else ""))
-    return lines
+    return lines + below
 
 
 def _key(name):

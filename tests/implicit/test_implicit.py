@@ -13,6 +13,7 @@ from mpi4py import MPI
 from mufe_fenicsx.bulk.elastic_tangent import NearTangent
 from mufe_fenicsx.bulk.solid import Solid
 from mufe_fenicsx.bulk.tangent import SolidTangent
+from mufe_fenicsx.contact.friction import PairFriction
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError, SolverError
 from mufe_fenicsx.geometry.bodies.shapes import box
@@ -93,10 +94,10 @@ def stacked():
     )
 
 
-def sheared_cubes(**options):
+def sheared_cubes(friction=0.1, **options):
     """Two cubes pressed and sheared so that they begin to slip; walls set for more of that."""
     walls = [Wall("low", np.zeros(3), UP, friction=0.9), Wall("top", 2 * UP, -UP, friction=0.9)]
-    sim = static(stacked(), STEEL, walls, friction=0.1, stabilisation=1e-3, **options)
+    sim = static(stacked(), STEEL, walls, friction=friction, stabilisation=1e-3, **options)
     for push, side, sim.dt in ((-0.01, 0.0, 1.0), (-0.01, 0.001, 0.4)):
         sim.walls.velocity[1] = [side, 0.3 * side, push]
         sim.step()
@@ -106,14 +107,15 @@ def sheared_cubes(**options):
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("points", ["facets", "nodes"])
-def test_tangent_of_contact_is_the_derivative_of_its_forces(points):
+@pytest.mark.parametrize("friction", [0.1, PairFriction(0.9, "abc", {("b", "a"): (0.1, 0.095)})])
+def test_tangent_of_contact_is_the_derivative_of_its_forces(points, friction):
     """Sticking and slipping, on a wall and between grains, at an odd state in the fourth increment.
 
     No point passes over an edge between facets, where the spring turns: that is left out of the
     derivative. Tolerance: the target of the method. The cubes are on ranks of
     their own where there are three.
     """
-    sim = sheared_cubes(points=points)
+    sim = sheared_cubes(friction, points=points)
     sim.dt = 1.0
     sim.step()
     sim._begin(1.0)
