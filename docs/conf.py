@@ -20,7 +20,7 @@ import docutils.nodes
 import latex2mathml.converter
 
 import mufe_fenicsx
-from mufe_fenicsx.keys import keys_of
+from mufe_fenicsx.units import keys_of
 
 ROOT = Path(__file__).resolve().parents[1]
 
