@@ -343,3 +343,18 @@ class Run:
         known = table[places].mask(is_open, 0.0)
         tables.check_finite(contacts.name, table.assign(**known))
         tables.check_finite(grains.name, of_grains)
+
+
+def open_run(path):
+    """What a run folder holds, as arrays and tables; finished, running or killed.
+
+    Args:
+        path: Folder that `mufe run` wrote.
+
+    Returns:
+        :class:`mufe_fenicsx.results.Run`.
+
+    Raises:
+        InputError: It is no such folder.
+    """
+    return Run(path)
