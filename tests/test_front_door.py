@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -53,3 +54,13 @@ def test_the_package_loads_no_name_before_its_use():
     assert set(done.stdout.split()) == {
         "mufe_fenicsx", "mufe_fenicsx.machine", "mufe_fenicsx.machine.caches"
     }  # fmt: skip
+
+
+def test_the_modules_of_public_names_have_types():
+    """`make lint` checks them, and the marker `py.typed` says so to other checkers."""
+    assert (ROOT / "mufe_fenicsx" / "py.typed").exists()
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    files = [ROOT / name for name in settings["tool"]["mypy"]["files"]]
+    for name in mufe_fenicsx.MODULE_OF.values():
+        module = ROOT / "mufe_fenicsx" / (name.replace(".", "/") + ".py")
+        assert any(module == path or path in module.parents for path in files), module

@@ -1,6 +1,8 @@
 """Grains, contact and walls, stepped together by central differences."""
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -18,7 +20,7 @@ from ..contact.results.network import num_active_pairs
 from ..contact.start.overlap import check_start, too_deep
 from ..contact.stiffness.springs import list_springs
 from ..contact.surface.active_nodes import near_nodes
-from ..contact.walls import Walls
+from ..contact.walls import Wall, Walls
 from ..errors import SolverError, UnstableError
 from ..kernels.energy import kinetic_energy
 from ..kernels.kick_drift import KickAndDrift
@@ -28,6 +30,8 @@ from ..kernels.motion import (
     predict,
 )
 from ..kernels.rigid import clear
+from ..materials.elastic import IsotropicSolid
+from ..mesh import GrainMesh
 from ..solvers.central_difference import central_difference
 from ..state import initial_state
 from .mass_scaling import FALLEN, MassScaling
@@ -76,24 +80,24 @@ class Simulation:
 
     def __init__(
         self,
-        mesh,
-        materials,
-        walls=(),
+        mesh: GrainMesh,
+        materials: Sequence[IsotropicSolid],
+        walls: Sequence[Wall] = (),
         *,
-        friction=0.0,
-        friction_kinetic=None,
-        compliance=COMPLIANCE,
-        points="facets",
-        law="matched",
-        element="averaged",
-        damping=0.0,
-        assembled=True,
-        time_step_factor=0.9,
-        refresh=150,
-        velocity=None,
-        mass_factor=None,
-        self_contact=False,
-        mass_scaling=None,
+        friction: float = 0.0,
+        friction_kinetic: float | None = None,
+        compliance: float = COMPLIANCE,
+        points: str = "facets",
+        law: str = "matched",
+        element: str = "averaged",
+        damping: float = 0.0,
+        assembled: bool = True,
+        time_step_factor: float = 0.9,
+        refresh: int = 150,
+        velocity: np.ndarray | None = None,
+        mass_factor: np.ndarray | None = None,
+        self_contact: bool = False,
+        mass_scaling: Any = None,
     ):
         self.mesh, self.comm = mesh, mesh.comm
         self.damping = float(damping)
@@ -183,7 +187,7 @@ class Simulation:
 
     # --- stepping -------------------------------------------------------------------------
 
-    def step(self, everywhere=True):
+    def step(self, everywhere: bool = True) -> None:
         """Advance by one stable time step. Collective.
 
         Args:
@@ -209,7 +213,7 @@ class Simulation:
         if everywhere:
             self.complete()
 
-    def complete(self):
+    def complete(self) -> None:
         """Bring all nodes up to date, after steps that did not. Local."""
         self.finish_kick()
         if self.rigid.num_grains:
@@ -442,7 +446,7 @@ class Simulation:
 
     # --- numbers --------------------------------------------------------------------------
 
-    def wall_forces(self):
+    def wall_forces(self) -> np.ndarray:
         """Normal forces of the grains on the walls [N], compression positive. Collective."""
         normal = self.walls.normal_forces()
         return self.comm.allreduce(normal) if self.comm.size > 1 else normal
@@ -453,7 +457,7 @@ class Simulation:
         deformable = kinetic_energy(s.v, s.a, s.dt, self._free_mass, self.rigid.runs)
         return deformable + self.rigid.kinetic_energy(s.dt)
 
-    def energies(self):
+    def energies(self) -> dict[str, float]:
         """Terms of the energy balance [J], a dict with the keys of ``ENERGIES``. Collective."""
         contact, num_contacts = self.contact.energy()
         local = np.array(
@@ -475,7 +479,7 @@ class Simulation:
         energies["residual"] = self.initial_kinetic + total[7] - total[:7].sum()
         return energies
 
-    def num_active_grains(self):
+    def num_active_grains(self) -> int:
         """Grains with at least one closed contact. Collective."""
         active = np.zeros(self.mesh.labels.size, dtype=bool)
         p, w, points = self.contact.pairs, self.walls.pairs, self.contact.points
@@ -486,7 +490,7 @@ class Simulation:
         self.comm.Allreduce(MPI.IN_PLACE, active, op=MPI.LOR)
         return int(active.sum())
 
-    def mean_active_contacts(self):
+    def mean_active_contacts(self) -> float:
         """Mean number of neighbours that press on a grain, walls left out. Collective."""
         return 2.0 * num_active_pairs(self.contact) / self.mesh.labels.size
 

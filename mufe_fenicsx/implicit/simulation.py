@@ -18,14 +18,19 @@ Its work counts as damping.
 """
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from ..contact.mark import ContactMark
 from ..contact.stiffness.augmented import Augmentation
+from ..contact.walls import Wall
 from ..errors import InputError, SolverError
 from ..explicit.simulation import Simulation
+from ..materials.elastic import IsotropicSolid
+from ..mesh import GrainMesh
 from ..solvers.generalized_alpha import GeneralizedAlpha
 from ..solvers.newton import Newton
 from .increment import IncrementEquations
@@ -86,24 +91,24 @@ class ImplicitSimulation(Simulation):
 
     def __init__(
         self,
-        mesh,
-        materials,
-        walls=(),
+        mesh: GrainMesh,
+        materials: Sequence[IsotropicSolid],
+        walls: Sequence[Wall] = (),
         *,
-        first_step,
-        smallest_step=None,
-        largest_step=None,
-        spectral_radius=None,
-        stabilisation=1e-6,
-        tolerance=1e-6,
-        max_iterations=30,
-        no_force=NO_FORCE,
-        linear_solver=None,
-        petsc=None,
-        held=(),
-        gap_tolerance=None,
-        max_augmentations=30,
-        **options,
+        first_step: float,
+        smallest_step: float | None = None,
+        largest_step: float | None = None,
+        spectral_radius: float | None = None,
+        stabilisation: float = 1e-6,
+        tolerance: float = 1e-6,
+        max_iterations: int = 30,
+        no_force: float = NO_FORCE,
+        linear_solver: str | None = None,
+        petsc: dict | None = None,
+        held: Sequence[tuple[np.ndarray, np.ndarray]] = (),
+        gap_tolerance: float | None = None,
+        max_augmentations: int = 30,
+        **options: Any,
     ):
         self.first_step = float(first_step)
         self.smallest_step = 1e-4 * first_step if smallest_step is None else smallest_step
@@ -167,7 +172,7 @@ class ImplicitSimulation(Simulation):
         s = self.state
         return 0.5 * float(self._free_mass @ (s.v**2).sum(axis=1))
 
-    def response(self, load):
+    def response(self, load: np.ndarray) -> np.ndarray:
         """Displacements [m] by small further forces ``load`` [N], both (num_nodes, 3). Collective.
 
         With the tangent of the present state, which stays.
@@ -194,7 +199,7 @@ class ImplicitSimulation(Simulation):
 
     # --- an increment ----------------------------------------------------------------------
 
-    def step(self, everywhere=True):
+    def step(self, everywhere: bool = True) -> None:
         """One increment, shortened until it converges and ends where it may. Collective.
 
         Raises:

@@ -32,9 +32,6 @@ class IsotropicSolid:
     #: Compiled law of plastic flow.
     plastic_increment: ClassVar = staticmethod(plastic_increment)
 
-    #: Plastic strain at which the computation has to stop.
-    largest_plastic_strain: ClassVar = math.inf
-
     E: float  #: Young's modulus [Pa]
     nu: float  #: Poisson's ratio [-]
     rho: float  #: density [kg/m³]
@@ -46,6 +43,11 @@ class IsotropicSolid:
             raise InputError(f"nu = {self.nu}, expected -1 < nu < 0.5")
         if not 0 < self.rho < math.inf:
             raise InputError(f"rho = {self.rho}, expected a density > 0 kg/m³")
+
+    @property
+    def largest_plastic_strain(self) -> float:
+        """Plastic strain at which the computation has to stop [-]."""
+        return math.inf
 
     @property
     def bulk_modulus(self) -> float:

@@ -34,7 +34,7 @@ class Rigid(IsotropicSolid):
                 f"contact_radius = {self.contact_radius}, expected 0 < contact_radius < 1"
             )
 
-    def layer(self, radius) -> float:
+    def layer(self, radius: float) -> float:
         """Compliance kappa R/E* of the layer [m/Pa] of a grain of that ``radius`` [m]."""
         return 0.75 * math.pi * self.contact_radius * radius / self.contact_modulus
 

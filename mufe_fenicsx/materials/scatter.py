@@ -3,10 +3,12 @@
 import dataclasses
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
+from .elastic import IsotropicSolid
 
 #: What may scatter, and the parameter of the material that it is.
 SCATTERED = {"E": "E", "rho": "rho", "strength": "yield_stress"}
@@ -42,13 +44,13 @@ class Scatter:
         if self.seed < 0:
             raise InputError(f"seed = {self.seed}, expected a whole number >= 0")
 
-    def of(self, material, label):
+    def of(self, material: IsotropicSolid, label: int) -> IsotropicSolid:
         """The material of the grain ``label``.
 
         Raises:
             InputError: the material has no such parameter.
         """
-        changes = {}
+        changes: dict[str, Any] = {}
         for i, (key, name) in enumerate(SCATTERED.items()):
             variation = getattr(self, key)
             if variation == 0.0:
@@ -72,7 +74,7 @@ class Scatter:
         return float(random.weibull(shape)) / math.gamma(1 + 1 / shape)
 
 
-def weibull_shape(variation):
+def weibull_shape(variation: float) -> float:
     """Modulus m of the Weibull law with a coefficient of variation ``variation``, by bisection.
 
     Variance over squared mean is G(1 + 2/m)/G(1 + 1/m)² - 1, G the gamma function.

@@ -34,21 +34,21 @@ OF_KEYS = {
 LONGEST_TEXT = 500
 
 
-def check_count(number, key, name):
+def check_count(number: int, key: str, name: str) -> None:
     """Raise InputError unless a whole number of a key of a scene is a plausible one."""
     largest = OF_KEYS.get(key, (0, LARGEST_COUNT))[1]
     if abs(number) > largest:
         raise InputError(f"{name} = {shown(number)}, expected a whole number up to {largest:g}")
 
 
-def check_key(key, number, name):
+def check_key(key: str, number: float, name: str) -> None:
     """Raise InputError unless a number of a key of a scene is between its bounds."""
     least, largest = OF_KEYS.get(key, (number, number))
     if not least <= number <= largest:
         raise InputError(f"{name} = {shown(number)}, expected {least:g} to {largest:g}")
 
 
-def check_text(name, text):
+def check_text(name: str, text: str) -> None:
     """Raise InputError unless a text is as long as one may be."""
     if len(text) > LONGEST_TEXT:
         raise InputError(f"{name} = {shown(text)}, expected at most {LONGEST_TEXT} characters")

@@ -1,9 +1,11 @@
 """What scene files name: their tables, the models of [material], units and shapes of values."""
 
+from typing import Any
+
 from ..errors import InputError
 from ..geometry.settings import MASKS, MeshSettings, SegmentSettings
 from ..materials.auto import Auto
-from ..materials.elastic import Elastic
+from ..materials.elastic import Elastic, IsotropicSolid
 from ..materials.j2 import J2
 from ..materials.rigid import Rigid
 from .image import ImageSettings
@@ -35,7 +37,7 @@ _IMAGE_UNITS = {"voxel_size": "m"}
 _ELASTIC_UNITS = {"E": "Pa", "rho": "kg/m^3"}
 
 #: Units of the fields that have one.
-UNITS = {
+UNITS: dict[type, dict[str, Any]] = {
     SegmentSettings: _IMAGE_UNITS,
     ImageSettings: _IMAGE_UNITS,
     MeshSettings: {
@@ -77,7 +79,9 @@ SHAPES = {
 FLOAT_ARRAYS = ("yield_stress", "voxel_size")
 
 
-def register_material(name, cls, units=None):
+def register_material(
+    name: str, cls: type[IsotropicSolid], units: dict[str, str] | None = None
+) -> None:
     """Let scene files say ``material.model = name`` for a material of one's own.
 
     Args:
@@ -94,6 +98,6 @@ def register_material(name, cls, units=None):
     UNITS[cls] = {**_ELASTIC_UNITS, **(units or {})}
 
 
-def unit_of(cls, key):
+def unit_of(cls: type, key: str) -> str | tuple[str, ...]:
     """Unit of a field: a text, a tuple of those of its columns, or "" where it has none."""
     return UNITS.get(cls, {}).get(key, "")

@@ -47,6 +47,6 @@ class Implicit:
             one_of("linear_solver", self.linear_solver, ("direct", "multigrid", "products"))
         self.petsc_options()
 
-    def petsc_options(self):
+    def petsc_options(self) -> dict:
         """The options as a dict. Raises InputError where they are none that a scene may state."""
         return petsc_options.parse(self.petsc)

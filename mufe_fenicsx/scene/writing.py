@@ -8,10 +8,11 @@ from decimal import Decimal
 from pathlib import Path
 
 from .catalogue import MODELS, unit_of
+from .scene import Scene
 from .tables import WALLS
 
 
-def scene_to_toml(scene) -> str:
+def scene_to_toml(scene: Scene) -> str:
     """The scene as TOML with every default written out: loading it gives it back."""
     lines = [f"title = {_toml(scene.title)}"]
     lines += [] if scene.accuracy is None else [f"accuracy = {_toml(scene.accuracy)}"]
