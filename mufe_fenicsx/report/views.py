@@ -169,7 +169,7 @@ def colour_bar(figure, axes, limit, colours, label, symbol, extend="neither", **
 
 
 def polygons(flat):
-    """Node numbers of polygons or lines stored as n, i₁ … iₙ, n, …"""
+    """Node numbers of polygons or lines that are stored as n, i₁ to iₙ, n and so on."""
     flat = np.asarray(flat)
     found, at = [], 0
     while at < flat.size:

@@ -178,7 +178,7 @@ def sum_over_nodes(simulation: Simulation, values: ArrayLike) -> np.ndarray:
 def axis_planes(
     low: ArrayLike, high: ArrayLike, axes: str = "xyz"
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Point and inward normal of planes around a box: a dict by name, x_min, x_max, …
+    """Point and inward normal of planes around a box: a dict by name, from x_min to z_max.
 
     Args:
         low, high: Corners of the box [m], shape (3,).

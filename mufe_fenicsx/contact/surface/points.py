@@ -50,6 +50,7 @@ class Points:
 
     @property
     def num_points(self):
+        """Points on this rank."""
         return self.area.size
 
     @property

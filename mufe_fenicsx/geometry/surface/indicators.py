@@ -47,6 +47,7 @@ class Field:
         self.low = np.asarray(low)
 
     def __call__(self, x):
+        """Values at x [voxels], shape (n, 3), and gradients [1/voxel]: shapes (n,) and (n, 3)."""
         value, gradient = np.empty(len(x)), np.empty((len(x), 3))
         spline_value_and_gradient(value, gradient, self.coefficients, x - 0.5 - self.low)
         return value, gradient

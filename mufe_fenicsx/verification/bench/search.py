@@ -33,6 +33,7 @@ class Shells:
 
     @property
     def num_grains(self):
+        """Grains on this rank."""
         return self.grains.size
 
 
