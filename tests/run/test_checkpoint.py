@@ -387,7 +387,7 @@ def test_a_checkpoint_of_something_else_is_refused(folder, monkeypatch):
     with pytest.raises(InputError, match=r"contact.friction = 0.3, was 0.4, expected"):
         run(folder, "out", resume=True, scene=other)
     monkeypatch.setattr(checkpoints, "VERSION", checkpoints.VERSION + 1)
-    with pytest.raises(InputError, match=r"checkpoint .* is mufe checkpoint \d, expected"):
+    with pytest.raises(InputError, match=r"checkpoint .* is mufe checkpoint \d+, expected"):
         run(folder, "out", resume=True)
     monkeypatch.undo()
     COMM.Barrier()
