@@ -31,7 +31,7 @@ from ..errors import InputError, SolverError
 from ..explicit.simulation import Simulation
 from ..materials.elastic import IsotropicSolid
 from ..mesh import GrainMesh
-from ..solvers.generalized_alpha import GeneralizedAlpha
+from ..solvers.generalised_alpha import GeneralisedAlpha
 from ..solvers.newton import Newton
 from .increment import IncrementEquations
 from .increment_end import IncrementEnd
@@ -58,7 +58,7 @@ class ImplicitSimulation(Simulation):
             force, in static increments only, move within each until they carry it.
         first_step: Length of the first increment [s].
         smallest_step, largest_step: Bounds of the length [s]; None: 1e-4 of and 4 times the first.
-        spectral_radius: Of :class:`~.integrators.generalized_alpha.GeneralizedAlpha`; None for
+        spectral_radius: Of :class:`~.integrators.generalised_alpha.GeneralisedAlpha`; None for
             static increments.
         stabilisation: s of static ones.
         tolerance: Residual over the internal forces, in the norm over all nodes.
@@ -118,7 +118,7 @@ class ImplicitSimulation(Simulation):
                 f"first_step = {first_step} s, expected 0 < smallest_step = {self.smallest_step} "
                 f"<= first_step <= largest_step = {self.largest_step}"
             )
-        self.method = None if spectral_radius is None else GeneralizedAlpha(spectral_radius)
+        self.method = None if spectral_radius is None else GeneralisedAlpha(spectral_radius)
         self.static = self.method is None
         self.stabilisation = float(stabilisation) if self.static else 0.0
         if gap_tolerance is not None and self.method:

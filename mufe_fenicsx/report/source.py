@@ -267,10 +267,10 @@ class Source:
         label, state = next(iter(self.chosen)), self.end
         mine = np.flatnonzero(state.grain == label)
         middle = state.reference[state.cells[mine]].mean(axis=1)
-        center = state.volume[mine] @ middle / state.volume[mine].sum()
+        centre = state.volume[mine] @ middle / state.volume[mine].sum()
         return {
             "peak": middle[np.argmax(state.von_mises[mine])],
-            "centre": middle[np.argmin(np.linalg.norm(middle - center, axis=1))],
+            "centre": middle[np.argmin(np.linalg.norm(middle - centre, axis=1))],
         }
 
     @cached_property

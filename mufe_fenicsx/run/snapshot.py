@@ -20,7 +20,7 @@ OF_STATE = ("t", "dt", "num_steps")
 OF_CONTACT = ("clock", "searched_at", "reach", "overlap", "num_searches", "_dt")
 OF_SCALING = ("wanted", "reached")
 OF_WALLS = ("point", "normal", "velocity", "angular_velocity", "rotation", "_push", "_turn")
-OF_RIGID = ("mass", "inertia", "center", "turn", "axes", "radius", "velocity", "momentum", "spin",
+OF_RIGID = ("mass", "inertia", "centre", "turn", "axes", "radius", "velocity", "momentum", "spin",
             "force", "torque")  # fmt: skip
 
 

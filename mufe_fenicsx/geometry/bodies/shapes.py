@@ -61,7 +61,7 @@ def tetrahedron(edge: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sphere(
-    radius: float, h: float, center: ArrayLike = (0.0, 0.0, 0.0)
+    radius: float, h: float, centre: ArrayLike = (0.0, 0.0, 0.0)
 ) -> tuple[np.ndarray, np.ndarray]:
     """A ball of edges of length ``h`` [m]; its surface nodes lie on the sphere."""
     require_positive("radius of sphere", radius)
@@ -70,7 +70,7 @@ def sphere(
         gmsh.model.occ.addSphere(0, 0, 0, 1)
         gmsh.model.occ.synchronize()
         points, cells = tets(gmsh)
-    return points * radius + np.asarray(center), cells
+    return points * radius + np.asarray(centre), cells
 
 
 def cylinder(radius: float, height: float, h: float) -> tuple[np.ndarray, np.ndarray]:
