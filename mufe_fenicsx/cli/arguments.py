@@ -85,7 +85,7 @@ def merged_settings(cls, in_scene, given):
 
 
 def _option_name(text):
-    """ "voxel_size = 0, expected ..." as "--voxel-size = 0, expected ..."."""
+    """A message about "voxel_size = 0" as one about "--voxel-size = 0"."""
     key, space, rest = text.partition(" ")
     return "--" + key.replace("_", "-") + space + rest
 

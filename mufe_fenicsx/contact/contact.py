@@ -286,7 +286,7 @@ class Contact(Stateful):
         self.positions.array[self.num_before :] = self.forces.array[self.num_before :]
         self._near = np.arange(self.num_before, dtype=np.int32)
         self.place_points()
-        near, num_walls = self.surface.neighbors, len(self.walls.walls)
+        near, num_walls = self.surface.neighbours, len(self.walls.walls)
         self.motion = Motion(self.comm, self._grains, near, num_walls, self._longest)
         self.measure_from(gathered)
 
@@ -447,7 +447,7 @@ class Contact(Stateful):
             p.forces = PairForces(
                 p.state, p.due, p.candidate_due, p.clocks.readings, p.clocks.of, p.closest,
                 p.node, p.first, p.candidate,
-                self.facets, s.neighbor, self.ring_offset, self.ring, self.edges.beside,
+                self.facets, s.neighbour, self.ring_offset, self.ring, self.edges.beside,
                 self.layer, s.layer_of_facet, points.area, points.facet_area, s.area_of_facet,
                 points.depth, s.depth_of_facet, points.recess, self.ratio, self._around,
                 points.around_of, *self.corners(), x, forces, self._early_pairs(),

@@ -199,11 +199,11 @@ def _chains(run, number, active, grains):
     found, volume = grain_volumes(state)
     if not np.array_equal(found, labels):
         raise InputError(f"state {state.index} has other grains in fields than in contacts")
-    center = vectors(grains, "center")
+    centre = vectors(grains, "center")
     stress = contact_forces.contact_stress_of_grains(
-        first, second, vectors(active, "force"), vectors(active, "centroid"), center, volume
+        first, second, vectors(active, "force"), vectors(active, "centroid"), centre, volume
     )
-    chains = contact_forces.force_chains(stress, center, first[~wall], second[~wall])
+    chains = contact_forces.force_chains(stress, centre, first[~wall], second[~wall])
     return chains, first[~wall]
 
 

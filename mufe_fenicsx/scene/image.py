@@ -26,7 +26,7 @@ class ImageSettings(SegmentSettings):
         return image_path(self.file)
 
 
-def image_path(file) -> Path:
+def image_path(file: str | Path) -> Path:
     """Where an image is: a path as it stands, or that of a packaged image.
 
     The package is located, not imported.

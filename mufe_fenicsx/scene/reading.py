@@ -19,7 +19,7 @@ from .values import build, convert, convert_array, unknown_key
 LARGEST = 10_000_000
 
 
-def load_scene(path) -> Scene:
+def load_scene(path: str | Path) -> Scene:
     """Read a scene file. Relative paths in it stay in its folder; absolute ones lead anywhere.
 
     Raises:

@@ -1,8 +1,10 @@
 """A scene: everything that a user decides about a test, from its tables."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..contact.friction import PairFriction
 from ..errors import InputError
@@ -72,7 +74,7 @@ class Scene:
             object.__setattr__(self, "quasi_static", self._between_speeds())
         object.__setattr__(self, "walls", {name: self._wall(name) for name in WALLS})
 
-    def materials_of(self, labels, known):
+    def materials_of(self, labels: Iterable[int], known: ArrayLike) -> list[IsotropicSolid]:
         """Material of each grain of ``labels``.
 
         Args:

@@ -17,7 +17,7 @@ NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 WITH_UNIT, WITHOUT = rf"^\s*{NUMBER}\s*[^\d\s].*$", rf"^\s*{NUMBER}\s*$"
 
 
-def scene_schema():
+def scene_schema() -> dict:
     """JSON schema (draft 7) of a scene file, as a dict."""
     properties = {name: _value(keys_of(Scene)[name]) for name in TOP_KEYS}
     properties |= {name: _table(cls) for name, cls in TABLES.items()}
@@ -51,7 +51,7 @@ def scene_schema():
     }
 
 
-def schema_text():
+def schema_text() -> str:
     """The same as JSON."""
     return json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n"
 

@@ -58,7 +58,7 @@ class Group:
     """[materials.NAME]: grains of another material than the rest."""
 
     labels: tuple[int, ...] = setting(REQUIRED, "", "labels of these grains", shape=(-1,))
-    material: IsotropicSolid
+    material: IsotropicSolid  # type: ignore[misc]  # labels have no default either
     scatter: Scatter | None = None  #: None: all alike
 
     def __post_init__(self):

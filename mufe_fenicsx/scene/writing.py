@@ -9,10 +9,11 @@ from pathlib import Path
 
 from ..units import keys_of
 from .catalogue import MODELS
+from .scene import Scene
 from .tables import WALLS
 
 
-def scene_to_toml(scene) -> str:
+def scene_to_toml(scene: Scene) -> str:
     """The scene as TOML with every default written out: loading it gives it back."""
     lines = [f"title = {_toml(scene.title)}"]
     for name in ("accuracy", "gravity"):

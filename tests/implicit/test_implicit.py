@@ -21,7 +21,7 @@ from mufe_fenicsx.implicit.simulation import ImplicitSimulation
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.run.from_bodies import build, distribute
-from mufe_fenicsx.solvers.generalized_alpha import GeneralizedAlpha
+from mufe_fenicsx.solvers.generalised_alpha import GeneralisedAlpha
 from mufe_fenicsx.state import initial_state
 from tests.bodies import RADIUS, packed_spheres
 
@@ -210,7 +210,7 @@ def test_energy_stays_bounded_at_a_hundred_explicit_steps(radius):
 
 def test_parameters_of_generalised_alpha_are_those_of_its_source():
     """At radius 1 the mean acceleration rule of both ends; at 0 αm = -1, αf = 0, γ = 3/2, β = 1."""
-    one, zero = GeneralizedAlpha(1.0), GeneralizedAlpha(0.0)
+    one, zero = GeneralisedAlpha(1.0), GeneralisedAlpha(0.0)
     assert (one.inertia_of_start, one.force_of_start, one.gamma, one.beta) == (0.5, 0.5, 0.5, 0.25)
     found = (zero.inertia_of_start, zero.force_of_start, zero.gamma, zero.beta)
     assert found == (-1.0, 0.0, 1.5, 1.0)

@@ -103,6 +103,6 @@ def _gaps(contact, some):
     gap, normal = np.empty(node.size), np.empty((node.size, 3))
     find_gaps(
         gap, normal, contact.positions.array, node, first, p.candidate, contact.facets,
-        s.neighbor, contact.ring_offset, contact.ring,
+        s.neighbour, contact.ring_offset, contact.ring,
     )  # fmt: skip
     return gap, normal

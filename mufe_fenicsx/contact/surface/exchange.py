@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 from ...kernels.boxes import box_around, boxes_of_facets, touch_box, with_marked_vertex
 from .occupancy import Cells, occupied_cells
-from .surface import neighbors, rings
+from .surface import neighbours, rings
 
 #: Tag of the messages between neighbour ranks.
 TAG = 71
@@ -29,12 +29,12 @@ class Surface:
     sharp_edge: np.ndarray  #: whether the edges 0-1, 1-2, 2-0 are sharp, shape (num_facets, 3)
     compliance_of_edge: np.ndarray  #: of sharp ones, relative, of both ends [m/N], (num_facets, 3)
     use: np.ndarray  #: False for facets that only complete a ring, shape (num_facets,)
-    neighbor: np.ndarray  #: as in kernels.closest, shape (num_facets, 3)
+    neighbour: np.ndarray  #: as in kernels.closest, shape (num_facets, 3)
     ring_offset: np.ndarray  #: compressed rows of the facets around each node
     ring: np.ndarray
     #: Ranks that know facets of each other: rank, grains of this rank that it knows, and its
     #: grains that are known here; global indices, increasing.
-    neighbors: list
+    neighbours: list
 
     def part_of(self, own):
         """The own surface with arrays that are the first part of these: memory for one. Local.
@@ -42,8 +42,8 @@ class Surface:
         Args:
             own: :class:`~.OwnSurface` that this one was made from.
         """
-        facets, neighbor = self.facets[: len(own.facets)], self.neighbor[: len(own.facets)]
-        return replace(own, facets=facets, neighbor=neighbor, ring=self.ring[: own.ring.size])
+        facets, neighbour = self.facets[: len(own.facets)], self.neighbour[: len(own.facets)]
+        return replace(own, facets=facets, neighbour=neighbour, ring=self.ring[: own.ring.size])
 
 
 class SurfaceArray:
@@ -136,7 +136,7 @@ def exchange_surface(comm, own, layer_of_facet, depth_of_facet, compliance_of_ed
     sharp, compliance = own.sharp_edge, compliance_of_edge
     use = np.ones(facets.shape[0], dtype=bool)
     ghosts = np.empty(0, dtype=np.int64)
-    neighbor, ring_offset, ring = own.neighbor, own.ring_offset, own.ring
+    neighbour, ring_offset, ring = own.neighbour, own.ring_offset, own.ring
 
     far, known = np.empty((0, NUMBERS), dtype=np.int64), []
     if comm.size > 1:
@@ -155,9 +155,9 @@ def exchange_surface(comm, own, layer_of_facet, depth_of_facet, compliance_of_ed
         far_facets = far_facets.reshape(-1, 3)
         # Grains are whole on their ranks, so far facets neighbour far facets only.
         num_near = facets.shape[0]
-        far_neighbor = neighbors(far_facets)
-        far_neighbor[far_neighbor >= 0] += num_near
-        neighbor = np.vstack([neighbor, far_neighbor])
+        far_neighbour = neighbours(far_facets)
+        far_neighbour[far_neighbour >= 0] += num_near
+        neighbour = np.vstack([neighbour, far_neighbour])
         far_offset, far_ring = rings(far_facets, ghosts.size)
         ring_offset = np.concatenate([ring_offset, ring_offset[-1] + far_offset[1:]])
         ring = np.concatenate([ring, far_ring + np.int32(num_near)])
@@ -182,10 +182,10 @@ def exchange_surface(comm, own, layer_of_facet, depth_of_facet, compliance_of_ed
         sharp_edge=sharp,
         compliance_of_edge=compliance,
         use=use,
-        neighbor=neighbor,
+        neighbour=neighbour,
         ring_offset=ring_offset,
         ring=ring,
-        neighbors=known,
+        neighbours=known,
     )
     return surface, ghosts
 

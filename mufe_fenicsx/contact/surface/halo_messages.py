@@ -30,7 +30,7 @@ class Messages:
     def __init__(self, contact):
         self._positions, self._forces = contact.positions, contact.forces
         self._there = self._back = None
-        ranks = [rank for rank, *_ in contact.surface.neighbors]
+        ranks = [rank for rank, *_ in contact.surface.neighbours]
         if ranks:
             num_own = contact.own.nodes.size
             read, acted_on = (flag[num_own:] for flag in nodes_of_pairs(contact))
