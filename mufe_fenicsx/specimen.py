@@ -53,7 +53,7 @@ class Specimen(Stateful):
         free_mass: Nodal masses [kg] without those of glued nodes, shape (num_nodes,).
     """
 
-    STATE = {"nodes": ("f",), "common": ("initial_kinetic",), "sum": ("first_energies",)}
+    STATE = {"nodes": ("f",), "common": ("initial_kinetic",), "sum": ("first_energies", "damped")}
 
     def __init__(
         self,
@@ -117,6 +117,8 @@ class Specimen(Stateful):
             self.rigid.set_velocity(self.state.v)
             self.mirrors.project(self.state.v)
         self.initial_kinetic = 0.0
+        #: Energy that damping, stabilisation and changes of added mass took on this rank [J].
+        self.damped = 0.0
         self.first_energies = np.empty(0)  #: of the added terms, on this rank [J]
         if gravity is not None:
             weight = self.bonded.free_mass(weighed)
@@ -252,12 +254,11 @@ class Specimen(Stateful):
         normal = self.walls.normal_forces()
         return self.comm.allreduce(normal) if self.comm.size > 1 else normal
 
-    def energies(self, kinetic, damped):
+    def energies(self, kinetic):
         """Terms of the energy balance [J], and the number of closed contacts. Collective.
 
         Args:
             kinetic: Kinetic energy of this rank's grains [J].
-            damped: What damping took from them [J].
 
         Returns:
             dict with the keys of ``ENERGIES``; ``energy_NAME`` of each added term that has an
@@ -271,7 +272,7 @@ class Specimen(Stateful):
             "friction": self.contact.dissipated,
             "switching": self.contact.switched,
             "contact": contact,
-            "damping": damped,
+            "damping": self.damped,
         }
         for term, first in zip(self.added_terms, self.first_energies, strict=True):
             if not np.isnan(first):
@@ -361,13 +362,18 @@ class OfSpecimen(Stateful):
         """Kinetic energy at the start [J]."""
         return self.specimen.initial_kinetic
 
+    @property
+    def damped(self):
+        """Energy taken by damping on this rank [J]."""
+        return self.specimen.damped
+
     def kinetic_energy(self):
         """Kinetic energy of this rank's grains [J]. Local."""
         raise NotImplementedError
 
     def energies(self):
         """Terms of the energy balance [J], as of :meth:`Specimen.energies`. Collective."""
-        found, self.num_contacts = self.specimen.energies(self.kinetic_energy(), self.damped)
+        found, self.num_contacts = self.specimen.energies(self.kinetic_energy())
         return found
 
     def wall_forces(self):

@@ -20,11 +20,10 @@ class Motion(Stateful):
         damping: Force -damping m v on every node [1/s].
     """
 
-    STATE = {"common": ("field",), "sum": ("damped",)}
+    STATE = {"common": ("field",)}
 
     def __init__(self, specimen, damping):
         self._specimen, self._damping = specimen, damping
-        self.damped = 0.0  #: energy taken by the damping on this rank [J]
         self.may_wait = False  #: whether the second half of this step's kick is to wait
         self._kick_waits = False
         self._kick_and_drift = KickAndDrift()
@@ -58,7 +57,7 @@ class Motion(Stateful):
                 s.x, s.u, s.v, sp.f, sp.solid.mass, x0, runs, s.dt, dt, self._damping, self.field,
                 self._moves,
             )  # fmt: skip
-            self.damped += damped
+            self._specimen.damped += damped
         else:
             self._moved = half_kick_and_drift(
                 s.x, s.u, s.v, s.a, sp.f, x0, runs, dt, self._damping, self.field, self._moves
@@ -73,7 +72,7 @@ class Motion(Stateful):
     def kick(self, dt):
         """Half a kick at the end of the step."""
         self._kick_waits = True
-        self.damped += self._specimen.rigid.kick(dt, self._damping)
+        self._specimen.damped += self._specimen.rigid.kick(dt, self._damping)
         if not self.may_wait:
             self.finish_kick()
 
@@ -83,7 +82,7 @@ class Motion(Stateful):
             return
         self._kick_waits = False
         sp, s = self._specimen, self._specimen.state
-        self.damped += accelerate_and_half_kick(
+        self._specimen.damped += accelerate_and_half_kick(
             s.a, s.v, sp.f, sp.solid.mass, sp.rigid.runs, s.dt, self._damping
         )
         sp.bonded.give_velocity(s.v)

@@ -87,11 +87,6 @@ class Simulation(OfSpecimen):
         specimen.initial_kinetic = self.comm.allreduce(self.kinetic_energy())
 
     @property
-    def damped(self):
-        """Energy taken by the damping, and by changes of added mass, on this rank [J]."""
-        return self.motion.damped
-
-    @property
     def parts(self):
         """All that steps change, :class:`~mufe_fenicsx.state.Stateful` by name."""
         scaling = {} if self.scaling is None else {"scaling": self.scaling}
@@ -264,7 +259,7 @@ class Simulation(OfSpecimen):
         """Adjust the added mass to the present geometry; whether there is more. Collective."""
         before = self.kinetic_energy()
         changed = self.scale_masses(self.refresh.margin)
-        self.motion.damped += before - self.kinetic_energy()
+        self.specimen.damped += before - self.kinetic_energy()
         return changed
 
     def scale_masses(self, margin):

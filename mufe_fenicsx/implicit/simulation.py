@@ -90,7 +90,7 @@ class ImplicitSimulation(OfSpecimen):
         augmentations: Of each increment with exact gaps: (how many, largest distance left [m]).
     """
 
-    STATE = {"common": ("dt", "dt_element"), "sum": ("damped",)}
+    STATE = {"common": ("dt", "dt_element")}
 
     increments = True
     scaling = None  #: increments need no added mass
@@ -136,7 +136,6 @@ class ImplicitSimulation(OfSpecimen):
         specimen = Specimen(mesh, materials, walls, **options)
         super().__init__(specimen)
         self.damping = float(damping)
-        self.damped = 0.0  #: energy taken by damping and stabilisation on this rank [J]
         if specimen.any_rigid:
             raise InputError("rigid grains, expected deformable ones for an implicit solver")
         if self.walls.has_servo and self.method:
@@ -232,7 +231,7 @@ class ImplicitSimulation(OfSpecimen):
         s = self.state
         self.dt, self._last, self._unbalanced = self.first_step, None, True
         if self.method is None:
-            self.damped += self.kinetic_energy()
+            self.specimen.damped += self.kinetic_energy()
             s.v[:], s.a[:] = 0.0, 0.0
         else:
             s.a[:] = self.specimen.f / self.solid.mass[:, None]
@@ -289,13 +288,17 @@ class ImplicitSimulation(OfSpecimen):
         """What :meth:`_take_back` needs beside the copy of the state."""
         s = self.state
         lists = self.report, self.augmentations
-        return (s.t, s.dt, s.num_steps), (self.damped, self.num_on_jumps), [*map(len, lists)]
+        return (
+            (s.t, s.dt, s.num_steps),
+            (self.specimen.damped, self.num_on_jumps),
+            [*map(len, lists)],
+        )
 
     def _take_back(self, mark):
         """Undo an increment that converged."""
         self._rewind()
         s = self.state
-        (s.t, s.dt, s.num_steps), (self.damped, self.num_on_jumps), lengths = mark
+        (s.t, s.dt, s.num_steps), (self.specimen.damped, self.num_on_jumps), lengths = mark
         for found, length in zip((self.report, self.augmentations), lengths, strict=True):
             del found[length:]
 
@@ -321,7 +324,7 @@ class ImplicitSimulation(OfSpecimen):
             self._rewind()
             return False
         if self._exact:
-            self.damped += self._exact.end(self.equations.mark)
+            self.specimen.damped += self._exact.end(self.equations.mark)
         self._finish(found, dt)
         self.num_on_jumps += self._newton.num_sides > 1
         history = self._newton.history
@@ -424,13 +427,13 @@ class ImplicitSimulation(OfSpecimen):
             s.v[:] = method.velocity(s.a, start["v"], start["a"], dt)
             middle = 0.5 * (s.v + start["v"])
             mass = self.specimen.free_mass[:, None]
-            self.damped += self.damping * dt * float((mass * middle**2).sum())
+            self.specimen.damped += self.damping * dt * float((mass * middle**2).sum())
         else:
             s.a[:], s.v[:] = 0.0, 0.0
-            self.damped += float(((self.equations.drag / dt)[:, None] * du**2).sum())
+            self.specimen.damped += float(((self.equations.drag / dt)[:, None] * du**2).sum())
             if self._unbalanced:
                 # Weight that comes at once, or what time steps left: half of its work is lost.
-                self.damped += 0.5 * float(np.vdot(self.equations.start.force, du))
+                self.specimen.damped += 0.5 * float(np.vdot(self.equations.start.force, du))
                 self._unbalanced = False
         self._last = (du, dt, self._motion())
         self.contact.measure_from(self.contact.positions.own)

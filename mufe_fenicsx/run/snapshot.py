@@ -91,7 +91,9 @@ def restore(simulation, tables, own, common):
         for place, values in found.items():
             names = [name for name in values if name.startswith(f"{part}.")]
             kept[place] = {name.removeprefix(f"{part}."): values.pop(name) for name in names}
-        thing.load_state_dict({place: values for place, values in kept.items() if values})
+        kept = {place: values for place, values in kept.items() if values}
+        if kept:  # none where another integrator was there, which knew no such part
+            thing.load_state_dict(kept)
     everything_moves = bool(own["largest.everything_moves"])
     restore_contact(simulation.contact, mesh, tables, everything_moves)
 
