@@ -15,6 +15,7 @@ from .contact.contact import Contact
 from .contact.laws import COMPLIANCE
 from .contact.mirrors import Mirrors
 from .contact.results.network import num_active_pairs
+from .contact.settings import ContactGrains, ContactSettings
 from .contact.start.overlap import check_start, too_deep
 from .contact.walls import Walls
 from .errors import InputError, SolverError, UnstableError
@@ -79,23 +80,15 @@ class Specimen(Stateful):
         if mass_factor is not None:
             solid.mass *= mass_factor
         self.walls = Walls(walls)
-        self.contact = Contact(
-            mesh,
-            mesh.x,
-            solid.contact_modulus,
-            solid.tangential_ratio,
-            friction,
-            compliance,
-            self.walls,
-            points,
-            law,
-            solid.mass,
-            friction_kinetic,
-            self_contact,
-            self.rigid.layers(materials),
-            solid.edge_compliance,
+        settings = ContactSettings(
+            friction, friction_kinetic, compliance, points, law, self_contact
         )
-        kinematic = self.contact.kinematic
+        grains = ContactGrains(
+            solid.contact_modulus, solid.tangential_ratio, solid.mass,
+            self.rigid.layers(materials), solid.edge_compliance,
+        )  # fmt: skip
+        self.contact = Contact(mesh, mesh.x, self.walls, grains, settings)
+        kinematic = self.contact.layers.kinematic
         self.bonded = Bonded(
             self.comm, self.walls, self.contact.own.nodes, self.walls.bonded, mesh.x
         )
@@ -151,8 +144,9 @@ class Specimen(Stateful):
             "rigid": self.rigid,
             "bonded": self.bonded,
             "walls": self.walls,
-            "contact": self.contact,
-        } | {f"term_{term.name}": term for term in self.added_terms}
+            **self.contact.parts,
+            **{f"term_{term.name}": term for term in self.added_terms},
+        }
 
     @property
     def added_terms(self):
@@ -170,7 +164,7 @@ class Specimen(Stateful):
         s, contact = self.state, self.contact
         if self.any_rigid:
             contact.before_search = lambda: self.rigid.place_all(s.x, s.u)
-        contact.begin(s.x)
+        contact.begin_step(s.x)
         self.f[:] = 0.0
         # Of the terms, all but that of contact, which what moves the specimen brings.
         for term in self.terms:
@@ -265,8 +259,8 @@ class Specimen(Stateful):
             "kinetic": kinetic,
             "elastic": self.solid.elastic_energy(self.state).sum(),
             "plastic": self.state.plastic_work.sum(),
-            "friction": self.contact.dissipated,
-            "switching": self.contact.switched,
+            "friction": self.contact.dissipation.total,
+            "switching": self.contact.dissipation.switched,
             "contact": contact,
             "damping": damped,
         }

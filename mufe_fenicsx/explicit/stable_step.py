@@ -171,7 +171,7 @@ class StableStep(Stateful):
             self._springs.destroy()
         self._springs = listed
         springs = 0.0
-        if not self.contact.kinematic:
+        if not self.contact.layers.kinematic:
             among = (listed.at, listed.add_compact) if self._rows_are_nodes else ()
             springs = highest_of_springs(*among)
         limit = self._contact_step
@@ -234,7 +234,7 @@ class StableStep(Stateful):
 
     def add_springs(self, y, q):
         """Add the forces that springs resist ``q`` with to ``y``, both of shape (num_nodes, 3)."""
-        if not self.contact.kinematic:
+        if not self.contact.layers.kinematic:
             self._springs.add(y, q)
 
     def _stiffest_contact(self, margin):

@@ -79,15 +79,15 @@ def test_open_pairs_are_no_nearer_to_walls_than_their_clocks_say(spin):
     s = simulation_of(mesh, Elastic(1e9, 0.15, 2650.0), walls, velocity=velocity)
     contact, num_ahead, advance = s.contact, 0, {0: [], 1: []}
     for _ in range(60):
-        clock, clocks = contact.clock, contact.walls.pairs.clocks
+        clock, clocks = contact.motion.bound, contact.walls.pairs.clocks
         before = clocks.readings.copy()
         s.step()
         pairs, points = contact.walls.pairs, contact.points
         if pairs.clocks is clocks:
             for wall, parts in advance.items():
                 of_wall = np.unique(clocks.of[pairs.wall == wall])
-                parts.extend((clocks.readings - before)[of_wall] / (contact.clock - clock))
-        x = contact.positions.array[contact.num_before :][points.corner[pairs.node]]
+                parts.extend((clocks.readings - before)[of_wall] / (contact.motion.bound - clock))
+        x = contact.ghosts.positions.array[contact.ghosts.num_before :][points.corner[pairs.node]]
         x = np.einsum("nk,nki->ni", points.weight[pairs.node], x)
         normal, point = contact.walls.normal[pairs.wall], contact.walls.point[pairs.wall]
         gap = ((x - point) * normal).sum(axis=1) + points.recess[pairs.node]

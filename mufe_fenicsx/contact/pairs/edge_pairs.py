@@ -43,14 +43,11 @@ class EdgeContact:
     Args:
         ratio: Tangential over normal stiffness of own surface nodes, shape (num_nodes,).
         recess: Depth at which the contact of edges begins, over their length.
-        friction: Static and kinetic coefficients, shape (n, 2).
-        friction_rows: Gives the rows there of pairs of grains, as of
-            :meth:`~mufe_fenicsx.contact.friction.PairFriction.rows`.
+        friction: :class:`~mufe_fenicsx.contact.friction.FrictionTable`.
     """
 
-    def __init__(self, ratio, recess, friction, friction_rows):
-        self.ratio_of_node, self.recess = ratio, recess
-        self.friction, self._friction_rows = friction, friction_rows
+    def __init__(self, ratio, recess, friction):
+        self.ratio_of_node, self.recess, self.friction = ratio, recess, friction
         self.slip = np.zeros(ratio.size)  #: of own nodes in crossings, up to the last search [m]
         self.edges = None
         self.pairs = None
@@ -87,7 +84,7 @@ class EdgeContact:
     def set_pairs(self, first, second, clock):
         """Make the pairs those of the edges ``first`` and ``second``, without any past. Local."""
         pairs = EdgePairs(first, second, self.edges, self.recess, clock)
-        pairs.friction_row = self._friction_rows(pairs.grain, pairs.partner)
+        pairs.friction_row = self.friction.rows(pairs.grain, pairs.partner)
         self.pairs = pairs
 
     def _carry(self, old):
@@ -112,7 +109,7 @@ class EdgeContact:
             f, p.due, p.outside, p.place, p.normal, p.gap, p.offset, p.closed, p.sliding,
             p.stiffness, p.anchor, p.shear, p.slip, p.work, clock, x, p.first,
             p.second, e.ends, e.beyond, e.area, e.layer, e.share, e.compliance, e.ratio,
-            self.friction, p.friction_row, p.size, p.largest_depth, p.recess, adopt,
+            self.friction.coefficients, p.friction_row, p.size, p.largest_depth, p.recess, adopt,
         )  # fmt: skip
 
     def springs(self, margin, clock):

@@ -1,8 +1,8 @@
 """Clocks of relative motion, one for each pair of grains, or of a grain and a wall, that may meet.
 
 A clock bounds how far points of one grain moved relative to points of the other so far. The one
-clock of all grains (``Contact.clock``) advances by twice the largest motion of any node, so that
-the fastest grain sets it for all. In a sample that is compressed, neighbours move alike, and a
+of all (``RelativeMotion.bound``) advances by twice the largest motion of any node, so that the
+fastest grain sets it for all. In a sample that is compressed, neighbours move alike, and a
 velocity v0 + G x that fits all of them tells most of it: with w what a node has beside it,
 
     |v_a - v_b| <= |w_a| + |w_b| + |G| |x_a - x_b|,
@@ -66,22 +66,20 @@ class GrainClocks:
         for name in self.KEPT:
             getattr(self, name)[new] = getattr(old, name)[before]
 
-    def follow(self, motion):
-        """Take the moves of both grains from the :class:`Motion`."""
-        self._rows = motion.rows(self.key >> 32), motion.rows(self.key & 0xFFFFFFFF)
+    def follow(self, moves):
+        """Take the moves of both grains from the :class:`GrainMoves`."""
+        self._rows = moves.rows(self.key >> 32), moves.rows(self.key & 0xFFFFFFFF)
 
-    def advance(self, step, motion=None):
+    def advance(self, step, moves=None):
         """Advance by ``step`` [m], a bound for all grains, or by less where that is known.
 
         Returns:
             By how much a clock goes beyond what was expected in the next two steps [m].
         """
-        if motion is None:
+        if moves is None:
             self.readings += step
             return float((self.readings - self.until).max(initial=-np.inf)) + 2.0 * step
-        return advance_clocks(
-            self.readings, self.until, *self._rows, motion.moves, motion.more, step
-        )
+        return advance_clocks(self.readings, self.until, *self._rows, moves.moves, moves.more, step)
 
     def expect(self, margin, least, factor):
         """Expect motion until the time step is found again; changes nothing else.
@@ -123,7 +121,7 @@ def linear_field(comm, x, v):
     return np.linalg.solve(normal, sums[:, 4:] / scale) / scale
 
 
-class Motion:
+class GrainMoves:
     """How far each grain moved in a step, of this rank's and of those near it. Collective.
 
     Every rank that knows facets of a grain learns how far it moved from the rank that has it.
@@ -167,7 +165,7 @@ class Motion:
         place = np.searchsorted(self._grains[self._order], grains)
         return self._order[place].astype(np.int32)
 
-    def begin(self, moves=np.inf, walls=np.inf, slope=0.0, dt=0.0):
+    def send(self, moves=np.inf, walls=np.inf, slope=0.0, dt=0.0):
         """A step in which this rank's grains move by ``moves`` beside a field.
 
         Args:
@@ -183,7 +181,7 @@ class Motion:
                 message[:] = self._own[tell]
             MPI.Prequest.Startall(self._requests)
 
-    def end(self):
+    def receive(self):
         """The moves of grains of other ranks are known too afterwards."""
         if self._requests:
             MPI.Prequest.Waitall(self._requests)

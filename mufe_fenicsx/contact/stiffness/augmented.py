@@ -31,11 +31,11 @@ class Augmentation:
 
     def _parts(self):
         """Pairs with facets and with walls, each with its stiffnesses [N/m]."""
-        contact, walls = self.contact, self.contact.walls.pairs
-        of_walls = contact.points.area[walls.node] / contact.layer[walls.node]
+        contact, points, walls = self.contact, self.contact.points, self.contact.walls.pairs
+        of_walls = points.area[walls.node] / points.layer[walls.node]
         return (contact.pairs, contact.pairs.stiffness), (walls, of_walls)
 
-    def begin(self):
+    def begin_increment(self):
         """The normal forces of closed pairs become multipliers, before a mark is made. Local."""
         self._lift, self._due = [], []
         for pairs, stiffness in self._parts():
@@ -72,7 +72,7 @@ class Augmentation:
             dues[was_open] = (due - new)[was_open]
             self._lift[k] = new
 
-    def end(self, mark):
+    def end_increment(self, mark):
         """An increment is over: multipliers are what the pairs' forces are. Local.
 
         Args:
@@ -102,7 +102,7 @@ class Augmentation:
             pairs.offset -= lift
 
     def cancel(self):
-        """Back to before :meth:`begin`, once the mark is restored. Local."""
+        """Back to before :meth:`begin_increment`, once the mark is restored. Local."""
         for (pairs, _), due in zip(self._parts(), self._due, strict=True):
             pairs.due[:] = due
         self._lower()
