@@ -106,7 +106,6 @@ class Walls(Stateful):
 
     def __init__(self, walls):
         self.walls = list(walls)
-        self.names = [wall.name for wall in self.walls]
         self.has_servo = any(wall.target is not None for wall in self.walls)
         n = len(self.walls)
         self.point = np.array([w.point for w in self.walls], dtype=float).reshape(n, 3)
@@ -115,7 +114,6 @@ class Walls(Stateful):
         self.friction_kinetic = np.array(
             [kinetic_of(w.friction, w.friction_kinetic, f"of wall {w.name}") for w in self.walls]
         )
-        self.mirror = np.array([w.mirror for w in self.walls], dtype=bool)
         self.velocity = np.zeros((n, 3))  #: of ``point`` [m/s]
         self.angular_velocity = np.zeros((n, 3))  #: about ``point`` [rad/s]
         for i, wall in enumerate(self.walls):
@@ -130,11 +128,15 @@ class Walls(Stateful):
         self.bonded = np.empty(0, dtype=np.int32)  #: wall that each surface node is glued to, or -1
         self.push = np.zeros((n, 3))  #: displacement in the last move [m]
         self.turn = np.zeros((n, 3))  #: rotation in the last move [rad]
-        self._first_normal = self.normal.copy()
         self.radius = np.zeros(n)  #: of this rank's surface nodes about ``point`` [m]
         self.box = np.zeros((n, 2, 3))  #: around the points near each, of all ranks [m]
         self._moves = np.zeros(n)
         self.pairs = None
+
+    @property
+    def names(self):
+        """Of all walls, in their order."""
+        return [wall.name for wall in self.walls]
 
     def move(self, dt):
         """Advance the planes by ``dt``; returns the largest distance moved [m].
@@ -152,7 +154,7 @@ class Walls(Stateful):
             swing = np.linalg.norm(np.cross(self.turn[i], self.normal[i]))
             moved[i] += swing * self.radius[i]
             self.rotation[i] = turn @ self.rotation[i]
-            self.normal[i] = self.rotation[i] @ self._first_normal[i]
+            self.normal[i] = self.rotation[i] @ np.asarray(self.walls[i].normal, dtype=float)
             turn_rows(self.pairs.anchor, self.pairs.wall, i, turn)
         return moved.max()
 
@@ -220,17 +222,10 @@ class Walls(Stateful):
         """
         if self.pairs is None:
             self.bonded = find_bonded(nodes, self.walls)
-            self._bonded_points = self.bonded
-            if corner is not None:
-                wall = self.bonded[corner]
-                self._bonded_points = np.where((wall == wall[:, :1]).all(axis=1), wall[:, 0], -1)
-            if self.mirror.any():
-                on = nodes_on_mirrors(nodes, self.walls)
-                self._mirrored_points = on if corner is None else on[corner].all(axis=1)
-        node, wall = find_wall_candidates(x, self._bonded_points, self.point, self.normal, reach)
-        if self.mirror.any():
-            free = ~self._mirrored_points[node, wall]
-            node, wall = node[free], wall[free]
+            held = self.bonded[:, None] == np.arange(len(self.walls))
+            held |= nodes_on_mirrors(nodes, self.walls)
+            self._held = held if corner is None else held[corner].all(axis=1)
+        node, wall = find_wall_candidates(x, self._held, self.point, self.normal, reach)
         pairs = WallPairs(node, wall, grain_of_point, clock)
         if self.pairs is not None:
             source = carry_pairs(self.pairs.node, self.pairs.wall, node, wall)

@@ -76,12 +76,12 @@ def motion_to_walls(moves, field, normal, push, turn, box, dt):
 
 
 @numba.njit(cache=True)
-def find_wall_candidates(x, bonded, point, normal, reach):
-    """Nodes within ``reach`` of each plane, or behind it, but for those glued to it.
+def find_wall_candidates(x, held, point, normal, reach):
+    """Nodes within ``reach`` of each plane, or behind it, but for those that it holds.
 
     Args:
         x: Positions [m], shape (num_nodes, 3).
-        bonded: Wall that each node is glued to, -1 for none, shape (num_nodes,).
+        held: Whether nodes are glued to planes or cut by them, shape (num_nodes, num_walls).
         point, normal: A point of each plane [m] and its normal into the sample, (num_walls, 3).
         reach: Largest gap [m].
 
@@ -93,9 +93,9 @@ def find_wall_candidates(x, bonded, point, normal, reach):
         if fill:
             node, wall = np.empty(count, np.int32), np.empty(count, np.int32)
             count = 0
-        for n in range(bonded.size):
-            for w in range(normal.shape[0]):
-                if bonded[n] == w:
+        for n in range(held.shape[0]):
+            for w in range(held.shape[1]):
+                if held[n, w]:
                     continue
                 g = 0.0
                 for i in range(3):

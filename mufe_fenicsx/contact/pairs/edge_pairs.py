@@ -68,11 +68,11 @@ class EdgeContact:
             reach: Distance [m], no less than the depth of the deepest pair.
             clock: Reading of the clock of relative motion [m].
         """
-        old = self.pairs
+        old, old_keys = self.pairs, self._keys()
         self.list_edges(num_own, surface)
         self.set_pairs(*_search(x, self.edges, reach), clock)
         if old is not None:
-            self._carry(old)
+            self._carry(old, old_keys)
 
     def list_edges(self, num_own, surface):
         """Find the sharp edges, arguments as of :meth:`search`. Local."""
@@ -87,9 +87,16 @@ class EdgeContact:
         pairs.friction_row = self.friction.rows(pairs.grain, pairs.partner)
         self.pairs = pairs
 
-    def _carry(self, old):
+    def _keys(self):
+        """Numbers that name the pairs on any rank, shape (num_pairs,)."""
+        if self.pairs is None:
+            return None
+        key = self.edges.key
+        return (key[self.pairs.first] << 31) | key[self.pairs.second]
+
+    def _carry(self, old, old_keys):
         new = self.pairs
-        _, at_old, at_new = np.intersect1d(old.key, new.key, True, return_indices=True)
+        _, at_old, at_new = np.intersect1d(old_keys, self._keys(), True, return_indices=True)
         for name in REMEMBERED:
             getattr(new, name)[at_new] = getattr(old, name)[at_old]
         # What had not been due, but is looked at again, may not have moved further since.
@@ -179,8 +186,6 @@ class EdgePairs(Stateful):
     def __init__(self, first, second, edges, recess, clock):
         n = first.size
         self.first, self.second = first, second
-        self.key = (edges.key[first] << 31) | edges.key[second]
-        self.ratio = edges.ratio[first]
         self.grain, self.partner = edges.grain[first], edges.grain[second]
         self.size = 0.5 * (edges.length[first] + edges.length[second])
         self.largest_depth = edges.depth[first] + edges.depth[second]

@@ -42,7 +42,7 @@ def closed_crossings(contact):
     # As in kernels.edges.add_edge_forces: friction acts at the anchors, with a couple.
     s, t = p.place[on].T
     anchor_s, anchor_t = p.anchor[on].T
-    lever = p.stiffness[on] * p.ratio[on] * p.gap[on]
+    lever = p.stiffness[on] * e.ratio[p.first[on]] * p.gap[on]
     area, pushes = np.empty(on.size), np.empty((on.size, 5))
     areas_and_pushes(
         area, pushes, on, ghosts.positions.array[ghosts.num_before :], p.place, depth,
