@@ -198,7 +198,7 @@ class Contact(Stateful):
     def connect(self):
         """Steps exchange, place and move on what the pairs of now ask for. Collective."""
         pairs, of_walls = self.pairs, self.walls.pairs
-        self.motion.follow(pairs.clocks, of_walls.clocks)
+        self.motion.follow(pairs.motion_bounds, of_walls.motion_bounds)
         if self.ghosts.num_before:
             # The others are needed again at the next search only.
             self.ghosts.list_near(pairs.node, of_walls.node)
@@ -266,12 +266,13 @@ class Contact(Stateful):
     def bind(self):
         """Let the kernels know the arrays of new pairs, which stay where they are. Local."""
         p, points, layers, ghosts = self.pairs, self.points, self.layers, self.ghosts
+        moved = p.motion_bounds
         x, forces = ghosts.positions.array, ghosts.forces.array
         if p.forces is None:
             s = self.surface
             p.friction_row = self.friction.rows(points.grain_of_point[p.node], p.grain)
             p.forces = PairForces(
-                p.state, p.due, p.candidate_due, p.clocks.readings, p.clocks.of, p.closest,
+                p.state, p.next_check, p.candidate_next_check, moved.bounds, moved.of, p.closest,
                 p.node, p.first, p.candidate,
                 ghosts.facets, s.neighbor, ghosts.ring_offset, ghosts.ring, self.edges.beside,
                 points.layer, s.layer_of_facet, points.area, points.facet_area, s.area_of_facet,

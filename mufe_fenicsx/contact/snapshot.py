@@ -204,18 +204,18 @@ def contact_tables(contact, mesh):
             "partner": p.grain,
             "count": count,
             "closest": closest,
-            **{name: getattr(p.clocks, name)[p.clocks.of] for name in p.clocks.KEPT},
+            **p.motion_bounds.of_pairs(),
             **{name: getattr(p, name) for name in p.KEPT},
         },
         "candidates": {
             "grain": Rows(names.point_grain, p.node, count),
             "facet": Rows(names.facet, p.candidate),
-            "due": p.candidate_due,
+            "next_check": p.candidate_next_check,
         },
         "wall_pairs": {
             **names.points(w.node),
             "wall": w.wall,
-            **{name: getattr(w.clocks, name)[w.clocks.of] for name in w.clocks.KEPT},
+            **w.motion_bounds.of_pairs(),
             **{name: getattr(w, name) for name in w.KEPT},
         },
         "edge_pairs": {
@@ -302,9 +302,8 @@ def _pairs(contact, names, table, candidates):
     ).astype(np.int32)
     points = contact.points.grain_of_point
     pairs = Pairs(node[order], partner, new_first, facet, points, contact.motion.bound)
-    for name in pairs.clocks.KEPT:
-        getattr(pairs.clocks, name)[pairs.clocks.of] = table.pop(name)[order]
-    pairs.candidate_due[:] = candidates.pop("due")[place]
+    pairs.motion_bounds.take((name, table.pop(name)[order]) for name in pairs.motion_bounds.KEPT)
+    pairs.candidate_next_check[:] = candidates.pop("next_check")[place]
     closest = table["closest"][order]
     pairs.closest[:] = np.where(closest >= 0, new_first[:-1] + closest, -1)
     for name in pairs.KEPT:
@@ -317,8 +316,7 @@ def _wall_pairs(contact, names, table):
     order = np.lexsort((table["wall"], node))
     grains = contact.points.grain_of_point
     pairs = WallPairs(node[order], table["wall"][order], grains, contact.motion.bound)
-    for name in pairs.clocks.KEPT:
-        getattr(pairs.clocks, name)[pairs.clocks.of] = table.pop(name)[order]
+    pairs.motion_bounds.take((name, table.pop(name)[order]) for name in pairs.motion_bounds.KEPT)
     for name in pairs.KEPT:
         getattr(pairs, name)[:] = table.pop(name)[order]
     pairs.stiffness[:] = contact.points.area[pairs.node] / contact.points.layer[pairs.node]

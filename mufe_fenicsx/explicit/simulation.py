@@ -120,7 +120,7 @@ class Simulation(OfSpecimen):
             self._release_loaded()
         # Early where contacts may close that the last evaluation did not count.
         refresh, now = self.refresh, self.state.num_steps
-        moved = self.contact.motion.bound - refresh.clock > refresh.margin
+        moved = self.contact.motion.bound - refresh.bound > refresh.margin
         moved |= self.contact.motion.overrun_of_all > 0.0 and refresh.margin < math.inf
         waited = refresh.waited(now)
         if moved or refresh.due(now):
@@ -190,7 +190,7 @@ class Simulation(OfSpecimen):
         s = self.state
         s.a[:] = self.specimen.f / self.solid.mass[:, None]
         s.dt, self.dt = 0.0, math.nan
-        self.refresh.clock = self.contact.motion.bound
+        self.refresh.bound = self.contact.motion.bound
         self.update_time_step()
 
     def check(self, diverged=False):

@@ -118,7 +118,7 @@ class StableStep(Stateful):
 
         Args:
             margin: All pairs within it [m] count as closed, but for those of two grains that are
-                not expected to move so far (:class:`~.contact.clocks.GrainClocks`).
+                not expected to move so far (:class:`~.contact.pairs.motion_bounds.MotionBounds`).
             element_step: Present value of :meth:`of_elements` [s].
         """
         self._take_stiffness_of_terms()

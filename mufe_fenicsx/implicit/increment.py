@@ -40,7 +40,7 @@ class IncrementEquations:
         start: :class:`~.increment_start.IncrementStart`.
         mark: :class:`~.contact.rewind.ContactMark` at the start.
         wall_move: Largest motion of a wall in the increment [m].
-        reach: Reading of the contacts' clock up to which the last search is good [m].
+        reach: Bound of relative motion up to which the last search is good [m].
         too_far: Largest motion that it was not good for [m].
     """
 

@@ -137,7 +137,7 @@ class WallForces:
             push: Normal force on the node [N];
             work: Energy dissipated by friction since the last search [J];
             closed, sliding: As of PairForces.
-        due, clocks, clock: As of PairForces, shape (num_pairs,) but for ``clocks``.
+        next_check, bounds, bound_row: As of PairForces, (num_pairs,) but for ``bounds``.
         node, wall: The pairs, int32, shape (num_pairs,).
         layer: Compliance c h/E* of the nodes [m/Pa], shape (num_nodes,).
         area: Areas that the nodes stand for [m²], shape (num_nodes,).
@@ -155,9 +155,9 @@ class WallForces:
             weights that are not those of ``LEAD``.
     """
 
-    def __init__(self, state, due, clocks, clock, node, wall, layer, area, recess, ratio, corner,
-                 corner_weight, x, f, wall_force, wall_torque, point, normal, velocity, friction,
-                 friction_kinetic):  # fmt: skip
+    def __init__(self, state, next_check, bounds, bound_row, node, wall, layer, area, recess, ratio,
+                 corner, corner_weight, x, f, wall_force, wall_torque, point, normal, velocity,
+                 friction, friction_kinetic):  # fmt: skip
         real, short = np.float64, np.int32
         self._num_pairs = node.size
         self._totals = np.zeros(2)
@@ -172,7 +172,7 @@ class WallForces:
         column(state, "corner", COLUMNS)[:] = corners
         column(state, "wall", COLUMNS)[:] = wall | lead << WALL_BITS
         self._pointers = Pointers(
-            (state, real), (due, real), (clocks, real), (clock, short), (scratch, short),
+            (state, real), (next_check, real), (bounds, real), (bound_row, short), (scratch, short),
             (aligned(WALL * len(point)), real), (x, real), (f, real), (wall_force, real),
             (wall_torque, real), (point, real), (normal, real), (velocity, real),
             (friction, real), (friction_kinetic, real),

@@ -85,7 +85,7 @@ def test_what_may_close_before_the_next_evaluation_is_known():
             assert sim.refresh.at == now
             # But for what moves in the next two steps, which are at most three times as long as
             # those of single elements; waves in a ball add to its speed.
-            ahead = max(known - sim.refresh.clock, 6.0 * sim.dt_element * 1.2 * 20.0)
+            ahead = max(known - sim.refresh.bound, 6.0 * sim.dt_element * 1.2 * 20.0)
             assert sim.refresh.margin <= ahead + 1e-9 * contact.edge
             looked += 1
     # Longer than a search lasts, or nothing was tested.

@@ -56,7 +56,7 @@ class RelativeMotion(Stateful):
         self.measure_from(positions)
 
     def follow(self, *of_pairs):
-        """Let the bounds of new pairs, each a :class:`~.GrainClocks`, go on from here. Local."""
+        """Let the bounds of new pairs, each :class:`~.MotionBounds`, go on from here. Local."""
         self._of_pairs = of_pairs
         for bounds in of_pairs:
             bounds.follow(self._moves)

@@ -37,14 +37,14 @@ class Augmentation:
 
     def begin_increment(self):
         """The normal forces of closed pairs become multipliers, before a mark is made. Local."""
-        self._lift, self._due = [], []
+        self._lift, self._next_check = [], []
         for pairs, stiffness in self._parts():
             on = np.flatnonzero(pairs.closed)
             lift = np.zeros(pairs.node.size)
             lift[on] = pairs.push[on] / stiffness[on]
             pairs.offset += lift
             self._lift.append(lift)
-            self._due.append(pairs.due.copy())
+            self._next_check.append(pairs.next_check.copy())
 
     def depth(self):
         """Largest distance of a closed pair from its gap in the last evaluation [m]. Collective."""
@@ -61,15 +61,15 @@ class Augmentation:
             mark: :class:`~.rewind.ContactMark` that evaluations start from.
         """
         for k, (pairs, _) in enumerate(self._parts()):
-            old, due = self._lift[k], self._due[k]
+            old, next_check = self._lift[k], self._next_check[k]
             new = np.zeros_like(old)
             on = pairs.closed
             new[on] = (pairs.offset - pairs.gap)[on]
-            offsets, dues = mark.of_points("offset")[k], mark.of_points("due")[k]
+            offsets, checks = mark.of_points("offset")[k], mark.of_points("next_check")[k]
             offsets += new - old
             # An open pair with a multiplier closes before it touches.
             was_open = ~mark.of_points("closed")[k]
-            dues[was_open] = (due - new)[was_open]
+            checks[was_open] = (next_check - new)[was_open]
             self._lift[k] = new
 
     def end_increment(self, mark):
@@ -103,6 +103,6 @@ class Augmentation:
 
     def cancel(self):
         """Back to before :meth:`begin_increment`, once the mark is restored. Local."""
-        for (pairs, _), due in zip(self._parts(), self._due, strict=True):
-            pairs.due[:] = due
+        for (pairs, _), next_check in zip(self._parts(), self._next_check, strict=True):
+            pairs.next_check[:] = next_check
         self._lower()

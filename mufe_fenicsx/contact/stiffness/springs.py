@@ -96,8 +96,8 @@ def list_springs(contact, margin, expected=False):
     Args:
         contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
         margin: The motion.
-        expected: Of two grains, or a grain and a wall, no more motion than their clock is
-            expected to show.
+        expected: Of two grains, or a grain and a wall, no more motion than is expected
+            of both.
     """
     pairs, walls = contact.pairs, contact.walls.pairs
     near = (pairs.closed | _soon(pairs, margin, expected)) & (pairs.closest >= 0)
@@ -113,8 +113,8 @@ def list_edge_springs(contact, margin):
 
 def _soon(pairs, margin, expected):
     """Which pairs with facets, or with walls, a motion of ``margin`` can close."""
-    soon = pairs.due - pairs.clocks.now < margin
-    return soon & pairs.clocks.can_reach(pairs.due) if expected else soon
+    soon = pairs.next_check - pairs.motion_bounds.now < margin
+    return soon & pairs.motion_bounds.can_reach(pairs.next_check) if expected else soon
 
 
 def _listed(contact, margin, pairs, walls):
