@@ -12,7 +12,6 @@ from .bulk.rigid import RigidGrains, check_rigid
 from .bulk.solid import Solid
 from .contact.bonded import Bonded
 from .contact.contact import Contact
-from .contact.laws import COMPLIANCE
 from .contact.mirrors import Mirrors
 from .contact.results.network import num_active_pairs
 from .contact.settings import ContactGrains, ContactSettings
@@ -33,18 +32,13 @@ class Specimen(Stateful):
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         materials: A material for each grain of this rank.
         walls: List of :class:`~mufe_fenicsx.contact.walls.Wall`.
-        friction: Coefficient of friction between grains, or by pair of materials a
-            :class:`~mufe_fenicsx.contact.friction.PairFriction`.
-        friction_kinetic: Coefficient while a contact slips; ``friction`` if None.
-        compliance: Constant c of the contact layer.
-        points: Where contact acts, one of contact.surface.points.KINDS.
-        law: Normal law of contact, one of contact.laws.law_names().
         element: One of solid.ELEMENTS: "averaged", "p1" or "composite".
         velocity: Initial velocities [m/s], shape (num_nodes, 3); rest if None.
         mass_factor: Nodal masses times this, shape (num_nodes,), where only slow loading is
             of interest; 1 if None. Not seen by the time step of single elements.
-        self_contact: Concave grains meet themselves too: nodes with facets.
         gravity: Acceleration [m/s²], shape (3,); none if None.
+        contact: Fields of :class:`~mufe_fenicsx.contact.settings.ContactSettings`, ``friction``
+            among them.
 
     Attributes:
         state: :class:`~mufe_fenicsx.state.State`.
@@ -62,16 +56,11 @@ class Specimen(Stateful):
         materials,
         walls=(),
         *,
-        friction=0.0,
-        friction_kinetic=None,
-        compliance=COMPLIANCE,
-        points="facets",
-        law="matched",
         element="averaged",
         velocity=None,
         mass_factor=None,
-        self_contact=False,
         gravity=None,
+        **contact,
     ):
         self.mesh, self.comm = mesh, mesh.comm
         self.solid = solid = Solid(mesh, materials, element)
@@ -80,9 +69,7 @@ class Specimen(Stateful):
         if mass_factor is not None:
             solid.mass *= mass_factor
         self.walls = Walls(walls)
-        settings = ContactSettings(
-            friction, friction_kinetic, compliance, points, law, self_contact
-        )
+        settings = ContactSettings(**contact)
         grains = ContactGrains(
             solid.contact_modulus, solid.tangential_ratio, solid.mass,
             self.rigid.layers(materials), solid.edge_compliance,

@@ -103,14 +103,14 @@ class RelativeMotion(Stateful):
         self._moves.receive()
         if not move < self._width:
             raise FloatingPointError("positions are not finite")
-        self._advance(2.0 * float(move), self._moves)
+        self.advance(2.0 * float(move), self._moves)
         return float(move)
 
-    def advance(self, step):
-        """All bounds go on by ``step`` [m]. Local; the same on all ranks."""
-        self._advance(step, None)
+    def advance(self, step, moves=None):
+        """All bounds go on by ``step`` [m], by less where ``moves`` tell it. Local.
 
-    def _advance(self, step, moves):
+        The same on all ranks.
+        """
         self.bound += step
         self.overrun = max(bounds.advance(step, moves) for bounds in self._of_pairs)
 
