@@ -38,6 +38,7 @@ $(VENV)/.docs-installed: $(STAMP)
 lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 
 $(STAMP): pyproject.toml
 	@test -n "$(PYTHON)" || { echo "Python 3.12 or 3.13 is needed and none was found on PATH or under ~/.pyenv/versions: install one, or call make PYTHON=/path/to/python3.12" >&2; exit 1; }

@@ -107,14 +107,14 @@ def draw(rows, path):
 
     from mufe_fenicsx.report.style import BLUE, GREEN, GREY, PAGE, RC, RED, new_figure, panel_letter
 
-    colors = {1.5: RED, 2.5: BLUE, 4.0: GREEN}
+    colours = {1.5: RED, 2.5: BLUE, 4.0: GREEN}
     with matplotlib.rc_context(RC):
         figure, (left, right) = new_figure(PAGE, 0.42 * PAGE, ncols=2)
         fine, done = np.linspace(C[0], C[-1], 50), set()
         for _, n, error, wanted, good in rows:
             label = f"{n:g} elements per contact radius" if n not in done else None
             done.add(n)
-            style = {"color": colors[n], "alpha": 0.8 if good else 0.4}
+            style = {"color": colours[n], "alpha": 0.8 if good else 0.4}
             line = np.polyval(np.polyfit(C, error, C.size - 1), fine)
             left.plot(fine, 100 * line, label=label, linestyle="-" if good else ":", **style)
             left.plot(C, 100 * error, ".", markersize=4, **style)
@@ -128,7 +128,12 @@ def draw(rows, path):
         left.legend(frameon=True, facecolor="white", edgecolor="none", framealpha=1)
         for n, number, c, _, scatter in summary(rows):
             right.errorbar(
-                n + 0.12, c, scatter if number > 1 else None, color=colors[n], marker="_", capsize=3
+                n + 0.12,
+                c,
+                scatter if number > 1 else None,
+                color=colours[n],
+                marker="_",
+                capsize=3,
             )
         right.axhline(COMPLIANCE, color=GREY, linewidth=0.8, linestyle="--")
         right.annotate(

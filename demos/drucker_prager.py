@@ -36,12 +36,12 @@ from mpi4py import MPI
 from mufe_fenicsx.bulk.solid import von_mises
 from mufe_fenicsx.cli.main import main as mufe
 from mufe_fenicsx.geometry.bodies.shapes import box, sphere
-from mufe_fenicsx.keys import REQUIRED, setting
 from mufe_fenicsx.materials.elastic import IsotropicSolid
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.report import style
 from mufe_fenicsx.run.from_bodies import build, drive
 from mufe_fenicsx.scene import register_material
+from mufe_fenicsx.units import REQUIRED, setting
 
 
 @numba.njit

@@ -194,15 +194,15 @@ def draw(curves, cost, path):
         left.set_ylim(low - 0.35 * (high - low), high)
         left.legend(loc="lower center", ncols=2)
         at_rest = cost["static increments"][-1][1]
-        for (name, points), color, marker in zip(cost.items(), (BLUE, RED), "os", strict=True):
+        for (name, points), colour, marker in zip(cost.items(), (BLUE, RED), "os", strict=True):
             seconds, force, numbers = zip(*points, strict=True)
             error = 100 * np.maximum(np.abs(np.array(force) / at_rest - 1), 1e-7)
             shown = slice(None, -1 if name == "static increments" else None)
-            right.plot(seconds[shown], error[shown], color=color, marker=marker, markersize=4,
+            right.plot(seconds[shown], error[shown], color=colour, marker=marker, markersize=4,
                        label=name)  # fmt: skip
             for s, e, number in list(zip(seconds, error, numbers, strict=True))[shown]:
                 right.annotate(f"{number:g}", (s, e), xytext=(4, 4),
-                               textcoords="offset points", fontsize=6, color=color)  # fmt: skip
+                               textcoords="offset points", fontsize=6, color=colour)  # fmt: skip
         right.set_xscale("log")
         right.set_yscale("log")
         plain_log_ticks(right.xaxis)

@@ -44,11 +44,11 @@ def packing(quick):
     n, seeds = (40, 3) if quick else (90, 9)
     rng = np.random.default_rng(3)
     at = np.stack(np.meshgrid(*[np.arange(n) + 0.5] * 3, indexing="ij"), axis=-1)
-    centers = spread(rng, seeds, n)
+    centres = spread(rng, seeds, n)
     radius = 0.4 * n / seeds ** (1 / 3)
     depth = np.empty((seeds, n, n, n))
-    for i, center in enumerate(centers):
-        arm = at - center
+    for i, centre in enumerate(centres):
+        arm = at - centre
         distance = np.linalg.norm(arm, axis=-1)
         direction = arm / np.maximum(distance, 1e-9)[..., None]
         wave = sum(

@@ -197,21 +197,21 @@ def draw(rows, path, elements_per_radius):
         for index, (axis, (case, key, label, logarithmic)) in enumerate(
             zip(axes.flat, panels, strict=True)
         ):
-            for points, (color, marker) in looks.items():
+            for points, (colour, marker) in looks.items():
                 of = [r for r in rows if r["points"] == points]
                 layers = [r for r in of if r["law"] == "matched"]
                 x, y = ([r[k] for r in layers] for k in (f"{case}_cost", key))
                 y = 100 * np.array(y)
-                axis.plot(x, y, color=color, marker=marker, markersize=4, label=names[points])
+                axis.plot(x, y, color=colour, marker=marker, markersize=4, label=names[points])
                 kinematic = next(r for r in of if r["law"] == "kinematic")
                 axis.plot(
-                    kinematic[f"{case}_cost"], 100 * kinematic[key], color=color, marker=marker,
+                    kinematic[f"{case}_cost"], 100 * kinematic[key], color=colour, marker=marker,
                     markersize=5, fillstyle="none", linestyle="none",
                 )  # fmt: skip
                 if points == "facets":
                     for row, value in zip(layers, y, strict=True):
                         axis.annotate(
-                            f"c = {row['c']:g}", (row[f"{case}_cost"], value), color=color,
+                            f"c = {row['c']:g}", (row[f"{case}_cost"], value), color=colour,
                             xytext=((-5, 1), (-5, 1), (-5, -3), (0, 6))[index], fontsize=6,
                             textcoords="offset points", ha="center" if index == 3 else "right",
                         )  # fmt: skip

@@ -129,14 +129,14 @@ def draw(run, grains, path):
         compression.set(xlabel="Vertical stress: MPa", ylabel="Void ratio, $e$")
         place.remove()
         polar = figure.add_subplot(place.get_subplotspec(), projection="polar")
-        for weights, color, label in (
+        for weights, colour, label in (
             (None, style.BLUE, "contacts"),
             (np.maximum(force, 0), style.RED, "weighted by force"),
         ):
             found = rose(normals, "xz", 24, weights)
             angle = np.linspace(0, 2 * np.pi, 24 * 20)  # steps round the circle
             steps = np.repeat(found.density, 20)
-            polar.plot(np.append(angle, 0), np.append(steps, steps[0]), color=color, label=label)
+            polar.plot(np.append(angle, 0), np.append(steps, steps[0]), color=colour, label=label)
         polar.plot(np.linspace(0, 2 * np.pi, 100), np.full(100, 0.5 / np.pi), ":", color="grey")
         polar.set_yticks([])
         polar.legend(loc="upper left", bbox_to_anchor=(0.9, 1.1))
@@ -145,9 +145,12 @@ def draw(run, grains, path):
         spread.plot(x, np.exp(-x), "--", color=style.BLACK, label="exp(−f/⟨f⟩)")
         spread.set(xlabel="Normal force over its mean, f/⟨f⟩", ylabel="Probability density")
         spread.legend()
-        for chosen, color, label in ((True, style.RED, "in chains"), (False, style.GREY, "others")):
+        for chosen, colour, label in (
+            (True, style.RED, "in chains"),
+            (False, style.GREY, "others"),
+        ):
             group = grains[grains["in_chain"] == chosen]
-            answer.plot(group["mean"] / 1e6, group["turn"], "o", color=color, ms=3.5, label=label)
+            answer.plot(group["mean"] / 1e6, group["turn"], "o", color=colour, ms=3.5, label=label)
         answer.set(xlabel="Mean von Mises stress: MPa", ylabel="Turn of the grain: degrees")
         answer.legend()
         for index, axis in enumerate((compression, polar, spread, answer)):

@@ -20,7 +20,7 @@ import docutils.nodes
 import latex2mathml.converter
 
 import mufe_fenicsx
-from mufe_fenicsx.keys import keys_of
+from mufe_fenicsx.units import keys_of
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -167,7 +167,9 @@ def write_api_pages(app):
 def _page(title, modules):
     lines = [_heading(title, "=")]
     for module in modules:
-        lines += [_heading(module, "-"), f".. automodule:: {module}", ""]
+        # The public names of the package stand where they are defined.
+        options = ["   :no-members:"] if module == "mufe_fenicsx" else []
+        lines += [_heading(module, "-"), f".. automodule:: {module}", *options, ""]
     return "\n".join(lines)
 
 

@@ -3,8 +3,11 @@
 A µCT scan becomes labelled grains, each grain a tetrahedral mesh, all grains
 one DOLFINx mesh partitioned by grain; the grains deform as elasto-plastic
 bodies in hard, frictional contact.
+
+The public names are those of ``MODULE_OF``; docs/python.md has a line on each.
 """
 
+import importlib
 import importlib.util
 import os
 
@@ -23,19 +26,47 @@ if importlib.util.find_spec("dolfinx_solver") is not None:
 
 __version__ = "0.1.0"
 
+#: Public names and the modules that they come from, which are loaded at the first use of one.
+#: `__init__.pyi` says the same to type checkers.
+MODULE_OF = {
+    "Auto": "materials.auto",
+    "Elastic": "materials.elastic",
+    "GrainMesh": "mesh",
+    "Grains": "geometry.grains",
+    "ImplicitSimulation": "implicit.simulation",
+    "InputError": "errors",
+    "J2": "materials.j2",
+    "Rigid": "materials.rigid",
+    "Run": "results.run",
+    "Scene": "scene.scene",
+    "Simulation": "explicit.simulation",
+    "SolverError": "errors",
+    "Wall": "contact.walls",
+    "box": "geometry.bodies.shapes",
+    "build": "run.from_bodies",
+    "cylinder": "geometry.bodies.shapes",
+    "drive": "run.from_bodies",
+    "half_ball": "geometry.bodies.half_ball",
+    "load_grains": "geometry.grains",
+    "load_scene": "scene.reading",
+    "open_run": "results.run",
+    "register_material": "scene.catalogue",
+    "run_scene": "run.run",
+    "save_grains": "geometry.grains",
+    "scene_to_toml": "scene.writing",
+    "settle": "run.from_bodies",
+    "sphere": "geometry.bodies.shapes",
+}
+__all__ = ["__version__", *MODULE_OF]
 
-def open_run(path):
-    """What a run folder holds, as arrays and tables; finished, running or killed.
 
-    Args:
-        path: Folder that `mufe run` wrote.
+def __getattr__(name):
+    if name not in MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f".{MODULE_OF[name]}", __name__), name)
+    globals()[name] = value  # found at once from now on
+    return value
 
-    Returns:
-        :class:`mufe_fenicsx.results.Run`.
 
-    Raises:
-        InputError: It is no such folder.
-    """
-    from .results import Run  # pandas and HDF5 are loaded only where they are used
-
-    return Run(path)
+def __dir__():
+    return sorted({*globals(), *__all__})

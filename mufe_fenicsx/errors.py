@@ -4,6 +4,7 @@ import difflib
 import math
 import signal
 import threading
+from collections.abc import Iterable
 
 #: Characters of a value in a message.
 SHOWN = 60
@@ -34,12 +35,12 @@ class Interrupted(RuntimeError):
         signal: Number of the signal.
     """
 
-    def __init__(self, message, signal):
+    def __init__(self, message: str, signal: int):
         super().__init__(message)
         self.signal = int(signal)
 
 
-def raise_on_broken_pipes():
+def raise_on_broken_pipes() -> None:
     """Give SIGPIPE back to Python, so that a reader that left is a BrokenPipeError.
 
     To be called after gmsh or PETSc has started: the one lets the signal end the program without
@@ -49,7 +50,7 @@ def raise_on_broken_pipes():
         signal.signal(signal.SIGPIPE, signal.getsignal(signal.SIGPIPE))
 
 
-def shown(value):
+def shown(value: object) -> str:
     """A value as the user wrote it, but short: texts in double quotes, the rest as in TOML."""
     return _shown(value, 3)
 
@@ -71,7 +72,7 @@ def _shown(value, depth):
     return shortened(str(value))
 
 
-def nearest_name(word, known):
+def nearest_name(word: object, known: Iterable[str]) -> str:
     """What a message expects in place of a name that is not known.
 
     Args:
@@ -88,7 +89,7 @@ def nearest_name(word, known):
     return f"one of {', '.join(known)}" if known else "none"
 
 
-def shortened(text):
+def shortened(text: object) -> str:
     """The beginning of a text on one line, without characters that no terminal shows."""
     text = str(text)
     cut = text if len(text) <= SHOWN else text[:SHOWN] + "…"

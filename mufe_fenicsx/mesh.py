@@ -7,6 +7,8 @@ from itertools import pairwise
 import basix.ufl
 import numpy as np
 from dolfinx import fem, graph, mesh
+from mpi4py import MPI
+from numpy.typing import ArrayLike
 from petsc4py import PETSc  # noqa: F401  starts it, and with it its handlers of signals
 
 from .errors import InputError, raise_on_broken_pipes
@@ -18,7 +20,7 @@ raise_on_broken_pipes()
 FLAT = 1e-9
 
 
-def partition_grains(weights, centroids, num_ranks):
+def partition_grains(weights: ArrayLike, centroids: ArrayLike, num_ranks: int) -> np.ndarray:
     """Rank of each grain by weighted recursive coordinate bisection.
 
     The longest side of the grains' bounding box is cut where the weights divide
@@ -52,7 +54,7 @@ def partition_grains(weights, centroids, num_ranks):
         axis = np.argmax(np.ptp(centroids[grains], axis=0))
         grains = grains[np.argsort(centroids[grains, axis], kind="stable")]
         done = np.cumsum(weights[grains])
-        cut = 1 + np.argmin(np.abs(done - done[-1] * left / count))
+        cut = 1 + int(np.argmin(np.abs(done - done[-1] * left / count)))
         cut = min(max(cut, left), grains.size - (count - left))
         parts.append((grains[:cut], first, left))
         parts.append((grains[cut:], first + left, count - left))
@@ -84,27 +86,27 @@ class GrainMesh:
     family: int = 1  #: rows of ``cells`` that make one composite element; families are whole
 
     @property
-    def comm(self):
+    def comm(self) -> MPI.Intracomm:
         """MPI communicator of the mesh."""
         return self.mesh.comm
 
     @property
-    def num_cells(self):
+    def num_cells(self) -> int:
         """Cells on this rank."""
         return self.cells.shape[0]
 
     @property
-    def num_nodes(self):
+    def num_nodes(self) -> int:
         """Nodes on this rank."""
         return self.x.shape[0]
 
     @property
-    def num_grains(self):
+    def num_grains(self) -> int:
         """Grains on this rank."""
         return self.grains.size
 
     @cached_property
-    def grain_of_cell(self):
+    def grain_of_cell(self) -> np.ndarray:
         """Local grain of each row of ``cells``, shape (num_cells,)."""
         return np.repeat(np.arange(self.num_grains, dtype=np.int32), np.diff(self.cell_offset))
 
@@ -116,7 +118,7 @@ class GrainMesh:
         return mesh.meshtags(self.mesh, 3, np.arange(label.size, dtype=np.int32), label)
 
     @cached_property
-    def named_nodes(self):
+    def named_nodes(self) -> np.ndarray:
         """Nodes grain after grain, in each as they were given: an order that knows no ranks."""
         given = np.empty(self.num_nodes, dtype=np.int64)
         geometry = self.mesh.geometry
@@ -124,19 +126,27 @@ class GrainMesh:
         return np.lexsort((given, self.grain_of_node)).astype(np.int32)
 
     @cached_property
-    def named_cells(self):
+    def named_cells(self) -> np.ndarray:
         """Rows of ``cells`` grain after grain, in each as they were given."""
         given = self.mesh.topology.original_cell_index[self.cell_order]
         return np.lexsort((given, self.grain_of_cell)).astype(np.int32)
 
-    def cell_function(self, values):
+    def cell_function(self, values: np.ndarray) -> fem.Function:
         """Piecewise constant DOLFINx function from values in the order of ``cells``."""
         function = fem.Function(fem.functionspace(self.mesh, ("DG", 0)))
         function.x.array[self.cell_order] = values
         return function
 
 
-def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, family=1):
+def create_grain_mesh(
+    comm: MPI.Intracomm,
+    points: np.ndarray,
+    cells: np.ndarray,
+    cell_grain: np.ndarray,
+    labels: np.ndarray,
+    rank_of_grain: np.ndarray,
+    family: int = 1,
+) -> GrainMesh:
     """Make the distributed mesh from each rank's own grains. Collective.
 
     Args:
@@ -168,7 +178,7 @@ def create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, fa
     domain = mesh.create_mesh(
         comm,
         cells.astype(np.int64) + first_node,
-        element,
+        element,  # type: ignore[arg-type]  # basix.ufl's, which the hints of DOLFINx leave out
         np.ascontiguousarray(points, dtype=np.float64),
         stay,
     )

@@ -118,6 +118,9 @@ class Specimen(Stateful):
                 f"{', '.join(names) or 'none is'}"
             )
         self.terms.insert(self.terms.index(self.bonded), term)
+        term.add_forces(self.f, self.state, 0.0)
+        self.f[self.bonded.nodes] = 0.0
+        self.mirrors.project(self.f)
         energy = term.energy(self.state)
         self.first_energies = np.append(self.first_energies, np.nan if energy is None else energy)
 

@@ -122,7 +122,7 @@ class ForceTerm(Stateful):
 
         Args:
             rigid: :class:`~mufe_fenicsx.bulk.rigid.RigidGrains`, whose ``force`` [N] and
-                ``torque`` about ``center`` [N m] have shape (num_grains, 3).
+                ``torque`` about ``centre`` [N m] have shape (num_grains, 3).
             state: As of :meth:`add_forces`.
         """
 

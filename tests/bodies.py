@@ -10,7 +10,7 @@ from mufe_fenicsx.mesh import create_grain_mesh, partition_grains
 RADIUS = 1e-3
 
 
-def sphere_centers(counts, gap=0.0):
+def sphere_centres(counts, gap=0.0):
     """Centres of touching spheres of radius ``RADIUS`` in a block, ``gap`` in radii between."""
     spacing = (2.0 + gap) * RADIUS
     grid = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1)
@@ -20,23 +20,23 @@ def sphere_centers(counts, gap=0.0):
 def packed_grains(counts, gap=0.0, h=0.45 * RADIUS):
     """:class:`Grains` of such spheres."""
     points, cells = sphere(RADIUS, h)
-    centers = sphere_centers(counts, gap)
-    meshes = [(points + center, cells) for center in centers]
-    return Grains.from_list(np.arange(1, len(centers) + 1), meshes, h)
+    centres = sphere_centres(counts, gap)
+    meshes = [(points + centre, cells) for centre in centres]
+    return Grains.from_list(np.arange(1, len(centres) + 1), meshes, h)
 
 
 def packed_spheres(comm, counts, gap=0.0, h=0.45 * RADIUS):
     """Distributed mesh of such spheres. Collective."""
     points, cells = sphere(RADIUS, h)
-    centers = sphere_centers(counts, gap)
-    rank_of_grain = partition_grains(np.ones(len(centers)), centers, comm.size)
+    centres = sphere_centres(counts, gap)
+    rank_of_grain = partition_grains(np.ones(len(centres)), centres, comm.size)
     mine = np.flatnonzero(rank_of_grain == comm.rank)
     return create_grain_mesh(
         comm,
-        np.concatenate([points + centers[g] for g in mine]),
+        np.concatenate([points + centres[g] for g in mine]),
         np.concatenate([cells + k * len(points) for k in range(mine.size)]),
         np.repeat(mine, len(cells)),
-        np.arange(1, len(centers) + 1),
+        np.arange(1, len(centres) + 1),
         rank_of_grain,
     )
 

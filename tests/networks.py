@@ -12,23 +12,23 @@ def lattice_network(force, counts=(2, 2, 3), D=2e-4):
     """
     places = np.array(list(np.ndindex(*counts)))
     number = {tuple(p): k for k, p in enumerate(places)}
-    center = D * (places + 0.5)
+    centre = D * (places + 0.5)
     a, b, at, f, t, branch = [], [], [], [], [], []
     up = np.array([0.0, 0.0, 1.0])
     shear = 0.25 * force * np.array([1.0, 0.0, 0.0])
     for (x, y, z), k in number.items():
         if z == 0:  # on the floor
             a, b = [*a, k], [*b, len(places) + 4]
-            at, f, t = [*at, center[k] - D / 2 * up], [*f, force * up], [*t, 0 * up]
+            at, f, t = [*at, centre[k] - D / 2 * up], [*f, force * up], [*t, 0 * up]
             branch = [*branch, D / 2 * up]
         if z + 1 < counts[2]:
             a, b = [*a, k], [*b, number[x, y, z + 1]]
             sign = (-1) ** (x + y)
-            at, f = [*at, center[k] + D / 2 * up], [*f, -force * up + sign * shear]
+            at, f = [*at, centre[k] + D / 2 * up], [*f, -force * up + sign * shear]
             t, branch = [*t, sign * shear], [*branch, -D * up]
         else:
             a, b = [*a, k], [*b, len(places) + 5]
-            at, f, t = [*at, center[k] + D / 2 * up], [*f, -force * up], [*t, 0 * up]
+            at, f, t = [*at, centre[k] + D / 2 * up], [*f, -force * up], [*t, 0 * up]
             branch = [*branch, -D / 2 * up]
     order = np.lexsort((b, a))
     a, b, at, f, t, branch = (np.array(v)[order] for v in (a, b, at, f, t, branch))
@@ -41,4 +41,4 @@ def lattice_network(force, counts=(2, 2, 3), D=2e-4):
     )  # fmt: skip
     walls = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"]
     labels = np.arange(10, 10 + len(places))
-    return Network(labels, walls, np.ones(len(places)), center, contacts)
+    return Network(labels, walls, np.ones(len(places)), centre, contacts)

@@ -108,6 +108,16 @@ def import_demo(name):
     return module
 
 
+def test_two_spheres(tmp_path):
+    """The demo compares its forces with Hertz's itself."""
+    command = [sys.executable, DEMOS / "two_spheres.py", "--figure", tmp_path / "curve.png"]
+    environment = {**os.environ, "MPLBACKEND": "Agg"}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.splitlines()) == 11  # a head and ten increments
+    assert (tmp_path / "curve.png").stat().st_size > 10_000
+
+
 def test_an_analysis_of_ones_own(tmp_path):
     """The demo presses balls, and checks the stress of their contacts against the walls itself."""
     command = [sys.executable, DEMOS / "own_analysis.py", tmp_path]

@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "mufe_fenicsx"
 LEVELS = (
     {"errors"},
     {"machine", "state", "units", "theory"},
-    {"kernels", "keys"},
+    {"kernels"},
     {"mesh", "output", "solvers", "materials"},
     {"geometry", "contact"},
     {"bulk", "loading", "analysis", "scene"},
@@ -25,8 +25,8 @@ LEVELS = (
     {"cli"},
 )
 LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}
-#: `mufe_fenicsx.open_run` reads results; `python -m mufe_fenicsx` is the command.
-FROM_THE_DOOR = {"__init__": {"machine", "results"}, "__main__": {"cli"}}
+#: `__init__` names the rest in its dict `MODULE_OF`; `python -m mufe_fenicsx` is the command.
+FROM_THE_DOOR = {"__init__": {"machine"}, "__main__": {"cli"}}
 
 #: Geometry prepares grains without the solver's libraries.
 SOLVER_LIBRARIES = {"dolfinx", "dolfinx_solver", "mpi4py", "petsc4py", "ufl", "basix"}

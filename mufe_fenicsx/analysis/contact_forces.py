@@ -107,7 +107,7 @@ def mechanical_coordination(num_contacts):
     return float(kept.sum() / kept.size) if kept.size else np.nan
 
 
-def contact_stress_of_grains(first, second, force, centroid, center, volume):
+def contact_stress_of_grains(first, second, force, centroid, centre, volume):
     """Mean stress of each grain from its contacts, Σ f ⊗ (x_grain - x_contact)/V [Pa].
 
     Symmetric part, compression positive. It is the mean stress in the grain where the grain is
@@ -118,7 +118,7 @@ def contact_stress_of_grains(first, second, force, centroid, center, volume):
         second: Index of the other grain, which feels the opposite, or -1 for a wall.
         force: [N], shape (num_contacts, 3).
         centroid: Where it acts [m], shape (num_contacts, 3).
-        center: Centres of the grains [m], shape (num_grains, 3).
+        centre: Centres of the grains [m], shape (num_grains, 3).
         volume: Of the grains [m³], shape (num_grains,).
 
     Returns:
@@ -127,7 +127,7 @@ def contact_stress_of_grains(first, second, force, centroid, center, volume):
     total = np.zeros((len(volume), 3, 3))
     on = np.asarray(second) >= 0
     for grain, f, x in ((first, force, centroid), (second[on], -force[on], centroid[on])):
-        np.add.at(total, grain, f[:, :, None] * (center[grain] - x)[:, None, :])
+        np.add.at(total, grain, f[:, :, None] * (centre[grain] - x)[:, None, :])
     total /= np.asarray(volume)[:, None, None]
     return 0.5 * (total + np.swapaxes(total, 1, 2))
 
@@ -147,7 +147,7 @@ class ForceChains:
         return int(self.chain.max(initial=-1)) + 1
 
 
-def force_chains(stress, center, first, second, angle=45.0, least=3):
+def force_chains(stress, centre, first, second, angle=45.0, least=3):
     """Force chains as defined by Peters and others (2005).
 
     A grain may be part of one if its major (most compressive) principal stress is above the
@@ -157,7 +157,7 @@ def force_chains(stress, center, first, second, angle=45.0, least=3):
 
     Args:
         stress: Mean stress of each grain, compression positive [Pa], shape (num_grains, 3, 3).
-        center: Centres of the grains [m], shape (num_grains, 3).
+        centre: Centres of the grains [m], shape (num_grains, 3).
         first, second: Indices of the two grains of each active contact, shape (num_contacts,).
         angle: [degrees], 0 to 90.
         least: Grains that make a chain.
@@ -177,11 +177,11 @@ def force_chains(stress, center, first, second, angle=45.0, least=3):
     if not 0 < angle <= 90:
         raise InputError(f"angle of force chains = {angle} degrees, expected 0 < angle <= 90")
     first, second = np.asarray(first, dtype=np.int64), np.asarray(second, dtype=np.int64)
-    n = len(center)
+    n = len(centre)
     values, vectors = np.linalg.eigh(stress)
     major, direction = values[:, 2], vectors[:, :, 2]
     strong = major > major.mean() if n else np.zeros(0, dtype=bool)
-    line = center[first] - center[second]
+    line = centre[first] - centre[second]
     length = np.linalg.norm(line, axis=1)
     links = strong[first] & strong[second]
     for end in (first, second):

@@ -43,18 +43,18 @@ def grain_inertia(points, cells, grain_of_cell, rho=1.0):
     n = labels.size
     volume = tet_volumes(points, cells)
     total = sum_by_grain(volume, index, n)
-    center, second = np.zeros((n, 3)), np.zeros((n, 3, 3))
+    centre, second = np.zeros((n, 3)), np.zeros((n, 3, 3))
     for part in blocks(len(cells)):
         mass = volume[part, None] / total[index[part], None]
-        center += sum_by_grain(mass * points[cells[part]].mean(axis=1), index[part], n)
+        centre += sum_by_grain(mass * points[cells[part]].mean(axis=1), index[part], n)
     for part in blocks(len(cells)):
-        corners = points[cells[part]] - center[index[part]][:, None]
+        corners = points[cells[part]] - centre[index[part]][:, None]
         sums = corners.sum(axis=1)
         squares = np.swapaxes(corners, 1, 2) @ corners + sums[:, :, None] * sums[:, None, :]
         second += sum_by_grain(volume[part, None, None] / 20 * squares, index[part], n)
     tensor = rho * np.array([inertia_of(s) for s in second])
     moments, axes = zip(*(principal(t) for t in tensor), strict=True)
-    return Inertia(labels, rho * total, center, tensor, np.array(moments), np.array(axes))
+    return Inertia(labels, rho * total, centre, tensor, np.array(moments), np.array(axes))
 
 
 def unphysical(moments):

@@ -34,7 +34,7 @@ def contact_stress(force, branch, volume):
     return np.einsum("ci,cj->ij", force[acts], branch[acts]) / volume
 
 
-def inertial_stress(force, center, middle, volume):
+def inertial_stress(force, centre, middle, volume):
     """Part of the walls' mean stress that accelerates grains, -Σ m a ⊗ (x - x̄) / V [Pa].
 
     The mean stress of opposite walls is that of the contacts plus this one, whatever the speed:
@@ -44,11 +44,11 @@ def inertial_stress(force, center, middle, volume):
 
     Args:
         force: Of all contacts on each grain, its mass times acceleration [N], (num_grains, 3).
-        center: Centres of mass [m], shape (num_grains, 3).
+        centre: Centres of mass [m], shape (num_grains, 3).
         middle: Of the box between the walls [m], shape (3,).
         volume: Of that box [m³].
     """
-    return -np.einsum("gi,gj->ij", force, np.asarray(center) - middle) / volume
+    return -np.einsum("gi,gj->ij", force, np.asarray(centre) - middle) / volume
 
 
 def wall_stress(normal_forces, lengths):

@@ -20,7 +20,7 @@ def mass_properties(x, cells, cell_offset, rho):
         about the centres [kg m²], shape (num_bodies, 3, 3).
     """
     num = rho.size
-    mass, center, inertia = np.empty(num), np.empty((num, 3)), np.empty((num, 3, 3))
+    mass, centre, inertia = np.empty(num), np.empty((num, 3)), np.empty((num, 3, 3))
     for b in range(num):
         corners = x[cells[cell_offset[b] : cell_offset[b + 1]]]
         origin = corners.reshape(-1, 3).mean(axis=0)
@@ -32,9 +32,9 @@ def mass_properties(x, cells, cell_offset, rho):
         second = (second + np.einsum("c,ci,cj->ij", volume, total, total)) / 20
         second -= volume.sum() * np.outer(mean, mean)
         mass[b] = rho[b] * volume.sum()
-        center[b] = origin + mean
+        centre[b] = origin + mean
         inertia[b] = rho[b] * (np.trace(second) * np.eye(3) - second)
-    return mass, center, inertia
+    return mass, centre, inertia
 
 
 def point_properties(x, mass):
@@ -44,11 +44,11 @@ def point_properties(x, mass):
         x: Positions [m], shape (n, 3).
         mass: Masses [kg], shape (n,).
     """
-    center = mass @ x / mass.sum()
-    r = x - center
+    centre = mass @ x / mass.sum()
+    r = x - centre
     second = np.einsum("n,ni,nj->ij", mass, r, r)
     inertia = np.trace(second) * np.eye(3) - second
-    return np.array([mass.sum()]), center[None], inertia[None]
+    return np.array([mass.sum()]), centre[None], inertia[None]
 
 
 def quaternion_of(axes):

@@ -45,7 +45,7 @@ class RigidGrains(ForceTerm):
 
     STATE = {
         "rigid": (
-            "mass", "inertia", "center", "turn", "axes", "radius", "velocity", "momentum", "spin",
+            "mass", "inertia", "centre", "turn", "axes", "radius", "velocity", "momentum", "spin",
             "force", "torque",
         ),
         "largest": ("moved",),
@@ -69,7 +69,7 @@ class RigidGrains(ForceTerm):
         self.unconstrained = np.flatnonzero(free) if n else self.soft
 
         self.mass, self.inertia = np.empty(n), np.empty((n, 3))
-        self.center, self.turn, self.axes = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3, 3))
+        self.centre, self.turn, self.axes = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3, 3))
         self.place = np.empty((self.nodes.size, 3))
         self.uneven = None  #: label of a grain whose mass factor varies
         self.radius = np.empty(n)  #: of the ball of equal volume [m]
@@ -77,12 +77,12 @@ class RigidGrains(ForceTerm):
             # In an order that knows no ranks: equal moments leave the axes to rounding.
             cells = mesh.cells[mesh.named_cells[slice(*mesh.cell_offset[g : g + 2])]]
             rho = materials[g].rho
-            mass, center, inertia = mass_properties(
+            mass, centre, inertia = mass_properties(
                 mesh.x, cells, np.array([0, len(cells)]), np.array([rho])
             )
             here = slice(*self.offset[b : b + 2])
             if b >= self.num_always:
-                mass, center, inertia = point_properties(
+                mass, centre, inertia = point_properties(
                     mesh.x[self.nodes[here]], node_mass[self.nodes[here]]
                 )
             factor = 1.0
@@ -92,14 +92,14 @@ class RigidGrains(ForceTerm):
                     self.uneven = int(mesh.labels[mesh.grains[g]])
                 factor = factor[0]
             self.radius[b] = np.cbrt(0.75 / np.pi * mass[0] / rho)
-            self.mass[b], self.center[b] = factor * mass[0], center[0]
+            self.mass[b], self.centre[b] = factor * mass[0], centre[0]
             moments, axes = np.linalg.eigh(factor * inertia[0])
             axes[:, 2] *= np.linalg.det(axes)  # right-handed
             self.inertia[b], self.turn[b] = moments, quaternion_of(axes)
         kernels.set_axes(self.axes, self.turn)
         for b in range(n):
             here = slice(*self.offset[b : b + 2])
-            self.place[here] = (mesh.x[self.nodes[here]] - self.center[b]) @ self.axes[b]
+            self.place[here] = (mesh.x[self.nodes[here]] - self.centre[b]) @ self.axes[b]
         self.velocity, self.momentum, self.spin, self.force, self.torque = np.zeros((5, n, 3))
         self._energy = np.zeros(n)
         self._q = self._y = self._followed = None
@@ -183,7 +183,7 @@ class RigidGrains(ForceTerm):
         if not which.any():
             return
         places = np.split(self.place, self.offset[1:-1])
-        for name in ("grains", "mass", "inertia", "center", "turn", "axes", "radius",
+        for name in ("grains", "mass", "inertia", "centre", "turn", "axes", "radius",
                      "velocity", "momentum", "spin", "force", "torque", "_energy"):  # fmt: skip
             setattr(self, name, np.ascontiguousarray(getattr(self, name)[~which]))
         kept = [p for p, gone in zip(places, which, strict=True) if not gone]
@@ -222,14 +222,14 @@ class RigidGrains(ForceTerm):
     def place_all(self, x, u):
         """Put all nodes where their grains are. Local."""
         kernels.place_nodes(
-            x, u, self.mesh.x, self.nodes, self.offset, self.place, self.center, self.axes
+            x, u, self.mesh.x, self.nodes, self.offset, self.place, self.centre, self.axes
         )
 
     def complete(self, x, u, v):
         """Bring positions, displacements and velocities of all nodes up to date. Local."""
         self.place_all(x, u)
         kernels.node_velocities(
-            v, x, self.nodes, self.offset, self.center, self.velocity, self.spin
+            v, x, self.nodes, self.offset, self.centre, self.velocity, self.spin
         )
 
     def layers(self, materials):
@@ -248,13 +248,13 @@ class RigidGrains(ForceTerm):
         for b, g in enumerate(self.grains):
             if b >= self.num_always:
                 nodes = self.nodes[slice(*self.offset[b : b + 2])]
-                m, r = self._node_mass[nodes], self.mesh.x[nodes] - self.center[b]
+                m, r = self._node_mass[nodes], self.mesh.x[nodes] - self.centre[b]
                 m = m * (self.mass[b] / m.sum())
                 self.velocity[b] = m @ v[nodes] / self.mass[b]
                 self.momentum[b] = m @ np.cross(r, v[nodes])
                 continue
             cells = self.mesh.cells[self.mesh.cell_offset[g] : self.mesh.cell_offset[g + 1]]
-            r, w = self.mesh.x[cells] - self.center[b], v[cells]
+            r, w = self.mesh.x[cells] - self.centre[b], v[cells]
             volume = np.linalg.det(r[:, 1:] - r[:, :1])
             part = self.mass[b] * volume / volume.sum()
             self.velocity[b] = part @ w.mean(axis=1) / self.mass[b]
@@ -262,7 +262,7 @@ class RigidGrains(ForceTerm):
             self.momentum[b] = part @ turning / 20
         self.kick(0.0, 0.0)
         kernels.node_velocities(
-            v, self.mesh.x, self.nodes, self.offset, self.center, self.velocity, self.spin
+            v, self.mesh.x, self.nodes, self.offset, self.centre, self.velocity, self.spin
         )
 
     # --- stepping -------------------------------------------------------------------------
@@ -274,11 +274,11 @@ class RigidGrains(ForceTerm):
             return
         near = self.followed
         self.moved = kernels.kick_and_drift(
-            self.center, self.velocity, self.momentum, self.turn, self.axes, self.force,
+            self.centre, self.velocity, self.momentum, self.turn, self.axes, self.force,
             self.torque, self.mass, self.inertia, near.reach, dt, damping,
         )  # fmt: skip
         kernels.place_nodes(
-            x, u, self.mesh.x, near.nodes, near.offset, near.place, self.center, self.axes
+            x, u, self.mesh.x, near.nodes, near.offset, near.place, self.centre, self.axes
         )
 
     def begin_forces(self, f, state, dt):
@@ -291,7 +291,7 @@ class RigidGrains(ForceTerm):
         if self.grains.size:
             near = self.followed
             kernels.gather_loads(
-                self.force, self.torque, f, state.x, near.nodes, near.offset, self.center
+                self.force, self.torque, f, state.x, near.nodes, near.offset, self.centre
             )
 
     def kick(self, dt, damping):
@@ -355,8 +355,8 @@ class RigidGrains(ForceTerm):
         rows[: free.size] = mass[free, None]
         rows[free.size :: 2], rows[free.size + 1 :: 2] = self.mass[:n, None], self.inertia[:n]
         places[: free.size] = self.mesh.x[free]
-        places[free.size :: 2] = self.center[:n]
-        places[free.size + 1 :: 2] = self.center[:n] + self.radius[:n, None]
+        places[free.size :: 2] = self.centre[:n]
+        places[free.size + 1 :: 2] = self.centre[:n] + self.radius[:n, None]
         return rows, places
 
     def turned_rows(self):
@@ -387,16 +387,16 @@ class RigidGrains(ForceTerm):
         force, torque = np.zeros((2, n, 3))
 
         def add(y, q):
-            center, axes = self.center[:n], self.axes[:n]
+            centre, axes = self.centre[:n], self.axes[:n]
             at_nodes[free] = q[: free.size]
             kernels.expand_motion(
-                at_nodes, q[free.size :], state.x, surface, surface_offset, center, axes
+                at_nodes, q[free.size :], state.x, surface, surface_offset, centre, axes
             )
             at_nodes_y[:] = 0.0
             add_stiffness(at_nodes_y, at_nodes)
             y[: free.size] += at_nodes_y[free]
             kernels.gather_loads(
-                force, torque, at_nodes_y, state.x, surface, surface_offset, center
+                force, torque, at_nodes_y, state.x, surface, surface_offset, centre
             )
             y[free.size :: 2] += force
             kernels.reduce_loads(y[free.size :], torque, axes)

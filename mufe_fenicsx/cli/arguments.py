@@ -7,8 +7,7 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError, nearest_name
-from ..keys import keys_of
-from ..units import QUANTITIES
+from ..units import QUANTITIES, keys_of
 
 
 def with_settings(cls):
@@ -86,7 +85,7 @@ def merged_settings(cls, in_scene, given):
 
 
 def _option_name(text):
-    """ "voxel_size = 0, expected ..." as "--voxel-size = 0, expected ..."."""
+    """A message about "voxel_size = 0" as one about "--voxel-size = 0"."""
     key, space, rest = text.partition(" ")
     return "--" + key.replace("_", "-") + space + rest
 

@@ -1,10 +1,10 @@
 """How the program ends: one line for what the user can mend, and all ranks together.
 
-0  done
-1  a verification failed, or a computation did
-2  unusable input, or a file system that is full or not writable
-130, 143, 138, 129  stopped by an interrupt (Ctrl-C), by a request to end (SIGTERM, SIGUSR1), by a
-   terminal that closed (SIGHUP)
+- 0: done
+- 1: a verification failed, or a computation did
+- 2: unusable input, or a file system that is full or not writable
+- 130, 143, 138, 129: stopped by an interrupt (Ctrl-C), by a request to end (SIGTERM, SIGUSR1), by a
+  terminal that closed (SIGHUP)
 """
 
 import math

@@ -162,8 +162,8 @@ class Contact(Stateful):
         )  # fmt: skip
         self.own = self.surface.part_of(self.own)
         self.ghosts.renew(self.surface, ghosts, positions)
-        neighbors, num_walls = self.surface.neighbors, len(self.walls.walls)
-        self.motion.renew(reach, overlap, neighbors, num_walls, positions)
+        neighbours, num_walls = self.surface.neighbours, len(self.walls.walls)
+        self.motion.renew(reach, overlap, neighbours, num_walls, positions)
 
     def _search_facets(self, reach, wait):
         """Find pairs of points and facets, within ``reach`` of each facet [m]. Local.
@@ -202,8 +202,8 @@ class Contact(Stateful):
         if self.ghosts.num_before:
             # The others are needed again at the next search only.
             self.ghosts.list_near(pairs.node, of_walls.node)
-        neighbors = self.surface.neighbors
-        self.ghosts.connect(neighbors, nodes_of_pairs(self) if neighbors else ())
+        neighbours = self.surface.neighbours
+        self.ghosts.connect(neighbours, nodes_of_pairs(self) if neighbours else ())
         # Else no force can act on a node of this rank, or by one of its pairs on another one.
         any_pair = any(of.size for of in (pairs.node, of_walls.node, self.edges.pairs.first))
         self._any_pair = any_pair or self.ghosts.any_force
@@ -274,7 +274,7 @@ class Contact(Stateful):
             p.forces = PairForces(
                 p.state, p.next_check, p.candidate_next_check, moved.bounds, moved.of, p.closest,
                 p.node, p.first, p.candidate,
-                ghosts.facets, s.neighbor, ghosts.ring_offset, ghosts.ring, self.edges.beside,
+                ghosts.facets, s.neighbour, ghosts.ring_offset, ghosts.ring, self.edges.beside,
                 points.layer, s.layer_of_facet, points.area, points.facet_area, s.area_of_facet,
                 points.depth, s.depth_of_facet, points.recess, layers.ratio, ghosts.around,
                 points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),

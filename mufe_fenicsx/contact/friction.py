@@ -70,6 +70,11 @@ class PairFriction:
         kinetic = kinetic_of(self.friction, friction_kinetic, "between grains")
         return FrictionTable(np.array([(self.friction, kinetic), *self._others]), self.rows)
 
+    def static(self, grain, partner):
+        """Coefficient that a contact of two grains has to overcome to slip [-]."""
+        row = self._row[self._material[grain], self._material[partner]] if self._others else 0
+        return (self.friction, *(static for static, _ in self._others))[row]
+
     def rows(self, grain, partner):
         """Rows of the table of pairs of grains, int32; of size 0 where all have the first one.
 

@@ -49,6 +49,7 @@ class Separation:
     num_sweeps: int  #: searches it took
 
     def as_dict(self):
+        """The numbers by the names of the fields."""
         return asdict(self)
 
 

@@ -1,6 +1,8 @@
 """Grains, contact and walls, stepped together by central differences."""
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -8,7 +10,10 @@ from mpi4py import MPI
 from ..bulk.release import LoadWatch
 from ..contact.pairs.motion_bounds import linear_field
 from ..contact.stiffness.springs import list_springs
+from ..contact.walls import Wall
 from ..errors import InputError
+from ..materials.elastic import IsotropicSolid
+from ..mesh import GrainMesh
 from ..solvers.central_difference import central_difference
 from ..specimen import OfSpecimen, Specimen
 from .contact_in_steps import ContactInSteps
@@ -47,16 +52,16 @@ class Simulation(OfSpecimen):
 
     def __init__(
         self,
-        mesh,
-        materials,
-        walls=(),
+        mesh: GrainMesh,
+        materials: Sequence[IsotropicSolid],
+        walls: Sequence[Wall] = (),
         *,
-        damping=0.0,
-        assembled=True,
-        time_step_factor=0.9,
-        refresh=150,
-        mass_scaling=None,
-        **options,
+        damping: float = 0.0,
+        assembled: bool = True,
+        time_step_factor: float = 0.9,
+        refresh: int = 150,
+        mass_scaling: Any = None,
+        **options: Any,
     ):
         specimen = Specimen(mesh, materials, walls, **options)
         super().__init__(specimen)
@@ -108,7 +113,7 @@ class Simulation(OfSpecimen):
 
     # --- stepping -------------------------------------------------------------------------
 
-    def step(self, everywhere=True):
+    def step(self, everywhere: bool = True) -> None:
         """Advance by one stable time step. Collective.
 
         Args:
@@ -134,7 +139,7 @@ class Simulation(OfSpecimen):
         if everywhere:
             self.complete()
 
-    def complete(self):
+    def complete(self) -> None:
         """Bring all nodes up to date, after steps that did not. Local."""
         self.motion.complete()
 

@@ -5,11 +5,14 @@ ParaView opens them. Reading takes only the grains asked for, so that each
 rank of a parallel run reads its own.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import h5py
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from .grain_file import BLOCK, FORMAT, VERSION, GrainFile, write_checksum
@@ -33,34 +36,40 @@ class Grains:
     box: np.ndarray | None = None  #: corners of the image domain [m], shape (2, 3)
 
     @property
-    def num_grains(self):
+    def num_grains(self) -> int:
         """Number of grains."""
         return len(self.labels)
 
     @property
-    def cell_label(self):
+    def cell_label(self) -> np.ndarray:
         """Label of the grain of each cell, shape (num_cells,)."""
         return np.repeat(self.labels, np.diff(self.cell_offset))
 
     @property
-    def volumes(self):
+    def volumes(self) -> np.ndarray:
         """Volume of each grain [m³], shape (num_grains,)."""
         cell_volumes = tet_volumes(self.points, self.cells)
         return np.add.reduceat(cell_volumes, self.cell_offset[:-1])
 
     @property
-    def centroids(self):
+    def centroids(self) -> np.ndarray:
         """Centre of volume of each grain [m], shape (num_grains, 3)."""
         return np.array([centroid_of(*self.grain(g)) for g in range(self.num_grains)])
 
-    def grain(self, g):
+    def grain(self, g: int) -> tuple[np.ndarray, np.ndarray]:
         """Nodes of grain ``g`` [m] and its cells, numbered from 0 within the grain."""
         first, last = self.node_offset[g : g + 2]
         cells = self.cells[self.cell_offset[g] : self.cell_offset[g + 1]]
         return self.points[first:last], cells - first
 
     @classmethod
-    def from_list(cls, labels, meshes, element_size, box=None):
+    def from_list(
+        cls,
+        labels: ArrayLike,
+        meshes: Sequence[tuple[ArrayLike, ArrayLike]],
+        element_size: float,
+        box: ArrayLike | None = None,
+    ) -> Self:
         """Join meshes of single grains.
 
         Args:
@@ -109,7 +118,7 @@ class Grains:
         return grains
 
 
-def save_grains(folder, grains):
+def save_grains(folder: str | Path, grains: Grains) -> None:
     """Write `grains.h5` and `grains.xdmf` into a folder, which is made if it is not there.
 
     Raises:
@@ -139,7 +148,9 @@ def save_grains(folder, grains):
         raise InputError(f"folder {folder} cannot be written: {_one_line(error)}") from error
 
 
-def load_grains(folder_or_h5, which=None, compare=True):
+def load_grains(
+    folder_or_h5: str | Path, which: ArrayLike | None = None, compare: bool = True
+) -> Grains:
     """Read grain meshes; all that is read is checked (:mod:`.grain_file`).
 
     Args:
@@ -175,7 +186,9 @@ def load_grains(folder_or_h5, which=None, compare=True):
         )
 
 
-def read_grain_table(folder_or_h5, compare=True):
+def read_grain_table(
+    folder_or_h5: str | Path, compare: bool = True
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Labels, numbers of cells and nodes, and centroids [m] of all grains; no mesh is read.
 
     Args:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import InputError
-from ..keys import REQUIRED, check_keys, require, setting
+from ..units import REQUIRED, check_keys, require, setting
 from .surface.sizing import CONTACT, CURVATURE, FEWEST_NODES, UNIFORM, Sizing
 
 #: Ways to find the grey level between void and solid.

@@ -25,7 +25,7 @@ class IncrementEquations:
 
     Args:
         specimen: :class:`~mufe_fenicsx.specimen.Specimen`, the term of contact first.
-        method: :class:`~mufe_fenicsx.solvers.generalized_alpha.GeneralizedAlpha`; None: static.
+        method: :class:`~mufe_fenicsx.solvers.generalised_alpha.GeneralisedAlpha`; None: static.
         damping: Of dynamic increments [1/s].
         drag_time: Of static increments: stabilisation times the length of the first [s].
         held: Pairs (nodes, unit vector) of what is prescribed.

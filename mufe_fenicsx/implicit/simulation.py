@@ -18,14 +18,19 @@ Its work counts as damping.
 """
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from ..contact.mark import ContactMark
 from ..contact.stiffness.augmented import Augmentation
+from ..contact.walls import Wall
 from ..errors import InputError, SolverError
-from ..solvers.generalized_alpha import GeneralizedAlpha
+from ..materials.elastic import IsotropicSolid
+from ..mesh import GrainMesh
+from ..solvers.generalised_alpha import GeneralisedAlpha
 from ..solvers.newton import Newton
 from ..specimen import OfSpecimen, Specimen
 from .contact_in_increments import ContactInIncrements
@@ -56,7 +61,7 @@ class ImplicitSimulation(OfSpecimen):
         damping: Force -damping m v on every node [1/s], in dynamics.
         first_step: Length of the first increment [s].
         smallest_step, largest_step: Bounds of the length [s]; None: 1e-4 of and 4 times the first.
-        spectral_radius: Of :class:`~.integrators.generalized_alpha.GeneralizedAlpha`; None for
+        spectral_radius: Of :class:`~.integrators.generalised_alpha.GeneralisedAlpha`; None for
             static increments.
         stabilisation: s of static ones.
         tolerance: Residual over the internal forces, in the norm over all nodes.
@@ -92,25 +97,25 @@ class ImplicitSimulation(OfSpecimen):
 
     def __init__(
         self,
-        mesh,
-        materials,
-        walls=(),
+        mesh: GrainMesh,
+        materials: Sequence[IsotropicSolid],
+        walls: Sequence[Wall] = (),
         *,
-        first_step,
-        smallest_step=None,
-        largest_step=None,
-        spectral_radius=None,
-        stabilisation=1e-6,
-        tolerance=1e-6,
-        max_iterations=30,
-        no_force=NO_FORCE,
-        linear_solver=None,
-        petsc=None,
-        held=(),
-        gap_tolerance=None,
-        max_augmentations=30,
-        damping=0.0,
-        **options,
+        first_step: float,
+        smallest_step: float | None = None,
+        largest_step: float | None = None,
+        spectral_radius: float | None = None,
+        stabilisation: float = 1e-6,
+        tolerance: float = 1e-6,
+        max_iterations: int = 30,
+        no_force: float = NO_FORCE,
+        linear_solver: str | None = None,
+        petsc: dict | None = None,
+        held: Sequence[tuple[np.ndarray, np.ndarray]] = (),
+        gap_tolerance: float | None = None,
+        max_augmentations: int = 30,
+        damping: float = 0.0,
+        **options: Any,
     ):
         self.first_step = float(first_step)
         self.smallest_step = 1e-4 * first_step if smallest_step is None else smallest_step
@@ -120,7 +125,7 @@ class ImplicitSimulation(OfSpecimen):
                 f"first_step = {first_step} s, expected 0 < smallest_step = {self.smallest_step} "
                 f"<= first_step <= largest_step = {self.largest_step}"
             )
-        self.method = None if spectral_radius is None else GeneralizedAlpha(spectral_radius)
+        self.method = None if spectral_radius is None else GeneralisedAlpha(spectral_radius)
         self.static = self.method is None
         self.stabilisation = float(stabilisation) if self.static else 0.0
         if gap_tolerance is not None and self.method:
@@ -207,7 +212,7 @@ class ImplicitSimulation(OfSpecimen):
         """
         self.specimen.check(math.isfinite(self.kinetic_energy()))
 
-    def response(self, load):
+    def response(self, load: np.ndarray) -> np.ndarray:
         """Displacements [m] by small further forces ``load`` [N], both (num_nodes, 3). Collective.
 
         With the tangent of the present state, which stays.
@@ -234,7 +239,7 @@ class ImplicitSimulation(OfSpecimen):
 
     # --- an increment ----------------------------------------------------------------------
 
-    def step(self, everywhere=True):
+    def step(self, everywhere: bool = True) -> None:
         """One increment, shortened until it converges and ends where it may. Collective.
 
         Raises:

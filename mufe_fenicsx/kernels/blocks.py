@@ -60,6 +60,7 @@ def joined_pattern(first, node, offset, columns, num_nodes):
 
 @numba.njit(cache=True)
 def slot_of(offset, columns, row, column):
+    """Place of ``column`` in the sorted columns of a row, by bisection."""
     low, high = offset[row], offset[row + 1]
     while low < high:
         middle = (low + high) // 2

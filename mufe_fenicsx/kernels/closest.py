@@ -82,7 +82,7 @@ def facet_normal(x, a, b, c):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def pseudo_normal(x, facets, facet, feature, neighbor, ring_offset, ring):
+def pseudo_normal(x, facets, facet, feature, neighbour, ring_offset, ring):
     """Normal of a feature whose sign tells inside from outside; not of unit length.
 
     Facet: its normal. Edge: the sum of the two normals. Vertex: the sum of the
@@ -93,14 +93,14 @@ def pseudo_normal(x, facets, facet, feature, neighbor, ring_offset, ring):
         x: Positions [m], shape (num_nodes, 3).
         facets: Vertices, shape (num_facets, 3).
         facet: The facet, and ``feature`` its feature as in :func:`closest_point`.
-        neighbor: Facets across the edges 0-1, 1-2, 2-0, shape (num_facets, 3).
+        neighbour: Facets across the edges 0-1, 1-2, 2-0, shape (num_facets, 3).
         ring_offset, ring: Facets around each node, compressed rows.
     """
     nx, ny, nz = facet_normal(x, facets[facet, 0], facets[facet, 1], facets[facet, 2])
     if feature == INTERIOR:
         return nx, ny, nz
     if feature >= EDGE:
-        o = neighbor[facet, feature - EDGE]
+        o = neighbour[facet, feature - EDGE]
         if o >= 0:
             mx, my, mz = facet_normal(x, facets[o, 0], facets[o, 1], facets[o, 2])
             nx, ny, nz = nx + mx, ny + my, nz + mz

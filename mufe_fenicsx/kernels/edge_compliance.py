@@ -38,11 +38,11 @@ FREE = 1e-9
 
 
 @numba.njit(cache=True)
-def _free_nodes(free, place, a, b, cells, offset, around, neighbors=True):
+def _free_nodes(free, place, a, b, cells, offset, around, neighbours=True):
     """Nodes of all tetrahedra around a and b, these two last, and their places; their number."""
     count = 0
     for end in (a, b):
-        for m in range(offset[end], offset[end + 1] if neighbors else 0):
+        for m in range(offset[end], offset[end + 1] if neighbours else 0):
             for k in range(4):
                 n = cells[around[m], k]
                 if n != a and n != b and place[n] < 0:
@@ -190,9 +190,9 @@ def add_edge_compliance(
     g, e, at, f = np.empty((4, 3)), np.empty((3, 3)), np.empty(4, np.int64), np.empty(6)
     for n_edge in range(ends.shape[0]):
         a, b = ends[n_edge, 0], ends[n_edge, 1]
-        for neighbors in (True, False):
-            count = _free_nodes(free, place, a, b, cells, offset, around, neighbors)
-            if neighbors and _num_held(free, place, count, cells, offset, around) < count:
+        for neighbours in (True, False):
+            count = _free_nodes(free, place, a, b, cells, offset, around, neighbours)
+            if neighbours and _num_held(free, place, count, cells, offset, around) < count:
                 for i in range(count):
                     place[free[i]] = -1
                 continue

@@ -9,13 +9,13 @@ from .closest import facet_normal
 
 
 @numba.njit(cache=True, error_model="numpy")
-def sharp_edges(x, facets, neighbor, cosine):
+def sharp_edges(x, facets, neighbour, cosine):
     """Which edges of facets are convex and turn by more than an angle.
 
     Args:
         x: Positions [m], shape (num_nodes, 3).
         facets: Vertices, outward, shape (num_facets, 3).
-        neighbor: Facets across the edges 0-1, 1-2, 2-0, -1 for none, shape (num_facets, 3).
+        neighbour: Facets across the edges 0-1, 1-2, 2-0, -1 for none, shape (num_facets, 3).
         cosine: Cosine of that angle between the outward normals of both facets.
 
     Returns:
@@ -27,7 +27,7 @@ def sharp_edges(x, facets, neighbor, cosine):
         normal[f] = facet_normal(x, facets[f, 0], facets[f, 1], facets[f, 2])
     for f in range(facets.shape[0]):
         for k in range(3):
-            o = neighbor[f, k]
+            o = neighbour[f, k]
             if o < 0:
                 continue
             nx, ny, nz = normal[f, 0], normal[f, 1], normal[f, 2]
@@ -50,12 +50,12 @@ def _third(facets, f, a, b):
 
 
 @numba.njit(cache=True)
-def list_sharp_edges(facets, neighbor, number, sharp):
+def list_sharp_edges(facets, neighbour, number, sharp):
     """Sharp edges, each once.
 
     Args:
         facets: Vertices, outward, shape (num_facets, 3).
-        neighbor: Facets across the edges 0-1, 1-2, 2-0, shape (num_facets, 3).
+        neighbour: Facets across the edges 0-1, 1-2, 2-0, shape (num_facets, 3).
         number: Numbers of the facets over all ranks, shape (num_facets,).
         sharp: As of :func:`sharp_edges`.
 
@@ -71,7 +71,7 @@ def list_sharp_edges(facets, neighbor, number, sharp):
     count = 0
     for f in range(facets.shape[0]):
         for k in range(3):
-            o = neighbor[f, k]
+            o = neighbour[f, k]
             if not sharp[f, k] or o < 0 or number[o] < number[f]:
                 continue
             a, b = facets[f, k], facets[f, (k + 1) % 3]

@@ -8,7 +8,7 @@ from .closest import INTERIOR, closest_point, pseudo_normal
 
 
 @numba.njit(cache=True, error_model="numpy")
-def find_gaps(gap, normal, x, node, first, candidate, facets, neighbor, ring_offset, ring):
+def find_gaps(gap, normal, x, node, first, candidate, facets, neighbour, ring_offset, ring):
     """Signed distance of each pair's node from the other grain's candidates, and its direction.
 
     Closest feature first, then the side by its pseudo-normal, as in
@@ -20,7 +20,7 @@ def find_gaps(gap, normal, x, node, first, candidate, facets, neighbor, ring_off
             the node to the closest point where it is inside, shape (num_pairs, 3).
         x: Positions [m], shape (num_nodes_with_ghosts, 3).
         node, first, candidate: Pairs, as in kernels.search.
-        facets, neighbor, ring_offset, ring: Surface, as in kernels.closest.
+        facets, neighbour, ring_offset, ring: Surface, as in kernels.closest.
     """
     for p in range(node.size):
         n = node[p]
@@ -38,7 +38,7 @@ def find_gaps(gap, normal, x, node, first, candidate, facets, neighbor, ring_off
             if square < best:
                 best, t, feature, rx, ry, rz = square, f, touched, dx, dy, dz
         d = math.sqrt(best)
-        nx, ny, nz = pseudo_normal(x, facets, t, feature, neighbor, ring_offset, ring)
+        nx, ny, nz = pseudo_normal(x, facets, t, feature, neighbour, ring_offset, ring)
         g = d if rx * nx + ry * ny + rz * nz >= 0.0 else -d
         gap[p] = g
         if feature != INTERIOR:

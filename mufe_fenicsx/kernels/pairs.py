@@ -118,7 +118,7 @@ class PairForces:
         bound_row: Which one is that of each pair, int32, shape (num_pairs,).
         closest: Candidate that was closest last, -1 unknown, int64, shape (num_pairs,).
         node, first, candidate: Pairs, as in kernels.search; int32, int64, int32.
-        facets, neighbor, ring_offset, ring: Surface, as in kernels.closest; int32, but for
+        facets, neighbour, ring_offset, ring: Surface, as in kernels.closest; int32, but for
             ``ring_offset``, int64.
         sharp: Whether a facet has a vertex on a sharp edge, shape (num_facets,).
         layer_of_node, layer_of_facet: Compliance c h/E* of a side [m/Pa].
@@ -144,7 +144,7 @@ class PairForces:
     """
 
     def __init__(self, state, next_check, candidate_next_check, bounds, bound_row, closest, node,
-                 first, candidate, facets, neighbor, ring_offset, ring, sharp, layer_of_node,
+                 first, candidate, facets, neighbour, ring_offset, ring, sharp, layer_of_node,
                  layer_of_facet, area, area_at_node, area_of_facet, depth_of_node, depth_of_facet,
                  recess, ratio_of_node, around, around_of, corner, corner_weight, x, f, early,
                  friction, friction_row):  # fmt: skip
@@ -167,7 +167,7 @@ class PairForces:
             (state, real), (next_check, real), (candidate_next_check, np.float32), (bounds, real),
             (bound_row, short), (closest, long), (scratch, short), (seen, short), (early, flag),
             (first, long), (candidate, short),
-            (facets, short), (neighbor, short), (ring_offset, long), (ring, short), (sharp, flag),
+            (facets, short), (neighbour, short), (ring_offset, long), (ring, short), (sharp, flag),
             (layer_of_node, real), (layer_of_facet, real), (area_at_node, real),
             (area_of_facet, real), (depth_of_node, real), (depth_of_facet, real), (around, short),
             (x, real), (f, real), (friction, real) if friction_row.size else None,

@@ -9,7 +9,7 @@ is negative inside, and f/|grad f| is the distance from the surface to first ord
 radius is tabulated on the faces of a cube, bilinear in the two quotients s, t of the smaller
 components of v by the largest.
 
-Arrays of all bodies: ``center`` (n, 3); ``axes`` (n, 3, 3), columns are the body's axes;
+Arrays of all bodies: ``centre`` (n, 3); ``axes`` (n, 3, 3), columns are the body's axes;
 ``inverse`` B (n, 3, 3); ``offset`` o (n, 3); ``table`` (n, 6, m + 1, m + 1), faces in the order
 +0, -0, +1, -1, +2, -2 and s, t along the next two axes in turn; ``reach``, the largest distance
 of the surface from the centre [m], and ``bound``, the largest r, shape (n,).
@@ -55,9 +55,9 @@ def radius_and_slope(table, v0, v1, v2):
 
 
 @numba.njit(cache=True, inline="always")
-def shape_place(x0, x1, x2, center, axes, inverse, offset):
+def shape_place(x0, x1, x2, centre, axes, inverse, offset):
     """The vector v of a point of space."""
-    d0, d1, d2 = x0 - center[0], x1 - center[1], x2 - center[2]
+    d0, d1, d2 = x0 - centre[0], x1 - centre[1], x2 - centre[2]
     b0 = axes[0, 0] * d0 + axes[1, 0] * d1 + axes[2, 0] * d2
     b1 = axes[0, 1] * d0 + axes[1, 1] * d1 + axes[2, 1] * d2
     b2 = axes[0, 2] * d0 + axes[1, 2] * d1 + axes[2, 2] * d2
@@ -94,25 +94,25 @@ def fill_radii(radius, table, directions):
 
 
 @numba.njit(cache=True)
-def surface_points(x, place, center, axes):
+def surface_points(x, place, centre, axes):
     """Points on the surfaces in space, in place.
 
     Args:
         x: Shape (n, num_points, 3).
         place: The same in the bodies' axes, about their centres, shape (n, num_points, 3).
-        center, axes: As above.
+        centre, axes: As above.
     """
-    for b in range(center.shape[0]):
+    for b in range(centre.shape[0]):
         R = axes[b]
         for k in range(place.shape[1]):
             p = place[b, k]
             for i in range(3):
-                x[b, k, i] = center[b, i] + R[i, 0] * p[0] + R[i, 1] * p[1] + R[i, 2] * p[2]
+                x[b, k, i] = centre[b, i] + R[i, 0] * p[0] + R[i, 1] * p[1] + R[i, 2] * p[2]
 
 
 @numba.njit(cache=True)
 def add_contact_forces(
-    force, torque, x, weight, pairs, center, axes, inverse, offset, table, reach, bound
+    force, torque, x, weight, pairs, centre, axes, inverse, offset, table, reach, bound
 ):
     """Penalty forces between overlapping bodies, added in place.
 
@@ -125,7 +125,7 @@ def add_contact_forces(
         x: Surface points, shape (n, num_points, 3).
         weight: Their areas [m²], shape (n, num_points).
         pairs: Bodies that may touch, shape (num_pairs, 2).
-        center, axes, inverse, offset, table, reach, bound: As above.
+        centre, axes, inverse, offset, table, reach, bound: As above.
 
     Returns:
         Number of pairs that touch, sum over them of the largest depth [m], largest depth [m].
@@ -135,22 +135,22 @@ def add_contact_forces(
         largest = 0.0
         for side in range(2):
             a, b = pairs[p, side], pairs[p, 1 - side]
-            e0 = center[b, 0] - center[a, 0]
-            e1 = center[b, 1] - center[a, 1]
-            e2 = center[b, 2] - center[a, 2]
+            e0 = centre[b, 0] - centre[a, 0]
+            e1 = centre[b, 1] - centre[a, 1]
+            e2 = centre[b, 2] - centre[a, 2]
             distance = math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
             if distance >= reach[a] + reach[b]:
                 break
             # Points of a nearer to b's centre than b's reach lie beyond this plane.
             least = (distance - reach[b]) * distance
             for k in range(x.shape[1]):
-                r0 = x[a, k, 0] - center[a, 0]
-                r1 = x[a, k, 1] - center[a, 1]
-                r2 = x[a, k, 2] - center[a, 2]
+                r0 = x[a, k, 0] - centre[a, 0]
+                r1 = x[a, k, 1] - centre[a, 1]
+                r2 = x[a, k, 2] - centre[a, 2]
                 if r0 * e0 + r1 * e1 + r2 * e2 < least:
                     continue
                 v0, v1, v2 = shape_place(
-                    x[a, k, 0], x[a, k, 1], x[a, k, 2], center[b], axes[b], inverse[b], offset[b]
+                    x[a, k, 0], x[a, k, 1], x[a, k, 2], centre[b], axes[b], inverse[b], offset[b]
                 )
                 if v0 * v0 + v1 * v1 + v2 * v2 > bound[b] ** 2:
                     continue
@@ -183,7 +183,7 @@ def add_contact_forces(
 
 
 @numba.njit(cache=True)
-def add_wall_forces(force, torque, load, x, weight, low, high, center, reach):
+def add_wall_forces(force, torque, load, x, weight, low, high, centre, reach):
     """Penalty forces of the six planes of a box, and their sums ``load`` on the walls, in place.
 
     Args:
@@ -191,11 +191,11 @@ def add_wall_forces(force, torque, load, x, weight, low, high, center, reach):
         low, high: Corners of the box [m], shape (3,).
     """
     load[:] = 0.0
-    for b in range(center.shape[0]):
+    for b in range(centre.shape[0]):
         for i in range(3):
             for side in range(2):
                 plane = low[i] if side == 0 else high[i]
-                if abs(center[b, i] - plane) >= reach[b]:
+                if abs(centre[b, i] - plane) >= reach[b]:
                     continue
                 sign = 1.0 if side == 0 else -1.0
                 j, m = (i + 1) % 3, (i + 2) % 3
@@ -207,19 +207,19 @@ def add_wall_forces(force, torque, load, x, weight, low, high, center, reach):
                     load[2 * i + side] += push
                     push *= sign
                     force[b, i] += push
-                    torque[b, j] += (x[b, k, m] - center[b, m]) * push
-                    torque[b, m] -= (x[b, k, j] - center[b, j]) * push
+                    torque[b, j] += (x[b, k, m] - centre[b, m]) * push
+                    torque[b, m] -= (x[b, k, j] - centre[b, j]) * push
 
 
 @numba.njit(cache=True)
-def find_gaps(gap, place, pairs, low, high, x, center, axes, inverse, offset, table, reach, bound):
+def find_gaps(gap, place, pairs, low, high, x, centre, axes, inverse, offset, table, reach, bound):
     """Smallest distance of the surfaces of each pair within a box, in place.
 
     Args:
         gap: [m], negative where they overlap; inf where they are not near, shape (num_pairs,).
         place: Where it is [m], shape (num_pairs, 3).
         low, high: Corners of the box [m]; points elsewhere do not count.
-        pairs, x, center, axes, inverse, offset, table, reach, bound: As above.
+        pairs, x, centre, axes, inverse, offset, table, reach, bound: As above.
     """
     for p in range(pairs.shape[0]):
         gap[p] = np.inf
@@ -228,14 +228,14 @@ def find_gaps(gap, place, pairs, low, high, x, center, axes, inverse, offset, ta
             near = (1.1 * reach[b]) ** 2
             for k in range(x.shape[1]):
                 p0, p1, p2 = x[a, k, 0], x[a, k, 1], x[a, k, 2]
-                d0, d1, d2 = p0 - center[b, 0], p1 - center[b, 1], p2 - center[b, 2]
+                d0, d1, d2 = p0 - centre[b, 0], p1 - centre[b, 1], p2 - centre[b, 2]
                 if d0 * d0 + d1 * d1 + d2 * d2 > near:
                     continue
                 if p0 < low[0] or p1 < low[1] or p2 < low[2]:
                     continue
                 if p0 > high[0] or p1 > high[1] or p2 > high[2]:
                     continue
-                v0, v1, v2 = shape_place(p0, p1, p2, center[b], axes[b], inverse[b], offset[b])
+                v0, v1, v2 = shape_place(p0, p1, p2, centre[b], axes[b], inverse[b], offset[b])
                 f, g0, g1, g2 = level(v0, v1, v2, axes[b], inverse[b], table[b])
                 distance = f / math.sqrt(g0 * g0 + g1 * g1 + g2 * g2)
                 if distance < gap[p]:
@@ -246,7 +246,7 @@ def find_gaps(gap, place, pairs, low, high, x, center, axes, inverse, offset, ta
 @numba.njit(cache=True)
 def voxelise(
     labels, distance, filled, volume, moment, origin, voxel, parts,
-    center, axes, inverse, offset, table, reach, bound,
+    centre, axes, inverse, offset, table, reach, bound,
 ):  # fmt: skip
     """Labels of voxels and the part of each voxel that is solid, in place.
 
@@ -261,12 +261,12 @@ def voxelise(
         moment: Integral of the position over that [m⁴], x, y, z, shape (n, 3).
         origin: Corner of the image [m], x, y, z.
         voxel: Edge of a voxel [m].
-        center, axes, inverse, offset, table, reach, bound: As above.
+        centre, axes, inverse, offset, table, reach, bound: As above.
     """
     first, last = np.empty(3, np.int64), np.empty(3, np.int64)
     cube, share = voxel**3, 1.0 / parts**3
-    for b in range(center.shape[0]):
-        c, R, B, o, r = center[b], axes[b], inverse[b], offset[b], table[b]
+    for b in range(centre.shape[0]):
+        c, R, B, o, r = centre[b], axes[b], inverse[b], offset[b], table[b]
         volume[b] = 0.0
         moment[b] = 0.0
         for i in range(3):

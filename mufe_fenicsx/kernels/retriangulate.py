@@ -316,8 +316,12 @@ def _may_join(facets, sides, bits, ring, count, a, b, at, m):
 
 @numba.njit(cache=True, error_model="numpy")
 def _judge(x, facets, ring, count, a, b, px, py, pz):
-    """Smallest altitude around a and b before and after both go to a place, the least cosine by
-    which a facet turns, and the longest edge after."""
+    """What changes around a and b where both go to a place.
+
+    Returns:
+        Smallest altitude before and after, the least cosine by which a facet turns, and the
+        longest edge after.
+    """
     before, after, turn, edge = np.inf, np.inf, 1.0, 0.0
     moved = np.empty((3, 3))
     order = np.arange(3)

@@ -7,7 +7,7 @@ the principal axes 1, 2, 3, 2, 1 by dt/2, dt/2, dt, dt/2, dt/2 times the rate
 L_k/J_k. It is symplectic, reversible and of second order; L is kept to the last bit, and the
 energy of a free turn oscillates by a part of the order of (rate dt)² without drift.
 
-Bodies' arrays: ``center`` [m], ``velocity`` [m/s], ``momentum`` (angular, about the
+Bodies' arrays: ``centre`` [m], ``velocity`` [m/s], ``momentum`` (angular, about the
 centre) [N m s], ``force`` [N], ``torque`` [N m] in space, shape (n, 3); ``turn``, unit
 quaternions (scalar first) from principal axes to space, shape (n, 4); ``axes``, the
 same as matrices whose columns are the principal axes, shape (n, 3, 3); ``mass`` [kg], shape
@@ -41,7 +41,7 @@ def set_axes(axes, turn):
 
 @numba.njit(cache=True)
 def kick_and_drift(
-    center, velocity, momentum, turn, axes, force, torque, mass, inertia, reach, dt, damping
+    centre, velocity, momentum, turn, axes, force, torque, mass, inertia, reach, dt, damping
 ):
     """First half of a step: half a kick with the known loads, then the free motion, in place.
 
@@ -58,7 +58,7 @@ def kick_and_drift(
         for i in range(3):
             velocity[b, i] += half * (force[b, i] / mass[b] - damping * velocity[b, i])
             momentum[b, i] += half * (torque[b, i] - damping * momentum[b, i])
-            center[b, i] += dt * velocity[b, i]
+            centre[b, i] += dt * velocity[b, i]
         w, i, j, k = turn[b, 0], turn[b, 1], turn[b, 2], turn[b, 3]
         _turn_freely(turn[b], momentum[b], axes[b], inertia[b], dt)
         change = (turn[b, 0] - w) ** 2 + (turn[b, 1] - i) ** 2
@@ -105,19 +105,19 @@ def _turn_freely(turn, momentum, axes, inertia, dt):
 
 
 @numba.njit(cache=True)
-def place_nodes(x, u, x0, nodes, offset, place, center, axes):
+def place_nodes(x, u, x0, nodes, offset, place, centre, axes):
     """Positions and displacements of the nodes of the bodies, in place.
 
     Args:
         x, u: Positions and displacements of all nodes [m], shape (num_nodes, 3).
         x0: Their reference positions [m].
     """
-    for b in range(center.shape[0]):
+    for b in range(centre.shape[0]):
         R = axes[b]
         for k in range(offset[b], offset[b + 1]):
             n = nodes[k]
             for i in range(3):
-                x[n, i] = center[b, i] + (
+                x[n, i] = centre[b, i] + (
                     R[i, 0] * place[k, 0] + R[i, 1] * place[k, 1] + R[i, 2] * place[k, 2]
                 )
                 u[n, i] = x[n, i] - x0[n, i]
@@ -131,13 +131,13 @@ def clear(f, nodes):
 
 
 @numba.njit(cache=True)
-def gather_loads(force, torque, f, x, nodes, offset, center):
+def gather_loads(force, torque, f, x, nodes, offset, centre):
     """Sum nodal forces ``f`` [N] to force and torque about the centre, in place."""
-    for b in range(center.shape[0]):
+    for b in range(centre.shape[0]):
         fx = fy = fz = tx = ty = tz = 0.0
         for k in range(offset[b], offset[b + 1]):
             n = nodes[k]
-            rx, ry, rz = x[n, 0] - center[b, 0], x[n, 1] - center[b, 1], x[n, 2] - center[b, 2]
+            rx, ry, rz = x[n, 0] - centre[b, 0], x[n, 1] - centre[b, 1], x[n, 2] - centre[b, 2]
             fx += f[n, 0]
             fy += f[n, 1]
             fz += f[n, 2]
@@ -182,13 +182,13 @@ def set_spin(spin, momentum, axes, inertia):
 
 
 @numba.njit(cache=True)
-def node_velocities(v, x, nodes, offset, center, velocity, spin):
+def node_velocities(v, x, nodes, offset, centre, velocity, spin):
     """Velocities of the nodes of the bodies [m/s], into ``v``, shape (num_nodes, 3)."""
-    for b in range(center.shape[0]):
+    for b in range(centre.shape[0]):
         wx, wy, wz = spin[b, 0], spin[b, 1], spin[b, 2]
         for k in range(offset[b], offset[b + 1]):
             n = nodes[k]
-            rx, ry, rz = x[n, 0] - center[b, 0], x[n, 1] - center[b, 1], x[n, 2] - center[b, 2]
+            rx, ry, rz = x[n, 0] - centre[b, 0], x[n, 1] - centre[b, 1], x[n, 2] - centre[b, 2]
             v[n, 0] = velocity[b, 0] + wy * rz - wz * ry
             v[n, 1] = velocity[b, 1] + wz * rx - wx * rz
             v[n, 2] = velocity[b, 2] + wx * ry - wy * rx
@@ -216,7 +216,7 @@ def kinetic_energies(energy, velocity, momentum, force, torque, axes, mass, iner
 
 
 @numba.njit(cache=True)
-def expand_motion(q, motion, x, nodes, offset, center, axes):
+def expand_motion(q, motion, x, nodes, offset, centre, axes):
     """Displacements ``q`` of nodes by infinitesimal motions of their bodies, in place.
 
     Args:
@@ -224,14 +224,14 @@ def expand_motion(q, motion, x, nodes, offset, center, axes):
         motion: Translation [m] and turns about the principal axes [rad] of the bodies, one
             row each, shape (2 n, 3).
     """
-    for b in range(center.shape[0]):
+    for b in range(centre.shape[0]):
         m, t = motion[2 * b], motion[2 * b + 1]
         wx = axes[b, 0, 0] * t[0] + axes[b, 0, 1] * t[1] + axes[b, 0, 2] * t[2]
         wy = axes[b, 1, 0] * t[0] + axes[b, 1, 1] * t[1] + axes[b, 1, 2] * t[2]
         wz = axes[b, 2, 0] * t[0] + axes[b, 2, 1] * t[1] + axes[b, 2, 2] * t[2]
         for k in range(offset[b], offset[b + 1]):
             n = nodes[k]
-            rx, ry, rz = x[n, 0] - center[b, 0], x[n, 1] - center[b, 1], x[n, 2] - center[b, 2]
+            rx, ry, rz = x[n, 0] - centre[b, 0], x[n, 1] - centre[b, 1], x[n, 2] - centre[b, 2]
             q[n, 0] = m[0] + wy * rz - wz * ry
             q[n, 1] = m[1] + wz * rx - wx * rz
             q[n, 2] = m[2] + wx * ry - wy * rx

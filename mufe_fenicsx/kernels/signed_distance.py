@@ -9,7 +9,7 @@ from .closest import closest_point, pseudo_normal
 
 @numba.njit(cache=True, error_model="numpy")
 def find_signed_distances(
-    distance, at, x, facets, neighbor, ring_offset, ring, centre, radius
+    distance, at, x, facets, neighbour, ring_offset, ring, centre, radius
 ):  # fmt: skip
     """Distance of each point from a closed surface, negative inside; exact for its triangles.
 
@@ -22,7 +22,7 @@ def find_signed_distances(
         distance: To be filled [m], shape (num_points,).
         at: Positions [m], shape (num_points, 3).
         x: Vertices [m], shape (num_nodes, 3).
-        facets, neighbor, ring_offset, ring: Surface, as in kernels.closest.
+        facets, neighbour, ring_offset, ring: Surface, as in kernels.closest.
         centre: A point of each facet [m], shape (num_facets, 3).
         radius: Of a ball about it that holds the facet [m], shape (num_facets,).
     """
@@ -46,5 +46,5 @@ def find_signed_distances(
             if square < best:
                 best, reach, nearest, feature = square, math.sqrt(square), f, touched
                 rx, ry, rz = dx, dy, dz
-        nx, ny, nz = pseudo_normal(x, facets, nearest, feature, neighbor, ring_offset, ring)
+        nx, ny, nz = pseudo_normal(x, facets, nearest, feature, neighbour, ring_offset, ring)
         distance[p] = reach if rx * nx + ry * ny + rz * nz >= 0.0 else -reach

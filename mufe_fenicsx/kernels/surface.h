@@ -11,7 +11,7 @@ enum { INTERIOR = 0, VERTEX = 1, EDGE = 4 };
 
 typedef struct {
   const int32_t *facets;      /* vertices, three a facet, as rows of the positions */
-  const int32_t *neighbor;    /* facets across the edges 0-1, 1-2, 2-0; -1 for none */
+  const int32_t *neighbour;    /* facets across the edges 0-1, 1-2, 2-0; -1 for none */
   const int64_t *ring_offset; /* facets around each row of the positions, compressed rows */
   const int32_t *ring;
 } surface_type;
@@ -92,7 +92,7 @@ static vec3 pseudo_normal(const surface_type *s, const double *x, int64_t facet,
                           vec3 normal) {
   if (feature == INTERIOR) return normal;
   if (feature >= EDGE) {
-    int32_t other = s->neighbor[3 * facet + feature - EDGE];
+    int32_t other = s->neighbour[3 * facet + feature - EDGE];
     return other < 0 ? normal : plus(normal, normal_of(facet_at(s, x, other)));
   }
   int32_t node = s->facets[3 * facet + feature - VERTEX];

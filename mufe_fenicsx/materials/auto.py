@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from ..keys import setting
+from ..units import setting
 from .j2 import J2
 
 

@@ -18,7 +18,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..kernels.hardening import plastic_increment
-from ..keys import REQUIRED, check_keys, setting
+from ..units import REQUIRED, check_keys, setting
 
 
 @dataclass(frozen=True)
@@ -32,15 +32,17 @@ class IsotropicSolid:
     #: Compiled law of plastic flow.
     plastic_increment: ClassVar = staticmethod(plastic_increment)
 
-    #: Plastic strain at which the computation has to stop.
-    largest_plastic_strain: ClassVar = math.inf
-
     E: float = setting(REQUIRED, "Pa", "Young's modulus", gt=0, expected="a stiffness > 0 Pa")
     nu: float = setting(REQUIRED, "-", "Poisson's ratio", gt=-1, lt=0.5, plausible=(-0.99, 0.4999))
     rho: float = setting(REQUIRED, "kg/m^3", "density", gt=0, expected="a density > 0 kg/m³")
 
     def __post_init__(self):
         check_keys(self)
+
+    @property
+    def largest_plastic_strain(self) -> float:
+        """Plastic strain at which the computation has to stop [-]."""
+        return math.inf
 
     @property
     def bulk_modulus(self) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..keys import REQUIRED, setting
+from ..units import REQUIRED, setting
 from .elastic import IsotropicSolid
 
 BEYOND = ("flat", "slope", "stop")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..keys import setting
+from ..units import setting
 from .elastic import IsotropicSolid
 
 
@@ -29,7 +29,7 @@ class Rigid(IsotropicSolid):
         0.1, "-", "contact radius a/R at which the force is Hertz's", gt=0, lt=1
     )
 
-    def layer(self, radius) -> float:
+    def layer(self, radius: float) -> float:
         """Compliance kappa R/E* of the layer [m/Pa] of a grain of that ``radius`` [m]."""
         return 0.75 * math.pi * self.contact_radius * radius / self.contact_modulus
 

@@ -18,7 +18,7 @@ yield_stress = [[0.0, "{first}"], [0.05, "{last}"]]   # of J σ, at plastic stra
 """
 
 
-def scene_table(first="10 MPa", last="110 MPa"):
+def scene_table(first: str = "10 MPa", last: str = "110 MPa") -> str:
     """Its table in a scene file.
 
     Args:

@@ -3,11 +3,13 @@
 import dataclasses
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
-from ..keys import check_keys, setting
+from ..units import check_keys, setting
+from .elastic import IsotropicSolid
 
 #: What may scatter, and the parameter of the material that it is.
 SCATTERED = {"E": "E", "rho": "rho", "strength": "yield_stress"}
@@ -38,13 +40,13 @@ class Scatter:
     def __post_init__(self):
         check_keys(self)
 
-    def of(self, material, label):
+    def of(self, material: IsotropicSolid, label: int) -> IsotropicSolid:
         """The material of the grain ``label``.
 
         Raises:
             InputError: the material has no such parameter.
         """
-        changes = {}
+        changes: dict[str, Any] = {}
         for i, (key, name) in enumerate(SCATTERED.items()):
             variation = getattr(self, key)
             if variation == 0.0:
@@ -68,7 +70,7 @@ class Scatter:
         return float(random.weibull(shape)) / math.gamma(1 + 1 / shape)
 
 
-def weibull_shape(variation):
+def weibull_shape(variation: float) -> float:
     """Modulus m of the Weibull law with a coefficient of variation ``variation``, by bisection.
 
     Variance over squared mean is G(1 + 2/m)/G(1 + 1/m)² - 1, G the gamma function.

@@ -172,7 +172,7 @@ def grain_rows(network):
     columns = [
         network.labels,
         network.mass,
-        *network.center.T,
+        *network.centre.T,
         network.num_active(),
         network.num_active(walls=True),
         network.sum_over_contacts(c.area, c.area),
@@ -198,7 +198,7 @@ def write_lines(path, time, network):
     to = c.b[on].copy()
     to[at_wall] = n + np.arange(at_wall.sum())
     lines = np.column_stack([c.a[on], to])
-    points = np.concatenate([network.center, c.centroid[on][at_wall]])
+    points = np.concatenate([network.centre, c.centroid[on][at_wall]])
     on_walls = np.zeros(points.shape[0] - n, dtype=np.int64)
     data = {
         "area": c.area[on],

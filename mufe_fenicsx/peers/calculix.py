@@ -110,7 +110,8 @@ def export_calculix(
     step = _step(scene, travel, procedure)
     planes = [_plane(wall, low, high, scene, step) for wall in make_walls(scene, low, high)]
     near = min(travel, reach)
-    pairs = _grain_pairs(scene, surfaces, materials, bodies, reach, near)
+    friction = scene.friction_of(mesh.labels)
+    pairs = _grain_pairs(friction, surfaces, materials, bodies, reach, near)
     num_grain_pairs = len(pairs)
     for plane, wall in zip(planes, make_walls(scene, low, high), strict=True):
         pairs += _wall_pairs(plane, wall, surfaces, materials, bodies, reach, near)
@@ -225,7 +226,7 @@ def _platen(speed, ramp, time):
     return tuple(points)
 
 
-def _grain_pairs(scene, surfaces, materials, bodies, reach, near):
+def _grain_pairs(friction, surfaces, materials, bodies, reach, near):
     pairs = []
     for i, j, layer, layer2, area, area2 in touching_grains(surfaces, reach, near):
         # The finer surface is the slave: its facets are where pressure is integrated.
@@ -233,7 +234,7 @@ def _grain_pairs(scene, surfaces, materials, bodies, reach, near):
         stiffness = 1 / (layer + layer2)
         ratio = 0.5 * (_stick_ratio(materials[i]) + _stick_ratio(materials[j]))
         names = bodies[slave].name, bodies[master].name
-        pairs.append(Pair(*names, stiffness, scene.contact.friction, ratio * stiffness))
+        pairs.append(Pair(*names, stiffness, friction.static(i, j), ratio * stiffness))
     return pairs
 
 
@@ -261,9 +262,8 @@ def _notes(scene, procedure, apart):
     if procedure == "dynamic" and solver.integrator == "explicit":
         notes.append("time: implicit increments, the scene has explicit time steps")
     notes.append("loading: the platen goes its whole way from its first place, without seating")
-    kinetic = [contact.friction_kinetic, *(w.friction_kinetic for w in scene.walls.values())]
-    static = [contact.friction, *(w.friction for w in scene.walls.values())]
-    if any(k is not None and k != s for k, s in zip(kinetic, static, strict=True)):
+    tables = [contact, *contact.pairs.values(), *scene.walls.values()]
+    if any(t.friction_kinetic not in (None, t.friction) for t in tables):
         notes.append("friction: the static coefficient; kinetic ones are left out")
     for value, text in (
         (solver.damping, "damping: solver.damping is left out"),

@@ -117,8 +117,8 @@ def _ghost(state, camera, pixels, box):
 
 def _ends(table, grains):
     """Ends of the lines: centre of the second grain, or the place on the wall, to the first."""
-    labels, centers = grains["grain"].to_numpy(), vectors(grains, "center")
-    end = centers[np.searchsorted(labels, table["grain_a"].to_numpy())]
+    labels, centres = grains["grain"].to_numpy(), vectors(grains, "center")
+    end = centres[np.searchsorted(labels, table["grain_a"].to_numpy())]
     return end - vectors(table, "branch"), end
 
 

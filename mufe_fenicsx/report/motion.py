@@ -44,13 +44,13 @@ def displacement_parts(source):
     }
 
 
-def mean_motion(center, translation, weight):
+def mean_motion(centre, translation, weight):
     """The linear field a + A x that fits translations best, at the centres [m].
 
     Least squares with a weight for each grain.
     """
-    middle = weight @ center / weight.sum()
-    basis = np.column_stack([np.ones(len(center)), center - middle])
+    middle = weight @ centre / weight.sum()
+    basis = np.column_stack([np.ones(len(centre)), centre - middle])
     root = np.sqrt(weight)[:, None]
     fit = np.linalg.lstsq(root * basis, root * translation, rcond=None)[0]
     return basis @ fit
@@ -59,16 +59,16 @@ def mean_motion(center, translation, weight):
 def draw_arrows(source):
     """Displacement of grains near the middle plane, and what a linear field leaves of it."""
     form, motion, end = source.inertia, source.motion, source.end
-    center, moved = form.centroid, motion.translation
+    centre, moved = form.centroid, motion.translation
     diameter = np.cbrt(6 * form.mass / np.pi)  # mass for unit density: volume
     box = end.box(source.start)
-    away = np.abs(center[:, 1] - 0.5 * (box[0, 1] + box[1, 1]))
+    away = np.abs(centre[:, 1] - 0.5 * (box[0, 1] + box[1, 1]))
     near = away <= 0.5 * SLAB * diameter.mean()
     if near.sum() < 3:
-        near = np.ones(len(center), dtype=bool)
-    if len(center) < 5:
-        raise InputError(f"{len(center)} grains, expected 5 or more for a mean motion")
-    left_over = moved - mean_motion(center, moved, form.mass)
+        near = np.ones(len(centre), dtype=bool)
+    if len(centre) < 5:
+        raise InputError(f"{len(centre)} grains, expected 5 or more for a mean motion")
+    left_over = moved - mean_motion(centre, moved, form.mass)
     scale, unit = style.unit_of(np.ptp(box, axis=0), "m")
     aspect = np.ptp(source.start.box(source.start)[:, 2]) / np.ptp(box[:, 0])
     figure, axes = style.new_figure(style.PAGE, 1.35 + 2.9 * aspect, ncols=2)
@@ -80,7 +80,7 @@ def draw_arrows(source):
         size = np.linalg.norm(field, axis=1)
         symbol, length_unit = style.unit_of(size[near], "m")
         norm = Normalize(0, size[near].max() / symbol or 1.0)
-        x = (center[near][:, [0, 2]] - box[0, [0, 2]]) / scale
+        x = (centre[near][:, [0, 2]] - box[0, [0, 2]]) / scale
         circles = axis.add_collection(
             EllipseCollection(
                 diameter[near] / scale,
@@ -132,7 +132,7 @@ def draw_arrows(source):
         length = "true length" if factor == 1 else f"{factor:g} times as long"
         axis.set_title(length, loc="right", fontsize=7.5)
     columns = {"grain": motion.labels, "drawn": near}
-    for name, values in (("centre", center), ("displacement", moved), ("deviation", left_over)):
+    for name, values in (("centre", centre), ("displacement", moved), ("deviation", left_over)):
         columns |= {f"{name} {a} [m]": values[:, i] for i, a in enumerate("xyz")}
     return Drawing(
         "displacement-arrows",

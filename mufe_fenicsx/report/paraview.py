@@ -94,9 +94,9 @@ def contact_lines(run, number):
         InputError: The tables of contacts, or of the scene's friction, are not there.
     """
     table, grains = run.contact_table(number), run.grains(number)
-    centers = grains[["center_x", "center_y", "center_z"]].to_numpy()
+    centres = grains[["center_x", "center_y", "center_z"]].to_numpy()
     a = np.searchsorted(grains["grain"].to_numpy(), table["grain_a"].to_numpy())
-    start = centers[a]
+    start = centres[a]
     end = start - table[["branch_x", "branch_y", "branch_z"]].to_numpy()
     points = np.stack([start, end], axis=1).reshape(-1, 3)
     lines = np.column_stack([np.full(len(a), 2), np.arange(len(points)).reshape(-1, 2)])

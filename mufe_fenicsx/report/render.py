@@ -99,7 +99,7 @@ class Layer:
     """A body of a picture: in one colour, or coloured by data with a map and its limits."""
 
     mesh: object  #: pyvista.PolyData
-    color: str | None = None
+    colour: str | None = None
     scalars: str | None = None
     colours: object = None  #: matplotlib colour map
     limits: tuple = (0.0, 1.0)
@@ -134,7 +134,7 @@ def render(layers, camera, size, box=None, headlight=False):
         plotter = _plotter()
         plotter.window_size = [2 * s for s in size]
         for layer in layers:
-            look = {"color": layer.color}
+            look = {"color": layer.colour}
             if layer.scalars:
                 look = {"scalars": layer.scalars, "cmap": layer.colours, "clim": layer.limits}
             if layer.edges:

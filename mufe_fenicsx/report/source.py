@@ -25,6 +25,7 @@ class ReadableRun(Run):
 
     @cached_property
     def stored_states(self):
+        """Those of the stored states that can be read, as dicts."""
         try:
             listed = read_states(self.path)
         except InputError:
@@ -267,10 +268,10 @@ class Source:
         label, state = next(iter(self.chosen)), self.end
         mine = np.flatnonzero(state.grain == label)
         middle = state.reference[state.cells[mine]].mean(axis=1)
-        center = state.volume[mine] @ middle / state.volume[mine].sum()
+        centre = state.volume[mine] @ middle / state.volume[mine].sum()
         return {
             "peak": middle[np.argmax(state.von_mises[mine])],
-            "centre": middle[np.argmin(np.linalg.norm(middle - center, axis=1))],
+            "centre": middle[np.argmin(np.linalg.norm(middle - centre, axis=1))],
         }
 
     @cached_property

@@ -113,7 +113,7 @@ def draw_cut(source):
         ylabel=f"z: {unit}",
     )
     colour_bar(figure, [axis], limit, style.STRESS_MAP, VON_MISES, "Pa", "max")
-    centers = np.array([np.asarray(cut.points[f]).mean(axis=0) for f in faces]).reshape(-1, 3)
+    centres = np.array([np.asarray(cut.points[f]).mean(axis=0) for f in faces]).reshape(-1, 3)
     return Drawing(
         "stress-cut",
         figure,
@@ -124,7 +124,7 @@ def draw_cut(source):
         {
             "": {
                 "grain": cut.cell_data["grain"],
-                **{f"{a} [m]": centers[:, i] for i, a in enumerate("xyz")},
+                **{f"{a} [m]": centres[:, i] for i, a in enumerate("xyz")},
                 "von Mises stress [Pa]": values,
             }
         },
@@ -169,7 +169,7 @@ def colour_bar(figure, axes, limit, colours, label, symbol, extend="neither", **
 
 
 def polygons(flat):
-    """Node numbers of polygons or lines stored as n, i₁ … iₙ, n, …"""
+    """Node numbers of polygons or lines that are stored as n, i₁ to iₙ, n and so on."""
     flat = np.asarray(flat)
     found, at = [], 0
     while at < flat.size:

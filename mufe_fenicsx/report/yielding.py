@@ -120,9 +120,9 @@ def _draw_cut(figure, axis, source, grain, index):
     nearest = nearest[np.argmin(np.linalg.norm(nearest - place.position, axis=1))]
     up = nearest - place.position
     up /= np.linalg.norm(up) or 1.0
-    center = state.points[np.unique(cells)].mean(axis=0)
+    centre = state.points[np.unique(cells)].mean(axis=0)
     # The plane holds that line and the grain's middle, or any direction.
-    side = center - place.position
+    side = centre - place.position
     side -= (side @ up) * up
     if np.linalg.norm(side) < 1e-3 * np.ptp(corners[:, 0], axis=0).max():
         side = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
@@ -158,9 +158,9 @@ def _draw_cut(figure, axis, source, grain, index):
         ticks=[0, 0.5 * limit, limit],
         shrink=0.6,
     )
-    centers = np.array([plane(cut.points[f]).mean(axis=0) for f in faces]).reshape(-1, 2) * scale
+    centres = np.array([plane(cut.points[f]).mean(axis=0) for f in faces]).reshape(-1, 2) * scale
     return {
-        "along the surface [m]": centers[:, 0],
-        "out of the surface [m]": centers[:, 1],
+        "along the surface [m]": centres[:, 0],
+        "out of the surface [m]": centres[:, 1],
         "plastic strain [-]": values,
     }

@@ -5,8 +5,10 @@ import tomllib
 from functools import cached_property
 from pathlib import Path
 
+import networkx
 import numpy as np
 import pandas
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, shortened
 from ..geometry.measure import tet_volumes
@@ -48,7 +50,7 @@ class Run:
         InputError: It is no such folder.
     """
 
-    def __init__(self, path):
+    def __init__(self, path: str | Path):
         self.path = Path(path)
         if not self.path.is_dir():
             raise InputError(f"run folder {path} is absent, expected a folder that mufe run wrote")
@@ -66,12 +68,12 @@ class Run:
     # --- what the files hold --------------------------------------------------------------
 
     @cached_property
-    def summary(self):
+    def summary(self) -> dict:
         """run.json, a dict."""
         return read_run_json(self.path)
 
     @cached_property
-    def scene(self):
+    def scene(self) -> dict:
         """scene.toml with every default written out, a dict of dicts in SI units."""
         path = self.path / "scene.toml"
         try:
@@ -82,7 +84,7 @@ class Run:
             raise InputError(f"{path} is not valid TOML ({shortened(error)})") from error
 
     @property
-    def finished(self):
+    def finished(self) -> bool:
         """Whether the test reached its end, as run.json says it; False without that file."""
         try:
             return bool(self.summary.get("finished"))
@@ -90,21 +92,22 @@ class Run:
             return False
 
     @property
-    def history(self):
+    def history(self) -> pandas.DataFrame:
         """history.csv as it is now, a DataFrame with a row a record."""
         return _Table(read_history(self.path / "history.csv"))
 
     @property
-    def stored_states(self):
+    def stored_states(self) -> list[dict]:
+        """The stored states as dicts with index, time [s], strain and stage."""
         return read_states(self.path)
 
     @property
-    def states(self):
+    def states(self) -> pandas.DataFrame:
         """The stored states: time [s], strain, stage; the index is their number."""
         table = pandas.DataFrame(self.stored_states, columns=["index", "time", "strain", "stage"])
         return table.set_index("index")
 
-    def state(self, number=-1):
+    def state(self, number: int = -1) -> State:
         """One stored state, :class:`~mufe_fenicsx.results.state.State`; -1 is the last.
 
         Raises:
@@ -122,14 +125,14 @@ class Run:
             )
         return State(self.path, found)
 
-    def contacts(self, number=-1):
+    def contacts(self, number: int = -1) -> pandas.DataFrame:
         """Contacts of a stored state, a DataFrame: a row a pair of grains, or grain and wall.
 
         Columns: :data:`mufe_fenicsx.output.contacts.CONTACT_COLUMNS`.
         """
         return self._network(number)[0]
 
-    def grains(self, number=-1):
+    def grains(self, number: int = -1) -> pandas.DataFrame:
         """Grains of a stored state, a DataFrame with a row a grain.
 
         Columns: :data:`mufe_fenicsx.output.contacts.GRAIN_COLUMNS`.
@@ -146,7 +149,7 @@ class Run:
             )
         return _Table(contacts), _Table(grains)
 
-    def with_contacts(self):
+    def with_contacts(self) -> pandas.DataFrame:
         """The rows of :attr:`states` whose tables of contacts were written, as a DataFrame.
 
         A run that is killed, or read, just before it writes them has a last state without.
@@ -154,7 +157,7 @@ class Run:
         states = self.states
         return states[[all(p.exists() for p in contact_files(self.path, i)) for i in states.index]]
 
-    def table(self, name):
+    def table(self, name: str) -> pandas.DataFrame:
         """A table of the grains that was kept with the run: "labels" or "quality"."""
         path = self.path / f"{name}.csv"
         try:
@@ -175,16 +178,16 @@ class Run:
         return np.array([points.min(axis=0), points.max(axis=0)]), float(volume)
 
     @property
-    def box(self):
+    def box(self) -> np.ndarray:
         """Corners of the box between the walls at the start of the run [m], shape (2, 3)."""
         return self._start[0]
 
     @property
-    def solid_volume(self):
+    def solid_volume(self) -> float:
         """Volume of all grains in the reference configuration [m³]."""
         return self._start[1]
 
-    def side_lengths(self, history):
+    def side_lengths(self, history: pandas.DataFrame) -> np.ndarray:
         """Distances of the side walls along x and y [m], shape (num_rows, 2).
 
         Raises:
@@ -205,74 +208,74 @@ class Run:
 
     # --- what follows ---------------------------------------------------------------------
 
-    def curves(self, width=0.01):
+    def curves(self, width: float = 0.01) -> pandas.DataFrame:
         """Stress, void ratio, moduli and K0 a row of the history, a DataFrame.
 
         Columns: those of :func:`mufe_fenicsx.analysis.macro.oedometer_curves`, time and stage.
         """
         return tables.curves(self, width)
 
-    def stresses(self):
+    def stresses(self) -> pandas.DataFrame:
         """Stress of the contacts against that of the walls at each stored state, a DataFrame.
 
         See :func:`mufe_fenicsx.results.tables.stresses`.
         """
         return tables.stresses(self)
 
-    def network(self):
+    def network(self) -> pandas.DataFrame:
         """Fabric, coordination, sliding and force chains at each stored state, a DataFrame.
 
         See :func:`mufe_fenicsx.results.tables.network`.
         """
         return tables.network(self)
 
-    def graph(self, number=-1):
+    def graph(self, number: int = -1) -> networkx.Graph:
         """Grains, walls and active contacts of a stored state, a networkx.Graph.
 
         See :func:`mufe_fenicsx.results.graph.contact_graph`.
         """
         return graph.contact_graph(self, number)
 
-    def write_graphml(self, path, number=-1):
+    def write_graphml(self, path: str | Path, number: int = -1) -> None:
         """Write :meth:`graph` as GraphML, which Gephi and Cytoscape read.
 
         See :func:`mufe_fenicsx.results.graph.write_graphml`.
         """
         graph.write_graphml(self, path, number)
 
-    def contact_table(self, number=-1):
+    def contact_table(self, number: int = -1) -> pandas.DataFrame:
         """Active contacts with their part in the network, a DataFrame.
 
         See :func:`mufe_fenicsx.results.tables.contact_table`.
         """
         return tables.contact_table(self, number)
 
-    def contact_ages(self, number=-1):
+    def contact_ages(self, number: int = -1) -> pandas.DataFrame:
         """Since when each active contact has been active, a DataFrame with a row a contact.
 
         See :func:`mufe_fenicsx.results.tables.contact_ages`.
         """
         return tables.contact_ages(self, number)
 
-    def wall_friction(self, number=-1):
+    def wall_friction(self, number: int = -1) -> pandas.DataFrame:
         """Normal and tangential force on each wall, a DataFrame with a row a wall."""
         return tables.wall_friction(self, number)
 
-    def grain_table(self, number=-1):
+    def grain_table(self, number: int = -1) -> pandas.DataFrame:
         """Form, motion, stress and contacts of each grain at a stored state, a DataFrame.
 
         See :func:`mufe_fenicsx.results.tables.grain_table`.
         """
         return tables.grain_table(self, number)
 
-    def first_yield(self):
+    def first_yield(self) -> pandas.DataFrame:
         """When and where each grain was first seen to yield, a DataFrame with a row a grain.
 
         See :func:`mufe_fenicsx.results.tables.first_yield_table`.
         """
         return tables.first_yield_table(self)
 
-    def probe(self, points=None, grains=None):
+    def probe(self, points: ArrayLike | None = None, grains: ArrayLike | None = None):
         """Displacement and stress of places or of grains through all stored states.
 
         See :func:`mufe_fenicsx.results.tables.probe`.
@@ -282,7 +285,7 @@ class Run:
     # --- what is not there ----------------------------------------------------------------
 
     @property
-    def missing(self):
+    def missing(self) -> list[str]:
         """Sentences about what the folder lacks or what cannot be read; empty: all is there."""
         found = []
 
@@ -345,3 +348,18 @@ class Run:
         known = table[places].mask(is_open, 0.0)
         tables.check_finite(contacts.name, table.assign(**known))
         tables.check_finite(grains.name, of_grains)
+
+
+def open_run(path: str | Path) -> Run:
+    """What a run folder holds, as arrays and tables; finished, running or killed.
+
+    Args:
+        path: Folder that `mufe run` wrote.
+
+    Returns:
+        :class:`mufe_fenicsx.results.Run`.
+
+    Raises:
+        InputError: It is no such folder.
+    """
+    return Run(path)

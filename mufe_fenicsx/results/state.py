@@ -1,6 +1,9 @@
 """One stored state of a run: its arrays, read when they are asked for."""
 
 from functools import cached_property
+from pathlib import Path
+
+import numpy as np
 
 from ..analysis.by_grain import index_grains
 from ..errors import InputError
@@ -19,7 +22,7 @@ class State:
         listed: Its entry of :func:`mufe_fenicsx.output.fields.read_states`.
     """
 
-    def __init__(self, run_folder, listed):
+    def __init__(self, run_folder: Path, listed: dict):
         self._folder = run_folder
         self.index = listed["index"]
         self.time, self.strain, self.stage = listed["time"], listed["strain"], listed["stage"]
@@ -31,13 +34,13 @@ class State:
         return read_arrays(self._folder, self.index, [name])[name]
 
     @cached_property
-    def fields(self):
+    def fields(self) -> dict[str, tuple[int, ...]]:
         """Names of the fields, dict name -> shape; :meth:`field` reads one."""
         shapes = read_arrays(self._folder, self.index)
         data = ("PointData/", "CellData/")
         return {k.split("/")[1]: v for k, v in shapes.items() if k.startswith(data)}
 
-    def field(self, name):
+    def field(self, name: str) -> np.ndarray:
         """A field at nodes or of cells by its name, in SI units.
 
         Raises:
@@ -52,56 +55,56 @@ class State:
         )
 
     @cached_property
-    def reference(self):
+    def reference(self) -> np.ndarray:
         """Nodes in the reference configuration [m], shape (num_nodes, 3)."""
         return self._array("Points")
 
     @cached_property
-    def cells(self):
+    def cells(self) -> np.ndarray:
         """Nodes of the tetrahedra, shape (num_cells, 4)."""
         return self._array("Connectivity").reshape(-1, 4)
 
     @cached_property
-    def grain(self):
+    def grain(self) -> np.ndarray:
         """Label of each cell's grain, shape (num_cells,)."""
         return self.field("grain")
 
     @cached_property
-    def displacement(self):
+    def displacement(self) -> np.ndarray:
         """[m], shape (num_nodes, 3)."""
         return self.field("displacement")
 
     @property
-    def points(self):
+    def points(self) -> np.ndarray:
         """Nodes now [m], shape (num_nodes, 3)."""
         return self.reference + self.displacement
 
     @cached_property
-    def stress(self):
+    def stress(self) -> np.ndarray:
         """Cauchy stress xx, yy, zz, xy, yz, xz, tension positive [Pa], shape (num_cells, 6)."""
         return self.field("stress")
 
     @cached_property
-    def von_mises(self):
+    def von_mises(self) -> np.ndarray:
         """[Pa], shape (num_cells,)."""
         return self.field("von_mises")
 
     @cached_property
-    def plastic_strain(self):
+    def plastic_strain(self) -> np.ndarray:
         """Equivalent plastic strain [-], shape (num_cells,)."""
         return self.field("plastic_strain")
 
     @cached_property
-    def contact_pressure(self):
+    def contact_pressure(self) -> np.ndarray:
         """[Pa], shape (num_nodes,)."""
         return self.field("contact_pressure")
 
     @cached_property
-    def volume(self):
+    def volume(self) -> np.ndarray:
         """Volumes of the tetrahedra now [m³], shape (num_cells,)."""
         return tet_volumes(self.points, self.cells)
 
     @cached_property
-    def labels(self):
+    def labels(self) -> np.ndarray:
         """Labels of the grains, increasing, shape (num_grains,)."""
         return index_grains(self.grain)[0]

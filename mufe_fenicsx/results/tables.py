@@ -9,6 +9,7 @@ from ..analysis.contact_age import active_since
 from ..analysis.quasi_static import kinetic_ratio
 from ..analysis.yield_place import yield_place
 from ..errors import InputError
+from ..scene.pairs import REST, by_materials
 
 STRESS = ("xx", "yy", "zz", "xy", "yz", "xz")
 WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
@@ -164,13 +165,28 @@ def _friction(run, contacts):
     try:
         among = run.scene["contact"]
         of = {"": among} | {name: run.scene["walls"][name] for name in WALLS}
-        mu = {name: float(c.get("friction_kinetic", c["friction"])) for name, c in of.items()}
+        mu = {name: _kinetic(table) for name, table in of.items()}
+        groups = {name: group["labels"] for name, group in run.scene.get("materials", {}).items()}
+        of_pairs = by_materials(among.get("pairs", {}), groups)
+        of_pairs = {pair: _kinetic(entry) for pair, entry in of_pairs.items()}
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"{run.path / 'scene.toml'} has no friction of contacts and walls ({error!r}), "
             "expected the scene that mufe run writes"
         ) from error
-    return contacts["wall"].map(mu).to_numpy(dtype=float)
+    found = contacts["wall"].map(mu).to_numpy(dtype=float, copy=True)
+    if of_pairs:
+        group_of = {label: name for name, labels in groups.items() for label in labels}
+        both = contacts[["grain_a", "grain_b"]].to_numpy()
+        for k in np.flatnonzero(both[:, 1] > 0):
+            pair = tuple(sorted(group_of.get(int(label), REST) for label in both[k]))
+            found[k] = of_pairs.get(pair, found[k])
+    return found
+
+
+def _kinetic(table):
+    """Coefficient of friction while a contact slides, of a table of a scene that was run."""
+    return float(table.get("friction_kinetic", table["friction"]))
 
 
 def _chains(run, number, active, grains):
@@ -183,11 +199,11 @@ def _chains(run, number, active, grains):
     found, volume = grain_volumes(state)
     if not np.array_equal(found, labels):
         raise InputError(f"state {state.index} has other grains in fields than in contacts")
-    center = vectors(grains, "center")
+    centre = vectors(grains, "center")
     stress = contact_forces.contact_stress_of_grains(
-        first, second, vectors(active, "force"), vectors(active, "centroid"), center, volume
+        first, second, vectors(active, "force"), vectors(active, "centroid"), centre, volume
     )
-    chains = contact_forces.force_chains(stress, center, first[~wall], second[~wall])
+    chains = contact_forces.force_chains(stress, centre, first[~wall], second[~wall])
     return chains, first[~wall]
 
 

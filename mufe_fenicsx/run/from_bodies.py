@@ -1,20 +1,37 @@
 """From a few bodies to a simulation, and how to load it without shaking it."""
 
 import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from mpi4py import MPI
+from numpy.typing import ArrayLike
 
 from ..contact.walls import Wall
 from ..explicit.simulation import Simulation
 from ..geometry.tets.refine import PARTS, split
 from ..implicit.simulation import ImplicitSimulation
-from ..mesh import create_grain_mesh, partition_grains
+from ..materials.elastic import IsotropicSolid
+from ..mesh import GrainMesh, create_grain_mesh, partition_grains
+
+#: Nodes [m], shape (num_nodes, 3), and tetrahedra, shape (num_cells, 4).
+Body = tuple[np.ndarray, np.ndarray]
 
 
 def build(
-    comm, bodies, material, low, high, axes="xyz", wall_friction=None, velocity=None, walls=(),
-    increment=None, **options,
-):  # fmt: skip
+    comm: MPI.Intracomm,
+    bodies: list[Body],
+    material: IsotropicSolid | list[IsotropicSolid],
+    low: ArrayLike,
+    high: ArrayLike,
+    axes: str = "xyz",
+    wall_friction: dict[str, float] | None = None,
+    velocity: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
+    walls: Sequence[Wall] = (),
+    increment: float | None = None,
+    **options: Any,
+) -> Simulation | ImplicitSimulation:
     """Bodies between smooth planes. Collective.
 
     Args:
@@ -42,7 +59,7 @@ def build(
     return simulate(mesh, [materials[g] for g in mesh.grains], walls, increment, **options)
 
 
-def distribute(comm, bodies, composite=False):
+def distribute(comm: MPI.Intracomm, bodies: list[Body], composite: bool = False) -> GrainMesh:
     """Mesh of a few bodies, each on one rank. Collective.
 
     Args:
@@ -68,7 +85,13 @@ def distribute(comm, bodies, composite=False):
     )
 
 
-def simulate(mesh, materials, walls, increment=None, **options):
+def simulate(
+    mesh: GrainMesh,
+    materials: Sequence[IsotropicSolid],
+    walls: Sequence[Wall],
+    increment: float | None = None,
+    **options: Any,
+) -> Simulation | ImplicitSimulation:
     """Time steps, or increments of the length ``increment`` [s]. Collective.
 
     Options are those of :class:`~.Simulation`, and of increments those of
@@ -80,7 +103,13 @@ def simulate(mesh, materials, walls, increment=None, **options):
     return ImplicitSimulation(mesh, materials, walls, **options)
 
 
-def drive(simulation, moves, duration, at_step=None, turns=None):
+def drive(
+    simulation: Simulation,
+    moves: Mapping[str, ArrayLike],
+    duration: float,
+    at_step: Callable[[], object] | None = None,
+    turns: Mapping[str, np.ndarray] | None = None,
+) -> None:
     """Move and turn walls smoothly, with speed (1 - cos 2πt/T)/T times the whole. Collective.
 
     Args:
@@ -124,7 +153,7 @@ def drive(simulation, moves, duration, at_step=None, turns=None):
         walls.angular_velocity[i] = 0.0
 
 
-def settle(simulation, ratio, max_steps=20000, every=50):
+def settle(simulation: Simulation, ratio: float, max_steps: int = 20000, every: int = 50) -> float:
     """Step until kinetic energy is below ``ratio`` times the stored one. Collective.
 
     Returns:
@@ -141,13 +170,15 @@ def settle(simulation, ratio, max_steps=20000, every=50):
     return reached
 
 
-def sum_over_nodes(simulation, values):
+def sum_over_nodes(simulation: Simulation, values: ArrayLike) -> np.ndarray:
     """Sum of nodal values, shape (num_nodes, k), over all ranks. Collective."""
     return simulation.comm.allreduce(np.asarray(values).sum(axis=0))
 
 
-def axis_planes(low, high, axes="xyz"):
-    """Point and inward normal of planes around a box: a dict by name, x_min, x_max, …
+def axis_planes(
+    low: ArrayLike, high: ArrayLike, axes: str = "xyz"
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Point and inward normal of planes around a box: a dict by name, from x_min to z_max.
 
     Args:
         low, high: Corners of the box [m], shape (3,).

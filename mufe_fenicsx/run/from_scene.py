@@ -135,7 +135,7 @@ def make_simulation(scene, mesh, low, high, shorter=1.0):
         scene.materials_of(mesh.labels[mesh.grains], mesh.labels),
         make_walls(scene, low, high),
         **more,
-        friction=contact.friction,
+        friction=scene.friction_of(mesh.labels),
         friction_kinetic=contact.friction_kinetic,
         compliance=contact.compliance,
         points=contact.points,

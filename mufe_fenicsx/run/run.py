@@ -4,6 +4,7 @@ import csv
 import math
 import sys
 import time
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -29,7 +30,7 @@ from ..output.run_folder import (
     write_run_json,
 )
 from ..output.run_lock import LostFolder, RunLock
-from ..scene import scene_to_toml
+from ..scene import Scene, scene_to_toml
 from .from_scene import bounding_box, load_mesh, make_simulation, make_walls
 from .profile import Profile
 from .rebalance import better_partition
@@ -42,20 +43,20 @@ from .time_loop import march
 
 
 def run_scene(
-    scene,
-    grains_folder,
-    output_folder,
-    comm,
+    scene: Scene,
+    grains_folder: str | Path,
+    output_folder: str | Path,
+    comm: MPI.Intracomm,
     *,
-    overwrite=False,
-    max_steps=None,
-    quiet=False,
-    command=(),
-    resume=False,
-    accept_loss=False,
-    profile=False,
-    after=None,
-):
+    overwrite: bool = False,
+    max_steps: int | None = None,
+    quiet: bool = False,
+    command: Sequence[str] = (),
+    resume: bool = False,
+    accept_loss: bool = False,
+    profile: bool = False,
+    after: Callable[[dict], dict] | None = None,
+) -> dict:
     """Run the test of a scene. Collective.
 
     Args:

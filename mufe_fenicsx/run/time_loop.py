@@ -80,6 +80,7 @@ class EachStrain:
         return math.floor(self.loading.strain / self.interval) if self.interval else 0
 
     def __call__(self):
+        """Whether the strain has passed a multiple of the interval since the last call."""
         before, self._passed = self._passed, self._count()
         return self._passed > before
 

@@ -12,20 +12,20 @@ LARGEST_COUNT = 2**31 - 1
 LONGEST_TEXT = 500
 
 
-def check_count(number, largest, name):
+def check_count(number: int, largest: int, name: str) -> None:
     """Raise InputError unless a whole number is at most the largest one."""
     if abs(number) > largest:
         raise InputError(f"{name} = {shown(number)}, expected a whole number up to {largest:g}")
 
 
-def check_plausible(number, bounds, name):
+def check_plausible(number: float, bounds: tuple, name: str) -> None:
     """Raise InputError unless a number is between two bounds, which may be ()."""
     least, largest = bounds or (number, number)
     if not least <= number <= largest:
         raise InputError(f"{name} = {shown(number)}, expected {least:g} to {largest:g}")
 
 
-def check_text(name, text):
+def check_text(name: str, text: str) -> None:
     """Raise InputError unless a text is as long as one may be."""
     if len(text) > LONGEST_TEXT:
         raise InputError(f"{name} = {shown(text)}, expected at most {LONGEST_TEXT} characters")

@@ -3,7 +3,7 @@
 from ..errors import InputError
 from ..geometry.settings import MeshSettings
 from ..materials.auto import Auto
-from ..materials.elastic import Elastic
+from ..materials.elastic import Elastic, IsotropicSolid
 from ..materials.j2 import J2
 from ..materials.rigid import Rigid
 from .image import ImageSettings
@@ -32,13 +32,13 @@ TABLES = {
 }
 
 
-def register_material(name, cls):
+def register_material(name: str, cls: type[IsotropicSolid]) -> None:
     """Let scene files say ``material.model = name`` for a material of one's own.
 
     Args:
         name: Its name in scene files.
         cls: A frozen dataclass derived from :class:`~.materials.elastic.IsotropicSolid`, whose own
-            fields are made by :func:`~mufe_fenicsx.keys.setting`.
+            fields are made by :func:`~mufe_fenicsx.units.setting`.
 
     Raises:
         InputError: The name is taken.

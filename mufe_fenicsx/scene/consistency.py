@@ -3,6 +3,7 @@
 from ..errors import InputError
 from ..materials.auto import Auto
 from ..materials.rigid import Rigid
+from .pairs import by_materials
 from .tables import TOP_PLATEN, WALLS, Wall
 
 
@@ -10,6 +11,7 @@ def check(scene):
     """Raise InputError where tables of a scene contradict each other."""
     _check_test(scene)
     _check_groups(scene)
+    by_materials(scene.contact.pairs, scene.materials)
     for name in scene.walls:
         if name not in WALLS:
             raise InputError(f"walls.{name} is not a wall, expected one of {', '.join(WALLS)}")

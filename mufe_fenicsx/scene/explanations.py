@@ -7,9 +7,8 @@ import textwrap
 from pathlib import Path
 
 from ..errors import InputError, nearest_name, shown
-from ..keys import BOUNDS, keys_of
 from ..materials.scatter import Scatter
-from ..units import QUANTITIES
+from ..units import BOUNDS, QUANTITIES, keys_of
 from .catalogue import MODELS, TABLES, TOP_KEYS
 from .scene import Scene
 from .stages import Stage
@@ -25,6 +24,12 @@ def tables():
     found = dict(TABLES)
     found |= {f'material (model = "{name}")': cls for name, cls in MODELS.items()}
     found |= {"material.scatter": Scatter, "walls.NAME": Wall, "stage": Stage}
+    found |= {
+        f"{table}.{key.name}.NAME": key.entries
+        for table, cls in TABLES.items()
+        for key in keys_of(cls).values()
+        if key.entries is not None
+    }
     for key in keys_of(Stage).values():
         if key.table is not None:
             found[f"stage.{key.name}"] = key.table
@@ -44,13 +49,15 @@ def explain(wanted):
     parts = name.split(".")
     if parts[0] == "materials":  # of one's own name: as [material]
         parts = ["material", *parts[2:]]
+    if parts[:2] == ["contact", "pairs"] and len(parts) > 2:
+        parts[2] = "NAME"
     if parts[0] == "walls" and len(parts) > 1 and parts[1] in WALLS:
         parts[1] = "NAME"
     name = ".".join(parts)
     if name in TOP_KEYS:
         return _explain_key("", keys_of(Scene)[name])
-    if name == "walls":
-        name = "walls.NAME"
+    if name in ("walls", "contact.pairs"):
+        name += ".NAME"
     found = [(table, cls) for table, cls in tables().items() if _plain(table) == name]
     if found:
         return _explain_table(*found[0] if len(found) == 1 else (name, found[0][1]), found)
@@ -75,6 +82,9 @@ def expectation(key):
     """What a value of a key has to be, in words."""
     if key.table is not None:
         return f"a table {{ … }}: {', '.join(keys_of(key.table))}"
+    if key.entries is not None:
+        keys = keys_of(key.entries)
+        return f"a table of NAME = {next(iter(keys))}, or {{ … }}: {', '.join(keys)}"
     parts = []
     if key.choices:
         parts.append(" or ".join(f'"{choice}"' for choice in key.choices))
@@ -127,7 +137,7 @@ def _explain_key(table, key):
     where = _plain(table)
     if key.required:
         default = "has to be given"
-    elif key.default in (None, ""):
+    elif key.default in (None, "", {}):
         default = "left out: not set"
     else:
         shown = str(key.default).lower() if isinstance(key.default, bool) else key.default

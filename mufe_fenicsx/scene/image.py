@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..geometry.settings import SegmentSettings
-from ..keys import REQUIRED, setting
+from ..units import REQUIRED, setting
 
 #: Images that installed packages carry: name -> (package, path inside it).
 PACKAGED_IMAGES = {"spam:snow": ("spam", "data/snow/snow.tif")}
@@ -26,7 +26,7 @@ class ImageSettings(SegmentSettings):
         return image_path(self.file)
 
 
-def image_path(file) -> Path:
+def image_path(file: str | Path) -> Path:
     """Where an image is: a path as it stands, or that of a packaged image.
 
     The package is located, not imported.

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from ..keys import check_keys, require, setting
 from ..solvers import petsc_options
+from ..units import check_keys, require, setting
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,6 @@ class Implicit:
                     f"step = {self.step} <= largest < 1")  # fmt: skip
         self.petsc_options()
 
-    def petsc_options(self):
+    def petsc_options(self) -> dict:
         """The options as a dict. Raises InputError where they are none that a scene may state."""
         return petsc_options.parse(self.petsc)

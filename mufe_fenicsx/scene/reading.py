@@ -5,9 +5,9 @@ from dataclasses import fields
 from pathlib import Path
 
 from ..errors import InputError, shortened, shown
-from ..keys import keys_of
 from ..materials.j2 import J2
 from ..materials.scatter import SCATTERED, Scatter
+from ..units import keys_of
 from .bounds import check_text
 from .catalogue import MODELS, TABLES, TOP_KEYS
 from .scene import Scene
@@ -19,7 +19,7 @@ from .values import build, convert, convert_array, unknown_key
 LARGEST = 10_000_000
 
 
-def load_scene(path) -> Scene:
+def load_scene(path: str | Path) -> Scene:
     """Read a scene file. Relative paths in it stay in its folder; absolute ones lead anywhere.
 
     Raises:

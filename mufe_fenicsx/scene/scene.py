@@ -1,17 +1,21 @@
 """A scene: everything that a user decides about a test, from its tables."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from ..contact.friction import PairFriction
 from ..errors import InputError
 from ..geometry.settings import MeshSettings
-from ..keys import check_keys, setting
 from ..materials.elastic import IsotropicSolid
 from ..materials.scatter import Scatter
+from ..units import check_keys, setting
 from .consistency import check
 from .image import ImageSettings
 from .implicit import Implicit
+from .pairs import REST, by_materials
 from .stages import Loading, Stage, named
 from .tables import (
     WALLS,
@@ -70,7 +74,7 @@ class Scene:
             object.__setattr__(self, "quasi_static", self._between_speeds())
         object.__setattr__(self, "walls", {name: self._wall(name) for name in WALLS})
 
-    def materials_of(self, labels, known):
+    def materials_of(self, labels: Iterable[int], known: ArrayLike) -> list[IsotropicSolid]:
         """Material of each grain of ``labels``.
 
         Args:
@@ -96,6 +100,25 @@ class Scene:
             scatter = group.scatter
             found.append(scatter.of(group.material, label) if scatter else group.material)
         return found
+
+    def friction_of(self, labels):
+        """Coefficients of friction between grains, by pair of their materials where these differ.
+
+        Args:
+            labels: Labels of all grains of the sample, shape (num_grains,).
+        """
+        group_of = {label: name for name, g in self.materials.items() for label in g.labels}
+        names = [group_of.get(int(label), REST) for label in labels]
+        pairs = by_materials(self.contact.pairs, self.materials)
+        return PairFriction(
+            self.contact.friction,
+            names,
+            {
+                pair: (entry.friction, entry.friction_kinetic)
+                for pair, entry in pairs.items()
+                if set(pair) <= set(names)
+            },
+        )
 
     def _between_speeds(self):
         """Settings of the speed of loading with both limits filled in."""

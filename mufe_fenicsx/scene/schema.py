@@ -4,9 +4,8 @@ import json
 from dataclasses import MISSING
 from pathlib import Path
 
-from ..keys import keys_of
 from ..materials.scatter import Scatter
-from ..units import QUANTITIES
+from ..units import QUANTITIES, keys_of
 from .catalogue import MODELS, TABLES, TOP_KEYS
 from .explanations import expectation, first_lines
 from .scene import Scene
@@ -18,7 +17,7 @@ NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 WITH_UNIT, WITHOUT = rf"^\s*{NUMBER}\s*[^\d\s].*$", rf"^\s*{NUMBER}\s*$"
 
 
-def scene_schema():
+def scene_schema() -> dict:
     """JSON schema (draft 7) of a scene file, as a dict."""
     properties = {name: _value(keys_of(Scene)[name]) for name in TOP_KEYS}
     properties |= {name: _table(cls) for name, cls in TABLES.items()}
@@ -52,7 +51,7 @@ def scene_schema():
     }
 
 
-def schema_text():
+def schema_text() -> str:
     """The same as JSON."""
     return json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n"
 
@@ -108,6 +107,10 @@ def _value(key):
     """Schema of the value of one key."""
     if key.table is not None:
         return _table(key.table) | {"description": key.text}
+    if key.entries is not None:
+        alone = _value(next(iter(keys_of(key.entries).values())))
+        entry = {"anyOf": [*alone.pop("anyOf"), _table(key.entries)]}
+        return {"type": "object", "description": key.text, "additionalProperties": entry}
     found = _type(key)
     found["description"] = f"{key.text}\n{expectation(key)}"
     if key.default not in (MISSING, None, "") and not isinstance(key.default, Path | tuple):

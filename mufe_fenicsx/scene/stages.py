@@ -1,9 +1,10 @@
 """[loading] and [[stage]] of a scene: tests by stages, led by stress, strain or speed."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 
 from ..errors import InputError
-from ..keys import REQUIRED, check_keys, require, setting
+from ..units import REQUIRED, check_keys, require, setting
 
 #: Keys of a stage that say what the walls across one, two or all three axes do.
 AXIS_KEYS = ("x", "y", "z", "xy", "xz", "yz", "xyz")
@@ -57,7 +58,7 @@ class Axis:
             raise InputError("stress is missing, expected a stress, a strain or a speed")
 
     @property
-    def leads(self):
+    def leads(self) -> bool:
         """Whether there is something to reach."""
         return self.stress is not None or self.strain is not None
 
@@ -90,7 +91,7 @@ class Until:
             require(abs(value) < 1e30, name, value, "a finite number")
 
     @property
-    def given(self):
+    def given(self) -> dict[str, float]:
         """The values that are stated, by name."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if value is not None}
@@ -135,12 +136,12 @@ class Stage:
             raise InputError("hold = 0, expected a time > 0 s where no axis and no until is given")
 
     @property
-    def axes(self):
+    def axes(self) -> dict[str, Axis]:
         """The axes that it states: "x", "y", "z" -> :class:`Axis`."""
         return {a: getattr(self, key) for key in AXIS_KEYS if getattr(self, key) for a in key}
 
 
-def named(stages):
+def named(stages: Iterable[Stage]) -> tuple[Stage, ...]:
     """The stages, each with its name filled in. Raises InputError where a name is there twice."""
     found = []
     for number, stage in enumerate(stages, start=1):

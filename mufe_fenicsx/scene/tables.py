@@ -3,14 +3,14 @@
 The tables of tests by stages are in `stages`, that of static and implicit tests in `implicit`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..contact.laws import COMPLIANCE, law_names
 from ..errors import InputError
-from ..keys import REQUIRED, check_keys, require, setting
 from ..materials.elastic import IsotropicSolid
 from ..materials.scatter import Scatter
+from ..units import REQUIRED, Key, check_keys, require, setting
 
 #: Walls by name: the axis that they are normal to and the side of the sample.
 WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
@@ -58,12 +58,31 @@ class Group:
     """[materials.NAME]: grains of another material than the rest."""
 
     labels: tuple[int, ...] = setting(REQUIRED, "", "labels of these grains", shape=(-1,))
-    material: IsotropicSolid
+    material: IsotropicSolid  # type: ignore[misc]  # labels have no default either
     scatter: Scatter | None = None  #: None: all alike
 
     def __post_init__(self):
         if not self.labels:
             raise InputError("labels = [], expected labels of grains")
+
+
+@dataclass(frozen=True)
+class Pair:
+    """[contact.pairs]: friction of grains of two materials, NAME-NAME in either order.
+
+    A number alone is ``friction``. The grains that are in no group are of "material".
+    """
+
+    friction: float = setting(
+        REQUIRED, "-", "coefficient of friction between them", ge=0, plausible=PLAUSIBLE_FRICTION
+    )
+    friction_kinetic: float | None = setting(
+        None, "-", "while they slip; None: friction", plausible=PLAUSIBLE_FRICTION
+    )
+
+    def __post_init__(self):
+        check_keys(self)
+        _require_kinetic(self, "friction_kinetic", "friction")
 
 
 @dataclass(frozen=True)
@@ -110,6 +129,9 @@ class Contact:
         None, "-", "the same of walls that state no friction", plausible=PLAUSIBLE_FRICTION
     )
     self_contact: bool = setting(False, "", "concave grains meet themselves too")
+    pairs: dict[str, Pair] = field(
+        default_factory=dict, metadata={"key": Key({}, "", "friction by pair of materials")}
+    )
 
     def __post_init__(self):
         check_keys(self)

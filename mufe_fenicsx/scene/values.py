@@ -5,9 +5,8 @@ from dataclasses import fields
 from pathlib import Path
 
 from ..errors import InputError, nearest_name, shortened, shown
-from ..keys import keys_of
 from ..materials.j2 import J2
-from ..units import expected, to_si
+from ..units import expected, keys_of, to_si
 from .bounds import LARGEST_COUNT, check_count, check_plausible, check_text
 from .catalogue import TABLES
 from .image import PACKAGED_IMAGES
@@ -84,6 +83,8 @@ def _expected(key):
 def convert(value, key, name, folder):
     """A value of the type that a key declares, in SI units."""
     kinds = key.kinds
+    if key.entries is not None:
+        return _convert_entries(value, key.entries, name)
     if key.shape and (float not in kinds or isinstance(value, list | tuple)):
         return convert_array(value, key, name)
     if Path in kinds and (float not in kinds or isinstance(value, str | Path)):
@@ -105,6 +106,23 @@ def convert(value, key, name, folder):
     if isinstance(value, int):
         check_count(value, key.plausible[1] if key.plausible else LARGEST_COUNT, name)
     return value
+
+
+def _convert_entries(table, cls, name):
+    """A table with names of one's own: each a table, or the first of its values alone."""
+    if not isinstance(table, dict):
+        raise InputError(f"{name} = {shown(table)}, expected a table [{name}]")
+    first, found = fields(cls)[0].name, {}
+    for key, value in table.items():
+        check_text(name, key)
+        entry = f"{name}.{shortened(key)}"
+        if isinstance(value, dict):
+            found[key] = build(cls, value, lambda inner, entry=entry: f"{entry}.{inner}")
+        else:  # what is said of that value is said of the entry
+            found[key] = build(
+                cls, {first: value}, lambda inner, entry=entry: entry + inner.removeprefix(first)
+            )
+    return found
 
 
 def convert_array(value, key, name):

@@ -7,12 +7,13 @@ from dataclasses import fields
 from decimal import Decimal
 from pathlib import Path
 
-from ..keys import keys_of
+from ..units import keys_of
 from .catalogue import MODELS
+from .scene import Scene
 from .tables import WALLS
 
 
-def scene_to_toml(scene) -> str:
+def scene_to_toml(scene: Scene) -> str:
     """The scene as TOML with every default written out: loading it gives it back."""
     lines = [f"title = {_toml(scene.title)}"]
     for name in ("accuracy", "gravity"):
@@ -45,9 +46,13 @@ def _write_material(table, material, scatter, first_lines=()):
 def _write_table(table, content, first_lines=()):
     if content is None:
         return []
-    lines = ["", f"[{table}]", *first_lines]
+    lines, below = ["", f"[{table}]", *first_lines], []
     for field in fields(content):
         value = getattr(content, field.name)
+        if isinstance(value, dict):
+            below += ["", f"[{table}.{field.name}]"]
+            below += [f"{_key(name)} = {_toml(entry)}" for name, entry in value.items()]
+            continue
         if value is None:
             lines.append(f"# {field.name} is not set")
             continue
@@ -55,7 +60,7 @@ def _write_table(table, content, first_lines=()):
         if isinstance(unit, tuple):
             unit = ", ".join(part or "-" for part in unit)
         lines.append(f"{field.name} = {_toml(value)}" + (f"  # [{unit}]" if unit else ""))
-    return lines
+    return lines + below
 
 
 def _key(name):

@@ -1,0 +1,1 @@
+"""Methods of time, Newton's method and eigenvalues, which know no grains."""

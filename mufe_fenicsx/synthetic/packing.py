@@ -40,7 +40,7 @@ class Packing:
     """Grains in place."""
 
     grains: object  #: `shapes.RadialGrains`
-    center: np.ndarray  #: [m], (n, 3)
+    centre: np.ndarray  #: [m], (n, 3)
     axes: np.ndarray  #: columns are the grains' axes, (n, 3, 3)
     low: np.ndarray  #: corner of the box [m], (3,)
     high: np.ndarray  #: [m], (3,)
@@ -58,14 +58,14 @@ class Packing:
     def arrays(self):
         """What the kernels need of the bodies."""
         g = self.grains
-        return self.center, self.axes, g.inverse, g.offset, g.table, g.reach, g.bound
+        return self.centre, self.axes, g.inverse, g.offset, g.table, g.reach, g.bound
 
     def pairs(self, skin):
         """Grains whose spheres around them are nearer than ``skin`` [m], (num_pairs, 2)."""
-        tree = scipy.spatial.cKDTree(self.center)
+        tree = scipy.spatial.cKDTree(self.centre)
         reach = self.grains.reach
         found = tree.query_pairs(2 * reach.max() + skin, output_type="ndarray")
-        gap = np.linalg.norm(self.center[found[:, 0]] - self.center[found[:, 1]], axis=1)
+        gap = np.linalg.norm(self.centre[found[:, 0]] - self.centre[found[:, 1]], axis=1)
         found = found[gap < reach[found].sum(axis=1) + skin]
         return found[np.lexsort(found.T[::-1])].astype(np.int64)
 
@@ -159,27 +159,27 @@ class _Mover:
     def _list_pairs(self):
         packing = self.packing
         self.skin = 0.1 * packing.grains.reach.mean()
-        self._pairs, self._at = packing.pairs(self.skin), packing.center.copy()
+        self._pairs, self._at = packing.pairs(self.skin), packing.centre.copy()
 
     def step(self, strain, damping):
         """One step, in which each edge of the box shortens by ``strain``."""
         p = self.packing
         middle = (p.low + p.high) / 2
-        for points in (p.low, p.high, p.center):
+        for points in (p.low, p.high, p.centre):
             points += (middle - points) * strain
         motion.kick_and_drift(
-            p.center, self.velocity, self.momentum, self.turn, p.axes, self.force, self.torque,
+            p.centre, self.velocity, self.momentum, self.turn, p.axes, self.force, self.torque,
             self.mass, self.inertia, p.grains.reach, 1.0, damping,
         )  # fmt: skip
-        if np.abs(p.center - self._at).max() > self.skin / 4:
+        if np.abs(p.centre - self._at).max() > self.skin / 4:
             self._list_pairs()
-        radial.surface_points(self.x, self.place, p.center, p.axes)
+        radial.surface_points(self.x, self.place, p.centre, p.axes)
         self.force[:] = self.torque[:] = 0.0
         touching, depths, p.largest_depth = radial.add_contact_forces(
             self.force, self.torque, self.x, self.weight, self._pairs, *p.arrays
         )
         radial.add_wall_forces(
-            self.force, self.torque, self.load, self.x, self.weight, p.low, p.high, p.center,
+            self.force, self.torque, self.load, self.x, self.weight, p.low, p.high, p.centre,
             p.grains.reach,
         )  # fmt: skip
         motion.kick(
@@ -202,12 +202,12 @@ def _loose(grains, rng, proportions):
     edges = proportions * (counts / proportions).max() * spacing
     sites = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
     sites = sites[rng.permutation(len(sites))[:n]]
-    center = (sites + 0.5) / counts * edges
+    centre = (sites + 0.5) / counts * edges
     turn = rng.standard_normal((n, 4))
     turn /= np.linalg.norm(turn, axis=1, keepdims=True)
     axes = np.empty((n, 3, 3))
     motion.set_axes(axes, turn)
-    return Packing(grains, center, axes, np.zeros(3), edges), turn
+    return Packing(grains, centre, axes, np.zeros(3), edges), turn
 
 
 def icosphere(level):

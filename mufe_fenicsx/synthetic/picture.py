@@ -55,7 +55,7 @@ def _view(packing, which, colours):
     """Picture of grains in space, as RGB."""
     directions, triangles = icosphere(3)
     place = packing.grains.part(which).surface(directions)
-    x = packing.center[which, None] + np.einsum("gij,gkj->gki", packing.axes[which], place)
+    x = packing.centre[which, None] + np.einsum("gij,gkj->gki", packing.axes[which], place)
     m = len(directions)
     faces = (triangles[None] + m * np.arange(len(which))[:, None, None]).reshape(-1, 3)
     body = pyvista.PolyData.from_regular_faces(x.reshape(-1, 3), faces)

@@ -115,7 +115,7 @@ def _write_surfaces(path, packing, which, corner):
     directions, triangles = icosphere(4)
     grains = packing.grains.part(which)
     place = grains.surface(directions)
-    x = packing.center[which, None] + np.einsum("gij,gkj->gki", packing.axes[which], place) - corner
+    x = packing.centre[which, None] + np.einsum("gij,gkj->gki", packing.axes[which], place) - corner
     m = len(directions)
     faces = triangles[None] + m * np.arange(len(which))[:, None, None]
     np.savez_compressed(

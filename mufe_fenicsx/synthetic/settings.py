@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 
 from ..errors import InputError, nearest_name, shown
-from ..keys import check_keys, keys_of, require, setting
-from ..units import to_si
+from ..units import check_keys, keys_of, require, setting, to_si
 
 
 @dataclass(frozen=True)

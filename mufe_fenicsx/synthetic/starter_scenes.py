@@ -252,9 +252,9 @@ def ball_packing(number=FEW[0], seed=FEW[1]):
     packing = pack(balls, rng, np.ones(3), DEPTH * D50)
     points, cells = sphere(1.0, COARSE)
     meshes = [
-        (center + radius * points @ axes.T, cells)
-        for center, radius, axes in zip(
-            packing.center, 0.5 * balls.diameter, packing.axes, strict=True
+        (centre + radius * points @ axes.T, cells)
+        for centre, radius, axes in zip(
+            packing.centre, 0.5 * balls.diameter, packing.axes, strict=True
         )
     ]
     return Grains.from_list(np.arange(1, number + 1), meshes, 0.5 * COARSE * D50)

@@ -78,15 +78,15 @@ def _gaps(packing, pairs, low, high, level, batch=64):
     """Gaps and their places, a part of the pairs at a time: surfaces are large."""
     directions, _ = icosphere(level)
     gap, place = np.full(len(pairs), np.inf), np.zeros((len(pairs), 3))
-    center, axes, inverse, offset, table, reach, bound = packing.arrays
+    centre, axes, inverse, offset, table, reach, bound = packing.arrays
     for first in range(0, len(pairs), batch):
         part = slice(first, first + batch)
         used, local = np.unique(pairs[part], return_inverse=True)
         place_in_axes = packing.grains.part(used).surface(directions)
         x = np.empty_like(place_in_axes)
-        radial.surface_points(x, place_in_axes, center[used], axes[used])
+        radial.surface_points(x, place_in_axes, centre[used], axes[used])
         radial.find_gaps(
-            gap[part], place[part], local.reshape(-1, 2), low, high, x, center[used], axes[used],
+            gap[part], place[part], local.reshape(-1, 2), low, high, x, centre[used], axes[used],
             inverse[used], offset[used], table[used], reach[used], bound[used],
         )  # fmt: skip
     return gap, place

@@ -116,14 +116,17 @@ class Series:
         return cls(tuple(np.linalg.lstsq(matrix, target, rcond=None)[0]))
 
     def __call__(self, a):
+        """Its value at the radius a over R."""
         c0, c1, c2 = self.factors
         return 1 + a * (c0 + c1 * np.log(np.maximum(a, 1e-300)) + c2 * a)
 
 
 @lru_cache(maxsize=16)
 def against_half_space(nu):
-    """Three :class:`Series` of a/R: approach over a²/R, force over 4/3 E* a³/R, compliance
-    along the surface over that of the half-space. Fitted to a/R of 0.01 to 0.1, within 3e-4.
+    """Three :class:`Series` of a/R, fitted to a/R of 0.01 to 0.1, within 3e-4.
+
+    They are the approach over a²/R, the force over 4/3 E* a³/R, and the compliance along the
+    surface over that of the half-space.
     """
     radii = [0.01, 0.02, 0.04, 0.07, 0.1]
     approach, force, along = [], [], []

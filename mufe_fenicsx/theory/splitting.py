@@ -210,7 +210,7 @@ def _constants(n, radial, shear, nu):
 
 
 def _even_legendre(x, orders):
-    """Yield n, Pₙ(x) and dPₙ/dx for the even ``orders`` 0, 2, …"""
+    """Yield n, Pₙ(x) and dPₙ/dx for the even ``orders`` from 0 on."""
     P, D = np.ones_like(x), np.zeros_like(x)
     before, last = np.zeros_like(x), orders[-1]
     for n in range(last + 1):

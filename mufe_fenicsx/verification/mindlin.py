@@ -204,7 +204,7 @@ def _theory(N, shear, radius, modulus, S, friction):
 
 
 def _stick_radius(s, friction):
-    """Of the nodes that hold more than they need, by their area; both sides have nodes. [m]"""
+    """Radius of the nodes that hold more than they need, by their area on both sides [m]."""
     p = s.contact.pairs
     on = np.flatnonzero(p.closed)
     shear = np.linalg.norm(p.shear[on], axis=1)

@@ -119,18 +119,18 @@ def angular_grains(counts, element_size, gap=0.02, jitter=0.15, roundness=0.08, 
     """
     rng = np.random.default_rng(seed)
     grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
-    centers = 2.0 * grid + 2.0 * jitter * rng.uniform(-1, 1, grid.shape)
+    centres = 2.0 * grid + 2.0 * jitter * rng.uniform(-1, 1, grid.shape)
     points, cells = sphere(1.0, element_size)
     length = np.linalg.norm(points, axis=1)
     ray = points / np.maximum(length, 1e-12)[:, None]
     power = 1.0 / roundness
     bodies = []
-    for k, center in enumerate(centers):
-        to = np.delete(centers, k, axis=0) - center
+    for k, centre in enumerate(centres):
+        to = np.delete(centres, k, axis=0) - centre
         far = np.linalg.norm(to, axis=1)
         near = far < 4.5
         reached = ray @ (to[near] / far[near, None]).T / (0.5 * far[near] - 0.5 * gap)
         inverse = (np.maximum(reached, 0.0) ** power).sum(axis=1) + (1 / 1.2) ** power
         radius = inverse ** (-1 / power)
-        bodies.append((RADIUS * (center + points * radius[:, None]), cells))
+        bodies.append((RADIUS * (centre + points * radius[:, None]), cells))
     return bodies

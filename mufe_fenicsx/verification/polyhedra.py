@@ -37,12 +37,12 @@ def polyhedral_grains(
         List of (points [m], cells).
     """
     box, rng = np.asarray(box, dtype=float), np.random.default_rng(sample)
-    centers = rng.uniform(0, 1, (number, 3)) * box
+    centres = rng.uniform(0, 1, (number, 3)) * box
     for _ in range(ROUNDS):
-        centers = np.array([_centroid(*_cell(centers, k, box)) for k in range(number)])
+        centres = np.array([_centroid(*_cell(centres, k, box)) for k in range(number)])
     rng, bodies = np.random.default_rng(sample + 100), []
     for k in range(number):
-        vertices, faces = _cell(centers, k, box)
+        vertices, faces = _cell(centres, k, box)
         size, turn = rng.uniform(0.97, 0.995), np.deg2rad(rng.uniform(-1, 1, 3))
         middle = vertices.mean(axis=0)
         vertices = middle + size * (vertices - middle) @ Rotation.from_rotvec(turn).as_matrix().T
@@ -51,17 +51,17 @@ def polyhedral_grains(
     return bodies
 
 
-def _cell(centers, k, box):
+def _cell(centres, k, box):
     """Vertices of a Voronoi cell within the box, and those around each face in their order."""
-    to = np.delete(centers, k, axis=0) - centers[k]
+    to = np.delete(centres, k, axis=0) - centres[k]
     normal = to / np.linalg.norm(to, axis=1)[:, None]
-    middle = centers[k] + 0.5 * to
+    middle = centres[k] + 0.5 * to
     planes = np.vstack([
         np.column_stack([normal, -(normal * middle).sum(axis=1)]),
         np.column_stack([np.eye(3), -box]),
         np.column_stack([-np.eye(3), np.zeros(3)]),
     ])  # fmt: skip
-    corners = HalfspaceIntersection(planes, centers[k]).intersections
+    corners = HalfspaceIntersection(planes, centres[k]).intersections
     vertices = np.unique(np.round(corners, 9), axis=0)
     faces = []
     for plane in planes:

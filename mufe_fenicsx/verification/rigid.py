@@ -36,7 +36,7 @@ def rigid_top(comm, turns=1000.0, steps_per_turn=100):
     rigid, dt = s.rigid, s.dt
     omega = 2 * math.pi / (steps_per_turn * dt)
     spin = omega * np.array([0.02, 1.0, 0.03])
-    s.state.v[:] = np.cross(spin, s.mesh.x - rigid.center[0])
+    s.state.v[:] = np.cross(spin, s.mesh.x - rigid.centre[0])
     rigid.set_velocity(s.state.v)
     L0, E0 = rigid.momentum[0].copy(), rigid.kinetic_energy(0.0)
     start = rigid.axes[0].T @ spin
@@ -75,7 +75,7 @@ def _nodal_momentum(s):
     """Angular momentum about the centre from the motion of the nodes, linear in the cells."""
     x, v = s.state.x[s.mesh.cells], s.state.v[s.mesh.cells]
     volume = np.linalg.det(x[:, 1:] - x[:, :1]) / 6
-    x = x - s.rigid.center[0]
+    x = x - s.rigid.centre[0]
     turning = np.cross(x, v).sum(axis=1) + np.cross(x.sum(axis=1), v.sum(axis=1))
     return ROCK.rho * volume @ turning / 20
 

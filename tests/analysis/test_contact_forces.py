@@ -50,11 +50,11 @@ def test_active_contacts_of_a_chain_with_a_rattler():
 def test_stress_of_a_ball_from_its_contacts():
     """Squeezed by ±F at its poles: σ = 2 F R / V; a wall on the one side, a grain on the other."""
     F, R, V = 3.0, 0.5, 0.7
-    center = np.array([[0.0, 0.0, R], [0.0, 0.0, 3 * R]])
+    centre = np.array([[0.0, 0.0, R], [0.0, 0.0, 3 * R]])
     found = forces.contact_stress_of_grains(
         np.array([0, 0]), np.array([-1, 1]),
         np.array([[0, 0, F], [0, 0, -F]]), np.array([[0, 0, 0.0], [0, 0, 2 * R]]),
-        center, np.array([V, V]),
+        centre, np.array([V, V]),
     )  # fmt: skip
     assert found[0] == pytest.approx(np.diag([0, 0, 2 * F * R / V]), abs=ROUND_OFF)
     assert found[1] == pytest.approx(np.diag([0, 0, F * R / V]), abs=ROUND_OFF)
@@ -67,18 +67,18 @@ def column(num, x=0.0):
 
 def test_a_loaded_column_is_a_force_chain():
     """Five loaded balls in a column; a loaded pair, and a weak ball beside each, are none."""
-    center = np.concatenate([column(5), column(2, 5.0), column(5, 1.0)])
+    centre = np.concatenate([column(5), column(2, 5.0), column(5, 1.0)])
     stress = np.zeros((12, 3, 3))
     stress[:7, 2, 2], stress[7:, 2, 2] = 10.0, 0.1
     first = np.array([0, 1, 2, 3, 5, 0, 1, 2, 3, 4])
     second = np.array([1, 2, 3, 4, 6, 7, 8, 9, 10, 11])
-    found = forces.force_chains(stress, center, first, second)
+    found = forces.force_chains(stress, centre, first, second)
     assert found.num_chains == 1
     assert found.chain.tolist() == [0] * 5 + [-1] * 7
     assert found.links.tolist() == [True] * 4 + [False] * 6
     assert found.major[:7] == pytest.approx(10) and np.abs(found.direction[:7, 2]).min() == 1
     with pytest.raises(InputError, match="angle of force chains"):
-        forces.force_chains(stress, center, first, second, angle=0)
+        forces.force_chains(stress, centre, first, second, angle=0)
 
 
 @pytest.mark.parametrize(("tilt", "chains"), [(44.0, 2), (46.0, 0)])
@@ -87,13 +87,13 @@ def test_chains_end_where_stress_turns_away(tilt, chains):
 
     And the middle ball of a third has its stress across: both halves are too short.
     """
-    center = np.concatenate([column(4), column(3, 5.0), column(5, 9.0), column(9, 20.0)])
+    centre = np.concatenate([column(4), column(3, 5.0), column(5, 9.0), column(9, 20.0)])
     c, s = np.cos(np.radians(tilt)), np.sin(np.radians(tilt))
     stress = np.zeros((21, 3, 3))
     stress[:12] = 5.0 * np.outer([s, 0, c], [s, 0, c])
     stress[9] = np.diag([5.0, 0, 0])
     links = np.array([0, 1, 2, 4, 5, 7, 8, 9, 10, *range(12, 20)])
-    found = forces.force_chains(stress, center, links, links + 1)
+    found = forces.force_chains(stress, centre, links, links + 1)
     assert found.num_chains == chains
     wanted = [0] * 4 + [1] * 3 + [-1] * 14 if chains else [-1] * 21
     assert found.chain.tolist() == wanted

@@ -33,20 +33,20 @@ def quadrature(points, cells, grain_of_cell, rho):
         mine = cells[grain_of_cell == label]
         weight = rho * np.repeat(tet_volumes(points, mine) / 4, 4)
         x = (rule @ points[mine]).reshape(-1, 3)
-        center = weight @ x / weight.sum()
-        r = x - center
+        centre = weight @ x / weight.sum()
+        r = x - centre
         tensor = np.einsum("p,pi,pi->", weight, r, r) * np.eye(3) - (weight[:, None] * r).T @ r
-        yield weight.sum(), center, tensor
+        yield weight.sum(), centre, tensor
 
 
 def test_inertia_is_the_exact_integral_over_the_tetrahedra():
     points, cells, grain = bodies()
     found = grain_inertia(points, cells, grain, rho=2.5)
     assert found.labels.tolist() == [4, 7, 9]
-    for k, (mass, center, tensor) in enumerate(quadrature(points, cells, grain, 2.5)):
+    for k, (mass, centre, tensor) in enumerate(quadrature(points, cells, grain, 2.5)):
         # Round-off: bodies of size 1 lie 500 from the origin.
         assert found.mass[k] == pytest.approx(mass, rel=1e-11)
-        assert found.centroid[k] == pytest.approx(center, rel=1e-12)
+        assert found.centroid[k] == pytest.approx(centre, rel=1e-12)
         assert np.abs(found.tensor[k] - tensor).max() < 1e-10 * tensor.max()
         turned = found.axes[k] @ tensor @ found.axes[k].T
         assert np.abs(turned - np.diag(found.moments[k])).max() < 1e-10 * tensor.max()

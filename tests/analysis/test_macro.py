@@ -49,9 +49,9 @@ def test_inertia_closes_the_balance_of_a_column_that_accelerates():
     branch = [D / 2 * up, D * up, D * up, -D / 2 * up]
     volume = D * D * 3 * D
     stress = macro.contact_stress(np.array(force), np.array(branch), volume)
-    center = np.array([[0, 0, 0.5 * D], [0, 0, 1.5 * D], [0, 0, 2.5 * D]])
+    centre = np.array([[0, 0, 0.5 * D], [0, 0, 1.5 * D], [0, 0, 2.5 * D]])
     acceleration = np.outer(at[:3] - at[1:], up)
-    inertia = macro.inertial_stress(acceleration, center, np.array([0, 0, 1.5 * D]), volume)
+    inertia = macro.inertial_stress(acceleration, centre, np.array([0, 0, 1.5 * D]), volume)
     walls = macro.wall_stress([0, 0, 0, 0, at[0], at[3]], [D, D, 3 * D])
     assert walls[2] == pytest.approx(5.5 / D**2, rel=ROUND_OFF)
     assert (stress + inertia)[2, 2] == pytest.approx(walls[2], rel=ROUND_OFF)

@@ -25,22 +25,22 @@ def test_mass_and_inertia_of_bricks_are_exact():
     both = np.concatenate([points, 2 * points + corner])
     cells = np.concatenate([cells, cells + len(points)])
     offset, rho = np.array([0, 0.5, 1]) * len(cells), np.array([1000.0, 2650.0])
-    mass, center, inertia = mass_properties(both, cells, offset.astype(int), rho)
+    mass, centre, inertia = mass_properties(both, cells, offset.astype(int), rho)
     for k, size in enumerate((1, 2)):
         x, y, z = size * np.array([a, b, c])
         m = rho[k] * x * y * z
         exact = m / 12 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
         # Sums over tens of tetrahedra: rounding.
         assert mass[k] == pytest.approx(m, rel=1e-14)
-        assert np.allclose(center[k], k * corner + [x / 2, y / 2, z / 2], rtol=0, atol=1e-16)
+        assert np.allclose(centre[k], k * corner + [x / 2, y / 2, z / 2], rtol=0, atol=1e-16)
         assert np.allclose(inertia[k], exact, rtol=0, atol=1e-13 * exact.max())
 
 
 def test_mass_and_inertia_of_points():
     """A dumb-bell of 1 and 3 kg, 4 m long: centre 1 m from the heavy end, m₁ m₂/m l² = 12."""
     x = np.array([[5.0, 0, 0], [5.0, 4.0, 0]])
-    mass, center, inertia = point_properties(x, np.array([1.0, 3.0]))
-    assert mass.tolist() == [4.0] and center.tolist() == [[5.0, 3.0, 0.0]]
+    mass, centre, inertia = point_properties(x, np.array([1.0, 3.0]))
+    assert mass.tolist() == [4.0] and centre.tolist() == [[5.0, 3.0, 0.0]]
     assert np.allclose(inertia[0], np.diag([12.0, 0.0, 12.0]), atol=1e-14)
 
 

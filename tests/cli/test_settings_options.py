@@ -7,7 +7,7 @@ from mufe_fenicsx.cli.arguments import merged_settings
 from mufe_fenicsx.cli.main import app
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.settings import MeshSettings, SegmentSettings
-from mufe_fenicsx.keys import keys_of
+from mufe_fenicsx.units import keys_of
 
 COMMANDS = {"segment": SegmentSettings, "mesh": MeshSettings}
 

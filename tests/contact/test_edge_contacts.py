@@ -8,6 +8,7 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.bulk.solid import Solid
+from mufe_fenicsx.contact.friction import PairFriction
 from mufe_fenicsx.contact.laws import COMPLIANCE, edge_of_area
 from mufe_fenicsx.contact.mark import ContactMark
 from mufe_fenicsx.contact.results.network import find_network, num_active_pairs
@@ -32,7 +33,7 @@ class Ridges:
     The upper ones are moved by hand. Edges have the length 1/4. Collective.
     """
 
-    def __init__(self, gap):
+    def __init__(self, gap, friction=FRICTION, friction_kinetic=None):
         (lower, cells), (upper, _) = ridge(4), ridge(4)
         upper = upper @ np.array([[0, 1.0, 0], [1, 0, 0], [0, 0, -1]]) + [0, 0, gap]
         shift = np.array([0.013, -0.021, 0.0])
@@ -52,7 +53,10 @@ class Ridges:
             grain + 1,
             rank_of_grain,
         )
-        self.simulation = Simulation(self.mesh, [QUARTZ] * self.mesh.num_grains, friction=FRICTION)
+        self.simulation = Simulation(
+            self.mesh, [QUARTZ] * self.mesh.num_grains, friction=friction,
+            friction_kinetic=friction_kinetic,
+        )  # fmt: skip
         self.contact = self.simulation.contact
         self.x = self.mesh.x.copy()
         self.grain = self.mesh.grains[self.mesh.grain_of_node]
@@ -198,7 +202,9 @@ def test_work_and_slip_of_crossings_outlive_them():
     assert np.all(ridges.by_grain(fields["contact_slip"]) > 0.98 * way)
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.02, 0.9])
+@pytest.mark.parametrize(
+    "friction", [0.0, 0.02, 0.9, PairFriction(0.9, ["a", "b"], {("b", "a"): (0.03, 0.02)})]
+)
 def test_tangent_of_a_crossing_is_the_derivative_of_its_forces(friction):
     """Between nodes of both edges, where its stiffness changes along them; slipping and stuck.
 
@@ -235,7 +241,7 @@ def test_tangent_of_a_crossing_is_the_derivative_of_its_forces(friction):
     pairs = contact.edges.pairs
     on = np.flatnonzero(pairs.closed)
     assert on.size == 1 and not contact.pairs.closed.any()
-    assert pairs.sliding[on[0]] == (friction < 0.1)
+    assert pairs.sliding[on[0]] == (friction != 0.9)
     assert np.all(contact.edges.edges.compliance[[pairs.first[on], pairs.second[on]]] > 0)
     rows, columns, blocks = ContactTangent(contact, mesh)(mark)
     nodes, product = contact.own.nodes, np.zeros_like(x)

@@ -8,7 +8,7 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.bulk.solid import Solid
-from mufe_fenicsx.contact.surface.surface import neighbors
+from mufe_fenicsx.contact.surface.surface import neighbours
 from mufe_fenicsx.explicit.simulation import Simulation
 from mufe_fenicsx.geometry.tets.refine import split
 from mufe_fenicsx.kernels.crossing import crossing
@@ -65,8 +65,8 @@ def test_sharp_edges_of_a_tetrahedron_and_none_of_what_is_flat_or_concave():
         # Turned inside out all its edges are concave; normals differ by 109.5 degrees.
         facets = TET[:, ::sign].copy()
         cosine = np.cos(np.radians(angle))
-        sharp = sharp_edges(x, facets, neighbors(facets), cosine)
-        ends, beyond, sides, key = list_sharp_edges(facets, neighbors(facets), numbers, sharp)
+        sharp = sharp_edges(x, facets, neighbours(facets), cosine)
+        ends, beyond, sides, key = list_sharp_edges(facets, neighbours(facets), numbers, sharp)
         assert len(ends) == expected and np.unique(key).size == expected
         for e, o, f in zip(ends, beyond, sides, strict=True):
             assert {*e, *o} == {0, 1, 2, 3}

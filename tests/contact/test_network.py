@@ -92,11 +92,11 @@ def test_contact_of_two_balls():
     network, pressed, grown = on_first_ranks(COMM, 2, meeting_balls)
     c = network.contacts
     assert c.a.tolist() == [0] and c.b.tolist() == [1]
-    line = network.center[0] - network.center[1]
+    line = network.centre[0] - network.centre[1]
     assert np.allclose(c.branch[0], line, rtol=0, atol=1e-15)
     line /= np.linalg.norm(line)
     force, radius = c.normal_force[0], np.sqrt(c.area[0] / np.pi)
-    middle = 0.5 * (network.center[0] + network.center[1])
+    middle = 0.5 * (network.centre[0] + network.centre[1])
     assert c.num_points[0] > 10 and force > 0
     assert np.linalg.norm(c.normal[0] - line) < 0.05 * radius / RADIUS
     assert np.linalg.norm(c.shear_force[0]) < 0.05 * radius / RADIUS * force

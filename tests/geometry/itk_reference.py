@@ -31,9 +31,9 @@ def balls(size=36, number=40, seed=2):
     rng = np.random.default_rng(seed)
     solid = np.zeros((size,) * 3, dtype=bool)
     at = np.moveaxis(np.indices(solid.shape), 0, -1)
-    centers, radii = rng.uniform(0, size, (number, 3)), rng.uniform(4, 8, number)
-    for center, radius in zip(centers, radii, strict=True):
-        solid |= ((at - center) ** 2).sum(axis=-1) < radius**2
+    centres, radii = rng.uniform(0, size, (number, 3)), rng.uniform(4, 8, number)
+    for centre, radius in zip(centres, radii, strict=True):
+        solid |= ((at - centre) ** 2).sum(axis=-1) < radius**2
     return solid
 
 

@@ -8,9 +8,9 @@ def positions(shape):
     return np.stack(np.meshgrid(*[np.arange(n) + 0.5 for n in shape], indexing="ij"), axis=-1)
 
 
-def ball(shape, center, radius):
-    """True within a ball; center (z, y, x) and radius in voxels."""
-    return np.linalg.norm(positions(shape) - np.asarray(center), axis=-1) < radius
+def ball(shape, centre, radius):
+    """True within a ball; centre (z, y, x) and radius in voxels."""
+    return np.linalg.norm(positions(shape) - np.asarray(centre), axis=-1) < radius
 
 
 def two_balls():

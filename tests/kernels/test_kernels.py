@@ -15,7 +15,7 @@ from mpi4py import MPI
 from scipy.spatial.transform import Rotation
 
 from mufe_fenicsx.bulk.solid import ELEMENTS, Solid, von_mises
-from mufe_fenicsx.contact.surface.surface import neighbors, rings
+from mufe_fenicsx.contact.surface.surface import neighbours, rings
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box, sphere
 from mufe_fenicsx.geometry.tets.refine import split
@@ -356,9 +356,9 @@ def _used(points, cells):
 def test_sign_of_the_pseudo_normal(body):
     """Points near edges and corners, convex and concave: inside or outside is always right."""
     x, facets, inside = body()
-    neighbor = neighbors(facets)
+    neighbour = neighbours(facets)
     ring_offset, ring = rings(facets, len(x))
-    assert neighbor.min() >= 0
+    assert neighbour.min() >= 0
     rng = np.random.default_rng(3)
     edges = x[facets[:, [0, 1]]]
     along = rng.random((len(edges), 1))
@@ -373,7 +373,7 @@ def test_sign_of_the_pseudo_normal(body):
             )
             distance, k, feature = best
             *w, _ = closest_point(*p, x, *facets[k])
-            n = np.array(pseudo_normal(x, facets, k, feature, neighbor, ring_offset, ring))
+            n = np.array(pseudo_normal(x, facets, k, feature, neighbour, ring_offset, ring))
             outward = (p - np.array(w) @ x[facets[k]]) @ n
             assert distance > 0
             assert (outward < 0) == inside(p)

@@ -24,7 +24,17 @@ from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.peers.calculix import export_calculix
 from mufe_fenicsx.peers.deck_forces import read_wall_forces
 from mufe_fenicsx.run.run import run_scene
-from mufe_fenicsx.scene import Contact, Implicit, Oedometer, Sample, Scene, Solver, Wall
+from mufe_fenicsx.scene import (
+    Contact,
+    Group,
+    Implicit,
+    Oedometer,
+    Pair,
+    Sample,
+    Scene,
+    Solver,
+    Wall,
+)
 
 RADIUS = 1e-4
 SOFT = Elastic(1e9, 0.15, 2650.0)
@@ -66,7 +76,8 @@ def test_a_deck_of_two_cubes(tmp_path):
     save_grains(tmp_path / "grains", grains)
     hard = J2(100e9, 0.15, 2650.0, ((0.0, 10e6), (0.05, 110e6)))
     walls = {"x_min": Wall(velocity=0.01)}
-    scene = scene_of(hard, walls=walls)
+    contact = Contact(0.23, wall_friction=0.1, pairs={"top-material": Pair(0.17)})
+    scene = scene_of(hard, walls=walls, contact=contact, materials={"top": Group((9,), hard)})
     result = export_calculix(
         tmp_path / "deck.inp",
         scene,
@@ -130,7 +141,7 @@ def test_a_deck_of_two_cubes(tmp_path):
         names = tuple(cards[i + 3][1][0])
         pairs[names] = float(stiffness), float(mu), float(slope) / float(stiffness)
     assert len(pairs) == 1 + 2 * 4 + 2
-    assert pairs.pop(("S_GRAIN_4", "S_GRAIN_9")) == pytest.approx((1e-9 / 2 / layer, 0.23, ratio))
+    assert pairs.pop(("S_GRAIN_4", "S_GRAIN_9")) == pytest.approx((1e-9 / 2 / layer, 0.17, ratio))
     for names, values in pairs.items():
         assert names[1].startswith("S_WALL") and values == pytest.approx((1e-9 / layer, 0.1, ratio))
 
@@ -184,7 +195,7 @@ def test_what_a_deck_has_no_words_for(tmp_path):
     object.__setattr__(without, "oedometer", None)  # as in a scene with another kind of test
     with pytest.raises(InputError, match="is missing, expected it: a deck"):
         export_calculix(tmp_path / "a.inp", without, tmp_path / "g", MPI.COMM_SELF)
-    kinetic = Contact(0.23, friction_kinetic=0.1)
+    kinetic = Contact(0.23, pairs={"material-material": Pair(0.2, 0.1)})
     damped = scene_of(contact=kinetic, solver=Solver(damping=10.0))
     notes = export_calculix(tmp_path / "a.inp", damped, tmp_path / "g", MPI.COMM_SELF)["notes"]
     for text in ("element: C3D4", "implicit increments", "kinetic ones", "damping"):

@@ -96,8 +96,8 @@ def test_displacement_by_rotation_is_that_of_the_nodes(tmp_path):
     points, cells = ball(2, 1e-4, np.random.default_rng(3))
     R = Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix()
     volume = mesh_quality.mesh_quality(points, cells).volume
-    center = volume @ points[cells].mean(axis=1) / volume.sum()
-    moved = (points - center) @ R.T + center - points
+    centre = volume @ points[cells].mean(axis=1) / volume.sum()
+    moved = (points - centre) @ R.T + centre - points
     writer = fields.FieldWriter(MPI.COMM_SELF, tmp_path, points, cells, np.ones(len(cells), int))
     writer.write(0, 1.0, 0.0, "loading", {"displacement": moved}, {"von_mises": volume})
     parts = motion.displacement_parts(Source(tmp_path))

@@ -81,6 +81,22 @@ def test_tables_of_a_lattice(whole):
     assert friction["z_max"] == pytest.approx(12) and friction["x_min"] == 0
 
 
+def test_mobilised_friction_is_that_of_the_pair_of_materials(whole, tmp_path):
+    """Half of 0.5 is the whole of 0.25, of grains of one group each; others keep theirs."""
+    folder = shutil.copytree(whole, tmp_path / "run")
+    contacts = Run(folder).contacts(2)
+    inner = contacts[contacts["grain_b"] > 0]
+    a, b = (int(inner[name].iloc[0]) for name in ("grain_a", "grain_b"))
+    pairs = "[contact.pairs]\nhard-soft = { friction = 0.3, friction_kinetic = 0.25 }\n"
+    groups = f"[materials.soft]\nlabels = [{a}]\n[materials.hard]\nlabels = [{b}]\n"
+    (folder / "scene.toml").write_text(SCENE + pairs + groups)
+    found = Run(folder).contact_table()
+    here = ((found["grain_a"] == a) & (found["grain_b"] == b)).to_numpy()
+    wall = (found["wall"] != "").to_numpy()
+    expected = np.where(here, 1.0, np.where(wall, 0.0, 0.5))
+    assert here.sum() == 1 and found["mobilised"].to_numpy() == pytest.approx(expected)
+
+
 def edit(path, line, column, value):
     """Change one cell of a CSV file; line 1 is that of the names."""
     rows = [row.split(",") for row in path.read_text().splitlines()]

@@ -38,6 +38,7 @@ from mufe_fenicsx.scene import (
     MassScaling,
     Oedometer,
     Output,
+    Pair,
     QuasiStatic,
     Scene,
     Wall,
@@ -94,6 +95,8 @@ def test_resumed_runs_give_the_same_bytes(folder, monkeypatch):
     """Stopped before and after grains begin to deform, then by a signal that one rank receives."""
     handler = signal.getsignal(signal.SIGINT)  # ignored where tests run in the background
     often = scene(checkpoint_steps=40)
+    pairs = {"material-late": Pair(0.5, 0.15), "hard-material": Pair(0.1)}
+    often = replace(often, contact=replace(often.contact, pairs=pairs))
     whole = run(folder, "whole", scene=often)
     assert whole["finished"]
     run(folder, "parts", scene=often, max_steps=100)
@@ -385,6 +388,9 @@ def test_a_checkpoint_of_something_else_is_refused(folder, monkeypatch):
     run(folder, "out", max_steps=5)
     other = replace(scene(), contact=Contact(friction=0.3, wall_friction=0.2))
     with pytest.raises(InputError, match=r"contact.friction = 0.3, was 0.4, expected"):
+        run(folder, "out", resume=True, scene=other)
+    other = replace(scene(), contact=replace(scene().contact, pairs={"hard-late": Pair(0.2)}))
+    with pytest.raises(InputError, match=r"contact.pairs.hard-late.friction = 0.2, was not set, e"):
         run(folder, "out", resume=True, scene=other)
     monkeypatch.setattr(checkpoints, "VERSION", checkpoints.VERSION + 1)
     with pytest.raises(InputError, match=r"checkpoint .* is mufe checkpoint \d+, expected"):

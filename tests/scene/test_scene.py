@@ -69,6 +69,15 @@ model = "rigid"
 """
 )
 
+WITH_PAIRS = (
+    FULL
+    + """
+[contact.pairs]
+stones-material = 0.2
+"soft ones-stones" = { friction = 0.3, friction_kinetic = 0.25 }
+"""
+)
+
 
 def scene_file(folder, text):
     path = folder / "test.toml"
@@ -197,6 +206,29 @@ def test_kinetic_friction_goes_with_the_friction_that_it_belongs_to(tmp_path):
     assert load_scene(scene_file(elsewhere, scene_to_toml(scene))) == scene
 
 
+def test_friction_of_grains_is_that_of_the_pair_of_their_materials(tmp_path):
+    """Of no pair, of grains in no group, and with hyphens in names."""
+    text = WITH_PAIRS.replace("[materials.stones]", "[materials.soft-ones-stones]\nlabels = [7]\n"
+                        "[materials.stones]")  # fmt: skip
+    text += "soft-ones-stones-stones = 0.1\n"
+    scene = load_scene(scene_file(tmp_path, text))
+    friction = scene.friction_of(np.arange(1, 10))
+    # Labels 1 and 2 are of [material], 3 of "soft ones", 7 of soft-ones-stones, 9 of stones.
+    first, second = np.array([[1, 1, 3, 7, 9, 9], [2, 9, 9, 9, 9, 1]]) - 1
+    found = friction.table(None, 9).coefficients[friction.rows(first, second)]
+    none = (0.23, 0.23)
+    assert found.tolist() == [list(c) for c in (none, (0.2, 0.2), (0.3, 0.25), (0.1, 0.1), none,
+                                                (0.2, 0.2))]  # fmt: skip
+    assert [friction.static(i, j) for i, j in zip(first, second, strict=True)] == [
+        static for static, _ in found
+    ]
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    assert load_scene(scene_file(elsewhere, scene_to_toml(scene))) == scene
+    # Without grains of a material its pairs are of no effect.
+    assert scene.friction_of(np.array([1, 2])).rows(np.array([0]), np.array([1])).size == 0
+
+
 def test_scene_of_the_demonstration():
     """The material and the strain of Nadimi & Fonseca (2018)."""
     scene = load_scene(demo_scene())
@@ -235,7 +267,7 @@ BAD = [
     (
         "[mesh]",
         "[membrane]",
-        "membrane = a table is not a known key, expected one of title, accuracy, gravity, image, mesh, ",
+        "membrane = a table is not a known key, expected one of title, accuracy, gravity, image, ",
     ),
     (
         "processes = 2",
@@ -301,6 +333,7 @@ BAD = [
         "walls.x_max.friction_kinetic = 0.3, expected a friction beside it",
     ),
     ("friction = 0.23", "friction = [0.2]", "contact.friction = [0.2], expected a number"),
+    ("friction = 0.23", "friction = 0.2\npairs = 3", "contact.pairs = 3, expected a table [cont"),
     ("strain = 0.1", "strain = 1.0", "oedometer.strain = 1.0, expected 0 < strain < 1"),
     ("strain = 0.1", "strain = 0", "oedometer.strain = 0.0, expected 0 < strain < 1"),
     ("speed = 2", "speed = -2", "oedometer.speed = -2.0, expected > 0"),
@@ -340,6 +373,62 @@ BAD = [
     ("[contact]\nfriction = 0.23", "", "[contact] is missing"),
     ("[contact]\nfriction = 0.23", "contact = 3", "contact.friction"),
 ]
+
+
+BAD_PAIRS = [
+    (
+        "stones-material",
+        "stone-material",
+        "contact.pairs.stone-material names no pair of materials, expected NAME-NAME, each one of "
+        "material, soft ones, stones",
+    ),
+    ("stones-material", "stones", "contact.pairs.stones names no pair of materials, expected"),
+    (
+        "stones-material = 0.2",
+        "stones-material = 0.2\nmaterial-stones = 0.2",
+        "contact.pairs.material-stones is given, expected one entry for a pair: stones-material is",
+    ),
+    (
+        "stones-material = 0.2",
+        "stones-material = -1",
+        "pairs.stones-material = -1.0, expected >= 0",
+    ),
+    ("stones-material = 0.2", 'stones-material = "rough"', 'material = "rough", expected a number'),
+    (
+        "stones-material = 0.2",
+        "stones-material = 1e9",
+        "stones-material = 1000000000.0, expected 0",
+    ),
+    (
+        "friction_kinetic = 0.25",
+        "friction_kinetic = 0.35",
+        "contact.pairs.soft ones-stones.friction_kinetic = 0.35, expected 0 <= friction_kinetic <=",
+    ),
+    (
+        "friction_kinetic = 0.25",
+        "kinetic = 0.25",
+        "stones.kinetic = 0.25 is not a known key, expec",
+    ),
+    ("{ friction = 0.3, friction_kinetic = 0.25 }", "{}", "soft ones-stones.friction is missing"),
+    ("[materials.stones]", "[materials.material]", "materials.material is given, expected another"),
+    (
+        '"soft ones-stones" = { friction = 0.3, friction_kinetic = 0.25 }',
+        "a-b-c = 0.2\n"
+        + "".join(
+            f"[materials.{n}]\nlabels = [{k}]\n"
+            for k, n in enumerate(("a", "b-c", "a-b", "c"), start=20)
+        ),
+        "contact.pairs.a-b-c is a and b-c or a-b and c, expected names of materials that leave",
+    ),
+]
+
+
+@pytest.mark.parametrize("old, new, said", BAD_PAIRS)
+def test_unusable_pair_of_materials_is_named_in_one_line(tmp_path, old, new, said):
+    assert WITH_PAIRS.count(old) == 1
+    with pytest.raises(InputError) as error:
+        load_scene(scene_file(tmp_path, WITH_PAIRS.replace(old, new)))
+    assert said in str(error.value) and len(str(error.value).splitlines()) == 1
 
 
 @pytest.mark.parametrize("old, new, said", BAD, ids=[case[2][:40] for case in BAD])

@@ -7,9 +7,9 @@ import pytest
 
 from mufe_fenicsx.cli.exit_status import LONGEST
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.keys import keys_of
 from mufe_fenicsx.scene import load_scene, scene_to_toml
 from mufe_fenicsx.scene.catalogue import TABLES
+from mufe_fenicsx.units import keys_of
 from tests.scene.test_scene import FULL, SMALLEST
 
 STAGES = (

@@ -12,7 +12,6 @@ from mpi4py import MPI
 
 from mufe_fenicsx.cli.main import main
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.keys import keys_of
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import load_scene, scene_to_toml
 from mufe_fenicsx.scene.explanations import explain, tables
@@ -20,6 +19,7 @@ from mufe_fenicsx.scene.schema import scene_schema
 from mufe_fenicsx.synthetic.scene_text import scene_text
 from mufe_fenicsx.synthetic.settings import SynthesisSettings
 from mufe_fenicsx.synthetic.starter_scenes import KINDS
+from mufe_fenicsx.units import keys_of
 from tests.loading import test_stages
 from tests.scene import test_scene
 
@@ -61,6 +61,9 @@ def test_schema_takes_every_scene_and_its_written_form(validator, name, tmp_path
         ("strain = 0.1", "strain = 1.5"),  # bound from the check of the class
         ("[material]", "accuracy = 2\n[material]"),  # outside of the tables
         ("strain = 0.1", ""),  # required
+        ("[oedometer]", "[contact.pairs]\nmaterial-material = -1\n[oedometer]"),
+        ("[oedometer]", "[contact.pairs]\nmaterial-material = true\n[oedometer]"),
+        ("[oedometer]", "[contact.pairs]\nmaterial-material = {}\n[oedometer]"),
         ("speed = 2", 'speed = "fast"'),  # no number with a unit
         ("speed = 2", "speed = true"),
         ("[contact]", "[contact]\nlaw = 'hard'"),  # one of some texts
@@ -94,6 +97,8 @@ def test_every_key_is_documented():
         ("oedometer.speed", ["of the top platen", "10 mm/s", "> 0", "has to be given"]),
         ("contact.points", ['"facets" or "facets3" or "nodes"', "left out: facets"]),
         ("solver.time_step_factor", ["> 0 and < 1", "left out: 0.9"]),
+        ("contact.pairs", ["NAME-NAME in either order", "[contact.pairs.NAME]"]),
+        ("contact.pairs.a-b.friction_kinetic", ["while they slip"]),
         ("walls.x_min.stress", ["mean pressure", "a stress such as"]),
         ("stage.z.stress", ["to hold from then on"]),
         ("materials.soft.E", ["Young's modulus"]),

@@ -22,12 +22,12 @@ from mufe_fenicsx.synthetic.settings import SynthesisSettings, settings_from
 from mufe_fenicsx.synthetic.shapes import make_grains
 
 
-def balls(diameters, centers, box):
+def balls(diameters, centres, box):
     n = len(diameters)
     rng = np.random.default_rng(1)
     grains = make_grains(rng, diameters, np.ones(n), np.ones(n), 0.0, 1.7, 15)
     return Packing(
-        grains, np.array(centers, dtype=float), np.tile(np.eye(3), (n, 1, 1)), np.zeros(3),
+        grains, np.array(centres, dtype=float), np.tile(np.eye(3), (n, 1, 1)), np.zeros(3),
         np.array(box, dtype=float),
     )  # fmt: skip
 
@@ -76,11 +76,11 @@ def test_contact_forces_balance_and_point_along_the_line_of_centres():
     weight = vertex_areas(place, triangles)
     assert weight.sum(axis=1) == pytest.approx(4 * np.pi, rel=0.01)
     x, (force, torque) = np.empty_like(place), np.zeros((2, 2, 3))
-    radial.surface_points(x, place, packing.center, packing.axes)
+    radial.surface_points(x, place, packing.centre, packing.axes)
     touching, _, deepest = radial.add_contact_forces(
         force, torque, x, weight, np.array([[0, 1]]), *packing.arrays
     )
-    line = packing.center[1] - packing.center[0]
+    line = packing.centre[1] - packing.centre[0]
     distance = np.linalg.norm(line)
     assert touching == 1
     # Edges are 0.16 long, so a point is within 0.093 of the deepest, where the depth falls by the
@@ -88,7 +88,7 @@ def test_contact_forces_balance_and_point_along_the_line_of_centres():
     assert deepest == pytest.approx(2 - distance, abs=9e-3)
     assert force.sum(axis=0) == pytest.approx(0, abs=1e-15)
     # Moments about one point: those of the forces and the torques.
-    total = torque.sum(axis=0) + np.cross(packing.center, force).sum(axis=0)
+    total = torque.sum(axis=0) + np.cross(packing.centre, force).sum(axis=0)
     assert total == pytest.approx(0, abs=1e-15)
     direction = -force[0] / np.linalg.norm(force[0])
     assert direction == pytest.approx(line / distance, abs=0.05)
@@ -110,7 +110,7 @@ def test_packing_is_dense_and_hardly_overlaps(packing):
     assert packing.largest_depth < 10 * 0.5e-6
     # All grains within the walls, but for the depth of contacts.
     x = np.empty((40, 642, 3))
-    radial.surface_points(x, packing.grains.surface(icosphere(3)[0]), packing.center, packing.axes)
+    radial.surface_points(x, packing.grains.surface(icosphere(3)[0]), packing.centre, packing.axes)
     assert (x > packing.low - 5e-6).all() and (x < packing.high + 5e-6).all()
     # The part of the volume that two grains share: depth 0.5 um on few contacts of 200 um grains.
     voxels = voxelise(packing, (40, 40, 40), float((packing.high - packing.low).max() / 40), 3)
@@ -123,7 +123,7 @@ def test_the_same_seed_gives_the_same_packing(packing):
     n = 40
     grains = make_grains(rng, np.full(n, 200e-6), np.full(n, 0.8), np.full(n, 0.8), 0.05, 1.7, 12)
     again = pack(grains, rng, (1, 1, 1), 0.5e-6)
-    assert np.array_equal(again.center, packing.center)
+    assert np.array_equal(again.centre, packing.centre)
 
 
 def test_rings_do_not_change_along_the_axis_and_noise_has_its_deviation():

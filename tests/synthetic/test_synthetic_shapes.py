@@ -26,12 +26,12 @@ def test_size_and_form_of_tetrahedra_are_as_asked(grains):
     for g, x in enumerate(grains.surface(directions)):
         cells = np.column_stack([np.full(len(triangles), len(x)), triangles])
         points = np.vstack([x, x.mean(axis=0)])
-        mass, center, inertia = mass_properties(
+        mass, centre, inertia = mass_properties(
             points, cells, np.array([0, len(cells)]), np.ones(1)
         )
         # Facets of edges 0.04 r cut off 0.04²/8 = 2e-4 of the radius of round parts.
         assert mass[0] == pytest.approx(np.pi / 6 * 300e-6**3, rel=2e-3)
-        assert np.abs(center).max() < 1e-3 * 300e-6
+        assert np.abs(centre).max() < 1e-3 * 300e-6
         second = 0.5 * np.trace(inertia[0]) * np.eye(3) - inertia[0]
         # The principal axes are the grain's own axes, L first.
         assert np.abs(second - np.diag(np.diag(second))).max() < 2e-3 * second.max()
@@ -80,15 +80,15 @@ def test_level_function_has_the_gradient_it_says(grains):
     """Central differences at points in all faces of the cube."""
     rng = np.random.default_rng(2)
     axes = np.linalg.qr(rng.standard_normal((3, 3)))[0]
-    center = np.array([1e-4, 2e-4, -1e-4])
+    centre = np.array([1e-4, 2e-4, -1e-4])
     inverse, offset, table = grains.inverse[0], grains.offset[0], grains.table[0]
 
     def f(x):
-        v = shape_place.py_func(*x, center, axes, inverse, offset)
+        v = shape_place.py_func(*x, centre, axes, inverse, offset)
         return np.array(level.py_func(*v, axes, inverse, table))
 
     h = 1e-9
-    for x in center + rng.uniform(-2e-4, 2e-4, (60, 3)):
+    for x in centre + rng.uniform(-2e-4, 2e-4, (60, 3)):
         numeric = [(f(x + h * e)[0] - f(x - h * e)[0]) / (2 * h) for e in np.eye(3)]
         # Steps of 1e-5 of the size, rounding 1e-16/1e-5; a step across a line of the table is rare
         # and changes the slope by little.

@@ -157,7 +157,7 @@ class _Edges:
         s = surface
         # Those of facets that only complete a ring too: they count at the corners of others.
         self.ends, self.beyond, sides, self.key = list_sharp_edges(
-            s.facets, s.neighbor, s.global_facet, s.sharp_edge
+            s.facets, s.neighbour, s.global_facet, s.sharp_edge
         )
         self.num_own = int(np.count_nonzero(self.ends[:, 0] < num_own))
         self.grain = s.grain_of_facet[sides[:, 0]]
@@ -218,7 +218,7 @@ def edge_compliances(own, x, of_mesh):
     if of_mesh is None or not own.sharp_edge.any():
         return np.broadcast_to(0.0, own.sharp_edge.shape)
     numbers = np.arange(len(own.facets))
-    ends, _, sides, key = list_sharp_edges(own.facets, own.neighbor, numbers, own.sharp_edge)
+    ends, _, sides, key = list_sharp_edges(own.facets, own.neighbour, numbers, own.sharp_edge)
     a, b, c = np.moveaxis(x[own.nodes[own.facets[sides]]], 2, 0)
     normal = np.cross(b - a, c - a)
     bisector = (normal / np.linalg.norm(normal, axis=2, keepdims=True)).sum(axis=1)

@@ -138,14 +138,14 @@ class GrainMoves:
     Args:
         comm: MPI communicator.
         grains: Global indices of this rank's grains, increasing, shape (num_own_grains,).
-        neighbors: As of :class:`~mufe_fenicsx.contact.surface.exchange.Surface`.
+        neighbours: As of :class:`~mufe_fenicsx.contact.surface.exchange.Surface`.
         num_walls: Walls, which every rank knows.
         longest: Longest wait [m].
     """
 
-    def __init__(self, comm, grains, neighbors, num_walls, longest):
+    def __init__(self, comm, grains, neighbours, num_walls, longest):
         self._longest, self.more = longest, 0.0
-        of_others = (told for _, _, told in neighbors)
+        of_others = (told for _, _, told in neighbours)
         self._grains = np.concatenate([grains, *of_others, WALLS + np.arange(num_walls)])
         self._order = np.argsort(self._grains, kind="stable")
         #: largest distance of a node beside the field in this step [m], own grains first; of a
@@ -154,7 +154,7 @@ class GrainMoves:
         self._own = self.moves[: grains.size]
         self._walls = self.moves[self.moves.size - num_walls :]
         self._outgoing, self._requests, first = [], [], grains.size
-        for rank, tell, told in neighbors:
+        for rank, tell, told in neighbours:
             if tell.size:
                 message = np.empty(tell.size)
                 self._outgoing.append((message, self.rows(tell)))

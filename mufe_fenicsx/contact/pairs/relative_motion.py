@@ -40,19 +40,19 @@ class RelativeMotion(Stateful):
         self._moves, self._of_pairs = None, ()
         self._step, self._agreement = np.zeros(2), None
 
-    def renew(self, reach, overlap, neighbors, num_walls, positions):
+    def renew(self, reach, overlap, neighbours, num_walls, positions):
         """Go on with the grains near this rank's at a new search. Collective.
 
         Args:
             reach, overlap: Of the search [m].
-            neighbors: As of :class:`~mufe_fenicsx.contact.surface.exchange.Surface`.
+            neighbours: As of :class:`~mufe_fenicsx.contact.surface.exchange.Surface`.
             num_walls: Number of walls.
             positions: Of own surface nodes [m], shape (num_surface_nodes, 3).
         """
         self.reach, self.overlap = reach, overlap
         if self._moves is not None:
             self._moves.destroy()
-        self._moves = GrainMoves(self.comm, self.grains, neighbors, num_walls, self.longest)
+        self._moves = GrainMoves(self.comm, self.grains, neighbours, num_walls, self.longest)
         self.measure_from(positions)
 
     def follow(self, *of_pairs):

@@ -67,7 +67,7 @@ class Network:
     labels: np.ndarray  #: of the grains, shape (num_grains,)
     walls: list  #: names of the walls
     mass: np.ndarray  #: of the grains [kg], shape (num_grains,)
-    center: np.ndarray  #: their centres of mass [m], shape (num_grains, 3)
+    centre: np.ndarray  #: their centres of mass [m], shape (num_grains, 3)
     contacts: Contacts
 
     def num_active(self, walls=False):
@@ -119,9 +119,9 @@ def find_network(contact, mesh, mass, x):
     if comm.rank:
         return None
     num_grains = mesh.labels.size
-    all_mass, center = np.empty(num_grains), np.empty((num_grains, 3))
-    for grains, grain_mass, grain_center, _ in parts:
-        all_mass[grains], center[grains] = grain_mass, grain_center
+    all_mass, centre = np.empty(num_grains), np.empty((num_grains, 3))
+    for grains, grain_mass, grain_centre, _ in parts:
+        all_mass[grains], centre[grains] = grain_mass, grain_centre
     (a, b), (sums,) = sum_by_pair(
         *(np.concatenate(p) for p in zip(*(s for *_, s in parts), strict=True))
     )
@@ -129,8 +129,8 @@ def find_network(contact, mesh, mass, x):
         labels=mesh.labels,
         walls=list(contact.walls.names),
         mass=all_mass,
-        center=center,
-        contacts=_contacts(a, b, sums, center, contact.walls),
+        centre=centre,
+        contacts=_contacts(a, b, sums, centre, contact.walls),
     )
 
 
@@ -223,18 +223,18 @@ def _sums_of_crossings(contact, crossings):
     return terms
 
 
-def _contacts(a, b, sums, center, walls):
+def _contacts(a, b, sums, centre, walls):
     """:class:`Contacts` from the sums over both sides."""
-    num_grains = center.shape[0]
+    num_grains = centre.shape[0]
     force = sums[:, _FORCE]
     with np.errstate(invalid="ignore", divide="ignore"):  # open contacts have no area
         centroid = sums[:, _PLACE] / sums[:, _AREA, None]
         normal = sums[:, _NORMAL] / np.linalg.norm(sums[:, _NORMAL], axis=1)[:, None]
     other = np.empty_like(centroid)
     grain = b < num_grains
-    other[grain] = center[b[grain]]
+    other[grain] = centre[b[grain]]
     other[~grain] = centroid[~grain]
-    branch = center[a] - other
+    branch = centre[a] - other
     is_open = sums[:, _COUNT] == 0
     torque = sums[:, _MOMENT] - np.cross(centroid, force)
     normal[is_open] = torque[is_open] = 0.0

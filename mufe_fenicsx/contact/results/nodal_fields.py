@@ -103,6 +103,6 @@ def _gaps(contact, some):
     gap, normal = np.empty(node.size), np.empty((node.size, 3))
     find_gaps(
         gap, normal, g.positions.array, node, first, p.candidate, g.facets,
-        s.neighbor, g.ring_offset, g.ring,
+        s.neighbour, g.ring_offset, g.ring,
     )  # fmt: skip
     return gap, normal

@@ -30,7 +30,7 @@ def check_surface(mesh, own):
     """
     num_grains = mesh.labels.size
     facets = np.bincount(own.grain_of_facet, minlength=num_grains)
-    across = own.neighbor
+    across = own.neighbour
     open_edges = (across < 0) & (own.mirror < 0)
     open_edges |= (across >= 0) & (own.grain_of_facet[across] != own.grain_of_facet[:, None])
     edges = np.bincount(own.grain_of_facet, open_edges.sum(axis=1), num_grains)

@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 from ...kernels.boxes import box_around, boxes_of_facets, touch_box, with_marked_vertex
 from .occupancy import Cells, occupied_cells
-from .surface import neighbors, rings
+from .surface import neighbours, rings
 
 #: Tag of the messages between neighbour ranks.
 TAG = 71
@@ -29,12 +29,12 @@ class Surface:
     sharp_edge: np.ndarray  #: whether the edges 0-1, 1-2, 2-0 are sharp, shape (num_facets, 3)
     compliance_of_edge: np.ndarray  #: of sharp ones, relative, of both ends [m/N], (num_facets, 3)
     use: np.ndarray  #: False for facets that only complete a ring, shape (num_facets,)
-    neighbor: np.ndarray  #: as in kernels.closest, shape (num_facets, 3)
+    neighbour: np.ndarray  #: as in kernels.closest, shape (num_facets, 3)
     ring_offset: np.ndarray  #: compressed rows of the facets around each node
     ring: np.ndarray
     #: Ranks that know facets of each other: rank, grains of this rank that it knows, and its
     #: grains that are known here; global indices, increasing.
-    neighbors: list
+    neighbours: list
 
     def part_of(self, own):
         """The own surface with arrays that are the first part of these: memory for one. Local.
@@ -42,8 +42,8 @@ class Surface:
         Args:
             own: :class:`~.OwnSurface` that this one was made from.
         """
-        facets, neighbor = self.facets[: len(own.facets)], self.neighbor[: len(own.facets)]
-        return replace(own, facets=facets, neighbor=neighbor, ring=self.ring[: own.ring.size])
+        facets, neighbour = self.facets[: len(own.facets)], self.neighbour[: len(own.facets)]
+        return replace(own, facets=facets, neighbour=neighbour, ring=self.ring[: own.ring.size])
 
 
 class SurfaceArray:
@@ -138,10 +138,10 @@ def exchange_surface(comm, own, layer_of_facet, depth_of_facet, compliance_of_ed
         sharp_edge=own.sharp_edge,
         compliance_of_edge=compliance_of_edge,
         use=np.ones(num_facets, dtype=bool),
-        neighbor=own.neighbor,
+        neighbour=own.neighbour,
         ring_offset=own.ring_offset,
         ring=own.ring,
-        neighbors=[],
+        neighbours=[],
     )
     far = np.empty((0, NUMBERS), dtype=np.int64)
     if comm.size > 1:
@@ -152,7 +152,7 @@ def exchange_surface(comm, own, layer_of_facet, depth_of_facet, compliance_of_ed
         far = np.concatenate([far, *incoming])
         for rank, *parts in zip(ranks, outgoing, incoming, strict=True):
             known = (np.unique(part[:, 4] >> 4) for part in parts)
-            surface.neighbors.append((int(rank), *known))
+            surface.neighbours.append((int(rank), *known))
     return _with_far(surface, far, num_own) if len(far) else (surface, np.empty(0, np.int64))
 
 
@@ -168,8 +168,8 @@ def _with_far(surface, far, num_own):
     ghosts, facets = np.unique(far[:, :3], return_inverse=True)
     facets = facets.reshape(-1, 3)
     # Grains are whole on their ranks, so far facets neighbour far facets only.
-    neighbor = neighbors(facets)
-    neighbor[neighbor >= 0] += num_near
+    neighbour = neighbours(facets)
+    neighbour[neighbour >= 0] += num_near
     offset, ring = rings(facets, ghosts.size)
     grain, flags = far[:, 4] >> 4, far[:, 4, None] >> np.arange(4) & 1
     layer, area, depth = (far[:, 5 + k].copy().view(np.float64) for k in range(3))
@@ -185,10 +185,10 @@ def _with_far(surface, far, num_own):
             [s.compliance_of_edge, far[:, 8:].copy().view(np.float64)]
         ),
         use=np.concatenate([s.use, flags[:, 0].astype(bool)]),
-        neighbor=np.vstack([s.neighbor, neighbor]),
+        neighbour=np.vstack([s.neighbour, neighbour]),
         ring_offset=np.concatenate([s.ring_offset, s.ring_offset[-1] + offset[1:]]),
         ring=np.concatenate([s.ring, ring + np.int32(num_near)]),
-        neighbors=s.neighbors,
+        neighbours=s.neighbours,
     )
     return whole, ghosts
 

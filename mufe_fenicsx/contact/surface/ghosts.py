@@ -61,15 +61,15 @@ class Ghosts:
         self._messages = None
         self.forces.destroy()
 
-    def connect(self, neighbors, flags):
+    def connect(self, neighbours, flags):
         """Steps exchange what pairs ask for from here on. Collective.
 
         Args:
-            neighbors: As of :class:`~mufe_fenicsx.contact.surface.exchange.Surface`.
+            neighbours: As of :class:`~mufe_fenicsx.contact.surface.exchange.Surface`.
             flags: As of :func:`~mufe_fenicsx.contact.surface.active_nodes.nodes_of_pairs`; not
                 looked at without neighbours.
         """
-        ranks = [rank for rank, *_ in neighbors]
+        ranks = [rank for rank, *_ in neighbours]
         self._messages = Messages(self.comm, self.positions, self.forces, ranks, flags)
 
     def list_near(self, *rows):

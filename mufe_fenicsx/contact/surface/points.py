@@ -50,6 +50,7 @@ class Points:
 
     @property
     def num_points(self):
+        """Points on this rank."""
         return self.area.size
 
     @property
@@ -148,7 +149,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth):
     around = [own.ring[own.ring_offset[v] : own.ring_offset[v + 1]] for v in vertex]
     num_around = np.concatenate([np.ones(n * len(own.facets)), [len(r) for r in around]])
     facets = np.repeat(np.arange(len(own.facets), dtype=np.int32), n)
-    neighbors, neighbors_of = nodes_around(own, vertex)
+    neighbours, neighbours_of = nodes_around(own, vertex)
     return Points(
         corner=both(own.facets, np.stack([nodes] * 3, axis=1)),
         rule=rule,
@@ -160,8 +161,8 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth):
         depth=both(depth, node_depth),
         ring_offset=np.concatenate([[0], np.cumsum(num_around)]).astype(np.int32),
         ring=np.concatenate([facets, *around]).astype(own.ring.dtype),
-        around=neighbors,
-        around_of=np.concatenate([np.zeros((facets.size, 2), np.int32), neighbors_of]),
+        around=neighbours,
+        around_of=np.concatenate([np.zeros((facets.size, 2), np.int32), neighbours_of]),
         recess=both(np.zeros(own.facet_area.size), RECESS * edge_of_area(own.whole_area, 2)),
         num_vertices=vertex.size,
     )
@@ -204,7 +205,7 @@ def sharp_vertices(own, x):
     a, b, c = (x[own.nodes[own.facets[:, i]]] for i in range(3))
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    across = own.neighbor
+    across = own.neighbour
     sharp = np.zeros(own.nodes.size, dtype=bool)
     for i in range(3):
         other = across[:, i]

@@ -27,12 +27,12 @@ class OwnSurface:
     grain_of_facet: np.ndarray  #: global index of the grain, int32, shape (num_facets,)
     area: np.ndarray  #: nodal areas [m²], shape (num_nodes,)
     facet_area: np.ndarray  #: areas of the facets [m²], shape (num_facets,)
-    neighbor: np.ndarray  #: as returned by :func:`neighbors`
+    neighbour: np.ndarray  #: as returned by :func:`neighbours`
     ring_offset: np.ndarray  #: as returned by :func:`rings`
     ring: np.ndarray
     local_grain_of_facet: np.ndarray  #: local index of the grain, shape (num_facets,)
     whole_area: np.ndarray  #: nodal areas with those beyond mirrors [m²], shape (num_nodes,)
-    mirror: np.ndarray  #: wall that an edge without a neighbour lies on, -1 for none, as `neighbor`
+    mirror: np.ndarray  #: wall that an edge without a neighbour lies on, -1 for none
     mirror_normal: np.ndarray  #: unit normals of all walls, shape (num_walls, 3)
     sharp_edge: np.ndarray  #: whether the edges 0-1, 1-2, 2-0 are sharp, shape (num_facets, 3)
 
@@ -57,7 +57,7 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
     facet_area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     area = np.bincount(facets.ravel(), np.repeat(facet_area / 3, 3), nodes.size)
     ring_offset, ring = rings(facets, nodes.size)
-    across = neighbors(facets)
+    across = neighbours(facets)
     return OwnSurface(
         nodes=nodes.astype(np.int32),
         facets=facets,
@@ -65,7 +65,7 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
         grain_of_facet=mesh.grains[local_grain].astype(np.int32),
         area=area,
         facet_area=facet_area,
-        neighbor=across,
+        neighbour=across,
         ring_offset=ring_offset,
         ring=ring,
         local_grain_of_facet=local_grain,
@@ -93,7 +93,7 @@ def rings(facets, num_nodes):
     return offset, (order // 3).astype(np.int32)
 
 
-def neighbors(facets):
+def neighbours(facets):
     """Facets across the edges 0-1, 1-2, 2-0 of each facet, -1 where there is none.
 
     The surface is closed and oriented: an edge is shared by two facets that run

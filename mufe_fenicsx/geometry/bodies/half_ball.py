@@ -1,6 +1,7 @@
 """A ball cut by a plane: a body with one contact and a flat base to hold it by."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...errors import InputError
 from ..tets.gmsh_model import gmsh_model
@@ -16,15 +17,15 @@ from .contact_mesh import (
 
 
 def half_ball(
-    radius,
-    h_contact,
-    growth=0.1,
-    direction=(0.0, 0.0, -1.0),
-    contact_radius=None,
-    h_max=None,
-    height=None,
-    quarter=False,
-):
+    radius: float,
+    h_contact: float,
+    growth: float = 0.1,
+    direction: ArrayLike = (0.0, 0.0, -1.0),
+    contact_radius: float | None = None,
+    h_max: float | None = None,
+    height: float | None = None,
+    quarter: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:
     """A cap of a ball, or half of one, that is fine at its pole.
 
     The size is ``h_contact`` within 1.5 contact radii of the pole and grows

@@ -4,8 +4,10 @@ All cells are positively oriented and every node belongs to a cell.
 """
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..measure import positively_oriented
 from ..tets.gmsh_model import gmsh_model
@@ -20,7 +22,11 @@ from .contact_mesh import (
 )
 
 
-def box(lengths, divisions, origin=(0.0, 0.0, 0.0)):
+def box(
+    lengths: Sequence[float],
+    divisions: Sequence[int],
+    origin: Sequence[float] = (0.0, 0.0, 0.0),
+) -> tuple[np.ndarray, np.ndarray]:
     """A block of bricks of six tetrahedra each, which share a diagonal (Kuhn 1960).
 
     Args:
@@ -46,7 +52,7 @@ def box(lengths, divisions, origin=(0.0, 0.0, 0.0)):
     return points, positively_oriented(points, cells)
 
 
-def tetrahedron(edge):
+def tetrahedron(edge: float) -> tuple[np.ndarray, np.ndarray]:
     """One regular tetrahedron of the given edge [m], its centre at the origin."""
     require_positive("edge of tetrahedron", edge)
     corners = np.array([[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]], dtype=float)
@@ -54,7 +60,9 @@ def tetrahedron(edge):
     return points, positively_oriented(points, np.array([[0, 1, 2, 3]]))
 
 
-def sphere(radius, h, center=(0.0, 0.0, 0.0)):
+def sphere(
+    radius: float, h: float, centre: ArrayLike = (0.0, 0.0, 0.0)
+) -> tuple[np.ndarray, np.ndarray]:
     """A ball of edges of length ``h`` [m]; its surface nodes lie on the sphere."""
     require_positive("radius of sphere", radius)
     require_positive("element size", h)
@@ -62,10 +70,10 @@ def sphere(radius, h, center=(0.0, 0.0, 0.0)):
         gmsh.model.occ.addSphere(0, 0, 0, 1)
         gmsh.model.occ.synchronize()
         points, cells = tets(gmsh)
-    return points * radius + np.asarray(center), cells
+    return points * radius + np.asarray(centre), cells
 
 
-def cylinder(radius, height, h):
+def cylinder(radius: float, height: float, h: float) -> tuple[np.ndarray, np.ndarray]:
     """An upright cylinder on z = 0 around the z axis, edges of length ``h`` [m]."""
     require_positive("radius of cylinder", radius)
     require_positive("height of cylinder", height)
@@ -78,15 +86,15 @@ def cylinder(radius, height, h):
 
 
 def sphere_near_contact(
-    radius,
-    h_contact,
-    growth=0.1,
-    direction=(0.0, 0.0, -1.0),
-    contact_radius=None,
+    radius: float,
+    h_contact: float,
+    growth: float = 0.1,
+    direction: ArrayLike = (0.0, 0.0, -1.0),
+    contact_radius: float | None = None,
     *,
-    both_poles=False,
-    h_max=None,
-):
+    both_poles: bool = False,
+    h_max: float | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
     """A ball that is fine where it will be touched.
 
     The size is ``h_contact`` within 1.5 contact radii of the pole and grows

@@ -14,18 +14,18 @@ def voxel_distance(inside, at):
         inside: True for the grain's voxels; none on the border of the array.
         at: Positions by index, where (0, 0, 0) is the corner of the first voxel, shape (n, 3).
     """
-    centers, normals = [], []
+    centres, normals = [], []
     for axis in range(3):
         low = np.argwhere(np.diff(inside, axis=axis))
-        center = low + 0.5
-        center[:, axis] = low[:, axis] + 1.0
-        centers.append(center)
+        centre = low + 0.5
+        centre[:, axis] = low[:, axis] + 1.0
+        centres.append(centre)
         normals.append(np.full(len(low), axis))
-    centers, normals = np.concatenate(centers), np.concatenate(normals)
+    centres, normals = np.concatenate(centres), np.concatenate(normals)
     # The centre of the closest face is at most half a diagonal farther than its closest point;
     # squares whose centres lie within that are few.
-    _, near = cKDTree(centers).query(at, k=min(16, len(centers)))
-    away = np.abs(at[:, None, :] - centers[near])
+    _, near = cKDTree(centres).query(at, k=min(16, len(centres)))
+    away = np.abs(at[:, None, :] - centres[near])
     for axis, other in itertools.product(range(3), repeat=2):
         if axis != other:
             square = normals[near] == other

@@ -106,8 +106,10 @@ def padding(image):
 
 
 def filled(image, inside):
-    """The image with each voxel outside as the nearest one inside in its slice; in a slice without
-    one as in the nearest slice."""
+    """The image with each voxel outside as the nearest one inside in its slice.
+
+    A slice without one is as the nearest slice that has one.
+    """
     result = image.copy()
     seen = np.flatnonzero(inside.any(axis=(1, 2)))
     last, at = None, None

@@ -183,7 +183,7 @@ def _log_sum(x, a1, m1, s1, a2, m2, s2):
 
 
 def two_gaussians(x, a1, m1, s1, a2, m2, s2):
-    """a₁ exp(-(x-m₁)²/2s₁²) + a₂ exp(-(x-m₂)²/2s₂²)"""
+    """Sum of two normal distributions at x: a₁ exp(-(x-m₁)²/2s₁²) + a₂ exp(-(x-m₂)²/2s₂²)."""
     first = a1 * np.exp(-((x - m1) ** 2) / (2 * s1**2))
     return first + a2 * np.exp(-((x - m2) ** 2) / (2 * s2**2))
 

@@ -47,6 +47,7 @@ class Field:
         self.low = np.asarray(low)
 
     def __call__(self, x):
+        """Values at x [voxels], shape (n, 3), and gradients [1/voxel]: shapes (n,) and (n, 3)."""
         value, gradient = np.empty(len(x)), np.empty((len(x), 3))
         spline_value_and_gradient(value, gradient, self.coefficients, x - 0.5 - self.low)
         return value, gradient
@@ -129,11 +130,11 @@ def area_vectors(x, facets):
 
 def _wanted_normals(surface, fields, x):
     """Normals of the smooth faces at the centres of facets; of the image's faces where they lie."""
-    center = x[surface.facets].mean(axis=1)
-    slope = np.zeros((len(center), 3))
+    centre = x[surface.facets].mean(axis=1)
+    slope = np.zeros((len(centre), 3))
     for side, sign in ((0, 1.0), (1, -1.0)):
         for label, at in _places(surface.sides[:, side]).items():
-            slope[at] += sign * fields[label](center[at])[1]
+            slope[at] += sign * fields[label](centre[at])[1]
     held = surface.held[surface.facets].all(axis=1)
     areas = area_vectors(x, surface.facets)
     # On a face of the image, and where no slope is left, the normal that there is.

@@ -148,9 +148,9 @@ def _clusters_between(points, triangles, graph, part, places, sizes, factor):
         number = np.asarray(clusters.cluster(num)).astype(np.int64)
         number = np.unique(number, return_inverse=True)[1]
         mass = np.bincount(number, clusters.area)
-        center = [np.bincount(number, clusters.wcent[:, i]) / mass for i in range(3)]
+        centre = [np.bincount(number, clusters.wcent[:, i]) / mass for i in range(3)]
         part[used[here]] = len(places) + number
-        places += list(np.column_stack(center))
+        places += list(np.column_stack(centre))
     return part, np.array(places)
 
 

@@ -44,17 +44,17 @@ def crossing_triangles(points, triangles, tolerance=1e-7):
     return pairs[through]
 
 
-def _close_pairs(centers, radii):
+def _close_pairs(centres, radii):
     """Pairs of balls that may overlap, i < j; the few large ones are asked for separately."""
     large = radii > 2 * np.median(radii)
-    tree, found = cKDTree(centers), []
+    tree, found = cKDTree(centres), []
     small = np.flatnonzero(~large)
     if len(small):
-        pairs = cKDTree(centers[small]).query_pairs(2 * radii[small].max(), output_type="ndarray")
+        pairs = cKDTree(centres[small]).query_pairs(2 * radii[small].max(), output_type="ndarray")
         found.append(small[pairs])
     for i in np.flatnonzero(large):
-        near = np.array(tree.query_ball_point(centers[i], radii[i] + radii.max()))
+        near = np.array(tree.query_ball_point(centres[i], radii[i] + radii.max()))
         near = near[~large[near] | (near > i)]
-        near = near[np.linalg.norm(centers[near] - centers[i], axis=1) <= radii[i] + radii[near]]
+        near = near[np.linalg.norm(centres[near] - centres[i], axis=1) <= radii[i] + radii[near]]
         found.append(np.column_stack([np.full(len(near), i), near]))
     return np.concatenate(found) if found else np.zeros((0, 2), dtype=np.int64)

@@ -20,7 +20,7 @@ def fill(
     triangles,
     *,
     algorithm=HXT,
-    optimizer=NETGEN,
+    optimiser=NETGEN,
     size=1.0,
     tolerance=0.02,
     fixed=None,
@@ -36,7 +36,7 @@ def fill(
         size: Length by which altitudes are judged; None: the mean edge of each tetrahedron.
         tolerance: What nodes of the surface may leave it by, to make flat tetrahedra thicker.
         fixed: Nodes of the surface that may not move, or None.
-        optimizer: NETGEN or GMSH.
+        optimiser: NETGEN or GMSH.
         along: Of nodes on edges of the body, as `thickened` wants them, or None.
         inner: Wanted length of edges far inside; 1: as on the surface around.
 
@@ -62,7 +62,7 @@ def fill(
         gmsh.model.geo.addVolume(loops)
         gmsh.model.geo.synchronize()
         gmsh.model.mesh.generate(3)
-        gmsh.model.mesh.optimize(optimizer)
+        gmsh.model.mesh.optimize(optimiser)
         nodes, cells = tetrahedra()
     if smallest_altitudes(nodes, cells).min() <= 0:
         raise RuntimeError("gmsh made a tetrahedron without volume")

@@ -107,7 +107,7 @@ def mesh_one(job):
                 surface.points / size,
                 surface.triangles,
                 algorithm=attempt.algorithm,
-                optimizer=GMSH if surface.sharp and thickness < THIN * size else NETGEN,
+                optimiser=GMSH if surface.sharp and thickness < THIN * size else NETGEN,
                 size=1.0 if uniform else None,
                 tolerance=tolerance / size,
                 fixed=None if held is None else np.flatnonzero(held.all(axis=1)),

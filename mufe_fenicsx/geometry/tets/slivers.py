@@ -87,8 +87,11 @@ class Relocation:
         relocate(x, self.drift, *self.around, kind, edges, target, tolerance, ROUNDS)
 
     def allowed(self, x, new, least=0.2):
-        """Whether each node may go to a new place: no altitude falls below ``least`` times the
-        size that was above, and none that was below falls."""
+        """Whether each node may go to a new place, shape (num_nodes,).
+
+        No altitude may fall below ``least`` times the size that was above, and none that was
+        below may fall.
+        """
         moved = np.flatnonzero((x != new).any(axis=1))
         good = np.ones(len(x), dtype=bool)
         if moved.size:

@@ -46,6 +46,7 @@ def look(view):
 
 
 def new_view(text):
+    """An empty view with a line of text at its top."""
     view = simple.CreateRenderView()
     view.ViewSize = list(SIZE_OF_A_VIEW)
     note = simple.Text(Text=text)
@@ -145,6 +146,7 @@ def show_contacts(run_folder):
 
 
 def main():
+    """Show the run; save pictures to the files that arguments name."""
     run_folder = folder()
     stress = show_stress(run_folder)
     contacts = show_contacts(run_folder) if SETTINGS["contacts"] else None

@@ -34,11 +34,11 @@ def exchange(parameters):
     counts = [int(n) for n in str(parameters.pop("ranks", "2,4,16,64")).split(",")]
     grains = load_grains(folder or member(cache, number, size) / "grains")
     bodies = [_surface(*grains.grain(g)) for g in range(grains.num_grains)]
-    weights, centers = np.diff(grains.cell_offset), grains.centroids
+    weights, centres = np.diff(grains.cell_offset), grains.centroids
     _count(bodies[:2], np.arange(2), 2)  # kernels are compiled
     results = {"num_cells": {"computed": int(weights.sum())}}
     for num_ranks in counts:
-        found = _count(bodies, partition_grains(weights, centers, num_ranks), num_ranks)
+        found = _count(bodies, partition_grains(weights, centres, num_ranks), num_ranks)
         for name, value in found.items():
             results[f"{name}_{num_ranks}_ranks"] = {"computed": value}
     part = results[f"part_of_boxes_{max(counts)}_ranks"]
@@ -70,7 +70,7 @@ def _count(bodies, rank_of_grain, num_ranks):
     start = time.perf_counter()
     cells = [occupied_cells(low, high) for low, high in boxes]
     told = np.zeros(num_ranks)  # bytes that each rank tells others of its cells
-    ghosts, by_boxes, neighbors, sources = np.zeros((4, num_ranks))
+    ghosts, by_boxes, neighbours, sources = np.zeros((4, num_ranks))
     spent = time.perf_counter() - start
     for r in range(num_ranks):
         low, high = (f(b, axis=0) for f, b in zip((np.min, np.max), boxes[r], strict=True))
@@ -85,7 +85,7 @@ def _count(bodies, rank_of_grain, num_ranks):
             told[r] += part.packed().size
             spent += time.perf_counter() - start
             new = _nodes(surfaces[q], near)
-            neighbors[r] += 1
+            neighbours[r] += 1
             sources[r] += new > 0
             ghosts[r] += new
             by_boxes[r] += _nodes(surfaces[q], inside)
@@ -97,7 +97,7 @@ def _count(bodies, rank_of_grain, num_ranks):
         "part_of_boxes": float(ghosts.sum() / max(by_boxes.sum(), 1)),
         "bytes_per_step": float(PER_GHOST * ghosts.mean()),
         "bytes_per_step_largest": float(PER_GHOST * ghosts.max()),
-        "neighbors_largest": int(neighbors.max()),
+        "neighbours_largest": int(neighbours.max()),
         "sources_largest": int(sources.max()),
         "bytes_of_cells": float(told.mean()),
         "selection_s": spent / num_ranks,

@@ -33,6 +33,7 @@ class Shells:
 
     @property
     def num_grains(self):
+        """Grains on this rank."""
         return self.grains.size
 
 
@@ -77,15 +78,15 @@ def search(parameters):
 
 def _measure(num_grains, repeats, points):
     """Median times of a search and of a step [s], on one rank."""
-    shells, center = packed_shells(num_grains)
+    shells, centre = packed_shells(num_grains)
     one = np.ones(num_grains)
-    local = shells.x - center
+    local = shells.x - centre
     grains, settings = ContactGrains(1e9 * one, one), ContactSettings(0.3, points=points)
     contact = Contact(shells, shells.x, Walls([]), grains, settings)
     force = np.zeros_like(shells.x)
 
     def grow(size):
-        x = center + size * local
+        x = centre + size * local
         start = time.perf_counter()
         contact.begin_step(x)
         contact.add_forces(force, x)
@@ -97,7 +98,7 @@ def _measure(num_grains, repeats, points):
     searches = []
     for _ in range(repeats):
         start = time.perf_counter()
-        contact.search(center + 1.006 * local)
+        contact.search(centre + 1.006 * local)
         searches.append(time.perf_counter() - start)
     grow(1.006)
     steps = [grow(1.006 + 1e-6 * k) for k in range(5 * repeats)]
@@ -119,11 +120,11 @@ def packed_shells(num_grains):
     points *= np.cbrt(4 / 3 * np.pi / ball.volume)
     side = math.ceil(round(num_grains ** (1 / 3), 9))
     grid = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1)
-    centers = 2.005 * grid.reshape(-1, 3)[:num_grains]
+    centres = 2.005 * grid.reshape(-1, 3)[:num_grains]
     rng = np.random.default_rng(3)
     turns = np.linalg.qr(rng.normal(size=(num_grains, 3, 3)))[0]
     turns *= np.sign(np.linalg.det(turns))[:, None, None]
-    x = (np.einsum("gij,nj->gni", turns, points) + centers[:, None]).reshape(-1, 3)
+    x = (np.einsum("gij,nj->gni", turns, points) + centres[:, None]).reshape(-1, 3)
     number = np.arange(num_grains)
     shells = Shells(
         comm=MPI.COMM_SELF,
@@ -134,7 +135,7 @@ def packed_shells(num_grains):
         grains=number,
         labels=number + 1,
     )
-    return shells, np.repeat(centers, len(points), axis=0)
+    return shells, np.repeat(centres, len(points), axis=0)
 
 
 def share_of_contact(simulation, num_steps):

@@ -55,13 +55,13 @@ def draw_chart(points, case, folder):
     with matplotlib.rc_context(style.RC):
         figure, axes = style.new_figure(style.PAGE, 0.52 * style.PAGE, ncols=2, sharey=True)
         for index, (axis, (cost, label)) in enumerate(zip(axes, COSTS.items(), strict=True)):
-            for name, (color, mark, line) in LOOKS.items():
+            for name, (colour, mark, line) in LOOKS.items():
                 some = [p for p in own if p.series == name and math.isfinite(getattr(p, cost))]
                 if not some:
                     continue
                 some.sort(key=lambda p: p.num_cells)
                 x, y = [getattr(p, cost) for p in some], [100 * p.error for p in some]
-                axis.plot(x, y, color=color, marker=mark, linestyle=line, markersize=3.5,
+                axis.plot(x, y, color=colour, marker=mark, linestyle=line, markersize=3.5,
                           linewidth=0.9, label=name)  # fmt: skip
             front = pareto(own, cost)
             axis.plot([getattr(p, cost) for p in front], [100 * p.error for p in front],

@@ -60,8 +60,11 @@ def locking_map(comm, ratios=RATIOS):
 
 
 def step_map(comm, ratios=RATIOS, trials=10):
-    """One row for each ratio: limit of the step of a free cube [s], exact and measured, both
-    elements, and one over the speed of waves [s/m]."""
+    """Limits of the step of a free cube against Poisson's ratio.
+
+    A row for each ratio has the limits [s], exact and measured, of both elements, and one over the
+    speed of waves [s/m].
+    """
     rows, simulations = [], []
     for nu in ratios:
         row = SimpleNamespace(nu=nu, slowness=1.0 / Elastic(E, nu, RHO).wave_speed)

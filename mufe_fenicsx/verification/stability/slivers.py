@@ -1,5 +1,7 @@
-"""A flat tetrahedron in a mesh of thick ones: the bound of elements falls as its altitude, the
-limit as the root."""
+"""A flat tetrahedron in a mesh of thick ones.
+
+The bound of elements falls as its altitude, the limit of the system as the root.
+"""
 
 import math
 from types import SimpleNamespace

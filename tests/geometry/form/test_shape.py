@@ -105,10 +105,10 @@ numpy.savez(sys.argv[2], volumes=spam.label.volumes(labels), moments=moments,
 def test_numbers_of_labels_agree_with_spam(by_spam):
     labels = np.zeros((40, 60, 60), np.uint32)
     z, y, x = np.indices(labels.shape)
-    for k, (center, axes) in enumerate(
+    for k, (centre, axes) in enumerate(
         [((20, 20, 18), (14, 10, 9)), ((20, 42, 42), (12, 9, 14))], start=1
     ):
-        r = ((np.stack([z, y, x], -1) - center) / axes) ** 2
+        r = ((np.stack([z, y, x], -1) - centre) / axes) ** 2
         labels[r.sum(axis=-1) <= 1] = k
     rows = shapes_of_labels(labels, 1.0)
     theirs = by_spam(SPAM, labels)

@@ -94,8 +94,8 @@ def test_cut_grains_that_touch_do_not_overlap():
 
 def test_a_small_cut_face_stays_one():
     """A face of half an edge length squared, whose edge takes three nodes, does not close up."""
-    shape, center, axes = (13, 11, 11), (3.8, 7.8, 5.5), (4.3, 7.7, 4.4)
-    inside = (((positions(shape) - center) / axes) ** 2).sum(axis=-1) < 1
+    shape, centre, axes = (13, 11, 11), (3.8, 7.8, 5.5), (4.3, 7.7, 4.4)
+    inside = (((positions(shape) - centre) / axes) ** 2).sum(axis=-1) < 1
     settings = MeshSettings(size=3.7 * S)
     (job,) = voxel_jobs(inside.astype(np.int32), S, settings)
     mesh = mesh_one(job)

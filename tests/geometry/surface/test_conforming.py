@@ -127,8 +127,8 @@ def inside(point, corners):
 def test_touching_grains_are_meshed_well_and_apart():
     """Around a contact the void is a wedge that ends in nothing: there meshes are thin."""
     rng, at, size = np.random.default_rng(3), positions((26, 26, 26)), 3.2 * S
-    centers, radii = rng.random((9, 3)) * 26, rng.uniform(5.5, 8, 9)
-    depth = np.linalg.norm(at[..., None, :] - centers, axis=-1) - radii
+    centres, radii = rng.random((9, 3)) * 26, rng.uniform(5.5, 8, 9)
+    depth = np.linalg.norm(at[..., None, :] - centres, axis=-1) - radii
     labels = np.where(depth.min(axis=-1) < 0, 1 + depth.argmin(axis=-1), 0)
     kept = [label for label in range(1, 10) if np.count_nonzero(labels == label) > 400]
     labels = np.searchsorted([0, *kept], np.where(np.isin(labels, kept), labels, 0))

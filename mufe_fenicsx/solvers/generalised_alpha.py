@@ -6,7 +6,7 @@ from ..errors import InputError
 
 
 @dataclass(frozen=True)
-class GeneralizedAlpha:
+class GeneralisedAlpha:
     """Generalised-α method (J. Chung, G. M. Hulbert, J. Appl. Mech. 60, 1993, 371-375).
 
         M ((1 - αm) a1 + αm a0) = (1 - αf) f(u1, v1) + αf f(u0, v0)

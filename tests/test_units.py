@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pytest
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.keys import REQUIRED, check_keys, keys_of, setting
+from mufe_fenicsx.units import REQUIRED, check_keys, keys_of, setting
 
 
 @dataclass(frozen=True)
