@@ -73,7 +73,7 @@ A_OVER_R = 0.02
 def time_step_ratio(simulation):
     """Stable time step of a state with its contact over that without contact."""
     s, contact = simulation, simulation.contact
-    if contact.kinematic:
+    if contact.layers.kinematic:
         return 1.0
 
     def highest(*parts):

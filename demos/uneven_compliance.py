@@ -114,7 +114,8 @@ class Condensed:
             # The finer side carries the greater share, as in the program.
             ours, other = own.facet_area[point], own.facet_area[facet]
             share = other**2 / (other**2 + ours**2)
-            side, layer = pairs.normal[on] @ AXIS, points.layer[point] + contact.facet_layer[facet]
+            side = pairs.normal[on] @ AXIS
+            layer = points.layer[point] + contact.layers.of_facet[facet]
         self.area, self.layer = share * points.area[point], layer
         self.corner = own.facets[point]
         used = [self.corner] if len(bodies) == 1 else [self.corner, own.facets[facet]]
@@ -128,8 +129,8 @@ class Condensed:
                 column = np.searchsorted(nodes, own.facets[facet, k])
                 np.add.at(transfer, (rows, column), -side * pairs.weights[on, k])
         self.transfer, self.nodes = transfer, own.nodes[nodes]
-        contact.place_points()
-        self.plane = contact.positions.array[point] @ FRAME[:, :2]
+        contact.ghosts.place_points()
+        self.plane = contact.ghosts.positions.array[point] @ FRAME[:, :2]
         self.spread = points.facet_area[point] / (6 * math.sqrt(3))
         columns = []
         for node in self.nodes:

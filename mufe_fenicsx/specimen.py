@@ -12,9 +12,9 @@ from .bulk.rigid import RigidGrains, check_rigid
 from .bulk.solid import Solid
 from .contact.bonded import Bonded
 from .contact.contact import Contact
-from .contact.laws import COMPLIANCE
 from .contact.mirrors import Mirrors
 from .contact.results.network import num_active_pairs
+from .contact.settings import ContactGrains, ContactSettings
 from .contact.start.overlap import check_start, too_deep
 from .contact.walls import Walls
 from .errors import InputError, SolverError, UnstableError
@@ -32,18 +32,13 @@ class Specimen(Stateful):
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         materials: A material for each grain of this rank.
         walls: List of :class:`~mufe_fenicsx.contact.walls.Wall`.
-        friction: Coefficient of friction between grains, or by pair of materials a
-            :class:`~mufe_fenicsx.contact.friction.PairFriction`.
-        friction_kinetic: Coefficient while a contact slips; ``friction`` if None.
-        compliance: Constant c of the contact layer.
-        points: Where contact acts, one of contact.surface.points.KINDS.
-        law: Normal law of contact, one of contact.laws.law_names().
         element: One of solid.ELEMENTS: "averaged", "p1" or "composite".
         velocity: Initial velocities [m/s], shape (num_nodes, 3); rest if None.
         mass_factor: Nodal masses times this, shape (num_nodes,), where only slow loading is
             of interest; 1 if None. Not seen by the time step of single elements.
-        self_contact: Concave grains meet themselves too: nodes with facets.
         gravity: Acceleration [m/s²], shape (3,); none if None.
+        contact: Fields of :class:`~mufe_fenicsx.contact.settings.ContactSettings`, ``friction``
+            among them.
 
     Attributes:
         state: :class:`~mufe_fenicsx.state.State`.
@@ -61,16 +56,11 @@ class Specimen(Stateful):
         materials,
         walls=(),
         *,
-        friction=0.0,
-        friction_kinetic=None,
-        compliance=COMPLIANCE,
-        points="facets",
-        law="matched",
         element="averaged",
         velocity=None,
         mass_factor=None,
-        self_contact=False,
         gravity=None,
+        **contact,
     ):
         self.mesh, self.comm = mesh, mesh.comm
         self.solid = solid = Solid(mesh, materials, element)
@@ -79,23 +69,13 @@ class Specimen(Stateful):
         if mass_factor is not None:
             solid.mass *= mass_factor
         self.walls = Walls(walls)
-        self.contact = Contact(
-            mesh,
-            mesh.x,
-            solid.contact_modulus,
-            solid.tangential_ratio,
-            friction,
-            compliance,
-            self.walls,
-            points,
-            law,
-            solid.mass,
-            friction_kinetic,
-            self_contact,
-            self.rigid.layers(materials),
-            solid.edge_compliance,
-        )
-        kinematic = self.contact.kinematic
+        settings = ContactSettings(**contact)
+        grains = ContactGrains(
+            solid.contact_modulus, solid.tangential_ratio, solid.mass,
+            self.rigid.layers(materials), solid.edge_compliance,
+        )  # fmt: skip
+        self.contact = Contact(mesh, mesh.x, self.walls, grains, settings)
+        kinematic = self.contact.layers.kinematic
         self.bonded = Bonded(
             self.comm, self.walls, self.contact.own.nodes, self.walls.bonded, mesh.x
         )
@@ -156,8 +136,9 @@ class Specimen(Stateful):
             "rigid": self.rigid,
             "bonded": self.bonded,
             "walls": self.walls,
-            "contact": self.contact,
-        } | {f"term_{term.name}": term for term in self.added_terms}
+            **self.contact.parts,
+            **{f"term_{term.name}": term for term in self.added_terms},
+        }
 
     @property
     def added_terms(self):
@@ -175,7 +156,7 @@ class Specimen(Stateful):
         s, contact = self.state, self.contact
         if self.any_rigid:
             contact.before_search = lambda: self.rigid.place_all(s.x, s.u)
-        contact.begin(s.x)
+        contact.begin_step(s.x)
         self.f[:] = 0.0
         # Of the terms, all but that of contact, which what moves the specimen brings.
         for term in self.terms:
@@ -269,8 +250,8 @@ class Specimen(Stateful):
             "kinetic": kinetic,
             "elastic": self.solid.elastic_energy(self.state).sum(),
             "plastic": self.state.plastic_work.sum(),
-            "friction": self.contact.dissipated,
-            "switching": self.contact.switched,
+            "friction": self.contact.dissipation.total,
+            "switching": self.contact.dissipation.switched,
             "contact": contact,
             "damping": self.damped,
         }

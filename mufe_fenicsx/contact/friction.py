@@ -1,9 +1,20 @@
 """Coefficients of friction between grains: one for all, or by the materials of both."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..errors import InputError
 from .laws import kinetic_of
+
+
+@dataclass(frozen=True)
+class FrictionTable:
+    """Coefficients of friction between grains, as the kernels read them."""
+
+    coefficients: np.ndarray  #: static and kinetic, of no pair of materials and of each, (n, 2)
+    rows: Callable  #: rows there of pairs of grains, as :meth:`PairFriction.rows`
 
 
 class PairFriction:
@@ -43,7 +54,7 @@ class PairFriction:
             self._row[a, b] = self._row[b, a] = len(self._others)
 
     def table(self, friction_kinetic, num_grains):
-        """Static and kinetic coefficients, shape (1 + num_pairs, 2); first those of no pair.
+        """:class:`FrictionTable` with 1 + num_pairs rows, first those of no pair.
 
         Args:
             friction_kinetic: Coefficient while a contact of no pair slips; ``friction`` if None.
@@ -57,7 +68,7 @@ class PairFriction:
                 f"materials = {self._material.size}, expected one a grain, {num_grains}"
             )
         kinetic = kinetic_of(self.friction, friction_kinetic, "between grains")
-        return np.array([(self.friction, kinetic), *self._others])
+        return FrictionTable(np.array([(self.friction, kinetic), *self._others]), self.rows)
 
     def static(self, grain, partner):
         """Coefficient that a contact of two grains has to overcome to slip [-]."""

@@ -16,9 +16,9 @@ class ContactMark:
         contact.bind()  # which completes the rows of pairs
         self.contact = contact
         self.num_searches = contact.num_searches
-        of_pairs = contact.pairs, contact.edges.pairs, contact.walls.pairs
-        self._kept = [(part, copied(part.state_dict())) for part in (contact, *of_pairs)]
-        self._pairs, self._edges, self._walls = (kept["here"] for _, kept in self._kept[1:])
+        parts = contact.pairs, contact.edges.pairs, contact.walls.pairs, *contact.parts.values()
+        self._kept = [(part, copied(part.state_dict())) for part in parts]
+        self._pairs, self._edges, self._walls = (kept["here"] for _, kept in self._kept[:3])
 
     def restore(self):
         """Make the contacts what they were; a search since then must not have been.

@@ -134,10 +134,10 @@ class Mirrors(ForceTerm):
         if not self.any:
             return
         walls = self.walls
-        for w in np.flatnonzero(walls.mirror):
-            if walls.velocity[w].any() or walls.angular_velocity[w].any():
+        for w, wall in enumerate(walls.walls):
+            if wall.mirror and (walls.velocity[w].any() or walls.angular_velocity[w].any()):
                 raise InputError(
-                    f"velocity of the mirror {walls.names[w]} = {walls.velocity[w].tolist()} m/s, "
+                    f"velocity of the mirror {wall.name} = {walls.velocity[w].tolist()} m/s, "
                     "expected a mirror at rest"
                 )
         take_normal(

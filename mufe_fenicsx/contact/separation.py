@@ -15,6 +15,7 @@ from ..errors import InputError
 from .contact import Contact
 from .laws import edge_of_area
 from .results.nodal_fields import current_gaps
+from .settings import ContactGrains, ContactSettings
 from .start.reference import extend, set_reference, volumes
 from .walls import Walls
 
@@ -129,7 +130,8 @@ class _Gaps:
 
     def __init__(self, mesh, x):
         one = np.ones(mesh.num_grains)
-        contact = Contact(mesh, x, one, one, 0.0, 1.0, Walls([]), "nodes")
+        settings = ContactSettings(compliance=1.0, points="nodes")
+        contact = Contact(mesh, x, Walls([]), ContactGrains(one, one), settings)
         self.gap, self.normal = current_gaps(contact)
         contact.destroy()
         pairs, own = contact.pairs, contact.own
@@ -146,7 +148,7 @@ class _Gaps:
     def _look(self, contact, pairs):
         """How the facets around each node face the other grain."""
         surface = contact.surface
-        a, b, c = (contact.positions.array[surface.facets[:, i]] for i in range(3))
+        a, b, c = (contact.ghosts.positions.array[surface.facets[:, i]] for i in range(3))
         normal = 0.5 * np.cross(b - a, c - a)
         offset, node = surface.ring_offset, pairs.node
         count = np.diff(offset)[node]

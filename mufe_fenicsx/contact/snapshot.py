@@ -65,7 +65,7 @@ class Names:
     """
 
     def __init__(self, contact, mesh):
-        own, points = contact.own, contact.points
+        own, points, ghosts = contact.own, contact.points, contact.ghosts
         row = np.full(mesh.num_nodes, -1, dtype=np.int64)
         row[own.nodes] = np.arange(own.nodes.size)
         #: own surface nodes grain after grain, in each by their names
@@ -81,11 +81,11 @@ class Names:
                 f"surface nodes of one grain = {number.max() + 1}, expected at most {1 << BITS} "
                 "where checkpoints are written"
             )
-        names = contact.lend()
+        names = ghosts.scratch_vector()
         names.own[:, 0] = number
         names.forward()
         #: of surface nodes, those of other ranks included
-        self.node = names.array[contact.num_before :, 0].astype(np.int64)
+        self.node = names.array[ghosts.num_before :, 0].astype(np.int64)
         names.array[:] = 0.0
         self.facet = _joined(self.node[contact.surface.facets])
         self.facet_grain = contact.surface.grain_of_facet
@@ -174,48 +174,48 @@ def contact_tables(contact, mesh):
     """All that contact remembers, as tables, columns arrays or :class:`Rows`. Collective."""
     names, p, w = Names(contact, mesh), contact.pairs, contact.walls.pairs
     edges, e = contact.edges.edges, contact.edges.pairs
-    order, own = names.order, contact.own
+    order, own, ghosts, done = names.order, contact.own, contact.ghosts, contact.dissipation
     closest = np.where(p.closest >= 0, p.closest - p.first[:-1], -1)
     count = np.diff(p.first)
     moving = np.zeros(own.nodes.size, dtype=bool)
-    moving[slice(None) if contact.moving is None else contact.moving] = True
+    moving[slice(None) if ghosts.moving is None else ghosts.moving] = True
     ends = names.node[edges.ends]
     everything = slice(None)
     return {
         "surface": {
             "grain": own.grain_of_node[order],
             "searched": Rows(contact.searched, order),
-            "previous": Rows(contact.positions.own, order),
+            "previous": Rows(ghosts.positions.own, order),
             "slip": Rows(contact.edges.slip, order),
             "moving": moving[order],
         },
         "facets": {
             "grain": own.grain_of_facet,
             "facet": names.facet[: len(own.facets)],
-            "layer": contact.facet_layer,
+            "layer": contact.layers.of_facet,
         },
         "points": {
             **names.points(everything),
-            "layer": contact.layer,
-            "slip": contact.ledger.slip_of_dropped,
+            "layer": contact.points.layer,
+            "slip": done.slip_of_dropped,
         },
         "pairs": {
             **names.points(p.node),
             "partner": p.grain,
             "count": count,
             "closest": closest,
-            **{name: getattr(p.clocks, name)[p.clocks.of] for name in p.clocks.KEPT},
+            **p.motion_bounds.of_pairs(),
             **{name: getattr(p, name) for name in p.KEPT},
         },
         "candidates": {
             "grain": Rows(names.point_grain, p.node, count),
             "facet": Rows(names.facet, p.candidate),
-            "due": p.candidate_due,
+            "next_check": p.candidate_next_check,
         },
         "wall_pairs": {
             **names.points(w.node),
             "wall": w.wall,
-            **{name: getattr(w.clocks, name)[w.clocks.of] for name in w.clocks.KEPT},
+            **w.motion_bounds.of_pairs(),
             **{name: getattr(w, name) for name in w.KEPT},
         },
         "edge_pairs": {
@@ -226,9 +226,9 @@ def contact_tables(contact, mesh):
             **{name: getattr(e, name) for name in e.KEPT},
         },
         "accounts": {
-            "grain": contact.ledger.grain,
-            "partner": contact.ledger.partner,
-            "work": contact.ledger.work,
+            "grain": done.grain,
+            "partner": done.partner,
+            "work": done.work,
         },
     }
 
@@ -237,8 +237,8 @@ def restore_contact(contact, mesh, tables, everything_moves):
     """Make contact what it was. Collective.
 
     Args:
-        contact: :class:`~mufe_fenicsx.contact.contact.Contact` of the same grains, its ``clock``
-            and ``reach`` those of then.
+        contact: :class:`~mufe_fenicsx.contact.contact.Contact` of the same grains, its ``motion``
+            that of then.
         mesh: Its :class:`~mufe_fenicsx.mesh.GrainMesh`.
         tables: Of :func:`contact_tables`, with the rows of this rank's grains; emptied.
         everything_moves: Whether all surface nodes were followed then, on this rank.
@@ -246,7 +246,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
     Raises:
         InputError: The tables are not those of these grains; on one rank or more.
     """
-    own, walls = contact.own, contact.walls
+    own, walls, ghosts, done = contact.own, contact.walls, contact.ghosts, contact.dissipation
     names = Names(contact, mesh)
     surface, order = tables.pop("surface"), names.order
     searched, previous = np.empty((2, own.nodes.size, 3))
@@ -255,39 +255,35 @@ def restore_contact(contact, mesh, tables, everything_moves):
     known = (own.grain_of_facet, names.facet[: len(own.facets)])
     facets = tables.pop("facets")
     rows = find_rows(known, (facets["grain"], facets["facet"]), "facet")
-    contact.facet_layer[rows] = facets["layer"]
+    contact.layers.of_facet[rows] = facets["layer"]
     points = tables.pop("points")
     rows = names.rows_of_points(points)
-    contact.layer[rows], contact.ledger.slip_of_dropped[rows] = points["layer"], points["slip"]
+    contact.points.layer[rows], done.slip_of_dropped[rows] = points["layer"], points["slip"]
     del facets, points, known, rows, names
     accounts = tables.pop("accounts")
     by_pair = np.lexsort((accounts["partner"], accounts["grain"]))
     for name in ("grain", "partner", "work"):
-        setattr(contact.ledger, name, accounts[name][by_pair])
+        setattr(done, name, accounts[name][by_pair])
 
-    contact.exchange(searched, contact.reach, contact.overlap)
+    contact.exchange(searched, contact.motion.reach, contact.motion.overlap)
     names = Names(contact, mesh)
     contact.edges.list_edges(own.nodes.size, contact.surface)
     contact.pairs = pairs = _pairs(contact, names, tables.pop("pairs"), tables.pop("candidates"))
     known = np.flatnonzero(pairs.known)
     facet = pairs.candidate[pairs.closest[known]]
-    pairs.clocks.follow(contact.motion)
-    pairs.vertices[known], pairs.sharp[known] = contact.facets[facet], contact.edges.beside[facet]
+    pairs.vertices[known], pairs.sharp[known] = ghosts.facets[facet], contact.edges.beside[facet]
     walls.pairs = _wall_pairs(contact, names, tables.pop("wall_pairs"))
-    walls.pairs.clocks.follow(contact.motion)
     _set_edge_pairs(contact, names, tables.pop("edge_pairs"))
-    if contact.num_before:
-        contact.list_near()
 
     moving = np.empty(own.nodes.size, dtype=bool)
     moving[order] = surface["moving"]
-    contact.moving = None if everything_moves else np.flatnonzero(moving)
-    contact.positions.own[:] = previous
+    ghosts.moving = None if everything_moves else np.flatnonzero(moving)
+    ghosts.positions.own[:] = previous
     contact.connect()
-    contact.send()
-    contact.receive()
-    contact.place_points()
-    contact.measure_from(previous)
+    ghosts.send()
+    ghosts.receive()
+    ghosts.place_points()
+    contact.motion.measure_from(previous)
 
 
 def _pairs(contact, names, table, candidates):
@@ -305,10 +301,9 @@ def _pairs(contact, names, table, candidates):
         "facet",
     ).astype(np.int32)
     points = contact.points.grain_of_point
-    pairs = Pairs(node[order], partner, new_first, facet, points, contact.clock)
-    for name in pairs.clocks.KEPT:
-        getattr(pairs.clocks, name)[pairs.clocks.of] = table.pop(name)[order]
-    pairs.candidate_due[:] = candidates.pop("due")[place]
+    pairs = Pairs(node[order], partner, new_first, facet, points, contact.motion.bound)
+    pairs.motion_bounds.take((name, table.pop(name)[order]) for name in pairs.motion_bounds.KEPT)
+    pairs.candidate_next_check[:] = candidates.pop("next_check")[place]
     closest = table["closest"][order]
     pairs.closest[:] = np.where(closest >= 0, new_first[:-1] + closest, -1)
     for name in pairs.KEPT:
@@ -320,12 +315,11 @@ def _wall_pairs(contact, names, table):
     node = names.rows_of_points(table).astype(np.int32)
     order = np.lexsort((table["wall"], node))
     grains = contact.points.grain_of_point
-    pairs = WallPairs(node[order], table["wall"][order], grains, contact.clock)
-    for name in pairs.clocks.KEPT:
-        getattr(pairs.clocks, name)[pairs.clocks.of] = table.pop(name)[order]
+    pairs = WallPairs(node[order], table["wall"][order], grains, contact.motion.bound)
+    pairs.motion_bounds.take((name, table.pop(name)[order]) for name in pairs.motion_bounds.KEPT)
     for name in pairs.KEPT:
         getattr(pairs, name)[:] = table.pop(name)[order]
-    pairs.stiffness[:] = contact.points.area[pairs.node] / contact.layer[pairs.node]
+    pairs.stiffness[:] = contact.points.area[pairs.node] / contact.points.layer[pairs.node]
     return pairs
 
 
@@ -342,7 +336,7 @@ def _set_edge_pairs(contact, names, table):
     num = edges.grain.size
     contact.edges.set_pairs(
         (first % max(num, 1)).astype(np.int32), (second % max(num, 1)).astype(np.int32),
-        contact.clock,
+        contact.motion.bound,
     )  # fmt: skip
     pairs = contact.edges.pairs
     for name in pairs.KEPT:

@@ -26,7 +26,7 @@ from ..state import Stateful
 from .bonded import find_bonded
 from .laws import kinetic_of
 from .mirrors import nodes_on_mirrors
-from .pairs.motion_bounds import WALLS, GrainClocks
+from .pairs.motion_bounds import WALLS, MotionBounds
 
 #: Part α of the force that a servo lacks which one step may change: stable below 1 at the longest
 #: step that contacts allow, and below 2 at short ones (theory.servo).
@@ -106,7 +106,6 @@ class Walls(Stateful):
 
     def __init__(self, walls):
         self.walls = list(walls)
-        self.names = [wall.name for wall in self.walls]
         self.has_servo = any(wall.target is not None for wall in self.walls)
         n = len(self.walls)
         self.point = np.array([w.point for w in self.walls], dtype=float).reshape(n, 3)
@@ -115,7 +114,6 @@ class Walls(Stateful):
         self.friction_kinetic = np.array(
             [kinetic_of(w.friction, w.friction_kinetic, f"of wall {w.name}") for w in self.walls]
         )
-        self.mirror = np.array([w.mirror for w in self.walls], dtype=bool)
         self.velocity = np.zeros((n, 3))  #: of ``point`` [m/s]
         self.angular_velocity = np.zeros((n, 3))  #: about ``point`` [rad/s]
         for i, wall in enumerate(self.walls):
@@ -130,11 +128,15 @@ class Walls(Stateful):
         self.bonded = np.empty(0, dtype=np.int32)  #: wall that each surface node is glued to, or -1
         self.push = np.zeros((n, 3))  #: displacement in the last move [m]
         self.turn = np.zeros((n, 3))  #: rotation in the last move [rad]
-        self._first_normal = self.normal.copy()
         self.radius = np.zeros(n)  #: of this rank's surface nodes about ``point`` [m]
         self.box = np.zeros((n, 2, 3))  #: around the points near each, of all ranks [m]
         self._moves = np.zeros(n)
         self.pairs = None
+
+    @property
+    def names(self):
+        """Of all walls, in their order."""
+        return [wall.name for wall in self.walls]
 
     def move(self, dt):
         """Advance the planes by ``dt``; returns the largest distance moved [m].
@@ -152,7 +154,7 @@ class Walls(Stateful):
             swing = np.linalg.norm(np.cross(self.turn[i], self.normal[i]))
             moved[i] += swing * self.radius[i]
             self.rotation[i] = turn @ self.rotation[i]
-            self.normal[i] = self.rotation[i] @ self._first_normal[i]
+            self.normal[i] = self.rotation[i] @ np.asarray(self.walls[i].normal, dtype=float)
             turn_rows(self.pairs.anchor, self.pairs.wall, i, turn)
         return moved.max()
 
@@ -207,7 +209,7 @@ class Walls(Stateful):
             if wall.target is not None:
                 self.velocity[i] = wall.servo_velocity(force, k, dt)
 
-    def search(self, x, nodes, corner, grain_of_point, reach, clock):
+    def search(self, x, nodes, corner, grain_of_point, reach, bound):
         """Find the points near each wall and carry over what their pairs remember. Local.
 
         Args:
@@ -216,30 +218,23 @@ class Walls(Stateful):
             corner: Nodes around each point, shape (num_points, 3); None where points are nodes.
             grain_of_point: Global grain of each, shape (num_points,).
             reach: Largest gap [m].
-            clock: Reading of the clock of relative motion [m].
+            bound: Of all relative motion so far [m].
         """
         if self.pairs is None:
             self.bonded = find_bonded(nodes, self.walls)
-            self._bonded_points = self.bonded
-            if corner is not None:
-                wall = self.bonded[corner]
-                self._bonded_points = np.where((wall == wall[:, :1]).all(axis=1), wall[:, 0], -1)
-            if self.mirror.any():
-                on = nodes_on_mirrors(nodes, self.walls)
-                self._mirrored_points = on if corner is None else on[corner].all(axis=1)
-        node, wall = find_wall_candidates(x, self._bonded_points, self.point, self.normal, reach)
-        if self.mirror.any():
-            free = ~self._mirrored_points[node, wall]
-            node, wall = node[free], wall[free]
-        pairs = WallPairs(node, wall, grain_of_point, clock)
+            held = self.bonded[:, None] == np.arange(len(self.walls))
+            held |= nodes_on_mirrors(nodes, self.walls)
+            self._held = held if corner is None else held[corner].all(axis=1)
+        node, wall = find_wall_candidates(x, self._held, self.point, self.normal, reach)
+        pairs = WallPairs(node, wall, grain_of_point, bound)
         if self.pairs is not None:
             source = carry_pairs(self.pairs.node, self.pairs.wall, node, wall)
             new = np.flatnonzero(source >= 0)
             source = source[new]
             for name in REMEMBERED:
                 getattr(pairs, name)[new] = getattr(self.pairs, name)[source]
-            pairs.clocks.carry(self.pairs.clocks)
-            pairs.due[:] = pairs.clocks.now
+            pairs.motion_bounds.carry(self.pairs.motion_bounds)
+            pairs.next_check[:] = pairs.motion_bounds.now
         self.pairs = pairs
 
     def enclose(self, comm, x, reach):
@@ -270,9 +265,9 @@ class Walls(Stateful):
         """
         p = self.pairs
         p.forces = WallForces(
-            p.state, p.due, p.clocks.readings, p.clocks.of, p.node, p.wall, layer, points.area,
-            points.recess, ratio, *corners, x, f, self.force, self.torque, self.point, self.normal,
-            self.velocity, self.friction, self.friction_kinetic,
+            p.state, p.next_check, p.motion_bounds.bounds, p.motion_bounds.of, p.node, p.wall,
+            layer, points.area, points.recess, ratio, *corners, x, f, self.force, self.torque,
+            self.point, self.normal, self.velocity, self.friction, self.friction_kinetic,
         )  # fmt: skip
 
     def add_forces(self, adopt, ahead=0.0):
@@ -308,15 +303,16 @@ def rotation_of(turn):
 class WallPairs(Stateful):
     """Node-wall pairs of one rank. Arrays as in kernels.walls."""
 
-    STATE = {"here": ("due", "state", "readings")}
+    STATE = {"here": ("next_check", "state", "bounds")}
     #: What a checkpoint keeps of each pair.
-    KEPT = ("due", *REMEMBERED, "work")
+    KEPT = ("next_check", *REMEMBERED, "work")
 
-    def __init__(self, node, wall, grain_of_point, clock):
+    def __init__(self, node, wall, grain_of_point, bound):
         n = node.size
         self.node, self.wall = node, wall
-        self.clocks = GrainClocks(grain_of_point[node], WALLS + wall.astype(np.int64), clock)
-        self.due = np.full(n, clock)
+        walls = WALLS + wall.astype(np.int64)
+        self.motion_bounds = MotionBounds(grain_of_point[node], walls, bound)
+        self.next_check = np.full(n, bound)
         self.state = rows(n, ROW)
         for name in (*REMEMBERED, "work", "stiffness"):
             setattr(self, name, column(self.state, name, COLUMNS))
@@ -324,6 +320,6 @@ class WallPairs(Stateful):
         self.forces = None  #: kernels.walls.WallForces, once they are wanted
 
     @property
-    def readings(self):
-        """Of the clocks [m]."""
-        return self.clocks.readings
+    def bounds(self):
+        """Of motion relative to walls, of each grain and wall [m]."""
+        return self.motion_bounds.bounds

@@ -24,18 +24,18 @@ class ContactInSteps(ForceTerm):
         self._specimen, self._motion = specimen, motion
         self._contact, self._rigid = specimen.contact, specimen.rigid
         self.followed_search = 0  #: the search that the following nodes were chosen after
-        if self._contact.kinematic:
+        if self._contact.layers.kinematic:
             self._predicted = specimen.mesh.x.copy()
             # Glued nodes go where their wall goes, whatever acts on them.
             self._inertia = np.where(specimen.free_mass > 0, specimen.solid.mass, np.inf)
 
     def begin_forces(self, f, state, dt):
         """Send positions."""
-        if not self._contact.kinematic:
+        if not self._contact.layers.kinematic:
             motion = self._motion
             # Glued nodes go where their wall goes: how far, is not known ahead.
             known = () if self._specimen.bonded.nodes.size else motion.beside_field(dt)
-            self._contact.begin(state.x, motion.largest, known)
+            self._contact.begin_step(state.x, motion.largest, known)
 
     def add_forces(self, f, state, dt):
         """Search if it is time, and add the forces.
@@ -44,10 +44,10 @@ class ContactInSteps(ForceTerm):
             FloatingPointError: A position is not finite, on all ranks.
         """
         positions = state.x
-        if self._contact.kinematic:
+        if self._contact.layers.kinematic:
             positions = self._predicted
             predict(positions, state.x, state.v, f, self._inertia, dt)
-            self._contact.begin(positions, self._motion.largest)
+            self._contact.begin_step(positions, self._motion.largest)
         self._contact.add_forces(f, positions)
         if self._specimen.any_rigid and self._contact.num_searches != self.followed_search:
             self._follow()
@@ -60,4 +60,4 @@ class ContactInSteps(ForceTerm):
         near[contact.own.nodes[near_nodes(contact)]] = True
         rigid.follow(near)
         near[rigid.soft] = True
-        contact.moving = np.flatnonzero(near[contact.own.nodes])
+        contact.ghosts.moving = np.flatnonzero(near[contact.own.nodes])

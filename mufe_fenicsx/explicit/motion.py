@@ -44,7 +44,7 @@ class Motion(Stateful):
         self.set_field(self.field)
 
     def beside_field(self, dt):
-        """Motion of the grains in a step of ``dt`` [s], as contact.begin wants it."""
+        """Motion of the grains in a step of ``dt`` [s], as Contact.begin_step wants it."""
         return self._moves, self.field, self._slope, dt
 
     def drift(self, dt):

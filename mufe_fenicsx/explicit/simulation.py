@@ -120,8 +120,8 @@ class Simulation(OfSpecimen):
             self._release_loaded()
         # Early where contacts may close that the last evaluation did not count.
         refresh, now = self.refresh, self.state.num_steps
-        moved = self.contact.clock - refresh.clock > refresh.margin
-        moved |= self.contact.overrun_of_all > 0.0 and refresh.margin < math.inf
+        moved = self.contact.motion.bound - refresh.bound > refresh.margin
+        moved |= self.contact.motion.overrun_of_all > 0.0 and refresh.margin < math.inf
         waited = refresh.waited(now)
         if moved or refresh.due(now):
             self.update_time_step(early=2 * waited < refresh.steps, of_elements=self.check())
@@ -190,7 +190,7 @@ class Simulation(OfSpecimen):
         s = self.state
         s.a[:] = self.specimen.f / self.solid.mass[:, None]
         s.dt, self.dt = 0.0, math.nan
-        self.refresh.clock = self.contact.clock
+        self.refresh.bound = self.contact.motion.bound
         self.update_time_step()
 
     def check(self, diverged=False):
@@ -225,12 +225,12 @@ class Simulation(OfSpecimen):
         speed = np.sqrt(max(np.einsum("ni,ni->n", s.v, s.v).max(), (self.walls.velocity**2).sum()))
         ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
         least = max(ahead, 1e-3 * self.contact.edge)
-        self.refresh.begin(self.contact.clock, s.num_steps, early)
+        self.refresh.begin(self.contact.motion.bound, s.num_steps, early)
         limit = self._limit_ahead(least)
         if self.refresh.too_far(limit):
             limit = self._limit_ahead(least)
         self.refresh.end(limit, self.stable.slack)
-        self.contact.mark()
+        self.contact.motion.mark()
         if self.scaling is not None and not early and limit < FALLEN * self.scaling.reached:
             if self._add_mass():
                 limit = self.stable(self.refresh.margin, self.dt_element)
@@ -248,8 +248,8 @@ class Simulation(OfSpecimen):
     def _limit_ahead(self, least):
         """Limit until the next evaluation [s], in which grains move by ``least`` [m] at least."""
         # Pairs that can close before the next evaluation count as closed.
-        margin, factor = self.refresh.look_ahead(least, self.contact.known_ahead)
-        self.contact.expect(margin, least, factor)
+        margin, factor = self.refresh.look_ahead(least, self.contact.motion.known_ahead)
+        self.contact.motion.expect(margin, least, factor)
         if self.scaling is not None and not self.scaling.reached:
             # What is within an edge now, the walls above all, is held some time.
             self.scale_masses(max(margin, self.contact.edge))

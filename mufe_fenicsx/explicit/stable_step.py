@@ -118,7 +118,7 @@ class StableStep(Stateful):
 
         Args:
             margin: All pairs within it [m] count as closed, but for those of two grains that are
-                not expected to move so far (:class:`~.contact.clocks.GrainClocks`).
+                not expected to move so far (:class:`~.contact.pairs.motion_bounds.MotionBounds`).
             element_step: Present value of :meth:`of_elements` [s].
         """
         self._take_stiffness_of_terms()
@@ -171,7 +171,7 @@ class StableStep(Stateful):
             self._springs.destroy()
         self._springs = listed
         springs = 0.0
-        if not self.contact.kinematic:
+        if not self.contact.layers.kinematic:
             among = (listed.at, listed.add_compact) if self._rows_are_nodes else ()
             springs = highest_of_springs(*among)
         limit = self._contact_step
@@ -234,7 +234,7 @@ class StableStep(Stateful):
 
     def add_springs(self, y, q):
         """Add the forces that springs resist ``q`` with to ``y``, both of shape (num_nodes, 3)."""
-        if not self.contact.kinematic:
+        if not self.contact.layers.kinematic:
             self._springs.add(y, q)
 
     def _stiffest_contact(self, margin):

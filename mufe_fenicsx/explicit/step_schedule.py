@@ -18,11 +18,11 @@ class Refresh(Stateful):
         steps: Steps between two of them, where none waits longer.
     """
 
-    STATE = {"common": ("clock", "at", "margin", "wait", "steady", "limit")}
+    STATE = {"common": ("bound", "at", "margin", "wait", "steady", "limit")}
 
     def __init__(self, steps):
         self.steps = steps
-        self.clock, self.at = 0.0, 0  #: contact's clock [m] and step of the last one
+        self.bound, self.at = 0.0, 0  #: contact's bound of motion [m] and step of the last one
         self.margin = 0.0  #: motion that it allows for [m]
         self.wait = 1  #: how many times as long the next one waits
         self.steady = False  #: whether the one after that may wait longer
@@ -37,10 +37,10 @@ class Refresh(Stateful):
         """Whether the next one is due."""
         return self.waited(num_steps) >= self.wait * self.steps
 
-    def begin(self, clock, num_steps, early):
-        """Begin one at this reading of contact's clock [m], ``early`` soon after the last one."""
-        self._moved, self._waited = clock - self.clock, max(self.waited(num_steps), 1)
-        self.clock, self.at = clock, num_steps
+    def begin(self, bound, num_steps, early):
+        """Begin one at this bound of contact's motion [m], ``early`` soon after the last one."""
+        self._moved, self._waited = bound - self.bound, max(self.waited(num_steps), 1)
+        self.bound, self.at = bound, num_steps
         self.wait = min(2 * self.wait, LONGEST_WAIT) if self.steady and not early else 1
 
     def look_ahead(self, least, most):

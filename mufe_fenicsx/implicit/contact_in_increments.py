@@ -15,9 +15,9 @@ class ContactInIncrements(ForceTerm):
 
     def begin_forces(self, f, state, dt):
         """Send positions."""
-        self._contact.place(state.x)
+        self._contact.ghosts.place(state.x)
 
     def add_forces(self, f, state, dt):
         """Add the forces at the positions that were sent."""
-        self._contact.receive()
+        self._contact.ghosts.receive()
         self._contact.evaluate(f)

@@ -40,7 +40,7 @@ class IncrementEquations:
         start: :class:`~.increment_start.IncrementStart`.
         mark: :class:`~.contact.rewind.ContactMark` at the start.
         wall_move: Largest motion of a wall in the increment [m].
-        reach: Reading of the contacts' clock up to which the last search is good [m].
+        reach: Bound of relative motion up to which the last search is good [m].
         too_far: Largest motion that it was not good for [m].
     """
 
@@ -84,8 +84,8 @@ class IncrementEquations:
         if not move < LARGEST_MOVE * contact.edge:
             return None, 0.0
         self.mark.restore()
-        contact.advance(2.0 * move)
-        if contact.clock > self.reach:
+        contact.motion.advance(2.0 * move)
+        if contact.motion.bound > self.reach:
             self.too_far = max(self.too_far, move)
             return None, 0.0
         self._place(du)
@@ -96,7 +96,7 @@ class IncrementEquations:
             self.products.take(du, f)
         if self.comm.allreduce(int(specimen.solid.inverted >= 0)):
             specimen.solid.inverted = -1
-            contact.receive()
+            contact.ghosts.receive()
             return None, 0.0
         size = float(np.vdot(f, f))
         for term in specimen.terms:

@@ -17,8 +17,8 @@ class IncrementStart:
     def __init__(self, specimen):
         self._kept = [
             (part, copied(_without_bounds(part.state_dict())))
-            for part in specimen.parts.values()
-            if part is not specimen.contact
+            for name, part in specimen.parts.items()
+            if name not in specimen.contact.parts
         ]  # fmt: skip
         of = {id(part): kept for part, kept in self._kept}
         kept = of[id(specimen.state)]

@@ -324,7 +324,7 @@ class ImplicitSimulation(OfSpecimen):
             self._rewind()
             return False
         if self._exact:
-            self.specimen.damped += self._exact.end(self.equations.mark)
+            self.specimen.damped += self._exact.end_increment(self.equations.mark)
         self._finish(found, dt)
         self.num_on_jumps += self._newton.num_sides > 1
         history = self._newton.history
@@ -361,11 +361,11 @@ class ImplicitSimulation(OfSpecimen):
         equations.begin(IncrementStart(self.specimen), dt)
         equations.wall_move = walls.move(dt)
         if self._exact:
-            self._exact.begin()
+            self._exact.begin_increment()
         # Anchors on walls that turned have gone along.
         equations.mark = ContactMark(self.contact)
         walls.add_work()
-        equations.reach = self.contact.searched_at + self.contact.skin
+        equations.reach = self.contact.motion.searched_at + self.contact.motion.skin
         if self.specimen.bonded.nodes.size:
             x, u, v = s.x.copy(), s.u.copy(), s.v.copy()
             self.specimen.bonded.move(x, u, v, self.mesh.x, dt)
@@ -374,7 +374,7 @@ class ImplicitSimulation(OfSpecimen):
         if self._last is not None:
             expected = max(expected, float(np.abs(self._last[0]).max()) * dt / self._last[1])
         expected = self.comm.allreduce(expected, op=MPI.MAX)
-        if self.contact.clock + 3.0 * expected > equations.reach:
+        if self.contact.motion.bound + 3.0 * expected > equations.reach:
             self._search(4.0 * expected)
 
     def _search(self, ahead):
@@ -385,8 +385,9 @@ class ImplicitSimulation(OfSpecimen):
             self._exact.cancel()
         self.contact.search(x0, ahead=ahead)
         if self._exact:
-            self._exact.begin()
-        self.equations.reach = self.contact.searched_at + max(self.contact.skin, ahead)
+            self._exact.begin_increment()
+        motion = self.contact.motion
+        self.equations.reach = motion.searched_at + max(motion.skin, ahead)
         self.equations.mark = ContactMark(self.contact)
         self.system.forget()
 
@@ -436,7 +437,7 @@ class ImplicitSimulation(OfSpecimen):
                 self.specimen.damped += 0.5 * float(np.vdot(self.equations.start.force, du))
                 self._unbalanced = False
         self._last = (du, dt, self._motion())
-        self.contact.measure_from(self.contact.positions.own)
+        self.contact.motion.measure_from(self.contact.ghosts.positions.own)
         s.t += dt
         s.dt = dt
         s.num_steps += 1

@@ -15,23 +15,24 @@
 /* Of a row of three numbers, which may lie in two cache lines. */
 #define FETCH_ROW(rows, n) (FETCH((rows) + 3 * (int64_t)(n)), FETCH((rows) + 3 * (int64_t)(n) + 2))
 
-/* List the pairs whose ``due`` their clock, number ``of[p]``, has reached; how many there are. */
-INLINE int64_t find_due(int32_t *pairs, const double *due, const double *clocks, const int32_t *of,
-                        int64_t num) {
+/* List the pairs whose ``next_check`` their bound, number ``of[p]``, has reached; how many. */
+INLINE int64_t find_due(int32_t *pairs, const double *next_check, const double *bounds,
+                        const int32_t *of, int64_t num) {
   int64_t count = 0;
   for (int64_t p = 0; p < num; p++) {
     pairs[count] = (int32_t)p;
-    count += due[p] <= clocks[of[p]];
+    count += next_check[p] <= bounds[of[p]];
   }
   return count;
 }
 
 /* The same in two lists, those that are to be ``early`` and the others. */
-INLINE int64_t find_both(int32_t *pairs, int32_t *others, int64_t *num_others, const double *due,
-                         const double *clocks, const int32_t *of, const uint8_t *early, int64_t num) {
+INLINE int64_t find_both(int32_t *pairs, int32_t *others, int64_t *num_others,
+                         const double *next_check, const double *bounds, const int32_t *of,
+                         const uint8_t *early, int64_t num) {
   int64_t count = 0, rest = 0;
   for (int64_t p = 0; p < num; p++) {
-    const int is_due = due[p] <= clocks[of[p]];
+    const int is_due = next_check[p] <= bounds[of[p]];
     pairs[count] = others[rest] = (int32_t)p;
     count += is_due & early[p];
     rest += is_due & !early[p];

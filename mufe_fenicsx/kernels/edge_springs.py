@@ -123,8 +123,8 @@ def _can_close(outside, gap, wait, margin, size):
 
 
 @numba.njit(cache=True)
-def find_edge_springs(margin, size, due, outside, gap, clock, place, closed, stiffness, first,
-                      second, area, layer, share):  # fmt: skip
+def find_edge_springs(margin, size, next_check, outside, gap, bound, place, closed, stiffness,
+                      first, second, area, layer, share):  # fmt: skip
     """Pairs that are closed or can close by a motion of ``margin`` [m], and their stiffness.
 
     Crossings that come between edges and facets by such a motion count too, an upper bound.
@@ -138,7 +138,8 @@ def find_edge_springs(margin, size, due, outside, gap, clock, place, closed, sti
     found, k = np.empty(first.size, np.int64), np.empty(first.size)
     n = 0
     for p in range(first.size):
-        if not (closed[p] or _can_close(outside[p], gap[p], due[p] - clock, margin, size[p])):
+        wait = next_check[p] - bound
+        if not (closed[p] or _can_close(outside[p], gap[p], wait, margin, size[p])):
             continue
         # As if it did not fade out where one edge goes on as the next, and were at nodes.
         s, t = place[p, 0], place[p, 1]

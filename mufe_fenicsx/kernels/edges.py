@@ -37,7 +37,7 @@ def _spring(x, ends, i, j, ds, dt):
 @numba.njit(cache=True, error_model="numpy")
 def add_edge_forces(
     f,
-    due,
+    next_check,
     outside,
     place,
     normal,
@@ -50,7 +50,7 @@ def add_edge_forces(
     shear,
     slip,
     work,
-    clock,
+    bound,
     x,
     first,
     second,
@@ -90,7 +90,7 @@ def add_edge_forces(
 
     Args:
         f: Forces on surface nodes [N], shape (num_nodes, 3).
-        due: Reading of the clock before which a pair cannot close, shape (num_pairs,).
+        next_check: Bound before which a pair cannot close [m], shape (num_pairs,).
         outside: By how much the crossing lies outside, as of :func:`crossing`, (num_pairs,);
             ``UNPIERCED`` where lines cross inside each other, but edges or facets end before.
         place: s and t of the crossing, shape (num_pairs, 2).
@@ -103,7 +103,7 @@ def add_edge_forces(
         shear: Friction on the first edge [N], shape (num_pairs, 3).
         slip: Slip since the last search [m], shape (num_pairs,).
         work: Energy dissipated since the last search [J], shape (num_pairs,).
-        clock: Bound of all relative motion so far [m].
+        bound: Of all relative motion so far [m].
         x: Positions [m], shape (num_nodes, 3).
         first, second: The edges of each pair, shape (num_pairs,).
         ends, beyond: Edges, as in kernels.edge_search.
@@ -124,7 +124,7 @@ def add_edge_forces(
     """
     dissipated, switched, num_adopted, deepest = 0.0, 0.0, 0, 0.0
     for p in range(first.size):
-        if due[p] > clock:
+        if next_check[p] > bound:
             continue
         i, j = first[p], second[p]
         was_open, was_inside = outside[p] <= 0.0, outside[p] <= 0.0 and gap[p] < 0.0
@@ -137,7 +137,7 @@ def add_edge_forces(
             gap[p], place[p, 0], place[p, 1] = g, s, t
             normal[p, 0], normal[p, 1], normal[p, 2] = nx, ny, nz
         if closed[p]:
-            due[p] = clock
+            next_check[p] = bound
             continue
         if outside[p] <= 0.0 and g < 0.0 and not (was_open and turned <= ROUNDING):
             if g <= -DEEPEST * size[p] or not piercings(x, ends, beyond, share, i, j):
@@ -150,20 +150,20 @@ def add_edge_forces(
             deepest = max(deepest, -g)
             offset[p] = g + recess[p]
         # What is deeper than it can have moved since it was last open came in from the side.
-        deep = -g > clock - due[p] + 1e-9 * size[p]
+        deep = -g > bound - next_check[p] + 1e-9 * size[p]
         if outside[p] <= 0.0 and deep and not was_inside and not adopt:
             offset[p] = min(offset[p], g + recess[p])
         if outside[p] > 0.0:
             # An edge can come in from the side, below the other one, or begin to pierce a facet.
             distance = segment_distance(x, ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1])
             way = 0.0 if outside[p] == UNPIERCED else 0.25 * min(outside[p], 1.0) * across
-            due[p] = clock + max(distance - DEEPEST * size[p], way)
+            next_check[p] = bound + max(distance - DEEPEST * size[p], way)
         else:
-            due[p] = clock + max(g, 0.0)
+            next_check[p] = bound + max(g, 0.0)
 
     # Crossings that take over from one that fades out begin as deep, and have its anchors.
     for p in range(first.size):
-        if due[p] > clock or closed[p] or -gap[p] <= recess[p]:
+        if next_check[p] > bound or closed[p] or -gap[p] <= recess[p]:
             continue
         s, t = place[p, 0], place[p, 1]
         if outside[p] > 0.0 and (outside[p] != UNPIERCED or min(s, 1.0 - s, t, 1.0 - t) > LEAVING):
@@ -173,7 +173,7 @@ def add_edge_forces(
         q = _left_to(closed, outside, gap, first, second, ends, share, p)
         if q >= 0:
             # Near a corner of facets, edges need not pierce those beside them.
-            outside[p], offset[p], due[p] = min(outside[p], 0.0), offset[q], clock
+            outside[p], offset[p], next_check[p] = min(outside[p], 0.0), offset[q], bound
             depth = max(offset[p] - gap[p] - recess[p], 0.0)
             i, j = first[p], second[p]
             kn, _, _ = crossing_stiffness(i, j, s, t, area, layer, share, compliance)
@@ -184,7 +184,7 @@ def add_edge_forces(
             sliding[p] = sliding[q]
 
     for p in range(first.size):
-        if due[p] > clock or not (closed[p] or outside[p] <= 0.0):
+        if next_check[p] > bound or not (closed[p] or outside[p] <= 0.0):
             continue
         i, j = first[p], second[p]
         depth, carried = offset[p] - gap[p] - recess[p], stiffness[p]
@@ -206,7 +206,7 @@ def add_edge_forces(
                     switched += stored_energy(carried, depth, largest_depth[p]) + carried * half
                 closed[p] = False
                 shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
-                due[p] = clock + (max(gap[p], 0.0) if outside[p] <= 0.0 else 0.0)
+                next_check[p] = bound + (max(gap[p], 0.0) if outside[p] <= 0.0 else 0.0)
             sliding[p] = False
             continue
         s, t = place[p, 0], place[p, 1]
@@ -218,7 +218,7 @@ def add_edge_forces(
             switched -= kn * half
             closed[p] = True
         stiffness[p] = kn
-        due[p] = clock
+        next_check[p] = bound
         kt = kn * ratio[i]
         N = normal_force(kn, depth, largest_depth[p])
         if sliding[p]:

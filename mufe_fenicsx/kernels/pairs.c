@@ -34,8 +34,11 @@ INLINE int64_t list_due(const pairs_type *m, call_type *c, int32_t **list, int64
   int32_t *others = m->scratch + num + 1;
   *list = c->part == OTHER_PAIRS ? others : m->scratch;
   if (c->part == OTHER_PAIRS) return c->num_others;
-  if (c->part == ALL_PAIRS) return find_due(m->scratch, m->due, m->clocks, m->clock, num);
-  return find_both(m->scratch, others, &c->num_others, m->due, m->clocks, m->clock, m->early, num);
+  if (c->part == ALL_PAIRS) {
+    return find_due(m->scratch, m->next_check, m->bounds, m->bound_row, num);
+  }
+  return find_both(m->scratch, others, &c->num_others, m->next_check, m->bounds, m->bound_row,
+                   m->early, num);
 }
 
 /* See kernels/pairs.py. What is found of the others is added to that of the early ones.

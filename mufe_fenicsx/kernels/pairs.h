@@ -13,7 +13,7 @@
    last, where ``known``, and what it remembers. ``corner``: nodes around a point in a facet, or
    thrice the node, with their weights. */
 typedef struct {
-  double other_due; /* least ``candidate_due`` of the other candidates */
+  double other_next_check; /* least ``candidate_next_check`` of the other candidates */
   int32_t node;
   uint8_t closed, sliding, sharp, known;
   int32_t vertices[3], corner[3];
@@ -28,17 +28,17 @@ typedef struct {
   vec3 shear;
   int32_t around, num_around; /* where the nodes around a point that is a node are listed */
   vec3 corner_weight;
-  int32_t clock;    /* which one of ``clocks`` is that of both grains */
+  int32_t bound_row;    /* which one of ``bounds`` is that of both grains */
   int32_t friction; /* the row of the pair of materials, where there are some */
 } state_type;
 
 /* In the order of kernels/pairs.py. */
 typedef struct {
   state_type *state;
-  double *due;
-  float *candidate_due;
-  const double *clocks;
-  const int32_t *clock; /* as in the rows, for those that are not due */
+  double *next_check;
+  float *candidate_next_check;
+  const double *bounds;
+  const int32_t *bound_row; /* as in the rows, for those that are not due */
   int64_t *closest;
   int32_t *scratch, *seen;
   const uint8_t *early; /* whether a pair is, where there are some */
@@ -100,12 +100,12 @@ INLINE double largest_depth_of(const pairs_type *m, const state_type *s, int64_t
 /* A number of single precision that is not above v: rounding adds 2^-24 |v| at most. */
 INLINE float no_more_than(double v) { return (float)(v - 1.2e-7 * fabs(v)); }
 
-/* Closest candidate of the pair p, testing only those that can be it: ``candidate_due`` is the
-   reading of the clock of both grains at which a candidate can be at distance zero; the clock
-   advances by all that points of both within ``range`` move relative to each other, so that
-   due - clock is a lower bound of the distance now. */
+/* Closest candidate of the pair p, testing only those that can be it: ``candidate_next_check`` is
+   the bound of both grains' motion at which a candidate can be at distance zero. The bound advances
+   by all that points of both within ``range`` move relative to each other, so that the difference
+   of the two is a lower bound of the distance now. */
 static int64_t find_closest(const pairs_type *m, int64_t p, double range, vec3 point) {
-  const double clock = m->clocks[m->state[p].clock];
+  const double bound = m->bounds[m->state[p].bound_row];
   double best = INFINITY;
   int64_t begin = m->first[p], end = m->first[p + 1], remembered = m->closest[p], closest = -1;
   for (int64_t trial = begin - 1; trial < end; trial++) {
@@ -113,14 +113,14 @@ static int64_t find_closest(const pairs_type *m, int64_t p, double range, vec3 p
     if (trial < begin) {
       if (remembered < 0) continue;
       k = remembered;
-    } else if (k == remembered || m->candidate_due[k] - clock >= best) {
+    } else if (k == remembered || m->candidate_next_check[k] - bound >= best) {
       continue;
     }
     triangle t = facet_at(&m->surface, m->x, m->candidate[k]);
     int feature;
     vec3 w = closest_point(point, t, &feature);
     double distance = length(minus(point, mean(w, t.a, t.b, t.c)));
-    m->candidate_due[k] = no_more_than(clock + least(distance, range));
+    m->candidate_next_check[k] = no_more_than(bound + least(distance, range));
     if (distance < best) best = distance, closest = k;
   }
   return closest;
@@ -134,9 +134,9 @@ static void know(const pairs_type *m, int64_t p, int64_t k) {
   for (int v = 0; v < 3; v++) s->vertices[v] = m->surface.facets[3 * facet + v];
   s->sharp = m->sharp[facet];
   s->known = 1;
-  s->other_due = INFINITY;
+  s->other_next_check = INFINITY;
   for (int64_t o = m->first[p]; o < m->first[p + 1]; o++)
-    if (o != k) s->other_due = least(s->other_due, m->candidate_due[o]);
+    if (o != k) s->other_next_check = least(s->other_next_check, m->candidate_next_check[o]);
 }
 
 /* Look at the candidates of the pair p, whose point is given; the one that was closest before. */

@@ -13,7 +13,7 @@ from .points import corners_of
 #: counted in numbers of that type. The rest of the row is as in pairs.h.
 ROW = 32
 COLUMNS = {
-    "other_due": (np.float64, 0),
+    "other_next_check": (np.float64, 0),
     "node": (np.int32, 2),
     "closed": (np.bool_, 12),
     "sliding": (np.bool_, 13),
@@ -37,7 +37,7 @@ COLUMNS = {
     "shear": (np.float64, slice(24, 27)),
     "around": (np.int32, slice(54, 56)),
     "corner_weight": (np.float64, slice(28, 31)),
-    "clock": (np.int32, 62),
+    "bound_row": (np.int32, 62),
     "friction": (np.int32, 63),
 }
 
@@ -111,11 +111,11 @@ class PairForces:
             closed: Whether the pair carries force;
             sliding: Whether the pair slipped in this step;
             known: Whether the facet that was closest last is: its ``vertices``, whether it is
-            ``sharp``, and ``other_due``, the least ``candidate_due`` of the other candidates.
-        due: Reading of its clock before which a pair cannot close [m], shape (num_pairs,).
-        candidate_due: No more than that for each candidate, float32, shape (num_candidates,).
-        clocks: Bounds of all relative motion of two grains so far [m], shape (num_clocks,).
-        clock: Clock of each pair, int32, shape (num_pairs,).
+            ``sharp``, and ``other_next_check``, the least ``candidate_next_check`` of the others.
+        next_check: Bound of its motion before which a pair cannot close [m], shape (num_pairs,).
+        candidate_next_check: No more than that for each candidate, float32, (num_candidates,).
+        bounds: Of all relative motion of two grains so far [m], shape (num_bounds,).
+        bound_row: Which one is that of each pair, int32, shape (num_pairs,).
         closest: Candidate that was closest last, -1 unknown, int64, shape (num_pairs,).
         node, first, candidate: Pairs, as in kernels.search; int32, int64, int32.
         facets, neighbour, ring_offset, ring: Surface, as in kernels.closest; int32, but for
@@ -143,11 +143,11 @@ class PairForces:
         ValueError: An array is of another type, or not contiguous.
     """
 
-    def __init__(self, state, due, candidate_due, clocks, clock, closest, node, first, candidate,
-                 facets, neighbour, ring_offset, ring, sharp, layer_of_node, layer_of_facet, area,
-                 area_at_node, area_of_facet, depth_of_node, depth_of_facet, recess, ratio_of_node,
-                 around, around_of, corner, corner_weight, x, f, early, friction,
-                 friction_row):  # fmt: skip
+    def __init__(self, state, next_check, candidate_next_check, bounds, bound_row, closest, node,
+                 first, candidate, facets, neighbour, ring_offset, ring, sharp, layer_of_node,
+                 layer_of_facet, area, area_at_node, area_of_facet, depth_of_node, depth_of_facet,
+                 recess, ratio_of_node, around, around_of, corner, corner_weight, x, f, early,
+                 friction, friction_row):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
         self._found = _Call()
@@ -158,14 +158,14 @@ class PairForces:
         fill_rows(state, node, of_points)
         nodes, weight = corners_of(node, corner, corner_weight)
         column(state, "corner")[:], column(state, "corner_weight")[:] = nodes, weight
-        column(state, "clock")[:] = clock
+        column(state, "bound_row")[:] = bound_row
         self._found.friction, self._found.friction_kinetic = friction[0]
         if friction_row.size:
             column(state, "friction")[:] = friction_row
         self._any_early = bool(early.any())
         self._pointers = Pointers(
-            (state, real), (due, real), (candidate_due, np.float32), (clocks, real), (clock, short),
-            (closest, long), (scratch, short), (seen, short), (early, flag),
+            (state, real), (next_check, real), (candidate_next_check, np.float32), (bounds, real),
+            (bound_row, short), (closest, long), (scratch, short), (seen, short), (early, flag),
             (first, long), (candidate, short),
             (facets, short), (neighbour, short), (ring_offset, long), (ring, short), (sharp, flag),
             (layer_of_node, real), (layer_of_facet, real), (area_at_node, real),
@@ -181,7 +181,7 @@ class PairForces:
         """Add the forces at the positions ``x`` to ``f``.
 
         Args:
-            longest: Distance up to which the clocks bound relative motion [m].
+            longest: Distance up to which the bounds hold [m].
             adopt: True to adopt every node that lies inside (start of a test).
             between: Called once the early pairs have their forces; without any, at the end.
 

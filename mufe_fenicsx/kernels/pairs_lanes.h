@@ -21,7 +21,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
                           vec *dissipated, unsigned *looked, int64_t *before) {
   double *rows[LANES], *x = m->x, *f = m->f;
   int32_t node[6][LANES];
-  vec due, clock;
+  vec next_check, bound;
   unsigned changed = 0;
 #pragma GCC unroll 8
   for (int i = 0; i < LANES; i++) {
@@ -30,7 +30,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
     if (*looked >> i & 1)
       changed |= (unsigned)(before[i] >= 0 && before[i] != m->closest[pair[i]]) << i;
     for (int k = 0; k < 3; k++) node[k][i] = s->corner[k], node[3 + k][i] = s->vertices[k];
-    due[i] = m->due[pair[i]], clock[i] = m->clocks[s->clock];
+    next_check[i] = m->next_check[pair[i]], bound[i] = m->bounds[s->bound_row];
   }
   vec head[4], second[4], third[4], fourth[4], fifth[4], sixth[4], seventh[4], last[4];
   load_four(head, rows, 0);
@@ -62,7 +62,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   /* Which of them are done here: for the others nothing has been changed yet. */
   const vec depth = offset - g;
   mask inside = (va > 0.0) & (vb > 0.0) & (vc > 0.0);
-  mask far = head[0] - clock >= distance;
+  mask far = head[0] - bound >= distance;
   mask corners = below_each(pa, point, n) | below_each(pb, point, n) | below_each(pc, point, n);
   /* Nodes are no points in facets: what they face is around them. */
   mask is_node = lanes_of(0);
@@ -70,7 +70,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   for (int i = 0; i < LANES; i++) is_node[i] = -(int64_t)(node[0][i] == node[1][i]);
   corners |= is_node;
   mask turned_away = FLAG(word, sharp) & (height < BESIDE * square_root(area)) & corners;
-  const vec moved = clock - due, change = where(g < third[0], third[0] - g, g - third[0]);
+  const vec moved = bound - next_check, change = where(g < third[0], third[0] - g, g - third[0]);
   mask stays = FLAG(word, closed) & (~is_node | (change <= moved)) & (depth > 0.0) & (depth <= largest_depth);
   unsigned can = wanted & ~changed & bits(inside & stays & ~turned_away);
   for (unsigned near = can & ~*looked & ~bits(far); near; near &= near - 1) {
@@ -132,7 +132,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
       continue;
     }
     m->state[pair[i]].sliding = slides >> i & 1;
-    m->due[pair[i]] = clock[i];
+    m->next_check[pair[i]] = bound[i];
     for (int k = 0; k < 6; k++) add_row(f, node[k][i], on[k][i]);
   }
   *dissipated += dissipates;

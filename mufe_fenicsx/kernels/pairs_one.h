@@ -82,11 +82,11 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   /* The closest point: most often in the facet where it was, the others being too far. All is
      computed in one place, so that a run that is resumed finds the same last digits. */
   int feature;
-  const double clock = m->clocks[s->clock];
+  const double bound = m->bounds[s->bound_row];
   triangle t = vertices_at(s->vertices, x);
   vec3 w = closest_point(point, t, &feature);
   double distance = length(minus(point, mean(w, t.a, t.b, t.c)));
-  if (!looked && s->other_due - clock < distance) {
+  if (!looked && s->other_next_check - bound < distance) {
     before = look(m, p, c->range, point);
     t = vertices_at(s->vertices, x);
     w = closest_point(point, t, &feature);
@@ -108,7 +108,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     vec3 other_weights, other_normal;
     int64_t other = find_facing(m, p, point, limit, &other_gap, &other_weights, &other_normal);
     /* A node just outside, within BESIDE, counts where it came through that facet. */
-    if (other >= 0 && (g < 0.0 || s->closed || -other_gap <= clock - m->due[p] + tiny(s))) {
+    if (other >= 0 && (g < 0.0 || s->closed || -other_gap <= bound - m->next_check[p] + tiny(s))) {
       k = other, g = height = other_gap, w = other_weights, normal = other_normal;
       t = facet_at(&m->surface, x, m->candidate[k]);
       facet_normal = normal;
@@ -123,7 +123,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   s->gap = g;
 
   const int is_vertex = s->num_around > 0;
-  const double moved = clock - m->due[p];
+  const double moved = bound - m->next_check[p];
   if (!s->closed) {
     /* The offset of a pair that moves out follows it, and never grows again. */
     if (s->offset < 0.0) s->offset = least(most(s->offset, g), 0.0);
@@ -159,7 +159,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
       s->push = 0.0;
       s->shear = (vec3){0.0, 0.0, 0.0};
     }
-    m->due[p] = clock + least(most(g, 0.0), c->range);
+    m->next_check[p] = bound + least(most(g, 0.0), c->range);
     return;
   }
 
@@ -183,7 +183,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     double sunk = depth / finer_depth(m, s, k);
     if (sunk > c->sunk) c->sunk = sunk, c->sunken = p;
   }
-  m->due[p] = clock;
+  m->next_check[p] = bound;
 
   /* Normal force, and friction of the spring between the node and its anchor. */
   const double kn = s->stiffness, kt = kn * s->ratio;

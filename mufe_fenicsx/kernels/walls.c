@@ -38,9 +38,9 @@ _Static_assert(sizeof(wall_type) == 56 * sizeof(double), "WALL in walls.py");
 /* In the order of kernels/walls.py. */
 typedef struct {
   state_type *state;
-  double *due;
-  const double *clocks; /* of the pairs' grains and walls, and which of them is whose */
-  const int32_t *clock;
+  double *next_check;
+  const double *bounds; /* of the pairs' grains and walls, and which of them is whose */
+  const int32_t *bound_row;
   int32_t *scratch;
   wall_type *walls;
   const double *x;
@@ -68,7 +68,7 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t adop
   state_type *s = m->state + p;
   wall_type *wall = m->walls + wall_of(s);
   const int32_t *c = s->corner;
-  const double clock = m->clocks[m->clock[p]];
+  const double bound = m->bounds[m->bound_row[p]];
   const double lead = lead_of(s), rest = 0.5 * (1.0 - lead);
   const vec3 normal = wall->normal, weights = {lead, rest, rest};
   const vec3 point = mean(weights, at(m->x, c[0]), at(m->x, c[1]), at(m->x, c[2]));
@@ -92,10 +92,10 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t adop
       s->push = 0.0;
       s->shear = (vec3){0.0, 0.0, 0.0};
     }
-    m->due[p] = clock + most(g, 0.0);
+    m->next_check[p] = bound + most(g, 0.0);
     return;
   }
-  m->due[p] = clock;
+  m->next_check[p] = bound;
   if (!s->closed) {
     s->closed = 1;
     s->anchor = r;
@@ -129,7 +129,7 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
                           vec *dissipated) {
   double *rows[LANES], *wall_rows[LANES];
   int32_t node[3][LANES];
-  vec lead, clock;
+  vec lead, bound;
   mask of_wall;
 #pragma GCC unroll 8
   for (int i = 0; i < LANES; i++) {
@@ -138,7 +138,7 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
     wall_rows[i] = (double *)(m->walls + wall_of(s));
     lead[i] = lead_of(s);
     of_wall[i] = wall_of(s);
-    clock[i] = m->clocks[m->clock[pair[i]]];
+    bound[i] = m->bounds[m->bound_row[pair[i]]];
     for (int k = 0; k < 3; k++) node[k][i] = s->corner[k];
   }
   vec head[4], spring_row[4], anchor_row[4], shear_row[4], wall[4], plane[4];
@@ -198,12 +198,12 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
       continue;
     }
     ((state_type *)rows[i])->sliding = slides >> i & 1;
-    m->due[pair[i]] = clock[i];
+    m->next_check[pair[i]] = bound[i];
     for (int k = 0; k < 3; k++) add_row(m->f, node[k][i], on[k][i]);
   }
   for (unsigned left = open; left; left &= left - 1) {
     const int i = __builtin_ctz(left);
-    m->due[pair[i]] = clock[i] + g[i];
+    m->next_check[pair[i]] = bound[i] + g[i];
   }
   *dissipated += dissipates;
   return wanted & ~(can | open);
@@ -219,7 +219,7 @@ void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int
   }
   totals[0] = totals[1] = 0.0;
   vec dissipated = all(0.0);
-  const int64_t num_due = find_due(m->scratch, m->due, m->clocks, m->clock, num_pairs);
+  const int64_t num_due = find_due(m->scratch, m->next_check, m->bounds, m->bound_row, num_pairs);
   for (int64_t i = -FAR_AHEAD; i < num_due; i += LANES) {
     for (int k = 0; k < LANES; k++) fetch_ahead(m, i + k, num_due);
     if (i < 0) continue;

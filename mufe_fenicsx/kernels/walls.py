@@ -76,12 +76,12 @@ def motion_to_walls(moves, field, normal, push, turn, box, dt):
 
 
 @numba.njit(cache=True)
-def find_wall_candidates(x, bonded, point, normal, reach):
-    """Nodes within ``reach`` of each plane, or behind it, but for those glued to it.
+def find_wall_candidates(x, held, point, normal, reach):
+    """Nodes within ``reach`` of each plane, or behind it, but for those that it holds.
 
     Args:
         x: Positions [m], shape (num_nodes, 3).
-        bonded: Wall that each node is glued to, -1 for none, shape (num_nodes,).
+        held: Whether nodes are glued to planes or cut by them, shape (num_nodes, num_walls).
         point, normal: A point of each plane [m] and its normal into the sample, (num_walls, 3).
         reach: Largest gap [m].
 
@@ -93,9 +93,9 @@ def find_wall_candidates(x, bonded, point, normal, reach):
         if fill:
             node, wall = np.empty(count, np.int32), np.empty(count, np.int32)
             count = 0
-        for n in range(bonded.size):
-            for w in range(normal.shape[0]):
-                if bonded[n] == w:
+        for n in range(held.shape[0]):
+            for w in range(held.shape[1]):
+                if held[n, w]:
                     continue
                 g = 0.0
                 for i in range(3):
@@ -137,7 +137,7 @@ class WallForces:
             push: Normal force on the node [N];
             work: Energy dissipated by friction since the last search [J];
             closed, sliding: As of PairForces.
-        due, clocks, clock: As of PairForces, shape (num_pairs,) but for ``clocks``.
+        next_check, bounds, bound_row: As of PairForces, (num_pairs,) but for ``bounds``.
         node, wall: The pairs, int32, shape (num_pairs,).
         layer: Compliance c h/E* of the nodes [m/Pa], shape (num_nodes,).
         area: Areas that the nodes stand for [m²], shape (num_nodes,).
@@ -155,9 +155,9 @@ class WallForces:
             weights that are not those of ``LEAD``.
     """
 
-    def __init__(self, state, due, clocks, clock, node, wall, layer, area, recess, ratio, corner,
-                 corner_weight, x, f, wall_force, wall_torque, point, normal, velocity, friction,
-                 friction_kinetic):  # fmt: skip
+    def __init__(self, state, next_check, bounds, bound_row, node, wall, layer, area, recess, ratio,
+                 corner, corner_weight, x, f, wall_force, wall_torque, point, normal, velocity,
+                 friction, friction_kinetic):  # fmt: skip
         real, short = np.float64, np.int32
         self._num_pairs = node.size
         self._totals = np.zeros(2)
@@ -172,7 +172,7 @@ class WallForces:
         column(state, "corner", COLUMNS)[:] = corners
         column(state, "wall", COLUMNS)[:] = wall | lead << WALL_BITS
         self._pointers = Pointers(
-            (state, real), (due, real), (clocks, real), (clock, short), (scratch, short),
+            (state, real), (next_check, real), (bounds, real), (bound_row, short), (scratch, short),
             (aligned(WALL * len(point)), real), (x, real), (f, real), (wall_force, real),
             (wall_torque, real), (point, real), (normal, real), (velocity, real),
             (friction, real), (friction_kinetic, real),

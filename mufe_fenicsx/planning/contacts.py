@@ -54,13 +54,13 @@ class Closing:
         one, other = points.grain_of_point[pairs.node[on]], pairs.grain[on]
         steep, gap = np.abs(pairs.normal[on][:, 2]), np.maximum(pairs.gap[on], 0.0)
         nearer = np.abs(middle[one] - middle[other]) * steep
-        area, layer = points.area, contact.layer
+        area, layer = points.area, contact.points.layer
         # Layers of both grains; each side has points of its own, which cover the contact.
         self.sides = [
             _Side(one, other, steep, gap, nearer, area[pairs.node[on]],
                   2 * layer[pairs.node[on]], mass[one] * mass[other] / (mass[one] + mass[other]))
         ]  # fmt: skip
-        place = contact.positions.array[: points.num_points, 2]
+        place = contact.ghosts.positions.array[: points.num_points, 2]
         own = points.grain_of_point
         for wall, gap, nearer in (
             (self.num_grains, high[2] - place, high[2] - middle[own]),

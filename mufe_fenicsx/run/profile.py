@@ -12,11 +12,11 @@ import numpy as np
 PARTS = {
     "tets": (("solid", "add_internal_forces"),),
     "contact search": (("contact", "search"),),
-    "contact forces": (("contact", "begin"), ("contact", "add_forces")),
+    "contact forces": (("contact", "begin_step"), ("contact", "add_forces")),
     "walls": (("walls", "add_forces"), ("walls", "move"), ("walls", "add_work")),
-    "communication": tuple(
-        ("contact", name)
-        for name in ("send", "receive", "agree", "begin_give_back", "end_give_back")
+    "communication": (
+        *(("contact.ghosts", name) for name in ("send", "receive", "begin_reverse", "end_reverse")),
+        ("contact.motion", "end_agreement"),
     ),
     "motion": (("motion", "drift"), ("motion", "kick")),
     "rigid": (("rigid", "add_forces"), ("rigid", "drift"), ("rigid", "kick")),
@@ -40,7 +40,9 @@ class Profile:
         self._searches = simulation.contact.num_searches
         for part, methods in PARTS.items():
             for owner, name in methods:
-                thing = getattr(simulation, owner, None) if owner else simulation
+                thing = simulation
+                for attribute in filter(None, owner.split(".")):
+                    thing = getattr(thing, attribute, None)
                 if thing is None:  # increments know no such part
                     continue
                 setattr(thing, name, self.timed(getattr(thing, name), part))
@@ -73,9 +75,9 @@ class Profile:
         total = time.perf_counter() - self._start
         contact, seconds = simulation.contact, dict(self.seconds)
         seconds["other"] = total - sum(seconds.values())
-        ghosts, owners = contact.positions.numbers, np.empty(0)
+        ghosts, owners = contact.ghosts.positions.numbers, np.empty(0)
         if ghosts.size:
-            last = contact.forces.vector.getOwnershipRanges()[1:] // 3
+            last = contact.ghosts.forces.vector.getOwnershipRanges()[1:] // 3
             owners = np.unique(np.searchsorted(last, ghosts, side="right"))
         mine = {
             "seconds": seconds,
@@ -85,7 +87,7 @@ class Profile:
             "ghost_nodes": ghosts.size,
             "ranks_around": owners.size,
             # Positions in, forces back.
-            "bytes_per_step": 3 * 8 * sum(contact.num_exchanged),
+            "bytes_per_step": 3 * 8 * sum(contact.ghosts.num_exchanged),
         }
         ranks = comm.allgather(mine)
         work = {

@@ -280,8 +280,8 @@ class _Test:
             summary["mass_scaling"] = self.simulation.scaling.summary(limits)
         summary["contact"] = {
             "num_searches": contact.num_searches,
-            "num_overlaps_at_start": comm.allreduce(contact.num_adopted),
-            "deepest_at_start": comm.allreduce(contact.deepest, op=MPI.MAX),
+            "num_overlaps_at_start": comm.allreduce(contact.overlaps.num_accepted),
+            "deepest_at_start": comm.allreduce(contact.overlaps.deepest, op=MPI.MAX),
             **dict(
                 zip(
                     ("num_closed", "num_with_offset", "num_at_largest_force"),

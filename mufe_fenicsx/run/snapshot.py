@@ -35,7 +35,7 @@ def snapshot(simulation):
         "cells": {"grain": mesh.grains[mesh.grain_of_cell[cells]]},
         "rigid": {"grain": mesh.grains[rigid.grains]},
     }
-    own, common = {"largest.everything_moves": contact.moving is None}, {}
+    own, common = {"largest.everything_moves": contact.ghosts.moving is None}, {}
     for part, thing in simulation.parts.items():
         kept = thing.state_dict()
         for place, order in (("nodes", nodes), ("cells", cells), ("rigid", slice(None))):

@@ -188,7 +188,7 @@ class _Pairs:
             x[self.is_upper] -= step * EDGE * TURN[:, 2]
             step = min(1.5 * step, longest)
             f = np.zeros_like(x)
-            s.contact.begin(x)
+            s.contact.begin_step(x)
             s.contact.add_forces(f, x)
             force = self._sum(f[self.is_upper], self.grain[self.is_upper] // 2, n)
             # Sharp vertices and edges begin to carry that deep.

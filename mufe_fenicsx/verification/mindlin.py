@@ -150,7 +150,7 @@ def shear_balls(
     def record():
         if s.state.num_steps % every == 0:
             along, _, up = low_load(s)
-            lost = comm.allreduce(np.array([s.contact.dissipated, s.walls.work - s.damped]))
+            lost = comm.allreduce(np.array([s.contact.dissipation.total, s.walls.work - s.damped]))
             rows.append((-up, along, displacement(s, "top")[0], *lost))
 
     approach = a**2 / radius

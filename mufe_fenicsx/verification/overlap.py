@@ -127,7 +127,7 @@ def _part(mesh, max_shift, name, h, depth):
 
 def _energy_of_springs(s, h, depth):
     """Energy that the springs of a contact of h² without offset would hold [J]. Collective."""
-    layer = max(s.comm.allgather(s.contact.layer.max()))
+    layer = max(s.comm.allgather(s.contact.points.layer.max()))
     return 0.5 * h**2 / (2 * layer) * depth**2
 
 

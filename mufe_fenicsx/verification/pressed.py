@@ -139,7 +139,7 @@ class Pressed:
         """
         contact, walls = self.simulation.contact, self.simulation.walls.pairs
         pairs, points = contact.pairs, contact.points
-        contact.place_points()
+        contact.ghosts.place_points()
         force, area = np.zeros(points.num_points), points.area.copy()
         on = np.flatnonzero(walls.closed)
         np.add.at(force, walls.node[on], walls.push[on])
@@ -149,7 +149,7 @@ class Pressed:
             np.add.at(force, pairs.node[on], pairs.push[on])
             area[pairs.node[on]] = contact.areas(on)
         near = np.union1d(pairs.node, walls.node)
-        plane = contact.positions.array[near] @ FRAME[:, :2]
+        plane = contact.ghosts.positions.array[near] @ FRAME[:, :2]
         # Second moment of an evenly loaded triangle about its centroid, along any axis.
         spread = points.facet_area[near] / (6 * math.sqrt(3))
         parts = self.comm.allgather((plane, force[near], area[near], spread))

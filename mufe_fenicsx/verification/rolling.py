@@ -139,7 +139,7 @@ def _contact_load(s):
     the middle of the contact [N m], from the contact forces themselves: without the
     inertia of the bodies that turn.
     """
-    s.contact.place_points()
+    s.contact.ghosts.place_points()
     p = s.contact.pairs
     on = np.flatnonzero(p.closed)
     point = p.node[on]
@@ -147,7 +147,7 @@ def _contact_load(s):
     # On the lower ball's points, and the opposite of that on the upper one's.
     force *= np.where(s.contact.points.grain_of_point[point] == 0, 1.0, -1.0)[:, None]
     # The couple of gap and friction included, both sides have the same moment about any point.
-    moment = np.cross(s.contact.positions.array[point], force)
+    moment = np.cross(s.contact.ghosts.positions.array[point], force)
     total, turning = s.comm.allreduce(np.array([force.sum(axis=0), moment.sum(axis=0)]))
     middle = 0.5 * (s.walls.point[0] + s.walls.point[1])
     turning = turning - np.cross(middle, total)

@@ -51,7 +51,7 @@ def sliding_block(comm, friction=0.3, strain=1e-4, slip=1e-5, divisions=4):
     def state():
         """Drag and normal force of the plane, drag of the platen [N], work of friction [J]."""
         drag, hold = s.comm.allreduce(-s.walls.force[[plane, platen]] @ WAY)
-        work = s.comm.allreduce(s.contact.dissipated)
+        work = s.comm.allreduce(s.contact.dissipation.total)
         return np.array([drag, s.wall_forces()[plane], hold, work])
 
     # Well below the limit: the plane moves by a few parts of the elastic displacement at it.

@@ -132,7 +132,7 @@ def twist_balls(
 
     def record():
         if s.state.num_steps % every == 0:
-            lost = comm.allreduce(s.contact.dissipated)
+            lost = comm.allreduce(s.contact.dissipation.total)
             rows.append((_angle(s), _moment(s), -low_load(s)[2], lost))
 
     for target in (largest, -largest, largest, end):

@@ -187,10 +187,10 @@ def _spoiling(s):
 
     def spoil(f, state, dt):
         add_forces(f, state, dt)
-        if s.contact.moving is not None:
+        if s.contact.ghosts.moving is not None:
             rest = np.ones(s.contact.own.nodes.size, dtype=bool)
-            rest[s.contact.moving] = False
-            s.contact.positions.own[rest] = np.nan
+            rest[s.contact.ghosts.moving] = False
+            s.contact.ghosts.positions.own[rest] = np.nan
 
     return spoil
 

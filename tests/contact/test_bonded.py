@@ -144,10 +144,10 @@ def test_rough_wall_that_turns_below_a_block():
         drive(s, {"top": -pressure_strain * SIZE * UP}, 4 * beat)
         settle(s, 1e-12)
         drive(s, {}, 40 * beat, turns={"low": twist * UP})
-        s.contact.place_points()
-        pairs, x = s.walls.pairs, s.contact.positions.array
+        s.contact.ghosts.place_points()
+        pairs, x = s.walls.pairs, s.contact.ghosts.positions.array
         arm = np.linalg.norm(x[pairs.node[pairs.closed], :2], axis=1)
-        pressed = pairs.gap[pairs.closed] / s.contact.layer[pairs.node[pairs.closed]]
+        pressed = pairs.gap[pairs.closed] / s.contact.points.layer[pairs.node[pairs.closed]]
         limit = friction * (s.contact.points.area[pairs.node[pairs.closed]] * -pressed * arm).sum()
         return *loads(s), s.energies(), limit
 

@@ -84,7 +84,7 @@ def test_pairs_one_by_one_and_in_four_lanes(option, points, monkeypatch):
         s = simulation_of(mesh, QUARTZ, walls, friction=0.1, time_step_factor=FACTOR, points=points)
         for _ in range(200):
             s.step()
-        sums = np.array([s.contact.dissipated, s.contact.energy()[0], s.walls.work])
+        sums = np.array([s.contact.dissipation.total, s.contact.energy()[0], s.walls.work])
         found.append((s.force.x.array.copy(), s.state.v.copy(), s.walls.force.copy(), sums))
         for pairs in (s.contact.pairs, s.walls.pairs):
             assert (pairs.closed & pairs.sliding).any() and (pairs.closed & ~pairs.sliding).any()
@@ -94,45 +94,45 @@ def test_pairs_one_by_one_and_in_four_lanes(option, points, monkeypatch):
 
 
 @pytest.mark.mpi
-def test_clocks_of_grains_that_move_together():
+def test_bounds_of_grains_that_move_together():
     """Balls that fly and stretch as one: the field takes all but its change over a wait."""
     s = collision(speed=0.0)
     slopes = 100.0 * np.array([[1.0, 0.3, 0.0], [-0.2, 0.5, 0.0], [0.0, 0.4, -1.0]])
     s.state.v[:] = [30.0, -20.0, 10.0] + s.state.x @ slopes
     s.update_time_step()
     contact = s.contact
-    clock, readings = contact.clock, contact.pairs.clocks.readings.copy()
+    bound, bounds = contact.motion.bound, contact.pairs.motion_bounds.bounds.copy()
     for _ in range(10):
         s.step()
     assert contact.num_searches == 1
     # All nodes fly at 37 m/s or more; what is left is the slopes over the longest wait, 0.3 m/s.
-    assert contact.clock - clock > 0.99 * 2 * 37.0 * s.state.t
-    advance = contact.pairs.clocks.readings - readings
-    assert (advance < 0.01 * (contact.clock - clock)).all()
+    assert contact.motion.bound - bound > 0.99 * 2 * 37.0 * s.state.t
+    advance = contact.pairs.motion_bounds.bounds - bounds
+    assert (advance < 0.01 * (contact.motion.bound - bound)).all()
 
 
 @pytest.mark.mpi
-def test_the_time_step_is_found_before_a_clock_shows_more_than_was_expected():
+def test_the_time_step_is_found_before_a_bound_shows_more_than_was_expected():
     """A ball flies into three others at rest, which were not expected to move as far as it does."""
     mesh = packed_spheres(COMM, (4, 1, 1), gap=0.002)
     velocity = np.zeros_like(mesh.x)
     velocity[mesh.grains[mesh.grain_of_node] == 0, 0] = 20.0
     s = simulation_of(mesh, QUARTZ, friction=FRICTION, velocity=velocity, time_step_factor=FACTOR)
-    clocks_expected_less, early = 0, 0
+    expected_less, early = 0, 0
     for _ in range(600):
-        early += s.contact.overrun_of_all > 0.0
+        early += s.contact.motion.overrun_of_all > 0.0
         s.step()
-        clocks = s.contact.pairs.clocks
-        assert (clocks.readings <= clocks.until).all()
-        clocks_expected_less += np.isfinite(clocks.until).any()
-    assert COMM.allreduce(int(clocks_expected_less)) > 0
+        motion_bounds = s.contact.pairs.motion_bounds
+        assert (motion_bounds.bounds <= motion_bounds.until).all()
+        expected_less += np.isfinite(motion_bounds.until).any()
+    assert COMM.allreduce(int(expected_less)) > 0
     assert early > 0
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("drift", [0.0, 60.0])
 def test_what_is_known_of_pairs_after_a_search(drift):
-    """Open pairs are no nearer than their clock says; those it has to count have a facet."""
+    """Open pairs are no nearer than their bound says; those it has to count have a facet."""
     s = collision()
     s.state.v += drift * np.array([1.0, -0.5, 0.2])
     s.update_time_step()
@@ -144,20 +144,20 @@ def test_what_is_known_of_pairs_after_a_search(drift):
             continue
         pairs = contact.pairs
         gap = current_gaps(contact)[0] + contact.points.recess[pairs.node]
-        wait = pairs.due - pairs.clocks.now
+        wait = pairs.next_check - pairs.motion_bounds.now
         # Distances of positions of some 1e-3 m have that much round-off.
         assert (wait <= np.maximum(gap, 0.0) + 1e-15)[~pairs.closed].all()
-        assert (pairs.closest >= 0)[wait < contact.skin].all()
+        assert (pairs.closest >= 0)[wait < contact.motion.skin].all()
         num_kept += np.count_nonzero(wait < gap - 1e-15)
     assert contact.num_searches > 3
     assert COMM.allreduce(num_kept) > 0  # not all were looked at
     # Facets that are not near any more, though the pairs are.
-    of_points = contact.points.grain_of_point
-    lost = Pairs(pairs.node, pairs.grain, pairs.first, pairs.candidate, of_points, contact.clock)
+    of_points, bound = contact.points.grain_of_point, contact.motion.bound
+    lost = Pairs(pairs.node, pairs.grain, pairs.first, pairs.candidate, of_points, bound)
     before = contact.surface.global_facet
     pairs.drop_candidates(before)
     lost.carry(pairs, np.full_like(before, -1), np.inf)
-    assert (lost.due <= lost.clocks.now).all()
+    assert (lost.next_check <= lost.motion_bounds.now).all()
 
 
 @pytest.mark.mpi
@@ -174,7 +174,7 @@ def test_momentum_angular_momentum_and_dissipation_of_a_collision():
             # Round-off of a sum of some thousand terms.
             assert np.abs(total(f)).max() < 1e-12 * size
             assert np.abs(total(np.cross(x, f))).max() < 1e-12 * size * 6 * RADIUS
-        now = COMM.allreduce(s.contact.dissipated)
+        now = COMM.allreduce(s.contact.dissipation.total)
         assert now >= dissipated
         dissipated = now
         p = s.contact.pairs
@@ -201,7 +201,7 @@ def test_smooth_contact_dissipates_nothing():
                 worst = max(worst, abs(s.energies()["residual"]) / s.initial_kinetic)
                 contacts = max(contacts, s.num_contacts)
         assert contacts > 0 and s.num_contacts == 0
-        assert COMM.allreduce(s.contact.dissipated) == 0.0
+        assert COMM.allreduce(s.contact.dissipation.total) == 0.0
         worsts.append(worst)
     # Points that meet and part within a step leave a residual that goes away with the step, but
     # not smoothly: 2.0e-4, 1.0e-4 and 0.5e-4 with steps of 22, 19 and 10 ns all the way.
@@ -253,7 +253,7 @@ def test_overlap_at_the_start_releases_nothing():
     for _ in range(50):
         s.step()
     # 9 nodes of each wide block on its wall; the faces of 16 and 9 nodes on each other.
-    assert COMM.allreduce(s.contact.num_adopted) >= 2 * 9 + 2 * 16
+    assert COMM.allreduce(s.contact.overlaps.num_accepted) >= 2 * 9 + 2 * 16
     assert COMM.allreduce(np.abs(s.state.v).max(initial=0.0), op=MPI.MAX) == 0.0
     assert np.all(s.wall_forces() == 0.0)
 

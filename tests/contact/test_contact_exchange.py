@@ -5,6 +5,7 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.contact.contact import Contact
+from mufe_fenicsx.contact.settings import ContactGrains, ContactSettings
 from mufe_fenicsx.contact.snapshot import contact_tables
 from mufe_fenicsx.contact.surface.active_nodes import nodes_of_pairs
 from mufe_fenicsx.contact.surface.occupancy import Cells, occupied_cells
@@ -54,7 +55,8 @@ def found(comm, kind):
     """Rows that name candidates of all pairs, and crossing edges, on all ranks. Collective."""
     mesh = distribute(comm, heap())
     one = np.ones(mesh.num_grains)
-    contact = Contact(mesh, mesh.x, one, one, 0.0, 0.25, Walls([]), kind)
+    settings = ContactSettings(points=kind)
+    contact = Contact(mesh, mesh.x, Walls([]), ContactGrains(one, one), settings)
     contact.search(mesh.x)
     table, pairs, edges = contact_tables(contact, mesh), contact.pairs, contact.edges
     p, e = table["pairs"], table["edge_pairs"]
@@ -103,21 +105,23 @@ def test_steps_read_and_act_on_no_other_ghosts_than_those_exchanged(kind):
     middle /= np.bincount(grain)[:, None]
     forces, unread = [], 0
     for poisoned in (False, True):
-        contact = Contact(mesh, mesh.x, one, one, 0.3, 0.25, Walls([]), kind)
+        settings = ContactSettings(0.3, points=kind)
+        contact = Contact(mesh, mesh.x, Walls([]), ContactGrains(one, one), settings)
         contact.search(mesh.x, ahead=contact.edge)
-        contact.skin = np.inf  # no search from here on
-        contact.begin(mesh.x)
+        contact.motion.skin = np.inf  # no search from here on
+        contact.begin_step(mesh.x)
         contact.add_forces(np.zeros_like(mesh.x), mesh.x, adopt=True)
         if poisoned:
             read, _ = nodes_of_pairs(contact)
             others = ~read[contact.own.nodes.size :]
-            contact.positions.ghosts[others], unread = np.nan, comm.allreduce(int(others.sum()))
+            contact.ghosts.positions.ghosts[others] = np.nan
+            unread = comm.allreduce(int(others.sum()))
         for part in (0.02, 0.04, 0.05, 0.06):
             x = mesh.x + part * (np.array([1.0, 0.5, 0.5]) - middle)[mesh.grain_of_node]
             f = np.zeros_like(x)
-            contact.begin(x)
+            contact.begin_step(x)
             contact.add_forces(f, x)
-        assert not contact.forces.ghosts.any()
+        assert not contact.ghosts.forces.ghosts.any()
         forces.append(f)
         contact.destroy()
     assert unread > 50 and comm.allreduce(float(np.abs(forces[0]).sum())) > 0

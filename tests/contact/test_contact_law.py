@@ -54,7 +54,7 @@ class Slider:
         for _ in range(steps):
             self.x[self.above] += step
             f = np.zeros_like(self.x)
-            self.contact.begin(self.x)
+            self.contact.begin_step(self.x)
             self.contact.add_forces(f, self.x)
             now = f[self.above].sum(axis=0)
             self.work -= 0.5 * (now + self.last) @ step
@@ -74,7 +74,7 @@ def test_drawn_bodies_carry_what_they_carry_pressed_anew(angle, graded):
     anew = Slider(angle, start + ways.sum(axis=0), graded=graded)
     # Rounding of positions over the depth of contact.
     np.testing.assert_allclose(f, anew.move(np.zeros(3)), atol=1e-9 * np.abs(f).max())
-    assert drawn.contact.dissipated == 0.0
+    assert drawn.contact.dissipation.total == 0.0
     of_facets = (
         drawn.contact.pairs.node
         < drawn.contact.points.num_points - drawn.contact.points.num_vertices
@@ -92,7 +92,7 @@ def test_a_pair_has_the_share_that_its_facet_gives_it_now():
     own, other = c.points.facet_area[point], c.surface.area_of_facet[facet]
     share = other**2 / (own**2 + other**2)
     assert np.ptp(share) > 0.3 and on.size > WIDE**2
-    layers = c.layer[point] + c.surface.layer_of_facet[facet]
+    layers = c.points.layer[point] + c.surface.layer_of_facet[facet]
     np.testing.assert_allclose(p.stiffness[on], share * c.points.area[point] / layers, rtol=1e-14)
     np.testing.assert_allclose(c.areas(on), share * c.points.area[point], rtol=1e-14)
 
@@ -103,10 +103,10 @@ def test_what_springs_gain_and_lose_at_edges_is_counted():
     before = slider.work - slider.contact.energy()[0]
     slider.move([0.8 * H, 0.3 * H, 0.0], 1600)
     stored = slider.contact.energy()[0]
-    left = slider.work - before - stored - slider.contact.switched
-    assert abs(slider.contact.switched) > 1e-3 * stored
+    left = slider.work - before - stored - slider.contact.dissipation.switched
+    assert abs(slider.contact.dissipation.switched) > 1e-3 * stored
     # Of the first order in a step, 0.07 of the depth: so far a point is behind the side it passed.
-    assert abs(left) < 0.07 * abs(slider.contact.switched)
+    assert abs(left) < 0.07 * abs(slider.contact.dissipation.switched)
 
 
 @pytest.mark.parametrize("edge", [0.12e-3, 0.7e-3])

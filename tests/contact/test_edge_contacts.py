@@ -72,13 +72,13 @@ class Ridges:
         for _ in range(steps):
             self.x[self.grain % 2 == 1] += TURN @ vector / steps
             self.f[:] = 0.0
-            self.contact.begin(self.x)
+            self.contact.begin_step(self.x)
             self.contact.add_forces(self.f, self.x)
             forces.append(self.by_grain(self.f @ TURN[:, 2])[1::2])
         return np.array(forces)
 
     def dissipated(self):
-        return COMM.allreduce(self.contact.dissipated)
+        return COMM.allreduce(self.contact.dissipation.total)
 
     def by_grain(self, values):
         """Sums of nodal values over each grain, of all ranks."""
@@ -222,7 +222,7 @@ def test_tangent_of_a_crossing_is_the_derivative_of_its_forces(friction):
 
     def forces(x):
         f[:] = 0.0
-        contact.begin(x)
+        contact.begin_step(x)
         contact.add_forces(f, x)
         return f.copy()
 

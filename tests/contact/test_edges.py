@@ -100,7 +100,7 @@ class Pair:
     """State of one pair of edges."""
 
     def __init__(self):
-        self.due, self.outside = np.zeros(1), np.zeros(1)
+        self.next_check, self.outside = np.zeros(1), np.zeros(1)
         self.sliding = np.zeros(1, dtype=bool)
         self.largest_depth, self.size, self.recess = np.full(1, 10.0), np.ones(1), np.zeros(1)
         self.place, self.normal = np.zeros((1, 2)), np.zeros((1, 3))
@@ -110,14 +110,14 @@ class Pair:
         self.first, self.second = np.zeros(1, np.int32), np.ones(1, np.int32)
         self.ratio, self.compliance = np.array([0.9]), np.zeros(2)
 
-    def forces(self, x, friction=1e9, clock=10.0, adopt=False, kinetic=None):
+    def forces(self, x, friction=1e9, bound=10.0, adopt=False, kinetic=None):
         f, kinetic = np.zeros_like(x), friction if kinetic is None else kinetic
         one = np.ones(2)
         self.lost = add_edge_forces(
-            f, self.due, self.outside, self.place, self.normal, self.gap, self.offset,
+            f, self.next_check, self.outside, self.place, self.normal, self.gap, self.offset,
             self.closed,
             self.sliding, self.stiffness, self.anchor, self.shear, self.slip,
-            self.work, clock, x, self.first, self.second, ENDS, BEYOND, one, one,
+            self.work, bound, x, self.first, self.second, ENDS, BEYOND, one, one,
             np.ones((2, 2)), self.compliance, self.ratio,
             np.array([[friction, kinetic]]), np.empty(0, np.int32), self.size,
             self.largest_depth, self.recess, adopt,
@@ -246,7 +246,7 @@ def test_a_crossing_moves_on_along_a_ridge():
 
     def move(vector):
         x[above] += vector
-        contact.begin(x)
+        contact.begin_step(x)
         contact.add_forces(np.zeros_like(x), x)
         pairs = contact.edges.pairs
         return pairs, np.flatnonzero(pairs.closed)
@@ -258,7 +258,7 @@ def test_a_crossing_moves_on_along_a_ridge():
     for _ in range(20):
         pairs, on = move([0, 0, -(depth + 1e-4) / 20])
     keys = {int(pairs.key[on[0]])}
-    before, steps, way, k = contact.dissipated, 600, 1.5 / n, []
+    before, steps, way, k = contact.dissipation.total, 600, 1.5 / n, []
     softness = 1 / pairs.stiffness[on[0]] - between(pairs, on)[0]
     for _ in range(steps):
         pairs, on = move([way / steps, 0, 0])
@@ -274,7 +274,7 @@ def test_a_crossing_moves_on_along_a_ridge():
         assert np.all(pairs.shear[on, 0] > 0)
     assert len(keys) >= 2 and max(k) > 1.2 * min(k)
     assert np.linalg.norm(pairs.shear[on[0]]) == pytest.approx(friction * k[-1] * depth, rel=1e-9)
-    slip = contact.dissipated - before
+    slip = contact.dissipation.total - before
     # Less the way until it slips, mu N / kt: 2e-3 of the whole.
     assert slip == pytest.approx(friction * np.mean(k) * depth * way, rel=2e-3)
 

@@ -36,7 +36,7 @@ class TwoBodies:
         """Force on the second body after it has moved on, in axes that turn with the bodies."""
         self.x[self.second] += TURN @ vector
         f = np.zeros_like(self.x)
-        self.contact.begin(self.x)
+        self.contact.begin_step(self.x)
         self.contact.add_forces(f, self.x)
         # Round-off of the sums.
         size = np.abs(f).sum()
@@ -77,7 +77,7 @@ def test_energy_is_the_work_of_the_force_beyond_the_largest_depth(points):
             stored = work
     assert contact.energy() == (0.0, 0)
     assert abs(work) < 1e-5 * stored
-    assert contact.dissipated == 0 and contact.num_adopted == 0
+    assert contact.dissipation.total == 0 and contact.overlaps.num_accepted == 0
 
 
 def tip(at, direction):
@@ -109,7 +109,7 @@ def test_a_node_straight_above_a_feature(place, direction):
     force = bodies.move(-2e-4 * direction)
     # Just through the feature the nearest face is one of those around it.
     assert force @ direction > 0.5 * np.linalg.norm(force) > 0
-    assert bodies.contact.num_adopted == 0
+    assert bodies.contact.overlaps.num_accepted == 0
 
 
 def test_a_node_beside_a_sharp_edge_is_pressed_back_through_its_face():
@@ -142,7 +142,7 @@ def test_equal_blocks_on_each_other_meet_with_all_their_nodes():
     pairs = bodies.contact.pairs
     assert pairs.closed.sum() == 2 * 4 * 4
     assert pairs.gap[pairs.closed] == pytest.approx(-2e-4, rel=1e-6)
-    assert bodies.contact.num_adopted == 0
+    assert bodies.contact.overlaps.num_accepted == 0
 
 
 def notched(at, direction, friction):
@@ -166,13 +166,13 @@ def test_friction_in_a_notch_does_no_work_at_rest():
         bodies.move(-3e-4 * OUT)
     for _ in range(10):
         bodies.move([1e-4, -1e-4, 2e-4])
-    slipped = bodies.contact.dissipated
+    slipped = bodies.contact.dissipation.total
     assert slipped > 0
     for _ in range(20):
         force = bodies.move(np.zeros(3))
     assert force @ OUT > 0
     # Rounding of the anchor's place.
-    assert bodies.contact.dissipated - slipped < 1e-9 * slipped
+    assert bodies.contact.dissipation.total - slipped < 1e-9 * slipped
 
 
 def test_friction_into_a_notch_keeps_the_angular_momentum():
@@ -201,7 +201,7 @@ def test_fast_bodies_are_seen_before_they_touch(phase):
         way += step
         step = min(2 * step, 0.1 * h)
         assert way < gap + 0.2 * h
-    assert bodies.contact.num_adopted == 0
+    assert bodies.contact.overlaps.num_accepted == 0
     assert force[2] > 0
     # The poles are nodes of no mesh: facets lie up to h²/8 below the sphere, on both.
     assert way > gap - 1e-12

@@ -5,6 +5,7 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.contact.contact import Contact
+from mufe_fenicsx.contact.settings import ContactGrains, ContactSettings
 from mufe_fenicsx.contact.walls import Wall, Walls, rotation_of
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.half_ball import half_ball
@@ -45,13 +46,9 @@ class Mover:
         self.contact = Contact(
             mesh,
             mesh.x,
-            modulus,
-            np.full(mesh.num_grains, ratio),
-            static,
-            0.15,
             self.walls,
-            friction_kinetic=kinetic,
-            points=points,
+            ContactGrains(modulus, np.full(mesh.num_grains, ratio)),
+            ContactSettings(static, kinetic, 0.15, points),
         )
         self.pairs = self.contact.pairs if on_block else self.walls.pairs
         self.on_block, self.ratio = on_block, ratio
@@ -69,7 +66,7 @@ class Mover:
         self.x[self.moving] = self.x0[self.moving] + place
         self.place = place
         self.f[:] = 0.0
-        self.contact.begin(self.x)
+        self.contact.begin_step(self.x)
         self.contact.add_forces(self.f, self.x)
         self.work -= 0.5 * (before + self.force) @ move
         return FRAME @ self.force
@@ -85,7 +82,7 @@ class Mover:
     def residual(self):
         """The same in [J]."""
         c = self.contact
-        return self.work - c.energy()[0] - c.dissipated - c.switched
+        return self.work - c.energy()[0] - c.dissipation.total - c.dissipation.switched
 
     def stiffness(self):
         """Of all tangential springs [N/m]."""
@@ -94,7 +91,7 @@ class Mover:
         if self.on_block:
             return self.ratio * kind.stiffness[on].sum()
         node = kind.node[on]
-        return self.ratio * (self.contact.points.area[node] / self.contact.layer[node]).sum()
+        return self.ratio * (self.contact.points.area[node] / self.contact.points.layer[node]).sum()
 
 
 @pytest.mark.parametrize("on_block", [False, True])
@@ -109,7 +106,7 @@ def test_sticks_below_the_limit_and_slides_at_it(on_block):
         # Only round-off: springs of equal limit over stiffness, for the depth is even.
         assert along == pytest.approx(-part * STATIC * normal, rel=1e-9)
         assert abs(across) < 1e-9 * normal and up == pytest.approx(normal, rel=1e-9)
-    assert m.contact.dissipated < 1e-20 * normal * reach
+    assert m.contact.dissipation.total < 1e-20 * normal * reach
     assert m.go(-DEPTH * UP)[0] == pytest.approx(0.0, abs=1e-9 * normal)
     for way in (1.5, 3.0, 10.0):
         assert m.go(-DEPTH * UP + way * reach * ALONG)[0] == pytest.approx(-STATIC * normal)
@@ -118,7 +115,7 @@ def test_sticks_below_the_limit_and_slides_at_it(on_block):
     assert m.go(-DEPTH * UP + 5 * reach * ALONG)[0] == pytest.approx(STATIC * normal)
     # Slid in reaches, each step at the mean of the forces before and after it.
     slid = 0.5 * 0.5 + 1.5 + 7 + 0.75 * 3
-    assert m.contact.dissipated == pytest.approx(STATIC * normal * reach * slid, rel=1e-9)
+    assert m.contact.dissipation.total == pytest.approx(STATIC * normal * reach * slid, rel=1e-9)
     assert abs(m.balance()) < 1e-9
 
 
@@ -169,7 +166,7 @@ def test_friction_work_across_many_facets():
     m = Mover(True, STATIC, body=(ball[0] @ FRAME.T + SIZE * (1 + 1e-4) * E3 + CENTRE, ball[1]))
     for k in range(20):
         m.go(-4e-3 * SIZE * (k + 1) / 20 * UP)
-    start, rubbed, residual = m.place, m.contact.dissipated, m.residual()
+    start, rubbed, residual = m.place, m.contact.dissipation.total, m.residual()
     num_steps, step = 4000, 1e-4 * SIZE
     angle, place, expected, crossed, facet = 0.3, np.zeros(2), 0.0, 0, None
     normal = (FRAME @ m.force)[2]
@@ -185,10 +182,10 @@ def test_friction_work_across_many_facets():
         facet = now
     assert crossed > 100
     assert np.hypot(along, across) == pytest.approx(STATIC * normal, rel=5e-3)
-    assert m.contact.dissipated - rubbed == pytest.approx(expected, rel=5e-3)
+    assert m.contact.dissipation.total - rubbed == pytest.approx(expected, rel=5e-3)
     # Springs gain 0.09 of their energy where points pass to other facets: all of it is in the
     # account, up to the second order. Four times the step leaves 1.6e-6.
-    assert m.contact.switched < -0.05 * m.contact.energy()[0]
+    assert m.contact.dissipation.switched < -0.05 * m.contact.energy()[0]
     assert abs(m.residual() - residual) < 1e-6 * m.contact.energy()[0]
 
 
@@ -207,7 +204,7 @@ def test_energy_of_points_that_come_under_an_edge_or_leave_it_is_in_the_account(
             way = 0.2 * SIZE * (k + 1) / num_steps
             m.go(start + way * (0.8 * ALONG + 0.6 * ACROSS))
         stored = m.contact.energy()[0]
-        accounts.append(m.contact.switched / stored)
+        accounts.append(m.contact.dissipation.switched / stored)
         # Rounding of sums of thousands of pairs.
         assert abs(m.residual() - residual) < 1e-10 * stored
     assert accounts[0] == pytest.approx(accounts[1], rel=1e-9) and abs(accounts[0]) > 0.1

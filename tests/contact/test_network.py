@@ -61,7 +61,7 @@ def test_contact_forces_give_each_grain_its_acceleration():
     ma = s.solid.mass[:, None] * s.state.a
     force = sums_by_grain(s, ma)
     momentum = sums_by_grain(s, np.cross(s.state.x, ma))
-    dissipated = COMM.allreduce(s.contact.dissipated)
+    dissipated = COMM.allreduce(s.contact.dissipation.total)
     size = COMM.allreduce(np.abs(s.force.x.array).sum())
     num_pairs = num_active_pairs(s.contact)
     network = network_of(s)
@@ -161,7 +161,7 @@ def test_pressure_at_nodes_is_the_force_on_a_wall():
     counts = []
     for vector in [[0, 0, -0.01]] * 9 + [[0.01, 0, 0]] * 2:
         x += vector
-        contact.begin(x)
+        contact.begin_step(x)
         contact.add_forces(np.zeros_like(x), x)
         fields, pairs = nodal_contact(contact, len(x)), s.walls.pairs
         assert area @ fields["contact_pressure"] == pytest.approx(s.wall_forces()[0], rel=1e-12)

@@ -48,7 +48,7 @@ class Blocks:
         """Friction over normal force on each block."""
         self.x[self.grain > 0] += vector
         f, force = np.zeros_like(self.x), np.zeros((1 + len(UPPER), 3))
-        self.contact.begin(self.x)
+        self.contact.begin_step(self.x)
         self.contact.add_forces(f, self.x)
         np.add.at(force, self.grain, f)
         force = COMM.allreduce(force)[1:]

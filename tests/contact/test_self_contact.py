@@ -45,7 +45,7 @@ def test_horseshoe_closes_on_itself(self_contact):
         damping=np.pi * QUARTZ.wave_speed / (3 * SIZE), self_contact=self_contact,
         points="nodes",
     )  # fmt: skip
-    assert s.contact.num_adopted == 0
+    assert s.contact.overlaps.num_accepted == 0
     place = [np.argmin(np.linalg.norm(s.mesh.x - points[n], axis=1)) for n in (*lower, *upper)]
     drive(s, {"z_max": (0, 0, -3 * OPENING)}, 40 * SIZE / QUARTZ.wave_speed)
     settle(s, 1e-8, max_steps=4000)

@@ -27,7 +27,7 @@ def test_a_grain_that_starts_deeper_than_an_edge_is_refused(depth):
     upper = points + np.array([0.31e-4, 0.17e-4, 1e-3 - depth * edge])
     mesh = distribute(COMM, [(points, cells), (upper, cells)])
     if depth < 1:
-        assert Simulation(mesh, [QUARTZ] * 2).contact.num_adopted
+        assert Simulation(mesh, [QUARTZ] * 2).contact.overlaps.num_accepted
         return
     with pytest.raises(InputError, match=r"grain \d starts .* deep in grain \d, 1\.\d* edges"):
         Simulation(mesh, [QUARTZ] * 2)

@@ -64,7 +64,7 @@ def test_servo_on_a_stiff_sample_does_not_chatter():
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("spin", [0.0, 2e4])
-def test_open_pairs_are_no_nearer_to_walls_than_their_clocks_say(spin):
+def test_open_pairs_are_no_nearer_to_walls_than_their_bounds_say(spin):
     """Balls fly along a wall at rest and towards one that comes nearer, stretched and sheared."""
     mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=0.02)
     slopes = 300.0 * np.array([[1.0, 0.3, 0.1], [-0.2, 0.5, 0.0], [0.2, 0.4, 0.0]])
@@ -79,28 +79,30 @@ def test_open_pairs_are_no_nearer_to_walls_than_their_clocks_say(spin):
     s = simulation_of(mesh, Elastic(1e9, 0.15, 2650.0), walls, velocity=velocity)
     contact, num_ahead, advance = s.contact, 0, {0: [], 1: []}
     for _ in range(60):
-        clock, clocks = contact.clock, contact.walls.pairs.clocks
-        before = clocks.readings.copy()
+        bound, motion_bounds = contact.motion.bound, contact.walls.pairs.motion_bounds
+        before = motion_bounds.bounds.copy()
         s.step()
         pairs, points = contact.walls.pairs, contact.points
-        if pairs.clocks is clocks:
+        if pairs.motion_bounds is motion_bounds:
             for wall, parts in advance.items():
-                of_wall = np.unique(clocks.of[pairs.wall == wall])
-                parts.extend((clocks.readings - before)[of_wall] / (contact.clock - clock))
-        x = contact.positions.array[contact.num_before :][points.corner[pairs.node]]
+                of_wall = np.unique(motion_bounds.of[pairs.wall == wall])
+                parts.extend(
+                    (motion_bounds.bounds - before)[of_wall] / (contact.motion.bound - bound)
+                )
+        x = contact.ghosts.positions.array[contact.ghosts.num_before :][points.corner[pairs.node]]
         x = np.einsum("nk,nki->ni", points.weight[pairs.node], x)
         normal, point = contact.walls.normal[pairs.wall], contact.walls.point[pairs.wall]
         gap = ((x - point) * normal).sum(axis=1) + points.recess[pairs.node]
-        wait = (pairs.due - pairs.clocks.now)[~pairs.closed]
+        wait = (pairs.next_check - pairs.motion_bounds.now)[~pairs.closed]
         # Positions of some 1e-3 m have that much round-off.
         assert (wait <= np.maximum(gap[~pairs.closed], 0.0) + 1e-15).all()
         num_ahead += np.count_nonzero(wait > 0.0)
     assert mesh.comm.allreduce(num_ahead) > 0
-    # The 36 m/s along the wall alone would be half of the common clock, which takes speeds twice;
+    # The 36 m/s along the wall alone would be half of the common bound, which takes speeds twice;
     # the slopes' 0.2 m/s towards it and the waves of a ball that meets it are some hundredths.
     if advance[0]:
         assert np.median(advance[0]) < 0.1
-    # A wall that turns has the common clock.
+    # A wall that turns has the common bound.
     if spin and advance[1]:
         assert np.median(advance[1]) == pytest.approx(1.0, abs=1e-9)
 

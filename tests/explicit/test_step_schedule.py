@@ -78,13 +78,14 @@ def test_what_may_close_before_the_next_evaluation_is_known():
     sim = simulation_of(mesh, Elastic(1e9, 0.15, 2650.0), velocity=flight, refresh=20)
     contact, looked, found = sim.contact, 0, sim.contact.num_searches
     for _ in range(300):
-        known, at, now = contact.searched_at + contact.reach, sim.refresh.at, sim.state.num_steps
+        known = contact.motion.searched_at + contact.motion.reach
+        at, now = sim.refresh.at, sim.state.num_steps
         sim.step()
         if sim.refresh.at > at:
             assert sim.refresh.at == now
             # But for what moves in the next two steps, which are at most three times as long as
             # those of single elements; waves in a ball add to its speed.
-            ahead = max(known - sim.refresh.clock, 6.0 * sim.dt_element * 1.2 * 20.0)
+            ahead = max(known - sim.refresh.bound, 6.0 * sim.dt_element * 1.2 * 20.0)
             assert sim.refresh.margin <= ahead + 1e-9 * contact.edge
             looked += 1
     # Longer than a search lasts, or nothing was tested.

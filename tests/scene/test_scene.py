@@ -213,10 +213,9 @@ def test_friction_of_grains_is_that_of_the_pair_of_their_materials(tmp_path):
     text += "soft-ones-stones-stones = 0.1\n"
     scene = load_scene(scene_file(tmp_path, text))
     friction = scene.friction_of(np.arange(1, 10))
-    table = friction.table(None, 9)
     # Labels 1 and 2 are of [material], 3 of "soft ones", 7 of soft-ones-stones, 9 of stones.
     first, second = np.array([[1, 1, 3, 7, 9, 9], [2, 9, 9, 9, 9, 1]]) - 1
-    found = table[friction.rows(first, second)]
+    found = friction.table(None, 9).coefficients[friction.rows(first, second)]
     none = (0.23, 0.23)
     assert found.tolist() == [list(c) for c in (none, (0.2, 0.2), (0.3, 0.25), (0.1, 0.1), none,
                                                 (0.2, 0.2))]  # fmt: skip

@@ -43,14 +43,11 @@ class EdgeContact:
     Args:
         ratio: Tangential over normal stiffness of own surface nodes, shape (num_nodes,).
         recess: Depth at which the contact of edges begins, over their length.
-        friction: Static and kinetic coefficients, shape (n, 2).
-        friction_rows: Gives the rows there of pairs of grains, as of
-            :meth:`~mufe_fenicsx.contact.friction.PairFriction.rows`.
+        friction: :class:`~mufe_fenicsx.contact.friction.FrictionTable`.
     """
 
-    def __init__(self, ratio, recess, friction, friction_rows):
-        self.ratio_of_node, self.recess = ratio, recess
-        self.friction, self._friction_rows = friction, friction_rows
+    def __init__(self, ratio, recess, friction):
+        self.ratio_of_node, self.recess, self.friction = ratio, recess, friction
         self.slip = np.zeros(ratio.size)  #: of own nodes in crossings, up to the last search [m]
         self.edges = None
         self.pairs = None
@@ -61,7 +58,7 @@ class EdgeContact:
             return 0.0
         return -self.pairs.gap[self.pairs.closed].min()
 
-    def search(self, x, num_own, surface, reach, clock):
+    def search(self, x, num_own, surface, reach, bound):
         """Find all pairs within ``reach`` and carry over what they remember. Local.
 
         Args:
@@ -69,13 +66,13 @@ class EdgeContact:
             num_own: Number of own nodes.
             surface: :class:`~mufe_fenicsx.contact.surface.exchange.Surface`.
             reach: Distance [m], no less than the depth of the deepest pair.
-            clock: Reading of the clock of relative motion [m].
+            bound: Of all relative motion so far [m].
         """
-        old = self.pairs
+        old, old_keys = self.pairs, self._keys()
         self.list_edges(num_own, surface)
-        self.set_pairs(*_search(x, self.edges, reach), clock)
+        self.set_pairs(*_search(x, self.edges, reach), bound)
         if old is not None:
-            self._carry(old)
+            self._carry(old, old_keys)
 
     def list_edges(self, num_own, surface):
         """Find the sharp edges, arguments as of :meth:`search`. Local."""
@@ -84,21 +81,28 @@ class EdgeContact:
         sharp[self.edges.ends] = True
         self.beside = with_marked_vertex(surface.facets, sharp)
 
-    def set_pairs(self, first, second, clock):
+    def set_pairs(self, first, second, bound):
         """Make the pairs those of the edges ``first`` and ``second``, without any past. Local."""
-        pairs = EdgePairs(first, second, self.edges, self.recess, clock)
-        pairs.friction_row = self._friction_rows(pairs.grain, pairs.partner)
+        pairs = EdgePairs(first, second, self.edges, self.recess, bound)
+        pairs.friction_row = self.friction.rows(pairs.grain, pairs.partner)
         self.pairs = pairs
 
-    def _carry(self, old):
+    def _keys(self):
+        """Numbers that name the pairs on any rank, shape (num_pairs,)."""
+        if self.pairs is None:
+            return None
+        key = self.edges.key
+        return (key[self.pairs.first] << 31) | key[self.pairs.second]
+
+    def _carry(self, old, old_keys):
         new = self.pairs
-        _, at_old, at_new = np.intersect1d(old.key, new.key, True, return_indices=True)
+        _, at_old, at_new = np.intersect1d(old_keys, self._keys(), True, return_indices=True)
         for name in REMEMBERED:
             getattr(new, name)[at_new] = getattr(old, name)[at_old]
-        # What had not been due, but is looked at again, may not have moved further since.
-        new.due[at_new] = np.minimum(new.due[at_new], old.due[at_old])
+        # What waited, but is looked at again, may not have moved further since.
+        new.next_check[at_new] = np.minimum(new.next_check[at_new], old.next_check[at_old])
 
-    def add_forces(self, f, x, clock, adopt):
+    def add_forces(self, f, x, bound, adopt):
         """Add the forces of all pairs to ``f``. Local.
 
         Returns:
@@ -106,16 +110,16 @@ class EdgeContact:
             adopted pairs; largest adopted depth [m].
         """
         p, e = self.pairs, self.edges
-        if clock < p.due.min(initial=np.inf):
+        if bound < p.next_check.min(initial=np.inf):
             return 0.0, 0.0, 0, 0.0
         return add_edge_forces(
-            f, p.due, p.outside, p.place, p.normal, p.gap, p.offset, p.closed, p.sliding,
-            p.stiffness, p.anchor, p.shear, p.slip, p.work, clock, x, p.first,
+            f, p.next_check, p.outside, p.place, p.normal, p.gap, p.offset, p.closed, p.sliding,
+            p.stiffness, p.anchor, p.shear, p.slip, p.work, bound, x, p.first,
             p.second, e.ends, e.beyond, e.area, e.layer, e.share, e.compliance, e.ratio,
-            self.friction, p.friction_row, p.size, p.largest_depth, p.recess, adopt,
+            self.friction.coefficients, p.friction_row, p.size, p.largest_depth, p.recess, adopt,
         )  # fmt: skip
 
-    def springs(self, margin, clock):
+    def springs(self, margin, bound):
         """Springs of closed pairs and of those that a motion of ``margin`` [m] can close. Local.
 
         Returns:
@@ -124,7 +128,7 @@ class EdgeContact:
         """
         p, e = self.pairs, self.edges
         on, kn = find_edge_springs(
-            margin, p.size, p.due, p.outside, p.gap, clock, p.place, p.closed, p.stiffness,
+            margin, p.size, p.next_check, p.outside, p.gap, bound, p.place, p.closed, p.stiffness,
             p.first, p.second, e.area, e.layer, e.share,
         )  # fmt: skip
         first, second = p.first[on], p.second[on]
@@ -174,21 +178,19 @@ class EdgePairs(Stateful):
 
     #: What a checkpoint keeps of each pair.
     KEPT = (
-        "due", "outside", "place", "normal", "gap", "offset", "closed", "sliding", "stiffness",
-        "anchor", "shear", "slip", "work",
+        "next_check", "outside", "place", "normal", "gap", "offset", "closed", "sliding",
+        "stiffness", "anchor", "shear", "slip", "work",
     )  # fmt: skip
     STATE = {"here": KEPT}
 
-    def __init__(self, first, second, edges, recess, clock):
+    def __init__(self, first, second, edges, recess, bound):
         n = first.size
         self.first, self.second = first, second
-        self.key = (edges.key[first] << 31) | edges.key[second]
-        self.ratio = edges.ratio[first]
         self.grain, self.partner = edges.grain[first], edges.grain[second]
         self.size = 0.5 * (edges.length[first] + edges.length[second])
         self.largest_depth = edges.depth[first] + edges.depth[second]
         self.recess = recess * self.size
-        self.due = np.full(n, clock)
+        self.next_check = np.full(n, bound)
         self.outside = np.full(n, np.inf)
         self.place = np.full((n, 2), 0.5)
         self.normal = np.zeros((n, 3))

@@ -8,7 +8,7 @@ from ...kernels.pairs import ROW, column, rows
 from ...kernels.search import find_candidates, group_by_grain, sort_into_cells
 from ...kernels.self_contact import find_self_candidates
 from ...state import Stateful
-from .motion_bounds import GrainClocks
+from .motion_bounds import MotionBounds
 
 #: What a pair keeps when the candidates are searched anew, beside its closest facet.
 REMEMBERED = (
@@ -30,31 +30,31 @@ REMEMBERED = (
 class Pairs(Stateful):
     """Node-grain pairs of one rank, found by :func:`search_pairs`. Arrays as in kernels.pairs."""
 
-    STATE = {"here": ("due", "candidate_due", "closest", "state", "readings")}
+    STATE = {"here": ("next_check", "candidate_next_check", "closest", "state", "bounds")}
     #: What a checkpoint keeps of each pair.
-    KEPT = (*REMEMBERED, "due", "work", "known", "other_due")
+    KEPT = (*REMEMBERED, "next_check", "work", "known", "other_next_check")
 
-    def __init__(self, node, grain, first, candidate, grain_of_point, clock):
+    def __init__(self, node, grain, first, candidate, grain_of_point, bound):
         num_pairs = node.size
-        self.clocks = GrainClocks(grain_of_point[node], grain, clock)
+        self.motion_bounds = MotionBounds(grain_of_point[node], grain, bound)
         self.node, self.grain = node, grain
         self.first, self.candidate = first, candidate
-        self.due = np.full(num_pairs, clock)
+        self.next_check = np.full(num_pairs, bound)
         # Single precision is enough for bounds, and these are most of what a search keeps.
-        self.candidate_due = np.full(candidate.size, -np.inf, dtype=np.float32)
+        self.candidate_next_check = np.full(candidate.size, -np.inf, dtype=np.float32)
         self.closest = np.full(num_pairs, -1, dtype=np.int64)
         self.state = rows(num_pairs, ROW)
         column(self.state, "node")[:] = node
-        for name in (*REMEMBERED, "work", "known", "other_due", "vertices", "sharp"):
+        for name in (*REMEMBERED, "work", "known", "other_next_check", "vertices", "sharp"):
             setattr(self, name, column(self.state, name))
         self.gap[:] = np.inf
         self.forces = None  #: kernels.pairs.PairForces, once they are wanted
         self.closest_facet = None  #: numbers of the closest facets, once candidates are dropped
 
     @property
-    def readings(self):
-        """Of the clocks [m]."""
-        return self.clocks.readings
+    def bounds(self):
+        """Of relative motion, of each pair of grains [m]."""
+        return self.motion_bounds.bounds
 
     def drop_candidates(self, global_facet):
         """Keep of the candidates the closest ones alone, for :meth:`carry` of the next search.
@@ -68,7 +68,7 @@ class Pairs(Stateful):
         closest = np.full(self.closest.size, -1, dtype=np.int64)
         closest[known] = global_facet[self.candidate[self.closest[known]]]
         self.closest_facet = closest
-        self.forces = self.candidate = self.candidate_due = self.first = self.closest = None
+        self.forces = self.candidate = self.candidate_next_check = self.first = self.closest = None
 
     def carry(self, old, global_facet, wait):
         """Take over what ``old`` pairs remember. Local.
@@ -79,23 +79,23 @@ class Pairs(Stateful):
             wait: Motion from now on before which no facet beyond the reach of that search can be
                 met [m].
         """
-        self.clocks.carry(old.clocks)
-        clock = self.clocks.now
-        self.due[:] = clock
+        self.motion_bounds.carry(old.motion_bounds)
+        bound = self.motion_bounds.now
+        self.next_check[:] = bound
         source = carry_pairs(old.node, old.grain, self.node, self.grain)
         new = np.flatnonzero(source >= 0)
         source = source[new]
         copy_rows(self.state, new, old.state, source)
         self.known[new], self.work[new] = False, 0.0  # the ledger has the work
-        # A pair that was due may have closed by the motion since, and no other.
-        self.due[new] = np.minimum(old.due[source], clock[new] + wait)
+        # A pair whose check was due may have closed by the motion since, and no other.
+        self.next_check[new] = np.minimum(old.next_check[source], bound[new] + wait)
         known = old.closest_facet[source] >= 0
         new, source = new[known], source[known]
         facet = _find(global_facet, old.closest_facet[source])
         find_again(self.closest, new, facet, self.first, self.candidate)
         # What pairs may close in some time is asked for too: each needs a facet where it will.
         lost = self.closest < 0
-        self.due[lost] = np.minimum(self.due[lost], clock[lost])
+        self.next_check[lost] = np.minimum(self.next_check[lost], bound[lost])
 
 
 def _find(global_facet, wanted):
@@ -106,7 +106,7 @@ def _find(global_facet, wanted):
     return np.where(ordered[place] == wanted, order[place], -1)
 
 
-def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock, depth_of_point=None):
+def search_pairs(x, num_points, grain_of_point, facets, surface, reach, bound, depth_of_point=None):
     """All pairs of own points with facets of other grains within ``reach``. Local.
 
     The cost grows linearly with nodes and facets: a regular grid of cells about
@@ -120,7 +120,7 @@ def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock, d
         facets: Vertices as rows of ``x``, shape (num_facets, 3).
         surface: :class:`~mufe_fenicsx.contact.surface.exchange.Surface`.
         reach: Distance of each facet [m], shape (num_facets,).
-        clock: Reading of the clock of relative motion [m].
+        bound: Of all relative motion so far [m].
         depth_of_point: For contact of grains with themselves too, parts of points in the largest
             depth of pairs [m], shape (num_points,); None for contact between grains alone.
     """
@@ -158,4 +158,4 @@ def search_pairs(x, num_points, grain_of_point, facets, surface, reach, clock, d
         candidate = candidate[order]
         first = np.searchsorted(node[order], np.arange(num_points + 1))
     grouped = group_by_grain(first, candidate, surface.grain_of_facet)
-    return Pairs(*grouped, candidate, grain_of_point, clock)
+    return Pairs(*grouped, candidate, grain_of_point, bound)

@@ -1,13 +1,13 @@
-"""Clocks of relative motion, one for each pair of grains, or of a grain and a wall, that may meet.
+"""Bounds of relative motion: of each pair of grains, or of a grain and a wall, that may meet.
 
-A clock bounds how far points of one grain moved relative to points of the other so far. The one
-clock of all grains (``Contact.clock``) advances by twice the largest motion of any node, so that
+Each bounds how far points of one grain moved relative to points of the other so far. That of all
+grains together (``RelativeMotion.bound``) advances by twice the largest motion of any node, so that
 the fastest grain sets it for all. In a sample that is compressed, neighbours move alike, and a
 velocity v0 + G x that fits all of them tells most of it: with w what a node has beside it,
 
     |v_a - v_b| <= |w_a| + |w_b| + |G| |x_a - x_b|,
 
-for points of facets too, in which w and the field are interpolated. So the clock of two grains
+for points of facets too, in which w and the field are interpolated. So the bound of two grains
 advances by the largest w of each, and by |G| times a distance that no wait exceeds: what is
 farther away than that is looked at again after so much motion. That of a grain and a plane
 advances by w and by what the field brings points to the plane, wherever these are near it.
@@ -16,12 +16,12 @@ advances by w and by what the field brings points to the plane, wherever these a
 import numpy as np
 from mpi4py import MPI
 
-from ...kernels.clocks import advance_clocks
 from ...kernels.motion import moments
+from ...kernels.motion_bounds import advance_bounds
 
 #: Tag of the messages between neighbour ranks.
 TAG = 72
-#: Longest wait that a clock is asked for, in mean facet edges.
+#: Longest wait of a pair, in mean facet edges.
 RANGE = 2.0
 #: Of two grains this part at least is expected of the motion that is expected of all.
 LEAST = 0.25
@@ -29,59 +29,66 @@ LEAST = 0.25
 WALLS = 1 << 31
 
 
-class GrainClocks:
-    """Clocks of the pairs of grains (``own``, ``other``) of this rank's pairs. Local.
+class MotionBounds:
+    """Bounds for the pairs of grains (``own``, ``other``) of this rank's pairs. Local.
 
     Walls are grains from number ``WALLS`` on.
 
     Args:
         own: Global grain of the point of each pair, shape (num_pairs,).
         other: Grain of its facets, shape (num_pairs,).
-        reading: Of new clocks [m].
+        bound: Of relative motion before [m].
     """
 
-    #: What a clock keeps.
-    KEPT = ("readings", "since", "until")
+    #: What is kept of each.
+    KEPT = ("bounds", "since", "until")
 
-    def __init__(self, own, other, reading):
+    def __init__(self, own, other, bound):
         key = own.astype(np.int64) << 32 | other
-        #: of each clock, increasing: grain of points in the upper, of facets in the lower half
+        #: of each bound, increasing: grain of points in the upper, of facets in the lower half
         self.key, of = np.unique(key, return_inverse=True)
-        self.of = of.astype(np.int32)  #: clock of each pair
-        self.readings = np.full(self.key.size, float(reading))
-        #: readings when the time step was found last
-        self.since = self.readings.copy()
+        self.of = of.astype(np.int32)  #: bound of each pair
+        self.bounds = np.full(self.key.size, float(bound))
+        #: the bounds when the time step was found last
+        self.since = self.bounds.copy()
         #: those that were expected at most then, infinity where no less than of all grains
         self.until = np.full(self.key.size, np.inf)
         self._rows = None
 
     @property
     def now(self):
-        """What the clock of each pair reads [m], shape (num_pairs,)."""
-        return self.readings[self.of]
+        """The bound of each pair [m], shape (num_pairs,)."""
+        return self.bounds[self.of]
 
     def carry(self, old):
-        """Clocks of grains that had one before go on from there."""
+        """Bounds of grains that had one before go on from there."""
         _, new, before = np.intersect1d(self.key, old.key, True, return_indices=True)
         for name in self.KEPT:
             getattr(self, name)[new] = getattr(old, name)[before]
 
-    def follow(self, motion):
-        """Take the moves of both grains from the :class:`Motion`."""
-        self._rows = motion.rows(self.key >> 32), motion.rows(self.key & 0xFFFFFFFF)
+    def of_pairs(self):
+        """{name: values of each pair} of what is kept, for :meth:`take`. Local."""
+        return {name: getattr(self, name)[self.of] for name in self.KEPT}
 
-    def advance(self, step, motion=None):
+    def take(self, values):
+        """Be what :meth:`of_pairs` told, as pairs of name and values. Local."""
+        for name, of_pairs in values:
+            getattr(self, name)[self.of] = of_pairs
+
+    def follow(self, moves):
+        """Take the moves of both grains from the :class:`GrainMoves`."""
+        self._rows = moves.rows(self.key >> 32), moves.rows(self.key & 0xFFFFFFFF)
+
+    def advance(self, step, moves=None):
         """Advance by ``step`` [m], a bound for all grains, or by less where that is known.
 
         Returns:
-            By how much a clock goes beyond what was expected in the next two steps [m].
+            By how much a bound goes beyond what was expected in the next two steps [m].
         """
-        if motion is None:
-            self.readings += step
-            return float((self.readings - self.until).max(initial=-np.inf)) + 2.0 * step
-        return advance_clocks(
-            self.readings, self.until, *self._rows, motion.moves, motion.more, step
-        )
+        if moves is None:
+            self.bounds += step
+            return float((self.bounds - self.until).max(initial=-np.inf)) + 2.0 * step
+        return advance_bounds(self.bounds, self.until, *self._rows, moves.moves, moves.more, step)
 
     def expect(self, margin, least, factor):
         """Expect motion until the time step is found again; changes nothing else.
@@ -91,17 +98,17 @@ class GrainClocks:
             least: Of any two grains, as of what happens in the next step [m].
             factor: Of two grains, motion until then over that since :meth:`mark`.
         """
-        moved = factor * (self.readings - self.since)
+        moved = factor * (self.bounds - self.since)
         moved = np.maximum(moved, max(LEAST * margin, least))
-        self.until[:] = np.where(moved < margin, self.readings + moved, np.inf)
+        self.until[:] = np.where(moved < margin, self.bounds + moved, np.inf)
 
     def mark(self):
         """Look at motion from here on where it is expected next."""
-        self.since[:] = self.readings
+        self.since[:] = self.bounds
 
-    def can_reach(self, due):
-        """Whether clocks are expected to reach readings ``due`` of pairs, shape (num_pairs,)."""
-        return due < self.until[self.of]
+    def can_reach(self, next_check):
+        """Whether bounds are expected to reach the next checks of pairs, shape (num_pairs,)."""
+        return next_check < self.until[self.of]
 
 
 def linear_field(comm, x, v):
@@ -123,7 +130,7 @@ def linear_field(comm, x, v):
     return np.linalg.solve(normal, sums[:, 4:] / scale) / scale
 
 
-class Motion:
+class GrainMoves:
     """How far each grain moved in a step, of this rank's and of those near it. Collective.
 
     Every rank that knows facets of a grain learns how far it moved from the rank that has it.
@@ -167,7 +174,7 @@ class Motion:
         place = np.searchsorted(self._grains[self._order], grains)
         return self._order[place].astype(np.int32)
 
-    def begin(self, moves=np.inf, walls=np.inf, slope=0.0, dt=0.0):
+    def send(self, moves=np.inf, walls=np.inf, slope=0.0, dt=0.0):
         """A step in which this rank's grains move by ``moves`` beside a field.
 
         Args:
@@ -183,7 +190,7 @@ class Motion:
                 message[:] = self._own[tell]
             MPI.Prequest.Startall(self._requests)
 
-    def end(self):
+    def receive(self):
         """The moves of grains of other ranks are known too afterwards."""
         if self._requests:
             MPI.Prequest.Waitall(self._requests)

@@ -3,9 +3,10 @@
 import numpy as np
 
 from ...kernels.carry import carry_pairs
+from ...state import Stateful
 
 
-class Ledger:
+class Dissipation(Stateful):
     """Friction work of each grain pair and slip of each point on this rank, over all searches.
 
     Pairs of points and crossings count their own work from search to search only; a search
@@ -17,7 +18,13 @@ class Ledger:
         num_grains: Grains on all ranks; a wall is the partner ``num_grains`` + its number.
     """
 
+    STATE = {"sum": ("total", "switched")}
+
     def __init__(self, grain_of_point, num_grains):
+        self.total = 0.0  #: by friction on this rank so far [J]
+        #: Energy that springs lost so far where pairs passed to other facets and edges [J]: less
+        #: than none where a point came under an edge; on this rank.
+        self.switched = 0.0
         self.num_grains = int(num_grains)
         self.grain = np.empty(0, dtype=np.int64)  #: grain of each account
         self.partner = np.empty(0, dtype=np.int64)  #: the other grain, or the wall

@@ -34,7 +34,7 @@ def closed_crossings(contact):
     Args:
         contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
     """
-    p, e = contact.edges.pairs, contact.edges.edges
+    p, e, ghosts = contact.edges.pairs, contact.edges.edges, contact.ghosts
     on = np.flatnonzero(p.closed)
     depth = p.offset[on] - p.gap[on] - p.recess[on]
     push = p.stiffness[on] * np.minimum(depth, p.largest_depth[on])
@@ -42,10 +42,10 @@ def closed_crossings(contact):
     # As in kernels.edges.add_edge_forces: friction acts at the anchors, with a couple.
     s, t = p.place[on].T
     anchor_s, anchor_t = p.anchor[on].T
-    lever = p.stiffness[on] * p.ratio[on] * p.gap[on]
+    lever = p.stiffness[on] * e.ratio[p.first[on]] * p.gap[on]
     area, pushes = np.empty(on.size), np.empty((on.size, 5))
     areas_and_pushes(
-        area, pushes, on, contact.positions.array[contact.num_before :], p.place, depth,
+        area, pushes, on, ghosts.positions.array[ghosts.num_before :], p.place, depth,
         p.largest_depth, p.stiffness, p.shear, p.first, p.second, e.ends, e.area, e.layer, e.share,
         e.compliance, e.ratio,
     )  # fmt: skip
@@ -113,10 +113,10 @@ def _at_owners(contact, nodes, values, largest=False):
         values: Vectors, shape (num, 4, 3), or numbers, which become first components, (num, 4).
         largest: The largest instead of the sum.
     """
-    there = np.zeros((contact.num_nodes_with_ghosts, 3))
+    there = np.zeros((contact.ghosts.num_nodes, 3))
     gather = np.maximum if largest else np.add
     gather.at(there if values.ndim == 3 else there[:, 0], nodes, values)
-    return contact.back_to_owners(there, largest)
+    return contact.ghosts.reverse_scatter(there, largest)
 
 
 def _ends(edges, on):

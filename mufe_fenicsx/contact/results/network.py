@@ -158,11 +158,11 @@ def _own_sums(contact, x):
     Crossings of edges count as points, on the rank that evaluates them.
     Moments are about the origin. ``x`` are the positions of the nodes [m].
     """
-    contact.place_points()
+    contact.ghosts.place_points()
     grain_of_point = contact.points.grain_of_point
-    num_grains = contact.ledger.num_grains
+    num_grains = contact.dissipation.num_grains
     p, w = contact.pairs, contact.walls.pairs
-    of_work, with_work, done = contact.ledger.totals(p, w, contact.edges.pairs)
+    of_work, with_work, done = contact.dissipation.totals(p, w, contact.edges.pairs)
     on, at = np.flatnonzero(p.closed), np.flatnonzero(w.closed)
     work = np.zeros((done.size, _NUM_COLUMNS))
     work[:, _WORK] = done
@@ -193,7 +193,7 @@ def _own_sums(contact, x):
 def _sums_of_points(contact, pairs, on, normal, area, x):
     """Terms of the sums for pairs ``on``, seen from the grain of the point."""
     stretch = contact.points.stretch(contact.own, x, pairs.node[on])
-    place = contact.positions.array[pairs.node[on]]
+    place = contact.ghosts.positions.array[pairs.node[on]]
     terms = np.zeros((on.size, _NUM_COLUMNS))
     terms[:, _COUNT] = 1
     terms[:, _AREA] = area
@@ -209,7 +209,7 @@ def _sums_of_points(contact, pairs, on, normal, area, x):
 def _sums_of_crossings(contact, crossings):
     """Terms of the sums for crossings, seen from the grain of the first edge."""
     c = crossings
-    ends = contact.positions.array[contact.num_before :][c.nodes]
+    ends = contact.ghosts.positions.array[contact.ghosts.num_before :][c.nodes]
     # Half-way between the edges.
     place = 0.5 * np.einsum("ck,cki->ci", c.share, ends)
     terms = np.zeros((c.push.size, _NUM_COLUMNS))

@@ -51,7 +51,7 @@ def nodal_contact(contact, num_nodes):
     force += of_pairs(lambda pairs: pairs.push)
     for k in range(3):
         friction[:, k] += of_pairs(lambda pairs, k=k: pairs.shear[:, k])
-    edge_slip += of_points(contact.ledger.slip(p, w)) / of_points(np.ones(points.num_points))
+    edge_slip += of_points(contact.dissipation.slip(p, w)) / of_points(np.ones(points.num_points))
     gap = _nearest(contact)
     gap = np.where(edge_depth > 0, np.minimum(gap, -edge_depth), gap)
     gap[np.isinf(gap)] = np.nan
@@ -73,7 +73,7 @@ def _nearest(contact):
     """Gaps of own surface nodes to what is nearest to the points around them [m], inf for none."""
     points, p, walls = contact.points, contact.pairs, contact.walls
     w, gap = walls.pairs, np.full(contact.own.nodes.size, np.inf)
-    contact.place_points()
+    contact.ghosts.place_points()
 
     def take(pairs, some, distance):
         for nodes in points.nodes_around(pairs.node[some]):
@@ -82,7 +82,7 @@ def _nearest(contact):
     for begin in range(0, p.node.size, BLOCK):
         some = slice(begin, begin + BLOCK)
         take(p, some, _gaps(contact, some)[0])
-    apart = contact.positions.array[w.node] - walls.point[w.wall]
+    apart = contact.ghosts.positions.array[w.node] - walls.point[w.wall]
     take(w, slice(None), np.einsum("ij,ij->i", apart, walls.normal[w.wall]))
     return gap
 
@@ -93,16 +93,16 @@ def current_gaps(contact):
     In the course of a test a pair that cannot close yet is not looked at. Positions are
     those of the last forces.
     """
-    contact.place_points()
+    contact.ghosts.place_points()
     return _gaps(contact, slice(0, contact.pairs.node.size))
 
 
 def _gaps(contact, some):
-    p, s = contact.pairs, contact.surface
+    p, s, g = contact.pairs, contact.surface, contact.ghosts
     node, first = p.node[some], p.first[some.start : some.stop + 1]
     gap, normal = np.empty(node.size), np.empty((node.size, 3))
     find_gaps(
-        gap, normal, contact.positions.array, node, first, p.candidate, contact.facets,
-        s.neighbour, contact.ring_offset, contact.ring,
+        gap, normal, g.positions.array, node, first, p.candidate, g.facets,
+        s.neighbour, g.ring_offset, g.ring,
     )  # fmt: skip
     return gap, normal

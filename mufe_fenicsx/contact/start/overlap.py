@@ -5,6 +5,7 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from ...errors import InputError
+from ...state import Stateful
 from ..laws import LARGEST_DEPTH
 
 #: Depth of a point in another grain at the start, over the edge of the finer of both facets, up to
@@ -16,6 +17,32 @@ DEEPEST = 0.5
 #: Depth over edge, depth [m], grain and the one that it is in, where no pair is beyond the depth at
 #: which forces grow no more.
 NOT_SUNK = (0.0, 0.0, -1, -1)
+
+
+class Overlaps(Stateful):
+    """How deep grains are in each other: accepted at the start, and since. Local."""
+
+    STATE = {"sum": ("num_accepted",), "largest": ("deepest",)}
+
+    def __init__(self):
+        self.num_accepted = 0  #: pairs that overlapped at the start
+        self.deepest = 0.0  #: largest depth of them [m]
+        #: Deepest of all pairs since :func:`too_deep` asked: depth over the edge of the finer side,
+        #: depth [m], grain and the one that it is in. Steps set it, searches for an equilibrium do
+        #: not.
+        self.deepest_pair = NOT_SUNK
+
+    def accept(self, number, depth):
+        """Count pairs that overlapped at the start, and their largest depth [m]."""
+        self.num_accepted += number
+        self.deepest = max(self.deepest, depth)
+
+    def look_at(self, part, pair, pairs, grain_of_point):
+        """Keep number ``pair`` of the ``pairs``, of depth over edge ``part``, if it is deeper."""
+        if part > self.deepest_pair[0]:
+            depth = pairs.offset[pair] - pairs.gap[pair]
+            grains = grain_of_point[pairs.node[pair]], pairs.grain[pair]
+            self.deepest_pair = (part, float(depth), *map(int, grains))
 
 
 def check_start(mesh, contact):
@@ -56,8 +83,9 @@ def too_deep(mesh, contact):
     """
     pairs = contact.pairs
     depth = np.where(pairs.closed, pairs.offset - pairs.gap, 0.0)
-    found = deepest(contact, depth, DEEPEST) or _all_ranks(contact.comm, contact.sunk, DEEPEST)
-    contact.sunk = NOT_SUNK
+    since = contact.overlaps.deepest_pair
+    found = deepest(contact, depth, DEEPEST) or _all_ranks(contact.comm, since, DEEPEST)
+    contact.overlaps.deepest_pair = NOT_SUNK
     if found is None:
         return None
     depth, part, grain, other = found

@@ -31,20 +31,20 @@ class Augmentation:
 
     def _parts(self):
         """Pairs with facets and with walls, each with its stiffnesses [N/m]."""
-        contact, walls = self.contact, self.contact.walls.pairs
-        of_walls = contact.points.area[walls.node] / contact.layer[walls.node]
+        contact, points, walls = self.contact, self.contact.points, self.contact.walls.pairs
+        of_walls = points.area[walls.node] / points.layer[walls.node]
         return (contact.pairs, contact.pairs.stiffness), (walls, of_walls)
 
-    def begin(self):
+    def begin_increment(self):
         """The normal forces of closed pairs become multipliers, before a mark is made. Local."""
-        self._lift, self._due = [], []
+        self._lift, self._next_check = [], []
         for pairs, stiffness in self._parts():
             on = np.flatnonzero(pairs.closed)
             lift = np.zeros(pairs.node.size)
             lift[on] = pairs.push[on] / stiffness[on]
             pairs.offset += lift
             self._lift.append(lift)
-            self._due.append(pairs.due.copy())
+            self._next_check.append(pairs.next_check.copy())
 
     def depth(self):
         """Largest distance of a closed pair from its gap in the last evaluation [m]. Collective."""
@@ -61,18 +61,18 @@ class Augmentation:
             mark: :class:`~.rewind.ContactMark` that evaluations start from.
         """
         for k, (pairs, _) in enumerate(self._parts()):
-            old, due = self._lift[k], self._due[k]
+            old, next_check = self._lift[k], self._next_check[k]
             new = np.zeros_like(old)
             on = pairs.closed
             new[on] = (pairs.offset - pairs.gap)[on]
-            offsets, dues = mark.of_points("offset")[k], mark.of_points("due")[k]
+            offsets, checks = mark.of_points("offset")[k], mark.of_points("next_check")[k]
             offsets += new - old
             # An open pair with a multiplier closes before it touches.
             was_open = ~mark.of_points("closed")[k]
-            dues[was_open] = (due - new)[was_open]
+            checks[was_open] = (next_check - new)[was_open]
             self._lift[k] = new
 
-    def end(self, mark):
+    def end_increment(self, mark):
         """An increment is over: multipliers are what the pairs' forces are. Local.
 
         Args:
@@ -102,7 +102,7 @@ class Augmentation:
             pairs.offset -= lift
 
     def cancel(self):
-        """Back to before :meth:`begin`, once the mark is restored. Local."""
-        for (pairs, _), due in zip(self._parts(), self._due, strict=True):
-            pairs.due[:] = due
+        """Back to before :meth:`begin_increment`, once the mark is restored. Local."""
+        for (pairs, _), next_check in zip(self._parts(), self._next_check, strict=True):
+            pairs.next_check[:] = next_check
         self._lower()

@@ -96,8 +96,8 @@ def list_springs(contact, margin, expected=False):
     Args:
         contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
         margin: The motion.
-        expected: Of two grains, or a grain and a wall, no more motion than their clock is
-            expected to show.
+        expected: Of two grains, or a grain and a wall, no more motion than is expected
+            of both.
     """
     pairs, walls = contact.pairs, contact.walls.pairs
     near = (pairs.closed | _soon(pairs, margin, expected)) & (pairs.closest >= 0)
@@ -113,13 +113,13 @@ def list_edge_springs(contact, margin):
 
 def _soon(pairs, margin, expected):
     """Which pairs with facets, or with walls, a motion of ``margin`` can close."""
-    soon = pairs.due - pairs.clocks.now < margin
-    return soon & pairs.clocks.can_reach(pairs.due) if expected else soon
+    soon = pairs.next_check - pairs.motion_bounds.now < margin
+    return soon & pairs.motion_bounds.can_reach(pairs.next_check) if expected else soon
 
 
 def _listed(contact, margin, pairs, walls):
     """Springs of pairs, of crossing edges and of pairs with walls. Collective."""
-    edges = contact.edges.springs(margin, contact.clock)
+    edges = contact.edges.springs(margin, contact.motion.bound)
     # As large as they come to be from the start: to join parts takes as long as to fill them.
     between = SpringList.empty(pairs.size + edges[-1].size, 6)
     with_walls = SpringList.empty(walls.size, 3)
@@ -135,8 +135,8 @@ def _fill_pairs(contact, on, nodes, share, normal, kn, kt):
     list_pairs(
         nodes, share, normal, kn, kt, on, pairs.node, pairs.candidate, pairs.closest,
         surface.facets, pairs.weights, pairs.normal, pairs.closed, pairs.stiffness,
-        points.facet_area, surface.area_of_facet, points.area, contact.layer,
-        surface.layer_of_facet, contact.ratio,
+        points.facet_area, surface.area_of_facet, points.area, contact.points.layer,
+        surface.layer_of_facet, contact.layers.ratio,
     )  # fmt: skip
 
 
@@ -151,15 +151,15 @@ def _fill_walls(contact, on, nodes, share, normal, kn, kt):
     nodes[:], share[:] = points.carriers(walls.node[on])
     list_walls(
         normal, kn, kt, on, walls.node, walls.wall, contact.walls.normal, points.area,
-        contact.layer, contact.ratio,
+        contact.points.layer, contact.layers.ratio,
     )  # fmt: skip
 
 
 def _numbered(contact, *lists):
     """The lists with their nodes numbered in a row. Collective."""
     own, num_own = contact.own.nodes, contact.own.nodes.size
-    vector = contact.lend()
-    touched = vector.array[contact.num_before :]
+    vector = contact.ghosts.scratch_vector()
+    touched = vector.array[contact.ghosts.num_before :]
     touched[:] = 0.0
     for listed in lists:
         touched[listed.nodes.ravel(), 0] = 1.0

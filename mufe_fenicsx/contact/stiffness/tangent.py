@@ -18,7 +18,7 @@ class ContactTangent:
     """
 
     def __init__(self, contact, mesh):
-        if contact.kinematic:
+        if contact.layers.kinematic:
             raise InputError(
                 'contact.law = "kinematic", expected "matched" for an implicit or static solver'
             )
@@ -44,11 +44,11 @@ class ContactTangent:
         Args:
             values: Shape (num_own, k), k <= 3.
         """
-        vector = self.contact.lend()
+        vector = self.contact.ghosts.scratch_vector()
         vector.array[:] = 0.0
         vector.own[:, : values.shape[1]] = values
         vector.forward()
-        return vector.array[self.contact.num_before :, : values.shape[1]].copy()
+        return vector.array[self.contact.ghosts.num_before :, : values.shape[1]].copy()
 
     def __call__(self, mark):
         """Blocks of the last evaluation, from the state of ``mark`` on. Collective after a search.
@@ -71,24 +71,25 @@ class ContactTangent:
         parts = [
             (rows[a:b], columns[a:b], blocks[a:b]) for a, b in zip(end - counts, end, strict=True)
         ]
-        x, before = c.positions.array, c.num_before
+        g, friction, ratio = c.ghosts, c.friction.coefficients, c.layers.ratio
+        x, before = g.positions.array, g.num_before
         pair_tangent(
-            *parts[0], x, before, *c.corners(), p.node, p.candidate, p.closest, p.closed, closed,
+            *parts[0], x, before, *g.corners(), p.node, p.candidate, p.closest, p.closed, closed,
             p.weights, p.normal, p.gap, p.offset, p.stiffness, p.anchor, p.shear, p.slip, slip,
-            p.push, p.sliding, c.facets, c.points.area, c.points.recess, c.ratio,
-            c.coefficients, p.friction_row, p.largest_depth,
+            p.push, p.sliding, g.facets, c.points.area, c.points.recess, ratio,
+            friction, p.friction_row, p.largest_depth,
         )  # fmt: skip
         q = e.pairs
         edge_tangent(
             *parts[1], x[before:], q.first, q.second, e.edges.ends, q.closed, edge_closed, q.place,
             q.normal, q.gap, q.offset, q.recess, q.stiffness, q.anchor, q.shear, q.slip, edge_slip,
             e.edges.area, e.edges.layer, e.edges.share, e.edges.compliance, e.edges.ratio,
-            c.coefficients, q.friction_row, q.largest_depth,
+            friction, q.friction_row, q.largest_depth,
         )  # fmt: skip
         v = w.pairs
         wall_tangent(
-            *parts[2], before, *c.corners(), v.node, v.wall, v.closed, wall_closed, w.normal,
-            v.shear, v.slip, wall_slip, v.push, v.sliding, c.layer, c.points.area, c.ratio,
+            *parts[2], before, *g.corners(), v.node, v.wall, v.closed, wall_closed, w.normal,
+            v.shear, v.slip, wall_slip, v.push, v.sliding, c.points.layer, c.points.area, ratio,
             w.friction_kinetic,
         )  # fmt: skip
         return rows, columns, blocks

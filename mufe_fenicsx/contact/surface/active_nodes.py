@@ -18,7 +18,7 @@ def nodes_of_pairs(contact):
         read, acted on: True for those, here or on other ranks, shape (num_nodes_with_ghosts,);
         points in pairs and what carries them are left out.
     """
-    facets, acted_on = contact.surface.facets, np.zeros(contact.num_nodes_with_ghosts, dtype=bool)
+    facets, acted_on = contact.surface.facets, np.zeros(contact.ghosts.num_nodes, dtype=bool)
     candidate = np.zeros(len(facets), dtype=bool)
     candidate[contact.pairs.candidate] = True
     acted_on[facets[candidate]] = True
@@ -44,4 +44,5 @@ def near_nodes(contact):
     corner, (flag, _) = contact.points.corner, nodes_of_pairs(contact)
     points = np.concatenate([contact.pairs.node, contact.walls.pairs.node])
     flag[points if corner is None else corner[points]] = True
-    return contact.back_to_owners(np.repeat(flag[:, None], 3, axis=1).astype(float))[:, 0] > 0
+    flags = np.repeat(flag[:, None], 3, axis=1).astype(float)
+    return contact.ghosts.reverse_scatter(flags)[:, 0] > 0

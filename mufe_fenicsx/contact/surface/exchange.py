@@ -125,69 +125,72 @@ def exchange_surface(comm, own, layer_of_facet, depth_of_facet, compliance_of_ed
     Returns:
         :class:`Surface` and the global numbers of ghost nodes, shape (num_ghosts,).
     """
-    num_own = own.nodes.size
+    num_own, num_facets = own.nodes.size, len(own.facets)
     first_node = comm.exscan(num_own) or 0
-    first_facet = comm.exscan(own.facets.shape[0]) or 0
-    facets = own.facets
-    global_facet = first_facet + np.arange(facets.shape[0])
-    grain, layer, area, depth = (
-        own.grain_of_facet, layer_of_facet, own.facet_area, depth_of_facet,
-    )  # fmt: skip
-    sharp, compliance = own.sharp_edge, compliance_of_edge
-    use = np.ones(facets.shape[0], dtype=bool)
-    ghosts = np.empty(0, dtype=np.int64)
-    neighbour, ring_offset, ring = own.neighbour, own.ring_offset, own.ring
-
-    far, known = np.empty((0, NUMBERS), dtype=np.int64), []
+    first_facet = comm.exscan(num_facets) or 0
+    surface = Surface(
+        facets=own.facets,
+        global_facet=first_facet + np.arange(num_facets),
+        grain_of_facet=own.grain_of_facet,
+        layer_of_facet=np.array(layer_of_facet),
+        area_of_facet=own.facet_area,
+        depth_of_facet=depth_of_facet,
+        sharp_edge=own.sharp_edge,
+        compliance_of_edge=compliance_of_edge,
+        use=np.ones(num_facets, dtype=bool),
+        neighbour=own.neighbour,
+        ring_offset=own.ring_offset,
+        ring=own.ring,
+        neighbours=[],
+    )
+    far = np.empty((0, NUMBERS), dtype=np.int64)
     if comm.size > 1:
         ranks, selected = near_other_ranks(comm, own.facets, x, reach)
-        outgoing = [
-            _packed(own, layer, depth, compliance, near, x.shape[0], first_node, first_facet)
-            for near in selected
-        ]
+        outgoing = [_packed(surface, near, num_own, first_node) for near in selected]
         incoming = swap(comm, ranks, [part.reshape(-1).view(np.uint8) for part in outgoing])
         incoming = [part.view(np.int64).reshape(-1, NUMBERS) for part in incoming]
         far = np.concatenate([far, *incoming])
         for rank, *parts in zip(ranks, outgoing, incoming, strict=True):
-            known.append((int(rank), *(np.unique(part[:, 4] >> 4) for part in parts)))
-    if len(far):
-        ghosts, far_facets = np.unique(far[:, :3], return_inverse=True)
-        far_facets = far_facets.reshape(-1, 3)
-        # Grains are whole on their ranks, so far facets neighbour far facets only.
-        num_near = facets.shape[0]
-        far_neighbour = neighbours(far_facets)
-        far_neighbour[far_neighbour >= 0] += num_near
-        neighbour = np.vstack([neighbour, far_neighbour])
-        far_offset, far_ring = rings(far_facets, ghosts.size)
-        ring_offset = np.concatenate([ring_offset, ring_offset[-1] + far_offset[1:]])
-        ring = np.concatenate([ring, far_ring + np.int32(num_near)])
-        facets = np.vstack([facets, far_facets + num_own]).astype(np.int32)
-        global_facet = np.concatenate([global_facet, far[:, 3]])
-        grain = np.concatenate([grain, far[:, 4] >> 4])
-        use = np.concatenate([use, (far[:, 4] & 1).astype(bool)])
-        sharp = np.concatenate([sharp, (far[:, 4, None] >> [1, 2, 3] & 1).astype(bool)])
-        layer, area, depth = (
-            np.concatenate([here, far[:, 5 + k].copy().view(np.float64)])
-            for k, here in enumerate((layer, area, depth))
-        )
-        compliance = np.concatenate([compliance, far[:, 8:].copy().view(np.float64)])
+            known = (np.unique(part[:, 4] >> 4) for part in parts)
+            surface.neighbours.append((int(rank), *known))
+    return _with_far(surface, far, num_own) if len(far) else (surface, np.empty(0, np.int64))
 
-    surface = Surface(
-        facets=facets,
-        global_facet=global_facet,
-        grain_of_facet=grain.astype(np.int32),
-        layer_of_facet=np.array(layer),
-        area_of_facet=area,
-        depth_of_facet=depth,
-        sharp_edge=sharp,
-        compliance_of_edge=compliance,
-        use=use,
-        neighbour=neighbour,
-        ring_offset=ring_offset,
-        ring=ring,
-        neighbours=known,
+
+def _with_far(surface, far, num_own):
+    """A surface with facets of other ranks after its own, and the numbers of their nodes. Local.
+
+    Args:
+        surface: :class:`Surface` of this rank alone.
+        far: Facets of other ranks, as of :func:`_packed`.
+        num_own: Nodes of this rank.
+    """
+    s, num_near = surface, len(surface.facets)
+    ghosts, facets = np.unique(far[:, :3], return_inverse=True)
+    facets = facets.reshape(-1, 3)
+    # Grains are whole on their ranks, so far facets neighbour far facets only.
+    neighbour = neighbours(facets)
+    neighbour[neighbour >= 0] += num_near
+    offset, ring = rings(facets, ghosts.size)
+    grain, flags = far[:, 4] >> 4, far[:, 4, None] >> np.arange(4) & 1
+    layer, area, depth = (far[:, 5 + k].copy().view(np.float64) for k in range(3))
+    whole = Surface(
+        facets=np.vstack([s.facets, facets + num_own]).astype(np.int32),
+        global_facet=np.concatenate([s.global_facet, far[:, 3]]),
+        grain_of_facet=np.concatenate([s.grain_of_facet, grain]).astype(np.int32),
+        layer_of_facet=np.concatenate([s.layer_of_facet, layer]),
+        area_of_facet=np.concatenate([s.area_of_facet, area]),
+        depth_of_facet=np.concatenate([s.depth_of_facet, depth]),
+        sharp_edge=np.concatenate([s.sharp_edge, flags[:, 1:].astype(bool)]),
+        compliance_of_edge=np.concatenate(
+            [s.compliance_of_edge, far[:, 8:].copy().view(np.float64)]
+        ),
+        use=np.concatenate([s.use, flags[:, 0].astype(bool)]),
+        neighbour=np.vstack([s.neighbour, neighbour]),
+        ring_offset=np.concatenate([s.ring_offset, s.ring_offset[-1] + offset[1:]]),
+        ring=np.concatenate([s.ring, ring + np.int32(num_near)]),
+        neighbours=s.neighbours,
     )
-    return surface, ghosts
+    return whole, ghosts
 
 
 def near_other_ranks(comm, facets, x, reach):
@@ -253,14 +256,15 @@ def swap(comm, ranks, messages):
     return received
 
 
-def _packed(own, layer, depth, compliance, near, num_nodes, first_node, first_facet):
+def _packed(surface, near, num_nodes, first_node):
     """Facets that are ``near``, and those around their vertices: ``NUMBERS`` each, int64."""
-    send = with_rings(own.facets, near, num_nodes)
+    s, send = surface, with_rings(surface.facets, near, num_nodes)
     rows = np.empty((send.size, NUMBERS), dtype=np.int64)
-    rows[:, :3] = own.facets[send] + np.int64(first_node)
-    rows[:, 3] = first_facet + send
-    rows[:, 4] = 16 * own.grain_of_facet[send].astype(np.int64) + near[send]
-    rows[:, 4] += own.sharp_edge[send] @ np.array([2, 4, 8])
-    for k, values in enumerate((layer, own.facet_area, depth, *compliance.T)):
+    rows[:, :3] = s.facets[send] + np.int64(first_node)
+    rows[:, 3] = s.global_facet[send]
+    rows[:, 4] = 16 * s.grain_of_facet[send].astype(np.int64) + near[send]
+    rows[:, 4] += s.sharp_edge[send] @ np.array([2, 4, 8])
+    numbers = s.layer_of_facet, s.area_of_facet, s.depth_of_facet, *s.compliance_of_edge.T
+    for k, values in enumerate(numbers):
         rows[:, 5 + k] = values[send].astype(np.float64).view(np.int64)
     return rows

@@ -10,7 +10,6 @@ import numpy as np
 from mpi4py import MPI
 
 from ...kernels.rows import add_rows, gather_rows, put_rows, take_rows
-from .active_nodes import nodes_of_pairs
 from .exchange import swap
 
 #: Tags of positions and of forces.
@@ -24,18 +23,21 @@ class Messages:
     requests are made once. Forces are added in the order of the ranks.
 
     Args:
-        contact: :class:`~mufe_fenicsx.contact.contact.Contact` that has just found its pairs.
+        comm: MPI communicator.
+        positions: :class:`~.SurfaceArray` [m].
+        forces: :class:`~.SurfaceVector` [N] with the same ghosts.
+        ranks: Neighbours, increasing.
+        flags: Surface nodes that pairs read, and act on, as of
+            :func:`~mufe_fenicsx.contact.surface.active_nodes.nodes_of_pairs`.
     """
 
-    def __init__(self, contact):
-        self._positions, self._forces = contact.positions, contact.forces
+    def __init__(self, comm, positions, forces, ranks, flags):
+        self._positions, self._forces = positions, forces
         self._there = self._back = None
-        ranks = [rank for rank, *_ in contact.surface.neighbours]
         if ranks:
-            num_own = contact.own.nodes.size
-            read, acted_on = (flag[num_own:] for flag in nodes_of_pairs(contact))
-            self._there = _Way(contact, ranks, read, THERE)
-            self._back = _Way(contact, ranks, acted_on, BACK, back=True)
+            read, acted_on = (flag[len(positions.own) :] for flag in flags)
+            self._there = _Way(comm, forces, ranks, read, THERE)
+            self._back = _Way(comm, forces, ranks, acted_on, BACK, back=True)
 
     @property
     def num_ghosts(self):
@@ -49,27 +51,27 @@ class Messages:
         way = self._back
         return way is not None and way.of_ghosts.size + way.of_own.size > 0
 
-    def begin_there(self):
+    def begin_forward(self):
         """Own positions start on their way."""
         if way := self._there:
             way.let_go()
             gather_rows(way.own_values, self._positions.own, way.of_own)
-            way.begin()
+            way.start()
 
-    def end_there(self):
+    def end_forward(self):
         """Positions of ghosts are known afterwards."""
         if way := self._there:
             way.end()
             put_rows(self._positions.ghosts, way.of_ghosts, way.ghost_values)
 
-    def begin_back(self):
+    def begin_reverse(self):
         """Forces on ghosts start on their way, and are zero here."""
         if way := self._back:
             way.let_go()
             take_rows(way.ghost_values, self._forces.ghosts, way.of_ghosts)
-            way.begin()
+            way.start()
 
-    def end_back(self):
+    def end_reverse(self):
         """Forces on own nodes contain those from other ranks afterwards."""
         if way := self._back:
             way.end()
@@ -86,16 +88,15 @@ class _Way:
     """Messages that start together, and are waited for where they arrive.
 
     Args:
-        contact: As of `Messages`.
-        ranks: Neighbours, increasing.
+        comm, forces, ranks: As of `Messages`.
         wanted: Ghosts to be sent, bool, shape (num_ghosts,).
         tag: Of the messages.
         back: From the ghosts to their owners.
     """
 
-    def __init__(self, contact, ranks, wanted, tag, back=False):
-        comm, ghosts = contact.comm, contact.forces.numbers
-        first = contact.forces.vector.getOwnershipRanges() // 3
+    def __init__(self, comm, forces, ranks, wanted, tag, back=False):
+        ghosts = forces.numbers
+        first = forces.vector.getOwnershipRanges() // 3
         place = np.searchsorted(ghosts, first)
         here = [place[r] + np.flatnonzero(wanted[place[r] : place[r + 1]]) for r in ranks]
         asked = [ghosts[rows].astype(np.int64).view(np.uint8) for rows in here]
@@ -117,7 +118,7 @@ class _Way:
                 self._sends.append(comm.Send_init(sent, dest=rank, tag=tag))
         self._all = self._receives + self._sends
 
-    def begin(self):
+    def start(self):
         """They are on their way."""
         MPI.Prequest.Startall(self._all)
 

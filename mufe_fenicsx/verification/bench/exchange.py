@@ -4,8 +4,8 @@ import time
 
 import numpy as np
 
-from ...contact.contact import SKIN
 from ...contact.laws import edge_of_area
+from ...contact.pairs.relative_motion import SKIN
 from ...contact.surface.exchange import with_rings
 from ...contact.surface.occupancy import occupied_cells
 from ...geometry.grains import load_grains

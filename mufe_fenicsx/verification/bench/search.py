@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ...contact.contact import Contact
-from ...contact.laws import COMPLIANCE
+from ...contact.settings import ContactGrains, ContactSettings
 from ...contact.walls import Walls
 from ...run.profile import Profile
 
@@ -81,13 +81,14 @@ def _measure(num_grains, repeats, points):
     shells, centre = packed_shells(num_grains)
     one = np.ones(num_grains)
     local = shells.x - centre
-    contact = Contact(shells, shells.x, 1e9 * one, one, 0.3, COMPLIANCE, Walls([]), points)
+    grains, settings = ContactGrains(1e9 * one, one), ContactSettings(0.3, points=points)
+    contact = Contact(shells, shells.x, Walls([]), grains, settings)
     force = np.zeros_like(shells.x)
 
     def grow(size):
         x = centre + size * local
         start = time.perf_counter()
-        contact.begin(x)
+        contact.begin_step(x)
         contact.add_forces(force, x)
         return time.perf_counter() - start
 

@@ -89,7 +89,7 @@ def flutter_theory(s, friction):
     K = dense_stiffness(s, springs=False)
     on = np.flatnonzero(pairs.closed & (pairs.wall == 0))
     nodes = contact.own.nodes[pairs.node[on]]
-    k = contact.points.area[pairs.node[on]] / contact.layer[pairs.node[on]]
+    k = contact.points.area[pairs.node[on]] / contact.points.layer[pairs.node[on]]
     K[3 * nodes + 2, 3 * nodes + 2] += k
     K[3 * nodes, 3 * nodes + 2] += friction * k
     free = np.ones(s.mesh.num_nodes, dtype=bool)
@@ -103,7 +103,7 @@ def flutter_theory(s, friction):
     if m:
         across = np.zeros((mass.size, m))
         across[3 * nodes + 1, np.arange(m)] = 1.0
-        stick = k * contact.ratio[pairs.node[on]]
+        stick = k * contact.layers.ratio[pairs.node[on]]
         normal = k * (pairs.offset - pairs.gap)[on]
         A[n : 2 * n, 2 * n :] = (across / mass[:, None])[free]
         A[2 * n :, n : 2 * n] = -(across * stick).T[:, free]

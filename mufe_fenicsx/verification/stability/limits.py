@@ -43,7 +43,7 @@ class Snapshot:
     def __init__(self, simulation):
         self.simulation = simulation
         self._contact = ContactMark(simulation.contact)
-        self._previous = simulation.contact.positions.own.copy()
+        self._previous = simulation.contact.ghosts.positions.own.copy()
         kept = simulation.state.state_dict()
         self._kept = copied({place: kept[place] for place in ("nodes", "cells")})
 
@@ -55,7 +55,7 @@ class Snapshot:
             self._contact.restore()
         else:  # a body that touches nothing went far enough: it has no contacts to restore
             self._contact = ContactMark(contact)
-        contact.measure_from(self._previous)
+        contact.motion.measure_from(self._previous)
 
 
 def kinetic(s):

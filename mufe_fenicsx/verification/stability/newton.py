@@ -111,8 +111,8 @@ class Strut:
         )  # fmt: skip
         own = int(np.flatnonzero(self.s.contact.own.nodes == self.tip)[0])
         contact = self.s.contact
-        self.k = float(contact.points.area[own] / contact.layer[own])
-        self.k_t = self.k * float(contact.ratio[own])
+        self.k = float(contact.points.area[own] / contact.points.layer[own])
+        self.k_t = self.k * float(contact.layers.ratio[own])
         K = np.zeros((3, 3))
         for i in range(3):
             q, y = np.zeros_like(mesh.x), np.zeros_like(mesh.x)

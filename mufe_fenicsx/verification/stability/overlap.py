@@ -54,11 +54,11 @@ def overlap_map(comm, depths=DEPTHS, kind="balls", steps=200):
                               gained=math.nan)  # fmt: skip
         if not message:
             s, _ = start(comm, depth, kind)
-            row.found = s.contact.deepest / H
+            row.found = s.contact.overlaps.deepest / H
             for _ in range(steps):
                 s.step()
             e = s.energies()
-            springs = H**2 / (4 * s.contact.layer.max()) * (depth * H) ** 2
+            springs = H**2 / (4 * s.contact.points.layer.max()) * (depth * H) ** 2
             row.released = (e["kinetic"] + e["elastic"] + e["contact"]) / springs
             t, _ = start(comm, depth, kind, speed=20.0)
             first = t.energies()["kinetic"]

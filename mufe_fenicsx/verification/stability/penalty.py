@@ -41,7 +41,7 @@ def penalty_map(comm, layers=LAYERS, trials=12):
         measured = bisect(lambda f, s=s, a=start, e=exact: growth(s, a, f * e)[1], 0.5, 1.5, trials)
         contact = s.contact
         springs = contact.points.to_nodes(
-            (contact.points.area / contact.layer)[:, None] * _active(contact)[:, None],
+            (contact.points.area / contact.points.layer)[:, None] * _active(contact)[:, None],
             contact.own.nodes.size,
         )[:, 0]
         mass = s.solid.mass[contact.own.nodes]
@@ -49,7 +49,7 @@ def penalty_map(comm, layers=LAYERS, trials=12):
         strain = uniaxial_strain((s.walls.point[1, 2] - s.walls.point[0, 2]) / SIZE)
         # Facets of the same size on both faces; a platen has no layer.
         pressed = _active(contact)
-        layer = np.average(contact.layer[pressed], weights=contact.points.area[pressed])
+        layer = np.average(contact.points.layer[pressed], weights=contact.points.area[pressed])
         rows.append(
             SimpleNamespace(
                 c=c, exact=exact, measured=measured * exact, program=program,

@@ -130,8 +130,8 @@ def rebounds(comm, omega_dt, phases=16, compliance=1e-5):
     for value in omega_dt:
         options = {"points": "nodes", "compliance": compliance, "refresh": NEVER, "element": "p1"}
         s = Simulation(mesh, [material] * phases, [Wall("floor", np.zeros(3), up)], **options)
-        own = np.searchsorted(s.contact.own.nodes, tips)
-        omega = np.sqrt(s.contact.points.area[own] / s.contact.layer[own] / s.solid.mass[tips])
+        own, points = np.searchsorted(s.contact.own.nodes, tips), s.contact.points
+        omega = np.sqrt(points.area[own] / points.layer[own] / s.solid.mass[tips])
         dt = float(value / omega.mean())
         s.state.v[:, 2] = -way / dt
         set_step(s, dt)

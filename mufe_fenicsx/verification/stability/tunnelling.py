@@ -7,8 +7,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from ...contact.contact import LARGEST_DEPTH
-from ...contact.laws import COMPLIANCE, edge_of_area
+from ...contact.laws import COMPLIANCE, LARGEST_DEPTH, edge_of_area
 from ...contact.start.overlap import DEEPEST
 from ...contact.walls import Wall
 from ...errors import SolverError

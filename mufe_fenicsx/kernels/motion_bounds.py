@@ -6,12 +6,12 @@ import numba
 
 
 @numba.njit(cache=True)
-def advance_clocks(readings, until, first, second, moves, more, step):
-    """Clocks of pairs of grains advance by what both moved, but by no more than ``step`` [m].
+def advance_bounds(bounds, until, first, second, moves, more, step):
+    """Bounds for pairs of grains advance by what both moved, but by no more than ``step`` [m].
 
     Args:
-        readings: Of the clocks [m], shape (num_clocks,), in place.
-        until: Readings that they are not expected to pass [m].
+        bounds: Of relative motion so far [m], shape (num_bounds,), in place.
+        until: Bounds that they are not expected to pass [m].
         first, second: Rows of ``moves`` that are theirs.
         moves: Largest distance that a node of each grain moved beside a common field [m].
         more: What the field itself adds between points that are near each other [m].
@@ -21,8 +21,8 @@ def advance_clocks(readings, until, first, second, moves, more, step):
         By how much one passes that in the next two steps, if these go on as this one [m].
     """
     largest = -math.inf
-    for i in range(readings.size):
+    for i in range(bounds.size):
         moved = min(step, moves[first[i]] + moves[second[i]] + more)
-        readings[i] += moved
-        largest = max(largest, readings[i] + 2.0 * moved - until[i])
+        bounds[i] += moved
+        largest = max(largest, bounds[i] + 2.0 * moved - until[i])
     return largest

@@ -1,0 +1,64 @@
+"""What a user can choose of contact, and what it knows of the grains."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from .friction import PairFriction
+from .laws import COMPLIANCE, KINEMATIC, law_names
+from .start.checks import check_law
+
+
+@dataclass(frozen=True)
+class ContactSettings:
+    """Law and place of contact between grains.
+
+    Raises:
+        InputError: There are no such points, or no such law; a coefficient cannot be;
+            self-contact at other points than nodes.
+    """
+
+    friction: float | PairFriction = 0.0  #: coefficient between grains [-], or by pair of materials
+    friction_kinetic: float | None = None  #: while a contact slips [-]; ``friction`` if None
+    compliance: float = COMPLIANCE  #: constant c of the layer that matches stiffness to mesh [-]
+    points: str = "facets"  #: where contact acts, one of contact.surface.points.KINDS
+    law: str = "matched"  #: normal law, one of contact.laws.law_names()
+    self_contact: bool = False  #: nodes of a grain also meet facets of the same grain across a void
+
+    def __post_init__(self):
+        check_law(self.pair_friction.friction, self.compliance)
+        if self.self_contact and self.points != "nodes":
+            raise InputError(
+                f'self-contact with points of contact = {self.points}, expected "nodes"'
+            )
+        if self.law not in law_names():
+            names = ", ".join(law_names())
+            raise InputError(f"normal law of contact = {self.law}, expected one of {names}")
+
+    @property
+    def pair_friction(self):
+        """:class:`~.PairFriction`."""
+        by_pair = isinstance(self.friction, PairFriction)
+        return self.friction if by_pair else PairFriction(self.friction)
+
+    @property
+    def kinematic(self):
+        """Whether contact corrects a step that was predicted without it."""
+        return self.law == KINEMATIC
+
+
+@dataclass(frozen=True)
+class ContactGrains:
+    """What contact knows of this rank's grains."""
+
+    modulus: np.ndarray  #: E/(1 - nu²) [Pa], shape (num_grains,)
+    tangential_ratio: np.ndarray  #: 2(1 - nu)/(2 - nu), shape (num_grains,)
+    mass: np.ndarray | None = None  #: of nodes [kg], shape (num_nodes,), for the kinematic law
+    #: Compliance of the layer of grains that do not deform [m/Pa], nan for others, shape
+    #: (num_grains,); None: all deform.
+    rigid_layer: np.ndarray | None = None
+    #: Gives what a mesh lacks of compliance between the ends of its sharp edges, called as
+    #: :meth:`~mufe_fenicsx.bulk.solid.Solid.edge_compliance`; None: nothing.
+    edge_compliance: Callable | None = None

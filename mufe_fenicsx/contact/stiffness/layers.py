@@ -1,0 +1,68 @@
+"""How stiff this rank's surface is in contact: layers, depths, compliance of edges."""
+
+from ...state import Stateful
+from ..laws import LAYERS, inertial_layers, largest_depths, replace_layers
+from ..pairs.edge_pairs import edge_compliances
+from ..surface.points import surface_points
+
+
+class SurfaceLayers(Stateful):
+    """Layers of points and facets that make the springs of pairs. Local.
+
+    Args:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        own: Its :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
+        x: Reference positions of its nodes [m], shape (num_nodes, 3).
+        grains: :class:`~mufe_fenicsx.contact.settings.ContactGrains`.
+        settings: :class:`~mufe_fenicsx.contact.settings.ContactSettings`.
+    """
+
+    STATE = {"common": ("step",)}
+
+    def __init__(self, mesh, own, x, grains, settings):
+        self.kinematic = settings.kinematic
+        self.step = 1.0  #: that kinematic layers are made for [s]
+        layers = self._layers(mesh, own, grains, settings)
+        depths = largest_depths(mesh, own, grains.modulus, grains.rigid_layer)
+        self.of_facet = layers[1]  #: compliance of own facets [m/Pa], shape (num_facets,)
+        self.depth_of_facet = depths[1]  #: part in the largest depth of pairs [m], (num_facets,)
+        of_mesh = None if self.kinematic else grains.edge_compliance
+        #: Of sharp edges, relative, of both ends [m/N], shape (num_facets, 3).
+        self.compliance_of_edge = edge_compliances(own, x, of_mesh)
+        #: :class:`~mufe_fenicsx.contact.surface.points.Points` of the surface.
+        self.points = surface_points(settings.points, mesh, own, x, *layers, *depths)
+        #: Tangential over normal stiffness of points, shape (num_points,).
+        self.ratio = grains.tangential_ratio[self.points.local_grain]
+
+    def _layers(self, mesh, own, grains, settings):
+        """Compliance of nodes and of facets [m/Pa]; of kinematic ones for a step of 1 s."""
+        if self.kinematic:
+            return inertial_layers(own, grains.mass[own.nodes])
+        of_nodes = grains.modulus[mesh.grain_of_node[own.nodes]]
+        of_facets = grains.modulus[own.local_grain_of_facet]
+        layers = LAYERS[settings.law](own, of_nodes, of_facets, settings.compliance)
+        if grains.rigid_layer is not None:
+            replace_layers(mesh, own, layers, grains.rigid_layer)
+        return layers
+
+    def set_time_step(self, dt, surface, *of_pairs):
+        """Make kinematic layers those of steps of length ``dt`` [s]. Local.
+
+        Args:
+            dt: Length of a step [s].
+            surface: :class:`~mufe_fenicsx.contact.surface.exchange.Surface` with a copy of them.
+            of_pairs: Pairs with facets and with walls, whose stiffness follows.
+        """
+        if self.kinematic and dt != self.step:
+            factor = (dt / self.step) ** 2
+            self.step = dt
+            self.points.layer[:] *= factor
+            self.of_facet *= factor
+            surface.layer_of_facet[:] *= factor
+            for pairs in of_pairs:
+                pairs.stiffness /= factor
+
+    @property
+    def ahead(self):
+        """How much later than walls the positions are at which contact acts [s]."""
+        return self.step if self.kinematic else 0.0
