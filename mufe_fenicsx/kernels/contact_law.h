@@ -15,34 +15,47 @@ INLINE double stored_energy(double stiffness, double depth, double largest_depth
   return stiffness * within * (depth - 0.5 * within);
 }
 
-/* Coulomb's friction of lanes. */
-typedef struct {
-  mask sliding;
-  vec slipped, lost; /* distance and energy; zero where nothing slides */
-} slip_type;
+/* Coulomb's law, written once for one pair and for lanes of them: whether a spring slips, the part
+   of it that is left, the distance that slipped and the energy of that.
 
-/* What slides of ``spring``, from the anchor to the point, which is laid across the normals n.
-   A spring that holds slides beyond the limit ``held`` of static friction, one that slides beyond
-   ``kinetic``; it is shortened to carry ``kinetic``. ``shear``: friction of the last step. */
-INLINE slip_type slip(lanes3 *spring, lanes3 n, vec kt, mask was_sliding, vec held, vec kinetic,
-                      lanes3 shear) {
-  lanes3 s = moved_along(*spring, -product(*spring, n), n);
-  const vec T = kt * square_root(product(s, s));
-  const mask sliding = T > where(was_sliding, kinetic, held);
-  const vec slipped = where(sliding, (T - kinetic) / kt, all(0.0));
-  *spring = scaled(where(sliding, kinetic / T, all(1.0)), s);
-  /* Work of the mean friction of the step: exact for the trapezoidal rule. It acts against s. */
-  const vec before = -kt * product(shear, s) / where(sliding, T, all(1.0));
-  return (slip_type){sliding, slipped, 0.5 * (before + kinetic) * slipped};
+   One that sticks slips where its force T exceeds the limit ``held`` of static friction, one that
+   ``slid`` where it exceeds ``kinetic``; then it carries ``kinetic``. ``against``: the product of T
+   and the friction of the last step, against the spring. The energy is the work of the mean
+   friction of the step: exact for the trapezoidal rule. */
+#define COULOMB(name, type, real, truth, choose, any)                                        \
+  typedef struct {                                                                           \
+    truth sliding;                                                                           \
+    real left, slipped, lost;                                                                \
+  } type;                                                                                    \
+  INLINE type name(real T, real kt, truth slid, real held, real kinetic, real against) {     \
+    const real none = {0.0}, whole = none + 1.0;                                             \
+    const truth sliding = T > choose(slid, kinetic, held);                                   \
+    if (!any(sliding)) return (type){sliding, whole, none, none};                            \
+    const real over = choose(sliding, T, whole);                                             \
+    const real slipped = choose(sliding, (T - kinetic) / kt, none);                          \
+    return (type){sliding, choose(sliding, kinetic / over, whole), slipped,                  \
+                  0.5 * (against / over + kinetic) * slipped};                               \
+  }
+INLINE double choose(int a, double b, double c) { return a ? b : c; }
+COULOMB(coulomb, slip_type, double, int, choose, )
+COULOMB(coulomb_each, slips_type, vec, mask, where, any)
+
+/* Lay a spring, from the anchor to the point, across the normal n and let it slip. ``shear``:
+   friction of the last step. */
+INLINE slip_type slip(vec3 *spring, vec3 n, double kt, int slid, double held, double kinetic,
+                      vec3 shear) {
+  const vec3 s = across(*spring, n);
+  const slip_type found =
+      coulomb(kt * length(s), kt, slid, held, kinetic, -kt * dot(shear, s));
+  *spring = times(found.left, s);
+  return found;
 }
-
-/* The same of one pair, in all lanes. */
-INLINE slip_type slip_one(vec3 *spring, vec3 n, double kt, int was_sliding, double held,
-                          double kinetic, vec3 shear) {
-  lanes3 s = in_all(*spring);
-  const slip_type found = slip(&s, in_all(n), all(kt), lanes_of(was_sliding ? ~0u : 0u), all(held),
-                               all(kinetic), in_all(shear));
-  *spring = (vec3){s.x[0], s.y[0], s.z[0]};
+INLINE slips_type slip_each(lanes3 *spring, lanes3 n, vec kt, mask slid, vec held, vec kinetic,
+                            lanes3 shear) {
+  const lanes3 s = moved_along(*spring, -product(*spring, n), n);
+  const slips_type found = coulomb_each(kt * square_root(product(s, s)), kt, slid, held, kinetic,
+                                        -kt * product(shear, s));
+  *spring = scaled(found.left, s);
   return found;
 }
 

@@ -36,8 +36,6 @@ INLINE lanes3 across_both(lanes3 a, lanes3 b) {
 INLINE lanes3 mean_of(lanes3 w, lanes3 a, lanes3 b, lanes3 c) {
   return moved_along(moved_along(scaled(w.x, a), w.y, b), w.z, c);
 }
-/* The same vector in all lanes. */
-INLINE lanes3 in_all(vec3 a) { return (lanes3){all(a.x), all(a.y), all(a.z)}; }
 INLINE lanes3 where_each(mask m, lanes3 a, lanes3 b) {
   return (lanes3){where(m, a.x, b.x), where(m, a.y, b.y), where(m, a.z, b.z)};
 }

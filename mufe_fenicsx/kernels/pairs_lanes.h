@@ -91,8 +91,8 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
       const friction_type mu = friction_of(m, c, m->state + pair[i]);
       held[i] = mu.held, kinetic[i] = mu.kinetic;
     }
-  const slip_type found =
-      slip(&spring, n, kt, FLAG(word, sliding), held * N, kinetic * N,
+  const slips_type found =
+      slip_each(&spring, n, kt, FLAG(word, sliding), held * N, kinetic * N,
            (lanes3){seventh[0], seventh[1], seventh[2]});
   const mask sliding = found.sliding;
   const lanes3 to_anchor = difference(ap, moved_along(spring, height, n));

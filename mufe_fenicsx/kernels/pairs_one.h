@@ -192,12 +192,12 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   vec3 spring = minus(point, mean(s->anchor, t.a, t.b, t.c));
   const friction_type mu = friction_of(m, c, s);
   const slip_type found =
-      slip_one(&spring, normal, kt, s->sliding, mu.held * N, mu.kinetic * N, old_shear);
+      slip(&spring, normal, kt, s->sliding, mu.held * N, mu.kinetic * N, old_shear);
   s->closed = 1;
-  s->sliding = found.sliding[0] & 1;
-  s->slip += found.slipped[0];
-  s->work += found.lost[0];
-  c->dissipated += found.lost[0];
+  s->sliding = found.sliding;
+  s->slip += found.slipped;
+  s->work += found.lost;
+  c->dissipated += found.lost;
   /* The anchor that leaves just this much of the spring. */
   if (s->sliding) s->anchor = anchor_of(spring, foot, normal, facet_normal, t);
   vec3 shear = times(-kt, spring);
@@ -208,7 +208,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   const int known = isfinite(old_gap);
   const int came_in = !was_closed && !(known && -dot(way, normal) >= depth - tiny(s));
   if ((was_closed && (passed || s->offset != old_offset)) || came_in)
-    c->switched += old_energy - energy_of(s, depth) - found.lost[0] -
+    c->switched += old_energy - energy_of(s, depth) - found.lost -
                    (known ? 0.5 * dot(plus(old_force, force), way) : 0.0);
   for (int corner = 0; corner < 3; corner++)
     add_to(f, s->corner[corner], times((&s->corner_weight.x)[corner], force));

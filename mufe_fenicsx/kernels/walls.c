@@ -103,12 +103,12 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t adop
   const double kn = s->stiffness, kt = kn * s->ratio, N = kn * depth;
   s->push = N;
   vec3 spring = minus(r, s->anchor);
-  const slip_type found = slip_one(&spring, normal, kt, s->sliding, wall->friction * N,
+  const slip_type found = slip(&spring, normal, kt, s->sliding, wall->friction * N,
                                        wall->friction_kinetic * N, s->shear);
-  s->sliding = found.sliding[0] & 1;
-  s->slip += found.slipped[0];
-  s->work += found.lost[0];
-  totals[0] += found.lost[0];
+  s->sliding = found.sliding;
+  s->slip += found.slipped;
+  s->work += found.lost;
+  totals[0] += found.lost;
   if (s->sliding) s->anchor = minus(r, spring);
   s->shear = times(-kt, spring);
   const vec3 force = along(s->shear, N, normal), torque = cross(force, r);
@@ -161,8 +161,8 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
   const vec kn = spring_row[2], kt = kn * head[3], N = kn * depth;
   const lanes3 anchor = {anchor_row[0], anchor_row[1], anchor_row[2]};
   lanes3 spring = difference(r, anchor);
-  const slip_type found =
-      slip(&spring, n, kt, FLAG(flags, sliding), wall[3] * N, plane[3] * N,
+  const slips_type found =
+      slip_each(&spring, n, kt, FLAG(flags, sliding), wall[3] * N, plane[3] * N,
            (lanes3){shear_row[0], shear_row[1], shear_row[2]});
   const mask sliding = found.sliding;
   const lanes3 new_anchor = where_each(sliding, difference(r, spring), anchor);
