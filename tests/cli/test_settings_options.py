@@ -74,5 +74,5 @@ def test_what_is_given_comes_before_the_scene():
     scene = MeshSettings(3e-5, growth=0.7, voxel_size=1e-6)
     found = merged_settings(MeshSettings, scene, {"size": "20 um", "growth": None})
     assert (found.size, found.growth, found.voxel_size) == (2e-5, 0.7, 1e-6)
-    with pytest.raises(InputError, match="^--smallest-size = "):
+    with pytest.raises(InputError, match=r"^--smallest-size = "):
         merged_settings(MeshSettings, scene, {"smallest_size": "40 um"})
