@@ -19,10 +19,10 @@ import numpy as np
 from mufe_fenicsx.errors import InputError, shortened
 from mufe_fenicsx.output.run_folder import (
     attempt,
-    keep_states,
     raise_together,
     reason,
     regular,
+    remove_states_after,
     try_room,
     write_atomically,
 )
@@ -74,7 +74,7 @@ class FieldWriter:
         if kept is not None:
             self._mesh, self._states = kept["mesh"], list(kept["states"])
             if comm.rank == 0:
-                message = keep_states(self.folder, self._states, "*.vtkhdf")
+                message = remove_states_after(self.folder, self._states, "*.vtkhdf")
             raise_together(comm, message)
         if comm.rank == 0:
             try:

@@ -106,7 +106,7 @@ def try_room(path, size):
             os.posix_fallocate(file.fileno(), 0, size + HEADERS)
 
 
-def keep_states(folder, states, *patterns):
+def remove_states_after(folder, states, *patterns):
     """Remove what was stored in a folder after ``states``; what went wrong, or None.
 
     Args:

@@ -8,7 +8,7 @@ from mufe_fenicsx.analysis.rows import branches, largest, loaded_rows, loading_r
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import legend, without_spikes
-from mufe_fenicsx.report.checks import TARGETS, begin_of_good, check_run
+from mufe_fenicsx.report.checks import TARGETS, check_run, first_good_row
 from mufe_fenicsx.report.figure import Drawing
 
 STRAIN = style.STRAIN
@@ -65,7 +65,7 @@ def draw_stress_strain(source):
             "vertical stress of the contacts [Pa]": contacts["contact_zz"],
             "vertical stress of the platens [Pa]": contacts["wall_zz"],
         }
-    begin = begin_of_good(check_run(history, source.mass), history)
+    begin = first_good_row(check_run(history, source.mass), history)
     if begin is not None and not source.turns_back:
         axis.axvline(strain[begin], color=style.GREY, linestyle=":", linewidth=0.8, zorder=0)
     axis.set(xlabel=STRAIN, ylabel=f"{STRESS}: {unit}")

@@ -322,7 +322,7 @@ def test_damage_is_found_and_the_one_before_used(folder, capfd):
     COMM.Barrier()
     if COMM.rank == 0:  # one digit of a number that parses as well
         text = (torn / "manifest.json").read_text()
-        (torn / "manifest.json").write_text(text.replace('"clock": ', '"clock": 1'))
+        (torn / "manifest.json").write_text(text.replace('"num_steps": ', '"num_steps": 1'))
     found = checkpoints.find_checkpoint(COMM, folder / "out")
     assert found.path == good and "is damaged (manifest.json has changed)" in found.notices[0]
     COMM.Barrier()
