@@ -235,7 +235,7 @@ BAD = [
     (
         "[mesh]",
         "[membrane]",
-        "membrane = a table is not a known key, expected one of title, accuracy, gravity, image, mesh, ",
+        "membrane = a table is not a known key, expected one of title, accuracy, gravity, image, ",
     ),
     (
         "processes = 2",
