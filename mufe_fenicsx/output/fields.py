@@ -19,6 +19,7 @@ import numpy as np
 from mufe_fenicsx.errors import InputError, shortened
 from mufe_fenicsx.output.run_folder import (
     attempt,
+    on_first_rank,
     raise_together,
     reason,
     regular,
@@ -153,14 +154,8 @@ class FieldWriter:
         self._states = [state for state in self._states if state["name"] != name]
         self._states.append({"name": name, "time": time, "strain": strain, "stage": str(stage)})
         self._states.sort(key=lambda state: state["name"])
-        message = None
-        if self.comm.rank == 0:
-            series = {"file-series-version": "1.0", "files": self._states}
-            try:
-                write_atomically(self.folder / SERIES, json.dumps(series, indent=1) + "\n")
-            except InputError as error:
-                message = str(error)
-        raise_together(self.comm, message)
+        series = json.dumps({"file-series-version": "1.0", "files": self._states}, indent=1)
+        on_first_rank(self.comm, lambda: write_atomically(self.folder / SERIES, series + "\n"))
 
     def _write_file(self, name, arrays, small, links):
         """Write arrays [(name, values, rows)] of all ranks, and small ones of rank 0."""

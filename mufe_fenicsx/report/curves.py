@@ -72,27 +72,20 @@ def draw_stress_strain(source):
     axis.set_ylim(bottom=min(0, 1.05 * stress.min()))
     without_spikes(axis, strain, stress)
     legend(axis)
-    return Drawing(
-        "stress-strain",
-        figure,
-        f"Vertical stress against vertical strain (Fig. 9 {PAPER})",
+    about = (
         "The line is the mean force of both platens over the cross-section, compression positive. "
-        "Strain counts from the end of seating, so that gaps left by the segmentation do not "
-        "count."
-        + _about_branches(source)
-        + (
-            " Right of the dotted line all targets of a quasi-static test are met."
-            if begin is not None and not source.turns_back
-            else ""
-        )
-        + (
+        "Strain counts from the end of seating, so that gaps left by the segmentation do not count."
+    )
+    about += _about_branches(source)
+    if begin is not None and not source.turns_back:
+        about += " Right of the dotted line all targets of a quasi-static test are met."
+    if contacts is not None:
+        about += (
             " Circles are the mean stress from forces and branch vectors of the contacts (Love, "
             "Weber), independent of the line."
-            if contacts is not None
-            else ""
-        ),
-        tables,
-    )
+        )
+    title = f"Vertical stress against vertical strain (Fig. 9 {PAPER})"
+    return Drawing("stress-strain", figure, title, about, tables)
 
 
 def _contact_stress(source):

@@ -280,7 +280,7 @@ def test_a_signal_ends_all_ranks_after_a_checkpoint(folder, serial, number):
 @pytest.mark.mpi
 def test_a_signal_is_heard_while_all_begins_anew(folder, monkeypatch):
     """It comes between the checkpoint that new shares of the work begin from and their start."""
-    begin_again = run_module._Test.begin_again
+    begin_again = run_module.TestRun.begin_again
 
     def balance(test):
         test.save()
@@ -291,8 +291,8 @@ def test_a_signal_is_heard_while_all_begins_anew(folder, monkeypatch):
             signal.raise_signal(signal.SIGINT)
         begin_again(test, checkpoint)
 
-    monkeypatch.setattr(run_module._Test, "balance", balance)
-    monkeypatch.setattr(run_module._Test, "begin_again", begin)
+    monkeypatch.setattr(run_module.TestRun, "balance", balance)
+    monkeypatch.setattr(run_module.TestRun, "begin_again", begin)
     monkeypatch.setattr(interruption, "LATENCY", 1e-3)
     with pytest.raises(Interrupted, match="stopped by SIGINT"):
         run(folder, "anew")
