@@ -165,23 +165,7 @@ def create_grain_mesh(
     _check_bodies(comm, points, cells, cell_grain, labels)
     first_node = comm.exscan(points.shape[0]) or 0
     first_cell = comm.exscan(cells.shape[0]) or 0
-    element = basix.ufl.element("Lagrange", "tetrahedron", 1, shape=(3,))
-
-    rank = comm.rank
-
-    def stay(_comm, num_parts, cell_types, cell_nodes):
-        num_cells = cell_nodes[0].size // 4
-        return graph.adjacencylist(
-            np.full(num_cells, rank, np.int32), np.arange(num_cells + 1, dtype=np.int32)
-        )._cpp_object
-
-    domain = mesh.create_mesh(
-        comm,
-        cells.astype(np.int64) + first_node,
-        element,  # type: ignore[arg-type]  # basix.ufl's, which the hints of DOLFINx leave out
-        np.ascontiguousarray(points, dtype=np.float64),
-        stay,
-    )
+    domain = _create_domain(comm, points, cells.astype(np.int64) + first_node)
     V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
     if V.dofmap.index_map.num_ghosts:
         raise RuntimeError(
@@ -225,6 +209,27 @@ def create_grain_mesh(
         grain_of_facet=grain_of_facet,
         family=family,
     )
+
+
+def _create_domain(comm, points, cells):
+    """The mesh of DOLFINx, whose cells stay on the rank that has them. Collective.
+
+    Args:
+        comm: MPI communicator.
+        points: Positions of this rank's nodes [m], shape (num_nodes, 3).
+        cells: Nodes of this rank's tetrahedra, numbered through all ranks, shape (num_cells, 4).
+    """
+    element = basix.ufl.element("Lagrange", "tetrahedron", 1, shape=(3,))
+    rank = comm.rank
+
+    def stay(_comm, num_parts, cell_types, cell_nodes):
+        num_cells = cell_nodes[0].size // 4
+        return graph.adjacencylist(
+            np.full(num_cells, rank, np.int32), np.arange(num_cells + 1, dtype=np.int32)
+        )._cpp_object
+
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    return mesh.create_mesh(comm, cells, element, points, stay)
 
 
 def _check_bodies(comm, points, cells, cell_grain, labels):

@@ -80,9 +80,9 @@ class Specimen(Stateful):
             self.comm, self.walls, self.contact.own.nodes, self.walls.bonded, mesh.x
         )
         self.mirrors = Mirrors(
-            self.comm, self.walls, mesh.x, self.bonded.nodes, self.rigid.nodes, kinematic
+            self.comm, self.walls, mesh.x, self.bonded.nodes, self.rigid.lists.nodes, kinematic
         )
-        check_rigid(self.comm, self.rigid, self.bonded.nodes, kinematic)
+        check_rigid(self.comm, self.rigid, self.bonded.nodes, kinematic, mass_factor)
         self.any_rigid = self.rigid.any
         self.terms = [solid, self.bonded, self.mirrors, self.rigid]
         self.free_mass = self.bonded.free_mass(solid.mass)

@@ -21,6 +21,18 @@ class GrainEnergy:
     kinetic: np.ndarray
 
 
+@dataclass(frozen=True)
+class GrainMaterial:
+    """Of all grains."""
+
+    E: float  #: Young's modulus [Pa]
+    nu: float  #: Poisson's ratio [-]
+    rho: float  #: density [kg/m³]
+    #: Points (plastic strain [-], stress [Pa]), or None: grains do not yield.
+    yield_stress: list | None = None
+    beyond: str = "flat"  #: after the last point the table is "flat", or goes on with its "slope"
+
+
 def grain_energy(
     reference,
     points,
@@ -29,11 +41,7 @@ def grain_energy(
     stress,
     plastic_strain,
     velocity,
-    E,
-    nu,
-    rho,
-    yield_stress=None,
-    beyond="flat",
+    material,
     element="averaged",
     family=1,
 ):
@@ -52,9 +60,7 @@ def grain_energy(
         stress: Cauchy stress xx, yy, zz, xy, yz, xz [Pa], shape (num_cells, 6).
         plastic_strain: Equivalent plastic strain [-], shape (num_cells,).
         velocity: Of nodes [m/s], shape (num_nodes, 3), or None: kinetic energy is nan.
-        E, nu, rho: Young's modulus [Pa], Poisson's ratio [-], density [kg/m³].
-        yield_stress: Points (plastic strain [-], stress [Pa]), or None: grains do not yield.
-        beyond: The last point the table is "flat", or goes on with its last "slope".
+        material: :class:`GrainMaterial`.
         element: "averaged", "p1" or "composite", as of the run.
         family: So many tetrahedra in turn are one composite element.
 
@@ -62,6 +68,7 @@ def grain_energy(
         :class:`GrainEnergy`, grains in the order of their labels.
     """
     labels, index = index_grains(grain_of_cell)
+    E, nu = material.E, material.nu
     G, K = E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu))
     before, now = tet_volumes(reference, cells), tet_volumes(points, cells)
 
@@ -85,12 +92,13 @@ def grain_energy(
         ratio = np.repeat(now.reshape(-1, size).sum(axis=1), size) / first
         elastic += total(before * K * volume_energy(ratio))
     work = np.zeros(len(before))
-    if yield_stress:
-        work = before * plastic_work(plastic_strain, yield_stress, beyond)
+    if material.yield_stress:
+        of_volume = plastic_work(plastic_strain, material.yield_stress, material.beyond)
+        work = before * of_volume
     speed2 = np.full(len(before), np.nan)
     if velocity is not None:
         speed2 = np.einsum("ni,ni->n", velocity, velocity)[cells].mean(axis=1)
-    return GrainEnergy(labels, elastic, total(work), 0.5 * rho * total(before * speed2))
+    return GrainEnergy(labels, elastic, total(work), 0.5 * material.rho * total(before * speed2))
 
 
 def volume_energy(J):

@@ -11,6 +11,7 @@ from ..materials.auto import Auto
 from ..materials.rigid import Rigid
 from ..state import ForceTerm
 from .mass_properties import mass_properties, point_properties, quaternion_of
+from .rigid_nodes import list_nodes
 
 #: Points in contact that the step of free rigid grains allows for. With fewer the step has to
 #: be cut in the middle of the first contact, which costs accuracy of the energy.
@@ -62,16 +63,11 @@ class RigidGrains(ForceTerm):
         self.any = mesh.comm.allreduce(n) > 0  #: whether any rank has rigid grains at the start
         self._node_mass = node_mass.copy() if n else node_mass
         self.num_always = sum(isinstance(m, Rigid) for m in materials)  #: that never deform
-        self._list_nodes()
-        free = np.ones(mesh.num_nodes, dtype=bool)
-        free[self.nodes[: self.offset[self.num_always]]] = False
-        #: Nodes that deform now or later.
-        self.unconstrained = np.flatnonzero(free) if n else self.soft
-
+        #: :class:`~mufe_fenicsx.bulk.rigid_nodes.RigidNodes`
+        self.lists = list_nodes(mesh, self.grains)
         self.mass, self.inertia = np.empty(n), np.empty((n, 3))
         self.centre, self.turn, self.axes = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3, 3))
-        self.place = np.empty((self.nodes.size, 3))
-        self.uneven = None  #: label of a grain whose mass factor varies
+        self.place = np.empty((self.lists.nodes.size, 3))
         self.radius = np.empty(n)  #: of the ball of equal volume [m]
         for b, g in enumerate(self.grains):
             # In an order that knows no ranks: equal moments leave the axes to rounding.
@@ -80,17 +76,10 @@ class RigidGrains(ForceTerm):
             mass, centre, inertia = mass_properties(
                 mesh.x, cells, np.array([0, len(cells)]), np.array([rho])
             )
-            here = slice(*self.offset[b : b + 2])
+            nodes = self.lists.of(b)
             if b >= self.num_always:
-                mass, centre, inertia = point_properties(
-                    mesh.x[self.nodes[here]], node_mass[self.nodes[here]]
-                )
-            factor = 1.0
-            if mass_factor is not None:
-                factor = mass_factor[self.nodes[here]]
-                if np.ptp(factor) > 1e-12 * factor[0]:
-                    self.uneven = int(mesh.labels[mesh.grains[g]])
-                factor = factor[0]
+                mass, centre, inertia = point_properties(mesh.x[nodes], node_mass[nodes])
+            factor = 1.0 if mass_factor is None else mass_factor[nodes[0]]
             self.radius[b] = np.cbrt(0.75 / np.pi * mass[0] / rho)
             self.mass[b], self.centre[b] = factor * mass[0], centre[0]
             moments, axes = np.linalg.eigh(factor * inertia[0])
@@ -98,11 +87,10 @@ class RigidGrains(ForceTerm):
             self.inertia[b], self.turn[b] = moments, quaternion_of(axes)
         kernels.set_axes(self.axes, self.turn)
         for b in range(n):
-            here = slice(*self.offset[b : b + 2])
-            self.place[here] = (mesh.x[self.nodes[here]] - self.centre[b]) @ self.axes[b]
+            x = mesh.x[self.lists.of(b)] - self.centre[b]
+            self.place[slice(*self.lists.offset[b : b + 2])] = x @ self.axes[b]
         self.velocity, self.momentum, self.spin, self.force, self.torque = np.zeros((5, n, 3))
-        self._energy = np.zeros(n)
-        self._q = self._y = self._followed = None
+        self._followed = None
         self.moved = 0.0  #: bound of the distance that a node moved in the last step [m]
 
     def state_dict(self):
@@ -111,8 +99,8 @@ class RigidGrains(ForceTerm):
         if not self.any:
             return kept
         place, followed = np.zeros((self.mesh.num_nodes, 3)), np.zeros(self.mesh.num_nodes, bool)
-        place[self.nodes] = self.place
-        followed[self.followed.nodes if self.chosen else self.surface] = True
+        place[self.lists.nodes] = self.place
+        followed[self.followed.nodes if self.chosen else self.lists.surface] = True
         kept["largest"]["chosen"] = self.chosen
         return kept | {"nodes": {"place": place, "followed": followed}}
 
@@ -122,42 +110,9 @@ class RigidGrains(ForceTerm):
         chosen = largest.pop("chosen", False)
         super().load_state_dict({"rigid": kept["rigid"], "largest": largest})
         if self.any:
-            self.place[:] = kept["nodes"]["place"][self.nodes]
+            self.place[:] = kept["nodes"]["place"][self.lists.nodes]
             if chosen:
                 self.follow(kept["nodes"]["followed"])
-
-    def unpacked(self, rows):
-        """Rows of :meth:`free_masses` as values at nodes and of rigid grains. Local."""
-        n, free = self.num_always, self.unconstrained
-        of_grains = np.zeros((self.num_grains, 2, 3))
-        if not n:
-            return rows, of_grains
-        at_nodes = np.zeros((self.mesh.num_nodes, 3))
-        at_nodes[free] = rows[: free.size]
-        of_grains[:n] = rows[free.size :].reshape(n, 2, 3)
-        return at_nodes, of_grains
-
-    def packed(self, at_nodes, of_grains):
-        """The reverse of :meth:`unpacked`. Local."""
-        if not self.num_always:
-            return at_nodes
-        of_grains = of_grains[: self.num_always]
-        return np.concatenate([at_nodes[self.unconstrained], of_grains.reshape(-1, 3)])
-
-    def _list_nodes(self):
-        """Nodes of the rigid grains, and of all others."""
-        mesh = self.mesh
-        at = [mesh.nodes[slice(*mesh.node_offset[g : g + 2])] for g in self.grains]
-        self.nodes, self.offset = _rows(at)
-        surface = np.zeros(mesh.num_nodes, dtype=bool)
-        surface[mesh.facets] = True
-        self.surface, self.surface_offset = _rows([n[surface[n]] for n in at])
-        soft = np.ones(mesh.num_nodes, dtype=bool)
-        soft[self.nodes] = False
-        self.soft = np.flatnonzero(soft)  #: nodes of all other grains
-        #: The same grain by grain, whose nodes are numbered in a row: first and end of each and its
-        #: local grain, shape (num_runs, 3).
-        self.runs = _runs(mesh, self.grains)
 
     @property
     def num_grains(self):
@@ -182,13 +137,13 @@ class RigidGrains(ForceTerm):
         """
         if not which.any():
             return
-        places = np.split(self.place, self.offset[1:-1])
+        places = np.split(self.place, self.lists.offset[1:-1])
         for name in ("grains", "mass", "inertia", "centre", "turn", "axes", "radius",
-                     "velocity", "momentum", "spin", "force", "torque", "_energy"):  # fmt: skip
+                     "velocity", "momentum", "spin", "force", "torque"):  # fmt: skip
             setattr(self, name, np.ascontiguousarray(getattr(self, name)[~which]))
         kept = [p for p, gone in zip(places, which, strict=True) if not gone]
         self.place = np.concatenate([np.empty((0, 3)), *kept])
-        self._list_nodes()
+        self.lists = list_nodes(self.mesh, self.grains)
 
     def follow(self, near):
         """Choose the nodes that follow at each step, out of those on the surface. Local.
@@ -196,21 +151,20 @@ class RigidGrains(ForceTerm):
         Args:
             near: True for those, shape (num_nodes,).
         """
-        surface = np.zeros(self.mesh.num_nodes, dtype=bool)
-        surface[self.surface] = True
-        chosen = near[self.surface]
-        at = np.flatnonzero(surface[self.nodes])[chosen]
-        offset = np.concatenate([[0], np.cumsum(chosen)])[self.surface_offset]
+        lists, surface = self.lists, np.zeros(self.mesh.num_nodes, dtype=bool)
+        surface[lists.surface] = True
+        chosen = near[lists.surface]
+        at = np.flatnonzero(surface[lists.nodes])[chosen]
+        offset = np.concatenate([[0], np.cumsum(chosen)])[lists.surface_offset]
         distance = np.sqrt((self.place**2).sum(axis=1))
-        reach = np.maximum.reduceat(distance, self.offset[:-1]) if self.num_grains else distance
-        self._followed = _Followed(
-            self.surface, self.surface[chosen], offset, self.place[at], reach
-        )
+        reach = np.maximum.reduceat(distance, lists.offset[:-1]) if self.num_grains else distance
+        nodes = lists.surface[chosen]
+        self._followed = _Followed(lists.surface, nodes, offset, self.place[at], reach)
 
     @property
     def chosen(self):
         """Whether :meth:`follow` was called for the grains that are rigid now."""
-        return self._followed is not None and self._followed.surface is self.surface
+        return self._followed is not None and self._followed.surface is self.lists.surface
 
     @property
     def followed(self):
@@ -221,16 +175,18 @@ class RigidGrains(ForceTerm):
 
     def place_all(self, x, u):
         """Put all nodes where their grains are. Local."""
-        kernels.place_nodes(
-            x, u, self.mesh.x, self.nodes, self.offset, self.place, self.centre, self.axes
-        )
+        nodes, offset = self.lists.nodes, self.lists.offset
+        kernels.place_nodes(x, u, self.mesh.x, nodes, offset, self.place, self.centre, self.axes)
 
     def complete(self, x, u, v):
         """Bring positions, displacements and velocities of all nodes up to date. Local."""
         self.place_all(x, u)
-        kernels.node_velocities(
-            v, x, self.nodes, self.offset, self.centre, self.velocity, self.spin
-        )
+        self._give_velocities(v, x)
+
+    def _give_velocities(self, v, x):
+        """Velocities of all nodes at the positions ``x``."""
+        nodes, offset = self.lists.nodes, self.lists.offset
+        kernels.node_velocities(v, x, nodes, offset, self.centre, self.velocity, self.spin)
 
     def layers(self, materials):
         """Compliance of the contact layer of each grain [m/Pa], nan where it deforms."""
@@ -247,7 +203,7 @@ class RigidGrains(ForceTerm):
         """
         for b, g in enumerate(self.grains):
             if b >= self.num_always:
-                nodes = self.nodes[slice(*self.offset[b : b + 2])]
+                nodes = self.lists.of(b)
                 m, r = self._node_mass[nodes], self.mesh.x[nodes] - self.centre[b]
                 m = m * (self.mass[b] / m.sum())
                 self.velocity[b] = m @ v[nodes] / self.mass[b]
@@ -261,9 +217,7 @@ class RigidGrains(ForceTerm):
             turning = np.cross(r, w).sum(axis=1) + np.cross(r.sum(axis=1), w.sum(axis=1))
             self.momentum[b] = part @ turning / 20
         self.kick(0.0, 0.0)
-        kernels.node_velocities(
-            v, self.mesh.x, self.nodes, self.offset, self.centre, self.velocity, self.spin
-        )
+        self._give_velocities(v, self.mesh.x)
 
     # --- stepping -------------------------------------------------------------------------
 
@@ -309,11 +263,12 @@ class RigidGrains(ForceTerm):
 
     def kinetic_energy(self, dt):
         """Kinetic energy of the rigid grains after a step of ``dt`` [J]. Local."""
+        energy = np.empty(self.num_grains)
         kernels.kinetic_energies(
-            self._energy, self.velocity, self.momentum, self.force, self.torque, self.axes,
+            energy, self.velocity, self.momentum, self.force, self.torque, self.axes,
             self.mass, self.inertia, dt,
         )  # fmt: skip
-        return float(self._energy.sum())
+        return float(energy.sum())
 
     # --- time step ------------------------------------------------------------------------
 
@@ -331,80 +286,14 @@ class RigidGrains(ForceTerm):
         np.maximum.at(stiffest, points.local_grain, points.area / points.layer)
         best = np.inf
         for b, g in enumerate(self.grains[: self.num_always]):
-            reach = (self.place[self.offset[b] : self.offset[b + 1]] ** 2).sum(axis=1).max()
+            place = self.place[slice(*self.lists.offset[b : b + 2])]
+            reach = (place**2).sum(axis=1).max()
             inverse_mass = 1 / self.mass[b] + reach / self.inertia[b, 0]
             best = min(best, np.sqrt(2 / (CONTACTS * stiffest[g] * inverse_mass)))
         return best
 
-    def free_masses(self, mass):
-        """Masses of what moves freely, and places to tell these rows apart. Local.
 
-        Rows are the nodes that deform now or later, then force and turn (about principal axes) of
-        each grain that stays rigid in turn.
-
-        Args:
-            mass: Nodal masses [kg], shape (num_nodes,).
-
-        Returns:
-            Masses and moments, shape (num_rows, 3); places [m], shape (num_rows, 3).
-        """
-        n, free = self.num_always, self.unconstrained
-        if not n:
-            return mass, self.mesh.x
-        rows, places = np.empty((2, free.size + 2 * n, 3))
-        rows[: free.size] = mass[free, None]
-        rows[free.size :: 2], rows[free.size + 1 :: 2] = self.mass[:n, None], self.inertia[:n]
-        places[: free.size] = self.mesh.x[free]
-        places[free.size :: 2] = self.centre[:n]
-        places[free.size + 1 :: 2] = self.centre[:n] + self.radius[:n, None]
-        return rows, places
-
-    def turned_rows(self):
-        """Rows of `free_masses` about principal axes, and these axes as columns. Local.
-
-        Returns:
-            Rows, shape (n,); axes, shape (n, 3, 3).
-        """
-        n, free = self.num_always, self.unconstrained
-        return free.size + 1 + 2 * np.arange(n), self.axes[:n]
-
-    def constrained(self, add_stiffness, state):
-        """``add(y, q)`` in the rows of `free_masses` from one at nodes: Bᵀ K B q, B rigid motions.
-
-        Args:
-            add_stiffness: ``add_stiffness(y, q)`` with y, q of shape (num_nodes, 3); may be
-                collective.
-            state: :class:`~mufe_fenicsx.state.State`, whose positions are the present ones.
-        """
-        n, free = self.num_always, self.unconstrained
-        if not n:
-            return add_stiffness
-        if self._q is None:
-            self._q, self._y = np.zeros((2, self.mesh.num_nodes, 3))
-        at_nodes, at_nodes_y = self._q, self._y
-        surface_offset = self.surface_offset[: n + 1]
-        surface = self.surface[: surface_offset[-1]]
-        force, torque = np.zeros((2, n, 3))
-
-        def add(y, q):
-            centre, axes = self.centre[:n], self.axes[:n]
-            at_nodes[free] = q[: free.size]
-            kernels.expand_motion(
-                at_nodes, q[free.size :], state.x, surface, surface_offset, centre, axes
-            )
-            at_nodes_y[:] = 0.0
-            add_stiffness(at_nodes_y, at_nodes)
-            y[: free.size] += at_nodes_y[free]
-            kernels.gather_loads(
-                force, torque, at_nodes_y, state.x, surface, surface_offset, centre
-            )
-            y[free.size :: 2] += force
-            kernels.reduce_loads(y[free.size :], torque, axes)
-
-        return add
-
-
-def check_rigid(comm, rigid, bonded, kinematic):
+def check_rigid(comm, rigid, bonded, kinematic, mass_factor):
     """What rigid grains cannot be used with, said on all ranks together. Collective.
 
     Args:
@@ -412,17 +301,18 @@ def check_rigid(comm, rigid, bonded, kinematic):
         rigid: :class:`RigidGrains`.
         bonded: Nodes glued to walls, shape (num_bonded,).
         kinematic: Whether the normal law of contact is the kinematic one.
+        mass_factor: As of :class:`RigidGrains`.
 
     Raises:
         InputError: The kinematic law, glued nodes, or a mass factor that is not the same all
             over a rigid grain.
     """
-    uneven = [label for label in comm.allgather(rigid.uneven) if label is not None]
+    uneven = [label for labels in comm.allgather(_uneven(rigid, mass_factor)) for label in labels]
     if uneven:
         raise InputError(
             f"mass_factor varies over the rigid grain {uneven[0]}, expected the same all over it"
         )
-    glued = np.intersect1d(bonded, rigid.nodes).size
+    glued = np.intersect1d(bonded, rigid.lists.nodes).size
     num, glued = comm.allreduce(np.array([rigid.num_grains, glued]), op=MPI.SUM)
     if not num:
         return
@@ -434,15 +324,14 @@ def check_rigid(comm, rigid, bonded, kinematic):
         )
 
 
-def _rows(parts):
-    """Lists of nodes one after the other, int32, and where each begins."""
-    offset = np.cumsum([0] + [p.size for p in parts])
-    return np.concatenate([np.empty(0, np.int32), *parts]).astype(np.int32), offset
-
-
-def _runs(mesh, without):
-    """Ranges of nodes of all grains but those ``without``, increasing, shape (num_runs, 3)."""
-    grains = np.setdiff1d(np.arange(mesh.num_grains), without)
-    first = mesh.nodes[mesh.node_offset[grains]].astype(np.int64)
-    runs = np.column_stack([first, first + np.diff(mesh.node_offset)[grains], grains])
-    return runs[np.argsort(first)]
+def _uneven(rigid, mass_factor):
+    """Labels of rigid grains whose mass factor varies. Local."""
+    if mass_factor is None:
+        return []
+    factors = [mass_factor[rigid.lists.of(b)] for b in range(rigid.num_grains)]
+    labels = rigid.mesh.labels[rigid.mesh.grains[rigid.grains]]
+    return [
+        int(label)
+        for label, factor in zip(labels, factors, strict=True)
+        if np.ptp(factor) > 1e-12 * factor[0]
+    ]

@@ -19,6 +19,7 @@ from ..kernels.solid import (
 )
 from ..materials.auto import Auto
 from ..materials.rigid import Rigid
+from ..output.run_folder import on_first_rank
 from ..state import ForceTerm
 
 #: Elements by name: averaged nodal pressure, plain linear tetrahedra, and composites of
@@ -70,7 +71,6 @@ class Solid(ForceTerm):
                 "split the mesh with geometry.tets.refine.split"
             )
         self.element = element
-        self._kind = ELEMENTS[element]
         self.bulk = np.array([m.bulk_modulus for m in materials])
         self.shear = np.array([m.shear_modulus for m in materials])
         self.wave_speed = np.array([m.wave_speed for m in materials])
@@ -89,9 +89,8 @@ class Solid(ForceTerm):
         self.kernel = InternalForces(
             mesh.cells, self.volume0, mesh.cell_offset, mesh.nodes[mesh.node_offset[:-1]],
             np.diff(mesh.node_offset), self.bulk, self.shear, self.parameters, self.pressure,
-            self._kind, x,
+            ELEMENTS[element], x,
         )  # fmt: skip
-        self.node_volume0 = self.kernel.node_volume0
         self.inverted = -1  #: an element of this rank that turned inside out, or -1
         #: Grains that deform now or later, shape (num_deformable,).
         self.deformable = np.flatnonzero([not isinstance(m, Rigid) for m in materials])
@@ -175,14 +174,16 @@ class Solid(ForceTerm):
             rigid grains.
         """
         m = self.mesh
-        compliance, averaged = np.zeros(len(ends)), self._kind == AVERAGED
+        compliance, averaged = np.zeros(len(ends)), self.element == "averaged"
         soft = np.isin(m.grain_of_node[ends[:, 0]], self.deformable)
         if not soft.any():
             return compliance
         some = ends[soft]
-        family = PARTS if self._kind == COMPOSITE else 1
+        family = PARTS if self.element == "composite" else 1
         volume_of_cell = np.arange(m.num_cells) // family
-        volume = self.node_volume0 if averaged else np.bincount(volume_of_cell, self.volume0)
+        volume = np.bincount(volume_of_cell, self.volume0)
+        if averaged:
+            volume = self.kernel.node_volume0
         place, places = np.full(m.num_nodes, -1), np.full(volume.size, -1)
         free = np.empty(m.num_nodes, np.int64)
         offset, around = cells_around(m.cells, m.num_nodes)
@@ -203,21 +204,10 @@ class Solid(ForceTerm):
         volume = np.empty(m.num_nodes)
         self.kernel.nodal_volumes(volume, state.x)
         elastic_energy(
-            energy,
-            state.deviator,
-            state.x,
-            m.cells,
-            self.volume0,
-            self.grains,
-            m.cell_offset,
-            m.nodes,
-            m.node_offset,
-            self.node_volume0,
-            volume,
-            self.bulk,
-            self.shear,
-            self._kind,
-        )
+            energy, state.deviator, state.x, m.cells, self.volume0, self.grains, m.cell_offset,
+            m.nodes, m.node_offset, self.kernel.node_volume0, volume, self.bulk, self.shear,
+            ELEMENTS[self.element],
+        )  # fmt: skip
         return energy
 
     def plastic_energy(self, state):
@@ -226,7 +216,7 @@ class Solid(ForceTerm):
 
     def mean_stress(self, cells=slice(None)):
         """Mean Cauchy stress of ``cells`` [Pa], tension positive, shape (num_cells,). Local."""
-        if self._kind == AVERAGED:
+        if self.element == "averaged":
             return self.pressure[self.mesh.cells[cells]].mean(axis=1)
         return self.pressure[: self.mesh.num_cells][cells].copy()
 
@@ -292,16 +282,7 @@ def _compile_once(comm):
     Raises:
         InputError: There is no C compiler; on all ranks.
     """
-    message = None
-    if comm.rank == 0:
-        try:
-            for name in SOURCES:
-                load(name)
-        except InputError as error:
-            message = str(error)
-    message = comm.bcast(message)
-    if message:
-        raise InputError(message)
+    on_first_rank(comm, lambda: [load(name) for name in SOURCES])
 
 
 def von_mises(deviator):

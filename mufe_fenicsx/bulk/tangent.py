@@ -18,6 +18,8 @@ that of p by them, and G that of the forces by p (equal to B where flow does not
 Averaged over nodes it joins neighbours of neighbours; all of that is inside a grain, and a rank.
 """
 
+from typing import NamedTuple
+
 import h5py  # noqa: F401  before dolfinx.fem.petsc, whose HDF5 has no compression
 import numpy as np
 import ufl
@@ -33,6 +35,19 @@ from .solid import von_mises
 
 #: Keeps the derivative of the von Mises stress finite where there is no stress, over shear modulus.
 TINY = 1e-14
+
+
+class _Increment(NamedTuple):
+    """What the law gave over an increment, as functions of DOLFINx."""
+
+    stress: fem.Function  #: deviator at its start [Pa], xx yy zz xy yz xz
+    shear: fem.Function  #: modulus [Pa]
+    increment: fem.Function  #: of the plastic strain
+    trial: fem.Function  #: von Mises stress without flow [Pa]
+    by_trial: fem.Function  #: derivative of the increment by that [1/Pa]
+    by_mean: fem.Function  #: and by the mean stress [1/Pa]
+    mean: fem.Function  #: mean stress [Pa]
+    mean_of_law: fem.Function  #: that which the law was given [Pa]
 
 
 class SolidTangent:
@@ -55,17 +70,15 @@ class SolidTangent:
         cells = fem.functionspace(mesh.mesh, ("DG", 0))
         self._averaged = solid.element == "averaged"
         volumes = fem.functionspace(mesh.mesh, ("Lagrange", 1)) if self._averaged else cells
-        self._stress = fem.Function(fem.functionspace(mesh.mesh, ("DG", 0, (6,))))
-        names = ("shear", "increment", "trial", "by_trial", "by_mean")
-        self._of_cells = {name: fem.Function(cells) for name in names}
-        self._mean, self._mean_of_law = fem.Function(volumes), fem.Function(volumes)
-        self._of_cells["shear"].x.array[mesh.cell_order] = solid.shear[mesh.grain_of_cell]
+        stress = fem.Function(fem.functionspace(mesh.mesh, ("DG", 0, (6,))))
+        spaces = [cells] * 5 + [volumes] * 2
+        self._law = _Increment(stress, *(fem.Function(space) for space in spaces))
+        self._law.shear.x.array[mesh.cell_order] = solid.shear[mesh.grain_of_cell]
         test, step = ufl.TestFunction(mesh.V), ufl.TrialFunction(mesh.V)
         weight = ufl.TestFunction(volumes)
 
         def forces(v):
-            means = self._mean, self._mean_of_law
-            return _internal_work(v, u, u0, self._stress, *means, **self._of_cells) * ufl.dx
+            return _internal_work(v, u, u0, self._law) * ufl.dx
 
         J = ufl.det(ufl.Identity(3) + ufl.grad(u))
         self.residual = compiled_form(forces(test))
@@ -76,7 +89,7 @@ class SolidTangent:
         # Where flow does not depend on the mean stress, G is B.
         self._coupled = any(law is not plastic_increment for law, _ in solid.laws)
         if self._coupled:
-            self._forms.append(compiled_form(ufl.derivative(forces(step), self._mean, weight)))
+            self._forms.append(compiled_form(ufl.derivative(forces(step), self._law.mean, weight)))
         # DOLFINx's own matrices cannot have blocks that are not square.
         self._bulk = fem.create_matrix(self._forms[0], BlockMode.compact)
         self._by_volume, *self._by_mean = (create_matrix(form) for form in self._forms[1:])
@@ -122,8 +135,8 @@ class SolidTangent:
             deviator0, strain0: Its deviator and plastic strain before.
             dt: Length of the increment [s].
         """
-        mesh, solid, c = self.mesh, self.solid, self._of_cells
-        self._stress.x.array.reshape(-1, 6)[mesh.cell_order] = deviator0
+        mesh, solid, of = self.mesh, self.solid, self._law
+        of.stress.x.array.reshape(-1, 6)[mesh.cell_order] = deviator0
         increment = state.plastic_strain - strain0
         shear = solid.shear[mesh.grain_of_cell]
         trial = von_mises(state.deviator) + 3.0 * shear * increment
@@ -135,11 +148,13 @@ class SolidTangent:
                 by_trial, by_mean, trial, mean, strain0, increment, dt, grains, mesh.cell_offset,
                 solid.shear, solid.parameters,
             )  # fmt: skip
-        for name, values in (("increment", increment), ("trial", trial), ("by_trial", by_trial),
-                             ("by_mean", by_mean)):  # fmt: skip
-            c[name].x.array[mesh.cell_order] = values
-        self._mean.x.array[:] = solid.pressure[self._row_of_volume]
-        self._mean_of_law.x.array[:] = self._mean.x.array
+        for function, values in (
+            (of.increment, increment), (of.trial, trial), (of.by_trial, by_trial),
+            (of.by_mean, by_mean),
+        ):  # fmt: skip
+            function.x.array[mesh.cell_order] = values
+        of.mean.x.array[:] = solid.pressure[self._row_of_volume]
+        of.mean_of_law.x.array[:] = of.mean.x.array
 
     def assemble(self, x):
         """The tangent at the positions ``x`` [m], blocks of shape (num_blocks, 3, 3). Local."""
@@ -184,10 +199,14 @@ def _values_of(matrix, form):
     return _local_rows(matrix)[2]
 
 
-def _internal_work(v, u, u0, stress, mean, mean_of_law, shear, increment, trial, by_trial,
-                   by_mean):  # fmt: skip
-    """(t + J p I) F⁻ᵀ : grad v, with the names of the module's docstring."""
-    one, grad, s = ufl.Identity(3), ufl.grad, stress
+def _internal_work(v, u, u0, of):
+    """(t + J p I) F⁻ᵀ : grad v, with the names of the module's docstring.
+
+    Args:
+        v, u, u0: Test function, displacement now and at the start of the increment.
+        of: :class:`_Increment`.
+    """
+    one, grad, s, shear = ufl.Identity(3), ufl.grad, of.stress, of.shear
     F = one + grad(u)
     L = grad(u - u0) * ufl.inv(one + 0.5 * grad(u0 + u))
     h, Q = shear * ufl.dev(ufl.sym(L)), 0.5 * ufl.skew(L)
@@ -195,6 +214,6 @@ def _internal_work(v, u, u0, stress, mean, mean_of_law, shear, increment, trial,
     t0 = ufl.as_matrix([[s[0], s[3], s[5]], [s[3], s[1], s[4]], [s[5], s[4], s[2]]])
     t_trial = R * (t0 + h) * R.T + h
     m = ufl.sqrt(1.5 * ufl.inner(t_trial, t_trial) + (TINY * shear) ** 2)
-    dp = increment + by_trial * (m - trial) + by_mean * (mean - mean_of_law)
+    dp = of.increment + of.by_trial * (m - of.trial) + of.by_mean * (of.mean - of.mean_of_law)
     t = (1.0 - 3.0 * shear * dp / m) * t_trial
-    return ufl.inner((t + ufl.det(F) * mean * one) * ufl.inv(F).T, grad(v))
+    return ufl.inner((t + ufl.det(F) * of.mean * one) * ufl.inv(F).T, grad(v))

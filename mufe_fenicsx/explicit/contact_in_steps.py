@@ -59,5 +59,5 @@ class ContactInSteps(ForceTerm):
         near = np.zeros(self._specimen.mesh.num_nodes, dtype=bool)
         near[contact.own.nodes[near_nodes(contact)]] = True
         rigid.follow(near)
-        near[rigid.soft] = True
+        near[rigid.lists.soft] = True
         contact.ghosts.moving = np.flatnonzero(near[contact.own.nodes])

@@ -50,7 +50,7 @@ class Motion(Stateful):
     def drift(self, dt):
         """Half a kick, and the motion over a step ``dt`` [s]."""
         sp, s = self._specimen, self._specimen.state
-        x0, runs = sp.mesh.x, sp.rigid.runs
+        x0, runs = sp.mesh.x, sp.rigid.lists.runs
         if self._kick_waits:
             self._kick_waits = False
             damped, self._moved = self._kick_and_drift(
@@ -83,7 +83,7 @@ class Motion(Stateful):
         self._kick_waits = False
         sp, s = self._specimen, self._specimen.state
         self._specimen.damped += accelerate_and_half_kick(
-            s.a, s.v, sp.f, sp.solid.mass, sp.rigid.runs, s.dt, self._damping
+            s.a, s.v, sp.f, sp.solid.mass, sp.rigid.lists.runs, s.dt, self._damping
         )
         sp.bonded.give_velocity(s.v)
 
@@ -98,5 +98,5 @@ class Motion(Stateful):
         """Kinetic energy of this rank's grains [J]."""
         self.finish_kick()
         sp, s = self._specimen, self._specimen.state
-        deformable = kinetic_energy(s.v, s.a, s.dt, sp.free_mass, sp.rigid.runs)
+        deformable = kinetic_energy(s.v, s.a, s.dt, sp.free_mass, sp.rigid.lists.runs)
         return deformable + sp.rigid.kinetic_energy(s.dt)

@@ -81,7 +81,7 @@ class Simulation(OfSpecimen):
         specimen.start()
         self.contact_term = ContactInSteps(specimen, self.motion)
         specimen.terms.insert(0, self.contact_term)
-        s, soft = self.state, specimen.rigid.soft
+        s, soft = self.state, specimen.rigid.lists.soft
         s.a[soft] = (specimen.f / specimen.solid.mass[:, None])[soft]
         self.update_time_step()
         specimen.initial_kinetic = self.comm.allreduce(self.kinetic_energy())
@@ -164,7 +164,7 @@ class Simulation(OfSpecimen):
             return
         s = self.state
         self.complete()
-        s.a[rigid.nodes[np.repeat(which, np.diff(rigid.offset))]] = 0.0
+        s.a[rigid.lists.nodes[np.repeat(which, np.diff(rigid.lists.offset))]] = 0.0
         near = rigid.followed  # other nodes carry no force
         nodes = near.nodes[np.repeat(which, np.diff(near.offset))]
         s.a[nodes] = specimen.f[nodes] / specimen.solid.mass[nodes, None]

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from mpi4py import MPI
 
+from ..bulk.rigid_rows import FreeRows
 from ..contact.stiffness.springs import list_edge_springs, list_springs
 from ..errors import InputError
 from ..solvers.highest_frequency import HighestFrequency
@@ -36,14 +37,13 @@ class StableStep(Stateful):
     STATE = {"common": ("rate_of_tets", "tets_at", "element_step_then")}
 
     def __init__(self, specimen, assembled, factor):
-        self.specimen, self.comm, self.mesh = specimen, specimen.comm, specimen.mesh
+        self.specimen, self.comm = specimen, specimen.comm
         self.solid, self.contact = specimen.solid, specimen.contact
         self.rigid, self.state = specimen.rigid, specimen.state
         self._of_terms = []  # what added terms have of stiffness now
         self.assembled, self.factor = assembled, factor
         self._springs = None
-        # All ranks alike, for the others start the iteration from rows that no spring touches too.
-        self._rows_are_nodes = not self.comm.allreduce(self.rigid.num_always)
+        self.rows = FreeRows(self.rigid)
         contact_step = self.rigid.contact_step(self.contact.points)
         self._contact_step = self.comm.allreduce(contact_step, op=MPI.MIN)
         self.highest, self.highest_of_springs, self.highest_of_tets = self._frequencies()
@@ -59,9 +59,9 @@ class StableStep(Stateful):
 
     def _frequencies(self):
         """Iterations for the highest frequencies of all, springs and tets, from the start."""
-        mass, turned = self.rigid.free_masses(self.solid.mass), self.rigid.turned_rows()
+        mass, turned = self.rows.masses(self.solid.mass), self.rows.turned()
         adds = self._add_stiffness, self.add_springs, self._add_tets
-        first, *others = (self.rigid.constrained(add, self.state) for add in adds)
+        first, *others = (self.rows.constrained(add, self.state) for add in adds)
         highest = HighestFrequency(self.comm, *mass, first, turned=turned)
         return [highest, *(highest.of(add) for add in others)]
 
@@ -80,7 +80,7 @@ class StableStep(Stateful):
         kept["common"]["num_products"] = {n: h.num_products for n, h in self.frequencies().items()}
         for name, highest in self.frequencies().items():
             if highest.vector is not None:
-                at_nodes, of_grains = self.rigid.unpacked(highest.vector)
+                at_nodes, of_grains = self.rows.unpacked(highest.vector)
                 kept["nodes"][name], kept["rigid"][name] = at_nodes, of_grains
         return kept
 
@@ -92,7 +92,7 @@ class StableStep(Stateful):
         for name, highest in self.frequencies().items():
             highest.num_products = num_products[name]
             if name in kept.get("nodes", {}):
-                highest.vector = self.rigid.packed(kept["nodes"][name], kept["rigid"][name])
+                highest.vector = self.rows.packed(kept["nodes"][name], kept["rigid"][name])
 
     def set_mass(self, mass):
         """Take other nodal masses [kg], shape (num_nodes,)."""
@@ -160,7 +160,7 @@ class StableStep(Stateful):
 
     def of_tets(self):
         """Limit [s] of the tetrahedra without contact; inf for rigid grains."""
-        rate = HighestFrequency(self.comm, self.solid.mass, self.mesh.x, self._add_tets)()
+        rate = HighestFrequency(self.comm, self.solid.mass, self.specimen.mesh.x, self._add_tets)()
         return 2.0 / rate if rate > 0.0 else math.inf
 
     def _limit(
@@ -172,7 +172,8 @@ class StableStep(Stateful):
         self._springs = listed
         springs = 0.0
         if not self.contact.layers.kinematic:
-            among = (listed.at, listed.add_compact) if self._rows_are_nodes else ()
+            # All ranks alike, for others start the iteration from rows that no spring touches too.
+            among = (listed.at, listed.add_compact) if self.rows.are_nodes else ()
             springs = highest_of_springs(*among)
         limit = self._contact_step
         if springs > 0.0:
@@ -214,7 +215,7 @@ class StableStep(Stateful):
             rate_of_springs: Highest frequency of springs alone [rad/s].
         """
         shared = self.shared
-        if not self._rows_are_nodes or self._of_terms or shared.rests():
+        if not self.rows.are_nodes or self._of_terms or shared.rests():
             return math.inf
         chosen = shared.part is None
         if chosen:

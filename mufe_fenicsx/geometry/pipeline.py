@@ -1,6 +1,7 @@
 """The two steps of the command line: an image to labels, and labels to grain meshes."""
 
 import time
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -61,38 +62,17 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
     table, picture = output.with_suffix(".csv"), output.with_suffix(".png")
     contacts = output.with_name(f"{output.stem}_contacts.csv")
     with new_files(output, table, contacts, picture, overwrite=overwrite) as folder:
-        notices = []
-        raw, stated = read_with_size(
-            image_path,
-            shape=settings.shape,
-            dtype=settings.dtype,
-            key=settings.key,
-            axes=settings.axes,
-            crop=settings.crop,
-            grey=True,
-            gaps=True,
-            notices=notices,
-        )
-        size = known_voxel_size(settings.voxel_size, stated, image_path)
-        true = None if truth is None else true_labels(truth, raw.shape, size, settings)
-        inside, line = field_of_view(
-            raw, settings.mask, source=str(image_path), axes=settings.axes, crop=settings.crop
-        )
-        notices += [line] if line else []
-        raw = inverted(raw) if settings.invert else raw
-        raw, edge = images.to_cubes(raw, size)
-        if inside is not None:
-            inside, _ = images.to_cubes(inside, size, labels=True)
+        raw, inside, true, given = _grey_image(image_path, settings, truth)
         labels, grey, found = segment(raw, settings, inside)
-        field = found.pop("field")
+        level = found.pop("field")
         num_grains = int(labels.max())
         if num_grains < 1:
             raise InputError(
                 f"image {image_path}: no grain of at least {settings.min_grain_voxels} voxels "
                 f"above the threshold {found['threshold']:g}, expected at least one"
             )
-        voxel_size = edge / settings.upsample
-        rows = grain_table(labels, voxel_size, field)
+        voxel_size = given["edge"] / settings.upsample
+        rows = grain_table(labels, voxel_size, level)
         pairs = contact_table(labels, voxel_size)
         doubts = mark_doubts(rows, pairs, labels)
         compared = None
@@ -103,7 +83,7 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
         write_labels(folder / output.name, labels, voxel_size)
         write_table(folder / contacts.name, pairs, CONTACT_COLUMNS)
         write_table(folder / table.name, rows)
-        draw_segmentation(folder / picture.name, grey, labels, voxel_size, field)
+        draw_segmentation(folder / picture.name, grey, labels, voxel_size, level)
     warning = found.pop("warning")
     warnings = [] if warning is None else [warning]
     if num_grains == 1:
@@ -115,7 +95,7 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
         "contacts": str(contacts),
         "picture": str(picture),
         "shape": list(labels.shape),
-        "image_voxel_size": list(size),
+        "image_voxel_size": list(given["size"]),
         "image_voxel_size_from": "the file" if settings.voxel_size is None else "the settings",
         "voxel_size": voxel_size,
         "threshold_method": settings.threshold if isinstance(settings.threshold, str) else "given",
@@ -125,11 +105,43 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
         **found,
         "median_diameter": float(np.median(diameters)),
         **doubts,
-        "notices": notices,
+        "notices": given["notices"],
         "warnings": warnings,
         "compared": compared,
         "seconds": round(time.perf_counter() - start, 3),
     }
+
+
+def _grey_image(path, settings, truth):
+    """What :func:`segment_image` computes with, in cubic voxels.
+
+    Returns:
+        Grey values; where the sample is, or None; the true labels, or None; and a dictionary: size
+        of voxels in the file, edge of the cubes, notices.
+    """
+    notices = []
+    raw, stated = read_with_size(
+        path,
+        shape=settings.shape,
+        dtype=settings.dtype,
+        key=settings.key,
+        axes=settings.axes,
+        crop=settings.crop,
+        grey=True,
+        gaps=True,
+        notices=notices,
+    )
+    size = known_voxel_size(settings.voxel_size, stated, path)
+    true = None if truth is None else true_labels(truth, raw.shape, size, settings)
+    inside, line = field_of_view(
+        raw, settings.mask, source=str(path), axes=settings.axes, crop=settings.crop
+    )
+    notices += [line] if line else []
+    raw = inverted(raw) if settings.invert else raw
+    raw, edge = images.to_cubes(raw, size)
+    if inside is not None:
+        inside, _ = images.to_cubes(inside, size, labels=True)
+    return raw, inside, true, {"size": size, "edge": edge, "notices": notices}
 
 
 def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrite=False):
@@ -156,58 +168,17 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
     """
     start = time.perf_counter()
     with new_folder(output_folder, overwrite=overwrite, marker="grains.h5") as folder:
-        table, trimmed, repaired, filled, voxel_size, numbers = None, [], [], [], None, []
-        origins = []
-        if has_bodies(labels_path):
-            if settings.conforming:
-                raise InputError(
-                    f"conforming = true for the surfaces {labels_path}, expected labels"
-                )
-            cavity = np.inf if settings.fill_cavities else settings.least_cavity
-            bodies = read_bodies(labels_path, settings.scale, repaired, cavity, origins)
-            check_work([surface_volume(*body[1:3]) for body in bodies], settings)
-            jobs, total = surface_jobs(bodies, settings), len(bodies)
-            points = np.concatenate([points for _, points, _ in bodies])
-            box = np.array([points.min(axis=0), points.max(axis=0)])
-        else:
-            labels, voxel_size = read_labels(
-                labels_path,
-                voxel_size=settings.voxel_size,
-                key=settings.key,
-                shape=settings.shape,
-                dtype=settings.dtype,
-                axes=settings.axes,
-                numbers=numbers,
-            )
-            labels, trimmed = labelling.checked_labels(
-                labels, keep_largest_piece=settings.keep_largest_piece, source=str(labels_path)
-            )
-            largest = None if settings.fill_cavities else settings.least_cavity / voxel_size**3
-            cavities = labelling.fill_cavities(labels, largest)
-            table = grain_table(labels, voxel_size)
-            why = "" if settings.fill_cavities else " smaller than elements"
-            for row in table:
-                count, voxels = cavities.get(row["label"], (0, 0))
-                if count:
-                    filled.append(
-                        f"grain {row['label']}: {count} cavities{why} of {voxels} voxels, "
-                        f"{voxels / row['voxels']:.2g} of its volume"
-                    )
-            for row in table if numbers else ():
-                row["label_in_file"] = numbers[row["label"] - 1]
-            check_work([row["volume_m3"] for row in table], settings)
-            make = shared_jobs if settings.conforming else voxel_jobs
-            jobs, total = make(labels, voxel_size, settings), len(table)
-            box = np.array([[0, 0, 0], np.array(labels.shape[::-1]) * voxel_size])
-
+        read = _given_surfaces if has_bodies(labels_path) else _given_labels
+        given = read(labels_path, settings)
+        total = given.num_grains
         meshes = mesh_grains(
-            jobs,
+            given.jobs,
             settings.processes,
             progress and (lambda finished: progress(finished, total)),
             settings.time_limit,
         )
-        if table is not None and settings.conforming:
-            make_thicker_together(meshes, settings.size, box)
+        if given.voxel_size is not None and settings.conforming:
+            make_thicker_together(meshes, settings.size, given.box)
         done = [mesh for mesh in meshes if mesh.ok]
         failed = [mesh for mesh in meshes if not mesh.ok]
         if not done:
@@ -219,34 +190,115 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
             [mesh.label for mesh in done],
             [(mesh.points, mesh.cells) for mesh in done],
             settings.size,
-            box,
+            given.box,
         )
         rows = [mesh.quality for mesh in meshes]
         save_grains(folder, grains)
         write_table(folder / "quality.csv", rows, QUALITY)
-        if origins:
-            columns = ("label", "file", "body")
-            table = [dict(zip(columns, origin, strict=True)) for origin in origins]
-        write_table(folder / "labels.csv", table)
+        write_table(folder / "labels.csv", given.table)
         draw_quality(folder / "quality.png", rows, settings.size)
-
-    def column(name):
-        return np.array([mesh.quality[name] for mesh in done], dtype=float)
-
     return {
         "grains": str(output_folder),
         "num_grains": grains.num_grains,
         "failed": [mesh.label for mesh in failed],
         "reasons": [mesh.quality["reason"] for mesh in failed],
-        "trimmed": trimmed,
-        "repaired": repaired,
-        "filled": filled,
+        "trimmed": given.trimmed,
+        "repaired": given.repaired,
+        "filled": given.filled,
         "warnings": volume_warnings(done),
-        "renumbered": bool(numbers),
+        "renumbered": given.renumbered,
+        **_quality(done, grains, settings.size, given.voxel_size),
+        "seconds": round(time.perf_counter() - start, 3),
+    }
+
+
+@dataclass
+class _Given:
+    """What grains are meshed from."""
+
+    jobs: object  #: one for each grain
+    num_grains: int
+    box: np.ndarray  #: corners of the box around all grains [m], shape (2, 3)
+    table: list  #: rows of labels.csv
+    voxel_size: float | None = None  #: of labels [m]; None: surfaces
+    renumbered: bool = False  #: whether labels of the file are other ones
+    trimmed: list = field(default_factory=list)  #: what was left out of labels
+    repaired: list = field(default_factory=list)  #: what was mended of surfaces
+    filled: list = field(default_factory=list)  #: cavities that were filled, in words
+
+
+def _given_surfaces(path, settings):
+    """:class:`_Given` by surfaces of grains."""
+    if settings.conforming:
+        raise InputError(f"conforming = true for the surfaces {path}, expected labels")
+    repaired, origins = [], []
+    cavity = np.inf if settings.fill_cavities else settings.least_cavity
+    bodies = read_bodies(path, settings.scale, repaired, cavity, origins)
+    check_work([surface_volume(*body[1:3]) for body in bodies], settings)
+    points = np.concatenate([points for _, points, _ in bodies])
+    columns = ("label", "file", "body")
+    return _Given(
+        surface_jobs(bodies, settings),
+        len(bodies),
+        np.array([points.min(axis=0), points.max(axis=0)]),
+        [dict(zip(columns, origin, strict=True)) for origin in origins],
+        repaired=repaired,
+    )
+
+
+def _given_labels(path, settings):
+    """:class:`_Given` by a label image."""
+    filled, numbers = [], []
+    labels, voxel_size = read_labels(
+        path,
+        voxel_size=settings.voxel_size,
+        key=settings.key,
+        shape=settings.shape,
+        dtype=settings.dtype,
+        axes=settings.axes,
+        numbers=numbers,
+    )
+    labels, trimmed = labelling.checked_labels(
+        labels, keep_largest_piece=settings.keep_largest_piece, source=str(path)
+    )
+    largest = None if settings.fill_cavities else settings.least_cavity / voxel_size**3
+    cavities = labelling.fill_cavities(labels, largest)
+    table = grain_table(labels, voxel_size)
+    why = "" if settings.fill_cavities else " smaller than elements"
+    for row in table:
+        count, voxels = cavities.get(row["label"], (0, 0))
+        if count:
+            filled.append(
+                f"grain {row['label']}: {count} cavities{why} of {voxels} voxels, "
+                f"{voxels / row['voxels']:.2g} of its volume"
+            )
+    for row in table if numbers else ():
+        row["label_in_file"] = numbers[row["label"] - 1]
+    check_work([row["volume_m3"] for row in table], settings)
+    make = shared_jobs if settings.conforming else voxel_jobs
+    return _Given(
+        make(labels, voxel_size, settings),
+        len(table),
+        np.array([[0, 0, 0], np.array(labels.shape[::-1]) * voxel_size]),
+        table,
+        voxel_size,
+        bool(numbers),
+        trimmed,
+        filled=filled,
+    )
+
+
+def _quality(meshes, grains, size, voxel_size):
+    """Numbers of all meshes together."""
+
+    def column(name):
+        return np.array([mesh.quality[name] for mesh in meshes], dtype=float)
+
+    return {
         "retried": int((column("attempts") > 1).sum()),
         "num_cells": len(grains.cells),
         "num_nodes": len(grains.points),
-        "element_size": settings.size,
+        "element_size": size,
         "volume_ratio": float(column("volume_m3").sum() / column("voxel_volume_m3").sum()),
         "smallest_volume_ratio": float(column("volume_ratio").min()),
         "min_altitude_over_h": float(column("min_altitude_over_h").min()),
@@ -258,8 +310,7 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         "time_step_without_worst": worst_share_costs(
             smallest_altitudes(grains.points, grains.cells)
         ),
-        **_distances(column, voxel_size or settings.size, "voxels" if voxel_size else "sizes"),
-        "seconds": round(time.perf_counter() - start, 3),
+        **_distances(column, voxel_size or size, "voxels" if voxel_size else "sizes"),
     }
 
 

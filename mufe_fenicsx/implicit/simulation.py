@@ -25,18 +25,18 @@ import numpy as np
 from mpi4py import MPI
 
 from ..contact.mark import ContactMark
-from ..contact.stiffness.augmented import Augmentation
 from ..contact.walls import Wall
 from ..errors import InputError, SolverError
 from ..materials.elastic import IsotropicSolid
 from ..mesh import GrainMesh
-from ..solvers.generalised_alpha import GeneralisedAlpha
 from ..solvers.newton import Newton
 from ..specimen import OfSpecimen, Specimen
 from .contact_in_increments import ContactInIncrements
+from .exact_gaps import ExactGaps
 from .force_controlled_walls import ForceControlledWalls
 from .increment import IncrementEquations
 from .increment_end import IncrementEnd
+from .increment_settings import IncrementSettings
 from .increment_start import IncrementStart
 from .linear_system import solver_by_size
 
@@ -47,39 +47,26 @@ FEW, SOME, MANY = 0.25, 0.5, 0.75
 LONGER, LITTLE_LONGER, SHORTER, FAILED = 1.5, 1.2, 0.7, 0.4
 #: Searches within one increment.
 MAX_SEARCHES = 6
-#: A residual that is none, over E* times the square of an edge.
-NO_FORCE = 1e-9
 
 
 class ImplicitSimulation(OfSpecimen):
     """A specimen in implicit increments. Collective.
 
     Args:
-        mesh, materials, walls, options: As of :class:`~mufe_fenicsx.specimen.Specimen`; no rigid
+        mesh, materials, walls: As of :class:`~mufe_fenicsx.specimen.Specimen`; no rigid
             grains, no kinematic law. Walls held at a force, in static increments only, move
             within each until they carry it.
         damping: Force -damping m v on every node [1/s], in dynamics.
-        first_step: Length of the first increment [s].
-        smallest_step, largest_step: Bounds of the length [s]; None: 1e-4 of and 4 times the first.
-        spectral_radius: Of :class:`~.integrators.generalised_alpha.GeneralisedAlpha`; None for
-            static increments.
-        stabilisation: s of static ones.
-        tolerance: Residual over the internal forces, in the norm over all nodes.
-        max_iterations: Newton iterations of an increment.
-        no_force: Residual that is none, over E* times the square of the mean facet edge.
-        linear_solver: One of linear_system.SOLVERS; None: by size.
-        petsc: Further options of PETSc, without the prefix ``mufe_``.
         held: Pairs (nodes of this rank, unit vector (3,)): displacements along the vector are
             those of :attr:`prescribed` at these nodes. Their work is not part of that of the walls.
-        gap_tolerance: Of static increments with exact gaps (contact.augmented): largest distance
-            of a closed contact from its gap, over the mean facet edge; None: layers stay.
-        max_augmentations: Times that multipliers are renewed in an increment, at most.
+        options: Beside those of the specimen, fields of
+            :class:`~mufe_fenicsx.implicit.increment_settings.IncrementSettings` by name.
 
     Raises:
         InputError: What cannot be used; see the arguments.
 
     Attributes:
-        static: Whether increments leave inertia out.
+        settings: :class:`~mufe_fenicsx.implicit.increment_settings.IncrementSettings`.
         equations: :class:`~.increment_equations.IncrementEquations`.
         prescribed: Displacements of held nodes in the next increments [m], (num_nodes, 3); they
             stay until they are changed.
@@ -87,7 +74,6 @@ class ImplicitSimulation(OfSpecimen):
             iterations, residual at the last three iterations); those of the last augmentation.
         end: :class:`~.increment_end.IncrementEnd`: how far the next increment may go.
         num_on_jumps: Increments that ended on a jump of the forces of contact (integrators.jumps).
-        augmentations: Of each increment with exact gaps: (how many, largest distance left [m]).
     """
 
     STATE = {"common": ("dt", "dt_element")}
@@ -101,38 +87,12 @@ class ImplicitSimulation(OfSpecimen):
         materials: Sequence[IsotropicSolid],
         walls: Sequence[Wall] = (),
         *,
-        first_step: float,
-        smallest_step: float | None = None,
-        largest_step: float | None = None,
-        spectral_radius: float | None = None,
-        stabilisation: float = 1e-6,
-        tolerance: float = 1e-6,
-        max_iterations: int = 30,
-        no_force: float = NO_FORCE,
-        linear_solver: str | None = None,
-        petsc: dict | None = None,
         held: Sequence[tuple[np.ndarray, np.ndarray]] = (),
-        gap_tolerance: float | None = None,
-        max_augmentations: int = 30,
         damping: float = 0.0,
         **options: Any,
     ):
-        self.first_step = float(first_step)
-        self.smallest_step = 1e-4 * first_step if smallest_step is None else smallest_step
-        self.largest_step = 4.0 * first_step if largest_step is None else largest_step
-        if not 0 < self.smallest_step <= self.first_step <= self.largest_step:
-            raise InputError(
-                f"first_step = {first_step} s, expected 0 < smallest_step = {self.smallest_step} "
-                f"<= first_step <= largest_step = {self.largest_step}"
-            )
-        self.method = None if spectral_radius is None else GeneralisedAlpha(spectral_radius)
-        self.static = self.method is None
-        self.stabilisation = float(stabilisation) if self.static else 0.0
-        if gap_tolerance is not None and self.method:
-            raise InputError(
-                f"gap_tolerance = {gap_tolerance}, expected none for dynamics: augmentations "
-                "belong to static increments"
-            )
+        self.settings, options = IncrementSettings.taken_from(options)
+        self.method = self.settings.method
         specimen = Specimen(mesh, materials, walls, **options)
         super().__init__(specimen)
         self.damping = float(damping)
@@ -148,36 +108,55 @@ class ImplicitSimulation(OfSpecimen):
         specimen.start()
         specimen.terms.insert(0, ContactInIncrements(self.contact))
         self.state.a[:] = specimen.f / specimen.solid.mass[:, None]
-        self.dt = self.first_step
+        self.dt = float(self.settings.first_step)
         own = specimen.solid.element_time_step(self.state.x)
         self.dt_element = self.comm.allreduce(own, op=MPI.MIN)
         specimen.initial_kinetic = self.comm.allreduce(self.kinetic_energy())
         self.equations = IncrementEquations(
-            specimen, self.method, self.damping, self.stabilisation * self.first_step, self.held,
-            linear_solver or solver_by_size(mesh), petsc,
+            specimen, self.method, self.damping, self.settings.drag_time, self.held,
+            self.settings.linear_solver or solver_by_size(mesh), self.settings.petsc,
         )  # fmt: skip
-        self.system = self.equations.system
-        self._exact = None if gap_tolerance is None else Augmentation(self.contact)
-        self._gap_tolerance = (gap_tolerance or 0.0) * self.contact.edge
-        self._max_augmentations = max_augmentations
-        self.augmentations = []
-        self._unmet = ""  # what an increment with exact gaps fell short of
-        modulus = self.solid.contact_modulus
-        floor = self.comm.allreduce(float(modulus.max(initial=0.0)), op=MPI.MAX)
-        self._newton = Newton(
-            self.system, self.equations.residual, self.equations.set_tangent, "mufe_", tolerance,
-            no_force * floor * self.contact.edge**2 / tolerance, max_iterations,
-            self.equations.products,
-        )  # fmt: skip
+        self._exact = None
+        if self.settings.gap_tolerance is not None:
+            most = self.settings.max_augmentations
+            self._exact = ExactGaps(self.contact, self.settings.gap_tolerance, most)
+        self._newton = self._make_newton()
         self._held_walls = None
         if self.walls.has_servo:
-            self._held_walls = ForceControlledWalls(specimen, self.first_step)
+            self._held_walls = ForceControlledWalls(specimen, self.settings.first_step)
         self._last = None  # displacement of the last increment, its length, motion of its walls
         self._unbalanced = True  # at the start there may be forces without an equilibrium
         self.end = IncrementEnd()
         self.report = []
         self.num_failed = 0  #: increments that had to be shortened
         self.num_on_jumps = 0
+
+    def _make_newton(self):
+        """Newton's method for the displacements of an increment. Collective."""
+        equations, settings = self.equations, self.settings
+        modulus = self.solid.contact_modulus
+        floor = self.comm.allreduce(float(modulus.max(initial=0.0)), op=MPI.MAX)
+        return Newton(
+            equations.system, equations.residual, equations.set_tangent, "mufe_",
+            settings.tolerance,
+            settings.no_force * floor * self.contact.edge**2 / settings.tolerance,
+            settings.max_iterations, equations.products,
+        )  # fmt: skip
+
+    @property
+    def static(self):
+        """Whether increments leave inertia out."""
+        return self.method is None
+
+    @property
+    def system(self):
+        """:class:`~.linear_system.LinearSystem` that the tangent goes to."""
+        return self.equations.system
+
+    @property
+    def augmentations(self):
+        """Of each increment with exact gaps: (how many, largest distance left [m])."""
+        return [] if self._exact is None else self._exact.report
 
     @property
     def parts(self):
@@ -229,7 +208,7 @@ class ImplicitSimulation(OfSpecimen):
         Static increments know no motion: its energy counts as damped.
         """
         s = self.state
-        self.dt, self._last, self._unbalanced = self.first_step, None, True
+        self.dt, self._last, self._unbalanced = float(self.settings.first_step), None, True
         if self.method is None:
             self.specimen.damped += self.kinetic_energy()
             s.v[:], s.a[:] = 0.0, 0.0
@@ -246,11 +225,11 @@ class ImplicitSimulation(OfSpecimen):
                 that did. On all ranks.
             UnstableError, SolverError: As of :meth:`check`.
         """
-        tries = 0
+        tries, smallest = 0, self.settings.smallest
         while True:
             dt, mark = self.end.cut(self.dt), self._mark()
             if self._increment(dt) if self._held_walls is None else self._balance(dt, mark):
-                if not self.end.goes_too_far(dt, self.smallest_step):
+                if not self.end.goes_too_far(dt, smallest):
                     break
                 self._take_back(mark)
                 continue
@@ -258,21 +237,21 @@ class ImplicitSimulation(OfSpecimen):
             self.num_failed += 1
             if tries > 1:  # perhaps it is the guess
                 self._last = None
-            if dt <= self.smallest_step:
+            if dt <= smallest:
                 raise SolverError(
                     f"no equilibrium found from t = {self.state.t:g} s on, with increments down "
                     f"to {dt:g} s ({self._reason}): the last one found is kept; load in smaller "
                     "steps, with more stabilisation or less friction, or go on with "
                     'solver.integrator = "explicit"'
                 )
-            self.dt = max(FAILED * dt, self.smallest_step)
+            self.dt = max(FAILED * dt, smallest)
         effort = self._newton.effort
         if effort <= SOME:
             factor = LONGER if effort <= FEW else LITTLE_LONGER
             # One that was cut tells nothing about longer ones.
-            self.dt = max(self.dt, min(factor * dt, self.largest_step))
+            self.dt = max(self.dt, min(factor * dt, self.settings.largest))
         elif effort >= MANY:
-            self.dt = max(SHORTER * dt, self.smallest_step)
+            self.dt = max(SHORTER * dt, smallest)
         self.check()
 
     def _balance(self, dt, mark):
@@ -312,12 +291,12 @@ class ImplicitSimulation(OfSpecimen):
             self.equations.too_far = 0.0
             found = self._newton(guess)
             if self._exact:
-                found = self._augment(found)
+                found = self._exact.augment(found, self._newton, self.equations)
             if found is not None or not self.equations.too_far:
                 break
             self._search(4.0 * self.equations.too_far)
         if found is None:
-            self._reason = self._unmet or (
+            self._reason = (self._exact and self._exact.unmet) or (
                 f"{self._newton.num_iterations} iterations, residual "
                 f"{min(self._newton.history, default=math.nan):.1e} of the internal forces"
             )
@@ -333,26 +312,6 @@ class ImplicitSimulation(OfSpecimen):
         )
         walls.add_work()
         return True
-
-    def _augment(self, found):
-        """From the equilibrium ``found`` to one with exact gaps; None where there is none."""
-        count = 0
-        self._unmet = ""
-        while found is not None:
-            left = self._exact.depth()
-            if left <= self._gap_tolerance:
-                self.augmentations.append((count, left))
-                break
-            if count == self._max_augmentations:
-                self._unmet = (
-                    f"{count} augmentations, {left:.1e} m from the exact gap, wanted "
-                    f"{self._gap_tolerance:.1e} m"
-                )
-                return None
-            self._exact.update(self.equations.mark)
-            found = self._newton(found)
-            count += 1
-        return found
 
     def _begin(self, dt):
         """Keep the state, and move walls and what is prescribed."""

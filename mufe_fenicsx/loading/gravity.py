@@ -34,7 +34,7 @@ class Gravity(ForceTerm):
 
     def add_forces(self, f, state, dt):
         """Add the weights of grains that deform to ``f``. Local."""
-        add_weights(f, self._mass, self.g, self._rigid.runs)
+        add_weights(f, self._mass, self.g, self._rigid.lists.runs)
 
     def act_on_rigid(self, rigid, state):
         """Add the weights of rigid grains. Local."""

@@ -39,6 +39,7 @@ import numpy as np
 from ..errors import SolverError
 from ..state import Stateful
 from .oedometer import overdamped, smooth_step
+from .present_stage import PresentStage, WallMeans
 from .quasi_static import QuasiStaticSpeed
 from .wall_servo import Servo
 
@@ -78,28 +79,7 @@ class StagedLoading(Stateful):
     end = "last stage done"
     strain_definition = STRAIN_DEFINITION
 
-    STATE = {
-        "common": (
-            "index",
-            "stages",
-            "first_height",
-            "_reference",
-            "_held",
-            "_begun",
-            "_length0",
-            "_stress0",
-            "_values0",
-            "_s",
-            "_settled",
-            "_hold_from",
-            "_speed",
-            "_mean",
-            "_mean_at",
-            "_brake_from",
-            "_led_until",
-            "_ways",
-        )
-    }
+    STATE = {"common": ("index", "stages", "first_height", "_reference", "_held", "_speed")}
 
     def __init__(self, simulation, settings, program, quasi_static=None):
         self.simulation, self.settings, self.program = simulation, settings, program
@@ -169,7 +149,7 @@ class StagedLoading(Stateful):
     @property
     def part_done(self):
         """Of all stages, as far as known without asking other ranks."""
-        return (self.index + 0.5 * self._s) / len(self.program)
+        return (self.index + 0.5 * self._now.s) / len(self.program)
 
     @property
     def finished(self):
@@ -180,8 +160,8 @@ class StagedLoading(Stateful):
     def course(self):
         """What rows fall due by: sum of the ways of this stage, whole at its end. Collective."""
         if self._is_over():
-            return math.floor(sum(self._ways)) + 1.0
-        return sum(self._ways)
+            return math.floor(sum(self._now.ways)) + 1.0
+        return sum(self._now.ways)
 
     @property
     def progress(self):
@@ -192,8 +172,8 @@ class StagedLoading(Stateful):
         # Where it waits it stays just below what a row or a state is due at.
         done = self._part_led() * (1.0 - 1e-9)
         if stage.hold > 0.0:
-            held = 0.0 if self._hold_from is None else (t - self._hold_from) / stage.hold
-            done = 0.5 * (done if self._hold_from is None else 1.0) + 0.5 * min(held, 1.0)
+            held = 0.0 if self._now.hold_from is None else (t - self._now.hold_from) / stage.hold
+            done = 0.5 * (done if self._now.hold_from is None else 1.0) + 0.5 * min(held, 1.0)
         return min(done, 1.0 - 1e-9)
 
     def interval(self, count):
@@ -212,12 +192,18 @@ class StagedLoading(Stateful):
 
     def state_dict(self):
         """What a loading that goes on from here has to know, fit for JSON."""
-        kept = super().state_dict() | {"servo": self.servo.state_dict()}
+        kept = super().state_dict() | {
+            "now": self._now.state_dict(),
+            "mean": self._mean.state_dict(),
+            "servo": self.servo.state_dict(),
+        }
         return kept if self.control is None else kept | {"control": self.control.state_dict()}
 
     def load_state_dict(self, kept):
         """Go on from what :meth:`state_dict` gave."""
         super().load_state_dict({"common": kept["common"]})
+        self._now.load_state_dict(kept["now"])
+        self._mean.load_state_dict(kept["mean"])
         self.servo.load_state_dict(kept["servo"])
         self._updated = -1
         self._do = self._tasks()
@@ -242,18 +228,16 @@ class StagedLoading(Stateful):
         self.index += 1
         state = self.simulation.state
         stress = self._axis_stress(forces)
-        self._begun, self._length0 = state.t, self.lengths.tolist()
         self._do = self._tasks()
-        self._stress0 = [
+        stress0 = [
             held if held is not None else self._moving_mean(a, forces)
             for a, held in enumerate(self._held)
         ]
         if self.index == 0:
-            self._mean, self._mean_at = self._wall_stress(forces).tolist(), state.t
-        self._values0 = self._values(self._mean_stress())
-        self._s, self._settled, self._hold_from = 0.0, None, None
-        self._brake_from = self._led_until = None
-        self._ways = [0.0] * (NUM_WAYS + len(self._given()))
+            self._mean = WallMeans(self._wall_stress(forces).tolist(), state.t)
+        ways = [0.0] * (NUM_WAYS + len(self._given()))
+        self._now = PresentStage(state.t, self.lengths.tolist(), stress0, ways)
+        self._now.values0 = self._values(self._mean_stress())
         self._updated = -1
         if self._is_controlled():
             self.control.begin(self.settings.speed)
@@ -298,7 +282,7 @@ class StagedLoading(Stateful):
 
     def _part_led(self):
         """How far the leading part of the stage has come, from 0 to 1."""
-        parts = [self._s] if any(task in (STRESS, STRAIN) for task, _ in self._do) else []
+        parts = [self._now.s] if any(task in (STRESS, STRAIN) for task, _ in self._do) else []
         parts += self._parts_of_until()
         return min(max(max(parts, default=0.0), 0.0), 1.0)
 
@@ -311,7 +295,7 @@ class StagedLoading(Stateful):
         """How far each value of `until` has come; 1 where it is passed."""
         if not self._given() or self._loads is None:
             return []
-        now, before = self._values(self._mean_stress()), self._values0
+        now, before = self._values(self._mean_stress()), self._now.values0
         ways = {name: value - before[name] for name, value in self._given().items()}
         return [(now[n] - before[n]) / way if way else 1.0 for n, way in ways.items()]
 
@@ -319,23 +303,23 @@ class StagedLoading(Stateful):
         """Add to the ways of this stage what has been done since, each of which only grows."""
         most = self.settings.largest_strain
         shares = [
-            abs(1.0 - lengths[a] / self._length0[a]) / most
+            abs(1.0 - lengths[a] / self._now.length0[a]) / most
             for a, (task, _) in enumerate(self._do)
             if task in (HOLD, STRESS, SPEED)
         ]
-        until = t if self._led_until is None else self._led_until
+        until = t if self._now.led_until is None else self._now.led_until
         # Rows are as near at first as before it waits, and as many each time that it has waited
         # e times as long: few grains may rattle for long.
         wait = max(self.program[self.index].hold, SETTLED * self.servo.travel_time)
-        whole = max(until - self._begun, wait, self._ramp_time())
+        whole = max(until - self._now.begun, wait, self._ramp_time())
         waited = math.log1p((t - until) / whole) if whole > 0.0 else 0.0
-        now = [self._s, max(shares, default=0.0), waited]
+        now = [self._now.s, max(shares, default=0.0), waited]
         now += self._parts_of_until()
-        self._ways = [float(max(a, b)) for a, b in zip(self._ways, now, strict=True)]
+        self._now.ways = [float(max(a, b)) for a, b in zip(self._now.ways, now, strict=True)]
 
     def _is_led(self):
         """Whether walls are on the way to what the stage is to reach, or go at a speed."""
-        on_line = self._s < 1.0 and any(task in (STRESS, STRAIN) for task, _ in self._do)
+        on_line = self._now.s < 1.0 and any(task in (STRESS, STRAIN) for task, _ in self._do)
         return on_line or any(task == SPEED and axis.speed for task, axis in self._do)
 
     def _is_over(self):
@@ -345,60 +329,51 @@ class StagedLoading(Stateful):
             self._updated = self.simulation.state.num_steps
             self._update(t)
         hold = self.program[self.index].hold
-        return self._hold_from is not None and t - self._hold_from >= hold
+        return self._now.hold_from is not None and t - self._now.hold_from >= hold
 
     def _update(self, t):
         """Look at the present state. Collective; twice gives the same as once."""
         self._loads = forces, _ = self.simulation.walls.pressing(self.simulation.comm)
-        stress, lengths = self._axis_stress(forces), self.lengths
+        stress, lengths, now = self._axis_stress(forces), self.lengths, self._now
         self.servo.sample(stress, lengths)
         self._check_lengths(stress, lengths)
-        self._average(self._wall_stress(forces), t)
+        self._mean.add(self._wall_stress(forces), t, self.servo.travel_time)
         self._come(lengths, t)
         near = True
         for a, (task, axis) in enumerate(self._do):
             if task in (HOLD, STRESS):
-                target = self._stress0[a] if task == HOLD else axis.stress
-                off = max(abs(self._mean[wall] - target) for wall in self._moving(a))
+                target = now.stress0[a] if task == HOLD else axis.stress
+                off = max(abs(self._mean.stress[wall] - target) for wall in self._moving(a))
                 near &= bool(off <= self.settings.tolerance * target)
             elif task == STRAIN:
                 near &= bool(abs(lengths[a] - self._length1(a)) <= EXACT * lengths[a])
-        near &= self._s == 1.0 or not any(task in (STRESS, STRAIN) for task, _ in self._do)
-        self._settled = (t if self._settled is None else self._settled) if near else None
-        if self._led_until is None and not self._is_led():
-            self._led_until = t
-        if self._hold_from is not None:
+        near &= now.s == 1.0 or not any(task in (STRESS, STRAIN) for task, _ in self._do)
+        now.settled = (t if now.settled is None else now.settled) if near else None
+        if now.led_until is None and not self._is_led():
+            now.led_until = t
+        if now.hold_from is not None:
             return
         stage = self.program[self.index]
         tasks = [task for task, _ in self._do]
         servo = HOLD in tasks or STRESS in tasks
         ends_itself = not (stage.until is not None or SPEED in tasks) or STRESS in tasks
         ends_itself = ends_itself or STRAIN in tasks
-        if ends_itself and self._settled is not None:
+        if ends_itself and now.settled is not None:
             wait = SETTLED * self.servo.travel_time if servo else 0.0
-            if t - self._settled >= wait:
-                self._hold_from = t
-        if self._brake_from is None and any(part >= 1.0 for part in self._parts_of_until()):
-            self._brake_from = t
-            if self._led_until is None:
-                self._led_until = t
+            if t - now.settled >= wait:
+                now.hold_from = t
+        if now.brake_from is None and any(part >= 1.0 for part in self._parts_of_until()):
+            now.brake_from = t
+            if now.led_until is None:
+                now.led_until = t
         braked = self._ramp_time() if self._is_led() else 0.0
-        if self._brake_from is not None and t - self._brake_from >= braked:
-            self._hold_from = t
-
-    def _average(self, stress, t):
-        """Mean stress of each wall over the time that a wave travels."""
-        elapsed, self._mean_at = t - self._mean_at, t
-        if elapsed > 0.0:  # not twice in the same state
-            time = self.servo.travel_time
-            weight = 1.0 - math.exp(-elapsed / time) if time > 0.0 else 1.0
-            mean = np.asarray(self._mean)
-            self._mean = (mean + weight * (stress - mean)).tolist()
+        if now.brake_from is not None and t - now.brake_from >= braked:
+            now.hold_from = t
 
     def _check_lengths(self, stress, lengths):
         limit = self.settings.largest_strain
         for a, (task, _) in enumerate(self._do):
-            change = 1.0 - lengths[a] / self._length0[a]
+            change = 1.0 - lengths[a] / self._now.length0[a]
             if task in (HOLD, STRESS, SPEED) and abs(change) > limit:
                 what = overdamped(self.simulation) or (
                     "see that the sample fills the box and can carry what is asked"
@@ -420,7 +395,7 @@ class StagedLoading(Stateful):
             "mean_stress": (x + y + z) / 3.0,
             "deviator": math.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2)),
             "strain_volume": 1.0 - volume,
-            "time": self.simulation.state.t - self._begun,
+            "time": self.simulation.state.t - self._now.begun,
         }
 
     # --- walls ----------------------------------------------------------------------------
@@ -437,7 +412,7 @@ class StagedLoading(Stateful):
 
     def _mean_stress(self):
         """That, as the mean over the time that a wave travels [Pa], shape (3,)."""
-        mean = np.asarray(self._mean)
+        mean = np.asarray(self._mean.stress)
         return 0.5 * (mean[0::2] + mean[1::2])
 
     def _wall_stress(self, forces):
@@ -457,20 +432,20 @@ class StagedLoading(Stateful):
         """Stress that an axis is to carry now [Pa]; None where that is free."""
         task, axis = self._do[a]
         if task == STRESS:
-            return self._stress0[a] + self._s * (axis.stress - self._stress0[a])
-        return self._stress0[a] if task == HOLD else None
+            return self._now.stress0[a] + self._now.s * (axis.stress - self._now.stress0[a])
+        return self._now.stress0[a] if task == HOLD else None
 
     def _move(self):
         """Velocities of the walls for the coming step."""
-        sim, settings = self.simulation, self.settings
+        sim, settings, now = self.simulation, self.settings, self._now
         forces, stiffness = self._loads
         lengths = self.lengths
         area = np.repeat(np.prod(lengths) / lengths, 2)
         stress, gain = self._wall_stress(forces), self.servo.gains(stiffness, area)
-        leading = self._hold_from is None
+        leading = now.hold_from is None
         factor = self._ramp() * self._control_factor() if leading else 0.0
         if leading:
-            self._s = self._next_s(factor, lengths, stress, gain)
+            now.s = self._next_s(factor, lengths, stress, gain)
         velocity = np.zeros(6)
         for a, (task, axis) in enumerate(self._do):
             walls = list(self._moving(a))
@@ -479,7 +454,7 @@ class StagedLoading(Stateful):
                 most, free, target = HOLDING * self._fastest(), settings.speed, self._target(a)
                 if task == STRESS and leading:
                     free = self._most(axis) * factor
-                    if self._s < 1.0 and axis.stress != self._stress0[a]:
+                    if now.s < 1.0 and axis.stress != now.stress0[a]:
                         most = free
                 for w in walls:
                     if stiffness[w] > 0.0:
@@ -488,7 +463,7 @@ class StagedLoading(Stateful):
                     else:  # on towards the sample
                         velocity[w] = share * free
             elif task == STRAIN and leading:
-                wanted = self._length0[a] + self._s * (self._length1(a) - self._length0[a])
+                wanted = now.length0[a] + now.s * (self._length1(a) - now.length0[a])
                 velocity[walls] = share * (lengths[a] - wanted) / sim.dt
             elif task == SPEED and leading:
                 velocity[walls] = share * axis.speed * factor
@@ -505,17 +480,17 @@ class StagedLoading(Stateful):
 
     def _ramp(self):
         """Part of the speed that the ramps, at the start of a stage and at its end, let through."""
-        time = self._ramp_time()
+        time, now = self._ramp_time(), self._now
         # The middle of the coming step: the first one moves.
-        now = self.simulation.state.t + 0.5 * self.simulation.dt
+        t = self.simulation.state.t + 0.5 * self.simulation.dt
         if time == 0.0:
             return 1.0
-        brake = 0.0 if self._brake_from is None else smooth_step((now - self._brake_from) / time)
-        return smooth_step((now - self._begun) / time) * (1.0 - brake)
+        brake = 0.0 if now.brake_from is None else smooth_step((t - now.brake_from) / time)
+        return smooth_step((t - now.begun) / time) * (1.0 - brake)
 
     def _ramp_time(self):
         """In which walls get from rest to their speed, and back [s]."""
-        return self.settings.ramp * min(self._length0) / self.settings.speed
+        return self.settings.ramp * min(self._now.length0) / self.settings.speed
 
     def _is_controlled(self):
         """Whether the speed adapts: not while the sample is seated, where walls travel freely."""
@@ -525,24 +500,24 @@ class StagedLoading(Stateful):
         """Speed that keeps the test quasi-static over the one that is stated."""
         if not self._is_controlled():
             return 1.0
-        if self._s == 1.0 and SPEED not in [task for task, _ in self._do]:
+        if self._now.s == 1.0 and SPEED not in [task for task, _ in self._do]:
             return self.control.speed / self.settings.speed
         upper = self.control.platens[0]
         return self.control(abs(float(self.strains[upper // 2]))) / self.settings.speed
 
     def _next_s(self, factor, lengths, stress, gain):
         """How far along the line walls may go in the coming step."""
-        s, dt, ramp = self._s, self.simulation.dt, self.settings.ramp
+        now, dt, ramp = self._now, self.simulation.dt, self.settings.ramp
         found = 1.0
         for a, (task, axis) in enumerate(self._do):
             if task == STRAIN:
-                way = abs(self._length1(a) - self._length0[a])
+                way = abs(self._length1(a) - now.length0[a])
                 if way > 0.0:
                     most = self._most(axis) * factor
-                    left = (1.0 - s) * way / (ramp * self._length0[a]) if ramp > 0.0 else 1.0
-                    found = min(found, s + most * math.sqrt(min(left, 1.0)) * dt / way)
+                    left = (1.0 - now.s) * way / (ramp * now.length0[a]) if ramp > 0.0 else 1.0
+                    found = min(found, now.s + most * math.sqrt(min(left, 1.0)) * dt / way)
             elif task == STRESS:
-                way = axis.stress - self._stress0[a]
+                way = axis.stress - now.stress0[a]
                 walls = self._moving(a)
                 most = self._most(axis) * factor / len(walls)
                 for w in walls:
@@ -550,6 +525,6 @@ class StagedLoading(Stateful):
                         # Those that have met the sample press a little, and stay.
                         found = min(found, UNMET)
                     elif way != 0.0:
-                        come = (stress[w] - self._stress0[a]) * math.copysign(1.0, way)
+                        come = (stress[w] - now.stress0[a]) * math.copysign(1.0, way)
                         found = min(found, (come + most / gain[w]) / abs(way))
-        return max(s, found)
+        return max(now.s, found)

@@ -26,9 +26,9 @@ import numpy as np
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.output.run_folder import (
-    keep_states,
     raise_together,
     reason,
+    remove_states_after,
     write_atomically,
 )
 
@@ -89,7 +89,7 @@ class ContactWriter:
         self._on_first_rank(lambda: self.folder.mkdir(exist_ok=True))
         message = None
         if comm.rank == 0:
-            message = keep_states(self.folder, self._states, "*.vtkhdf", "*.csv")
+            message = remove_states_after(self.folder, self._states, "*.vtkhdf", "*.csv")
         raise_together(comm, message)
 
     @property

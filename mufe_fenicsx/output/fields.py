@@ -19,10 +19,11 @@ import numpy as np
 from mufe_fenicsx.errors import InputError, shortened
 from mufe_fenicsx.output.run_folder import (
     attempt,
-    keep_states,
+    on_first_rank,
     raise_together,
     reason,
     regular,
+    remove_states_after,
     try_room,
     write_atomically,
 )
@@ -74,7 +75,7 @@ class FieldWriter:
         if kept is not None:
             self._mesh, self._states = kept["mesh"], list(kept["states"])
             if comm.rank == 0:
-                message = keep_states(self.folder, self._states, "*.vtkhdf")
+                message = remove_states_after(self.folder, self._states, "*.vtkhdf")
             raise_together(comm, message)
         if comm.rank == 0:
             try:
@@ -153,14 +154,8 @@ class FieldWriter:
         self._states = [state for state in self._states if state["name"] != name]
         self._states.append({"name": name, "time": time, "strain": strain, "stage": str(stage)})
         self._states.sort(key=lambda state: state["name"])
-        message = None
-        if self.comm.rank == 0:
-            series = {"file-series-version": "1.0", "files": self._states}
-            try:
-                write_atomically(self.folder / SERIES, json.dumps(series, indent=1) + "\n")
-            except InputError as error:
-                message = str(error)
-        raise_together(self.comm, message)
+        series = json.dumps({"file-series-version": "1.0", "files": self._states}, indent=1)
+        on_first_rank(self.comm, lambda: write_atomically(self.folder / SERIES, series + "\n"))
 
     def _write_file(self, name, arrays, small, links):
         """Write arrays [(name, values, rows)] of all ranks, and small ones of rank 0."""

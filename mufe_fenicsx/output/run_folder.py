@@ -71,6 +71,22 @@ def raise_together(comm, message):
             raise InputError(other)
 
 
+def on_first_rank(comm, action):
+    """Do something on rank 0 that may raise an InputError, which all ranks raise then. Collective.
+
+    Returns:
+        What it returned, on rank 0.
+    """
+    found, message = None, None
+    if comm.rank == 0:
+        try:
+            found = action()
+        except (InputError, OSError) as error:
+            message = str(error)
+    raise_together(comm, message)
+    return found
+
+
 def regular(path):
     """A path, as it is, of a file, a link to one or nothing.
 
@@ -106,7 +122,7 @@ def try_room(path, size):
             os.posix_fallocate(file.fileno(), 0, size + HEADERS)
 
 
-def keep_states(folder, states, *patterns):
+def remove_states_after(folder, states, *patterns):
     """Remove what was stored in a folder after ``states``; what went wrong, or None.
 
     Args:

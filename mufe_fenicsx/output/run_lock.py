@@ -67,7 +67,7 @@ class RunLock:
         message, notice = None, None
         if self.comm.rank == 0 and self.folder.is_dir():
             try:
-                notice = self._take()
+                notice = self._acquire()
             except InputError as error:
                 message = str(error)
             except OSError as error:
@@ -93,7 +93,7 @@ class RunLock:
                 self.path.unlink()
         self._token = None
 
-    def _take(self):
+    def _acquire(self):
         notice = None
         for _ in range(TRIES):
             own = self._link()

@@ -13,13 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..contact.separation import separate
 from ..errors import InputError
 from ..geometry.atomic_output import new_files
 from ..geometry.measure import tet_volumes
 from ..materials.elastic import Elastic
 from ..materials.j2 import FAR, J2
-from ..run.from_scene import bounding_box, load_mesh, make_walls
+from ..run.from_scene import bounding_box, load_mesh, make_walls, separate_surfaces
 from ..scene import TOP_PLATEN
 from .deck import UNITS, Deck, Grain, Material, Pair, Plane, Step, write_deck
 from .touching import surfaces_of, touching_grains, touching_planes
@@ -69,32 +68,14 @@ def export_calculix(
             that cannot be used.
     """
     path = Path(path)
-    if path.suffix.lower() != ".inp":
-        raise InputError(f"output {path}, expected a name that ends with .inp")
-    if units not in UNITS:
-        raise InputError(f'--units = "{units}", expected {", ".join(UNITS)}')
     if procedure is None:
         procedure = "static" if scene.solver.integrator == "static" else "dynamic"
-    if procedure not in PROCEDURES:
-        raise InputError(f'--procedure = "{procedure}", expected {" or ".join(PROCEDURES)}')
-    if reach is not None and not 0 < reach < math.inf:
-        raise InputError(f"--reach = {reach} m, expected a length > 0")
-    if scene.oedometer is None:
-        raise InputError("[oedometer] is missing, expected it: a deck drives the top platen alone")
-    if not 0 < penalty < math.inf:
-        raise InputError(f"--penalty = {penalty}, expected a factor > 0")
-    for name, wall in scene.walls.items():
-        if wall.stress is not None:
-            raise InputError(
-                f"walls.{name}.stress = {wall.stress:g}, expected none: walls of a deck are driven"
-            )
+    _check_options(path, units, procedure, reach, penalty)
+    _check_scene(scene)
     mesh = load_mesh(comm, grains, "averaged")
     labels = mesh.labels[mesh.grains]
     materials = [_material(m) for m in scene.materials_of(labels, mesh.labels)]
-    apart = None
-    if scene.sample.separation:
-        sample = scene.sample
-        apart = separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
+    apart = separate_surfaces(mesh, scene.sample)
     low, high = bounding_box(mesh)
     travel = scene.oedometer.strain * (high[2] - low[2])
     surfaces = surfaces_of(
@@ -108,12 +89,12 @@ def export_calculix(
         reach = travel + 2 * math.sqrt(surfaces.area.mean())
     bodies = _bodies(mesh, materials, scene, procedure)
     step = _step(scene, travel, procedure)
-    planes = [_plane(wall, low, high, scene, step) for wall in make_walls(scene, low, high)]
+    walls = make_walls(scene, low, high)
+    planes = [_plane(wall, low, high, scene, step) for wall in walls]
     near = min(travel, reach)
-    friction = scene.friction_of(mesh.labels)
-    pairs = _grain_pairs(friction, surfaces, materials, bodies, reach, near)
+    pairs = _grain_pairs(scene.friction_of(mesh.labels), surfaces, materials, bodies, reach, near)
     num_grain_pairs = len(pairs)
-    for plane, wall in zip(planes, make_walls(scene, low, high), strict=True):
+    for plane, wall in zip(planes, walls, strict=True):
         pairs += _wall_pairs(plane, wall, surfaces, materials, bodies, reach, near)
     notes = _notes(scene, procedure, apart)
     deck = Deck(scene.title or path.stem, bodies, planes, pairs, step, units, notes)
@@ -134,6 +115,31 @@ def export_calculix(
         "time_s": step.time,
         "notes": notes,
     }
+
+
+def _check_options(path, units, procedure, reach, penalty):
+    """Raise an InputError for what :func:`export_calculix` cannot use."""
+    if path.suffix.lower() != ".inp":
+        raise InputError(f"output {path}, expected a name that ends with .inp")
+    if units not in UNITS:
+        raise InputError(f'--units = "{units}", expected {", ".join(UNITS)}')
+    if procedure not in PROCEDURES:
+        raise InputError(f'--procedure = "{procedure}", expected {" or ".join(PROCEDURES)}')
+    if reach is not None and not 0 < reach < math.inf:
+        raise InputError(f"--reach = {reach} m, expected a length > 0")
+    if not 0 < penalty < math.inf:
+        raise InputError(f"--penalty = {penalty}, expected a factor > 0")
+
+
+def _check_scene(scene):
+    """Raise an InputError for a scene whose walls a deck cannot lead."""
+    if scene.oedometer is None:
+        raise InputError("[oedometer] is missing, expected it: a deck drives the top platen alone")
+    for name, wall in scene.walls.items():
+        if wall.stress is not None:
+            raise InputError(
+                f"walls.{name}.stress = {wall.stress:g}, expected none: walls of a deck are driven"
+            )
 
 
 def _material(model):

@@ -3,8 +3,7 @@
 import gc
 import time
 
-from ..errors import InputError
-from ..output.run_folder import raise_together
+from ..output.run_folder import on_first_rank
 from .choice import follow, plan_scene
 from .cost import benchmark, predict
 from .present import present_state
@@ -32,15 +31,12 @@ def make_plan(
     Raises:
         InputError: No plan meets the accuracy; on all ranks.
     """
-    made, sample, message = None, None, None
-    if comm.rank == 0:
-        try:
-            sample = read_sample(grains)
-            made = plan_scene(scene, sample, accuracy, keep_mesh=keep_mesh)
-        except InputError as error:
-            message = str(error)
-    raise_together(comm, message)
-    made, sample = comm.bcast((made, sample))
+
+    def plan():
+        sample = read_sample(grains)
+        return plan_scene(scene, sample, accuracy, keep_mesh=keep_mesh), sample
+
+    made, sample = comm.bcast(on_first_rank(comm, plan))
     if not measure:
         return made, None
     planned = follow(scene, made)
@@ -62,14 +58,7 @@ def present(scene, grains, comm, measure=True, clock=time.perf_counter):
         InputError: The grains cannot be read, or nothing is known of the scene's element,
             integrator or law of contact; on all ranks.
     """
-    found, message = None, None
-    if comm.rank == 0:
-        try:
-            found = present_state(scene, read_sample(grains))
-        except InputError as error:
-            message = str(error)
-    raise_together(comm, message)
-    found = comm.bcast(found)
+    found = comm.bcast(on_first_rank(comm, lambda: present_state(scene, read_sample(grains))))
     if not measure:
         return found, None
     return found, predict(scene, benchmark(scene, grains, comm, clock=clock))

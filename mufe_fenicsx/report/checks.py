@@ -103,7 +103,7 @@ def check_run(history, mass=None):
     ]
 
 
-def begin_of_good(checks, history):
+def first_good_row(checks, history):
     """Row from which on all targets are met to the end; None: from the first of loading, or never.
 
     Args:

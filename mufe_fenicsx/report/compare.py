@@ -63,7 +63,8 @@ def draw_stress_strain(sources, names):
         figure,
         f"Runs compared: (a) vertical stress against strain (Figs 9, 10 {PAPER}), (b) compression "
         "curves e–log σ′",
-        f"Stress is the mean force of both platens over the cross-section. {_begin(sources)}",
+        "Stress is the mean force of both platens over the cross-section. "
+        f"{_where_strain_begins(sources)}",
         tables,
         "wide",
     )
@@ -95,7 +96,7 @@ def draw_forces(sources, names):
         figure,
         f"Runs compared: force on the top platen against its displacement (as Fig. 8 {PAPER})",
         "For one ball between platens and several yield stresses this is their figure. "
-        f"{_begin(sources)}",
+        f"{_where_strain_begins(sources)}",
         tables,
     )
 
@@ -308,7 +309,7 @@ def _file(name):
     return "".join(c if c.isalnum() or c in ".-" else "-" for c in name).strip("-")
 
 
-def _begin(sources):
+def _where_strain_begins(sources):
     """From where strains and displacements count."""
     heights = [source.reference_height for source in sources]
     factor, unit = style.unit_of(heights, "m")

@@ -8,7 +8,7 @@ from mufe_fenicsx.analysis.rows import branches, largest, loaded_rows, loading_r
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import legend, without_spikes
-from mufe_fenicsx.report.checks import TARGETS, begin_of_good, check_run
+from mufe_fenicsx.report.checks import TARGETS, check_run, first_good_row
 from mufe_fenicsx.report.figure import Drawing
 
 STRAIN = style.STRAIN
@@ -65,34 +65,27 @@ def draw_stress_strain(source):
             "vertical stress of the contacts [Pa]": contacts["contact_zz"],
             "vertical stress of the platens [Pa]": contacts["wall_zz"],
         }
-    begin = begin_of_good(check_run(history, source.mass), history)
+    begin = first_good_row(check_run(history, source.mass), history)
     if begin is not None and not source.turns_back:
         axis.axvline(strain[begin], color=style.GREY, linestyle=":", linewidth=0.8, zorder=0)
     axis.set(xlabel=STRAIN, ylabel=f"{STRESS}: {unit}")
     axis.set_ylim(bottom=min(0, 1.05 * stress.min()))
     without_spikes(axis, strain, stress)
     legend(axis)
-    return Drawing(
-        "stress-strain",
-        figure,
-        f"Vertical stress against vertical strain (Fig. 9 {PAPER})",
+    about = (
         "The line is the mean force of both platens over the cross-section, compression positive. "
-        "Strain counts from the end of seating, so that gaps left by the segmentation do not "
-        "count."
-        + _about_branches(source)
-        + (
-            " Right of the dotted line all targets of a quasi-static test are met."
-            if begin is not None and not source.turns_back
-            else ""
-        )
-        + (
+        "Strain counts from the end of seating, so that gaps left by the segmentation do not count."
+    )
+    about += _about_branches(source)
+    if begin is not None and not source.turns_back:
+        about += " Right of the dotted line all targets of a quasi-static test are met."
+    if contacts is not None:
+        about += (
             " Circles are the mean stress from forces and branch vectors of the contacts (Love, "
             "Weber), independent of the line."
-            if contacts is not None
-            else ""
-        ),
-        tables,
-    )
+        )
+    title = f"Vertical stress against vertical strain (Fig. 9 {PAPER})"
+    return Drawing("stress-strain", figure, title, about, tables)
 
 
 def _contact_stress(source):

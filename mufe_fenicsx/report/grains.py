@@ -25,27 +25,21 @@ def words(label, why):
 # --- fields on chosen grains ------------------------------------------------------------------
 
 
+#: Fields on chosen grains: name, words, unit, whether values go beyond the colours.
+SHOWN = (
+    ("contact_pressure", "contact pressure", "Pa", "neither"),
+    ("von_mises", VON_MISES, "Pa", "max"),
+    ("displacement", "displacement", "m", "neither"),
+)
+
+
 def draw_chosen(source):
     """Contact pressure, von Mises stress and displacement of chosen grains, a row a grain."""
     end, chosen = source.end, source.chosen
     source.need_rendering()
     if not end.has("contact_pressure"):
         raise InputError(f"state {end.index} has no field contact_pressure")
-    pressure, moved = (
-        end.field("contact_pressure"),
-        np.linalg.norm(end.points - end.reference, axis=1),
-    )
-    surfaces = {label: end.surface(label) for label in chosen}
-    for surface in surfaces.values():
-        nodes = surface.point_data["node"]
-        surface.point_data["contact_pressure"] = pressure[nodes]
-        surface.point_data["displacement"] = moved[nodes]
-    limits = {
-        "contact_pressure": max(s.point_data["contact_pressure"].max() for s in surfaces.values()),
-        "von_mises": max(np.percentile(s.cell_data["von_mises"], 99) for s in surfaces.values()),
-        "displacement": max(s.point_data["displacement"].max() for s in surfaces.values()),
-    }
-    limits = {name: style.round_limit(value) for name, value in limits.items()}
+    surfaces, limits = _surfaces(end, chosen)
     maps = {
         "contact_pressure": _void_grey(style.PRESSURE_MAP),
         "von_mises": style.STRESS_MAP,
@@ -66,17 +60,11 @@ def draw_chosen(source):
         nodes = surface.point_data["node"]
         tables[f"grain{label}"] = {
             **{f"{a} [m]": end.points[nodes, i] for i, a in enumerate(AXES)},
-            "contact pressure [Pa]": pressure[nodes],
+            "contact pressure [Pa]": np.asarray(surface.point_data["contact_pressure"]),
             "von Mises stress of the facets around [Pa]": _at_nodes(surface),
-            "displacement [m]": moved[nodes],
+            "displacement [m]": np.asarray(surface.point_data["displacement"]),
         }
-    for column, (name, label, symbol, extend) in enumerate(
-        (
-            ("contact_pressure", "contact pressure", "Pa", "neither"),
-            ("von_mises", VON_MISES, "Pa", "max"),
-            ("displacement", "displacement", "m", "neither"),
-        )
-    ):
+    for column, (name, label, symbol, extend) in enumerate(SHOWN):
         colour_bar(
             figure,
             list(axes[:, column]),
@@ -101,6 +89,23 @@ def draw_chosen(source):
         "wide",
         vector=False,
     )
+
+
+def _surfaces(end, chosen):
+    """Surfaces of grains with what is drawn on them, by label; upper limits of the colours."""
+    pressure = end.field("contact_pressure")
+    moved = np.linalg.norm(end.points - end.reference, axis=1)
+    surfaces = {label: end.surface(label) for label in chosen}
+    for surface in surfaces.values():
+        nodes = surface.point_data["node"]
+        surface.point_data["contact_pressure"] = pressure[nodes]
+        surface.point_data["displacement"] = moved[nodes]
+    limits = {
+        "contact_pressure": max(s.point_data["contact_pressure"].max() for s in surfaces.values()),
+        "von_mises": max(np.percentile(s.cell_data["von_mises"], 99) for s in surfaces.values()),
+        "displacement": max(s.point_data["displacement"].max() for s in surfaces.values()),
+    }
+    return surfaces, {name: style.round_limit(value) for name, value in limits.items()}
 
 
 def _how_chosen(source):
@@ -142,17 +147,7 @@ def _void_grey(name, num_colours=256):
 
 def draw_course(source):
     """Von Mises stress and displacement of points and grains through all stored states."""
-    chosen, points = source.chosen, source.points
-    of_grains = source.run.probe(grains=list(chosen))
-    of_points = source.run.probe(points=np.array(list(points.values())))
-    first = next(iter(chosen))
-    series = []
-    for label, why in chosen.items():
-        series.append((words(label, why), of_grains[of_grains["probe"] == label]))
-    for k, name in enumerate(points):
-        table = of_points[of_points["probe"] == k]
-        inside = f" of grain {first}" if name in ("peak", "centre") else ""
-        series.append((f"{name}{inside}", table))
+    chosen, points, series = source.chosen, source.points, _series(source)
     figure, axes = style.new_figure(style.PAGE, 2.9, ncols=2)
     moved = [_length(table) for _, table in series]
     factors = (
@@ -204,11 +199,35 @@ def draw_course(source):
     )
 
 
+def _series(source):
+    """Tables of chosen grains and of points through the stored states, each with its name."""
+    chosen, points = source.chosen, source.points
+    of_grains = source.run.probe(grains=list(chosen))
+    of_points = source.run.probe(points=np.array(list(points.values())))
+    first = next(iter(chosen))
+    series = []
+    for label, why in chosen.items():
+        series.append((words(label, why), of_grains[of_grains["probe"] == label]))
+    for k, name in enumerate(points):
+        table = of_points[of_points["probe"] == k]
+        inside = f" of grain {first}" if name in ("peak", "centre") else ""
+        series.append((f"{name}{inside}", table))
+    return series
+
+
 def _length(table):
     return np.linalg.norm(table[[f"displacement_{a}" for a in AXES]].to_numpy(float), axis=1)
 
 
 # --- energies of one grain --------------------------------------------------------------------
+
+
+#: Colours and lines of energies.
+LOOKS = {
+    "elastic": (style.BLUE, "-"),
+    "plastic": (style.RED, "--"),
+    "kinetic": (style.GREEN, ":"),
+}
 
 
 def draw_energies(source):
@@ -221,11 +240,6 @@ def draw_energies(source):
     energies = {name: values[:, at] for name, values in course["energy"].items()}
     whole = {name: history[name] for name in energies}
     sums = {name: values.sum(axis=1) for name, values in course["energy"].items()}
-    looks = {
-        "elastic": (style.BLUE, "-"),
-        "plastic": (style.RED, "--"),
-        "kinetic": (style.GREEN, ":"),
-    }
     tables = {
         f"grain{label}": {"strain [-]": course["strain"]}
         | {f"{name} [J]": values for name, values in energies.items()},
@@ -239,30 +253,8 @@ def draw_energies(source):
         (axes[0], at_states, energies, None),
         (axes[1], source.over(history["strain"], history["time"])[0], whole, sums),
     ):
-        factor, unit = style.unit_of(np.concatenate(list(values.values())), "J")
-        for name, (colour, line) in looks.items():
-            marker = "o" if points is None else ""
-            axis.plot(
-                along,
-                values[name] / factor,
-                line + marker,
-                color=colour,
-                markersize=3,
-                label=name,
-            )
-            if points is not None:
-                axis.plot(
-                    at_states,
-                    points[name] / factor,
-                    "o",
-                    color=colour,
-                    markersize=3.5,
-                    markerfacecolor="none",
-                    markeredgewidth=0.8,
-                )
-        axis.set_yscale("log")
-        style.few_decades(axis, [v / factor for v in values.values()], 7)
-        axis.set(xlabel=over, ylabel=f"Energy: {unit}")
+        _draw_energies(axis, along, values, at_states, points)
+        axis.set_xlabel(over)
         legend(axis)
     style.heading(axes[0], f"grain {label}")
     style.heading(axes[1], "whole sample")
@@ -279,6 +271,34 @@ def draw_energies(source):
         tables,
         "wide",
     )
+
+
+def _draw_energies(axis, along, values, at_states, points):
+    """Lines of energies ``values`` [J], and where given ``points`` at the stored states."""
+    factor, unit = style.unit_of(np.concatenate(list(values.values())), "J")
+    for name, (colour, line) in LOOKS.items():
+        marker = "o" if points is None else ""
+        axis.plot(
+            along,
+            values[name] / factor,
+            line + marker,
+            color=colour,
+            markersize=3,
+            label=name,
+        )
+        if points is not None:
+            axis.plot(
+                at_states,
+                points[name] / factor,
+                "o",
+                color=colour,
+                markersize=3.5,
+                markerfacecolor="none",
+                markeredgewidth=0.8,
+            )
+    axis.set_yscale("log")
+    style.few_decades(axis, [v / factor for v in values.values()], 7)
+    axis.set_ylabel(f"Energy: {unit}")
 
 
 # --- Table 1 ----------------------------------------------------------------------------------

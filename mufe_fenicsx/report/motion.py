@@ -69,7 +69,6 @@ def draw_arrows(source):
     if len(centre) < 5:
         raise InputError(f"{len(centre)} grains, expected 5 or more for a mean motion")
     left_over = moved - mean_motion(centre, moved, form.mass)
-    scale, unit = style.unit_of(np.ptp(box, axis=0), "m")
     aspect = np.ptp(source.start.box(source.start)[:, 2]) / np.ptp(box[:, 0])
     figure, axes = style.new_figure(style.PAGE, 1.35 + 2.9 * aspect, ncols=2)
     # So that three of four arrows stay inside their grain.
@@ -77,49 +76,11 @@ def draw_arrows(source):
     goal = 0.5 * diameter.mean()
     factors = (1.0, style.round_length(goal / usual) if usual > 0 else 1.0)
     for i, (axis, field, factor) in enumerate(zip(axes, (moved, left_over), factors, strict=True)):
-        size = np.linalg.norm(field, axis=1)
-        symbol, length_unit = style.unit_of(size[near], "m")
-        norm = Normalize(0, size[near].max() / symbol or 1.0)
-        x = (centre[near][:, [0, 2]] - box[0, [0, 2]]) / scale
-        circles = axis.add_collection(
-            EllipseCollection(
-                diameter[near] / scale,
-                diameter[near] / scale,
-                np.zeros(near.sum()),
-                units="xy",
-                offsets=x,
-                offset_transform=axis.transData,
-                facecolors="0.95",
-                edgecolors="0.75",
-                linewidths=0.5,
-            )
-        )
-        arrows = factor * field[near][:, [0, 2]] / scale
-        drawn = axis.quiver(
-            *x.T,
-            *arrows.T,
-            size[near] / symbol,
-            angles="xy",
-            scale_units="xy",
-            scale=1,
-            width=0.006,
-            cmap=style.LENGTH_MAP,
-            norm=norm,
-            clip_on=False,
-        )
-        for artist in (circles, drawn):
-            artist.set_in_layout(False)  # what reaches out of the frame takes no room
-        axis.spines[:].set(visible=True, color=style.GREY, linewidth=0.8)
-        top = (source.start.box(source.start)[1, 2] - box[0, 2]) / scale
-        axis.set(
-            xlim=(0, np.ptp(box[:, 0]) / scale),
-            ylim=(0, top),
-            aspect="equal",
-            xlabel=f"x: {unit}",
-            ylabel=f"z: {unit}" if i == 0 else "",
-        )
+        drawn, length_unit = _arrows(axis, centre[near], field[near], diameter[near], factor, box)
+        unit = _frame(axis, box, source.start.box(source.start)[1, 2])
+        axis.set_ylabel(f"z: {unit}" if i == 0 else "")
         bar = figure.colorbar(
-            ScalarMappable(norm, style.LENGTH_MAP),
+            ScalarMappable(drawn.norm, style.LENGTH_MAP),
             ax=axis,
             location="bottom",
             shrink=0.8,
@@ -145,6 +106,68 @@ def draw_arrows(source):
         {"": columns},
         "wide",
     )
+
+
+def _arrows(axis, centre, field, diameter, factor, box):
+    """Circles of grains and an arrow in each, seen along y.
+
+    Args:
+        axis: Where to draw.
+        centre: Of the grains [m], shape (n, 3).
+        field: What the arrows show [m], shape (n, 3).
+        diameter: Of the grains [m], shape (n,).
+        factor: Length of the arrows over the true one.
+        box: Around the sample [m], shape (2, 3).
+
+    Returns:
+        The arrows, and the unit of their colours.
+    """
+    scale, _ = style.unit_of(np.ptp(box, axis=0), "m")
+    size = np.linalg.norm(field, axis=1)
+    symbol, unit = style.unit_of(size, "m")
+    x = (centre[:, [0, 2]] - box[0, [0, 2]]) / scale
+    circles = axis.add_collection(
+        EllipseCollection(
+            diameter / scale,
+            diameter / scale,
+            np.zeros(len(centre)),
+            units="xy",
+            offsets=x,
+            offset_transform=axis.transData,
+            facecolors="0.95",
+            edgecolors="0.75",
+            linewidths=0.5,
+        )
+    )
+    arrows = factor * field[:, [0, 2]] / scale
+    drawn = axis.quiver(
+        *x.T,
+        *arrows.T,
+        size / symbol,
+        angles="xy",
+        scale_units="xy",
+        scale=1,
+        width=0.006,
+        cmap=style.LENGTH_MAP,
+        norm=Normalize(0, size.max() / symbol or 1.0),
+        clip_on=False,
+    )
+    for artist in (circles, drawn):
+        artist.set_in_layout(False)  # what reaches out of the frame takes no room
+    return drawn, unit
+
+
+def _frame(axis, box, top):
+    """Show the sides of the box and ``top``, its height at the start [m]; the unit of lengths."""
+    scale, unit = style.unit_of(np.ptp(box, axis=0), "m")
+    axis.spines[:].set(visible=True, color=style.GREY, linewidth=0.8)
+    axis.set(
+        xlim=(0, np.ptp(box[:, 0]) / scale),
+        ylim=(0, (top - box[0, 2]) / scale),
+        aspect="equal",
+        xlabel=f"x: {unit}",
+    )
+    return unit
 
 
 def draw_split(source):

@@ -330,7 +330,7 @@ class Source:
                         state.stress,
                         state.plastic_strain,
                         velocity,
-                        **material,
+                        grain_energy.GrainMaterial(**material),
                         element=self.summary.get("element", "averaged"),
                         family=self.summary.get("family", 1),
                     )

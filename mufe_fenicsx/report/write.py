@@ -11,7 +11,7 @@ from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError, nearest_name
 from mufe_fenicsx.output.run_folder import reason
 from mufe_fenicsx.report import compare, style, triaxial
-from mufe_fenicsx.report.checks import begin_of_good, check_run, where, worst_of
+from mufe_fenicsx.report.checks import check_run, first_good_row, where, worst_of
 from mufe_fenicsx.report.figure import remove_listed, save, write_index
 from mufe_fenicsx.report.page import write_page
 from mufe_fenicsx.report.parts import FIGURES, NAMES, TABLES, VIEW, draw_parts, num_processes
@@ -191,7 +191,7 @@ class _RunReport(_Report):
         if history is not None:
             parts.append(f"vertical strain {history['strain'][-1]:.4g}")
             parts.append(f"vertical stress {style.quantity(history['stress'][-1], 'Pa', 4)}")
-        row = begin_of_good(checks, history) if checks else None
+        row = first_good_row(checks, history) if checks else None
         begin = "" if row is None else f" All targets are met from {where(history, row)} on."
         return "; ".join(parts) + f" at the end.{begin}"
 

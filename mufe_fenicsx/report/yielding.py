@@ -39,34 +39,7 @@ def draw_yield(source):
         )
     left.set(xlabel=over, ylabel="Has yielded: %", ylim=(0, 105))
     legend(left)
-    known = table[np.isfinite(table["contact_radius"])]
-    depth = (known["depth"] / known["contact_radius"]).to_numpy()
-    aside = (known["edge_distance"] / known["contact_radius"]).to_numpy()
-    for k, (under, label) in enumerate(((True, "under a contact"), (False, "beside contacts"))):
-        those = (known["under_contact"] == under).to_numpy()
-        middle.plot(
-            np.where(under, -1, 1) * aside[those],
-            depth[those],
-            style.MARKERS[k],
-            color=style.SERIES[k],
-            markersize=3.5,
-            markerfacecolor="none",
-            markeredgewidth=0.8,
-            label=f"{label}: {those.sum()}",
-        )
-    middle.axvline(0, color=style.GREY, linewidth=0.8, linestyle=":")
-    middle.axhline(HERTZ_DEPTH, color=style.GREY, linewidth=0.8, linestyle="--")
-    top = max(1.0, depth.max(initial=0.0))
-    far = float(min(aside.max(initial=1.0), FAR))
-    top = min(top, FAR)
-    beyond = int(((aside > FAR) | (depth > FAR)).sum())
-    middle.set(
-        xlabel="Outside contact / radius: –",
-        ylabel="Depth / contact radius: –",
-        xlim=(-1.1, 1.05 * far),
-        ylim=(1.05 * top, -0.35 * top),
-    )
-    middle.legend(loc="upper center", handletextpad=0.2)
+    beyond = _draw_places(middle, table)
     tables = {
         "share": {
             "strain [-]": course["strain"],
@@ -106,6 +79,39 @@ def draw_yield(source):
         tables,
         "wide",
     )
+
+
+def _draw_places(axis, table):
+    """Where under contacts grains yield first, in radii; number of places too far to be shown."""
+    known = table[np.isfinite(table["contact_radius"])]
+    depth = (known["depth"] / known["contact_radius"]).to_numpy()
+    aside = (known["edge_distance"] / known["contact_radius"]).to_numpy()
+    for k, (under, label) in enumerate(((True, "under a contact"), (False, "beside contacts"))):
+        those = (known["under_contact"] == under).to_numpy()
+        axis.plot(
+            np.where(under, -1, 1) * aside[those],
+            depth[those],
+            style.MARKERS[k],
+            color=style.SERIES[k],
+            markersize=3.5,
+            markerfacecolor="none",
+            markeredgewidth=0.8,
+            label=f"{label}: {those.sum()}",
+        )
+    axis.axvline(0, color=style.GREY, linewidth=0.8, linestyle=":")
+    axis.axhline(HERTZ_DEPTH, color=style.GREY, linewidth=0.8, linestyle="--")
+    top = max(1.0, depth.max(initial=0.0))
+    far = float(min(aside.max(initial=1.0), FAR))
+    top = min(top, FAR)
+    beyond = int(((aside > FAR) | (depth > FAR)).sum())
+    axis.set(
+        xlabel="Outside contact / radius: –",
+        ylabel="Depth / contact radius: –",
+        xlim=(-1.1, 1.05 * far),
+        ylim=(1.05 * top, -0.35 * top),
+    )
+    axis.legend(loc="upper center", handletextpad=0.2)
+    return beyond
 
 
 def _draw_cut(figure, axis, source, grain, index):

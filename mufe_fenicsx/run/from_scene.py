@@ -3,13 +3,14 @@
 import numpy as np
 from mpi4py import MPI
 
+from ..contact.separation import separate
 from ..contact.walls import Wall
 from ..errors import InputError
 from ..explicit.simulation import Simulation
 from ..geometry.grains import load_grains, read_grain_table
 from ..geometry.tets.refine import PARTS, split
 from ..mesh import create_grain_mesh, partition_grains
-from ..output.run_folder import raise_together
+from ..output.run_folder import on_first_rank, raise_together
 from ..scene import WALLS, load_scene
 
 
@@ -19,14 +20,7 @@ def read_scene(comm, path):
     Raises:
         InputError: The file cannot be read, or holds what a scene must not.
     """
-    scene, message = None, None
-    if comm.rank == 0:
-        try:
-            scene = load_scene(path)
-        except InputError as error:
-            message = str(error)
-    raise_together(comm, message)
-    return comm.bcast(scene)
+    return comm.bcast(on_first_rank(comm, lambda: load_scene(path)))
 
 
 def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None):
@@ -41,11 +35,8 @@ def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None):
     Raises:
         InputError: The folder cannot be used, or there are more ranks than grains.
     """
-    if comm.rank == 0:  # the checksum first: HDF5 may hang on a file that is damaged
-        found = _together(comm, lambda: read_grain_table(grains_folder))
-    else:
-        _together(comm, lambda: None)
-        found = None
+    # The checksum first: HDF5 may hang on a file that is damaged.
+    found = on_first_rank(comm, lambda: read_grain_table(grains_folder))
     labels, num_cells, _, centroids = comm.bcast(found)
     if comm.size > labels.size:
         raise InputError(
@@ -73,6 +64,13 @@ def _together(comm, read):
         message = str(error)
     raise_together(comm, message)
     return found
+
+
+def separate_surfaces(mesh, sample):
+    """Move overlapping surfaces apart where the scene wants that; what was moved, or None."""
+    if not sample.separation:
+        return None
+    return separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
 
 
 def make_walls(scene, low, high):

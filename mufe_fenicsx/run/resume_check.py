@@ -1,25 +1,20 @@
 """Whether a checkpoint belongs to the scene and the grains that a run is to go on with."""
 
-import sys
 import tomllib
 from pathlib import Path
 
 from ..errors import InputError
 from ..output.checkpoint import file_checksum
-from ..output.run_folder import raise_together, read_run_json
+from ..output.record import lost_results
+from ..output.run_folder import on_first_rank, raise_together, read_run_json
+from .run_place import say
 
 
 def grains_checksum(comm, grains_folder):
     """Checksum of the file of grains. Collective."""
-    found, message = None, None
-    if comm.rank == 0:
-        path = Path(grains_folder)
-        try:
-            found = file_checksum(path / "grains.h5" if path.is_dir() else path)
-        except InputError as error:
-            message = str(error)
-    raise_together(comm, message)
-    return comm.bcast(found)
+    path = Path(grains_folder)
+    file = path / "grains.h5" if path.is_dir() else path
+    return comm.bcast(on_first_rank(comm, lambda: file_checksum(file)))
 
 
 #: Keys of a scene that may differ where a run goes on, beside when the test ends; tables that
@@ -42,9 +37,8 @@ def check_origin(comm, checkpoint, identity, folder, quiet):
     """
     message = None
     if comm.rank == 0:
-        if not quiet:
-            for notice in checkpoint.notices:
-                print(f"mufe: {notice}", file=sys.stderr, flush=True)
+        for notice in checkpoint.notices:
+            say(comm, notice, quiet)
         header = checkpoint.header
         changed = _first_difference(header["scene"], identity["scene"])
         if changed:
@@ -64,6 +58,25 @@ def check_origin(comm, checkpoint, identity, folder, quiet):
             except InputError as error:
                 message = str(error)
     raise_together(comm, message)
+
+
+def check_results(comm, checkpoint, folder, accept_loss, quiet):
+    """See that results are as the checkpoint counts them, or leave out what is not. Collective."""
+    message, left = None, None
+    if comm.rank == 0:
+        lines, strain, left = lost_results(folder, checkpoint.header["recorder"])
+        if lines:
+            more = f" and {len(lines) - 3} more" if len(lines) > 3 else ""
+            message = (
+                f"results in {folder} are not those that checkpoint {checkpoint.path.name} "
+                f"counts, from strain {strain:.4g} on: {', '.join(lines[:3])}{more}"
+            )
+    if accept_loss:
+        say(comm, message and f"{message}; going on without them", quiet)
+    elif message is not None:
+        message += "; expected them as they were written, or --accept-loss to go on without them"
+    raise_together(comm, None if accept_loss else message)
+    checkpoint.header["recorder"] = comm.bcast(left)
 
 
 def integrator_of(scene):

@@ -1,42 +1,37 @@
 """A test from a scene to a run folder."""
 
-import csv
 import math
-import sys
 import time
-from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from ..contact.mirrors import check_mirrors
-from ..contact.separation import separate
 from ..errors import InputError, Interrupted, SolverError, UnstableError
 from ..loading.oedometer import OedometerLoading
 from ..loading.stages import StagedLoading
 from ..machine.memory import peak_memory, return_freed_arrays
 from ..output.checkpoint import CheckpointWriter, find_checkpoint, read_tables, written_by
-from ..output.record import lost_results
 from ..output.run_folder import (
-    abandon_run_folder,
     check_inside,
     check_run_folder,
-    create_run_folder,
-    raise_together,
+    on_first_rank,
     versions,
-    write_atomically,
     write_run_json,
 )
 from ..output.run_lock import LostFolder, RunLock
 from ..scene import Scene, scene_to_toml
-from .from_scene import bounding_box, load_mesh, make_simulation, make_walls
+from .from_scene import bounding_box, load_mesh, make_simulation, make_walls, separate_surfaces
 from .profile import Profile
 from .rebalance import better_partition
 from .recorder import Recorder
-from .resume_check import check_origin, grains_checksum, integrator_of
+from .resume_check import check_origin, check_results, grains_checksum, integrator_of
 from .retries import Recovery
+from .run_options import RunOptions
+from .run_place import RunPlace, say
 from .signals import Interruption
 from .snapshot import restore, restore_reference, snapshot
 from .time_loop import march
@@ -47,15 +42,7 @@ def run_scene(
     grains_folder: str | Path,
     output_folder: str | Path,
     comm: MPI.Intracomm,
-    *,
-    overwrite: bool = False,
-    max_steps: int | None = None,
-    quiet: bool = False,
-    command: Sequence[str] = (),
-    resume: bool = False,
-    accept_loss: bool = False,
-    profile: bool = False,
-    after: Callable[[dict], dict] | None = None,
+    **options: Any,
 ) -> dict:
     """Run the test of a scene. Collective.
 
@@ -64,16 +51,7 @@ def run_scene(
         grains_folder: Folder that `mufe mesh` wrote.
         output_folder: Run folder to create.
         comm: MPI communicator.
-        overwrite: Replace an earlier run in that folder.
-        max_steps: Stop after so many steps.
-        quiet: Print nothing.
-        command: The command line, to be kept with the run.
-        resume: Go on from the last checkpoint in the folder, with the same scene and grains, on
-            any number of ranks; a finished test too, where the scene's strain is larger now.
-
-        accept_loss: Go on, too, where results before the checkpoint are gone or changed.
-        profile: Keep the time of the parts of a step; "profile" in the result.
-        after: Function of the last summary; what it returns, a dict, is added to it.
+        options: Fields of :class:`~mufe_fenicsx.run.run_options.RunOptions` by name.
 
     Returns:
         What run.json holds, on every rank.
@@ -85,34 +63,30 @@ def run_scene(
     """
     return_freed_arrays()
     started = time.perf_counter()
+    options = RunOptions.of(**options)
     lock = RunLock(comm, output_folder)
     try:
-        test, checkpoint = _prepare(
-            scene, Path(grains_folder), Path(output_folder), lock, started, overwrite, resume,
-            accept_loss, quiet, list(command), profile, after,
-        )  # fmt: skip
-        return test.run(checkpoint, max_steps)
+        folders = Path(grains_folder), Path(output_folder)
+        test, checkpoint = _prepare(scene, *folders, lock, started, options)
+        return test.run(checkpoint)
     finally:
         lock.free()
 
 
-def _prepare(
-    scene, grains_folder, folder, lock, started, overwrite, resume, accept_loss, quiet, command,
-    profile, after,
-):  # fmt: skip
+def _prepare(scene, grains_folder, folder, lock, started, options):
     """The test and the checkpoint that it goes on from, or None; nothing is written. Collective."""
-    comm, checkpoint = lock.comm, None
+    comm, checkpoint, quiet = lock.comm, None, options.quiet
     identity = {"scene": scene_to_toml(scene), "grains": grains_checksum(comm, grains_folder)}
-    if resume:
-        _say(comm, lock.take(), quiet)
-        _together(comm, lambda: check_inside(folder))
+    if options.resume:
+        say(comm, lock.take(), quiet)
+        on_first_rank(comm, lambda: check_inside(folder))
         checkpoint = find_checkpoint(comm, folder)
         check_origin(comm, checkpoint, identity, folder, quiet)
-        _check_results(comm, checkpoint, folder, accept_loss, quiet)
+        check_results(comm, checkpoint, folder, options.accept_loss, quiet)
         started -= checkpoint.header["wall_s"]
     else:
         lock.look()
-        check_run_folder(comm, folder, overwrite)
+        check_run_folder(comm, folder, options.overwrite)
     partition = checkpoint and _partition(checkpoint, comm)
     mesh = load_mesh(comm, grains_folder, scene.solver.element, partition)
     scene.materials_of(mesh.labels[mesh.grains], mesh.labels)
@@ -121,118 +95,33 @@ def _prepare(
         separation = checkpoint.header["separation"]
         _take_reference(checkpoint, mesh)
     else:
-        separation = _separate(scene.sample, mesh)
+        separation = separate_surfaces(mesh, scene.sample)
+        separation = separation and separation.as_dict()
     load = partial(load_mesh, comm, grains_folder, scene.solver.element)
-    place = _Place(folder, lock, identity["scene"], grains_folder, overwrite, resume, quiet)
-    test = _Test(
-        scene, mesh, load, place, identity, started, quiet, command, separation, profile, after
-    )
-    return test, checkpoint
+    place = RunPlace(folder, lock, identity["scene"], grains_folder, options)
+    return TestRun(scene, mesh, load, place, identity, started, options, separation), checkpoint
 
-
-def _check_results(comm, checkpoint, folder, accept_loss, quiet):
-    """See that results are as the checkpoint counts them, or leave out what is not. Collective."""
-    message, left = None, None
-    if comm.rank == 0:
-        lines, strain, left = lost_results(folder, checkpoint.header["recorder"])
-        if lines:
-            more = f" and {len(lines) - 3} more" if len(lines) > 3 else ""
-            message = (
-                f"results in {folder} are not those that checkpoint {checkpoint.path.name} "
-                f"counts, from strain {strain:.4g} on: {', '.join(lines[:3])}{more}"
-            )
-    if accept_loss:
-        _say(comm, message and f"{message}; going on without them", quiet)
-    elif message is not None:
-        message += "; expected them as they were written, or --accept-loss to go on without them"
-    raise_together(comm, None if accept_loss else message)
-    checkpoint.header["recorder"] = comm.bcast(left)
-
-
-def _say(comm, line, quiet):
-    if line and comm.rank == 0 and not quiet:
-        print(f"mufe: {line}", file=sys.stderr, flush=True)
-
-
-def _together(comm, action):
-    """Do something on rank 0 that may raise an InputError, which all ranks raise then."""
-    message = None
-    if comm.rank == 0:
-        try:
-            action()
-        except (InputError, OSError) as error:
-            message = str(error)
-    raise_together(comm, message)
-
-
-class _Place:
-    """The folder of a test, written when all else was found to be right. Collective."""
-
-    def __init__(self, folder, lock, scene_text, grains_folder, overwrite, resume, quiet):
-        self.folder, self.lock, self.comm = folder, lock, lock.comm
-        self._scene_text, self._grains_folder = scene_text, grains_folder
-        self._overwrite, self._resume, self._quiet = overwrite, resume, quiet
-        self._made = None  #: folders that were made, in that of a new run
-
-    def open(self):
-        """Make the folder unless the test goes on in it, and keep the scene there."""
-        tables = None
-        if not self._resume:
-            self._made = create_run_folder(self.comm, self.folder, self.lock, self._overwrite)
-            tables = self._grains_folder
-        try:
-            _write_inputs(self.comm, self.folder, self._scene_text, tables)
-        except InputError:
-            self.abandon()
-            raise
-
-    def abandon(self):
-        """Leave nothing of a new run."""
-        if self._made is None:
-            return
-        self.lock.free()
-        if self.comm.rank == 0:
-            abandon_run_folder(self.folder, self._made)
-        self.comm.Barrier()
-
-    def failed_grains(self):
-        """Labels of the grains that `mufe mesh` could not mesh, or None; on all ranks."""
-        found = []
-        tables = self.folder if self._resume else self._grains_folder
-        if not tables.is_dir():
-            tables = tables.parent
-        _together(self.comm, lambda: found.append(_failed_grains(tables / "quality.csv")))
-        return self.comm.bcast(found[0] if found else None)
-
-
-#: Tables of `mufe mesh` that stay with the run.
-TABLES = ("quality.csv", "grains.csv", "labels.csv")
 
 #: Of the summary, what checkpoints keep.
 KEPT = ("setup_s", "separation", "resumed_at_steps", "balanced_at_steps")
 
 
-class _Test:
+class TestRun:
     """One test: what stays the same when it begins anew from a checkpoint. Collective."""
 
-    def __init__(
-        self, scene, mesh, load, place, identity, started, quiet, command, separation, profile,
-        after,
-    ):  # fmt: skip
-        self.after = after
+    def __init__(self, scene, mesh, load, place, identity, started, options, separation):
         self.load = load  #: makes the mesh for given ranks of the grains
-        self.wants_profile = profile
-        self.scene, self.mesh, self.place, self.folder = scene, mesh, place, place.folder
-        self.comm, self.quiet = mesh.comm, quiet
+        self.scene, self.mesh, self.place, self.options = scene, mesh, place, options
+        self.comm = mesh.comm
         self.identity, self.started = identity, started
         self.low, self.high = bounding_box(mesh)
         self.area = float((self.high - self.low)[0] * (self.high - self.low)[1])
-        self.checkpoints = CheckpointWriter(self.comm, self.folder)
-        self.recovery = Recovery(self.comm, self.folder, scene.solver, quiet)
+        self.checkpoints = CheckpointWriter(self.comm, place.folder)
+        self.recovery = Recovery(self.comm, place.folder, scene.solver, options.quiet)
         self.first_kept = None
         self.summary = {
             "title": scene.title,
-            "command": command,
+            "command": list(options.command),
             "versions": versions(),
             "num_ranks": self.comm.size,
             "num_grains": int(mesh.labels.size),
@@ -250,7 +139,7 @@ class _Test:
             "balanced_at_steps": [],
         }
 
-    def run(self, checkpoint, max_steps):
+    def run(self, checkpoint):
         """March to the end, with retries; returns the summary."""
         comm, summary, resumed = self.comm, self.summary, checkpoint is not None
         self.begin(checkpoint, self.place)
@@ -263,10 +152,10 @@ class _Test:
             before = checkpoint.header["resumed_at_steps"]
             summary["resumed_at_steps"] = [*before, checkpoint.header["step"]]
             summary["balanced_at_steps"] = checkpoint.header["balanced_at_steps"]
-        _together(comm, lambda: write_run_json(self.folder, self.now()))
+        on_first_rank(comm, lambda: write_run_json(self.place.folder, self.now()))
         # A signal between two marches, while all begins anew, is not lost.
         with Interruption(comm, self.scene.output.checkpoint) as interruption:
-            error = self.march(interruption, max_steps, resumed)
+            error = self.march(interruption, resumed)
         if error is not None:
             summary["stop_reason"] = str(error)
         if isinstance(error, SolverError):
@@ -292,28 +181,28 @@ class _Test:
         }
         if self.profile is not None:
             summary["profile"] = self.profile.summary()
-        if self.after is not None:
-            summary |= self.after(summary)
+        if self.options.after is not None:
+            summary |= self.options.after(summary)
         self.place.lock.check()
-        _together(comm, lambda: write_run_json(self.folder, summary))
+        on_first_rank(comm, lambda: write_run_json(self.place.folder, summary))
         comm.Barrier()  # every rank finds complete files when this returns
         if error is not None:
             raise error
         return summary
 
-    def march(self, interruption, max_steps, resumed):
+    def march(self, interruption, resumed):
         """March to the end, again after each failure that has an answer; the error, or None."""
         while True:
             try:
                 reason = march(
                     self.simulation, self.loading, self.recorder, self.scene.output, interruption,
-                    self.save, self.balance, max_steps, self.quiet, resumed,
+                    self.save, self.balance, self.options.max_steps, self.options.quiet, resumed,
                 )  # fmt: skip
                 if reason is not None:
                     self.summary["stop_reason"] = reason
                     self.summary["finished"] = bool(self.loading.finished)
                     return None
-                self.begin_again(find_checkpoint(self.comm, self.folder))
+                self.begin_again(find_checkpoint(self.comm, self.place.folder))
                 resumed = True
             except UnstableError as failure:
                 found = self.recovery.answer(failure, self.simulation, self.checkpoints)
@@ -337,8 +226,8 @@ class _Test:
 
         Args:
             checkpoint: :class:`~.output.checkpoint.Checkpoint`, or None.
-            place: :class:`_Place` that is opened when nothing but writing can fail any more; None:
-                it is open.
+            place: :class:`~mufe_fenicsx.run.run_place.RunPlace` that is opened when nothing but
+                writing can fail any more; None: it is open.
         """
         scene = self.scene
         if checkpoint is not None:
@@ -363,14 +252,14 @@ class _Test:
         try:
             self.checkpoints.remove_after(checkpoint)
             self.recorder = Recorder(
-                self.folder, self.simulation, self.loading, scene.output,
+                self.place.folder, self.simulation, self.loading, scene.output,
                 scene.solver.energy_limit, recorder, same_ranks, self.place.lock,
             )  # fmt: skip
         except InputError:
             if place is not None:
                 place.abandon()
             raise
-        self.profile = Profile(self.simulation) if self.wants_profile else None
+        self.profile = Profile(self.simulation) if self.options.profile else None
         if self.profile is not None:
             after_step = self.profile.timed(self.recorder.after_step, "output")
             self.recorder.after_step = after_step
@@ -478,48 +367,3 @@ def _read(checkpoint, mesh, only=None):
 def _take_reference(checkpoint, mesh):
     """Give a mesh the reference configuration of a checkpoint."""
     restore_reference(mesh, _read(checkpoint, mesh, only=("nodes", "reference"))[0])
-
-
-def _separate(sample, mesh):
-    """Move overlapping surfaces apart where the scene wants that; what was moved, or None."""
-    if not sample.separation:
-        return None
-    return separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h).as_dict()
-
-
-def _write_inputs(comm, folder, scene_text, grains_folder):
-    """Keep the scene with the run, and the tables of the grains where they are given."""
-    message = None
-    if comm.rank == 0:
-        try:
-            write_atomically(folder / "scene.toml", scene_text)
-            if grains_folder is not None:
-                _copy_tables(grains_folder, folder)
-        except (InputError, OSError) as error:
-            message = str(error)
-    raise_together(comm, message)
-
-
-def _copy_tables(grains_folder, folder):
-    """Keep the tables of the grains with the run."""
-    source = grains_folder if grains_folder.is_dir() else grains_folder.parent
-    for name in TABLES:
-        if (source / name).is_file():
-            (folder / name).write_bytes((source / name).read_bytes())
-
-
-def _failed_grains(path):
-    """Labels of the grains that `mufe mesh` could not mesh, from its table; None without it.
-
-    Raises:
-        InputError: It is not that table.
-    """
-    if not path.is_file():
-        return None
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            return [int(row["label"]) for row in csv.DictReader(file) if row["status"] != "ok"]
-    except (KeyError, TypeError, ValueError, csv.Error):
-        raise InputError(
-            f"{path} is not the table that `mufe mesh` wrote, expected columns label and status"
-        ) from None

@@ -72,67 +72,82 @@ def plastic_sphere(
     results, simulations = {}, []
     n = elements_per_radius
     options = {"increments": increments if integrator == "static" else None}
+    found = []
     if what in ("all", "plateau"):
         for nu, ratio in FEW if ratios == "few" else ALL:
-            name = f"nu = {nu:g}, E/Y = {ratio:g}: "
-            computed = {
-                key: mean_pressure(comm, nu, ratio, m, a_over_R, element, **options)
-                for key, m, element in (
-                    ("fine", finest, "averaged"), ("", n, "averaged"), ("plain", n, "p1"),
-                )
-            }  # fmt: skip
-            pressure = {key: value for key, (value, _) in computed.items()}
-            courses = [course for _, course in computed.values()]
-            simulations += [course.simulation for course in courses]
-            # The target of the method, at 2.5 elements.
-            results[name + "mean pressure over Y"] = compare(pressure[""], pressure["fine"], 0.03)
-            stored = load().get(perfect_name(ratio, nu))
-            window = computed[""][1].window(n) / RADIUS
-            if stored and stored.covers(window):
-                force, converged = stored.mean(window)
-                results[name + "mean pressure over Y, axisymmetric"] = compare(
-                    pressure[""], converged * ratio, PRESSURE
-                )
-                results[name + "force, axisymmetric [N]"] = compare(
-                    computed[""][1].mean(n)[1], force * E * RADIUS**2, REFERENCE
-                )
-            # No target: it locks, and the more the stiffer it is; this shows how far.
-            results[name + "the same of plain P1"] = compare(
-                pressure["plain"], pressure["fine"], 10.0
-            )
-            # Inertia: at 0.002 of the work the mean pressure has changed by up to 3 %.
-            kinetic = max(course.kinetic for course in courses)
-            results[name + "kinetic energy over work"] = compare(kinetic, 0.0, 2e-3, 1.0)
+            found.append(_plateau(comm, nu, ratio, n, finest, a_over_R, options))
     if what in ("all", "curves"):
         for tangent, depths in ((0.0, DEPTHS), (hardening, DEPTHS[1:])):
-            law = "Ghaednia" if tangent else "Jackson & Green"
-            for depth in depths:
-                course, force, radius = on_curve(comm, depth, 2 * n, tangent, **options)
-                simulations.append(course.simulation)
-                # The target of the method; both are fits to finite elements to some percent.
-                name = f"{law}, {depth:g} of the approach of onset: "
-                results[name + "force"] = compare(*force, 0.05)
-                if not tangent:
-                    results[name + "contact radius"] = compare(*radius, 0.05)
-                    stored = load()[steel_name(7 if depth < 7 else 140)]
-                    window = course.window(2 * n) / RADIUS
-                    if stored.covers(window):
-                        converged = stored.mean(window)[0] * STEEL * RADIUS**2
-                        name = f"axisymmetric, {depth:g} of the approach of onset: "
-                        results[name + "force [N]"] = compare(force[0], converged, REFERENCE)
+            found += [_force_at(comm, depth, 2 * n, tangent, options) for depth in depths]
     if what in ("all", "onset"):
-        for nu in (0.15, 0.3):
-            name = f"onset, nu = {nu:g}: "
-            course, first, by_stress = onset(comm, nu, 2 * n, **options)
-            simulations.append(course.simulation)
-            # The target of the method. Radius and largest pressure go with force^(1/3).
-            results[name + "contact radius when the first element below the surface yields"] = (
-                compare(first, 1.0, 0.1)
-            )
-            results[name + "contact radius where the stress reaches Y"] = compare(
-                by_stress, 1.0, 0.1
-            )
+        found += [_first_yield(comm, nu, 2 * n, options) for nu in (0.15, 0.3)]
+    for lines, courses in found:
+        results |= lines
+        simulations += [course.simulation for course in courses]
     return results, simulations
+
+
+def _plateau(comm, nu, ratio, n, finest, a_over_R, options):
+    """Mean pressure of one material, with ``n`` elements per radius: results, courses."""
+    results = {}
+    name = f"nu = {nu:g}, E/Y = {ratio:g}: "
+    computed = {
+        key: mean_pressure(comm, nu, ratio, m, a_over_R, element, **options)
+        for key, m, element in (
+            ("fine", finest, "averaged"), ("", n, "averaged"), ("plain", n, "p1"),
+        )
+    }  # fmt: skip
+    pressure = {key: value for key, (value, _) in computed.items()}
+    courses = [course for _, course in computed.values()]
+    # The target of the method, at 2.5 elements.
+    results[name + "mean pressure over Y"] = compare(pressure[""], pressure["fine"], 0.03)
+    stored = load().get(perfect_name(ratio, nu))
+    window = computed[""][1].window(n) / RADIUS
+    if stored and stored.covers(window):
+        force, converged = stored.mean(window)
+        results[name + "mean pressure over Y, axisymmetric"] = compare(
+            pressure[""], converged * ratio, PRESSURE
+        )
+        results[name + "force, axisymmetric [N]"] = compare(
+            computed[""][1].mean(n)[1], force * E * RADIUS**2, REFERENCE
+        )
+    # No target: it locks, and the more the stiffer it is; this shows how far.
+    results[name + "the same of plain P1"] = compare(pressure["plain"], pressure["fine"], 10.0)
+    # Inertia: at 0.002 of the work the mean pressure has changed by up to 3 %.
+    kinetic = max(course.kinetic for course in courses)
+    results[name + "kinetic energy over work"] = compare(kinetic, 0.0, 2e-3, 1.0)
+    return results, courses
+
+
+def _force_at(comm, depth, n, tangent, options):
+    """Force and radius at one approach, with ``n`` elements per radius: results, courses."""
+    results, law = {}, "Ghaednia" if tangent else "Jackson & Green"
+    course, force, radius = on_curve(comm, depth, n, tangent, **options)
+    # The target of the method; both are fits to finite elements to some percent.
+    name = f"{law}, {depth:g} of the approach of onset: "
+    results[name + "force"] = compare(*force, 0.05)
+    if not tangent:
+        results[name + "contact radius"] = compare(*radius, 0.05)
+        stored = load()[steel_name(7 if depth < 7 else 140)]
+        window = course.window(n) / RADIUS
+        if stored.covers(window):
+            converged = stored.mean(window)[0] * STEEL * RADIUS**2
+            name = f"axisymmetric, {depth:g} of the approach of onset: "
+            results[name + "force [N]"] = compare(force[0], converged, REFERENCE)
+    return results, [course]
+
+
+def _first_yield(comm, nu, n, options):
+    """Onset with one Poisson's ratio, with ``n`` elements per radius: results, courses."""
+    results = {}
+    name = f"onset, nu = {nu:g}: "
+    course, first, by_stress = onset(comm, nu, n, **options)
+    # The target of the method. Radius and largest pressure go with force^(1/3).
+    results[name + "contact radius when the first element below the surface yields"] = compare(
+        first, 1.0, 0.1
+    )
+    results[name + "contact radius where the stress reaches Y"] = compare(by_stress, 1.0, 0.1)
+    return results, [course]
 
 
 def mean_pressure(

@@ -255,7 +255,7 @@ def _stretch(s):
     """Largest change of the distance of two nodes in a row of a rigid grain, over R. Local."""
     worst = 0.0
     for b in range(s.rigid.num_grains):
-        nodes = s.rigid.nodes[s.rigid.offset[b] : s.rigid.offset[b + 1]]
+        nodes = s.rigid.lists.of(b)
         before, now = (np.linalg.norm(np.diff(x[nodes], axis=0), axis=1)
                        for x in (s.mesh.x, s.state.x))  # fmt: skip
         worst = max(worst, float(np.abs(now - before).max()) / RADIUS)

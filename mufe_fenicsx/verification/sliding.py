@@ -34,19 +34,8 @@ def sliding_block(comm, friction=0.3, strain=1e-4, slip=1e-5, divisions=4):
         slip: Distance to slide [m].
         divisions: Bricks along the length.
     """
-    material = Elastic(E, NU, RHO)
-    body = box((LENGTH, LENGTH, HEIGHT), (divisions, divisions, max(divisions // 2, 1)))
-    s = build(
-        comm, [body], material, (0, 0, 0), (0, 0, HEIGHT), axes="z",
-        wall_friction={"z_min": friction, "z_max": 2 * friction},
-        damping=math.pi * material.wave_speed / LENGTH,
-    )  # fmt: skip
-    names = s.walls.names
-    plane, platen = names.index("z_min"), names.index("z_max")
-    beat = 8 * LENGTH / material.wave_speed
-
-    drive(s, {"z_max": (0, 0, -strain * HEIGHT)}, beat)
-    settle(s, 1e-12)
+    s, beat = _pressed(comm, friction, strain, divisions)
+    plane, platen = map(s.walls.names.index, ("z_min", "z_max"))
 
     def state():
         """Drag and normal force of the plane, drag of the platen [N], work of friction [J]."""
@@ -75,21 +64,9 @@ def sliding_block(comm, friction=0.3, strain=1e-4, slip=1e-5, divisions=4):
     drive(s, {"z_min": 1.4 * reach * WAY}, 6 * beat, at_step=record_ratio)
     settle(s, 1e-12)
 
-    before, u_before = state(), _foot(s)
-    forces, places = [before[1]], [s.walls.point[plane] @ WAY]
-
-    def record():
-        forces.append(s.wall_forces()[plane])
-        places.append(s.walls.point[plane] @ WAY)
-
-    # The stress of its inertia, rho c v, stays some percent of the pressure.
-    speed = 0.02 * strain * material.wave_speed
-    drive(s, {"z_min": slip * WAY}, max(slip / speed, beat), at_step=record)
-    end = state()
-    forces = np.array(forces)
-    mean_force = np.trapezoid(forces, places) / slip
-    slid = slip - (_foot(s) - u_before)
-    energy = s.energies()
+    before = state()
+    mean_force, slid = _slide(s, plane, slip, strain, beat)
+    end, energy = state(), s.energies()
 
     results = {
         "stuck: drag over mu N": compare(stuck[1][0] / (friction * rest[1]), 0.0, 1.0, scale=1.0),
@@ -114,6 +91,38 @@ def sliding_block(comm, friction=0.3, strain=1e-4, slip=1e-5, divisions=4):
         ),
     }
     return results, [s]
+
+
+def _pressed(comm, friction, strain, divisions):
+    """The block between plane and platen, pressed and at rest; the time of some waves [s]."""
+    material = Elastic(E, NU, RHO)
+    body = box((LENGTH, LENGTH, HEIGHT), (divisions, divisions, max(divisions // 2, 1)))
+    s = build(
+        comm, [body], material, (0, 0, 0), (0, 0, HEIGHT), axes="z",
+        wall_friction={"z_min": friction, "z_max": 2 * friction},
+        damping=math.pi * material.wave_speed / LENGTH,
+    )  # fmt: skip
+    beat = 8 * LENGTH / material.wave_speed
+
+    drive(s, {"z_max": (0, 0, -strain * HEIGHT)}, beat)
+    settle(s, 1e-12)
+    return s, beat
+
+
+def _slide(s, plane, slip, strain, beat):
+    """Draw the plane on by ``slip`` [m]; mean normal force [N], way of the block on it [m]."""
+    u_before = _foot(s)
+    forces, places = [s.wall_forces()[plane]], [s.walls.point[plane] @ WAY]
+
+    def record():
+        forces.append(s.wall_forces()[plane])
+        places.append(s.walls.point[plane] @ WAY)
+
+    # The stress of its inertia, rho c v, stays some percent of the pressure.
+    speed = 0.02 * strain * Elastic(E, NU, RHO).wave_speed
+    drive(s, {"z_min": slip * WAY}, max(slip / speed, beat), at_step=record)
+    mean_force = np.trapezoid(np.array(forces), places) / slip
+    return mean_force, slip - (_foot(s) - u_before)
 
 
 def _foot(s):

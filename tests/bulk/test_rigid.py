@@ -69,8 +69,8 @@ def packing(materials, law="matched", **options):
 def test_step_of_rigid_grains_is_that_of_the_dense_matrix():
     """Two rigid balls and all springs within the margin: 12 degrees of freedom."""
     s = packing([Rigid(**ROCK)] * 2)
-    rows, _ = s.rigid.free_masses(s.solid.mass)
-    add = s.rigid.constrained(s.stable.add_springs, s.state)
+    rows, _ = s.stable.rows.masses(s.solid.mass)
+    add = s.stable.rows.constrained(s.stable.add_springs, s.state)
     K = np.zeros((12, 12))
     for i in range(12):
         y, q = np.zeros((4, 3)), np.zeros((4, 3))
@@ -172,10 +172,10 @@ def test_nodes_that_contact_does_not_read_need_not_follow():
         s.complete()
         assert s.contact.num_searches > 2
         if not everywhere and s.rigid.num_grains:
-            assert s.rigid.followed.nodes.size < s.rigid.surface.size
+            assert s.rigid.followed.nodes.size < s.rigid.lists.surface.size
         e = s.energies()
         assert e["friction"] > 0 and e["contact"] + e["friction"] > 1e-3 * e["kinetic"]
-        a, damped = s.state.a[s.rigid.soft], np.array([s.damped])
+        a, damped = s.state.a[s.rigid.lists.soft], np.array([s.damped])
         found.append((s.state.x.copy(), s.state.u.copy(), s.state.v.copy(), a, damped))
     for one, other in zip(*found, strict=True):
         np.testing.assert_array_equal(one, other)

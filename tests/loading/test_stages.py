@@ -55,7 +55,7 @@ def march(sim, loading, watch=None, most=40000):
         forces = sim.wall_forces()
         now = (forces / np.repeat([loading._area(a) for a in range(3)], 2), loading.strains.copy())
         ends[loading.stage] = now
-        if loading._hold_from is None:
+        if loading._now.hold_from is None:
             led[loading.stage] = now
         if watch:
             watch(loading.stage, *now)

@@ -140,7 +140,7 @@ def test_one_of_many_takes_a_stale_lock(tmp_path):
 
     def take(lock):
         try:
-            lock._take()  # without MPI, which one thread uses
+            lock._acquire()  # without MPI, which one thread uses
         except InputError:
             return None
         return lock

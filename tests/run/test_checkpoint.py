@@ -280,7 +280,7 @@ def test_a_signal_ends_all_ranks_after_a_checkpoint(folder, serial, number):
 @pytest.mark.mpi
 def test_a_signal_is_heard_while_all_begins_anew(folder, monkeypatch):
     """It comes between the checkpoint that new shares of the work begin from and their start."""
-    begin_again = run_module._Test.begin_again
+    begin_again = run_module.TestRun.begin_again
 
     def balance(test):
         test.save()
@@ -291,8 +291,8 @@ def test_a_signal_is_heard_while_all_begins_anew(folder, monkeypatch):
             signal.raise_signal(signal.SIGINT)
         begin_again(test, checkpoint)
 
-    monkeypatch.setattr(run_module._Test, "balance", balance)
-    monkeypatch.setattr(run_module._Test, "begin_again", begin)
+    monkeypatch.setattr(run_module.TestRun, "balance", balance)
+    monkeypatch.setattr(run_module.TestRun, "begin_again", begin)
     monkeypatch.setattr(interruption, "LATENCY", 1e-3)
     with pytest.raises(Interrupted, match="stopped by SIGINT"):
         run(folder, "anew")
@@ -322,7 +322,7 @@ def test_damage_is_found_and_the_one_before_used(folder, capfd):
     COMM.Barrier()
     if COMM.rank == 0:  # one digit of a number that parses as well
         text = (torn / "manifest.json").read_text()
-        (torn / "manifest.json").write_text(text.replace('"clock": ', '"clock": 1'))
+        (torn / "manifest.json").write_text(text.replace('"num_steps": ', '"num_steps": 1'))
     found = checkpoints.find_checkpoint(COMM, folder / "out")
     assert found.path == good and "is damaged (manifest.json has changed)" in found.notices[0]
     COMM.Barrier()

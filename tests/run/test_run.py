@@ -202,3 +202,8 @@ def test_a_refusal_leaves_nothing_and_the_mended_scene_can_use_the_folder(tmp_pa
     with pytest.raises(InputError, match=r"inside grain 2|deep in grain 1"):
         run_scene(bad, tmp_path / "bad", out, comm, quiet=True, overwrite=True)
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+
+
+def test_an_option_that_there_is_not_is_named(tmp_path):
+    with pytest.raises(TypeError, match="option of a run = overwrit, expected one of overwrite, "):
+        run_scene(small_scene(), tmp_path, tmp_path / "out", MPI.COMM_SELF, overwrit=True)

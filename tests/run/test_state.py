@@ -26,9 +26,8 @@ SCRATCH = {
     "walls._moves": "set in each step",
     "positions.array": "points that no pair has stay where the last search found them",
     "stable._springs": "listed anew where the limit is looked for",
-    "rigid._energy": "room for the energies of now",
-    "rigid._q": "room for products with the stiffness",
-    "rigid._y": "as the last",
+    "stable.rows._q": "room for products with the stiffness",
+    "stable.rows._y": "as the last",
 }
 
 

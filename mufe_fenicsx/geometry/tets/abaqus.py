@@ -114,14 +114,14 @@ class _Reader:
             if keyword == "STEP":
                 break
             try:
-                self._take(keyword, options, data)
+                self._read_block(keyword, options, data)
             except InputError as error:
                 raise InputError(f"{at}: {error}") from None
             except ValueError as error:
                 raise InputError(f"{at}: *{words}: {error}, expected numbers") from None
         self._place()
 
-    def _take(self, keyword, options, data):
+    def _read_block(self, keyword, options, data):
         if keyword in NOT_FOLLOWED and (keyword != "SYSTEM" or data):
             raise InputError(
                 f"*{keyword} is not followed, expected all nodes and elements written out: write "

@@ -95,28 +95,7 @@ def mesh_one(job):
     for attempt in job.attempts:
         num_attempts += 1
         try:
-            surface = _sized_surface(job, attempt)
-            size, held = surface.sizes.size, surface.held
-            thickness = 2 * grain.volume / measure.surface_area(surface.points, surface.triangles)
-            tolerance = min(
-                TOLERANCE * (h if uniform else job.sizing.smallest),
-                TOLERANCE_OF_GRAIN * thickness,
-            )
-            # gmsh's tolerances suit bodies of size one.
-            nodes, cells = fill(
-                surface.points / size,
-                surface.triangles,
-                algorithm=attempt.algorithm,
-                optimiser=GMSH if surface.sharp and thickness < THIN * size else NETGEN,
-                size=1.0 if uniform else None,
-                tolerance=tolerance / size,
-                fixed=None if held is None else np.flatnonzero(held.all(axis=1)),
-                along=surface.along,
-                inner=job.inner_size,
-            )
-            nodes *= size
-            if held is not None:  # to the last digit
-                nodes[: len(held)] = np.where(held, surface.points, nodes[: len(held)])
+            nodes, cells, size, thickness = _filled(job, attempt, uniform)
         except SurfaceTooSmall as error:
             reasons.append(str(error))
             break
@@ -156,6 +135,34 @@ def mesh_one(job):
     best.quality["attempts"] = num_attempts
     best.quality["seconds"] = round(time.perf_counter() - start, 3)
     return best
+
+
+def _filled(job, attempt, uniform):
+    """Nodes and tetrahedra of a grain [m], edges of its surface [m], its mean thickness [m]."""
+    surface = _sized_surface(job, attempt)
+    size, held = surface.sizes.size, surface.held
+    area = measure.surface_area(surface.points, surface.triangles)
+    thickness = 2 * job.grain.volume / area
+    tolerance = min(
+        TOLERANCE * (job.sizing.largest if uniform else job.sizing.smallest),
+        TOLERANCE_OF_GRAIN * thickness,
+    )
+    # gmsh's tolerances suit bodies of size one.
+    nodes, cells = fill(
+        surface.points / size,
+        surface.triangles,
+        algorithm=attempt.algorithm,
+        optimiser=GMSH if surface.sharp and thickness < THIN * size else NETGEN,
+        size=1.0 if uniform else None,
+        tolerance=tolerance / size,
+        fixed=None if held is None else np.flatnonzero(held.all(axis=1)),
+        along=surface.along,
+        inner=job.inner_size,
+    )
+    nodes *= size
+    if held is not None:  # to the last digit
+        nodes[: len(held)] = np.where(held, surface.points, nodes[: len(held)])
+    return nodes, cells, size, thickness
 
 
 def _sized_surface(job, attempt):

@@ -58,35 +58,22 @@ class State:
     h: float  #: length of edges on the surface
 
 
-class Ball:
-    """Half a ball on its base, and a plane on its pole. One rank.
+class BallForms:
+    """Equilibrium of a ball as forms of displacement and mean stress.
 
     Args:
-        material: :class:`~mufe_fenicsx.materials.elastic.Elastic` or
-            :class:`~mufe_fenicsx.materials.j2.J2`.
-        contact_radius: Largest one expected, for the mesh.
-        elements: Edges per that radius, but for ``surface``.
-        surface: How much shorter edges are on the surface. A node is closed or open, so that the
-            area that carries a perfectly plastic contact, and the force, grows in steps.
-        base: "smooth" slides freely in its plane, "glued" does not.
-        finite: Large strain and rotation, or linear kinematics.
+        mesh: Of the quarter disc (r, z).
+        material, finite: As of :class:`Ball`.
+
+    Attributes:
+        W: Space of displacement and mean stress.
+        w, w_before: Functions on it, now and at the start of the step.
+        state: Deviator and plastic strain at the start of the step.
+        residual, tangent: Compiled forms.
+        values: Of the present state: deviator and plastic strain, place, mean stress, volume ratio.
     """
 
-    def __init__(self, material, contact_radius, elements, surface=1, base="smooth", finite=True):
-        if base not in BASES:
-            raise InputError(f'base = "{base}", expected "' + '" or "'.join(BASES) + '"')
-        # All sizes shrink alike.
-        self.h = contact_radius / (elements * surface)
-        self.mesh = quarter_disc(
-            self.h, 7.2 / elements, min(1.3 * contact_radius, 0.8), min(4.8 / elements, 0.15)
-        )
-        self.finite, self.delta = finite, 0.0
-        self._forms(material, finite)
-        self._holds(base, min(3 * contact_radius, 0.9))
-        self._solver()
-
-    def _forms(self, material, finite):
-        mesh = self.mesh
+    def __init__(self, mesh, material, finite):
         mixed = basix.ufl.mixed_element(
             [
                 basix.ufl.element("Lagrange", "triangle", 2, shape=(2,)),
@@ -121,9 +108,37 @@ class Ball:
         where, _ = basix.make_quadrature(basix.CellType.triangle, DEGREE)
         self.values = fem.Expression(ufl.as_vector(rows), where)
 
+
+class Ball:
+    """Half a ball on its base, and a plane on its pole. One rank.
+
+    Args:
+        material: :class:`~mufe_fenicsx.materials.elastic.Elastic` or
+            :class:`~mufe_fenicsx.materials.j2.J2`.
+        contact_radius: Largest one expected, for the mesh.
+        elements: Edges per that radius, but for ``surface``.
+        surface: How much shorter edges are on the surface. A node is closed or open, so that the
+            area that carries a perfectly plastic contact, and the force, grows in steps.
+        base: "smooth" slides freely in its plane, "glued" does not.
+        finite: Large strain and rotation, or linear kinematics.
+    """
+
+    def __init__(self, material, contact_radius, elements, surface=1, base="smooth", finite=True):
+        if base not in BASES:
+            raise InputError(f'base = "{base}", expected "' + '" or "'.join(BASES) + '"')
+        # All sizes shrink alike.
+        self.h = contact_radius / (elements * surface)
+        self.mesh = quarter_disc(
+            self.h, 7.2 / elements, min(1.3 * contact_radius, 0.8), min(4.8 / elements, 0.15)
+        )
+        self.finite, self.delta = finite, 0.0
+        self.forms = BallForms(self.mesh, material, finite)
+        self._holds(base, min(3 * contact_radius, 0.9))
+        self._solver()
+
     def _holds(self, base, reach):
         def dofs(component, where):
-            part = self.W.sub(0).sub(component)
+            part = self.forms.W.sub(0).sub(component)
             collapsed, _ = part.collapse()
             found, own = fem.locate_dofs_geometrical((part, collapsed), where)
             return found, collapsed.tabulate_dof_coordinates()[own, :2]
@@ -142,7 +157,7 @@ class Ball:
         self.first = same[order]
 
     def _solver(self):
-        self.A = petsc.create_matrix(self.tangent)
+        self.A = petsc.create_matrix(self.forms.tangent)
         self.A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         self.x, self.f = self.A.createVecs()
         self.R = self.f.duplicate()
@@ -155,10 +170,10 @@ class Ball:
         snes.getKSP().getPC().setFactorSolverType("mumps")
 
     def _assemble(self, x):
-        self.w.x.array[:] = x.array_r
+        self.forms.w.x.array[:] = x.array_r
         with self.R.localForm() as local:
             local.set(0.0)
-        petsc.assemble_vector(self.R, self.residual)
+        petsc.assemble_vector(self.R, self.forms.residual)
 
     def _function(self, snes, x, f):
         self._assemble(x)
@@ -174,7 +189,7 @@ class Ball:
     def _jacobian(self, snes, x, A, P):
         self._assemble(x)
         A.zeroEntries()
-        petsc.assemble_matrix(A, self.tangent)
+        petsc.assemble_matrix(A, self.forms.tangent)
         A.assemble()
         closed = self.along[-self.h * self._gap(x) > self.R.array_r[self.along]]
         A.zeroRows(closed.astype(np.int32), self.h)
@@ -206,7 +221,7 @@ class Ball:
     def _newton(self, delta, search):
         """True and the state of that approach, or False and that of before."""
         self.goal = delta
-        before = self.w_before.x.array
+        before = self.forms.w_before.x.array
         self.x.array[:] = before
         if self.delta:
             # As if all grew alike from here as in the last step.
@@ -219,11 +234,11 @@ class Ball:
         if self.snes.getConvergedReason() <= 0:
             return False
         self._assemble(self.x)
-        self.last = self.values.eval(self.mesh, np.arange(self._num_cells(), dtype=np.int32))
+        self.last = self.forms.values.eval(self.mesh, np.arange(self._num_cells(), dtype=np.int32))
         if not np.isfinite(self.last).all() or self.last[..., 8].min() <= 0:
             return False
-        dofs = self.state.function_space.dofmap.list
-        self.state.x.array.reshape(-1, 5)[dofs] = self.last[..., :5]
+        dofs = self.forms.state.function_space.dofmap.list
+        self.forms.state.x.array.reshape(-1, 5)[dofs] = self.last[..., :5]
         self.rate = (self.x.array_r - before) / (delta - self.delta)
         before[:] = self.x.array_r
         self.delta = delta

@@ -1,0 +1,66 @@
+"""Lengths, tolerances and solvers of increments."""
+
+from dataclasses import dataclass, fields
+
+from ..errors import InputError
+from ..solvers.generalised_alpha import GeneralisedAlpha
+
+
+@dataclass(frozen=True)
+class IncrementSettings:
+    """How increments are solved, and how long they may be."""
+
+    first_step: float  #: length of the first increment [s]
+    smallest_step: float | None = None  #: at which it gives up [s]; None: 1e-4 of the first
+    largest_step: float | None = None  #: of any increment [s]; None: 4 times the first
+    #: Of :class:`~mufe_fenicsx.solvers.generalised_alpha.GeneralisedAlpha`; None: static ones.
+    spectral_radius: float | None = None
+    stabilisation: float = 1e-6  #: s of static increments
+    tolerance: float = 1e-6  #: residual over the internal forces, in the norm over all nodes
+    max_iterations: int = 30  #: of Newton's method in an increment
+    no_force: float = 1e-9  #: residual that is none, over E* times the square of the mean edge
+    linear_solver: str | None = None  #: one of linear_system.SOLVERS; None: by size
+    petsc: dict | None = None  #: further options of PETSc, without the prefix ``mufe_``
+    #: Of static increments with exact gaps (contact.stiffness.augmented): largest distance of a
+    #: closed contact from its gap, over the mean facet edge; None: layers stay.
+    gap_tolerance: float | None = None
+    max_augmentations: int = 30  #: times that multipliers are renewed in an increment, at most
+
+    def __post_init__(self):
+        if not 0 < self.smallest <= self.first_step <= self.largest:
+            raise InputError(
+                f"first_step = {self.first_step} s, expected 0 < smallest_step = {self.smallest} "
+                f"<= first_step <= largest_step = {self.largest}"
+            )
+        if self.method is not None and self.gap_tolerance is not None:
+            raise InputError(
+                f"gap_tolerance = {self.gap_tolerance}, expected none for dynamics: augmentations "
+                "belong to static increments"
+            )
+
+    @classmethod
+    def taken_from(cls, options):
+        """The settings among ``options`` by name, and a dict of the other options."""
+        names = [field.name for field in fields(cls)]
+        own = {name: value for name, value in options.items() if name in names}
+        return cls(**own), {name: value for name, value in options.items() if name not in names}
+
+    @property
+    def method(self):
+        """How dynamics are integrated; None for static increments."""
+        return None if self.spectral_radius is None else GeneralisedAlpha(self.spectral_radius)
+
+    @property
+    def smallest(self):
+        """Smallest length of an increment [s]."""
+        return 1e-4 * self.first_step if self.smallest_step is None else self.smallest_step
+
+    @property
+    def largest(self):
+        """Largest length of an increment [s]."""
+        return 4.0 * self.first_step if self.largest_step is None else self.largest_step
+
+    @property
+    def drag_time(self):
+        """Drag of static increments over the stiffness of grains [s]; 0 in dynamics."""
+        return float(self.stabilisation) * self.first_step if self.method is None else 0.0
