@@ -68,7 +68,7 @@ class EdgeContact:
             reach: Distance [m], no less than the depth of the deepest pair.
             bound: Of all relative motion so far [m].
         """
-        old, old_keys = self.pairs, self._keys()
+        old, old_keys = self.pairs, self.keys()
         self.list_edges(num_own, surface)
         self.set_pairs(*_search(x, self.edges, reach), bound)
         if old is not None:
@@ -87,8 +87,8 @@ class EdgeContact:
         pairs.friction_row = self.friction.rows(pairs.grain, pairs.partner)
         self.pairs = pairs
 
-    def _keys(self):
-        """Numbers that name the pairs on any rank, shape (num_pairs,)."""
+    def keys(self):
+        """Numbers that name the pairs, shape (num_pairs,); None before the first search."""
         if self.pairs is None:
             return None
         key = self.edges.key
@@ -96,7 +96,7 @@ class EdgeContact:
 
     def _carry(self, old, old_keys):
         new = self.pairs
-        _, at_old, at_new = np.intersect1d(old_keys, self._keys(), True, return_indices=True)
+        _, at_old, at_new = np.intersect1d(old_keys, self.keys(), True, return_indices=True)
         for name in REMEMBERED:
             getattr(new, name)[at_new] = getattr(old, name)[at_old]
         # What waited, but is looked at again, may not have moved further since.
