@@ -37,6 +37,8 @@ class Specimen(Stateful):
         mass_factor: Nodal masses times this, shape (num_nodes,), where only slow loading is
             of interest; 1 if None. Not seen by the time step of single elements.
         gravity: Acceleration [m/s²], shape (3,); none if None.
+        damping: Force -damping m v on every node [1/s]; time steps are at most one over it, and
+            static increments have none.
         contact: Fields of :class:`~mufe_fenicsx.contact.settings.ContactSettings`, ``friction``
             among them.
 
@@ -60,6 +62,7 @@ class Specimen(Stateful):
         velocity=None,
         mass_factor=None,
         gravity=None,
+        damping=0.0,
         **contact,
     ):
         self.mesh, self.comm = mesh, mesh.comm
@@ -96,6 +99,7 @@ class Specimen(Stateful):
             self.state.v[:] = velocity
             self.rigid.set_velocity(self.state.v)
             self.mirrors.project(self.state.v)
+        self.damping = float(damping)
         self.initial_kinetic = 0.0
         #: Energy that damping, stabilisation and changes of added mass took on this rank [J].
         self.damped = 0.0
@@ -342,6 +346,15 @@ class OfSpecimen(Stateful):
     def initial_kinetic(self):
         """Kinetic energy at the start [J]."""
         return self.specimen.initial_kinetic
+
+    @property
+    def damping(self):
+        """Force -damping m v on every node [1/s]; may be changed between two steps."""
+        return self.specimen.damping
+
+    @damping.setter
+    def damping(self, value):
+        self.specimen.damping = float(value)
 
     @property
     def damped(self):

@@ -17,13 +17,12 @@ class Motion(Stateful):
 
     Args:
         specimen: :class:`~mufe_fenicsx.specimen.Specimen`.
-        damping: Force -damping m v on every node [1/s].
     """
 
     STATE = {"common": ("field",)}
 
-    def __init__(self, specimen, damping):
-        self._specimen, self._damping = specimen, damping
+    def __init__(self, specimen):
+        self._specimen = specimen
         self.may_wait = False  #: whether the second half of this step's kick is to wait
         self._kick_waits = False
         self._kick_and_drift = KickAndDrift()
@@ -50,19 +49,20 @@ class Motion(Stateful):
     def drift(self, dt):
         """Half a kick, and the motion over a step ``dt`` [s]."""
         sp, s = self._specimen, self._specimen.state
+        damping = sp.damping
         x0, runs = sp.mesh.x, sp.rigid.lists.runs
         if self._kick_waits:
             self._kick_waits = False
             damped, self._moved = self._kick_and_drift(
-                s.x, s.u, s.v, sp.f, sp.solid.mass, x0, runs, s.dt, dt, self._damping, self.field,
+                s.x, s.u, s.v, sp.f, sp.solid.mass, x0, runs, s.dt, dt, damping, self.field,
                 self._moves,
             )  # fmt: skip
             self._specimen.damped += damped
         else:
             self._moved = half_kick_and_drift(
-                s.x, s.u, s.v, s.a, sp.f, x0, runs, dt, self._damping, self.field, self._moves
+                s.x, s.u, s.v, s.a, sp.f, x0, runs, dt, damping, self.field, self._moves
             )
-        sp.rigid.drift(s.x, s.u, dt, self._damping)
+        sp.rigid.drift(s.x, s.u, dt, damping)
 
     def move_walls(self, dt):
         """Walls go on by ``dt`` [s]."""
@@ -72,7 +72,7 @@ class Motion(Stateful):
     def kick(self, dt):
         """Half a kick at the end of the step."""
         self._kick_waits = True
-        self._specimen.damped += self._specimen.rigid.kick(dt, self._damping)
+        self._specimen.damped += self._specimen.rigid.kick(dt, self._specimen.damping)
         if not self.may_wait:
             self.finish_kick()
 
@@ -83,7 +83,7 @@ class Motion(Stateful):
         self._kick_waits = False
         sp, s = self._specimen, self._specimen.state
         self._specimen.damped += accelerate_and_half_kick(
-            s.a, s.v, sp.f, sp.solid.mass, sp.rigid.lists.runs, s.dt, self._damping
+            s.a, s.v, sp.f, sp.solid.mass, sp.rigid.lists.runs, s.dt, self._specimen.damping
         )
         sp.bonded.give_velocity(s.v)
 

@@ -34,7 +34,6 @@ class Simulation(OfSpecimen):
 
     Args:
         mesh, materials, walls, options: As of :class:`~mufe_fenicsx.specimen.Specimen`.
-        damping: Force -damping m v on every node [1/s]; steps are at most one over it.
         assembled: Time step from the assembled system (True) or from single elements.
         time_step_factor: Time step over the limit of stability.
         refresh: Steps between two evaluations of that limit, where none waits longer.
@@ -56,7 +55,6 @@ class Simulation(OfSpecimen):
         materials: Sequence[IsotropicSolid],
         walls: Sequence[Wall] = (),
         *,
-        damping: float = 0.0,
         assembled: bool = True,
         time_step_factor: float = 0.9,
         refresh: int = 150,
@@ -67,14 +65,13 @@ class Simulation(OfSpecimen):
         super().__init__(specimen)
         if specimen.any_rigid and not assembled:
             raise InputError('time step = by element, expected "assembled" for rigid grains')
-        self.damping = float(damping)
         self.time_step_factor, self.refresh = time_step_factor, Refresh(refresh)
         self.scaling = None
         if mass_scaling is not None:
             rho = np.array([m.rho for m in materials])
             self.scaling = MassScaling(specimen.solid, rho, mass_scaling)
         self.watch = LoadWatch(specimen.rigid, materials)
-        self.motion = Motion(specimen, self.damping)
+        self.motion = Motion(specimen)
         self.stable = StableStep(specimen, assembled, time_step_factor)
         self.dt = math.nan
         self.dt_element = math.nan

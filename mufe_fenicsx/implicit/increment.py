@@ -26,7 +26,6 @@ class IncrementEquations:
     Args:
         specimen: :class:`~mufe_fenicsx.specimen.Specimen`, the term of contact first.
         method: :class:`~mufe_fenicsx.solvers.generalised_alpha.GeneralisedAlpha`; None: static.
-        damping: Of dynamic increments [1/s].
         drag_time: Of static increments: stabilisation times the length of the first [s].
         held: Pairs (nodes, unit vector) of what is prescribed.
         solver: One of linear_system.SOLVERS.
@@ -44,9 +43,9 @@ class IncrementEquations:
         too_far: Largest motion that it was not good for [m].
     """
 
-    def __init__(self, specimen, method, damping, drag_time, held, solver, petsc):
+    def __init__(self, specimen, method, drag_time, held, solver, petsc):
         s = self._specimen = specimen
-        self.comm, self.method, self.damping, mesh = s.comm, method, damping, s.mesh
+        self.comm, self.method, mesh = s.comm, method, s.mesh
         self._contact_tangent = ContactTangent(s.contact, mesh)
         self.held = HeldNodes(mesh, held, s.bonded.nodes, self._contact_tangent)
         self._u0 = fem.Function(mesh.V)
@@ -108,8 +107,8 @@ class IncrementEquations:
             mass = specimen.solid.mass[:, None]
             r = mass * ((1 - ma) * a1 + ma * start["a"])
             size += float(np.vdot(r, r))
-            r -= (1 - mf) * (f - self.damping * mass * v1)
-            r -= mf * (self.start.force - self.damping * mass * start["v"])
+            r -= (1 - mf) * (f - specimen.damping * mass * v1)
+            r -= mf * (self.start.force - specimen.damping * mass * start["v"])
         else:
             drag = (self.drag / dt)[:, None] * du
             r = drag - f
@@ -145,7 +144,7 @@ class IncrementEquations:
         if method:
             factor = 1.0 - method.force_of_start
             slope = method.inertia_slope(dt)
-            slope += factor * self.damping * method.velocity_slope(dt)
+            slope += factor * specimen.damping * method.velocity_slope(dt)
             diagonal = slope * specimen.solid.mass
         else:
             diagonal = self.drag / dt

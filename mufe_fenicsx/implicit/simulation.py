@@ -56,7 +56,6 @@ class ImplicitSimulation(OfSpecimen):
         mesh, materials, walls: As of :class:`~mufe_fenicsx.specimen.Specimen`; no rigid
             grains, no kinematic law. Walls held at a force, in static increments only, move
             within each until they carry it.
-        damping: Force -damping m v on every node [1/s], in dynamics.
         held: Pairs (nodes of this rank, unit vector (3,)): displacements along the vector are
             those of :attr:`prescribed` at these nodes. Their work is not part of that of the walls.
         options: Beside those of the specimen, fields of
@@ -88,14 +87,12 @@ class ImplicitSimulation(OfSpecimen):
         walls: Sequence[Wall] = (),
         *,
         held: Sequence[tuple[np.ndarray, np.ndarray]] = (),
-        damping: float = 0.0,
         **options: Any,
     ):
         self.settings, options = IncrementSettings.taken_from(options)
         self.method = self.settings.method
         specimen = Specimen(mesh, materials, walls, **options)
         super().__init__(specimen)
-        self.damping = float(damping)
         if specimen.any_rigid:
             raise InputError("rigid grains, expected deformable ones for an implicit solver")
         if self.walls.has_servo and self.method:
@@ -113,7 +110,7 @@ class ImplicitSimulation(OfSpecimen):
         self.dt_element = self.comm.allreduce(own, op=MPI.MIN)
         specimen.initial_kinetic = self.comm.allreduce(self.kinetic_energy())
         self.equations = IncrementEquations(
-            specimen, self.method, self.damping, self.settings.drag_time, self.held,
+            specimen, self.method, self.settings.drag_time, self.held,
             self.settings.linear_solver or solver_by_size(mesh), self.settings.petsc,
         )  # fmt: skip
         self._exact = None

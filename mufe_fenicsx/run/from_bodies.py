@@ -15,6 +15,8 @@ from ..implicit.simulation import ImplicitSimulation
 from ..materials.elastic import IsotropicSolid
 from ..mesh import GrainMesh, create_grain_mesh, partition_grains
 
+#: Options that increments have no use for.
+OF_STEPS = ("assembled", "time_step_factor", "refresh", "mass_scaling")
 #: Nodes [m], shape (num_nodes, 3), and tetrahedra, shape (num_cells, 4).
 Body = tuple[np.ndarray, np.ndarray]
 
@@ -95,10 +97,12 @@ def simulate(
     """Time steps, or increments of the length ``increment`` [s]. Collective.
 
     Options are those of :class:`~.Simulation`, and of increments those of
-    :class:`~.ImplicitSimulation`: static ones without ``spectral_radius``.
+    :class:`~.ImplicitSimulation`: static ones without ``spectral_radius``. Increments leave
+    options of time steps alone.
     """
     if increment is None:
         return Simulation(mesh, materials, walls, **options)
+    options = {name: value for name, value in options.items() if name not in OF_STEPS}
     options = {"first_step": increment, "largest_step": increment} | options
     return ImplicitSimulation(mesh, materials, walls, **options)
 

@@ -56,7 +56,7 @@ class Tets:
         bad = self.solid.add_internal_forces(self.force, s, dt)
         if bad >= 0:
             raise SolverError(f"element {bad} is inverted or collapsed, expected sound ones")
-        self.watch(s.plastic_strain > alpha)
+        self._watch(s.plastic_strain > alpha)
 
     def _watch(self, yielding):
         """How far the stress lies off the yield surface where it yields, beyond it elsewhere."""

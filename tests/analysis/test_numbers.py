@@ -80,7 +80,7 @@ def test_checks_say_from_where_on_and_are_not_green_on_faults():
     h["kinetic"][late] = 0.1 * (h["elastic"] + h["plastic"])[late]
     found = {check.name: check for check in checks.check_run(h)}
     assert all(check.passed for check in found.values())
-    assert found["kinetic"].row == late + 1 == checks.begin_of_good(found.values(), h)
+    assert found["kinetic"].row == late + 1 == checks.first_good_row(found.values(), h)
     assert f"Met from strain {h['strain'][late + 1]:.4f} on" in found["kinetic"].text
     assert found["residual"].text.endswith("Met in all rows.") is False  # that energy is missing
     h["kinetic"][-1] = 0.06 * (h["elastic"] + h["plastic"])[-1]

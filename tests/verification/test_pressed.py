@@ -51,7 +51,7 @@ def test_response_is_the_slope_of_the_force():
     pressed = Pressed(MPI.COMM_SELF, bodies, petsc={"ksp_rtol": 1e-8})
     pressed.press(theory.delta)
     s = pressed.simulation
-    x, force = s.state.x.copy(), s._f.copy()
+    x, force = s.state.x.copy(), s.specimen.f.copy()
     load = np.zeros_like(x)
     load[np.argmin((x**2).sum(axis=1))] = [1.0, 0.5, -2.0]
     load *= 1e-4 * theory.force
@@ -60,7 +60,7 @@ def test_response_is_the_slope_of_the_force():
     s._begin(s.dt)
     s.equations.residual(moved)
     # Forces grow by what balances the load, to the second order of its size.
-    change = s.equations.held.project(s._f - force)
+    change = s.equations.held.project(s.specimen.f - force)
     assert abs(change + s.equations.held.project(load)).max() < 1e-2 * abs(load).max()
 
 

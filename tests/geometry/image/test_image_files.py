@@ -75,7 +75,7 @@ def test_fiji_states_its_voxel_size_and_a_given_one_comes_first(tmp_path, volume
 
 CROP = """
 import resource, sys
-from mufe_fenicsx.geometry.image_files import read_image
+from mufe_fenicsx.geometry.image.image_files import read_image
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 for name in sys.argv[1:]:
     options = {"shape": (2048,) * 3, "dtype": "<u2"} if name.endswith("raw") else {}
