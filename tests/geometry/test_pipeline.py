@@ -160,15 +160,21 @@ def test_another_separation_drops_what_only_the_old_one_uses():
     ("make", "message"),
     [
         (lambda: SegmentSettings(voxel_size=0), "voxel_size = 0"),
-        (lambda: SegmentSettings(voxel_size=1e-5, filter="mean"), "filter = 'mean'"),
+        (lambda: SegmentSettings(voxel_size=1e-5, filter="mean"), 'filter = "mean"'),
         (lambda: SegmentSettings(voxel_size=1e-5, threshold="half"), "threshold = 'half'"),
         (
             lambda: SegmentSettings(watershed_level=0.2),
             "watershed_level = 0.2, expected a value only",
         ),
         (lambda: SegmentSettings(voxel_size=(1e-5, -1, 1)), "voxel_size = "),
-        (lambda: SegmentSettings(upsample=1e9), r"upsample = 1000000000.0, expected > 0, at most"),
-        (lambda: SegmentSettings(filter_radius=1e9), "filter_radius = 1000000000.0, expected 0 to"),
+        (
+            lambda: SegmentSettings(upsample=1e9),
+            "upsample = 1000000000.0, expected 0 < upsample <= 100",
+        ),
+        (
+            lambda: SegmentSettings(filter_radius=1e9),
+            "filter_radius = 1000000000.0, expected 0 <= filter_radius",
+        ),
         (lambda: SegmentSettings(filter="median", filter_radius=20), "at most 10 voxels for the"),
         (lambda: SegmentSettings(crop=((5, 2), (0, 1), (0, 1))), "crop = 5 to 2 along z, expected"),
         (lambda: SegmentSettings(shape=(0, 3, 3)), r"shape = \(0, 3, 3\), expected three numbers"),
