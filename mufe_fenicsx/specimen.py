@@ -4,6 +4,8 @@ Nothing here knows how the specimen moves: :mod:`.explicit` steps it in time, :m
 for its equilibria.
 """
 
+from dataclasses import fields
+
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
@@ -17,9 +19,9 @@ from .contact.results.network import num_active_pairs
 from .contact.settings import ContactGrains, ContactSettings
 from .contact.start.overlap import check_start, too_deep
 from .contact.walls import Walls
-from .errors import InputError, SolverError, UnstableError
+from .errors import InputError, SolverError, UnstableError, nearest_name, shown
 from .loading.gravity import Gravity
-from .state import Stateful, initial_state
+from .state import ForceTerm, Stateful, initial_state
 
 #: Terms of the energy balance before those of force terms, and after them.
 ENERGIES = ("kinetic", "elastic", "plastic", "friction", "switching", "contact", "damping")
@@ -72,7 +74,7 @@ class Specimen(Stateful):
         if mass_factor is not None:
             solid.mass *= mass_factor
         self.walls = Walls(walls)
-        settings = ContactSettings(**contact)
+        settings = _settings_of_contact(contact)
         grains = ContactGrains(
             solid.contact_modulus, solid.tangential_ratio, solid.mass,
             self.rigid.layers(materials), solid.edge_compliance,
@@ -118,6 +120,13 @@ class Specimen(Stateful):
             InputError: It has none, or there is one of that name.
         """
         names = [other.name for other in self.terms if other.name]
+        if not isinstance(term, ForceTerm):
+            raise InputError(f"force term = {shown(term)}, expected a state.ForceTerm")
+        if self.any_rigid and type(term).act_on_rigid is ForceTerm.act_on_rigid:
+            raise InputError(
+                f"force term {term.name} has no act_on_rigid, expected one where grains are rigid: "
+                "their nodes follow them, and forces on these are lost"
+            )
         if not term.name or term.name in names:
             raise InputError(
                 f'name of a force term = "{term.name}", expected one that is not there: '
@@ -285,6 +294,17 @@ class Specimen(Stateful):
         return 2.0 * num_active_pairs(self.contact) / self.mesh.labels.size
 
 
+def _settings_of_contact(options):
+    """Settings of contact from what is left of the options of a simulation."""
+    known = [field.name for field in fields(ContactSettings)]
+    for name in options:
+        if name not in known:
+            raise InputError(
+                f"option of a simulation = {shown(name)}, expected {nearest_name(name, known)}"
+            )
+    return ContactSettings(**options)
+
+
 class OfSpecimen(Stateful):
     """What simulations show of the specimen that they move."""
 
@@ -346,6 +366,15 @@ class OfSpecimen(Stateful):
     def initial_kinetic(self):
         """Kinetic energy at the start [J]."""
         return self.specimen.initial_kinetic
+
+    def add_term(self, term):
+        """Let a force of one's own act from now on, as :meth:`Specimen.add_term`. Collective."""
+        self.specimen.add_term(term)
+        self.update_time_step()
+
+    def update_time_step(self):
+        """Follow a change of stiffness. Collective."""
+        raise NotImplementedError
 
     @property
     def damping(self):

@@ -62,21 +62,21 @@ def judged(history, mass):
         mass: Of all grains [kg]; None: single rows are judged.
     """
     time, window = history["time"], WINDOW * travel_time(history, mass)
-    kinetic = _recent_mean(kinetic_ratio(history), time, window)
-    return kinetic, np.sqrt(_recent_mean(force_difference(history) ** 2, time, window))
+    kinetic = mean_of_recent(kinetic_ratio(history), time, window)
+    return kinetic, np.sqrt(mean_of_recent(force_difference(history) ** 2, time, window))
 
 
-def _recent_mean(values, time, window):
+def mean_of_recent(values, time, window):
     """Mean of the values that are numbers since a ``window`` before each row; nan where it is."""
     known = np.isfinite(values)
     index = np.arange(len(values))
     first = np.searchsorted(time, time - np.nan_to_num(window), side="right")
     first = np.minimum(first, index)
-    sums = np.append(0.0, np.cumsum(np.where(known, values, 0.0)))
-    counts = np.append(0, np.cumsum(known))
-    mean = (sums[index + 1] - sums[first]) / np.maximum(counts[index + 1] - counts[first], 1)
-    alone = first == index  # to the last bit what it is
-    return np.where(known, np.where(alone, values, mean), np.nan)
+    # Each sum by itself: differences of sums from the start lose all beside one huge value.
+    windows = np.stack([first, index + 1], axis=1).ravel()
+    sums = np.add.reduceat(np.append(np.where(known, values, 0.0), 0.0), windows)[::2]
+    counts = np.add.reduceat(np.append(known, False).astype(float), windows)[::2]
+    return np.where(known, sums / np.maximum(counts, 1.0), np.nan)
 
 
 def _ratio(part, whole):

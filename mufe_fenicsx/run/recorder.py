@@ -1,5 +1,6 @@
 """What a test writes as it goes on: rows of its history and states of all fields."""
 
+import copy
 import math
 
 from ..bulk.solid import von_mises
@@ -55,10 +56,10 @@ class Recorder:
         """What a recorder that goes on from here has to know, fit for JSON; rows are on disk."""
         return {
             "history": self.history.sync(),
-            "history_rows": self.history.rows,
-            "record": self.record.kept,
-            "fields": self.fields.kept,
-            "contacts": self.contacts.kept,
+            "history_rows": self.history.rows and list(self.history.rows),
+            "record": copy.deepcopy(self.record.kept),
+            "fields": copy.deepcopy(self.fields.kept),
+            "contacts": copy.deepcopy(self.contacts.kept),
             "num_states": self.num_states,
             "next": (self._stage, self._next_row, self._next_state),
         }

@@ -174,3 +174,12 @@ def test_checkerboard_is_one_where_neighbours_alternate_and_small_where_smooth()
     # Two in turn with one pressure: from pair to pair.
     pairs = np.repeat(sign[: n // 2], 2)
     assert checkerboard(cells, pairs, volume, family=2) == pytest.approx(1, abs=1e-12)
+
+
+def test_means_of_recent_rows_forget_what_is_huge_and_long_ago():
+    """At the first touch a ratio to energies that are rounding can be anything."""
+    h = {"time": np.arange(6.0)}
+    values = np.array([1e34, 2.0, np.nan, 2.0, 4.0, 2.0])
+    mean = quasi_static.mean_of_recent(values, h["time"], np.full(6, 1.5))
+    assert mean.tolist()[1] == 5e33 and np.isnan(mean[2])
+    np.testing.assert_allclose(mean[3:], [2.0, 3.0, 3.0])

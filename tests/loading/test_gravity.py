@@ -176,11 +176,10 @@ def test_a_term_of_ones_own_counts_everywhere(increment):
     free = s.dt
     mass = s.solid.mass
     k = 4.0 * float(mass.min()) * (0.4 / free) ** 2 if increment is None else 1e5
-    s.specimen.add_term(Ground(s.mesh.x, k))
+    s.add_term(Ground(s.mesh.x, k))
     with pytest.raises(InputError, match='name of a force term = "ground", expected one'):
-        s.specimen.add_term(Ground(s.mesh.x, k))
+        s.add_term(Ground(s.mesh.x, k))
     if increment is None:
-        s.update_time_step()
         assert s.dt < 0.9 * free
         for _ in range(200):
             s.step()
@@ -194,3 +193,15 @@ def test_a_term_of_ones_own_counts_everywhere(increment):
         pull = float((mass[:, None] * G).sum(axis=0)[2])
         held = -k * s.state.u[:, 2].sum()
         assert held + s.wall_forces()[0] == pytest.approx(-pull, rel=1e-5)
+
+
+def test_what_a_term_must_not_be():
+    s = ball(Rigid(1e9, 0.0, 2500.0), 1.0)
+    for term, said in (
+        (Ground(s.mesh.x, 1.0), "force term ground has no act_on_rigid, expected one where"),
+        (lambda f, state, dt: None, "force term = <function .*, expected a state.ForceTerm"),
+    ):
+        with pytest.raises(InputError, match=said):
+            s.add_term(term)
+    with pytest.raises(InputError, match='option of a simulation = "frction", expected friction'):
+        ball(ROCK, 1.0, frction=0.3)

@@ -106,6 +106,14 @@ def test_a_step_beyond_the_limit_of_stability_is_found_and_halved(folder):
     assert np.all(np.diff(history["step"]) > 0) and not tame["retries"]
 
 
+def test_results_after_a_retry_from_the_start_are_those_that_a_resume_counts(folder):
+    given = replace(scene(1.3), output=Output(fields=3, history=41))
+    whole = run(folder, "whole", given)
+    assert whole["finished"] and whole["retries"][0]["from_step"] == 0
+    run(folder, "parts", given, max_steps=whole["num_steps"] - 5)
+    assert run(folder, "parts", given, resume=True)["num_steps"] == whole["num_steps"]
+
+
 @pytest.mark.mpi
 def test_when_retries_are_used_up_it_stops_and_says_so(folder):
     """No step closes the balance to 1e-9."""
