@@ -23,9 +23,6 @@ from .errors import InputError, SolverError, UnstableError, nearest_name, shown
 from .loading.gravity import Gravity
 from .state import ForceTerm, Stateful, initial_state
 
-#: Terms of the energy balance before those of force terms, and after them.
-ENERGIES = ("kinetic", "elastic", "plastic", "friction", "switching", "contact", "damping")
-
 
 class Specimen(Stateful):
     """A set of grains between walls, on all ranks of ``mesh.comm``. Collective.
@@ -255,7 +252,7 @@ class Specimen(Stateful):
             kinetic: Kinetic energy of this rank's grains [J].
 
         Returns:
-            dict with the keys of ``ENERGIES``; ``energy_NAME`` of each added term that has an
+            dict with kinetic, elastic, plastic, friction, switching, contact, damping; ``energy_NAME`` of each added term that has an
             energy, since the start; ``work`` of the walls; and ``residual``, what none explains.
         """
         contact, num_contacts = self.contact.energy()
