@@ -114,7 +114,8 @@ class Specimen(Stateful):
             term: :class:`~mufe_fenicsx.state.ForceTerm` with a name that no other term has.
 
         Raises:
-            InputError: It has none, or there is one of that name.
+            InputError: It is none, its name is missing or taken, or it knows nothing of the rigid
+                grains that there are.
         """
         names = [other.name for other in self.terms if other.name]
         if not isinstance(term, ForceTerm):
@@ -252,8 +253,9 @@ class Specimen(Stateful):
             kinetic: Kinetic energy of this rank's grains [J].
 
         Returns:
-            dict with kinetic, elastic, plastic, friction, switching, contact, damping; ``energy_NAME`` of each added term that has an
-            energy, since the start; ``work`` of the walls; and ``residual``, what none explains.
+            dict with kinetic, elastic, plastic, friction, switching, contact and damping;
+            ``energy_NAME`` of each added term that has an energy, since the start; ``work`` of the
+            walls; and ``residual``, what none explains.
         """
         contact, num_contacts = self.contact.energy()
         local = {
