@@ -4,7 +4,7 @@ A µCT scan becomes labelled grains, each grain a tetrahedral mesh, all grains
 one DOLFINx mesh partitioned by grain; the grains deform as elasto-plastic
 bodies in hard, frictional contact.
 
-The public names are those of ``MODULE_OF``; docs/python.md has a line on each.
+The public names are those of ``MODULE_OF``; docs/reference/python.md has a line on each.
 """
 
 import importlib

@@ -56,9 +56,9 @@ SCENE = {
 
 
 def pages():
-    """README and all pages under docs, as paths."""
-    generated = ROOT / "docs" / "api"
-    found = sorted(p for p in (ROOT / "docs").rglob("*.md") if generated not in p.parents)
+    """README and all pages under docs but the record, whose commands are those of its dates."""
+    left_out = {ROOT / "docs" / "api", ROOT / "docs" / "record"}
+    found = sorted(p for p in (ROOT / "docs").rglob("*.md") if not left_out & {*p.parents})
     return [ROOT / "README.md", *found]
 
 

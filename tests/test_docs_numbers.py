@@ -7,7 +7,7 @@ import pytest
 from mufe_fenicsx.planning.evidence import read_points
 from tests.docs_pages import ROOT
 
-PAGE = ROOT / "docs" / "choosing_a_model.md"
+PAGE = ROOT / "docs" / "howto" / "choose_a_model.md"
 ROW = re.compile(
     r"\| (averaged pressure|the seed's method)?[^|`:]*(?:`([^`]+)`)?[^|`:]*: "
     r"([\d.]+(?:, [\d.]+)*)[^|;]*\| ([^|;]+) \| ([^|;]+) \|"

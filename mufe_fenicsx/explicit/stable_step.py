@@ -16,7 +16,7 @@ from .mass_split import SharedMass
 #: steps: their frequency changes with their shapes alone.
 WORSE, RARELY = 0.97, 1500
 #: A step shorter by this part costs less than the products of springs and tets together, which took
-#: 6 % of the time of a loaded packing (demos/performance.md).
+#: 6 % of the time of a loaded packing (docs/record/2026-11-performance.md).
 LITTLE = 0.03
 
 

@@ -10,7 +10,7 @@ from ..mesh import partition_grains
 
 #: What a pair in contact costs in a step, in tetrahedra: between grains, and with a wall, whose
 #: rows are shorter. In a sample of 204 grains 135 ns with crossing edges, and 34 ns; a tetrahedron
-#: 23 ns (demos/performance.md).
+#: 23 ns (docs/record/2026-11-performance.md).
 PAIR_COSTS = np.array([6.0, 1.5])
 #: Work of the busiest rank over the mean from which on grains move; and what that has to gain.
 LIMIT, GAIN = 1.1, 0.97
