@@ -86,7 +86,8 @@ class Specimen(Stateful):
         )
         check_rigid(self.comm, self.rigid, self.bonded.nodes, kinematic, mass_factor)
         self.any_rigid = self.rigid.any
-        self.terms = [solid, self.bonded, self.mirrors, self.rigid]
+        constraints = self.bonded, self.mirrors, self.rigid
+        self.terms = [solid, *(term for term in constraints if term.any)]
         self.free_mass = self.bonded.free_mass(solid.mass)
         # Displacement, velocity and force live in PETSc-backed DOLFINx functions.
         self.u, self.v, self.force = (fem.Function(mesh.V) for _ in range(3))
@@ -130,7 +131,7 @@ class Specimen(Stateful):
                 f'name of a force term = "{term.name}", expected one that is not there: '
                 f"{', '.join(names) or 'none is'}"
             )
-        self.terms.insert(self.terms.index(self.bonded), term)
+        self.terms.insert(self.terms.index(self.solid) + 1 + len(names), term)
         term.add_forces(self.f, self.state, 0.0)
         self.f[self.bonded.nodes] = 0.0
         self.mirrors.project(self.f)
@@ -305,46 +306,24 @@ def _settings_of_contact(options):
 
 
 class OfSpecimen(Stateful):
-    """What simulations show of the specimen that they move."""
+    """What simulations show of the specimen that they move.
+
+    Attributes:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        comm: MPI communicator.
+        state: :class:`~mufe_fenicsx.state.State`.
+        solid: :class:`~mufe_fenicsx.bulk.solid.Solid`.
+        rigid: :class:`~mufe_fenicsx.bulk.rigid.RigidGrains`.
+        walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
+        contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
+    """
 
     def __init__(self, specimen):
         self.specimen = specimen
+        self.mesh, self.comm = specimen.mesh, specimen.comm
+        self.state, self.solid, self.rigid = specimen.state, specimen.solid, specimen.rigid
+        self.walls, self.contact = specimen.walls, specimen.contact
         self.num_contacts = 0  #: closed ones when the energies were asked for last
-
-    @property
-    def mesh(self):
-        """:class:`~mufe_fenicsx.mesh.GrainMesh`."""
-        return self.specimen.mesh
-
-    @property
-    def comm(self):
-        """MPI communicator."""
-        return self.specimen.comm
-
-    @property
-    def state(self):
-        """:class:`~mufe_fenicsx.state.State`."""
-        return self.specimen.state
-
-    @property
-    def solid(self):
-        """:class:`~mufe_fenicsx.bulk.solid.Solid`."""
-        return self.specimen.solid
-
-    @property
-    def rigid(self):
-        """:class:`~mufe_fenicsx.bulk.rigid.RigidGrains`."""
-        return self.specimen.rigid
-
-    @property
-    def walls(self):
-        """:class:`~mufe_fenicsx.contact.walls.Walls`."""
-        return self.specimen.walls
-
-    @property
-    def contact(self):
-        """:class:`~mufe_fenicsx.contact.contact.Contact`."""
-        return self.specimen.contact
 
     @property
     def u(self):

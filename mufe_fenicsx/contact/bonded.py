@@ -59,6 +59,7 @@ class Bonded(ForceTerm):
         self.before = x[self.nodes].copy()
         self.velocity = np.zeros_like(self.place)
         glued = [wall for wall in walls.walls if wall.bonded]
+        self.any = bool(glued)  #: whether any rank may have glued nodes
         lying = [on_plane(x[nodes], wall) for wall in glued]
         count = np.array([on.sum() for on in lying] + [(np.sum(lying, axis=0) > 1).sum()])
         *counts, num_twice = comm.allreduce(count)

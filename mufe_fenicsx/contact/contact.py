@@ -320,7 +320,8 @@ class Contact(Stateful):
         self.dissipation.total += pairs[0] + edges[0] + walls[0]
         if not layers.kinematic:  # whose springs hold no energy
             self.dissipation.switched += pairs[1] + edges[1]
-        self.overlaps.accept(pairs[2] + edges[2] + walls[1], max(pairs[3], edges[3]))
+        if adopt:
+            self.overlaps.accept(pairs[2] + edges[2] + walls[1], max(pairs[3], edges[3]))
         part, pair = pairs[4]
         return 0.5 * LARGEST_DEPTH * part, pair
 

@@ -23,19 +23,21 @@ class ContactInSteps(ForceTerm):
     def __init__(self, specimen, motion):
         self._specimen, self._motion = specimen, motion
         self._contact, self._rigid = specimen.contact, specimen.rigid
+        self._kinematic = specimen.contact.layers.kinematic
+        self._any_rigid = specimen.any_rigid
+        # Glued nodes go where their wall goes: how far, is not known ahead.
+        self._motion_known = not specimen.bonded.nodes.size
         self.followed_search = 0  #: the search that the following nodes were chosen after
-        if self._contact.layers.kinematic:
+        if self._kinematic:
             self._predicted = specimen.mesh.x.copy()
             # Glued nodes go where their wall goes, whatever acts on them.
             self._inertia = np.where(specimen.free_mass > 0, specimen.solid.mass, np.inf)
 
     def begin_forces(self, f, state, dt):
         """Send positions."""
-        if not self._contact.layers.kinematic:
-            motion = self._motion
-            # Glued nodes go where their wall goes: how far, is not known ahead.
-            known = () if self._specimen.bonded.nodes.size else motion.beside_field(dt)
-            self._contact.begin_step(state.x, motion.largest, known)
+        if not self._kinematic:
+            known = self._motion.beside_field(dt) if self._motion_known else ()
+            self._contact.begin_step(state.x, self._motion.largest, known)
 
     def add_forces(self, f, state, dt):
         """Search if it is time, and add the forces.
@@ -44,12 +46,12 @@ class ContactInSteps(ForceTerm):
             FloatingPointError: A position is not finite, on all ranks.
         """
         positions = state.x
-        if self._contact.layers.kinematic:
+        if self._kinematic:
             positions = self._predicted
             predict(positions, state.x, state.v, f, self._inertia, dt)
             self._contact.begin_step(positions, self._motion.largest)
         self._contact.add_forces(f, positions)
-        if self._specimen.any_rigid and self._contact.num_searches != self.followed_search:
+        if self._any_rigid and self._contact.num_searches != self.followed_search:
             self._follow()
 
     def _follow(self):

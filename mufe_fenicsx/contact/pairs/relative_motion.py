@@ -98,13 +98,12 @@ class RelativeMotion(Stateful):
         """
         if self.comm.size > 1:
             self._agreement.Wait()
-        move, overrun = self._step
-        self.overrun_of_all = float(overrun)
+        move, self.overrun_of_all = self._step.tolist()
         self._moves.receive()
         if not move < self._width:
             raise FloatingPointError("positions are not finite")
-        self.advance(2.0 * float(move), self._moves)
-        return float(move)
+        self.advance(2.0 * move, self._moves)
+        return move
 
     def advance(self, step, moves=None):
         """All bounds go on by ``step`` [m], by less where ``moves`` tell it. Local.
@@ -112,7 +111,8 @@ class RelativeMotion(Stateful):
         The same on all ranks.
         """
         self.bound += step
-        self.overrun = max(bounds.advance(step, moves) for bounds in self._of_pairs)
+        of_grains, of_walls = self._of_pairs
+        self.overrun = max(of_grains.advance(step, moves), of_walls.advance(step, moves))
 
     def expect(self, margin, least, factor):
         """Expect motion until the time step is found again, arguments as of the bounds. Local."""
