@@ -4,9 +4,9 @@
     python demos/stability.py FOLDER SUBJECT ...          some of them
     python demos/stability.py FOLDER SUBJECT --draw       figures again, from the numbers there
 
-Writes SUBJECT.json, the numbers, and SUBJECT.png into FOLDER. The page is docs/method/stability.md; the
-sharp ones of its numbers are cases of `mufe verify`, whose names begin with `stability-`. What is
-measured and drawn of each subject is in demos/stability_map.
+Writes SUBJECT.json, the numbers, and SUBJECT.png into FOLDER. The page is
+docs/method/stability.md; the sharp ones of its numbers are cases of `mufe verify`, whose names
+begin with `stability-`. What is measured and drawn of each subject is in demos/stability_map.
 """
 
 import argparse

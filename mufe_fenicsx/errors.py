@@ -5,6 +5,10 @@ import math
 import signal
 import threading
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
 
 #: Characters of a value in a message.
 SHOWN = 60
@@ -38,6 +42,33 @@ class Interrupted(RuntimeError):
     def __init__(self, message: str, signal: int):
         super().__init__(message)
         self.signal = int(signal)
+
+
+def finite_array(name: str, value: object, shape: tuple[int, ...]) -> "np.ndarray":
+    """The value as an array of finite numbers.
+
+    Args:
+        name: Of the quantity, for the message.
+        value: Anything.
+        shape: That it has to have.
+
+    Raises:
+        InputError: It is none, or of another shape.
+    """
+    import numpy as np  # commands that only print need no arrays
+
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.array(np.nan)
+    if array.shape != shape or not np.isfinite(array).all():
+        lost = np.count_nonzero(~np.isfinite(array))
+        found = f"array of shape {array.shape}, {lost} of its numbers not finite"
+        expected = f"finite numbers of shape {shape}" if shape else "a finite number"
+        raise InputError(
+            f"{name} = {shown(value) if array.size < 5 else found}, expected {expected}"
+        )
+    return array
 
 
 def raise_on_broken_pipes() -> None:

@@ -19,7 +19,14 @@ from .contact.results.network import num_active_pairs
 from .contact.settings import ContactGrains, ContactSettings
 from .contact.start.overlap import check_start, too_deep
 from .contact.walls import Walls
-from .errors import InputError, SolverError, UnstableError, nearest_name, shown
+from .errors import (
+    InputError,
+    SolverError,
+    UnstableError,
+    finite_array,
+    nearest_name,
+    shown,
+)
 from .loading.gravity import Gravity
 from .state import ForceTerm, Stateful, initial_state
 
@@ -69,7 +76,7 @@ class Specimen(Stateful):
         weighed = solid.mass.copy()
         self.rigid = RigidGrains(mesh, materials, solid.mass, mass_factor)
         if mass_factor is not None:
-            solid.mass *= mass_factor
+            solid.mass *= finite_array("mass_factor", mass_factor, solid.mass.shape)
         self.walls = Walls(walls)
         settings = _settings_of_contact(contact)
         grains = ContactGrains(
@@ -96,10 +103,10 @@ class Specimen(Stateful):
             mesh.x, mesh.num_cells, self.u.x.array.reshape(-1, 3), self.v.x.array.reshape(-1, 3)
         )
         if velocity is not None:
-            self.state.v[:] = velocity
+            self.state.v[:] = finite_array("velocity", velocity, mesh.x.shape)
             self.rigid.set_velocity(self.state.v)
             self.mirrors.project(self.state.v)
-        self.damping = float(damping)
+        self.damping = _not_negative("damping", damping)
         self.initial_kinetic = 0.0
         #: Energy that damping, stabilisation and changes of added mass took on this rank [J].
         self.damped = 0.0
@@ -135,6 +142,8 @@ class Specimen(Stateful):
         term.add_forces(self.f, self.state, 0.0)
         self.f[self.bonded.nodes] = 0.0
         self.mirrors.project(self.f)
+        if not np.isfinite(self.f).all():
+            raise InputError(f"force term {term.name} adds forces that are not finite")
         energy = term.energy(self.state)
         self.first_energies = np.append(self.first_energies, np.nan if energy is None else energy)
 
@@ -173,7 +182,7 @@ class Specimen(Stateful):
         # Of the terms, all but that of contact, which what moves the specimen brings.
         for term in self.terms:
             term.begin_forces(self.f, s, 0.0)
-        contact.add_forces(self.f, s.x, adopt=True)
+        contact.add_forces(self.f, s.x, accept=True)
         check_start(self.mesh, contact)
         self._end_forces(0.0)
 
@@ -231,9 +240,10 @@ class Specimen(Stateful):
             message, unstable = failures[0]
             raise (UnstableError if unstable else SolverError)(message)
         if not all(ok for _, ok in found):
+            terms = "".join(f", or look at the force term {t.name}" for t in self.added_terms)
             raise UnstableError(
                 f"the motion is no longer finite at step {self.state.num_steps}: reduce "
-                "solver.time_step_factor or oedometer.speed"
+                f"solver.time_step_factor or oedometer.speed{terms}"
             )
         deep = too_deep(self.mesh, self.contact)
         if deep is not None:
@@ -292,6 +302,13 @@ class Specimen(Stateful):
     def mean_active_contacts(self):
         """Mean number of neighbours that press on a grain, walls left out. Collective."""
         return 2.0 * num_active_pairs(self.contact) / self.mesh.labels.size
+
+
+def _not_negative(name, value):
+    number = float(finite_array(name, value, ()))
+    if number < 0.0:
+        raise InputError(f"{name} = {shown(value)}, expected 0 or more")
+    return number
 
 
 def _settings_of_contact(options):
@@ -361,7 +378,7 @@ class OfSpecimen(Stateful):
 
     @damping.setter
     def damping(self, value):
-        self.specimen.damping = float(value)
+        self.specimen.damping = _not_negative("damping", value)
 
     @property
     def damped(self):

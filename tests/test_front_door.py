@@ -26,7 +26,7 @@ def test_a_public_name_loads_and_has_a_docstring(name):
 
 
 def test_docs_have_a_line_on_each_public_name():
-    page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
     assert sorted(re.findall(r"^\| `(\w+)` \| .+ \|$", page, re.MULTILINE)) == NAMES
 
 

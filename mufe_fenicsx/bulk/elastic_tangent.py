@@ -1,7 +1,7 @@
 """A tangent that is cheap to have: linear elasticity of plain tetrahedra.
 
 It stands in for :class:`~.tangent.SolidTangent` where a matrix is needed to precondition products
-only (integrators.products). The averaged pressure joins neighbours of neighbours, which makes
+only (solvers.jacobian_products). The averaged pressure joins neighbours of neighbours, which makes
 five times as many entries; plain tetrahedra have those of their edges.
 """
 

@@ -177,7 +177,7 @@ class Contact(Stateful):
             points.depth if self.self_contact else None,
         )  # fmt: skip
         if old is not None:
-            self.pairs.carry(old, self.surface.global_facet, wait)
+            self.pairs.transfer(old, self.surface.global_facet, wait)
 
     def _search_edges_and_walls(self, nodes, reach):
         """Find pairs of edges, and of points with walls, within ``reach`` [m]. Collective.
@@ -242,13 +242,13 @@ class Contact(Stateful):
         self.ghosts.moving = None
         self.motion.measure_from(x[self.own.nodes])
 
-    def add_forces(self, f, x, adopt=False):
+    def add_forces(self, f, x, accept=False):
         """Add the contact forces at the positions of :meth:`begin_step` to ``f``. Collective.
 
         Args:
             f: Nodal forces [N], shape (num_nodes, 3).
             x: Positions [m], shape (num_nodes, 3).
-            adopt: True at the start of a test: what overlaps now is not in contact.
+            accept: True at the start of a test: what overlaps now is not in contact.
 
         Raises:
             FloatingPointError: A position is not finite, or left the others by more than
@@ -259,8 +259,8 @@ class Contact(Stateful):
         # The motion of the next step, at twice its speed now, must not leave the skin.
         if self.motion.is_beyond(4.0 * move):
             self.search(x, ahead=4.0 * move)
-        part, pair = self.evaluate(f, adopt)
-        if not adopt:
+        part, pair = self.evaluate(f, accept)
+        if not accept:
             self.overlaps.look_at(part, pair, self.pairs, self.points.grain_of_point)
 
     def bind(self):
@@ -289,7 +289,7 @@ class Contact(Stateful):
         far[self.motion.grains] = False
         return far[self.pairs.grain]
 
-    def evaluate(self, f, adopt=False):
+    def evaluate(self, f, accept=False):
         """Add the forces of the known pairs at the positions that were received. Collective.
 
         Arguments as of :meth:`add_forces`; the bounds have to know the motion already.
@@ -309,18 +309,18 @@ class Contact(Stateful):
             if not layers.kinematic:
                 nodes = slice(ghosts.num_before, None)
                 forces, x = ghosts.forces.array[nodes], ghosts.positions.array[nodes]
-                edges = self.edges.add_forces(forces, x, self.motion.bound, adopt)
+                edges = self.edges.add_forces(forces, x, self.motion.bound, accept)
             ghosts.begin_reverse()
 
         # What other ranks wait for comes first.
-        pairs = self.pairs.forces(self.motion.longest, adopt, between)
-        walls = self.walls.add_forces(adopt, layers.ahead)
+        pairs = self.pairs.forces(self.motion.longest, accept, between)
+        walls = self.walls.add_forces(accept, layers.ahead)
         ghosts.end_reverse()
         ghosts.hand_on(f)
         self.dissipation.total += pairs[0] + edges[0] + walls[0]
         if not layers.kinematic:  # whose springs hold no energy
             self.dissipation.switched += pairs[1] + edges[1]
-        if adopt:
+        if accept:
             self.overlaps.accept(pairs[2] + edges[2] + walls[1], max(pairs[3], edges[3]))
         part, pair = pairs[4]
         return 0.5 * LARGEST_DEPTH * part, pair

@@ -343,7 +343,7 @@ def _set_edge_pairs(contact, names, table):
         getattr(pairs, name)[:] = table[name]
     for column, edge in enumerate((first, second)):
         turned = edge >= num
-        for name in ("place", "anchor"):
+        for name in ("place", "stick_point"):
             values = getattr(pairs, name)
             values[turned, column] = 1.0 - values[turned, column]
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from ..errors import InputError
+from ..errors import InputError, finite_array, nearest_name, shown
 from ..kernels.bonded import turn_rows
 from ..kernels.boxes import boxes_of_groups
-from ..kernels.carry import carry_pairs
 from ..kernels.motion import advance, work_of
 from ..kernels.pairs import column, rows
+from ..kernels.transfer import transfer_pairs
 from ..kernels.walls import (
     COLUMNS,
     ROW,
@@ -32,7 +32,7 @@ from .pairs.motion_bounds import WALLS, MotionBounds
 #: step that contacts allow, and below 2 at short ones (theory.servo).
 SERVO_GAIN = 0.5
 #: What a pair keeps when the pairs are searched anew.
-REMEMBERED = ("gap", "offset", "closed", "anchor", "shear", "slip", "push", "sliding")
+REMEMBERED = ("gap", "offset", "closed", "stick_point", "shear", "slip", "normal_force", "sliding")
 
 
 @dataclass
@@ -64,6 +64,10 @@ class Wall:
     mirror: bool = False  #: a plane of symmetry that grains are cut by: contact.mirrors
 
     def __post_init__(self):
+        for name in ("point", "normal", "velocity", "angular_velocity"):
+            value = getattr(self, name)
+            if value is not None:
+                finite_array(f"{name} of wall {self.name}", value, (3,))
         length = float(np.linalg.norm(self.normal))
         if not abs(length - 1) < 1e-9:
             raise InputError(f"length of the normal of wall {self.name} = {length}, expected 1")
@@ -98,7 +102,7 @@ class Walls(Stateful):
 
     STATE = {
         "common": (
-            "point", "normal", "velocity", "angular_velocity", "rotation", "push", "turn",
+            "point", "normal", "velocity", "angular_velocity", "rotation", "displacement", "turn",
         ),
         "sum": ("work", "force", "torque"),
         "largest": ("radius", "box"),
@@ -106,6 +110,9 @@ class Walls(Stateful):
 
     def __init__(self, walls):
         self.walls = list(walls)
+        for name in self.names:
+            if self.names.count(name) > 1:
+                raise InputError(f"name of a wall = {shown(name)}, expected one that no other has")
         self.has_servo = any(wall.target is not None for wall in self.walls)
         n = len(self.walls)
         self.point = np.array([w.point for w in self.walls], dtype=float).reshape(n, 3)
@@ -126,7 +133,7 @@ class Walls(Stateful):
         self.torque = np.zeros((n, 3))  #: of these forces about ``point`` [N m]
         self.work = 0.0  #: done by walls on this rank's grains so far [J]
         self.bonded = np.empty(0, dtype=np.int32)  #: wall that each surface node is glued to, or -1
-        self.push = np.zeros((n, 3))  #: displacement in the last move [m]
+        self.displacement = np.zeros((n, 3))  #: displacement in the last move [m]
         self.turn = np.zeros((n, 3))  #: rotation in the last move [rad]
         self.radius = np.zeros(n)  #: of this rank's surface nodes about ``point`` [m]
         self.box = np.zeros((n, 2, 3))  #: around the points near each, of all ranks [m]
@@ -138,24 +145,34 @@ class Walls(Stateful):
         """Of all walls, in their order."""
         return [wall.name for wall in self.walls]
 
+    def number_of(self, name):
+        """Place of a wall among all.
+
+        Raises:
+            InputError: There is none of that name.
+        """
+        if name not in self.names:
+            raise InputError(f"wall = {shown(name)}, expected {nearest_name(name, self.names)}")
+        return self.names.index(name)
+
     def move(self, dt):
         """Advance the planes by ``dt``; returns the largest distance moved [m].
 
         Moved is the plane, not the material in it: a turn about the normal counts nothing.
         """
         moved, turns = advance(
-            self.point, self.push, self.velocity, self.turn, self.angular_velocity, dt
+            self.point, self.displacement, self.velocity, self.turn, self.angular_velocity, dt
         )
         if not turns:
             return moved
-        moved = np.sqrt((self.push**2).sum(axis=1))
+        moved = np.sqrt((self.displacement**2).sum(axis=1))
         for i in np.flatnonzero(self.turn.any(axis=1)):
             turn = rotation_of(self.turn[i])
             swing = np.linalg.norm(np.cross(self.turn[i], self.normal[i]))
             moved[i] += swing * self.radius[i]
             self.rotation[i] = turn @ self.rotation[i]
             self.normal[i] = self.rotation[i] @ np.asarray(self.walls[i].normal, dtype=float)
-            turn_rows(self.pairs.anchor, self.pairs.wall, i, turn)
+            turn_rows(self.pairs.stick_point, self.pairs.wall, i, turn)
         return moved.max()
 
     def motion_in(self, field, dt):
@@ -168,17 +185,17 @@ class Walls(Stateful):
         Returns:
             Distances [m], infinity for planes that turn, shape (num_walls,).
         """
-        motion_to_walls(self._moves, field, self.normal, self.push, self.turn, self.box, dt)
+        motion_to_walls(self._moves, field, self.normal, self.displacement, self.turn, self.box, dt)
         return self._moves
 
     def turn_back(self):
-        """Undo what the last :meth:`move` did to the anchors of walls that turn. Local."""
+        """Undo what the last :meth:`move` did to the stick points of walls that turn. Local."""
         for i in np.flatnonzero(self.turn.any(axis=1)):
-            turn_rows(self.pairs.anchor, self.pairs.wall, i, rotation_of(-self.turn[i]))
+            turn_rows(self.pairs.stick_point, self.pairs.wall, i, rotation_of(-self.turn[i]))
 
     def add_work(self):
         """Add half of the work of the forces that act now along the last move."""
-        self.work -= 0.5 * work_of(self.force, self.push, self.torque, self.turn)
+        self.work -= 0.5 * work_of(self.force, self.displacement, self.torque, self.turn)
 
     def loads(self, comm):
         """Forces on walls [N] and their torques about ``point`` [N m], (num_walls, 3). Collective.
@@ -210,7 +227,7 @@ class Walls(Stateful):
                 self.velocity[i] = wall.servo_velocity(force, k, dt)
 
     def search(self, x, nodes, corner, grain_of_point, reach, bound):
-        """Find the points near each wall and carry over what their pairs remember. Local.
+        """Find the points near each wall and transfer what their pairs remember. Local.
 
         Args:
             x: Positions of this rank's points of contact [m], shape (num_points, 3).
@@ -228,12 +245,12 @@ class Walls(Stateful):
         node, wall = find_wall_candidates(x, self._held, self.point, self.normal, reach)
         pairs = WallPairs(node, wall, grain_of_point, bound)
         if self.pairs is not None:
-            source = carry_pairs(self.pairs.node, self.pairs.wall, node, wall)
+            source = transfer_pairs(self.pairs.node, self.pairs.wall, node, wall)
             new = np.flatnonzero(source >= 0)
             source = source[new]
             for name in REMEMBERED:
                 getattr(pairs, name)[new] = getattr(self.pairs, name)[source]
-            pairs.motion_bounds.carry(self.pairs.motion_bounds)
+            pairs.motion_bounds.transfer(self.pairs.motion_bounds)
             pairs.next_check[:] = pairs.motion_bounds.now
         self.pairs = pairs
 
@@ -270,15 +287,15 @@ class Walls(Stateful):
             self.point, self.normal, self.velocity, self.friction, self.friction_kinetic,
         )  # fmt: skip
 
-    def add_forces(self, adopt, ahead=0.0):
-        """Add wall forces to those bound; returns the friction's dissipation [J], adopted pairs.
+    def add_forces(self, accept, ahead=0.0):
+        """Add wall forces to those bound; returns the friction's dissipation [J], accepted pairs.
 
         Args:
-            adopt: Whether what overlaps now is not in contact.
+            accept: Whether what overlaps now is not in contact.
             ahead: How much later than the planes the positions are [s].
         """
         self.clear()
-        return self.pairs.forces(adopt, ahead)
+        return self.pairs.forces(accept, ahead)
 
     def clear(self):
         """Forget the forces on walls. Local."""

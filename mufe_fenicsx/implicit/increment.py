@@ -21,7 +21,7 @@ DIFFERENCE = 1e-7
 
 
 class IncrementEquations:
-    """Residual and tangent of an increment, for :class:`~.integrators.newton.Newton`. Collective.
+    """Residual and tangent of an increment, for :mod:`~mufe_fenicsx.solvers.newton`. Collective.
 
     Args:
         specimen: :class:`~mufe_fenicsx.specimen.Specimen`, the term of contact first.
@@ -33,7 +33,8 @@ class IncrementEquations:
 
     Attributes:
         system: :class:`~.linear_system.LinearSystem` that the tangent goes to.
-        products: :class:`~.integrators.products.Products`, or None where the tangent is assembled.
+        products: :class:`~mufe_fenicsx.solvers.jacobian_products.Products`; None where the tangent
+            is assembled.
         held: :class:`~.held_nodes.HeldNodes`.
         drag: Of static increments, force over velocity of each node [N s/m], shape (num_nodes,).
         start: :class:`~.increment_start.IncrementStart`.

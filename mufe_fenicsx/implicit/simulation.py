@@ -72,7 +72,7 @@ class ImplicitSimulation(OfSpecimen):
         report: Of each increment since the start: (time, length [s], Newton iterations, linear
             iterations, residual at the last three iterations); those of the last augmentation.
         end: :class:`~.increment_end.IncrementEnd`: how far the next increment may go.
-        num_on_jumps: Increments that ended on a jump of the forces of contact (integrators.jumps).
+        num_on_jumps: Increments that ended on a jump of the forces of contact (solvers.nonsmooth).
     """
 
     STATE = {"common": ("dt", "dt_element")}
@@ -373,7 +373,7 @@ class ImplicitSimulation(OfSpecimen):
 
     def _motion(self):
         """The last motion of all walls, turns over an edge of facets, and of held nodes [m]."""
-        walls = np.concatenate([self.walls.push, self.contact.edge * self.walls.turn])
+        walls = np.concatenate([self.walls.displacement, self.contact.edge * self.walls.turn])
         return walls.ravel(), self.prescribed.copy()
 
     def _finish(self, du, dt):

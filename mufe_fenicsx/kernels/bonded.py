@@ -1,4 +1,4 @@
-"""Nodes glued to rigid planes or held on them, and anchors that turn with their plane."""
+"""Nodes glued to rigid planes or held on them, and stick points that turn with their plane."""
 
 import numba
 

@@ -40,7 +40,7 @@ INLINE double choose(int a, double b, double c) { return a ? b : c; }
 COULOMB(coulomb, slip_type, double, int, choose, )
 COULOMB(coulomb_each, slips_type, vec, mask, where, any)
 
-/* Lay a spring, from the anchor to the point, across the normal n and let it slip. ``shear``:
+/* Lay a spring, from the stick point to the point, across the normal n and let it slip. ``shear``:
    friction of the last step. */
 INLINE slip_type slip(vec3 *spring, vec3 n, double kt, int slid, double held, double kinetic,
                       vec3 shear) {

@@ -2,8 +2,8 @@
 
 A contact joins a few nodes, so that differences over all of their coordinates cost little. The
 force is written down here as a function of these alone, kernels.pairs and kernels.edges for one
-contact: facet, feature, side, anchor, offset and stiffness are those of the last evaluation, and
-whether it slips. Positions are taken relative to one of the nodes, and central differences over
+contact: facet, feature, side, stick point, offset and stiffness are those of the last evaluation,
+and whether it slips. Positions are taken relative to one of the nodes, and central differences over
 ``STEP`` of the size of a contact leave some 1e-9 of the stiffness, by truncation and by rounding.
 Friction of a contact that slips has the direction of its spring, and beside an edge or a vertex the
 normal has that of the way to it: steps are ``NEAR`` of these lengths at most.
@@ -70,7 +70,7 @@ def _foot(X, feature):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset, recess, largest, anchor):
+def _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset, recess, largest, stick_point):
     """Forces F (6, 3) on the nodes of a contact at positions X (6, 3), the point at X[6].
 
     ``fixed``: normal where the point lies on an edge or a vertex, zero elsewhere; ``mu``: the
@@ -93,9 +93,9 @@ def _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset, recess, lar
         height = side * math.sqrt(rx * rx + ry * ry + rz * rz)
         nx, ny, nz = rx / height, ry / height, rz / height
     N = normal_force(kn, offset - height - recess, largest)
-    sx = X[6, 0] - anchor[0] * X[3, 0] - anchor[1] * X[4, 0] - anchor[2] * X[5, 0]
-    sy = X[6, 1] - anchor[0] * X[3, 1] - anchor[1] * X[4, 1] - anchor[2] * X[5, 1]
-    sz = X[6, 2] - anchor[0] * X[3, 2] - anchor[1] * X[4, 2] - anchor[2] * X[5, 2]
+    sx = X[6, 0] - stick_point[0] * X[3, 0] - stick_point[1] * X[4, 0] - stick_point[2] * X[5, 0]
+    sy = X[6, 1] - stick_point[0] * X[3, 1] - stick_point[1] * X[4, 1] - stick_point[2] * X[5, 1]
+    sz = X[6, 2] - stick_point[0] * X[3, 2] - stick_point[1] * X[4, 2] - stick_point[2] * X[5, 2]
     along = sx * nx + sy * ny + sz * nz
     sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
     if mu >= 0.0:
@@ -134,8 +134,9 @@ def _take_corners(at, weight, n, corner, corner_weight):
 @numba.njit(cache=True, error_model="numpy")
 def pair_tangent(
     rows, columns, blocks, x, num_before, corner, corner_weight, node, candidate, closest, closed,
-    closed0, weights, normal, gap, offset, stiffness, anchor, shear, slip, slip0, push, sliding,
-    facets, area, recess, ratio_of_node, friction, friction_row, largest_depth,
+    closed0, weights, normal, gap, offset, stiffness, stick_point, shear, slip, slip0,
+    normal_force, sliding, facets, area, recess, ratio_of_node, friction, friction_row,
+    largest_depth,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed pairs, in turn, as blocks of two nodes.
 
@@ -144,8 +145,8 @@ def pair_tangent(
         blocks: Written: [N/m], shape (36 num_closed, 3, 3).
         x: Positions of points and nodes of the last evaluation [m].
         num_before: Rows of ``x`` before those of nodes.
-        closed0: Whether the pairs were closed before the increment: anchors begin where those that
-            were not are now, without friction yet.
+        closed0: Whether the pairs were closed before the increment: stick points begin where those
+            that were not are now, without friction yet.
         slip, slip0: Accumulated slip [m] after that evaluation and before the increment,
             shape (num_pairs,).
         others: As of :class:`~.pairs.PairForces`.
@@ -180,10 +181,10 @@ def pair_tangent(
         mu, short = -1.0, math.inf
         if feature != INTERIOR and not on_it:
             short = abs(height)
-        a0, a1, a2 = anchor[p, 0], anchor[p, 1], anchor[p, 2]
+        a0, a1, a2 = stick_point[p, 0], stick_point[p, 1], stick_point[p, 2]
         if sliding[p] and closed0[p]:
             mu = friction_of(friction, friction_row, p)[1]
-            limit = mu * push[p]
+            limit = mu * normal_force[p]
             if limit > 0.0:  # back to the spring before the slip
                 trial = limit + kt * (slip[p] - slip0[p])
                 short = min(short, trial / kt)
@@ -225,7 +226,7 @@ def pair_tangent(
 def _of_edges(F, X, side, law, state):
     """Forces F (4, 3) on the ends X (4, 3) of two edges that cross, as kernels.edges."""
     even, fade, compliance, other_compliance, ratio = law
-    mu, offset, largest, anchor_s, anchor_t = state
+    mu, offset, largest, stick_point_s, stick_point_t = state
     ux, uy, uz = X[1, 0] - X[0, 0], X[1, 1] - X[0, 1], X[1, 2] - X[0, 2]
     vx, vy, vz = X[3, 0] - X[2, 0], X[3, 1] - X[2, 1], X[3, 2] - X[2, 2]
     wx, wy, wz = X[0, 0] - X[2, 0], X[0, 1] - X[2, 1], X[0, 2] - X[2, 2]
@@ -241,7 +242,7 @@ def _of_edges(F, X, side, law, state):
     kn, by_s, by_t = in_series(even, fade, s, t, compliance, other_compliance)
     depth, kt = offset - gap, kn * ratio
     N = normal_force(kn, depth, largest)
-    ds, dt = anchor_s - s, anchor_t - t
+    ds, dt = stick_point_s - s, stick_point_t - t
     dx, dy, dz = ds * ux - dt * vx, ds * uy - dt * vy, ds * uz - dt * vz
     if mu >= 0.0:
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -263,7 +264,7 @@ def _of_edges(F, X, side, law, state):
 @numba.njit(cache=True, error_model="numpy")
 def edge_tangent(
     rows, columns, blocks, x, first, second, ends, closed, closed0, place, normal, gap, offset,
-    recess, stiffness, anchor, shear, slip, slip0, area, layer, share, compliance, ratio,
+    recess, stiffness, stick_point, shear, slip, slip0, area, layer, share, compliance, ratio,
     friction, friction_row, largest_depth,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed crossings of edges, in turn, as blocks.
@@ -296,8 +297,8 @@ def edge_tangent(
             limit = mu * normal_force(kn, begin - gap[p], largest_depth[p])
             trial = limit + kt * slipped
             scale, short = trial / limit if limit > 0.0 else 0.0, trial / kt
-        trial_s = place[p, 0] + scale * (anchor[p, 0] - place[p, 0])
-        trial_t = place[p, 1] + scale * (anchor[p, 1] - place[p, 1])
+        trial_s = place[p, 0] + scale * (stick_point[p, 0] - place[p, 0])
+        trial_t = place[p, 1] + scale * (stick_point[p, 1] - place[p, 1])
         step = max(min(STEP * size, NEAR * short), LEAST * size)
         even, fade = at_place(i, j, place[p, 0], place[p, 1], area, layer, share)
         law = even, fade, compliance[i], compliance[j], ratio[i] if closed0[p] else 0.0
@@ -321,7 +322,7 @@ def edge_tangent(
 @numba.njit(cache=True, error_model="numpy")
 def wall_tangent(
     rows, columns, blocks, num_before, corner, corner_weight, node, wall, closed, closed0, normal,
-    shear, slip, slip0, push, sliding, layer, area, ratio, friction_kinetic,
+    shear, slip, slip0, normal_force, sliding, layer, area, ratio, friction_kinetic,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed pairs with walls, in turn, as blocks.
 
@@ -341,7 +342,7 @@ def wall_tangent(
         e[:] = 0.0
         if sliding[p] and closed0[p]:
             mu = friction_kinetic[w]
-            limit = mu * push[p]
+            limit = mu * normal_force[p]
             left = left_by_slip(limit + kt * (slip[p] - slip0[p]), limit)
             if limit > 0.0:
                 e[:] = shear[p] / limit

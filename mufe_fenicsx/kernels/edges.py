@@ -29,7 +29,7 @@ UNPIERCED = 2.0
 
 @numba.njit(cache=True, error_model="numpy")
 def _spring(x, ends, i, j, ds, dt):
-    """The vector ds u - dt v of edges u and v: from anchor to anchor, along the surfaces [m]."""
+    """The vector ds u - dt v of edges u and v: between stick points, along the surfaces [m]."""
     u, v = both_edges(x, ends[i], ends[j])
     return ds * u[0] - dt * v[0], ds * u[1] - dt * v[1], ds * u[2] - dt * v[2]
 
@@ -46,7 +46,7 @@ def add_edge_forces(
     closed,
     sliding,
     stiffness,
-    anchor,
+    stick_point,
     shear,
     slip,
     work,
@@ -66,16 +66,16 @@ def add_edge_forces(
     size,
     largest_depth,
     recess,
-    adopt,
+    accept,
 ):
     """Find the crossings of all pairs and add the forces of the closed ones to ``f``, in place.
 
     A closed pair with gap g (less its offset) carries the normal force -k g at the
     closest points p of the one and q of the other edge, p - q = g n: the gradient of
     k g²/2, with net force and net moment zero. Friction is the force of a spring between
-    two anchors, points of the edges that start as p and q and that Coulomb's limit drags
+    two stick points, points of the edges that start as p and q and that Coulomb's limit drags
     along. What separates them beside g n is a vector d = ds u - dt v of the edges u and
-    v; friction T = -k_t d acts at the anchors, and its couple g n x T is borne by forces
+    v; friction T = -k_t d acts at the stick points, and its couple g n x T is borne by forces
     ± h n at the ends of the edges, h u + h' v = g T. That is the gradient of k_t d²/2.
 
     Where k falls along an edge, so does the energy of both springs: it pushes the crossing there by
@@ -99,7 +99,7 @@ def add_edge_forces(
         closed: Whether the pair carries force, shape (num_pairs,).
         sliding: Whether it slipped in the last step, shape (num_pairs,).
         stiffness: Of closed pairs [N/m], shape (num_pairs,).
-        anchor: s and t of the anchors, shape (num_pairs, 2).
+        stick_point: s and t of the stick points, shape (num_pairs, 2).
         shear: Friction on the first edge [N], shape (num_pairs, 3).
         slip: Slip since the last search [m], shape (num_pairs,).
         work: Energy dissipated since the last search [J], shape (num_pairs,).
@@ -116,13 +116,13 @@ def add_edge_forces(
         size: Mean edge of both sides [m], shape (num_pairs,).
         largest_depth: Depth beyond which the force does not grow [m], shape (num_pairs,).
         recess: Depth at which the contact of edges begins [m], shape (num_pairs,).
-        adopt: True to adopt every pair that overlaps (start of a test).
+        accept: True to accept every overlap (start of a test).
 
     Returns:
         Energy dissipated [J]; energy that springs lost where crossings changed [J]; number of
-        adopted pairs; largest adopted depth [m].
+        accepted pairs; largest accepted depth [m].
     """
-    dissipated, switched, num_adopted, deepest = 0.0, 0.0, 0, 0.0
+    dissipated, switched, num_accepted, deepest = 0.0, 0.0, 0, 0.0
     for p in range(first.size):
         if next_check[p] > bound:
             continue
@@ -145,13 +145,13 @@ def add_edge_forces(
         if offset[p] < 0.0:
             # What overlapped at the start: the offset of a pair that moves out follows it.
             offset[p] = min(max(offset[p], g + recess[p]), 0.0)
-        if adopt and outside[p] <= 0.0 and g + recess[p] < offset[p]:
-            num_adopted += 1
+        if accept and outside[p] <= 0.0 and g + recess[p] < offset[p]:
+            num_accepted += 1
             deepest = max(deepest, -g)
             offset[p] = g + recess[p]
         # What is deeper than it can have moved since it was last open came in from the side.
         deep = -g > bound - next_check[p] + 1e-9 * size[p]
-        if outside[p] <= 0.0 and deep and not was_inside and not adopt:
+        if outside[p] <= 0.0 and deep and not was_inside and not accept:
             offset[p] = min(offset[p], g + recess[p])
         if outside[p] > 0.0:
             # An edge can come in from the side, below the other one, or begin to pierce a facet.
@@ -161,14 +161,14 @@ def add_edge_forces(
         else:
             next_check[p] = bound + max(g, 0.0)
 
-    # Crossings that take over from one that fades out begin as deep, and have its anchors.
+    # Crossings that take over from one that fades out begin as deep, and have its stick points.
     for p in range(first.size):
         if next_check[p] > bound or closed[p] or -gap[p] <= recess[p]:
             continue
         s, t = place[p, 0], place[p, 1]
         if outside[p] > 0.0 and (outside[p] != UNPIERCED or min(s, 1.0 - s, t, 1.0 - t) > LEAVING):
             continue
-        anchor[p, 0], anchor[p, 1] = place[p, 0], place[p, 1]
+        stick_point[p, 0], stick_point[p, 1] = place[p, 0], place[p, 1]
         sliding[p] = False
         q = _left_to(closed, outside, gap, first, second, ends, share, p)
         if q >= 0:
@@ -178,9 +178,9 @@ def add_edge_forces(
             i, j = first[p], second[p]
             kn, _, _ = crossing_stiffness(i, j, s, t, area, layer, share, compliance)
             switched -= stored_energy(kn, depth, largest_depth[p])
-            ds, dt = anchor[q, 0] - place[q, 0], anchor[q, 1] - place[q, 1]
+            ds, dt = stick_point[q, 0] - place[q, 0], stick_point[q, 1] - place[q, 1]
             ds, dt = _turned_spring(x, ends, normal, ds, dt, first, second, q, p)
-            anchor[p, 0], anchor[p, 1] = place[p, 0] + ds, place[p, 1] + dt
+            stick_point[p, 0], stick_point[p, 1] = place[p, 0] + ds, place[p, 1] + dt
             sliding[p] = sliding[q]
 
     for p in range(first.size):
@@ -188,7 +188,7 @@ def add_edge_forces(
             continue
         i, j = first[p], second[p]
         depth, carried = offset[p] - gap[p] - recess[p], stiffness[p]
-        ds, dt = anchor[p, 0] - place[p, 0], anchor[p, 1] - place[p, 1]
+        ds, dt = stick_point[p, 0] - place[p, 0], stick_point[p, 1] - place[p, 1]
         dx, dy, dz = _spring(x, ends, i, j, ds, dt)
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         # As long as friction holds it, whatever the stiffness; its energy over that.
@@ -228,7 +228,7 @@ def add_edge_forces(
             slip[p] += (1.0 - keep) * length
             ds, dt = keep * ds, keep * dt
             dx, dy, dz = keep * dx, keep * dy, keep * dz
-            anchor[p, 0], anchor[p, 1] = place[p, 0] + ds, place[p, 1] + dt
+            stick_point[p, 0], stick_point[p, 1] = place[p, 0] + ds, place[p, 1] + dt
         shear[p, 0], shear[p, 1], shear[p, 2] = -kt * dx, -kt * dy, -kt * dz
         # Couple: T = -kt (ds u - dt v), so h = -kt g ds on the first edge, kt g dt on the second.
         h0, h1 = -kt * gap[p] * ds, kt * gap[p] * dt
@@ -237,14 +237,14 @@ def add_edge_forces(
         q, r, along = push_along(x, ends[i], ends[j], by_s * stored, by_t * stored)
         h0, h1 = h0 + gap[p] * q, h1 + gap[p] * r
         a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
-        ps, pt = anchor[p, 0], anchor[p, 1]
+        ps, pt = stick_point[p, 0], stick_point[p, 1]
         for m in range(3):
             n, T, Q = normal[p, m], shear[p, m], along[m]
             f[a, m] += ((1.0 - s) * N - h0) * n + (1.0 - ps) * T + (1.0 - s) * Q
             f[b, m] += (s * N + h0) * n + ps * T + s * Q
             f[c, m] -= ((1.0 - t) * N + h1) * n + (1.0 - pt) * T + (1.0 - t) * Q
             f[d, m] -= (t * N - h1) * n + pt * T + t * Q
-    return dissipated, switched, num_adopted, deepest
+    return dissipated, switched, num_accepted, deepest
 
 
 @numba.njit(cache=True)

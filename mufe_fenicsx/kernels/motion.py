@@ -106,21 +106,21 @@ def largest_move(previous, x):
 
 
 @numba.njit(cache=True)
-def advance(point, push, velocity, turn, angular_velocity, dt):
-    """Planes move by ``push`` = dt velocity, in place; ``turn`` = dt angular_velocity is set.
+def advance(point, displacement, velocity, turn, angular_velocity, dt):
+    """Planes move by ``displacement`` = dt velocity, in place; ``turn`` = dt angular_velocity.
 
     All of shape (num_walls, 3).
 
     Returns:
-        Largest push [m], and whether a plane turns.
+        Largest displacement [m], and whether a plane turns.
     """
     largest, turns = 0.0, False
     for w in range(point.shape[0]):
         square = 0.0
         for i in range(3):
-            push[w, i] = dt * velocity[w, i]
-            point[w, i] += push[w, i]
-            square += push[w, i] * push[w, i]
+            displacement[w, i] = dt * velocity[w, i]
+            point[w, i] += displacement[w, i]
+            square += displacement[w, i] * displacement[w, i]
             turn[w, i] = dt * angular_velocity[w, i]
             turns |= turn[w, i] != 0.0
         largest = max(largest, square)
@@ -128,12 +128,12 @@ def advance(point, push, velocity, turn, angular_velocity, dt):
 
 
 @numba.njit(cache=True)
-def work_of(force, push, torque, turn):
-    """Work of forces along ``push`` and of torques along ``turn`` [J], all of shape (n, 3)."""
+def work_of(force, displacement, torque, turn):
+    """Work of forces along ``displacement``, torques along ``turn`` [J]; shapes are (n, 3)."""
     work = 0.0
     for w in range(force.shape[0]):
         for i in range(3):
-            work += force[w, i] * push[w, i] + torque[w, i] * turn[w, i]
+            work += force[w, i] * displacement[w, i] + torque[w, i] * turn[w, i]
     return work
 
 

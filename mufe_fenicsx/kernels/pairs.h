@@ -18,12 +18,12 @@ typedef struct {
   uint8_t closed, sliding, sharp, known;
   int32_t vertices[3], corner[3];
   double area, recess, ratio;
-  double gap, offset, stiffness, push;
+  double gap, offset, stiffness, normal_force;
   vec3 weights;
   double slip;
   vec3 normal;
   double work;
-  vec3 anchor;
+  vec3 stick_point;
   double largest_depth;
   vec3 shear;
   int32_t around, num_around; /* where the nodes around a point that is a node are listed */
@@ -59,8 +59,8 @@ enum { ALL_PAIRS, EARLY_PAIRS, OTHER_PAIRS };
 /* What a call is given and finds, see kernels/pairs.py. */
 typedef struct {
   double friction, friction_kinetic, range;
-  int64_t adopt, part, num_others;
-  double dissipated, switched, num_adopted, deepest, sunk;
+  int64_t accept, part, num_others;
+  double dissipated, switched, num_accepted, deepest, sunk;
   int64_t sunken;
 } call_type;
 

@@ -27,12 +27,12 @@ COLUMNS = {
     "gap": (np.float64, 8),
     "offset": (np.float64, 9),
     "stiffness": (np.float64, 10),
-    "push": (np.float64, 11),
+    "normal_force": (np.float64, 11),
     "weights": (np.float64, slice(12, 15)),
     "slip": (np.float64, 15),
     "normal": (np.float64, slice(16, 19)),
     "work": (np.float64, 19),
-    "anchor": (np.float64, slice(20, 23)),
+    "stick_point": (np.float64, slice(20, 23)),
     "largest_depth": (np.float64, 23),
     "shear": (np.float64, slice(24, 27)),
     "around": (np.int32, slice(54, 56)),
@@ -51,8 +51,8 @@ class _Call(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_double) for name in ("friction", "friction_kinetic", "range")),
-        *((name, ctypes.c_int64) for name in ("adopt", "part", "num_others")),
-        *((name, ctypes.c_double) for name in ("dissipated", "switched", "adopted", "deepest")),
+        *((name, ctypes.c_int64) for name in ("accept", "part", "num_others")),
+        *((name, ctypes.c_double) for name in ("dissipated", "switched", "accepted", "deepest")),
         ("sunk", ctypes.c_double),
         ("sunken", ctypes.c_int64),
     ]
@@ -85,7 +85,7 @@ class PairForces:
     """Finds the gaps of all pairs and adds the forces of the closed ones; local.
 
     A closed pair with gap g (less its offset) carries the normal force -k g and the
-    tangential force of a spring between the node and its anchor, a point that
+    tangential force of a spring between the node and its stick point, a point that
     sticks to the facet until Coulomb's limit drags it along. The facet receives
     the opposite force at the closest point, and the couple gap x friction, so that
     linear and angular momentum are kept.
@@ -93,20 +93,20 @@ class PairForces:
     The normal force follows from where the pair is now: stiffness and largest depth are those of
     its point and the facet that it is closest to now, whatever was before. Where it passes to
     another facet they change, and so does the energy of its springs at once: that is
-    counted. What overlaps at the start is adopted: its depth becomes the offset of its gap.
+    counted. What overlaps at the start is accepted: its depth becomes the offset of its gap.
 
     All arrays are changed where they are, and must stay there.
 
     Args:
         state: A row of each pair, shape (num_pairs, ROW), with the columns
             weights, normal: Closest point and normal, facet to node;
-            anchor: Weights of the anchor in the closest facet;
+            stick_point: Weights of the stick point in the closest facet;
             shear: Friction on the node [N];
             gap, offset: Gap and its offset (<= 0, but for multipliers) [m];
             stiffness: Of closed pairs [N/m];
             largest_depth: Depth from which their force grows no more [m];
             slip: Accumulated slip [m];
-            push: Normal force on the node [N];
+            normal_force: Normal force on the node [N];
             work: Energy dissipated since the last search [J];
             closed: Whether the pair carries force;
             sliding: Whether the pair slipped in this step;
@@ -177,21 +177,21 @@ class PairForces:
         self._call.argtypes = [pointer, pointer, ctypes.c_int64]
         self._call.restype = None
 
-    def __call__(self, longest, adopt, between):
+    def __call__(self, longest, accept, between):
         """Add the forces at the positions ``x`` to ``f``.
 
         Args:
             longest: Distance up to which the bounds hold [m].
-            adopt: True to adopt every node that lies inside (start of a test).
+            accept: True to accept every overlap (start of a test).
             between: Called once the early pairs have their forces; without any, at the end.
 
         Returns:
             Energy dissipated [J]; energy that springs lost where pairs passed to other facets [J];
-            number of adopted pairs; largest adopted depth [m]; of pairs beyond their largest depth
+            number of accepted pairs; their largest depth [m]; of pairs beyond their largest depth
             the largest one over the lesser part of both sides in it, and its pair, -1 if none.
         """
         c = self._found
-        c.range, c.adopt = longest, adopt
+        c.range, c.accept = longest, accept
         table, call, num = self._pointers.table, ctypes.addressof(c), self._num_pairs
         c.part = EARLY if self._any_early else ALL
         self._call(table, call, num)
@@ -199,7 +199,7 @@ class PairForces:
         if self._any_early:
             c.part = OTHERS
             self._call(table, call, num)
-        return c.dissipated, c.switched, int(c.adopted), c.deepest, (c.sunk, c.sunken)
+        return c.dissipated, c.switched, int(c.accepted), c.deepest, (c.sunk, c.sunken)
 
 
 @numba.njit(cache=True)

@@ -38,7 +38,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   load_four(third, rows, IN_ROW(gap));
   load_four(fourth, rows, IN_ROW(weights));
   load_four(fifth, rows, IN_ROW(normal));
-  load_four(sixth, rows, IN_ROW(anchor));
+  load_four(sixth, rows, IN_ROW(stick_point));
   load_four(seventh, rows, IN_ROW(shear));
   load_four(last, rows, IN_ROW(corner_weight));
   const mask word = (mask)head[1];
@@ -81,7 +81,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   }
   can &= ~changed;
 
-  /* Normal force, and friction of the spring between the point and its anchor. */
+  /* Normal force, and friction of the spring between the point and its stick point. */
   const vec kt = kn * ratio, N = kn * depth;
   lanes3 spring = difference(point, mean_of((lanes3){sixth[0], sixth[1], sixth[2]}, a, b, d));
   vec held = all(c->friction), kinetic = all(c->friction_kinetic);
@@ -122,7 +122,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   store_four(third, rows, IN_ROW(gap), can);
   store_four(fourth, rows, IN_ROW(weights), can);
   store_four(fifth, rows, IN_ROW(normal), can);
-  store_four(sixth, rows, IN_ROW(anchor), can);
+  store_four(sixth, rows, IN_ROW(stick_point), can);
   store_four(seventh, rows, IN_ROW(shear), can);
   const unsigned slides = bits(sliding);
 #pragma GCC unroll 8

@@ -22,7 +22,7 @@ INLINE double finer_depth(const pairs_type *m, const state_type *s, int64_t k) {
    closest point and ``n`` the normal of the contact, which differs from that of the facet on its
    edges and vertices. The spring lies across n, so its end is moved along n into the facet: along
    the facet's own normal a node at depth would find another spring in the next step. */
-INLINE vec3 anchor_of(vec3 s, vec3 foot, vec3 n, vec3 facet_normal, triangle t) {
+INLINE vec3 stick_point_of(vec3 s, vec3 foot, vec3 n, vec3 facet_normal, triangle t) {
   double slant = dot(n, facet_normal);
   double shift = slant > 0.1 ? dot(s, facet_normal) / slant : 0.0;
   return project(along(minus(foot, s), shift, n), t);
@@ -127,8 +127,8 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   if (!s->closed) {
     /* The offset of a pair that moves out follows it, and never grows again. */
     if (s->offset < 0.0) s->offset = least(most(s->offset, g), 0.0);
-    if (c->adopt && s->offset > g) {
-      c->num_adopted += 1.0;
+    if (c->accept && s->offset > g) {
+      c->num_accepted += 1.0;
       c->deepest = most(c->deepest, -g);
       s->offset = g;
     }
@@ -143,12 +143,12 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   /* Energy and force of before, and the way of the point since, relative to the facet of before. */
   const int was_closed = s->closed;
   const double old_energy = was_closed ? energy_of(s, was) : 0.0;
-  const vec3 old_force = along(old_shear, s->push, old_normal);
+  const vec3 old_force = along(old_shear, s->normal_force, old_normal);
   const vec3 old_foot = mean(old_weights, old.a, old.b, old.c);
   const vec3 way = along(minus(point, old_foot), s->recess - old_gap, old_normal);
   if (depth <= 0.0) {
     if (s->closed) {
-      const vec3 spring = minus(point, mean(s->anchor, old.a, old.b, old.c));
+      const vec3 spring = minus(point, mean(s->stick_point, old.a, old.b, old.c));
       const double lost = lost_at_opening(old_shear, across(spring, old_normal));
       /* It left over an edge where it did not move out as far as it was deep. */
       if (passed || dot(way, old_normal) < was - tiny(s))
@@ -156,7 +156,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
       c->dissipated += lost;
       s->work += lost;
       s->closed = s->sliding = 0;
-      s->push = 0.0;
+      s->normal_force = 0.0;
       s->shear = (vec3){0.0, 0.0, 0.0};
     }
     m->next_check[p] = bound + least(most(g, 0.0), c->range);
@@ -169,15 +169,15 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     s->largest_depth = largest_depth_of(m, s, k);
   }
   if (!was_closed) {
-    s->anchor = w;
+    s->stick_point = w;
   } else if (passed) {
     /* Another facet: the spring keeps its length and turns with the normal. */
-    vec3 spring = minus(point, mean(s->anchor, old.a, old.b, old.c));
+    vec3 spring = minus(point, mean(s->stick_point, old.a, old.b, old.c));
     spring = across(spring, old_normal);
     vec3 turned = across(spring, normal);
     double now2 = dot(turned, turned);
     double keep = now2 > 0.0 ? sqrt(dot(spring, spring) / now2) : 0.0;
-    s->anchor = anchor_of(times(keep, turned), foot, normal, facet_normal, t);
+    s->stick_point = stick_point_of(times(keep, turned), foot, normal, facet_normal, t);
   }
   if (depth > s->largest_depth) {
     double sunk = depth / finer_depth(m, s, k);
@@ -185,11 +185,11 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   }
   m->next_check[p] = bound;
 
-  /* Normal force, and friction of the spring between the node and its anchor. */
+  /* Normal force, and friction of the spring between the node and its stick point. */
   const double kn = s->stiffness, kt = kn * s->ratio;
   const double N = normal_force(kn, depth, s->largest_depth);
-  s->push = N;
-  vec3 spring = minus(point, mean(s->anchor, t.a, t.b, t.c));
+  s->normal_force = N;
+  vec3 spring = minus(point, mean(s->stick_point, t.a, t.b, t.c));
   const friction_type mu = friction_of(m, c, s);
   const slip_type found =
       slip(&spring, normal, kt, s->sliding, mu.held * N, mu.kinetic * N, old_shear);
@@ -198,8 +198,8 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   s->slip += found.slipped;
   s->work += found.lost;
   c->dissipated += found.lost;
-  /* The anchor that leaves just this much of the spring. */
-  if (s->sliding) s->anchor = anchor_of(spring, foot, normal, facet_normal, t);
+  /* The stick point that leaves just this much of the spring. */
+  if (s->sliding) s->stick_point = stick_point_of(spring, foot, normal, facet_normal, t);
   vec3 shear = times(-kt, spring);
   s->shear = shear;
   const vec3 force = along(shear, N, normal);

@@ -4,16 +4,16 @@
 #include "contact_law.h"
 #include "due.h"
 
-/* What a pair keeps, two cache lines in rows of four numbers; the anchor from ``point`` of the wall.
-   ``corner``: nodes around a point in a facet, or thrice the node; the first has a weight of its
-   own, the others share the rest. */
+/* What a pair keeps, two cache lines in rows of four numbers; the stick point from ``point`` of the
+   wall. ``corner``: nodes around a point in a facet, or thrice the node; the first has a weight of
+   its own, the others share the rest. */
 typedef struct {
   int32_t corner[3];
   uint8_t closed, sliding;
   uint16_t wall; /* and above it the weight's place in LEAD */
   double recess, ratio;
-  double gap, offset, stiffness, push;
-  vec3 anchor;
+  double gap, offset, stiffness, normal_force;
+  vec3 stick_point;
   double slip;
   vec3 shear;
   double work;
@@ -64,7 +64,7 @@ INLINE void fetch_ahead(const walls_type *m, int64_t i, int64_t num_due) {
 }
 
 /* One pair: all that can happen to it. */
-static void add_one(const walls_type *m, double *totals, int64_t p, int64_t adopt) {
+static void add_one(const walls_type *m, double *totals, int64_t p, int64_t accept) {
   state_type *s = m->state + p;
   wall_type *wall = m->walls + wall_of(s);
   const int32_t *c = s->corner;
@@ -77,7 +77,7 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t adop
   s->gap = g;
   if (!s->closed) {
     if (s->offset < 0.0) s->offset = least(most(s->offset, g), 0.0);
-    if (adopt && g < s->offset) {
+    if (accept && g < s->offset) {
       totals[1] += 1.0;
       s->offset = g;
     }
@@ -85,11 +85,11 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t adop
   const double depth = s->offset - g;
   if (depth <= 0.0) {
     if (s->closed) {
-      double lost = lost_at_opening(s->shear, across(minus(r, s->anchor), normal));
+      double lost = lost_at_opening(s->shear, across(minus(r, s->stick_point), normal));
       totals[0] += lost;
       s->work += lost;
       s->closed = s->sliding = 0;
-      s->push = 0.0;
+      s->normal_force = 0.0;
       s->shear = (vec3){0.0, 0.0, 0.0};
     }
     m->next_check[p] = bound + most(g, 0.0);
@@ -98,18 +98,18 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t adop
   m->next_check[p] = bound;
   if (!s->closed) {
     s->closed = 1;
-    s->anchor = r;
+    s->stick_point = r;
   }
   const double kn = s->stiffness, kt = kn * s->ratio, N = kn * depth;
-  s->push = N;
-  vec3 spring = minus(r, s->anchor);
+  s->normal_force = N;
+  vec3 spring = minus(r, s->stick_point);
   const slip_type found = slip(&spring, normal, kt, s->sliding, wall->friction * N,
                                        wall->friction_kinetic * N, s->shear);
   s->sliding = found.sliding;
   s->slip += found.slipped;
   s->work += found.lost;
   totals[0] += found.lost;
-  if (s->sliding) s->anchor = minus(r, spring);
+  if (s->sliding) s->stick_point = minus(r, spring);
   s->shear = times(-kt, spring);
   const vec3 force = along(s->shear, N, normal), torque = cross(force, r);
   for (int k = 0; k < 3; k++) add_to(m->f, c[k], times(k ? rest : lead, force));
@@ -141,10 +141,10 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
     bound[i] = m->bounds[m->bound_row[pair[i]]];
     for (int k = 0; k < 3; k++) node[k][i] = s->corner[k];
   }
-  vec head[4], spring_row[4], anchor_row[4], shear_row[4], wall[4], plane[4];
+  vec head[4], spring_row[4], stick_point_row[4], shear_row[4], wall[4], plane[4];
   load_four(head, rows, 0);
   load_four(spring_row, rows, IN_ROW(gap));
-  load_four(anchor_row, rows, IN_ROW(anchor));
+  load_four(stick_point_row, rows, IN_ROW(stick_point));
   load_four(shear_row, rows, IN_ROW(shear));
   load_four(wall, wall_rows, 0);
   load_four(plane, wall_rows, 4);
@@ -159,28 +159,29 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
   const unsigned can = wanted & bits(closed & (depth > 0.0)), open = wanted & bits(in_front);
 
   const vec kn = spring_row[2], kt = kn * head[3], N = kn * depth;
-  const lanes3 anchor = {anchor_row[0], anchor_row[1], anchor_row[2]};
-  lanes3 spring = difference(r, anchor);
+  const lanes3 stick_point = {stick_point_row[0], stick_point_row[1], stick_point_row[2]};
+  lanes3 spring = difference(r, stick_point);
   const slips_type found =
       slip_each(&spring, n, kt, FLAG(flags, sliding), wall[3] * N, plane[3] * N,
            (lanes3){shear_row[0], shear_row[1], shear_row[2]});
   const mask sliding = found.sliding;
-  const lanes3 new_anchor = where_each(sliding, difference(r, spring), anchor);
+  const lanes3 new_stick_point = where_each(sliding, difference(r, spring), stick_point);
   const lanes3 shear = scaled(-kt, spring), force = moved_along(shear, N, n);
   const lanes3 torque = across_both(force, r);
 
   v4 on[3][LANES];
   for (int k = 0; k < 3; k++) to_memory(on[k], scaled(weight[k], force));
   vec dissipates = found.lost;
-  /* What was adopted behind the wall is free again; a multiplier's offset is positive and stays. */
+  /* What was accepted behind the wall is free again; a multiplier's offset is positive and stays. */
   spring_row[0] = g;
   spring_row[1] = where(in_front & (spring_row[1] < 0.0), all(0.0), spring_row[1]);
   spring_row[3] = where(in_front, all(0.0), N);
-  anchor_row[0] = new_anchor.x, anchor_row[1] = new_anchor.y, anchor_row[2] = new_anchor.z;
-  anchor_row[3] += found.slipped;
+  stick_point_row[0] = new_stick_point.x, stick_point_row[1] = new_stick_point.y;
+  stick_point_row[2] = new_stick_point.z;
+  stick_point_row[3] += found.slipped;
   shear_row[0] = shear.x, shear_row[1] = shear.y, shear_row[2] = shear.z, shear_row[3] += found.lost;
   store_four(spring_row, rows, IN_ROW(gap), can | open);
-  store_four(anchor_row, rows, IN_ROW(anchor), can);
+  store_four(stick_point_row, rows, IN_ROW(stick_point), can);
   store_four(shear_row, rows, IN_ROW(shear), can);
   const unsigned slides = bits(sliding);
   const mask done = lanes_of(can);
@@ -209,9 +210,9 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
   return wanted & ~(can | open);
 }
 
-/* See kernels/walls.py; ``totals``: energy dissipated, adopted pairs. */
+/* See kernels/walls.py; ``totals``: energy dissipated, accepted pairs. */
 void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int64_t num_pairs,
-                          int64_t num_walls, int64_t adopt) {
+                          int64_t num_walls, int64_t accept) {
   for (int64_t w = 0; w < num_walls; w++) {
     const vec3 plane = along(at(m->point, w), ahead, at(m->velocity, w));
     m->walls[w] = (wall_type){at(m->normal, w), m->friction[w], plane, m->friction_kinetic[w],
@@ -228,7 +229,7 @@ void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int
     for (int k = 0; k < LANES; k++) pair[k] = m->scratch[i + (k < count ? k : 0)];
     unsigned left = (1u << count) - 1;
     if (TOGETHER) left = add_lanes(m, pair, left, &dissipated);
-    for (; left; left &= left - 1) add_one(m, totals, pair[__builtin_ctz(left)], adopt);
+    for (; left; left &= left - 1) add_one(m, totals, pair[__builtin_ctz(left)], accept);
   }
   for (int k = 0; k < LANES; k++) totals[0] += dissipated[k];
   for (int64_t w = 0; w < num_walls; w++)

@@ -22,8 +22,8 @@ COLUMNS = {
     "gap": (np.float64, 4),
     "offset": (np.float64, 5),
     "stiffness": (np.float64, 6),
-    "push": (np.float64, 7),
-    "anchor": (np.float64, slice(8, 11)),
+    "normal_force": (np.float64, 7),
+    "stick_point": (np.float64, slice(8, 11)),
     "slip": (np.float64, 11),
     "shear": (np.float64, slice(12, 15)),
     "work": (np.float64, 15),
@@ -49,14 +49,14 @@ def farthest(x, point):
 
 
 @numba.njit(cache=True)
-def motion_to_walls(moves, field, normal, push, turn, box, dt):
+def motion_to_walls(moves, field, normal, displacement, turn, box, dt):
     """How far a velocity field brings points to walls or away from them in a step, at most.
 
     Args:
         moves: Set to that distance along the normal [m], infinity for a wall that turns, shape
             (num_walls,).
         field: As in kernels.motion.
-        normal, push, turn: Of the walls, as in kernels.motion, shape (num_walls, 3).
+        normal, displacement, turn: Of the walls, as in kernels.motion, shape (num_walls, 3).
         box: Least and largest positions of the points near each wall [m], shape (num_walls, 2, 3).
         dt: Length of the step [s].
     """
@@ -69,7 +69,7 @@ def motion_to_walls(moves, field, normal, push, turn, box, dt):
                 along += normal[w, j] * field[1 + i, j]
                 velocity += 0.5 * (box[w, 0, j] + box[w, 1, j]) * field[1 + j, i]
             spread += abs(along) * 0.5 * (box[w, 1, i] - box[w, 0, i])
-            middle += normal[w, i] * (dt * (field[0, i] + velocity) - push[w, i])
+            middle += normal[w, i] * (dt * (field[0, i] + velocity) - displacement[w, i])
         moves[w] = abs(middle) + dt * spread
         if turn[w, 0] != 0.0 or turn[w, 1] != 0.0 or turn[w, 2] != 0.0:
             moves[w] = np.inf
@@ -123,18 +123,18 @@ class WallForces:
     """Adds the forces of closed node-wall pairs to nodes and walls; local.
 
     The law is that of :class:`~mufe_fenicsx.kernels.pairs.PairForces`, on the
-    whole nodal area since one side only carries nodes; anchors move with the wall.
+    whole nodal area since one side only carries nodes; stick points move with the wall.
 
     All arrays are changed where they are, and must stay there.
 
     Args:
         state: A row of each pair, shape (num_pairs, ROW), with the columns
-            anchor: Anchor relative to ``point`` [m];
+            stick_point: Stick point relative to ``point`` [m];
             stiffness: Area over layer [N/m], set here;
             shear: Friction on the node [N];
             gap, offset: Gap and its offset [m];
             slip: Accumulated slip [m];
-            push: Normal force on the node [N];
+            normal_force: Normal force on the node [N];
             work: Energy dissipated by friction since the last search [J];
             closed, sliding: As of PairForces.
         next_check, bounds, bound_row: As of PairForces, (num_pairs,) but for ``bounds``.
@@ -182,22 +182,22 @@ class WallForces:
         self._call.argtypes = [pointer, pointer, number, integer, integer, integer]
         self._call.restype = None
 
-    def __call__(self, adopt, ahead=0.0):
+    def __call__(self, accept, ahead=0.0):
         """Add the forces at the positions ``x``.
 
         Args:
-            adopt: True to adopt every node behind its wall (start of a test).
+            accept: True to accept every overlap (start of a test).
             ahead: How much later than the planes the positions are [s].
 
         Returns:
-            Energy dissipated by friction [J]; number of adopted pairs.
+            Energy dissipated by friction [J]; number of accepted pairs.
         """
         totals = self._totals
         self._call(
-            self._pointers.table, self._totals_at, ahead, self._num_pairs, self._num_walls, adopt,
+            self._pointers.table, self._totals_at, ahead, self._num_pairs, self._num_walls, accept,
         )  # fmt: skip
-        dissipated, adopted = totals.tolist()
-        return dissipated, int(adopted)
+        dissipated, accepted = totals.tolist()
+        return dissipated, int(accepted)
 
 
 @numba.njit(cache=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import finite_array
 from ..kernels.motion import add_weights
 from ..state import ForceTerm
 
@@ -26,9 +26,7 @@ class Gravity(ForceTerm):
     name = "gravity"
 
     def __init__(self, mesh, mass, g, rigid):
-        self.g = np.asarray(g, dtype=float)
-        if self.g.shape != (3,) or not np.isfinite(self.g).all():
-            raise InputError(f"gravity = {g}, expected three finite numbers [m/s²]")
+        self.g = finite_array("gravity", g, (3,))
         self._mass, self._rigid = mass, rigid
         self._mass_of_grain = np.bincount(mesh.grain_of_node, mass, mesh.num_grains)
 

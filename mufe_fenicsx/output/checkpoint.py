@@ -22,7 +22,7 @@ import numpy as np
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.run_folder import attempt, plain, raise_together, reason, regular, try_room
 
-FORMAT, VERSION = "mufe checkpoint", 10
+FORMAT, VERSION = "mufe checkpoint", 11
 MANIFEST = "manifest.json"
 #: Checkpoints that stay.
 NUM_KEPT = 2

@@ -9,6 +9,7 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from ..contact.walls import Wall
+from ..errors import InputError, finite_array, nearest_name, shown
 from ..explicit.simulation import Simulation
 from ..geometry.tets.refine import PARTS, split
 from ..implicit.simulation import ImplicitSimulation
@@ -48,11 +49,20 @@ def build(
         increment: Length of implicit increments [s]; None for time steps.
         options: Of :class:`~.Simulation`; for ``element = "composite"``
             the tetrahedra of the bodies are split.
+
+    Raises:
+        InputError: A name of a wall, letter of ``axes``, shape or option that is not known; a
+            value that is not finite.
     """
-    friction = wall_friction or {}
+    friction, planes = wall_friction or {}, axis_planes(low, high, axes)
+    for name in friction:
+        if name not in planes:
+            raise InputError(
+                f"wall of wall_friction = {shown(name)}, expected {nearest_name(name, planes)}"
+            )
     walls = [
         Wall(name, point, normal, friction=friction.get(name, 0.0))
-        for name, (point, normal) in axis_planes(low, high, axes).items()
+        for name, (point, normal) in planes.items()
     ] + list(walls)
     mesh = distribute(comm, bodies, options.get("element") == "composite")
     if velocity is not None:
@@ -125,9 +135,9 @@ def drive(
     """
     walls = simulation.walls
     start, end = simulation.state.t, simulation.state.t + duration
-    target = {walls.names.index(name): np.asarray(move, float) for name, move in moves.items()}
+    target = {walls.number_of(name): np.asarray(move, float) for name, move in moves.items()}
     target = {i: (move, walls.point[i] + move) for i, move in target.items()}
-    turns = {walls.names.index(name): np.asarray(t, float) for name, t in (turns or {}).items()}
+    turns = {walls.number_of(name): np.asarray(t, float) for name, t in (turns or {}).items()}
     turned = 0.0  # part of the turns
     while (t := simulation.state.t) < end:
         # The mean over the coming step: few increments go as far as many.
@@ -188,9 +198,11 @@ def axis_planes(
         low, high: Corners of the box [m], shape (3,).
         axes: Which pairs of planes.
     """
+    low, high = finite_array("low", low, (3,)), finite_array("high", high, (3,))
+    if not set(axes) <= set("xyz"):
+        raise InputError(f"axes = {shown(axes)}, expected letters of xyz")
     planes = {}
     for axis in axes:
         normal = np.eye(3)["xyz".index(axis)]
-        planes[f"{axis}_min"] = np.array(low, dtype=float), normal
-        planes[f"{axis}_max"] = np.array(high, dtype=float), -normal
+        planes[f"{axis}_min"], planes[f"{axis}_max"] = (low.copy(), normal), (high.copy(), -normal)
     return planes

@@ -51,7 +51,9 @@ class Implicit:
         allowed=("direct", "multigrid", "products"),
     )
     petsc: str = setting(
-        "", "", 'options of PETSc from a list (docs/howto/static_increments.md), e.g. "-ksp_rtol 1e-8"'
+        "",
+        "",
+        'options of PETSc from a list (docs/howto/static_increments.md), e.g. "-ksp_rtol 1e-8"',
     )
 
     def __post_init__(self):

@@ -174,9 +174,9 @@ def contact_area(s, wall):
     """
     pairs, points, own = s.walls.pairs, s.contact.points, s.contact.own
     on = np.flatnonzero(pairs.wall == wall)
-    push = np.zeros((points.num_points, 1))
-    push[pairs.node[on], 0] = np.maximum(pairs.push[on], 0.0)
-    force = points.to_nodes(push, own.nodes.size)[:, 0]
+    normal_force = np.zeros((points.num_points, 1))
+    normal_force[pairs.node[on], 0] = np.maximum(pairs.normal_force[on], 0.0)
+    force = points.to_nodes(normal_force, own.nodes.size)[:, 0]
     total = force.sum()
     if total == 0.0:
         return 0.0

@@ -142,11 +142,11 @@ class Pressed:
         contact.ghosts.place_points()
         force, area = np.zeros(points.num_points), points.area.copy()
         on = np.flatnonzero(walls.closed)
-        np.add.at(force, walls.node[on], walls.push[on])
+        np.add.at(force, walls.node[on], walls.normal_force[on])
         if self.pressing:
             area *= 0.5  # of the open ones, on both sides
             on = np.flatnonzero(pairs.closed)
-            np.add.at(force, pairs.node[on], pairs.push[on])
+            np.add.at(force, pairs.node[on], pairs.normal_force[on])
             area[pairs.node[on]] = contact.areas(on)
         near = np.union1d(pairs.node, walls.node)
         plane = contact.ghosts.positions.array[near] @ FRAME[:, :2]

@@ -143,7 +143,7 @@ def _contact_load(s):
     p = s.contact.pairs
     on = np.flatnonzero(p.closed)
     point = p.node[on]
-    force = p.push[on, None] * p.normal[on] + p.shear[on]
+    force = p.normal_force[on, None] * p.normal[on] + p.shear[on]
     # On the lower ball's points, and the opposite of that on the upper one's.
     force *= np.where(s.contact.points.grain_of_point[point] == 0, 1.0, -1.0)[:, None]
     # The couple of gap and friction included, both sides have the same moment about any point.

@@ -156,7 +156,7 @@ def test_what_is_known_of_pairs_after_a_search(drift):
     lost = Pairs(pairs.node, pairs.grain, pairs.first, pairs.candidate, of_points, bound)
     before = contact.surface.global_facet
     pairs.drop_candidates(before)
-    lost.carry(pairs, np.full_like(before, -1), np.inf)
+    lost.transfer(pairs, np.full_like(before, -1), np.inf)
     assert (lost.next_check <= lost.motion_bounds.now).all()
 
 

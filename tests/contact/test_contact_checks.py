@@ -27,7 +27,6 @@ def wall(height):
         ([], {"friction": np.nan}, r"friction = nan, expected >= 0"),
         ([], {"compliance": 0.0}, r"compliance = 0.0, expected > 0"),
         ([wall(RADIUS)], {}, r"wall z_min is 0.001 m inside the sample"),
-        ([wall(np.nan)], {}, r"wall z_min has a normal of length 1 at"),
     ],
 )
 def test_bad_values(walls, options, expected):

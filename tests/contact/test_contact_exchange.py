@@ -110,7 +110,7 @@ def test_steps_read_and_act_on_no_other_ghosts_than_those_exchanged(kind):
         contact.search(mesh.x, ahead=contact.edge)
         contact.motion.skin = np.inf  # no search from here on
         contact.begin_step(mesh.x)
-        contact.add_forces(np.zeros_like(mesh.x), mesh.x, adopt=True)
+        contact.add_forces(np.zeros_like(mesh.x), mesh.x, accept=True)
         if poisoned:
             read, _ = nodes_of_pairs(contact)
             others = ~read[contact.own.nodes.size :]

@@ -105,22 +105,22 @@ class Pair:
         self.largest_depth, self.size, self.recess = np.full(1, 10.0), np.ones(1), np.zeros(1)
         self.place, self.normal = np.zeros((1, 2)), np.zeros((1, 3))
         self.gap, self.offset, self.closed = np.zeros(1), np.zeros(1), np.zeros(1, dtype=bool)
-        self.stiffness, self.anchor = np.zeros(1), np.zeros((1, 2))
+        self.stiffness, self.stick_point = np.zeros(1), np.zeros((1, 2))
         self.shear, self.slip, self.work = np.zeros((1, 3)), np.zeros(1), np.zeros(1)
         self.first, self.second = np.zeros(1, np.int32), np.ones(1, np.int32)
         self.ratio, self.compliance = np.array([0.9]), np.zeros(2)
 
-    def forces(self, x, friction=1e9, bound=10.0, adopt=False, kinetic=None):
+    def forces(self, x, friction=1e9, bound=10.0, accept=False, kinetic=None):
         f, kinetic = np.zeros_like(x), friction if kinetic is None else kinetic
         one = np.ones(2)
         self.lost = add_edge_forces(
             f, self.next_check, self.outside, self.place, self.normal, self.gap, self.offset,
             self.closed,
-            self.sliding, self.stiffness, self.anchor, self.shear, self.slip,
+            self.sliding, self.stiffness, self.stick_point, self.shear, self.slip,
             self.work, bound, x, self.first, self.second, ENDS, BEYOND, one, one,
             np.ones((2, 2)), self.compliance, self.ratio,
             np.array([[friction, kinetic]]), np.empty(0, np.int32), self.size,
-            self.largest_depth, self.recess, adopt,
+            self.largest_depth, self.recess, accept,
         )  # fmt: skip
         return f
 
@@ -144,7 +144,7 @@ def test_forces_are_the_gradient_of_the_energy_and_in_balance(seed, compliance):
     x[4:] += (gap + 0.05) * np.array(n)
     pair = Pair()
     pair.compliance[:] = compliance, 2.0 * compliance
-    pair.forces(x)  # closes with its anchors at the crossing
+    pair.forces(x)  # closes with its stick points at the crossing
     assert pair.closed[0]
     x = x + 0.03 * rng.standard_normal(x.shape)
     assert crossing(x, ENDS, BEYOND, 0, 1)[0] <= 0

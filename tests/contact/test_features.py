@@ -171,7 +171,7 @@ def test_friction_in_a_notch_does_no_work_at_rest():
     for _ in range(20):
         force = bodies.move(np.zeros(3))
     assert force @ OUT > 0
-    # Rounding of the anchor's place.
+    # Rounding of the stick point's place.
     assert bodies.contact.dissipation.total - slipped < 1e-9 * slipped
 
 

@@ -133,7 +133,7 @@ def test_increments_slip_at_the_coefficients_of_their_pairs(spectral_radius):
         sim.walls.velocity[1], sim.dt = [side, 0.3 * side, push], 1.0
         sim.step()
     p = sim.contact.pairs
-    ratio = np.linalg.norm(p.shear, axis=1) / np.where(p.closed, p.push, 1.0)
+    ratio = np.linalg.norm(p.shear, axis=1) / np.where(p.closed, p.normal_force, 1.0)
     lower = np.minimum(p.grain, sim.contact.points.grain_of_point[p.node])
     for grain, (static, kinetic) in ((0, (0.1, 0.08)), (2, (0.05, 0.03))):
         here = p.closed & (lower == grain)

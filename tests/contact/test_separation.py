@@ -43,8 +43,8 @@ def test_overlapping_spheres_are_parted_and_release_no_energy():
 def test_overlap_that_stays_becomes_an_offset_and_releases_no_energy():
     mesh = packed_spheres(COMM, (3, 1, 1), gap=-0.12)
     sim = simulation_of(mesh, SOFT)
-    adopted = COMM.allreduce(sim.contact.overlaps.num_accepted)
-    assert adopted > 0
+    accepted = COMM.allreduce(sim.contact.overlaps.num_accepted)
+    assert accepted > 0
     for _ in range(50):
         sim.step()
     energies = sim.energies()

@@ -158,6 +158,8 @@ def test_bounds_stand_in_the_documentation():
 
     from mufe_fenicsx.units import PLAUSIBLE
 
-    page = (Path(__file__).resolve().parents[2] / "docs" / "files.md").read_text(encoding="utf-8")
+    page = (Path(__file__).resolve().parents[2] / "docs" / "reference" / "files.md").read_text(
+        encoding="utf-8"
+    )
     for unit, (least, largest) in PLAUSIBLE.items():
         assert f"| {unit or 'none'} | {least:g} | {largest:g} |" in page

@@ -24,7 +24,7 @@ REMEMBERED = (
     "closed",
     "sliding",
     "stiffness",
-    "anchor",
+    "stick_point",
     "shear",
 )
 
@@ -59,7 +59,7 @@ class EdgeContact:
         return -self.pairs.gap[self.pairs.closed].min()
 
     def search(self, x, num_own, surface, reach, bound):
-        """Find all pairs within ``reach`` and carry over what they remember. Local.
+        """Find all pairs within ``reach`` and transfer what they remember. Local.
 
         Args:
             x: Positions [m], ghosts included, shape (num_nodes_with_ghosts, 3).
@@ -72,7 +72,7 @@ class EdgeContact:
         self.list_edges(num_own, surface)
         self.set_pairs(*_search(x, self.edges, reach), bound)
         if old is not None:
-            self._carry(old, old_keys)
+            self._transfer(old, old_keys)
 
     def list_edges(self, num_own, surface):
         """Find the sharp edges, arguments as of :meth:`search`. Local."""
@@ -94,7 +94,7 @@ class EdgeContact:
         key = self.edges.key
         return (key[self.pairs.first] << 31) | key[self.pairs.second]
 
-    def _carry(self, old, old_keys):
+    def _transfer(self, old, old_keys):
         new = self.pairs
         _, at_old, at_new = np.intersect1d(old_keys, self.keys(), True, return_indices=True)
         for name in REMEMBERED:
@@ -102,21 +102,21 @@ class EdgeContact:
         # What waited, but is looked at again, may not have moved further since.
         new.next_check[at_new] = np.minimum(new.next_check[at_new], old.next_check[at_old])
 
-    def add_forces(self, f, x, bound, adopt):
+    def add_forces(self, f, x, bound, accept):
         """Add the forces of all pairs to ``f``. Local.
 
         Returns:
             Energy dissipated [J]; energy that springs lost where crossings changed [J]; number of
-            adopted pairs; largest adopted depth [m].
+            accepted pairs; largest accepted depth [m].
         """
         p, e = self.pairs, self.edges
         if bound < p.next_check.min(initial=np.inf):
             return 0.0, 0.0, 0, 0.0
         return add_edge_forces(
             f, p.next_check, p.outside, p.place, p.normal, p.gap, p.offset, p.closed, p.sliding,
-            p.stiffness, p.anchor, p.shear, p.slip, p.work, bound, x, p.first,
+            p.stiffness, p.stick_point, p.shear, p.slip, p.work, bound, x, p.first,
             p.second, e.ends, e.beyond, e.area, e.layer, e.share, e.compliance, e.ratio,
-            self.friction.coefficients, p.friction_row, p.size, p.largest_depth, p.recess, adopt,
+            self.friction.coefficients, p.friction_row, p.size, p.largest_depth, p.recess, accept,
         )  # fmt: skip
 
     def springs(self, margin, bound):
@@ -179,7 +179,7 @@ class EdgePairs(Stateful):
     #: What a checkpoint keeps of each pair.
     KEPT = (
         "next_check", "outside", "place", "normal", "gap", "offset", "closed", "sliding",
-        "stiffness", "anchor", "shear", "slip", "work",
+        "stiffness", "stick_point", "shear", "slip", "work",
     )  # fmt: skip
     STATE = {"here": KEPT}
 
@@ -199,7 +199,7 @@ class EdgePairs(Stateful):
         self.closed = np.zeros(n, dtype=bool)
         self.sliding = np.zeros(n, dtype=bool)
         self.stiffness = np.zeros(n)
-        self.anchor = np.zeros((n, 2))
+        self.stick_point = np.zeros((n, 2))
         self.shear = np.zeros((n, 3))
         self.slip = np.zeros(n)
         self.work = np.zeros(n)

@@ -3,10 +3,10 @@
 import numpy as np
 
 from ...kernels.boxes import box_around, mean_extent
-from ...kernels.carry import carry_pairs, copy_rows, find_again
 from ...kernels.pairs import ROW, column, rows
 from ...kernels.search import find_candidates, group_by_grain, sort_into_cells
 from ...kernels.self_contact import find_self_candidates
+from ...kernels.transfer import copy_rows, find_again, transfer_pairs
 from ...state import Stateful
 from .motion_bounds import MotionBounds
 
@@ -19,10 +19,10 @@ REMEMBERED = (
     "closed",
     "stiffness",
     "largest_depth",
-    "anchor",
+    "stick_point",
     "shear",
     "slip",
-    "push",
+    "normal_force",
     "sliding",
 )
 
@@ -57,7 +57,7 @@ class Pairs(Stateful):
         return self.motion_bounds.bounds
 
     def drop_candidates(self, global_facet):
-        """Keep of the candidates the closest ones alone, for :meth:`carry` of the next search.
+        """Keep of the candidates the closest ones alone, for :meth:`transfer` of the next search.
 
         They have most of the memory of a search, and their successors need it. Local.
 
@@ -70,7 +70,7 @@ class Pairs(Stateful):
         self.closest_facet = closest
         self.forces = self.candidate = self.candidate_next_check = self.first = self.closest = None
 
-    def carry(self, old, global_facet, wait):
+    def transfer(self, old, global_facet, wait):
         """Take over what ``old`` pairs remember. Local.
 
         Args:
@@ -79,10 +79,10 @@ class Pairs(Stateful):
             wait: Motion from now on before which no facet beyond the reach of that search can be
                 met [m].
         """
-        self.motion_bounds.carry(old.motion_bounds)
+        self.motion_bounds.transfer(old.motion_bounds)
         bound = self.motion_bounds.now
         self.next_check[:] = bound
-        source = carry_pairs(old.node, old.grain, self.node, self.grain)
+        source = transfer_pairs(old.node, old.grain, self.node, self.grain)
         new = np.flatnonzero(source >= 0)
         source = source[new]
         copy_rows(self.state, new, old.state, source)

@@ -60,7 +60,7 @@ class MotionBounds:
         """The bound of each pair [m], shape (num_pairs,)."""
         return self.bounds[self.of]
 
-    def carry(self, old):
+    def transfer(self, old):
         """Bounds of grains that had one before go on from there."""
         _, new, before = np.intersect1d(self.key, old.key, True, return_indices=True)
         for name in self.KEPT:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...kernels.carry import carry_pairs
+from ...kernels.transfer import transfer_pairs
 from ...state import Stateful
 
 
@@ -59,7 +59,7 @@ class Dissipation(Stateful):
         """Close the accounts of the old pairs, and keep the slip of those that are dropped."""
         self.grain, self.partner, self.work = self.totals(old, old_walls, old_crossings)
         for a, b, of in ((old, new, "grain"), (old_walls, new_walls, "wall")):
-            dropped = carry_pairs(b.node, getattr(b, of), a.node, getattr(a, of)) < 0
+            dropped = transfer_pairs(b.node, getattr(b, of), a.node, getattr(a, of)) < 0
             np.add.at(self.slip_of_dropped, a.node[dropped], a.slip[dropped])
 
     def slip(self, pairs, walls):

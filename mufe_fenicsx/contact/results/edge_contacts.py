@@ -20,7 +20,7 @@ class Crossings:
     share: np.ndarray  #: of the crossing in these nodes, 1 in all for each edge, shape (num, 4)
     area: np.ndarray  #: that the crossing stands for, in the reference configuration [m²], (num,)
     depth: np.ndarray  #: by which they overlap, the offset left out [m], shape (num,)
-    push: np.ndarray  #: normal force [N], shape (num,)
+    normal_force: np.ndarray  #: normal force [N], shape (num,)
     normal: np.ndarray  #: unit normal, from the second to the first edge, shape (num, 3)
     friction: np.ndarray  #: on the first edge [N], shape (num, 3)
     #: Normal force, friction, and what pushes it along where the spring is softer [N], (num, 3)
@@ -37,11 +37,11 @@ def closed_crossings(contact):
     p, e, ghosts = contact.edges.pairs, contact.edges.edges, contact.ghosts
     on = np.flatnonzero(p.closed)
     depth = p.offset[on] - p.gap[on] - p.recess[on]
-    push = p.stiffness[on] * np.minimum(depth, p.largest_depth[on])
+    normal_force = p.stiffness[on] * np.minimum(depth, p.largest_depth[on])
     normal, friction = p.normal[on], p.shear[on]
-    # As in kernels.edges.add_edge_forces: friction acts at the anchors, with a couple.
+    # As in kernels.edges.add_edge_forces: friction acts at the stick points, with a couple.
     s, t = p.place[on].T
-    anchor_s, anchor_t = p.anchor[on].T
+    stick_point_s, stick_point_t = p.stick_point[on].T
     lever = p.stiffness[on] * e.ratio[p.first[on]] * p.gap[on]
     area, pushes = np.empty(on.size), np.empty((on.size, 5))
     areas_and_pushes(
@@ -50,10 +50,11 @@ def closed_crossings(contact):
         e.compliance, e.ratio,
     )  # fmt: skip
     q, r, pulled = pushes[:, 0], pushes[:, 1], pushes[:, 2:]
-    h0 = -lever * (anchor_s - s) + p.gap[on] * q
-    h1 = lever * (anchor_t - t) + p.gap[on] * r
-    along = np.stack([(1 - s) * push - h0, s * push + h0, (t - 1) * push - h1, h1 - t * push], 1)
-    across = np.stack([1 - anchor_s, anchor_s, anchor_t - 1, -anchor_t], axis=1)
+    h0 = -lever * (stick_point_s - s) + p.gap[on] * q
+    h1 = lever * (stick_point_t - t) + p.gap[on] * r
+    N = normal_force
+    along = np.stack([(1 - s) * N - h0, s * N + h0, (t - 1) * N - h1, h1 - t * N], axis=1)
+    across = np.stack([1 - stick_point_s, stick_point_s, stick_point_t - 1, -stick_point_t], axis=1)
     at_place = np.stack([1 - s, s, t - 1, -t], axis=1)
     nodes, share = _ends(contact.edges, on)
     return Crossings(
@@ -63,10 +64,10 @@ def closed_crossings(contact):
         share=share,
         area=area,
         depth=depth,
-        push=push,
+        normal_force=normal_force,
         normal=normal,
         friction=friction,
-        force=push[:, None] * normal + friction + pulled,
+        force=normal_force[:, None] * normal + friction + pulled,
         forces=along[..., None] * normal[:, None]
         + across[..., None] * friction[:, None]
         + at_place[..., None] * pulled[:, None],
@@ -86,7 +87,7 @@ def crossings_at_nodes(contact):
     sign = np.array([1.0, 1.0, -1.0, -1.0])
     friction = (sign * c.share)[..., None] * c.friction[:, None]
     return (
-        _at_owners(contact, c.nodes, c.share * c.push[:, None])[:, 0].copy(),
+        _at_owners(contact, c.nodes, c.share * c.normal_force[:, None])[:, 0].copy(),
         _at_owners(contact, c.nodes, friction),
         contact.edges.slip + new_slip(contact),
         _at_owners(contact, c.nodes, c.depth[:, None], largest=True)[:, 0].copy(),

@@ -201,7 +201,7 @@ def _sums_of_points(contact, pairs, on, normal, area, x):
     terms[:, _NORMAL] = area[:, None] * normal
     terms[:, _PLACE] = area[:, None] * place
     terms[:, _FRICTION] = pairs.shear[on]
-    terms[:, _FORCE] = pairs.push[on, None] * normal + pairs.shear[on]
+    terms[:, _FORCE] = pairs.normal_force[on, None] * normal + pairs.shear[on]
     terms[:, _MOMENT] = np.cross(place, terms[:, _FORCE])
     return terms
 
@@ -212,7 +212,7 @@ def _sums_of_crossings(contact, crossings):
     ends = contact.ghosts.positions.array[contact.ghosts.num_before :][c.nodes]
     # Half-way between the edges.
     place = 0.5 * np.einsum("ck,cki->ci", c.share, ends)
-    terms = np.zeros((c.push.size, _NUM_COLUMNS))
+    terms = np.zeros((c.normal_force.size, _NUM_COLUMNS))
     terms[:, _COUNT] = 1
     terms[:, _AREA] = terms[:, _DEFORMED] = c.area
     terms[:, _NORMAL] = c.area[:, None] * c.normal

@@ -48,7 +48,7 @@ def nodal_contact(contact, num_nodes):
 
     # One after another, for each needs room at all points.
     force, friction, edge_slip, edge_depth = crossings_at_nodes(contact)
-    force += of_pairs(lambda pairs: pairs.push)
+    force += of_pairs(lambda pairs: pairs.normal_force)
     for k in range(3):
         friction[:, k] += of_pairs(lambda pairs, k=k: pairs.shear[:, k])
     edge_slip += of_points(contact.dissipation.slip(p, w)) / of_points(np.ones(points.num_points))

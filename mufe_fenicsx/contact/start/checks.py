@@ -78,15 +78,9 @@ def check_walls(comm, walls, x, largest):
         largest: Depth of nodes behind a wall that is accepted, as an offset [m].
 
     Raises:
-        InputError: Nodes lie deeper behind a wall, or a wall is no plane.
+        InputError: Nodes lie deeper behind a wall.
     """
     for name, point, normal in zip(walls.names, walls.point, walls.normal, strict=True):
-        length = np.linalg.norm(normal)
-        if not (abs(length - 1) < 1e-9 and np.isfinite(point).all()):
-            raise InputError(
-                f"wall {name} has a normal of length {length:g} at {point.tolist()}, expected 1 "
-                "and a point"
-            )
         deepest = comm.allreduce(float(((point - x) @ normal).max()), op=MPI.MAX)
         if deepest > largest:
             raise InputError(

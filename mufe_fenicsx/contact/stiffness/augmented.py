@@ -41,7 +41,7 @@ class Augmentation:
         for pairs, stiffness in self._parts():
             on = np.flatnonzero(pairs.closed)
             lift = np.zeros(pairs.node.size)
-            lift[on] = pairs.push[on] / stiffness[on]
+            lift[on] = pairs.normal_force[on] / stiffness[on]
             pairs.offset += lift
             self._lift.append(lift)
             self._next_check.append(pairs.next_check.copy())
@@ -92,8 +92,8 @@ class Augmentation:
                     (pairs.closed, pairs.gap),
                 )
             ]
-            push = 0.5 * (mark.of_points("push")[k] + pairs.push)
-            taken += push @ (depths[1] - depths[0])
+            normal_force = 0.5 * (mark.of_points("normal_force")[k] + pairs.normal_force)
+            taken += normal_force @ (depths[1] - depths[0])
             taken -= 0.5 * stiffness @ (depths[1] ** 2 - depths[0] ** 2)
         return float(taken)
 

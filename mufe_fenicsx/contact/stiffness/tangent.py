@@ -75,21 +75,21 @@ class ContactTangent:
         x, before = g.positions.array, g.num_before
         pair_tangent(
             *parts[0], x, before, *g.corners(), p.node, p.candidate, p.closest, p.closed, closed,
-            p.weights, p.normal, p.gap, p.offset, p.stiffness, p.anchor, p.shear, p.slip, slip,
-            p.push, p.sliding, g.facets, c.points.area, c.points.recess, ratio,
+            p.weights, p.normal, p.gap, p.offset, p.stiffness, p.stick_point, p.shear, p.slip, slip,
+            p.normal_force, p.sliding, g.facets, c.points.area, c.points.recess, ratio,
             friction, p.friction_row, p.largest_depth,
         )  # fmt: skip
         q = e.pairs
         edge_tangent(
             *parts[1], x[before:], q.first, q.second, e.edges.ends, q.closed, edge_closed, q.place,
-            q.normal, q.gap, q.offset, q.recess, q.stiffness, q.anchor, q.shear, q.slip, edge_slip,
-            e.edges.area, e.edges.layer, e.edges.share, e.edges.compliance, e.edges.ratio,
-            friction, q.friction_row, q.largest_depth,
+            q.normal, q.gap, q.offset, q.recess, q.stiffness, q.stick_point, q.shear, q.slip,
+            edge_slip, e.edges.area, e.edges.layer, e.edges.share, e.edges.compliance,
+            e.edges.ratio, friction, q.friction_row, q.largest_depth,
         )  # fmt: skip
         v = w.pairs
         wall_tangent(
             *parts[2], before, *g.corners(), v.node, v.wall, v.closed, wall_closed, w.normal,
-            v.shear, v.slip, wall_slip, v.push, v.sliding, c.points.layer, c.points.area, ratio,
-            w.friction_kinetic,
+            v.shear, v.slip, wall_slip, v.normal_force, v.sliding, c.points.layer, c.points.area,
+            ratio, w.friction_kinetic,
         )  # fmt: skip
         return rows, columns, blocks

@@ -62,7 +62,7 @@ def test_lengths_say_what_they_are(tmp_path):
     # Of bricks of 8 x 6 x 4 voxels; their filtered surface is rounder.
     for name, voxels in (("length_m", 8), ("width_m", 6), ("thickness_m", 4)):
         assert float(row[name]) == pytest.approx(voxels * 1e-5, rel=0.15)
-        assert f"`{name}`" in (ROOT / "docs" / "files.md").read_text()
+        assert f"`{name}`" in (ROOT / "docs" / "reference" / "files.md").read_text()
 
 
 def test_inertia_of_an_ellipsoid_and_that_tensors_are_valid():

@@ -4,7 +4,7 @@ import numba
 
 
 @numba.njit(cache=True)
-def carry_pairs(old_node, old_grain, new_node, new_grain):
+def transfer_pairs(old_node, old_grain, new_node, new_grain):
     """For each new pair the old pair of the same node and grain, or -1.
 
     Both lists increase in node, then in grain.
