@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from .. import __version__
 from ..errors import InputError, raise_on_broken_pipes
 from ..machine.mpi_launcher import forget_launcher
 
@@ -25,22 +26,32 @@ SceneOption = Annotated[
 ]
 
 
-def _version(wanted):
-    if wanted:
-        from .. import __version__
-
-        typer.echo(f"mufe_fenicsx {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
+@app.callback(invoke_without_command=True)
 def _options(
-    version: Annotated[
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print it and end.")] = False,
+    json: Annotated[
         bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Print it and end."),
+        typer.Option("--json", help="With --version: that of libraries and the machine, as JSON."),
     ] = False,
 ):
     """Micro finite-element model of sand: from a CT scan to grains in frictional contact."""
+    if version:
+        typer.echo(_versions_as_json() if json else f"mufe_fenicsx {__version__}")
+        raise typer.Exit
+    if json or context.invoked_subcommand is None:
+        raise InputError("--json before a command, expected it beside --version or behind one")
+
+
+def _versions_as_json():
+    import json
+    import os
+    import platform
+
+    from ..output.run_folder import versions
+
+    machine = {"machine": platform.platform(), "processors": os.cpu_count()}
+    return json.dumps(versions() | machine, indent=2)
 
 
 def world():

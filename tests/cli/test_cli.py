@@ -320,6 +320,9 @@ def test_short_help(tmp_path, mufe_here, arguments):
 def test_version(tmp_path, mufe_here):
     result = mufe_here("--version", cwd=tmp_path)
     assert (result.returncode, result.stdout) == (0, f"mufe_fenicsx {__version__}\n")
+    told = json.loads(mufe_here("--version", "--json", cwd=tmp_path).stdout)
+    assert told["mufe_fenicsx"] == __version__ and {"dolfinx", "machine"} <= set(told)
+    assert mufe_here("--json", cwd=tmp_path).returncode == 2
 
 
 @pytest.mark.parametrize("words, ends", [("mufe seg", "segment"), ("mufe run --res", "--resume")])
