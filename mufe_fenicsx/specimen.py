@@ -157,6 +157,8 @@ class Specimen(Stateful):
             "rigid": self.rigid,
             "bonded": self.bonded,
             "walls": self.walls,
+            "curved_walls": self.walls.curved,
+            "near_walls": self.walls.near,
             **self.contact.parts,
             **{f"term_{term.name}": term for term in self.added_terms},
         }

@@ -20,14 +20,14 @@ def find_bonded(x, walls):
     wall_of_node = np.full(len(x), -1, dtype=np.int32)
     for w, wall in enumerate(walls):
         if wall.bonded:
-            wall_of_node[on_plane(x, wall)] = w
+            wall_of_node[on_wall(x, wall)] = w
     return wall_of_node
 
 
-def on_plane(x, wall):
-    """Whether nodes at ``x`` [m] lie on the plane of a wall, to rounding. Local."""
+def on_wall(x, wall):
+    """Whether nodes at ``x`` [m] lie on the surface of a wall, to rounding. Local."""
     width = np.ptp(x, axis=0).max() if len(x) else 0.0
-    return np.abs((x - wall.point) @ wall.normal) <= TOLERANCE * width
+    return np.abs(wall.gap(x)) <= TOLERANCE * width
 
 
 class Bonded(ForceTerm):
@@ -60,7 +60,7 @@ class Bonded(ForceTerm):
         self.velocity = np.zeros_like(self.place)
         glued = [wall for wall in walls.walls if wall.bonded]
         self.any = bool(glued)  #: whether any rank may have glued nodes
-        lying = [on_plane(x[nodes], wall) for wall in glued]
+        lying = [on_wall(x[nodes], wall) for wall in glued]
         count = np.array([on.sum() for on in lying] + [(np.sum(lying, axis=0) > 1).sum()])
         *counts, num_twice = comm.allreduce(count)
         for wall, number in zip(glued, counts, strict=True):

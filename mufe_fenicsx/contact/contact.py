@@ -193,7 +193,7 @@ class Contact(Stateful):
         self.walls.search(
             of_points, nodes, points.corner, points.grain_of_point, reach, motion.bound
         )
-        self.walls.enclose(self.comm, of_points, reach)
+        self.walls.near.enclose(self.comm, self.walls, of_points, reach)
 
     def connect(self):
         """Steps exchange, place and move on what the pairs of now ask for. Collective."""
@@ -234,7 +234,7 @@ class Contact(Stateful):
         self.ghosts.place(x)
         if known:
             moves, field, slope, dt = known
-            known = moves, self.walls.motion_in(field, dt), slope, dt
+            known = moves, self.walls.near.motion_in(self.walls, field, dt), slope, dt
         self.motion.begin_agreement(self.ghosts.positions.own, moved, known)
 
     def follow_all(self, x):

@@ -16,7 +16,7 @@ from mpi4py import MPI
 from ..errors import InputError
 from ..kernels.bonded import take_normal
 from ..state import ForceTerm
-from .bonded import on_plane
+from .bonded import on_wall
 
 
 def nodes_on_mirrors(x, walls):
@@ -32,7 +32,7 @@ def nodes_on_mirrors(x, walls):
     found = np.zeros((len(x), len(walls)), dtype=bool)
     for w, wall in enumerate(walls):
         if wall.mirror:
-            found[:, w] = on_plane(x, wall)
+            found[:, w] = on_wall(x, wall)
     return found
 
 

@@ -1,4 +1,4 @@
-"""Rigid planes: at rest, moved, turned, or pressed by a servo."""
+"""Rigid planes, cylinders and spheres: at rest, moved, turned, or pressed by a servo."""
 
 import math
 from dataclasses import dataclass
@@ -19,6 +19,7 @@ from ..kernels.walls import (
     closed_stiffness,
     farthest,
     find_wall_candidates,
+    gaps_to_walls,
     motion_to_walls,
     wall_energy,
 )
@@ -31,29 +32,36 @@ from .pairs.motion_bounds import WALLS, MotionBounds
 #: Part α of the force that a servo lacks which one step may change: stable below 1 at the longest
 #: step that contacts allow, and below 2 at short ones (theory.servo).
 SERVO_GAIN = 0.5
+#: Facets whose corners are so near to a curved wall at the start, over their edge, are part of it.
+ON_WALL = 1e-6
 #: What a pair keeps when the pairs are searched anew.
 REMEMBERED = ("gap", "offset", "closed", "stick_point", "shear", "slip", "normal_force", "sliding")
 
 
 @dataclass
 class Wall:
-    """One plane. Its normal points into the sample.
+    """One plane, whose normal points into the sample; with a ``radius`` a cylinder or a sphere.
+
+    Of a cylinder ``point`` and ``normal`` are a point of its axis and the axis, of a sphere its
+    middle and zero. Grains are inside where the radius is positive, outside where it is negative.
 
     With ``target`` force F0 the wall moves along its normal at g (F0 - F), within ± ``speed``:
     fast while it is free, and at rest when F = F0. The gain g is ``speed``/F0, or the largest that
-    is stable with the contacts that the wall has (``SERVO_GAIN``) where this is less.
+    is stable with the contacts that the wall has (``SERVO_GAIN``) where this is less. A curved wall
+    grows or shrinks instead, and F is the sum of the normal forces on it.
 
-    Nodes that lie on the plane of a ``bonded`` wall at the start are glued to it for
+    Nodes that lie on the surface of a ``bonded`` wall at the start are glued to it for
     good, like those of a glued platen; other nodes meet it as any wall.
 
     Raises:
         InputError: The normal is not of unit length, the friction negative, or the kinetic
-            friction larger; a mirror that moves, presses, glues or rubs.
+            friction larger; a mirror that moves, presses, glues, rubs or is curved; a glued wall
+            that grows.
     """
 
     name: str
-    point: np.ndarray  #: a point of the plane [m], shape (3,)
-    normal: np.ndarray  #: unit normal, shape (3,)
+    point: np.ndarray  #: a point of the plane or axis [m], shape (3,)
+    normal: np.ndarray  #: unit normal or axis, shape (3,)
     friction: float = 0.0  #: coefficient of friction [-]
     velocity: np.ndarray | None = None  #: [m/s], shape (3,); rest if None
     target: float | None = None  #: normal force to hold [N]
@@ -62,28 +70,45 @@ class Wall:
     friction_kinetic: float | None = None  #: coefficient while a node slips [-]; None: friction
     angular_velocity: np.ndarray | None = None  #: about ``point`` [rad/s], shape (3,)
     mirror: bool = False  #: a plane of symmetry that grains are cut by: contact.mirrors
+    radius: float = 0.0  #: of a cylinder or sphere [m], negative with the grains outside; 0: plane
+    growth_rate: float = 0.0  #: of the distance between a curved wall and its axis [m/s]
 
     def __post_init__(self):
         for name in ("point", "normal", "velocity", "angular_velocity"):
             value = getattr(self, name)
             if value is not None:
                 finite_array(f"{name} of wall {self.name}", value, (3,))
+        for name in ("radius", "growth_rate"):
+            finite_array(f"{name} of wall {self.name}", getattr(self, name), ())
         length = float(np.linalg.norm(self.normal))
-        if not abs(length - 1) < 1e-9:
+        if not abs(length - 1) < 1e-9 and not (self.radius and length == 0.0):
             raise InputError(f"length of the normal of wall {self.name} = {length}, expected 1")
+        if self.growth_rate and (self.bonded or not self.radius):
+            raise InputError(
+                f"growth_rate of wall {self.name} = {self.growth_rate}, expected none of a plane "
+                "or a glued wall"
+            )
         kinetic_of(self.friction, self.friction_kinetic, f"of wall {self.name}")
         if self.mirror:
             for name, value in (("friction", self.friction), ("velocity", self.velocity),
                                 ("angular_velocity", self.angular_velocity),
-                                ("target", self.target), ("bonded", self.bonded)):  # fmt: skip
+                                ("target", self.target), ("bonded", self.bonded),
+                                ("radius", self.radius)):  # fmt: skip
                 if value is not None and np.any(value):
                     raise InputError(
                         f"{name} of the mirror {self.name} = {value}, expected none: a plane of "
                         "symmetry is smooth and at rest"
                     )
 
-    def servo_velocity(self, normal_force, stiffness, dt):
-        """Velocity [m/s] that brings ``normal_force`` [N] to the target, shape (3,).
+    def gap(self, x):
+        """Gaps of places to the wall at the start [m], shape (num,); ``x`` has (num, 3)."""
+        gap, normal = np.empty(len(x)), np.empty((len(x), 3))
+        own = [np.array([value], dtype=float) for value in (self.point, self.normal, self.radius)]
+        gaps_to_walls(gap, normal, x, np.zeros(len(x), np.int32), *own)
+        return gap
+
+    def servo_speed(self, normal_force, stiffness, dt):
+        """Speed along the normal [m/s] that brings ``normal_force`` [N] to the target.
 
         Args:
             normal_force: Of the grains on the wall [N].
@@ -94,7 +119,112 @@ class Wall:
         if stiffness > 0.0:
             gain = min(gain, SERVO_GAIN / (stiffness * dt))
         v = gain * (self.target - normal_force)
-        return min(max(v, -self.speed), self.speed) * self.normal
+        return min(max(v, -self.speed), self.speed)
+
+
+class CurvedWalls(Stateful):
+    """Radii of the walls of all shapes, and what makes them change.
+
+    Args:
+        walls: List of :class:`Wall`.
+    """
+
+    STATE = {"common": ("radius", "growth_rate", "growth"), "sum": ("pressing",)}
+
+    def __init__(self, walls):
+        self.radius = np.array([w.radius for w in walls], dtype=float)  #: 0 of a plane [m]
+        self.growth_rate = np.array([w.growth_rate for w in walls], dtype=float)  #: [m/s]
+        self.growth = np.zeros(len(walls))  #: of the distance to the axis in the last move [m]
+        self.pressing = np.zeros(len(walls))  #: sum of this rank's normal forces on each [N]
+        self.side = np.sign(self.radius)  #: 1 with the grains inside, -1 outside, 0 of a plane
+        self.any = bool(self.side.any())
+        self._sag = None  # of points in facets that lie on a curved wall at the start [m]
+
+    def measure_sag(self, walls, x, nodes, corner):
+        """Take facets that lie on a curved wall at the start for parts of its surface. Local.
+
+        A grain that the wall's surface cuts has facets there whose corners lie on the wall. Points
+        in these are away from it by what a chord leaves of an arc, which is no gap.
+
+        Args:
+            walls: List of :class:`Wall`.
+            x, nodes, corner: As of :meth:`Walls.search`.
+        """
+        if not self.any or corner is None:
+            return
+        self._sag = np.zeros((len(x), len(walls)))
+        edge = np.linalg.norm(nodes[corner[:, 1]] - nodes[corner[:, 0]], axis=1)
+        for w in np.flatnonzero(self.side):
+            apart = np.abs(walls[w].gap(nodes))[corner].max(axis=1)
+            on = apart <= ON_WALL * edge
+            self._sag[on, w] = walls[w].gap(x[on])
+
+    def sag_of(self, point, wall):
+        """That of pairs [m], shape (num,); None where no wall is curved. Local."""
+        return None if self._sag is None else self._sag[point, wall]
+
+    def move(self, dt):
+        """Grow for ``dt`` [s]; largest growth [m]."""
+        if not self.any:
+            return 0.0
+        self.growth[:] = dt * self.growth_rate
+        self.radius += self.side * self.growth
+        return float(np.abs(self.growth).max())
+
+    def half_work(self):
+        """Half of the work of the forces that act now along the last growth [J]."""
+        return -0.5 * float(self.pressing @ (self.side * self.growth)) if self.any else 0.0
+
+
+class NearWalls(Stateful):
+    """Where points are that can come near the walls until the next search.
+
+    Args:
+        num_walls: Number of walls.
+    """
+
+    STATE = {"largest": ("farthest", "box")}
+
+    def __init__(self, num_walls):
+        self.farthest = np.zeros(num_walls)  #: of this rank's surface nodes from ``point`` [m]
+        self.box = np.zeros((num_walls, 2, 3))  #: around the points near each, of all ranks [m]
+        self._moves = np.zeros(num_walls)
+
+    def enclose(self, comm, walls, x, reach):
+        """Find that place anew. Collective.
+
+        Args:
+            comm: MPI communicator.
+            walls: :class:`Walls` with their pairs.
+            x: Positions of this rank's points of contact at the last search [m], (num_points, 3).
+            reach: More than points move until the next one [m].
+        """
+        if x.size:
+            self.farthest[:] = farthest(x, walls.point) + reach
+        low, high = boxes_of_groups(x, walls.pairs.node, walls.pairs.wall, self._moves.size)
+        both = np.stack([low, -high], axis=1)
+        comm.Allreduce(MPI.IN_PLACE, both, op=MPI.MIN)
+        both[:, 1] *= -1.0
+        both += reach * np.array([[-1.0], [1.0]])
+        self.box[:] = np.where(np.isfinite(both), both, 0.0)
+
+    def motion_in(self, walls, field, dt):
+        """How far a field brought points to the walls when these moved last, at most. Local.
+
+        Args:
+            walls: :class:`Walls`.
+            field: Velocity linear in the place, as in kernels.motion.
+            dt: Length of that step [s].
+
+        Returns:
+            Distances [m], infinity for walls that turn, shape (num_walls,).
+        """
+        curved = walls.curved
+        motion_to_walls(
+            self._moves, field, walls.normal, walls.displacement, curved.growth, walls.turn,
+            self.box, curved.radius, dt,
+        )  # fmt: skip
+        return self._moves
 
 
 class Walls(Stateful):
@@ -105,7 +235,6 @@ class Walls(Stateful):
             "point", "normal", "velocity", "angular_velocity", "rotation", "displacement", "turn",
         ),
         "sum": ("work", "force", "torque"),
-        "largest": ("radius", "box"),
     }  # fmt: skip
 
     def __init__(self, walls):
@@ -135,9 +264,7 @@ class Walls(Stateful):
         self.bonded = np.empty(0, dtype=np.int32)  #: wall that each surface node is glued to, or -1
         self.displacement = np.zeros((n, 3))  #: displacement in the last move [m]
         self.turn = np.zeros((n, 3))  #: rotation in the last move [rad]
-        self.radius = np.zeros(n)  #: of this rank's surface nodes about ``point`` [m]
-        self.box = np.zeros((n, 2, 3))  #: around the points near each, of all ranks [m]
-        self._moves = np.zeros(n)
+        self.curved, self.near = CurvedWalls(self.walls), NearWalls(n)
         self.pairs = None
 
     @property
@@ -156,37 +283,53 @@ class Walls(Stateful):
         return self.names.index(name)
 
     def move(self, dt):
-        """Advance the planes by ``dt``; returns the largest distance moved [m].
+        """Advance the walls by ``dt``; returns the largest distance moved [m].
 
-        Moved is the plane, not the material in it: a turn about the normal counts nothing.
+        Moved is the surface, not the material in it: a turn about the normal counts nothing.
         """
         moved, turns = advance(
             self.point, self.displacement, self.velocity, self.turn, self.angular_velocity, dt
         )
+        if self.curved.any:
+            moved += self.curved.move(dt)
         if not turns:
             return moved
-        moved = np.sqrt((self.displacement**2).sum(axis=1))
+        moved = np.sqrt((self.displacement**2).sum(axis=1)) + np.abs(self.curved.growth)
         for i in np.flatnonzero(self.turn.any(axis=1)):
             turn = rotation_of(self.turn[i])
             swing = np.linalg.norm(np.cross(self.turn[i], self.normal[i]))
-            moved[i] += swing * self.radius[i]
+            moved[i] += swing * self.near.farthest[i]
             self.rotation[i] = turn @ self.rotation[i]
             self.normal[i] = self.rotation[i] @ np.asarray(self.walls[i].normal, dtype=float)
             turn_rows(self.pairs.stick_point, self.pairs.wall, i, turn)
         return moved.max()
 
-    def motion_in(self, field, dt):
-        """How far a field brings points to the planes in the last :meth:`move`, at most. Local.
+    def gaps(self, x, wall):
+        """Gaps of places to walls [m], shape (num,), and the walls' normals there, (num, 3). Local.
 
         Args:
-            field: Velocity linear in the place, as in kernels.motion.
-            dt: Length of that step [s].
-
-        Returns:
-            Distances [m], infinity for planes that turn, shape (num_walls,).
+            x: Places [m], shape (num, 3).
+            wall: Number of a wall for each, int32, shape (num,).
         """
-        motion_to_walls(self._moves, field, self.normal, self.displacement, self.turn, self.box, dt)
-        return self._moves
+        gap, normal = np.empty(len(x)), np.empty((len(x), 3))
+        gaps_to_walls(gap, normal, x, wall, self.point, self.normal, self.curved.radius)
+        return gap, normal
+
+    def gaps_of_pairs(self, x):
+        """Gaps of all pairs where points of contact are at ``x``, (num_points, 3) [m]. Local."""
+        p = self.pairs
+        sag = self.curved.sag_of(p.node, p.wall)
+        return self.gaps(x[p.node], p.wall)[0] - (0.0 if sag is None else sag)
+
+    def normals_and_curvature(self, x, wall):
+        """Normals of walls at places, (num, 3), and their curvature [1/m], shape (num,). Local.
+
+        Arguments as of :meth:`gaps`. The curvature is negative where grains are outside.
+        """
+        gap, normal = self.gaps(x, wall)
+        side = self.curved.side[wall]
+        distance = np.abs(self.curved.radius[wall]) - side * gap
+        return normal, np.divide(side, distance, out=np.zeros(len(x)), where=side != 0.0)
 
     def turn_back(self):
         """Undo what the last :meth:`move` did to the stick points of walls that turn. Local."""
@@ -196,6 +339,8 @@ class Walls(Stateful):
     def add_work(self):
         """Add half of the work of the forces that act now along the last move."""
         self.work -= 0.5 * work_of(self.force, self.displacement, self.torque, self.turn)
+        if self.curved.any:
+            self.work += self.curved.half_work()
 
     def loads(self, comm):
         """Forces on walls [N] and their torques about ``point`` [N m], (num_walls, 3). Collective.
@@ -205,8 +350,12 @@ class Walls(Stateful):
         return comm.allreduce(self.force), comm.allreduce(self.torque)
 
     def normal_forces(self):
-        """Normal forces of this rank's grains [N], compression positive, (num_walls,). Local."""
-        return -np.einsum("ij,ij->i", self.force, self.normal)
+        """Normal forces of this rank's grains [N], compression positive, (num_walls,). Local.
+
+        On a curved wall their sum.
+        """
+        on_planes = -np.einsum("ij,ij->i", self.force, self.normal)
+        return np.where(self.curved.side == 0.0, on_planes, self.curved.pressing)
 
     def pressing(self, comm):
         """Normal forces of the grains, compression positive, and stiffness of their contacts.
@@ -224,7 +373,11 @@ class Walls(Stateful):
         """Set the speeds of walls with a servo for steps of length ``dt`` [s]. Collective."""
         for i, (wall, force, k) in enumerate(zip(self.walls, *self.pressing(comm), strict=True)):
             if wall.target is not None:
-                self.velocity[i] = wall.servo_velocity(force, k, dt)
+                speed = wall.servo_speed(force, k, dt)
+                if wall.radius:
+                    self.curved.growth_rate[i] = -self.curved.side[i] * speed
+                else:
+                    self.velocity[i] = speed * self.normal[i]
 
     def search(self, x, nodes, corner, grain_of_point, reach, bound):
         """Find the points near each wall and transfer what their pairs remember. Local.
@@ -242,7 +395,10 @@ class Walls(Stateful):
             held = self.bonded[:, None] == np.arange(len(self.walls))
             held |= nodes_on_mirrors(nodes, self.walls)
             self._held = held if corner is None else held[corner].all(axis=1)
-        node, wall = find_wall_candidates(x, self._held, self.point, self.normal, reach)
+            self.curved.measure_sag(self.walls, x, nodes, corner)
+        node, wall = find_wall_candidates(
+            x, self._held, self.point, self.normal, self.curved.radius, reach
+        )
         pairs = WallPairs(node, wall, grain_of_point, bound)
         if self.pairs is not None:
             source = transfer_pairs(self.pairs.node, self.pairs.wall, node, wall)
@@ -253,23 +409,6 @@ class Walls(Stateful):
             pairs.motion_bounds.transfer(self.pairs.motion_bounds)
             pairs.next_check[:] = pairs.motion_bounds.now
         self.pairs = pairs
-
-    def enclose(self, comm, x, reach):
-        """Find where points are that can come near planes until the next search. Collective.
-
-        Args:
-            comm: MPI communicator.
-            x: Positions of this rank's points of contact at the last search [m], (num_points, 3).
-            reach: More than points move until the next one [m].
-        """
-        if x.size:
-            self.radius = farthest(x, self.point) + reach
-        low, high = boxes_of_groups(x, self.pairs.node, self.pairs.wall, len(self.walls))
-        both = np.stack([low, -high], axis=1)
-        comm.Allreduce(MPI.IN_PLACE, both, op=MPI.MIN)
-        both[:, 1] *= -1.0
-        both += reach * np.array([[-1.0], [1.0]])
-        self.box = np.where(np.isfinite(both), both, 0.0)
 
     def bind(self, f, x, corners, layer, points, ratio):
         """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
@@ -284,8 +423,12 @@ class Walls(Stateful):
         p.forces = WallForces(
             p.state, p.next_check, p.motion_bounds.bounds, p.motion_bounds.of, p.node, p.wall,
             layer, points.area, points.recess, ratio, *corners, x, f, self.force, self.torque,
-            self.point, self.normal, self.velocity, self.friction, self.friction_kinetic,
+            self.curved.pressing, self.point, self.normal, self.velocity, self.curved.radius,
+            self.friction, self.friction_kinetic,
         )  # fmt: skip
+        sag = self.curved.sag_of(p.node, p.wall)
+        if sag is not None:
+            column(p.state, "recess", COLUMNS)[:] -= sag
 
     def add_forces(self, accept, ahead=0.0):
         """Add wall forces to those bound; returns the friction's dissipation [J], accepted pairs.
@@ -301,6 +444,7 @@ class Walls(Stateful):
         """Forget the forces on walls. Local."""
         self.force[:] = 0.0
         self.torque[:] = 0.0
+        self.curved.pressing[:] = 0.0
 
     def energy(self, layer, area, ratio):
         """Energy in the wall springs [J] and number of closed pairs. Local."""

@@ -219,7 +219,8 @@ class Simulation(OfSpecimen):
         self.motion.set_field(linear_field(self.comm, s.x, s.v))
         self.dt_element = self.stable.of_elements(of_elements)
         # The first step is counted too, by its speed: an assembled step is up to 3 times longer.
-        speed = np.sqrt(max(np.einsum("ni,ni->n", s.v, s.v).max(), (self.walls.velocity**2).sum()))
+        of_walls = (self.walls.velocity**2).sum() + (self.walls.curved.growth_rate**2).sum()
+        speed = np.sqrt(max(np.einsum("ni,ni->n", s.v, s.v).max(), of_walls))
         ahead = 6.0 * self.dt_element * self.comm.allreduce(float(speed), op=MPI.MAX)
         least = max(ahead, 1e-3 * self.contact.edge)
         self.refresh.begin(self.contact.motion.bound, s.num_steps, early)

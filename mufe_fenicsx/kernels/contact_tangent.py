@@ -322,11 +322,19 @@ def edge_tangent(
 @numba.njit(cache=True, error_model="numpy")
 def wall_tangent(
     rows, columns, blocks, num_before, corner, corner_weight, node, wall, closed, closed0, normal,
-    shear, slip, slip0, normal_force, sliding, layer, area, ratio, friction_kinetic,
+    curvature, axis, shear, slip, slip0, normal_force, sliding, layer, area, ratio,
+    friction_kinetic,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed pairs with walls, in turn, as blocks.
 
-    Arguments as of :func:`pair_tangent` and of :class:`~.walls.WallForces`; 9 blocks each.
+    Arguments as of :func:`pair_tangent` and of :class:`~.walls.WallForces`; 9 blocks each. On a
+    curved wall the normal turns with the place, dn = -κ (I - a aᵀ - n nᵀ) dx; that friction turns
+    with it is left out.
+
+    Args:
+        normal: Of the wall at each pair, shape (num_pairs, 3).
+        curvature: κ of the wall there, negative where grains are outside [1/m], (num_pairs,).
+        axis: Normals or axes of the walls, shape (num_walls, 3).
     """
     K, e = np.zeros((3, 3)), np.zeros(3)
     at, weight = np.empty(3, np.int32), np.zeros(3)
@@ -346,7 +354,14 @@ def wall_tangent(
             left = left_by_slip(limit + kt * (slip[p] - slip0[p]), limit)
             if limit > 0.0:
                 e[:] = shear[p] / limit
-        law_slope(K, normal[w], e, kn, kt, mu, left)
+        law_slope(K, normal[p], e, kn, kt, mu, left)
+        turning = normal_force[p] * curvature[p]
+        if turning != 0.0:
+            for m in range(3):
+                K[m, m] += turning
+                for k in range(3):
+                    across = axis[w, m] * axis[w, k] + normal[p, m] * normal[p, k]
+                    K[m, k] -= turning * across
         for i in range(3):
             for j in range(3):
                 b = count + 3 * i + j

@@ -37,14 +37,3 @@ def list_pairs(
             part = other / (other + area_at_point[point] ** 2)
             kn[p] = part * area[point] / (layer[point] + layer_of_facet[facet])
         kt[p] = kn[p] * ratio[point]
-
-
-@numba.njit(cache=True)
-def list_walls(normal, kn, kt, on, point_of_pair, wall_of_pair, normals, area, layer, ratio):
-    """Springs of points and walls; arguments as of :func:`list_pairs`, ``normals`` of walls."""
-    for p in range(on.size):
-        point, wall = point_of_pair[on[p]], wall_of_pair[on[p]]
-        for m in range(3):
-            normal[p, m] = normals[wall, m]
-        kn[p] = area[point] / layer[point]
-        kt[p] = kn[p] * ratio[point]

@@ -1,5 +1,5 @@
-/* Contact of nodes, or of points in facets, with rigid planes. The law and all arrays are
-   described in kernels/walls.py. */
+/* Contact of nodes, or of points in facets, with rigid planes, cylinders and spheres. The law and
+   all arrays are described in kernels/walls.py. */
 
 #include "contact_law.h"
 #include "due.h"
@@ -20,20 +20,24 @@ typedef struct {
 } state_type;
 
 #define WALL_BITS 14
+#define TINY 1e-300 /* keeps what divides by a length from dividing by none */
 static const double LEAD[] = {1.0, 1.0 / 3.0, 2.0 / 3.0};
 
 INLINE int wall_of(const state_type *s) { return s->wall & ((1 << WALL_BITS) - 1); }
 INLINE double lead_of(const state_type *s) { return LEAD[s->wall >> WALL_BITS]; }
 
-/* A wall where it stands now, then what acts on it: sums of each lane. */
+/* A wall where it stands now, then what acts on it: sums of each lane. ``axis``: normal of a plane,
+   axis of a cylinder, zero for a sphere. ``radius``: 0 of a plane, negative where the sample is
+   outside. */
 typedef struct {
-  vec3 normal;
+  vec3 axis;
   double friction;
-  vec3 plane;
+  vec3 point;
   double friction_kinetic;
-  double force[3][8], torque[3][8];
+  double radius, unused[3];
+  double force[3][8], torque[3][8], pressing[8];
 } wall_type;
-_Static_assert(sizeof(wall_type) == 56 * sizeof(double), "WALL in walls.py");
+_Static_assert(sizeof(wall_type) == 68 * sizeof(double), "WALL in walls.py");
 
 /* In the order of kernels/walls.py. */
 typedef struct {
@@ -44,8 +48,8 @@ typedef struct {
   int32_t *scratch;
   wall_type *walls;
   const double *x;
-  double *f, *wall_force, *wall_torque;
-  const double *point, *normal, *velocity, *friction, *friction_kinetic;
+  double *f, *wall_force, *wall_torque, *pressing;
+  const double *point, *axis, *velocity, *radius, *friction, *friction_kinetic;
 } walls_type;
 
 /* Ask for what the pairs after the i-th of the list need; from i = -FAR_AHEAD on. */
@@ -63,6 +67,17 @@ INLINE void fetch_ahead(const walls_type *m, int64_t i, int64_t num_due) {
   }
 }
 
+/* Gap of a point r from ``point`` of a wall, and the normal there, which points into the sample. */
+INLINE double gap_to(const wall_type *wall, vec3 r, vec3 *normal) {
+  const double along_axis = dot(r, wall->axis), R = wall->radius;
+  *normal = wall->axis;
+  if (R == 0.0) return along_axis;
+  const vec3 away = along(r, -along_axis, wall->axis);
+  const double distance = sqrt(dot(away, away)), side = R > 0.0 ? 1.0 : -1.0;
+  *normal = times(-side / most(distance, TINY), away);
+  return R - side * distance;
+}
+
 /* One pair: all that can happen to it. */
 static void add_one(const walls_type *m, double *totals, int64_t p, int64_t accept) {
   state_type *s = m->state + p;
@@ -70,10 +85,11 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
   const int32_t *c = s->corner;
   const double bound = m->bounds[m->bound_row[p]];
   const double lead = lead_of(s), rest = 0.5 * (1.0 - lead);
-  const vec3 normal = wall->normal, weights = {lead, rest, rest};
+  const vec3 weights = {lead, rest, rest};
   const vec3 point = mean(weights, at(m->x, c[0]), at(m->x, c[1]), at(m->x, c[2]));
-  const vec3 r = minus(point, wall->plane);
-  const double g = dot(r, normal) + s->recess;
+  const vec3 r = minus(point, wall->point);
+  vec3 normal;
+  const double g = gap_to(wall, r, &normal) + s->recess;
   s->gap = g;
   if (!s->closed) {
     if (s->offset < 0.0) s->offset = least(most(s->offset, g), 0.0);
@@ -113,6 +129,7 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
   s->shear = times(-kt, spring);
   const vec3 force = along(s->shear, N, normal), torque = cross(force, r);
   for (int k = 0; k < 3; k++) add_to(m->f, c[k], times(k ? rest : lead, force));
+  wall->pressing[0] += N;
   wall->force[0][0] -= force.x, wall->force[1][0] -= force.y, wall->force[2][0] -= force.z;
   wall->torque[0][0] += torque.x, wall->torque[1][0] += torque.y, wall->torque[2][0] += torque.z;
 }
@@ -126,7 +143,7 @@ INLINE void add_where(mask lanes, double sums[3][8], vec sign, lanes3 a) {
 /* The same of pairs ``pair[0]`` to ``pair[LANES - 1]`` so far as they stay closed, or in front of
    the wall. The pairs that were not done, as bits. */
 INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wanted,
-                          vec *dissipated) {
+                          int any_curved, vec *dissipated) {
   double *rows[LANES], *wall_rows[LANES];
   int32_t node[3][LANES];
   vec lead, bound;
@@ -141,20 +158,32 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
     bound[i] = m->bounds[m->bound_row[pair[i]]];
     for (int k = 0; k < 3; k++) node[k][i] = s->corner[k];
   }
-  vec head[4], spring_row[4], stick_point_row[4], shear_row[4], wall[4], plane[4];
+  vec head[4], spring_row[4], stick_point_row[4], shear_row[4], wall[4], place[4], shape[4];
   load_four(head, rows, 0);
   load_four(spring_row, rows, IN_ROW(gap));
   load_four(stick_point_row, rows, IN_ROW(stick_point));
   load_four(shear_row, rows, IN_ROW(shear));
   load_four(wall, wall_rows, 0);
-  load_four(plane, wall_rows, 4);
+  load_four(place, wall_rows, 4);
   const mask flags = (mask)head[1];
   const vec rest = 0.5 * (1.0 - lead), weight[3] = {lead, rest, rest};
-  const lanes3 n = {wall[0], wall[1], wall[2]};
+  const lanes3 axis = {wall[0], wall[1], wall[2]};
   const lanes3 point = mean_of((lanes3){weight[0], weight[1], weight[2]}, rows_at(m->x, node[0]),
                                rows_at(m->x, node[1]), rows_at(m->x, node[2]));
-  const lanes3 r = difference(point, (lanes3){plane[0], plane[1], plane[2]});
-  const vec g = product(r, n) + head[2], depth = spring_row[1] - g;
+  const lanes3 r = difference(point, (lanes3){place[0], place[1], place[2]});
+  lanes3 n = axis;
+  vec distance = product(r, axis);
+  if (any_curved) {
+    load_four(shape, wall_rows, 8);
+    const vec R = shape[0], side = where(R > 0.0, all(1.0), all(-1.0));
+    const lanes3 away = moved_along(r, -distance, axis);
+    const vec length = square_root(product(away, away));
+    const vec longest = where(length > TINY, length, all(TINY));
+    const mask is_plane = R == 0.0;
+    n = where_each(is_plane, axis, scaled(-side / longest, away));
+    distance = where(is_plane, distance, R - side * length);
+  }
+  const vec g = distance + head[2], depth = spring_row[1] - g;
   const mask closed = FLAG(flags, closed), in_front = ~closed & (g >= 0.0) & (depth <= 0.0);
   const unsigned can = wanted & bits(closed & (depth > 0.0)), open = wanted & bits(in_front);
 
@@ -162,7 +191,7 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
   const lanes3 stick_point = {stick_point_row[0], stick_point_row[1], stick_point_row[2]};
   lanes3 spring = difference(r, stick_point);
   const slips_type found =
-      slip_each(&spring, n, kt, FLAG(flags, sliding), wall[3] * N, plane[3] * N,
+      slip_each(&spring, n, kt, FLAG(flags, sliding), wall[3] * N, place[3] * N,
            (lanes3){shear_row[0], shear_row[1], shear_row[2]});
   const mask sliding = found.sliding;
   const lanes3 new_stick_point = where_each(sliding, difference(r, spring), stick_point);
@@ -190,6 +219,7 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
     const mask here = done & (of_wall == number);
     add_where(here, m->walls[number].force, all(-1.0), force);
     add_where(here, m->walls[number].torque, all(1.0), torque);
+    *(vec_at *)m->walls[number].pressing += where(here, N, all(0.0));
     left &= ~bits(here);
   }
 #pragma GCC unroll 8
@@ -213,10 +243,12 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
 /* See kernels/walls.py; ``totals``: energy dissipated, accepted pairs. */
 void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int64_t num_pairs,
                           int64_t num_walls, int64_t accept) {
+  int any_curved = 0;
   for (int64_t w = 0; w < num_walls; w++) {
-    const vec3 plane = along(at(m->point, w), ahead, at(m->velocity, w));
-    m->walls[w] = (wall_type){at(m->normal, w), m->friction[w], plane, m->friction_kinetic[w],
-                              {{0.0}}, {{0.0}}};
+    any_curved |= m->radius[w] != 0.0;
+    const vec3 point = along(at(m->point, w), ahead, at(m->velocity, w));
+    m->walls[w] = (wall_type){at(m->axis, w), m->friction[w], point, m->friction_kinetic[w],
+                              m->radius[w], {0.0}, {{0.0}}, {{0.0}}, {0.0}};
   }
   totals[0] = totals[1] = 0.0;
   vec dissipated = all(0.0);
@@ -228,10 +260,12 @@ void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int
     int32_t pair[LANES];
     for (int k = 0; k < LANES; k++) pair[k] = m->scratch[i + (k < count ? k : 0)];
     unsigned left = (1u << count) - 1;
-    if (TOGETHER) left = add_lanes(m, pair, left, &dissipated);
+    if (TOGETHER) left = add_lanes(m, pair, left, any_curved, &dissipated);
     for (; left; left &= left - 1) add_one(m, totals, pair[__builtin_ctz(left)], accept);
   }
   for (int k = 0; k < LANES; k++) totals[0] += dissipated[k];
+  for (int64_t w = 0; w < num_walls; w++)
+    for (int i = 0; i < LANES; i++) m->pressing[w] += m->walls[w].pressing[i];
   for (int64_t w = 0; w < num_walls; w++)
     for (int k = 0; k < 3; k++)
       for (int i = 0; i < LANES; i++) {

@@ -1,6 +1,7 @@
-"""Contact of nodes with rigid planes."""
+"""Contact of nodes with rigid planes, cylinders and spheres."""
 
 import ctypes
+import math
 
 import numba
 import numpy as np
@@ -31,8 +32,48 @@ COLUMNS = {
 #: Weights that one corner of a point can have, in the order of walls.c; the others share the rest.
 LEAD = (1.0, 1 / 3, 2 / 3)
 WALL_BITS = 14  # of a wall's number
+TINY = 1e-300  # as in walls.c
 #: Numbers of a wall in walls.c.
-WALL = 56
+WALL = 68
+
+
+@numba.njit(cache=True)
+def gap_to_wall(normal_there, x, point, normal, radius):
+    """Gap between a place and a wall [m]; the wall's normal there is set.
+
+    The normal points into the sample. A wall without a radius is a plane. Else its surface is R
+    away from an axis through ``point``, or from ``point`` itself where ``normal`` is zero:
+
+        g = ±(R - d),  n = ∓e/d,  e = r - (r·a) a,  d = |e|,  r = x - point
+
+    Args:
+        normal_there: Set, shape (3,).
+        x: Place [m], shape (3,).
+        point, normal: Point of a plane and its normal; point and axis of a cylinder; middle of a
+            sphere and zero. Shape (3,).
+        radius: 0 of a plane; positive where the sample is inside, negative where outside [m].
+    """
+    height = square = 0.0
+    for i in range(3):
+        height += (x[i] - point[i]) * normal[i]
+    if radius == 0.0:
+        normal_there[:] = normal
+        return height
+    for i in range(3):
+        normal_there[i] = x[i] - point[i] - height * normal[i]
+        square += normal_there[i] ** 2
+    distance, side = math.sqrt(square), math.copysign(1.0, radius)
+    for i in range(3):
+        normal_there[i] *= -side / max(distance, TINY)
+    return radius - side * distance
+
+
+@numba.njit(cache=True)
+def gaps_to_walls(gap, normal_there, x, wall, point, normal, radius):
+    """:func:`gap_to_wall` of places and their walls, both of shape (num,)."""
+    for p in range(wall.size):
+        w = wall[p]
+        gap[p] = gap_to_wall(normal_there[p], x[p], point[w], normal[w], radius[w])
 
 
 @numba.njit(cache=True)
@@ -49,46 +90,69 @@ def farthest(x, point):
 
 
 @numba.njit(cache=True)
-def motion_to_walls(moves, field, normal, displacement, turn, box, dt):
+def motion_to_walls(moves, field, normal, displacement, growth, turn, box, radius, dt):
     """How far a velocity field brings points to walls or away from them in a step, at most.
 
     Args:
         moves: Set to that distance along the normal [m], infinity for a wall that turns, shape
-            (num_walls,).
+            (num_walls,). Of curved walls the distance in any direction across their axis.
         field: As in kernels.motion.
         normal, displacement, turn: Of the walls, as in kernels.motion, shape (num_walls, 3).
+        growth: By which radii grew [m], shape (num_walls,).
         box: Least and largest positions of the points near each wall [m], shape (num_walls, 2, 3).
+        radius: As of :func:`gap_to_wall`, shape (num_walls,).
         dt: Length of the step [s].
     """
     for w in range(moves.size):
-        # Linear in the place: largest in a corner.
-        middle = spread = 0.0
-        for i in range(3):
-            along = velocity = 0.0
-            for j in range(3):
-                along += normal[w, j] * field[1 + i, j]
-                velocity += 0.5 * (box[w, 0, j] + box[w, 1, j]) * field[1 + j, i]
-            spread += abs(along) * 0.5 * (box[w, 1, i] - box[w, 0, i])
-            middle += normal[w, i] * (dt * (field[0, i] + velocity) - displacement[w, i])
-        moves[w] = abs(middle) + dt * spread
+        if radius[w] == 0.0:
+            moves[w] = _along(field, normal[w], displacement[w], box[w], dt)
+        else:
+            moves[w] = _across(field, normal[w], displacement[w], box[w], dt) + abs(growth[w])
         if turn[w, 0] != 0.0 or turn[w, 1] != 0.0 or turn[w, 2] != 0.0:
             moves[w] = np.inf
 
 
 @numba.njit(cache=True)
-def find_wall_candidates(x, held, point, normal, reach):
-    """Nodes within ``reach`` of each plane, or behind it, but for those that it holds.
+def _along(field, normal, displacement, box, dt):
+    """Largest motion of the field along a normal in a box, beside that of the wall [m]."""
+    # Linear in the place: largest in a corner.
+    middle = spread = 0.0
+    for i in range(3):
+        along = velocity = 0.0
+        for j in range(3):
+            along += normal[j] * field[1 + i, j]
+            velocity += 0.5 * (box[0, j] + box[1, j]) * field[1 + j, i]
+        spread += abs(along) * 0.5 * (box[1, i] - box[0, i])
+        middle += normal[i] * (dt * (field[0, i] + velocity) - displacement[i])
+    return abs(middle) + dt * spread
+
+
+@numba.njit(cache=True)
+def _across(field, axis, displacement, box, dt):
+    """Bound of the motion of the field across an axis in a box, beside that of the wall [m]."""
+    square, direction = 0.0, np.zeros(3)
+    # Of two directions across the axis, or three where there is none.
+    for i in range(3):
+        direction[:] = -axis[i] * axis
+        direction[i] += 1.0
+        square += _along(field, direction, displacement, box, dt) ** 2
+    return math.sqrt(square)
+
+
+@numba.njit(cache=True)
+def find_wall_candidates(x, held, point, normal, radius, reach):
+    """Nodes within ``reach`` of each wall, or behind it, but for those that it holds.
 
     Args:
         x: Positions [m], shape (num_nodes, 3).
-        held: Whether nodes are glued to planes or cut by them, shape (num_nodes, num_walls).
-        point, normal: A point of each plane [m] and its normal into the sample, (num_walls, 3).
+        held: Whether nodes are glued to walls or cut by them, shape (num_nodes, num_walls).
+        point, normal, radius: As of :func:`gap_to_wall`, of each wall.
         reach: Largest gap [m].
 
     Returns:
         node and wall of each pair; pairs increase in node, then in wall.
     """
-    count = 0
+    count, there = 0, np.empty(3)
     for fill in range(2):
         if fill:
             node, wall = np.empty(count, np.int32), np.empty(count, np.int32)
@@ -97,10 +161,7 @@ def find_wall_candidates(x, held, point, normal, reach):
             for w in range(held.shape[1]):
                 if held[n, w]:
                     continue
-                g = 0.0
-                for i in range(3):
-                    g += (x[n, i] - point[w, i]) * normal[w, i]
-                if g <= reach:
+                if gap_to_wall(there, x[n], point[w], normal[w], radius[w]) <= reach:
                     if fill:
                         node[count], wall[count] = n, w
                     count += 1
@@ -146,7 +207,9 @@ class WallForces:
         corner, corner_weight, x, f: As of PairForces.
         wall_force: Forces on walls [N], shape (num_walls, 3).
         wall_torque: Their torques about ``point`` [N m], shape (num_walls, 3).
-        point, normal, velocity: Planes [m, 1, m/s], shape (num_walls, 3).
+        pressing: Sums of the normal forces on walls [N], shape (num_walls,).
+        point, normal, velocity: Of the walls [m, 1, m/s], shape (num_walls, 3).
+        radius: As of :func:`gap_to_wall` [m], shape (num_walls,).
         friction: Coefficients of friction that a pair has to overcome, shape (num_walls,).
         friction_kinetic: Coefficients while it slips; until a step in which it sticks.
 
@@ -156,8 +219,8 @@ class WallForces:
     """
 
     def __init__(self, state, next_check, bounds, bound_row, node, wall, layer, area, recess, ratio,
-                 corner, corner_weight, x, f, wall_force, wall_torque, point, normal, velocity,
-                 friction, friction_kinetic):  # fmt: skip
+                 corner, corner_weight, x, f, wall_force, wall_torque, pressing, point, normal,
+                 velocity, radius, friction, friction_kinetic):  # fmt: skip
         real, short = np.float64, np.int32
         self._num_pairs = node.size
         self._totals = np.zeros(2)
@@ -174,8 +237,8 @@ class WallForces:
         self._pointers = Pointers(
             (state, real), (next_check, real), (bounds, real), (bound_row, short), (scratch, short),
             (aligned(WALL * len(point)), real), (x, real), (f, real), (wall_force, real),
-            (wall_torque, real), (point, real), (normal, real), (velocity, real),
-            (friction, real), (friction_kinetic, real),
+            (wall_torque, real), (pressing, real), (point, real), (normal, real),
+            (velocity, real), (radius, real), (friction, real), (friction_kinetic, real),
         )  # fmt: skip
         pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
         self._call = load("walls").mufe_add_wall_forces

@@ -8,6 +8,7 @@ from .bar_impact import bar_impact
 from .case import by_name
 from .column import column
 from .crush import crush
+from .curved_walls import confined_cylinder, curved_walls
 from .energy import energy
 from .feature_pairs import feature_pairs
 from .fidelity import fidelity
@@ -51,6 +52,8 @@ CASES = (
         hertz,
         hertz_convergence,
         hertz_stress,
+        curved_walls,
+        confined_cylinder,
         disc,
         hiramatsu_oka,
         overlap,

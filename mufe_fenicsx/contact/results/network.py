@@ -166,7 +166,7 @@ def _own_sums(contact, x):
     on, at = np.flatnonzero(p.closed), np.flatnonzero(w.closed)
     work = np.zeros((done.size, _NUM_COLUMNS))
     work[:, _WORK] = done
-    wall_normal = contact.walls.normal[w.wall[at]]
+    _, wall_normal = contact.walls.gaps(contact.ghosts.positions.array[w.node[at]], w.wall[at])
     crossings = closed_crossings(contact)
     grain = [
         grain_of_point[p.node[on]],

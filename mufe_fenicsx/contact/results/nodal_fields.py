@@ -82,8 +82,7 @@ def _nearest(contact):
     for begin in range(0, p.node.size, BLOCK):
         some = slice(begin, begin + BLOCK)
         take(p, some, _gaps(contact, some)[0])
-    apart = contact.ghosts.positions.array[w.node] - walls.point[w.wall]
-    take(w, slice(None), np.einsum("ij,ij->i", apart, walls.normal[w.wall]))
+    take(w, slice(None), walls.gaps_of_pairs(contact.ghosts.positions.array))
     return gap
 
 

@@ -80,8 +80,9 @@ def check_walls(comm, walls, x, largest):
     Raises:
         InputError: Nodes lie deeper behind a wall.
     """
-    for name, point, normal in zip(walls.names, walls.point, walls.normal, strict=True):
-        deepest = comm.allreduce(float(((point - x) @ normal).max()), op=MPI.MAX)
+    for w, name in enumerate(walls.names):
+        gap, _ = walls.gaps(x, np.full(len(x), w, dtype=np.int32))
+        deepest = comm.allreduce(-float(gap.min(initial=np.inf)), op=MPI.MAX)
         if deepest > largest:
             raise InputError(
                 f"wall {name} is {deepest:.3g} m inside the sample, expected outside it, or less "

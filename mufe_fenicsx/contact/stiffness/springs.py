@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...kernels.rows import add_rows, gather_rows
-from ...kernels.spring_lists import list_pairs, list_walls
+from ...kernels.spring_lists import list_pairs
 from ...kernels.springs import add_springs
 from ..surface.exchange import SurfaceVector
 
@@ -149,10 +149,10 @@ def _fill_edges(edges, nodes, share, normal, kn, kt):
 def _fill_walls(contact, on, nodes, share, normal, kn, kt):
     walls, points = contact.walls.pairs, contact.points
     nodes[:], share[:] = points.carriers(walls.node[on])
-    list_walls(
-        normal, kn, kt, on, walls.node, walls.wall, contact.walls.normal, points.area,
-        contact.points.layer, contact.layers.ratio,
-    )  # fmt: skip
+    places = contact.ghosts.positions.array[walls.node[on]]
+    normal[:] = contact.walls.gaps(places, walls.wall[on])[1]
+    kn[:] = points.area[walls.node[on]] / points.layer[walls.node[on]]
+    kt[:] = kn * contact.layers.ratio[walls.node[on]]
 
 
 def _numbered(contact, *lists):
