@@ -23,7 +23,7 @@ SCRATCH = {
     "contact.motion._step": "sent and received in each step",
     "contact.motion._previous": "measured from there only where motion is not known",
     "contact.motion._moves": "as contact.motion._step",
-    "walls._moves": "set in each step",
+    "walls.near._moves": "set in each step",
     "positions.array": "points that no pair has stay where the last search found them",
     "stable._springs": "listed anew where the limit is looked for",
     "stable.rows._q": "room for products with the stiffness",
