@@ -53,12 +53,12 @@ def collision(friction=FRICTION, speed=20.0, factor=FACTOR, **options):
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="four lanes are forced by its options")
 @pytest.mark.parametrize("option", ["-DTOGETHER=0", "-mno-avx512f"])
-@pytest.mark.parametrize("points", ["facets", "nodes"])
-def test_pairs_one_by_one_and_in_four_lanes(option, points, monkeypatch):
+@pytest.mark.parametrize("points, radius", [("facets", 0.0), ("nodes", 0.0), ("facets", 8.0)])
+def test_pairs_one_by_one_and_in_four_lanes(option, points, radius, monkeypatch):
     """The same law to rounding, which 200 steps of sliding and sticking multiply little.
 
-    Two unlike blocks, one turned on the other, between plates that press and shear them; numbers
-    of pairs are no multiples of the lanes.
+    Two unlike blocks, one turned on the other, between plates that press and shear them, or a plate
+    and a hollow of that radius; numbers of pairs are no multiples of the lanes.
     """
     found = []
     for options in ((), (option,)):
@@ -81,6 +81,9 @@ def test_pairs_one_by_one_and_in_four_lanes(option, points, monkeypatch):
             Wall("low", np.zeros(3), up, friction=0.2),
             Wall("top", 0.9 * up, -up, friction=0.2, velocity=np.array([0.5, 0.3, -2])),
         ]
+        if radius:
+            walls[1].point, walls[1].normal = (0.9 - radius) * up, np.zeros(3)
+            walls[1].radius = radius
         s = simulation_of(mesh, QUARTZ, walls, friction=0.1, time_step_factor=FACTOR, points=points)
         for _ in range(200):
             s.step()
