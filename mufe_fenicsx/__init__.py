@@ -24,7 +24,7 @@ use_writable_caches()
 if importlib.util.find_spec("dolfinx_solver") is not None:
     import dolfinx_solver  # noqa: F401
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 #: Public names and the modules that they come from, which are loaded at the first use of one.
 #: `__init__.pyi` says the same to type checkers.
