@@ -1,4 +1,4 @@
-"""Numbers of a page are those of the stored table that it is about."""
+"""Numbers of two pages are those of the stored table that they are about."""
 
 import re
 
@@ -7,7 +7,8 @@ import pytest
 from mufe_fenicsx.planning.evidence import read_points
 from tests.docs_pages import ROOT
 
-PAGE = ROOT / "docs" / "howto" / "choose_a_model.md"
+PAGE = ROOT / "docs" / "record" / "2026-11-choices.md"
+HOWTO = ROOT / "docs" / "howto" / "choose_a_model.md"
 ROW = re.compile(
     r"\| (averaged pressure|the seed's method)?[^|`:]*(?:`([^`]+)`)?[^|`:]*: "
     r"([\d.]+(?:, [\d.]+)*)[^|;]*\| ([^|;]+) \| ([^|;]+) \|"
@@ -33,6 +34,22 @@ def rows():
     return found
 
 
+def rows_of_howto():
+    """The same of its table of meshes, whose rows have two cases, and of its table of a packing."""
+    found = []
+    for line in HOWTO.read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if not re.fullmatch(r"[\d.]+", cells[0]):
+            continue
+        if len(cells) == 5:
+            for case, (error, time) in (("hertz", cells[1:3]), ("plastic-sphere", cells[3:])):
+                found.append((case, {"elements_per_radius": cells[0]}, error, time))
+        else:
+            chosen = {"element_size": cells[0], "added_mass": "0.05", "loading": "2"}
+            found.append(("jammed", chosen, *cells[1:]))
+    return found
+
+
 def shown(text):
     """Value of a number with its unit, and half of its last digit."""
     number, unit = text.split()
@@ -55,6 +72,16 @@ def test_a_row_says_what_the_table_says(row):
             assert abs(value - given) <= half, f"{wanted}: the page has {text}, the table {value:g}"
 
 
+@pytest.mark.parametrize("row", rows_of_howto(), ids=lambda row: f"{row[0]} {row[1]}")
+def test_a_row_of_the_howto_says_what_the_table_says(row):
+    case, wanted, error, time = row
+    (point,) = (p for p in read_points() if p.case == case and p.parameters == wanted)
+    for value, text in ((point.error, error), (point.seconds, time)):
+        given, half = shown(text)
+        assert abs(value - given) <= half, f"{wanted}: the page has {text}, the table {value:g}"
+
+
 def test_rows_are_found():
     """A page that is written anew shall not slip through."""
     assert len(rows()) >= 20
+    assert len(rows_of_howto()) == 10

@@ -22,7 +22,7 @@ from scipy.sparse.csgraph import dijkstra
 #: do not carry to the next grain: cosine of their normals with the axis.
 REACH, STEEP = 0.5, 0.35
 #: Part of the energy that a contact takes before the next grain goes on: of 1/8, 1/4 and 1/2 that
-#: which gives the seating of two balls and of a lattice (docs/howto/choose_a_model.md).
+#: which gives the seating of two balls and of a lattice (docs/method/planning.md).
 PART = 0.25
 
 

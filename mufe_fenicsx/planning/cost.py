@@ -26,8 +26,8 @@ from .contacts import Closing
 from .course import course_of, wave_speed
 
 #: Pairs nearer than this part of an edge count as closed for the stable step under load. With the
-#: mass that is added for them, steps of sand of 63 to 612 grains are 0.97 to 1.04 of the actual
-#: ones (docs/howto/choose_a_model.md). Later new contacts shorten the step: to 0.79 of that at a
+#: mass that is added for them, steps of sand of 63 to 612 grains are 1.07 to 1.10 of the actual
+#: ones (docs/record/2026-11-choices.md). Later new contacts shorten the step: to 0.79 of that at a
 #: strain of 0.05 and to 0.78 at 0.1 in two others.
 LOADED, LATE, SHORTER = 0.3, 0.03, 0.78
 #: Tetrahedra that flow cost 1.14 times as much as elastic ones (`mufe bench box`), and 1.13 in a
