@@ -2,13 +2,13 @@
 
 The source folder is the root of the repository, so that links between README.md, docs/ and
 demos/ lead to the same places here and where the repository is read. Pages of the API reference
-are written anew at each build, one for each part of the package, into docs/api.
+are written anew at each build into docs/api: one for each module, an index for each folder.
 """
 
+import ast
 import dataclasses
 import inspect
 import os
-import pkgutil
 import posixpath
 import re
 from pathlib import Path
@@ -18,11 +18,15 @@ os.environ["NUMBA_DISABLE_JIT"] = "1"
 
 import docutils.nodes
 import latex2mathml.converter
+from sphinx.util import logging
 
 import mufe_fenicsx
 from mufe_fenicsx.units import keys_of
 
 ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "mufe_fenicsx"
+#: Largest page of the API reference [bytes]; more is a warning, and so an error.
+LARGEST_PAGE = 400_000
 
 project = "mufe_fenicsx"
 author = "The mufe_fenicsx authors"
@@ -35,7 +39,7 @@ include_patterns = [
     "CONTRIBUTING.md",
     "docs/*.md",
     "docs/**/*.md",
-    "docs/api/*.rst",
+    "docs/api/**/*.rst",
     "demos/*.md",
 ]
 exclude_patterns = [
@@ -135,43 +139,56 @@ def complete_navigation(app, docname, source):
 
 
 def write_api_pages(app):
-    """A page for each part of the package, in docs/api."""
-    folder = ROOT / "docs" / "api"
-    folder.mkdir(exist_ok=True)
-    names = [m.name for m in pkgutil.walk_packages(mufe_fenicsx.__path__, "mufe_fenicsx.")]
-    names = ["mufe_fenicsx", *(n for n in names if not n.endswith("__main__"))]
-    parts = {}
-    for name in names:
-        words = name.split(".")
-        folder_of = ROOT.joinpath(*words[:2])
-        parts.setdefault(words[1] if folder_of.is_dir() and len(words) > 1 else "", []).append(name)
-    pages = {
-        f"{part or 'program'}.rst": _page(
-            f"mufe_fenicsx.{part}" if part else "The program", modules
-        )
-        for part, modules in sorted(parts.items())
-    }
-    listed = "\n".join(f"   {name.removesuffix('.rst')}" for name in pages)
-    title = _heading("Reference of the package", "=")
-    pages["index.rst"] = (
-        f"{title}\nWhat the docstrings say, part by part.\n\n.. toctree::\n\n{listed}\n"
-    )
-    for old in folder.glob("*.rst"):
-        if old.name not in pages:
+    """A page for each module in docs/api, and an index for each folder of the package."""
+    folder, pages = ROOT / "docs" / "api", api_pages()
+    for old in folder.rglob("*.rst"):
+        if old.relative_to(folder).as_posix() not in pages:
             old.unlink()
     for name, text in pages.items():
         path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
 
 
-def _page(title, modules):
-    lines = [_heading(title, "=")]
-    for module in modules:
-        # The public names of the package stand where they are defined.
-        options = ["   :no-members:"] if module == "mufe_fenicsx" else []
-        lines += [_heading(module, "-"), f".. automodule:: {module}", *options, ""]
-    return "\n".join(lines)
+def api_pages():
+    """{name of a page within docs/api: its text}."""
+    pages = {}
+    for init in sorted(PACKAGE.rglob("__init__.py")):
+        folder = init.parent
+        modules = [p for p in sorted(folder.glob("*.py")) if not p.name.startswith("__")]
+        folders = [p.parent for p in sorted(folder.glob("*/__init__.py"))]
+        place = folder.relative_to(PACKAGE)
+        pages[(place / "index.rst").as_posix()] = _index(folder, folders, modules)
+        for module in modules:
+            name = f"{_name(folder)}.{module.stem}"
+            text = f"{_heading(name, '=')}\n.. automodule:: {name}\n"
+            pages[(place / f"{module.stem}.rst").as_posix()] = text
+    return pages
+
+
+def _index(folder, folders, modules):
+    """Page of a folder: what its own docstring says, then its folders and modules, a line each."""
+    name = _name(folder)
+    # The public names of the package stand where they are defined.
+    options = ["   :no-members:"] if folder == PACKAGE else []
+    title = "Reference of the package" if folder == PACKAGE else name
+    lines = [_heading(title, "="), f".. automodule:: {name}", *options, ""]
+    entries = [(p.name, f"{p.name}/index", p / "__init__.py") for p in folders]
+    entries += [(p.stem, p.stem, p) for p in modules]
+    lines += [f"- :doc:`{word} <{page}>`: {_first_line(path)}" for word, page, path in entries]
+    toctree = [f"   {word} <{page}>" for word, page, _ in entries]
+    return "\n".join([*lines, "", ".. toctree::", "   :hidden:", "", *toctree, ""])
+
+
+def _name(folder):
+    return ".".join(folder.relative_to(ROOT).parts)
+
+
+def _first_line(path):
+    """What a module is, by the first sentence of its docstring."""
+    text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+    return _escaped(" ".join(text.partition("\n\n")[0].split()))
 
 
 def _heading(title, line):
@@ -184,6 +201,23 @@ def visit_math(translator, node):
     mathml = latex2mathml.converter.convert(node.astext(), display="block" if block else "inline")
     translator.body.append(f'<div class="math">{mathml}</div>' if block else mathml)
     raise docutils.nodes.SkipNode
+
+
+def fold_navigation(app, pagename, templatename, context, doctree):
+    """Of the list of all pages each page shows its own branch only: there are hundreds."""
+    whole = context.get("toctree")
+    if whole is not None:
+        context["toctree"] = lambda **options: whole(**options | {"collapse": True})
+
+
+def measure_api_pages(app, exception):
+    """Warn of pages that take a browser long."""
+    if exception is None and app.builder.name == "html":
+        for page in sorted(Path(app.outdir, "docs", "api").rglob("*.html")):
+            if (size := page.stat().st_size) > LARGEST_PAGE:
+                logging.getLogger(__name__).warning(
+                    f"{page.name}: {size} bytes, expected at most {LARGEST_PAGE}"
+                )
 
 
 def write_front_page(app, exception):
@@ -205,4 +239,6 @@ def setup(app):
     app.connect("autodoc-process-docstring", keep_colons, priority=900)  # after napoleon's
     app.connect("builder-inited", write_api_pages)
     app.connect("source-read", complete_navigation)
+    app.connect("html-page-context", fold_navigation, priority=100)  # before the theme's
+    app.connect("build-finished", measure_api_pages)
     app.connect("build-finished", write_front_page)
