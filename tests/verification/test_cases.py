@@ -24,66 +24,76 @@ def run(name, **parameters):
     return answer
 
 
-@pytest.mark.mpi
-def test_column():
-    run("column")
+#: Cases and parameters that make them cheap; "mpi": several ranks too; "slow": in `make verify`.
+CHEAP = [
+    ("column", {}, "mpi"),
+    ("patch", {}, "mpi"),
+    ("spin", {"turns": 5}, ""),
+    ("sliding-block", {"slip": "2e-6"}, ""),
+    ("sliding-facets", {"facets": 0.5}, ""),
+    ("energy", {"strain": 0.01}, ""),
+    ("hertz", {"bodies": "sphere-plane"}, ""),
+    ("hertz", {"bodies": "cylinders", "elements_per_radius": 1.5}, ""),
+    ("hertz", {"bodies": "spheres-E1:10"}, "slow"),
+    # Composites grow to twice the size of others away from the contact: at the default growth
+    # that adds 2 % to the force, which has nothing to do with the contact.
+    ("hertz", {"bodies": "spheres", "element": "composite", "growth": 0.2}, "slow"),
+    # Of coarser meshes (4 elements in the finest) the coarsest misses its force by a tenth.
+    ("hertz-convergence", {}, "slow"),
+    ("hertz-stress", {"elements_per_radius": 2.5}, "slow"),
+    ("curved-walls", {}, ""),
+    ("confined-cylinder", {}, ""),
+    ("disc", {"ends": "held", "elements_per_radius": 2, "a_over_R": 0.1}, ""),
+    ("hiramatsu-oka", {"elements_per_radius": 2, "a_over_R": 0.1}, ""),
+    ("overlap", {"element_size": 0.5, "steps": 20}, ""),
+    ("impact", {"num_speeds": 1}, ""),
+    ("oblique-impact", {"num_angles": 1, "a_over_R": 0.06, "growth": 0.4}, ""),
+    ("mindlin", {"elements_per_radius": 2, "growth": 0.4, "periods": 12}, ""),
+    ("torsion", {"elements_per_radius": 2.5, "growth": 0.4, "periods": 16}, ""),
+    ("rolling", {"elements_per_radius": 2, "periods": 12}, "slow"),
+    ("rigid-top", {"turns": 20}, ""),
+    ("rigid-rolling", {}, ""),
+    ("rigid-impact", {}, ""),
+    ("rigid-mix", {"strain": 0.01}, "mpi"),
+    ("feature-pairs", {"num_random": 8, "slow": 0.02, "rounds": 1}, ""),
+    ("fidelity", {"layers": 2, "strain": 0.004}, ""),
+    *(("free-sphere", {"elements_per_radius": 3, "element": e}, "") for e in ELEMENTS),
+    ("bar-impact", {"divisions": 20}, "mpi"),
+    ("bar-impact", {"divisions": 10, "integrator": "implicit"}, ""),  # no energy is gained
+    ("material-point", {"paths": 60, "steps_per_leg": 60}, ""),
+    ("plastic-sphere", {"what": "curves", "elements_per_radius": 1.5}, ""),
+    (
+        "paper-sphere",
+        {"elements_per_radius": 3.5, "refinement": 1.15, "num_yields": 2, "periods": 25},
+        "",
+    ),
+    (
+        "paper-sphere",
+        {
+            "elements_per_radius": 2,
+            "refinement": 1.1,
+            "num_yields": 1,
+            "integrator": "static",
+            "increments": 8,
+        },
+        "",
+    ),
+    ("plastic-impact", {"num_speeds": 2}, ""),
+    ("strain-cycle", {"paths": 12, "steps": 400}, ""),
+    ("crush", {"element_size": 0.4, "speed": 10}, ""),
+]
 
 
-@pytest.mark.mpi
-def test_patch():
-    run("patch")
-
-
-def test_spin():
-    run("spin", turns=5)
-
-
-def test_sliding_block():
-    run("sliding-block", slip="2e-6")
-
-
-def test_sliding_facets():
-    run("sliding-facets", facets=0.5)
-
-
-def test_energy():
-    run("energy", strain=0.01)
-
-
-def test_hertz():
-    run("hertz", bodies="sphere-plane")
-
-
-@pytest.mark.slow
-def test_hertz_of_unlike_balls():
-    run("hertz", bodies="spheres-E1:10")
-
-
-def test_hertz_of_cylinders():
-    run("hertz", bodies="cylinders", elements_per_radius=1.5)
-
-
-@pytest.mark.slow
-def test_hertz_convergence():
-    """Of coarser meshes (4 elements in the finest) the coarsest misses its force by a tenth."""
-    run("hertz-convergence")
-
-
-@pytest.mark.slow
-def test_hertz_stress():
-    run("hertz-stress", elements_per_radius=2.5)
-
-
-def test_disc():
-    run("disc", ends="held", elements_per_radius=2, a_over_R=0.1)
-
-
-def test_hiramatsu_oka():
-    run("hiramatsu-oka", elements_per_radius=2, a_over_R=0.1)
-
-
-def test_overlap():
-    run("overlap", element_size=0.5, steps=20)
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        pytest.param(name, more, marks=[getattr(pytest.mark, mark)] if mark else [])
+        for name, more, mark in CHEAP
+    ],
+    ids=[" ".join([name, *map(str, more.values())]) for name, more, _ in CHEAP],
+)
+def test_case(name, parameters):
+    run(name, **parameters)
 
 
 def test_segmentation():
@@ -100,109 +110,12 @@ def test_packing():
     run("packing", columns=2, layers=2, states=5)
 
 
-def test_impact():
-    run("impact", num_speeds=1)
-
-
-def test_oblique_impact():
-    run("oblique-impact", num_angles=1, a_over_R=0.06, growth=0.4)
-
-
-def test_mindlin():
-    run("mindlin", elements_per_radius=2, growth=0.4, periods=12)
-
-
-def test_torsion():
-    run("torsion", elements_per_radius=2.5, growth=0.4, periods=16)
-
-
-@pytest.mark.slow
-def test_rolling():
-    run("rolling", elements_per_radius=2, periods=12)
-
-
-def test_rigid_top():
-    run("rigid-top", turns=20)
-
-
-def test_rigid_rolling():
-    run("rigid-rolling")
-
-
-def test_rigid_impact():
-    run("rigid-impact")
-
-
-@pytest.mark.mpi
-def test_rigid_mix():
-    run("rigid-mix", strain=0.01)
-
-
-def test_feature_pairs():
-    run("feature-pairs", num_random=8, slow=0.02, rounds=1)
-
-
-def test_fidelity():
-    run("fidelity", layers=2, strain=0.004)
-
-
-@pytest.mark.parametrize("element", ELEMENTS)
-def test_free_sphere(element):
-    run("free-sphere", elements_per_radius=3, element=element)
-
-
-@pytest.mark.slow
-def test_hertz_with_composites():
-    # Composites grow to twice the size of others away from the contact: at the default growth
-    # that adds 2 % to the force, which has nothing to do with the contact.
-    run("hertz", bodies="spheres", element="composite", growth=0.2)
-
-
-@pytest.mark.mpi
-def test_bar_impact():
-    run("bar-impact", divisions=20)
-
-
-def test_bar_impact_by_increments():
-    """Among its lines: no energy is gained."""
-    run("bar-impact", divisions=10, integrator="implicit")
-
-
-def test_material_point():
-    run("material-point", paths=60, steps_per_leg=60)
-
-
 def test_plastic_sphere():
     answer = run("plastic-sphere", what="plateau", finest=3.5)
     lines = answer["results"]
     plain = [line for name, line in lines.items() if name.endswith("plain P1")]
     # Flow of constant volume locks plain elements: 1.5 and 1.8 times at E/Y = 1000.
     assert sum(line["computed"] > 1.4 * line["theory"] for line in plain) == 2
-
-
-def test_plastic_sphere_over_approach():
-    run("plastic-sphere", what="curves", elements_per_radius=1.5)
-
-
-def test_paper_sphere_by_increments():
-    run("paper-sphere", elements_per_radius=2, refinement=1.1, num_yields=1, integrator="static",
-        increments=8)  # fmt: skip
-
-
-def test_paper_sphere():
-    run("paper-sphere", elements_per_radius=3.5, refinement=1.15, num_yields=2, periods=25)
-
-
-def test_plastic_impact():
-    run("plastic-impact", num_speeds=2)
-
-
-def test_strain_cycle():
-    run("strain-cycle", paths=12, steps=400)
-
-
-def test_crush():
-    run("crush", element_size=0.4, speed=10)
 
 
 def test_every_case_of_the_command_line_says_what_it_is():
