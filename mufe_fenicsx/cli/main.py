@@ -219,6 +219,9 @@ def demo(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")
     ] = Path("demo-output"),
+    sand: Annotated[
+        bool, typer.Option("--sand", help="Make a scan of sand and take that for the image.")
+    ] = False,
     overwrite: Overwrite = False,
     json: Json = None,
 ):
@@ -227,7 +230,7 @@ def demo(
     printer = Printer(json)
     from ..run.demo import run_demo
 
-    result = run_demo(output, overwrite, printer)
+    result = run_demo(output, overwrite, printer, sand)
     printer.write_json(result)
     return result["status"]
 

@@ -1,4 +1,4 @@
-"""The main job on a real image, small: four commands that a user would type."""
+"""The main job, small, on a real image or on synthetic sand: commands that a user would type."""
 
 import os
 import shlex
@@ -11,6 +11,8 @@ from ..errors import InputError
 from ..machine.mpi_launcher import TERMINAL, find_mpirun
 
 SCENE = "snow_oedometer.toml"
+#: Synthetic sand of about thirty grains, in a folder whose name follows.
+SAND = ["synthesize", "--shape", "60,60,60", "--set", "d50=150 um", "--seed", "1", "-o"]
 
 
 def demo_scene() -> Path:
@@ -50,13 +52,14 @@ def num_ranks() -> int:
     return 2 if len(os.sched_getaffinity(0)) > 1 and find_mpirun() else 1
 
 
-def run_demo(folder, overwrite, printer):
-    """Run the four commands, each a program of its own, and say where the report is.
+def run_demo(folder, overwrite, printer, sand=False):
+    """Run the commands, each a program of its own, and say where the report is.
 
     Args:
         folder: Folder to write; it is made.
         overwrite: Replace earlier output in it.
         printer: `terminal.Printer`; what the commands print goes where it prints.
+        sand: Make a scan of sand first, and take that in place of the real one.
 
     Returns:
         {"status", "commands": [{"command", "wall_s", "status"}], "wall_s", "report"};
@@ -70,12 +73,15 @@ def run_demo(folder, overwrite, printer):
         raise InputError(f"output {folder} is a file, expected a folder")
     if not overwrite and folder.is_dir() and any(folder.iterdir()):
         raise InputError(f"output {folder} is not empty, expected a new folder or --overwrite")
-    scene = demo_scene()
+    scene, first = demo_scene(), []
+    if sand:
+        scene = folder / "scan" / "scene.toml"
+        first = [[*SAND, str(scene.parent), *(["--overwrite"] if overwrite else [])]]
     folder.mkdir(parents=True, exist_ok=True)
     printer.say(f"scene: {scene} (copy it to start a test of your own)")
 
     done, status = [], 0
-    for arguments in demo_commands(scene, folder, overwrite):
+    for arguments in [*first, *demo_commands(scene, folder, overwrite)]:
         ranks = num_ranks() if arguments[0] == "run" else 1
         launch = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
         command = shlex.join([*launch, "mufe", *arguments])
