@@ -39,6 +39,7 @@ include_patterns = [
     "CONTRIBUTING.md",
     "docs/*.md",
     "docs/**/*.md",
+    "docs/api/*.rst",
     "docs/api/**/*.rst",
     "demos/*.md",
 ]
@@ -108,6 +109,11 @@ def keep_colons(app, what, name, obj, options, lines):
     lines[:] = app.kept_texts.pop(name, lines)
 
 
+def skip_made_signatures(app, what, name, obj, skip, options):
+    """Commands that take settings as options: `--help` tells them, the source has no defaults."""
+    return True if hasattr(obj, "__wrapped__") and "__signature__" in vars(obj) else None
+
+
 def _escaped(line):
     parts = LITERAL.split(SINGLE.sub(r"``\1``", line))
     for i in range(0, len(parts), 2):
@@ -120,7 +126,7 @@ def complete_navigation(app, docname, source):
     """Pages that index.md lists and are not there are left out; those that it lacks come last."""
     if docname != root_doc:
         return
-    entry = re.compile(r"(?:.*<)?([\w./]+)>?")
+    entry = re.compile(r"(?:.*<)?([\w./-]+)>?")
     known, listed, lines, inside = app.env.found_docs, {root_doc}, [], False
     for line in source[0].splitlines():
         inside = line.startswith("```{toctree}") or (inside and line != "```")
@@ -234,6 +240,7 @@ def write_front_page(app, exception):
 def setup(app):
     app.add_html_math_renderer("mathml", (visit_math, None), (visit_math, None))
     app.kept_texts = {}
+    app.connect("autodoc-skip-member", skip_made_signatures)
     app.connect("autodoc-process-docstring", add_keys, priority=50)
     app.connect("autodoc-process-docstring", as_rst, priority=100)
     app.connect("autodoc-process-docstring", keep_colons, priority=900)  # after napoleon's
