@@ -36,6 +36,7 @@ include_patterns = [
     "docs/**/*.md",
     "docs/api/*.rst",
     "demos/*.md",
+    "meshes/*.md",
 ]
 exclude_patterns = [
     ".venv",
@@ -45,7 +46,6 @@ exclude_patterns = [
     "runs",
     "demo-output",
     "bench-cache",
-    "meshes",
 ]
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
