@@ -1,4 +1,4 @@
-# Two commands do everything on a fresh machine: `make demo` and `make test`.
+# Each command does everything on a fresh machine: `make first`, `make demo`, `make test`.
 
 PYTHON := $(shell for p in python3.12 python3.13 python3 $$HOME/.pyenv/versions/3.1[23]*/bin/python3 $$PYENV_ROOT/versions/3.1[23]*/bin/python3; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(not (3, 12) <= sys.version_info[:2] < (3, 14))' >/dev/null 2>&1 && { echo $$p; break; }; done)
@@ -6,7 +6,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-debian verify bench docs lint clean
+.PHONY: first demo test test-debian verify bench docs lint clean
+
+first: $(STAMP)
+	$(BIN)/mufe run demos/first.toml --overwrite
+	@echo "report: $(CURDIR)/runs/first/report.html"
 
 demo: $(STAMP)
 	$(BIN)/mufe demo --output demo-output --overwrite

@@ -42,6 +42,7 @@ include_patterns = [
     "docs/api/*.rst",
     "docs/api/**/*.rst",
     "demos/*.md",
+    "meshes/*.md",
 ]
 exclude_patterns = [
     ".venv",
@@ -51,7 +52,6 @@ exclude_patterns = [
     "runs",
     "demo-output",
     "bench-cache",
-    "meshes",
 ]
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]

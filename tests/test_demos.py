@@ -54,6 +54,17 @@ def test_the_page_on_time_steps_and_increments(tmp_path):
     assert (tmp_path / "implicit_vs_explicit.png").stat().st_size > 20_000
 
 
+@pytest.mark.slow
+def test_the_first_run(tmp_path):
+    """The report has all its figures, and says that the result can be believed."""
+    command = [sys.executable, "-m", "mufe_fenicsx", "run", DEMOS / "first.toml", "-o", tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert 'class="pass"' in page and 'class="warn"' not in page and 'id="missing"' not in page
+    assert f"{tmp_path / 'report.html'}" in done.stdout
+
+
 def test_balls_without_the_other_programs(tmp_path):
     """Ours are computed, decks are written, and the demo says what is not there."""
     command = [sys.executable, DEMOS / "peers.py", tmp_path, "--sizes", "1", "--cases", "hertz"]

@@ -6,6 +6,7 @@ import numba
 import numpy as np
 
 from .closest import facet_normal
+from .rows import grown
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -24,7 +25,8 @@ def sharp_edges(x, facets, neighbour, cosine):
     sharp = np.zeros(facets.shape, np.bool_)
     normal = np.empty(facets.shape)
     for f in range(facets.shape[0]):
-        normal[f] = facet_normal(x, facets[f, 0], facets[f, 1], facets[f, 2])
+        nx, ny, nz = facet_normal(x, facets[f, 0], facets[f, 1], facets[f, 2])
+        normal[f, 0], normal[f, 1], normal[f, 2] = nx, ny, nz
     for f in range(facets.shape[0]):
         for k in range(3):
             o = neighbour[f, k]
@@ -222,12 +224,7 @@ def find_edge_pairs(x, ends, grain, num_own, reach, low, size, shape, cell_offse
                             continue
                         if count == capacity:
                             capacity *= 2
-                            grown = np.empty(capacity, np.int32)
-                            grown[:count] = own
-                            own = grown
-                            grown = np.empty(capacity, np.int32)
-                            grown[:count] = other
-                            other = grown
+                            own, other = grown(own, capacity), grown(other, capacity)
                         own[count], other[count] = o, e
                         count += 1
     return own[:count].copy(), other[:count].copy()

@@ -149,7 +149,8 @@ def moments(sums, x, v):
                 total[1 + i, 1 + j] += x[n, i] * x[n, j]
                 total[1 + i, 4 + j] += x[n, i] * v[n, j]
     total[0, 0] = len(x)
-    total[1:, 0] = total[0, 1:4]
+    for i in range(3):
+        total[1 + i, 0] = total[0, 1 + i]
     sums += total
 
 

@@ -1,6 +1,20 @@
-"""Vectors at some rows of an array, to and from arrays of their own."""
+"""Vectors at some rows of an array, to and from arrays of their own; longer copies of arrays."""
 
 import numba
+import numpy as np
+
+
+@numba.njit(cache=True)
+def grown(values, size):
+    """Copy of an array with room for ``size`` entries.
+
+    A loop, for numba compiles a slice on the left of "=" for two seconds: it may have to say in
+    words that shapes differ.
+    """
+    out = np.empty(size, values.dtype)
+    for k in range(values.size):
+        out[k] = values[k]
+    return out
 
 
 @numba.njit(cache=True)

@@ -6,6 +6,7 @@ import numba
 import numpy as np
 
 from .closest import closest_point
+from .rows import grown
 
 
 @numba.njit(cache=True)
@@ -106,11 +107,8 @@ def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, s
                         continue
                     if num_found == capacity:
                         capacity *= 2
-                        grown_node = np.empty(capacity, np.int32)
-                        grown_facet = np.empty(capacity, np.int32)
-                        grown_node[:num_found] = found_node
-                        grown_facet[:num_found] = found_facet
-                        found_node, found_facet = grown_node, grown_facet
+                        found_node = grown(found_node, capacity)
+                        found_facet = grown(found_facet, capacity)
                     found_node[num_found] = n
                     found_facet[num_found] = f
                     num_found += 1

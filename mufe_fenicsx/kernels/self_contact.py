@@ -6,6 +6,7 @@ import numba
 import numpy as np
 
 from .closest import closest_point, facet_normal
+from .rows import grown
 
 #: Largest cosine of the angle between the outward normals of surfaces that face each other.
 OPPOSED = -0.3
@@ -98,12 +99,7 @@ def find_self_candidates(x, grain_of_node, facets, grain_of_facet, ring_offset, 
                         has_facing[n] = True
                     if count == capacity:
                         capacity *= 2
-                        grown = np.empty(capacity, np.int32)
-                        grown[:count] = node
-                        node = grown
-                        grown = np.empty(capacity, np.int32)
-                        grown[:count] = facet
-                        facet = grown
+                        node, facet = grown(node, capacity), grown(facet, capacity)
                     node[count], facet[count] = n, f
                     count += 1
     kept = 0

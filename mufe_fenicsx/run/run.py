@@ -28,6 +28,7 @@ from .from_scene import bounding_box, load_mesh, make_simulation, make_walls, se
 from .profile import Profile
 from .rebalance import better_partition
 from .recorder import Recorder
+from .report import draw_report
 from .resume_check import check_origin, check_results, grains_checksum, integrator_of
 from .retries import Recovery
 from .run_options import RunOptions
@@ -54,7 +55,7 @@ def run_scene(
         options: Fields of :class:`~mufe_fenicsx.run.run_options.RunOptions` by name.
 
     Returns:
-        What run.json holds, on every rank.
+        What run.json holds, on every rank; with the path of the ``report`` where one was drawn.
 
     Raises:
         InputError: Something the user gave cannot be used; nothing was written.
@@ -68,9 +69,12 @@ def run_scene(
     try:
         folders = Path(grains_folder), Path(output_folder)
         test, checkpoint = _prepare(scene, *folders, lock, started, options)
-        return test.run(checkpoint)
+        result = test.run(checkpoint)
     finally:
         lock.free()
+    if scene.output.report and result["finished"]:
+        result["report"] = draw_report(comm, folders[1], options.quiet)
+    return result
 
 
 def _prepare(scene, grains_folder, folder, lock, started, options):

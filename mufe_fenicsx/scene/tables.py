@@ -28,7 +28,9 @@ PLAUSIBLE_FRICTION = (0.0, 1e3)
 class Sample:
     """[sample]: the grains that are tested."""
 
-    grains: Path | None = setting(None, "", "folder that `mufe mesh` wrote")
+    grains: Path | None = setting(
+        None, "", "folder that `mufe mesh` wrote, or meshes:NAME of one that the program brings"
+    )
     separation: bool = setting(True, "", "move overlapping surfaces apart before the test")
     max_shift: float = setting(
         0.3, "-", "largest such move of a node, over the mesh size", gt=0, le=1
@@ -314,6 +316,7 @@ class Output:
     checkpoint_steps: int = setting(
         0, "", "time steps between two checkpoints; 0: none by steps", ge=0
     )
+    report: bool = setting(False, "", "draw the report when the test has ended, as `mufe report`")
 
     def __post_init__(self):
         check_keys(self)

@@ -10,6 +10,7 @@ from ..units import expected, keys_of, to_si
 from .bounds import LARGEST_COUNT, check_count, check_plausible, check_text
 from .catalogue import TABLES
 from .image import PACKAGED_IMAGES
+from .shipped import SHIPPED, shipped_mesh
 
 #: Characters of a path.
 LONGEST_PATH = 4000
@@ -162,6 +163,8 @@ def _convert_path(value, name, folder):
         raise InputError(f"{name} = {shown(value)}, expected a path")
     if str(value) in PACKAGED_IMAGES:
         return str(value)
+    if str(value).startswith(SHIPPED):
+        return shipped_mesh(str(value), name)
     if "\0" in str(value) or len(str(value)) > LONGEST_PATH:
         raise InputError(f"{name} = {shown(str(value))}, expected a path")
     try:

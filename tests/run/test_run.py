@@ -2,12 +2,14 @@
 
 import json
 import os
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx import report
 from mufe_fenicsx.errors import InputError, SolverError
 from mufe_fenicsx.geometry.bodies.shapes import sphere
 from mufe_fenicsx.geometry.grains import Grains, save_grains
@@ -104,6 +106,31 @@ def test_run_writes_what_it_did(folder, grains):
     summary = json.loads((out / "run.json").read_text())
     assert summary["num_ranks"] == comm.size
     assert summary["stress"] == history["stress"][-1] > 0  # that at the end
+
+
+@pytest.mark.mpi
+def test_a_scene_asks_for_a_report(folder, grains, monkeypatch):
+    """When the test has ended, by rank 0 alone; what it cannot write is an error of all ranks."""
+    comm, out = MPI.COMM_WORLD, folder / "out"
+    drawn = []
+
+    def draw(run, processes):
+        drawn.append(json.loads((run / "run.json").read_text())["finished"])
+        (run / "report.html").write_text("page")
+        time.sleep(0.2)
+        if len(drawn) == 2:
+            raise InputError("report cannot be written")
+
+    monkeypatch.setattr(report, "write_report", draw)
+    scene = replace(small_scene(), output=Output(fields=2, history=3, report=True))
+    result = run_scene(scene, grains, out, comm, quiet=True)
+    assert (out / "report.html").read_text() == "page"  # on all ranks
+    assert result["report"] == str(out / "report.html")
+    assert drawn == ([True] if comm.rank == 0 else [])
+    with pytest.raises(InputError, match="report cannot be written"):
+        run_scene(scene, grains, out, comm, quiet=True, overwrite=True)
+    cut = run_scene(scene, grains, folder / "cut", comm, quiet=True, max_steps=3)
+    assert "report" not in cut and not (folder / "cut" / "report.html").exists()
 
 
 @pytest.mark.mpi

@@ -1,0 +1,44 @@
+"""The report that a scene asks for (`output.report`), drawn when its test has ended."""
+
+import time
+from pathlib import Path
+
+from ..errors import InputError
+from ..machine.mpi_launcher import forget_launcher
+from ..output.run_folder import raise_together
+from .run_place import say
+
+#: Ranks that wait for the report look so often [s]: MPI's own waiting takes a core each.
+PAUSE = 0.05
+
+
+def draw_report(comm, folder, quiet):
+    """Draw the report of a run, by rank 0 and processes that it starts. Collective.
+
+    Args:
+        comm: MPI communicator.
+        folder: Run folder.
+        quiet: Print nothing.
+
+    Returns:
+        Path of the page, as text.
+
+    Raises:
+        InputError: The report cannot be written; on all ranks.
+    """
+    message = None
+    if comm.rank == 0:
+        # Only here: a run does without the libraries of pictures.
+        from ..report import write_report
+
+        say(comm, "the test has ended; drawing its report", quiet)
+        forget_launcher()
+        try:
+            write_report(folder, processes=0)
+        except (InputError, OSError) as error:
+            message = str(error)
+    drawn = comm.Ibarrier()
+    while not drawn.Test():
+        time.sleep(PAUSE)
+    raise_together(comm, message)
+    return str(Path(folder) / "report.html")
