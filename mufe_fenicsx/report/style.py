@@ -46,7 +46,6 @@ RC = {
     "mathtext.fontset": "dejavusans",
     "savefig.dpi": DPI,
     "pdf.fonttype": 42,  # letters stay letters for the journal
-    "image.interpolation": "none",
 }
 
 #: Colours and lines of stages of one test, or of several tests.
