@@ -47,15 +47,15 @@ SCENE = ROOT / "docs" / "gallery" / "ball.toml"
 WIDTHS, LARGEST, LARGEST_ANIMATION = (1100, 1000, 900, 800, 700), 150_000, 600_000
 #: Stored states of the demonstration's test, so that it moves smoothly.
 STATES = 17
-RADIUS = 0.5e-3  # of the crushed ball [m]
+PLASTIC = "magma_r"  #: map of plastic strain
+RADIUS, EDGE = 0.5e-3, 55e-6  # of the crushed ball, and of its tetrahedra [m]
 
 
 # --- runs -----------------------------------------------------------------------------------------
 
 
-def mufe_command(*arguments):
-    """Run a command of `mufe` as a program of its own; a test on as many ranks as there are."""
-    ranks = num_ranks() if arguments[0] == "run" else 1
+def mufe_command(*arguments, ranks=1):
+    """Run a command of `mufe` as a program of its own, on so many ranks."""
     launch = [find_mpirun(), "-n", str(ranks)] if ranks > 1 else []
     words = [str(word) for word in arguments]
     print(
@@ -82,7 +82,7 @@ def snow(runs):
         scene = folder / "scene.toml"
         scene.write_text(re.sub(r"(?m)^fields = \d+", f"fields = {STATES}", text), encoding="utf-8")
         for command in demo_commands(scene, folder, overwrite=True)[:3]:
-            mufe_command(*command)
+            mufe_command(*command, ranks=num_ranks() if command[0] == "run" else 1)
     return folder
 
 
@@ -91,7 +91,8 @@ def triaxial_test(runs):
     folder = runs / "triaxial"
     if not finished(folder / "results"):
         mufe_command("new", "triaxial", "-o", folder, "--overwrite")
-        mufe_command("run", folder / "scene.toml", "-o", folder / "results", "--overwrite")
+        words = ["run", folder / "scene.toml", "-o", folder / "results", "--overwrite"]
+        mufe_command(*words, ranks=num_ranks())
     return folder / "results"
 
 
@@ -99,8 +100,7 @@ def crushed_ball(runs):
     """Run folder of one ball between rough platens."""
     folder = runs / "ball"
     if not finished(folder / "results"):
-        body = mufe.sphere(RADIUS, 0.15 * RADIUS)
-        grains = mufe.Grains.from_list([1], [body], 0.15 * RADIUS)
+        grains = mufe.Grains.from_list([1], [mufe.sphere(RADIUS, EDGE)], EDGE)
         (folder / "grains").mkdir(parents=True, exist_ok=True)
         mufe.save_grains(folder / "grains", grains)
         words = ["--grains", folder / "grains", "-o", folder / "results", "--overwrite"]
@@ -114,7 +114,7 @@ def crushed_ball(runs):
 def draw_scan(runs, path):
     """What `mufe synthesize` draws of a scan that it made."""
     folder = runs / "scan"
-    mufe_command("synthesize", "-o", folder, "--seed", 3, "--overwrite")
+    mufe_command("synthesize", "-o", folder, "--seed", 3, "--set", "d50=180 um", "--overwrite")
     save_small(Image.open(folder / "synthetic.png"), path)
 
 
@@ -144,8 +144,9 @@ def draw_snow(runs, path):
     faces, cell = boundary_faces(grains.cells)
     surface = pyvista.PolyData.from_regular_faces(1e3 * grains.points, faces)
     surface.cell_data["label"] = grains.cell_label[cell]
-    look = ListedColormap(colours)
-    layer = Layer(surface, None, "label", look, (0, len(colours) - 1), edges=True)
+    look, limits = ListedColormap(colours), (-0.5, len(colours) - 0.5)
+    options = {"n_colors": len(colours)}
+    layer = Layer(surface, None, "label", look, limits, edges=True, options=options)
     box = 1e3 * grains.box
     space.imshow(render([layer], Camera.around(box_corners(box), FROM, 1.0), (700, 700), box=box))
     space.set_axis_off()
@@ -163,33 +164,44 @@ def draw_snow(runs, path):
 def draw_ball(runs, path):
     """A crushed ball cut open in three states, and the force on its platen."""
     run = mufe.open_run(crushed_ball(runs))
-    states = [state_at(run, state, None) for state in run.stored_states]
-    crush = [s for s in states if s.stage == "crush"]
-    chosen = [crush[np.argmin([abs(s.strain - e) for s in crush])] for e in (0.0, 0.2, 0.4)]
-    camera = Camera.around(crush[-1].points, (0.3, -1.0, 0.35), 1.0, margin=1.1)
-    ratios = [1, 1, 1, 1.1]
-    figure, axes = style.new_figure(style.PAGE, 2.1, ncols=4, width_ratios=ratios)
-    limit = 0.8
-    for k, (axis, state) in enumerate(zip(axes, chosen, strict=False)):
-        strain = state.stored.plastic_strain
-        surface, grid = state.surface(), state.grid(strain >= 0, plastic=strain)
-        surface.cell_data["plastic"] = strain[state.faces[1]]
-        plane = {"normal": "y", "origin": state.points.mean(axis=0)}
-        parts = surface.clip(**plane, invert=False), grid.slice(**plane)
-        layers = [Layer(part, None, "plastic", "magma_r", (0, limit), edges=True) for part in parts]
-        axis.imshow(render(layers, camera, (480, 480)))
+    states = [state_at(run, listed, None) for listed in run.stored_states]
+    crush = [state for state in states if state.stage == "crush"]
+    chosen = [min(crush, key=lambda s: abs(s.strain - e)) for e in (0.1, 0.2, 0.4)]
+    aspect, limit = 1.2, 0.8
+    seen = np.concatenate([state.points for state in chosen])
+    camera = Camera.around(seen, (0.35, -1.0, 0.2), aspect, margin=1.12)
+    figure = style.blank_figure(style.PAGE, 1.85)
+    left, right = figure.subfigures(1, 2, width_ratios=[3.2, 1])
+    axes, curve = left.subplots(ncols=3), right.subplots()
+    for k, (axis, state) in enumerate(zip(axes, chosen, strict=True)):
+        axis.imshow(render(open_ball(state, limit), camera, (576, 480)))
         axis.set_axis_off()
         style.panel_letter(axis, k)
-        style.heading(axis, f"{100 * state.strain:.0f} %")
-    style.scale_bar(axes[0], 2 * camera.half_height)
-    colour_bar(figure, list(axes[:3]), limit, "magma_r", "plastic strain: –", "", "max",
+        style.heading(axis, rf"$\delta/D$ = {100 * state.strain:.0f} %")
+    style.scale_bar(axes[2], 2 * camera.half_height * aspect)
+    colour_bar(left, list(axes), limit, PLASTIC, "plastic strain: –", "", "max",
                location="bottom", shrink=0.5, aspect=30)  # fmt: skip
     history = run.history
     history = history[history["stage"] == "crush"]
-    axes[3].plot(100 * history["strain"], history["force_z_max"], color=style.BLUE)
-    axes[3].set(xlabel="way of the platens over D: %", ylabel="force: N", xlim=(0, 42))
-    style.panel_letter(axes[3], 3)
+    curve.plot(100 * history["strain"], history["force_z_max"], color=style.BLUE)
+    curve.set(xlabel=r"Approach, $\delta/D$: %", ylabel="Force: N", xlim=(0, 42), ylim=(0, None))
+    style.panel_letter(curve, 3)
     save_small(figure, path)
+
+
+def open_ball(state, limit):
+    """The half of a ball behind its middle, and of the platens that press it."""
+    strain, middle = state.stored.plastic_strain, state.points.mean(axis=0)
+    surface, grid = state.surface(), state.grid(strain >= 0, plastic=strain)
+    surface.cell_data["plastic"] = strain[state.faces[1]]
+    plane = {"normal": "y", "origin": middle}
+    parts = surface.clip(**plane, invert=False), grid.slice(**plane)
+    layers = [Layer(part, None, "plastic", PLASTIC, (0, limit), edges=True) for part in parts]
+    low, high = state.points[:, 2].min(), state.points[:, 2].max()
+    for bottom, top in ((low - 0.05 * RADIUS, low), (high, high + 0.05 * RADIUS)):
+        x, y = middle[0] + 1.1 * RADIUS * np.array([-1, 1]), middle[1] + np.array([0, 1.1 * RADIUS])
+        layers.append(Layer(pyvista.Box((*x, *y, bottom, top)), "#b0b4bc"))
+    return layers
 
 
 def drawn(name, folder_of, **options):
@@ -231,7 +243,7 @@ def few_colours(picture):
     chosen = np.repeat(each, np.minimum(np.sqrt(area).astype(int), 30), axis=0)
     palette = Image.fromarray(chosen[None]).quantize(256, kmeans=3)
     colours = np.reshape(palette.getpalette(), (-1, 3))
-    colours[(colours >= 250).all(axis=1)] = 255  # white stays white
+    colours[(colours >= 245).all(axis=1)] = 255  # white stays white
     palette.putpalette(colours.ravel().tolist())
     return picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
@@ -284,4 +296,7 @@ if __name__ == "__main__":
     for name in given.parts:
         if name not in PARTS:
             parser.error(f"part {name}, expected one of {', '.join(PARTS)}")
-    main(given.parts or list(PARTS), given.output, given.runs)
+    try:
+        main(given.parts or list(PARTS), given.output, given.runs)
+    except (InputError, subprocess.CalledProcessError) as error:
+        sys.exit(f"error: {error}")

@@ -19,7 +19,9 @@ def test_a_notebook_runs(path, tmp_path):
 
     notebook = nbformat.read(path, as_version=4)
     place = {"metadata": {"path": str(tmp_path)}}
-    client = nbclient.NotebookClient(notebook, SECONDS, resources=place, kernel_name="python3")
+    client = nbclient.NotebookClient(
+        notebook, timeout=SECONDS, resources=place, kernel_name="python3"
+    )
     client.execute()
     assert kinds(json.loads(path.read_text())) == kinds(notebook), "run `make notebooks`"
 
