@@ -32,7 +32,7 @@ gallery: $(STAMP)
 
 # The notebooks of the documentation with what their cells give.
 notebooks: $(STAMP)
-	$(BIN)/jupyter execute --inplace docs/notebooks/*.ipynb
+	$(BIN)/python -m tests.notebooks
 
 # The documentation, in build/docs; a warning is an error.
 docs: $(VENV)/.docs-installed

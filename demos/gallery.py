@@ -180,7 +180,7 @@ def draw_ball(runs, path):
         style.heading(axis, rf"$\delta/D$ = {100 * state.strain:.0f} %")
     style.scale_bar(axes[2], 2 * camera.half_height * aspect)
     colour_bar(left, list(axes), limit, PLASTIC, "plastic strain: –", "", "max",
-               location="bottom", shrink=0.5, aspect=30)  # fmt: skip
+               location="bottom", shrink=0.5, aspect=30, pad=0.08)  # fmt: skip
     history = run.history
     history = history[history["stage"] == "crush"]
     curve.plot(100 * history["strain"], history["force_z_max"], color=style.BLUE)
