@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: first demo test test-debian verify bench docs lint clean
+.PHONY: first demo test test-debian verify bench gallery notebooks docs lint clean
 
 first: $(STAMP)
 	$(BIN)/mufe run demos/first.toml --overwrite
@@ -29,6 +29,14 @@ verify: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/mufe bench
+
+# The pictures of docs/gallery.md, and what they are drawn from in build/gallery.
+gallery: $(STAMP)
+	$(BIN)/python demos/gallery.py -o docs/gallery
+
+# The notebooks of the documentation with what their cells give.
+notebooks: $(STAMP)
+	$(BIN)/python -m tests.notebooks
 
 # The documentation, in build/docs; a warning is an error.
 docs: $(VENV)/.docs-installed

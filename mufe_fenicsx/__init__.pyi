@@ -17,8 +17,8 @@ from .materials.elastic import Elastic as Elastic
 from .materials.j2 import J2 as J2
 from .materials.rigid import Rigid as Rigid
 from .mesh import GrainMesh as GrainMesh
-from .results.run import Run as Run
-from .results.run import open_run as open_run
+from .report.run import Run as Run
+from .report.run import open_run as open_run
 from .run.from_bodies import build as build
 from .run.from_bodies import drive as drive
 from .run.from_bodies import settle as settle

@@ -13,6 +13,8 @@ from petsc4py import PETSc  # noqa: F401  starts it, and with it its handlers of
 
 from .errors import InputError, raise_on_broken_pipes
 from .kernels.topology import FACETS, body_defect
+from .machine.notebook import html_table
+from .units import with_unit
 
 raise_on_broken_pipes()
 
@@ -84,6 +86,22 @@ class GrainMesh:
     facets: np.ndarray  #: nodes of boundary facets, outward, int32, shape (num_facets, 3)
     grain_of_facet: np.ndarray  #: local grain of each facet, shape (num_facets,)
     family: int = 1  #: rows of ``cells`` that make one composite element; families are whole
+
+    def _repr_html_(self) -> str:
+        """Counts and size of this rank's part in a short table, which notebooks show. Local."""
+        size = np.ptp(self.x, axis=0)
+        where = "" if self.comm.size == 1 else f" of {self.labels.size}, on this rank"
+        return html_table(
+            "Mesh of grains",
+            [
+                ("grains", f"{self.num_grains}{where}"),
+                ("tetrahedra", self.num_cells),
+                ("nodes", self.num_nodes),
+                ("facets of the surface", len(self.facets)),
+                ("size", " × ".join(with_unit(length, "m") for length in size)),
+                ("ranks", self.comm.size),
+            ],
+        )
 
     @property
     def comm(self) -> MPI.Intracomm:

@@ -100,6 +100,26 @@ def _parse(text, unit, name):
         raise wrong from None
 
 
+#: Factors of prefixes, the largest first.
+PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+#: Units that texts write with one.
+PREFIXED = ("Pa", "m", "s")
+
+
+def with_unit(value, unit):
+    """A number in SI units as a text to read: 1e11 Pa is "100 GPa".
+
+    Args:
+        value: In SI units.
+        unit: A key of `QUANTITIES`, or "-" of a ratio.
+    """
+    factor, prefix = 1, ""
+    if unit in PREFIXED:
+        factor, prefix = next((p for p in PREFIXES if abs(value) >= 0.99995 * p[0]), (1, ""))
+    symbol = "" if unit == "-" else prefix + SYMBOLS.get(unit, unit)
+    return f"{value / factor:.4g} {symbol}".rstrip()
+
+
 @functools.cache
 def _registry():
     import pint  # half a second: only where a text with a unit is read

@@ -11,8 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from mufe_fenicsx.scene import load_scene
 from mufe_fenicsx.verification.reference import load
+from tests.made_up_run import write_whole_run
 
 DEMOS = Path(__file__).resolve().parents[1] / "demos"
 
@@ -185,7 +188,7 @@ def test_a_law_of_ones_own_acts_in_the_elements(drucker_prager):
 
 def test_scene_files_name_a_material_of_ones_own(drucker_prager, tmp_path):
     from mufe_fenicsx.run.demo import demo_scene
-    from mufe_fenicsx.scene import load_scene, scene_to_toml
+    from mufe_fenicsx.scene import scene_to_toml
 
     text = demo_scene().read_text()
     start = text.index("[material]")
@@ -197,3 +200,29 @@ def test_scene_files_name_a_material_of_ones_own(drucker_prager, tmp_path):
     assert scene.material == drucker_prager.STRONG
     path.write_text(scene_to_toml(scene))
     assert load_scene(path).material == drucker_prager.STRONG
+
+
+def test_the_gallery_has_each_picture_that_is_made():
+    """One a part, small, on the page with its command; the scene beside them can be read."""
+    demo, folder = import_demo("gallery"), DEMOS.parent / "docs" / "gallery"
+    page = (DEMOS.parent / "docs" / "gallery.md").read_text(encoding="utf-8")
+    pictures = [path for path in folder.iterdir() if path.suffix != ".toml"]
+    assert sorted(path.stem for path in pictures) == sorted(demo.PARTS)
+    assert sum(path.stat().st_size for path in pictures) <= 1_500_000
+    for path in pictures:
+        limit = demo.LARGEST_ANIMATION if path.suffix == ".gif" else demo.LARGEST
+        assert path.stat().st_size <= limit
+        assert f"(gallery/{path.name})" in page and f"`python demos/gallery.py {path.stem}`" in page
+    assert [stage.name for stage in load_scene(demo.SCENE).stages] == ["aside", "crush"]
+
+
+def test_a_picture_of_the_gallery(tmp_path):
+    """Of a made-up run: white stays white, and colours are few."""
+    demo = import_demo("gallery")
+    (tmp_path / "snow" / "run").mkdir(parents=True)
+    write_whole_run(tmp_path / "snow" / "run")
+    sizes = demo.main(["cut"], tmp_path / "pictures", tmp_path)
+    with Image.open(tmp_path / "pictures" / "cut.png") as picture:
+        assert picture.mode == "P" and picture.width == demo.WIDTHS[0]
+        assert picture.convert("RGB").getpixel((2, 2)) == (255, 255, 255)
+    assert 5_000 < sizes["cut"] <= demo.LARGEST

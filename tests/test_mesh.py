@@ -34,6 +34,14 @@ def test_every_grain_is_whole_on_one_rank(mesh):
 
 
 @pytest.mark.mpi
+def test_notebooks_show_counts_of_this_rank(mesh):
+    html = mesh._repr_html_()
+    for number in (mesh.num_grains, mesh.num_cells, mesh.num_nodes, len(mesh.facets)):
+        assert f">{number}" in html
+    assert ("of 6, on this rank" in html) == (COMM.size > 1)
+
+
+@pytest.mark.mpi
 def test_no_ghosts(mesh):
     assert mesh.mesh.topology.index_map(3).num_ghosts == 0
     assert mesh.V.dofmap.index_map.num_ghosts == 0

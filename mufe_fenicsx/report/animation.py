@@ -4,6 +4,7 @@ import shutil
 import subprocess
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.colors import to_rgb
 from PIL import Image
 
@@ -125,9 +126,10 @@ class _Scene:
 def _write_gif(frames, path):
     """One set of colours for all pictures, so that nothing flickers."""
     some = [*frames[:: max(1, len(frames) // 5)], frames[-1]]
-    # Enough of what is small, the dot, and of the background, to keep their colours.
-    kept = np.repeat([to_rgb(style.RED), (1, 1, 1)], 40, axis=0)[:, None]
-    kept = np.broadcast_to((255 * kept).astype(np.uint8), (80, frames[0].shape[1], 3))
+    # Enough of what is small, the dot and the colour bar, and of the background, to keep colours.
+    bar = colormaps[style.STRESS_MAP](np.linspace(0, 1, 32))[:, :3]
+    kept = np.concatenate([np.repeat([to_rgb(style.RED), (1, 1, 1)], 40, axis=0), bar])[:, None]
+    kept = np.broadcast_to((255 * kept).astype(np.uint8), (len(kept), frames[0].shape[1], 3))
     strip = Image.fromarray(np.concatenate([*some, kept]))
     palette = strip.quantize(COLOURS, dither=Image.Dither.NONE)
     images = [

@@ -1,14 +1,18 @@
 """One look for all figures: sizes, fonts, colours, units."""
 
+import io
+
 import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from mufe_fenicsx.units import PREFIXES
+
 #: Width of a figure across one column or the page of a journal, 84 mm and 174 mm [inch].
 COLUMN, PAGE = 84 / 25.4, 174 / 25.4
-DPI = 300
+DPI, SCREEN_DPI = 300, 120
 
 #: Colours that the colour-blind tell apart (Okabe & Ito 2008).
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
@@ -42,7 +46,6 @@ RC = {
     "mathtext.fontset": "dejavusans",
     "savefig.dpi": DPI,
     "pdf.fonttype": 42,  # letters stay letters for the journal
-    "image.interpolation": "none",
 }
 
 #: Colours and lines of stages of one test, or of several tests.
@@ -54,7 +57,10 @@ STRAIN = r"Vertical strain, $\varepsilon$: %"
 #: Line and colour of a stage in which strain grows, falls, and grows again.
 BRANCHES = {"loading": ("-", BLUE), "unloading": ("--", ORANGE), "reloading": ("-.", GREEN)}
 
-PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+
+def look():
+    """A context in which matplotlib has the look of these figures."""
+    return matplotlib.rc_context(RC)
 
 
 def new_figure(width=COLUMN, height=None, **subplots):
@@ -70,9 +76,20 @@ def new_figure(width=COLUMN, height=None, **subplots):
     return figure, figure.subplots(**subplots)
 
 
+class ShownFigure(Figure):
+    """A figure that notebooks show where it stands last in a cell, without pyplot."""
+
+    def _repr_png_(self):
+        """Of a size for screens, as a PNG."""
+        file = io.BytesIO()
+        with look():
+            self.savefig(file, dpi=SCREEN_DPI)
+        return file.getvalue()
+
+
 def blank_figure(width=COLUMN, height=None):
     """A figure without axes, as :func:`new_figure`."""
-    figure = Figure(figsize=(width, height or 0.75 * width), layout="constrained")
+    figure = ShownFigure(figsize=(width, height or 0.75 * width), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 

@@ -12,11 +12,13 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError, shortened
 from ..geometry.measure import tet_volumes
+from ..machine.notebook import html_table
 from ..output.contacts import CONTACT_COLUMNS, contact_files, read_contacts
 from ..output.fields import MESH, read_arrays, read_states
 from ..output.history import COLUMNS, read_history
 from ..output.run_folder import read_run_json, reason, regular, wrong_entries
 from . import graph, tables
+from .rows import run_rows
 from .state import State
 
 #: By one of these a folder is known as that of a run.
@@ -64,6 +66,10 @@ class Run:
         return (
             f"Run {self.path}: {len(self.stored_states)} states, {len(self.missing)} things missing"
         )
+
+    def _repr_html_(self) -> str:
+        """What was run and how far it came in a short table, which notebooks show."""
+        return html_table(f"Run {self.path}", run_rows(self))
 
     # --- what the files hold --------------------------------------------------------------
 
@@ -348,18 +354,3 @@ class Run:
         known = table[places].mask(is_open, 0.0)
         tables.check_finite(contacts.name, table.assign(**known))
         tables.check_finite(grains.name, of_grains)
-
-
-def open_run(path: str | Path) -> Run:
-    """What a run folder holds, as arrays and tables; finished, running or killed.
-
-    Args:
-        path: Folder that `mufe run` wrote.
-
-    Returns:
-        :class:`mufe_fenicsx.results.Run`.
-
-    Raises:
-        InputError: It is no such folder.
-    """
-    return Run(path)

@@ -6,20 +6,27 @@ import time
 
 from ..machine.mpi_launcher import TERMINAL
 
+#: Loaded where this process is the kernel of a notebook.
+NOTEBOOK = "ipykernel"
 #: Seconds between two updates of the progress line.
 REFRESH_SECONDS = 0.5
 
 
 class ProgressLine:
-    """A line with strain, step rate and time left; nothing where no terminal listens."""
+    """A line with strain, step rate and time left; nothing where nobody looks.
+
+    It is drawn in a terminal. A notebook has no cursor to move: there the line is written anew.
+    """
 
     def __init__(self, comm, loading, quiet):
-        self.loading = loading
+        self.loading, self.text = loading, ""
         terminal = sys.stderr.isatty() or os.environ.get(TERMINAL) == "1"
-        self.active = comm.rank == 0 and not quiet and terminal
+        self.notebook = NOTEBOOK in sys.modules
+        self.active = comm.rank == 0 and not quiet and (terminal or self.notebook)
 
     def __enter__(self):
-        if self.active:
+        self.last, self.last_steps = time.perf_counter(), 0
+        if self.active and not self.notebook:
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -32,7 +39,6 @@ class ProgressLine:
             )
             self.bar.start()
             self.task = self.bar.add_task(self.loading.stage, total=1.0, text="")
-            self.last, self.last_steps = time.perf_counter(), 0
         return self
 
     def update(self, simulation):
@@ -45,13 +51,24 @@ class ProgressLine:
         steps = simulation.state.num_steps
         rate = (steps - self.last_steps) / (now - self.last)
         self.last, self.last_steps = now, steps
+        self.text = f"strain {self.loading.strain:.4f}  {rate:.0f} steps/s"
+        if self.notebook:
+            self._write()
+            return
         self.bar.update(
             self.task,
             description=self.loading.stage,
             completed=self.loading.part_done,
-            text=f"strain {self.loading.strain:.4f}  {rate:.0f} steps/s",
+            text=self.text,
         )
 
+    def _write(self, end=""):
+        done = f"{self.loading.stage} {self.loading.part_done:4.0%}  {self.text}"
+        print(f"\r{done:60}", end=end, flush=True)
+
     def __exit__(self, *_):
-        if self.active:
+        if self.active and self.notebook:
+            self.text = f"strain {self.loading.strain:.4f}"
+            self._write("\n")
+        elif self.active:
             self.bar.stop()

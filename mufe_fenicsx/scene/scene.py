@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from ..contact.friction import PairFriction
 from ..errors import InputError
 from ..geometry.settings import MeshSettings
+from ..machine.notebook import html_table
 from ..materials.elastic import IsotropicSolid
 from ..materials.scatter import Scatter
 from ..units import check_keys, setting
@@ -16,6 +17,7 @@ from .consistency import check
 from .image import ImageSettings
 from .implicit import Implicit
 from .pairs import REST, by_materials
+from .rows import scene_rows
 from .stages import Loading, Stage, named
 from .tables import (
     WALLS,
@@ -73,6 +75,10 @@ class Scene:
         if self.quasi_static is not None:
             object.__setattr__(self, "quasi_static", self._between_speeds())
         object.__setattr__(self, "walls", {name: self._wall(name) for name in WALLS})
+
+    def _repr_html_(self) -> str:
+        """The test in a short table, which notebooks show."""
+        return html_table(self.title or "Scene", scene_rows(self))
 
     def materials_of(self, labels: Iterable[int], known: ArrayLike) -> list[IsotropicSolid]:
         """Material of each grain of ``labels``.

@@ -4,10 +4,13 @@ import matplotlib
 import numpy as np
 import pyvista
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from ..geometry.image.picture import STYLE, length_unit
-from ..report.render import cannot_render, quiet
+from ..geometry.image.compare_labels import touching_labels
+from ..geometry.image.picture import STYLE, label_colours, length_unit
+from ..report.render import Camera, Layer, cannot_render, render
+from ..report.views import FROM
 from .packing import icosphere
 
 
@@ -22,7 +25,7 @@ def draw_scan(path, grey, labels, packing, which, voxel_size):
         which: Grains that the image shows, in the order of their labels.
         voxel_size: [m].
     """
-    colours = _colours(int(labels.max()))
+    colours = label_colours(int(labels.max()), touching_labels(labels))
     failure = cannot_render()
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(8.4, 7.6), layout="constrained")
@@ -56,29 +59,11 @@ def _view(packing, which, colours):
     directions, triangles = icosphere(3)
     place = packing.grains.part(which).surface(directions)
     x = packing.centre[which, None] + np.einsum("gij,gkj->gki", packing.axes[which], place)
-    m = len(directions)
+    x, m = x.reshape(-1, 3), len(directions)
     faces = (triangles[None] + m * np.arange(len(which))[:, None, None]).reshape(-1, 3)
-    body = pyvista.PolyData.from_regular_faces(x.reshape(-1, 3), faces)
-    body.point_data["colour"] = np.repeat(
-        np.round(255 * colours[1 : len(which) + 1]).astype(np.uint8), m, axis=0
-    )
-    with quiet():
-        plotter = pyvista.Plotter(off_screen=True, window_size=(900, 800))
-        plotter.set_background("white")
-        plotter.add_mesh(body, scalars="colour", rgb=True, smooth_shading=True)
-        plotter.view_isometric()
-        plotter.camera.zoom(1.2)
-        image = plotter.screenshot(return_img=True)
-        plotter.close()
-    return image
-
-
-def _colours(num_labels):
-    """RGB of void (white) and of each grain."""
-    rng = np.random.default_rng(1)
-    hue = rng.permutation(num_labels + 1) / (num_labels + 1)
-    saturation = 0.35 + 0.4 * rng.random(num_labels + 1)
-    hsv = np.column_stack([hue, saturation, np.full(num_labels + 1, 0.85)])
-    colours = matplotlib.colors.hsv_to_rgb(hsv)
-    colours[0] = 1
-    return colours
+    body = pyvista.PolyData.from_regular_faces(x, faces)
+    body.point_data["label"] = np.repeat(np.arange(1, len(which) + 1), m)
+    look, limits = ListedColormap(colours), (-0.5, len(colours) - 0.5)
+    options = {"n_colors": len(colours), "smooth_shading": True}
+    layer = Layer(body, None, "label", look, limits, options=options)
+    return render([layer], Camera.around(x, FROM, 1.2), (900, 750))
