@@ -57,7 +57,7 @@ def contact_resolution(num_points, force, sides=2, nodes=False):
     Returns:
         :class:`Resolution`.
     """
-    num_points, force = np.asarray(num_points, float), np.maximum(force, 0.0)
+    num_points, force = np.asarray(num_points, float), np.maximum(np.asarray(force), 0.0)
     if not force.sum() > 0:
         return None
     order = np.argsort(num_points)
