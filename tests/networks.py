@@ -35,7 +35,7 @@ def lattice_network(force, counts=(2, 2, 3), D=2e-4):
     n = len(a)
     normal = (f - t) / force
     contacts = Contacts(
-        a=a, b=b, num_points=np.full(n, 3), area=np.full(n, 1e-10),
+        a=a, b=b, num_points=np.full(n, 30), area=np.full(n, 1e-10),
         area_deformed=np.full(n, 1.1e-10), normal=normal, centroid=at, branch=branch, force=f,
         friction=t, torque=np.zeros((n, 3)), work=np.zeros(n),
     )  # fmt: skip

@@ -6,10 +6,17 @@ time T that a wave takes through the sample, as the control of [quasi_static] ju
 (speed_control): the mean of the energies' ratio, the root mean square of the forces' difference.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mufe_fenicsx.analysis.macro import wall_stress
+from mufe_fenicsx.analysis.rows import course, largest, loading_rows
 
+#: Largest ratios of a quasi-static test: kinetic over internal energy, top against bottom force.
+KINETIC, UNBALANCED = 0.05, 0.03
+#: Load over the largest so far below which, as after unloading, the forces are not compared.
+UNLOADED = 0.1
 #: Time over T within which rows are taken together.
 WINDOW = 0.5
 #: Walls in the order of `macro.wall_stress`.
@@ -64,6 +71,43 @@ def judged(history, mass):
     time, window = history["time"], WINDOW * travel_time(history, mass)
     kinetic = mean_of_recent(kinetic_ratio(history), time, window)
     return kinetic, np.sqrt(mean_of_recent(force_difference(history) ** 2, time, window))
+
+
+@dataclass(frozen=True)
+class Trust:
+    """From where on, to its end, a test is quasi-static."""
+
+    row: int | None  #: of the history; None: nowhere
+    share: float  #: part of the loading before that row, see :func:`~.rows.course`; 1: all
+    kinetic: float  #: largest ratio of the energies before it, as judged; nan: nothing is before
+    unbalanced: float  #: the same of the forces
+
+
+def trusted_from(history, mass=None):
+    """The row from which on both ratios, as :func:`judged`, stay within their limits to the end.
+
+    Rows in which a ratio does not exist, since nothing is loaded, do not count, nor do forces below
+    a tenth of the largest so far. Where no row of loading can be judged, nothing is trusted.
+
+    Args:
+        history: dict column -> array.
+        mass: Of all grains [kg]; None: single rows are judged.
+
+    Returns:
+        :class:`Trust`.
+    """
+    rows = np.flatnonzero(loading_rows(history))
+    kinetic, unbalanced = (values[rows] for values in judged(history, mass))
+    load = 0.5 * (history["force_z_max"] + history["force_z_min"])[rows]
+    unbalanced[load < UNLOADED * np.maximum.accumulate(load)] = np.nan
+    with np.errstate(invalid="ignore"):
+        missed = np.flatnonzero((kinetic > KINETIC) | (unbalanced > UNBALANCED))
+    first = missed[-1] + 1 if missed.size else 0
+    if not (np.isfinite(kinetic) | np.isfinite(unbalanced))[first:].any():
+        return Trust(None, 1.0, largest(kinetic), largest(unbalanced))
+    row = int(rows[first])
+    before = largest(kinetic[:first]), largest(unbalanced[:first])
+    return Trust(row, float(course(history)[row]), *before)
 
 
 def mean_of_recent(values, time, window):

@@ -78,6 +78,24 @@ def turns_back(history):
     return any(branch.kind == "unloading" for branch in branches(history))
 
 
+def course(history):
+    """How much of the loading is done at each row, 0 to 1, shape (num_rows,); nan while seating.
+
+    By the vertical strain; by time where that turns back, or does not change at all.
+
+    Args:
+        history: dict column -> array.
+    """
+    rows = loading_rows(history)
+    done = np.full(rows.shape, np.nan)
+    if not rows.any():
+        return done
+    strain, time = np.asarray(history["strain"])[rows], np.asarray(history["time"])[rows]
+    way = time if turns_back(history) or strain[-1] == strain[0] else strain
+    done[rows] = (way - way[0]) / ((way[-1] - way[0]) or 1.0)
+    return done
+
+
 def largest(values):
     """Largest of the finite values; nan if there is none."""
     values = np.asarray(values, dtype=float)

@@ -1,55 +1,63 @@
-"""Axes that show their curves: legends beside them, and limits that single values do not set."""
+"""Axes that show their curves: legends under them, and limits that single values do not set."""
 
 import numpy as np
+from matplotlib.transforms import ScaledTranslation
 
 #: A value is a spike where it lies beyond the middle 98 % of all by more than this part of them.
 BEYOND = 1.0
-#: Points along a curve that are held against a legend, at least.
-POINTS = 400
+#: Between the words under an axis and its legend [pt].
+GAP = 4.0
 
 
-def legend(axis, **options):
-    """A legend that covers no curve; where no place is free the axis gets higher for it.
+def legends(*axes, grow=True):
+    """A legend under each axis, where it covers nothing; those without labels get none.
 
-    To be called when the curves are drawn and the limits are set.
+    To be called when all is drawn and labelled.
 
     Args:
-        axis: With lines, and linear or logarithmic scales.
-        options: Those of ``Axes.legend``.
-
-    Returns:
-        The legend.
+        axes: Of one row of a figure.
+        grow: Make the figure higher by the largest legend, so that the axes keep their height.
     """
-    box = axis.legend(**{"loc": "best"} | options)
-    axis.figure.canvas.figure.draw_without_rendering()  # that of all subfigures
-    if covered(axis, box):
-        low, high = axis.get_ylim()
-        scale = axis.yaxis.get_transform()
-        ends = scale.transform(np.array([low, high]))
-        part = min(1.1 * box.get_window_extent().height / axis.get_window_extent().height, 0.7)
-        ends[1] += np.diff(ends)[0] * part / (1 - part)
-        axis.set_ylim(low, float(scale.inverted().transform(ends)[1]))
-        box.set_loc("upper left")
-    return box
+    figure = axes[0].figure
+    renderer, height = figure.canvas.get_renderer(), 0.0
+    for axis in axes:
+        handles, labels = axis.get_legend_handles_labels()
+        if not labels:
+            continue
+        frame = axis.get_window_extent()
+        words = axis.xaxis.get_tightbbox(renderer)
+        below = (frame.y0 - (words.y0 if words else frame.y0)) / figure.dpi + GAP / 72
+        for columns in range(min(len(labels), 4), 0, -1):
+            box = axis.legend(
+                handles,
+                labels,
+                loc="upper center",
+                ncols=columns,
+                columnspacing=1.2,
+                borderaxespad=0.0,
+                bbox_to_anchor=(0.5, 0.0),
+                bbox_transform=axis.transAxes
+                + ScaledTranslation(0.0, -below, figure.dpi_scale_trans),
+            )
+            if box.get_window_extent(renderer).width <= 1.15 * frame.width:
+                break
+        height = max(height, box.get_window_extent(renderer).height / figure.dpi)
+    if grow and height:
+        whole = figure.canvas.figure
+        whole.set_figheight(whole.get_figheight() + height + GAP / 72)
 
 
-def covered(axis, box):
-    """Whether a legend lies on a line of its axis; the figure has to be laid out."""
-    area = box.get_window_extent()
-    for line in axis.lines:
-        if line.get_transform() != axis.transData:  # from one end of the axes to the other
-            continue
-        path = line.get_transform().transform_path(line.get_path()).vertices
-        path = path[np.isfinite(path).all(axis=1)]
-        if not len(path):
-            continue
-        step = np.append(0.0, np.cumsum(np.abs(np.diff(path, axis=0)).max(axis=1)))
-        at = np.union1d(step, np.linspace(0.0, step[-1], POINTS))
-        x, y = (np.interp(at, step, path[:, k]) for k in (0, 1))
-        inside = (x > area.x0) & (x < area.x1) & (y > area.y0) & (y < area.y1)
-        if inside.any():
-            return True
-    return False
+def shared_legend(axis, columns=4):
+    """One legend under all axes of a figure, of what the lines of one of them mean.
+
+    Args:
+        axis: Whose labels are taken.
+        columns: At most so many.
+    """
+    handles, labels = axis.get_legend_handles_labels()
+    if labels:
+        columns = min(columns, len(labels))
+        axis.figure.legend(handles, labels, loc="outside lower center", ncols=columns)
 
 
 def without_spikes(axis, x, *curves):

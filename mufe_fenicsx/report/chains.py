@@ -98,10 +98,10 @@ def draw_force_chains(source):
         figure,
         "Contact forces inside the grains, from centre to centre, or to the wall; "
         f"({last}) those within force chains only",
-        "Thickness grows with the root of the normal force, over the mean of contacts between "
-        "grains or of those with walls. Force chains as defined by Peters et al. (2005): "
+        "Thickness grows with the square root of the normal force over its mean, between grains or "
+        "with walls. Force chains as defined by Peters et al. (2005): "
         f"{num_chains} of at least three grains whose major stress is above the mean and points "
-        "along the line. Tubes are drawn over the grains, so that those inside are seen.",
+        "along the line. Tubes are drawn over the grains.",
         tables,
         "wide",
         vector=False,

@@ -1,4 +1,4 @@
-"""Targets of a quasi-static test and whether a run meets them."""
+"""Targets of a quasi-static test, whether a run meets them, and from where on it is trusted."""
 
 import math
 from dataclasses import dataclass, replace
@@ -6,10 +6,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
-from mufe_fenicsx.analysis.rows import largest, loaded_rows, loading_rows
+from mufe_fenicsx.analysis.contact_resolution import COARSE
+from mufe_fenicsx.analysis.rows import largest, loaded_rows, loading_rows, turns_back
 
 #: Largest values allowed once the sample is loaded.
-TARGETS = {"kinetic": 0.05, "platens": 0.03, "residual": 0.001, "switching": 0.01, "load": 0.5}
+TARGETS = {
+    "kinetic": quasi_static.KINETIC,
+    "platens": quasi_static.UNBALANCED,
+    "residual": 0.001,
+    "switching": 0.01,
+    "load": 0.5,
+}
+#: Part of the test that may be dynamic at its start without a warning.
+UNTRUSTED = 0.1
+#: Part of the normal force that coarse contacts may carry without a warning.
+COARSE_FORCE = 0.5
 #: Energies that are never below zero, and the part of the largest work that is rounding.
 POSITIVE, ROUNDING = ("kinetic", "elastic", "plastic", "friction", "contact"), 1e-6
 
@@ -25,7 +36,12 @@ class Check:
     passed: bool
     text: str  #: in plain words
     since: float = math.nan  #: vertical strain from which on it is met to the end; nan: not there
-    row: int | None = None  #: that row of the history
+    failed: bool = False  #: nothing of the run can be used
+
+    @property
+    def grade(self):
+        """How the page marks it: "pass", "warn" or "fail"."""
+        return "fail" if self.failed else "pass" if self.passed else "warn"
 
     @property
     def reached(self):
@@ -41,8 +57,38 @@ def ratio(value):
     return f"{value:.{1 - math.floor(math.log10(100 * value)) if small else 2}%}"
 
 
+#: What each target is about, and what follows where it is met and where it is not.
+WORDS = {
+    "kinetic": (
+        "Kinetic over internal (elastic + plastic) energy",
+        "the inertia of the grains is negligible: the test is quasi-static",
+        "inertia adds to the forces: lower the speed of the platen",
+    ),
+    "platens": (
+        "Unbalanced force: top against bottom platen",
+        "the sample is in equilibrium",
+        "the sample is not in equilibrium, or rough side walls carry a part of the load",
+    ),
+    "residual": (
+        "Energy residual over the work of the walls",
+        "the energy balance closes",
+        "energy is created or lost: lower the time step, and look at the contacts",
+    ),
+    "switching": (
+        "Energy gained or lost where contacts switch facets, over the work of the walls",
+        "the facets of the mesh have no effect",
+        "contacts slide over sharp edges or very uneven facets: mesh them finer or more evenly",
+    ),
+    "load": (
+        "Vertical stress lost while the sample was compressed, over what the stage had added",
+        "the sample carries its load",
+        "the packing collapsed: too few grains, a loose packing, or a failure surface",
+    ),
+}
+
+
 def check_run(history, mass=None):
-    """The targets, taken over the loaded rows, and from where on each is met.
+    """From where on the test is quasi-static, and the targets, taken over the loaded rows.
 
     Args:
         history: dict column -> array.
@@ -50,70 +96,93 @@ def check_run(history, mass=None):
             are judged.
 
     Returns:
-        List of Check.
+        List of Check, that of :func:`check_trust` first.
     """
     kinetic, difference = quasi_static.judged(history, mass)
+    values = {
+        "kinetic": kinetic,
+        "platens": difference,
+        "residual": energy_check.residual_ratio(history),
+        "switching": energy_check.switching_ratio(history),
+        "load": stress_strain.lost_load(history),
+    }
     fault = faults(history)
-    return [
-        _check(
-            "kinetic",
-            history,
-            kinetic,
-            "Kinetic energy over internal (elastic + plastic) energy",
-            "the grains' inertia plays no part: the test is quasi-static",
-            "inertia may add to the forces: lower the speed of the platen",
-            fault,
-        ),
-        _check(
-            "platens",
-            history,
-            difference,
-            "Difference between the forces on the top and the bottom platen",
-            "the sample is in equilibrium",
-            "the sample is not in equilibrium, or rough side walls carry a part of the load",
-            fault,
-        ),
-        _check(
-            "residual",
-            history,
-            energy_check.residual_ratio(history),
-            "Energy that is not accounted for, over the work of the walls",
-            "the energy balance closes",
-            "energy was created or lost: lower the time step, and look at the contacts",
-            fault,
-        ),
-        _check(
-            "switching",
-            history,
-            energy_check.switching_ratio(history),
-            "Energy that contacts gained or lost from facet to facet, over the work of the walls",
-            "the facets of the mesh play no part in it",
-            "contact passes over sharp edges or very uneven facets: mesh them finer or more evenly",
-            fault,
-        ),
-        _check(
-            "load",
-            history,
-            stress_strain.lost_load(history),
-            "Vertical stress lost while the sample was compressed, over what the stage had added",
-            "the sample carries its load",
-            "grains gave way at once: too few of them, a loose packing, or a surface of failure",
-            fault,
-        ),
-    ]
+    targets = [_check(name, history, found, fault) for name, found in values.items()]
+    return [check_trust(history, mass), *targets]
 
 
-def first_good_row(checks, history):
-    """Row from which on all targets are met to the end; None: from the first of loading, or never.
+def check_source(source):
+    """All checks of a run, as far as its files go: list of Check.
 
     Args:
-        checks: Of :func:`check_run`.
-        history: That they were made of.
+        source: :class:`mufe_fenicsx.report.source.Source`.
     """
-    rows = [check.row for check in checks]
-    if None in rows or max(rows) == int(np.argmax(loading_rows(history))):
-        return None
-    return max(rows)
+    history, resolution = source.get("history"), source.get("resolution")
+    found = [] if history is None else check_run(history, source.mass)
+    return found if resolution is None else [*found, check_contacts(*resolution)]
+
+
+def check_trust(history, mass=None):
+    """From where on, to the end, inertia plays no part: the :class:`Check` named "trusted".
+
+    Its ``largest`` is the part of the test before, as of :func:`~.rows.course`, to be compared with
+    its ``target``; it has failed if the end of the test is dynamic, or the history has a fault.
+
+    Args:
+        history, mass: As of :func:`check_run`.
+    """
+    trust, fault = quasi_static.trusted_from(history, mass), faults(history)
+    targets = (
+        f"kinetic over internal energy within {100 * quasi_static.KINETIC:g}%, top against "
+        f"bottom force within {100 * quasi_static.UNBALANCED:g}%"
+    )
+    targets += " (single rows)" if mass is None else " (means over half the travel time of a wave)"
+    ratios = f"kinetic energy up to {_or_none(trust.kinetic)}, forces {_or_none(trust.unbalanced)}"
+    failed, since = bool(fault) or trust.row is None, math.nan
+    if fault:
+        text = f"Trusted nowhere: {fault}."
+    elif trust.row is None:
+        text = f"Trusted nowhere: the test is dynamic to its end, or was never loaded ({ratios})."
+    else:
+        since = float(history["strain"][trust.row])
+        if trust.share == 0:
+            text = "Trusted from the start of loading on."
+        else:
+            before = "time" if turns_back(history) else "strain"
+            text = (
+                f"Trusted from {where(history, trust.row)} on. The {ratio(trust.share)} of the "
+                f"{before} before is dynamic: {ratios}."
+            )
+    text += f" Targets: {targets}."
+    passed = not failed and trust.share <= UNTRUSTED
+    share = math.nan if failed else trust.share
+    return Check("trusted", UNTRUSTED, share, math.nan, passed, text, since, failed)
+
+
+def check_contacts(found, where):
+    """Whether contacts are resolved by facets: the :class:`Check` named "contacts".
+
+    Args:
+        found: :class:`~mufe_fenicsx.analysis.contact_resolution.Resolution`.
+        where: Contacts of what, and when, in words.
+    """
+    passed = found.coarse <= COARSE_FORCE
+    verdict = (
+        "contacts are resolved"
+        if passed
+        else "the mesh decides on the stiffness of contacts: refine the surfaces of the grains"
+    )
+    text = (
+        f"Normal force carried by contacts of fewer than {found.least} closed points "
+        f"({COARSE:g} element per contact radius): {ratio(found.coarse)} of all, target "
+        f"{100 * COARSE_FORCE:g}%; {verdict}. The median by force is {found.points:.0f} points, "
+        f"{found.elements:.1f} elements per contact radius ({where})."
+    )
+    return Check("contacts", COARSE_FORCE, found.coarse, math.nan, passed, text)
+
+
+def _or_none(value):
+    return ratio(value) if np.isfinite(value) else "not known"
 
 
 def faults(history):
@@ -131,25 +200,29 @@ def faults(history):
 
 
 def worst_of(checks, names):
-    """The checks of several runs as one list, each target by the run that is farthest from it.
+    """The checks of several runs as one list, each by the run that is farthest from its target.
 
     Args:
-        checks: List of lists of Check, one a run.
+        checks: List of lists of Check, one a run; not every run has each of them.
         names: Of the runs.
     """
-    found = []
-    for same in zip(*checks, strict=True):
-        order = [check.largest if np.isfinite(check.largest) else np.inf for check in same]
-        worst = int(np.argmax(order))
-        failed = sum(not check.passed for check in same)
-        others = f"; {failed} of them miss the target" if failed else ""
-        text = f"{same[worst].text} Worst of {len(same)} runs: {names[worst]}{others}."
-        passed = not failed
-        found.append(replace(same[worst], text=text, passed=passed))
+    by_name, found = {}, []
+    for name, of_run in zip(names, checks, strict=True):
+        for check in of_run:
+            by_name.setdefault(check.name, []).append((name, check))
+    for same in by_name.values():
+        order = [c.largest if np.isfinite(c.largest) else np.inf for _, c in same]
+        name, check = same[int(np.argmax(order))]
+        missed = sum(not c.passed for _, c in same)
+        others = f"; {missed} of them miss the target" if missed else ""
+        text = f"{check.text} Worst of {len(same)} runs: {name}{others}."
+        failed = any(c.failed for _, c in same)
+        found.append(replace(check, text=text, passed=not missed, failed=failed))
     return found
 
 
-def _check(name, history, values, what, good, bad, fault):
+def _check(name, history, values, fault):
+    what, good, bad = WORDS[name]
     loaded = loaded_rows(history)
     judged, target = values[loaded], TARGETS[name]
     worst = largest(judged)
@@ -158,28 +231,27 @@ def _check(name, history, values, what, good, bad, fault):
     passed = bool(finite.size) and worst <= target and not fault
     if not finite.size:
         return Check(name, target, worst, mean, False, f"{what}: the sample was never loaded.")
-    row, place = _since(history, values, target)
-    since = math.nan if row is None else float(history["strain"][row])
+    since, place = _since(history, values, target)
     words = good if passed else bad
     if fault:
-        words = f"nothing can be believed where {fault}: lower solver.damping and the time step"
+        words = f"the result is void where {fault}: lower solver.damping and the time step"
     text = (
         f"{what}: at most {ratio(worst)} (mean {ratio(mean)}) once loaded, target "
         f"{100 * target:g}%; {words}. {place}"
     )
-    return Check(name, target, worst, mean, passed, text, since, row)
+    return Check(name, target, worst, mean, passed, text, since, bool(fault))
 
 
 def _since(history, values, target):
-    """Row from which on a target is met, or None, and where that is in words."""
+    """Strain from which on a target is met, or nan, and where that is in words."""
     rows = np.flatnonzero(loading_rows(history))
     missed = np.flatnonzero(~(values[rows] <= target) & ~np.isnan(values[rows]))
     if not missed.size:
-        return int(rows[0]), "Met in all rows."
+        return float(history["strain"][rows[0]]), "Met in all rows."
     if missed[-1] == len(rows) - 1:
-        return None, "Not met at the end."
+        return math.nan, "Not met at the end."
     row = int(rows[missed[-1] + 1])
-    return row, f"Met from {where(history, row)} on, to the end."
+    return float(history["strain"][row]), f"Met from {where(history, row)} on, to the end."
 
 
 def where(history, row):

@@ -5,7 +5,7 @@ import numpy as np
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
-from mufe_fenicsx.report.axes import legend, without_spikes
+from mufe_fenicsx.report.axes import legends, shared_legend, without_spikes
 from mufe_fenicsx.report.checks import TARGETS, check_run
 from mufe_fenicsx.report.curves import PAPER, STRAIN, STRESS
 from mufe_fenicsx.report.figure import Drawing
@@ -57,7 +57,7 @@ def draw_stress_strain(sources, names):
     right.set_xscale("log")
     style.plain_log_ticks(right.xaxis)
     right.set(xlabel=f"{STRESS}: {unit}", ylabel="Void ratio, $e$: –")
-    _finish(figure, (left, right))
+    _finish((left, right))
     return Drawing(
         "runs-stress-strain",
         figure,
@@ -90,7 +90,7 @@ def draw_forces(sources, names):
         for name in ("displacement [m]", "force [N]")
     )
     without_spikes(axis, travel / scale, force / factor)
-    _finish(figure, (axis,))
+    _finish((axis,))
     return Drawing(
         "runs-forces",
         figure,
@@ -127,13 +127,14 @@ def draw_parameter(sources, names):
     for k, strain in enumerate(strains):
         axis.plot(
             values / scale, stress[:, k] / factor, style.MARKERS[k] + style.LINES[k],
-            color=style.SERIES[k], markersize=4, label=style.percent(strain),
+            color=style.SERIES[k], markersize=4,
+            label=rf"$\varepsilon$ = {style.percent(strain)}",
         )  # fmt: skip
         columns[f"vertical stress at strain {strain:.4g} [Pa]"] = stress[:, k]
     name = "Yield stress" if key == YIELD else key
     axis.set(xlabel=f"{name}: {prefixed}", ylabel=f"{STRESS}: {stress_unit}")
     axis.set_ylim(bottom=0)
-    legend(axis, title="strain", ncols=2)
+    legends(axis)
     return Drawing(
         "runs-parameter",
         figure,
@@ -191,14 +192,14 @@ def draw_energies(sources, names):
         strict=True,
     ):
         axis.set(xlabel=STRAIN, ylabel=label)
-    _finish(figure, axes)
+    _finish(axes)
     return Drawing(
         "runs-energies",
         figure,
         "Runs compared: (a) kinetic over internal energy, (b) plastic and (c) frictional "
         f"dissipation (Figs 11, 12 {PAPER})",
-        "(a) says whether the runs are quasi-static, without which they should not be compared: "
-        "in the loaded half below the dotted line.",
+        "(a) shows whether the runs are quasi-static and may be compared: below the dotted line in "
+        "the loaded half.",
         tables,
         "wide",
     )
@@ -225,18 +226,18 @@ def draw_networks(sources, names):
         tables[f"{_file(name)}-forces"] = {"f/<f> [-]": force / force.mean(), "share [-]": share}
     if not tables:
         raise InputError("no run has stored contacts")
-    left.set(xlabel=STRAIN, ylabel=r"Mean active contacts, $N_{\mathrm{cA}}$: –")
+    left.set(xlabel=STRAIN, ylabel="Coordination number, $Z$: –")
     right.set(xlabel="Normal force over its mean, f/⟨f⟩: –", ylabel="Share of larger forces: –")
     left.set_ylim(bottom=0)
     right.set_yscale("log")
-    _finish(figure, (left, right))
+    _finish((left, right))
     return Drawing(
         "runs-networks",
         figure,
-        "Runs compared: (a) mean number of active contacts of a grain, (b) share of the contacts "
+        "Runs compared: (a) coordination number, (b) share of the contacts "
         "between grains whose normal force is at least f, in the last stored state",
-        f"What does not depend on what differs falls on one line in (b), of {_range(counts)} "
-        "forces a run. There are no bins in it, so that few forces make large steps and no gaps.",
+        f"(b) is a cumulative distribution without bins, of {_range(counts)} forces per run; runs "
+        "of the same distribution fall on one line.",
         tables,
         "wide",
     )
@@ -260,7 +261,7 @@ def tables(sources, names):
         "Run",
         "Grains",
         "Tetrahedra",
-        "Height when strain begins",
+        "Height at strain 0",
         "Strain at the end",
         "Vertical stress there",
         f"{_slope(sources)}, last fifth",
@@ -283,8 +284,10 @@ def tables(sources, names):
                 style.number(energy_check.friction_share(history)),
             )
         )
-        reached = {check.name: check.reached for check in check_run(source.history, source.mass)}
-        checked.append((name, *(reached[check] for check in CHECKED)))
+        checks = {check.name: check for check in check_run(source.history, source.mass)}
+        since = checks["trusted"].since
+        trusted = f"strain {since:.4f}" if np.isfinite(since) else "nowhere"
+        checked.append((name, trusted, *(checks[key].reached for key in CHECKED)))
     found = differences(sources)
     scenes = [(key, *(value_text(key, v) for v in values)) for key, values in found.items()]
     return [
@@ -292,7 +295,7 @@ def tables(sources, names):
         (
             "How quasi-static they are: largest (mean) once loaded",
             checked,
-            ("Run", *CHECKED.values()),
+            ("Run", "Trusted from", *CHECKED.values()),
         ),
         ("What differs in their scenes", scenes, ("Key", *names)),
     ]
@@ -323,12 +326,8 @@ def _range(values):
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
-def _finish(figure, axes):
-    handles = axes[0].get_legend_handles_labels()
-    columns = max(1, min(4, len(handles[0])))
-    if len(axes) == 1:
-        columns = min(2, columns)
-    figure.legend(*handles, loc="outside lower center", ncols=columns)
+def _finish(axes):
+    shared_legend(axes[0], 2 if len(axes) == 1 else 4)
     if len(axes) > 1:
         for i, axis in enumerate(axes):
             style.panel_letter(axis, i)

@@ -7,14 +7,19 @@ from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.analysis.rows import branches, largest, loaded_rows, loading_rows
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
-from mufe_fenicsx.report.axes import legend, without_spikes
-from mufe_fenicsx.report.checks import TARGETS, check_run, first_good_row
+from mufe_fenicsx.report.axes import legends, shared_legend, without_spikes
+from mufe_fenicsx.report.checks import TARGETS
 from mufe_fenicsx.report.figure import Drawing
 
 STRAIN = style.STRAIN
 STRESS = r"Vertical stress, $\sigma_{\mathrm{v}}$"
 PAPER = "of Nadimi & Fonseca (2018)"
 
+#: Words about :func:`shade_dynamic`.
+DYNAMIC = (
+    "Grey: not quasi-static, inertia shows in the forces; its end is that of the last row in which "
+    "kinetic energy or unbalanced force exceeds its target."
+)
 #: Energies below this part of the work are not drawn; the data have them.
 SEEN = 1e-6
 #: label, colour and line of each energy.
@@ -22,8 +27,8 @@ ENERGIES = {
     "plastic": ("plastic", style.RED, "-"),
     "friction": ("friction", style.ORANGE, "-"),
     "elastic": ("elastic", style.BLUE, "-"),
-    "switching": ("switching of contacts", style.GREEN, "--"),
-    "contact": ("contact springs", style.SKY, "--"),
+    "switching": ("facet switching", style.GREEN, "--"),
+    "contact": ("contact penalty", style.SKY, "--"),
     "damping": ("damping", style.PINK, "-."),
     "kinetic": ("kinetic", style.GREEN, ":"),
 }
@@ -65,20 +70,18 @@ def draw_stress_strain(source):
             "vertical stress of the contacts [Pa]": contacts["contact_zz"],
             "vertical stress of the platens [Pa]": contacts["wall_zz"],
         }
-    begin = first_good_row(check_run(history, source.mass), history)
-    if begin is not None and not source.turns_back:
-        axis.axvline(strain[begin], color=style.GREY, linestyle=":", linewidth=0.8, zorder=0)
+    shaded = shade_dynamic(axis, source, strain[loading], stress[loading])
     axis.set(xlabel=STRAIN, ylabel=f"{STRESS}: {unit}")
     axis.set_ylim(bottom=min(0, 1.05 * stress.min()))
     without_spikes(axis, strain, stress)
-    legend(axis)
+    legends(axis)
     about = (
         "The line is the mean force of both platens over the cross-section, compression positive. "
         "Strain counts from the end of seating, so that gaps left by the segmentation do not count."
     )
     about += _about_branches(source)
-    if begin is not None and not source.turns_back:
-        about += " Right of the dotted line all targets of a quasi-static test are met."
+    if shaded:
+        about += f" {DYNAMIC}"
     if contacts is not None:
         about += (
             " Circles are the mean stress from forces and branch vectors of the contacts (Love, "
@@ -86,6 +89,27 @@ def draw_stress_strain(source):
         )
     title = f"Vertical stress against vertical strain (Fig. 9 {PAPER})"
     return Drawing("stress-strain", figure, title, about, tables)
+
+
+def shade_dynamic(axis, source, x, y, span=None):
+    """Grey where the test is not quasi-static yet; whether there is such a part.
+
+    Args:
+        axis: To draw into.
+        source: :class:`~mufe_fenicsx.report.source.Source`.
+        x, y: Of the rows of loading, as plotted.
+        span: Shade all of the height, or underlay the curve; None: unless strain turns back.
+    """
+    last = source.last_dynamic
+    if last is None:
+        return False
+    x, y = x[: last + 2], y[: last + 2]  # up to the first row that is trusted
+    look = {"color": "0.88", "zorder": 0, "label": "not quasi-static"}
+    if not source.turns_back if span is None else span:
+        axis.axvspan(x.min(), x.max(), linewidth=0, **look)
+    else:
+        axis.plot(x, y, linewidth=5, solid_capstyle="butt", **look)
+    return True
 
 
 def _contact_stress(source):
@@ -166,7 +190,7 @@ def draw_forces(source):
         axis.set(xlabel=label_x, ylabel=f"Normal force: {unit}")
         axis.set_ylim(bottom=min(0, *(1.05 * f.min() / factor for f in forces.values())))
         without_spikes(axis, over, *(force / factor for force in forces.values()))
-        legend(axis, title="side walls" if axis is right else None)
+    legends(left, right)
     style.panel_letter(left, 0)
     style.panel_letter(right, 1)
     columns = {"displacement [m]": travel, "strain [-]": history["strain"]}
@@ -175,15 +199,15 @@ def draw_forces(source):
         "forces",
         figure,
         "Normal forces (a) on the platens and (b) on the side walls",
-        "Top and bottom should coincide: what separates them is inertia or friction on the side "
-        "walls. Side walls that differ show an uneven packing or a small sample.",
+        "Top and bottom coincide in equilibrium: they differ by inertia or by friction on the side "
+        "walls. Side walls that differ show a heterogeneous packing or a small sample.",
         {"": columns},
         "wide",
     )
 
 
 def draw_energies(source):
-    """Work of the walls and what it became; kinetic beside internal energy."""
+    """Energy balance: work of the walls and its parts; kinetic beside internal energy."""
     figure, (left, right) = style.new_figure(style.PAGE, 2.6, ncols=2)
     history = source.loading
     (strain, over), work = source.over(history["strain"], history["time"]), history["work"]
@@ -197,7 +221,6 @@ def draw_energies(source):
         if np.abs(history[name]).max() > SEEN * work.max():
             left.plot(strain, history[name] / factor, line, color=colour, label=label)
     left.set(xlabel=over, ylabel=f"Energy: {unit}")
-    legend(left)
     internal = history["elastic"] + history["plastic"]
     for values, label, colour, line in (
         (internal, "internal (elastic + plastic)", style.BLUE, "-"),
@@ -208,7 +231,7 @@ def draw_energies(source):
     right.set_yscale("log")
     style.few_decades(right, [internal / factor, history["kinetic"] / factor])
     right.set(xlabel=over, ylabel=f"Energy: {unit}")
-    legend(right)
+    legends(left, right)
     for i, axis in enumerate((left, right)):
         style.panel_letter(axis, i)
     columns = {"strain [-]": history["strain"], "work [J]": work}
@@ -216,8 +239,8 @@ def draw_energies(source):
     return Drawing(
         "energies",
         figure,
-        f"Energy balance (Fig. 11 {PAPER}): (a) work of the walls and what it became, (b) kinetic "
-        "beside internal energy, logarithmic",
+        f"Energy balance (Fig. 11 {PAPER}): (a) work of the walls, stored and dissipated "
+        "energies, (b) kinetic beside internal energy, logarithmic",
         "The coloured curves of (a) add up to the black one if the balance closes. The test is "
         "quasi-static where the kinetic energy is a small part of the internal one.",
         {"": columns},
@@ -246,7 +269,7 @@ def draw_dissipation(source):
     if any((values > 0).any() for values in shown.values()):
         right.set_yscale("log")
         style.few_decades(right, [values / factor for values in shown.values()])
-        legend(left)
+        shared_legend(left)
     else:
         for axis in (left, right):
             axis.text(0.5, 0.5, "nothing was dissipated", transform=axis.transAxes, ha="center")
@@ -268,7 +291,7 @@ def draw_dissipation(source):
 def draw_monitors(source):
     """Kinetic ratio, balance of the platens and energy residual, each with its target."""
     history = source.history
-    figure, axes = style.new_figure(style.PAGE, 2.4, ncols=3)
+    figure, axes = style.new_figure(style.PAGE, 2.6, ncols=3)
     rows, loaded = loading_rows(history), loaded_rows(history)
     source.loading  # noqa: B018  there has to be some
     kinetic, difference = quasi_static.judged(history, source.mass)
@@ -287,30 +310,33 @@ def draw_monitors(source):
         if of_rows is not None:
             columns[f"{label.replace('−', '-')} of single rows [-]"] = of_rows[rows]
             shown = rows & (of_rows > 0)
-            axis.plot(strain[shown], of_rows[shown], color=style.SKY, linewidth=0.5, alpha=0.6)
-        axis.plot(strain[positive], values[positive], color=style.BLUE, linewidth=0.9)
-        axis.axhline(target, color=style.RED, linestyle="--", linewidth=0.9)
+            look = {"color": style.SKY, "linewidth": 0.5, "alpha": 0.6, "label": "single rows"}
+            axis.plot(strain[shown], of_rows[shown], **look)
+        look = {"color": style.BLUE, "linewidth": 0.9, "label": "mean over half a travel time"}
+        axis.plot(strain[positive], values[positive], **look)
+        axis.axhline(target, color=style.RED, linestyle="--", linewidth=0.9, label="target")
+        judged = np.where(loaded, target, np.nan)
+        axis.plot(strain, judged, color=style.RED, linewidth=2, label="target once loaded")
+        shade_dynamic(axis, source, strain[rows], values[rows], span=True)
         axis.set_yscale("log")
         worst = largest(values[loaded & positive])
         top = 10 * max(target, worst if np.isfinite(worst) else 0)
         bottom = values[positive].min() if positive.any() else 1e-3 * target
         axis.set_ylim(max(bottom / 2, 1e-4 * target), top)
-        across = axis.get_xaxis_transform()
-        look = {"transform": across, "color": "0.93", "linewidth": 0, "zorder": 0}
-        axis.fill_between(strain, 0, 1, where=loaded, **look)
-        axis.set_title(f"- - target {100 * target:g} %", loc="right", color=style.RED, fontsize=7.5)
+        axis.set_title(f"target {100 * target:g} %", loc="right", color=style.RED, fontsize=7.5)
         axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{_plain(100 * y)} %"))
         axis.set(xlabel=over, ylabel=label)
         style.panel_letter(axis, i)
+    shared_legend(axes[0], 5)
     return Drawing(
         "quasi-static",
         figure,
-        "Quasi-static monitors: (a) kinetic over internal energy, (b) difference of the platens' "
-        "forces, (c) energy residual over work",
-        "Grey is the part where the sample counts as loaded (beyond half of the final strain); "
-        "there the dark curves should stay below the dashed targets. They are the mean (a) and "
-        "the root mean square (b) over half of the time that a wave takes through the sample; "
-        "pale ones are single rows, which shake where a grain slips.",
+        "Quasi-static monitors: (a) kinetic over internal energy, (b) unbalanced force of "
+        "the platens, (c) energy residual over work",
+        "Dark curves are the mean (a) and the root mean square (b) over half the travel time of a "
+        "wave through the sample, (c) has single rows; pale curves are single rows, which shake "
+        "where a grain slips. The checks apply where the target is solid, beyond half of the "
+        f"largest strain. {DYNAMIC}",
         {"": columns},
         "wide",
     )
@@ -352,7 +378,7 @@ def draw_compression(source):
         axis.set_ylim(bottom=min(0, *axis.get_ylim()))
         without_spikes(axis, curves["stress"] / factor, values)
     if source.turns_back:
-        legend(axes[0])
+        shared_legend(axes[0])
     for i, axis in enumerate(axes):
         style.panel_letter(axis, i)
     return Drawing(

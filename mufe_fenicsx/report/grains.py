@@ -1,4 +1,4 @@
-"""Figures and table of chosen grains: fields on them, their course, energies, inertia."""
+"""Figures and table of selected grains: fields on them, their evolution, energies, inertia."""
 
 import numpy as np
 from matplotlib import colormaps
@@ -7,7 +7,7 @@ from matplotlib.colors import ListedColormap
 from mufe_fenicsx.analysis.inertia import grain_inertia, unphysical
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
-from mufe_fenicsx.report.axes import legend
+from mufe_fenicsx.report.axes import shared_legend
 from mufe_fenicsx.report.curves import PAPER
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.render import Camera, Layer, render
@@ -80,11 +80,11 @@ def draw_chosen(source):
     return Drawing(
         "chosen-grains",
         figure,
-        "Contact pressure, von Mises stress and displacement (from left) of chosen grains at "
+        "Contact pressure, von Mises stress and displacement (from left) of selected grains at "
         f"strain {end.strain:.3f} (Fig. 14 {PAPER})",
         f"{_how_chosen(source)} Each is seen towards its largest contact pressure; grey in the "
-        "left column is free surface, lines are facets of the mesh. A contact should span several "
-        "facets. Displacement counts from the reference configuration.",
+        "left column is free surface, lines are facets of the mesh. A resolved contact spans "
+        "several facets. Displacement counts from the reference configuration.",
         tables,
         "wide",
         vector=False,
@@ -110,7 +110,7 @@ def _surfaces(end, chosen):
 
 def _how_chosen(source):
     if "chosen" in source.chosen.values():
-        return "The grains were asked for."
+        return "The grains were given by the user."
     return (
         "By the volume mean of their von Mises stress: the most loaded, the median and the lower "
         "quartile of the grains with at least 1 % of the sample's mean."
@@ -179,14 +179,14 @@ def draw_course(source):
     for i, axis in enumerate(axes):
         style.panel_letter(axis, i)
     columns = 3 if len(series) > 4 else 2
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=columns)
+    shared_legend(axes[0], columns)
     places = "; ".join(
         f"{name} at ({', '.join(style.quantity(c, 'm') for c in x)})" for name, x in points.items()
     )
     return Drawing(
         "course",
         figure,
-        "Course of (a) von Mises stress and (b) displacement of chosen grains (means over the "
+        "Evolution of (a) von Mises stress and (b) displacement of selected grains (means over the "
         f"volume, solid) and points (dashed) through the stored states (Fig. 15 {PAPER})",
         f"Points move with the grain; in the reference configuration: {places}. "
         + (
@@ -255,7 +255,7 @@ def draw_energies(source):
     ):
         _draw_energies(axis, along, values, at_states, points)
         axis.set_xlabel(over)
-        legend(axis)
+    shared_legend(axes[0])
     style.heading(axes[0], f"grain {label}")
     style.heading(axes[1], "whole sample")
     for i, axis in enumerate(axes):
@@ -385,9 +385,9 @@ def inertia_rows(columns):
         (
             "Check",
             "",
-            "every moment is positive and none exceeds the sum of the other two"
+            "moments are positive and satisfy the triangle inequality"
             if not wrong
-            else f"{wrong} rows have moments that no body has",
+            else f"{wrong} rows violate it",
             "",
             "",
             "",

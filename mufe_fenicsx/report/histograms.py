@@ -5,6 +5,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from mufe_fenicsx.analysis.mesh_quality import mesh_quality
 from mufe_fenicsx.report import style
+from mufe_fenicsx.report.axes import shared_legend
 from mufe_fenicsx.report.figure import Drawing
 
 
@@ -28,8 +29,8 @@ def draw_mesh_quality(source):
     ):
         both = np.concatenate([before, after])
         bins = np.linspace(0, np.percentile(both, 99.95), 41)
-        counts = [axis.hist(before, bins, color=style.SKY, alpha=0.7, label="as built")[0]]
-        look = {"histtype": "step", "color": style.RED, "linewidth": 1, "label": "at the end"}
+        counts = [axis.hist(before, bins, color=style.SKY, alpha=0.7, label="initial")[0]]
+        look = {"histtype": "step", "color": style.RED, "linewidth": 1, "label": "final"}
         counts.append(axis.hist(after, bins, **look)[0])
         tables[label.split(":")[0].replace(" ", "-").lower()] = {
             f"from [{short}]": bins[:-1],
@@ -42,13 +43,13 @@ def draw_mesh_quality(source):
             f"smallest {before.min():.3g} → {after.min():.3g} {short}", fontsize=7, loc="right"
         )
         axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y / 1000:g}"))
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    shared_legend(axes[0])
     num_bins = int(np.clip(len(cells_per_grain) // 4, 5, 30))
     few = max(np.ptp(cells_per_grain), num_bins)  # where all are alike: ticks at whole numbers
     middle = 0.5 * (cells_per_grain.min() + cells_per_grain.max())
     bins = np.linspace(middle - 0.5 * few, middle + 0.5 * few, num_bins + 1)
     axes[2].hist(cells_per_grain, bins, color=style.SKY, edgecolor="white", linewidth=0.4)
-    axes[2].set(xlabel="Tetrahedra in a grain", ylabel="Grains")
+    axes[2].set(xlabel="Tetrahedra per grain", ylabel="Grains")
     axes[2].set_title(f"mean {style.number(np.mean(cells_per_grain))}", fontsize=7, loc="right")
     axes[2].xaxis.set_major_locator(MaxNLocator(5, integer=True))
     axes[2].yaxis.get_major_locator().set_params(integer=True)
@@ -57,10 +58,10 @@ def draw_mesh_quality(source):
     return Drawing(
         "mesh-quality",
         figure,
-        "Quality of the mesh, as built and after the test: (a) smallest dihedral angles, (b) "
-        "smallest altitudes of tetrahedra, (c) tetrahedra of a grain",
-        "Small dihedral angles spoil the accuracy; the smallest altitude of all bounds the "
-        "time step. Where the red line reaches zero, tetrahedra were flattened by the test.",
+        "Mesh quality before and after the test: (a) smallest dihedral angles, (b) "
+        "smallest altitudes of tetrahedra, (c) tetrahedra per grain",
+        "Small dihedral angles reduce accuracy; the smallest altitude bounds the time step. Where "
+        "the red line reaches zero, tetrahedra were flattened in the test.",
         tables,
         "wide",
     )

@@ -1,4 +1,4 @@
-"""Figures of how grains move: arrows, and displacement split by kind."""
+"""Figures of how grains move: arrows of displacement, and translation, rotation and strain."""
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
@@ -7,7 +7,7 @@ from matplotlib.colors import Normalize
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
-from mufe_fenicsx.report.axes import legend
+from mufe_fenicsx.report.axes import legends
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.render import Camera, Layer, render
 from mufe_fenicsx.report.views import FROM, box_corners, colour_bar, three_in_a_row
@@ -87,7 +87,7 @@ def draw_arrows(source):
             aspect=28,
             pad=0.02,
         )
-        bar.set_label(f"{('displacement', 'deviation')[i]}: {length_unit}")
+        bar.set_label(f"{('displacement', 'non-affine part')[i]}: {length_unit}")
         bar.outline.set_linewidth(0.6)
         style.panel_letter(axis, i)
         length = "true length" if factor == 1 else f"{factor:g} times as long"
@@ -98,11 +98,11 @@ def draw_arrows(source):
     return Drawing(
         "displacement-arrows",
         figure,
-        "Displacement of grains near the middle plane, seen along y: (a) in all, (b) less the "
-        f"linear field that fits all grains best, up to strain {end.strain:.3f}",
+        "Displacement of grains near the middle plane, seen along y: (a) total, (b) "
+        f"non-affine part, up to strain {end.strain:.3f}",
         "An arrow starts at the grain's centre in the reference configuration; circles have the "
-        "grain's volume. Colour is the length in space. The linear field is what a continuum would "
-        "do; (b) shows how grains rearrange within it.",
+        "grain's volume. Colour is the length in space. The affine field, fitted to all grains "
+        "by least squares, is the motion of a continuum; (b) is what rearrangement adds to it.",
         {"": columns},
         "wide",
     )
@@ -182,8 +182,8 @@ def draw_split(source):
     box = end.box(source.start)
     aspect, pixels, height = three_in_a_row(box_corners(box), 560)
     height += 0.6  # the colour bars lie below
-    figure = style.blank_figure(style.PAGE, height + 2.1)
-    upper, lower = figure.subfigures(2, 1, height_ratios=[height, 2.1])
+    figure = style.blank_figure(style.PAGE, height + 2.4)
+    upper, lower = figure.subfigures(2, 1, height_ratios=[height, 2.4])
     axes = upper.subplots(ncols=3)
     camera = Camera.around(box_corners(box), FROM, aspect)
     surface = end.surface()
@@ -218,8 +218,8 @@ def draw_split(source):
         f"Motion of the grains up to strain {end.strain:.3f}: (a) translation, (b) rotation, (c) "
         "mean shear strain; (d) displacement by each, root mean square over a grain; (e) rotation "
         "over height",
-        "The rigid motion is the one that fits a grain's nodes best (Kabsch); what it leaves is "
-        "its strain. Two per cent of the grains may lie above a scale.",
+        "The rigid motion is that of least squares over a grain's nodes (Kabsch); the rest is its "
+        "strain. Two per cent of the grains may exceed a scale.",
         {"": parts},
         "wide",
         vector=False,
@@ -246,7 +246,7 @@ def _draw_spread(axis, parts):
     top = axis.get_xlim()[1]
     axis.set_xlim(left=max(axis.get_xlim()[0], 1e-5 * top))
     axis.set(xlabel=f"Displacement of a grain: {unit}", ylabel="Grains with less: %", ylim=(0, 100))
-    legend(axis)
+    legends(axis, grow=False)
     style.panel_letter(axis, 3)
 
 

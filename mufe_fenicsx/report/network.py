@@ -7,7 +7,7 @@ from mufe_fenicsx.analysis.contact_forces import active_contacts, force_distribu
 from mufe_fenicsx.analysis.fabric import rose
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
-from mufe_fenicsx.report.axes import legend
+from mufe_fenicsx.report.axes import legends, shared_legend
 from mufe_fenicsx.report.curves import PAPER
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.results.tables import vectors
@@ -66,14 +66,14 @@ def draw_rose(source):
         axis.set_xticks(np.radians([0, 90, 180, 270]), [plane[0], plane[1], "", ""])
         axis.set_title(f"({'abc'[i]})", loc="left", fontweight="bold", y=0.97)
         tables[plane] = columns
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    shared_legend(axes[0])
     return Drawing(
         "fabric-rose",
         figure,
-        "Directions of the contacts between grains, projected on (a) x–z, (b) y–z, (c) x–y, at "
-        f"strain {source.strain_of(index):.3f}",
+        "Fabric: orientations of the contacts between grains, in the planes (a) x–z, (b) y–z, (c) "
+        f"x–y, at strain {source.strain_of(index):.3f}",
         f"{len(inner)} contacts, each with its normal and the opposite one; radius: share for a "
-        "radian. A compressed sample has more contacts, and stronger ones, along z.",
+        "radian. In vertical compression contacts along z are more frequent and stronger.",
         tables,
         "wide",
     )
@@ -102,7 +102,8 @@ def draw_force_distribution(source):
             color=style.SERIES[k],
             markersize=3,
             linewidth=0.8,
-            label=f"{style.percent(strain)}, ⟨f⟩ = {style.quantity(found.mean, 'N')}",
+            label=rf"$\varepsilon$ = {style.percent(strain)}, ⟨f⟩ = "
+            f"{style.quantity(found.mean, 'N')}",
         )
         tables[f"state{index}"] = {"f/<f> [-]": middle, "P [-]": found.density}
     if middle is None:
@@ -112,14 +113,13 @@ def draw_force_distribution(source):
     axis.axvline(1, color=style.GREY, linestyle=":", linewidth=0.8)
     axis.set_yscale("log")
     axis.set(xlabel="Normal force over its mean, f/⟨f⟩: –", ylabel="Probability density: –")
-    axis.set_ylim(top=40)
-    legend(axis, title="strain")
+    legends(axis)
     return Drawing(
         "force-distribution",
         figure,
         "Distribution of the normal forces between grains",
-        "A line of slope −1 (grey) is what random packings show above the mean; right of the "
-        "dotted line is the strong network.",
+        "The grey line is the exponential tail of random packings; right of the dotted line is the "
+        "strong network.",
         tables,
     )
 
@@ -147,14 +147,12 @@ def draw_active_contacts(source):
             label=rf"$\varepsilon$ = {strain}, mean {count.mean():.2f}",
         )
     left.set(xlabel=r"Active contacts of a grain, $N_{\mathrm{cA}}$: –", ylabel="Grains: –")
-    left.legend(loc="upper right")
-    left.set_ylim(top=1.35 * left.get_ylim()[1])
     for axis in (left.xaxis, left.yaxis):
         axis.set_major_locator(MaxNLocator(6, integer=True))
     network = source.network
     strain, over = source.over(network["strain"], network["time"])
     for k, (name, label) in enumerate(
-        (("N_cA", "all grains"), ("coordination", "grains with two or more"))
+        (("N_cA", "all grains"), ("coordination", "without rattlers"))
     ):
         right.plot(
             strain,
@@ -164,9 +162,9 @@ def draw_active_contacts(source):
             markersize=3,
             label=label,
         )
-    right.set(xlabel=over, ylabel="Mean number of active contacts: –")
+    right.set(xlabel=over, ylabel="Coordination number, $Z$: –")
     right.set_ylim(bottom=0)
-    legend(right)
+    legends(left, right)
     tables["mean"] = {
         "strain [-]": network["strain"],
         "mean of all grains [-]": network["N_cA"],
@@ -177,10 +175,10 @@ def draw_active_contacts(source):
     return Drawing(
         "active-contacts",
         figure,
-        "Active contacts with other grains: (a) how many grains have how many, (b) their mean in "
-        "the course of the test",
-        f"A contact is active where it carries pressure, as N_cA {PAPER}; walls do not count. "
-        "The mean without grains of no or one contact is the mechanical coordination number.",
+        "Coordination number: (a) its distribution over the grains, (b) its mean in the course of "
+        "the test",
+        f"Active contacts carry pressure, as N_cA {PAPER}; walls do not count. Without rattlers, "
+        "grains of no or one contact, the mean is the mechanical coordination number.",
         tables,
         "wide",
     )
@@ -217,13 +215,13 @@ def draw_ages(source):
         )
         table[f"share of {column} [-]"] = share
     axis.set(xlabel=over, ylabel="Active since then or longer: %", ylim=(0, 102))
-    legend(axis)
+    legends(axis)
     return Drawing(
         "contact-age",
         figure,
         "Age of the contacts between grains: share of those of the last state that have been "
-        "active without a break since a time before",
-        f"{len(ages)} contacts at strain {source.strain_of(index):.3f}, as far as stored states "
-        "tell. Where the curve of forces lies above that of numbers, old contacts carry more.",
+        "active without interruption since an earlier state",
+        f"{len(ages)} contacts at strain {source.strain_of(index):.3f}, resolved by the stored "
+        "states. Where the curve by force lies above that by number, old contacts carry more.",
         {"": table},
     )

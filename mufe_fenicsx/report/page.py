@@ -20,9 +20,10 @@ table.columns td, table.columns th { overflow-wrap: normal; }
 ul.checks { list-style: none; padding: 0; }
 ul.checks li { padding: .45em .8em; margin: .35em 0; border-left: 4px solid #888; }
 ul.checks li.pass { border-color: #009e73; background: #f1faf7; }
-ul.checks li.warn { border-color: #d55e00; background: #fdf4ee; }
+ul.checks li.warn { border-color: #e6b800; background: #fffae5; }
+ul.checks li.fail { border-color: #c0392b; background: #fdeeec; }
 .mark { font-weight: 700; margin-right: .5em; } .pass .mark { color: #00704f; }
-.warn .mark { color: #a84300; }
+.warn .mark { color: #7a5c00; } .fail .mark { color: #a02015; }
 figure { margin: 1.6em 0; break-inside: avoid; }
 figure.wide img { width: 100%; } figure.narrow { display: flex; gap: 1.6em;
   align-items: center; } figure.narrow img { width: 56%; } figure.narrow figcaption { flex: 1; }
@@ -36,6 +37,8 @@ footer { margin-top: 3em; color: #666; font-size: .85em; }
   h2 { break-after: avoid; } ul.checks li { background: none; } tr { break-inside: avoid; } }
 """
 
+#: Of the grades of a check.
+MARKS = {"pass": "✓ pass", "warn": "⚠ look", "fail": "✗ fail"}
 #: What the browser may load: nothing but what the page holds.
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
@@ -56,9 +59,7 @@ def write_page(path, title, lead, checks, missing, figures, tables, footer, view
     sections = []
     if checks:
         lines = "\n".join(_check(check) for check in checks)
-        sections.append(
-            ("checks", "Can the result be believed?", f"<ul class='checks'>\n{lines}\n</ul>")
-        )
+        sections.append(("checks", "Checks", f"<ul class='checks'>\n{lines}\n</ul>"))
     if missing:
         lines = "\n".join(f"<li>{escape(sentence)}</li>" for sentence in missing)
         sections.append(("missing", "Not in this report", f"<ul>\n{lines}\n</ul>"))
@@ -94,7 +95,7 @@ def write_page(path, title, lead, checks, missing, figures, tables, footer, view
 
 
 def _check(check):
-    kind, mark = ("pass", "✓ pass") if check.passed else ("warn", "⚠ look")
+    kind, mark = check.grade, MARKS[check.grade]
     return f'<li class="{kind}"><span class="mark">{mark}</span>{escape(check.text)}</li>'
 
 

@@ -14,6 +14,7 @@ from mufe_fenicsx.report import (
     animation,
     chains,
     curves,
+    cyclic,
     grains,
     histograms,
     motion,
@@ -34,24 +35,25 @@ FIGURES = (
     ("forces", "forces on the walls", curves.draw_forces),
     ("compression", "compression", curves.draw_compression),
     (triaxial.NAME, "deviator, mean stress and volume", triaxial.draw_triaxial),
+    (cyclic.NAME, "cycles of loading", cyclic.draw_cycles),
     ("energies", "energy balance", curves.draw_energies),
     ("dissipation", "dissipation", curves.draw_dissipation),
     ("energies-of-a-grain", "energies of a grain", grains.draw_energies),
     ("quasi-static", "quasi-static monitors", curves.draw_monitors),
     ("stress-3d", "stress in the sample", views.draw_stress_3d),
     ("stress-cut", "stress in a cut", views.draw_cut),
-    ("chosen-grains", "chosen grains", grains.draw_chosen),
-    ("course", "course of points and grains", grains.draw_course),
+    ("chosen-grains", "selected grains", grains.draw_chosen),
+    ("course", "evolution of points and grains", grains.draw_course),
     ("yield-initiation", "yield initiation", yielding.draw_yield),
     ("force-chains", "force chains", chains.draw_force_chains),
-    ("fabric-rose", "directions of contacts", network.draw_rose),
-    ("force-distribution", "distribution of forces", network.draw_force_distribution),
-    ("active-contacts", "active contacts", network.draw_active_contacts),
+    ("fabric-rose", "fabric", network.draw_rose),
+    ("force-distribution", "force distribution", network.draw_force_distribution),
+    ("active-contacts", "coordination number", network.draw_active_contacts),
     ("contact-age", "age of contacts", network.draw_ages),
     ("displacement-arrows", "displacement of grains", motion.draw_arrows),
     ("displacement-split", "translation, rotation and strain of grains", motion.draw_split),
-    ("mesh-quality", "quality of the mesh", histograms.draw_mesh_quality),
-    (animation.NAME, "the test in motion", None),
+    ("mesh-quality", "mesh quality", histograms.draw_mesh_quality),
+    (animation.NAME, "animation", None),
 )
 #: All that may be chosen, or left out.
 NAMES = tuple(name for name, _, _ in FIGURES)
@@ -66,7 +68,7 @@ GROUPS = (
     ("stress-3d", "stress-cut", "chosen-grains", animation.NAME),
     ("force-chains", "fabric-rose", "force-distribution", "active-contacts", "contact-age"),
     ("mesh-quality", TABLES),
-    ("stress-strain", "forces", "compression", triaxial.NAME),
+    ("stress-strain", "forces", "compression", triaxial.NAME, cyclic.NAME),
     ("energies", "dissipation", "quasi-static"),
 )
 #: Figures that show bodies in space.
@@ -222,6 +224,6 @@ def _tables(name, source, figures):
         (figures / "table-1-inertia.csv").unlink(missing_ok=True)  # of an earlier report
     else:
         save_tables("table-1-inertia", {"": columns}, figures)
-        heading = "Inertia of chosen grains (Table 1 of Nadimi & Fonseca)"
+        heading = "Inertia of selected grains (Table 1 of Nadimi & Fonseca)"
         tables.append((heading, *grains.inertia_rows(columns)))
     return Part(name, [*tables, ("Run", about)], tuple(missing))

@@ -5,7 +5,9 @@ from functools import cached_property
 import numpy as np
 
 from mufe_fenicsx.analysis import grain_energy, inertia, kinematics
+from mufe_fenicsx.analysis.contact_resolution import contact_resolution
 from mufe_fenicsx.analysis.grain_stress import unstressed
+from mufe_fenicsx.analysis.quasi_static import trusted_from
 from mufe_fenicsx.analysis.rows import loading_rows, turns_back
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.measure import tet_volumes
@@ -222,6 +224,39 @@ class Source:
         if not len(self.run.with_contacts()):
             raise InputError(f"{self.folder / 'contacts'} has no tables of stored states")
         return self.run.network()
+
+    @cached_property
+    def resolution(self):
+        """How finely contacts are meshed, (:class:`Resolution`, words of which contacts).
+
+        Of the shown state whose contacts carry most; of those with walls where no grains touch.
+        """
+        nodes = (self.run.scene.get("contact") or {}).get("points") == "nodes"
+        tables = {i: self.run.contacts(i) for i in self.contact_states}
+        index = max(tables, key=lambda i: tables[i]["normal_force"].sum())
+        closed = tables[index][tables[index]["num_points"] > 0]
+        between = closed["grain_b"] != 0
+        at_walls = not between.any()
+        closed = closed[between | at_walls]
+        found = contact_resolution(
+            closed["num_points"], closed["normal_force"], 1 if at_walls else 2, nodes
+        )
+        if found is None:
+            raise InputError("no stored state has contacts that carry a normal force")
+        what = "contacts with walls" if at_walls else "contacts between grains"
+        return found, f"{what}, strain {self.strain_of(index):.4f}"
+
+    @cached_property
+    def trust(self):
+        """From where on the test is quasi-static."""
+        return trusted_from(self.history, self.mass)
+
+    @property
+    def last_dynamic(self):
+        """Number of the last row of :attr:`loading` that is not quasi-static; None: all are."""
+        num_rows, row = len(self.loading["time"]), self.trust.row
+        first = num_rows if row is None else row - (len(self.history["time"]) - num_rows)
+        return first - 1 if first > 0 else None
 
     # --- grains ---------------------------------------------------------------------------
 

@@ -36,20 +36,20 @@ def run_rows(run):
         ("Nodes", _count(run, "num_nodes")),
         ("Steps", _count(run, "num_steps")),
         ("Wall-clock time", _duration(run.get("wall_s"))),
-        ("Speed", _speed(run)),
+        ("Throughput", _speed(run)),
         ("MPI ranks", _count(run, "num_ranks")),
         ("Peak memory, all ranks", _memory(run)),
-        ("How strain is counted", run.get("strain_definition") or "not recorded"),
+        ("Strain definition", run.get("strain_definition") or "not recorded"),
         ("Height at strain 0", quantity(run.get("reference_height"), "m", 4)),
         ("Cross-section at the start", _area(run.get("area"))),
         ("Separation of overlaps", _separation(run.get("separation"))),
-        ("Overlaps of the start, largest forces", _adopted(run.get("contact"))),
-        ("Grains that failed to mesh", _failed(run.get("failed_grains"))),
+        ("Initial overlaps", _adopted(run.get("contact"))),
+        ("Grains without a mesh", _failed(run.get("failed_grains"))),
         ("Stages", _stages(run.get("stages"))),
-        ("Speed led by targets", _quasi_static(run.get("quasi_static"))),
-        ("Added mass", _mass_scaling(run.get("mass_scaling"))),
+        ("Quasi-static speed control", _quasi_static(run.get("quasi_static"))),
+        ("Mass scaling", _mass_scaling(run.get("mass_scaling"))),
         ("Retries", _retries(run.get("retries"))),
-        ("End", _end(run)),
+        ("Stop reason", _end(run)),
         ("Command", _command(run.get("command"))),
         ("Versions", ", ".join(f"{k} {v}" for k, v in (run.get("versions") or {}).items())),
     ]
@@ -93,7 +93,7 @@ def largest_values(history, last):
             ]
             share = energy_check.friction_share(history)
             rows.append(("Frictional over plastic dissipation", number(share), "at the end"))
-            rows.append(_at("Points in contact", history, "num_contacts", None, loading))
+            rows.append(_at("Closed contact points", history, "num_contacts", None, loading))
             rows.append(_at("Grains in contact", history, "num_active_grains", None, loading))
     if last is not None:
         rows += _state_rows(last)
@@ -141,8 +141,8 @@ def sample_rows(start, last, run, history):
         rows.append(
             (
                 "Vertical stress at the end, by the platens and by the stress in the grains",
-                f"{quantity(walls, 'Pa', 4)} and {quantity(inside, 'Pa', 4)}: two independent "
-                "numbers that equilibrium makes equal",
+                f"{quantity(walls, 'Pa', 4)} and {quantity(inside, 'Pa', 4)}: independent, and "
+                "equal in equilibrium",
             )
         )
     if last.has("pressure"):
@@ -150,8 +150,8 @@ def sample_rows(start, last, run, history):
         rows.append(
             (
                 "Checkerboard of the pressure at the end",
-                f"{number(part, 2)}: 1 where it alternates from tetrahedron to tetrahedron, as in "
-                "elements that lock; small where it is smooth",
+                f"{number(part, 2)}: 1 where it alternates between tetrahedra, as in elements that "
+                "lock; small where it is smooth",
             )
         )
     return rows
@@ -262,7 +262,7 @@ def _quasi_static(found):
     return (
         f"{found['slowest']:.3g} to {found['fastest']:.3g} m/s; largest kinetic "
         f"over internal energy {found['largest_kinetic']:.2%}, force difference "
-        f"{found['largest_unbalanced']:.2%} (filtered over a wave's way through the sample)"
+        f"{found['largest_unbalanced']:.2%} (means over half the travel time of a wave)"
     )
 
 

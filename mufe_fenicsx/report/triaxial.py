@@ -1,17 +1,21 @@
-"""The figure of a test by stages: deviator, mean stress and volume."""
+"""The figure of a test by stages: deviator stress, stress path and volumetric strain."""
+
+import numpy as np
 
 from mufe_fenicsx.analysis.macro import triaxial_curves
 from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
-from mufe_fenicsx.report.axes import without_spikes
+from mufe_fenicsx.report.axes import shared_legend, without_spikes
+from mufe_fenicsx.report.curves import DYNAMIC, shade_dynamic
 from mufe_fenicsx.report.figure import Drawing
 
 NAME = "triaxial"
+AXIAL = r"Axial strain, $\varepsilon_{\mathrm{a}}$: %"
 
 
 def draw_triaxial(source):
-    """q over strain, the path in p and q, and volumetric strain; a colour each stage."""
+    """q over axial strain, the path in p and q, and volumetric strain; a colour each stage."""
     history = source.loading
     if "strain_x" not in history:
         raise InputError("the test is an oedometer test, expected one by stages")
@@ -22,29 +26,30 @@ def draw_triaxial(source):
     factor_p, unit_p = style.unit_of(curves["p"], "Pa")
     q, p, volume = curves["q"] / factor_q, curves["p"] / factor_p, 100 * curves["strain_volume"]
     panels = (
-        (strain, q, style.STRAIN, f"Deviator stress, $q$: {unit_q}"),
+        (strain, q, AXIAL, f"Deviator stress, $q$: {unit_q}"),
         (p, q, f"Mean stress, $p$: {unit_p}", f"Deviator stress, $q$: {unit_q}"),
-        (strain, volume, style.STRAIN, r"Volumetric strain, $\varepsilon_{\mathrm{vol}}$: %"),
+        (strain, volume, AXIAL, r"Volumetric strain, $\varepsilon_{\mathrm{vol}}$: %"),
     )
     for i, (axis, (x, y, label_x, label_y)) in enumerate(zip(axes, panels, strict=True)):
         for number, part in enumerate(branches(history)):
             colour = style.SERIES[number % len(style.SERIES)]
             line = style.LINES[number // len(style.SERIES) % len(style.LINES)]
             axis.plot(x[part.rows], y[part.rows], line, color=colour, label=part.stage)
+        shaded = shade_dynamic(axis, source, x, y, span=False if axis is axes[1] else None)
         axis.axhline(0, color=style.GREY, linewidth=0.5, zorder=0)
         axis.set(xlabel=label_x, ylabel=label_y)
         without_spikes(axis, x, y)
         style.panel_letter(axis, i)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 6))
+    shared_legend(axes[0], 6)
     return Drawing(
         NAME,
         figure,
-        "Test by stages: (a) deviator stress q over vertical strain, (b) stress path in mean "
-        "stress p and q, (c) volumetric over vertical strain",
-        "Compression is positive, in (c) loss of volume. q = √(½((σx − σy)² + (σy − σz)² + "
-        "(σz − σx)²)), below zero where the vertical stress is less than the mean of the others; "
-        "p = (σx + σy + σz)/3. Stresses are those of the walls over their present areas.",
+        "Test by stages: (a) deviator stress q against axial strain, (b) stress path in mean "
+        "stress p and q, (c) volumetric strain against axial strain",
+        "Compression is positive, in (c) loss of volume; the axis of the test is z. q = √(½((σx − "
+        "σy)² + (σy − σz)² + (σz − σx)²)), negative where the axial stress is less than the mean "
+        "of the others; p = (σx + σy + σz)/3. Stresses are wall forces over present areas. "
+        f"{_largest_ratio(curves)}{f' {DYNAMIC}' if shaded else ''}",
         {
             "": {
                 "strain [-]": history["strain"],
@@ -56,3 +61,17 @@ def draw_triaxial(source):
         },
         "wide",
     )
+
+
+def _largest_ratio(curves):
+    """Words about the largest q/p and its friction angle; none without triaxial compression."""
+    p, q = curves["p"], curves["q"]
+    loaded = p > 0.1 * p.max(initial=0.0)
+    if not loaded.any():
+        return ""
+    ratio = float((q[loaded] / p[loaded]).max())
+    if not 0 < ratio < 3:
+        return ""
+    # σ₁ = p + 2q/3 and σ₃ = p - q/3.
+    angle = np.degrees(np.arcsin(3 * ratio / (6 + ratio)))
+    return f"The largest q/p is {ratio:.2f}, a mobilised friction angle of {angle:.0f}°."

@@ -36,7 +36,7 @@ FIELDS = (
     Field("pressure", "Mean pressure, compression positive", "Pa", "signed", power=1),
     Field("contact_pressure", "Contact pressure", "Pa", "pressure"),
     Field("contact_shear", "Shear traction at contacts", "Pa", "pressure"),
-    Field("contact_slip", "Way slipped at contacts", "m", "pressure"),
+    Field("contact_slip", "Slip distance at contacts", "m", "pressure"),
 )
 
 
@@ -232,8 +232,8 @@ class _Builder:
         return (
             f"{text}, at {num_stages} of {self.num_stored} stored states. Positions are exact to "
             f"{style.quantity(step, 'm', 2)}. Stress and strain at a node are the mean of the "
-            "tetrahedra around it by volume, so that peaks of single tetrahedra are lower here "
-            "than in the tables. Values are kept in 255 steps, finer where they are small."
+            "tetrahedra around it by volume, so that peaks of single tetrahedra are lower than in "
+            "the tables. Values have 255 steps, finer where they are small."
         )
 
 

@@ -25,22 +25,24 @@ class Column:
 
 
 COLUMNS = (
-    Column("diameter", "Diameter of the ball of the same volume", "m"),
+    Column("diameter", "Equivalent diameter (ball of the same volume)", "m"),
     Column("volume", "Volume", fixed=(1e-9, "mm³"), coloured=False),
     Column("mean", "von Mises stress, mean over the grain", "Pa"),
-    Column("percentile_95", "von Mises stress that 95 % of its volume do not exceed", "Pa"),
+    Column("percentile_95", "von Mises stress, 95th percentile over its volume", "Pa"),
     Column("peak", "von Mises stress, largest of a tetrahedron", "Pa"),
     Column("stress_zz", "Vertical stress, mean, tension positive", "Pa", signed=True),
-    Column("plastic_fraction", "Part of its volume that has yielded", fixed=(0.01, "%")),
-    Column("num_active_contacts", "Neighbours that press on it"),
-    Column("num_active_walls", "Walls that press on it", coloured=False),
-    Column("contact_area", "Area of its contacts", fixed=(1e-12, "µm²")),
-    Column("translation", "Way of its centre", "m"),
-    Column("translation_z", "Way of its centre upwards", "m", signed=True),
+    Column("plastic_fraction", "Yielded part of the volume", fixed=(0.01, "%")),
+    Column("num_active_contacts", "Coordination number (active contacts with grains)"),
+    Column("num_active_walls", "Active contacts with walls", coloured=False),
+    Column("contact_area", "Contact area", fixed=(1e-12, "µm²")),
+    Column("translation", "Displacement of the centroid", "m"),
+    Column("translation_z", "Displacement of the centroid, upwards", "m", signed=True),
     Column("angle", "Rotation", fixed=(np.pi / 180, "°")),
-    Column("volume_strain", "Change of volume", fixed=(0.01, "%"), signed=True),
+    Column(
+        "volume_strain", "Volumetric strain, expansion positive", fixed=(0.01, "%"), signed=True
+    ),
     Column("shear_strain", "Shear strain, mean", fixed=(0.01, "%")),
-    Column("friction_work", "Work of friction at its contacts", "J"),
+    Column("friction_work", "Frictional dissipation at its contacts", "J"),
 )
 
 

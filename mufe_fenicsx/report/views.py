@@ -68,8 +68,8 @@ def draw_stress_3d(source):
         figure,
         f"Von Mises stress in the deformed grains at strain {strains} (Fig. 13 {PAPER})",
         "All views share the colour scale and the camera (parallel projection; the scale "
-        "bar holds for lengths across the view). The thin box is the space between the "
-        "walls. One per cent of the cells of a state may lie above the scale.",
+        "bar holds for lengths across the view). The box is the space between the walls. "
+        "One per cent of the cells of a state may exceed the scale.",
         {"": columns},
         "wide",
         vector=False,
@@ -119,8 +119,8 @@ def draw_cut(source):
         figure,
         f"Von Mises stress in the vertical plane through the middle, strain {end.strain:.3f}",
         "Black lines are the surfaces of grains, the grey frame is the walls. Force chains "
-        "show as bands of high stress from contact to contact; a stress that changes from "
-        "one tetrahedron to the next says that the mesh is too coarse there.",
+        "appear as bands of high stress from contact to contact. A stress that jumps between "
+        "neighbouring tetrahedra shows that the mesh is too coarse there.",
         {
             "": {
                 "grain": cut.cell_data["grain"],

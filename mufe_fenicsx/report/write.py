@@ -6,12 +6,13 @@ import matplotlib
 import numpy as np
 
 import mufe_fenicsx
+from mufe_fenicsx.analysis.cycles import find_cycles
 from mufe_fenicsx.analysis.probes import find_cells
 from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError, nearest_name
 from mufe_fenicsx.output.run_folder import reason
-from mufe_fenicsx.report import compare, style, triaxial
-from mufe_fenicsx.report.checks import check_run, first_good_row, where, worst_of
+from mufe_fenicsx.report import compare, cyclic, style, triaxial
+from mufe_fenicsx.report.checks import check_source, where, worst_of
 from mufe_fenicsx.report.figure import remove_listed, save, write_index
 from mufe_fenicsx.report.page import write_page
 from mufe_fenicsx.report.parts import FIGURES, NAMES, TABLES, VIEW, draw_parts, num_processes
@@ -47,7 +48,8 @@ def write_report(runs, output=None, grains=None, points=None, only=None, skip=No
 
     Returns:
         dict of plain values: ``report`` (path), ``figures`` (paths of the pictures), ``missing``
-        (sentences), ``checks`` (a dict name, target, largest, mean, passed, since each),
+        (sentences), ``checks`` (a dict name, target, largest, mean, passed, grade, since each;
+        that named "trusted" has the strain from which on the test is quasi-static as ``since``),
         ``passed`` (all checks).
 
     Raises:
@@ -118,6 +120,7 @@ class _Report:
                     "largest": _plain(c.largest),
                     "mean": _plain(c.mean),
                     "passed": c.passed,
+                    "grade": c.grade,
                     "since": _plain(c.since),
                 }
                 for c in checks
@@ -144,9 +147,8 @@ class _RunReport(_Report):
 
     def __init__(self, folder, output, grains, points, wanted, only, processes):
         self.source = Source(folder, grains, points)
-        history = self.source.get("history")
-        if history is None or "strain_x" not in history:  # unless asked for, not said to lack
-            wanted = [name for name in wanted if name != triaxial.NAME or name in (only or ())]
+        absent = _not_of_this_test(self.source)  # unless asked for, not said to lack
+        wanted = [name for name in wanted if name not in absent or name in (only or ())]
         super().__init__(folder if output is None else output)
         self.folder, self.wanted, self.processes = folder, wanted, processes
         self.missing += missing_of(self.source)
@@ -170,14 +172,14 @@ class _RunReport(_Report):
 
     def _write_page(self):
         run, history = self.source.summary, self.source.get("history")
-        checks = check_run(history, self.source.mass) if history is not None else []
+        checks = check_source(self.source)
         self.missing += [*self.tables.missing, *self.view.missing]
         title = run.get("title") or f"Test in {self.folder.resolve().name}"
-        lead = self._lead(run, history, checks)
+        lead = self._lead(run, history)
         self._page(title, lead, checks, self.tables.content or [], self.view.content)
         return checks
 
-    def _lead(self, run, history, checks):
+    def _lead(self, run, history):
         stages = [] if history is None else [part.stage for part in branches(history)]
         test = "Oedometer test"
         if history is not None and "strain_x" in history:
@@ -191,9 +193,19 @@ class _RunReport(_Report):
         if history is not None:
             parts.append(f"vertical strain {history['strain'][-1]:.4g}")
             parts.append(f"vertical stress {style.quantity(history['stress'][-1], 'Pa', 4)}")
-        row = first_good_row(checks, history) if checks else None
-        begin = "" if row is None else f" All targets are met from {where(history, row)} on."
+        row = None if history is None else self.source.trust.row
+        begin = "" if row is None else f" Trusted from {where(history, row)} on."
         return "; ".join(parts) + f" at the end.{begin}"
+
+
+def _not_of_this_test(source):
+    """Names of figures that a test of this kind does not have."""
+    history = source.get("history")
+    absent = set() if history is not None and "strain_x" in history else {triaxial.NAME}
+    loading = source.get("loading")
+    if loading is None or not find_cycles(loading["strain"], loading["stress"]):
+        absent.add(cyclic.NAME)
+    return absent
 
 
 class _Comparison(_Report):
@@ -225,7 +237,7 @@ class _Comparison(_Report):
                 self.lacking.setdefault(str(error), []).append(f"{what} compared")
 
     def _write_page(self):
-        checks = [check_run(source.history, source.mass) for source in self.sources]
+        checks = [check_source(source) for source in self.sources]
         checks = worst_of(checks, self.names)
         folders = ", ".join(source.folder.resolve().name for source in self.sources)
         self._page(

@@ -1,4 +1,4 @@
-"""Figure of yield initiation: when grains yield, and where in them it begins."""
+"""Figure of yield initiation: when grains yield, and where in them yielding begins."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from mufe_fenicsx.analysis.yield_place import closest_on_triangles, yield_place
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.measure import boundary_triangles
 from mufe_fenicsx.report import style
-from mufe_fenicsx.report.axes import legend
+from mufe_fenicsx.report.axes import legends
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.sample import State
 from mufe_fenicsx.report.views import add_outline, colour_bar, cut_collection, polygons
@@ -37,8 +37,7 @@ def draw_yield(source):
             markersize=3,
             label=label,
         )
-    left.set(xlabel=over, ylabel="Has yielded: %", ylim=(0, 105))
-    legend(left)
+    left.set(xlabel=over, ylabel="Yielded: %", ylim=(0, 105))
     beyond = _draw_places(middle, table)
     tables = {
         "share": {
@@ -62,20 +61,21 @@ def draw_yield(source):
     # Where yield has just begun shows where it began: the least plastic strain of the first.
     row = first.loc[first["plastic_strain"].idxmin()]
     tables["cut"] = _draw_cut(figure, right, source, int(row["grain"]), int(row["state"]))
+    legends(left, middle)
     for i, axis in enumerate(axes):
         style.panel_letter(axis, i)
     return Drawing(
         "yield-initiation",
         figure,
-        "Yield initiation: (a) share of grains and of volume that has yielded; (b) where the "
-        "plastic strain of each grain is largest when it is first seen to yield; (c) plastic "
+        "Yield initiation: (a) share of grains and of volume that has yielded; (b) place of the "
+        "largest plastic strain of each grain at its first yield; (c) plastic "
         f"strain in a cut through grain {row['grain']}, among the first, at strain "
         f"{row['strain']:.4f}",
         f"(b) Left of the dotted line lies under a contact, right beside it ({beyond} are farther "
         f"than {FAR:g} radii); the dashed line is the depth of the largest stress under a "
-        "frictionless contact of spheres, 0.48 of its radius (Hertz, ν = 0.3). Known to the size "
-        "of an element, and as early as states were stored. (c) The cut goes through the place, "
-        "marked by a cross, and the closest point of the surface.",
+        "frictionless contact of spheres, 0.48 of its radius (Hertz, ν = 0.3). Places are "
+        "resolved by the elements, times by the stored states. (c) The cut contains that place "
+        "(cross) and the closest point of the surface.",
         tables,
         "wide",
     )
@@ -108,9 +108,8 @@ def _draw_places(axis, table):
         xlabel="Outside contact / radius: –",
         ylabel="Depth / contact radius: –",
         xlim=(-1.1, 1.05 * far),
-        ylim=(1.05 * top, -0.35 * top),
+        ylim=(1.05 * top, -0.1 * top),
     )
-    axis.legend(loc="upper center", handletextpad=0.2)
     return beyond
 
 

@@ -23,6 +23,37 @@ def test_missed_target_is_said(tmp_path):
     assert "at most 10.00%" in (tmp_path / "report.html").read_text()
 
 
+def test_a_dynamic_first_half_is_said(tmp_path):
+    """All targets of the loaded half are met, and yet half of the curve is not to be trusted."""
+    h = fake_history()
+    ratio = np.where(h["strain"] < 0.05, 0.2, 0.003)
+    h["kinetic"] = ratio * (h["elastic"] + h["plastic"])
+    write_history(tmp_path, h)
+    result = write_report(tmp_path, only=["stress-strain"])
+    (trusted,) = (c for c in result["checks"] if c["name"] == "trusted")
+    assert trusted["since"] == pytest.approx(0.05, abs=1e-3) and trusted["grade"] == "warn"
+    assert all(c["grade"] == "pass" for c in result["checks"] if c is not trusted)
+    page = (tmp_path / "report.html").read_text()
+    assert "Trusted from strain 0.0503 on. The 50.25% of the strain before is dynamic" in page
+    h["kinetic"] = 0.2 * (h["elastic"] + h["plastic"])
+    write_history(tmp_path, h)
+    (trusted,) = (
+        c for c in write_report(tmp_path, only=["stress-strain"])["checks"] if c["grade"] == "fail"
+    )
+    assert trusted["name"] == "trusted" and trusted["since"] is None
+    assert "Trusted nowhere" in (tmp_path / "report.html").read_text()
+
+
+def test_coarse_contacts_are_said(tmp_path):
+    """Most of the force on 9 points a contact, less than one element per contact radius."""
+    write_whole_run(tmp_path, n=2)
+    for path in (tmp_path / "contacts").glob("contacts_*.csv"):
+        path.write_text(path.read_text().replace(",30,", ",9,"))
+    result = write_report(tmp_path, only=["forces"])
+    (check,) = (c for c in result["checks"] if c["name"] == "contacts")
+    assert check["grade"] == "warn" and check["largest"] == 1.0
+
+
 def test_run_that_stopped_early(tmp_path):
     """A torn history and no states: curves, and a page that says what is not there."""
     write_history(tmp_path, fake_history())

@@ -114,7 +114,7 @@ class View {
     new ResizeObserver(() => this.redraw()).observe(this.canvas);
     window.addEventListener("beforeprint", () => this.draw());
     this.canvas.addEventListener("webglcontextlost", () => {
-      say("The graphics of this browser gave up: load the page again.");
+      say("The browser lost its graphics context: reload the page.");
     });
   }
 
@@ -277,7 +277,7 @@ class View {
       legend.textContent = "No contacts were stored at this stage.";
       return;
     }
-    const names = { strong: "above the mean force", weak: "below it", sliding: "sliding" };
+    const names = { strong: "strong (above the mean force)", weak: "weak", sliding: "sliding" };
     legend.append("Contacts, width by normal force: ");
     for (const [name, words] of Object.entries(names)) {
       const mark = document.createElement("b");
@@ -366,8 +366,8 @@ class View {
     const both = document.createElement("div");
     both.className = "two";
     both.append(
-      table("Row of the table of grains", ["", ""], numbers),
-      table("Its contacts", ["with", "normal force: N", "friction mobilised"], contacts),
+      table("Grain properties", ["", ""], numbers),
+      table("Its contacts", ["with", "normal force: N", "mobilised friction"], contacts),
     );
     place.append(head, both);
   }

@@ -1,0 +1,110 @@
+"""From where on a test is quasi-static, whether its contacts are resolved, and its cycles."""
+
+import numpy as np
+import pytest
+
+from mufe_fenicsx.analysis import rows
+from mufe_fenicsx.analysis.contact_resolution import (
+    contact_resolution,
+    elements_per_radius,
+    points_of,
+)
+from mufe_fenicsx.analysis.cycles import find_cycles, turning_points
+from mufe_fenicsx.analysis.quasi_static import KINETIC, trusted_from
+from tests.made_up_run import fake_history
+
+ROUND_OFF = 1e-12
+
+
+def set_kinetic(history, ratio):
+    history["kinetic"] = ratio * (history["elastic"] + history["plastic"])
+
+
+def test_a_test_that_is_quasi_static_from_the_start():
+    history = fake_history()
+    trust = trusted_from(history)
+    assert history["strain"][trust.row] == 0.0 and trust.share == 0.0
+    assert np.isnan(trust.kinetic)  # there is nothing before
+
+
+def test_a_dynamic_first_half_is_found():
+    """The checks of the loaded half see nothing of it."""
+    history = fake_history()
+    early = history["strain"] < 0.05
+    set_kinetic(history, np.where(early, 4 * KINETIC, 0.1 * KINETIC))
+    trust = trusted_from(history)
+    assert trust.row == np.argmin(early)
+    assert trust.share == pytest.approx(history["strain"][trust.row] / 0.1, rel=ROUND_OFF)
+    assert trust.kinetic == pytest.approx(4 * KINETIC, rel=ROUND_OFF)
+
+
+def test_a_test_that_ends_dynamic_is_trusted_nowhere():
+    history = fake_history()
+    late = np.arange(len(history["step"])) == len(history["step"]) - 1
+    set_kinetic(history, np.where(late, 2 * KINETIC, 0.0))
+    assert trusted_from(history).row is None
+    nothing = fake_history()
+    for name in ("elastic", "plastic", "force_z_min", "force_z_max"):
+        nothing[name] = np.zeros(len(nothing["step"]))
+    assert trusted_from(nothing).row is None
+
+
+def test_where_strain_turns_back_time_tells_how_much_is_dynamic():
+    """Strain 0 to 0.1 and back to 0.09, dynamic in the first quarter of the time."""
+    history = fake_history()
+    loading = history["stage"] != "seating"
+    count = loading.sum()
+    history["strain"][loading] = np.concatenate(
+        [np.linspace(0, 0.1, count // 2), np.linspace(0.1, 0.09, count - count // 2)]
+    )
+    history["stage"] = history["stage"].astype("U9")
+    history["stage"][-(count - count // 2) :] = "unloading"
+    done = rows.course(history)
+    assert done[loading][[0, -1]].tolist() == [0, 1] and np.isnan(done[~loading]).all()
+    set_kinetic(history, np.where(done < 0.25, 1.0, 0.0))
+    assert trusted_from(history).share == pytest.approx(0.25, abs=1.0 / count)
+
+
+def test_forces_of_an_unloaded_sample_are_not_compared():
+    """One platen lets go first as the load ends: a ratio of 2, of no load."""
+    history = fake_history()
+    history["force_z_max"][-1], history["force_z_min"][-1] = 0.0, 0.05 * history["force_z_min"][-2]
+    assert trusted_from(history).share == 0.0
+    history["force_z_min"][-1] *= 20
+    assert trusted_from(history).row is None
+
+
+def test_points_and_elements_of_a_contact():
+    """A circle of radius a on equilateral facets: as many on each side as fit into its area."""
+    for nodes in (False, True):
+        n = 2.5
+        facets = np.pi * n**2 / (np.sqrt(3) / 4)
+        points = 2 * facets / (2 if nodes else 1)
+        assert elements_per_radius(points, nodes=nodes) == pytest.approx(n, rel=ROUND_OFF)
+        assert points_of(n, nodes=nodes) == pytest.approx(points, rel=ROUND_OFF)
+    # One large force on many points, and as much on few; the median is that of the many.
+    found = contact_resolution([100, 4, 6], [5.1, 2.0, 2.9])
+    assert found.points == 100 and found.coarse == pytest.approx(0.49, rel=ROUND_OFF)
+    assert contact_resolution([3], [0.0]) is None
+
+
+def test_cycles_of_a_linear_viscous_solid():
+    """σ = E ε + 2DE A cos: an ellipse with secant stiffness E and damping ratio D."""
+    E, D, A, count = 2e9, 0.1, 1e-3, 4000
+    angle = 2 * np.pi * np.linspace(0, 3.25, count)
+    strain, stress = A * np.sin(angle), E * A * (np.sin(angle) + 2 * D * np.cos(angle))
+    cycles = find_cycles(strain, stress)
+    assert len(cycles) == 3
+    for cycle in cycles:  # to the square of a step of the angle, at the turning points to a step
+        assert cycle.stiffness == pytest.approx(E, rel=D * 2 * np.pi * 3.25 / count)
+        assert cycle.damping == pytest.approx(D, rel=2e-3)
+    assert find_cycles(strain[: count // 5], stress[: count // 5]) == []
+
+
+def test_a_loop_ends_where_strain_is_back():
+    """Up to 2, down to 1, up to 4 along one line: no area, and the slope of the line."""
+    strain = np.concatenate([np.linspace(0, 2, 9), np.linspace(2, 1, 9), np.linspace(1, 4, 13)])
+    assert turning_points(strain) == [0, 9, 18, 30]
+    (cycle,) = find_cycles(strain, 3.0 * strain)
+    assert strain[cycle.end] == 2.0 and cycle.stiffness == pytest.approx(3.0, rel=ROUND_OFF)
+    assert abs(cycle.work) < ROUND_OFF
