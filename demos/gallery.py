@@ -91,8 +91,8 @@ def triaxial_test(runs):
     folder = runs / "triaxial"
     if not finished(folder / "results"):
         mufe_command("new", "triaxial", "-o", folder, "--overwrite")
-        words = ["run", folder / "scene.toml", "-o", folder / "results", "--overwrite"]
-        mufe_command(*words, ranks=num_ranks())
+        # On one rank: few grains take another path where sums have another order.
+        mufe_command("run", folder / "scene.toml", "-o", folder / "results", "--overwrite")
     return folder / "results"
 
 
