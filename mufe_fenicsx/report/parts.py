@@ -99,7 +99,7 @@ class Job:
     grains: tuple | None  #: as of `write_report`
     points: tuple | None
     no_pictures: str | None  #: why nothing in space can be drawn
-    states: list  #: that can be read, so that not each process reads all to see it
+    states: list | None = None  #: that can be read; None: to be found out by reading them
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,9 @@ def draw_parts(source, wanted, figures, processes):
 def draw_job(job):
     """Draw what a job names, in a process of its own; list of :class:`Part`."""
     source = _source(job.run, job.grains, job.points)
-    source.no_pictures, source.run.stored_states = job.no_pictures, job.states
+    source.no_pictures = job.no_pictures
+    if job.states is not None:
+        source.run.stored_states = job.states
     with matplotlib.rc_context(style.RC):
         return _draw_all(source, job)
 
