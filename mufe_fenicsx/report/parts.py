@@ -99,6 +99,7 @@ class Job:
     grains: tuple | None  #: as of `write_report`
     points: tuple | None
     no_pictures: str | None  #: why nothing in space can be drawn
+    states: list | None = None  #: that can be read; None: to be found out by reading them
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,8 @@ def draw_parts(source, wanted, figures, processes):
         for names in groups:
             # Not before: whether pictures can be drawn is found out beside the first jobs.
             why = source.no_pictures if RENDERED & set(names) else None
-            yield Job(names, source.folder, figures, *source.asked, why)
+            states = source.run.stored_states
+            yield Job(names, source.folder, figures, *source.asked, why, states)
 
     try:
         if processes == 1:
@@ -158,6 +160,8 @@ def draw_job(job):
     """Draw what a job names, in a process of its own; list of :class:`Part`."""
     source = _source(job.run, job.grains, job.points)
     source.no_pictures = job.no_pictures
+    if job.states is not None:
+        source.run.stored_states = job.states
     with matplotlib.rc_context(style.RC):
         return _draw_all(source, job)
 

@@ -231,16 +231,19 @@ class Source:
 
         Of the shown state whose contacts carry most; of those with walls where no grains touch.
         """
-        nodes = (self.run.scene.get("contact") or {}).get("points") == "nodes"
         tables = {i: self.run.contacts(i) for i in self.contact_states}
-        index = max(tables, key=lambda i: tables[i]["normal_force"].sum())
-        closed = tables[index][tables[index]["num_points"] > 0]
-        between = closed["grain_b"] != 0
-        at_walls = not between.any()
-        closed = closed[between | at_walls]
-        found = contact_resolution(
-            closed["num_points"], closed["normal_force"], 1 if at_walls else 2, nodes
-        )
+        try:
+            nodes = self.run.scene["contact"].get("points") == "nodes"
+            index = max(tables, key=lambda i: tables[i]["normal_force"].sum())
+            closed = tables[index][tables[index]["num_points"] > 0]
+            between = closed["grain_b"] != 0
+            at_walls = not between.any()
+            closed = closed[between | at_walls]
+            found = contact_resolution(
+                closed["num_points"], closed["normal_force"], 1 if at_walls else 2, nodes
+            )
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise InputError(f"scene or tables of contacts are damaged ({error!r})") from error
         if found is None:
             raise InputError("no stored state has contacts that carry a normal force")
         what = "contacts with walls" if at_walls else "contacts between grains"

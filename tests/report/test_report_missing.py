@@ -33,6 +33,7 @@ def test_a_dynamic_first_half_is_said(tmp_path):
     (trusted,) = (c for c in result["checks"] if c["name"] == "trusted")
     assert trusted["since"] == pytest.approx(0.05, abs=1e-3) and trusted["grade"] == "warn"
     assert all(c["grade"] == "pass" for c in result["checks"] if c is not trusted)
+    assert "contacts" not in {c["name"] for c in result["checks"]}  # there are no tables of them
     page = (tmp_path / "report.html").read_text()
     assert "Trusted from strain 0.0503 on. The 50.25% of the strain before is dynamic" in page
     h["kinetic"] = 0.2 * (h["elastic"] + h["plastic"])
