@@ -162,6 +162,9 @@ def check_mufe(words):
     """
     group = typer.main.get_command(app)
     name, *arguments = words
+    if name.startswith("-"):  # options of the program itself
+        group.make_context("mufe", words, resilient_parsing=True)
+        return
     context = group.make_context("mufe", [name, *arguments], resilient_parsing=True)
     command = group.get_command(context, name)
     assert command is not None, f"mufe {name} is no command"
