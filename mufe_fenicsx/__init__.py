@@ -36,6 +36,7 @@ MODULE_OF = {
     "ImplicitSimulation": "implicit.simulation",
     "InputError": "errors",
     "J2": "materials.j2",
+    "Pressure": "loading.pressure",
     "Rigid": "materials.rigid",
     "Run": "report.run",
     "Scene": "scene.scene",

@@ -12,6 +12,7 @@ from .geometry.grains import Grains as Grains
 from .geometry.grains import load_grains as load_grains
 from .geometry.grains import save_grains as save_grains
 from .implicit.simulation import ImplicitSimulation as ImplicitSimulation
+from .loading.pressure import Pressure as Pressure
 from .materials.auto import Auto as Auto
 from .materials.elastic import Elastic as Elastic
 from .materials.j2 import J2 as J2

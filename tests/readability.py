@@ -106,6 +106,11 @@ def num_words(text):
     return sum(1 for word in plain(text).split() if WORD.search(word))
 
 
+def words_as_shown(text):
+    """All words, those of commands and programs too."""
+    return sum(1 for word in text.split() if WORD.search(word))
+
+
 def unresolved():
     """{acronym: a page that has it} of those that the glossary does not name."""
     known = set(re.findall(r"[A-Z][A-Z0-9]+", GLOSSARY.read_text(encoding="utf-8")))
@@ -129,6 +134,8 @@ def main():
         if not judged(page):
             continue
         total += words
+        if place == Path("README.md") and words_as_shown(text) > WORDS_OF_README:
+            faults.append(f"{place}: {words_as_shown(text)} words, expected {WORDS_OF_README}")
         faults += [f"{place}: {mean:.1f} words in the mean sentence"] * (mean > MEAN)
         long = (s for s in found if s.num_words > LONGEST)
         faults += [f"{place}:{s.line}: {s.num_words} words: {s.text[:80]} …" for s in long]
@@ -138,6 +145,8 @@ def main():
             f"{page.name}: {word} is not in the glossary" for word, page in unresolved().items()
         ]
     print(f"{total} words in pages that are judged")
+    if total > WORDS_OF_DOCS:
+        faults.append(f"{total} words in all, expected at most {WORDS_OF_DOCS}")
     print(*faults, sep="\n")
     return 1 if faults else 0
 

@@ -1,0 +1,44 @@
+"""Pressure on facets that follows them, and the volume that they enclose."""
+
+import numba
+
+
+@numba.njit(cache=True)
+def add_pressure(f, x, facets, pressure):
+    """Add -p A/3 to the nodes of each facet, A its present area vector, in place.
+
+    Args:
+        f: Forces [N], shape (num_nodes, 3).
+        x: Positions [m], shape (num_nodes, 3).
+        facets: Nodes, in the order that makes A point outwards, shape (num_facets, 3).
+        pressure: p [Pa].
+    """
+    for k in range(len(facets)):
+        a, b, c = facets[k, 0], facets[k, 1], facets[k, 2]
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            area = (x[b, j] - x[a, j]) * (x[c, m] - x[a, m])
+            area -= (x[b, m] - x[a, m]) * (x[c, j] - x[a, j])
+            share = pressure * area / 6.0
+            f[a, i] -= share
+            f[b, i] -= share
+            f[c, i] -= share
+
+
+@numba.njit(cache=True)
+def enclosed_volume(x, facets, origin):
+    """Volume between facets and a place [m³]; of a closed surface what it encloses.
+
+    Args:
+        x, facets: As of :func:`add_pressure`.
+        origin: The place [m], shape (3,).
+    """
+    volume = 0.0
+    for k in range(len(facets)):
+        a, b, c = facets[k, 0], facets[k, 1], facets[k, 2]
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            area = (x[b, j] - origin[j]) * (x[c, m] - origin[m])
+            area -= (x[b, m] - origin[m]) * (x[c, j] - origin[j])
+            volume += (x[a, i] - origin[i]) * area / 6.0
+    return volume

@@ -1,0 +1,25 @@
+"""README and the pages keep the limits of :mod:`tests.readability`, which finds what is beyond."""
+
+import pytest
+
+from tests import readability
+
+
+def test_pages_keep_the_limits(capsys):
+    assert readability.main() == 0, capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "lengths"),
+    [
+        ("One two. Three, e.g. four five: six.\n\n- Seven `a b c` eight.", [2, 5, 3]),
+        ("| a | b |\n\n```sh\nnot read\n```\nRead $x + y$ here.", [3]),
+    ],
+)
+def test_sentences(text, lengths):
+    assert [s.num_words for s in readability.sentences(text)] == lengths
+
+
+def test_cells_and_acronyms():
+    assert [c for _, c in readability.crowded_cells("| 1.5 % | 2 to 3 | J2, `4 5` |")] == ["2 to 3"]
+    assert readability.acronyms("TIFFs of MPI, not `XYZ`, A or Mp") == {"TIFF", "MPI"}
