@@ -58,7 +58,7 @@ def finite_array(name: str, value: object, shape: tuple[int, ...]) -> "np.ndarra
     import numpy as np  # commands that only print need no arrays
 
     try:
-        array = np.asarray(value, dtype=float)
+        array = np.asarray(np.nan if isinstance(value, str) else value, dtype=float)
     except (TypeError, ValueError):
         array = np.array(np.nan)
     if array.shape != shape or not np.isfinite(array).all():

@@ -28,6 +28,7 @@ from .errors import (
     shown,
 )
 from .loading.gravity import Gravity
+from .materials.elastic import IsotropicSolid
 from .state import ForceTerm, Stateful, initial_state
 
 
@@ -72,6 +73,7 @@ class Specimen(Stateful):
         **contact,
     ):
         self.mesh, self.comm = mesh, mesh.comm
+        _check_materials(materials, mesh.num_grains)
         self.solid = solid = Solid(mesh, materials, element)
         weighed = solid.mass.copy()
         self.rigid = RigidGrains(mesh, materials, solid.mass, mass_factor)
@@ -304,6 +306,19 @@ class Specimen(Stateful):
     def mean_active_contacts(self):
         """Mean number of neighbours that press on a grain, walls left out. Collective."""
         return 2.0 * num_active_pairs(self.contact) / self.mesh.labels.size
+
+
+def _check_materials(materials, num_grains):
+    for material in materials:
+        if not isinstance(material, IsotropicSolid):
+            raise InputError(
+                f"material = {shown(material)}, expected one such as Elastic(E=70e9, nu=0.2, "
+                "rho=2500)"
+            )
+    if len(materials) != num_grains:
+        raise InputError(
+            f"materials = {len(materials)}, expected {num_grains}: one for each grain of this rank"
+        )
 
 
 def _not_negative(name, value):

@@ -87,7 +87,8 @@ def trusted_from(history, mass=None):
     """The row from which on both ratios, as :func:`judged`, stay within their limits to the end.
 
     Rows in which a ratio does not exist, since nothing is loaded, do not count, nor do forces below
-    a tenth of the largest so far. Where no row of loading can be judged, nothing is trusted.
+    a tenth of the largest so far. Where no row that carries a tenth of the largest load is left,
+    nothing is trusted.
 
     Args:
         history: dict column -> array.
@@ -103,7 +104,8 @@ def trusted_from(history, mass=None):
     with np.errstate(invalid="ignore"):
         missed = np.flatnonzero((kinetic > KINETIC) | (unbalanced > UNBALANCED))
     first = missed[-1] + 1 if missed.size else 0
-    if not (np.isfinite(kinetic) | np.isfinite(unbalanced))[first:].any():
+    loaded = load >= UNLOADED * max(load.max(initial=0.0), 0.0)
+    if not (loaded & (np.isfinite(kinetic) | np.isfinite(unbalanced)))[first:].any():
         return Trust(None, 1.0, largest(kinetic), largest(unbalanced))
     row = int(rows[first])
     before = largest(kinetic[:first]), largest(unbalanced[:first])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from ..errors import InputError, finite_array, nearest_name, shown
+from ..errors import InputError, SolverError, finite_array, nearest_name, shown
 from ..kernels.bonded import turn_rows
 from ..kernels.boxes import boxes_of_groups
 from ..kernels.motion import advance, work_of
@@ -88,6 +88,10 @@ class Wall:
                 f"growth_rate of wall {self.name} = {self.growth_rate}, expected none of a plane "
                 "or a glued wall"
             )
+        if self.target is not None and not 0.0 < self.speed < math.inf:
+            raise InputError(
+                f"speed of wall {self.name} = {self.speed}, expected > 0 m/s where it holds a force"
+            )
         kinetic_of(self.friction, self.friction_kinetic, f"of wall {self.name}")
         if self.mirror:
             for name, value in (("friction", self.friction), ("velocity", self.velocity),
@@ -164,11 +168,19 @@ class CurvedWalls(Stateful):
         return None if self._sag is None else self._sag[point, wall]
 
     def move(self, dt):
-        """Grow for ``dt`` [s]; largest growth [m]."""
+        """Grow for ``dt`` [s]; largest growth [m].
+
+        Raises:
+            SolverError: A radius is not positive any more; the same on all ranks.
+        """
         if not self.any:
             return 0.0
         self.growth[:] = dt * self.growth_rate
         self.radius += self.side * self.growth
+        if (self.radius * self.side <= 0.0)[self.side != 0.0].any():
+            raise SolverError(
+                "the radius of a wall has shrunk to nothing: raise growth_rate, or end before"
+            )
         return float(np.abs(self.growth).max())
 
     def half_work(self):
@@ -373,11 +385,14 @@ class Walls(Stateful):
         """Set the speeds of walls with a servo for steps of length ``dt`` [s]. Collective."""
         for i, (wall, force, k) in enumerate(zip(self.walls, *self.pressing(comm), strict=True)):
             if wall.target is not None:
-                speed = wall.servo_speed(force, k, dt)
-                if wall.radius:
-                    self.curved.growth_rate[i] = -self.curved.side[i] * speed
-                else:
-                    self.velocity[i] = speed * self.normal[i]
+                self.set_speed(i, wall.servo_speed(force, k, dt))
+
+    def set_speed(self, i, speed):
+        """Let wall number ``i`` come towards the sample at ``speed`` [m/s]. Local."""
+        if self.curved.side[i]:
+            self.curved.growth_rate[i] = -self.curved.side[i] * speed
+        else:
+            self.velocity[i] = speed * self.normal[i]
 
     def search(self, x, nodes, corner, grain_of_point, reach, bound):
         """Find the points near each wall and transfer what their pairs remember. Local.

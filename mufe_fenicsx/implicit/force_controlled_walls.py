@@ -49,13 +49,14 @@ class ForceControlledWalls:
             take_back: Undoes the one that was made last.
         """
         walls, made = self._specimen.walls, False
-        normal = walls.normal[self._which]
+        numbers = np.flatnonzero(self._which)
 
         def excess(way):
             nonlocal made
             if made:
                 take_back()
-            walls.velocity[self._which] = (way / dt)[:, None] * normal
+            for number, speed in zip(numbers, way / dt, strict=True):
+                walls.set_speed(number, speed)
             made = increment(dt)
             return self._excess() if made else None
 

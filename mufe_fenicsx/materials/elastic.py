@@ -17,6 +17,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..errors import finite_array
 from ..kernels.hardening import plastic_increment
 from ..units import REQUIRED, check_keys, setting
 
@@ -38,6 +39,8 @@ class IsotropicSolid:
 
     def __post_init__(self):
         check_keys(self)
+        for name in ("E", "nu", "rho"):
+            finite_array(name, getattr(self, name), ())
 
     @property
     def largest_plastic_strain(self) -> float:

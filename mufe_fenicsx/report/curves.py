@@ -27,8 +27,8 @@ ENERGIES = {
     "plastic": ("plastic", style.RED, "-"),
     "friction": ("friction", style.ORANGE, "-"),
     "elastic": ("elastic", style.BLUE, "-"),
-    "switching": ("facet switching", style.GREEN, "--"),
-    "contact": ("contact penalty", style.SKY, "--"),
+    "switching": ("facet switching", style.BLACK, "-."),
+    "contact": ("contact springs", style.SKY, "--"),
     "damping": ("damping", style.PINK, "-."),
     "kinetic": ("kinetic", style.GREEN, ":"),
 }

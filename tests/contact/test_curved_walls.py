@@ -5,8 +5,8 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.contact.walls import Wall, rotation_of
-from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import cylinder
+from mufe_fenicsx.errors import InputError, SolverError
+from mufe_fenicsx.geometry.bodies.shapes import cylinder, sphere
 from mufe_fenicsx.kernels.walls import gaps_to_walls
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.run.from_bodies import build, simulate
@@ -183,3 +183,28 @@ def test_what_is_no_wall_is_named(changed, message):
     with pytest.raises(InputError) as caught:
         Wall(**{"name": "ring", "point": [0, 0, 0], "normal": [0, 0, 1], "radius": 1e-3} | changed)
     assert str(caught.value) == message
+
+
+@pytest.mark.parametrize("axis", [UP, np.zeros(3)])
+def test_increments_hold_a_force_on_a_curved_wall(axis):
+    """A ring around a cylinder, and a hollow sphere around a ball, find their radius."""
+    body = (
+        cylinder(RADIUS, 0.5 * RADIUS, 0.3 * RADIUS) if axis.any() else sphere(RADIUS, RADIUS / 3)
+    )
+    middle = np.zeros(3)
+    wall = Wall("wall", middle, axis, radius=1.001 * RADIUS, target=5.0, speed=0.01 * RADIUS)
+    ends = [Wall("low", middle, UP), Wall("top", 0.5 * RADIUS * UP, -UP)] if axis.any() else []
+    s = build(MPI.COMM_SELF, [body], SOFT, [0] * 3, [1] * 3, "", walls=[wall, *ends], increment=1.0)
+    for _ in range(6):
+        s.step()
+    # Walls under a force are found to 1e-3 of it.
+    assert s.wall_forces()[0] == pytest.approx(5.0, rel=2e-3)
+    assert s.walls.point[0] == pytest.approx(middle)
+    assert s.walls.curved.radius[0] < 1.0 * RADIUS
+
+
+def test_a_wall_that_shrinks_to_nothing_is_an_error():
+    s = cylinder_in_a_ring(growth_rate=-0.3 * RADIUS, increment=1.0)
+    s.walls.move(3.0)
+    with pytest.raises(SolverError, match="radius of a wall has shrunk to nothing"):
+        s.walls.move(1.0)

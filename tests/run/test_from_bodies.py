@@ -62,6 +62,18 @@ CASES = [
         'velocity of wall lid = "fast", expected finite numbers of shape (3,)',
     ),
     (
+        lambda: wall(target=1.0),
+        "speed of wall lid = 0.0, expected > 0 m/s where it holds a force",
+    ),
+    (
+        lambda: build(MPI.COMM_SELF, [TET], None, [0] * 3, [1] * 3),
+        "material = None, expected one such as Elastic(E=70e9, nu=0.2, rho=2500)",
+    ),
+    (
+        lambda: Elastic(E="70 GPa", nu=0.2, rho=2500.0),
+        'E = "70 GPa", expected a finite number',
+    ),
+    (
         lambda: drive(one_tetrahedron(), {"top": UP}, 1.0),
         'wall = "top", expected one of x_min, x_max, y_min, y_max, z_min, z_max',
     ),
