@@ -18,11 +18,11 @@ from .materials.elastic import Elastic as Elastic
 from .materials.j2 import J2 as J2
 from .materials.rigid import Rigid as Rigid
 from .mesh import GrainMesh as GrainMesh
-from .report.run import Run as Run
-from .report.run import open_run as open_run
 from .run.from_bodies import build as build
 from .run.from_bodies import drive as drive
 from .run.from_bodies import settle as settle
+from .run.opened import Run as Run
+from .run.opened import open_run as open_run
 from .run.run import run_scene as run_scene
 from .scene.catalogue import register_material as register_material
 from .scene.reading import load_scene as load_scene

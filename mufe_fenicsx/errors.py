@@ -5,7 +5,7 @@ import math
 import signal
 import threading
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import numpy as np
@@ -69,6 +69,21 @@ def finite_array(name: str, value: object, shape: tuple[int, ...]) -> "np.ndarra
             f"{name} = {shown(value) if array.size < 5 else found}, expected {expected}"
         )
     return array
+
+
+def raise_together(comm: Any, message: str | None) -> None:
+    """Raise the same InputError on every rank if any rank has a message. Collective.
+
+    Args:
+        comm: MPI communicator.
+        message: What went wrong on this rank, or None.
+
+    Raises:
+        InputError: The message of the first rank that has one.
+    """
+    for other in comm.allgather(message):
+        if other is not None:
+            raise InputError(other)
 
 
 def raise_on_broken_pipes() -> None:

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 from petsc4py import PETSc  # noqa: F401  starts it, and with it its handlers of signals
 
-from .errors import InputError, raise_on_broken_pipes
+from .errors import raise_on_broken_pipes, raise_together
 from .kernels.topology import FACETS, body_defect
 from .machine.notebook import html_table
 from .units import with_unit
@@ -274,9 +274,7 @@ def _check_bodies(comm, points, cells, cell_grain, labels):
         if defect:
             message = f"grain {labels[grain]} has {defect}: mesh that grain anew"
             break
-    messages = [text for text in comm.allgather(message) if text]
-    if messages:
-        raise InputError(messages[0])
+    raise_together(comm, message)
 
 
 def _check_elements(comm, x, cells, cell_offset, facets, grain_of_facet, labels):
@@ -315,9 +313,7 @@ def _check_elements(comm, x, cells, cell_offset, facets, grain_of_facet, labels)
             f"volume of the elements of grain {labels[k]} = {filled[k]:.6g} m³ in a surface around "
             f"{enclosed[k]:.6g} m³, expected the same: elements lie inside out or in each other"
         )
-    messages = [text for text in comm.allgather(message) if text]
-    if messages:
-        raise InputError(messages[0])
+    raise_together(comm, message)
 
 
 def _order(grain_of_cell, original, family):

@@ -25,6 +25,7 @@ from .errors import (
     UnstableError,
     finite_array,
     nearest_name,
+    raise_together,
     shown,
 )
 from .loading.gravity import Gravity
@@ -73,12 +74,12 @@ class Specimen(Stateful):
         **contact,
     ):
         self.mesh, self.comm = mesh, mesh.comm
-        _check_materials(materials, mesh.num_grains)
+        raise_together(self.comm, _what_is_wrong(mesh, materials, velocity, mass_factor))
         self.solid = solid = Solid(mesh, materials, element)
         weighed = solid.mass.copy()
         self.rigid = RigidGrains(mesh, materials, solid.mass, mass_factor)
         if mass_factor is not None:
-            solid.mass *= finite_array("mass_factor", mass_factor, solid.mass.shape)
+            solid.mass *= mass_factor
         self.walls = Walls(walls)
         settings = _settings_of_contact(contact)
         grains = ContactGrains(
@@ -105,7 +106,7 @@ class Specimen(Stateful):
             mesh.x, mesh.num_cells, self.u.x.array.reshape(-1, 3), self.v.x.array.reshape(-1, 3)
         )
         if velocity is not None:
-            self.state.v[:] = finite_array("velocity", velocity, mesh.x.shape)
+            self.state.v[:] = velocity
             self.rigid.set_velocity(self.state.v)
             self.mirrors.project(self.state.v)
         self.damping = _not_negative("damping", damping)
@@ -144,8 +145,9 @@ class Specimen(Stateful):
         term.add_forces(self.f, self.state, 0.0)
         self.f[self.bonded.nodes] = 0.0
         self.mirrors.project(self.f)
-        if not np.isfinite(self.f).all():
-            raise InputError(f"force term {term.name} adds forces that are not finite")
+        lost = not np.isfinite(self.f).all()
+        message = f"force term {term.name} adds forces that are not finite"
+        raise_together(self.comm, message if lost else None)
         energy = term.energy(self.state)
         self.first_energies = np.append(self.first_energies, np.nan if energy is None else energy)
 
@@ -308,17 +310,24 @@ class Specimen(Stateful):
         return 2.0 * num_active_pairs(self.contact) / self.mesh.labels.size
 
 
-def _check_materials(materials, num_grains):
+def _what_is_wrong(mesh, materials, velocity, mass_factor):
+    """Message about what this rank was given for its nodes and grains, None if it can be used."""
     for material in materials:
         if not isinstance(material, IsotropicSolid):
-            raise InputError(
+            return (
                 f"material = {shown(material)}, expected one such as Elastic(E=70e9, nu=0.2, "
                 "rho=2500)"
             )
-    if len(materials) != num_grains:
-        raise InputError(
-            f"materials = {len(materials)}, expected {num_grains}: one for each grain of this rank"
-        )
+    if len(materials) != mesh.num_grains:
+        return f"materials = {len(materials)}, expected one for each of {mesh.num_grains} grains"
+    of_nodes = ("velocity", velocity, (3,)), ("mass_factor", mass_factor, ())
+    try:
+        for name, value, shape in of_nodes:
+            if value is not None:
+                finite_array(name, value, (mesh.num_nodes, *shape))
+    except InputError as error:
+        return str(error)
+    return None
 
 
 def _not_negative(name, value):

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError
 from .pairs.facet_pairs import Pairs
-from .walls import WallPairs
+from .pairs.wall_pairs import WallPairs
 
 #: Bits of the number of a surface node in the name of a facet.
 BITS = 21

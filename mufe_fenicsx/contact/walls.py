@@ -6,36 +6,30 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from ..errors import InputError, SolverError, finite_array, nearest_name, shown
+from ..errors import InputError, finite_array, nearest_name, shown
 from ..kernels.bonded import turn_rows
-from ..kernels.boxes import boxes_of_groups
 from ..kernels.motion import advance, work_of
-from ..kernels.pairs import column, rows
+from ..kernels.pairs import column
 from ..kernels.transfer import transfer_pairs
 from ..kernels.walls import (
     COLUMNS,
-    ROW,
     WallForces,
     closed_stiffness,
-    farthest,
     find_wall_candidates,
     gaps_to_walls,
-    motion_to_walls,
     wall_energy,
 )
 from ..state import Stateful
 from .bonded import find_bonded
+from .curved_walls import CurvedWalls
 from .laws import kinetic_of
 from .mirrors import nodes_on_mirrors
-from .pairs.motion_bounds import WALLS, MotionBounds
+from .near_walls import NearWalls
+from .pairs.wall_pairs import REMEMBERED, WallPairs
 
 #: Part α of the force that a servo lacks which one step may change: stable below 1 at the longest
 #: step that contacts allow, and below 2 at short ones (theory.servo).
 SERVO_GAIN = 0.5
-#: Facets whose corners are so near to a curved wall at the start, over their edge, are part of it.
-ON_WALL = 1e-6
-#: What a pair keeps when the pairs are searched anew.
-REMEMBERED = ("gap", "offset", "closed", "stick_point", "shear", "slip", "normal_force", "sliding")
 
 
 @dataclass
@@ -124,119 +118,6 @@ class Wall:
             gain = min(gain, SERVO_GAIN / (stiffness * dt))
         v = gain * (self.target - normal_force)
         return min(max(v, -self.speed), self.speed)
-
-
-class CurvedWalls(Stateful):
-    """Radii of the walls of all shapes, and what makes them change.
-
-    Args:
-        walls: List of :class:`Wall`.
-    """
-
-    STATE = {"common": ("radius", "growth_rate", "growth"), "sum": ("pressing",)}
-
-    def __init__(self, walls):
-        self.radius = np.array([w.radius for w in walls], dtype=float)  #: 0 of a plane [m]
-        self.growth_rate = np.array([w.growth_rate for w in walls], dtype=float)  #: [m/s]
-        self.growth = np.zeros(len(walls))  #: of the distance to the axis in the last move [m]
-        self.pressing = np.zeros(len(walls))  #: sum of this rank's normal forces on each [N]
-        self.side = np.sign(self.radius)  #: 1 with the grains inside, -1 outside, 0 of a plane
-        self.any = bool(self.side.any())
-        self._sag = None  # of points in facets that lie on a curved wall at the start [m]
-
-    def measure_sag(self, walls, x, nodes, corner):
-        """Take facets that lie on a curved wall at the start for parts of its surface. Local.
-
-        A grain that the wall's surface cuts has facets there whose corners lie on the wall. Points
-        in these are away from it by what a chord leaves of an arc, which is no gap.
-
-        Args:
-            walls: List of :class:`Wall`.
-            x, nodes, corner: As of :meth:`Walls.search`.
-        """
-        if not self.any or corner is None:
-            return
-        self._sag = np.zeros((len(x), len(walls)))
-        edge = np.linalg.norm(nodes[corner[:, 1]] - nodes[corner[:, 0]], axis=1)
-        for w in np.flatnonzero(self.side):
-            apart = np.abs(walls[w].gap(nodes))[corner].max(axis=1)
-            on = apart <= ON_WALL * edge
-            self._sag[on, w] = walls[w].gap(x[on])
-
-    def sag_of(self, point, wall):
-        """That of pairs [m], shape (num,); None where no wall is curved. Local."""
-        return None if self._sag is None else self._sag[point, wall]
-
-    def move(self, dt):
-        """Grow for ``dt`` [s]; largest growth [m].
-
-        Raises:
-            SolverError: A radius is not positive any more; the same on all ranks.
-        """
-        if not self.any:
-            return 0.0
-        self.growth[:] = dt * self.growth_rate
-        self.radius += self.side * self.growth
-        if (self.radius * self.side <= 0.0)[self.side != 0.0].any():
-            raise SolverError(
-                "the radius of a wall has shrunk to nothing: raise growth_rate, or end before"
-            )
-        return float(np.abs(self.growth).max())
-
-    def half_work(self):
-        """Half of the work of the forces that act now along the last growth [J]."""
-        return -0.5 * float(self.pressing @ (self.side * self.growth)) if self.any else 0.0
-
-
-class NearWalls(Stateful):
-    """Where points are that can come near the walls until the next search.
-
-    Args:
-        num_walls: Number of walls.
-    """
-
-    STATE = {"largest": ("farthest", "box")}
-
-    def __init__(self, num_walls):
-        self.farthest = np.zeros(num_walls)  #: of this rank's surface nodes from ``point`` [m]
-        self.box = np.zeros((num_walls, 2, 3))  #: around the points near each, of all ranks [m]
-        self._moves = np.zeros(num_walls)
-
-    def enclose(self, comm, walls, x, reach):
-        """Find that place anew. Collective.
-
-        Args:
-            comm: MPI communicator.
-            walls: :class:`Walls` with their pairs.
-            x: Positions of this rank's points of contact at the last search [m], (num_points, 3).
-            reach: More than points move until the next one [m].
-        """
-        if x.size:
-            self.farthest[:] = farthest(x, walls.point) + reach
-        low, high = boxes_of_groups(x, walls.pairs.node, walls.pairs.wall, self._moves.size)
-        both = np.stack([low, -high], axis=1)
-        comm.Allreduce(MPI.IN_PLACE, both, op=MPI.MIN)
-        both[:, 1] *= -1.0
-        both += reach * np.array([[-1.0], [1.0]])
-        self.box[:] = np.where(np.isfinite(both), both, 0.0)
-
-    def motion_in(self, walls, field, dt):
-        """How far a field brought points to the walls when these moved last, at most. Local.
-
-        Args:
-            walls: :class:`Walls`.
-            field: Velocity linear in the place, as in kernels.motion.
-            dt: Length of that step [s].
-
-        Returns:
-            Distances [m], infinity for walls that turn, shape (num_walls,).
-        """
-        curved = walls.curved
-        motion_to_walls(
-            self._moves, field, walls.normal, walls.displacement, curved.growth, walls.turn,
-            self.box, curved.radius, dt,
-        )  # fmt: skip
-        return self._moves
 
 
 class Walls(Stateful):
@@ -474,28 +355,3 @@ def rotation_of(turn):
     if angle < 1e-4:  # series to rounding
         return np.eye(3) + (1 - angle**2 / 6) * K + 0.5 * (1 - angle**2 / 12) * K @ K
     return np.eye(3) + math.sin(angle) / angle * K + (1 - math.cos(angle)) / angle**2 * K @ K
-
-
-class WallPairs(Stateful):
-    """Node-wall pairs of one rank. Arrays as in kernels.walls."""
-
-    STATE = {"here": ("next_check", "state", "bounds")}
-    #: What a checkpoint keeps of each pair.
-    KEPT = ("next_check", *REMEMBERED, "work")
-
-    def __init__(self, node, wall, grain_of_point, bound):
-        n = node.size
-        self.node, self.wall = node, wall
-        walls = WALLS + wall.astype(np.int64)
-        self.motion_bounds = MotionBounds(grain_of_point[node], walls, bound)
-        self.next_check = np.full(n, bound)
-        self.state = rows(n, ROW)
-        for name in (*REMEMBERED, "work", "stiffness"):
-            setattr(self, name, column(self.state, name, COLUMNS))
-        self.gap[:] = np.inf
-        self.forces = None  #: kernels.walls.WallForces, once they are wanted
-
-    @property
-    def bounds(self):
-        """Of motion relative to walls, of each grain and wall [m]."""
-        return self.motion_bounds.bounds

@@ -77,6 +77,38 @@ def gaps_to_walls(gap, normal_there, x, wall, point, normal, radius):
 
 
 @numba.njit(cache=True)
+def grow(radius, growth, side, rate, dt):
+    """Radii go on by ``growth`` = dt rate, away from the axis, in place.
+
+    Args:
+        radius: As of :func:`gap_to_wall`, shape (num_walls,).
+        growth: Set [m], shape (num_walls,).
+        side: Sign of the radius, 0 of a plane.
+        rate: [m/s], shape (num_walls,).
+        dt: [s].
+
+    Returns:
+        Largest growth [m], and whether a radius has vanished.
+    """
+    largest, vanished = 0.0, False
+    for w in range(radius.size):
+        growth[w] = dt * rate[w]
+        radius[w] += side[w] * growth[w]
+        largest = max(largest, abs(growth[w]))
+        vanished |= side[w] != 0.0 and side[w] * radius[w] <= 0.0
+    return largest, vanished
+
+
+@numba.njit(cache=True)
+def work_of_growth(pressing, side, growth):
+    """Work that grains inside do on walls that grow, less what grains outside do [J]."""
+    work = 0.0
+    for w in range(growth.size):
+        work += pressing[w] * side[w] * growth[w]
+    return work
+
+
+@numba.njit(cache=True)
 def farthest(x, point):
     """Largest distance of nodes from a point of each plane [m], shape (num_walls,)."""
     found = np.zeros(len(point))
@@ -130,12 +162,12 @@ def _along(field, normal, displacement, box, dt):
 @numba.njit(cache=True)
 def _across(field, axis, displacement, box, dt):
     """Bound of the motion of the field across an axis in a box, beside that of the wall [m]."""
-    square, direction = 0.0, np.zeros(3)
-    # Of two directions across the axis, or three where there is none.
+    square = 0.0
+    # Along the three axes, each without its part along that of the wall.
     for i in range(3):
-        direction[:] = -axis[i] * axis
-        direction[i] += 1.0
-        square += _along(field, direction, displacement, box, dt) ** 2
+        a, b, c = -axis[i] * axis[0], -axis[i] * axis[1], -axis[i] * axis[2]
+        across = (a + (i == 0), b + (i == 1), c + (i == 2))
+        square += _along(field, across, displacement, box, dt) ** 2
     return math.sqrt(square)
 
 

@@ -56,7 +56,9 @@ class Pressure(ForceTerm):
         if not mesh.comm.allreduce(len(self.facets)):
             raise InputError(f"facets under the pressure {name} = 0, expected at least one")
         self._pressure = float(finite_array(name, pressure, ()))
-        self._origin = mesh.x.mean(axis=0)
+        # The same on all ranks: of an open surface whose rim moves the potential depends on it.
+        parts = mesh.comm.allreduce(np.append(mesh.x.sum(axis=0), mesh.num_nodes))
+        self._origin = parts[:3] / parts[3]
         # What the potential was when the pressure was set last, and the volume then.
         self._potential = 0.0
         self._volume = enclosed_volume(mesh.x, self.facets, self._origin)

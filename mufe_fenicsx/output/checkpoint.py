@@ -19,8 +19,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.output.run_folder import attempt, plain, raise_together, reason, regular, try_room
+from mufe_fenicsx.errors import InputError, raise_together
+from mufe_fenicsx.output.run_folder import attempt, plain, reason, regular, try_room
 
 FORMAT, VERSION = "mufe checkpoint", 11
 MANIFEST = "manifest.json"

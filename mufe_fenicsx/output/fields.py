@@ -16,11 +16,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from mufe_fenicsx.errors import InputError, shortened
+from mufe_fenicsx.errors import InputError, raise_together, shortened
 from mufe_fenicsx.output.run_folder import (
     attempt,
     on_first_rank,
-    raise_together,
     reason,
     regular,
     remove_states_after,

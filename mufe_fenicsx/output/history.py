@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.output.run_folder import raise_together, reason, regular
+from mufe_fenicsx.errors import InputError, raise_together
+from mufe_fenicsx.output.run_folder import reason, regular
 
 #: Columns of history.csv, in order; SI units.
 COLUMNS = (

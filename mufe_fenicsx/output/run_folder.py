@@ -12,7 +12,7 @@ import tempfile
 from pathlib import Path
 
 import mufe_fenicsx
-from mufe_fenicsx.errors import InputError, shortened
+from mufe_fenicsx.errors import InputError, raise_together, shortened
 from mufe_fenicsx.output.run_kinds import sorted_out
 
 #: Made by whoever writes into a run folder, and gone when that ends (:mod:`.run_lock`).
@@ -54,21 +54,6 @@ OWN_FOLDERS = ("fields", "figures", "contacts", "checkpoints", "paraview")
 
 #: Room for what an HDF5 file holds beside its arrays [bytes].
 HEADERS = 64 * 1024
-
-
-def raise_together(comm, message):
-    """Raise the same InputError on every rank if any rank has a message. Collective.
-
-    Args:
-        comm: MPI communicator.
-        message: What went wrong on this rank, or None.
-
-    Raises:
-        InputError: The message of the first rank that has one.
-    """
-    for other in comm.allgather(message):
-        if other is not None:
-            raise InputError(other)
 
 
 def on_first_rank(comm, action):

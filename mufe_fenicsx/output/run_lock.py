@@ -22,8 +22,8 @@ import time
 from datetime import UTC, datetime
 from pathlib import Path
 
-from ..errors import InputError
-from .run_folder import LOCK, raise_together, reason, regular
+from ..errors import InputError, raise_together
+from .run_folder import LOCK, reason, regular
 
 #: A holder touches its file this often [s].
 BEAT = 20.0

@@ -5,12 +5,12 @@ from mpi4py import MPI
 
 from ..contact.separation import separate
 from ..contact.walls import Wall
-from ..errors import InputError
+from ..errors import InputError, raise_together
 from ..explicit.simulation import Simulation
 from ..geometry.grains import load_grains, read_grain_table
 from ..geometry.tets.refine import PARTS, split
 from ..mesh import create_grain_mesh, partition_grains
-from ..output.run_folder import on_first_rank, raise_together
+from ..output.run_folder import on_first_rank
 from ..scene import WALLS, load_scene
 
 

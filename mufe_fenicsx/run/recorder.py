@@ -6,12 +6,11 @@ import math
 from ..bulk.solid import von_mises
 from ..contact.results.network import find_network
 from ..contact.results.nodal_fields import nodal_contact
-from ..errors import InputError
+from ..errors import InputError, raise_together
 from ..output.contacts import ContactWriter
 from ..output.fields import Computed, FieldWriter
 from ..output.history import COLUMNS, HistoryWriter
 from ..output.record import ResultRecord
-from ..output.run_folder import raise_together
 from ..scene import WALLS
 from .energy_guard import EnergyGuard
 

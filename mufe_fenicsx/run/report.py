@@ -3,9 +3,8 @@
 import time
 from pathlib import Path
 
-from ..errors import InputError
+from ..errors import InputError, raise_together
 from ..machine.mpi_launcher import forget_launcher
-from ..output.run_folder import raise_together
 from .run_place import say
 
 #: Ranks that wait for the report look so often [s]: MPI's own waiting takes a core each.

@@ -3,10 +3,10 @@
 import tomllib
 from pathlib import Path
 
-from ..errors import InputError
+from ..errors import InputError, raise_together
 from ..output.checkpoint import file_checksum
 from ..output.record import lost_results
-from ..output.run_folder import on_first_rank, raise_together, read_run_json
+from ..output.run_folder import on_first_rank, read_run_json
 from .run_place import say
 
 

@@ -5,9 +5,6 @@ user would start it; elsewhere the test calls `main`, which is quicker.
 """
 
 import json
-import os
-import re
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -23,13 +20,9 @@ from mufe_fenicsx.cli.arguments import known_names, parameters
 from mufe_fenicsx.cli.main import main
 from mufe_fenicsx.cli.terminal import Printer, plain, progress_bar
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.machine.mpi_launcher import environment_without_launcher, find_mpirun
+from mufe_fenicsx.machine.mpi_launcher import environment_without_launcher
 from mufe_fenicsx.run.demo import demo_commands, demo_scene
-
-#: Longest time for a command that has nothing to do [s]; one that hangs is ended then.
-PATIENCE = 600
-#: Variables by which a process of its own finds the package.
-FROM_HERE = {"PYTHONPATH": str(Path(__file__).parents[2])}
+from tests.cli.commands import FROM_HERE, assert_refused, mufe, run
 
 SCENE = """
 [material]
@@ -58,49 +51,6 @@ def mufe_here(monkeypatch, capfd):
         return subprocess.CompletedProcess(arguments, end.value.code, out, err)
 
     return call
-
-
-def mufe(*arguments, cwd, num_ranks=None):
-    """Run `mufe` on one or more ranks and return the finished process."""
-    command = [sys.executable, "-m", "mufe_fenicsx", *map(str, arguments)]
-    return run(command, cwd, num_ranks)
-
-
-def run(command, cwd, num_ranks=None):
-    """Run a command, under mpirun where ``num_ranks`` is given."""
-    if num_ranks is not None:
-        mpirun = find_mpirun()
-        if mpirun is None:
-            pytest.skip("no mpirun beside Python or on PATH")
-        command = [mpirun, "-n", str(num_ranks), *command]
-    process = subprocess.Popen(
-        command,
-        cwd=cwd,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    try:
-        out, err = process.communicate(timeout=PATIENCE)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        pytest.fail(f"{' '.join(command)} hangs")
-    # Open MPI's launcher adds texts of its own between two rules.
-    err = re.sub(r"^-{20,}\n.*?^-{20,}\n", "", err, flags=re.DOTALL | re.MULTILINE)
-    return subprocess.CompletedProcess(command, process.returncode, out, err)
-
-
-def assert_refused(result, said, folder, files):
-    """Status 2 after one line that says it, and ``folder`` holds ``files`` and nothing else."""
-    lines = result.stderr.splitlines()
-    assert result.returncode == 2, result.stderr
-    assert len(lines) == 1 and lines[0].startswith("mufe: "), result.stderr
-    assert said in lines[0]
-    assert result.stdout == ""
-    assert sorted(path.name for path in folder.iterdir()) == sorted(files)
 
 
 @pytest.fixture
@@ -332,54 +282,6 @@ def test_shells_complete_commands_and_options(tmp_path, mufe_here, monkeypatch, 
     monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
     result = mufe_here(cwd=tmp_path)
     assert (result.returncode, result.stdout.split()) == (0, [ends])
-
-
-def ending(body):
-    """A program whose rank-dependent end goes through `run_to_exit`."""
-    return [
-        sys.executable,
-        "-c",
-        "import mufe_fenicsx, mufe_fenicsx.cli.exit_status as exit_status\n"
-        "from mufe_fenicsx.errors import InputError, SolverError\n"
-        "from mpi4py import MPI\n"
-        "comm = MPI.COMM_WORLD\n"
-        "exit_status.PATIENCE = 1.0\n"
-        f"def action():\n    {body}\n    return 0\n"
-        "exit_status.run_to_exit(action)\n",
-    ]
-
-
-def test_line_of_a_rank_that_fails_alone_is_printed_once(tmp_path):
-    body = "if comm.rank == 1: raise InputError('quantity = 1, expected\\n 2')"
-    result = run(ending(body), tmp_path, num_ranks=2)
-    assert_refused(result, "mufe: quantity = 1, expected 2", tmp_path, [])
-
-
-def test_rank_that_fails_while_others_wait_ends_them(tmp_path):
-    body = "\n    ".join(
-        ["if comm.rank == 1: raise InputError('quantity = 1, expected 2')", "comm.Barrier()"]
-    )
-    result = run(ending(body), tmp_path, num_ranks=2)
-    assert result.returncode == 2
-    assert result.stderr.count("mufe: quantity = 1, expected 2") == 1
-    assert "Traceback" not in result.stderr
-
-
-def test_defect_on_one_rank_shows_its_traceback_and_ends_all(tmp_path):
-    body = "\n    ".join(["if comm.rank == 1: raise KeyError('lost')", "comm.Barrier()"])
-    result = run(ending(body), tmp_path, num_ranks=2)
-    assert result.returncode == 1
-    assert "Traceback" in result.stderr and "KeyError: 'lost'" in result.stderr
-
-
-def test_computation_that_fails_has_status_1(tmp_path):
-    result = run(ending("raise SolverError('energy grows')"), tmp_path, num_ranks=2)
-    assert (result.returncode, result.stderr) == (1, "mufe: energy grows\n")
-
-
-def test_full_file_system_is_one_line(tmp_path):
-    result = run(ending("raise OSError(28, 'No space left on device', 'history.csv')"), tmp_path)
-    assert_refused(result, "mufe: history.csv: No space left on device", tmp_path, [])
 
 
 def test_json_stands_alone_on_standard_output(inputs):

@@ -1,0 +1,60 @@
+"""Commands as processes of their own, on one rank or several, and how a refusal looks."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mufe_fenicsx.machine.mpi_launcher import find_mpirun
+
+#: Longest time for a command that has nothing to do [s]; one that hangs is ended then.
+PATIENCE = 600
+#: Variables by which a process of its own finds the package.
+FROM_HERE = {"PYTHONPATH": str(Path(__file__).parents[2])}
+
+
+def mufe(*arguments, cwd, num_ranks=None):
+    """Run `mufe` on one or more ranks and return the finished process."""
+    command = [sys.executable, "-m", "mufe_fenicsx", *map(str, arguments)]
+    return run(command, cwd, num_ranks)
+
+
+def run(command, cwd, num_ranks=None):
+    """Run a command, under mpirun where ``num_ranks`` is given."""
+    if num_ranks is not None:
+        mpirun = find_mpirun()
+        if mpirun is None:
+            pytest.skip("no mpirun beside Python or on PATH")
+        command = [mpirun, "-n", str(num_ranks), *command]
+    process = subprocess.Popen(
+        command,
+        cwd=cwd,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        out, err = process.communicate(timeout=PATIENCE)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        pytest.fail(f"{' '.join(command)} hangs")
+    # Open MPI's launcher adds texts of its own between two rules.
+    err = re.sub(r"^-{20,}\n.*?^-{20,}\n", "", err, flags=re.DOTALL | re.MULTILINE)
+    return subprocess.CompletedProcess(command, process.returncode, out, err)
+
+
+def assert_refused(result, said, folder, files):
+    """Status 2 after one line that says it, and ``folder`` holds ``files`` and nothing else."""
+    lines = result.stderr.splitlines()
+    assert result.returncode == 2, result.stderr
+    assert len(lines) == 1 and lines[0].startswith("mufe: "), result.stderr
+    assert said in lines[0]
+    assert result.stdout == ""
+    assert sorted(path.name for path in folder.iterdir()) == sorted(files)
