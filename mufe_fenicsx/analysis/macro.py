@@ -9,9 +9,8 @@ import numpy as np
 
 from mufe_fenicsx.analysis.grain_means import void_ratio
 from mufe_fenicsx.analysis.rows import branches
-from mufe_fenicsx.analysis.stress_strain import side_forces, tangent_modulus
-
-#: Walls across each axis.
+from mufe_fenicsx.analysis.stress_strain import tangent_modulus
+from mufe_fenicsx.container import container_of_history
 
 
 def contact_stress(force, branch, volume):
@@ -51,16 +50,27 @@ def inertial_stress(force, centre, middle, volume):
     return -np.einsum("gi,gj->ij", force, np.asarray(centre) - middle) / volume
 
 
-def wall_stress(normal_forces, lengths):
-    """Mean normal stress of the two walls across x, y and z [Pa], shape (..., 3).
+def wall_stresses(history, lengths):
+    """Mean normal stress of the walls across each axis [Pa], shape (num_rows, num_axes).
 
     Args:
-        normal_forces: On x_min, x_max, y_min, y_max, z_min, z_max [N], shape (..., 6).
-        lengths: Distances of opposite walls along x, y, z [m], shape (..., 3).
+        history: dict column -> array.
+        lengths: Along the axes of the container [m], shape (num_rows, num_axes).
     """
-    lengths = np.asarray(lengths, dtype=float)
-    pairs = np.asarray(normal_forces, dtype=float).reshape(*lengths.shape, 2)
-    return pairs.mean(axis=-1) * lengths / lengths.prod(axis=-1)[..., None]
+    container = container_of_history(history)
+    forces = np.column_stack([history[f"force_{name}"] for name in container.walls])
+    return container.stresses(forces, lengths)
+
+
+def inner_lengths(history):
+    """Lengths along the axes of the container [m], (num_rows, num_axes); None where not known.
+
+    Runs of earlier versions did not store those beside the height.
+    """
+    names = container_of_history(history).widths
+    if not all(name in history for name in names):
+        return None
+    return np.column_stack([history[name] for name in (*names, "height")])
 
 
 @dataclass(frozen=True)
@@ -94,36 +104,35 @@ def oedometer_curves(history, lengths, solid_volume, width=0.01):
 
     Args:
         history: dict column -> array.
-        lengths: Distances of the side walls along x and y [m], shape (num_rows, 2).
+        lengths: Along the axes of the container [m], shape (num_rows, num_axes).
         solid_volume: Of the grains in the reference configuration [m³]: the void ratio counts
             their own (elastic) compression as loss of voids, as the test on real sand does.
         width: Of the window in strain over which moduli are fitted.
 
     Returns:
         dict of arrays, shape (num_rows,): ``strain``, ``stress`` (vertical, of both platens over
-        the present area) and ``stress_x``, ``stress_y`` [Pa], ``void_ratio``, ``log10_stress``
+        the present area) and those of the sides (``stress_x``, ``stress_y`` of a box, ``stress_r``
+        of a cylinder) [Pa], ``void_ratio``, ``log10_stress``
         (nan without compression), ``modulus`` M = dσ/dε, a least-squares line over the window
         in the same stage [Pa], nan in the seating stage, and ``K0``, the mean side stress over the
         vertical one.
     """
-    height = np.asarray(history["height"], dtype=float)
-    forces = [*side_forces(history).values(), history["force_z_min"], history["force_z_max"]]
-    sizes = np.column_stack([lengths, height])
-    stress_x, stress_y, stress = wall_stress(np.column_stack(forces), sizes).T
+    container = container_of_history(history)
+    stresses = wall_stresses(history, lengths)
+    *sides, stress = stresses.T
     strain = np.asarray(history["strain"], dtype=float)
     positive = stress > 0
     modulus = np.full(strain.shape, np.nan)
     for branch in branches(history):  # unloading has another slope at the same strain
         rows = branch.rows
         modulus[rows] = moduli(strain[rows], stress[rows], width)
-    side = 0.5 * (stress_x + stress_y)
+    side = container.along_three(stresses)[:, :2].mean(axis=1)
     nothing = np.full(strain.shape, np.nan)
     return {
         "strain": strain,
         "stress": stress,
-        "stress_x": stress_x,
-        "stress_y": stress_y,
-        "void_ratio": void_ratio(solid_volume, sizes.prod(axis=1)),
+        **{f"stress_{a}": s for a, s in zip(container.axes[:-1], sides, strict=True)},
+        "void_ratio": void_ratio(solid_volume, container.volume(lengths)),
         "log10_stress": np.log10(stress, out=nothing.copy(), where=positive),
         "modulus": modulus,
         "K0": np.divide(side, stress, out=nothing.copy(), where=positive),
@@ -141,13 +150,17 @@ def triaxial_curves(history):
         of σz less the mean of σx and σy [Pa], ``strain_volume``, loss of volume over that at
         strain 0.
     """
-    x, y, z = (np.asarray(history[f"stress_{axis}"], dtype=float) for axis in "xyz")
+    container = container_of_history(history)
+    stress, strain = (
+        np.column_stack([np.asarray(history[f"{name}_{a}"], dtype=float) for a in container.axes])
+        for name in ("stress", "strain")
+    )
+    x, y, z = container.along_three(stress).T
     q = np.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2))
-    lengths = [1.0 - np.asarray(history[f"strain_{axis}"], dtype=float) for axis in "xyz"]
     return {
         "p": (x + y + z) / 3.0,
         "q": np.where(z < 0.5 * (x + y), -q, q),
-        "strain_volume": 1.0 - np.prod(lengths, axis=0),
+        "strain_volume": 1.0 - np.prod(1.0 - container.along_three(strain), axis=1),
     }
 
 

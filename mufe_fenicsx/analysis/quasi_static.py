@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mufe_fenicsx.analysis.macro import wall_stress
+from mufe_fenicsx.analysis.macro import inner_lengths, wall_stresses
 from mufe_fenicsx.analysis.rows import course, largest, loading_rows
+from mufe_fenicsx.container import container_of_history
 
 #: Largest ratios of a quasi-static test: kinetic over internal energy, top against bottom force.
 KINETIC, UNBALANCED = 0.05, 0.03
@@ -19,8 +20,6 @@ KINETIC, UNBALANCED = 0.05, 0.03
 UNLOADED = 0.1
 #: Time over T within which rows are taken together.
 WINDOW = 0.5
-#: Walls in the order of `macro.wall_stress`.
-WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
 
 
 def kinetic_ratio(history):
@@ -49,15 +48,14 @@ def travel_time(history, mass):
         mass: Of all grains [kg]; None where that is not known: nothing is.
     """
     nothing = np.full(np.shape(history["time"]), np.nan)
-    if mass is None or not {"length_x", "length_y"} <= history.keys():
+    lengths, container = inner_lengths(history), container_of_history(history)
+    if mass is None or lengths is None:
         return nothing
-    lengths = np.column_stack([history[name] for name in ("length_x", "length_y", "height")])
-    forces = np.column_stack([history[f"force_{name}"] for name in WALLS])
-    square = (wall_stress(forces, lengths) ** 2).sum(axis=1)
+    square = (container.along_three(wall_stresses(history, lengths)) ** 2).sum(axis=1)
     internal = history["elastic"] + history["plastic"]
     loaded = (square > 0) & (internal > 0)
     slowness = np.sqrt(2 * internal[loaded] / (mass * square[loaded]))
-    nothing[loaded] = mass / lengths[loaded, :2].prod(axis=1) * slowness
+    nothing[loaded] = mass / container.areas(lengths[loaded])[:, -1] * slowness
     return nothing
 
 

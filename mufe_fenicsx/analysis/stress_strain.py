@@ -3,6 +3,7 @@
 import numpy as np
 
 from mufe_fenicsx.analysis.rows import branches
+from mufe_fenicsx.container import container_of_history
 
 #: Stages that add less than this part of the largest vertical stress can lose nothing.
 ADDS = 0.1
@@ -19,8 +20,8 @@ def displacement(history, reference_height):
 
 
 def side_forces(history):
-    """Normal forces on the four side walls [N], dict wall -> shape (num_rows,)."""
-    return {name: history[f"force_{name}"] for name in ("x_min", "x_max", "y_min", "y_max")}
+    """Normal forces on the walls beside the sample [N], dict wall -> shape (num_rows,)."""
+    return {name: history[f"force_{name}"] for name in container_of_history(history).sides}
 
 
 def lost_load(history):

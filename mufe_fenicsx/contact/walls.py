@@ -275,6 +275,11 @@ class Walls(Stateful):
         else:
             self.velocity[i] = speed * self.normal[i]
 
+    def set_speeds(self, speeds):
+        """Let all walls come towards the sample at ``speeds`` [m/s], shape (num_walls,). Local."""
+        for i, speed in enumerate(speeds):
+            self.set_speed(i, speed)
+
     def search(self, x, nodes, corner, grain_of_point, reach, bound):
         """Find the points near each wall and transfer what their pairs remember. Local.
 

@@ -8,15 +8,11 @@ longer than steps, end there to ``SEATED`` of that stress, and where the strain 
 reached.
 """
 
-import numpy as np
-
+from ..container import BOTTOM, TOP, container_of
 from ..errors import SolverError
 from ..state import Stateful
 from .quasi_static import QuasiStaticSpeed
 
-TOP, BOTTOM = "z_max", "z_min"
-#: The walls of a box, opposite ones beside each other.
-BOX = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
 SEATING, LOADING = "seating", "loading"
 
 STRAIN_DEFINITION = (
@@ -90,6 +86,7 @@ class OedometerLoading(Stateful):
         self.final_strain, self.speed, self.ramp = strain, speed, ramp
         self.seating_force, self.seating_speed = seating_force, seating_speed
         walls = simulation.walls
+        self.container = container_of(walls.names)
         self._top, self._bottom = walls.names.index(TOP), walls.names.index(BOTTOM)
         self.control = None
         if quasi_static is not None:
@@ -171,7 +168,7 @@ class OedometerLoading(Stateful):
     def _held_stresses(self):
         """Walls that hold a force, each with its number and the stress that this is now [Pa]."""
         walls = self.simulation.walls
-        if tuple(walls.names) != BOX:
+        if self.container is None:
             return []
         areas = self._areas()
         return [
@@ -181,10 +178,10 @@ class OedometerLoading(Stateful):
         ]
 
     def _areas(self):
-        """Of the walls of a box, between those around them [m²], shape (6,)."""
-        points = self.simulation.walls.point
-        lengths = np.diag(points[1::2]) - np.diag(points[0::2])
-        return np.repeat(np.prod(lengths) / lengths, 2)
+        """Of the walls of the container, between those around them [m²], shape (num_walls,)."""
+        walls = self.simulation.walls
+        lengths = self.container.lengths(walls.point, walls.curved.radius)
+        return self.container.areas_of_walls(lengths)
 
     def before_step(self):
         """Set the speed of the platen and change stage when it is time. Collective."""
@@ -195,7 +192,7 @@ class OedometerLoading(Stateful):
         if self.stage == SEATING:
             if self.progress > LARGEST_SEATING:
                 what = overdamped(self.simulation) or (
-                    "lower oedometer.seating_stress, or check that the sample fills the box"
+                    "lower oedometer.seating_stress, or check that the sample fills its walls"
                 )
                 raise SolverError(
                     f"after {LARGEST_SEATING:.0%} of the height top and bottom do not both carry "

@@ -1,4 +1,4 @@
-"""A test by stages: six walls led by stress, strain or speed along three axes.
+"""A test by stages: the walls of a container led by stress, strain or speed along its axes.
 
 Each axis of a stage does one of these:
 
@@ -29,13 +29,15 @@ s, the changes of lengths that go at a speed, the values of ``until``, and time 
 waits. Each grows alone, so that rows are nowhere farther apart than one interval of each.
 
 Stresses are forces over the present areas of the walls; strains are 1 - L/L0, L0 the length at the
-end of the last stage with ``zero``, or at the start. Compression is positive.
+end of the last stage with ``zero``, or at the start. Compression is positive. The axes are those of
+the container: x, y, z of a box; r, along which the length is the diameter, and z of a cylinder.
 """
 
 import math
 
 import numpy as np
 
+from ..container import container_of
 from ..errors import SolverError
 from ..state import Stateful
 from .oedometer import overdamped, smooth_step
@@ -61,21 +63,17 @@ EXACT = 1e-9
 #: Ways of every stage: s, that of lengths, and of time where it waits.
 NUM_WAYS = 3
 
-#: Columns of history.csv beyond the usual ones.
-COLUMNS = ("stress_x", "stress_y", "stress_z", "strain_x", "strain_y", "strain_z")
-
 
 class StagedLoading(Stateful):
-    """Moves the six walls of a simulation through stages. Collective but for plain numbers.
+    """Moves the walls of a simulation through stages. Collective but for plain numbers.
 
     Args:
-        simulation: :class:`~.Simulation` with the six walls of a box.
+        simulation: :class:`~.Simulation` with the walls of a container.
         settings: :class:`~mufe_fenicsx.scene.stages.Loading`.
         program: Its :class:`~mufe_fenicsx.scene.stages.Stage` s, with their names.
         quasi_static: Settings of a speed that adapts (scene.QuasiStatic), or None.
     """
 
-    columns = COLUMNS
     end = "last stage done"
     strain_definition = STRAIN_DEFINITION
 
@@ -83,48 +81,56 @@ class StagedLoading(Stateful):
 
     def __init__(self, simulation, settings, program, quasi_static=None):
         self.simulation, self.settings, self.program = simulation, settings, program
-        self.servo = Servo(simulation)
+        self.container = container_of(simulation.walls.names)
+        self.servo = Servo(simulation, self.container)
         self.control = None
         if quasi_static is not None:
-            self.control = QuasiStaticSpeed(simulation, quasi_static, 5, 4)
+            platens = self.container.top, self.container.bottom
+            self.control = QuasiStaticSpeed(simulation, quasi_static, *platens)
         zeros = [number for number, stage in enumerate(program) if stage.zero]
         self._last_zero = max(zeros, default=-1)
         self._reference = self.lengths.tolist()
-        self.first_height = self._reference[2]
-        self._held = [None, None, None]  # stress that each axis holds [Pa]
+        self.first_height = self._reference[-1]
+        self._held = [None] * len(self._reference)  # stress that each axis holds [Pa]
         self._speed = 0.0
         self._updated, self._loads = -1, None
         self.stages = []
         self.index = -1
-        self._begin(np.zeros(6))
+        self._begin(np.zeros(len(self.container.walls)))
 
     # --- what others read -----------------------------------------------------------------
 
     @property
+    def columns(self):
+        """Of history.csv beyond the usual ones."""
+        return (*(f"stress_{a}" for a in self.container.axes),
+                *(f"strain_{a}" for a in self.container.axes))  # fmt: skip
+
+    @property
     def lengths(self):
-        """Distances of opposite walls [m], shape (3,)."""
-        points = self.simulation.walls.point
-        return np.diag(points[1::2]) - np.diag(points[0::2])
+        """Lengths between the walls along the axes [m], shape (num_axes,)."""
+        walls = self.simulation.walls
+        return self.container.lengths(walls.point, walls.curved.radius)
 
     @property
     def strains(self):
-        """Along x, y, z, compression positive, shape (3,)."""
+        """Along the axes, compression positive, shape (num_axes,)."""
         return 1.0 - self.lengths / self._reference
 
     @property
     def strain(self):
         """Vertical strain."""
-        return float(self.strains[2])
+        return float(self.strains[-1])
 
     @property
     def height(self):
         """Distance of top and bottom wall [m]."""
-        return float(self.lengths[2])
+        return float(self.lengths[-1])
 
     @property
     def reference_height(self):
         """That distance at strain 0 [m]."""
-        return self._reference[2]
+        return self._reference[-1]
 
     @property
     def speed_now(self):
@@ -184,11 +190,11 @@ class StagedLoading(Stateful):
         """Columns of history.csv that this loading adds, and those that it defines itself.
 
         Args:
-            forces: On the walls [N], shape (6,).
+            forces: On the walls [N], shape (num_walls,).
         """
         stress = self._axis_stress(forces)
-        values = dict(zip(COLUMNS, [*stress, *self.strains], strict=True))
-        return values | {"stress": stress[2]}
+        values = dict(zip(self.columns, [*stress, *self.strains], strict=True))
+        return values | {"stress": stress[-1]}
 
     def state_dict(self):
         """What a loading that goes on from here has to know, fit for JSON."""
@@ -222,7 +228,7 @@ class StagedLoading(Stateful):
     def _begin(self, forces):
         """Begin the next stage."""
         if self.index >= 0:
-            self._held = [self._target(a) for a in range(3)]
+            self._held = [self._target(a) for a in range(len(self._held))]
             if self.program[self.index].zero:
                 self._reference = self.lengths.tolist()
         self.index += 1
@@ -257,7 +263,7 @@ class StagedLoading(Stateful):
     def _tasks(self):
         """What the axes do in this stage: list of (task, Axis or None)."""
         axes, found = self.program[self.index].axes, []
-        for a, name in enumerate("xyz"):
+        for a, name in enumerate(self.container.axes):
             axis = axes.get(name)
             if axis is None:
                 found.append((REST if self._held[a] is None else HOLD, None))
@@ -269,16 +275,19 @@ class StagedLoading(Stateful):
 
     def _moving(self, a):
         """Walls of an axis that move."""
-        axis = self._do[a][1]
+        axis, walls = self._do[a][1], self.container.walls_of_axis[a]
         which = "both" if axis is None else axis.walls
-        return {"both": (2 * a, 2 * a + 1), "min": (2 * a,), "max": (2 * a + 1,)}[which]
+        return {"both": walls, "min": walls[:1], "max": walls[-1:]}[which]
+
+    def _leading_axis(self):
+        """The axis that leads the stage: the last one that goes somewhere, or the vertical one."""
+        leads = [a for a, (task, _) in enumerate(self._do) if task in (STRESS, STRAIN, SPEED)]
+        return leads[-1] if leads else len(self._do) - 1
 
     def _leading_walls(self):
-        """Upper and lower wall of the axis that leads the stage, for the quasi-static speed."""
-        tasks = [task for task, _ in self._do]
-        leads = [a for a in (2, 1, 0) if tasks[a] in (STRESS, STRAIN, SPEED)]
-        a = leads[0] if leads else 2
-        return 2 * a + 1, 2 * a
+        """Upper and lower wall of the leading axis, for the quasi-static speed."""
+        walls = self.container.walls_of_axis[self._leading_axis()]
+        return walls[-1], walls[0]
 
     def _part_led(self):
         """How far the leading part of the stage has come, from 0 to 1."""
@@ -371,58 +380,51 @@ class StagedLoading(Stateful):
             now.hold_from = t
 
     def _check_lengths(self, stress, lengths):
-        limit = self.settings.largest_strain
+        limit, axes = self.settings.largest_strain, self.container.axes
         for a, (task, _) in enumerate(self._do):
             change = 1.0 - lengths[a] / self._now.length0[a]
             if task in (HOLD, STRESS, SPEED) and abs(change) > limit:
                 what = overdamped(self.simulation) or (
-                    "see that the sample fills the box and can carry what is asked"
+                    "see that the sample fills its walls and can carry what is asked"
                 )
                 raise SolverError(
-                    f'stage "{self.stage}": the length along {"xyz"[a]} changed by {change:.1%} at '
+                    f'stage "{self.stage}": the length along {axes[a]} changed by {change:.1%} at '
                     f"a stress of {stress[a]:.3g} Pa there (loading.largest_strain = {limit:g}): "
                     f"{what}"
                 )
 
     def _values(self, stress):
         """All that `until` can name."""
-        strains = self.strains
-        x, y, z = (float(value) for value in stress)
-        volume = float(np.prod(self.lengths) / np.prod(self._reference))
+        container, strains = self.container, self.strains
+        x, y, z = (float(value) for value in container.along_three(stress))
+        volumes = container.volume([self.lengths, self._reference])
         return {
-            **{f"stress_{a}": v for a, v in zip("xyz", (x, y, z), strict=True)},
-            **{f"strain_{a}": float(v) for a, v in zip("xyz", strains, strict=True)},
+            **{f"stress_{a}": float(v) for a, v in zip(container.axes, stress, strict=True)},
+            **{f"strain_{a}": float(v) for a, v in zip(container.axes, strains, strict=True)},
             "mean_stress": (x + y + z) / 3.0,
             "deviator": math.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2)),
-            "strain_volume": 1.0 - volume,
+            "strain_volume": float(1.0 - volumes[0] / volumes[1]),
             "time": self.simulation.state.t - self._now.begun,
         }
 
     # --- walls ----------------------------------------------------------------------------
 
-    def _area(self, a):
-        lengths = self.lengths
-        return float(lengths[(a + 1) % 3] * lengths[(a + 2) % 3])
-
     def _axis_stress(self, forces):
-        """Mean stress of both walls of each axis [Pa], shape (3,)."""
-        lengths = self.lengths
-        area = np.prod(lengths) / lengths
-        return 0.5 * (np.asarray(forces)[0::2] + np.asarray(forces)[1::2]) / area
+        """Mean stress of the walls of each axis [Pa], shape (num_axes,)."""
+        return self.container.stresses(forces, self.lengths)
 
     def _mean_stress(self):
-        """That, as the mean over the time that a wave travels [Pa], shape (3,)."""
+        """That, as the mean over the time that a wave travels [Pa], shape (num_axes,)."""
         mean = np.asarray(self._mean.stress)
-        return 0.5 * (mean[0::2] + mean[1::2])
+        return np.array([mean[list(walls)].mean() for walls in self.container.walls_of_axis])
 
     def _wall_stress(self, forces):
-        """Stress of each wall [Pa], shape (6,)."""
-        lengths = self.lengths
-        return np.asarray(forces) / np.repeat(np.prod(lengths) / lengths, 2)
+        """Stress of each wall [Pa], shape (num_walls,)."""
+        return np.asarray(forces) / self.container.areas_of_walls(self.lengths)
 
     def _moving_mean(self, a, forces):
-        walls = list(self._moving(a))
-        return float(np.mean(np.asarray(forces)[walls])) / self._area(a)
+        stress = self._wall_stress(forces)
+        return float(stress[list(self._moving(a))].mean())
 
     def _length1(self, a):
         """Length at the strain that an axis goes to [m]."""
@@ -440,16 +442,16 @@ class StagedLoading(Stateful):
         sim, settings, now = self.simulation, self.settings, self._now
         forces, stiffness = self._loads
         lengths = self.lengths
-        area = np.repeat(np.prod(lengths) / lengths, 2)
+        area = self.container.areas_of_walls(lengths)
         stress, gain = self._wall_stress(forces), self.servo.gains(stiffness, area)
         leading = now.hold_from is None
         factor = self._ramp() * self._control_factor() if leading else 0.0
         if leading:
             now.s = self._next_s(factor, lengths, stress, gain)
-        velocity = np.zeros(6)
+        velocity = np.zeros(len(area))  # of each wall towards the sample
         for a, (task, axis) in enumerate(self._do):
             walls = list(self._moving(a))
-            share = 1.0 / len(walls)
+            share = self._share(a)
             if task in (HOLD, STRESS):
                 most, free, target = HOLDING * self._fastest(), settings.speed, self._target(a)
                 if task == STRESS and leading:
@@ -467,9 +469,12 @@ class StagedLoading(Stateful):
                 velocity[walls] = share * (lengths[a] - wanted) / sim.dt
             elif task == SPEED and leading:
                 velocity[walls] = share * axis.speed * factor
-        inward = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
-        sim.walls.velocity[:] = velocity[:, None] * inward
-        self._speed = float(np.abs(velocity[0::2] + velocity[1::2]).max())
+        sim.walls.set_speeds(velocity)
+        self._speed = float(np.abs(self.container.closing(velocity)).max())
+
+    def _share(self, a):
+        """Speed of each moving wall of an axis over that of its length."""
+        return 1.0 / (self.container.shortening[a] * len(self._moving(a)))
 
     def _fastest(self):
         """The speed of the test, or that which keeps it quasi-static where this is larger."""
@@ -502,8 +507,8 @@ class StagedLoading(Stateful):
             return 1.0
         if self._now.s == 1.0 and SPEED not in [task for task, _ in self._do]:
             return self.control.speed / self.settings.speed
-        upper = self.control.platens[0]
-        return self.control(abs(float(self.strains[upper // 2]))) / self.settings.speed
+        strain = float(self.strains[self._leading_axis()])
+        return self.control(abs(strain)) / self.settings.speed
 
     def _next_s(self, factor, lengths, stress, gain):
         """How far along the line walls may go in the coming step."""
@@ -519,7 +524,7 @@ class StagedLoading(Stateful):
             elif task == STRESS:
                 way = axis.stress - now.stress0[a]
                 walls = self._moving(a)
-                most = self._most(axis) * factor / len(walls)
+                most = self._most(axis) * factor * self._share(a)
                 for w in walls:
                     if not math.isfinite(gain[w]):
                         # Those that have met the sample press a little, and stay.

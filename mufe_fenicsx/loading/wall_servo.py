@@ -37,16 +37,17 @@ CHANGE = 2.0
 
 
 class Servo(Stateful):
-    """Gains of the six walls of a simulation. Collective.
+    """Gains of the walls of a simulation. Collective.
 
     Args:
-        simulation: :class:`~mufe_fenicsx.explicit.simulation.Simulation` with the walls of a box.
+        simulation: :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
+        container: :class:`~mufe_fenicsx.container.Container` that its walls are.
     """
 
     STATE = {"common": ("impedance", "travel_time", "_next")}
 
-    def __init__(self, simulation):
-        self.simulation = simulation
+    def __init__(self, simulation, container):
+        self.simulation, self.container = simulation, container
         self.impedance = 0.0  #: ρ c [Pa s/m]; 0 before the sample carries anything
         self.travel_time = 0.0  #: of a wave through the sample along its shortest length [s]
         self._next = 0.0
@@ -55,8 +56,8 @@ class Servo(Stateful):
         """Measure ρ c where that is due. Collective.
 
         Args:
-            stress: Along the axes [Pa], shape (3,).
-            lengths: Of the sample [m], shape (3,).
+            stress: Along the axes [Pa], shape (num_axes,).
+            lengths: Of the sample [m], shape (num_axes,).
         """
         sim = self.simulation
         t = sim.state.t
@@ -64,24 +65,24 @@ class Servo(Stateful):
             return
         energies = sim.energies()
         energy = energies["elastic"] + energies["contact"]
-        square = float(np.dot(stress, stress))
+        square = float((self.container.along_three(stress) ** 2).sum())
         if energy > 0.0 and square > 0.0:
             mass = sim.comm.allreduce(float(sim.solid.mass.sum()))
             found = math.sqrt(mass * square / (2.0 * energy))
             before = self.impedance or found
             self.impedance = min(max(found, before / CHANGE), before * CHANGE)
-            density = mass / float(np.prod(lengths))
+            density = mass / float(self.container.volume(lengths))
             self.travel_time = float(min(lengths)) * density / self.impedance
             self._next = t + max(self.travel_time / SAMPLES, FIRST_STEPS * sim.dt)
         else:
             self._next = t + FIRST_STEPS * sim.dt
 
     def gains(self, stiffness, area):
-        """Speed over lack of stress of each wall [m/(s Pa)], shape (6,); inf where it is free.
+        """Speed over lack of stress of each wall [m/(s Pa)], shape (num_walls,); inf where it is free.
 
         Args:
-            stiffness: Of the contacts on each wall [N/m], shape (6,).
-            area: Of each wall [m²], shape (6,).
+            stiffness: Of the contacts on each wall [N/m], shape (num_walls,).
+            area: Of each wall [m²], shape (num_walls,).
         """
         bound = np.full(stiffness.shape, np.inf)
         touched = stiffness > 0.0

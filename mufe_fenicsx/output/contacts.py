@@ -23,12 +23,12 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from mufe_fenicsx.container import WALLS
 from mufe_fenicsx.errors import InputError, raise_together
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.output.run_folder import reason, remove_states_after, write_atomically
 
 SERIES = "states.vtkhdf.series"
-WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
 
 
 def _vector(name):

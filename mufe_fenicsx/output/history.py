@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from mufe_fenicsx.container import BOX
 from mufe_fenicsx.errors import InputError, raise_together
 from mufe_fenicsx.output.run_folder import reason, regular
 
-#: Columns of history.csv, in order; SI units.
+#: Columns of the history.csv of a box, in order; SI units.
 COLUMNS = (
     "step",
     "time",
@@ -20,12 +21,7 @@ COLUMNS = (
     "strain",
     "height",
     "speed",
-    "force_x_min",
-    "force_x_max",
-    "force_y_min",
-    "force_y_max",
-    "force_z_min",
-    "force_z_max",
+    *(f"force_{name}" for name in BOX.walls),
     "stress",
     "kinetic",
     "elastic",
@@ -41,12 +37,24 @@ COLUMNS = (
     "num_contacts",
     "num_active_grains",
     "num_active_contacts",
-    "length_x",
-    "length_y",
+    *BOX.widths,
 )
 #: Those that runs of earlier versions lack.
 NEWER_COLUMNS = ("length_x", "length_y", "switching")
 TEXT_COLUMNS = ("stage", "wall")
+
+
+def history_columns(container):
+    """Columns of the history.csv of a run in a container, in order; SI units.
+
+    Args:
+        container: :class:`~mufe_fenicsx.container.Container`.
+    """
+    of_box = [*(f"force_{name}" for name in BOX.walls), *BOX.widths]
+    first, last = COLUMNS.index(of_box[0]), COLUMNS.index(BOX.widths[0])
+    forces = [f"force_{name}" for name in container.walls]
+    between = COLUMNS[first + len(BOX.walls) : last]
+    return (*COLUMNS[:first], *forces, *between, *container.widths)
 
 
 class HistoryWriter:

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ..container import TOP
 from ..errors import InputError
 from ..geometry.atomic_output import new_files
 from ..geometry.measure import tet_volumes
 from ..materials.elastic import Elastic
 from ..materials.j2 import FAR, J2
-from ..run.from_scene import bounding_box, load_mesh, make_walls, separate_surfaces
-from ..scene import TOP_PLATEN
+from ..run.from_scene import find_bounds, load_mesh, make_walls, separate_surfaces
 from .deck import UNITS, Deck, Grain, Material, Pair, Plane, Step, write_deck
 from .touching import surfaces_of, touching_grains, touching_planes
 
@@ -76,8 +76,8 @@ def export_calculix(
     labels = mesh.labels[mesh.grains]
     materials = [_material(m) for m in scene.materials_of(labels, mesh.labels)]
     apart = separate_surfaces(mesh, scene.sample)
-    low, high = bounding_box(mesh)
-    travel = scene.oedometer.strain * (high[2] - low[2])
+    bounds = find_bounds(scene, mesh)
+    travel = scene.oedometer.strain * bounds.height
     surfaces = surfaces_of(
         mesh.x,
         mesh.facets,
@@ -89,8 +89,8 @@ def export_calculix(
         reach = travel + 2 * math.sqrt(surfaces.area.mean())
     bodies = _bodies(mesh, materials, scene, procedure)
     step = _step(scene, travel, procedure)
-    walls = make_walls(scene, low, high)
-    planes = [_plane(wall, low, high, scene, step) for wall in walls]
+    walls = make_walls(scene, bounds)
+    planes = [_plane(wall, bounds, scene, step) for wall in walls]
     near = min(travel, reach)
     pairs = _grain_pairs(scene.friction_of(mesh.labels), surfaces, materials, bodies, reach, near)
     num_grain_pairs = len(pairs)
@@ -135,6 +135,11 @@ def _check_scene(scene):
     """Raise an InputError for a scene whose walls a deck cannot lead."""
     if scene.oedometer is None:
         raise InputError("[oedometer] is missing, expected it: a deck drives the top platen alone")
+    if scene.container.shape != "box":
+        raise InputError(
+            f'container.shape = "{scene.container.shape}", expected "box": walls of a deck are '
+            "planes"
+        )
     for name, wall in scene.walls.items():
         if wall.stress is not None:
             raise InputError(
@@ -197,9 +202,9 @@ def _ramp_time(scene, travel):
     return oedometer.ramp * travel / oedometer.strain / oedometer.speed
 
 
-def _plane(wall, low, high, scene, step):
+def _plane(wall, bounds, scene, step):
     """The part of a wall that a deck draws, and how it moves."""
-    axis = int(np.argmax(np.abs(wall.normal)))
+    axis, low, high = int(np.argmax(np.abs(wall.normal))), bounds.low, bounds.high
     margin = OVERHANG * (high - low).max()
     a, b = (axis + 1) % 3, (axis + 2) % 3
     if wall.normal[axis] < 0:
@@ -210,7 +215,7 @@ def _plane(wall, low, high, scene, step):
         corners[k, b] = across[b] + (margin if across is high else -margin)
     speed = float(wall.velocity @ wall.normal)
     motion = ()
-    if wall.name == TOP_PLATEN:
+    if wall.name == TOP:
         ramp = 2 * (step.time - scene.oedometer.strain * (high - low)[2] / scene.oedometer.speed)
         motion = _platen(scene.oedometer.speed, ramp, step.time)
     elif speed:

@@ -31,10 +31,10 @@ class Closing:
 
     Args:
         simulation: :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
-        low, high: Corners of the box [m], shape (3,).
+        bounds: :class:`~mufe_fenicsx.container.Bounds` of its walls.
     """
 
-    def __init__(self, simulation, low, high):
+    def __init__(self, simulation, bounds):
         s, mesh = simulation, simulation.mesh
         self.comm, self.num_grains = s.comm, mesh.labels.size
         height = s.state.x[:, 2]
@@ -63,8 +63,8 @@ class Closing:
         place = contact.ghosts.positions.array[: points.num_points, 2]
         own = points.grain_of_point
         for wall, gap, nearer in (
-            (self.num_grains, high[2] - place, high[2] - middle[own]),
-            (self.num_grains + 1, place - low[2], middle[own] - low[2]),
+            (self.num_grains, bounds.high[2] - place, bounds.high[2] - middle[own]),
+            (self.num_grains + 1, place - bounds.low[2], middle[own] - bounds.low[2]),
         ):
             self.sides.append(
                 _Side(own, np.full_like(own, wall), np.ones(own.size), gap, nearer,

@@ -20,7 +20,7 @@ from ..loading.oedometer import LARGEST_SEATING, smooth_step
 from ..loading.quasi_static import AIM
 from ..loading.stages import SETTLED
 from ..machine.memory import peak_memory
-from ..run.from_scene import bounding_box, load_mesh, make_simulation
+from ..run.from_scene import find_bounds, load_mesh, make_simulation
 from ..run.rebalance import PAIR_COSTS
 from .contacts import Closing
 from .course import course_of, wave_speed
@@ -107,24 +107,26 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
     sample = scene.sample
     if sample.separation:
         separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
-    low, high = bounding_box(mesh)
-    s = make_simulation(scene, mesh, low, high)
+    bounds, container = find_bounds(scene, mesh), scene.container.kind
+    s = make_simulation(scene, mesh, bounds)
     setup = comm.allreduce(clock() - start, op=MPI.MAX)
-    closing, height = Closing(s, low, high), float(high[2] - low[2])  # before the platen moves
+    closing, height = Closing(s, bounds), bounds.height  # before the platen moves
     course = course_of(scene)
     travel = closing.travel(course.seating_speed, flow_pressure(scene.material)) / height
     travel = travel if math.isfinite(travel) else NO_CHAIN
     # From then on the sample carries what waves of its stiffness carry, M = ρ c².
-    density = comm.allreduce(float(s.solid.mass.sum())) / float(np.prod(high - low))
+    density = comm.allreduce(float(s.solid.mass.sum())) / float(
+        container.volume(container.lengths_within(bounds))
+    )
     travel += course.seating_stress / (density * wave_speed(scene) ** 2)
-    top = s.walls.names.index("z_max")
+    top = container.top
     s.walls.velocity[top, 2] = -course.seating_speed
     blocks = []
     while sum(blocks) < seconds or len(blocks) < 4:
         comm.Barrier()
         begin = clock()
         # No further than seating goes: a fast machine would crush the sample in that time.
-        if high[2] - s.walls.point[top, 2] > min(travel, NO_CHAIN) * height:
+        if bounds.high[2] - s.walls.point[top, 2] > min(travel, NO_CHAIN) * height:
             s.walls.velocity[top, 2] = 0.0
         for _ in range(BLOCK):
             s.step(everywhere=False)

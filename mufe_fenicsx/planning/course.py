@@ -94,15 +94,16 @@ def course_of(scene):
     modulus = SOLID * scene.material.rho * wave_speed(scene) ** 2
     zeros = [number for number, stage in enumerate(scene.stages) if stage.zero]
     seated = max(zeros, default=-1)
-    stress, strain, parts, furthest = np.zeros(3), np.zeros(3), [], 0.0
+    container, parts, furthest = scene.container.kind, [], 0.0
+    stress, strain = np.zeros((2, len(container.axes)))
     seating_stress, seating_speed = 0.0, _speed(scene.stages[0]) or loading.speed
     for number, stage in enumerate(scene.stages):
-        new_stress, new_strain = _after(stage, stress, strain, modulus)
+        new_stress, new_strain = _after(stage, container, stress, strain, modulus)
         way = float(np.abs(new_strain - strain).max())
         stress, strain = new_stress, new_strain
         if number <= seated:
             seating_stress, seating_speed = float(stress.max()), _speed(stage) or loading.speed
-            strain = np.zeros(3) if number == seated else strain
+            strain = 0.0 * strain if number == seated else strain
             continue
         until = None if stage.until is None else stage.until.time
         largest = float(stress.max())
@@ -139,10 +140,10 @@ def _speed(stage):
     return min(stated, default=None)
 
 
-def _after(stage, stress, strain, modulus):
-    """Stresses [Pa] and strains along x, y, z after a stage, from those before."""
-    change = np.zeros(3)  # of strain
-    for a, name in enumerate("xyz"):
+def _after(stage, container, stress, strain, modulus):
+    """Stresses [Pa] and strains along the axes of a container after a stage, from those before."""
+    change = 0.0 * strain
+    for a, name in enumerate(container.axes):
         axis = stage.axes.get(name)
         if axis is None:
             continue
@@ -150,14 +151,14 @@ def _after(stage, stress, strain, modulus):
             change[a] = (axis.stress - stress[a]) / modulus
             continue
         ways = [] if axis.strain is None else [axis.strain - strain[a]]
-        ways += _ways_until(stage, name, stress, strain, modulus)
+        ways += _ways_until(stage, container, a, stress, strain, modulus)
         change[a] = min(ways, key=abs, default=0.0)
     return np.maximum(stress + modulus * change, 0.0), strain + change
 
 
-def _ways_until(stage, name, stress, strain, modulus):
+def _ways_until(stage, container, a, stress, strain, modulus):
     """Changes of strain along an axis at which values of `until` are passed, other axes held."""
-    a, given = "xyz".index(name), {} if stage.until is None else stage.until.given
+    name, given = container.axes[a], {} if stage.until is None else stage.until.given
     side = float(np.delete(stress, a).mean())
     ends = {
         f"stress_{name}": lambda value: value,
@@ -168,5 +169,5 @@ def _ways_until(stage, name, stress, strain, modulus):
     if f"strain_{name}" in given:
         ways.append(given[f"strain_{name}"] - strain[a])
     if "strain_volume" in given:
-        ways.append(given["strain_volume"] - float(strain.sum()))
+        ways.append(given["strain_volume"] - float(container.along_three(strain).sum()))
     return ways

@@ -57,7 +57,7 @@ def draw_animation(source, folder):
     for state in listed:
         now = state_at(source.run, state, history, source.end)
         layer = Layer(now.surface(), None, "von_mises", style.STRESS_MAP, (0, limit))
-        image = render([layer], camera, (PIXELS, PIXELS), box=now.box(source.start))
+        image = render([layer], camera, (PIXELS, PIXELS), now.outline(source.start))
         frames.append(scene.picture(image, now))
     path = folder / f"{NAME}.gif"
     _write_gif(frames, path)

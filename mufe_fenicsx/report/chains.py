@@ -67,7 +67,7 @@ def draw_force_chains(source):
     for k, index in enumerate([*shown, shown[-1]]):
         state, table = states[index], source.contact_table(index)
         only_chains = k == len(shown)
-        ghost = _ghost(state, camera, pixels, boxes[index])
+        ghost = _ghost(state, camera, pixels, state.outline(source.start))
         start, end = _ends(table, source.run.grains(index))
         ratio = table["ratio"].to_numpy(dtype=float)
         if not only_chains:
@@ -108,10 +108,10 @@ def draw_force_chains(source):
     )
 
 
-def _ghost(state, camera, pixels, box):
+def _ghost(state, camera, pixels, outline):
     """The grains, pale, with darker rims."""
     layer = Layer(state.surface(), "#c8ccd4", options={"ambient": 0.25, "diffuse": 0.8})
-    grey = render([layer], camera, pixels, box=box, headlight=True)
+    grey = render([layer], camera, pixels, outline, headlight=True)
     return over(np.full_like(grey, 255), grey, fade=0.4)
 
 

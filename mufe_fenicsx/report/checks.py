@@ -256,5 +256,5 @@ def _since(history, values, target):
 
 def where(history, row):
     """A row of the history in words: "strain 0.0123", of a test by stages with the stage."""
-    stage = f' of stage "{history["stage"][row]}"' if "strain_x" in history else ""
+    stage = f' of stage "{history["stage"][row]}"' if "strain_z" in history else ""
     return f"strain {history['strain'][row]:.4f}{stage}"

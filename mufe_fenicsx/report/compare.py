@@ -303,7 +303,7 @@ def tables(sources, names):
 
 def _slope(sources):
     """What the slope of vertical stress over strain is called."""
-    by_stages = any("strain_x" in source.loading for source in sources)
+    by_stages = any("strain_z" in source.loading for source in sources)
     return "Slope of stress over strain" if by_stages else "Constrained modulus"
 
 

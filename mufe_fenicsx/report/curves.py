@@ -41,7 +41,7 @@ def draw_stress_strain(source):
     figure, axis = style.new_figure()
     factor, unit = style.unit_of(history["stress"], "Pa")
     strain, stress = 100 * history["strain"], history["stress"] / factor
-    if (~loading).any() and "strain_x" not in history:  # by stages strain starts anew after it
+    if (~loading).any() and "strain_z" not in history:  # by stages strain starts anew after it
         axis.plot(
             strain[~loading], stress[~loading], color=style.GREY, linewidth=0.9, label="seating"
         )
@@ -159,7 +159,7 @@ def _arrow(axis, x, y, width, height, colour):
 
 def _about_branches(source):
     """Words about the stages of a test that turns back."""
-    by_stages = "strain_x" in source.history
+    by_stages = "strain_z" in source.history
     if not source.turns_back:
         return "" if by_stages else " The slope is the constrained modulus."
     kinds = [(part.stage, part.kind) for part in branches(source.history)]
@@ -176,16 +176,16 @@ def draw_forces(source):
     sides = stress_strain.side_forces(history)
     scale, unit_u = style.unit_of(travel, "m")
     over, label_x = travel / scale, f"Displacement of top platen: {unit_u}"
-    if source.turns_back or "strain_x" in history:
+    if source.turns_back or "strain_z" in history:
         over, label_x = source.over(history["strain"], history["time"])
     for axis, forces, colours in (
         (left, platens, (style.BLUE, style.ORANGE)),
         (right, sides, (style.BLUE, style.SKY, style.RED, style.ORANGE)),
     ):
         factor, unit = style.unit_of(np.concatenate(list(forces.values())), "N")
-        lines = zip(forces.items(), colours, strict=True)
+        lines = zip(forces.items(), colours, strict=False)
         for i, ((name, force), colour) in enumerate(lines):
-            label = rf"${name[0]}_{{\mathrm{{{name[2:]}}}}}$" if axis is right else name
+            label = _of_wall(name) if axis is right else name
             axis.plot(over, force / factor, "--" if i % 2 else "-", color=colour, label=label)
         axis.set(xlabel=label_x, ylabel=f"Normal force: {unit}")
         axis.set_ylim(bottom=min(0, *(1.05 * f.min() / factor for f in forces.values())))
@@ -204,6 +204,12 @@ def draw_forces(source):
         {"": columns},
         "wide",
     )
+
+
+def _of_wall(name):
+    """Name of a wall as a legend has it: a plane's axis with its side."""
+    axis, _, side = name.partition("_")
+    return rf"${axis}_{{\mathrm{{{side}}}}}$" if side else name
 
 
 def draw_energies(source):
@@ -357,7 +363,7 @@ def draw_compression(source):
         raise InputError("the walls were never loaded")
     parts = branches(history)
     curves.loc[curves["stress"] <= 0, ["stress", "modulus", "K0"]] = np.nan
-    oedometer = "strain_x" not in history
+    oedometer = "strain_z" not in history
     figure, axes = style.new_figure(style.PAGE, 2.4, ncols=3)
     factor, unit = style.unit_of(curves["stress"], "Pa")
     modulus, unit_m = style.unit_of(curves["modulus"], "Pa")

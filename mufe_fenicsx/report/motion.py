@@ -193,7 +193,7 @@ def draw_split(source):
         limit = style.round_limit(np.percentile(values, 98))
         surface.cell_data[name] = values[at]
         layer = Layer(surface, None, name, style.GRAIN_MAP, (0, limit))
-        axis.imshow(render([layer], camera, pixels, box=box))
+        axis.imshow(render([layer], camera, pixels, end.outline(source.start)))
         axis.set_axis_off()
         style.panel_letter(axis, i)
         colour_bar(

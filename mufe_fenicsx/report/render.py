@@ -133,14 +133,14 @@ def _plotter():
     return plotter
 
 
-def render(layers, camera, size, box=None, headlight=False):
+def render(layers, camera, size, outline=None, headlight=False):
     """Picture of bodies.
 
     Args:
         layers: List of :class:`Layer`.
         camera: Camera.
         size: Width and height [pixels]. It is drawn at twice the size and averaged.
-        box: Corners of a box whose edges are drawn [m], shape (2, 3), or None.
+        outline: Lines that are drawn dark, pyvista.PolyData, or None.
         headlight: Light from the eye, which darkens the rims of bodies, instead of two lamps.
 
     Returns:
@@ -161,10 +161,9 @@ def render(layers, camera, size, box=None, headlight=False):
             look |= {"ambient": 0.5, "diffuse": 0.6, "specular": 0.0, "smooth_shading": False}
             look |= {"show_scalar_bar": False, "render": False, "reset_camera": False}
             plotter.add_mesh(layer.mesh, **(look | layer.options))
-        if box is not None:
-            bounds = np.asarray(box).T.ravel()
+        if outline is not None:
             plotter.add_mesh(
-                pyvista.Box(bounds).extract_feature_edges(),
+                outline,
                 color="#303030",
                 line_width=6e-3 * size[1],
                 lighting=False,

@@ -8,6 +8,7 @@ import pyvista
 from mufe_fenicsx.analysis.grain_means import grain_means
 from mufe_fenicsx.analysis.mesh_quality import mesh_quality
 from mufe_fenicsx.analysis.rows import SEATING, TURN
+from mufe_fenicsx.container import BOX, container_of_history
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.measure import renumbered
 from mufe_fenicsx.output.fields import VTK_TETRA
@@ -21,12 +22,13 @@ class State:
     Args:
         stored: :class:`mufe_fenicsx.results.State`, which reads its arrays when asked for.
         height: Height of the sample then [m], or None.
-        sides: Distances of its side walls then [m], where these moved, or None.
+        sides: Distances of its side walls then [m], where these moved, or None; a diameter.
         like: Another State of the run with the same mesh, whose faces are taken, or None.
+        centre: Of the cylinder that holds it [m], shape (2,); None: it is in a box.
     """
 
-    def __init__(self, stored, height, like=None, sides=None):
-        self.stored, self.height, self.sides = stored, height, sides
+    def __init__(self, stored, height, like=None, sides=None, centre=None):
+        self.stored, self.height, self.sides, self.centre = stored, height, sides, centre
         self.index, self.time = stored.index, stored.time
         self.strain, self.stage = stored.strain, stored.stage
         for name in ("displacement", "von_mises", "grain"):
@@ -132,6 +134,10 @@ class State:
         first = int(np.argmax(means))
         return int(labels[first]), float(means[first])
 
+    def outline(self, start):
+        """Lines of the walls, pyvista.PolyData; ``start`` as of :meth:`box`."""
+        return outline_of(self.box(start), self.centre is not None)
+
     def box(self, start):
         """Corners of the space between the walls [m], shape (2, 3).
 
@@ -142,7 +148,7 @@ class State:
         """
         low, high = start.reference.min(axis=0), start.reference.max(axis=0)
         if self.sides is not None and self.height:
-            size = np.array([*self.sides, self.height])
+            size = np.array([self.sides[0], self.sides[-1], self.height])
             first, last = self.points.min(axis=0), self.points.max(axis=0)
             # Grains that are pressed reach into the walls by a little, on both sides alike.
             least, most = np.minimum(last - size, first), np.maximum(last - size, first)
@@ -150,9 +156,32 @@ class State:
             corner = np.where(
                 inside, np.clip(0.5 * (low + high - size), least, most), 0.5 * (least + most)
             )
+            if self.centre is not None:
+                corner[:2] = self.centre - 0.5 * size[:2]
             return np.array([corner, corner + size])
         top = low[2] + self.height if self.height else self.points[:, 2].max()
         return np.array([low, [high[0], high[1], top]])
+
+
+def outline_of(box, is_round):
+    """Edges of a box, or of the cylinder in it with four of its lines, pyvista.PolyData.
+
+    Args:
+        box: Its corners [m], shape (2, 3).
+        is_round: Whether it is the cylinder.
+    """
+    if not is_round:
+        return pyvista.Box(np.asarray(box).T.ravel()).extract_feature_edges()
+    (x, y, bottom), (top_x, _, top) = box
+    radius = 0.5 * (top_x - x)
+    middle = np.array([x + radius, y + radius])
+    lines = pyvista.PolyData()
+    for z in (bottom, top):
+        lines += pyvista.Circle(radius, 96).extract_feature_edges().translate((*middle, z))
+    for angle in np.arange(4) * 0.5 * np.pi:
+        at = middle + radius * np.array([np.cos(angle), np.sin(angle)])
+        lines += pyvista.Line((*at, bottom), (*at, top))
+    return lines
 
 
 def boundary_faces(cells):
@@ -220,9 +249,18 @@ def state_at(run, listed, history, like=None):
     height = sides = None
     if history is not None and len(history["time"]):
         height = float(np.interp(listed["time"], history["time"], history["height"]))
-        names = ("length_x", "length_y")
-        if any(np.ptp(history.get(name, 0.0)) > 0 for name in names):
+        names = container_of_history(history).widths
+        if any(np.ptp(history.get(name, 0.0)) > 0 for name in names) or names != BOX.widths:
             sides = [
                 float(np.interp(listed["time"], history["time"], history[name])) for name in names
             ]
-    return State(run.state(listed["index"]), height, like, sides)
+    return State(run.state(listed["index"]), height, like, sides, _centre(run))
+
+
+def _centre(run):
+    """Of the cylinder that holds the sample [m], shape (2,); None of a box."""
+    try:
+        kept = run.summary.get("container", {}).get("centre")
+    except InputError:
+        return None
+    return None if kept is None else np.array(kept)

@@ -8,7 +8,9 @@ import numpy as np
 from mufe_fenicsx.analysis import energy_check, stress_strain
 from mufe_fenicsx.analysis.checkerboard import checkerboard
 from mufe_fenicsx.analysis.grain_means import sample_stress, void_ratio
+from mufe_fenicsx.analysis.macro import inner_lengths
 from mufe_fenicsx.analysis.rows import loading_rows
+from mufe_fenicsx.container import container_of_history
 from mufe_fenicsx.geometry.measure import tet_volumes
 from mufe_fenicsx.output.run_folder import regular
 from mufe_fenicsx.report.style import number, quantity
@@ -78,7 +80,7 @@ def largest_values(history, last):
             end = strain[-1]
             modulus = stress_strain.tangent_modulus(strain, stress, 0.9 * end, 0.2 * end)
             slope = (
-                "Slope of stress over strain" if "strain_x" in history else "Constrained modulus"
+                "Slope of stress over strain" if "strain_z" in history else "Constrained modulus"
             )
             rows.append((f"{slope}, last fifth of the strain", quantity(modulus, "Pa"), ""))
             rows += [
@@ -161,10 +163,11 @@ def _box_volume(state, run, history):
     """Volume between the walls at the time of a state [m³]; None where that is not known."""
     if not state.height:
         return None
-    if "length_x" not in history:  # of earlier versions, where side walls stood still
+    lengths = inner_lengths(history)
+    if lengths is None:  # of earlier versions, where side walls stood still
         return run["area"] * state.height if run.get("area") else None
-    area = history["length_x"] * history["length_y"]
-    return float(np.interp(state.time, history["time"], area)) * state.height
+    volume = container_of_history(history).volume(lengths)
+    return float(np.interp(state.time, history["time"], volume))
 
 
 def _at(name, history, column, symbol, rows):

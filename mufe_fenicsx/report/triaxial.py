@@ -17,7 +17,7 @@ AXIAL = r"Axial strain, $\varepsilon_{\mathrm{a}}$: %"
 def draw_triaxial(source):
     """q over axial strain, the path in p and q, and volumetric strain; a colour each stage."""
     history = source.loading
-    if "strain_x" not in history:
+    if "strain_z" not in history:
         raise InputError("the test is an oedometer test, expected one by stages")
     curves = triaxial_curves(history)
     figure, axes = style.new_figure(style.PAGE, 2.6, ncols=3)

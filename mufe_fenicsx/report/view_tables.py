@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mufe_fenicsx.container import WALLS
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 
 #: Colours of grains that do not touch may be the same; without black, that of their edges.
 PALETTE = (style.SKY, style.ORANGE, style.GREEN, "#F0E442", style.BLUE, style.RED, style.PINK)
-WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,7 @@ def draw_stress_3d(source):
     axes, columns = axes[0], {"grain": states[0].grain_means[0]}
     for i, (axis, state, box) in enumerate(zip(axes, states, boxes, strict=True)):
         layer = Layer(state.surface(), None, "von_mises", style.STRESS_MAP, (0, limit))
-        axis.imshow(render([layer], camera, pixels, box=box))
+        axis.imshow(render([layer], camera, pixels, state.outline(states[0])))
         axis.set_axis_off()
         style.panel_letter(axis, i)
         style.heading(axis, rf"$\varepsilon$ = {style.percent(state.strain)}")

@@ -182,7 +182,7 @@ class _RunReport(_Report):
     def _lead(self, run, history):
         stages = [] if history is None else [part.stage for part in branches(history)]
         test = "Oedometer test"
-        if history is not None and "strain_x" in history:
+        if history is not None and "strain_z" in history:
             test = f"Test by stages ({', '.join(stages)})" if stages else "Test by stages"
         parts = [f"{test} on deformable grains"]
         if run.get("num_grains") and run.get("num_cells"):
@@ -201,7 +201,7 @@ class _RunReport(_Report):
 def _not_of_this_test(source):
     """Names of figures that a test of this kind does not have."""
     history = source.get("history")
-    absent = set() if history is not None and "strain_x" in history else {triaxial.NAME}
+    absent = set() if history is not None and "strain_z" in history else {triaxial.NAME}
     loading = source.get("loading")
     if loading is None or not find_cycles(loading["strain"], loading["stress"]):
         absent.add(cyclic.NAME)

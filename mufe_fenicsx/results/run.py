@@ -10,6 +10,8 @@ import numpy as np
 import pandas
 from numpy.typing import ArrayLike
 
+from ..analysis.macro import inner_lengths
+from ..container import Container, container_of_history
 from ..errors import InputError, shortened
 from ..geometry.measure import tet_volumes
 from ..machine.notebook import html_table
@@ -189,18 +191,26 @@ class Run:
         return self._start[0]
 
     @property
+    def container(self) -> Container:
+        """Names and measures of the walls, :class:`~mufe_fenicsx.container.Container`."""
+        return container_of_history(self.history)
+
+    @property
     def solid_volume(self) -> float:
         """Volume of all grains in the reference configuration [m³]."""
         return self._start[1]
 
-    def side_lengths(self, history: pandas.DataFrame) -> np.ndarray:
-        """Distances of the side walls along x and y [m], shape (num_rows, 2).
+    def lengths(self, history: pandas.DataFrame) -> np.ndarray:
+        """Lengths along the axes of the container [m], shape (num_rows, num_axes).
+
+        Those of a box are along x, y and z; of a cylinder its diameter and its height.
 
         Raises:
-            InputError: They moved, and the history does not say how far.
+            InputError: Walls moved, and the history does not say how far.
         """
-        if "length_x" in history:
-            return np.column_stack([history["length_x"], history["length_y"]])
+        found = inner_lengths(history)
+        if found is not None:
+            return found
         walls = self.scene.get("walls", {})
         for name in ("x_min", "x_max", "y_min", "y_max"):
             wall = walls.get(name, {})
@@ -210,7 +220,7 @@ class Run:
                     "and length_y, expected those of a newer version of the program"
                 )
         size = self.box[1] - self.box[0]
-        return np.tile(size[:2], (len(history), 1))
+        return np.column_stack([np.tile(size[:2], (len(history), 1)), history["height"]])
 
     # --- what follows ---------------------------------------------------------------------
 

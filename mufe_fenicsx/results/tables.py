@@ -8,11 +8,11 @@ from ..analysis.by_grain import index_grains
 from ..analysis.contact_age import active_since
 from ..analysis.quasi_static import kinetic_ratio
 from ..analysis.yield_place import yield_place
+from ..container import BOX, WALLS
 from ..errors import InputError
 from ..scene.pairs import REST, by_materials
 
 STRESS = ("xx", "yy", "zz", "xy", "yz", "xz")
-WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
 
 
 def exact_csv(path):
@@ -69,7 +69,7 @@ def _columns(name, values, ends="xyz"):
 def curves(run, width=0.01):
     """Stress, void ratio, moduli and K0 a row of the history, see :meth:`Run.curves`."""
     history = run.history
-    found = macro.oedometer_curves(history, run.side_lengths(history), run.solid_volume, width)
+    found = macro.oedometer_curves(history, run.lengths(history), run.solid_volume, width)
     return pandas.DataFrame({"time": history["time"], "stage": history["stage"], **found})
 
 
@@ -77,14 +77,15 @@ def stresses(run):
     """Stress of the contacts (Love and Weber) against that of the walls, a row a stored state.
 
     Columns: ``contact_xx`` … ``contact_xz`` (symmetric part), ``wall_xx``, ``wall_yy``, ``wall_zz``
-    [Pa], compression positive; ``difference_zz`` = contact over wall - 1, the same of xx and yy:
+    of a box, ``wall_rr`` and ``wall_zz`` of a cylinder [Pa], compression positive; ``difference_zz`` = contact over wall - 1, the same of the
+    sides (of rr the mean of xx and yy):
     small where the test is quasi-static; ``closure_zz`` …, the same with the inertia of the
     grains added, which is small at any speed; ``kinetic`` over internal energy; ``unbalanced``,
     top less bottom force over their mean. States without tables of contacts are left out.
     """
     history = run.history
-    times, kinetic = history["time"], kinetic_ratio(history)
-    sides = run.side_lengths(history)
+    times, kinetic, axes = history["time"], kinetic_ratio(history), run.container.axes
+    container, course = run.container, run.lengths(history)
     rows = []
     for index, state in run.with_contacts().iterrows():
         contacts, grains = run.contacts(index), run.grains(index)
@@ -92,10 +93,11 @@ def stresses(run):
         def now(values, at=state["time"]):
             return float(np.interp(at, times, values))
 
-        lengths = np.array([now(sides[:, 0]), now(sides[:, 1]), now(history["height"])])
-        normal = contacts.groupby("wall")["normal_force"].sum().reindex(WALLS).fillna(0.0)
-        wall = macro.wall_stress(normal.to_numpy(), lengths)
-        volume = lengths.prod()
+        lengths = np.array([now(length) for length in course.T])
+        normal = contacts.groupby("wall")["normal_force"].sum()
+        normal = normal.reindex(list(container.walls)).fillna(0.0)
+        wall = container.stresses(normal.to_numpy(), lengths)
+        volume = float(container.volume(lengths))
         inner = macro.contact_stress(
             vectors(contacts, "force"), vectors(contacts, "branch"), volume
         )
@@ -103,8 +105,8 @@ def stresses(run):
             vectors(grains, "force"), vectors(grains, "center"), _middle(run, contacts), volume
         )
         with np.errstate(divide="ignore", invalid="ignore"):
-            difference = np.diag(inner) / wall - 1
-            closure = np.diag(inner + dynamic) / wall - 1
+            difference = container.means(np.diag(inner)) / wall - 1
+            closure = container.means(np.diag(inner + dynamic)) / wall - 1
             unbalanced = (normal["z_max"] - normal["z_min"]) / (
                 0.5 * (normal["z_max"] + normal["z_min"])
             )
@@ -112,18 +114,20 @@ def stresses(run):
         rows.append(
             {"state": index, "time": state["time"], "strain": state["strain"]}
             | {f"contact_{e}": both["xyz".index(e[0]), "xyz".index(e[1])] for e in STRESS}
-            | {f"wall_{a}{a}": value for a, value in zip("xyz", wall, strict=True)}
-            | {f"difference_{a}{a}": value for a, value in zip("xyz", difference, strict=True)}
-            | {f"closure_{a}{a}": value for a, value in zip("xyz", closure, strict=True)}
+            | {f"wall_{a}{a}": value for a, value in zip(axes, wall, strict=True)}
+            | {f"difference_{a}{a}": value for a, value in zip(axes, difference, strict=True)}
+            | {f"closure_{a}{a}": value for a, value in zip(axes, closure, strict=True)}
             | {"kinetic": now(kinetic), "unbalanced": unbalanced}
         )
     return pandas.DataFrame(rows)
 
 
 def _middle(run, contacts):
-    """Middle of the box between the walls [m], each wall where its contacts are."""
+    """Middle of the space between the walls [m], each plane where its contacts are."""
     walls = run.box.T.ravel().copy()  # x_min, x_max, y_min, …
-    for number, name in enumerate(WALLS):
+    if run.container is not BOX:
+        walls[:4] = np.repeat(run.summary["container"]["centre"], 2)
+    for number, name in enumerate(BOX.walls):
         at = contacts[(contacts["wall"] == name) & (contacts["num_points"] > 0)]
         force = at["normal_force"].to_numpy(dtype=float)
         if force.sum() > 0:
@@ -164,7 +168,7 @@ def _friction(run, contacts):
     """Coefficient of friction of each contact while it slides, shape (num_contacts,)."""
     try:
         among = run.scene["contact"]
-        of = {"": among} | {name: run.scene["walls"][name] for name in WALLS}
+        of = {"": among} | {name: run.scene["walls"][name] for name in run.container.walls}
         mu = {name: _kinetic(table) for name, table in of.items()}
         groups = {name: group["labels"] for name, group in run.scene.get("materials", {}).items()}
         of_pairs = by_materials(among.get("pairs", {}), groups)
@@ -308,7 +312,7 @@ def wall_friction(run, number=-1):
     """
     contacts = run.contacts(number)
     rows = []
-    for name in WALLS:
+    for name in run.container.walls:
         at = contacts[(contacts["wall"] == name) & (contacts["num_points"] > 0)]
         found = macro.wall_friction(vectors(at, "force"), vectors(at, "normal"))
         rows.append(

@@ -2,16 +2,22 @@
 
 import numpy as np
 from mpi4py import MPI
+from scipy.optimize import minimize
+from scipy.spatial import ConvexHull
 
 from ..contact.separation import separate
 from ..contact.walls import Wall
+from ..container import Bounds
 from ..errors import InputError, raise_together
 from ..explicit.simulation import Simulation
 from ..geometry.grains import load_grains, read_grain_table
 from ..geometry.tets.refine import PARTS, split
 from ..mesh import create_grain_mesh, partition_grains
 from ..output.run_folder import on_first_rank
-from ..scene import WALLS, load_scene
+from ..scene import load_scene
+
+#: Part of the radius by which grains may reach through a cylinder that the scene states.
+OUTSIDE = 1e-6
 
 
 def read_scene(comm, path):
@@ -73,47 +79,89 @@ def separate_surfaces(mesh, sample):
     return separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
 
 
-def make_walls(scene, low, high):
-    """The six walls of a scene at the faces of the box from ``low`` to ``high`` [m]."""
-    walls = []
-    size = high - low
-    for name in WALLS:
-        settings = scene.walls[name]
-        axis = "xyz".index(name[0])
-        normal = np.zeros(3)
-        normal[axis] = 1.0 if name.endswith("min") else -1.0
-        area = size[(axis + 1) % 3] * size[(axis + 2) % 3]
+def make_walls(scene, bounds):
+    """The walls of a scene, list of :class:`~mufe_fenicsx.contact.walls.Wall`.
+
+    Args:
+        scene: :class:`~mufe_fenicsx.scene.Scene`.
+        bounds: :class:`~mufe_fenicsx.container.Bounds` that they stand at.
+    """
+    container, walls = scene.container.kind, []
+    areas = container.areas_of_walls(container.lengths_within(bounds))
+    for surface, area in zip(container.surfaces(bounds), areas, strict=True):
+        settings = scene.walls[surface.name]
+        moves = {"velocity": settings.velocity * surface.normal}
+        if surface.radius:
+            moves = {"radius": surface.radius, "growth_rate": -settings.velocity}
         walls.append(
             Wall(
-                name=name,
-                point=(low if name.endswith("min") else high).copy(),
-                normal=normal,
+                name=surface.name,
+                point=surface.point,
+                normal=surface.normal,
                 friction=settings.friction,
                 friction_kinetic=settings.friction_kinetic,
-                velocity=settings.velocity * normal,
                 target=None if not settings.stress else settings.stress * area,
                 speed=settings.speed or 0.0,
                 mirror=settings.mirror,
+                **moves,
             )
         )
     return walls
 
 
-def bounding_box(mesh):
-    """Corners of the box around all grains [m], two arrays of shape (3,). Collective."""
+def find_bounds(scene, mesh):
+    """Where the walls of a scene stand: around all grains, or where it says. Collective.
+
+    Raises:
+        InputError: Grains are outside of the cylinder that the scene states.
+    """
     low, high = np.empty(3), np.empty(3)
     mesh.comm.Allreduce(mesh.x.min(axis=0), low, op=MPI.MIN)
     mesh.comm.Allreduce(mesh.x.max(axis=0), high, op=MPI.MAX)
-    return low, high
+    stated = scene.container
+    centre, radius = 0.5 * (low + high)[:2], 0.0
+    if stated.shape == "cylinder":
+        places = np.concatenate(mesh.comm.allgather(_hull(mesh.x[:, :2])))
+        given = stated.centre
+        centre = _middle_of_smallest_circle(places) if given is None else np.array(given)
+        needed = float(np.linalg.norm(places - centre, axis=1).max())
+        radius = needed if stated.radius is None else stated.radius
+        if needed > radius * (1.0 + OUTSIDE):
+            raise InputError(
+                f"container.radius = {radius:.9g}, expected at least {needed:.9g}: that of the "
+                f"outermost node of the grains about {centre[0]:.6g}, {centre[1]:.6g}"
+            )
+    return Bounds(low, high, centre, radius)
 
 
-def make_simulation(scene, mesh, low, high, shorter=1.0):
-    """The :class:`Simulation` of a scene at its start, walls around a box. Collective.
+def _hull(places):
+    """Corners of the convex hull of points in a plane, shape (num_corners, 2)."""
+    return places[ConvexHull(places).vertices]
+
+
+def _middle_of_smallest_circle(places):
+    """Of those around points of a plane, (num, 2): the middle m of the least r² ≥ |x - m|²."""
+    middle, size = places.mean(axis=0), np.ptp(places, axis=0).max()
+    x = (places - middle) / size
+
+    def room(unknown):  # of each point: r² - |x - m|²
+        return unknown[2] - ((x - unknown[:2]) ** 2).sum(axis=1)
+
+    start = np.array([0.0, 0.0, (x**2).sum(axis=1).max()])
+    found = minimize(
+        lambda unknown: unknown[2], start, method="SLSQP", tol=1e-12,
+        constraints={"type": "ineq", "fun": room},
+    )  # fmt: skip
+    return middle + size * found.x[:2]
+
+
+def make_simulation(scene, mesh, bounds, shorter=1.0):
+    """The :class:`Simulation` of a scene at its start. Collective.
 
     Args:
         scene: :class:`~mufe_fenicsx.scene.Scene`.
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
-        low, high: Corners of the box [m], shape (3,).
+        bounds: :class:`~mufe_fenicsx.container.Bounds` of its walls.
         shorter: The scene's time step times this.
     """
     contact, solver = scene.contact, scene.solver
@@ -127,11 +175,11 @@ def make_simulation(scene, mesh, low, high, shorter=1.0):
         # A tenth of a second that others need not wait.
         from ..implicit.simulation import ImplicitSimulation
 
-        make, more = ImplicitSimulation, _increments(scene, high[2] - low[2], shorter)
+        make, more = ImplicitSimulation, _increments(scene, bounds.height, shorter)
     return make(
         mesh,
         scene.materials_of(mesh.labels[mesh.grains], mesh.labels),
-        make_walls(scene, low, high),
+        make_walls(scene, bounds),
         **more,
         friction=scene.friction_of(mesh.labels),
         friction_kinetic=contact.friction_kinetic,

@@ -6,12 +6,12 @@ import math
 from ..bulk.solid import von_mises
 from ..contact.results.network import find_network
 from ..contact.results.nodal_fields import nodal_contact
+from ..container import container_of
 from ..errors import InputError, raise_together
 from ..output.contacts import ContactWriter
 from ..output.fields import Computed, FieldWriter
-from ..output.history import COLUMNS, HistoryWriter
+from ..output.history import HistoryWriter, history_columns
 from ..output.record import ResultRecord
-from ..scene import WALLS
 from .energy_guard import EnergyGuard
 
 
@@ -29,10 +29,15 @@ class Recorder:
         mesh = simulation.mesh
         kept = kept or {}
         self.simulation, self.loading, self.lock = simulation, loading, lock
+        self.container = container_of(simulation.walls.names)
         self.guard = EnergyGuard(simulation, energy_limit)
         self.history = HistoryWriter(
             folder / "history.csv",
-            (*COLUMNS, *loading.columns, *simulation.specimen.energy_columns),
+            (
+                *history_columns(self.container),
+                *loading.columns,
+                *simulation.specimen.energy_columns,
+            ),
             comm=mesh.comm,
             kept=kept.get("history"),
             rows=kept.get("history_rows"),
@@ -87,7 +92,6 @@ class Recorder:
         forces, energies = sim.wall_forces(), sim.energies()
         active = sim.num_active_grains()
         added, largest = sim.scaling.shares() if sim.scaling else (0.0, 0.0)
-        length_x, length_y = self._widths()
         row = {
             "step": sim.state.num_steps,
             "time": sim.state.t,
@@ -102,10 +106,10 @@ class Recorder:
             "num_contacts": sim.num_contacts,
             "num_active_grains": active,
             "num_active_contacts": sim.mean_active_contacts(),
-            "length_x": length_x,
-            "length_y": length_y,
         }
-        row.update({f"force_{name}": f for name, f in zip(WALLS, forces, strict=True)})
+        lengths, container = self._lengths(), self.container
+        row.update(zip(container.widths, lengths[:-1], strict=True))
+        row.update({f"force_{name}": f for name, f in zip(container.walls, forces, strict=True)})
         row.update(energies)
         row.update(loading.row(forces))
         self.history.append(row)
@@ -115,13 +119,12 @@ class Recorder:
     def vertical_stress(self, forces=None):
         """Mean of those on the bottom and on the top [Pa]. Collective without the forces [N]."""
         forces = self.simulation.wall_forces() if forces is None else forces
-        length_x, length_y = self._widths()
-        return 0.5 * (forces[4] + forces[5]) / (length_x * length_y)
+        return float(self.container.stresses(forces, self._lengths())[-1])
 
-    def _widths(self):
-        """Distances of the walls along x and y [m]."""
-        points = self.simulation.walls.point
-        return points[1, 0] - points[0, 0], points[3, 1] - points[2, 1]
+    def _lengths(self):
+        """Between the walls along the axes of the container [m], shape (num_axes,)."""
+        walls = self.simulation.walls
+        return self.container.lengths(walls.point, walls.curved.radius)
 
     def _check_lock(self):
         if self.lock is not None:

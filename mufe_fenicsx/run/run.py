@@ -24,7 +24,7 @@ from ..output.run_folder import (
 )
 from ..output.run_lock import LostFolder, RunLock
 from ..scene import Scene, scene_to_toml
-from .from_scene import bounding_box, load_mesh, make_simulation, make_walls, separate_surfaces
+from .from_scene import find_bounds, load_mesh, make_simulation, make_walls, separate_surfaces
 from .profile import Profile
 from .rebalance import better_partition
 from .recorder import Recorder
@@ -94,7 +94,7 @@ def _prepare(scene, grains_folder, folder, lock, started, options):
     partition = checkpoint and _partition(checkpoint, comm)
     mesh = load_mesh(comm, grains_folder, scene.solver.element, partition)
     scene.materials_of(mesh.labels[mesh.grains], mesh.labels)
-    check_mirrors(comm, make_walls(scene, *bounding_box(mesh)), mesh.x)
+    check_mirrors(comm, make_walls(scene, find_bounds(scene, mesh)), mesh.x)
     if checkpoint is not None:
         separation = checkpoint.header["separation"]
         _take_reference(checkpoint, mesh)
@@ -118,8 +118,8 @@ class TestRun:
         self.scene, self.mesh, self.place, self.options = scene, mesh, place, options
         self.comm = mesh.comm
         self.identity, self.started = identity, started
-        self.low, self.high = bounding_box(mesh)
-        self.area = float((self.high - self.low)[0] * (self.high - self.low)[1])
+        self.bounds, container = find_bounds(scene, mesh), scene.container.kind
+        self.area = float(container.areas(container.lengths_within(self.bounds))[-1])
         self.checkpoints = CheckpointWriter(self.comm, place.folder)
         self.recovery = Recovery(self.comm, place.folder, scene.solver, options.quiet)
         self.first_kept = None
@@ -137,6 +137,7 @@ class TestRun:
             "stop_reason": "running",
             "strain_definition": None,
             "area": self.area,
+            "container": container.note(self.bounds),
             "separation": separation,
             "failed_grains": place.failed_grains(),
             "resumed_at_steps": [],
@@ -236,9 +237,7 @@ class TestRun:
         scene = self.scene
         if checkpoint is not None:
             self.recovery.know(checkpoint.header["retries"])
-        self.simulation = make_simulation(
-            scene, self.mesh, self.low, self.high, self.recovery.shorter
-        )
+        self.simulation = make_simulation(scene, self.mesh, self.bounds, self.recovery.shorter)
         self.loading = self.make_loading()
         recorder, same_ranks = self.first_kept, True
         if checkpoint is not None:

@@ -11,9 +11,8 @@ from .reading import load_scene
 from .scene import Scene
 from .stages import Axis, Loading, Stage, Until
 from .tables import (
-    TOP_PLATEN,
-    WALLS,
     Contact,
+    ContainerSettings,
     Group,
     MassScaling,
     Oedometer,
@@ -27,10 +26,9 @@ from .tables import (
 from .writing import scene_to_toml
 
 __all__ = [
-    "TOP_PLATEN",
-    "WALLS",
     "Axis",
     "Contact",
+    "ContainerSettings",
     "Group",
     "ImageSettings",
     "Implicit",

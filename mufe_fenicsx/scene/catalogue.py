@@ -9,7 +9,16 @@ from ..materials.rigid import Rigid
 from .image import ImageSettings
 from .implicit import Implicit
 from .stages import Loading
-from .tables import Contact, MassScaling, Oedometer, Output, QuasiStatic, Sample, Solver
+from .tables import (
+    Contact,
+    ContainerSettings,
+    MassScaling,
+    Oedometer,
+    Output,
+    QuasiStatic,
+    Sample,
+    Solver,
+)
 
 MODELS = {"j2": J2, "elastic": Elastic, "rigid": Rigid, "auto": Auto}
 
@@ -21,6 +30,7 @@ TABLES = {
     "image": ImageSettings,
     "mesh": MeshSettings,
     "sample": Sample,
+    "container": ContainerSettings,
     "contact": Contact,
     "solver": Solver,
     "implicit": Implicit,

@@ -1,10 +1,11 @@
 """What the tables of a scene demand of each other."""
 
+from ..container import SIDE, TOP
 from ..errors import InputError
 from ..materials.auto import Auto
 from ..materials.rigid import Rigid
 from .pairs import by_materials
-from .tables import TOP_PLATEN, WALLS, Wall
+from .tables import Wall
 
 
 def check(scene):
@@ -12,9 +13,7 @@ def check(scene):
     _check_test(scene)
     _check_groups(scene)
     by_materials(scene.contact.pairs, scene.materials)
-    for name in scene.walls:
-        if name not in WALLS:
-            raise InputError(f"walls.{name} is not a wall, expected one of {', '.join(WALLS)}")
+    _check_container(scene)
     if scene.mass_scaling is not None:
         _check_mass_scaling(scene)
     if scene.solver.integrator != "explicit":
@@ -49,6 +48,34 @@ def _check_test(scene):
         raise InputError('contact.law = "kinematic", expected "matched" with [loading]')
 
 
+def _check_container(scene):
+    """Raise InputError where walls or stages are not those of the container."""
+    container = scene.container.kind
+    for name in scene.walls:
+        if name not in container.walls:
+            raise InputError(
+                f"walls.{name} is not a wall of a {container.shape}, expected one of "
+                f"{', '.join(container.walls)}"
+            )
+    for number, stage in enumerate(scene.stages, start=1):
+        for axis, settings in stage.axes.items():
+            if axis not in container.axes:
+                raise InputError(
+                    f"stage[{number}] leads {axis}, expected {' or '.join(container.axes)} with "
+                    f'container.shape = "{container.shape}"'
+                )
+            if axis == "r" and settings.walls != "both":
+                raise InputError(
+                    f'stage[{number}].r.walls = "{settings.walls}", expected "both": it is one wall'
+                )
+        for name in () if stage.until is None else stage.until.given:
+            if name[-2:] in ("_x", "_y", "_z", "_r") and name[-1] not in container.axes:
+                raise InputError(
+                    f"stage[{number}].until.{name} is given, expected none with "
+                    f'container.shape = "{container.shape}"'
+                )
+
+
 def _check_groups(scene):
     """Raise InputError where a grain is in two groups."""
     group_of = {}
@@ -80,9 +107,9 @@ def _check_rigid(scene):
 
 def _check_walls(scene):
     """Raise InputError where a wall is moved by its own table and by the test."""
-    moved, by = (TOP_PLATEN,), "[oedometer] moves the top platen"
+    moved, by = (TOP,), "[oedometer] moves the top platen"
     if scene.loading is not None:
-        moved, by = WALLS, "[[stage]] moves the walls"
+        moved, by = scene.container.kind.walls, "[[stage]] moves the walls"
     for name in moved:
         wall = scene.walls.get(name, Wall())
         for key, rest in (("velocity", 0), ("stress", None)):
@@ -128,10 +155,12 @@ def _check_mirrors(scene):
     name = next((name for name in scene.walls if scene.walls[name].mirror), None)
     if name is None:
         return
-    if scene.walls.get(TOP_PLATEN, Wall()).mirror:
+    if scene.walls.get(TOP, Wall()).mirror:
         raise InputError(
-            f"walls.{TOP_PLATEN}.mirror = true, expected none: [oedometer] moves the top platen"
+            f"walls.{TOP}.mirror = true, expected none: [oedometer] moves the top platen"
         )
+    if name == SIDE:
+        raise InputError(f"walls.{SIDE}.mirror = true, expected none: no plane, but a cylinder")
     if scene.contact.law == "kinematic":
         raise InputError(f'contact.law = "kinematic", expected "matched" with walls.{name}.mirror')
     if scene.sample.separation:

@@ -6,13 +6,14 @@ import re
 import textwrap
 from pathlib import Path
 
+from ..container import WALLS
 from ..errors import InputError, nearest_name, shown
 from ..materials.scatter import Scatter
 from ..units import BOUNDS, QUANTITIES, keys_of
 from .catalogue import MODELS, TABLES, TOP_KEYS
 from .scene import Scene
 from .stages import Stage
-from .tables import WALLS, Wall
+from .tables import Wall
 
 
 @functools.cache

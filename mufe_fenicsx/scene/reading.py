@@ -4,6 +4,7 @@ import tomllib
 from dataclasses import fields
 from pathlib import Path
 
+from ..container import WALLS
 from ..errors import InputError, shortened, shown
 from ..materials.j2 import J2
 from ..materials.scatter import SCATTERED, Scatter
@@ -12,7 +13,7 @@ from .bounds import check_text
 from .catalogue import MODELS, TABLES, TOP_KEYS
 from .scene import Scene
 from .stages import Stage
-from .tables import WALLS, Group, Wall
+from .tables import Group, Wall
 from .values import build, convert, convert_array, unknown_key
 
 #: Bytes of a scene file.

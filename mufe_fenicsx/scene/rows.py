@@ -2,9 +2,10 @@
 
 from dataclasses import fields
 
+from ..container import TOP
 from ..materials.elastic import IsotropicSolid
 from ..units import keys_of, with_unit
-from .tables import TOP_PLATEN, Oedometer, Wall
+from .tables import Oedometer, Wall
 
 
 def scene_rows(scene) -> list[tuple[str, str | None]]:
@@ -55,7 +56,7 @@ def _walls(scene) -> str:
     """What each wall does that is not at rest; friction where it is not the same for all."""
     walls = {name: _wall(wall) for name, wall in scene.walls.items()}
     if scene.oedometer is not None:
-        walls[TOP_PLATEN] = "the platen"
+        walls[TOP] = "the platen"
     moving = [f"{name} {what}" for name, what in walls.items() if what]
     friction = sorted({wall.friction or 0.0 for wall in scene.walls.values()})
     rest = "led by the stages" if scene.stages else "others at rest" if moving else "at rest"

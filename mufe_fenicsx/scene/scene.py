@@ -20,8 +20,8 @@ from .pairs import REST, by_materials
 from .rows import scene_rows
 from .stages import Loading, Stage, named
 from .tables import (
-    WALLS,
     Contact,
+    ContainerSettings,
     Group,
     MassScaling,
     Oedometer,
@@ -35,7 +35,7 @@ from .tables import (
 
 @dataclass(frozen=True)
 class Scene:
-    """A whole test. ``walls`` always has all six, each with its friction filled in.
+    """A whole test. ``walls`` has all of the container, each with its friction filled in.
 
     Raises:
         InputError: a wall that does not exist, or that two tables move; a grain in two groups;
@@ -49,6 +49,7 @@ class Scene:
     image: ImageSettings | None = None
     mesh: MeshSettings | None = None
     sample: Sample = field(default_factory=Sample)
+    container: ContainerSettings = field(default_factory=ContainerSettings)
     solver: Solver = field(default_factory=Solver)
     implicit: Implicit = field(default_factory=Implicit)
     walls: dict[str, Wall] = field(default_factory=dict)
@@ -74,7 +75,9 @@ class Scene:
         object.__setattr__(self, "stages", named(self.stages))
         if self.quasi_static is not None:
             object.__setattr__(self, "quasi_static", self._between_speeds())
-        object.__setattr__(self, "walls", {name: self._wall(name) for name in WALLS})
+        object.__setattr__(
+            self, "walls", {name: self._wall(name) for name in self.container.kind.walls}
+        )
 
     def _repr_html_(self) -> str:
         """The test in a short table, which notebooks show."""

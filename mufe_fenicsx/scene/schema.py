@@ -4,13 +4,14 @@ import json
 from dataclasses import MISSING
 from pathlib import Path
 
+from ..container import WALLS
 from ..materials.scatter import Scatter
 from ..units import QUANTITIES, keys_of
 from .catalogue import MODELS, TABLES, TOP_KEYS
 from .explanations import expectation, first_lines
 from .scene import Scene
 from .stages import Stage
-from .tables import WALLS, Wall
+from .tables import Wall
 
 #: Of numbers that are written as texts: a number, and a unit where there is one.
 NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"

@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields, replace
 from ..errors import InputError
 from ..units import REQUIRED, check_keys, require, setting
 
-#: Keys of a stage that say what the walls across one, two or all three axes do.
-AXIS_KEYS = ("x", "y", "z", "xy", "xz", "yz", "xyz")
+#: Keys of a stage that say what the walls across one, two or three axes do.
+AXIS_KEYS = ("x", "y", "z", "xy", "xz", "yz", "xyz", "r", "rz")
 
 #: Walls across an axis that may move.
 MOVING = ("both", "min", "max")
@@ -74,11 +74,15 @@ class Until:
     stress_x: float | None = setting(None, "Pa", "along x")
     stress_y: float | None = setting(None, "Pa", "along y")
     stress_z: float | None = setting(None, "Pa", "along z")
-    mean_stress: float | None = setting(None, "Pa", "p = (σx + σy + σz)/3")
+    stress_r: float | None = setting(None, "Pa", "of the side of a cylinder")
+    mean_stress: float | None = setting(
+        None, "Pa", "p = (σx + σy + σz)/3; in a cylinder σx = σy = σr"
+    )
     deviator: float | None = setting(None, "Pa", "q = √(½((σx-σy)² + (σy-σz)² + (σz-σx)²))")
     strain_x: float | None = setting(None, "-", "along x")
     strain_y: float | None = setting(None, "-", "along y")
     strain_z: float | None = setting(None, "-", "along z")
+    strain_r: float | None = setting(None, "-", "loss of diameter over the diameter")
     strain_volume: float | None = setting(None, "-", "loss of volume over the volume at strain 0")
     time: float | None = setting(None, "s", "since the start of the stage", gt=0)
 
@@ -114,6 +118,8 @@ class Stage:
     xz: Axis | None = setting(None, "", "the same for x and z")
     yz: Axis | None = setting(None, "", "the same for y and z")
     xyz: Axis | None = setting(None, "", "the same for all three")
+    r: Axis | None = setting(None, "", "what the side of a cylinder does; lengths are diameters")
+    rz: Axis | None = setting(None, "", "the same for r and z")
     until: Until | None = setting(
         None, "", "what ends the stage, if not what its axes are to reach"
     )
@@ -137,7 +143,7 @@ class Stage:
 
     @property
     def axes(self) -> dict[str, Axis]:
-        """The axes that it states: "x", "y", "z" -> :class:`Axis`."""
+        """The axes that it states: "x", "y", "z", "r" -> :class:`Axis`."""
         return {a: getattr(self, key) for key in AXIS_KEYS if getattr(self, key) for a in key}
 
 

@@ -7,15 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..contact.laws import COMPLIANCE, law_names
+from ..container import CONTAINERS, Container
 from ..errors import InputError
 from ..materials.elastic import IsotropicSolid
 from ..materials.scatter import Scatter
 from ..units import REQUIRED, Key, check_keys, require, setting
-
-#: Walls by name: the axis that they are normal to and the side of the sample.
-WALLS = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
-#: The wall that `Oedometer` drives.
-TOP_PLATEN = "z_max"
 
 #: How time goes on: central differences, generalised-α, or without inertia.
 INTEGRATORS = ("explicit", "implicit", "static")
@@ -178,8 +174,37 @@ class Solver:
 
 
 @dataclass(frozen=True)
+class ContainerSettings:
+    """[container]: the walls around the sample.
+
+    Those of a box are x_min, x_max, y_min, y_max, z_min and z_max, of a cylinder side, z_min and
+    z_max. Its axis is along z.
+    """
+
+    shape: str = setting("box", "", "what they form", allowed=tuple(CONTAINERS))
+    radius: float | None = setting(
+        None, "m", "of the cylinder; None: the smallest that holds all grains", gt=0
+    )
+    centre: tuple[float, float] | None = setting(
+        None, "m", "of the cylinder across z; None: that of the smallest one", shape=(2,)
+    )
+
+    def __post_init__(self):
+        check_keys(self)
+        for name in ("radius", "centre"):
+            value = getattr(self, name)
+            if self.shape == "box" and value is not None:
+                raise InputError(f'{name} = {value}, expected none of shape = "box"')
+
+    @property
+    def kind(self) -> Container:
+        """Names and measures of these walls."""
+        return CONTAINERS[self.shape]
+
+
+@dataclass(frozen=True)
 class Wall:
-    """[walls.x_min] and so on: a rigid plane at rest, moving, held at a stress, or a mirror."""
+    """[walls.x_min] and so on: a rigid wall at rest, moving, held at a stress, or a mirror."""
 
     velocity: float = setting(0.0, "m/s", "along the normal that points into the sample")
     stress: float | None = setting(

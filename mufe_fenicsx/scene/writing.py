@@ -10,7 +10,6 @@ from pathlib import Path
 from ..units import keys_of
 from .catalogue import MODELS
 from .scene import Scene
-from .tables import WALLS
 
 
 def scene_to_toml(scene: Scene) -> str:
@@ -19,7 +18,7 @@ def scene_to_toml(scene: Scene) -> str:
     for name in ("accuracy", "gravity"):
         value = getattr(scene, name)
         lines += [] if value is None else [f"{name} = {_toml(value)}"]
-    for name in ("image", "mesh", "sample"):
+    for name in ("image", "mesh", "sample", "container"):
         lines += _write_table(name, getattr(scene, name))
     lines += _write_material("material", scene.material, scene.scatter)
     for key, group in scene.materials.items():
@@ -27,8 +26,8 @@ def scene_to_toml(scene: Scene) -> str:
         lines += _write_material(f"materials.{_key(key)}", group.material, group.scatter, [labels])
     for name in ("contact", "solver", "implicit"):
         lines += _write_table(name, getattr(scene, name))
-    for wall in WALLS:
-        lines += _write_table(f"walls.{wall}", scene.walls[wall])
+    for name, wall in scene.walls.items():
+        lines += _write_table(f"walls.{name}", wall)
     for name in ("oedometer", "loading", "quasi_static", "mass_scaling", "output"):
         lines += _write_table(name, getattr(scene, name))
     for stage in scene.stages:

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from ..container import BOX
 from ..geometry.bodies.shapes import sphere
 from ..run.from_bodies import build, drive
-from ..scene import WALLS
 
 RADIUS = 1e-3
 #: Distance of the balls over their diameter, and their first velocities and spins over the speed.
@@ -41,7 +41,7 @@ def press_four_balls(
 
     s = build(
         comm, [(points + c, cells) for c in centres], materials, np.full(3, -half),
-        np.full(3, half), wall_friction=dict.fromkeys(WALLS, friction), friction=friction,
+        np.full(3, half), wall_friction=dict.fromkeys(BOX.walls, friction), friction=friction,
         velocity=velocity, time_step_factor=time_step_factor,
     )  # fmt: skip
     worst = 0.0

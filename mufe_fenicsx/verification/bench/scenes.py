@@ -76,7 +76,7 @@ def demo(comm, *, grains, scene=None):
     from ...contact.separation import separate
     from ...explicit.simulation import Simulation
     from ...run.demo import demo_scene
-    from ...run.from_scene import bounding_box, load_mesh, make_walls, read_scene
+    from ...run.from_scene import find_bounds, load_mesh, make_walls, read_scene
 
     scene = read_scene(comm, scene or demo_scene())
     mesh = load_mesh(comm, grains)
@@ -84,7 +84,7 @@ def demo(comm, *, grains, scene=None):
     return Simulation(
         mesh,
         [scene.material] * mesh.num_grains,
-        make_walls(scene, *bounding_box(mesh)),
+        make_walls(scene, find_bounds(scene, mesh)),
         friction=scene.contact.friction,
         friction_kinetic=scene.contact.friction_kinetic,
         compliance=scene.contact.compliance,
@@ -101,7 +101,7 @@ def resumed(comm, *, run):
         run: Run folder with a checkpoint.
     """
     from ...output.checkpoint import find_checkpoint, read_tables
-    from ...run.from_scene import bounding_box, load_mesh, make_simulation, read_scene
+    from ...run.from_scene import find_bounds, load_mesh, make_simulation, read_scene
     from ...run.snapshot import restore, restore_reference
 
     scene = read_scene(comm, Path(run) / "scene.toml")
@@ -112,7 +112,7 @@ def resumed(comm, *, run):
     mesh = load_mesh(comm, scene.sample.grains, scene.solver.element, ranks)
     kept = read_tables(comm, checkpoint, mesh.grains, mesh.rank_of_grain)
     restore_reference(mesh, kept[0])
-    simulation = make_simulation(scene, mesh, *bounding_box(mesh))
+    simulation = make_simulation(scene, mesh, find_bounds(scene, mesh))
     restore(simulation, *kept, checkpoint.header["state"])
     return simulation
 
@@ -132,14 +132,12 @@ def prepare(comm, *, kind, strain=0.0, speed=20.0, **parameters):
     Returns:
         (:class:`~.Simulation`, seconds that it took before the loading).
     """
-    from ...run.from_scene import bounding_box
-
     start = time.perf_counter()
     simulation = SCENES[kind](comm, **parameters)
     seconds = time.perf_counter() - start
     if strain:
-        low, high = bounding_box(simulation.mesh)
+        bottom, top = simulation.walls.point[4:, 2]
         simulation.walls.velocity[5, 2] = -speed
-        while simulation.state.t < strain * (high - low)[2] / speed:
+        while simulation.state.t < strain * (top - bottom) / speed:
             simulation.step()
     return simulation, seconds
