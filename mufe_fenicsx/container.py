@@ -116,7 +116,7 @@ class Container:
         return np.array(sums) * self.shortening
 
     def along_three(self, values: ArrayLike) -> np.ndarray:
-        """Values along the axes as those along three directions, the last one vertical, (..., 3)."""
+        """Those along three directions, (..., 3), of values along the axes, (..., num_axes)."""
         return np.asarray(values)[..., list(self.three)]
 
     def means(self, values: ArrayLike) -> np.ndarray:

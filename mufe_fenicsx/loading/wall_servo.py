@@ -78,7 +78,7 @@ class Servo(Stateful):
             self._next = t + FIRST_STEPS * sim.dt
 
     def gains(self, stiffness, area):
-        """Speed over lack of stress of each wall [m/(s Pa)], shape (num_walls,); inf where it is free.
+        """Speed over lack of stress of each wall [m/(s Pa)], (num_walls,); inf where it is free.
 
         Args:
             stiffness: Of the contacts on each wall [N/m], shape (num_walls,).

@@ -8,20 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from mufe_fenicsx.container import BOX
+from mufe_fenicsx.container import BOX, CONTAINERS
 from mufe_fenicsx.errors import InputError, raise_together
 from mufe_fenicsx.output.run_folder import reason, regular
 
-#: Columns of the history.csv of a box, in order; SI units.
-COLUMNS = (
-    "step",
-    "time",
-    "dt",
-    "stage",
-    "strain",
-    "height",
-    "speed",
-    *(f"force_{name}" for name in BOX.walls),
+#: Columns of history.csv before the forces on the walls, and after them; SI units.
+BEFORE = ("step", "time", "dt", "stage", "strain", "height", "speed")
+AFTER = (
     "stress",
     "kinetic",
     "elastic",
@@ -37,11 +30,7 @@ COLUMNS = (
     "num_contacts",
     "num_active_grains",
     "num_active_contacts",
-    *BOX.widths,
 )
-#: Those that runs of earlier versions lack.
-NEWER_COLUMNS = ("length_x", "length_y", "switching")
-TEXT_COLUMNS = ("stage", "wall")
 
 
 def history_columns(container):
@@ -50,11 +39,16 @@ def history_columns(container):
     Args:
         container: :class:`~mufe_fenicsx.container.Container`.
     """
-    of_box = [*(f"force_{name}" for name in BOX.walls), *BOX.widths]
-    first, last = COLUMNS.index(of_box[0]), COLUMNS.index(BOX.widths[0])
     forces = [f"force_{name}" for name in container.walls]
-    between = COLUMNS[first + len(BOX.walls) : last]
-    return (*COLUMNS[:first], *forces, *between, *container.widths)
+    return (*BEFORE, *forces, *AFTER, *container.widths)
+
+
+#: Those of a box.
+COLUMNS = history_columns(BOX)
+#: Those that runs of earlier versions lack.
+NEWER_COLUMNS = ("length_x", "length_y", "switching")
+TEXT_COLUMNS = ("stage", "wall")
+NUMBERS = {name for each in CONTAINERS.values() for name in history_columns(each)}
 
 
 class HistoryWriter:
@@ -212,7 +206,7 @@ def _column(values, name):
                 return np.array(values, dtype=kind) if values else np.empty(0)
             except (ValueError, OverflowError):
                 continue
-    if name in COLUMNS and name not in TEXT_COLUMNS:  # damaged: what is no number is none
+    if name in NUMBERS and name not in TEXT_COLUMNS:  # damaged: what is no number is none
         return np.array([_number(value) for value in values])
     texts = [
         v[1:] if v.startswith(QUOTE) and v[1:].startswith((*FORMULA, QUOTE)) else v for v in values

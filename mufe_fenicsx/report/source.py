@@ -9,10 +9,11 @@ from mufe_fenicsx.analysis.contact_resolution import contact_resolution
 from mufe_fenicsx.analysis.grain_stress import unstressed
 from mufe_fenicsx.analysis.quasi_static import trusted_from
 from mufe_fenicsx.analysis.rows import loading_rows, turns_back
+from mufe_fenicsx.container import container_of_history
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.measure import tet_volumes
 from mufe_fenicsx.output.fields import read_arrays, read_states
-from mufe_fenicsx.output.history import COLUMNS, NEWER_COLUMNS, read_history
+from mufe_fenicsx.output.history import NEWER_COLUMNS, history_columns, read_history
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.render import cannot_render, start_probe
 from mufe_fenicsx.report.sample import load_states
@@ -106,7 +107,8 @@ class Source:
         """dict column -> array with at least one row."""
         path = self.folder / "history.csv"
         history = read_history(path)
-        absent = [name for name in COLUMNS if name not in {*history, *UNUSED}]
+        needed = history_columns(container_of_history(history))
+        absent = [name for name in needed if name not in {*history, *UNUSED}]
         if absent:
             raise InputError(f"{path} has no column {', '.join(absent)}")
         if not len(history["step"]):

@@ -53,7 +53,7 @@ def draw_stress_3d(source):
     camera = Camera.around(corners, FROM, aspect)
     figure, axes = style.new_figure(style.PAGE, height, ncols=len(states), squeeze=False)
     axes, columns = axes[0], {"grain": states[0].grain_means[0]}
-    for i, (axis, state, box) in enumerate(zip(axes, states, boxes, strict=True)):
+    for i, (axis, state) in enumerate(zip(axes, states, strict=True)):
         layer = Layer(state.surface(), None, "von_mises", style.STRESS_MAP, (0, limit))
         axis.imshow(render([layer], camera, pixels, state.outline(states[0])))
         axis.set_axis_off()

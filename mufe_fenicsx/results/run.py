@@ -17,7 +17,7 @@ from ..geometry.measure import tet_volumes
 from ..machine.notebook import html_table
 from ..output.contacts import CONTACT_COLUMNS, contact_files, read_contacts
 from ..output.fields import MESH, read_arrays, read_states
-from ..output.history import COLUMNS, read_history
+from ..output.history import history_columns, read_history
 from ..output.run_folder import read_run_json, reason, regular, wrong_entries
 from . import graph, tables
 from .rows import run_rows
@@ -324,7 +324,8 @@ class Run:
         attempt(lambda: self.scene)
         history = attempt(lambda: self.history)
         if history is not None:
-            absent = [name for name in COLUMNS if name not in history]
+            needed = history_columns(container_of_history(history))
+            absent = [name for name in needed if name not in history]
             if absent:
                 found.append(f"history.csv has no column {', '.join(absent)}.")
             if "stage" in history and not (history["stage"] != "seating").any():

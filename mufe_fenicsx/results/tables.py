@@ -77,9 +77,9 @@ def stresses(run):
     """Stress of the contacts (Love and Weber) against that of the walls, a row a stored state.
 
     Columns: ``contact_xx`` … ``contact_xz`` (symmetric part), ``wall_xx``, ``wall_yy``, ``wall_zz``
-    of a box, ``wall_rr`` and ``wall_zz`` of a cylinder [Pa], compression positive; ``difference_zz`` = contact over wall - 1, the same of the
-    sides (of rr the mean of xx and yy):
-    small where the test is quasi-static; ``closure_zz`` …, the same with the inertia of the
+    of a box, ``wall_rr`` and ``wall_zz`` of a cylinder [Pa], compression positive;
+    ``difference_zz`` = contact over wall - 1, the same of the sides (of rr with the mean of xx and
+    yy): small where the test is quasi-static; ``closure_zz`` …, the same with the inertia of the
     grains added, which is small at any speed; ``kinetic`` over internal energy; ``unbalanced``,
     top less bottom force over their mean. States without tables of contacts are left out.
     """

@@ -2,8 +2,6 @@
 
 import numpy as np
 from mpi4py import MPI
-from scipy.optimize import minimize
-from scipy.spatial import ConvexHull
 
 from ..contact.separation import separate
 from ..contact.walls import Wall
@@ -136,11 +134,15 @@ def find_bounds(scene, mesh):
 
 def _hull(places):
     """Corners of the convex hull of points in a plane, shape (num_corners, 2)."""
+    from scipy.spatial import ConvexHull
+
     return places[ConvexHull(places).vertices]
 
 
 def _middle_of_smallest_circle(places):
     """Of those around points of a plane, (num, 2): the middle m of the least r² ≥ |x - m|²."""
+    from scipy.optimize import minimize  # of no other test
+
     middle, size = places.mean(axis=0), np.ptp(places, axis=0).max()
     x = (places - middle) / size
 

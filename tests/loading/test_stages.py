@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from mufe_fenicsx.contact.walls import SERVO_GAIN
+from mufe_fenicsx.analysis.macro import triaxial_curves
+from mufe_fenicsx.contact.walls import SERVO_GAIN, Wall
+from mufe_fenicsx.container import CYLINDER, Bounds
 from mufe_fenicsx.errors import InputError, SolverError
-from mufe_fenicsx.geometry.bodies.shapes import box
+from mufe_fenicsx.geometry.bodies.shapes import box, cylinder
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.loading.stages import StagedLoading
 from mufe_fenicsx.materials.elastic import Elastic
@@ -20,6 +22,7 @@ from mufe_fenicsx.run.from_bodies import build
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import (
     Contact,
+    ContainerSettings,
     Output,
     QuasiStatic,
     Scene,
@@ -53,7 +56,7 @@ def march(sim, loading, watch=None, most=40000):
         loading.before_step()
         sim.step()
         forces = sim.wall_forces()
-        now = (forces / np.repeat([loading._area(a) for a in range(3)], 2), loading.strains.copy())
+        now = loading._wall_stress(forces), loading.strains.copy()
         ends[loading.stage] = now
         if loading._now.hold_from is None:
             led[loading.stage] = now
@@ -104,6 +107,37 @@ def test_stresses_on_three_axes_and_back_again():
     path = (np.array(paths["load"]) - low) / change
     on = (path.min(axis=1) > 0.3) & (path.max(axis=1) < 0.9)
     assert on.sum() > 20 and np.ptp(path[on], axis=1).max() < 0.1
+    energies = sim.energies()
+    assert abs(energies["residual"]) < 1e-3 * energies["work"]
+
+
+def test_stresses_on_the_axes_of_a_cylinder():
+    """Hooke's law of a cylinder: σr on its side, σz on its ends, and back without a loss."""
+    points, cells = cylinder(0.5 * SIZE, SIZE, SIZE / 6)
+    radius = np.linalg.norm(points[:, :2], axis=1).max()
+    bounds = Bounds(points.min(axis=0), points.max(axis=0), np.zeros(2), radius)
+    walls = [Wall(s.name, s.point, s.normal, radius=s.radius) for s in CYLINDER.surfaces(bounds)]
+    sim = build(
+        MPI.COMM_SELF, [(points, cells)], STUFF, bounds.low, bounds.high, axes="", walls=walls
+    )
+    back, high = Axis(stress=2e5), np.array([8e5, 5e5])
+    program = (
+        Stage("start", zero=True, rz=back),
+        Stage("load", r=Axis(stress=high[0]), z=Axis(stress=high[1])),
+        Stage("unload", rz=back),
+    )
+    settings = Loading(speed=0.02, ramp=1e-4, tolerance=TOLERANCE)
+    ends, _ = march(sim, StagedLoading(sim, settings, named(program)))
+    (stress, strain), change = ends["load"], high - 2e5
+    assert np.allclose(stress, [high[0], high[1], high[1]], rtol=TOLERANCE)
+    nu = STUFF.nu
+    hooke = np.array([(1 - nu) * change[0] - nu * change[1], change[1] - 2 * nu * change[0]])
+    # Of a diameter and of a height two layers take their part, to 10 % of it at the edges.
+    layer = float(np.average(sim.contact.points.layer, weights=sim.contact.points.area))
+    soft = 2 * layer / SIZE
+    assert np.allclose(strain, hooke / STUFF.E + soft * change, atol=0.1 * soft * change.max())
+    free = 3 * TOLERANCE * high.max() * (1 / STUFF.E + soft)
+    assert np.abs(ends["unload"][1]).max() < free
     energies = sim.energies()
     assert abs(energies["residual"]) < 1e-3 * energies["work"]
 
@@ -323,6 +357,31 @@ def test_a_run_by_stages_reaches_its_stresses_and_resumes_to_the_same_bits(folde
     assert arrays(folder / "parts") == arrays(folder / "whole")
 
 
+def test_a_run_in_a_cylinder_resumes_to_the_same_bits(folder):
+    """Its side holds a pressure while the platens go on: by force, area, diameter, volume."""
+    program = (
+        Stage(zero=True, rz=Axis(stress=2e6)),
+        Stage("shear", r=Axis(stress=2e6), z=Axis(strain=0.02)),
+    )
+    given = scene(container=ContainerSettings("cylinder"), stages=program)
+    whole = run(folder, "round", given)
+    history = read_history(folder / "round" / "history.csv")
+    assert whole["finished"] and whole["container"]["radius"] == pytest.approx(RADIUS, rel=0.01)
+    D, H = history["diameter"], history["height"]
+    assert history["stress_r"] == pytest.approx(history["force_side"] / (np.pi * D * H))
+    both = 0.5 * (history["force_z_min"] + history["force_z_max"])
+    assert history["stress_z"] == pytest.approx(both / (np.pi * D**2 / 4))
+    assert history["stress_r"][-1] == pytest.approx(2e6, rel=0.05)
+    shear = history["stage"] == "shear"  # strains count from its start
+    volume, shrunk = (D**2 * H)[shear], triaxial_curves(history)["strain_volume"][shear]
+    assert shrunk == pytest.approx(1 - volume / volume[0], abs=1e-3 * np.ptp(shrunk))
+
+    run(folder, "round-parts", given, max_steps=whole["stages"][1]["step"] + 50)
+    parts = run(folder, "round-parts", given, resume=True)
+    assert parts["num_steps"] == whole["num_steps"]
+    assert arrays(folder / "round-parts") == arrays(folder / "round")
+
+
 # --- the tables ---------------------------------------------------------------------------
 
 TEXT = """
@@ -375,6 +434,9 @@ def test_stages_are_read_as_they_are_written(tmp_path):
         ("z = { speed", "yz = { speed", "stage[2].yz is given, expected y once: xy has it"),
         ("strain_z", "strainz", "stage[2].until.strainz = 0.05 is not a known key, expected"),
         ('"shear"', '"seating"', 'stage[2].name = "seating", expected names that differ'),
+        ("z = { speed", "r = { speed", "stage[2] leads r, expected x or y or z with container"),
+        ("[loading]", "[container]\nshape = 'cylinder'\n[loading]", "stage[1] leads x, expected r"),
+        ("strain_z =", "strain_r =", "stage[2].until.strain_r is given, expected none with"),
         ("z = { speed = 0.1 }", "z = { walls = 'both' }", "stage[2].z.stress is missing"),
     ],
 )  # fmt: skip

@@ -260,7 +260,7 @@ def test_side_walls_that_moved_need_their_places(whole, tmp_path):
     run = mufe_fenicsx.open_run(folder)
     assert "length_x" not in run.history and run.missing[0].endswith("length_x, length_y.")
     sides = run.box[1] - run.box[0]
-    assert run.side_lengths(run.history)[-1].tolist() == sides[:2].tolist()
+    assert run.lengths(run.history)[-1, :2].tolist() == sides[:2].tolist()
     moved = SCENE.replace("[walls.y_max]\n", "[walls.y_max]\nstress = 1e5\n")
     (folder / "scene.toml").write_text(moved)
     with pytest.raises(InputError, match="wall y_max moved"):

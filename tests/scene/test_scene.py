@@ -6,13 +6,14 @@ import tomllib
 import numpy as np
 import pytest
 
+from mufe_fenicsx.container import BOX
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.materials.scatter import Scatter
 from mufe_fenicsx.run.demo import demo_scene
-from mufe_fenicsx.scene import WALLS, Scene, image_path, load_scene, scene_to_toml
+from mufe_fenicsx.scene import Scene, image_path, load_scene, scene_to_toml
 from mufe_fenicsx.units import to_si
 
 SMALLEST = """
@@ -105,7 +106,7 @@ def test_written_scene_is_the_scene_read(tmp_path, text):
 def test_written_scene_states_every_default(tmp_path):
     written = scene_to_toml(load_scene(scene_file(tmp_path, SMALLEST)))
     tables = tomllib.loads(written)
-    assert set(tables["walls"]) == set(WALLS)
+    assert set(tables["walls"]) == set(BOX.walls)
     for field in dataclasses.fields(Scene):
         table, content = (
             tables.get(field.name),

@@ -149,7 +149,9 @@ def _fill_edges(edges, nodes, share, normal, kn, kt):
 def _fill_walls(contact, on, nodes, share, normal, kn, kt):
     walls, points = contact.walls.pairs, contact.points
     nodes[:], share[:] = points.carriers(walls.node[on])
-    places = contact.ghosts.positions.array[walls.node[on]]
+    # Between searches steps place the nodes alone.
+    x = contact.ghosts.positions.array[contact.ghosts.num_before :]
+    places = points.places(x, walls.node[on])
     normal[:] = contact.walls.gaps(places, walls.wall[on])[1]
     kn[:] = points.area[walls.node[on]] / points.layer[walls.node[on]]
     kt[:] = kn * contact.layers.ratio[walls.node[on]]

@@ -89,7 +89,8 @@ class ContactTangent:
         v = w.pairs
         wall_tangent(
             *parts[2], before, *g.corners(), v.node, v.wall, v.closed, wall_closed,
-            *w.normals_and_curvature(g.positions.array[v.node], v.wall), w.normal, v.shear, v.slip,
+            *w.normals_and_curvature(c.points.places(x[before:], v.node), v.wall), w.normal,
+            v.shear, v.slip,
             wall_slip, v.normal_force, v.sliding, c.points.layer, c.points.area, ratio,
             w.friction_kinetic,
         )  # fmt: skip

@@ -75,6 +75,11 @@ class Points:
         weight[points >= len(self.corner) - self.num_vertices] = first
         return self.corner.take(points, axis=0), weight
 
+    def places(self, x, points):
+        """Where the given points are [m], shape (num, 3), with own surface nodes at ``x``."""
+        nodes, weight = self.carriers(points)
+        return np.einsum("pc,pci->pi", weight, x[nodes])
+
     def stretch(self, own, x, points):
         """Area of the facets around ``points`` now over the reference one, shape (num,).
 
