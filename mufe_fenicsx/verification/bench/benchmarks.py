@@ -23,6 +23,7 @@ from .linear import linear
 from .overhead import overhead, small
 from .scenes import prepare
 from .search import search, share_of_contact
+from .walls import curved_walls, pressed_slabs
 
 #: Whole step on one core [element-steps/s], two ranks over one, and memory [bytes a tet].
 TARGET_RATE, TARGET_SPEEDUP, TARGET_MEMORY = 10e6, 1.6, 2000.0
@@ -158,10 +159,11 @@ BENCHMARKS = {
     "exchange": exchange,
     "elements": elements,
     "overhead": overhead,
+    "curved-walls": curved_walls,
 }
 #: What `mufe bench` runs without a name: the others take an hour or more.
-USUAL = ("box", "blocks", "demo", "search", "elements", "overhead", "hertz")
-MEASUREMENTS = {"alone": alone, "turns": turns, "small": small}
+USUAL = ("box", "blocks", "demo", "search", "elements", "overhead", "hertz", "curved-walls")
+MEASUREMENTS = {"alone": alone, "turns": turns, "small": small, "pressed_slabs": pressed_slabs}
 
 
 def run_benchmarks(names, parameters, comm):
