@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mufe_fenicsx.container import WALLS
+from mufe_fenicsx.container import CYLINDER, WALLS
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.packing import GRID_STEPS, Packer, to_bytes, to_grid
@@ -154,6 +154,7 @@ class _Builder:
             "fields": fields,
             "columns": columns,
             "walls": list(WALLS),
+            "round": self.run.container is CYLINDER,
             "arrays": packer.entries,
         }
         step = (high - low).max() / GRID_STEPS / 2

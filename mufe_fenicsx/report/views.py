@@ -68,7 +68,7 @@ def draw_stress_3d(source):
         figure,
         f"Von Mises stress in the deformed grains at strain {strains} (Fig. 13 {PAPER})",
         "All views share the colour scale and the camera (parallel projection; the scale "
-        "bar holds for lengths across the view). The box is the space between the walls. "
+        "bar holds for lengths across the view). Lines show the space between the walls. "
         "One per cent of the cells of a state may exceed the scale.",
         {"": columns},
         "wide",

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.analysis import macro, rows
-from mufe_fenicsx.loading.stages import COLUMNS
 from mufe_fenicsx.output import fields, history
 from mufe_fenicsx.report import curves, style, summary, write_report
 from mufe_fenicsx.report.source import Source
@@ -16,6 +15,9 @@ from mpi4py import MPI  # isort: skip  (after the package, which may bring MPI)
 #: Slope of stress over strain in each stage [Pa].
 SLOPES = {"load": 1e9, "unload": 3e9, "reload": 2e9}
 SIDES = (2e-4, 3e-4)
+
+#: Columns that a test by stages adds.
+STAGED = tuple(f"{name}_{axis}" for name in ("stress", "strain") for axis in "xyz")
 
 
 def staged_history(path=(0.0, 0.02, 0.01, 0.04), num=40):
@@ -31,7 +33,7 @@ def staged_history(path=(0.0, 0.02, 0.01, 0.04), num=40):
     h |= {"step": np.arange(strain.size), "time": 1e-6 * np.arange(strain.size)}
     h |= {"stage": np.array(stage), "strain": strain, "stress": np.array(stress[1:])}
     h |= {"height": 1e-4 * (1 - strain), "length_x": np.linspace(2e-4, SIDES[0], strain.size)}
-    h |= {"length_y": np.linspace(2e-4, SIDES[1], strain.size), **dict.fromkeys(COLUMNS, strain)}
+    h |= {"length_y": np.linspace(2e-4, SIDES[1], strain.size), **dict.fromkeys(STAGED, strain)}
     for name in ("force_z_min", "force_z_max"):
         h[name] = h["stress"] * h["length_x"] * h["length_y"]
     return h
@@ -39,7 +41,7 @@ def staged_history(path=(0.0, 0.02, 0.01, 0.04), num=40):
 
 def write_staged_run(folder, h, moved, num_states=4):
     """States evenly in time, of one lumpy ball that is moved by the last one."""
-    columns = (*history.COLUMNS, *COLUMNS)
+    columns = (*history.COLUMNS, *STAGED)
     with history.HistoryWriter(folder / "history.csv", columns) as writer:
         for i in range(len(h["step"])):
             writer.append({n: str(h[n][i]) if n == "stage" else h[n][i] for n in columns})

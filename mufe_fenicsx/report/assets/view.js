@@ -3,6 +3,7 @@
 const COLOURS = { strong: [0.05, 0.25, 0.6], weak: [0.55, 0.55, 0.55], sliding: [0.84, 0.37, 0] };
 const KIND = { strong: 1, sliding: 2, chain: 4 };
 const NOTES = { pressure: "; grey: none" };
+const CIRCLE = 64; // lines of a circle
 const WIDEST = 9; // line of a contact [CSS pixels]
 const MOTIONS = [
   { name: "displacement", title: "Displacement", signed: false },
@@ -224,7 +225,7 @@ class View {
     return place.map((p, i) => (p - this.run.low[i]) / this.unit);
   }
 
-  /** Edges of the box around the nodes of the stage: where the walls are. */
+  /** Edges of the box, or of the cylinder, around the nodes of the stage: where walls are. */
   setBox() {
     const { run, stage } = this;
     const steps = run.places[stage + 1];
@@ -237,12 +238,23 @@ class View {
       }
       return [low, high].map((s) => (s / GRID_STEPS) * (run.size[axis] / this.unit));
     });
-    const corner = (bits) => ends.map((e, axis) => e[(bits >> axis) & 1]);
     const numbers = [];
+    const line = (a, b) => numbers.push(...a, ...b, 0.2, 0.2, 0.2, 1.5);
+    const corner = (bits) => ends.map((e, axis) => e[(bits >> axis) & 1]);
     for (let bits = 0; bits < 8; bits++) {
-      for (const axis of [1, 2, 4]) {
-        if (!(bits & axis)) numbers.push(...corner(bits), ...corner(bits | axis), 0.2, 0.2, 0.2, 1.5);
+      for (const axis of run.round ? [] : [1, 2, 4]) {
+        if (!(bits & axis)) line(corner(bits), corner(bits | axis));
       }
+    }
+    const [x, y, z] = ends;
+    const onCircle = (k, height) => {
+      const angle = (2 * Math.PI * k) / CIRCLE;
+      const of = (end, part) => 0.5 * (end[0] + end[1] + part * (end[1] - end[0]));
+      return [of(x, Math.cos(angle)), of(y, Math.sin(angle)), height];
+    };
+    for (let k = 0; run.round && k < CIRCLE; k++) {
+      for (const height of z) line(onCircle(k, height), onCircle(k + 1, height));
+      if (k % (CIRCLE / 4) === 0) line(onCircle(k, z[0]), onCircle(k, z[1]));
     }
     this.painter.setLines("box", new Float32Array(numbers));
   }

@@ -13,7 +13,7 @@ TARGET = 1.1
 FLAT = 1e6
 
 
-def pressed_slabs(comm, *, divisions=60, calls=100, repeats=15):
+def pressed_slabs(comm, *, divisions=60, calls=20, repeats=41):
     """A slab that rubs on a plane, and one on a cylinder that is nearly one, by turns. Local.
 
     Args:
