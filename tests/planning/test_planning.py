@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from mufe_fenicsx.cli.arguments import number_or_text
 from mufe_fenicsx.cli.main import main
+from mufe_fenicsx.container import Bounds
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.grains import save_grains
@@ -338,7 +339,7 @@ def test_a_chain_of_cubes_closes_by_the_sum_of_its_gaps():
     high = np.array([size, size, 2.2 * size])
     bodies = [(points + np.array([0.0, 0.0, z * size]), cells) for z in (0.05, 1.15)]
     s = build(comm, bodies, Elastic(**ROCK), np.zeros(3), high, axes="z")
-    closing = Closing(s, np.zeros(3), high)
+    closing = Closing(s, Bounds(np.zeros(3), high, np.zeros(2), 0.0))
     assert closing.travel() == pytest.approx(0.2 * size, rel=1e-6)
     # Middles are 1.1 mm from each other and half of that from the platens. A face has eight facets
     # and eight sharp vertices, these for platens alone: the other cube's edges slant their normals.

@@ -61,8 +61,7 @@ def test_branches_and_their_moduli():
     found = [(part.stage, part.kind) for part in rows.branches(h)]
     assert found == [("load", "loading"), ("unload", "unloading"), ("reload", "reloading")]
     assert rows.turns_back(h) and not rows.turns_back(fake_history())
-    sides = np.column_stack([h["length_x"], h["length_y"]])
-    modulus = macro.oedometer_curves(h, sides, 1e-13, width=0.002)["modulus"]
+    modulus = macro.oedometer_curves(h, macro.inner_lengths(h), 1e-13, width=0.002)["modulus"]
     for name, slope in SLOPES.items():
         inside = np.flatnonzero(h["stage"] == name)[2:-2]
         assert modulus[inside] == pytest.approx(slope, rel=1e-9)  # sums of squares of strains
