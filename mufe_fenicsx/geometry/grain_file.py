@@ -47,6 +47,7 @@ class GrainFile:
         volumes: [m³], shape (num_grains,).
         element_size: Wanted length of edges [m].
         box: Corners of the image domain [m], shape (2, 3), or None.
+        cylinder: x and y of the axis and the radius of a cylindrical sample [m], or None.
     """
 
     def __init__(self, folder_or_h5, compare=True):
@@ -142,6 +143,11 @@ class GrainFile:
             self.box = self._read("box", (2, 3), FRACTIONS)
             wide = (np.abs(self.box) < FAR).all() and (self.box[1] > self.box[0]).all()
             self._require(bool(wide), "box is none")
+        self.cylinder = None
+        if "cylinder" in file:
+            self.cylinder = self._read("cylinder", (3,), FRACTIONS)
+            good = (np.abs(self.cylinder) < FAR).all() and self.cylinder[2] > 0
+            self._require(bool(good), "cylinder is none")
 
     def _read_grain(self, g):
         label = int(self.labels[g])

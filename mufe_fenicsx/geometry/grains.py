@@ -34,6 +34,7 @@ class Grains:
     cell_offset: np.ndarray  #: first cell of each grain, shape (num_grains + 1,)
     element_size: float  #: wanted length of edges [m]
     box: np.ndarray | None = None  #: corners of the image domain [m], shape (2, 3)
+    cylinder: np.ndarray | None = None  #: x, y and radius of that of the sample [m], shape (3,)
 
     @property
     def num_grains(self) -> int:
@@ -69,6 +70,7 @@ class Grains:
         meshes: Sequence[tuple[ArrayLike, ArrayLike]],
         element_size: float,
         box: ArrayLike | None = None,
+        cylinder: ArrayLike | None = None,
     ) -> Self:
         """Join meshes of single grains.
 
@@ -78,6 +80,7 @@ class Grains:
             meshes: A pair (points, cells) a grain, cells numbered from 0.
             element_size: Wanted length of edges [m].
             box: Corners of the image domain [m], shape (2, 3), or None.
+            cylinder: x and y of the axis and the radius of a cylindrical sample [m], or None.
 
         Raises:
             InputError: labels occur twice, are not positive, or a cell has no volume.
@@ -108,6 +111,7 @@ class Grains:
             cell_offset.astype(np.int64),
             float(element_size),
             None if box is None else np.array(box, dtype=float).reshape(2, 3),
+            None if cylinder is None else np.array(cylinder, dtype=float).reshape(3),
         )
         bad = np.flatnonzero(~(tet_volumes(points, cells) > 0))
         if len(bad):
@@ -142,6 +146,8 @@ def save_grains(folder: str | Path, grains: Grains) -> None:
             file["volumes"] = grains.volumes
             if grains.box is not None:
                 file["box"] = grains.box
+            if grains.cylinder is not None:
+                file["cylinder"] = grains.cylinder
         write_checksum(folder / "grains.h5")
         (folder / "grains.xdmf").write_text(_xdmf(len(grains.points), len(grains.cells)))
     except OSError as error:
@@ -182,8 +188,9 @@ def load_grains(
             points[nodes], cells[part] = file.grain(g)
             cells[part] += node_offset[i]
         return Grains(
-            points, cells, labels[which], node_offset, cell_offset, file.element_size, file.box
-        )
+            points, cells, labels[which], node_offset, cell_offset, file.element_size, file.box,
+            file.cylinder,
+        )  # fmt: skip
 
 
 def read_grain_table(

@@ -121,6 +121,20 @@ def surface_area(points, triangles):
     return np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1).sum() / 2
 
 
+def area_on_cylinder(points, cells, cylinder, near=1e-6):
+    """Area of the facets of a body whose corners lie on a cylinder along z [m²].
+
+    Args:
+        points, cells: Tetrahedra of the body.
+        cylinder: x and y of the axis and radius [m].
+        near: Distance of corners from it that counts as none, over the radius.
+    """
+    triangles = boundary_triangles(cells)
+    x, y, radius = cylinder
+    off = np.abs(np.hypot(points[:, 0] - x, points[:, 1] - y) - radius)
+    return surface_area(points, triangles[(off[triangles] <= near * radius).all(axis=1)])
+
+
 def surface_defect(points, triangles):
     """What is wrong with a triangle surface, in words; empty if it bounds a body.
 

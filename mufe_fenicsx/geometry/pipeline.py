@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +16,22 @@ from .image.compare_labels import compare_labels, fitted, true_labels
 from .image.contact_faces import contact_table
 from .image.field_of_view import field_of_view
 from .image.image_files import inverted, read_with_size
-from .image.label_files import grain_table, read_labels, write_labels, write_table
+from .image.cylinder import Cylinder
+from .image.label_files import (
+    grain_table,
+    read_labels,
+    stated_cylinder,
+    write_labels,
+    write_table,
+)
 from .image.picture import draw_quality, draw_segmentation
 from .image.quality_flags import mark_doubts
-from .image.segmentation import segment
+from .image.round_sample import cut_labels, round_sample
+from .image.segmentation import resampled_mask, segment
 from .image.tiff_file import TIFF
 from .image.voxel_size import known_voxel_size
-from .measure import smallest_altitudes, surface_volume, worst_share_costs
+from .measure import area_on_cylinder, smallest_altitudes, surface_volume, worst_share_costs
+from .settings import CUT, WHOLE
 from .surface.given_surfaces import has_bodies, read_bodies
 from .tets.jobs import shared_jobs, surface_jobs, voxel_jobs
 from .tets.mesher import make_thicker_together, mesh_grains
@@ -63,7 +73,7 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
     contacts = output.with_name(f"{output.stem}_contacts.csv")
     with new_files(output, table, contacts, picture, overwrite=overwrite) as folder:
         raw, inside, true, given = _grey_image(image_path, settings, truth)
-        labels, grey, found = segment(raw, settings, inside)
+        labels, grey, found, sample = _segmented(raw, inside, settings, given, image_path)
         level = found.pop("field")
         num_grains = int(labels.max())
         if num_grains < 1:
@@ -72,7 +82,8 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
                 f"above the threshold {found['threshold']:g}, expected at least one"
             )
         voxel_size = given["edge"] / settings.upsample
-        rows = grain_table(labels, voxel_size, level)
+        cylinder = None if sample is None else sample.cylinder.scaled(given["edge"])
+        rows = grain_table(labels, voxel_size, found.pop("rim", level))
         pairs = contact_table(labels, voxel_size)
         doubts = mark_doubts(rows, pairs, labels)
         compared = None
@@ -80,10 +91,11 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
             compared = compare_labels(
                 labels, fitted(true, labels.shape), min_voxels=settings.min_grain_voxels
             )
-        write_labels(folder / output.name, labels, voxel_size)
+        about = None if sample is None else _about(cylinder, sample.rim == CUT)
+        write_labels(folder / output.name, labels, voxel_size, about)
         write_table(folder / contacts.name, pairs, CONTACT_COLUMNS)
         write_table(folder / table.name, rows)
-        draw_segmentation(folder / picture.name, grey, labels, voxel_size, level)
+        draw_segmentation(folder / picture.name, grey, labels, voxel_size, level, cylinder)
     warning = found.pop("warning")
     warnings = [] if warning is None else [warning]
     if num_grains == 1:
@@ -103,6 +115,7 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
         "num_border_grains": sum(row["touches_border"] for row in rows),
         "num_contacts": len(pairs),
         **found,
+        **({} if sample is None else _numbers(cylinder, sample.rim)),
         "median_diameter": float(np.median(diameters)),
         **doubts,
         "notices": given["notices"],
@@ -110,6 +123,40 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
         "compared": compared,
         "seconds": round(time.perf_counter() - start, 3),
     }
+
+
+def _segmented(raw, inside, settings, given, source):
+    """Labels of the sample, its levels and what was found, as `segmentation.segment` has them.
+
+    Of a cylinder, levels are those of the image beyond it too, for the picture; what was found has
+    the mask of the cylinder where it cuts grains (``rim``). Fourth, the `RoundSample` or None.
+    """
+    if settings.cylinder is None:
+        return *segment(raw, settings, inside), None
+    levels, mine, sample = round_sample(raw, inside, settings, given["edge"], str(source))
+    labels, grey, found = segment(levels, settings, mine, sample.closed)
+    field = found["field"]
+    labels, within, numbers = sample.cut(labels, field, settings)
+    if sample.closed:
+        grey = np.where(field, grey, images.resample(raw, settings.upsample))
+        measured = None if inside is None else resampled_mask(
+            inside, settings.upsample, labels.shape)  # fmt: skip
+        found["field"] = measured
+    given["notices"] += sample.lines
+    rim = None if sample.rim == WHOLE else within
+    return labels, grey, found | numbers | {"rim": rim}, sample
+
+
+def _about(cylinder, cut):
+    """What a file of labels states of the cylinder of its sample [m]."""
+    place = {name: float(getattr(cylinder, name)) for name in ("x", "y", "radius")}
+    return place | {"cut": cut}
+
+
+def _numbers(cylinder, rim):
+    """The same for a summary."""
+    place = {f"cylinder_{name}_m": float(getattr(cylinder, name)) for name in ("x", "y", "radius")}
+    return place | {"rim": rim}
 
 
 def _grey_image(path, settings, truth):
@@ -191,6 +238,7 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
             [(mesh.points, mesh.cells) for mesh in done],
             settings.size,
             given.box,
+            given.cylinder,
         )
         rows = [mesh.quality for mesh in meshes]
         save_grains(folder, grains)
@@ -207,6 +255,7 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         "filled": given.filled,
         "warnings": volume_warnings(done),
         "renumbered": given.renumbered,
+        **_cylinder_numbers(given, done),
         **_quality(done, grains, settings.size, given.voxel_size),
         "seconds": round(time.perf_counter() - start, 3),
     }
@@ -225,6 +274,8 @@ class _Given:
     trimmed: list = field(default_factory=list)  #: what was left out of labels
     repaired: list = field(default_factory=list)  #: what was mended of surfaces
     filled: list = field(default_factory=list)  #: cavities that were filled, in words
+    cylinder: tuple | None = None  #: x, y and radius of that of the sample [m]
+    left_out: int = 0  #: grains of which the cylinder leaves too little
 
 
 def _given_surfaces(path, settings):
@@ -258,6 +309,10 @@ def _given_labels(path, settings):
         axes=settings.axes,
         numbers=numbers,
     )
+    cylinder, cut = _cylinder(path, settings, labels.shape, voxel_size)
+    left_out = 0
+    if cut is not None:
+        labels, left_out = cut_labels(labels, cut)
     labels, trimmed = labelling.checked_labels(
         labels, keep_largest_piece=settings.keep_largest_piece, source=str(path)
     )
@@ -275,7 +330,7 @@ def _given_labels(path, settings):
     for row in table if numbers else ():
         row["label_in_file"] = numbers[row["label"] - 1]
     check_work([row["volume_m3"] for row in table], settings)
-    make = shared_jobs if settings.conforming else voxel_jobs
+    make = shared_jobs if settings.conforming else partial(voxel_jobs, cylinder=cut)
     return _Given(
         make(labels, voxel_size, settings),
         len(table),
@@ -285,7 +340,48 @@ def _given_labels(path, settings):
         bool(numbers),
         trimmed,
         filled=filled,
+        cylinder=cylinder,
+        left_out=left_out,
     )
+
+
+def _cylinder(path, settings, shape, voxel_size):
+    """The cylinder of a sample of labels, and the same where it cuts grains.
+
+    Returns:
+        x, y and radius [m], or None; and `Cylinder` in voxels, or None.
+
+    Raises:
+        InputError: It is not within the image, or grains share their facets.
+    """
+    stated = stated_cylinder(path)
+    given = settings.cylinder_middle, settings.cylinder_radius
+    if stated is None and given == (None, None):
+        return None, None
+    height, *sides = (n * voxel_size for n in shape)
+    y, x = (side / 2 for side in sides)
+    if settings.cylinder_middle is not None:
+        x, y = settings.cylinder_middle
+    elif stated is not None:
+        x, y = stated["x"], stated["y"]
+    room = min(x, y, sides[1] - x, sides[0] - y)
+    if stated is not None:
+        room = stated["radius"] - float(np.hypot(x - stated["x"], y - stated["y"]))
+    radius = room if settings.cylinder_radius is None else settings.cylinder_radius
+    if not 0 < radius <= room * (1 + 1e-9) :
+        raise InputError(
+            f"cylinder_radius = {radius:g} m about (x, y) = ({x:g}, {y:g}) m, expected > 0 and at "
+            f"most {room:g} m, within the labels {path}"
+        )
+    cylinder = (float(x), float(y), float(radius))
+    if given == (None, None) and not stated["cut"]:
+        return cylinder, None
+    if settings.conforming:
+        raise InputError(
+            "conforming = true with a cylinder that cuts grains, expected false: only faces of the "
+            "image cut grains that share their facets"
+        )
+    return cylinder, Cylinder(*cylinder).scaled(1 / voxel_size)
 
 
 def _quality(meshes, grains, size, voxel_size):
@@ -323,6 +419,21 @@ def volume_warnings(meshes):
         f"given, expected within {VOLUME_OFF:.0%}: take a smaller size, or part it at thin necks"
         for row in off
     ]
+
+
+def _cylinder_numbers(given, meshes):
+    """What was cut by a cylinder; {} where the sample has none."""
+    if given.cylinder is None:
+        return {}
+    x, y, radius = given.cylinder
+    area = sum(area_on_cylinder(mesh.points, mesh.cells, given.cylinder) for mesh in meshes)
+    return {
+        "cylinder_x_m": x,
+        "cylinder_y_m": y,
+        "cylinder_radius_m": radius,
+        "rim_grains_left_out": given.left_out,
+        "round_faces_share": float(area / (2 * np.pi * radius * np.ptp(given.box[:, 2]))),
+    }
 
 
 def _distances(column, length, unit):

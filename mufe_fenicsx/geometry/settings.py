@@ -14,6 +14,11 @@ METHODS = ("otsu", "gaussians", "middle")
 #: Masks that are neither a file nor a grey level.
 MASKS = ("cylinder", "none")
 
+#: What a cylindrical sample is recognised by.
+FIELD, MOULD, GIVEN = "field", "mould", "given"
+#: What becomes of grains at its rim.
+CUT, DROP, WHOLE = "cut", "drop", "whole"
+
 
 @dataclass(frozen=True)
 class SegmentSettings:
@@ -46,6 +51,24 @@ class SegmentSettings:
         "",
         'field of view: "cylinder", "none", a level or a file (0) outside; None: recognised',
         words=MASKS,
+    )
+    cylinder: str | None = setting(
+        None,
+        "",
+        'the sample is a cylinder along z: the "field" of view, within a "mould", or "given"',
+        allowed=(FIELD, MOULD, GIVEN),
+    )
+    cylinder_middle: tuple | None = setting(
+        None, "m", "x and y of its axis; None: as recognised", shape=(2,), form="x,y"
+    )
+    cylinder_radius: float | None = setting(
+        None, "m", "its radius, smaller than what is there; None: as recognised", gt=0
+    )
+    rim: str | None = setting(
+        None,
+        "",
+        'grains at its rim: "cut", "drop" or "whole"; None: cut, in a mould whole',
+        allowed=(CUT, DROP, WHOLE),
     )
     invert: bool = setting(False, "", "grains are darker than voids", off="bright")
     upsample: float = setting(
@@ -119,6 +142,32 @@ class SegmentSettings:
         require(share is None or self.separation == "depth", "relative_depth", share, only)
         only = 'a value only where separation = "depth" or "markers"'
         require(depth is None or self.separation != "level", "marker_depth", depth, only)
+        self._require_cylinder()
+
+    def _require_cylinder(self):
+        for name in ("cylinder_middle", "cylinder_radius", "rim"):
+            value = getattr(self, name)
+            only = 'a value only where cylinder = "field", "mould" or "given"'
+            require(value is None or self.cylinder is not None, name, value, only)
+        if self.rim == WHOLE:
+            where = f'where cylinder = "{self.cylinder}"'
+            walled = self.cylinder == GIVEN or (
+                self.cylinder == MOULD and self.cylinder_radius is None
+            )
+            require(
+                walled,
+                "rim",
+                f'"{WHOLE}" {where}',
+                '"cut" or "drop": grains end of themselves only at the wall of a mould',
+            )
+
+    @property
+    def rim_of_cylinder(self):
+        """What becomes of grains at the rim of the cylinder."""
+        if self.rim is not None:
+            return self.rim
+        at_wall = self.cylinder == MOULD and self.cylinder_radius is None
+        return WHOLE if at_wall and self.cylinder_middle is None else CUT
 
     def separated_by(self, separation):
         """These settings with another way to part grains, without what only the old one uses."""
@@ -237,6 +286,13 @@ class MeshSettings:
     )
     key: str | None = setting(None, "", "name of the labels in an .npz or .h5 file")
     axes: str = setting("zyx", "", "order of the axes in the file, slowest first")
+    cylinder_middle: tuple | None = setting(
+        None, "m", "x and y of its axis; None: as the labels state it, or the middle",
+        shape=(2,), form="x,y",
+    )  # fmt: skip
+    cylinder_radius: float | None = setting(
+        None, "m", "of a cylinder along z that is cut out of labels; None: as they state", gt=0
+    )
     scale: float = setting(
         1.0,
         "m",

@@ -14,7 +14,7 @@ from .image import to_cubes
 from .image_files import read_with_size
 from .labels import plain_labels
 from .tiff_file import TIFF
-from .voxel_size import known_voxel_size, own_voxel_size
+from .voxel_size import known_voxel_size, own_description, own_voxel_size
 
 TABLE = (
     "label",
@@ -28,9 +28,17 @@ TABLE = (
 )
 
 
-def write_labels(path, labels, voxel_size):
-    """Write labels as compressed TIFF with the voxel size [m] in its description."""
-    description = json.dumps({"voxel_size": float(voxel_size), "axes": "zyx"})
+def write_labels(path, labels, voxel_size, cylinder=None):
+    """Write labels as compressed TIFF with the voxel size [m] in its description.
+
+    Args:
+        path: File.
+        labels: (z, y, x).
+        voxel_size: [m].
+        cylinder: {"x", "y", "radius": [m], "cut": whether it cuts grains}, or None.
+    """
+    about = {"voxel_size": float(voxel_size), "axes": "zyx"}
+    description = json.dumps(about if cylinder is None else about | {"cylinder": cylinder})
     largest = labels.max(initial=0)
     kind = np.uint16 if largest < 2**16 else np.int32
     try:
@@ -126,6 +134,28 @@ def write_table(path, rows, columns=None):
 def labels_key(path):
     """Name of the array with labels in a .npz file that holds one, or None."""
     return "labels" if "labels" in array_names(path) else None
+
+
+def stated_cylinder(path):
+    """What :func:`write_labels` wrote of a cylinder, or None.
+
+    Raises:
+        InputError: What stands there is none.
+    """
+    path = Path(path)
+    if path.is_dir() or path.suffix.lower() not in TIFF:
+        return None
+    with tifffile.TiffFile(path) as file:
+        found = own_description(file).get("cylinder")
+    if found is None:
+        return None
+    numbers = [found.get(name) for name in ("x", "y", "radius")] if isinstance(found, dict) else []
+    good = numbers and all(isinstance(v, int | float) and np.isfinite(v) for v in numbers)
+    if not (good and found["radius"] > 0):
+        raise InputError(
+            f"{path} states the cylinder {found}, expected x, y and a radius > 0 in metres"
+        )
+    return found
 
 
 def _own_voxel_size(path):

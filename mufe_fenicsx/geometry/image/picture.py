@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
 from .compare_labels import touching_labels
 
@@ -17,7 +18,7 @@ STYLE = {
     "axes.linewidth": 0.8,
     "savefig.dpi": 200,
 }
-BLUE, RED = "#33658a", "#e4572e"
+BLUE, RED, CYAN = "#33658a", "#e4572e", "#00b7c7"
 #: Colours of grains, RGB: those that the colour-blind tell apart (Okabe & Ito 2008), and brown.
 PALETTE = tuple(
     matplotlib.colors.to_rgb(colour)
@@ -27,7 +28,7 @@ PALETTE = tuple(
 )  # fmt: skip
 
 
-def draw_segmentation(path, grey, labels, voxel_size, inside=None):
+def draw_segmentation(path, grey, labels, voxel_size, inside=None, cylinder=None):
     """Three slices through the middle, grey levels with outlines above, labels below.
 
     Args:
@@ -36,6 +37,7 @@ def draw_segmentation(path, grey, labels, voxel_size, inside=None):
         labels: 0 void, grains from 1.
         voxel_size: [m].
         inside: True in the field of view; the rest is left white. None: all of the image.
+        cylinder: `Cylinder` of the sample [m], which is drawn; or None.
     """
     with matplotlib.rc_context(STYLE):
         unit, name = length_unit(max(labels.shape) * voxel_size)
@@ -49,7 +51,10 @@ def draw_segmentation(path, grey, labels, voxel_size, inside=None):
         figure = Figure(figsize=(9.6, 6.6), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.subplots(2, 3)
-        low, high = np.percentile(grey if inside is None else grey[inside], [0.5, 99.5])
+        ours = inside
+        if cylinder is not None:
+            ours = cylinder.scaled(1 / voxel_size).inside(labels.shape)
+        low, high = np.percentile(grey if ours is None else grey[ours], [0.5, 99.5])
         pairs = set().union(*(touching_labels(labels[where][None]) for _, _, where in planes))
         colours = label_colours(int(labels.max()), pairs)
         for column, (across, up, where) in enumerate(planes):
@@ -66,10 +71,26 @@ def draw_segmentation(path, grey, labels, voxel_size, inside=None):
             for axis in (top, bottom):
                 axis.set(xlabel=f"{across} [{name}]", ylabel=f"{up} [{name}]")
                 axis.spines[:].set_visible(True)
-            position = (middle["zyx".index("xyz".replace(across, "").replace(up, ""))] + 0.5) * size
             normal = "xyz".replace(across, "").replace(up, "")
+            position = (middle["zyx".index(normal)] + 0.5) * size
+            if cylinder is not None:
+                for axis, colour in ((top, CYAN), (bottom, "black")):
+                    _draw_cylinder(axis, across + up, cylinder.scaled(1 / unit), position, colour)
             top.set_title(f"{normal} = {position:.3g} {name}", fontsize=9)
         figure.savefig(path)
+
+
+def _draw_cylinder(axis, plane, cylinder, position, colour):
+    """The outline of a cylinder in a slice of a plane ("xy", "xz" or "yz") at a position."""
+    style = {"color": colour, "linewidth": 1.1, "linestyle": (0, (4, 2))}
+    if plane == "xy":
+        place = (cylinder.x, cylinder.y)
+        axis.add_patch(Circle(place, cylinder.radius, fill=False, **style))
+        return
+    across, beside = (cylinder.x, cylinder.y) if plane == "xz" else (cylinder.y, cylinder.x)
+    half = cylinder.radius**2 - (position - beside) ** 2
+    for sign in (-1, 1) if half > 0 else ():
+        axis.axvline(across + sign * half**0.5, **style)
 
 
 def draw_quality(path, rows, h):

@@ -19,7 +19,7 @@ from .watershed import watershed
 A_VOXEL = 60
 
 
-def segment(raw, settings, inside=None):
+def segment(raw, settings, inside=None, closed=False):
     """Labels of a grey image: filter, threshold, pores, grains.
 
     Args:
@@ -27,6 +27,7 @@ def segment(raw, settings, inside=None):
         settings: `SegmentSettings`.
         inside: True where something was measured; None: everywhere. The rest takes part in
             nothing, as if the image ended there.
+        closed: Grains end where ``inside`` does, at a wall; otherwise they go on unseen.
 
     Returns:
         labels, and the filtered image, both on the voxels of labels; and a dictionary: threshold,
@@ -40,7 +41,7 @@ def segment(raw, settings, inside=None):
     if inside is not None and float(settings.upsample).is_integer():
         where = scipy.ndimage.find_objects(inside.view(np.uint8))[0]
         if raw[where].shape != raw.shape:
-            return _embedded(raw.shape, where, *segment(raw[where], settings, inside[where]),
+            return _embedded(raw.shape, where, *segment(raw[where], settings, inside[where], closed),
                              int(settings.upsample))  # fmt: skip
     num_voxels = math.prod(max(1, round(n * settings.upsample)) for n in raw.shape)
     check_room(
@@ -54,7 +55,7 @@ def segment(raw, settings, inside=None):
     grey = resample(grey, settings.upsample)
     measured = grey
     if inside is not None:
-        inside = _like(inside, settings.upsample, grey.shape)
+        inside = resampled_mask(inside, settings.upsample, grey.shape)
         measured = grey[inside]
     threshold = find_threshold(measured, settings.threshold)
     warning, void, full = doubt_about(measured, threshold)
@@ -72,7 +73,7 @@ def segment(raw, settings, inside=None):
         num_pores += np.count_nonzero(solid)
     phases = None if void is None else (void, full)
     labels, separated = separate_grains(
-        solid, settings, settings.upsample, grey, phases, None if inside is None else ~inside
+        solid, settings, settings.upsample, grey, phases, None if inside is None or closed else ~inside
     )
     found = {
         "threshold": threshold,
@@ -99,7 +100,7 @@ def _embedded(shape, where, labels, grey, found, factor):
     return wholes[0], wholes[1], found | {"field": wholes[2]}
 
 
-def _like(inside, factor, shape):
+def resampled_mask(inside, factor, shape):
     """A field of view on the voxels of a resampled image."""
     if factor == 1:
         return inside

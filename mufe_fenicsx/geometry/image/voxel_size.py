@@ -51,11 +51,17 @@ def tiff_voxel_size(file):
 
 def own_voxel_size(file):
     """The voxel size [m] in the description that `label_files.write_labels` writes, or None."""
-    try:
-        size = json.loads(file.pages[0].description).get("voxel_size")
-    except (ValueError, AttributeError):
-        return None
+    size = own_description(file).get("voxel_size")
     return float(size) if isinstance(size, int | float) and size > 0 else None
+
+
+def own_description(file):
+    """The dictionary that `label_files.write_labels` writes into an open TIFF; {} of others."""
+    try:
+        found = json.loads(file.pages[0].description)
+    except (ValueError, AttributeError, TypeError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def known_voxel_size(given, stated, path):

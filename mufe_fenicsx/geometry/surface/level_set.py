@@ -44,6 +44,7 @@ class LevelSet:
     offset: np.ndarray  #: index of the first voxel within the image
     shape: np.ndarray  #: voxels of the image
     beta: float = 0.0
+    cut: object = None  #: `RoundCut` that the grain may reach, which holds in place of side faces
 
     def __post_init__(self):
         self._splines = self._psi = self._psi_beta = None
@@ -87,6 +88,10 @@ class LevelSet:
             psi = np.concatenate([*low[::-1], psi.take(inside, axis), *high], axis)
             positions.append(np.concatenate([low_at[::-1], at[inside], high_at]))
         return psi, positions, faces
+
+    def placed(self, at):
+        """Positions of places on the grid of :meth:`nodes`: the same."""
+        return at
 
     def value_and_gradient(self, x):
         """psi and its gradient [1/voxel] at positions x, shape (n, 3); not cut off."""
@@ -152,28 +157,30 @@ def continued(crop, offset, shape):
     return np.pad(crop[inside], np.column_stack([before, after]), mode="edge")
 
 
-def volume_in_one_piece(body, crop):
-    """Voxels of grain 1 without those of parts that break off where it is smoothed.
+def volume_in_one_piece(body, crop, shares):
+    """Volume of grain 1 without that of parts that break off where it is smoothed [voxels].
 
     The part that is left would otherwise grow to the volume of all.
 
     Args:
         body: `LevelSet` of the grain.
         crop: Its voxels, as `smoothed` had them.
+        shares: Part of each voxel that counts, shape (y, x) of the crop, or 1.
     """
     mine = crop == 1
-    volume = np.count_nonzero(mine)
+    weight = np.broadcast_to(shares, crop.shape)[mine]
+    volume = float(weight.sum())
     inside, num_parts = scipy.ndimage.label(body.grain + FIRST_BETA * body.void > 0.5)
     if num_parts > 1:
         _, nearest = scipy.ndimage.distance_transform_edt(inside == 0, return_indices=True)
-        voxels = np.bincount(inside[tuple(nearest)][mine], minlength=num_parts + 1)
+        voxels = np.bincount(inside[tuple(nearest)][mine], weight, minlength=num_parts + 1)
         if voxels.max() < (1 - LOST) * volume:
-            return int(voxels.max())
+            return float(voxels.max())
     return volume
 
 
-def smoothed(crop, label, offset, shape, sigma):
-    """The level set of one grain with beta = 0."""
+def smoothed(crop, label, offset, shape, sigma, cut=None):
+    """The level set of one grain with beta = 0; ``cut`` as of `LevelSet`."""
     crop = continued(crop, offset, shape)
     fields = [
         scipy.ndimage.gaussian_filter(
@@ -181,4 +188,4 @@ def smoothed(crop, label, offset, shape, sigma):
         )
         for number in (label, 0)
     ]
-    return LevelSet(*fields, np.asarray(offset), np.asarray(shape))
+    return LevelSet(*fields, np.asarray(offset), np.asarray(shape), cut=cut)

@@ -18,6 +18,7 @@ from .remesh import (
     with_cavities,
 )
 from .remesh_creased import remesh_creased
+from .round_cut import ROUND, RoundGrid, reaches_cut
 from .self_crossing import crossing_triangles
 from .shells import in_largest_body
 
@@ -44,7 +45,8 @@ def grain_surface(level_set, sizes, volume=None, nodes=None):
         points in voxels, order (x, y, z) and counted from the corner of the
         image, shape (n, 3); triangles seen from outside, shape (m, 3); `Sizes`; which coordinates
         of each point the border of the image holds, shape (n, 3), all three where its edges meet;
-        and the neighbours of each point along its edges, shape (n, 2), -1 where there are none.
+        the neighbours of each point along its edges, shape (n, 2), -1 where there are none; and
+        which points lie on the cylinder that cuts the grain, shape (n,).
 
     Raises:
         SurfaceError: the grain is too small for its size or its surface is not sound.
@@ -79,7 +81,7 @@ def grain_surface(level_set, sizes, volume=None, nodes=None):
             defect = "triangles that cut through each other"
     if defect:
         raise SurfaceError(f"surface has {defect}")
-    return xyz, faces, sizes, planes, along
+    return xyz, faces, sizes, planes, along, held.round
 
 
 def _outer(points, triangles, tags, sizes):
@@ -104,7 +106,8 @@ def isosurface(level_set):
         points (z, y, x) in voxels, triangles, and a tag for each: 0 on the free surface, otherwise
         `level_set.face_tag` of the face of the image that it lies in.
     """
-    field, positions, ends = level_set.nodes()
+    grid = RoundGrid(level_set) if reaches_cut(level_set) else level_set
+    field, positions, ends = grid.nodes()
     if not field.max() > 0:
         raise SurfaceError("grain vanishes when its surface is smoothed")
     at, triangles, _, _ = skimage.measure.marching_cubes(field, 0.0, allow_degenerate=False)
@@ -119,7 +122,10 @@ def isosurface(level_set):
         [np.interp(at[:, i], np.arange(len(positions[i])), positions[i]) for i in range(3)]
     )
     if tags.any():  # points on edges of the image have come together
-        on_faces = (points == level_set.lower) | (points == level_set.upper)
+        on_faces = np.zeros(points.shape, dtype=bool)
+        for axis in range(3):
+            for side in np.flatnonzero(ends[axis]):
+                on_faces[:, axis] |= points[:, axis] == positions[axis][-side]
         together = np.flatnonzero(on_faces.sum(axis=1) > 1)
         _, first, number = np.unique(
             points[together], axis=0, return_index=True, return_inverse=True
@@ -129,6 +135,7 @@ def isosurface(level_set):
         a, b, c = (triangles := same[triangles]).T
         kept = (a != b) & (b != c) & (c != a)
         triangles, tags = triangles[kept], tags[kept]
+    points = grid.placed(points)
     kept = in_largest_body(points, triangles)
     return *compact(points, triangles[kept]), tags[kept]
 
@@ -170,7 +177,11 @@ class Held:
         #: Where it is on the free surface, shape (n,).
         self.free = np.zeros(n, dtype=bool)
         self.free[faces[tags == 0]] = True
-        for tag in np.unique(tags[tags > 0]):
+        self.cut = level_set.cut
+        #: Where it stays on the cylinder that cuts the grain, shape (n,).
+        self.round = np.zeros(n, dtype=bool)
+        self.round[faces[tags == ROUND]] = True
+        for tag in np.unique(tags[(tags > 0) & (tags != ROUND)]):
             self.planes[faces[tags == tag], (tag - 1) // 2] = True
         lower = x - level_set.lower < level_set.upper - x
         #: Positions along each axis that it is held at.
@@ -179,6 +190,23 @@ class Held:
         self._average = _neighbour_average(faces, n)
         #: Neighbours along the edge that it is on, -1 if it is on none, shape (n, 2).
         self.along = self.creases.neighbours()
+
+    def restrict(self, vectors, x):
+        """Set the parts of vectors at vertices to zero, in place, that faces do not allow."""
+        if self.cut is not None and self.round.any():
+            vectors[:] = self.cut.without_radial(vectors, x, self.round)
+        vectors[self.planes] = 0
+        vectors[~self.free] = 0
+
+    def within(self, x, level_set):
+        """Vertices kept in the image: those of faces in them, others a little off."""
+        off = np.where(self.planes.any(axis=1) | self.round, 0.0, CLEARANCE)[:, None]
+        low, high = level_set.lower + off, level_set.upper - off
+        if self.cut is None:
+            return np.clip(x, low, high)
+        x = x.copy()
+        x[:, 0] = np.clip(x[:, 0], low[:, 0], high[:, 0])
+        return self.cut.kept(x, self.round, CLEARANCE)
 
     def evened(self, x):
         """Moves that bring vertices half-way to the mean of their neighbours.
@@ -204,8 +232,7 @@ def relaxed(x, faces, tags, level_set, rounds=5):
     for _ in range(rounds):
         move = held.evened(x)
         _, normal = level_set.value_and_gradient(x)
-        normal[held.planes] = 0
-        normal[~held.free] = 0
+        held.restrict(normal, x)
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
         along = move - np.einsum("ij,ij->i", move, normal)[:, None] * normal
         x = project(x + along, level_set, held)
@@ -217,16 +244,15 @@ def project(x, level_set, held, rounds=4):
 
     Vertices in faces of the image stay in them; where these are not free they stay as they are.
     """
-    clearance = np.where(held.planes.any(axis=1), 0.0, CLEARANCE)[:, None]
     x = np.where(held.planes, held.place, x)
+    if held.cut is not None:
+        x = held.within(x, level_set)
     for _ in range(rounds):
         psi, gradient = level_set.value_and_gradient(x)
-        gradient[held.planes] = 0
+        held.restrict(gradient, x)
         step = -psi[:, None] * gradient / np.maximum((gradient**2).sum(axis=1), 1e-4)[:, None]
-        step[~held.free] = 0
         length = np.linalg.norm(step, axis=1, keepdims=True)
-        x = x + step * np.minimum(1, 0.5 / np.maximum(length, 1e-12))
-        x = np.clip(x, level_set.lower + clearance, level_set.upper - clearance)
+        x = held.within(x + step * np.minimum(1, 0.5 / np.maximum(length, 1e-12)), level_set)
     return x
 
 

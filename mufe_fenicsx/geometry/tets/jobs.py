@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy.ndimage
 
 from ..image.labels import grains_in
 from ..surface import level_set
@@ -58,9 +59,19 @@ class Job:
         return replace(self, attempts=self.attempts[len(self.attempts) // 2 :])
 
 
-def voxel_jobs(labels, voxel_size, settings):
-    """A job for each grain of a label image."""
+def voxel_jobs(labels, voxel_size, settings, cylinder=None):
+    """A job for each grain of a label image.
+
+    Args:
+        labels: (z, y, x).
+        voxel_size: [m].
+        settings: `MeshSettings`.
+        cylinder: `Cylinder` in voxels that cuts the grains, beyond which labels do not count;
+            None: none.
+    """
     sizing, more = settings.lengths, 0
+    if cylinder is not None:
+        labels = beyond_rim(labels, cylinder, level_set.margin(1.6 * settings.smoothing))
     if sizing.mode == CONTACT:
         more = math.ceil((sizing.largest / sizing.growth + sizing.reach) / voxel_size)
     for label, where in grains_in(labels):
@@ -75,8 +86,22 @@ def voxel_jobs(labels, voxel_size, settings):
             settings.smoothing,
             settings.keep_volume,
             more,
+            cylinder,
         )
         yield Job(grain, sizing, settings.min_angle, inner_size=settings.inner_size)
+
+
+def beyond_rim(labels, cylinder, width):
+    """Labels that go on beyond the rim of an upright cylinder, as far as smoothing looks.
+
+    Each voxel outside takes the label of the nearest one inside in its slice. Surfaces of smoothed
+    labels then meet the cylinder where the voxels do.
+    """
+    distance = cylinder.distance((1, *labels.shape[1:]))[0]
+    near = scipy.ndimage.distance_transform_edt(
+        distance > cylinder.radius, return_distances=False, return_indices=True
+    )
+    return np.where(distance <= cylinder.radius + width, labels[:, near[0], near[1]], 0)
 
 
 def shared_jobs(labels, voxel_size, settings):

@@ -160,9 +160,7 @@ def _filled(job, attempt, uniform):
         inner=job.inner_size,
     )
     nodes *= size
-    if held is not None:  # to the last digit
-        nodes[: len(held)] = np.where(held, surface.points, nodes[: len(held)])
-    return nodes, cells, size, thickness
+    return surface.put_back(nodes), cells, size, thickness
 
 
 def _sized_surface(job, attempt):

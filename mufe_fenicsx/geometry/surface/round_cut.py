@@ -1,0 +1,129 @@
+"""Grains that a cylinder along z cuts: their round faces lie on it, and have sharp edges."""
+
+import numpy as np
+
+from .level_set import face_tag
+from .remesh import SurfaceError
+
+#: Tag of triangles in the round face, after those of the faces of an image.
+ROUND = face_tag(3, 0)
+#: How far a grain may reach sideways from the middle of its round face [radius].
+REACH = 0.85
+#: Layers around a grain beyond its last voxels, more than smoothing moves its surface by [voxels].
+AROUND = 3
+#: A voxel whose middle is so near to the cylinder is at its rim [voxels].
+RIM = 1.5
+
+
+class RoundCut:
+    """The cylinder; positions (z, y, x) in voxels, counted as those of a `LevelSet`.
+
+    Args:
+        middle: Of the axis, (y, x).
+        radius: [voxels].
+    """
+
+    def __init__(self, middle, radius):
+        self.middle, self.radius = np.asarray(middle, dtype=float), float(radius)
+
+    def distance(self, x):
+        """Distances of positions from the axis, shape (n,)."""
+        return np.linalg.norm(x[:, 1:] - self.middle, axis=1)
+
+    def without_radial(self, vectors, x, which):
+        """Vectors at positions, where ``which`` without their part along the radius."""
+        result = vectors.copy()
+        out = x[which, 1:] - self.middle
+        out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
+        result[which, 1:] -= np.einsum("ij,ij->i", vectors[which, 1:], out)[:, None] * out
+        return result
+
+    def kept(self, x, on, clearance):
+        """Positions put onto the cylinder where ``on``, and elsewhere kept within it.
+
+        Args:
+            x: Shape (n, 3).
+            on: Shape (n,).
+            clearance: Least distance of the others from it, shape (n,).
+        """
+        out = x[:, 1:] - self.middle
+        length = np.maximum(np.linalg.norm(out, axis=1), 1e-12)
+        wanted = np.where(on, self.radius, np.minimum(length, self.radius - clearance))
+        result = x.copy()
+        change = wanted != length
+        result[change, 1:] = self.middle + out[change] * (wanted / length)[change, None]
+        return result
+
+
+def reaches_cut(level_set):
+    """Whether a cylinder cuts the grain of a `LevelSet`."""
+    if level_set.cut is None:
+        return False
+    beyond = np.argwhere(level_set.grain > 0.5) + level_set.offset
+    return bool((level_set.cut.distance(beyond) > level_set.cut.radius).any())
+
+
+class RoundGrid:
+    """A grid around a grain whose last layer is the cylinder that cuts it.
+
+    Its axes are z, m and t: with the unit vector e from the axis towards the grain's face and f at
+    right angles to it, a place is
+
+        middle + e (√(R² - t²) + m) + f t,
+
+    so that m = 0 is the cylinder, and m < 0 within it.
+
+    Args:
+        level_set: `LevelSet` with a ``cut``.
+
+    Raises:
+        SurfaceError: The grain is too wide for the cylinder.
+    """
+
+    def __init__(self, level_set):
+        self.level_set, self.cut = level_set, level_set.cut
+        grain = np.argwhere(level_set.grain > 0.3) + level_set.offset
+        away = grain[:, 1:] - self.cut.middle
+        distance = np.linalg.norm(away, axis=1)
+        grain, away = grain[distance < self.cut.radius + 1], away[distance < self.cut.radius + 1]
+        rim = away[np.linalg.norm(away, axis=1) > self.cut.radius - RIM]
+        if len(rim) == 0:
+            raise SurfaceError("grain vanishes when its surface is smoothed")
+        e = rim.mean(axis=0)
+        self.e = e / max(np.linalg.norm(e), 1e-12)
+        self.f = np.array([-self.e[1], self.e[0]])
+        t, ahead = away @ self.f, away @ self.e
+        radius = self.cut.radius
+        if np.abs(t).max() + AROUND > REACH * radius or (rim @ self.e).min() < 0:
+            raise SurfaceError(
+                f"grain is too wide for the cylinder that cuts it: it reaches {np.abs(t).max():.3g}"
+                f" voxels to the side, expected at most {REACH * radius - AROUND:.3g}, "
+                f"{REACH:g} of the radius less {AROUND}"
+            )
+        depth = (np.sqrt(radius**2 - t**2) - ahead).max() + AROUND
+        self._t = np.arange(np.floor(t.min()) - AROUND, t.max() + AROUND + 1)
+        self._m = -np.arange(np.ceil(depth) + 1)[::-1]
+
+    def nodes(self):
+        """psi on the grid, positions along its axes and tags of ends, as `LevelSet.nodes`."""
+        body = self.level_set
+        _, (z, *_), faces = body.nodes()
+        faces = np.stack([faces[0], [0, ROUND], [0, 0]])
+        m, t = np.append(self._m, 0.0), self._t
+        at = np.stack(np.meshgrid(z, m, t, indexing="ij"), axis=-1).reshape(-1, 3)
+        x = self.placed(at)
+        psi = body.value_and_gradient(x)[0]
+        index = x - body.offset
+        known = ((index >= 0) & (index <= np.array(body.grain.shape) - 1)).all(axis=1)
+        psi = np.where(known, psi, -0.5).reshape(len(z), len(m), len(t))
+        # Layers at the ends are outside; those of faces stand in the place of the last within.
+        psi[:, 0], psi[:, :, [0, -1]] = -0.5, -0.5
+        psi[:, -1], psi[[0, -1]] = -1.0, -1.0
+        return psi, [z, m, t], faces
+
+    def placed(self, at):
+        """Positions (z, y, x) of places (z, m, t), shape (n, 3)."""
+        z, m, t = at.T
+        ahead = np.sqrt(self.cut.radius**2 - t**2) + m
+        plane = self.cut.middle + ahead[:, None] * self.e + t[:, None] * self.f
+        return np.column_stack([z, plane])
