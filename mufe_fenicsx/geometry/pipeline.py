@@ -14,9 +14,9 @@ from .image import image as images
 from .image import labels as labelling
 from .image.compare_labels import compare_labels, fitted, true_labels
 from .image.contact_faces import contact_table
+from .image.cylinder import Cylinder
 from .image.field_of_view import field_of_view
 from .image.image_files import inverted, read_with_size
-from .image.cylinder import Cylinder
 from .image.label_files import (
     grain_table,
     read_labels,
@@ -358,7 +358,7 @@ def _cylinder(path, settings, shape, voxel_size):
     given = settings.cylinder_middle, settings.cylinder_radius
     if stated is None and given == (None, None):
         return None, None
-    height, *sides = (n * voxel_size for n in shape)
+    sides = [n * voxel_size for n in shape[1:]]
     y, x = (side / 2 for side in sides)
     if settings.cylinder_middle is not None:
         x, y = settings.cylinder_middle
@@ -368,7 +368,7 @@ def _cylinder(path, settings, shape, voxel_size):
     if stated is not None:
         room = stated["radius"] - float(np.hypot(x - stated["x"], y - stated["y"]))
     radius = room if settings.cylinder_radius is None else settings.cylinder_radius
-    if not 0 < radius <= room * (1 + 1e-9) :
+    if not 0 < radius <= room * (1 + 1e-9):
         raise InputError(
             f"cylinder_radius = {radius:g} m about (x, y) = ({x:g}, {y:g}) m, expected > 0 and at "
             f"most {room:g} m, within the labels {path}"

@@ -1,5 +1,6 @@
 """The circle of a round scan, recognised slice by slice: its field of view, or a mould's wall."""
 
+import itertools
 import warnings
 
 import numpy as np
@@ -12,7 +13,7 @@ from ...errors import InputError
 from .cylinder import Cylinder
 
 #: Slices, or slabs of them, in which circles are looked for, at most.
-SLICES, SLABS = 32, 12
+SLICES, SLABS = 32, 8
 #: Slices that a slab averages at most: noise and grains fade, a wall stays.
 SLAB = 9
 #: Directions from the middle, and the edges that are taken along each, from outside.
@@ -61,7 +62,9 @@ def field_circle(inside, source):
     if not circles:
         raise InputError(f"{what} has no rim within the image, {wanted}")
     if worst > 1.5 * NEAR:
-        raise InputError(f"{what} is not round: its rim is {worst:.3g} voxels off a circle, {wanted}")
+        raise InputError(
+            f"{what} is not round: its rim is {worst:.3g} voxels off a circle, {wanted}"
+        )
     found = _stacked(np.array(circles), len(inside))
     if found is None:
         raise InputError(f"{what} has other circles in other slices, {wanted}")
@@ -94,7 +97,7 @@ def mould_circle(grey, inside, source):
     num_slabs = min(SLABS, max(1, len(grey) // 2))
     ends = np.linspace(0, len(grey), num_slabs + 1).astype(int)
     circles, seen = [], []
-    for first, last in zip(ends[:-1], ends[1:], strict=True):
+    for first, last in itertools.pairwise(ends):
         middle = (first + last) // 2
         part = slice(max(first, middle - SLAB // 2), min(last, middle + SLAB // 2 + 1))
         level = grey[part].mean(axis=0, dtype=float)
@@ -175,7 +178,7 @@ def _wall(level, measured):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # triples on a line have no circle
             _, near = skimage.measure.ransac(
-                points, skimage.measure.CircleModel, 3, NEAR, max_trials=2000,
+                points, skimage.measure.CircleModel, 3, NEAR, max_trials=1000,
                 stop_probability=0.9999, rng=rng,
             )  # fmt: skip
         if near is None or np.count_nonzero(near) < 12:

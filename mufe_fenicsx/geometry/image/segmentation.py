@@ -41,8 +41,8 @@ def segment(raw, settings, inside=None, closed=False):
     if inside is not None and float(settings.upsample).is_integer():
         where = scipy.ndimage.find_objects(inside.view(np.uint8))[0]
         if raw[where].shape != raw.shape:
-            return _embedded(raw.shape, where, *segment(raw[where], settings, inside[where], closed),
-                             int(settings.upsample))  # fmt: skip
+            found = segment(raw[where], settings, inside[where], closed)
+            return _embedded(raw.shape, where, *found, int(settings.upsample))
     num_voxels = math.prod(max(1, round(n * settings.upsample)) for n in raw.shape)
     check_room(
         A_VOXEL * num_voxels,
@@ -73,7 +73,12 @@ def segment(raw, settings, inside=None, closed=False):
         num_pores += np.count_nonzero(solid)
     phases = None if void is None else (void, full)
     labels, separated = separate_grains(
-        solid, settings, settings.upsample, grey, phases, None if inside is None or closed else ~inside
+        solid,
+        settings,
+        settings.upsample,
+        grey,
+        phases,
+        None if inside is None or closed else ~inside,
     )
     found = {
         "threshold": threshold,

@@ -75,7 +75,7 @@ class VoxelGrain:
         """Part of each voxel that is within the cylinder, (y, x) of the crop."""
         if self.cylinder is None:
             return np.ones(self.crop.shape[1:])
-        z, y, x = self.offset
+        _, y, x = self.offset
         own = replace(self.cylinder, x=self.cylinder.x - x, y=self.cylinder.y - y)
         return own.pixel_shares(self.crop.shape[1:])
 
