@@ -86,6 +86,7 @@ class GrainMesh:
     facets: np.ndarray  #: nodes of boundary facets, outward, int32, shape (num_facets, 3)
     grain_of_facet: np.ndarray  #: local grain of each facet, shape (num_facets,)
     family: int = 1  #: rows of ``cells`` that make one composite element; families are whole
+    cylinder: np.ndarray | None = None  #: that cut the grains: x, y, radius [m], shape (3,)
 
     def _repr_html_(self) -> str:
         """Counts and size of this rank's part in a short table, which notebooks show. Local."""

@@ -16,7 +16,7 @@ from .contact import Contact
 from .laws import edge_of_area
 from .results.nodal_fields import current_gaps
 from .settings import ContactGrains, ContactSettings
-from .start.reference import extend, set_reference, volumes
+from .start.reference import extend, kept_in_cylinder, set_reference, volumes
 from .walls import Walls
 
 #: An overlap, or what remains of a gap, below this many edges at the node counts as none.
@@ -100,7 +100,7 @@ def separate(mesh, max_shift, close_gaps=0.0, close_gaps_over_h=0.0, max_sweeps=
         gaps = _Gaps(mesh, x)
     after = before
     if sweep:
-        x = extend(mesh, first, shift)
+        x = kept_in_cylinder(mesh, first, extend(mesh, first, shift))
         after = _Gaps(mesh, x)
         set_reference(mesh, x)
     comm = mesh.comm

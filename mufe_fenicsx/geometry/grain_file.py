@@ -47,7 +47,7 @@ class GrainFile:
         volumes: [m³], shape (num_grains,).
         element_size: Wanted length of edges [m].
         box: Corners of the image domain [m], shape (2, 3), or None.
-        cylinder: x and y of the axis and the radius of a cylindrical sample [m], or None.
+        cylinder: x and y of the axis and the radius of a cylinder that cuts them [m], or None.
     """
 
     def __init__(self, folder_or_h5, compare=True):

@@ -34,7 +34,7 @@ class Grains:
     cell_offset: np.ndarray  #: first cell of each grain, shape (num_grains + 1,)
     element_size: float  #: wanted length of edges [m]
     box: np.ndarray | None = None  #: corners of the image domain [m], shape (2, 3)
-    cylinder: np.ndarray | None = None  #: x, y and radius of that of the sample [m], shape (3,)
+    cylinder: np.ndarray | None = None  #: that cuts the grains: x, y, radius [m], shape (3,)
 
     @property
     def num_grains(self) -> int:
@@ -80,7 +80,7 @@ class Grains:
             meshes: A pair (points, cells) a grain, cells numbered from 0.
             element_size: Wanted length of edges [m].
             box: Corners of the image domain [m], shape (2, 3), or None.
-            cylinder: x and y of the axis and the radius of a cylindrical sample [m], or None.
+            cylinder: x and y of the axis and the radius of a cylinder that cuts them [m], or None.
 
         Raises:
             InputError: labels occur twice, are not positive, or a cell has no volume.

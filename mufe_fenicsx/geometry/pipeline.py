@@ -88,9 +88,10 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
         doubts = mark_doubts(rows, pairs, labels)
         compared = None
         if true is not None:
-            compared = compare_labels(
-                labels, fitted(true, labels.shape), min_voxels=settings.min_grain_voxels
-            )
+            true = fitted(true, labels.shape)
+            if sample is not None:
+                true[~sample.cylinder.scaled(settings.upsample).inside(labels.shape)] = 0
+            compared = compare_labels(labels, true, min_voxels=settings.min_grain_voxels)
         about = None if sample is None else _about(cylinder, sample.rim == CUT)
         write_labels(folder / output.name, labels, voxel_size, about)
         write_table(folder / contacts.name, pairs, CONTACT_COLUMNS)
@@ -238,7 +239,7 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
             [(mesh.points, mesh.cells) for mesh in done],
             settings.size,
             given.box,
-            given.cylinder,
+            given.cylinder and (given.cylinder.x, given.cylinder.y, given.cylinder.radius),
         )
         rows = [mesh.quality for mesh in meshes]
         save_grains(folder, grains)
@@ -274,7 +275,7 @@ class _Given:
     trimmed: list = field(default_factory=list)  #: what was left out of labels
     repaired: list = field(default_factory=list)  #: what was mended of surfaces
     filled: list = field(default_factory=list)  #: cavities that were filled, in words
-    cylinder: tuple | None = None  #: x, y and radius of that of the sample [m]
+    cylinder: Cylinder | None = None  #: that cuts the grains [m]
     left_out: int = 0  #: grains of which the cylinder leaves too little
 
 
@@ -282,6 +283,8 @@ def _given_surfaces(path, settings):
     """:class:`_Given` by surfaces of grains."""
     if settings.conforming:
         raise InputError(f"conforming = true for the surfaces {path}, expected labels")
+    if settings.cylinder_radius is not None or settings.cylinder_middle is not None:
+        raise InputError(f"a cylinder that cuts the surfaces {path}, expected labels")
     repaired, origins = [], []
     cavity = np.inf if settings.fill_cavities else settings.least_cavity
     bodies = read_bodies(path, settings.scale, repaired, cavity, origins)
@@ -309,16 +312,18 @@ def _given_labels(path, settings):
         axes=settings.axes,
         numbers=numbers,
     )
-    cylinder, cut = _cylinder(path, settings, labels.shape, voxel_size)
-    left_out = 0
-    if cut is not None:
+    cylinder = _cylinder(path, settings, labels.shape, voxel_size)
+    cut, inside, left_out = None, None, 0
+    if cylinder is not None:
+        cut = cylinder.scaled(1 / voxel_size)
+        inside = cut.inside(labels.shape)
         labels, left_out = cut_labels(labels, cut)
     labels, trimmed = labelling.checked_labels(
         labels, keep_largest_piece=settings.keep_largest_piece, source=str(path)
     )
     largest = None if settings.fill_cavities else settings.least_cavity / voxel_size**3
     cavities = labelling.fill_cavities(labels, largest)
-    table = grain_table(labels, voxel_size)
+    table = grain_table(labels, voxel_size, inside)
     why = "" if settings.fill_cavities else " smaller than elements"
     for row in table:
         count, voxels = cavities.get(row["label"], (0, 0))
@@ -346,10 +351,7 @@ def _given_labels(path, settings):
 
 
 def _cylinder(path, settings, shape, voxel_size):
-    """The cylinder of a sample of labels, and the same where it cuts grains.
-
-    Returns:
-        x, y and radius [m], or None; and `Cylinder` in voxels, or None.
+    """The `Cylinder` that cuts the grains of labels [m], or None.
 
     Raises:
         InputError: It is not within the image, or grains share their facets.
@@ -357,7 +359,7 @@ def _cylinder(path, settings, shape, voxel_size):
     stated = stated_cylinder(path)
     given = settings.cylinder_middle, settings.cylinder_radius
     if stated is None and given == (None, None):
-        return None, None
+        return None
     sides = [n * voxel_size for n in shape[1:]]
     y, x = (side / 2 for side in sides)
     if settings.cylinder_middle is not None:
@@ -373,15 +375,14 @@ def _cylinder(path, settings, shape, voxel_size):
             f"cylinder_radius = {radius:g} m about (x, y) = ({x:g}, {y:g}) m, expected > 0 and at "
             f"most {room:g} m, within the labels {path}"
         )
-    cylinder = (float(x), float(y), float(radius))
     if given == (None, None) and not stated["cut"]:
-        return cylinder, None
+        return None
     if settings.conforming:
         raise InputError(
             "conforming = true with a cylinder that cuts grains, expected false: only faces of the "
             "image cut grains that share their facets"
         )
-    return cylinder, Cylinder(*cylinder).scaled(1 / voxel_size)
+    return Cylinder(float(x), float(y), float(radius))
 
 
 def _quality(meshes, grains, size, voxel_size):
@@ -425,8 +426,9 @@ def _cylinder_numbers(given, meshes):
     """What was cut by a cylinder; {} where the sample has none."""
     if given.cylinder is None:
         return {}
-    x, y, radius = given.cylinder
-    area = sum(area_on_cylinder(mesh.points, mesh.cells, given.cylinder) for mesh in meshes)
+    cylinder = given.cylinder
+    x, y, radius = cylinder.x, cylinder.y, cylinder.radius
+    area = sum(area_on_cylinder(mesh.points, mesh.cells, (x, y, radius)) for mesh in meshes)
     return {
         "cylinder_x_m": x,
         "cylinder_y_m": y,

@@ -1,5 +1,7 @@
 """From a scene file and grains on disk to the simulation of a test."""
 
+from dataclasses import replace
+
 import numpy as np
 from mpi4py import MPI
 
@@ -56,7 +58,8 @@ def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None):
     if element == "composite":
         points, cells = split(points, cells)
         cell_grain, family = np.repeat(cell_grain, PARTS), PARTS
-    return create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, family)
+    mesh = create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, family)
+    return replace(mesh, cylinder=grains.cylinder)
 
 
 def _together(comm, read):

@@ -13,6 +13,8 @@ from ...kernels.compiled_forms import compiled_form
 SMALLEST_VOLUME = 0.5
 #: So many times the shift is halved around elements that would keep less.
 MAX_HALVINGS = 8
+#: Nodes as near to a cylinder lie on it [radius].
+ON_CYLINDER = 1e-9
 
 
 def volumes(mesh, x):
@@ -49,6 +51,28 @@ def extend(mesh, first, shift):
     hopeless = np.isin(mesh.grain_of_node, mesh.grain_of_cell[squeezed])
     scale[hopeless] = 0.0
     return first + scale * inner
+
+
+def kept_in_cylinder(mesh, first, x):
+    """Positions put back onto the cylinder that cut the grains, and within it. Local.
+
+    A move along the chord of a round face leaves it by u²/2R. A wall takes only facets on it for
+    parts of itself.
+
+    Args:
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        first: Positions before they moved [m], shape (num_nodes, 3).
+        x: Positions now.
+    """
+    if mesh.cylinder is None:
+        return x
+    axis, radius = mesh.cylinder[:2], mesh.cylinder[2]
+    on = np.abs(np.linalg.norm(first[:, :2] - axis, axis=1) - radius) <= ON_CYLINDER * radius
+    distance = np.linalg.norm(x[:, :2] - axis, axis=1)
+    moved = (x != first).any(axis=1) & (on | (distance > radius))
+    result = x.copy()
+    result[moved, :2] = axis + (x[moved, :2] - axis) * (radius / distance[moved])[:, None]
+    return result
 
 
 def _harmonic(mesh, values, surface):

@@ -67,8 +67,8 @@ def cut_labels(labels, cylinder):
         labels: Integers, (z, y, x).
         cylinder: `Cylinder`, upright, in voxels.
     """
-    inside = cylinder.inside(labels.shape)
-    result = np.where(inside, labels, 0).astype(np.int32)
+    inside, labels = cylinder.inside(labels.shape), labels.astype(np.int32)
+    result = np.where(inside, labels, 0)
     crossed = np.unique(labels[~inside])
     left_out = 0
     boxes = scipy.ndimage.find_objects(result)
