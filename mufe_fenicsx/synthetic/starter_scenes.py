@@ -75,6 +75,7 @@ file = "scan.tif"         # TIFF, folder of slices, HDF5, NRRD, MetaImage, NIfTI
                           # files need shape = [z, y, x] and dtype = "<u2"
 voxel_size = "5 um"       # or three lengths, z, y, x
 crop = [[0, 100], [0, 100], [0, 100]]  # voxels, z, y, x: begin with a part; all without it
+# cylinder = "field"      # the sample is round: "field" of view, in a "mould", or "given"
 # invert = true           # where grains are darker than voids
 # relative_depth = 0.06   # lower where grains hang together, higher where they are cut
 

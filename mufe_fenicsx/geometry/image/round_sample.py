@@ -14,7 +14,7 @@ from .labels import is_thick, largest_piece
 from .segmentation import sound_grains
 
 #: Voxels within a wall whose levels the wall changes too: the blur of the image.
-BLUR = 2.0
+BLUR = 1.5
 #: The axis of a wall may lean over the height by this part of the radius.
 LEAN = 0.1
 

@@ -89,16 +89,16 @@ class RoundGrid:
         rim = away[np.linalg.norm(away, axis=1) > self.cut.radius - RIM]
         if len(rim) == 0:
             raise SurfaceError("grain vanishes when its surface is smoothed")
-        e = rim.mean(axis=0)
-        self.e = e / max(np.linalg.norm(e), 1e-12)
+        middle, radius = rim.mean(axis=0), self.cut.radius
+        self.e = middle / max(np.linalg.norm(middle), 1e-12)
         self.f = np.array([-self.e[1], self.e[0]])
         t, ahead = away @ self.f, away @ self.e
-        radius = self.cut.radius
-        if np.abs(t).max() + AROUND > REACH * radius or (rim @ self.e).min() < 0:
+        # A grain all around the axis has no side.
+        one_sided = np.linalg.norm(middle) > 0.5 * radius and (rim @ self.e).min() > 0
+        if not one_sided or np.abs(t).max() + AROUND > REACH * radius:
             raise SurfaceError(
-                f"grain is too wide for the cylinder that cuts it: it reaches {np.abs(t).max():.3g}"
-                f" voxels to the side, expected at most {REACH * radius - AROUND:.3g}, "
-                f"{REACH:g} of the radius less {AROUND}"
+                "grain is too wide for the cylinder that cuts it, expected at most "
+                f"{REACH * radius - AROUND:.3g} voxels to each side of the middle of its round face"
             )
         depth = (np.sqrt(radius**2 - t**2) - ahead).max() + AROUND
         self._t = np.arange(np.floor(t.min()) - AROUND, t.max() + AROUND + 1)

@@ -67,14 +67,12 @@ def test_grains_in_a_mould_are_whole(tmp_path, mould):
     """They keep their volume, at the wall too, and the mould leaves no trace in the histogram."""
     labels, grey = made(mould, FIELD)
     np.save(tmp_path / "scan.npy", grey)
-    settings = SegmentSettings(voxel_size=VOXEL, cylinder="mould", threshold="otsu")
+    settings = SegmentSettings(voxel_size=VOXEL, cylinder="mould")
     found = segment_image(tmp_path / "scan.npy", settings, tmp_path / "labels.tif")
     _, alone = made()
     np.save(tmp_path / "alone.npy", alone)
     place = {"cylinder_middle": (X * VOXEL, Y * VOXEL), "cylinder_radius": R * VOXEL}
-    whole = SegmentSettings(
-        voxel_size=VOXEL, threshold="otsu", cylinder="given", rim="whole", **place
-    )
+    whole = SegmentSettings(voxel_size=VOXEL, cylinder="given", rim="whole", **place)
     same = segment_image(tmp_path / "alone.npy", whole, tmp_path / "alone.tif")
     # Histograms of the same voxels but those of a rim half a voxel wide; bins are a level wide.
     assert found["threshold"] == pytest.approx(same["threshold"], abs=2)
@@ -84,8 +82,10 @@ def test_grains_in_a_mould_are_whole(tmp_path, mould):
     for number in range(1, labels.max() + 1):
         true = labels == number
         own = np.bincount(mine[true]).argmax()
-        # A wrong voxel in ten of the outermost layer, 3/5 of a voxel deep, is 6 % of a ball of 5.
-        assert np.count_nonzero(mine == own) == pytest.approx(np.count_nonzero(true), rel=0.08)
+        # Blur and filter, σ² = 0.8² + 0.7², take σ²/r from a ball's radius: 15 % of one of 4.7.
+        # At the wall, where levels come from 1.5 voxels farther inside, they take less.
+        volume = np.count_nonzero(mine == own) / np.count_nonzero(true)
+        assert 0.82 < volume < 1.05
     assert (mine[~Cylinder(X, Y, R + 1).inside(SHAPE)] == 0).all()
     assert stated_cylinder(tmp_path / "labels.tif")["cut"] is False
 

@@ -66,8 +66,9 @@ def test_a_cut_ball_has_a_round_face(z):
     assert found == pytest.approx(
         measure.area_on_cylinder(mesh.points, mesh.cells, (*axis, CYLINDER.radius * S)) / S**2
     )
-    # Its rim is where smoothed voxels meet the cylinder, within a fifth of a voxel: 4 %.
-    assert found == pytest.approx(area, rel=0.04)
+    # The ball goes on as it is half a voxel within, 2.3 voxels from its middle: 2 % more. Nodes on
+    # its chords are as far out as keeps its volume: 2 % again.
+    assert found == pytest.approx(area, rel=0.06)
     assert mesh.quality["volume_ratio"] == pytest.approx(1, abs=2e-3)
     assert mesh.quality["voxel_volume_m3"] / S**3 == pytest.approx(volume, rel=0.01)
     assert mesh.quality["min_altitude_over_h"] > 0.3
@@ -116,7 +117,7 @@ def test_a_cylinder_is_cut_out_of_any_labels(tmp_path):
     far = np.linalg.norm(grains.points[:, :2] - grains.cylinder[:2], axis=1)
     assert far.max() <= 40.3 * S * (1 + 1e-14)
     for more, words in (
-        ({"cylinder_radius": 49 * S}, "expected > 0 and at most"),
+        ({"cylinder_radius": 51 * S}, "expected > 0 and at most"),
         ({"cylinder_radius": 40 * S, "conforming": True}, "conforming = true with a cylinder"),
     ):
         with pytest.raises(InputError, match=words):
