@@ -36,7 +36,10 @@ _OF_LABELS = {
     "cylinder_y_m": ("the same, y", "m"),
     "cylinder_radius_m": ("radius of the cylinder", "m"),
     "rim": ("grains at its rim", ""),
-    "rim_grains_left_out": ("grains left out at the rim of the cylinder", ""),
+    "rim_grains_left_out": (
+        "grains left out beyond the cylinder, or as too little of them is within",
+        "",
+    ),
     "round_faces_share": ("cut faces, part of the side of the cylinder", ""),
     "median_diameter": ("diameter of the sphere of equal volume, median", "m"),
     "small_grains": ("grains much smaller than the rest", ""),

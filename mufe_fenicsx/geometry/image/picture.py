@@ -76,6 +76,8 @@ def draw_segmentation(path, grey, labels, voxel_size, inside=None, cylinder=None
             if cylinder is not None:
                 for axis, colour in ((top, CYAN), (bottom, "black")):
                     _draw_cylinder(axis, across + up, cylinder.scaled(1 / unit), position, colour)
+                # The image shows where the cylinder is; its labels fill their panel.
+                _frame(bottom, across + up, cylinder.scaled(1 / unit))
             top.set_title(f"{normal} = {position:.3g} {name}", fontsize=9)
         figure.savefig(path)
 
@@ -91,6 +93,14 @@ def _draw_cylinder(axis, plane, cylinder, position, colour):
     half = cylinder.radius**2 - (position - beside) ** 2
     for sign in (-1, 1) if half > 0 else ():
         axis.axvline(across + sign * half**0.5, **style)
+
+
+def _frame(axis, plane, cylinder):
+    """Limit a slice of a plane ("xy", "xz" or "yz") to the surroundings of a cylinder."""
+    reach, across = 1.08 * cylinder.radius, cylinder.y if plane == "yz" else cylinder.x
+    axis.set_xlim(across - reach, across + reach)
+    if plane == "xy":
+        axis.set_ylim(cylinder.y - reach, cylinder.y + reach)
 
 
 def draw_quality(path, rows, h):
