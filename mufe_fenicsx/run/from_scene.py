@@ -113,6 +113,9 @@ def make_walls(scene, bounds):
 def find_bounds(scene, mesh):
     """Where the walls of a scene stand: around all grains, or where it says. Collective.
 
+    A cylinder that the scene does not place is the one that has cut the grains, if one has. Their
+    faces lie on it exactly, which no search for the smallest circle finds.
+
     Raises:
         InputError: Grains are outside of the cylinder that the scene states.
     """
@@ -123,10 +126,17 @@ def find_bounds(scene, mesh):
     centre, radius = 0.5 * (low + high)[:2], 0.0
     if stated.shape == "cylinder":
         places = np.concatenate(mesh.comm.allgather(_hull(mesh.x[:, :2])))
-        given = stated.centre
-        centre = _middle_of_smallest_circle(places) if given is None else np.array(given)
+        given, cut = stated.centre, mesh.cylinder
+        if given is not None:
+            centre = np.array(given)
+        elif cut is not None:
+            centre = cut[:2].copy()
+        else:
+            centre = _middle_of_smallest_circle(places)
         needed = float(np.linalg.norm(places - centre, axis=1).max())
         radius = needed if stated.radius is None else stated.radius
+        if cut is not None and given is None and stated.radius is None:
+            radius = max(radius, float(cut[2]))
         if needed > radius * (1.0 + OUTSIDE):
             raise InputError(
                 f"container.radius = {radius:.9g}, expected at least {needed:.9g}: that of the "
