@@ -183,7 +183,10 @@ class ContainerSettings:
 
     shape: str = setting("box", "", "what they form", allowed=tuple(CONTAINERS))
     radius: float | None = setting(
-        None, "m", "of the cylinder; None: that which cut the grains, or the smallest around them", gt=0
+        None,
+        "m",
+        "of the cylinder; None: that which cut the grains, or the smallest around them",
+        gt=0,
     )
     centre: tuple[float, float] | None = setting(
         None, "m", "of the cylinder across z; None: that of the same one", shape=(2,)

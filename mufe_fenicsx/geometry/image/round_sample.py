@@ -15,6 +15,9 @@ from .segmentation import sound_grains
 
 #: Voxels within a wall whose levels the wall changes too: the blur of the image.
 BLUR = 1.5
+#: What is looked at around a cylinder that is smaller than the field of view: a part of its radius,
+#: and at least so many voxels.
+AROUND, LEAST_AROUND = 0.5, 50.0
 #: The axis of a wall may lean over the height by this part of the radius.
 LEAN = 0.1
 
@@ -120,6 +123,8 @@ def round_sample(raw, inside, settings, edge, source):
     if settings.cylinder != GIVEN:
         upright = _changed(upright, settings, edge)
     _require_in_image(upright, raw.shape, edge)
+    if rim != WHOLE:
+        inside = _around(upright, raw.shape, inside)
     lines = [_line(settings.cylinder, upright, edge, shift)] + ([line] if line else [])
     return raw, inside, RoundSample(upright, rim, closed, tuple(lines))
 
@@ -137,6 +142,15 @@ def _recognised(raw, inside, settings, edge, source):
     radius = settings.cylinder_radius
     room = min(x, y, nx - x, ny - y)
     return Cylinder(x, y, room if radius is None else radius / edge), None
+
+
+def _around(cylinder, shape, inside):
+    """True where grains are looked for around a cylinder that is cut out; None: everywhere."""
+    more = max(AROUND * cylinder.radius, LEAST_AROUND)
+    near = cylinder.inside(shape, -more)
+    if near.all():
+        return inside
+    return near if inside is None else near & inside
 
 
 def _changed(cylinder, settings, edge):
