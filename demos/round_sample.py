@@ -36,9 +36,9 @@ from mufe_fenicsx.report.views import box_corners
 from mufe_fenicsx.synthetic.pipeline import synthesize
 from mufe_fenicsx.synthetic.settings import SynthesisSettings
 
-VOXEL, SHAPE = 5e-6, (60, 150, 150)
+VOXEL, SHAPE = 5e-6, (40, 120, 120)
 #: Axis of the mould and its inner radius, its thickness, and the radius that is cut out [voxels].
-X, Y, RADIUS, WALL, CUT_RADIUS = 78.0, 72.5, 58.0, 7.0, 50.0
+X, Y, RADIUS, WALL, CUT_RADIUS = 61.0, 58.5, 48.0, 7.0, 42.0
 #: Grey levels of void, solid and mould, and the noise.
 VOID, SOLID, MOULD, NOISE = 90.0, 150.0, 190.0, 5.0
 
@@ -55,7 +55,7 @@ def grey_of(labels, ring=None):
 
 def scans(folder):
     """Write both scans; returns the true labels in the mould."""
-    settings = SynthesisSettings(shape=SHAPE, voxel_size=VOXEL, d50=1.1e-4)
+    settings = SynthesisSettings(shape=SHAPE, voxel_size=VOXEL, d50=1e-4)
     synthesize(settings, folder / "sand", overwrite=True)
     labels, _ = read_labels(folder / "sand" / "truth_labels.tif")
     tifffile.imwrite(folder / "part.tif", grey_of(labels))
