@@ -24,7 +24,7 @@ TRIALS = 1000
 SEEN = 0.5
 #: An edge has at least this part of the slope that a fiftieth of all places exceed.
 STEEP = 0.25
-#: A mould's wall is smoother than what it encloses: spread of levels along the circle, at most.
+#: A mould is more even than what it encloses: standard deviation of its levels, at most.
 SMOOTH = 0.5
 #: Circles of slices differ by no more in radius [voxels].
 SPREAD = 2.0
@@ -78,8 +78,8 @@ def mould_circle(grey, inside, source):
 
     Along rays from the middle of the image the steepest changes of the level are edges; of each
     ray those farthest out are taken. Circles are fitted to them by RANSAC, one after the other.
-    The wall is a circle that is seen along half of the rays or more, and beyond which the level
-    varies less along the circle than within, since grains lie within.
+    The wall is the smallest circle that is seen along half of the rays or more, and just beyond
+    which levels vary less than within, since grains lie within.
 
     Args:
         grey: Levels, (z, y, x).
@@ -242,23 +242,16 @@ def _edges(level, measured):
 
 
 def _encloses_grains(level, measured, circle):
-    """Whether levels vary along the circle within it, and much less just beyond it."""
+    """Whether levels just beyond a circle vary much less than those within it."""
     x0, y0, radius = circle
     if radius < 10:
         return False
-    angle = np.arange(0, 2 * np.pi, 1 / radius)
-    spread = []
-    for low, high in ((-8.0, -3.0), (2.0, 4.0)):
-        r = radius + np.arange(low, high, 0.5)[:, None]
-        at = np.stack([y0 + r * np.sin(angle) - 0.5, x0 + r * np.cos(angle) - 0.5])
-        found = scipy.ndimage.map_coordinates(level, at, order=1, mode="nearest")
-        known = np.ones(found.shape, dtype=bool)
-        if measured is not None:
-            known = scipy.ndimage.map_coordinates(measured.astype(float), at, order=0) > 0.5
-        inner = (at >= 0).all(axis=0) & (at[0] < level.shape[0]) & (at[1] < level.shape[1])
-        known &= inner
-        if np.count_nonzero(known) < 0.5 * known.size:
-            return False
-        low, high = np.quantile(found[known], [0.16, 0.84])
-        spread.append(high - low)
-    return bool(spread[1] < SMOOTH * spread[0])
+    y, x = np.indices(level.shape) + 0.5
+    distance = np.hypot(x - x0, y - y0)
+    known = np.ones(level.shape, dtype=bool) if measured is None else measured
+    within = level[known & (distance < radius - 3)]
+    beyond = level[known & (distance > radius + 2) & (distance < radius + 4)]
+    # A ring of two pixels' width that was measured half-way around.
+    if len(within) == 0 or len(beyond) < 2 * np.pi * radius:
+        return False
+    return bool(beyond.std() < SMOOTH * within.std())
