@@ -101,10 +101,10 @@ def draw(folder, found, grains, path):
     look, limits = ListedColormap(colours), (-0.5, num + 0.5)
     layer = Layer(surface, None, "label", look, limits, edges=True, options={"n_colors": num + 1})
     corners = 1e3 * np.array([grains.points.min(axis=0), grains.points.max(axis=0)])
-    camera = Camera.around(box_corners(corners), (1.0, -1.2, 0.7), 1.0)
+    camera = Camera.around(box_corners(corners), (1.0, -1.2, 0.7), 1.0, margin=1.0)
     axes[2].imshow(render([layer], camera, (700, 700)))
     axes[2].set_axis_off()
-    titles = ('cylinder = "mould"', 'cylinder = "given"', "its grains")
+    titles = ("in a mould", "cut out", "grains of (b)")
     for number, (axis, title) in enumerate(zip(axes, titles, strict=True)):
         style.panel_letter(axis, number)
         axis.set_title(title)
@@ -124,7 +124,7 @@ def main():
     }
     found = {}
     for name, more in ways.items():
-        settings = SegmentSettings(voxel_size=VOXEL, **more)
+        settings = SegmentSettings(voxel_size=VOXEL, threshold=(VOID + SOLID) / 2, **more)
         found[name] = segment_image(
             folder / f"{name}.tif", settings, folder / f"{name}_labels.tif", overwrite=True
         )
