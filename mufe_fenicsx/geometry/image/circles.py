@@ -21,7 +21,7 @@ NEAR = 1.0
 #: Circles through three random edges that are tried.
 TRIALS = 1000
 #: Part of the directions along which a circle is seen, at least.
-SEEN = 0.5
+SEEN = 0.6
 #: An edge has at least this part of the slope that a fiftieth of all places exceed.
 STEEP = 0.25
 #: A mould is more even than what it encloses: standard deviation of its levels, at most.
@@ -78,7 +78,7 @@ def mould_circle(grey, inside, source):
 
     Along rays from the middle of the image the steepest changes of the level are edges; of each
     ray those farthest out are taken. Circles are fitted to them by RANSAC, one after the other.
-    The wall is the smallest circle that is seen along half of the rays or more, and just beyond
+    The wall is the smallest circle that is seen along 60 % of the rays or more, and just beyond
     which levels vary less than within, since grains lie within.
 
     Args:

@@ -44,7 +44,7 @@ def test_the_wall_of_a_mould_is_found(mould, lean):
 
 def test_no_wall_is_found_where_none_is():
     _, grey = made(None, FIELD)
-    with pytest.raises(InputError, match=r'cylinder = "mould": a wall is recognised in 0 of '):
+    with pytest.raises(InputError, match=r'cylinder = "mould": a wall is recognised in [01] of '):
         mould_circle(grey, FIELD, "scan")
 
 
