@@ -12,8 +12,9 @@ CONES = (0.12, 0.04, 0.013)
 STEP = 0.25
 #: A band is at least so many diameters thick, and at most this part of the sample.
 THINNEST, THICKEST = 1.0, 0.5
-#: Share of the variance above which strain is said to gather in a band.
-ENOUGH = 0.5
+#: Strain gathers in a band if that explains more than this share of the variance, and has at least
+#: so many times the mean strain beside it.
+ENOUGH, TWICE = 0.5, 2.0
 #: Fewer grains say nothing about a band.
 FEWEST = 60
 
@@ -28,6 +29,11 @@ class Band:
     share: float  #: of the variance of the strain that two means, in it and beside it, explain [-]
     strain: tuple  #: mean in it, and beside it [-]
     members: np.ndarray  #: grains in it, shape (num_grains,)
+
+    @property
+    def contrast(self):
+        """Mean strain in it over that beside it [-]."""
+        return self.strain[0] / self.strain[1] if self.strain[1] > 0 else np.inf
 
     @property
     def inclination(self):

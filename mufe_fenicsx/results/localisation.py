@@ -17,6 +17,9 @@ from ..analysis.localisation import (
 from ..errors import InputError
 from .tables import STRESS, columns_of, grain_volumes, vectors
 
+#: So many grains have to be inside for a void ratio there.
+FEWEST_INSIDE = 20
+
 
 def localisation(run, number=-1, since=None):
     """Strain, rotation and void ratio around each grain between two stored states, a row a grain.
@@ -48,27 +51,53 @@ def localisation(run, number=-1, since=None):
         raise InputError(
             f"strain from state {first.index} to state {last.index}, expected a later second one"
         )
-    before, now = (grain_motion(s.reference, s.points, s.cells, s.grain) for s in (first, last))
-    if not np.array_equal(before.labels, now.labels):
-        raise InputError(f"states {first.index} and {last.index} have different grains")
-    volumes = [grain_volumes(s)[1] for s in (first, last)]
-    centres = [m.centre + m.translation for m in (before, now)]
-    cells = delaunay_cells(centres[0], np.cbrt(3 * volumes[0] / (4 * np.pi)))
-    found = grain_strain(cells, *centres)
-    turn = now.rotation @ np.swapaxes(before.rotation, 1, 2)
+    return strain_table(Places.of(first), Places.of(last))
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the grains are in a stored state, and how they have turned."""
+
+    state: int  #: its number
+    labels: np.ndarray  #: shape (num_grains,)
+    centre: np.ndarray  #: of mass [m], shape (num_grains, 3)
+    rotation: np.ndarray  #: since the reference configuration, shape (num_grains, 3, 3)
+    volume: np.ndarray  #: [m³], shape (num_grains,)
+
+    @classmethod
+    def of(cls, state):
+        """Those of a :class:`~mufe_fenicsx.results.state.State`."""
+        motion = grain_motion(state.reference, state.points, state.cells, state.grain)
+        labels, volume = grain_volumes(state)
+        return cls(state.index, labels, motion.centre + motion.translation, motion.rotation, volume)
+
+    @property
+    def radius(self):
+        """Of balls of the same volumes [m], shape (num_grains,)."""
+        return np.cbrt(3 * self.volume / (4 * np.pi))
+
+
+def strain_table(first, last):
+    """The table of :func:`localisation` between two :class:`Places`.
+
+    Raises:
+        InputError: As there.
+    """
+    if not np.array_equal(first.labels, last.labels):
+        raise InputError(f"states {first.state} and {last.state} have different grains")
+    cells = delaunay_cells(first.centre, first.radius)
+    found = grain_strain(cells, first.centre, last.centre)
+    turn = last.rotation @ np.swapaxes(first.rotation, 1, 2)
     own = rotation_vectors(turn)
     excess = rotation_vectors(turn @ np.swapaxes(found.rotation, 1, 2))
-    ratio = [
-        void_ratio(v, voronoi_volumes(x, found.inside))
-        for v, x in zip(volumes, centres, strict=True)
-    ]
+    ratio = [void_ratio(p.volume, voronoi_volumes(p.centre, found.inside)) for p in (first, last)]
     tensor = np.stack(
         [found.strain[:, "xyz".index(e[0]), "xyz".index(e[1])] for e in STRESS], axis=1
     )
     return pandas.DataFrame(
-        {"grain": now.labels}
-        | columns_of("centre", centres[0])
-        | {"volume": volumes[1], "num_cells": found.num_cells, "inside": found.inside}
+        {"grain": last.labels}
+        | columns_of("centre", first.centre)
+        | {"volume": last.volume, "num_cells": found.num_cells, "inside": found.inside}
         | {"cell_volume": found.volume[0]}
         | {"strain_volume": found.strain_volume, "strain_deviator": found.strain_deviator}
         | columns_of("strain", tensor, STRESS)
@@ -88,12 +117,15 @@ class Localisation:
     num_grains: int  #: with a strain
     spread: float  #: standard deviation of the deviatoric strain over its mean [-]
     band: shear_band.Band | None  #: that explains most of it; None: strain is the same everywhere
-    void_ratio: tuple[float, float]  #: inside, before and now [-]; nan: cells close round no grain
+    void_ratio: tuple[float, float]  #: inside, before and now [-]; nan: too few grains are
 
     @property
     def is_band(self):
-        """Whether strain gathers in the band: it explains more than :data:`~.shear_band.ENOUGH`."""
-        return self.band is not None and self.band.share > shear_band.ENOUGH
+        """Whether strain gathers in the band: by its share of the variance and its contrast."""
+        band = self.band
+        if band is None:
+            return False
+        return band.share > shear_band.ENOUGH and band.contrast >= shear_band.TWICE
 
 
 def judge(table):
@@ -120,7 +152,8 @@ def judge(table):
     for name in ("void_ratio_before", "void_ratio"):
         inside = table[np.isfinite(table[name])]
         solid = inside["volume"].to_numpy()
-        ratios.append(float(solid @ inside[name] / solid.sum()) if len(inside) else np.nan)
+        enough = len(inside) >= FEWEST_INSIDE
+        ratios.append(float(solid @ inside[name] / solid.sum()) if enough else np.nan)
     return Localisation(
         num_grains=len(known),
         spread=shear_band.spread(strain, weight),
