@@ -58,7 +58,7 @@ def draw_localisation(source):
         style.panel_letter(axis, 3 + i)
         if found.band is not None:
             verdict = "band" if found.is_band else "no band"
-            words = f"{verdict}: {100 * found.band.share:.0f} % of the variance of (a)"
+            words = f"{verdict}: slab explains {100 * found.band.share:.0f} % of the variance"
             axis.set_title(words if i == 0 else "", loc="right", fontsize=7.5)
     return Drawing(
         NAME,

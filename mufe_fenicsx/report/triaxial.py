@@ -1,7 +1,5 @@
 """The figure of a test by stages: deviator stress, stress path and volumetric strain."""
 
-import numpy as np
-
 from mufe_fenicsx.analysis.macro import friction_angle, triaxial_curves, triaxial_strength
 from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError
@@ -48,7 +46,8 @@ def draw_triaxial(source):
         "stress p and q, (c) volumetric strain against axial strain",
         "Compression is positive: in (c) loss of volume, so that dilation goes down; the axis of "
         "the test is z. q = √(½((σx − σy)² + (σy − σz)² + (σz − σx)²)), negative where the axial "
-        "stress is less than the mean of the others; p = (σx + σy + σz)/3. Stresses are wall forces over present areas. "
+        "stress is less than the mean of the others; p = (σx + σy + σz)/3. Stresses are wall "
+        "forces over present areas. "
         f"{_strength(source, history, curves)}{f' {DYNAMIC}' if shaded else ''}",
         {
             "": {
