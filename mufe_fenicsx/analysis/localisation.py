@@ -22,8 +22,8 @@ from mufe_fenicsx.geometry.measure import face_normals, smallest_altitudes, tet_
 
 #: A cell is flat if its least height is less than this part of its longest edge.
 FLAT = 0.1
-#: A cell is long if an edge exceeds so many times the distance of its two grains in contact: a
-#: third one of their mean size fits between them.
+#: A cell is long if an edge, over the distance of its two grains in contact, exceeds so many times
+#: the median of all edges: others have room between these two.
 LONG = 2.0
 #: Volume over the cube of the longest edge below which a cell has none: rounding.
 NO_VOLUME = 1e-9
@@ -110,9 +110,9 @@ def _peeled(centre, radius, corners, neighbours):
     """Whether a cell is left out, from the hull inwards, shape (num_cells,)."""
     length, longest = _edges(centre, corners)
     i, j = np.triu_indices(4, 1)
-    touching = radius[corners[:, i]] + radius[corners[:, j]]
+    apart = length / (radius[corners[:, i]] + radius[corners[:, j]])  # 1: they touch
     flat = smallest_altitudes(centre, corners) < FLAT * longest
-    poor = flat | (length > LONG * touching).any(axis=1)
+    poor = flat | (apart > LONG * np.median(apart)).any(axis=1)
     gone = np.zeros(len(corners), dtype=bool)
     while True:
         at_hull = np.append(gone, True)[neighbours].any(axis=1)  # a neighbour of -1 is none

@@ -101,10 +101,11 @@ def test_void_ratio_of_lattices():
     centred = side * np.concatenate([simple, simple + 0.5 * D])
     for x, ratio in ((simple, 6 / np.pi - 1), (centred, 8 / (np.sqrt(3) * np.pi) - 1)):
         inside = delaunay_cells(x, np.full(len(x), 0.5 * D)).inside
-        assert 60 < inside.sum() < 200
+        assert inside.sum() > 60
         for squeezed in (1.0, 0.9):
             volume = voronoi_volumes(x * [1, 1, squeezed], inside)
-            e = volume[inside] / solid - 1
+            middle = np.abs(x - x.mean(axis=0)).max(axis=1) < 1.5 * D  # with all their neighbours
+            e = volume[inside & middle] / solid - 1
             assert e == pytest.approx(squeezed * (1 + ratio) - 1, rel=1e-9)
             assert np.isnan(volume[~inside]).all()
 
@@ -129,7 +130,7 @@ def test_a_band_is_found_with_its_place_and_width(degrees):
     band = find_band(x, found.strain_deviator, found.volume[0], D)
     assert band.share > ENOUGH
     assert np.degrees(np.arccos(abs(band.normal @ normal))) < 5
-    # Places to half a grain; a grain's cells reach to its neighbours, so that edges blur.
+    # Half a grain for the place. A grain's cells reach to its neighbours, so that edges blur.
     assert abs((band.middle - place) @ normal) < 0.5 * D
     assert band.width == pytest.approx(width, abs=D)
     assert band.inclination == pytest.approx(degrees, abs=5)

@@ -12,27 +12,29 @@ from mufe_fenicsx.container import CYLINDER
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output import fields, history, run_folder
 from mufe_fenicsx.report import localisation, style, write_report
+from mufe_fenicsx.report.figure import save
 from mufe_fenicsx.report.paraview import write_paraview
 from mufe_fenicsx.report.source import Source
 from mufe_fenicsx.results.localisation import judge
+from mufe_fenicsx.results.tables import exact_csv
 from tests.analysis.test_localisation import D, band_motion
 from tests.made_up_run import ball, write_run
 from tests.report.test_report_stages import staged_history
 
 from mpi4py import MPI  # isort: skip  (after the package, which may bring MPI)
 
-RADIUS, HEIGHT = 4 * D, 16 * D
-NORMAL, PLACE, WIDTH = np.array([0.6, 0.64, 0.48]), np.array([0, 0, 8 * D]), 3 * D
+RADIUS, HEIGHT = 3 * D, 10 * D
+NORMAL, PLACE, WIDTH = np.array([0.6, 0.64, 0.48]), np.array([0, 0, 5 * D]), 2.5 * D
 
 
-def write_cylinder(folder):
+def write_cylinder(folder, fineness=1):
     """Balls in a cylinder that slide by simple shear in an inclined band; one also turns."""
     rng, parts, grain = np.random.default_rng(7), [], []
-    n = np.arange(-4, 4) + 0.5
-    places = np.stack(np.meshgrid(n, n, np.arange(16) + 0.5, indexing="ij"), -1).reshape(-1, 3)
-    places = D * (places[np.hypot(*places[:, :2].T) < 3.7] + 0.2 * rng.uniform(-1, 1, 3))
+    n = np.arange(-3, 3) + 0.5
+    places = np.stack(np.meshgrid(n, n, np.arange(10) + 0.5, indexing="ij"), -1).reshape(-1, 3)
+    places = D * (places[np.hypot(*places[:, :2].T) < 2.9] + 0.2 * rng.uniform(-1, 1, 3))
     places += 0.15 * D * rng.uniform(-1, 1, places.shape)
-    x, tets = ball(2, 0.5 * D, rng)
+    x, tets = ball(fineness, 0.5 * D, rng)
     for k, place in enumerate(places):
         parts.append((x + place, tets + k * len(x)))
         grain += [k + 1] * len(tets)
@@ -81,7 +83,8 @@ def test_a_band_in_a_cylinder_is_found_from_stored_states(cylinder):
     row = table[table["grain"] == turned].iloc[0]
     assert row["angle"] == pytest.approx(np.pi / 2, abs=1e-9)
     assert table["excess"].drop(row.name).max() < 0.4 < row["excess"]
-    assert np.abs(table["strain_volume"]).max() < 0.05  # shear keeps volumes but for rounded edges
+    # Shear keeps volumes, but for cells that the edges of the band cross.
+    assert np.abs(table["strain_volume"]).mean() < 0.01
 
 
 def test_its_figure_has_the_section_of_the_band_and_says_so(cylinder, tmp_path):
@@ -94,12 +97,14 @@ def test_its_figure_has_the_section_of_the_band_and_says_so(cylinder, tmp_path):
     assert [line.get_linestyle() for line in axes[0].get_lines()] == ["--", "--"]
     assert np.ptp(axes[0].get_xlim()) == pytest.approx(2 * RADIUS * 1e3)
     assert "a band, between the dashed lines" in drawing.how
-    result = write_report(folder, tmp_path / "out", only=["localisation", "triaxial"])
-    assert len(result["figures"]) == 2
+    picture = save(drawing, tmp_path)
+    assert picture.image.stat().st_size > 10_000 and picture.vector.exists()
+    table = exact_csv(picture.data[0])
+    assert table["strain deviator [-]"].max() > 0.15 and "excess [rad]" in table
 
 
 def test_even_strain_in_a_box_has_no_band(tmp_path):
-    write_run(tmp_path, (4, 4, 5), 1, 3)
+    write_run(tmp_path, (5, 3, 5), 1, 3)
     with matplotlib.rc_context(style.RC):
         drawing = localisation.draw_localisation(Source(tmp_path))
     assert "no band" in drawing.how and not drawing.figure.axes[0].get_lines()
@@ -129,4 +134,5 @@ def test_points_for_paraview_have_the_table(cylinder):
     table = mufe_fenicsx.open_run(folder).localisation()
     for name in ("strain_deviator", "strain_volume", "excess", "grain"):
         assert points.point_data[name] == pytest.approx(table[name].to_numpy(), rel=1e-12)
-    assert not pyvista.read(folder / "paraview" / series[0]["name"])["strain_deviator"].any()
+    first = pyvista.read(folder / "paraview" / series[0]["name"])
+    assert first.point_data["strain_deviator"].max() < 1e-12
