@@ -139,16 +139,19 @@ def test_a_band_is_found_with_its_place_and_width(degrees):
     assert spread(found.strain_deviator, found.volume[0]) > 1
 
 
-def test_no_band_in_even_strain_with_random_motion():
-    """Even compression with motion at random: no slab explains much. Without it: none at all."""
-    x, radius = packing((6, 6, 10), seed=8)
-    cells = delaunay_cells(x, radius)
+@pytest.mark.parametrize(("counts", "most"), [((4, 4, 4), 0.45), ((6, 6, 10), 0.15)])
+@pytest.mark.parametrize("noise", [0.02, 0.1])
+def test_no_band_in_even_strain_with_random_motion(counts, most, noise):
+    """Even compression with motion at random: a slab explains little. Without it: no slab does."""
     rng = np.random.default_rng(6)
-    now = x * [1.01, 1.01, 0.95]
-    found = grain_strain(cells, x, now + 0.03 * D * rng.normal(size=x.shape))
-    band = find_band(x, found.strain_deviator, found.volume[0], D)
-    assert band is None or band.share < 0.5 * ENOUGH
-    assert spread(found.strain_deviator, found.volume[0]) < 0.6
+    for seed in range(3):
+        x, radius = packing(counts, seed=seed)
+        cells = delaunay_cells(x, radius)
+        now = x * [1.01, 1.01, 0.95]
+        found = grain_strain(cells, x, now + noise * D * rng.normal(size=x.shape))
+        band = find_band(x, found.strain_deviator, found.volume[0], D)
+        assert band.share < most < ENOUGH
+        assert spread(found.strain_deviator, found.volume[0]) < 0.6
     even = grain_strain(cells, x, now)
     assert find_band(x, even.strain_deviator, even.volume[0], D) is None
 
