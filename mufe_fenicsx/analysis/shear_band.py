@@ -4,10 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Directions that are tried first, and around the best one in each of the turns after.
-NUM_FIRST, NUM_AROUND = 600, 120
-#: Half angles of the cones of these turns [rad].
-CONES = (0.12, 0.04, 0.013)
+#: Directions that are tried over the half sphere: neighbours are 4° apart.
+NUM_DIRECTIONS = 1200
 #: Steps of the place and the width of a band over the grains' diameter.
 STEP = 0.25
 #: A band is at least so many diameters thick, and at most this part of the sample.
@@ -57,8 +55,7 @@ def find_band(centre, strain, weight, diameter):
 
     Of a slab with the mean m₁ in it, m₂ beside it and shares w₁, w₂ of the volume the variance
     between the two is w₁ w₂ (m₁ - m₂)² (Otsu 1979 parts grey values so). Normals are tried over the
-    half sphere, then ever closer to the best one; places and widths in steps of a quarter of a
-    diameter.
+    half sphere, places and widths in steps of a quarter of a diameter.
 
     Args:
         centre: Of the grains [m], shape (num_grains, 3).
@@ -76,16 +73,13 @@ def find_band(centre, strain, weight, diameter):
     if not total > (1e-9 * np.abs(strain).max(initial=0.0)) ** 2:
         return None
     best = 0.0, None, None, None  # variance between, normal, and the two planes
-    for cone in (None, *CONES):
-        if cone is not None and best[1] is None:
-            return None
-        for normal in _directions() if cone is None else _around(best[1], cone):
-            found = _best_slab(away @ normal, weight, deviation, diameter)
-            if found[0] > best[0]:
-                best = found[0], normal, *found[1:]
+    for normal in _directions():
+        found = _best_slab(away @ normal, weight, deviation, diameter)
+        if found[0] > best[0]:
+            best = found[0], normal, *found[1:]
     between, normal, low, high = best
-    normal = normal if normal[2] >= 0 else -normal
-    low, high = (low, high) if normal is best[1] else (-high, -low)
+    if normal is None:
+        return None
     along = away @ normal
     members = (along >= low) & (along <= high)
     means = [weight[m] @ strain[m] / weight[m].sum() for m in (members, ~members)]
@@ -129,21 +123,10 @@ def _best_slab(along, weight, deviation, diameter):
 
 
 def _directions():
-    """Unit vectors spread evenly over the upper half sphere (Fibonacci), shape (n, 3)."""
-    k = np.arange(NUM_FIRST) + 0.5
-    return _vectors(k / NUM_FIRST, np.pi * (1 + np.sqrt(5)) * k)
-
-
-def _around(normal, cone):
-    """Unit vectors spread evenly over a cone around one, shape (n, 3)."""
-    k = np.arange(NUM_AROUND) + 0.5
-    height = 1 - (1 - np.cos(cone)) * k / NUM_AROUND
-    spread_out = _vectors(height, np.pi * (1 + np.sqrt(5)) * k)
-    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    first /= np.linalg.norm(first)
-    return spread_out @ np.array([first, np.cross(normal, first), normal])
-
-
-def _vectors(height, angle):
-    flat = np.sqrt(np.maximum(1 - height**2, 0))
-    return np.column_stack([flat * np.cos(angle), flat * np.sin(angle), height])
+    """Unit vectors spread evenly over the upper half sphere (Fibonacci), and the axes."""
+    k = np.arange(NUM_DIRECTIONS) + 0.5
+    height, angle = k / NUM_DIRECTIONS, np.pi * (1 + np.sqrt(5)) * k
+    flat = np.sqrt(1 - height**2)
+    return np.vstack(
+        [np.eye(3), np.column_stack([flat * np.cos(angle), flat * np.sin(angle), height])]
+    )

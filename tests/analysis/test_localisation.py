@@ -135,7 +135,7 @@ def test_a_band_is_found_with_its_place_and_width(degrees):
     assert band.width == pytest.approx(width, abs=D)
     assert band.inclination == pytest.approx(degrees, abs=5)
     peak = 2 / np.sqrt(3) * np.arcsinh(0.2)
-    assert band.strain[0] == pytest.approx(peak, rel=0.25) and band.strain[1] < 0.1 * peak
+    assert band.strain[0] == pytest.approx(peak, rel=0.3) and band.strain[1] < 0.1 * peak
     assert spread(found.strain_deviator, found.volume[0]) > 1
 
 
