@@ -14,6 +14,7 @@ class Motion:
     """How grains have moved and deformed since the reference configuration."""
 
     labels: np.ndarray  #: shape (num_grains,)
+    centre: np.ndarray  #: of mass in the reference configuration [m], shape (num_grains, 3)
     translation: np.ndarray  #: of the centre of mass [m], shape (num_grains, 3)
     rotation: np.ndarray  #: proper rotation matrices, shape (num_grains, 3, 3)
     rotation_vector: np.ndarray  #: axis times angle [rad], shape (num_grains, 3)
@@ -96,6 +97,7 @@ def grain_motion(reference, points, cells, grain_of_cell):
         misfit += sum_by_grain(squares, index[part], n)
     return Motion(
         labels=labels,
+        centre=first,
         translation=last - first,
         rotation=rotation,
         rotation_vector=Rotation.from_matrix(rotation).as_rotvec(),

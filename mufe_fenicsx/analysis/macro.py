@@ -164,6 +164,76 @@ def triaxial_curves(history):
     }
 
 
+#: Rows count for strength whose mean stress is above this part of the largest.
+LOADED = 0.1
+#: Part of the range of strains of a stage over which its slope at the peak is fitted.
+WINDOW = 0.2
+
+
+@dataclass(frozen=True)
+class Strength:
+    """The largest q/p of a test in triaxial compression, and how the volume changes there."""
+
+    row: int  #: of the history
+    ratio: float  #: q/p there [-]
+    last_ratio: float  #: at the end of the same stage [-]
+    volume_slope: float  #: dε_vol/dε_a of logarithmic strains [-], negative: the volume grows
+
+    @property
+    def friction_angle(self):
+        """Mobilised friction angle φ at the largest q/p [degrees]."""
+        return friction_angle(self.ratio)
+
+    @property
+    def dilatancy_angle(self):
+        """Angle ψ, sin ψ = -s/(2 - s) with the slope s [degrees]; negative: the volume falls.
+
+        Source: T. Schanz & P. A. Vermeer, Géotechnique 46, 1996, 145-151, for equal lateral
+        strains.
+        """
+        return float(np.degrees(np.arcsin(-self.volume_slope / (2 - self.volume_slope))))
+
+    @property
+    def is_passed(self):
+        """Whether q/p falls beyond it by more than a twentieth in the same stage."""
+        return self.last_ratio < 0.95 * self.ratio
+
+
+def friction_angle(ratio):
+    """Mobilised friction angle of a ratio q/p in triaxial compression [degrees].
+
+    sin φ = (σ₁ - σ₃)/(σ₁ + σ₃) with σ₁ = p + 2q/3 and σ₃ = p - q/3.
+
+    Args:
+        ratio: Above 0 and below 3, where σ₃ vanishes.
+    """
+    return float(np.degrees(np.arcsin(3 * ratio / (6 + ratio))))
+
+
+def triaxial_strength(history, curves):
+    """Largest q/p and the dilatancy there, :class:`Strength`; None without compression.
+
+    Args:
+        history: dict column -> array.
+        curves: Of :func:`triaxial_curves`.
+    """
+    p, q, volume = (np.asarray(curves[name]) for name in ("p", "q", "strain_volume"))
+    strain, best = np.asarray(history["strain_z"], dtype=float), None
+    for branch in branches(history):
+        rows = np.arange(len(p))[branch.rows]
+        rows = rows[p[rows] > LOADED * p.max()]
+        if not rows.size or np.ptp(strain[rows]) == 0:
+            continue
+        ratio = q[rows] / p[rows]
+        k = int(np.argmax(ratio))
+        if not 0 < ratio[k] < 3 or (best is not None and ratio[k] <= best.ratio):
+            continue
+        axial, lost = -np.log1p(-strain[rows]), -np.log1p(-volume[rows])
+        slope = tangent_modulus(axial, lost, axial[k], WINDOW * np.ptp(axial))
+        best = Strength(int(rows[k]), float(ratio[k]), float(ratio[-1]), slope)
+    return best
+
+
 def moduli(strain, stress, width):
     """Constrained modulus at each row: the slope of the line fitted around it [Pa].
 

@@ -30,7 +30,7 @@ OWN_FILES = (
     "report.html",
     "paraview_state.py",
     "paraview/*.vtp",
-    "paraview/contacts.vtp.series",
+    "paraview/*.vtp.series",
     "fields/*.vtkhdf",
     "fields/*.part",
     "fields/mesh.h5",

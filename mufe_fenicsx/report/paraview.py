@@ -1,7 +1,8 @@
 """Files for ParaView: contacts as lines with what they carry, and a script that shows the run.
 
 Written into a run folder: ``paraview/contacts_0003.vtp`` of each stored state, their list
-``paraview/contacts.vtp.series`` with times, and ``paraview_state.py``.
+``paraview/contacts.vtp.series`` with times, and ``paraview_state.py``; likewise
+``paraview/grains_0003.vtp`` and ``paraview/grains.vtp.series`` with the strain around each grain.
 """
 
 import json
@@ -15,8 +16,10 @@ import pyvista
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.run_folder import reason, write_atomically
 from mufe_fenicsx.report import style
+from mufe_fenicsx.results.localisation import Places, strain_table
 
 FOLDER, SERIES, SCRIPT = "paraview", "contacts.vtp.series", "paraview_state.py"
+GRAINS = "grains.vtp.series"
 #: What a line carries, by its name in the table of contacts; vectors have three columns there.
 NUMBERS = {
     "normal_force": np.float64,
@@ -43,6 +46,7 @@ def write_paraview(run):
 
     Returns:
         dict of plain values: ``script`` (path), ``contacts`` (number of states with contacts),
+        ``grains`` (number of states with strains of grains),
         ``stages`` (strains of the three stages side by side), ``missing`` (sentences).
 
     Raises:
@@ -66,8 +70,12 @@ def write_paraview(run):
         name = f"contacts_{index:04d}.vtp"
         _save(lines, folder / name)
         listed.append({"name": name, "time": float(state["time"])})
-    series = {"file-series-version": "1.0", "files": listed}
-    write_atomically(folder / SERIES, json.dumps(series, indent=1) + "\n")
+    _write_series(folder / SERIES, listed)
+    try:
+        num_grains = _write_grains(run, folder)
+    except InputError as error:
+        num_grains = 0
+        missing.append(f"No strains of grains: {error}.")
     settings = _settings(run, bool(listed))
     text = (files("mufe_fenicsx.report") / "assets" / SCRIPT).read_text(encoding="utf-8")
     text = text.replace(MARK, f"SETTINGS = {pprint.pformat(settings, sort_dicts=False)}", 1)
@@ -75,6 +83,7 @@ def write_paraview(run):
     return {
         "script": str(run.path / SCRIPT),
         "contacts": len(listed),
+        "grains": num_grains,
         "stages": [stage["strain"] for stage in settings["stages"]],
         "missing": missing,
     }
@@ -108,6 +117,50 @@ def contact_lines(run, number):
     ends = table[["grain_a", "grain_b"]].to_numpy().ravel()
     found.point_data["grain"] = ends.astype(np.int32)
     return found
+
+
+def grain_points(first, now):
+    """Grains as points with the strain around them since an earlier state.
+
+    Args:
+        first, now: :class:`~mufe_fenicsx.results.localisation.Places`.
+
+    Returns:
+        pyvista.PolyData: the centres of the grains, in the order of their labels. Point data are
+        the numbers of ``run.localisation()``, and ``radius`` of a ball of the same volume [m].
+
+    Raises:
+        InputError: The grains are too few, or too far apart.
+    """
+    table = strain_table(first, now)
+    found = pyvista.PolyData(now.centre)
+    for name in table:
+        found.point_data[name] = (
+            table[name]
+            .to_numpy()
+            .astype(np.int32 if name in ("grain", "num_cells", "inside") else np.float64)
+        )
+    found.point_data["radius"] = now.radius
+    return found
+
+
+def _write_grains(run, folder):
+    """Write the points of all states; their number."""
+    first, listed = None, []
+    for index, state in run.states.iterrows():
+        now = Places.of(run.state(index))
+        first = first or now
+        name = f"grains_{index:04d}.vtp"
+        _save(grain_points(first, now), folder / name)
+        listed.append({"name": name, "time": float(state["time"])})
+    _write_series(folder / GRAINS, listed)
+    return len(listed)
+
+
+def _write_series(path, listed):
+    """List files with their times, as ParaView reads them."""
+    series = {"file-series-version": "1.0", "files": listed}
+    write_atomically(path, json.dumps(series, indent=1) + "\n")
 
 
 def _save(lines, path):

@@ -17,6 +17,7 @@ from mufe_fenicsx.report import (
     cyclic,
     grains,
     histograms,
+    localisation,
     motion,
     network,
     style,
@@ -52,6 +53,7 @@ FIGURES = (
     ("contact-age", "age of contacts", network.draw_ages),
     ("displacement-arrows", "displacement of grains", motion.draw_arrows),
     ("displacement-split", "translation, rotation and strain of grains", motion.draw_split),
+    (localisation.NAME, "localisation of strain", localisation.draw_localisation),
     ("mesh-quality", "mesh quality", histograms.draw_mesh_quality),
     (animation.NAME, "animation", None),
 )
@@ -64,7 +66,7 @@ VIEW, TABLES = "view", "tables"
 GROUPS = (
     (VIEW,),
     ("energies-of-a-grain", "course", "yield-initiation"),
-    ("displacement-arrows", "displacement-split"),
+    ("displacement-arrows", "displacement-split", localisation.NAME),
     ("stress-3d", "stress-cut", "chosen-grains", animation.NAME),
     ("force-chains", "fabric-rose", "force-distribution", "active-contacts", "contact-age"),
     ("mesh-quality", TABLES),
@@ -215,6 +217,8 @@ def _tables(name, source, figures):
     if last is not None and history is not None:
         with contextlib.suppress(*DAMAGE):  # largest values say it
             about += sample_rows(states[0], last, run, history)
+    if last is not None and (why := localisation.too_few(len(last.grain_means[0]))):
+        about.append(("Localisation", f"not drawn: {why}"))
     try:
         tables = [("Largest values of the loading stage", largest_values(history, last))]
     except DAMAGE as error:

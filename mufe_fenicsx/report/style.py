@@ -22,6 +22,8 @@ BLUE, RED, PINK, GREY = "#0072B2", "#D55E00", "#CC79A7", "#7F7F7F"
 STRESS_MAP, PRESSURE_MAP = "viridis", "plasma"
 #: Of forces in contacts, of lengths of displacement, and of angles and strains of grains.
 CHAIN_MAP, LENGTH_MAP, GRAIN_MAP = "inferno_r", "cividis", "viridis"
+#: Of what has both signs.
+SIGNED_MAP = "PuOr_r"
 
 RC = {
     "font.family": "DejaVu Sans",

@@ -1,8 +1,6 @@
 """The figure of a test by stages: deviator stress, stress path and volumetric strain."""
 
-import numpy as np
-
-from mufe_fenicsx.analysis.macro import triaxial_curves
+from mufe_fenicsx.analysis.macro import friction_angle, triaxial_curves, triaxial_strength
 from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
@@ -46,10 +44,11 @@ def draw_triaxial(source):
         figure,
         "Test by stages: (a) deviator stress q against axial strain, (b) stress path in mean "
         "stress p and q, (c) volumetric strain against axial strain",
-        "Compression is positive, in (c) loss of volume; the axis of the test is z. q = √(½((σx − "
-        "σy)² + (σy − σz)² + (σz − σx)²)), negative where the axial stress is less than the mean "
-        "of the others; p = (σx + σy + σz)/3. Stresses are wall forces over present areas. "
-        f"{_largest_ratio(curves)}{f' {DYNAMIC}' if shaded else ''}",
+        "Compression is positive: in (c) loss of volume, so that dilation goes down; the axis of "
+        "the test is z. q = √(½((σx − σy)² + (σy − σz)² + (σz − σx)²)), negative where the axial "
+        "stress is less than the mean of the others; p = (σx + σy + σz)/3. Stresses are wall "
+        "forces over present areas. "
+        f"{_strength(source, history, curves)}{f' {DYNAMIC}' if shaded else ''}",
         {
             "": {
                 "strain [-]": history["strain"],
@@ -63,15 +62,32 @@ def draw_triaxial(source):
     )
 
 
-def _largest_ratio(curves):
-    """Words about the largest q/p and its friction angle; none without triaxial compression."""
-    p, q = curves["p"], curves["q"]
-    loaded = p > 0.1 * p.max(initial=0.0)
-    if not loaded.any():
+def _strength(source, history, curves):
+    """Words about the largest q/p, its friction angle and dilatancy; none without compression."""
+    found = triaxial_strength(history, curves)
+    if found is None:
         return ""
-    ratio = float((q[loaded] / p[loaded]).max())
-    if not 0 < ratio < 3:
-        return ""
-    # σ₁ = p + 2q/3 and σ₃ = p - q/3.
-    angle = np.degrees(np.arcsin(3 * ratio / (6 + ratio)))
-    return f"The largest q/p is {ratio:.2f}, a mobilised friction angle of {angle:.0f}°."
+    strain = style.percent(float(history["strain"][found.row]))
+    text = (
+        f"The largest q/p is {found.ratio:.2f} at axial strain {strain}, a mobilised friction "
+        f"angle of {found.friction_angle:.0f}°"
+    )
+    if found.is_passed:
+        last = f"; at the end of the stage it is {found.last_ratio:.2f}"
+        if found.last_ratio > 0:
+            last += f" ({friction_angle(found.last_ratio):.0f}°)"
+        text += f"{last}."
+    else:
+        text += ", and it is not passed: no peak is seen."
+    slope = found.volume_slope
+    if slope < 0:
+        text += (
+            f" There the volume grows by {-slope:.2f} of the axial shortening, a dilatancy angle "
+            f"of {found.dilatancy_angle:.0f}°."
+        )
+    elif slope >= 0:
+        text += f" There the volume still falls, by {slope:.2f} of the axial shortening."
+    last = source.last_dynamic
+    if last is not None and found.row <= last:
+        text += " This is where the test is not quasi-static: inertia is in these numbers."
+    return text

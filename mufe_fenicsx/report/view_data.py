@@ -259,7 +259,7 @@ def maps():
     tables = {
         "stress": matplotlib.colormaps[style.STRESS_MAP](at)[:, :3],
         "pressure": matplotlib.colormaps[style.PRESSURE_MAP](at)[:, :3],
-        "signed": matplotlib.colormaps["PuOr_r"](at)[:, :3],
+        "signed": matplotlib.colormaps[style.SIGNED_MAP](at)[:, :3],
     }
     tables["pressure"][0] = 0.86  # free surface is grey
     palette = np.array([to_rgb(colour) for colour in (*PALETTE, style.GREY)])

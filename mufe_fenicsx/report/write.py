@@ -11,7 +11,7 @@ from mufe_fenicsx.analysis.probes import find_cells
 from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError, nearest_name
 from mufe_fenicsx.output.run_folder import reason
-from mufe_fenicsx.report import compare, cyclic, style, triaxial
+from mufe_fenicsx.report import compare, cyclic, localisation, style, triaxial
 from mufe_fenicsx.report.checks import check_source, where, worst_of
 from mufe_fenicsx.report.figure import remove_listed, save, write_index
 from mufe_fenicsx.report.page import write_page
@@ -205,6 +205,8 @@ def _not_of_this_test(source):
     loading = source.get("loading")
     if loading is None or not find_cycles(loading["strain"], loading["stress"]):
         absent.add(cyclic.NAME)
+    if localisation.too_few(source.summary.get("num_grains")):
+        absent.add(localisation.NAME)  # a row of the page says so
     return absent
 
 

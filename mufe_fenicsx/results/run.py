@@ -19,7 +19,7 @@ from ..output.contacts import CONTACT_COLUMNS, contact_files, read_contacts
 from ..output.fields import MESH, read_arrays, read_states
 from ..output.history import history_columns, read_history
 from ..output.run_folder import read_run_json, reason, regular, wrong_entries
-from . import graph, tables
+from . import graph, localisation, tables
 from .rows import run_rows
 from .state import State
 
@@ -283,6 +283,13 @@ class Run:
         See :func:`mufe_fenicsx.results.tables.grain_table`.
         """
         return tables.grain_table(self, number)
+
+    def localisation(self, number: int = -1, since: int | None = None) -> pandas.DataFrame:
+        """Strain around each grain between two stored states, a DataFrame with a row a grain.
+
+        See :func:`mufe_fenicsx.results.localisation.localisation`.
+        """
+        return localisation.localisation(self, number, since)
 
     def first_yield(self) -> pandas.DataFrame:
         """When and where each grain was first seen to yield, a DataFrame with a row a grain.

@@ -62,7 +62,8 @@ def vectors(table, name):
     return table[[f"{name}_{axis}" for axis in "xyz"]].to_numpy(dtype=float)
 
 
-def _columns(name, values, ends="xyz"):
+def columns_of(name, values, ends="xyz"):
+    """Columns name_x, name_y, … of an array with one for each end, dict name -> array."""
     return {f"{name}_{end}": column for end, column in zip(ends, values.T, strict=True)}
 
 
@@ -345,16 +346,16 @@ def grain_table(run, number=-1):
     deviator = strain - np.trace(strain, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
     table = pandas.DataFrame(
         {"grain": found.labels, "volume": found.volume}
-        | _columns("inertia", form.moments, "123")
-        | _columns("translation", motion.translation)
-        | _columns("rotation", motion.rotation_vector)
+        | columns_of("inertia", form.moments, "123")
+        | columns_of("translation", motion.translation)
+        | columns_of("rotation", motion.rotation_vector)
         | {
             "angle": motion.angle,
             "misfit": motion.misfit,
             "volume_strain": motion.volume_ratio - 1,
             "shear_strain": np.sqrt(2 / 3 * (deviator**2).sum(axis=(1, 2))),
         }
-        | _columns("stress", found.stress, STRESS)
+        | columns_of("stress", found.stress, STRESS)
         | {
             "mean": found.mean,
             "peak": found.peak,
@@ -454,8 +455,8 @@ def probe(run, points=None, grains=None):
             pandas.DataFrame(
                 {"state": index, "time": state.time, "strain": state.strain, "probe": name}
                 | {"grain": values["grain"]}
-                | _columns("displacement", values["displacement"])
-                | _columns("stress", values["stress"], STRESS)
+                | columns_of("displacement", values["displacement"])
+                | columns_of("stress", values["stress"], STRESS)
                 | {k: values[k] for k in ("von_mises", "plastic_strain")}
             )
         )

@@ -107,3 +107,25 @@ def test_compression_index_of_a_line():
     x = np.append(np.linspace(5, 7, 20), np.nan)
     assert macro.compression_index(x, 0.9 - 0.12 * x) == pytest.approx(0.12, rel=1e-12)
     assert np.isnan(macro.compression_index(x[:1], x[:1]))
+
+
+def test_strength_and_dilatancy_at_the_peak():
+    """q/p = 6 sin φ/(3 - sin φ) of φ = 40°; the volume grows by half of the shortening there."""
+    phi, top, num = np.radians(40), 0.1, 201
+    peak = 6 * np.sin(phi) / (3 - np.sin(phi))
+    axial = np.linspace(0, 0.2, num)  # logarithmic
+    ratio = peak * np.where(axial <= top, np.sin(axial / top * np.pi / 2), 1.25 - 2.5 * axial)
+    lost = -0.5 * (axial - top) + 2.0 * (axial - top) ** 2
+    lost -= lost[0]
+    h = {"stage": np.full(num, "shear"), "strain": -np.expm1(-axial)}
+    h["strain_z"] = h["strain"]
+    p = np.full(num, 1e5)
+    curves = {"p": p, "q": ratio * p, "strain_volume": -np.expm1(-lost)}
+    found = macro.triaxial_strength(h, curves)
+    assert found.row == num // 2 and found.friction_angle == pytest.approx(40, rel=1e-12)
+    assert found.volume_slope == pytest.approx(-0.5, abs=1e-12)  # the window lies even about it
+    assert found.dilatancy_angle == pytest.approx(np.degrees(np.arcsin(0.2)), rel=1e-9)
+    assert found.is_passed and found.last_ratio == pytest.approx(0.75 * peak)
+    half = {name: values[: num // 2 + 1] for name, values in (h | curves).items()}
+    assert not macro.triaxial_strength(half, half).is_passed
+    assert macro.triaxial_strength(h, curves | {"q": -p}) is None

@@ -20,6 +20,7 @@ NO_LEGEND = {
     "chosen-grains",
     "force-chains",
     "displacement-arrows",
+    "localisation",
 }
 
 
