@@ -42,6 +42,8 @@ MODULE_OF = {
     "Scene": "scene.scene",
     "Simulation": "explicit.simulation",
     "SolverError": "errors",
+    "Tool": "bulk.tools",
+    "ToolPath": "bulk.tools",
     "Wall": "contact.walls",
     "box": "geometry.bodies.shapes",
     "build": "run.from_bodies",

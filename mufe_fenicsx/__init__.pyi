@@ -1,5 +1,7 @@
 """Public names for type checkers: those of ``MODULE_OF`` in `__init__.py`."""
 
+from .bulk.tools import Tool as Tool
+from .bulk.tools import ToolPath as ToolPath
 from .contact.walls import Wall as Wall
 from .errors import InputError as InputError
 from .errors import SolverError as SolverError

@@ -1,5 +1,6 @@
 """One DOLFINx mesh of all grains, each grain whole on one rank."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -87,6 +88,7 @@ class GrainMesh:
     grain_of_facet: np.ndarray  #: local grain of each facet, shape (num_facets,)
     family: int = 1  #: rows of ``cells`` that make one composite element; families are whole
     cylinder: np.ndarray | None = None  #: that cut the grains: x, y, radius [m], shape (3,)
+    tools: tuple[str, ...] = ()  #: names of the last of ``labels``, which are tools and no grains
 
     def _repr_html_(self) -> str:
         """Counts and size of this rank's part in a short table, which notebooks show. Local."""
@@ -123,6 +125,37 @@ class GrainMesh:
     def num_grains(self) -> int:
         """Grains on this rank."""
         return self.grains.size
+
+    @property
+    def num_sample_grains(self) -> int:
+        """Grains on all ranks, tools left out."""
+        return self.labels.size - len(self.tools)
+
+    @property
+    def first_tool(self) -> int:
+        """Index into ``labels`` of the first tool, their size where there is none."""
+        return self.labels.size - len(self.tools)
+
+    @cached_property
+    def is_tool(self) -> np.ndarray:
+        """Whether each grain of this rank is a tool, shape (num_grains,)."""
+        return self.grains >= self.first_tool
+
+    @property
+    def num_sample_cells(self) -> int:
+        """Cells of this rank's grains: those of tools are the last rows of ``cells``."""
+        return int(self.cell_offset[np.count_nonzero(~self.is_tool)])
+
+    @cached_property
+    def sample_nodes(self) -> np.ndarray:
+        """Nodes of this rank's grains, those of tools left out, increasing."""
+        return np.flatnonzero(~self.is_tool[self.grain_of_node])
+
+    def name_of(self, grain: int) -> str:
+        """What messages call a grain, by its index into ``labels``."""
+        if grain >= self.first_tool:
+            return f"tool {self.tools[grain - self.first_tool]}"
+        return f"grain {self.labels[grain]}"
 
     @cached_property
     def grain_of_cell(self) -> np.ndarray:
@@ -165,6 +198,7 @@ def create_grain_mesh(
     labels: np.ndarray,
     rank_of_grain: np.ndarray,
     family: int = 1,
+    tools: Sequence[str] = (),
 ) -> GrainMesh:
     """Make the distributed mesh from each rank's own grains. Collective.
 
@@ -176,6 +210,7 @@ def create_grain_mesh(
         labels: Labels of all grains, shape (num_grains_global,).
         rank_of_grain: Rank of all grains, shape (num_grains_global,).
         family: So many tetrahedra in turn belong together, and stay so in the order given.
+        tools: Names of the last of ``labels``, which are tools.
 
     Raises:
         InputError: A grain is no body (see `topology.body_defect`), or one of its cells has no
@@ -227,6 +262,7 @@ def create_grain_mesh(
         facets=facets,
         grain_of_facet=grain_of_facet,
         family=family,
+        tools=tuple(tools),
     )
 
 

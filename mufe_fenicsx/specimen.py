@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from .bulk.rigid import RigidGrains, check_rigid
 from .bulk.solid import Solid
+from .bulk.tools import Tools, tool_solids
 from .contact.bonded import Bonded
 from .contact.contact import Contact
 from .contact.mirrors import Mirrors
@@ -38,7 +39,7 @@ class Specimen(Stateful):
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
-        materials: A material for each grain of this rank.
+        materials: A material for each grain of this rank, tools left out.
         walls: List of :class:`~mufe_fenicsx.contact.walls.Wall`.
         element: One of solid.ELEMENTS: "averaged", "p1" or "composite".
         velocity: Initial velocities [m/s], shape (num_nodes, 3); rest if None.
@@ -47,6 +48,7 @@ class Specimen(Stateful):
         gravity: Acceleration [m/s²], shape (3,); none if None.
         damping: Force -damping m v on every node [1/s]; time steps are at most one over it, and
             static increments have none.
+        tools: All :class:`~mufe_fenicsx.bulk.tools.Tool`, in the order of those of the mesh.
         contact: Fields of :class:`~mufe_fenicsx.contact.settings.ContactSettings`, ``friction``
             among them.
 
@@ -56,6 +58,7 @@ class Specimen(Stateful):
         terms: All forces, :class:`~mufe_fenicsx.state.ForceTerm`, in the order in which they act.
             What moves the specimen puts that of contact first.
         free_mass: Nodal masses [kg] without those of glued nodes, shape (num_nodes,).
+        tools: :class:`~mufe_fenicsx.bulk.tools.Tools`.
     """
 
     STATE = {"nodes": ("f",), "common": ("initial_kinetic",), "sum": ("first_energies", "damped")}
@@ -71,17 +74,19 @@ class Specimen(Stateful):
         mass_factor=None,
         gravity=None,
         damping=0.0,
+        tools=(),
         **contact,
     ):
         self.mesh, self.comm = mesh, mesh.comm
         raise_together(self.comm, _what_is_wrong(mesh, materials, velocity, mass_factor))
+        materials = [*materials, *tool_solids(self.comm, mesh, tools, materials)]
         self.solid = solid = Solid(mesh, materials, element)
         weighed = solid.mass.copy()
         self.rigid = RigidGrains(mesh, materials, solid.mass, mass_factor)
         if mass_factor is not None:
             solid.mass *= mass_factor
         self.walls = Walls(walls)
-        settings = _settings_of_contact(contact)
+        settings = _settings_of_contact(contact).with_tools(mesh.first_tool, tools)
         grains = ContactGrains(
             solid.contact_modulus, solid.tangential_ratio, solid.mass,
             self.rigid.layers(materials), solid.edge_compliance,
@@ -95,8 +100,8 @@ class Specimen(Stateful):
             self.comm, self.walls, mesh.x, self.bonded.nodes, self.rigid.lists.nodes, kinematic
         )
         check_rigid(self.comm, self.rigid, self.bonded.nodes, kinematic, mass_factor)
-        self.any_rigid = self.rigid.any
-        constraints = self.bonded, self.mirrors, self.rigid
+        self.tools = Tools(mesh, tools, self.rigid)
+        constraints = self.bonded, self.mirrors, self.rigid, self.tools
         self.terms = [solid, *(term for term in constraints if term.any)]
         self.free_mass = self.bonded.free_mass(solid.mass)
         # Displacement, velocity and force live in PETSc-backed DOLFINx functions.
@@ -105,10 +110,7 @@ class Specimen(Stateful):
         self.state = initial_state(
             mesh.x, mesh.num_cells, self.u.x.array.reshape(-1, 3), self.v.x.array.reshape(-1, 3)
         )
-        if velocity is not None:
-            self.state.v[:] = velocity
-            self.rigid.set_velocity(self.state.v)
-            self.mirrors.project(self.state.v)
+        self._begin_motion(velocity)
         self.damping = _not_negative("damping", damping)
         self.initial_kinetic = 0.0
         #: Energy that damping, stabilisation and changes of added mass took on this rank [J].
@@ -116,7 +118,16 @@ class Specimen(Stateful):
         self.first_energies = np.empty(0)  #: of the added terms, on this rank [J]
         if gravity is not None:
             weight = self.bonded.free_mass(weighed)
+            weight[self.tools.borne_nodes()] = 0.0
             self.add_term(Gravity(mesh, weight, gravity, self.rigid))
+
+    def _begin_motion(self, velocity):
+        """Initial velocities, and those that tools are told. Local."""
+        if velocity is not None:
+            self.state.v[:] = velocity
+            self.rigid.set_velocity(self.state.v)
+            self.mirrors.project(self.state.v)
+        self.lead_tools(0.0)
 
     def add_term(self, term):
         """Let a force of one's own act, before constraints take what they hold. Collective.
@@ -152,6 +163,11 @@ class Specimen(Stateful):
         self.first_energies = np.append(self.first_energies, np.nan if energy is None else energy)
 
     @property
+    def any_rigid(self):
+        """Whether any rank has rigid grains or tools at the start."""
+        return self.rigid.any
+
+    @property
     def parts(self):
         """All that changes, :class:`~mufe_fenicsx.state.Stateful` by name, but pairs of contact."""
         return {
@@ -163,6 +179,7 @@ class Specimen(Stateful):
             "walls": self.walls,
             "curved_walls": self.walls.curved,
             "near_walls": self.walls.near,
+            "tools": self.tools,
             **self.contact.parts,
             **{f"term_{term.name}": term for term in self.added_terms},
         }
@@ -208,6 +225,11 @@ class Specimen(Stateful):
         if self.any_rigid:
             for term in self.terms:
                 term.act_on_rigid(self.rigid, self.state)
+
+    def lead_tools(self, dt):
+        """Give tools their told motion of the step of ``dt`` [s] that comes. Local."""
+        if self.tools.any:
+            self.tools.lead(self.state.t, dt)
 
     def move_walls(self, dt):
         """Walls and what is glued to them go on by ``dt`` [s]; largest motion of a wall [m]."""
@@ -287,7 +309,7 @@ class Specimen(Stateful):
         for term, first in zip(self.added_terms, self.first_energies, strict=True):
             if not np.isnan(first):
                 local[f"energy_{term.name}"] = term.energy(self.state) - first
-        local["work"] = self.walls.work
+        local["work"] = self.walls.work + self.tools.work
         *values, number = self.comm.allreduce(np.array([*local.values(), num_contacts]))
         work = values[-1]
         total = dict(zip(local, values, strict=True))
@@ -303,11 +325,12 @@ class Specimen(Stateful):
         active[points.grain_of_point[w.node[w.closed]]] = True
         active[self.contact.edges.closed_grains()] = True
         self.comm.Allreduce(MPI.IN_PLACE, active, op=MPI.LOR)
-        return int(active.sum())
+        return int(active[: self.mesh.num_sample_grains].sum())
 
     def mean_active_contacts(self):
-        """Mean number of neighbours that press on a grain, walls left out. Collective."""
-        return 2.0 * num_active_pairs(self.contact) / self.mesh.labels.size
+        """Mean number of neighbours that press on a grain, but walls and tools. Collective."""
+        num_grains = self.mesh.num_sample_grains
+        return 2.0 * num_active_pairs(self.contact, num_grains) / num_grains
 
 
 def _what_is_wrong(mesh, materials, velocity, mass_factor):
@@ -318,8 +341,9 @@ def _what_is_wrong(mesh, materials, velocity, mass_factor):
                 f"material = {shown(material)}, expected one such as Elastic(E=70e9, nu=0.2, "
                 "rho=2500)"
             )
-    if len(materials) != mesh.num_grains:
-        return f"materials = {len(materials)}, expected one for each of {mesh.num_grains} grains"
+    num = mesh.num_grains - int(mesh.is_tool.sum())
+    if len(materials) != num:
+        return f"materials = {len(materials)}, expected one for each of {num} grains"
     of_nodes = ("velocity", velocity, (3,)), ("mass_factor", mass_factor, ())
     try:
         for name, value, shape in of_nodes:
@@ -358,6 +382,7 @@ class OfSpecimen(Stateful):
         solid: :class:`~mufe_fenicsx.bulk.solid.Solid`.
         rigid: :class:`~mufe_fenicsx.bulk.rigid.RigidGrains`.
         walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
+        tools: :class:`~mufe_fenicsx.bulk.tools.Tools`.
         contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
     """
 
@@ -365,7 +390,8 @@ class OfSpecimen(Stateful):
         self.specimen = specimen
         self.mesh, self.comm = specimen.mesh, specimen.comm
         self.state, self.solid, self.rigid = specimen.state, specimen.solid, specimen.rigid
-        self.walls, self.contact = specimen.walls, specimen.contact
+        self.walls, self.tools = specimen.walls, specimen.tools
+        self.contact = specimen.contact
         self.num_contacts = 0  #: closed ones when the energies were asked for last
 
     @property
@@ -419,6 +445,10 @@ class OfSpecimen(Stateful):
         """Terms of the energy balance [J], as of :meth:`Specimen.energies`. Collective."""
         found, self.num_contacts = self.specimen.energies(self.kinetic_energy())
         return found
+
+    def mass_of_grains(self):
+        """Mass of all grains [kg], tools left out. Collective."""
+        return self.comm.allreduce(float(self.solid.mass[self.mesh.sample_nodes].sum()))
 
     def wall_forces(self):
         """Normal forces of the grains on the walls [N], compression positive. Collective."""

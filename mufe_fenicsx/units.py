@@ -25,6 +25,10 @@ QUANTITIES = {
     "Pa": ("a stress", "10 MPa"),
     "kg/m^3": ("a density", "2.65 g/cm^3"),
     "s^-1": ("a rate", "100 s^-1"),
+    "N": ("a force", "10 N"),
+    "N*m": ("a torque", "1 N*mm"),
+    "rad": ("an angle", "30 deg"),
+    "rad/s": ("a rate of turning", "6 deg/s"),
     "": ("a number", "0.1"),
 }
 
@@ -38,6 +42,10 @@ PLAUSIBLE = {
     "Pa": (1e-6, 1e15),
     "kg/m^3": (1e-3, 1e12),
     "s^-1": (1e-9, 1e18),
+    "N": (1e-15, 1e12),
+    "N*m": (1e-20, 1e12),
+    "rad": (1e-12, 1e6),
+    "rad/s": (1e-12, 1e9),
     "": (1e-15, 1e12),
 }
 

@@ -8,7 +8,7 @@ from mpi4py import MPI
 from ..errors import InputError
 from ..kernels import rigid as kernels
 from ..materials.auto import Auto
-from ..materials.rigid import Rigid
+from ..materials.rigid import Rigid, ToolSolid
 from ..state import ForceTerm
 from .mass_properties import mass_properties, point_properties, quaternion_of
 from .rigid_nodes import list_nodes
@@ -54,17 +54,17 @@ class RigidGrains(ForceTerm):
 
     def __init__(self, mesh, materials, node_mass, mass_factor=None):
         self.mesh = mesh
-        # Those that stay rigid come first, whatever the others do.
-        chosen = [
-            g for kind in (Rigid, Auto) for g, m in enumerate(materials) if isinstance(m, kind)
-        ]
-        self.grains = np.array(chosen, dtype=np.int64)  #: local index of each rigid grain
+        # Those that stay rigid come first, of them those that forces move.
+        kinds = _moves_freely, _is_led, lambda m: isinstance(m, Auto)
+        chosen = [g for kind in kinds for g, m in enumerate(materials) if kind(m)]
+        #: :class:`~mufe_fenicsx.bulk.rigid_nodes.RigidNodes`
+        self.lists = list_nodes(mesh, np.array(chosen, dtype=np.int64))
         n = self.grains.size
         self.any = mesh.comm.allreduce(n) > 0  #: whether any rank has rigid grains at the start
         self._node_mass = node_mass.copy() if n else node_mass
         self.num_always = sum(isinstance(m, Rigid) for m in materials)  #: that never deform
-        #: :class:`~mufe_fenicsx.bulk.rigid_nodes.RigidNodes`
-        self.lists = list_nodes(mesh, self.grains)
+        #: Whether velocities along and turns about x, y, z are told, shape (n, 6).
+        self.told = np.zeros((n, 6), dtype=bool)
         self.mass, self.inertia = np.empty(n), np.empty((n, 3))
         self.centre, self.turn, self.axes = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3, 3))
         self.place = np.empty((self.lists.nodes.size, 3))
@@ -82,6 +82,11 @@ class RigidGrains(ForceTerm):
             factor = 1.0 if mass_factor is None else mass_factor[nodes[0]]
             self.radius[b] = np.cbrt(0.75 / np.pi * mass[0] / rho)
             self.mass[b], self.centre[b] = factor * mass[0], centre[0]
+            if isinstance(materials[g], ToolSolid):
+                self.told[b] = materials[g].told
+                self.centre[b], inertia[0] = _about_point(
+                    materials[g], mass[0], centre[0], inertia[0]
+                )
             moments, axes = np.linalg.eigh(factor * inertia[0])
             axes[:, 2] *= np.linalg.det(axes)  # right-handed
             self.inertia[b], self.turn[b] = moments, quaternion_of(axes)
@@ -115,9 +120,19 @@ class RigidGrains(ForceTerm):
                 self.follow(kept["nodes"]["followed"])
 
     @property
+    def grains(self):
+        """Local index of each rigid grain."""
+        return self.lists.grains
+
+    @property
     def num_grains(self):
         """Rigid grains of this rank."""
         return self.grains.size
+
+    @property
+    def num_moved(self):
+        """Those that never deform and that forces move: the first ones."""
+        return int(np.count_nonzero(~self.told[: self.num_always].all(axis=1)))
 
     def pushes(self, f):
         """Sum of the magnitudes of the nodal forces ``f`` on each grain [N], shape (num,). Local.
@@ -138,12 +153,12 @@ class RigidGrains(ForceTerm):
         if not which.any():
             return
         places = np.split(self.place, self.lists.offset[1:-1])
-        for name in ("grains", "mass", "inertia", "centre", "turn", "axes", "radius",
-                     "velocity", "momentum", "spin", "force", "torque"):  # fmt: skip
+        grains = self.grains[~which]
+        for name in (*self.STATE["rigid"], "told"):
             setattr(self, name, np.ascontiguousarray(getattr(self, name)[~which]))
         kept = [p for p, gone in zip(places, which, strict=True) if not gone]
         self.place = np.concatenate([np.empty((0, 3)), *kept])
-        self.lists = list_nodes(self.mesh, self.grains)
+        self.lists = list_nodes(self.mesh, grains)
 
     def follow(self, near):
         """Choose the nodes that follow at each step, out of those on the surface. Local.
@@ -229,7 +244,7 @@ class RigidGrains(ForceTerm):
         near = self.followed
         self.moved = kernels.kick_and_drift(
             self.centre, self.velocity, self.momentum, self.turn, self.axes, self.force,
-            self.torque, self.mass, self.inertia, near.reach, dt, damping,
+            self.torque, self.mass, self.inertia, self.told, near.reach, dt, damping,
         )  # fmt: skip
         kernels.place_nodes(
             x, u, self.mesh.x, near.nodes, near.offset, near.place, self.centre, self.axes
@@ -258,7 +273,7 @@ class RigidGrains(ForceTerm):
             return 0.0
         return kernels.kick(
             self.velocity, self.momentum, self.spin, self.force, self.torque, self.axes, self.mass,
-            self.inertia, dt, damping,
+            self.inertia, self.told, dt, damping,
         )  # fmt: skip
 
     def kinetic_energy(self, dt):
@@ -266,7 +281,7 @@ class RigidGrains(ForceTerm):
         energy = np.empty(self.num_grains)
         kernels.kinetic_energies(
             energy, self.velocity, self.momentum, self.force, self.torque, self.axes,
-            self.mass, self.inertia, dt,
+            self.mass, self.inertia, self.told, dt,
         )  # fmt: skip
         return float(energy.sum())
 
@@ -285,12 +300,40 @@ class RigidGrains(ForceTerm):
         stiffest = np.zeros(self.mesh.num_grains)
         np.maximum.at(stiffest, points.local_grain, points.area / points.layer)
         best = np.inf
-        for b, g in enumerate(self.grains[: self.num_always]):
+        for b, g in enumerate(self.grains[: self.num_moved]):
+            if self.mesh.is_tool[g]:  # beside whose mass that of what it meets is small
+                continue
             place = self.place[slice(*self.lists.offset[b : b + 2])]
             reach = (place**2).sum(axis=1).max()
             inverse_mass = 1 / self.mass[b] + reach / self.inertia[b, 0]
             best = min(best, np.sqrt(2 / (CONTACTS * stiffest[g] * inverse_mass)))
         return best
+
+
+def _moves_freely(material):
+    """Whether a material is that of bodies that stay rigid and that forces move."""
+    led = isinstance(material, ToolSolid) and all(material.told)
+    return isinstance(material, Rigid) and not led
+
+
+def _is_led(material):
+    """Whether it is that of a tool all of whose motion is told."""
+    return isinstance(material, Rigid) and not _moves_freely(material)
+
+
+def _about_point(solid, mass, centre, inertia):
+    """What a tool turns about [m], and its inertia there [kg m²].
+
+    Told turns need equal moments, for the turn by an angular momentum to be about that axis; of one
+    free turn they are that about its axis.
+    """
+    point = centre if solid.point is None else np.asarray(solid.point, dtype=float)
+    r = point - centre
+    inertia = inertia + mass * (r @ r * np.eye(3) - np.outer(r, r))
+    free = [i for i in range(3) if not solid.told[3 + i]]
+    if len(free) < 3:
+        inertia = np.eye(3) * (inertia[free[0], free[0]] if free else np.trace(inertia) / 3)
+    return point, inertia
 
 
 def check_rigid(comm, rigid, bonded, kinematic, mass_factor):

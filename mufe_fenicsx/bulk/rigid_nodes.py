@@ -9,6 +9,7 @@ import numpy as np
 class RigidNodes:
     """Nodes of the rigid grains of one rank, one grain after the other, and of all others."""
 
+    grains: np.ndarray  #: local index of each rigid grain
     nodes: np.ndarray  #: of the rigid grains, shape (n,)
     offset: np.ndarray  #: first entry of each grain in ``nodes``, shape (num_grains + 1,)
     surface: np.ndarray  #: those on the surface
@@ -33,7 +34,7 @@ def list_nodes(mesh, grains):
     soft = np.ones(mesh.num_nodes, dtype=bool)
     soft[nodes] = False
     soft = np.flatnonzero(soft)
-    return RigidNodes(nodes, offset, surface, surface_offset, soft, _runs(mesh, grains))
+    return RigidNodes(grains, nodes, offset, surface, surface_offset, soft, _runs(mesh, grains))
 
 
 def _rows(parts):

@@ -9,7 +9,7 @@ class FreeRows:
     """Rows of vectors for the highest frequency, of one rank. Collective when made.
 
     Rows are the nodes that deform now or later, then force and turn (about principal axes) of
-    each grain that stays rigid in turn.
+    each grain in turn that stays rigid and that forces move.
 
     Args:
         rigid: :class:`~mufe_fenicsx.bulk.rigid.RigidGrains`.
@@ -35,8 +35,8 @@ class FreeRows:
         Returns:
             Masses and moments, shape (num_rows, 3); places [m], shape (num_rows, 3).
         """
-        rigid, n, free = self.rigid, self.rigid.num_always, self._free
-        if not n:
+        rigid, n, free = self.rigid, self.rigid.num_moved, self._free
+        if not self.rigid.num_always:
             return mass, self.mesh.x
         rows, places = np.empty((2, free.size + 2 * n, 3))
         rows[: free.size] = mass[free, None]
@@ -52,7 +52,7 @@ class FreeRows:
         Returns:
             Rows, shape (n,); axes, shape (n, 3, 3).
         """
-        n = self.rigid.num_always
+        n = self.rigid.num_moved
         return self._free.size + 1 + 2 * np.arange(n), self.rigid.axes[:n]
 
     def constrained(self, add_stiffness, state):
@@ -63,8 +63,8 @@ class FreeRows:
                 collective.
             state: :class:`~mufe_fenicsx.state.State`, whose positions are the present ones.
         """
-        rigid, n, free = self.rigid, self.rigid.num_always, self._free
-        if not n:
+        rigid, n, free = self.rigid, self.rigid.num_moved, self._free
+        if not self.rigid.num_always:
             return add_stiffness
         if self._q is None:
             self._q, self._y = np.zeros((2, self.mesh.num_nodes, 3))
@@ -92,9 +92,9 @@ class FreeRows:
 
     def unpacked(self, rows):
         """Values of rows at nodes and of rigid grains. Local."""
-        n, free = self.rigid.num_always, self._free
+        n, free = self.rigid.num_moved, self._free
         of_grains = np.zeros((self.rigid.num_grains, 2, 3))
-        if not n:
+        if not self.rigid.num_always:
             return rows, of_grains
         at_nodes = np.zeros((self.mesh.num_nodes, 3))
         at_nodes[free] = rows[: free.size]
@@ -103,7 +103,7 @@ class FreeRows:
 
     def packed(self, at_nodes, of_grains):
         """The reverse of :meth:`unpacked`. Local."""
-        n = self.rigid.num_always
-        if not n:
+        n = self.rigid.num_moved
+        if not self.rigid.num_always:
             return at_nodes
         return np.concatenate([at_nodes[self._free], of_grains[:n].reshape(-1, 3)])

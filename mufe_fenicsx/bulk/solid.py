@@ -71,6 +71,7 @@ class Solid(ForceTerm):
                 "split the mesh with geometry.tets.refine.split"
             )
         self.element = element
+        self.materials = materials
         self.bulk = np.array([m.bulk_modulus for m in materials])
         self.shear = np.array([m.shear_modulus for m in materials])
         self.wave_speed = np.array([m.wave_speed for m in materials])

@@ -67,15 +67,19 @@ class Contact(Stateful):
         self.friction = settings.pair_friction.table(settings.friction_kinetic, mesh.labels.size)
         self.layers = SurfaceLayers(mesh, own, x, grains, settings)
         self.points = self.layers.points
-        total = self.comm.allreduce(np.array([own.facet_area.sum(), own.facet_area.size]))
+        #: The first of the bodies that are tools; None: there are none.
+        self.first_tool = mesh.first_tool if mesh.tools else None
+        area = own.facet_area[own.grain_of_facet < mesh.first_tool]
+        total = self.comm.allreduce(np.array([area.sum(), area.size]))
         self.edge = math.sqrt(4 / math.sqrt(3) * total[0] / total[1])
         self.motion = RelativeMotion(self.comm, mesh.grains, self.edge, x)
-        check_walls(self.comm, walls, x, self.edge)
+        of_grains = ~mesh.is_tool[mesh.grain_of_node]
+        check_walls(self.comm, walls, x[of_grains] if mesh.tools else x, self.edge)
         self.ghosts = Ghosts(self.comm, own.nodes, self.points)
         node_ratio = grains.tangential_ratio[mesh.grain_of_node[own.nodes]]
         # As of sharp vertices: edges that end a flat contact add nothing to it.
         recess = RECESS if self.ghosts.num_before else 0.0
-        self.edges = EdgeContact(node_ratio, recess, self.friction)
+        self.edges = EdgeContact(node_ratio, recess, self.friction, self.first_tool)
         self.dissipation = Dissipation(self.points.grain_of_point, mesh.labels.size)
         self.overlaps = Overlaps()
         self.num_searches = 0
@@ -145,7 +149,10 @@ class Contact(Stateful):
         largest = np.zeros(self.dissipation.num_grains)
         np.maximum.at(largest, self.own.grain_of_facet, self.own.facet_area)
         self.comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
-        return DEEPEST_START * edge_of_area(largest, 1)
+        edges = edge_of_area(largest, 1)
+        if self.first_tool is not None:  # whose facets may be as large as it
+            edges[self.first_tool :] = np.minimum(edges[self.first_tool :], self.edge)
+        return DEEPEST_START * edges
 
     def exchange(self, positions, reach, overlap=0.0):
         """Fetch what other ranks have near this one's surface. Collective.
@@ -174,7 +181,7 @@ class Contact(Stateful):
         self.pairs = search_pairs(
             self.ghosts.positions.array, points.num_points, points.grain_of_point,
             self.ghosts.facets, self.surface, reach, self.motion.bound,
-            points.depth if self.self_contact else None,
+            points.depth if self.self_contact else None, self.first_tool,
         )  # fmt: skip
         if old is not None:
             self.pairs.transfer(old, self.surface.global_facet, wait)
@@ -191,9 +198,17 @@ class Contact(Stateful):
         whole_reach = reach + motion.overlap
         self.edges.search(of_nodes, len(nodes), self.surface, whole_reach, motion.bound)
         self.walls.search(
-            of_points, nodes, points.corner, points.grain_of_point, reach, motion.bound
-        )
+            of_points, nodes, points.corner, points.grain_of_point, reach, motion.bound,
+            self._tools() if self.walls.pairs is None else None,
+        )  # fmt: skip
         self.walls.near.enclose(self.comm, self.walls, of_points, reach)
+
+    def _tools(self):
+        """Which own nodes, and which points, are of tools; None where there are none."""
+        if self.first_tool is None:
+            return None
+        both = self.own.grain_of_node, self.points.grain_of_point
+        return tuple(grain >= self.first_tool for grain in both)
 
     def connect(self):
         """Steps exchange, place and move on what the pairs of now ask for. Collective."""

@@ -53,6 +53,25 @@ class PairFriction:
             self._others.append((static, kinetic_of(static, kinetic, where)))
             self._row[a, b] = self._row[b, a] = len(self._others)
 
+    def with_others(self, num_grains, own):
+        """The same with further bodies after the grains, whose friction is their own with all.
+
+        Args:
+            num_grains: Number of grains of all ranks.
+            own: Static and kinetic coefficient of each of these bodies, None: as the static one.
+        """
+        whole, n = PairFriction(self.friction), max(len(self._row), 1)
+        material = self._material if self._others else np.zeros(num_grains, dtype=np.int32)
+        rows = np.zeros((n + len(own), n + len(own)), dtype=np.int32)
+        rows[: len(self._row), : len(self._row)] = self._row
+        whole._others = list(self._others)
+        for k, (static, kinetic) in enumerate(own, start=n):
+            whole._others.append((static, kinetic_of(static, kinetic, "of a tool")))
+            rows[k, :n] = rows[:n, k] = len(whole._others)
+        whole._row = rows
+        whole._material = np.append(material, np.arange(n, n + len(own), dtype=np.int32))
+        return whole
+
     def table(self, friction_kinetic, num_grains):
         """:class:`FrictionTable` with 1 + num_pairs rows, first those of no pair.
 

@@ -97,8 +97,8 @@ def largest_depths(mesh, own, modulus, rigid_layer=None):
     """Parts of nodes and of facets in the depth from which the force of a pair grows no more [m].
 
     Both sides add: of deformable grains half of ``LARGEST_DEPTH`` h each, where the pressure is
-    that part of E*/(2 c); of rigid ones what reaches the same pressure with their layer, if more.
-    Nothing but the two sides of a pair takes part.
+    that part of E*/(2 c); of rigid ones what reaches the same pressure with their layer, if more;
+    of tools that alone, next to nothing. Nothing but the two sides of a pair takes part.
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
@@ -112,6 +112,7 @@ def largest_depths(mesh, own, modulus, rigid_layer=None):
         of_rigid = np.nan_to_num(0.5 * LARGEST_DEPTH / COMPLIANCE * rigid_layer * modulus)
         grains = mesh.grain_of_node[own.nodes], own.local_grain_of_facet
         for depth, grain in zip(depths, grains, strict=True):
+            depth[mesh.is_tool[grain]] = 0.0
             np.maximum(depth, of_rigid[grain], out=depth)
     return depths
 

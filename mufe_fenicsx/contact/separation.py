@@ -87,6 +87,7 @@ def separate(mesh, max_shift, close_gaps=0.0, close_gaps_over_h=0.0, max_sweeps=
         )
     wanted = _Wanted(before, close_gaps)
     limit = max_shift * before.edge_at_node
+    limit[mesh.is_tool[mesh.grain_of_node]] = 0.0
     last = max_sweeps if close_gaps == 0 else 2 * max_sweeps
     for sweep in range(last + 1):
         move = wanted.moves(gaps, narrow=sweep < max_sweeps)

@@ -1,7 +1,7 @@
 """What a user can choose of contact, and what it knows of the grains."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,6 +42,13 @@ class ContactSettings:
         """:class:`~.PairFriction`."""
         by_pair = isinstance(self.friction, PairFriction)
         return self.friction if by_pair else PairFriction(self.friction)
+
+    def with_tools(self, num_grains, tools):
+        """The same with the friction of tools, bodies after ``num_grains`` grains, against all."""
+        if not tools:
+            return self
+        own = [(tool.friction, tool.friction_kinetic) for tool in tools]
+        return replace(self, friction=self.pair_friction.with_others(num_grains, own))
 
     @property
     def kinematic(self):

@@ -280,7 +280,7 @@ class Walls(Stateful):
         for i, speed in enumerate(speeds):
             self.set_speed(i, speed)
 
-    def search(self, x, nodes, corner, grain_of_point, reach, bound):
+    def search(self, x, nodes, corner, grain_of_point, reach, bound, tools=None):
         """Find the points near each wall and transfer what their pairs remember. Local.
 
         Args:
@@ -290,12 +290,18 @@ class Walls(Stateful):
             grain_of_point: Global grain of each, shape (num_points,).
             reach: Largest gap [m].
             bound: Of all relative motion so far [m].
+            tools: At the first search, which nodes and which points are of tools, which pass
+                through walls; None: none is.
         """
         if self.pairs is None:
             self.bonded = find_bonded(nodes, self.walls)
+            if tools is not None:
+                self.bonded[tools[0]] = -1
             held = self.bonded[:, None] == np.arange(len(self.walls))
             held |= nodes_on_mirrors(nodes, self.walls)
             self._held = held if corner is None else held[corner].all(axis=1)
+            if tools is not None:
+                self._held[tools[1]] = True
             self.curved.measure_sag(self.walls, x, nodes, corner)
         node, wall = find_wall_candidates(
             x, self._held, self.point, self.normal, self.curved.radius, reach

@@ -62,7 +62,10 @@ class Motion(Stateful):
             self._moved = half_kick_and_drift(
                 s.x, s.u, s.v, s.a, sp.f, x0, runs, dt, damping, self.field, self._moves
             )
+        sp.lead_tools(dt)
         sp.rigid.drift(s.x, s.u, dt, damping)
+        if sp.tools.any:
+            sp.tools.add_work(dt)
 
     def move_walls(self, dt):
         """Walls go on by ``dt`` [s]."""

@@ -68,9 +68,9 @@ class Simulation(OfSpecimen):
         self.time_step_factor, self.refresh = time_step_factor, Refresh(refresh)
         self.scaling = None
         if mass_scaling is not None:
-            rho = np.array([m.rho for m in materials])
+            rho = np.array([m.rho for m in specimen.solid.materials])
             self.scaling = MassScaling(specimen.solid, rho, mass_scaling)
-        self.watch = LoadWatch(specimen.rigid, materials)
+        self.watch = LoadWatch(specimen.rigid, specimen.solid.materials)
         self.motion = Motion(specimen)
         self.stable = StableStep(specimen, assembled, time_step_factor)
         self.dt = math.nan
@@ -146,6 +146,8 @@ class Simulation(OfSpecimen):
         except FloatingPointError:
             self.check(diverged=True)
         self.walls.add_work()
+        if self.specimen.tools.any:
+            self.specimen.tools.add_work(dt)
         if self.walls.has_servo:
             self.walls.adjust(self.comm, dt)
 

@@ -9,6 +9,7 @@ from mpi4py import MPI
 from ..bulk.elastic_tangent import NearTangent
 from ..bulk.tangent import SolidTangent
 from ..contact.stiffness.tangent import ContactTangent
+from ..errors import InputError
 from ..solvers.jacobian_products import Products
 from .linear_system import LinearSystem
 from .preconditioner import NearSystem
@@ -18,6 +19,29 @@ from .prescribed_nodes import HeldNodes
 LARGEST_MOVE = 0.5
 #: Motion of nodes in differences of forces, over the mean facet edge.
 DIFFERENCE = 1e-7
+
+
+def check_increments(specimen, method):
+    """What increments cannot do, said on all ranks together. Collective.
+
+    Args:
+        specimen: :class:`~mufe_fenicsx.specimen.Specimen`.
+        method: Of dynamic increments; None: static.
+
+    Raises:
+        InputError: Rigid grains; tools that are free, or tools in dynamic increments.
+    """
+    rigid, tools = specimen.rigid, specimen.tools
+    if specimen.comm.allreduce(rigid.num_grains - tools.rows.size):
+        raise InputError("rigid grains, expected deformable ones for an implicit solver")
+    if tools.any and method:
+        raise InputError("tools, expected none for dynamic increments: use static ones or steps")
+    for tool in tools.tools:
+        if tool.free:
+            raise InputError(
+                f"free of tool {tool.name} = {', '.join(tool.free)}, expected none for static "
+                "increments, which know no inertia: tell its motion"
+            )
 
 
 class IncrementEquations:
@@ -48,7 +72,9 @@ class IncrementEquations:
         s = self._specimen = specimen
         self.comm, self.method, mesh = s.comm, method, s.mesh
         self._contact_tangent = ContactTangent(s.contact, mesh)
-        self.held = HeldNodes(mesh, held, s.bonded.nodes, self._contact_tangent)
+        led = s.rigid.lists.nodes  # of tools, the only rigid bodies here
+        bonded = np.concatenate([s.bonded.nodes, led])
+        self.held = HeldNodes(mesh, held, bonded, self._contact_tangent)
         self._u0 = fem.Function(mesh.V)
         part = 1.0 - self.method.force_of_start if self.method else 1.0
         if solver == "products":
@@ -64,6 +90,7 @@ class IncrementEquations:
             self.system = LinearSystem(mesh, own.offset, own.columns, "mufe_", solver, petsc)
         self._stiffness = self._share_of_stiffness()
         self.drag = drag_time * self._stiffness
+        self.drag[led] = 0.0
         self.start = self.mark = self._dt = None
         self.wall_move = self.reach = self.too_far = 0.0
 

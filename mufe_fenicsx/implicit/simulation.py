@@ -34,7 +34,7 @@ from ..specimen import OfSpecimen, Specimen
 from .contact_in_increments import ContactInIncrements
 from .exact_gaps import ExactGaps
 from .force_controlled_walls import ForceControlledWalls
-from .increment import IncrementEquations
+from .increment import IncrementEquations, check_increments
 from .increment_end import IncrementEnd
 from .increment_settings import IncrementSettings
 from .increment_start import IncrementStart
@@ -55,7 +55,7 @@ class ImplicitSimulation(OfSpecimen):
     Args:
         mesh, materials, walls: As of :class:`~mufe_fenicsx.specimen.Specimen`; no rigid
             grains, no kinematic law. Walls held at a force, in static increments only, move
-            within each until they carry it.
+            within each until they carry it. Tools, in static increments only, whose motion is told.
         held: Pairs (nodes of this rank, unit vector (3,)): displacements along the vector are
             those of :attr:`prescribed` at these nodes. Their work is not part of that of the walls.
         options: Beside those of the specimen, fields of
@@ -93,8 +93,7 @@ class ImplicitSimulation(OfSpecimen):
         self.method = self.settings.method
         specimen = Specimen(mesh, materials, walls, **options)
         super().__init__(specimen)
-        if specimen.any_rigid:
-            raise InputError("rigid grains, expected deformable ones for an implicit solver")
+        check_increments(specimen, self.method)
         if self.walls.has_servo and self.method:
             raise InputError(
                 "a wall is held at a force, expected walls at rest or moving for dynamic increments"
@@ -308,6 +307,10 @@ class ImplicitSimulation(OfSpecimen):
             (s.t, dt, self._newton.num_iterations, self._newton.num_linear, history[-3:])
         )
         walls.add_work()
+        tools = self.specimen.tools
+        if tools.any:
+            tools.act_on_rigid(self.rigid, s)
+            tools.add_work(dt)
         return True
 
     def _begin(self, dt):
@@ -322,16 +325,34 @@ class ImplicitSimulation(OfSpecimen):
         equations.mark = ContactMark(self.contact)
         walls.add_work()
         equations.reach = self.contact.motion.searched_at + self.contact.motion.skin
+        led = self._lead_tools(dt)
         if self.specimen.bonded.nodes.size:
             x, u, v = s.x.copy(), s.u.copy(), s.v.copy()
             self.specimen.bonded.move(x, u, v, self.mesh.x, dt)
             self.prescribed[self.specimen.bonded.nodes] = (x - s.x)[self.specimen.bonded.nodes]
-        expected = equations.wall_move
+        expected = max(equations.wall_move, led)
         if self._last is not None:
             expected = max(expected, float(np.abs(self._last[0]).max()) * dt / self._last[1])
         expected = self.comm.allreduce(expected, op=MPI.MAX)
         if self.contact.motion.bound + 3.0 * expected > equations.reach:
             self._search(4.0 * expected)
+
+    def _lead_tools(self, dt):
+        """Tools go on by ``dt`` [s], and what is prescribed with them; how far at most [m]. Local.
+
+        Nodes have to go there with those of the grains: contact pairs see both move.
+        """
+        specimen, s = self.specimen, self.state
+        if not specimen.tools.any:
+            return 0.0
+        rigid, nodes = specimen.rigid, specimen.rigid.lists.nodes
+        specimen.lead_tools(dt)
+        x, u = s.x.copy(), s.u.copy()
+        rigid.drift(x, u, dt, 0.0)
+        rigid.place_all(x, u)
+        self.prescribed[nodes] = (x - s.x)[nodes]
+        specimen.tools.add_work(dt)
+        return rigid.moved
 
     def _search(self, ahead):
         """Pairs anew at the start of the increment, for motions of ``ahead`` [m]."""

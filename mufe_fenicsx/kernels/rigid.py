@@ -11,7 +11,9 @@ Bodies' arrays: ``centre`` [m], ``velocity`` [m/s], ``momentum`` (angular, about
 centre) [N m s], ``force`` [N], ``torque`` [N m] in space, shape (n, 3); ``turn``, unit
 quaternions (scalar first) from principal axes to space, shape (n, 4); ``axes``, the
 same as matrices whose columns are the principal axes, shape (n, 3, 3); ``mass`` [kg], shape
-(n,); ``inertia``, principal moments [kg m²], shape (n, 3). The nodes of body b are
+(n,); ``inertia``, principal moments [kg m²], shape (n, 3); ``told``, whether the velocity along and
+the rate of turning about x, y and z are told, so that no force changes them, shape (n, 6): a body
+of which turns are told, or all but one, has equal moments. The nodes of body b are
 ``nodes[offset[b]:offset[b + 1]]``, and ``place`` their positions in its principal axes.
 """
 
@@ -41,7 +43,7 @@ def set_axes(axes, turn):
 
 @numba.njit(cache=True)
 def kick_and_drift(
-    centre, velocity, momentum, turn, axes, force, torque, mass, inertia, reach, dt, damping
+    centre, velocity, momentum, turn, axes, force, torque, mass, inertia, told, reach, dt, damping
 ):
     """First half of a step: half a kick with the known loads, then the free motion, in place.
 
@@ -56,8 +58,10 @@ def kick_and_drift(
     largest = 0.0
     for b in range(mass.size):
         for i in range(3):
-            velocity[b, i] += half * (force[b, i] / mass[b] - damping * velocity[b, i])
-            momentum[b, i] += half * (torque[b, i] - damping * momentum[b, i])
+            if not told[b, i]:
+                velocity[b, i] += half * (force[b, i] / mass[b] - damping * velocity[b, i])
+            if not told[b, 3 + i]:
+                momentum[b, i] += half * (torque[b, i] - damping * momentum[b, i])
             centre[b, i] += dt * velocity[b, i]
         w, i, j, k = turn[b, 0], turn[b, 1], turn[b, 2], turn[b, 3]
         _turn_freely(turn[b], momentum[b], axes[b], inertia[b], dt)
@@ -149,7 +153,7 @@ def gather_loads(force, torque, f, x, nodes, offset, centre):
 
 
 @numba.njit(cache=True)
-def kick(velocity, momentum, spin, force, torque, axes, mass, inertia, dt, damping):
+def kick(velocity, momentum, spin, force, torque, axes, mass, inertia, told, dt, damping):
     """Second half of a step, and the rate of turning ``spin`` [1/s] at its end, in place.
 
     Returns:
@@ -160,11 +164,16 @@ def kick(velocity, momentum, spin, force, torque, axes, mass, inertia, dt, dampi
     lost = 0.0
     for b in range(mass.size):
         for i in range(3):
-            velocity[b, i] = (velocity[b, i] + half * force[b, i] / mass[b]) * scale
-            momentum[b, i] = (momentum[b, i] + half * torque[b, i]) * scale
+            if not told[b, i]:
+                velocity[b, i] = (velocity[b, i] + half * force[b, i] / mass[b]) * scale
+            if not told[b, 3 + i]:
+                momentum[b, i] = (momentum[b, i] + half * torque[b, i]) * scale
         set_spin(spin[b], momentum[b], axes[b], inertia[b])
         for i in range(3):
-            lost += mass[b] * velocity[b, i] ** 2 + spin[b, i] * momentum[b, i]
+            if not told[b, i]:
+                lost += mass[b] * velocity[b, i] ** 2
+            if not told[b, 3 + i]:
+                lost += spin[b, i] * momentum[b, i]
     return dt * damping * lost
 
 
@@ -195,18 +204,24 @@ def node_velocities(v, x, nodes, offset, centre, velocity, spin):
 
 
 @numba.njit(cache=True)
-def kinetic_energies(energy, velocity, momentum, force, torque, axes, mass, inertia, dt):
+def kinetic_energies(energy, velocity, momentum, force, torque, axes, mass, inertia, told, dt):
     """Kinetic energy of each body at whole steps [J], in place, shape (n,).
 
     m/2 V₋·V₊ + L₋·J⁻¹L₊/2 with V, L half a kick of length dt/2 before and after: as
-    :func:`~mufe_fenicsx.kernels.energy.kinetic_energy`.
+    :func:`~mufe_fenicsx.kernels.energy.kinetic_energy`. Motion that is told has none. Bodies that
+    are told in part may start under a load, half a step of which would count: theirs is m/2 V².
     """
-    half = 0.5 * dt
     for b in range(mass.size):
-        total = 0.0
+        half, total = 0.5 * dt, 0.0
+        for i in range(6):
+            if told[b, i]:
+                half = 0.0
         for i in range(3):
-            total += mass[b] * (velocity[b, i] ** 2 - (half * force[b, i] / mass[b]) ** 2)
+            if not told[b, i]:
+                total += mass[b] * (velocity[b, i] ** 2 - (half * force[b, i] / mass[b]) ** 2)
         for k in range(3):
+            if told[b, 3] and told[b, 4] and told[b, 5]:
+                break
             rate = change = 0.0
             for i in range(3):
                 rate += axes[b, i, k] * momentum[b, i]

@@ -123,7 +123,7 @@ class QuasiStaticSpeed(Stateful):
     def _sample(self, strain):
         sim, v = self.simulation, self.speed
         forces, energies = sim.wall_forces(), sim.energies()
-        mass = sim.comm.allreduce(float(sim.solid.mass.sum()))
+        mass = sim.mass_of_grains()
         top, bottom = (forces[i] for i in self.platens)
         force = 0.5 * (top + bottom)
         internal = energies["elastic"] + energies["plastic"]

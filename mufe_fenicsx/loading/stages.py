@@ -233,6 +233,8 @@ class StagedLoading(Stateful):
                 self._reference = self.lengths.tolist()
         self.index += 1
         state = self.simulation.state
+        for name, motion in self.program[self.index].tools.items():
+            self.simulation.tools.set_motion(name, state.t, motion.rates, motion.loads, motion.ramp)
         stress = self._axis_stress(forces)
         self._do = self._tasks()
         stress0 = [

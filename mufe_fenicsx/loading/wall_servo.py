@@ -67,7 +67,7 @@ class Servo(Stateful):
         energy = energies["elastic"] + energies["contact"]
         square = float((self.container.along_three(stress) ** 2).sum())
         if energy > 0.0 and square > 0.0:
-            mass = sim.comm.allreduce(float(sim.solid.mass.sum()))
+            mass = sim.mass_of_grains()
             found = math.sqrt(mass * square / (2.0 * energy))
             before = self.impedance or found
             self.impedance = min(max(found, before / CHANGE), before * CHANGE)

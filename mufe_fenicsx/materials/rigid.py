@@ -36,3 +36,24 @@ class Rigid(IsotropicSolid):
     def parameters(self) -> np.ndarray:
         """As of an elastic grain: it never yields."""
         return np.array([np.inf, 1.0, 0.0, np.inf])
+
+
+#: Layer of a tool over its radius over E*: none, beside those of the grains that it meets.
+LAYER_OF_TOOL = 1e-7
+
+
+@dataclass(frozen=True)
+class ToolSolid(Rigid):
+    """Material of a tool: in contact with it grains alone give way, as with a wall.
+
+    E and nu are those of the stiffest grain, which the scales of a computation follow.
+    """
+
+    #: whether the velocity along and the turning about x, y and z are told
+    told: tuple[bool, ...] = (True,) * 6
+    #: what it turns about [m], shape (3,); None: its centre of mass
+    point: tuple[float, ...] | None = None
+
+    def layer(self, radius: float) -> float:
+        """Compliance of the layer [m/Pa] of a tool of that ``radius`` [m], next to nothing."""
+        return LAYER_OF_TOOL * radius / self.contact_modulus

@@ -26,7 +26,12 @@ import numpy as np
 from mufe_fenicsx.container import WALLS
 from mufe_fenicsx.errors import InputError, raise_together
 from mufe_fenicsx.output.history import read_history
-from mufe_fenicsx.output.run_folder import reason, remove_states_after, write_atomically
+from mufe_fenicsx.output.run_folder import (
+    read_run_json,
+    reason,
+    remove_states_after,
+    write_atomically,
+)
 
 SERIES = "states.vtkhdf.series"
 
@@ -205,6 +210,23 @@ def write_lines(path, time, network):
         "torque": c.torque[on],
         "wall": at_wall.astype(np.int8),
     }
+    at_points = {
+        "grain": np.append(network.labels, on_walls).astype(np.int64),
+        "num_active_contacts": np.append(network.num_active(), on_walls),
+    }
+    write_poly_data(path, time, points, {"Lines": lines}, data, at_points)
+
+
+def write_poly_data(path, time, points, cells, cell_data, point_data):
+    """Write a VTKHDF file of type PolyData; it has its name only when it is complete.
+
+    Args:
+        path: The file.
+        time: Time [s].
+        points: [m], shape (num_points, 3).
+        cells: "Lines" or "Polygons" -> points of each, shape (num_cells, k).
+        cell_data, point_data: Name -> values, a row a cell or point.
+    """
     part = path.with_name(path.name + ".part")
     try:
         with h5py.File(part, "w") as file:
@@ -214,21 +236,33 @@ def write_lines(path, time, network):
             group["NumberOfPoints"] = [points.shape[0]]
             group["Points"] = points
             for kind in ("Vertices", "Lines", "Polygons", "Strips"):
-                ends = lines if kind == "Lines" else np.empty((0, 2), np.int64)
-                cells = group.create_group(kind)
-                cells["NumberOfCells"] = [len(ends)]
-                cells["NumberOfConnectivityIds"] = [ends.size]
-                cells["Connectivity"] = ends.ravel().astype(np.int64)
-                cells["Offsets"] = 2 * np.arange(len(ends) + 1, dtype=np.int64)
-            for name, values in data.items():
+                of = cells.get(kind, np.empty((0, 2), np.int64))
+                listed = group.create_group(kind)
+                listed["NumberOfCells"] = [len(of)]
+                listed["NumberOfConnectivityIds"] = [of.size]
+                listed["Connectivity"] = of.ravel().astype(np.int64)
+                listed["Offsets"] = of.shape[1] * np.arange(len(of) + 1, dtype=np.int64)
+            for name, values in cell_data.items():
                 group[f"CellData/{name}"] = values
-            group["PointData/grain"] = np.append(network.labels, on_walls).astype(np.int64)
-            group["PointData/num_active_contacts"] = np.append(network.num_active(), on_walls)
+            for name, values in point_data.items():
+                group[f"PointData/{name}"] = values
             group["FieldData/TimeValue"] = [time]
         os.replace(part, path)
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+def tool_names(run_folder):
+    """Names of the tools of a run, which tables of contacts list among the walls.
+
+    Raises:
+        InputError: run.json cannot be read.
+    """
+    path = Path(run_folder) / "run.json"
+    if not path.is_file():
+        return ()
+    return tuple(str(tool["name"]) for tool in read_run_json(run_folder).get("tools", ()))
 
 
 def contact_files(run_folder, index):
@@ -259,8 +293,9 @@ def read_contacts(run_folder, index):
     for name, needed in (("grain_a", slice(None)), ("grain_b", ~wall)):
         if not np.isin(contacts[name][needed], labels).all():
             raise InputError(f"{paths[0]} has a {name} that {paths[1].name} has not")
-    if not np.isin(contacts["wall"][wall], WALLS).all() or contacts["grain_b"][wall].any():
-        raise InputError(f"{paths[0]} has a wall that is none, expected {', '.join(WALLS)}")
+    known = (*WALLS, *tool_names(run_folder))
+    if not np.isin(contacts["wall"][wall], known).all() or contacts["grain_b"][wall].any():
+        raise InputError(f"{paths[0]} has a wall that is none, expected {', '.join(known)}")
     return contacts, grains
 
 

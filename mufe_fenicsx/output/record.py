@@ -84,7 +84,8 @@ def lost_results(folder, kept):
             "states": [s for s in states if Path(s["name"]).stem not in bad],
             "mesh_is_gone": f"fields/{kept['fields']['mesh']}" in gone,
         }
-        left["contacts"] = [s for s in kept["contacts"] if Path(s["name"]).stem not in bad]
+        for of in ("contacts", "tools"):
+            left[of] = [s for s in kept.get(of, ()) if Path(s["name"]).stem not in bad]
     if kept.get("history_rows") is not None:
         what, strain, left["history"], left["history_rows"] = _history(folder / HISTORY, kept)
         if what is not None:

@@ -44,13 +44,16 @@ OWN_FILES = (
     "contacts/*.vtkhdf",
     "contacts/*.part",
     "contacts/states.vtkhdf.series",
+    "tools/*.vtkhdf",
+    "tools/*.part",
+    "tools/states.vtkhdf.series",
     "fields/mesh_*.h5",
     "retries.log",
     "checkpoints/step-*/rank-*.h5",
     "checkpoints/step-*/manifest.json",
 )
 
-OWN_FOLDERS = ("fields", "figures", "contacts", "checkpoints", "paraview")
+OWN_FOLDERS = ("fields", "figures", "contacts", "tools", "checkpoints", "paraview")
 
 #: Room for what an HDF5 file holds beside its arrays [bytes].
 HEADERS = 64 * 1024

@@ -93,6 +93,12 @@ KINDS = {
     "quasi_static": lambda value: _table(**_numbers(*_FOUND))(value)
     and (not value.get("slowest") or _table(_FOUND)(value)),
     "mass_scaling": _table(_ADDED, **_numbers(*_ADDED)),
+    "tools": _list_of(
+        _table(
+            ("name",), name=_text,
+            **dict.fromkeys(("force", "torque", "displacement", "turn"), _list_of(_number)),
+        )
+    ),
     "failed_grains": _list_of(_count),
     "stages": _list_of(_table(name=_text, step=_count, time=_number, strain=_number)),
     "retries": _list_of(_table(tuple(_STEPS), **_STEPS)),

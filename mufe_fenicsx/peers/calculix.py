@@ -140,6 +140,8 @@ def _check_scene(scene):
             f'container.shape = "{scene.container.shape}", expected "box": walls of a deck are '
             "planes"
         )
+    if scene.tools:
+        raise InputError("[[tool]] is given, expected none: a deck has walls alone")
     for name, wall in scene.walls.items():
         if wall.stress is not None:
             raise InputError(

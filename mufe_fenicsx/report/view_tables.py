@@ -126,6 +126,7 @@ def pack_contacts(packer, run, numbers, labels, without):
         table = _contacts_of(run, number, without)
         if table is None:
             continue
+        table = table[table["wall"].isin(["", *WALLS])]  # tools are not drawn
         last = table
         a = np.searchsorted(labels, table["grain_a"])
         wall = table["wall"].map({name: n + k for k, name in enumerate(WALLS)})

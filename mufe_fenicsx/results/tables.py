@@ -170,6 +170,7 @@ def _friction(run, contacts):
     try:
         among = run.scene["contact"]
         of = {"": among} | {name: run.scene["walls"][name] for name in run.container.walls}
+        of |= {tool["name"]: tool for tool in run.scene.get("tool", [])}
         mu = {name: _kinetic(table) for name, table in of.items()}
         groups = {name: group["labels"] for name, group in run.scene.get("materials", {}).items()}
         of_pairs = by_materials(among.get("pairs", {}), groups)
@@ -301,7 +302,8 @@ def contact_ages(run, number=-1):
 def _active(contacts):
     """Active ones, with ``body_b``: the second grain, or the wall as a number below zero."""
     contacts = contacts[contacts["num_points"] > 0]
-    walls = contacts["wall"].map({name: -1 - k for k, name in enumerate(WALLS)})
+    tools = sorted(set(contacts["wall"]) - {"", *WALLS})
+    walls = contacts["wall"].map({name: -1 - k for k, name in enumerate((*WALLS, *tools))})
     return contacts.assign(body_b=contacts["grain_b"].where(walls.isna(), walls).astype(np.int64))
 
 

@@ -66,6 +66,7 @@ class EnergyGuard:
         square = np.nan_to_num((v**2).sum(axis=1), nan=np.inf)
         square = np.minimum(square, 1e200)
         kinetic = np.bincount(mesh.grain_of_node, s.solid.mass * square, mesh.num_grains)
+        kinetic[mesh.is_tool] = 0.0
         grain = int(kinetic.argmax())
         begin, end = mesh.cell_offset[grain], mesh.cell_offset[grain + 1]
         cell = int(begin + square[mesh.cells[begin:end]].sum(axis=1).argmax())

@@ -8,6 +8,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
+from ..bulk.tools import Tool
 from ..contact.walls import Wall
 from ..errors import InputError, finite_array, nearest_name, shown
 from ..explicit.simulation import Simulation
@@ -64,26 +65,35 @@ def build(
         Wall(name, point, normal, friction=friction.get(name, 0.0))
         for name, (point, normal) in planes.items()
     ] + list(walls)
-    mesh = distribute(comm, bodies, options.get("element") == "composite")
+    composite, tools = options.get("element") == "composite", options.get("tools", ())
+    mesh = distribute(comm, bodies, composite, tools)
     if velocity is not None:
         options["velocity"] = velocity(mesh.x, mesh.grains[mesh.grain_of_node])
     materials = material if isinstance(material, list) else [material] * len(bodies)
-    return simulate(mesh, [materials[g] for g in mesh.grains], walls, increment, **options)
+    own = [materials[g] for g in mesh.grains[~mesh.is_tool]]
+    return simulate(mesh, own, walls, increment, **options)
 
 
-def distribute(comm: MPI.Intracomm, bodies: list[Body], composite: bool = False) -> GrainMesh:
+def distribute(
+    comm: MPI.Intracomm, bodies: list[Body], composite: bool = False, tools: Sequence[Tool] = ()
+) -> GrainMesh:
     """Mesh of a few bodies, each on one rank. Collective.
 
     Args:
         comm: Communicator with at most as many ranks as bodies.
         bodies: List of (points [m], cells), the same on all ranks; labels are 1, 2, …
         composite: Split every tetrahedron into the eight of a composite one.
+        tools: Further bodies, with the next labels.
     """
+    bodies = [*bodies, *((tool.points, tool.cells) for tool in tools)]
     if composite:
         bodies = [split(*body) for body in bodies]
+    # Tools cost next to nothing.
+    first_tool = len(bodies) - len(tools)
     weights = [len(cells) for _, cells in bodies]
+    work = [*weights[:first_tool], *(1 for _ in tools)]
     centroids = [points.mean(axis=0) for points, _ in bodies]
-    rank_of_grain = partition_grains(weights, centroids, comm.size)
+    rank_of_grain = partition_grains(work, centroids, comm.size)
     mine = np.flatnonzero(rank_of_grain == comm.rank)
     offset = np.cumsum([0] + [len(bodies[g][0]) for g in mine])
     return create_grain_mesh(
@@ -94,6 +104,7 @@ def distribute(comm: MPI.Intracomm, bodies: list[Body], composite: bool = False)
         np.arange(1, len(bodies) + 1),
         rank_of_grain,
         PARTS if composite else 1,
+        [tool.name for tool in tools],
     )
 
 

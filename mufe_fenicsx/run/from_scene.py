@@ -5,16 +5,19 @@ from dataclasses import replace
 import numpy as np
 from mpi4py import MPI
 
+from ..bulk.tools import Tool, ToolPath
 from ..contact.separation import separate
-from ..contact.walls import Wall
+from ..contact.walls import Wall, rotation_of
 from ..container import Bounds
 from ..errors import InputError, raise_together
 from ..explicit.simulation import Simulation
 from ..geometry.grains import load_grains, read_grain_table
 from ..geometry.tets.refine import PARTS, split
 from ..mesh import create_grain_mesh, partition_grains
+from ..output.history import read_history
 from ..output.run_folder import on_first_rank
 from ..scene import load_scene
+from ..scene.tools import FREEDOMS
 
 #: Part of the radius by which grains may reach through a cylinder that the scene states.
 OUTSIDE = 1e-6
@@ -29,14 +32,15 @@ def read_scene(comm, path):
     return comm.bcast(on_first_rank(comm, lambda: load_scene(path)))
 
 
-def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None):
+def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None, tools=()):
     """Read each rank's own grains and make the distributed mesh. Collective.
 
     Args:
         comm: MPI communicator.
         grains_folder: Folder that `mufe mesh` wrote.
         element: Tetrahedra are split where it is "composite".
-        rank_of_grain: Ranks of the grains, shape (num_grains,); None: evenly by their cells.
+        rank_of_grain: Ranks of the grains and tools; None: evenly by their cells.
+        tools: All :class:`~mufe_fenicsx.bulk.tools.Tool`, further bodies of the mesh.
 
     Raises:
         InputError: The folder cannot be used, or there are more ranks than grains.
@@ -48,18 +52,82 @@ def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None):
         raise InputError(
             f"number of ranks = {comm.size}, expected at most the number of grains, {labels.size}"
         )
+    of_tools = [tool.points.mean(axis=0) for tool in tools]
     if rank_of_grain is None:
-        rank_of_grain = partition_grains(num_cells, centroids, comm.size)
+        work = np.append(num_cells, np.ones(len(tools)))  # tools cost next to nothing
+        rank_of_grain = partition_grains(work, np.vstack([centroids, *of_tools]), comm.size)
     rank_of_grain = np.asarray(rank_of_grain, dtype=np.int32)
-    mine = np.flatnonzero(rank_of_grain == comm.rank)
+    own = np.flatnonzero(rank_of_grain == comm.rank)
+    mine, others = own[own < labels.size], own[own >= labels.size]
     grains = _together(comm, lambda: load_grains(grains_folder, mine, compare=False))
     cell_grain = np.repeat(mine, np.diff(grains.cell_offset))
     points, cells, family = grains.points, grains.cells, 1
+    for number in others:
+        tool = tools[number - labels.size]
+        cells = np.vstack([cells, tool.cells + len(points)])
+        points = np.vstack([points, tool.points])
+        cell_grain = np.append(cell_grain, np.full(len(tool.cells), number))
+    labels = np.append(labels, labels.max() + 1 + np.arange(len(tools)))
     if element == "composite":
         points, cells = split(points, cells)
         cell_grain, family = np.repeat(cell_grain, PARTS), PARTS
-    mesh = create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, family)
+    names = [tool.name for tool in tools]
+    mesh = create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, family, names)
     return replace(mesh, cylinder=grains.cylinder)
+
+
+def make_tools(comm, scene):
+    """The tools of a scene, made by rank 0 alone. Collective.
+
+    Args:
+        comm: MPI communicator.
+        scene: :class:`~mufe_fenicsx.scene.Scene`.
+
+    Returns:
+        List of :class:`~mufe_fenicsx.bulk.tools.Tool`.
+
+    Raises:
+        InputError: A file cannot be read, or its surface bounds no body; on all ranks.
+    """
+    return comm.bcast(on_first_rank(comm, lambda: [_tool(table) for table in scene.tools]))
+
+
+def _tool(table):
+    from ..geometry.bodies.tool_body import read_tool  # what others need not wait for
+
+    points, cells = read_tool(table.surface, table.unit, table.thickness)
+    points = points @ rotation_of(np.array(table.turned)).T + np.array(table.position)
+    return Tool(
+        table.name, points, cells, friction=table.friction,
+        friction_kinetic=table.friction_kinetic, velocity=table.velocity,
+        angular_velocity=table.angular_velocity, point=table.point,
+        path=None if table.path is None else read_path(table.path), free=table.freedoms,
+        force=table.force, torque=table.torque, density=table.density,
+    )  # fmt: skip
+
+
+def read_path(path):
+    """The motion of a tool from a CSV file: time [s], x, y, z [m], rx, ry, rz [rad].
+
+    Columns that are absent are zero.
+
+    Raises:
+        InputError: It cannot be read, has no such columns, or is no path.
+    """
+    columns = read_history(path)
+    known = ("time", *FREEDOMS)
+    wrong = [name for name in columns if name not in known]
+    if wrong or "time" not in columns:
+        raise InputError(f"{path} has columns {', '.join(columns)}, expected {', '.join(known)}")
+    time = columns["time"]
+    place = [columns.get(name, np.zeros(time.size)) for name in FREEDOMS]
+    for name, values in columns.items():
+        if values.dtype.kind not in "if":
+            raise InputError(f"{path} has a {name} that is no number, expected numbers in SI units")
+    try:
+        return ToolPath(time.astype(float), np.column_stack(place).astype(float))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def _together(comm, read):
@@ -111,7 +179,7 @@ def make_walls(scene, bounds):
 
 
 def find_bounds(scene, mesh):
-    """Where the walls of a scene stand: around all grains, or where it says. Collective.
+    """Where the walls of a scene stand: around all grains and tools, or where it says. Collective.
 
     A cylinder that the scene does not place is the one that has cut the grains, if one has. Their
     faces lie on it exactly, which no search for the smallest circle finds.
@@ -125,7 +193,8 @@ def find_bounds(scene, mesh):
     stated = scene.container
     centre, radius = 0.5 * (low + high)[:2], 0.0
     if stated.shape == "cylinder":
-        places = np.concatenate(mesh.comm.allgather(_hull(mesh.x[:, :2])))
+        of_grains = mesh.x[mesh.sample_nodes, :2]  # tools pass through its side
+        places = np.concatenate(mesh.comm.allgather(_hull(of_grains)))
         given, cut = stated.centre, mesh.cylinder
         if given is not None:
             centre = np.array(given)
@@ -149,7 +218,7 @@ def _hull(places):
     """Corners of the convex hull of points in a plane, shape (num_corners, 2)."""
     from scipy.spatial import ConvexHull
 
-    return places[ConvexHull(places).vertices]
+    return places[ConvexHull(places).vertices] if len(places) else places
 
 
 def _middle_of_smallest_circle(places):
@@ -170,7 +239,7 @@ def _middle_of_smallest_circle(places):
     return middle + size * found.x[:2]
 
 
-def make_simulation(scene, mesh, bounds, shorter=1.0):
+def make_simulation(scene, mesh, bounds, shorter=1.0, tools=()):
     """The :class:`Simulation` of a scene at its start. Collective.
 
     Args:
@@ -178,6 +247,7 @@ def make_simulation(scene, mesh, bounds, shorter=1.0):
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         bounds: :class:`~mufe_fenicsx.container.Bounds` of its walls.
         shorter: The scene's time step times this.
+        tools: All :class:`~mufe_fenicsx.bulk.tools.Tool`, those of the mesh.
     """
     contact, solver = scene.contact, scene.solver
     make = Simulation
@@ -191,12 +261,13 @@ def make_simulation(scene, mesh, bounds, shorter=1.0):
         from ..implicit.simulation import ImplicitSimulation
 
         make, more = ImplicitSimulation, _increments(scene, bounds.height, shorter)
+    labels = mesh.labels[: mesh.num_sample_grains]
     return make(
         mesh,
-        scene.materials_of(mesh.labels[mesh.grains], mesh.labels),
+        scene.materials_of(mesh.labels[mesh.grains[~mesh.is_tool]], labels),
         make_walls(scene, bounds),
         **more,
-        friction=scene.friction_of(mesh.labels),
+        friction=scene.friction_of(labels),
         friction_kinetic=contact.friction_kinetic,
         compliance=contact.compliance,
         points=contact.points,
@@ -205,6 +276,7 @@ def make_simulation(scene, mesh, bounds, shorter=1.0):
         element=solver.element,
         damping=solver.damping,
         gravity=scene.gravity,
+        tools=tools,
     )
 
 

@@ -3,6 +3,8 @@
 import copy
 import math
 
+import numpy as np
+
 from ..bulk.solid import von_mises
 from ..contact.results.network import find_network
 from ..contact.results.nodal_fields import nodal_contact
@@ -12,6 +14,7 @@ from ..output.contacts import ContactWriter
 from ..output.fields import Computed, FieldWriter
 from ..output.history import HistoryWriter, history_columns
 from ..output.record import ResultRecord
+from ..output.tools import ToolWriter
 from .energy_guard import EnergyGuard
 
 
@@ -37,17 +40,21 @@ class Recorder:
                 *history_columns(self.container),
                 *loading.columns,
                 *simulation.specimen.energy_columns,
+                *simulation.tools.columns,
             ),
             comm=mesh.comm,
             kept=kept.get("history"),
             rows=kept.get("history_rows"),
         )
-        labels = mesh.labels[mesh.grains[mesh.grain_of_cell]]
         self.num_states = kept.get("num_states", 0)
+        cells = slice(mesh.num_sample_cells)
         self.fields = FieldWriter(
-            mesh.comm, folder, mesh.x, mesh.cells, labels, kept.get("fields"), same_ranks,
+            mesh.comm, folder, mesh.x[mesh.sample_nodes],
+            np.searchsorted(mesh.sample_nodes, mesh.cells[cells]),
+            mesh.labels[mesh.grains[mesh.grain_of_cell[cells]]], kept.get("fields"), same_ranks,
             self.num_states,
         )  # fmt: skip
+        self.tools = ToolWriter(mesh, folder, kept.get("tools", ())) if mesh.tools else None
         self.contacts = ContactWriter(mesh.comm, folder, kept.get("contacts", ()))
         self.record = ResultRecord(folder, kept.get("record"))
         if self.fields.wrote_mesh:
@@ -64,6 +71,7 @@ class Recorder:
             "record": copy.deepcopy(self.record.kept),
             "fields": copy.deepcopy(self.fields.kept),
             "contacts": copy.deepcopy(self.contacts.kept),
+            "tools": [] if self.tools is None else copy.deepcopy(self.tools.kept),
             "num_states": self.num_states,
             "next": (self._stage, self._next_row, self._next_state),
         }
@@ -111,6 +119,8 @@ class Recorder:
         row.update(zip(container.widths, lengths[:-1], strict=True))
         row.update({f"force_{name}": f for name, f in zip(container.walls, forces, strict=True)})
         row.update(energies)
+        if self.tools is not None:
+            row.update(sim.tools.row())
         row.update(loading.row(forces))
         self.history.append(row)
         self.check_energy(energies)
@@ -144,24 +154,25 @@ class Recorder:
         self._check_lock()
         sim, state = self.simulation, self.simulation.state
         sim.complete()
-        solid, num_cells = sim.solid, sim.mesh.num_cells
+        solid, num_cells, nodes = sim.solid, sim.mesh.num_sample_cells, sim.mesh.sample_nodes
+        at_nodes = {
+            "displacement": state.u,
+            "velocity": state.v,
+            **nodal_contact(sim.contact, sim.mesh.num_nodes),
+        }
         self.fields.write(
             self.num_states,
             state.t,
             self.loading.strain,
             self.loading.stage,
-            {
-                "displacement": state.u,
-                "velocity": state.v,
-                **nodal_contact(sim.contact, sim.mesh.num_nodes),
-            },
+            {name: values[nodes] for name, values in at_nodes.items()} if self.tools else at_nodes,
             {
                 "stress": Computed((num_cells, 6), lambda rows: solid.stress(state, rows)),
                 "von_mises": Computed(
                     (num_cells,), lambda rows: von_mises(solid.deviator(state, rows))
                 ),
                 "pressure": Computed((num_cells,), lambda rows: -solid.mean_stress(rows)),
-                "plastic_strain": state.plastic_strain,
+                "plastic_strain": state.plastic_strain[:num_cells],
             },
         )
         network = find_network(sim.contact, sim.mesh, sim.solid.mass, state.x)
@@ -170,6 +181,9 @@ class Recorder:
         self._note([f"fields/{number}.vtkhdf"], mesh)
         tables = (f"contacts_{number}.csv", f"grains_{number}.csv", f"{number}.vtkhdf")
         self._note([f"contacts/{name}" for name in tables])
+        if self.tools is not None:
+            loads = sim.tools.forces()
+            self._note([self.tools.write(self.num_states, state.t, state.x, loads)])
         self.num_states += 1
 
     def _note(self, names, mesh=None):

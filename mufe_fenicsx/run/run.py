@@ -24,7 +24,14 @@ from ..output.run_folder import (
 )
 from ..output.run_lock import LostFolder, RunLock
 from ..scene import Scene, scene_to_toml
-from .from_scene import find_bounds, load_mesh, make_simulation, make_walls, separate_surfaces
+from .from_scene import (
+    find_bounds,
+    load_mesh,
+    make_simulation,
+    make_tools,
+    make_walls,
+    separate_surfaces,
+)
 from .profile import Profile
 from .rebalance import better_partition
 from .recorder import Recorder
@@ -92,8 +99,11 @@ def _prepare(scene, grains_folder, folder, lock, started, options):
         lock.look()
         check_run_folder(comm, folder, options.overwrite)
     partition = checkpoint and _partition(checkpoint, comm)
-    mesh = load_mesh(comm, grains_folder, scene.solver.element, partition)
-    scene.materials_of(mesh.labels[mesh.grains], mesh.labels)
+    tools = make_tools(comm, scene)
+    load = partial(load_mesh, comm, grains_folder, scene.solver.element, tools=tools)
+    mesh = load(partition)
+    sample = mesh.labels[: mesh.num_sample_grains]
+    scene.materials_of(sample, sample)
     check_mirrors(comm, make_walls(scene, find_bounds(scene, mesh)), mesh.x)
     if checkpoint is not None:
         separation = checkpoint.header["separation"]
@@ -101,9 +111,9 @@ def _prepare(scene, grains_folder, folder, lock, started, options):
     else:
         separation = separate_surfaces(mesh, scene.sample)
         separation = separation and separation.as_dict()
-    load = partial(load_mesh, comm, grains_folder, scene.solver.element)
     place = RunPlace(folder, lock, identity["scene"], grains_folder, options)
-    return TestRun(scene, mesh, load, place, identity, started, options, separation), checkpoint
+    test = TestRun(scene, mesh, load, place, identity, started, options, separation)
+    return test, checkpoint
 
 
 #: Of the summary, what checkpoints keep.
@@ -115,6 +125,7 @@ class TestRun:
 
     def __init__(self, scene, mesh, load, place, identity, started, options, separation):
         self.load = load  #: makes the mesh for given ranks of the grains
+        self.tools = load.keywords["tools"]
         self.scene, self.mesh, self.place, self.options = scene, mesh, place, options
         self.comm = mesh.comm
         self.identity, self.started = identity, started
@@ -128,9 +139,9 @@ class TestRun:
             "command": list(options.command),
             "versions": versions(),
             "num_ranks": self.comm.size,
-            "num_grains": int(mesh.labels.size),
-            "num_cells": self.comm.allreduce(mesh.num_cells),
-            "num_nodes": self.comm.allreduce(mesh.num_nodes),
+            "num_grains": mesh.num_sample_grains,
+            "num_cells": self.comm.allreduce(mesh.num_sample_cells),
+            "num_nodes": self.comm.allreduce(mesh.sample_nodes.size),
             "element": scene.solver.element,
             "family": mesh.family,
             "finished": False,
@@ -149,7 +160,7 @@ class TestRun:
         comm, summary, resumed = self.comm, self.summary, checkpoint is not None
         self.begin(checkpoint, self.place)
         summary["first_height"] = float(self.loading.first_height)
-        summary["mass"] = comm.allreduce(float(self.simulation.solid.mass.sum()))
+        summary["mass"] = self.simulation.mass_of_grains()
         summary["strain_definition"] = self.loading.strain_definition
         summary["setup_s"] = time.perf_counter() - self.started
         if resumed:
@@ -237,7 +248,9 @@ class TestRun:
         scene = self.scene
         if checkpoint is not None:
             self.recovery.know(checkpoint.header["retries"])
-        self.simulation = make_simulation(scene, self.mesh, self.bounds, self.recovery.shorter)
+        self.simulation = make_simulation(
+            scene, self.mesh, self.bounds, self.recovery.shorter, self.tools
+        )
         self.loading = self.make_loading()
         recorder, same_ranks = self.first_kept, True
         if checkpoint is not None:
@@ -352,6 +365,8 @@ class TestRun:
         }
         if loading.control is not None:
             found["quasi_static"] = loading.control.summary()
+        if self.tools:
+            found["tools"] = simulation.tools.summary()
         return found
 
 

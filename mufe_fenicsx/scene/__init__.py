@@ -23,6 +23,7 @@ from .tables import (
     Solver,
     Wall,
 )
+from .tools import Tool
 from .writing import scene_to_toml
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "Scene",
     "Solver",
     "Stage",
+    "Tool",
     "Until",
     "Wall",
     "image_path",

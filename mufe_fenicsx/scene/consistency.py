@@ -6,6 +6,7 @@ from ..materials.auto import Auto
 from ..materials.rigid import Rigid
 from .pairs import by_materials
 from .tables import Wall
+from .tools import FREEDOMS
 
 
 def check(scene):
@@ -26,6 +27,9 @@ def check(scene):
     _check_mirrors(scene)
     _check_rigid(scene)
     _check_walls(scene)
+    if scene.tools:
+        _check_tools(scene)
+    _check_tools_of_stages(scene)
 
 
 def _check_test(scene):
@@ -103,6 +107,53 @@ def _check_rigid(scene):
         raise InputError('contact.law = "kinematic", expected "matched" for rigid grains')
     if scene.solver.time_step == "element":
         raise InputError('solver.time_step = "element", expected "assembled" for rigid grains')
+
+
+def _check_tools_of_stages(scene):
+    """Raise InputError where a stage leads a tool that is not there, or that cannot be led so."""
+    tools = {tool.name: tool for tool in scene.tools}
+    for number, stage in enumerate(scene.stages, start=1):
+        for name, motion in stage.tools.items():
+            where = f"stage[{number}].tools.{name}"
+            if name not in tools:
+                known = ", ".join(tools) or "none: there is no [[tool]]"
+                raise InputError(f"{where} is no tool, expected {known}")
+            tool = tools[name]
+            if tool.path is not None and motion.rates is not None:
+                raise InputError(f"{where} has a velocity, expected none: path leads that tool")
+            for values, free, what in (
+                (motion.rates, False, "a motion along {}, expected none of what is free"),
+                (motion.loads, True, "a load along {}, expected none of what is told"),
+            ):
+                for freedom, value in zip(FREEDOMS, values or (), strict=False):
+                    if value and (freedom in tool.freedoms) != free:
+                        raise InputError(f"{where} has {what.format(freedom)}")
+
+
+def _check_tools(scene):
+    """Raise InputError where tools cannot do what the scene wants."""
+    names = [tool.name for tool in scene.tools]
+    for number, tool in enumerate(scene.tools, start=1):
+        if tool.name in names[: number - 1]:
+            raise InputError(f'tool[{number}].name = "{tool.name}", expected names that differ')
+        if tool.free and scene.solver.integrator == "static":
+            raise InputError(
+                f'tool[{number}].free = "{tool.free}", expected "" for solver.integrator = '
+                '"static", which knows no inertia'
+            )
+    for key, value, wanted in (
+        ("contact.law", scene.contact.law, "matched"),
+        ("solver.time_step", scene.solver.time_step, "assembled"),
+    ):
+        if value != wanted:
+            raise InputError(f'{key} = "{value}", expected "{wanted}" with [[tool]]')
+    if scene.solver.integrator == "implicit":
+        raise InputError('solver.integrator = "implicit", expected another one with [[tool]]')
+    if scene.mass_scaling is not None:
+        raise InputError("[mass_scaling] is given, expected none with [[tool]]")
+    for name, wall in scene.walls.items():
+        if wall.mirror:
+            raise InputError(f"walls.{name}.mirror = true, expected false with [[tool]]")
 
 
 def _check_walls(scene):

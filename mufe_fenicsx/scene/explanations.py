@@ -14,6 +14,7 @@ from .catalogue import MODELS, TABLES, TOP_KEYS
 from .scene import Scene
 from .stages import Stage
 from .tables import Wall
+from .tools import Tool
 
 
 @functools.cache
@@ -25,6 +26,7 @@ def tables():
     found = dict(TABLES)
     found |= {f'material (model = "{name}")': cls for name, cls in MODELS.items()}
     found |= {"material.scatter": Scatter, "walls.NAME": Wall, "stage": Stage}
+    found["tool"] = Tool
     found |= {
         f"{table}.{key.name}.NAME": key.entries
         for table, cls in TABLES.items()
@@ -34,6 +36,8 @@ def tables():
     for key in keys_of(Stage).values():
         if key.table is not None:
             found[f"stage.{key.name}"] = key.table
+        elif key.entries is not None:
+            found[f"stage.{key.name}.NAME"] = key.entries
     return found
 
 
@@ -122,7 +126,7 @@ def _plain(table):
 
 
 def _explain_table(name, cls, found):
-    lines = [f"[{name}]" if name != "stage" else "[[stage]]"]
+    lines = [f"[[{name}]]" if name in ("stage", "tool") else f"[{name}]"]
     for table, member in found:
         if len(found) > 1:
             lines += ["", table]

@@ -14,6 +14,7 @@ from .catalogue import MODELS, TABLES, TOP_KEYS
 from .scene import Scene
 from .stages import Stage
 from .tables import Group, Wall
+from .tools import Tool
 from .values import build, convert, convert_array, unknown_key
 
 #: Bytes of a scene file.
@@ -30,7 +31,7 @@ def load_scene(path: str | Path) -> Scene:
     path = Path(path)
     tables = _read_tables(path)
 
-    known = [*TOP_KEYS, *TABLES, "material", "materials", "walls", "stage"]
+    known = [*TOP_KEYS, *TABLES, "material", "materials", "walls", "stage", "tool"]
     _check_keys(tables, known, "")
     folder = path.resolve().parent
     test = () if "loading" in tables else ("oedometer",)
@@ -65,7 +66,8 @@ def load_scene(path: str | Path) -> Scene:
             )
             for wall in walls
         },
-        stages=_read_stages(tables.get("stage", [])),
+        stages=_read_each(Stage, tables.get("stage", []), "stage"),
+        tools=_read_each(Tool, tables.get("tool", []), "tool", folder),
         **parts,
     )
 
@@ -104,12 +106,12 @@ def _read_tables(path):
         raise InputError(f"scene {path} is not valid TOML: {shortened(error)}") from error
 
 
-def _read_stages(tables):
-    """The tables [[stage]], in their order."""
+def _read_each(cls, tables, name, folder=None):
+    """The tables [[name]], in their order."""
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise InputError(f"stage = {shown(tables)}, expected tables [[stage]]")
+        raise InputError(f"{name} = {shown(tables)}, expected tables [[{name}]]")
     return tuple(
-        build(Stage, table, lambda key, number=number: f"stage[{number}].{key}")
+        build(cls, table, lambda key, number=number: f"{name}[{number}].{key}", folder)
         for number, table in enumerate(tables, start=1)
     )
 

@@ -24,6 +24,7 @@ def scene_rows(scene) -> list[tuple[str, str | None]]:
         *((f"material of {name}", _material(material)) for name, material in groups.items()),
         ("contact", between),
         ("walls", _walls(scene)),
+        ("tools", ", ".join(tool.name for tool in scene.tools) or None),
         ("solver", f"{solver.integrator}, {solver.element} elements"),
         ("accuracy", None if scene.accuracy is None else f"{100 * scene.accuracy:g} %"),
     ]

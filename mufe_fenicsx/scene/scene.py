@@ -31,6 +31,7 @@ from .tables import (
     Solver,
     Wall,
 )
+from .tools import Tool
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,7 @@ class Scene:
     materials: dict[str, Group] = field(default_factory=dict)  #: of grains that differ
     loading: Loading | None = None  #: of a test by stages
     stages: tuple[Stage, ...] = ()  #: [[stage]]: parts of that test, in their order
+    tools: tuple[Tool, ...] = ()  #: [[tool]]: rigid bodies beside the grains
     accuracy: float | None = setting(
         None, "", "wanted error of the stress, which plans the rest", gt=0, lt=1
     )
@@ -78,6 +80,7 @@ class Scene:
         object.__setattr__(
             self, "walls", {name: self._wall(name) for name in self.container.kind.walls}
         )
+        object.__setattr__(self, "tools", tuple(map(self._tool, self.tools)))
 
     def _repr_html_(self) -> str:
         """The test in a short table, which notebooks show."""
@@ -141,6 +144,15 @@ class Scene:
                 f"<= speed <= quasi_static.fastest = {fastest:g}"
             )
         return replace(wanted, slowest=slowest, fastest=fastest)
+
+    def _tool(self, tool):
+        """A tool with its friction filled in."""
+        if tool.friction is not None:
+            return tool
+        contact = self.contact
+        return replace(
+            tool, friction=contact.wall_friction, friction_kinetic=contact.wall_friction_kinetic
+        )
 
     def _wall(self, name):
         wall = self.walls.get(name, Wall())

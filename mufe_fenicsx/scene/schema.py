@@ -12,6 +12,7 @@ from .explanations import expectation, first_lines
 from .scene import Scene
 from .stages import Stage
 from .tables import Wall
+from .tools import Tool
 
 #: Of numbers that are written as texts: a number, and a unit where there is one.
 NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
@@ -35,6 +36,7 @@ def scene_schema() -> dict:
         "additionalProperties": False,
     }
     properties["stage"] = {"type": "array", "minItems": 1, "items": _table(Stage)}
+    properties["tool"] = {"type": "array", "items": _table(Tool)}
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "Scene of mufe",
@@ -110,7 +112,7 @@ def _value(key):
         return _table(key.table) | {"description": key.text}
     if key.entries is not None:
         alone = _value(next(iter(keys_of(key.entries).values())))
-        entry = {"anyOf": [*alone.pop("anyOf"), _table(key.entries)]}
+        entry = {"anyOf": [*alone.pop("anyOf", [alone]), _table(key.entries)]}
         return {"type": "object", "description": key.text, "additionalProperties": entry}
     found = _type(key)
     found["description"] = f"{key.text}\n{expectation(key)}"

@@ -1,10 +1,10 @@
 """[loading] and [[stage]] of a scene: tests by stages, led by stress, strain or speed."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 from ..errors import InputError
-from ..units import REQUIRED, check_keys, require, setting
+from ..units import REQUIRED, Key, check_keys, require, setting
 
 #: Keys of a stage that say what the walls across one, two or three axes do.
 AXIS_KEYS = ("x", "y", "z", "xy", "xz", "yz", "xyz", "r", "rz")
@@ -102,6 +102,42 @@ class Until:
 
 
 @dataclass(frozen=True)
+class ToolMotion:
+    """[stage.tools.NAME]: what a tool does from the start of a stage on; the rest goes on."""
+
+    velocity: tuple[float, float, float] | None = setting(
+        None, "m/s", "of its point, in later stages too", shape=(3,)
+    )
+    angular_velocity: tuple[float, float, float] | None = setting(
+        None, "rad/s", "about its point", shape=(3,)
+    )
+    force: tuple[float, float, float] | None = setting(None, "N", "along what is free", shape=(3,))
+    torque: tuple[float, float, float] | None = setting(
+        None, "N*m", "about what is free to turn", shape=(3,)
+    )
+    ramp: float = setting(0.0, "s", "time in which it changes smoothly", ge=0)
+
+    def __post_init__(self):
+        check_keys(self)
+
+    @property
+    def rates(self):
+        """Velocity and rate of turning, (6,); None where both go on."""
+        return _six(self.velocity, self.angular_velocity)
+
+    @property
+    def loads(self):
+        """Force and torque, (6,); None where both go on."""
+        return _six(self.force, self.torque)
+
+
+def _six(first, second):
+    """Two vectors in a row, zero where one is None; None where both are."""
+    none = (0.0, 0.0, 0.0)
+    return None if first is None and second is None else (*(first or none), *(second or none))
+
+
+@dataclass(frozen=True)
 class Stage:
     """[[stage]]: one part of the test. Axes that it leaves out go on as they were.
 
@@ -127,6 +163,9 @@ class Stage:
         0.0, "s", "time at its end in which stresses are held and all else rests", ge=0
     )
     zero: bool = setting(False, "", "strains are counted from the end of this stage")
+    tools: dict[str, ToolMotion] = field(
+        default_factory=dict, metadata={"key": Key({}, "", "what tools do from its start on")}
+    )
 
     def __post_init__(self):
         check_keys(self)

@@ -30,9 +30,10 @@ def scene_to_toml(scene: Scene) -> str:
         lines += _write_table(f"walls.{name}", wall)
     for name in ("oedometer", "loading", "quasi_static", "mass_scaling", "output"):
         lines += _write_table(name, getattr(scene, name))
-    for stage in scene.stages:
-        lines += ["", "[[stage]]"]
-        lines += [f"{key} = {_toml(value)}" for key, value in _stated(stage).items()]
+    for name, tables in (("tool", scene.tools), ("stage", scene.stages)):
+        for table in tables:
+            lines += ["", f"[[{name}]]"]
+            lines += [f"{key} = {_toml(value)}" for key, value in _stated(table).items()]
     return "\n".join(lines) + "\n"
 
 
@@ -75,6 +76,8 @@ def _toml(value):
         return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, tuple):
         return "[" + ", ".join(_toml(item) for item in value) + "]"
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_key(k)} = {_toml(v)}" for k, v in value.items()) + " }"
     if dataclasses.is_dataclass(value):
         pairs = (f"{name} = {_toml(item)}" for name, item in _stated(value).items())
         return "{ " + ", ".join(pairs) + " }"
@@ -86,4 +89,4 @@ def _toml(value):
 def _stated(content):
     """Fields of a dataclass that are not None, by name."""
     values = {field.name: getattr(content, field.name) for field in fields(content)}
-    return {name: value for name, value in values.items() if value is not None}
+    return {name: value for name, value in values.items() if value is not None and value != {}}

@@ -146,6 +146,7 @@ class _Mover:
         self.mass = 4 * CONTACT_SHARE * area
         square = packing.grains.semi_axes**2 / 5
         self.inertia = self.mass[:, None] * (square.sum(axis=1, keepdims=True) - square)
+        self.told = np.zeros((self.mass.size, 6), dtype=bool)  # no motion is
         self._list_pairs()
 
     def refine(self, level):
@@ -169,7 +170,7 @@ class _Mover:
             points += (middle - points) * strain
         motion.kick_and_drift(
             p.centre, self.velocity, self.momentum, self.turn, p.axes, self.force, self.torque,
-            self.mass, self.inertia, p.grains.reach, 1.0, damping,
+            self.mass, self.inertia, self.told, p.grains.reach, 1.0, damping,
         )  # fmt: skip
         if np.abs(p.centre - self._at).max() > self.skin / 4:
             self._list_pairs()
@@ -184,7 +185,7 @@ class _Mover:
         )  # fmt: skip
         motion.kick(
             self.velocity, self.momentum, self.spin, self.force, self.torque, p.axes, self.mass,
-            self.inertia, 1.0, damping,
+            self.inertia, self.told, 1.0, damping,
         )  # fmt: skip
         p.num_contacts, p.mean_depth = touching, depths / max(touching, 1)
         p.num_steps += 1

@@ -12,6 +12,8 @@ from ..materials.sand import scene_table
 from ..scene.schema import schema_text
 from .packing import pack
 from .shapes import make_grains, sizes
+from .shear_box import SCENE as SHEAR
+from .shear_box import write_shear_box
 
 SCHEMA_FILE = "scene.schema.json"
 
@@ -199,6 +201,14 @@ name = "reload"
 z = { stress = "2 MPa" }
 """
 
+RIGID = """\
+[material]
+model = "rigid"           # or "elastic", "j2", "auto": slower by ten times and more
+E = "100 GPa"             # of contacts
+nu = 0.15
+rho = "2650 kg/m^3"
+"""
+
 OUTPUT = """
 [output]
 fields = 11               # states with all fields, for ParaView and the report
@@ -228,6 +238,8 @@ def write_new_scene(kind, folder, *, overwrite=False):
         grains = make() if make else None
         if grains is not None:
             save_grains(new / "grains", grains)
+        if kind in FILES:
+            FILES[kind](new, grains)
         (new / "scene.toml").write_text(text, encoding="utf-8")
         (new / SCHEMA_FILE).write_text(schema_text(), encoding="utf-8")
     if grains is None:
@@ -271,10 +283,11 @@ def column_of_balls(number):
     return Grains.from_list(np.arange(1, number + 1), meshes, FINE * RADIUS)
 
 
-def _text(title, test, grains, friction=0.23, wall=0.0, **material):
+def _text(title, test, grains, friction=0.23, wall=0.0, material=None, **yields):
     head = HEAD.format(
-        title=title, grains=grains, friction=friction, wall=wall, material=scene_table(**material)
-    )
+        title=title, grains=grains, friction=friction, wall=wall,
+        material=material or scene_table(**yields),
+    )  # fmt: skip
     return head + test + OUTPUT
 
 
@@ -282,6 +295,9 @@ _SAND, _MORE = (f"{number} balls in a random packing, meshed coarsely" for numbe
 _HARD = {"first": "1 GPa", "last": "2 GPa"}
 
 _TITLE = "Oedometer test on a scan"
+
+#: Scenes with further files, and what writes them.
+FILES = {"shear-box": write_shear_box}
 
 #: Scenes by name: text of the file and the function that makes the grains, or None.
 KINDS = {
@@ -299,6 +315,10 @@ KINDS = {
     ),
     "triaxial": (
         _text("Triaxial test on balls", DAMPED.format(200) + TRIAXIAL, _MORE, 0.5, **_HARD),
+        functools.partial(ball_packing, *MANY),
+    ),
+    "shear-box": (
+        _text("Direct shear test on balls", SHEAR, _MORE, 0.5, material=RIGID),
         functools.partial(ball_packing, *MANY),
     ),
     "single-grain": (

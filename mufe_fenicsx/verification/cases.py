@@ -36,6 +36,7 @@ from .spin import spin
 from .splitting import disc, hiramatsu_oka
 from .stability import STABILITY
 from .strain_cycle import strain_cycle
+from .tool_indentation import tool_indentation
 from .torsion import torsion
 
 CASES = (
@@ -54,6 +55,7 @@ CASES = (
         hertz_stress,
         curved_walls,
         confined_cylinder,
+        tool_indentation,
         disc,
         hiramatsu_oka,
         overlap,

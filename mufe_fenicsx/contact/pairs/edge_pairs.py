@@ -44,10 +44,12 @@ class EdgeContact:
         ratio: Tangential over normal stiffness of own surface nodes, shape (num_nodes,).
         recess: Depth at which the contact of edges begins, over their length.
         friction: :class:`~mufe_fenicsx.contact.friction.FrictionTable`.
+        first_tool: Grains from this one on are tools, which do not meet each other; None: none is.
     """
 
-    def __init__(self, ratio, recess, friction):
+    def __init__(self, ratio, recess, friction, first_tool=None):
         self.ratio_of_node, self.recess, self.friction = ratio, recess, friction
+        self.first_tool = first_tool
         self.slip = np.zeros(ratio.size)  #: of own nodes in crossings, up to the last search [m]
         self.edges = None
         self.pairs = None
@@ -70,7 +72,11 @@ class EdgeContact:
         """
         old, old_keys = self.pairs, self.keys()
         self.list_edges(num_own, surface)
-        self.set_pairs(*_search(x, self.edges, reach), bound)
+        first, second = _search(x, self.edges, reach)
+        if self.first_tool is not None:  # the second is that of the higher number
+            meet = self.edges.grain[first] < self.first_tool
+            first, second = first[meet], second[meet]
+        self.set_pairs(first, second, bound)
         if old is not None:
             self._transfer(old, old_keys)
 

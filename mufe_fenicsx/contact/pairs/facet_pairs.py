@@ -106,7 +106,17 @@ def _find(global_facet, wanted):
     return np.where(ordered[place] == wanted, order[place], -1)
 
 
-def search_pairs(x, num_points, grain_of_point, facets, surface, reach, bound, depth_of_point=None):
+def search_pairs(
+    x,
+    num_points,
+    grain_of_point,
+    facets,
+    surface,
+    reach,
+    bound,
+    depth_of_point=None,
+    first_tool=None,
+):
     """All pairs of own points with facets of other grains within ``reach``. Local.
 
     The cost grows linearly with nodes and facets: a regular grid of cells about
@@ -123,6 +133,7 @@ def search_pairs(x, num_points, grain_of_point, facets, surface, reach, bound, d
         bound: Of all relative motion so far [m].
         depth_of_point: For contact of grains with themselves too, parts of points in the largest
             depth of pairs [m], shape (num_points,); None for contact between grains alone.
+        first_tool: Grains from this one on are tools, which do not meet each other; None: none is.
     """
     extent = mean_extent(x, facets) if facets.size else 1.0
     low, high = box_around(x[:num_points])
@@ -157,5 +168,10 @@ def search_pairs(x, num_points, grain_of_point, facets, surface, reach, bound, d
         order = np.lexsort((candidate, surface.grain_of_facet[candidate], node))
         candidate = candidate[order]
         first = np.searchsorted(node[order], np.arange(num_points + 1))
+    if first_tool is not None:
+        node = np.repeat(np.arange(num_points), np.diff(first))
+        meet = (grain_of_point[node] < first_tool) | (grains[candidate] < first_tool)
+        candidate = candidate[meet]
+        first = np.searchsorted(node[meet], np.arange(num_points + 1))
     grouped = group_by_grain(first, candidate, surface.grain_of_facet)
     return Pairs(*grouped, candidate, grain_of_point, bound)

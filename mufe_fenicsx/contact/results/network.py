@@ -65,7 +65,7 @@ class Network:
     """All contacts of a sample at one time, and its grains."""
 
     labels: np.ndarray  #: of the grains, shape (num_grains,)
-    walls: list  #: names of the walls
+    walls: list  #: names of the tools, if any, and of the walls
     mass: np.ndarray  #: of the grains [kg], shape (num_grains,)
     centre: np.ndarray  #: their centres of mass [m], shape (num_grains, 3)
     contacts: Contacts
@@ -118,29 +118,36 @@ def find_network(contact, mesh, mass, x):
     )
     if comm.rank:
         return None
-    num_grains = mesh.labels.size
-    all_mass, centre = np.empty(num_grains), np.empty((num_grains, 3))
+    num_bodies, num_grains = mesh.labels.size, mesh.num_sample_grains
+    all_mass, centre = np.empty(num_bodies), np.empty((num_bodies, 3))
     for grains, grain_mass, grain_centre, _ in parts:
         all_mass[grains], centre[grains] = grain_mass, grain_centre
     (a, b), (sums,) = sum_by_pair(
         *(np.concatenate(p) for p in zip(*(s for *_, s in parts), strict=True))
     )
     return Network(
-        labels=mesh.labels,
-        walls=list(contact.walls.names),
-        mass=all_mass,
-        centre=centre,
-        contacts=_contacts(a, b, sums, centre, contact.walls),
+        labels=mesh.labels[:num_grains],
+        walls=[*mesh.tools, *contact.walls.names],
+        mass=all_mass[:num_grains],
+        centre=centre[:num_grains],
+        contacts=_contacts(a, b, sums, centre[:num_grains]),
     )
 
 
-def num_active_pairs(contact):
-    """Number of pairs of grains that press on each other. Collective."""
+def num_active_pairs(contact, num_grains=None):
+    """Number of pairs of grains that press on each other. Collective.
+
+    Args:
+        contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
+        num_grains: Only of the first so many; None: of all bodies.
+    """
     p = contact.pairs
     on = np.flatnonzero(p.closed)
     mine, other = contact.points.grain_of_point[p.node[on]], p.grain[on]
     points = np.column_stack([np.minimum(mine, other), np.maximum(mine, other)])
     found = np.unique(np.vstack([points, contact.edges.closed_grains()]), axis=0)
+    if num_grains is not None:
+        found = found[found[:, 1] < num_grains]
     parts = contact.comm.gather(found)
     number = np.unique(np.concatenate(parts), axis=0).shape[0] if contact.comm.rank == 0 else None
     return contact.comm.bcast(number)
@@ -223,7 +230,7 @@ def _sums_of_crossings(contact, crossings):
     return terms
 
 
-def _contacts(a, b, sums, centre, walls):
+def _contacts(a, b, sums, centre):
     """:class:`Contacts` from the sums over both sides."""
     num_grains = centre.shape[0]
     force = sums[:, _FORCE]

@@ -59,7 +59,7 @@ def check_start(mesh, contact):
     if found is not None:
         depth, part, grain, other = found
         raise InputError(
-            f"grain {mesh.labels[grain]} starts {depth:.3g} m deep in grain {mesh.labels[other]}, "
+            f"{mesh.name_of(grain)} starts {depth:.3g} m deep in {mesh.name_of(other)}, "
             f"{part:.2g} edges of facets there, expected at most {DEEPEST_START:g}: let sample."
             "separation part them, mesh finer, or segment the image anew"
         )
@@ -67,7 +67,7 @@ def check_start(mesh, contact):
     if inside is not None:
         grain, other = inside
         raise InputError(
-            f"grain {mesh.labels[grain]} has its middle inside grain {mesh.labels[other]}, "
+            f"{mesh.name_of(grain)} has its middle inside {mesh.name_of(other)}, "
             "expected grains side by side: segment the image anew"
         )
 
@@ -90,7 +90,7 @@ def too_deep(mesh, contact):
         return None
     depth, part, grain, other = found
     return (
-        f"grain {mesh.labels[grain]} is {depth:.3g} m deep in grain {mesh.labels[other]}, "
+        f"{mesh.name_of(grain)} is {depth:.3g} m deep in {mesh.name_of(other)}, "
         f"{part:.2g} edges of facets there, expected at most {DEEPEST:g}: contact no longer keeps "
         "them apart; load more slowly, mesh the larger grain finer, or lower contact.compliance"
     )
@@ -159,6 +159,8 @@ def _inside_another(mesh, own, x):
         low, high = corner.min(axis=(0, 1)), corner.max(axis=(0, 1))
         within = ((core > low) & (core < high)).all(axis=1)
         within[other] = False
+        if other >= mesh.first_tool:  # tools meet grains alone
+            within[mesh.first_tool :] = False
         for grain in np.flatnonzero(within):
             a, b, c = np.moveaxis(corner - core[grain], 1, 0)
             la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))

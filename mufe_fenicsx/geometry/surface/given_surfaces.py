@@ -57,7 +57,7 @@ def read_bodies(path, scale=1.0, notices=None, least_cavity=0.0, origins=None):
             raise InputError(f"folder {path} holds no {', '.join(FORMATS)}, expected surfaces")
         surfaces = []
         for file in files:
-            bodies = _bodies(*_read_file(file, notices), file.name, notices)
+            bodies = _bodies(*read_triangles(file, notices), file.name, notices)
             first = len(surfaces) + 1
             surfaces += [(first + i, file.name, *body) for i, body in enumerate(bodies)]
             if len(bodies) > 1:
@@ -74,7 +74,7 @@ def read_bodies(path, scale=1.0, notices=None, least_cavity=0.0, origins=None):
                 )
             surfaces += [(label, name, *body) for body in bodies]
     elif path.suffix.lower() in FORMATS and path.is_file():
-        bodies = _bodies(*_read_file(path, notices), path.name, notices)
+        bodies = _bodies(*read_triangles(path, notices), path.name, notices)
         surfaces = [(i, f"body {i}", *body) for i, body in enumerate(bodies, start=1)]
     else:
         raise InputError(
@@ -121,7 +121,7 @@ def sound_surface(points, triangles, name, notices):
             f"{name}: {len(triangles)} triangles, points finite: {np.isfinite(points).all()}, "
             "expected a closed surface"
         )
-    points, triangles = _welded(points, triangles)
+    points, triangles = welded(points, triangles)
     a, b, c = triangles.T
     points, triangles = compact(points, triangles[(a != b) & (b != c) & (c != a)])
     defect = surface_defect(points, triangles)
@@ -196,7 +196,7 @@ def _outer(points, triangles, tags, sizes):
     return x, faces, np.zeros(len(faces), dtype=np.int64)
 
 
-def _welded(points, triangles):
+def welded(points, triangles):
     """Points without doubles: STL repeats each one for each of its triangles."""
     span = np.ptp(points, axis=0).max()
     _, first, number = np.unique(
@@ -210,7 +210,7 @@ def _bodies(points, triangles, name, notices):
     points, triangles = np.asarray(points, dtype=float), np.asarray(triangles, dtype=np.int64)
     if not np.isfinite(points).all():
         raise InputError(f"{name}: a point is not finite, expected a closed surface")
-    points, triangles = _welded(points, triangles)
+    points, triangles = welded(points, triangles)
     a, b, c = triangles.T
     points, triangles = compact(points, triangles[(a != b) & (b != c) & (c != a)])
     if len(triangles) == 0:
@@ -239,7 +239,12 @@ def _without_small_cavities(points, triangles, least, name, notices):
     return points, triangles
 
 
-def _read_file(file, notices):
+def read_triangles(file, notices):
+    """Points and triangles of one file as they are, quadrangles cut; ``notices`` as above.
+
+    Raises:
+        InputError: It cannot be read, or holds no triangles.
+    """
     mesh = read_foreign(file, "surface", "a surface of triangles")
     faces, others = [np.zeros((0, 3), dtype=np.int64)], {}
     for block in mesh.cells:

@@ -81,6 +81,17 @@ def read_tetrahedra(path):
     return mesh
 
 
+def write_surface(path, points, triangles):
+    """Write a surface of triangles in the format that the file's name asks for, STL in binary.
+
+    Args:
+        path: The file.
+        points: Shape (num_points, 3), in its unit of length.
+        triangles: Seen from outside, shape (num_triangles, 3).
+    """
+    meshio.write_points_cells(path, points, [("triangle", np.asarray(triangles))])
+
+
 def read_foreign(path, what="mesh", expected="a format of meshio"):
     """A mesh by meshio, whose failures become one line.
 

@@ -1,0 +1,206 @@
+"""Tools of scenes: what a run writes of them, resumed and on several ranks."""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry.bodies.shapes import box
+from mufe_fenicsx.geometry.grains import save_grains
+from mufe_fenicsx.geometry.measure import boundary_triangles
+from mufe_fenicsx.geometry.tets.foreign import write_surface
+from mufe_fenicsx.output.fields import read_state
+from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.run.opened import open_run
+from mufe_fenicsx.run.run import run_scene
+from mufe_fenicsx.scene import load_scene, scene_to_toml
+from tests.bodies import RADIUS, packed_grains
+
+COMM = MPI.COMM_WORLD
+
+SCENE = """
+[material]
+model = "elastic"
+E = "100 GPa"
+nu = 0.15
+rho = 2650
+
+[contact]
+friction = 0.4
+wall_friction = 0.2
+
+[[tool]]
+name = "pusher"
+surface = "plate.stl"
+unit = "1 mm"
+turned = [0, "-90 deg", 0]
+position = ["80 um", "-0.5 mm", "-0.5 mm"]
+path = "path.csv"
+friction = 0.3
+
+[[tool]]
+name = "lid"
+surface = "plate.stl"
+unit = "1 mm"
+position = ["-0.5 mm", "-0.5 mm", "4.001 mm"]
+free = "z"
+force = [0, 0, "-2 kN"]
+
+[loading]
+speed = "1 m/s"
+
+[[stage]]
+name = "push"
+until = { time = "1.5 us" }
+
+[[stage]]
+name = "load"
+until = { time = "1.5 us" }
+tools.lid = { force = [0, 0, "-3 kN"], ramp = "1 us" }
+
+[output]
+fields = 3
+history = 21
+"""
+PATH = "time,x\n0,0\n1e-6,0\n3e-6,2e-5\n"
+
+
+@pytest.fixture
+def folder(tmp_path_factory):
+    """A folder that all ranks share: two layers of spheres, a plate and a path."""
+    path = COMM.bcast(tmp_path_factory.mktemp("tools") if COMM.rank == 0 else None)
+    if COMM.rank == 0:
+        save_grains(path / "grains", packed_grains((2, 2, 2), h=0.7 * RADIUS))
+        points, cells = box((5.0, 5.0, 0.5), (1, 1, 1))
+        write_surface(path / "plate.stl", points, boundary_triangles(cells))
+        (path / "path.csv").write_text(PATH)
+        (path / "scene.toml").write_text(SCENE)
+    COMM.Barrier()
+    return path
+
+
+def run(folder, name, comm=COMM, **options):
+    scene = load_scene(folder / "scene.toml")
+    return run_scene(scene, folder / "grains", folder / name, comm, quiet=True, **options)
+
+
+def files(path):
+    """All files of a run that hold results, with their bytes; run.json tells times of the clock."""
+    names = [p for p in path.rglob("*") if p.is_file() and "checkpoints" not in p.parts]
+    return {str(p.relative_to(path)): p.read_bytes() for p in names if p.name != "run.json"}
+
+
+@pytest.mark.mpi
+def test_tools_of_a_scene(folder):
+    """One run, one that stops and goes on with the same bytes, and one on a single rank."""
+    whole = run(folder, "whole")
+    run(folder, "parts", max_steps=70)
+    run(folder, "parts", resume=True)
+    if COMM.rank == 0:
+        assert files(folder / "whole") == files(folder / "parts")
+    if COMM.size > 1:
+        if COMM.rank == 0:
+            run(folder, "alone", MPI.COMM_SELF)
+            one, many = (read_history(folder / n / "history.csv") for n in ("alone", "whole"))
+            for name, values in one.items():
+                if values.dtype.kind == "f":
+                    scale = np.abs(values).max() or 1.0
+                    assert np.allclose(values, many[name], rtol=0, atol=1e-6 * scale), name
+        COMM.Barrier()
+    assert whole["num_grains"] == 8 and [t["name"] for t in whole["tools"]] == ["pusher", "lid"]
+    if COMM.rank == 0:
+        look_at(folder / "whole", whole)
+
+
+def look_at(path, summary):
+    """Balance, loads against what carries them, and that tools are counted as no grains."""
+    history = read_history(path / "history.csv")
+    assert abs(history["residual"][-1]) < 1e-3 * history["work"][-1]
+    assert history["displacement_pusher_x"][-1] == pytest.approx(
+        np.interp(history["time"][-1], [1e-6, 3e-6], [0, 2e-5]), abs=1e-15
+    )
+    assert history["force_pusher_x"][-1] < -1.0 and history["force_lid_z"].max() > 100.0
+    assert not history["force_pusher_x"][history["time"] < 1e-6].any()
+    last = summary["tools"][0]
+    assert last["force"][0] == history["force_pusher_x"][-1]
+    opened = open_run(path)
+    contacts, grains = opened.contacts(2), opened.grains(2)
+    on_pusher = contacts[contacts["wall"] == "pusher"]
+    assert len(grains) == 8 and len(on_pusher)
+    # What the contacts list is what the tool feels.
+    assert -on_pusher["force_x"].sum() == pytest.approx(last["force"][0], rel=1e-9)
+    state = read_state(path, 2)
+    assert set(state["grain"]) == set(range(1, 9))
+    with h5py.File(path / "tools" / "0002.vtkhdf") as file:
+        tool = file["VTKHDF/CellData/tool"][:]
+        assert np.bincount(tool).tolist() == [12, 12]
+        points = file["VTKHDF/Points"][:]
+        corner = file["VTKHDF/Polygons/Connectivity"][:].reshape(-1, 3)[tool == 0].ravel()
+    front = last["displacement"][0] + 80e-6
+    assert points[corner, 0].max() == pytest.approx(front, rel=1e-6)
+
+
+def test_a_scene_with_tools_comes_back_from_its_text(folder):
+    scene = load_scene(folder / "scene.toml")
+    again = folder / f"again-{COMM.rank}.toml"
+    again.write_text(scene_to_toml(scene))
+    assert load_scene(again).tools == scene.tools
+    assert scene.tools[0].turned[1] == pytest.approx(-np.pi / 2)
+    assert scene.tools[1].friction == 0.2 and scene.tools[1].freedoms == ("z",)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('name = "lid"', 'name = "pusher"', r'tool\[2\].name = "pusher", expected names that'),
+        ('name = "lid"', 'name = "x_max"', r'tool\[2\].name = "x_max", expected letters'),
+        ('free = "z"', 'free = "z w"', r"tool\[2\].free = w, expected some of x y z"),
+        ('friction = 0.3', "friction = -0.3", r"tool\[1\].friction = -0.3, expected >= 0"),
+        ('unit = "1 mm"\nturned', 'unit = "1 kg"\nturned', r'tool\[1\].unit = "1 kg", expected a'),
+        ('free = "z"\n', "", "has a load along z, expected none of what is told"),
+        ("plate.stl", "path.csv", r"no surfaces|expected|cannot be read"),
+        ("[loading]", '[solver]\nintegrator = "implicit"\n[loading]', "expected"),
+        ("tools.lid", "tools.led", r"stage\[2\].tools.led is no tool, expected pusher, lid"),
+        ("tools.lid", "tools.pusher", "tools.pusher has a load along z, expected none of what is"),
+        ("[[stage]]", "[mass_scaling]\nadded = 0.1\n[[stage]]", r"expected none with \[\[tool\]\]"),
+    ],
+)  # fmt: skip
+def test_what_a_scene_with_tools_cannot_say(folder, old, new, message):
+    """Before anything is written, on all ranks."""
+    text = SCENE.replace(old, new, 1)
+    path = Path(folder / f"wrong-{COMM.rank}.toml")
+    path.write_text(text)
+    with pytest.raises(InputError, match=message):
+        run_scene(load_scene(path), folder / "grains", folder / "wrong", COMM, quiet=True)
+    assert not (folder / "wrong").exists()
+
+
+def test_paths_that_are_none(folder):
+    for text, message in (
+        ("time,q\n0,0\n1,1\n", "has columns time, q, expected time, x, y, z"),
+        ("time,x\n0,a\n1,1\n", "has a x that is no number"),
+        ("time,x\n0,0\n0,1\n", "expected two or more that increase"),
+    ):
+        if COMM.rank == 0:
+            (folder / "path.csv").write_text(text)
+        COMM.Barrier()
+        with pytest.raises(InputError, match=message):
+            run(folder, "wrong")
+        COMM.Barrier()
+
+
+def test_run_json_of_a_run_without_tools_says_nothing(folder):
+    if COMM.rank == 0:
+        text = SCENE[: SCENE.index("[[tool]]")] + SCENE[SCENE.index("[loading]") :]
+        text = text.replace("tools.lid", "# tools.lid")
+        (folder / "plain.toml").write_text(text)
+        scene = load_scene(folder / "plain.toml")
+        run_scene(
+            scene, folder / "grains", folder / "plain", MPI.COMM_SELF, quiet=True, max_steps=2
+        )
+        assert "tools" not in json.loads((folder / "plain" / "run.json").read_text())
+        assert not (folder / "plain" / "tools").exists()
