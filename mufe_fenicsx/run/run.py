@@ -168,7 +168,8 @@ class TestRun:
             before = checkpoint.header["resumed_at_steps"]
             summary["resumed_at_steps"] = [*before, checkpoint.header["step"]]
             summary["balanced_at_steps"] = checkpoint.header["balanced_at_steps"]
-        on_first_rank(comm, lambda: write_run_json(self.place.folder, self.now()))
+        begun = self.now()  # collective where there are tools
+        on_first_rank(comm, lambda: write_run_json(self.place.folder, begun))
         # A signal between two marches, while all begins anew, is not lost.
         with Interruption(comm, self.scene.output.checkpoint) as interruption:
             error = self.march(interruption, resumed)
