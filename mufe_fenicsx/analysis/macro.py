@@ -147,8 +147,8 @@ def triaxial_curves(history):
 
     Returns:
         dict of arrays, shape (num_rows,): ``p`` the mean stress, ``q`` the deviator with the sign
-        of σz less the mean of σx and σy [Pa], ``strain_volume``, loss of volume over that at
-        strain 0.
+        of σz less the mean of σx and σy [Pa], ``q_axial`` that difference itself, which goes
+        through zero where sides differ, ``strain_volume``, loss of volume over that at strain 0.
     """
     container = container_of_history(history)
     stress, strain = (
@@ -160,6 +160,7 @@ def triaxial_curves(history):
     return {
         "p": (x + y + z) / 3.0,
         "q": np.where(z < 0.5 * (x + y), -q, q),
+        "q_axial": z - 0.5 * (x + y),
         "strain_volume": 1.0 - np.prod(1.0 - container.along_three(strain), axis=1),
     }
 

@@ -45,9 +45,12 @@ def scene(
 
         text = "\n".join(explained(explain)) + "\n"
     else:
+        from ..loading.measured_paths import read_motions
         from ..scene import load_scene, scene_to_toml
 
-        text = scene_to_toml(load_scene(file))
+        loaded = load_scene(file)
+        read_motions(loaded.stages, loaded.container.kind)
+        text = scene_to_toml(loaded)
     if output is None:
         Printer().say(text.rstrip("\n"))
         return

@@ -66,7 +66,6 @@ class OedometerLoading(Stateful):
     columns = ()  #: of history.csv beyond the usual ones
     end = "final strain reached"  #: why a test stops that does all it should
     strain_definition = STRAIN_DEFINITION
-    follows = False  #: whether the start of a stage is the stored end of another one
 
     STATE = {
         "common": (
@@ -137,6 +136,14 @@ class OedometerLoading(Stateful):
     def interval(self, count):
         """Progress between two of ``count`` records of the loading stage."""
         return self.final_strain / (count - 1)
+
+    def state_interval(self, count):
+        """The same between two of ``count`` stored states."""
+        return self.interval(count)
+
+    def state_course(self, interval):
+        """What stored states fall due by: the progress of the loading stage."""
+        return self.progress
 
     def row(self, forces):
         """Columns of history.csv that this loading adds: none."""

@@ -1,36 +1,38 @@
-"""A test by stages: the walls of a container led by stress, strain or speed along its axes.
+"""A test by stages: the walls of a container led along its axes.
 
-Each axis of a stage does one of these:
+Each axis of a stage has a task (tasks.py):
 
     rest     its walls stand still
     hold     a servo keeps the stress that it had reached
     stress   it goes to a stress, then holds it
     strain   it goes to a strain, then rests
+    follow   it goes along lengths that were measured (measured_paths.py)
     speed    its length changes at a speed until the stage ends
+    p, eta   a servo keeps the mean stress, or the ratio of stresses, whatever the platens carry
+    volume   its walls go with those of the other axes so that the volume stays (undrained)
 
-Axes that go to a stress or a strain go together along a straight line,
+Axes that go to a stress or a strain go together along a line,
 
-    σ*(s) = σ0 + s (σ1 - σ0),  L*(s) = L0 + s (L1 - L0),  s from 0 to 1,
+    σ*(s) = σ0 + s (σ1 - σ0),  L*(s) = L0 + s (L1 - L0), or a curve,  s from 0 to 1,
 
 as fast as all of them can: s grows until the first one is at its largest speed, a strain by the
-change of its length, a stress by what its walls would have to move (servo.py). So stress paths
-are straight whatever the stiffness of the sample along each axis is. Speeds rise over the strain
-``ramp`` as a smooth step of time; towards the end of a strain they fall with the root of what is
-left of it, at a constant rate over the same strain.
+change of its length, a stress by what its walls would have to move (wall_servo.py). So stress
+paths are straight whatever the stiffness of the sample along each axis is. Ramps and the speed
+that keeps a test quasi-static are in pace.py; towards the end of a strain speeds fall with the root
+of what is left of it, at a constant rate over the strain ``ramp``.
 
 A stage ends when a value of ``until`` is passed, or when s = 1, lengths are reached, and all held
 stresses are within ``tolerance`` for twice the time T that a wave travels; then ``hold`` begins.
-These stresses are means over T (exponentially weighted): grains that still rattle between few
-contacts shake a wall for long, and without a load of their own. Where ``until`` is passed walls
-brake first, over ``ramp``: at once they would send a wave through the sample that unloads it.
+These stresses are means over T (gauges.py): grains that still rattle between few contacts shake
+a wall for long, and without a load of their own. Where ``until`` is passed walls brake first, over
+``ramp``.
 
 Rows of the history fall due by the ways that a stage has come, one for each of what leads it:
 s, the changes of lengths that go at a speed, the values of ``until``, and time where it only
 waits. Each grows alone, so that rows are nowhere farther apart than one interval of each.
 
-Stresses are forces over the present areas of the walls; strains are 1 - L/L0, L0 the length at the
-end of the last stage with ``zero``, or at the start. Compression is positive. The axes are those of
-the container: x, y, z of a box; r, along which the length is the diameter, and z of a cylinder.
+The axes are those of the container: x, y, z of a box; r, along which the length is the diameter,
+and z of a cylinder.
 """
 
 import math
@@ -38,28 +40,25 @@ import math
 import numpy as np
 
 from ..container import container_of
-from ..errors import SolverError
+from ..errors import InputError, SolverError
+from ..output.run_folder import on_first_rank
 from ..state import Stateful
-from .oedometer import overdamped, smooth_step
-from .present_stage import PresentStage, WallMeans
-from .quasi_static import QuasiStaticSpeed
+from .gauges import Gauges, WallMeans
+from .measured_paths import measured_paths, read_motions
+from .oedometer import overdamped
+from .pace import Paces
+from .present_stage import PresentStage
+from .task_list import Start, tasks_of, walls_moved
+from .tasks import WallsNow
 from .wall_servo import Servo
-
-REST, HOLD, STRESS, STRAIN, SPEED = "rest", "hold", "stress", "strain", "speed"
 
 STRAIN_DEFINITION = (
     "shortening of the distance between the walls across an axis over that distance at the end of "
     "the last stage with zero = true before (without one: at the start); compression positive"
 )
 
-#: Walls that hold a stress may move so many times faster than `loading.speed`.
-HOLDING = 4.0
 #: Times that a wave travels for which stresses have to stay within their tolerance.
 SETTLED = 2.0
-#: Part of the way along the line while a wall that is to carry a stress has not met the sample.
-UNMET = 0.2
-#: Part of a length to which a strain is reached.
-EXACT = 1e-9
 #: Ways of every stage: s, that of lengths, and of time where it waits.
 NUM_WAYS = 3
 
@@ -72,65 +71,66 @@ class StagedLoading(Stateful):
         settings: :class:`~mufe_fenicsx.scene.stages.Loading`.
         program: Its :class:`~mufe_fenicsx.scene.stages.Stage` s, with their names.
         quasi_static: Settings of a speed that adapts (scene.QuasiStatic), or None.
+
+    Raises:
+        InputError: A file that a stage follows cannot be used; on all ranks.
     """
 
     end = "last stage done"
     strain_definition = STRAIN_DEFINITION
 
-    STATE = {"common": ("index", "stages", "first_height", "_reference", "_held", "_speed")}
+    STATE = {"common": ("index", "stages", "first_height", "_speed")}
 
     def __init__(self, simulation, settings, program, quasi_static=None):
         self.simulation, self.settings, self.program = simulation, settings, program
         self.container = container_of(simulation.walls.names)
+        self.gauges = Gauges(simulation, self.container)
         self.servo = Servo(simulation, self.container)
-        self.control = None
-        if quasi_static is not None:
-            platens = self.container.top, self.container.bottom
-            self.control = QuasiStaticSpeed(simulation, quasi_static, *platens)
+        self.paces = Paces(simulation, self.container, settings, quasi_static)
+        #: Motions that stages follow: number of the stage -> :class:`~.output.measured.Measured`.
+        self.motions = self._read_motions()
         zeros = [number for number, stage in enumerate(program) if stage.zero]
         self._last_zero = max(zeros, default=-1)
-        self._reference = self.lengths.tolist()
-        self.first_height = self._reference[-1]
-        self._held = [None] * len(self._reference)  # stress that each axis holds [Pa]
+        self.first_height = self.height
         self._speed = 0.0
         self._updated, self._loads = -1, None
         self.stages = []
         self.index = -1
+        self._now = None
         self._begin(np.zeros(len(self.container.walls)))
+
+    def _read_motions(self):
+        """The files of all stages, on all ranks. Collective."""
+        comm = self.simulation.comm
+        found = on_first_rank(comm, lambda: read_motions(self.program, self.container))
+        return comm.bcast(found)
 
     # --- what others read -----------------------------------------------------------------
 
     @property
+    def control(self):
+        """The speed that adapts, or None."""
+        return self.paces.control
+
+    @property
     def columns(self):
         """Of history.csv beyond the usual ones."""
-        return (*(f"stress_{a}" for a in self.container.axes),
-                *(f"strain_{a}" for a in self.container.axes))  # fmt: skip
-
-    @property
-    def lengths(self):
-        """Lengths between the walls along the axes [m], shape (num_axes,)."""
-        walls = self.simulation.walls
-        return self.container.lengths(walls.point, walls.curved.radius)
-
-    @property
-    def strains(self):
-        """Along the axes, compression positive, shape (num_axes,)."""
-        return 1.0 - self.lengths / self._reference
+        return self.gauges.columns
 
     @property
     def strain(self):
         """Vertical strain."""
-        return float(self.strains[-1])
+        return float(self.gauges.strains[-1])
 
     @property
     def height(self):
         """Distance of top and bottom wall [m]."""
-        return float(self.lengths[-1])
+        return float(self.gauges.lengths[-1])
 
     @property
     def reference_height(self):
         """That distance at strain 0 [m]."""
-        return self._reference[-1]
+        return self.gauges.reference[-1]
 
     @property
     def speed_now(self):
@@ -146,11 +146,6 @@ class StagedLoading(Stateful):
     def loaded(self):
         """Whether the stages that bring the sample to strain 0 are over."""
         return self.index > self._last_zero
-
-    @property
-    def follows(self):
-        """Whether the start of this stage is the stored end of another one."""
-        return self.index - 1 > self._last_zero and self.index > 0
 
     @property
     def part_done(self):
@@ -183,8 +178,28 @@ class StagedLoading(Stateful):
         return min(done, 1.0 - 1e-9)
 
     def interval(self, count):
-        """Progress between two of ``count`` records of the test, shared evenly by its stages."""
+        """Course between two of ``count`` rows of the test, shared evenly by its stages."""
         return 1.0 / math.ceil((count - 1) / len(self.program))
+
+    def state_interval(self, count):
+        """Stages between two of ``count`` stored states: one over a whole number, or a whole one.
+
+        States are ends of stages or lie within them, so that cycles are seen at the same phase.
+        """
+        num = len(self.program) - 1 - self._last_zero
+        if count - 1 < num:
+            return float(math.ceil(num / max(count - 1, 1)))
+        return self.interval(count)
+
+    def state_course(self, interval):
+        """What states fall due by: stages done since the sample is seated. Collective.
+
+        It is as much larger as makes the end of the last one a multiple of ``interval``, but for
+        the start, 0.
+        """
+        done = self.index - self._last_zero - 1 + self.progress
+        num = len(self.program) - 1 - self._last_zero
+        return done + (-num) % interval if done > 0.0 and interval > 1.0 else done
 
     def row(self, forces):
         """Columns of history.csv that this loading adds, and those that it defines itself.
@@ -192,30 +207,41 @@ class StagedLoading(Stateful):
         Args:
             forces: On the walls [N], shape (num_walls,).
         """
-        stress = self._axis_stress(forces)
-        values = dict(zip(self.columns, [*stress, *self.strains], strict=True))
-        return values | {"stress": stress[-1]}
+        return self.gauges.row(forces)
 
     def state_dict(self):
         """What a loading that goes on from here has to know, fit for JSON."""
         kept = super().state_dict() | {
             "now": self._now.state_dict(),
-            "mean": self._mean.state_dict(),
+            "gauges": self.gauges.state_dict(),
+            "mean": self.gauges.means.state_dict(),
             "servo": self.servo.state_dict(),
+            "motions": {str(n): motion.checksum for n, motion in self.motions.items()},
         }
         return kept if self.control is None else kept | {"control": self.control.state_dict()}
 
     def load_state_dict(self, kept):
-        """Go on from what :meth:`state_dict` gave."""
+        """Go on from what :meth:`state_dict` gave.
+
+        Raises:
+            InputError: A file that has been followed is another one now.
+        """
         super().load_state_dict({"common": kept["common"]})
+        for number, motion in self.motions.items():
+            if number <= self.index and kept["motions"].get(str(number)) != motion.checksum:
+                raise InputError(
+                    f'{motion.path} has changed, expected what stage "{self.program[number].name}" '
+                    "of the run has followed"
+                )
         self._now.load_state_dict(kept["now"])
-        self._mean.load_state_dict(kept["mean"])
+        self.gauges.load_state_dict(kept["gauges"])
+        self.gauges.means.load_state_dict(kept["mean"])
         self.servo.load_state_dict(kept["servo"])
         self._updated = -1
-        self._do = self._tasks()
+        self.tasks = self._tasks()
         if self.control is not None:
             self.control.load_state_dict(kept["control"])
-            self.control.platens = self._leading_walls()
+            self.paces.lead(self.tasks)
 
     # --- stages ---------------------------------------------------------------------------
 
@@ -227,73 +253,54 @@ class StagedLoading(Stateful):
 
     def _begin(self, forces):
         """Begin the next stage."""
-        if self.index >= 0:
-            self._held = [self._target(a) for a in range(len(self._held))]
+        gauges, state, held = self.gauges, self.simulation.state, None
+        if self._now is not None:
+            means = gauges.mean_stress()
+            held = [task.target(self._now.s, means) for task in self.tasks]
             if self.program[self.index].zero:
-                self._reference = self.lengths.tolist()
+                gauges.set_zero()
         self.index += 1
-        state = self.simulation.state
-        for name, motion in self.program[self.index].tools.items():
+        stage, stress = self.program[self.index], gauges.axis_stress(forces)
+        for name, motion in stage.tools.items():
             self.simulation.tools.set_motion(name, state.t, motion.rates, motion.loads, motion.ramp)
-        stress = self._axis_stress(forces)
-        self._do = self._tasks()
+        of_walls = gauges.wall_stress(forces)
+        held = [None] * len(stress) if held is None else held
         stress0 = [
-            held if held is not None else self._moving_mean(a, forces)
-            for a, held in enumerate(self._held)
+            float(of_walls[list(walls_moved(stage, self.container, a))].mean()) if h is None else h
+            for a, h in enumerate(held)
         ]
         if self.index == 0:
-            self._mean = WallMeans(self._wall_stress(forces).tolist(), state.t)
+            gauges.means = WallMeans(of_walls.tolist(), state.t)
         ways = [0.0] * (NUM_WAYS + len(self._given()))
-        self._now = PresentStage(state.t, self.lengths.tolist(), stress0, ways)
-        self._now.values0 = self._values(self._mean_stress())
+        lengths, places = gauges.lengths.tolist(), gauges.places.tolist()
+        self._now = PresentStage(state.t, lengths, places, stress0, held, ways)
+        self.tasks = self._tasks()
+        gauges.shut([task.axis for task in self.tasks if task.keeps_volume], stress0)
+        self._now.values0 = gauges.values(gauges.mean_stress(), state.t)
         self._updated = -1
-        if self._is_controlled():
-            self.control.begin(self.settings.speed)
-            self.control.acceleration = 0.0
-            self.control.platens = self._leading_walls()
+        self.paces.begin(self.tasks, self.loaded)
         self.stages.append(
             {
                 "name": self.stage,
                 "step": state.num_steps,
                 "time": state.t,
                 "strain": self.strain,
-                "strains": self.strains.tolist(),
+                "strains": gauges.strains.tolist(),
                 "stresses": stress.tolist(),
             }
         )
 
     def _tasks(self):
-        """What the axes do in this stage: list of (task, Axis or None)."""
-        axes, found = self.program[self.index].axes, []
-        for a, name in enumerate(self.container.axes):
-            axis = axes.get(name)
-            if axis is None:
-                found.append((REST if self._held[a] is None else HOLD, None))
-            elif axis.stress is not None:
-                found.append((STRESS, axis))
-            else:
-                found.append((SPEED if axis.strain is None else STRAIN, axis))
-        return found
-
-    def _moving(self, a):
-        """Walls of an axis that move."""
-        axis, walls = self._do[a][1], self.container.walls_of_axis[a]
-        which = "both" if axis is None else axis.walls
-        return {"both": walls, "min": walls[:1], "max": walls[-1:]}[which]
-
-    def _leading_axis(self):
-        """The axis that leads the stage: the last one that goes somewhere, or the vertical one."""
-        leads = [a for a, (task, _) in enumerate(self._do) if task in (STRESS, STRAIN, SPEED)]
-        return leads[-1] if leads else len(self._do) - 1
-
-    def _leading_walls(self):
-        """Upper and lower wall of the leading axis, for the quasi-static speed."""
-        walls = self.container.walls_of_axis[self._leading_axis()]
-        return walls[-1], walls[0]
+        """What the axes do in this stage, from what it began with."""
+        now, container, reference = self._now, self.container, self.gauges.reference
+        start = Start(container, now.held, now.stress0, now.length0, reference, self.settings.speed)
+        motion = self.motions.get(self.index)
+        paths = measured_paths(motion, container, now.length0, reference)
+        return tasks_of(self.program[self.index], paths, start)
 
     def _part_led(self):
         """How far the leading part of the stage has come, from 0 to 1."""
-        parts = [self._now.s] if any(task in (STRESS, STRAIN) for task, _ in self._do) else []
+        parts = [self._now.s] if any(task.ends for task in self.tasks) else []
         parts += self._parts_of_until()
         return min(max(max(parts, default=0.0), 0.0), 1.0)
 
@@ -306,7 +313,8 @@ class StagedLoading(Stateful):
         """How far each value of `until` has come; 1 where it is passed."""
         if not self._given() or self._loads is None:
             return []
-        now, before = self._values(self._mean_stress()), self._now.values0
+        now = self.gauges.values(self.gauges.mean_stress(), self._now.begun)
+        before = self._now.values0
         ways = {name: value - before[name] for name, value in self._given().items()}
         return [(now[n] - before[n]) / way if way else 1.0 for n, way in ways.items()]
 
@@ -315,14 +323,14 @@ class StagedLoading(Stateful):
         most = self.settings.largest_strain
         shares = [
             abs(1.0 - lengths[a] / self._now.length0[a]) / most
-            for a, (task, _) in enumerate(self._do)
-            if task in (HOLD, STRESS, SPEED)
+            for a, task in enumerate(self.tasks)
+            if task.free
         ]
         until = t if self._now.led_until is None else self._now.led_until
         # Rows are as near at first as before it waits, and as many each time that it has waited
         # e times as long: few grains may rattle for long.
         wait = max(self.program[self.index].hold, SETTLED * self.servo.travel_time)
-        whole = max(until - self._now.begun, wait, self._ramp_time())
+        whole = max(until - self._now.begun, wait, self.paces.ramp_time(self._now))
         waited = math.log1p((t - until) / whole) if whole > 0.0 else 0.0
         now = [self._now.s, max(shares, default=0.0), waited]
         now += self._parts_of_until()
@@ -330,8 +338,8 @@ class StagedLoading(Stateful):
 
     def _is_led(self):
         """Whether walls are on the way to what the stage is to reach, or go at a speed."""
-        on_line = self._now.s < 1.0 and any(task in (STRESS, STRAIN) for task, _ in self._do)
-        return on_line or any(task == SPEED and axis.speed for task, axis in self._do)
+        on_line = self._now.s < 1.0 and any(task.goes for task in self.tasks)
+        return on_line or any(task.driven for task in self.tasks)
 
     def _is_over(self):
         """Whether the present stage is over in the present state. Collective."""
@@ -345,31 +353,29 @@ class StagedLoading(Stateful):
     def _update(self, t):
         """Look at the present state. Collective; twice gives the same as once."""
         self._loads = forces, _ = self.simulation.walls.pressing(self.simulation.comm)
-        stress, lengths, now = self._axis_stress(forces), self.lengths, self._now
+        gauges, now = self.gauges, self._now
+        stress, lengths = gauges.axis_stress(forces), gauges.lengths
         self.servo.sample(stress, lengths)
+        gauges.means.add(gauges.wall_stress(forces), t, self.servo.travel_time)
         self._check_lengths(stress, lengths)
-        self._mean.add(self._wall_stress(forces), t, self.servo.travel_time)
         self._come(lengths, t)
-        near = True
-        for a, (task, axis) in enumerate(self._do):
-            if task in (HOLD, STRESS):
-                target = now.stress0[a] if task == HOLD else axis.stress
-                off = max(abs(self._mean.stress[wall] - target) for wall in self._moving(a))
-                near &= bool(off <= self.settings.tolerance * target)
-            elif task == STRAIN:
-                near &= bool(abs(lengths[a] - self._length1(a)) <= EXACT * lengths[a])
-        near &= now.s == 1.0 or not any(task in (STRESS, STRAIN) for task, _ in self._do)
+        near = now.s == 1.0 or not any(task.goes for task in self.tasks)
+        means, axis_means = gauges.means.stress, gauges.mean_stress()
+        for task in self.tasks:
+            near &= task.is_there(means, axis_means, lengths, self.settings.tolerance)
         now.settled = (t if now.settled is None else now.settled) if near else None
         if now.led_until is None and not self._is_led():
             now.led_until = t
-        if now.hold_from is not None:
-            return
-        stage = self.program[self.index]
-        tasks = [task for task, _ in self._do]
-        servo = HOLD in tasks or STRESS in tasks
-        ends_itself = not (stage.until is not None or SPEED in tasks) or STRESS in tasks
-        ends_itself = ends_itself or STRAIN in tasks
+        if now.hold_from is None:
+            self._look_for_end(t)
+
+    def _look_for_end(self, t):
+        """Let `hold` begin where the stage has reached what it is to reach, or `until`."""
+        now, stage, tasks = self._now, self.program[self.index], self.tasks
+        at_speed = any(task.at_speed for task in tasks)
+        ends_itself = not (stage.until is not None or at_speed) or any(task.ends for task in tasks)
         if ends_itself and now.settled is not None:
+            servo = any(task.servo for task in tasks)
             wait = SETTLED * self.servo.travel_time if servo else 0.0
             if t - now.settled >= wait:
                 now.hold_from = t
@@ -377,15 +383,16 @@ class StagedLoading(Stateful):
             now.brake_from = t
             if now.led_until is None:
                 now.led_until = t
-        braked = self._ramp_time() if self._is_led() else 0.0
+        braked = self.paces.ramp_time(now) if self._is_led() else 0.0
         if now.brake_from is not None and t - now.brake_from >= braked:
             now.hold_from = t
 
     def _check_lengths(self, stress, lengths):
-        limit, axes = self.settings.largest_strain, self.container.axes
-        for a, (task, _) in enumerate(self._do):
+        """Raise SolverError where the sample cannot carry what it is to carry."""
+        limit, axes, means = self.settings.largest_strain, self.container.axes, None
+        for a, task in enumerate(self.tasks):
             change = 1.0 - lengths[a] / self._now.length0[a]
-            if task in (HOLD, STRESS, SPEED) and abs(change) > limit:
+            if task.free and abs(change) > limit:
                 what = overdamped(self.simulation) or (
                     "see that the sample fills its walls and can carry what is asked"
                 )
@@ -394,144 +401,36 @@ class StagedLoading(Stateful):
                     f"a stress of {stress[a]:.3g} Pa there (loading.largest_strain = {limit:g}): "
                     f"{what}"
                 )
-
-    def _values(self, stress):
-        """All that `until` can name."""
-        container, strains = self.container, self.strains
-        x, y, z = (float(value) for value in container.along_three(stress))
-        volumes = container.volume([self.lengths, self._reference])
-        return {
-            **{f"stress_{a}": float(v) for a, v in zip(container.axes, stress, strict=True)},
-            **{f"strain_{a}": float(v) for a, v in zip(container.axes, strains, strict=True)},
-            "mean_stress": (x + y + z) / 3.0,
-            "deviator": math.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2)),
-            "strain_volume": float(1.0 - volumes[0] / volumes[1]),
-            "time": self.simulation.state.t - self._now.begun,
-        }
+            if task.servo:
+                means = self.gauges.mean_stress() if means is None else means
+                if (target := task.target(self._now.s, means)) < 0.0:
+                    raise SolverError(
+                        f'stage "{self.stage}": at stress_z = {means[-1]:.3g} Pa the mean stress '
+                        f"asks for a stress of {target:.3g} Pa along {axes[a]}, expected q < 3 p"
+                    )
 
     # --- walls ----------------------------------------------------------------------------
 
-    def _axis_stress(self, forces):
-        """Mean stress of the walls of each axis [Pa], shape (num_axes,)."""
-        return self.container.stresses(forces, self.lengths)
-
-    def _mean_stress(self):
-        """That, as the mean over the time that a wave travels [Pa], shape (num_axes,)."""
-        mean = np.asarray(self._mean.stress)
-        return np.array([mean[list(walls)].mean() for walls in self.container.walls_of_axis])
-
-    def _wall_stress(self, forces):
-        """Stress of each wall [Pa], shape (num_walls,)."""
-        return np.asarray(forces) / self.container.areas_of_walls(self.lengths)
-
-    def _moving_mean(self, a, forces):
-        stress = self._wall_stress(forces)
-        return float(stress[list(self._moving(a))].mean())
-
-    def _length1(self, a):
-        """Length at the strain that an axis goes to [m]."""
-        return self._reference[a] * (1.0 - self._do[a][1].strain)
-
-    def _target(self, a):
-        """Stress that an axis is to carry now [Pa]; None where that is free."""
-        task, axis = self._do[a]
-        if task == STRESS:
-            return self._now.stress0[a] + self._now.s * (axis.stress - self._now.stress0[a])
-        return self._now.stress0[a] if task == HOLD else None
-
     def _move(self):
         """Velocities of the walls for the coming step."""
-        sim, settings, now = self.simulation, self.settings, self._now
+        sim, now, gauges = self.simulation, self._now, self.gauges
         forces, stiffness = self._loads
-        lengths = self.lengths
+        lengths = gauges.lengths
         area = self.container.areas_of_walls(lengths)
-        stress, gain = self._wall_stress(forces), self.servo.gains(stiffness, area)
-        leading = now.hold_from is None
-        factor = self._ramp() * self._control_factor() if leading else 0.0
-        if leading:
-            now.s = self._next_s(factor, lengths, stress, gain)
+        walls = WallsNow(
+            lengths, gauges.axis_stress(forces), gauges.wall_stress(forces), stiffness,
+            self.servo.gains(stiffness, area), gauges.places - now.places0, sim.dt,
+        )  # fmt: skip
+        pace = self.paces.pace(now, self.tasks, gauges.strains, self.loaded)
+        if pace.leading:
+            furthest = (task.furthest(now.s, walls, pace) for task in self.tasks)
+            now.s = max(now.s, min(1.0, *furthest))
         velocity = np.zeros(len(area))  # of each wall towards the sample
-        for a, (task, axis) in enumerate(self._do):
-            walls = list(self._moving(a))
-            share = self._share(a)
-            if task in (HOLD, STRESS):
-                most, free, target = HOLDING * self._fastest(), settings.speed, self._target(a)
-                if task == STRESS and leading:
-                    free = self._most(axis) * factor
-                    if now.s < 1.0 and axis.stress != now.stress0[a]:
-                        most = free
-                for w in walls:
-                    if stiffness[w] > 0.0:
-                        v = gain[w] * (target - stress[w])
-                        velocity[w] = min(max(v, -most * share), most * share)
-                    else:  # on towards the sample
-                        velocity[w] = share * free
-            elif task == STRAIN and leading:
-                wanted = now.length0[a] + now.s * (self._length1(a) - now.length0[a])
-                velocity[walls] = share * (lengths[a] - wanted) / sim.dt
-            elif task == SPEED and leading:
-                velocity[walls] = share * axis.speed * factor
+        closing = np.zeros(len(lengths))
+        # What keeps the volume goes with the others.
+        for task in sorted(self.tasks, key=lambda task: task.keeps_volume):
+            velocity[list(task.walls)] = task.speeds(now.s, walls, pace, closing)
+            if not task.keeps_volume:
+                closing[task.axis] = self.container.closing(velocity)[task.axis]
         sim.walls.set_speeds(velocity)
         self._speed = float(np.abs(self.container.closing(velocity)).max())
-
-    def _share(self, a):
-        """Speed of each moving wall of an axis over that of its length."""
-        return 1.0 / (self.container.shortening[a] * len(self._moving(a)))
-
-    def _fastest(self):
-        """The speed of the test, or that which keeps it quasi-static where this is larger."""
-        return max(self.settings.speed, self.control.speed if self._is_controlled() else 0.0)
-
-    def _most(self, axis):
-        return self.settings.speed if axis.speed is None else axis.speed
-
-    def _ramp(self):
-        """Part of the speed that the ramps, at the start of a stage and at its end, let through."""
-        time, now = self._ramp_time(), self._now
-        # The middle of the coming step: the first one moves.
-        t = self.simulation.state.t + 0.5 * self.simulation.dt
-        if time == 0.0:
-            return 1.0
-        brake = 0.0 if now.brake_from is None else smooth_step((t - now.brake_from) / time)
-        return smooth_step((t - now.begun) / time) * (1.0 - brake)
-
-    def _ramp_time(self):
-        """In which walls get from rest to their speed, and back [s]."""
-        return self.settings.ramp * min(self._now.length0) / self.settings.speed
-
-    def _is_controlled(self):
-        """Whether the speed adapts: not while the sample is seated, where walls travel freely."""
-        return self.control is not None and self.loaded
-
-    def _control_factor(self):
-        """Speed that keeps the test quasi-static over the one that is stated."""
-        if not self._is_controlled():
-            return 1.0
-        if self._now.s == 1.0 and SPEED not in [task for task, _ in self._do]:
-            return self.control.speed / self.settings.speed
-        strain = float(self.strains[self._leading_axis()])
-        return self.control(abs(strain)) / self.settings.speed
-
-    def _next_s(self, factor, lengths, stress, gain):
-        """How far along the line walls may go in the coming step."""
-        now, dt, ramp = self._now, self.simulation.dt, self.settings.ramp
-        found = 1.0
-        for a, (task, axis) in enumerate(self._do):
-            if task == STRAIN:
-                way = abs(self._length1(a) - now.length0[a])
-                if way > 0.0:
-                    most = self._most(axis) * factor
-                    left = (1.0 - now.s) * way / (ramp * now.length0[a]) if ramp > 0.0 else 1.0
-                    found = min(found, now.s + most * math.sqrt(min(left, 1.0)) * dt / way)
-            elif task == STRESS:
-                way = axis.stress - now.stress0[a]
-                walls = self._moving(a)
-                most = self._most(axis) * factor * self._share(a)
-                for w in walls:
-                    if not math.isfinite(gain[w]):
-                        # Those that have met the sample press a little, and stay.
-                        found = min(found, UNMET)
-                    elif way != 0.0:
-                        come = (stress[w] - now.stress0[a]) * math.copysign(1.0, way)
-                        found = min(found, (come + most / gain[w]) / abs(way))
-        return max(now.s, found)

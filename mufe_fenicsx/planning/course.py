@@ -2,7 +2,8 @@
 
 Of a test by stages strains that stresses make, and stresses that strains make, follow from a linear
 sample of the stiffness M = ρ c² along each axis, c a guess of the speed of waves through it and ρ
-the density of its rock times ``SOLID``.
+the density of its rock times ``SOLID``. Sides that keep the volume go the other way as z, those
+that keep p or a ratio of stresses have the stress that this asks for.
 
 Inertia adds the stress ρ c v at the speed v. At a strain ε it is the part v/(c ε) of that which the
 strain has made. At a stress it is the larger the stiffer the sample is: there c is that of
@@ -14,8 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..loading.measured_paths import measured_paths, read_motions
 from .errors import PACKING
 
+#: Values of `until` that are stresses, beside those named so.
+STRESSES = "deviator", "q", "pore_pressure"
 #: Solids of a packing over its volume; contacts of a ball in it.
 SOLID, COORDINATION = 0.6, 6.0
 
@@ -94,12 +98,15 @@ def course_of(scene):
     modulus = SOLID * scene.material.rho * wave_speed(scene) ** 2
     zeros = [number for number, stage in enumerate(scene.stages) if stage.zero]
     seated = max(zeros, default=-1)
+    motions = read_motions(scene.stages, scene.container.kind)
     container, parts, furthest = scene.container.kind, [], 0.0
     stress, strain = np.zeros((2, len(container.axes)))
     seating_stress, seating_speed = 0.0, _speed(scene.stages[0]) or loading.speed
     for number, stage in enumerate(scene.stages):
-        new_stress, new_strain = _after(stage, container, stress, strain, modulus)
+        paths = _paths(motions.get(number), container)
+        new_stress, new_strain = _after(stage, paths, container, stress, strain, modulus)
         way = float(np.abs(new_strain - strain).max())
+        way = max([way, *(path.way for path in paths.values())])
         stress, strain = new_stress, new_strain
         if number <= seated:
             seating_stress, seating_speed = float(stress.max()), _speed(stage) or loading.speed
@@ -112,7 +119,7 @@ def course_of(scene):
             density, wave = SOLID * scene.material.rho, wave_speed(scene)
             level = largest / (density * wave * elastic_wave_speed(scene.material, largest))
         furthest = max(furthest, float(np.abs(strain).max()))
-        slows = any(axis.strain is not None for axis in stage.axes.values())
+        slows = bool(paths) or any(axis.strain is not None for axis in stage.axes.values())
         moves = way > 0.0
         parts.append(
             Part(stage.name, way, level if moves else math.inf, _speed(stage) if moves else None,
@@ -127,10 +134,17 @@ def course_of(scene):
                   seating_speed, tuple(parts))  # fmt: skip
 
 
+def _paths(motion, container):
+    """Shortenings of axes of length 1 that follow a file, by the numbers of the axes."""
+    ones = [1.0] * len(container.axes)
+    return measured_paths(motion, container, ones, ones)
+
+
 def _is_led_by_stress(stage):
     """Whether a stage ends at a stress."""
     values = {} if stage.until is None else stage.until.given
-    by_stress = any("stress" in name or name == "deviator" for name in values)
+    by_stress = any("stress" in name or name in STRESSES for name in values)
+    by_stress |= stage.stresses is not None
     return by_stress or any(axis.stress is not None for axis in stage.axes.values())
 
 
@@ -140,30 +154,59 @@ def _speed(stage):
     return min(stated, default=None)
 
 
-def _after(stage, container, stress, strain, modulus):
+def _after(stage, paths, container, stress, strain, modulus):
     """Stresses [Pa] and strains along the axes of a container after a stage, from those before."""
     change = 0.0 * strain
-    for a, name in enumerate(container.axes):
-        axis = stage.axes.get(name)
-        if axis is None:
-            continue
-        if axis.stress is not None:
+    led = [a for a, name in enumerate(container.axes) if a in paths or name in stage.axes]
+    for a in led:
+        axis = stage.axes.get(container.axes[a])
+        if a in paths:
+            change[a] = 1.0 - paths[a].length(1.0)
+        elif axis.stress is not None:
             change[a] = (axis.stress - stress[a]) / modulus
-            continue
-        ways = [] if axis.strain is None else [axis.strain - strain[a]]
-        ways += _ways_until(stage, container, a, stress, strain, modulus)
-        change[a] = min(ways, key=abs, default=0.0)
+        else:
+            ways = [] if axis.strain is None else [axis.strain - strain[a]]
+            ways += _ways_until(stage, container, a, stress, strain, modulus)
+            change[a] = min(ways, key=abs, default=0.0)
+    others = [a for a in range(len(change)) if a not in led]
+    if stage.undrained:
+        three = container.three
+        sides = sum(a in others for a in three)
+        change[others] = -sum(change[a] for a in three if a in led) / sides
+    elif stage.stresses is not None or stage.p is not None or stage.eta is not None:
+        wanted = _wanted(stage, stress + modulus * change)
+        for a in others:
+            change[a] = (wanted[a] - stress[a]) / modulus
     return np.maximum(stress + modulus * change, 0.0), strain + change
 
 
+def _wanted(stage, stress):
+    """Stresses that p, q and eta ask for [Pa], of those where z has gone so far already."""
+    vertical = stress[-1]
+    if stage.stresses is not None:
+        side, vertical = stage.stresses
+    elif stage.eta is not None:
+        side = vertical * (3.0 - stage.eta) / (3.0 + 2.0 * stage.eta)
+    else:
+        side = 0.5 * (3.0 * stage.p - vertical)
+    return np.append(np.full(len(stress) - 1, side), vertical)
+
+
 def _ways_until(stage, container, a, stress, strain, modulus):
-    """Changes of strain along an axis at which values of `until` are passed, other axes held."""
+    """Changes of strain along an axis at which values of `until` are passed, other axes held.
+
+    Those of an undrained stage go the other way as this one: q grows by half as much again, and
+    the pore pressure by half as much, as its stress.
+    """
     name, given = container.axes[a], {} if stage.until is None else stage.until.given
     side = float(np.delete(stress, a).mean())
+    q, more = stress[a] - side, 1.5 if stage.undrained else 1.0
     ends = {
         f"stress_{name}": lambda value: value,
-        "deviator": lambda value: side + value,
+        "deviator": lambda value: stress[a] + (value - q) / more,
+        "q": lambda value: stress[a] + (value - q) / more,
         "mean_stress": lambda value: 3.0 * value - 2.0 * side,
+        "pore_pressure": lambda value: stress[a] + 2.0 * value,
     }
     ways = [(end(given[key]) - stress[a]) / modulus for key, end in ends.items() if key in given]
     if f"strain_{name}" in given:

@@ -22,6 +22,8 @@ DYNAMIC = (
 )
 #: Energies below this part of the work are not drawn; the data have them.
 SEEN = 1e-6
+#: Stages of a test that turns back that have an arrow.
+ARROWS = 8
 #: label, colour and line of each energy.
 ENERGIES = {
     "plastic": ("plastic", style.RED, "-"),
@@ -136,12 +138,13 @@ def draw_branches(axis, x, y, parts, label=None):
         axis.plot(x[start:], y[start:], color=style.BLUE, label=label)
         return
     x, y, named = np.asarray(x), np.asarray(y), set()
-    for part in parts:
+    for number, part in enumerate(parts):
         line, colour = style.BRANCHES[part.kind]
         name = part.kind if part.kind not in named else None
         named.add(part.kind)
         axis.plot(x[part.rows], y[part.rows], line, color=colour, label=name)
-        _arrow(axis, x[part.rows], y[part.rows], np.ptp(x), np.ptp(y), colour)
+        if number < ARROWS:
+            _arrow(axis, x[part.rows], y[part.rows], np.ptp(x), np.ptp(y), colour)
 
 
 def _arrow(axis, x, y, width, height, colour):
@@ -163,8 +166,9 @@ def _about_branches(source):
     if not source.turns_back:
         return "" if by_stages else " The slope is the constrained modulus."
     kinds = [(part.stage, part.kind) for part in branches(source.history)]
-    stages = ", ".join(f"{stage} ({kind})" for stage, kind in kinds)
-    return f" Arrows show the course of the test; its stages: {stages}."
+    stages = style.listed([f"{stage} ({kind})" for stage, kind in kinds])
+    first = f" of its first {ARROWS} stages" if len(kinds) > ARROWS else ""
+    return f" Arrows show the course of the test{first}; its stages: {stages}."
 
 
 def draw_forces(source):

@@ -50,6 +50,9 @@ RC = {
     "pdf.fonttype": 42,  # letters stay letters for the journal
 }
 
+#: Words of a list that texts show.
+MANY = 12
+
 #: Colours and lines of stages of one test, or of several tests.
 SERIES = (BLUE, RED, GREEN, ORANGE, PINK, SKY, BLACK, GREY)
 LINES = ("-", "--", "-.", ":")
@@ -114,6 +117,13 @@ def unit_of(values, symbol):
         if largest >= 0.9995 * factor:
             return factor, prefix + symbol
     return 1e-12, "p" + symbol
+
+
+def listed(words, between=", "):
+    """Words one after another, of many the first ones and the last: "a, b and 17 more, to z"."""
+    if len(words) <= MANY:
+        return between.join(words)
+    return f"{between.join(words[: MANY - 1])} and {len(words) - MANY} more, to {words[-1]}"
 
 
 def quantity(value, symbol, digits=3):

@@ -13,7 +13,7 @@ from mufe_fenicsx.analysis.rows import loading_rows
 from mufe_fenicsx.container import container_of_history
 from mufe_fenicsx.geometry.measure import tet_volumes
 from mufe_fenicsx.output.run_folder import regular
-from mufe_fenicsx.report.style import number, quantity
+from mufe_fenicsx.report.style import listed, number, quantity
 
 
 def failed_grains(quality_csv):
@@ -252,10 +252,13 @@ def _failed(labels):
 
 
 def _stages(stages):
-    return "; ".join(
-        f"{s.get('name')} from step {s.get('step')}, t = {quantity(s.get('time'), 's')}, "
-        f"strain {number(s.get('strain'))}"
-        for s in stages or ()
+    return listed(
+        [
+            f"{s.get('name')} from step {s.get('step')}, t = {quantity(s.get('time'), 's')}, "
+            f"strain {number(s.get('strain'))}"
+            for s in stages or ()
+        ],
+        "; ",
     )
 
 

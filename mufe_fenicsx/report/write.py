@@ -183,7 +183,7 @@ class _RunReport(_Report):
         stages = [] if history is None else [part.stage for part in branches(history)]
         test = "Oedometer test"
         if history is not None and "strain_z" in history:
-            test = f"Test by stages ({', '.join(stages)})" if stages else "Test by stages"
+            test = f"Test by stages ({style.listed(stages)})" if stages else "Test by stages"
         parts = [f"{test} on deformable grains"]
         if run.get("num_grains") and run.get("num_cells"):
             parts = [

@@ -60,7 +60,7 @@ class Recorder:
         if self.fields.wrote_mesh:
             self._note([f"fields/{self.fields.mesh}"])
         self._history_interval = loading.interval(output.history)
-        self._field_interval = loading.interval(output.fields)
+        self._field_interval = loading.state_interval(output.fields)
         self._stage, self._next_row, self._next_state = kept.get("next", (None, 0.0, 0.0))
 
     def state_dict(self):
@@ -80,13 +80,13 @@ class Recorder:
         """Write what is due."""
         loading = self.loading
         if loading.stage != self._stage:
-            self._stage, self._next_row, self._next_state = loading.stage, 0.0, 0.0
-            if loading.follows:
-                self._next_state = self._field_interval * (1 - 1e-12)
-        progress = loading.progress
-        if loading.loaded and progress >= self._next_state:
-            self._next_state += self._field_interval * (1 - 1e-12)
-            self.write_state()
+            self._stage, self._next_row = loading.stage, 0.0
+        if loading.loaded:
+            interval = self._field_interval
+            number = loading.state_course(interval) / interval
+            if number * interval >= self._next_state:
+                self._next_state = (math.floor(number + 1e-9) + 1) * interval * (1 - 1e-12)
+                self.write_state()
         course = loading.course
         if course >= self._next_row:
             self._next_row = course - math.fmod(course, self._history_interval)

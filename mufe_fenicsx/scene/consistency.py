@@ -72,6 +72,11 @@ def _check_container(scene):
                 raise InputError(
                     f'stage[{number}].r.walls = "{settings.walls}", expected "both": it is one wall'
                 )
+        if stage.undrained and set(container.axes) <= set(stage.axes):
+            raise InputError(
+                f"stage[{number}].undrained = true, expected an axis that is left out: its walls "
+                "keep the volume"
+            )
         for name in () if stage.until is None else stage.until.given:
             if name[-2:] in ("_x", "_y", "_z", "_r") and name[-1] not in container.axes:
                 raise InputError(

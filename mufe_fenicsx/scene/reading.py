@@ -66,7 +66,7 @@ def load_scene(path: str | Path) -> Scene:
             )
             for wall in walls
         },
-        stages=_read_each(Stage, tables.get("stage", []), "stage"),
+        stages=_read_each(Stage, tables.get("stage", []), "stage", folder),
         tools=_read_each(Tool, tables.get("tool", []), "tool", folder),
         **parts,
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 
 from ..errors import InputError
 from ..units import REQUIRED, Key, check_keys, require, setting
@@ -11,6 +12,8 @@ AXIS_KEYS = ("x", "y", "z", "xy", "xz", "yz", "xyz", "r", "rz")
 
 #: Walls across an axis that may move.
 MOVING = ("both", "min", "max")
+#: Cycles of a test.
+MOST_CYCLES = 10_000
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,10 @@ class Until:
         None, "Pa", "p = (σx + σy + σz)/3; in a cylinder σx = σy = σr"
     )
     deviator: float | None = setting(None, "Pa", "q = √(½((σx-σy)² + (σy-σz)² + (σz-σx)²))")
+    q: float | None = setting(None, "Pa", "σz - (σx + σy)/2; below 0 in extension")
+    pore_pressure: float | None = setting(
+        None, "Pa", "of undrained stages: side stress at the start of the first, less that now"
+    )
     strain_x: float | None = setting(None, "-", "along x")
     strain_y: float | None = setting(None, "-", "along y")
     strain_z: float | None = setting(None, "-", "along z")
@@ -156,6 +163,15 @@ class Stage:
     xyz: Axis | None = setting(None, "", "the same for all three")
     r: Axis | None = setting(None, "", "what the side of a cylinder does; lengths are diameters")
     rz: Axis | None = setting(None, "", "the same for r and z")
+    p: float | None = setting(None, "Pa", "mean stress to go to; two of p, q, eta, or p with z")
+    q: float | None = setting(None, "Pa", "deviator σz - σside to go to; below 0: extension")
+    eta: float | None = setting(None, "-", "stress ratio q/p to go to; alone with z", gt=-1.5, lt=3)
+    undrained: bool = setting(
+        False, "", "walls that the stage does not state keep the volume; needs a strain or a speed"
+    )
+    follow: Path | None = setting(
+        None, "", "CSV file with measured strains, displacements or places of walls over time"
+    )
     until: Until | None = setting(
         None, "", "what ends the stage, if not what its axes are to reach"
     )
@@ -166,6 +182,13 @@ class Stage:
     tools: dict[str, ToolMotion] = field(
         default_factory=dict, metadata={"key": Key({}, "", "what tools do from its start on")}
     )
+    repeat: int | None = setting(
+        None, "", "number of cycles, of the stages from repeat_from to this one",
+        ge=1, le=MOST_CYCLES,
+    )  # fmt: skip
+    repeat_from: str | None = setting(
+        None, "", "name of the first stage of a cycle; left out: this one"
+    )
 
     def __post_init__(self):
         check_keys(self)
@@ -174,11 +197,88 @@ class Stage:
             for axis in key if getattr(self, key) is not None else "":
                 if seen.setdefault(axis, key) != key:
                     raise InputError(f"{key} is given, expected {axis} once: {seen[axis]} has it")
+        self._check_stresses()
         axes = self.axes
-        if axes and self.until is None and not any(axis.leads for axis in axes.values()):
+        if self.undrained:
+            self._check_undrained()
+        leads = self.follow is not None or self.stresses is not None
+        leads = leads or any(axis.leads for axis in axes.values())
+        if axes and self.until is None and not leads:
             raise InputError("until is missing, expected what ends a stage that has speeds alone")
-        if not axes and self.until is None and self.hold == 0:
+        if not axes and not leads and self.until is None and self.hold == 0:
             raise InputError("hold = 0, expected a time > 0 s where no axis and no until is given")
+        if self.repeat is None and self.repeat_from is not None:
+            raise InputError(
+                f'repeat_from = "{self.repeat_from}", expected repeat = number of cycles beside it'
+            )
+
+    def _check_stresses(self):
+        """Raise InputError where p, q and eta do not say one path."""
+        given = [name for name in ("p", "q", "eta") if getattr(self, name) is not None]
+        if not given:
+            return
+        if len(given) == 3:
+            raise InputError(f"eta = {self.eta}, expected none beside p and q: it is q/p")
+        if self.undrained:
+            raise InputError(f"{given[0]} is given, expected none beside undrained = true")
+        if len(given) == 2:
+            for key in AXIS_KEYS:
+                if getattr(self, key) is not None:
+                    raise InputError(f"{key} is given, expected none beside {' and '.join(given)}")
+            if self.follow is not None:
+                raise InputError(f"follow is given, expected none beside {' and '.join(given)}")
+            if self.eta == 0.0 and self.p is None:
+                raise InputError("eta = 0.0, expected another one beside q: p is q/eta")
+            side, vertical = self.stresses
+            if min(side, vertical) <= 0.0:
+                raise InputError(
+                    f"{given[1]} = {getattr(self, given[1])}, expected stresses > 0 Pa: side "
+                    f"p - q/3 = {side:.4g} Pa, vertical p + 2q/3 = {vertical:.4g} Pa"
+                )
+            return
+        (name,) = given
+        z = self.axes.get("z")
+        led = self.follow is not None and not self.axes
+        led = led or (set(self.axes) == {"z"} and z is not None and z.stress is None)
+        if name == "q" or not led:
+            beside = " or ".join(other for other in ("p", "q", "eta") if other != name)
+            more = "" if name == "q" else ", or z alone with a strain or a speed"
+            raise InputError(f"{name} is given, expected {beside} beside it{more}")
+        if name == "p" and self.p <= 0.0:
+            raise InputError(f"p = {self.p}, expected > 0 Pa (compression)")
+        if name == "eta" and self.eta < 0.0:
+            raise InputError(
+                f"eta = {self.eta}, expected >= 0 beside z: sides that press more than z feed "
+                "themselves; lead it by p and eta"
+            )
+
+    def _check_undrained(self):
+        """Raise InputError where walls cannot keep the volume."""
+        for name, axis in self.axes.items():
+            if axis.stress is not None:
+                raise InputError(
+                    f"{name}.stress = {axis.stress}, expected a strain or a speed with undrained "
+                    "= true: end it by until"
+                )
+        if not self.axes and self.follow is None:
+            raise InputError("undrained = true, expected a strain or a speed of one axis beside it")
+
+    @property
+    def stresses(self) -> tuple[float, float] | None:
+        """Side and vertical stress that two of p, q and eta say [Pa]; None without.
+
+        σz = p + 2q/3 and σside = p - q/3.
+        """
+        p, q, eta = self.p, self.q, self.eta
+        if p is not None and q is not None and eta is None:
+            mean, deviator = p, q
+        elif p is not None and q is None and eta is not None:
+            mean, deviator = p, eta * p
+        elif p is None and q is not None and eta is not None:
+            mean, deviator = q / eta, q
+        else:
+            return None
+        return mean - deviator / 3.0, mean + 2.0 * deviator / 3.0
 
     @property
     def axes(self) -> dict[str, Axis]:
@@ -187,13 +287,54 @@ class Stage:
 
 
 def named(stages: Iterable[Stage]) -> tuple[Stage, ...]:
-    """The stages, each with its name filled in. Raises InputError where a name is there twice."""
+    """The stages in their order, each with its name filled in and cycles written out.
+
+    Raises:
+        InputError: A name is there twice, or a cycle cannot be.
+    """
     found = []
     for number, stage in enumerate(stages, start=1):
         name = stage.name or ("seating" if stage.zero else f"stage {number}")
-        if name in [other.name for other in found]:
-            raise InputError(f'stage[{number}].name = "{name}", expected names that differ')
         if not name.isprintable():
             raise InputError(f"stage[{number}].name = {name!r}, expected one line of text")
         found.append(replace(stage, name=name))
-    return tuple(found)
+    _check_names([stage.name for stage in found])
+    written = _in_cycles(found)
+    _check_names([stage.name for stage in written])
+    return written
+
+
+def _check_names(names):
+    seen = set()
+    for number, name in enumerate(names, start=1):
+        if name in seen:
+            raise InputError(f'stage[{number}].name = "{name}", expected names that differ')
+        seen.add(name)
+
+
+def _in_cycles(stages):
+    """Stages with each cycle written out: "load", "unload", "load 2", "unload 2" and so on."""
+    found, after = [], 0  # the first stage that no cycle has yet
+    names = [stage.name for stage in stages]
+    for number, stage in enumerate(stages):
+        if stage.repeat is None:
+            continue
+        where = f"stage[{number + 1}].repeat"
+        begin = stage.name if stage.repeat_from is None else stage.repeat_from
+        if begin not in names[: number + 1]:
+            raise InputError(
+                f'{where}_from = "{begin}", expected the name of this stage or of one before it'
+            )
+        first = names.index(begin)
+        if first < after:
+            raise InputError(
+                f'{where}_from = "{begin}", expected a stage after those of the cycles before'
+            )
+        cycle = [replace(one, repeat=None, repeat_from=None) for one in stages[first : number + 1]]
+        if any(one.zero for one in cycle):
+            raise InputError(f"{where} = {stage.repeat}, expected no stage with zero = true in it")
+        found += stages[after:first] + cycle
+        for k in range(2, stage.repeat + 1):
+            found += [replace(one, name=f"{one.name} {k}") for one in cycle]
+        after = number + 1
+    return (*found, *stages[after:])

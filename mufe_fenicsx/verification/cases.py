@@ -38,6 +38,7 @@ from .stability import STABILITY
 from .strain_cycle import strain_cycle
 from .tool_indentation import tool_indentation
 from .torsion import torsion
+from .undrained import undrained_elastic
 
 CASES = (
     by_name(
@@ -56,6 +57,7 @@ CASES = (
         curved_walls,
         confined_cylinder,
         tool_indentation,
+        undrained_elastic,
         disc,
         hiramatsu_oka,
         overlap,

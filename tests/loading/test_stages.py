@@ -56,7 +56,7 @@ def march(sim, loading, watch=None, most=40000):
         loading.before_step()
         sim.step()
         forces = sim.wall_forces()
-        now = loading._wall_stress(forces), loading.strains.copy()
+        now = loading.gauges.wall_stress(forces), loading.gauges.strains.copy()
         ends[loading.stage] = now
         if loading._now.hold_from is None:
             led[loading.stage] = now

@@ -312,6 +312,14 @@ def test_the_course_of_a_test_by_stages():
                           (Until(mean_stress=6e6), 8e6 / M - 0.5e6 / M)):  # fmt: skip
         part = course_of(staged(z=Axis(speed=0.3), until=until)).parts[1]
         assert part.way == pytest.approx(wanted - isotropic.way) and part.stated == 0.3
+    # Sides of half the strain the other way; and sides of (3 p - σz)/2, here less by 1 MPa.
+    shut = course_of(staged(undrained=True, z=Axis(speed=0.3), until=Until(q=3e6))).parts[1]
+    assert shut.way == pytest.approx(2e6 / M)
+    assert shut.level == pytest.approx(7e6 / (0.6 * 2650 * c * elastic_wave_speed(J2_ROCK, 7e6)))
+    path = course_of(staged(z=None, p=5e6, q=3e6)).parts[1]
+    assert path.way == pytest.approx(2e6 / M)
+    shear = course_of(staged(p=5e6, z=Axis(strain=isotropic.way + 2e6 / M))).parts[1]
+    assert shear.way == pytest.approx(2e6 / M) and shear.slows
     rest = course_of(staged(z=None, hold=3e-6)).parts[1]
     assert rest.way == 0.0 and rest.waits == 3e-6 and rest.level == math.inf
 
@@ -482,3 +490,13 @@ def test_mufe_plan_of_a_case(capfd):
         main(["plan", "hertz", "--accuracy", "1.5"])
     assert end.value.code == 2
     assert "accuracy = 1.5, expected 0 < accuracy < 1" in capfd.readouterr().err
+
+
+def test_a_measured_motion_takes_the_time_that_its_fastest_axis_needs(tmp_path):
+    """Strains of 0, 0.02 and 0.01 at even times: 0.04 times the whole one, and more in between."""
+    path = tmp_path / "motion.csv"
+    path.write_text("time, strain_z\n0, 0\n1, 0.02\n2, 0.01\n")
+    part = course_of(staged(z=None, follow=path)).parts[1]
+    assert 0.04 < part.way < 0.08 and part.slows
+    M = 0.6 * 2650 * (0.08 * J2_ROCK.wave_speed) ** 2
+    assert part.level == pytest.approx(5e6 / M + 0.01)

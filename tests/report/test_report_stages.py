@@ -6,7 +6,7 @@ import pytest
 
 from mufe_fenicsx.analysis import macro, rows
 from mufe_fenicsx.output import fields, history
-from mufe_fenicsx.report import curves, style, summary, write_report
+from mufe_fenicsx.report import curves, style, summary, triaxial, write_report
 from mufe_fenicsx.report.source import Source
 from tests.made_up_run import ball, fake_history
 
@@ -39,9 +39,9 @@ def staged_history(path=(0.0, 0.02, 0.01, 0.04), num=40):
     return h
 
 
-def write_staged_run(folder, h, moved, num_states=4):
+def write_staged_run(folder, h, moved, num_states=4, columns=None):
     """States evenly in time, of one lumpy ball that is moved by the last one."""
-    columns = (*history.COLUMNS, *STAGED)
+    columns = columns or (*history.COLUMNS, *STAGED)
     with history.HistoryWriter(folder / "history.csv", columns) as writer:
         for i in range(len(h["step"])):
             writer.append({n: str(h[n][i]) if n == "stage" else h[n][i] for n in columns})
@@ -136,3 +136,47 @@ def test_a_test_in_extension(tmp_path):
     write_staged_run(tmp_path, h, [0, 0, 0])
     assert [state.index for state in Source(tmp_path).states] == [0, 2, 3]
     assert rows.loaded_rows(h).sum() == (h["strain"] < -0.025).sum()
+
+
+def undrained_history(num_cycles=8, num=30):
+    """Cycles of q at a total side stress of 100 kPa that lose effective stress, of no real test."""
+    parts = []
+    for k in range(num_cycles):
+        for name, way in (("load", (-1, 1)), ("unload", (1, -1))):
+            q = 3e4 * np.linspace(*way, num)
+            parts.append((name if k == 0 else f"{name} {k + 1}", q))
+    h = staged_history()
+    total = num * len(parts)
+    h = {n: np.resize(v, total) if n == "stage" else np.zeros(total) for n, v in h.items()}
+    q = np.concatenate([q for _, q in parts])
+    u = 6e4 * (1 - np.exp(-3 * np.arange(total) / total)) + q / 3
+    h["stage"] = np.repeat([name for name, _ in parts], num)
+    h |= {"step": np.arange(total), "time": 1e-6 * np.arange(total), "pore_pressure": u}
+    h |= {"stress_x": 1e5 - u, "stress_y": 1e5 - u, "stress_z": 1e5 - u + q}
+    strain = 0.01 * q / 3e4 * (1 + 2 * np.arange(total) / total)
+    h |= {"strain_x": -strain / 2, "strain_y": -strain / 2, "strain_z": strain, "strain": strain}
+    return h | {"stress": h["stress_z"], "height": 1e-4 * (1 - strain)}
+
+
+@pytest.mark.parametrize("num_cycles", [2, 8])
+def test_total_stress_paths_of_undrained_stages(tmp_path, num_cycles):
+    """The grey path is p + u over q: a straight line of slope 3 where σside is constant."""
+    h = undrained_history(num_cycles)
+    write_staged_run(tmp_path, h, [0, 0, 0], columns=(*history.COLUMNS, *STAGED, "pore_pressure"))
+    source = Source(tmp_path)
+    with matplotlib.rc_context(style.RC):
+        drawing = triaxial.draw_triaxial(source)
+    lines = [line for line in drawing.figure.axes[1].get_lines() if len(line.get_xdata()) > 2]
+    (total,) = (line for line in lines if line.get_linewidth() == 0.8)
+    p, q = total.get_xdata(), total.get_ydata()
+    on = np.isfinite(p)
+    assert q[on] == pytest.approx(3 * (p[on] - 100), abs=1e-9)  # kPa
+    legend = [text.get_text() for text in drawing.figure.legends[0].get_texts()]
+    assert "total stress" in legend and ("load 2" in legend) == (num_cycles == 2)
+    assert "grey path" in drawing.how
+
+
+def test_lists_of_many_names_are_short():
+    assert style.listed(["a", "b"]) == "a, b"
+    names = [str(k) for k in range(40)]
+    assert style.listed(names) == f"{', '.join(names[:11])} and 28 more, to 39"

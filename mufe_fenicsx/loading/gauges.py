@@ -1,0 +1,144 @@
+"""What the walls of a container tell of the sample: stresses, strains and the pressure of pores.
+
+Stresses are forces over the present areas of the walls; strains are 1 - L/L0, L0 the length at the
+end of the last stage with ``zero``, or at the start. Compression is positive. The stresses are
+those of the grains: in saturated sand the effective ones.
+
+In undrained stages water would carry what the grains lack of a total side stress that is constant,
+
+    u = σside(start) - σside,
+
+the side being the axes that keep the volume. It goes on through undrained stages one after another.
+"""
+
+import math
+
+import numpy as np
+
+from ..state import Stateful
+
+
+class WallMeans(Stateful):
+    """Mean stress of each wall over the time that a wave travels, exponentially weighted.
+
+    Args:
+        stress: At the start, of each wall [Pa].
+        at: Time of that [s].
+    """
+
+    STATE = {"common": ("stress", "at")}
+
+    def __init__(self, stress, at):
+        self.stress, self.at = stress, at
+
+    def add(self, stress, t, travel_time):
+        """Take the stresses at the time ``t`` [s] into the means. Twice gives the same as once."""
+        elapsed, self.at = t - self.at, t
+        if elapsed > 0.0:  # not twice in the same state
+            weight = 1.0 - math.exp(-elapsed / travel_time) if travel_time > 0.0 else 1.0
+            mean = np.asarray(self.stress)
+            self.stress = (mean + weight * (stress - mean)).tolist()
+
+
+class Gauges(Stateful):
+    """Lengths, stresses and strains along the axes of a container. Local: the same on all ranks.
+
+    Args:
+        simulation: :class:`~.Simulation` with the walls of the container.
+        container: :class:`~mufe_fenicsx.container.Container`.
+    """
+
+    STATE = {"common": ("reference", "total", "sides")}
+
+    def __init__(self, simulation, container):
+        self.simulation, self.container = simulation, container
+        self.reference = self.lengths.tolist()  #: lengths at strain 0 [m]
+        self.means = WallMeans([0.0] * len(container.walls), simulation.state.t)
+        self.total = None  #: total side stress of undrained stages [Pa]; None: drained
+        self.sides = []  #: axes that are the side then
+
+    @property
+    def columns(self):
+        """Of history.csv beyond the usual ones."""
+        axes = self.container.axes
+        return (*(f"stress_{a}" for a in axes), *(f"strain_{a}" for a in axes), "pore_pressure")
+
+    @property
+    def lengths(self):
+        """Lengths between the walls along the axes [m], shape (num_axes,)."""
+        walls = self.simulation.walls
+        return self.container.lengths(walls.point, walls.curved.radius)
+
+    @property
+    def places(self):
+        """How far in planes stand, from the origin [m], shape (num_walls,)."""
+        walls = self.simulation.walls
+        return np.einsum("wi,wi->w", walls.point, walls.normal)
+
+    @property
+    def strains(self):
+        """Along the axes, shape (num_axes,)."""
+        return 1.0 - self.lengths / self.reference
+
+    def set_zero(self):
+        """Count strains from here."""
+        self.reference = self.lengths.tolist()
+
+    def axis_stress(self, forces):
+        """Mean stress of the walls of each axis [Pa], shape (num_axes,), of forces on walls [N]."""
+        return self.container.stresses(forces, self.lengths)
+
+    def wall_stress(self, forces):
+        """Stress of each wall [Pa], shape (num_walls,), of forces on walls [N]."""
+        return np.asarray(forces) / self.container.areas_of_walls(self.lengths)
+
+    def mean_stress(self):
+        """That of the axes, mean over the time that a wave travels [Pa], shape (num_axes,)."""
+        mean = np.asarray(self.means.stress)
+        return np.array([mean[list(walls)].mean() for walls in self.container.walls_of_axis])
+
+    def pore_pressure(self, stress):
+        """u [Pa] at stresses along the axes; 0 in drained stages."""
+        return 0.0 if self.total is None else self.total - self._side(stress)
+
+    def shut(self, sides, stress):
+        """Let no water out from here on.
+
+        Args:
+            sides: Axes whose walls keep the volume; none: drained.
+            stress: Along the axes [Pa].
+        """
+        pressure = self.pore_pressure(stress)
+        self.sides, self.total = list(sides), None
+        if self.sides:
+            self.total = self._side(stress) + pressure
+
+    def _side(self, stress):
+        return float(np.mean([stress[a] for a in self.sides]))
+
+    def values(self, stress, begun):
+        """All that `until` can name, at stresses along the axes.
+
+        Args:
+            stress: [Pa], shape (num_axes,).
+            begun: Time of the start of the stage [s].
+        """
+        container = self.container
+        x, y, z = (float(value) for value in container.along_three(stress))
+        volumes = container.volume([self.lengths, self.reference])
+        return {
+            **{f"stress_{a}": float(v) for a, v in zip(container.axes, stress, strict=True)},
+            **{f"strain_{a}": float(v) for a, v in zip(container.axes, self.strains, strict=True)},
+            "mean_stress": (x + y + z) / 3.0,
+            "deviator": math.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2)),
+            "q": z - 0.5 * (x + y),
+            "pore_pressure": self.pore_pressure(stress),
+            "strain_volume": float(1.0 - volumes[0] / volumes[1]),
+            "time": self.simulation.state.t - begun,
+        }
+
+    def row(self, forces):
+        """Columns of history.csv, of forces on the walls [N]."""
+        stress = self.axis_stress(forces)
+        values = [*stress, *self.strains, self.pore_pressure(stress)]
+        return dict(zip(self.columns, values, strict=True)) | {"stress": stress[-1]}

@@ -1,0 +1,166 @@
+"""Curves over time that were measured: a CSV file, and what lies between its rows.
+
+The first line names the columns, each with its unit in brackets where that is not SI:
+
+    time [min], strain_z [%]
+    0, 0
+    10, 0.12
+
+Lines that begin with # are comments. Between rows a curve is a monotone cubic (Fritsch & Carlson
+1980): it goes through each row, has no extremum that the rows have not, and its slope is
+continuous. Walls that follow it make no jump of speed, hence no wave, and no overshoot. Straight
+lines would jump in speed at each row; other cubics would overshoot.
+
+Source: F. N. Fritsch & R. E. Carlson, SIAM Journal on Numerical Analysis 17, 1980, 238-246.
+"""
+
+import csv
+import io
+import math
+import re
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mufe_fenicsx.errors import InputError, nearest_name, shown
+from mufe_fenicsx.output.run_folder import reason, regular
+from mufe_fenicsx.units import to_si
+
+TIME = "time"
+#: Bytes of a file.
+LARGEST = 100_000_000
+_NAME = re.compile(r"\s*(\w+)\s*(?:\[\s*([^\]]*?)\s*\])?\s*")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Curves over time, SI units. Local."""
+
+    path: Path
+    time: np.ndarray  #: [s], it grows, shape (num_rows,)
+    columns: dict[str, np.ndarray]  #: name -> values, shape (num_rows,)
+    checksum: int  #: of the bytes of the file
+
+    def curve(self, name: str):
+        """A column over the part of the whole time, from 0 to 1: a scipy PchipInterpolator."""
+        return curve_through(self.part, self.columns[name])
+
+    @property
+    def part(self) -> np.ndarray:
+        """Part of the whole time at each row, from 0 to 1, shape (num_rows,)."""
+        return (self.time - self.time[0]) / (self.time[-1] - self.time[0])
+
+
+def curve_through(x: np.ndarray, y: np.ndarray):
+    """The monotone cubic through points, a scipy PchipInterpolator.
+
+    Args:
+        x: It grows, shape (num_points,).
+        y: Values, shape (num_points,).
+    """
+    from scipy.interpolate import PchipInterpolator  # only where there is something to follow
+
+    return PchipInterpolator(x, y)
+
+
+def steepest(curve) -> float:
+    """Largest absolute slope of a curve of :func:`curve_through`.
+
+    The slope is a parabola in each interval: it is largest at an end, or at its vertex.
+    """
+    slope = curve.derivative()
+    bend, rise, _ = slope.c
+    width = np.diff(slope.x)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        vertex = np.where(bend != 0.0, -0.5 * rise / bend, 0.0)
+    at = slope.x[:-1] + np.clip(vertex, 0.0, width)
+    return float(np.abs(slope(np.concatenate([slope.x, at]))).max())
+
+
+def read_measured(path: str | Path, units: Mapping[str, str]) -> Measured:
+    """Read curves over time from a CSV file. Local.
+
+    Args:
+        path: The file.
+        units: SI unit of each column that there may be, "" of a number; "time" is one of them and
+            has to be there.
+
+    Raises:
+        InputError: It cannot be read, a column is not known or missing, a value is no number, or
+            the time does not grow. The message names the file and the line.
+    """
+    path = Path(path)
+    try:
+        if regular(path).stat().st_size > LARGEST:
+            raise InputError(f"{path} has more than {LARGEST} bytes, expected a table to follow")
+        data = path.read_bytes()
+        text = data.decode("utf-8-sig")
+        lines = list(csv.reader(io.StringIO(text, newline="")))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path} cannot be read ({reason(error)}), expected a CSV file") from error
+    rows = [
+        (number, row)
+        for number, row in enumerate(lines, start=1)
+        if any(cell.strip() for cell in row) and not row[0].lstrip().startswith("#")
+    ]
+    if not rows:
+        raise InputError(f"{path} has no line, expected the names of columns")
+    names, factors = _columns(path, *rows[0], units)
+    values = np.array([_numbers(path, number, row, names) for number, row in rows[1:]])
+    if len(values) < 2:
+        raise InputError(f"{path} has {len(values)} rows, expected at least two")
+    found = dict(zip(names, values.T * np.array(factors)[:, None], strict=True))
+    time = found.pop(TIME)
+    late = np.flatnonzero(np.diff(time) <= 0.0)
+    if late.size:
+        before, now = values[late[0] : late[0] + 2, names.index(TIME)]
+        raise InputError(
+            f"{path}, line {rows[late[0] + 2][0]}: time = {now:g}, expected more than {before:g}, "
+            "that of the row before"
+        )
+    return Measured(path, time, found, zlib.crc32(data))
+
+
+def _columns(path, number, row, units):
+    """Names of the columns, and factors that turn them into SI units."""
+    names, factors = [], []
+    where = f"{path}, line {number}"
+    for cell in row:
+        match = _NAME.fullmatch(cell)
+        name = match[1] if match else cell.strip()
+        if name not in units:
+            raise InputError(
+                f"{where}: {shown(name)} is not a known column, expected "
+                f"{nearest_name(name, units)}"
+            )
+        if name in names:
+            raise InputError(f"{where}: {name} is there twice, expected names that differ")
+        unit = match[2] if match else None
+        names.append(name)
+        factors.append(to_si(f"1 {unit}", units[name], f"{where}: {name}") if unit else 1.0)
+    if TIME not in names:
+        raise InputError(f"{where}: time is missing, expected a column of it")
+    if len(names) < 2:
+        others = ", ".join(name for name in units if name != TIME)
+        raise InputError(f"{where}: time is alone, expected a column beside it: {others}")
+    return names, factors
+
+
+def _numbers(path, number, row, names):
+    """The values of one line."""
+    where = f"{path}, line {number}"
+    if len(row) != len(names):
+        raise InputError(f"{where} has {len(row)} values, expected {len(names)}")
+    found = []
+    for name, cell in zip(names, row, strict=True):
+        try:
+            value = float(cell)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise InputError(f"{where}: {name} = {shown(cell.strip())}, expected a finite number")
+        found.append(value)
+    return found
