@@ -12,6 +12,9 @@ from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.analysis.stress_strain import tangent_modulus
 from mufe_fenicsx.container import container_of_history
 
+#: Columns of a history with the shear stress of the platens [Pa], of those that move along.
+SHEAR_STRESS = ("shear_xz", "shear_tz")
+
 
 def contact_stress(force, branch, volume):
     """Mean stress of a sample from its contacts, σ = Σ f ⊗ l / V [Pa], shape (3, 3).
@@ -126,7 +129,7 @@ def oedometer_curves(history, lengths, solid_volume, width=0.01):
     for branch in branches(history):  # unloading has another slope at the same strain
         rows = branch.rows
         modulus[rows] = moduli(strain[rows], stress[rows], width)
-    side = container.along_three(stresses)[:, :2].mean(axis=1)
+    side = container.three_stresses(stresses, lengths)[:, :2].mean(axis=1)
     nothing = np.full(strain.shape, np.nan)
     return {
         "strain": strain,
@@ -148,19 +151,21 @@ def triaxial_curves(history):
     Returns:
         dict of arrays, shape (num_rows,): ``p`` the mean stress, ``q`` the deviator with the sign
         of σz less the mean of σx and σy [Pa], ``strain_volume``, loss of volume over that at
-        strain 0.
+        strain 0. A shear stress of the platens is part of q.
     """
     container = container_of_history(history)
     stress, strain = (
         np.column_stack([np.asarray(history[f"{name}_{a}"], dtype=float) for a in container.axes])
         for name in ("stress", "strain")
     )
-    x, y, z = container.along_three(stress).T
-    q = np.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2))
+    lengths = inner_lengths(history)
+    x, y, z = container.three_stresses(stress, lengths).T
+    shear = next((np.asarray(history[n], dtype=float) for n in SHEAR_STRESS if n in history), 0.0)
+    q = np.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2) + 3.0 * shear**2)
     return {
         "p": (x + y + z) / 3.0,
         "q": np.where(z < 0.5 * (x + y), -q, q),
-        "strain_volume": 1.0 - np.prod(1.0 - container.along_three(strain), axis=1),
+        "strain_volume": 1.0 - np.prod(1.0 - container.three_strains(strain, lengths), axis=1),
     }
 
 

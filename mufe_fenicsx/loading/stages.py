@@ -30,7 +30,8 @@ waits. Each grows alone, so that rows are nowhere farther apart than one interva
 
 Stresses are forces over the present areas of the walls; strains are 1 - L/L0, L0 the length at the
 end of the last stage with ``zero``, or at the start. Compression is positive. The axes are those of
-the container: x, y, z of a box; r, along which the length is the diameter, and z of a cylinder.
+the container: x, y, z of a box; r, along which the length is the diameter, and z of a cylinder; o
+and i, of its outer and inner diameter, and z of a hollow one. What shears a sample: shearing.py.
 """
 
 import math
@@ -43,6 +44,7 @@ from ..state import Stateful
 from .oedometer import overdamped, smooth_step
 from .present_stage import PresentStage, WallMeans
 from .quasi_static import QuasiStaticSpeed
+from .shearing import shearing_of
 from .wall_servo import Servo
 
 REST, HOLD, STRESS, STRAIN, SPEED = "rest", "hold", "stress", "strain", "speed"
@@ -89,6 +91,7 @@ class StagedLoading(Stateful):
             self.control = QuasiStaticSpeed(simulation, quasi_static, *platens)
         zeros = [number for number, stage in enumerate(program) if stage.zero]
         self._last_zero = max(zeros, default=-1)
+        self.shearing = shearing_of(simulation, self.container, settings, program)
         self._reference = self.lengths.tolist()
         self.first_height = self._reference[-1]
         self._held = [None] * len(self._reference)  # stress that each axis holds [Pa]
@@ -103,8 +106,13 @@ class StagedLoading(Stateful):
     @property
     def columns(self):
         """Of history.csv beyond the usual ones."""
-        return (*(f"stress_{a}" for a in self.container.axes),
-                *(f"strain_{a}" for a in self.container.axes))  # fmt: skip
+        of_shear = () if self.shearing is None else self.shearing.columns
+        return (*self._of_axes, *of_shear)
+
+    @property
+    def _of_axes(self):
+        letters = (*self.container.axes, *self.container.across)
+        return (*(f"stress_{a}" for a in letters), *(f"strain_{a}" for a in letters))
 
     @property
     def lengths(self):
@@ -193,8 +201,18 @@ class StagedLoading(Stateful):
             forces: On the walls [N], shape (num_walls,).
         """
         stress = self._axis_stress(forces)
-        values = dict(zip(self.columns, [*stress, *self.strains], strict=True))
-        return values | {"stress": stress[-1]}
+        values = dict(zip(self._of_axes, self._along_all(stress), strict=True))
+        of_shear = {} if self.shearing is None else self.shearing.row()
+        return values | of_shear | {"stress": stress[-1]}
+
+    def _along_all(self, stress):
+        """Stresses, then strains, along the axes and the directions across the vertical one."""
+        container, lengths, strains, found = self.container, self.lengths, self.strains, []
+        num = len(container.across)
+        for values, three in ((stress, container.three_stresses(stress, lengths)),
+                              (strains, container.three_strains(strains, lengths))):  # fmt: skip
+            found += [*values, *three[:num]]
+        return [float(value) for value in found]
 
     def state_dict(self):
         """What a loading that goes on from here has to know, fit for JSON."""
@@ -203,11 +221,17 @@ class StagedLoading(Stateful):
             "mean": self._mean.state_dict(),
             "servo": self.servo.state_dict(),
         }
+        if self.shearing is not None:
+            kept["shearing"] = self.shearing.state_dict()
         return kept if self.control is None else kept | {"control": self.control.state_dict()}
 
     def load_state_dict(self, kept):
         """Go on from what :meth:`state_dict` gave."""
         super().load_state_dict({"common": kept["common"]})
+        if self.shearing is not None:
+            if "shearing" in kept:  # else no stage so far had any
+                self.shearing.load_state_dict(kept["shearing"])
+            self.shearing.take(self.program[self.index])
         self._now.load_state_dict(kept["now"])
         self._mean.load_state_dict(kept["mean"])
         self.servo.load_state_dict(kept["servo"])
@@ -243,6 +267,8 @@ class StagedLoading(Stateful):
         ]
         if self.index == 0:
             self._mean = WallMeans(self._wall_stress(forces).tolist(), state.t)
+        if self.shearing is not None:
+            self.shearing.begin(self.program[self.index])
         ways = [0.0] * (NUM_WAYS + len(self._given()))
         self._now = PresentStage(state.t, self.lengths.tolist(), stress0, ways)
         self._now.values0 = self._values(self._mean_stress())
@@ -259,6 +285,7 @@ class StagedLoading(Stateful):
                 "strain": self.strain,
                 "strains": self.strains.tolist(),
                 "stresses": stress.tolist(),
+                **({} if self.shearing is None else self.shearing.values()),
             }
         )
 
@@ -291,9 +318,19 @@ class StagedLoading(Stateful):
         walls = self.container.walls_of_axis[self._leading_axis()]
         return walls[-1], walls[0]
 
+    def _on_line(self):
+        """Whether the stage has stresses, strains or a shear to reach along its line."""
+        shears = self.shearing is not None and self.shearing.leads
+        return shears or any(task in (STRESS, STRAIN) for task, _ in self._do)
+
+    def _at_speed(self):
+        """Whether walls go at a speed until the stage ends, which may be none."""
+        shears = self.shearing is not None and self.shearing.goes
+        return shears or any(task == SPEED for task, _ in self._do)
+
     def _part_led(self):
         """How far the leading part of the stage has come, from 0 to 1."""
-        parts = [self._now.s] if any(task in (STRESS, STRAIN) for task, _ in self._do) else []
+        parts = [self._now.s] if self._on_line() else []
         parts += self._parts_of_until()
         return min(max(max(parts, default=0.0), 0.0), 1.0)
 
@@ -318,6 +355,8 @@ class StagedLoading(Stateful):
             for a, (task, _) in enumerate(self._do)
             if task in (HOLD, STRESS, SPEED)
         ]
+        if self.shearing is not None and self.shearing.goes:
+            shares.append(self.shearing.way / most)
         until = t if self._now.led_until is None else self._now.led_until
         # Rows are as near at first as before it waits, and as many each time that it has waited
         # e times as long: few grains may rattle for long.
@@ -330,8 +369,9 @@ class StagedLoading(Stateful):
 
     def _is_led(self):
         """Whether walls are on the way to what the stage is to reach, or go at a speed."""
-        on_line = self._now.s < 1.0 and any(task in (STRESS, STRAIN) for task, _ in self._do)
-        return on_line or any(task == SPEED and axis.speed for task, axis in self._do)
+        moves = any(task == SPEED and axis.speed for task, axis in self._do)
+        moves |= self.shearing is not None and self.shearing.goes
+        return moves or (self._now.s < 1.0 and self._on_line())
 
     def _is_over(self):
         """Whether the present stage is over in the present state. Collective."""
@@ -349,8 +389,10 @@ class StagedLoading(Stateful):
         self.servo.sample(stress, lengths)
         self._check_lengths(stress, lengths)
         self._mean.add(self._wall_stress(forces), t, self.servo.travel_time)
+        if self.shearing is not None:
+            self.shearing.sample(t, self.servo.travel_time)
         self._come(lengths, t)
-        near = True
+        near = self.shearing is None or self.shearing.is_there
         for a, (task, axis) in enumerate(self._do):
             if task in (HOLD, STRESS):
                 target = now.stress0[a] if task == HOLD else axis.stress
@@ -358,17 +400,15 @@ class StagedLoading(Stateful):
                 near &= bool(off <= self.settings.tolerance * target)
             elif task == STRAIN:
                 near &= bool(abs(lengths[a] - self._length1(a)) <= EXACT * lengths[a])
-        near &= now.s == 1.0 or not any(task in (STRESS, STRAIN) for task, _ in self._do)
+        near &= now.s == 1.0 or not self._on_line()
         now.settled = (t if now.settled is None else now.settled) if near else None
         if now.led_until is None and not self._is_led():
             now.led_until = t
         if now.hold_from is not None:
             return
         stage = self.program[self.index]
-        tasks = [task for task, _ in self._do]
-        servo = HOLD in tasks or STRESS in tasks
-        ends_itself = not (stage.until is not None or SPEED in tasks) or STRESS in tasks
-        ends_itself = ends_itself or STRAIN in tasks
+        servo = any(task in (HOLD, STRESS) for task, _ in self._do)
+        ends_itself = not (stage.until is not None or self._at_speed()) or self._on_line()
         if ends_itself and now.settled is not None:
             wait = SETTLED * self.servo.travel_time if servo else 0.0
             if t - now.settled >= wait:
@@ -397,14 +437,17 @@ class StagedLoading(Stateful):
 
     def _values(self, stress):
         """All that `until` can name."""
-        container, strains = self.container, self.strains
-        x, y, z = (float(value) for value in container.along_three(stress))
-        volumes = container.volume([self.lengths, self._reference])
-        return {
-            **{f"stress_{a}": float(v) for a, v in zip(container.axes, stress, strict=True)},
-            **{f"strain_{a}": float(v) for a, v in zip(container.axes, strains, strict=True)},
+        container, lengths, shear = self.container, self.lengths, 0.0
+        x, y, z = (float(value) for value in container.three_stresses(stress, lengths))
+        volumes = container.volume([lengths, self._reference])
+        found = dict(zip(self._of_axes, self._along_all(stress), strict=True))
+        if self.shearing is not None:
+            found |= self.shearing.values()
+            shear = self.shearing.stress
+        square = 0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2) + 3.0 * shear**2
+        return found | {
             "mean_stress": (x + y + z) / 3.0,
-            "deviator": math.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2)),
+            "deviator": math.sqrt(square),
             "strain_volume": float(1.0 - volumes[0] / volumes[1]),
             "time": self.simulation.state.t - self._now.begun,
         }
@@ -413,7 +456,7 @@ class StagedLoading(Stateful):
 
     def _axis_stress(self, forces):
         """Mean stress of the walls of each axis [Pa], shape (num_axes,)."""
-        return self.container.stresses(forces, self.lengths)
+        return self.container.stresses(self._across(forces), self.lengths)
 
     def _mean_stress(self):
         """That, as the mean over the time that a wave travels [Pa], shape (num_axes,)."""
@@ -422,7 +465,12 @@ class StagedLoading(Stateful):
 
     def _wall_stress(self, forces):
         """Stress of each wall [Pa], shape (num_walls,)."""
-        return np.asarray(forces) / self.container.areas_of_walls(self.lengths)
+        forces = np.asarray(self._across(forces))
+        return forces / self.container.areas_of_walls(self.lengths)
+
+    def _across(self, forces):
+        """Those parts of the normal forces that the areas of the walls are loaded by [N]."""
+        return forces if self.shearing is None else self.shearing.across(forces)
 
     def _moving_mean(self, a, forces):
         stress = self._wall_stress(forces)
@@ -463,9 +511,9 @@ class StagedLoading(Stateful):
                 for w in walls:
                     if stiffness[w] > 0.0:
                         v = gain[w] * (target - stress[w])
-                        velocity[w] = min(max(v, -most * share), most * share)
+                        velocity[w] = min(max(v, -most * abs(share)), most * abs(share))
                     else:  # on towards the sample
-                        velocity[w] = share * free
+                        velocity[w] = abs(share) * free
             elif task == STRAIN and leading:
                 wanted = now.length0[a] + now.s * (self._length1(a) - now.length0[a])
                 velocity[walls] = share * (lengths[a] - wanted) / sim.dt
@@ -473,9 +521,15 @@ class StagedLoading(Stateful):
                 velocity[walls] = share * axis.speed * factor
         sim.walls.set_speeds(velocity)
         self._speed = float(np.abs(self.container.closing(velocity)).max())
+        if self.shearing is not None:
+            speed = self.shearing.move(now.s if leading else None, factor, velocity)
+            self._speed = max(self._speed, speed)
 
     def _share(self, a):
-        """Speed of each moving wall of an axis over that of its length."""
+        """Speed of each moving wall of an axis over that of its length, which it shortens.
+
+        Negative where a wall that comes towards the sample makes the length longer.
+        """
         return 1.0 / (self.container.shortening[a] * len(self._moving(a)))
 
     def _fastest(self):
@@ -497,7 +551,8 @@ class StagedLoading(Stateful):
 
     def _ramp_time(self):
         """In which walls get from rest to their speed, and back [s]."""
-        return self.settings.ramp * min(self._now.length0) / self.settings.speed
+        shortest = self.container.shortest(self._now.length0)
+        return self.settings.ramp * shortest / self.settings.speed
 
     def _is_controlled(self):
         """Whether the speed adapts: not while the sample is seated, where walls travel freely."""
@@ -507,15 +562,19 @@ class StagedLoading(Stateful):
         """Speed that keeps the test quasi-static over the one that is stated."""
         if not self._is_controlled():
             return 1.0
-        if self._now.s == 1.0 and SPEED not in [task for task, _ in self._do]:
+        if self._now.s == 1.0 and not self._at_speed():
             return self.control.speed / self.settings.speed
-        strain = float(self.strains[self._leading_axis()])
-        return self.control(abs(strain)) / self.settings.speed
+        strain = abs(float(self.strains[self._leading_axis()]))
+        if self.shearing is not None:
+            strain = max(strain, self.shearing.way)
+        return self.control(strain) / self.settings.speed
 
     def _next_s(self, factor, lengths, stress, gain):
         """How far along the line walls may go in the coming step."""
         now, dt, ramp = self._now, self.simulation.dt, self.settings.ramp
         found = 1.0
+        if self.shearing is not None:
+            found = min(found, self.shearing.next_s(now.s, factor, ramp))
         for a, (task, axis) in enumerate(self._do):
             if task == STRAIN:
                 way = abs(self._length1(a) - now.length0[a])
@@ -526,7 +585,7 @@ class StagedLoading(Stateful):
             elif task == STRESS:
                 way = axis.stress - now.stress0[a]
                 walls = self._moving(a)
-                most = self._most(axis) * factor * self._share(a)
+                most = self._most(axis) * factor * abs(self._share(a))
                 for w in walls:
                     if not math.isfinite(gain[w]):
                         # Those that have met the sample press a little, and stay.

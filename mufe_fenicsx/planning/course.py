@@ -28,7 +28,7 @@ class Part:
     way: float  #: largest change of strain along an axis
     level: float  #: strain at which inertia is the same part of the stress as at its end
     stated: float | None  #: speed that the stage states itself [m/s]
-    waits: float  #: time that does not depend on speeds [s]
+    waits: float  #: time that does not depend on the speed of the test [s]
     slows: bool  #: whether it comes to rest at a strain
 
 
@@ -169,5 +169,5 @@ def _ways_until(stage, container, a, stress, strain, modulus):
     if f"strain_{name}" in given:
         ways.append(given[f"strain_{name}"] - strain[a])
     if "strain_volume" in given:
-        ways.append(given["strain_volume"] - float(container.along_three(strain).sum()))
+        ways.append(given["strain_volume"] - _volumetric(container, strain))
     return ways
