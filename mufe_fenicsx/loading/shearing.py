@@ -29,11 +29,14 @@ import math
 import numpy as np
 
 from ..container import BOX, SHEARED
+from ..errors import SolverError
 from ..state import Stateful
 from .present_stage import WallMeans
 
 #: Part of a target to which it is reached.
 EXACT = 1e-9
+#: γ of a box at which a test stops that goes at a rate: its walls are nearly flat.
+LARGEST = 10.0
 
 
 class Shearing(Stateful):
@@ -230,7 +233,15 @@ class SimpleShear(Shearing):
         return load, self.value
 
     def advance(self, way, inward):
-        """As of the base: γ grows by ``way`` at the height that the step ends with."""
+        """As of the base: γ grows by ``way`` at the height that the step ends with.
+
+        Raises:
+            SolverError: γ is beyond ``LARGEST``; on all ranks.
+        """
+        if abs(self.value) > LARGEST:
+            raise SolverError(
+                f"gamma_xz = {self.value:.3g}, expected at most {LARGEST:g}: end the stage before"
+            )
         walls, dt = self.simulation.walls, self.simulation.dt
         bottom, top = self.container.bottom, self.container.top
         height = self._height

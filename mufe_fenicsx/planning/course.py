@@ -18,6 +18,10 @@ from .errors import PACKING
 
 #: Solids of a packing over its volume; contacts of a ball in it.
 SOLID, COORDINATION = 0.6, 6.0
+#: Shear strain over angle of platens that turn, R/H: a guess, sizes are not known here.
+ARM = 0.5
+#: Inner over outer diameter of a hollow cylinder, likewise.
+HOLE = 0.6
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,7 @@ class Part:
     stated: float | None  #: speed that the stage states itself [m/s]
     waits: float  #: time that does not depend on the speed of the test [s]
     slows: bool  #: whether it comes to rest at a strain
+    rate: float | None = None  #: of shear strain that the stage states itself [1/s]
 
 
 @dataclass(frozen=True)
@@ -95,12 +100,13 @@ def course_of(scene):
     zeros = [number for number, stage in enumerate(scene.stages) if stage.zero]
     seated = max(zeros, default=-1)
     container, parts, furthest = scene.container.kind, [], 0.0
-    stress, strain = np.zeros((2, len(container.axes)))
+    stress, strain, shear = *np.zeros((2, len(container.axes))), 0.0
     seating_stress, seating_speed = 0.0, _speed(scene.stages[0]) or loading.speed
     for number, stage in enumerate(scene.stages):
         new_stress, new_strain = _after(stage, container, stress, strain, modulus)
-        way = float(np.abs(new_strain - strain).max())
-        stress, strain = new_stress, new_strain
+        sheared, rate = _shear_after(stage, shear)
+        way = max(float(np.abs(new_strain - strain).max()), abs(sheared - shear))
+        stress, strain, shear = new_stress, new_strain, sheared
         if number <= seated:
             seating_stress, seating_speed = float(stress.max()), _speed(stage) or loading.speed
             strain = 0.0 * strain if number == seated else strain
@@ -113,10 +119,11 @@ def course_of(scene):
             level = largest / (density * wave * elastic_wave_speed(scene.material, largest))
         furthest = max(furthest, float(np.abs(strain).max()))
         slows = any(axis.strain is not None for axis in stage.axes.values())
+        slows |= any(move.leads for move in stage.along.values())
         moves = way > 0.0
         parts.append(
             Part(stage.name, way, level if moves else math.inf, _speed(stage) if moves else None,
-                 stage.hold + (until or 0.0) * (not moves), slows)
+                 stage.hold + (until or 0.0) * (not moves), slows, rate)
         )  # fmt: skip
     loaded = [part for part in parts if part.way > 0.0]
     if not loaded:  # seating is all that there is
@@ -140,32 +147,61 @@ def _speed(stage):
     return min(stated, default=None)
 
 
+def _shear_after(stage, shear):
+    """Shear strain after a stage, and the rate that the stage states [1/s], None where it does not.
+
+    Where `until` names nothing of it, it goes on at its rate for the time there, or not known.
+    """
+    for key, move in stage.along.items():
+        per_angle = 1.0 if key == "shear" else ARM
+        rate = None if move.rate is None else abs(move.rate) * per_angle
+        given = {} if stage.until is None else stage.until.given
+        ends = [] if move.target is None else [move.target * per_angle]
+        ends += [given[name] for name in ("gamma_xz", "gamma_tz") if name in given]
+        ends += [given["twist"] * per_angle] if "twist" in given else []
+        ends += [shear + move.rate * per_angle * given["time"]] if _runs(move, given) else []
+        return min(ends, key=lambda end: abs(end - shear), default=shear), rate
+    return shear, None
+
+
+def _runs(move, given):
+    """Whether a move goes at a rate for a time."""
+    return move.target is None and "time" in given
+
+
+def _volumetric(container, strain):
+    """Sum of the strains along three directions; of a hollow cylinder with a hole as in ``HOLE``."""
+    lengths = np.array([1.0, HOLE, 1.0]) if container.across else None
+    return float(container.three_strains(strain, lengths).sum())
+
+
 def _after(stage, container, stress, strain, modulus):
     """Stresses [Pa] and strains along the axes of a container after a stage, from those before."""
-    change = 0.0 * strain
+    change, sides = 0.0 * strain, np.sign(container.shortening)
     for a, name in enumerate(container.axes):
         axis = stage.axes.get(name)
         if axis is None:
             continue
         if axis.stress is not None:
-            change[a] = (axis.stress - stress[a]) / modulus
+            change[a] = sides[a] * (axis.stress - stress[a]) / modulus
             continue
         ways = [] if axis.strain is None else [axis.strain - strain[a]]
         ways += _ways_until(stage, container, a, stress, strain, modulus)
         change[a] = min(ways, key=abs, default=0.0)
-    return np.maximum(stress + modulus * change, 0.0), strain + change
+    return np.maximum(stress + modulus * sides * change, 0.0), strain + change
 
 
 def _ways_until(stage, container, a, stress, strain, modulus):
     """Changes of strain along an axis at which values of `until` are passed, other axes held."""
     name, given = container.axes[a], {} if stage.until is None else stage.until.given
-    side = float(np.delete(stress, a).mean())
+    others = float(np.delete(stress, a).mean())
     ends = {
         f"stress_{name}": lambda value: value,
-        "deviator": lambda value: side + value,
-        "mean_stress": lambda value: 3.0 * value - 2.0 * side,
+        "deviator": lambda value: others + value,
+        "mean_stress": lambda value: 3.0 * value - 2.0 * others,
     }
-    ways = [(end(given[key]) - stress[a]) / modulus for key, end in ends.items() if key in given]
+    side = math.copysign(modulus, container.shortening[a])
+    ways = [(end(given[key]) - stress[a]) / side for key, end in ends.items() if key in given]
     if f"strain_{name}" in given:
         ways.append(given[f"strain_{name}"] - strain[a])
     if "strain_volume" in given:

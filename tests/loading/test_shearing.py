@@ -28,6 +28,7 @@ from mufe_fenicsx.scene import (
     load_scene,
     scene_to_toml,
 )
+from mufe_fenicsx.scene import Wall as SceneWall
 from mufe_fenicsx.scene.shearing import Shear, Turn
 from mufe_fenicsx.scene.stages import Axis, Loading, Stage, Until, named
 from tests.bodies import RADIUS, packed_grains
@@ -182,7 +183,7 @@ def test_torsion_of_an_elastic_tube(wall):
     )  # fmt: skip
     end = march(sim, loading)["turn"]
     assert end["twist"] == pytest.approx(angle, abs=1e-9)
-    # Four tetrahedra along the height are stiffer by some percent: `mufe verify torsion-of-a-tube`.
+    # Four tetrahedra along the height are stiffer by some percent: `mufe verify tube-in-torsion`.
     assert end["torque"] == pytest.approx(G * polar_moment(body) * angle / HEIGHT, rel=0.06)
     outer, inner = RADII[0] * 1.02, RADII[1] * 0.98
     volume = math.pi * (outer**2 - inner**2) * HEIGHT
@@ -236,15 +237,16 @@ def test_stresses_on_the_axes_of_a_hollow_cylinder():
 
 
 def scene(**changes):
-    """Grains pressed, then sheared while the platens hold their stress."""
+    """Grains pressed, then sheared at the volume that they have."""
     stages = (
-        Stage(zero=True, xyz=Axis(stress=2e6)),
-        Stage("shear", shear=Shear(xz=0.02)),
+        Stage(zero=True, xyz=Axis(strain=0.004)),
+        Stage("shear", xyz=Axis(speed=0.0), shear=Shear(xz=0.02)),
         Stage("back", shear=Shear(rate=-2e3), until=Until(gamma_xz=0.015)),
     )
     values = {
         "material": Elastic(100e9, 0.15, 2650.0),
-        "contact": Contact(friction=0.4, wall_friction=0.5),
+        "contact": Contact(friction=0.4),
+        "walls": {name: SceneWall(friction=0.5) for name in ("z_min", "z_max")},
         "solver": Solver(damping=2e5),
         "loading": Loading(speed=1.0, ramp=1e-3, tolerance=0.05),
         "stages": stages,
@@ -274,7 +276,7 @@ def test_a_sheared_run_resumes_to_the_same_history(folder):
     assert whole["finished"] and [s["name"] for s in whole["stages"]] == ["seating", "shear", "back"]
     sheared = history["stage"] == "shear"
     assert history["gamma_xz"][sheared][-1] == pytest.approx(0.02, abs=1e-9)
-    assert history["stress_z"][sheared][-1] == pytest.approx(2e6, rel=0.1)
+    assert np.ptp(history["height"][sheared]) < 1e-12 * history["height"][-1]
     assert history["shear_xz"][sheared][-1] > 0 and history["gamma_xz"][-1] < 0.02
     assert whole["stages"][2]["gamma_xz"] == pytest.approx(0.02, abs=1e-9)
     run(folder, "parts", scene(), max_steps=whole["stages"][2]["step"] - 60)
@@ -287,15 +289,15 @@ def test_a_sheared_run_resumes_to_the_same_history(folder):
 def test_a_ring_of_grains_is_turned_in_a_hollow_cylinder(folder):
     """Four balls between two walls and two platens: the hole is the largest, and turns count."""
     program = (
-        Stage(zero=True, z=Axis(stress=2e6)),
-        Stage("turn", turn=Turn(angle=0.02, wall="bottom")),
-        Stage("on", turn=Turn(rate=-2e3), until=Until(twist=0.0)),
+        Stage(zero=True, z=Axis(strain=0.004)),
+        Stage("turn", z=Axis(speed=0.0), turn=Turn(angle=0.02, wall="bottom")),
+        Stage("on", turn=Turn(rate=-5e3), until=Until(twist=0.01)),
     )
     given = scene(stages=program, container=ContainerSettings("hollow cylinder"))
     whole = run(folder, "ring-run", given, "ring")
     kept, history = whole["container"], read_history(folder / "ring-run" / "history.csv")
     assert kept["radius"] == pytest.approx(RADIUS * (1 + math.sqrt(2)), rel=0.02)
-    assert kept["inner_radius"] == pytest.approx(RADIUS * (math.sqrt(2) - 1), rel=0.1)
+    assert kept["inner_radius"] == pytest.approx(RADIUS * (math.sqrt(2) - 1), rel=0.2)
     turned = history["stage"] == "turn"
     assert history["twist"][turned][-1] == pytest.approx(0.02, abs=1e-9)
     D, d, T = (history[name] for name in ("diameter", "inner_diameter", "torque"))
