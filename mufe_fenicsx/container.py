@@ -16,7 +16,9 @@ pressures po and pi; the mean stresses across and around it, and the strains tha
     σθ = (po Do - pi Di)/(Do - Di),  εθ = 1 - (Do + Di)/(Do + Di)₀,
 
 are exact: V (σr ε̇r + σθ ε̇θ) is the work of both pressures on the walls that move, and
-1 - (1 - εr)(1 - εθ)(1 - εz) the loss of volume (Hight, Gens & Symes 1983).
+1 - (1 - εr)(1 - εθ)(1 - εz) the loss of volume.
+
+Source: D. W. Hight, A. Gens & M. J. Symes, Géotechnique 33, 1983, 355-383.
 """
 
 import math

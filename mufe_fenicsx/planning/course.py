@@ -170,7 +170,7 @@ def _runs(move, given):
 
 
 def _volumetric(container, strain):
-    """Sum of the strains along three directions; of a hollow cylinder with a hole as in ``HOLE``."""
+    """Sum of the strains along three directions; the hole of a hollow cylinder is ``HOLE``."""
     lengths = np.array([1.0, HOLE, 1.0]) if container.across else None
     return float(container.three_strains(strain, lengths).sum())
 

@@ -139,9 +139,7 @@ class State:
     def outline(self, start):
         """Lines of the walls, pyvista.PolyData; ``start`` as of :meth:`box`."""
         hole = self.sides[1] if self.sides is not None and len(self.sides) > 1 else 0.0
-        return outline_of(
-            self.box(start), self.centre is not None, 0.5 * hole, tilt=self.tilt
-        )
+        return outline_of(self.box(start), self.centre is not None, 0.5 * hole, tilt=self.tilt)
 
     def box(self, start):
         """Corners of the space between the walls [m], shape (2, 3).

@@ -8,7 +8,6 @@ from .pairs import by_materials
 from .tables import Wall
 from .tools import FREEDOMS
 
-
 #: Of the axes of all containers, and of directions across the vertical one.
 ALL_LETTERS = {letter for each in CONTAINERS.values() for letter in (*each.axes, *each.across)}
 
@@ -73,9 +72,13 @@ def _check_container(scene):
                     f"stage[{number}] leads {axis}, expected {' or '.join(container.axes)} with "
                     f'container.shape = "{container.shape}"'
                 )
-            if len(container.walls_of_axis[container.axes.index(axis)]) == 1 and settings.walls != "both":
+            if (
+                len(container.walls_of_axis[container.axes.index(axis)]) == 1
+                and settings.walls != "both"
+            ):
                 raise InputError(
-                    f'stage[{number}].{axis}.walls = "{settings.walls}", expected "both": it is one wall'
+                    f'stage[{number}].{axis}.walls = "{settings.walls}", expected "both": it '
+                    "is one wall"
                 )
         for name in () if stage.until is None else stage.until.given:
             *_, letter = name.split("_")

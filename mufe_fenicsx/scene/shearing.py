@@ -75,4 +75,3 @@ def _check_rate(given, name):
             raise InputError(f"{name} is missing, expected it or a rate")
     elif given.rate is not None:
         require(given.rate > 0.0, "rate", given.rate, f"> 0 beside {name}")
-

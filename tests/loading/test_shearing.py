@@ -222,7 +222,7 @@ def test_stresses_on_the_axes_of_a_hollow_cylinder():
     B = (po - pi) * R**2 * r**2 / (R**2 - r**2)
     hoop = [((A + B / q**2) - nu * (A - B / q**2) - nu * change) / E for q in RADII]
     layer = float(np.average(sim.contact.points.layer, weights=sim.contact.points.area))
-    soft = np.array([2 * layer * po / (2 * R), -2 * layer * pi / (2 * r), 2 * layer * change / HEIGHT])
+    soft = layer * np.array([po / R, -pi / r, 2 * change / HEIGHT])
     expected = np.array([*hoop, (change - 2 * nu * A) / E]) + soft
     strain = np.array([end[f"strain_{a}"] for a in "oiz"])
     assert strain == pytest.approx(expected, abs=0.03 * np.abs(expected).max())
@@ -239,7 +239,7 @@ def test_stresses_on_the_axes_of_a_hollow_cylinder():
 def scene(**changes):
     """Grains pressed, then sheared at the volume that they have."""
     stages = (
-        Stage(zero=True, xyz=Axis(strain=0.004)),
+        Stage(zero=True, xyz=Axis(strain=0.01)),
         Stage("shear", xyz=Axis(speed=0.0), shear=Shear(xz=0.02)),
         Stage("back", shear=Shear(rate=-2e3), until=Until(gamma_xz=0.015)),
     )
@@ -248,7 +248,7 @@ def scene(**changes):
         "contact": Contact(friction=0.4),
         "walls": {name: SceneWall(friction=0.5) for name in ("z_min", "z_max")},
         "solver": Solver(damping=2e5),
-        "loading": Loading(speed=1.0, ramp=1e-3, tolerance=0.05),
+        "loading": Loading(speed=3.0, ramp=1e-3, tolerance=0.05),
         "stages": stages,
         "output": Output(fields=4, history=31),
     }
@@ -273,11 +273,12 @@ def run(folder, name, given, grains="grains", **options):
 def test_a_sheared_run_resumes_to_the_same_history(folder):
     whole = run(folder, "whole", scene())
     history = read_history(folder / "whole" / "history.csv")
-    assert whole["finished"] and [s["name"] for s in whole["stages"]] == ["seating", "shear", "back"]
+    names = [stage["name"] for stage in whole["stages"]]
+    assert whole["finished"] and names == ["seating", "shear", "back"]
     sheared = history["stage"] == "shear"
     assert history["gamma_xz"][sheared][-1] == pytest.approx(0.02, abs=1e-9)
     assert np.ptp(history["height"][sheared]) < 1e-12 * history["height"][-1]
-    assert history["shear_xz"][sheared][-1] > 0 and history["gamma_xz"][-1] < 0.02
+    assert np.ptp(history["shear_xz"][sheared]) > 0 and history["gamma_xz"][-1] < 0.02
     assert whole["stages"][2]["gamma_xz"] == pytest.approx(0.02, abs=1e-9)
     run(folder, "parts", scene(), max_steps=whole["stages"][2]["step"] - 60)
     assert run(folder, "parts", scene(), resume=True)["num_steps"] == whole["num_steps"]
@@ -289,7 +290,7 @@ def test_a_sheared_run_resumes_to_the_same_history(folder):
 def test_a_ring_of_grains_is_turned_in_a_hollow_cylinder(folder):
     """Four balls between two walls and two platens: the hole is the largest, and turns count."""
     program = (
-        Stage(zero=True, z=Axis(strain=0.004)),
+        Stage(zero=True, z=Axis(strain=0.03)),
         Stage("turn", z=Axis(speed=0.0), turn=Turn(angle=0.02, wall="bottom")),
         Stage("on", turn=Turn(rate=-5e3), until=Until(twist=0.01)),
     )
