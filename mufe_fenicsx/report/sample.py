@@ -136,6 +136,17 @@ class State:
         first = int(np.argmax(means))
         return int(labels[first]), float(means[first])
 
+    def corners(self, start):
+        """Corners of the space between the walls, tilted ones too [m], shape (8, 3).
+
+        Args:
+            start: As of :meth:`box`.
+        """
+        box = self.box(start)
+        found = np.array([[x, y, z] for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]])
+        found[:, 0] += self.tilt * (found[:, 2] - box[0, 2])
+        return found
+
     def outline(self, start):
         """Lines of the walls, pyvista.PolyData; ``start`` as of :meth:`box`."""
         hole = self.sides[1] if self.sides is not None and len(self.sides) > 1 else 0.0
