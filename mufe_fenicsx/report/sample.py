@@ -143,7 +143,7 @@ class State:
             start: As of :meth:`box`.
         """
         box = self.box(start)
-        found = np.array([[x, y, z] for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]])
+        found = box_corners(box)
         found[:, 0] += self.tilt * (found[:, 2] - box[0, 2])
         return found
 
@@ -178,6 +178,11 @@ class State:
             return np.array([corner, corner + size])
         top = low[2] + self.height if self.height else self.points[:, 2].max()
         return np.array([low, [high[0], high[1], top]])
+
+
+def box_corners(box):
+    """The eight corners of a box given by two, shape (8, 3)."""
+    return np.array([[x, y, z] for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]])
 
 
 def outline_of(box, is_round, hole=0.0, tilt=0.0):
