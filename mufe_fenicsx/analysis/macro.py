@@ -14,6 +14,8 @@ from mufe_fenicsx.container import container_of_history
 
 #: Columns of a history with the shear stress of the platens [Pa], of those that move along.
 SHEAR_STRESS = ("shear_xz", "shear_tz")
+#: That with γ of a box whose walls across x are tilted.
+TILT = "gamma_xz"
 
 
 def contact_stress(force, branch, volume):
@@ -62,7 +64,22 @@ def wall_stresses(history, lengths):
     """
     container = container_of_history(history)
     forces = np.column_stack([history[f"force_{name}"] for name in container.walls])
-    return container.stresses(forces, lengths)
+    tilt = history[TILT] if TILT in history else 0.0
+    return container.stresses(across_areas(forces, tilt), lengths)
+
+
+def across_areas(normal_forces, tilt):
+    """Those parts of normal forces that the areas between lengths are loaded by [N].
+
+    Walls across x of a box that is sheared are tilted: N cos θ, with tan θ = γ.
+
+    Args:
+        normal_forces: Of all walls [N], shape (..., num_walls), those two first.
+        tilt: γ, shape (...); 0 where nothing is tilted.
+    """
+    found = np.array(normal_forces, dtype=float)
+    found[..., :2] /= np.sqrt(1.0 + np.asarray(tilt, dtype=float)[..., None] ** 2)
+    return found
 
 
 def inner_lengths(history):

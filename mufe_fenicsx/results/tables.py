@@ -99,8 +99,11 @@ def stresses(run):
         lengths = np.array([now(length) for length in course.T])
         normal = contacts.groupby("wall")["normal_force"].sum()
         normal = normal.reindex(list(container.walls)).fillna(0.0)
-        wall = container.stresses(normal.to_numpy(), lengths)
+        tilt = now(history[macro.TILT]) if macro.TILT in history else 0.0
+        wall = container.stresses(macro.across_areas(normal.to_numpy(), tilt), lengths)
         wall = container.means(container.three_stresses(wall, lengths))
+        if tilt:  # that on a tilted plane is σxx - γ τ, if it is smooth
+            wall[0] += tilt * now(history[macro.SHEAR_STRESS[0]])
         volume = float(container.volume(lengths))
         inner = macro.contact_stress(
             vectors(contacts, "force"), vectors(contacts, "branch"), volume
