@@ -83,7 +83,8 @@ def stresses(run):
     ``difference_zz`` = contact over wall - 1, the same of the sides (of rr with the mean of xx and
     yy): small where the test is quasi-static; ``closure_zz`` …, the same with the inertia of the
     grains added, which is small at any speed; ``kinetic`` over internal energy; ``unbalanced``,
-    top less bottom force over their mean. States without tables of contacts are left out.
+    top less bottom force over their mean. In a box that is sheared ``wall_xx`` supposes that the
+    pressure on its tilted walls is even. States without tables of contacts are left out.
     """
     history = run.history
     times, kinetic = history["time"], kinetic_ratio(history)
@@ -102,8 +103,8 @@ def stresses(run):
         tilt = now(history[macro.TILT]) if macro.TILT in history else 0.0
         wall = container.stresses(macro.across_areas(normal.to_numpy(), tilt), lengths)
         wall = container.means(container.three_stresses(wall, lengths))
-        if tilt:  # that on a tilted plane is σxx - γ τ, if it is smooth
-            wall[0] += tilt * now(history[macro.SHEAR_STRESS[0]])
+        if tilt:  # the pressure on a tilted plane is σxx + γ τ, if it is smooth
+            wall[0] -= tilt * now(history[macro.SHEAR_STRESS[0]])
         volume = float(container.volume(lengths))
         inner = macro.contact_stress(
             vectors(contacts, "force"), vectors(contacts, "branch"), volume
