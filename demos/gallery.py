@@ -36,9 +36,9 @@ from mufe_fenicsx.report import style
 from mufe_fenicsx.report.animation import NAME as ANIMATION
 from mufe_fenicsx.report.animation import draw_animation
 from mufe_fenicsx.report.render import Camera, Layer, render
-from mufe_fenicsx.report.sample import boundary_faces, state_at
+from mufe_fenicsx.report.sample import boundary_faces, box_corners, state_at
 from mufe_fenicsx.report.source import Source
-from mufe_fenicsx.report.views import FROM, box_corners, colour_bar, polygons
+from mufe_fenicsx.report.views import FROM, colour_bar, polygons
 from mufe_fenicsx.run.demo import demo_commands, demo_scene, num_ranks
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -12,6 +12,11 @@ from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.analysis.stress_strain import tangent_modulus
 from mufe_fenicsx.container import container_of_history
 
+#: Columns of a history with the shear stress of the platens [Pa], of those that move along.
+SHEAR_STRESS = ("shear_xz", "shear_tz")
+#: That with γ of a box whose walls across x are tilted.
+TILT = "gamma_xz"
+
 
 def contact_stress(force, branch, volume):
     """Mean stress of a sample from its contacts, σ = Σ f ⊗ l / V [Pa], shape (3, 3).
@@ -59,7 +64,22 @@ def wall_stresses(history, lengths):
     """
     container = container_of_history(history)
     forces = np.column_stack([history[f"force_{name}"] for name in container.walls])
-    return container.stresses(forces, lengths)
+    tilt = history[TILT] if TILT in history else 0.0
+    return container.stresses(across_areas(forces, tilt), lengths)
+
+
+def across_areas(normal_forces, tilt):
+    """Those parts of normal forces that the areas between lengths are loaded by [N].
+
+    Walls across x of a box that is sheared are tilted: N cos θ, with tan θ = γ.
+
+    Args:
+        normal_forces: Of all walls [N], shape (..., num_walls), those two first.
+        tilt: γ, shape (...); 0 where nothing is tilted.
+    """
+    found = np.array(normal_forces, dtype=float)
+    found[..., :2] /= np.sqrt(1.0 + np.asarray(tilt, dtype=float)[..., None] ** 2)
+    return found
 
 
 def inner_lengths(history):
@@ -126,7 +146,7 @@ def oedometer_curves(history, lengths, solid_volume, width=0.01):
     for branch in branches(history):  # unloading has another slope at the same strain
         rows = branch.rows
         modulus[rows] = moduli(strain[rows], stress[rows], width)
-    side = container.along_three(stresses)[:, :2].mean(axis=1)
+    side = container.three_stresses(stresses, lengths)[:, :2].mean(axis=1)
     nothing = np.full(strain.shape, np.nan)
     return {
         "strain": strain,
@@ -147,21 +167,24 @@ def triaxial_curves(history):
 
     Returns:
         dict of arrays, shape (num_rows,): ``p`` the mean stress, ``q`` the deviator with the sign
-        of σz less the mean of σx and σy [Pa], ``q_axial`` that difference itself, which goes
-        through zero where sides differ, ``strain_volume``, loss of volume over that at strain 0.
+        of σz less the mean of σx and σy [Pa], to which a shear stress of the platens adds;
+        ``q_axial`` that difference itself, which goes through zero where sides differ;
+        ``strain_volume``, loss of volume over that at strain 0.
     """
     container = container_of_history(history)
     stress, strain = (
         np.column_stack([np.asarray(history[f"{name}_{a}"], dtype=float) for a in container.axes])
         for name in ("stress", "strain")
     )
-    x, y, z = container.along_three(stress).T
-    q = np.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2))
+    lengths = inner_lengths(history)
+    x, y, z = container.three_stresses(stress, lengths).T
+    shear = next((np.asarray(history[n], dtype=float) for n in SHEAR_STRESS if n in history), 0.0)
+    q = np.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2) + 3.0 * shear**2)
     return {
         "p": (x + y + z) / 3.0,
         "q": np.where(z < 0.5 * (x + y), -q, q),
         "q_axial": z - 0.5 * (x + y),
-        "strain_volume": 1.0 - np.prod(1.0 - container.along_three(strain), axis=1),
+        "strain_volume": 1.0 - np.prod(1.0 - container.three_strains(strain, lengths), axis=1),
     }
 
 

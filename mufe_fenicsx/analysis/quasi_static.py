@@ -51,7 +51,8 @@ def travel_time(history, mass):
     lengths, container = inner_lengths(history), container_of_history(history)
     if mass is None or lengths is None:
         return nothing
-    square = (container.along_three(wall_stresses(history, lengths)) ** 2).sum(axis=1)
+    stress = container.three_stresses(wall_stresses(history, lengths), lengths)
+    square = (stress**2).sum(axis=1)
     internal = history["elastic"] + history["plastic"]
     loaded = (square > 0) & (internal > 0)
     slowness = np.sqrt(2 * internal[loaded] / (mass * square[loaded]))

@@ -361,8 +361,9 @@ class Walls(Stateful):
 
 def rotation_of(turn):
     """Rotation matrix of a rotation vector [rad], by Rodrigues' formula."""
-    angle = np.linalg.norm(turn)
-    K = np.cross(np.eye(3), turn)
+    x, y, z = map(float, turn)
+    angle = math.sqrt(x * x + y * y + z * z)
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     if angle < 1e-4:  # series to rounding
         return np.eye(3) + (1 - angle**2 / 6) * K + 0.5 * (1 - angle**2 / 12) * K @ K
     return np.eye(3) + math.sin(angle) / angle * K + (1 - math.cos(angle)) / angle**2 * K @ K

@@ -46,12 +46,13 @@ class Gauges(Stateful):
     Args:
         simulation: :class:`~.Simulation` with the walls of the container.
         container: :class:`~mufe_fenicsx.container.Container`.
+        shearing: What moves walls along themselves, :class:`~.shearing.Unsheared`.
     """
 
     STATE = {"common": ("reference", "total", "sides")}
 
-    def __init__(self, simulation, container):
-        self.simulation, self.container = simulation, container
+    def __init__(self, simulation, container, shearing):
+        self.simulation, self.container, self.shearing = simulation, container, shearing
         self.reference = self.lengths.tolist()  #: lengths at strain 0 [m]
         self.means = WallMeans([0.0] * len(container.walls), simulation.state.t)
         self.total = None  #: total side stress of undrained stages [Pa]; None: drained
@@ -60,8 +61,12 @@ class Gauges(Stateful):
     @property
     def columns(self):
         """Of history.csv beyond the usual ones."""
-        axes = self.container.axes
-        return (*(f"stress_{a}" for a in axes), *(f"strain_{a}" for a in axes), "pore_pressure")
+        return (*self._of_axes, "pore_pressure", *self.shearing.columns)
+
+    @property
+    def _of_axes(self):
+        letters = (*self.container.axes, *self.container.across)
+        return (*(f"stress_{a}" for a in letters), *(f"strain_{a}" for a in letters))
 
     @property
     def lengths(self):
@@ -86,11 +91,12 @@ class Gauges(Stateful):
 
     def axis_stress(self, forces):
         """Mean stress of the walls of each axis [Pa], shape (num_axes,), of forces on walls [N]."""
-        return self.container.stresses(forces, self.lengths)
+        return self.container.stresses(self.shearing.across(forces), self.lengths)
 
     def wall_stress(self, forces):
         """Stress of each wall [Pa], shape (num_walls,), of forces on walls [N]."""
-        return np.asarray(forces) / self.container.areas_of_walls(self.lengths)
+        across = np.asarray(self.shearing.across(forces))
+        return across / self.container.areas_of_walls(self.lengths)
 
     def mean_stress(self):
         """That of the axes, mean over the time that a wave travels [Pa], shape (num_axes,)."""
@@ -123,14 +129,15 @@ class Gauges(Stateful):
             stress: [Pa], shape (num_axes,).
             begun: Time of the start of the stage [s].
         """
-        container = self.container
-        x, y, z = (float(value) for value in container.along_three(stress))
-        volumes = container.volume([self.lengths, self.reference])
+        container, lengths = self.container, self.lengths
+        x, y, z = (float(value) for value in container.three_stresses(stress, lengths))
+        volumes = container.volume([lengths, self.reference])
+        square = 0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2)
         return {
-            **{f"stress_{a}": float(v) for a, v in zip(container.axes, stress, strict=True)},
-            **{f"strain_{a}": float(v) for a, v in zip(container.axes, self.strains, strict=True)},
+            **dict(zip(self._of_axes, self._along_all(stress), strict=True)),
+            **self.shearing.values(),
             "mean_stress": (x + y + z) / 3.0,
-            "deviator": math.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2)),
+            "deviator": math.sqrt(square + 3.0 * self.shearing.stress**2),
             "q": z - 0.5 * (x + y),
             "pore_pressure": self.pore_pressure(stress),
             "strain_volume": float(1.0 - volumes[0] / volumes[1]),
@@ -140,5 +147,14 @@ class Gauges(Stateful):
     def row(self, forces):
         """Columns of history.csv, of forces on the walls [N]."""
         stress = self.axis_stress(forces)
-        values = [*stress, *self.strains, self.pore_pressure(stress)]
+        values = [*self._along_all(stress), self.pore_pressure(stress), *self.shearing.row()]
         return dict(zip(self.columns, values, strict=True)) | {"stress": stress[-1]}
+
+    def _along_all(self, stress):
+        """Stresses, then strains, along the axes and the directions across the vertical one."""
+        container, lengths, strains, found = self.container, self.lengths, self.strains, []
+        num = len(container.across)
+        for values, three in ((stress, container.three_stresses(stress, lengths)),
+                              (strains, container.three_strains(strains, lengths))):  # fmt: skip
+            found += [*values, *three[:num]]
+        return [float(value) for value in found]

@@ -41,9 +41,10 @@ class Paces:
 
     def ramp_time(self, now):
         """In which walls get from rest to their speed, and back, in a stage [s]."""
-        return self.settings.ramp * min(now.length0) / self.settings.speed
+        shortest = self.container.shortest(now.length0)
+        return self.settings.ramp * shortest / self.settings.speed
 
-    def pace(self, now, tasks, strains, loaded):
+    def pace(self, now, tasks, strains, loaded, shearing):
         """:class:`~.tasks.Pace` of the coming step.
 
         Args:
@@ -51,11 +52,12 @@ class Paces:
             tasks: Of its axes.
             strains: Along the axes, shape (num_axes,).
             loaded: Whether the sample is seated.
+            shearing: :class:`~.shearing.Unsheared`, what shears it.
         """
         settings, leading = self.settings, now.hold_from is None
         factor = 0.0
         if leading:
-            factor = self._ramps(now) * self._control_factor(now, tasks, strains, loaded)
+            factor = self._ramps(now) * self._control_factor(now, tasks, strains, loaded, shearing)
         controlled = self.control.speed if self._is_controlled(loaded) else 0.0
         fastest = max(settings.speed, controlled)
         return Pace(settings.speed, fastest, factor, settings.ramp, leading)
@@ -74,14 +76,14 @@ class Paces:
         """Whether the speed adapts: not while the sample is seated, where walls travel freely."""
         return self.control is not None and loaded
 
-    def _control_factor(self, now, tasks, strains, loaded):
+    def _control_factor(self, now, tasks, strains, loaded, shearing):
         """Speed that keeps the test quasi-static over the one that is stated."""
         if not self._is_controlled(loaded):
             return 1.0
-        if now.s == 1.0 and not any(task.at_speed for task in tasks):
+        if now.s == 1.0 and not any(each.at_speed for each in (*tasks, shearing)):
             return self.control.speed / self.settings.speed
-        strain = float(strains[leading_axis(tasks)])
-        return self.control(abs(strain)) / self.settings.speed
+        strain = abs(float(strains[leading_axis(tasks)]))
+        return self.control(max(strain, shearing.way)) / self.settings.speed
 
 
 def leading_axis(tasks):

@@ -32,7 +32,8 @@ s, the changes of lengths that go at a speed, the values of ``until``, and time 
 waits. Each grows alone, so that rows are nowhere farther apart than one interval of each.
 
 The axes are those of the container: x, y, z of a box; r, along which the length is the diameter,
-and z of a cylinder.
+and z of a cylinder; o and i, of its outer and inner diameter, and z of a hollow one. What shears a
+sample goes along the same line (shearing.py).
 """
 
 import math
@@ -48,6 +49,7 @@ from .measured_paths import measured_paths, read_motions
 from .oedometer import overdamped
 from .pace import Paces
 from .present_stage import PresentStage
+from .shearing import shearing_of
 from .task_list import Start, tasks_of, walls_moved
 from .tasks import WallsNow
 from .wall_servo import Servo
@@ -84,7 +86,8 @@ class StagedLoading(Stateful):
     def __init__(self, simulation, settings, program, quasi_static=None):
         self.simulation, self.settings, self.program = simulation, settings, program
         self.container = container_of(simulation.walls.names)
-        self.gauges = Gauges(simulation, self.container)
+        self.shearing = shearing_of(simulation, self.container, settings, program)
+        self.gauges = Gauges(simulation, self.container, self.shearing)
         self.servo = Servo(simulation, self.container)
         self.paces = Paces(simulation, self.container, settings, quasi_static)
         #: Motions that stages follow: number of the stage -> :class:`~.output.measured.Measured`.
@@ -216,6 +219,7 @@ class StagedLoading(Stateful):
             "gauges": self.gauges.state_dict(),
             "mean": self.gauges.means.state_dict(),
             "servo": self.servo.state_dict(),
+            "shearing": self.shearing.state_dict(),
             "motions": {str(n): motion.checksum for n, motion in self.motions.items()},
         }
         return kept if self.control is None else kept | {"control": self.control.state_dict()}
@@ -233,6 +237,9 @@ class StagedLoading(Stateful):
                     f'{motion.path} has changed, expected what stage "{self.program[number].name}" '
                     "of the run has followed"
                 )
+        if kept.get("shearing"):  # else no stage so far had any
+            self.shearing.load_state_dict(kept["shearing"])
+        self.shearing.take(self.program[self.index])
         self._now.load_state_dict(kept["now"])
         self.gauges.load_state_dict(kept["gauges"])
         self.gauges.means.load_state_dict(kept["mean"])
@@ -271,6 +278,7 @@ class StagedLoading(Stateful):
         ]
         if self.index == 0:
             gauges.means = WallMeans(of_walls.tolist(), state.t)
+        self.shearing.begin(stage)
         ways = [0.0] * (NUM_WAYS + len(self._given()))
         lengths, places = gauges.lengths.tolist(), gauges.places.tolist()
         self._now = PresentStage(state.t, lengths, places, stress0, held, ways)
@@ -287,6 +295,7 @@ class StagedLoading(Stateful):
                 "strain": self.strain,
                 "strains": gauges.strains.tolist(),
                 "stresses": stress.tolist(),
+                **self.shearing.values(),
             }
         )
 
@@ -300,7 +309,7 @@ class StagedLoading(Stateful):
 
     def _part_led(self):
         """How far the leading part of the stage has come, from 0 to 1."""
-        parts = [self._now.s] if any(task.ends for task in self.tasks) else []
+        parts = [self._now.s] if any(task.ends for task in self._all) else []
         parts += self._parts_of_until()
         return min(max(max(parts, default=0.0), 0.0), 1.0)
 
@@ -338,8 +347,13 @@ class StagedLoading(Stateful):
 
     def _is_led(self):
         """Whether walls are on the way to what the stage is to reach, or go at a speed."""
-        on_line = self._now.s < 1.0 and any(task.goes for task in self.tasks)
-        return on_line or any(task.driven for task in self.tasks)
+        on_line = self._now.s < 1.0 and any(task.goes for task in self._all)
+        return on_line or any(task.driven for task in self._all)
+
+    @property
+    def _all(self):
+        """Tasks of the axes, and what shears the sample."""
+        return (*self.tasks, self.shearing)
 
     def _is_over(self):
         """Whether the present stage is over in the present state. Collective."""
@@ -357,9 +371,11 @@ class StagedLoading(Stateful):
         stress, lengths = gauges.axis_stress(forces), gauges.lengths
         self.servo.sample(stress, lengths)
         gauges.means.add(gauges.wall_stress(forces), t, self.servo.travel_time)
+        self.shearing.sample(t, self.servo.travel_time)
         self._check_lengths(stress, lengths)
         self._come(lengths, t)
-        near = now.s == 1.0 or not any(task.goes for task in self.tasks)
+        near = now.s == 1.0 or not any(task.goes for task in self._all)
+        near &= self.shearing.is_there
         means, axis_means = gauges.means.stress, gauges.mean_stress()
         for task in self.tasks:
             near &= task.is_there(means, axis_means, lengths, self.settings.tolerance)
@@ -372,8 +388,9 @@ class StagedLoading(Stateful):
     def _look_for_end(self, t):
         """Let `hold` begin where the stage has reached what it is to reach, or `until`."""
         now, stage, tasks = self._now, self.program[self.index], self.tasks
-        at_speed = any(task.at_speed for task in tasks)
-        ends_itself = not (stage.until is not None or at_speed) or any(task.ends for task in tasks)
+        at_speed = any(task.at_speed for task in self._all)
+        ends = any(task.ends for task in self._all)
+        ends_itself = ends or not (stage.until is not None or at_speed)
         if ends_itself and now.settled is not None:
             servo = any(task.servo for task in tasks)
             wait = SETTLED * self.servo.travel_time if servo else 0.0
@@ -421,10 +438,11 @@ class StagedLoading(Stateful):
             lengths, gauges.axis_stress(forces), gauges.wall_stress(forces), stiffness,
             self.servo.gains(stiffness, area), gauges.places - now.places0, sim.dt,
         )  # fmt: skip
-        pace = self.paces.pace(now, self.tasks, gauges.strains, self.loaded)
+        pace = self.paces.pace(now, self.tasks, gauges.strains, self.loaded, self.shearing)
         if pace.leading:
             furthest = (task.furthest(now.s, walls, pace) for task in self.tasks)
-            now.s = max(now.s, min(1.0, *furthest))
+            sheared = self.shearing.next_s(now.s, pace.factor, pace.ramp)
+            now.s = max(now.s, min(1.0, sheared, *furthest))
         velocity = np.zeros(len(area))  # of each wall towards the sample
         closing = np.zeros(len(lengths))
         # What keeps the volume goes with the others.
@@ -433,4 +451,5 @@ class StagedLoading(Stateful):
             if not task.keeps_volume:
                 closing[task.axis] = self.container.closing(velocity)[task.axis]
         sim.walls.set_speeds(velocity)
-        self._speed = float(np.abs(self.container.closing(velocity)).max())
+        speed = self.shearing.move(now.s if pace.leading else None, pace.factor, velocity)
+        self._speed = max(speed, float(np.abs(self.container.closing(velocity)).max()))

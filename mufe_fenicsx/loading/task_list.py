@@ -35,7 +35,7 @@ class Start:
     @property
     def sides(self):
         """Stresses of the sides, along directions across the vertical one [Pa]."""
-        return self.container.along_three(self.stress)[:-1]
+        return self.container.three_stresses(self.stress, self.lengths)[:-1]
 
 
 def walls_moved(stage, container, a):
@@ -110,7 +110,7 @@ def _stated(axis, a, start):
 
 
 def _mean_stress(p, a, start):
-    first = float(sum(start.container.along_three(start.stress))) / 3.0
+    first = float(sum(start.container.three_stresses(start.stress, start.lengths))) / 3.0
     return MeanStress(first, p, start.stress[a] - float(start.sides.mean()))
 
 

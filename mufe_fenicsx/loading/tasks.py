@@ -128,7 +128,9 @@ class Task:
 
     axis: int
     walls: tuple  #: numbers of those that move
-    share: float  #: speed of each of them over that of the length
+    #: Speed of each of them over that of the length, which it shortens; below 0 where a wall that
+    #: comes towards the sample makes the length longer.
+    share: float
 
     goes = False  #: whether it goes along the line of the stage
     ends = False  #: whether the stage ends when that is done
@@ -199,7 +201,7 @@ class Carry(Task):
         if not self.goes:
             return 1.0
         first, way = self.law.line(now.axis_stress)
-        most, found = self.speed * pace.factor * self.share, 1.0
+        most, found = self.speed * pace.factor * abs(self.share), 1.0
         for w in self.walls:
             if not math.isfinite(now.gain[w]):
                 # Those that have met the sample press a little, and stay.
@@ -217,7 +219,7 @@ class Carry(Task):
 
     def speeds(self, s, now, pace, closing):
         """Those of the servo; walls that have not met the sample come on to it."""
-        most, free = HOLDING * pace.fastest, pace.speed
+        most, free, share = HOLDING * pace.fastest, pace.speed, abs(self.share)
         first, way = self.law.line(now.axis_stress)
         if self.ends and pace.leading:
             free = self.speed * pace.factor
@@ -228,9 +230,9 @@ class Carry(Task):
         for w in self.walls:
             if now.stiffness[w] > 0.0:
                 v = now.gain[w] * (target - now.stress[w])
-                found.append(min(max(v, -most * self.share), most * self.share))
+                found.append(min(max(v, -most * share), most * share))
             else:  # on towards the sample
-                found.append(self.share * free)
+                found.append(share * free)
         return found
 
 

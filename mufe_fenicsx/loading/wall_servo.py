@@ -65,14 +65,15 @@ class Servo(Stateful):
             return
         energies = sim.energies()
         energy = energies["elastic"] + energies["contact"]
-        square = float((self.container.along_three(stress) ** 2).sum())
+        square = float((self.container.three_stresses(stress, lengths) ** 2).sum())
         if energy > 0.0 and square > 0.0:
             mass = sim.mass_of_grains()
             found = math.sqrt(mass * square / (2.0 * energy))
             before = self.impedance or found
             self.impedance = min(max(found, before / CHANGE), before * CHANGE)
             density = mass / float(self.container.volume(lengths))
-            self.travel_time = float(min(lengths)) * density / self.impedance
+            shortest = self.container.shortest(lengths)
+            self.travel_time = shortest * density / self.impedance
             self._next = t + max(self.travel_time / SAMPLES, FIRST_STEPS * sim.dt)
         else:
             self._next = t + FIRST_STEPS * sim.dt

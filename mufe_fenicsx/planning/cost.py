@@ -260,7 +260,10 @@ def loading_time(scene, height):
             found += _adapted_time(scene, height, begin, begin + part.way, course.speed)
         elif part.way > 0.0:
             ramps = (1.5 if part.slows else 0.5) * course.ramp
-            found += (part.way + ramps) * height / (part.stated or course.speed)
+            speed = part.stated or course.speed
+            if part.rate is not None:
+                speed = min(speed, part.rate * height)
+            found += (part.way + ramps) * height / speed
         found += part.waits + wait
     return found
 

@@ -22,6 +22,10 @@ from .errors import PACKING
 STRESSES = "deviator", "q", "pore_pressure"
 #: Solids of a packing over its volume; contacts of a ball in it.
 SOLID, COORDINATION = 0.6, 6.0
+#: Shear strain over angle of platens that turn, R/H: a guess, sizes are not known here.
+ARM = 0.5
+#: Inner over outer diameter of a hollow cylinder, likewise.
+HOLE = 0.6
 
 
 @dataclass(frozen=True)
@@ -32,8 +36,9 @@ class Part:
     way: float  #: largest change of strain along an axis
     level: float  #: strain at which inertia is the same part of the stress as at its end
     stated: float | None  #: speed that the stage states itself [m/s]
-    waits: float  #: time that does not depend on speeds [s]
+    waits: float  #: time that does not depend on the speed of the test [s]
     slows: bool  #: whether it comes to rest at a strain
+    rate: float | None = None  #: of shear strain that the stage states itself [1/s]
 
 
 @dataclass(frozen=True)
@@ -100,14 +105,15 @@ def course_of(scene):
     seated = max(zeros, default=-1)
     motions = read_motions(scene.stages, scene.container.kind)
     container, parts, furthest = scene.container.kind, [], 0.0
-    stress, strain = np.zeros((2, len(container.axes)))
+    stress, strain, shear = *np.zeros((2, len(container.axes))), 0.0
     seating_stress, seating_speed = 0.0, _speed(scene.stages[0]) or loading.speed
     for number, stage in enumerate(scene.stages):
         paths = _paths(motions.get(number), container)
         new_stress, new_strain = _after(stage, paths, container, stress, strain, modulus)
-        way = float(np.abs(new_strain - strain).max())
+        sheared, rate = _shear_after(stage, shear)
+        way = max(float(np.abs(new_strain - strain).max()), abs(sheared - shear))
         way = max([way, *(path.way for path in paths.values())])
-        stress, strain = new_stress, new_strain
+        stress, strain, shear = new_stress, new_strain, sheared
         if number <= seated:
             seating_stress, seating_speed = float(stress.max()), _speed(stage) or loading.speed
             strain = 0.0 * strain if number == seated else strain
@@ -120,10 +126,11 @@ def course_of(scene):
             level = largest / (density * wave * elastic_wave_speed(scene.material, largest))
         furthest = max(furthest, float(np.abs(strain).max()))
         slows = bool(paths) or any(axis.strain is not None for axis in stage.axes.values())
+        slows |= any(move.leads for move in stage.along.values())
         moves = way > 0.0
         parts.append(
             Part(stage.name, way, level if moves else math.inf, _speed(stage) if moves else None,
-                 stage.hold + (until or 0.0) * (not moves), slows)
+                 stage.hold + (until or 0.0) * (not moves), slows, rate)
         )  # fmt: skip
     loaded = [part for part in parts if part.way > 0.0]
     if not loaded:  # seating is all that there is
@@ -154,16 +161,44 @@ def _speed(stage):
     return min(stated, default=None)
 
 
+def _shear_after(stage, shear):
+    """Shear strain after a stage, and the rate that the stage states [1/s], None where it does not.
+
+    Where `until` names nothing of it, it goes on at its rate for the time there, or not known.
+    """
+    for key, move in stage.along.items():
+        per_angle = 1.0 if key == "shear" else ARM
+        rate = None if move.rate is None else abs(move.rate) * per_angle
+        given = {} if stage.until is None else stage.until.given
+        ends = [] if move.target is None else [move.target * per_angle]
+        ends += [given[name] for name in ("gamma_xz", "gamma_tz") if name in given]
+        ends += [given["twist"] * per_angle] if "twist" in given else []
+        ends += [shear + move.rate * per_angle * given["time"]] if _runs(move, given) else []
+        return min(ends, key=lambda end: abs(end - shear), default=shear), rate
+    return shear, None
+
+
+def _runs(move, given):
+    """Whether a move goes at a rate for a time."""
+    return move.target is None and "time" in given
+
+
+def _volumetric(container, strain):
+    """Sum of the strains along three directions; the hole of a hollow cylinder is ``HOLE``."""
+    lengths = np.array([1.0, HOLE, 1.0]) if container.across else None
+    return float(container.three_strains(strain, lengths).sum())
+
+
 def _after(stage, paths, container, stress, strain, modulus):
     """Stresses [Pa] and strains along the axes of a container after a stage, from those before."""
-    change = 0.0 * strain
+    change, sides = 0.0 * strain, np.sign(container.shortening)
     led = [a for a, name in enumerate(container.axes) if a in paths or name in stage.axes]
     for a in led:
         axis = stage.axes.get(container.axes[a])
         if a in paths:
             change[a] = 1.0 - paths[a].length(1.0)
         elif axis.stress is not None:
-            change[a] = (axis.stress - stress[a]) / modulus
+            change[a] = sides[a] * (axis.stress - stress[a]) / modulus
         else:
             ways = [] if axis.strain is None else [axis.strain - strain[a]]
             ways += _ways_until(stage, container, a, stress, strain, modulus)
@@ -171,13 +206,13 @@ def _after(stage, paths, container, stress, strain, modulus):
     others = [a for a in range(len(change)) if a not in led]
     if stage.undrained:
         three = container.three
-        sides = sum(a in others for a in three)
-        change[others] = -sum(change[a] for a in three if a in led) / sides
+        following = sum(a in others for a in three)
+        change[others] = -sum(change[a] for a in three if a in led) / following
     elif stage.stresses is not None or stage.p is not None or stage.eta is not None:
         wanted = _wanted(stage, stress + modulus * change)
         for a in others:
             change[a] = (wanted[a] - stress[a]) / modulus
-    return np.maximum(stress + modulus * change, 0.0), strain + change
+    return np.maximum(stress + modulus * sides * change, 0.0), strain + change
 
 
 def _wanted(stage, stress):
@@ -199,18 +234,19 @@ def _ways_until(stage, container, a, stress, strain, modulus):
     the pore pressure by half as much, as its stress.
     """
     name, given = container.axes[a], {} if stage.until is None else stage.until.given
-    side = float(np.delete(stress, a).mean())
-    q, more = stress[a] - side, 1.5 if stage.undrained else 1.0
+    others = float(np.delete(stress, a).mean())
+    q, more = stress[a] - others, 1.5 if stage.undrained else 1.0
     ends = {
         f"stress_{name}": lambda value: value,
         "deviator": lambda value: stress[a] + (value - q) / more,
         "q": lambda value: stress[a] + (value - q) / more,
-        "mean_stress": lambda value: 3.0 * value - 2.0 * side,
+        "mean_stress": lambda value: 3.0 * value - 2.0 * others,
         "pore_pressure": lambda value: stress[a] + 2.0 * value,
     }
-    ways = [(end(given[key]) - stress[a]) / modulus for key, end in ends.items() if key in given]
+    side = math.copysign(modulus, container.shortening[a])
+    ways = [(end(given[key]) - stress[a]) / side for key, end in ends.items() if key in given]
     if f"strain_{name}" in given:
         ways.append(given[f"strain_{name}"] - strain[a])
     if "strain_volume" in given:
-        ways.append(given["strain_volume"] - float(container.along_three(strain).sum()))
+        ways.append(given["strain_volume"] - _volumetric(container, strain))
     return ways

@@ -15,7 +15,7 @@ from mufe_fenicsx.report.curves import STRAIN, STRESS, draw_branches
 from mufe_fenicsx.report.figure import Picture, save_tables
 from mufe_fenicsx.report.render import Camera, Layer, render
 from mufe_fenicsx.report.sample import state_at
-from mufe_fenicsx.report.views import FROM, VON_MISES, box_corners, colour_bar, stress_limit
+from mufe_fenicsx.report.views import FROM, VON_MISES, colour_bar, stress_limit
 
 NAME = "animation"
 #: Pictures a second, the number of pictures at most, and pixels an inch.
@@ -50,7 +50,7 @@ def draw_animation(source, folder):
     except InputError:
         history = None
     limit = stress_limit(source.states)
-    corners = [box_corners(state.box(source.start)) for state in (source.start, source.end)]
+    corners = [state.corners(source.start) for state in (source.start, source.end)]
     camera = Camera.around(np.concatenate(corners), FROM, 1.0)
     scene = _Scene(history, limit)
     frames = []

@@ -8,7 +8,7 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.render import Camera, Layer, over, render
-from mufe_fenicsx.report.views import FROM, box_corners, colour_bar, three_in_a_row
+from mufe_fenicsx.report.views import FROM, colour_bar, three_in_a_row
 from mufe_fenicsx.results.tables import vectors
 
 #: Sides of a tube, and its radius at the mean force over the mean radius of the grains.
@@ -55,8 +55,7 @@ def draw_force_chains(source):
     if not shown:
         raise InputError("no stored state has both fields and active contacts")
     source.need_rendering()
-    boxes = {i: states[i].box(source.start) for i in shown}
-    corners = np.concatenate([box_corners(boxes[i]) for i in shown])
+    corners = np.concatenate([states[i].corners(source.start) for i in shown])
     aspect, pixels, height = three_in_a_row(corners)
     camera = Camera.around(corners, FROM, aspect)
     num_panels = len(shown) + 1

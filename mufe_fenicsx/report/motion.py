@@ -10,7 +10,7 @@ from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import legends
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.render import Camera, Layer, render
-from mufe_fenicsx.report.views import FROM, box_corners, colour_bar, three_in_a_row
+from mufe_fenicsx.report.views import FROM, colour_bar, three_in_a_row
 
 #: So many grain diameters thick is the slab whose grains have arrows.
 SLAB = 1.0
@@ -179,13 +179,13 @@ def draw_split(source):
         ("shear strain [-]", "shear strain: %", "", 100.0),
     )
     source.need_rendering()
-    box = end.box(source.start)
-    aspect, pixels, height = three_in_a_row(box_corners(box), 560)
+    corners = end.corners(source.start)
+    aspect, pixels, height = three_in_a_row(corners, 560)
     height += 0.6  # the colour bars lie below
     figure = style.blank_figure(style.PAGE, height + 2.4)
     upper, lower = figure.subfigures(2, 1, height_ratios=[height, 2.4])
     axes = upper.subplots(ncols=3)
-    camera = Camera.around(box_corners(box), FROM, aspect)
+    camera = Camera.around(corners, FROM, aspect)
     surface = end.surface()
     at = np.searchsorted(parts["grain"], surface.cell_data["grain"])
     for i, (axis, (name, label, symbol, factor)) in enumerate(zip(axes, shown, strict=True)):

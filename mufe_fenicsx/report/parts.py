@@ -20,6 +20,7 @@ from mufe_fenicsx.report import (
     localisation,
     motion,
     network,
+    shearing,
     style,
     triaxial,
     views,
@@ -36,6 +37,7 @@ FIGURES = (
     ("forces", "forces on the walls", curves.draw_forces),
     ("compression", "compression", curves.draw_compression),
     (triaxial.NAME, "deviator, mean stress and volume", triaxial.draw_triaxial),
+    (shearing.NAME, "shear stress, shear strain and volume", shearing.draw_shear),
     (cyclic.NAME, "cycles of loading", cyclic.draw_cycles),
     ("energies", "energy balance", curves.draw_energies),
     ("dissipation", "dissipation", curves.draw_dissipation),
@@ -70,7 +72,7 @@ GROUPS = (
     ("stress-3d", "stress-cut", "chosen-grains", animation.NAME),
     ("force-chains", "fabric-rose", "force-distribution", "active-contacts", "contact-age"),
     ("mesh-quality", TABLES),
-    ("stress-strain", "forces", "compression", triaxial.NAME, cyclic.NAME),
+    ("stress-strain", "forces", "compression", triaxial.NAME, shearing.NAME, cyclic.NAME),
     ("energies", "dissipation", "quasi-static"),
 )
 #: Figures that show bodies in space.

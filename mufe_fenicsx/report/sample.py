@@ -22,13 +22,15 @@ class State:
     Args:
         stored: :class:`mufe_fenicsx.results.State`, which reads its arrays when asked for.
         height: Height of the sample then [m], or None.
-        sides: Distances of its side walls then [m], where these moved, or None; a diameter.
+        sides: Distances of its side walls then [m], where these moved, or None; diameters.
         like: Another State of the run with the same mesh, whose faces are taken, or None.
         centre: Of the cylinder that holds it [m], shape (2,); None: it is in a box.
+        tilt: Way of the top of that box along x over the height.
     """
 
-    def __init__(self, stored, height, like=None, sides=None, centre=None):
+    def __init__(self, stored, height, like=None, sides=None, centre=None, tilt=0.0):
         self.stored, self.height, self.sides, self.centre = stored, height, sides, centre
+        self.tilt = tilt
         self.index, self.time = stored.index, stored.time
         self.strain, self.stage = stored.strain, stored.stage
         for name in ("displacement", "von_mises", "grain"):
@@ -134,9 +136,21 @@ class State:
         first = int(np.argmax(means))
         return int(labels[first]), float(means[first])
 
+    def corners(self, start):
+        """Corners of the space between the walls, tilted ones too [m], shape (8, 3).
+
+        Args:
+            start: As of :meth:`box`.
+        """
+        box = self.box(start)
+        found = box_corners(box)
+        found[:, 0] += self.tilt * (found[:, 2] - box[0, 2])
+        return found
+
     def outline(self, start):
         """Lines of the walls, pyvista.PolyData; ``start`` as of :meth:`box`."""
-        return outline_of(self.box(start), self.centre is not None)
+        hole = self.sides[1] if self.sides is not None and len(self.sides) > 1 else 0.0
+        return outline_of(self.box(start), self.centre is not None, 0.5 * hole, tilt=self.tilt)
 
     def box(self, start):
         """Corners of the space between the walls [m], shape (2, 3).
@@ -148,7 +162,8 @@ class State:
         """
         low, high = start.reference.min(axis=0), start.reference.max(axis=0)
         if self.sides is not None and self.height:
-            size = np.array([self.sides[0], self.sides[-1], self.height])
+            across = self.sides[0] if self.centre is not None else self.sides[1]
+            size = np.array([self.sides[0], across, self.height])
             first, last = self.points.min(axis=0), self.points.max(axis=0)
             # Grains that are pressed reach into the walls by a little, on both sides alike.
             least, most = np.minimum(last - size, first), np.maximum(last - size, first)
@@ -156,6 +171,8 @@ class State:
             corner = np.where(
                 inside, np.clip(0.5 * (low + high - size), least, most), 0.5 * (least + most)
             )
+            if self.tilt:  # tilted walls do not touch the box around the grains
+                corner[0] = 0.5 * (first[0] + last[0] - size[0] - self.tilt * size[2])
             if self.centre is not None:
                 corner[:2] = self.centre - 0.5 * size[:2]
             return np.array([corner, corner + size])
@@ -163,18 +180,32 @@ class State:
         return np.array([low, [high[0], high[1], top]])
 
 
-def outline_of(box, is_round):
-    """Edges of a box, or of the cylinder in it with four of its lines, pyvista.PolyData.
+def box_corners(box):
+    """The eight corners of a box given by two, shape (8, 3)."""
+    return np.array([[x, y, z] for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]])
+
+
+def outline_of(box, is_round, hole=0.0, tilt=0.0):
+    """Edges of a box, or of the cylinders in it with four of their lines, pyvista.PolyData.
 
     Args:
-        box: Its corners [m], shape (2, 3).
+        box: Its corners [m], shape (2, 3), those of its bottom where it is tilted.
         is_round: Whether it is the cylinder.
+        hole: Radius of the inner one of a hollow cylinder [m].
+        tilt: Way of the top of a box along x over the height.
     """
     if not is_round:
-        return pyvista.Box(np.asarray(box).T.ravel()).extract_feature_edges()
+        edges = pyvista.Box(np.asarray(box).T.ravel()).extract_feature_edges()
+        edges.points[:, 0] += tilt * (edges.points[:, 2] - box[0][2])
+        return edges
     (x, y, bottom), (top_x, _, top) = box
     radius = 0.5 * (top_x - x)
     middle = np.array([x + radius, y + radius])
+    lines = _outline_of_cylinder(middle, radius, bottom, top)
+    return lines + _outline_of_cylinder(middle, hole, bottom, top) if hole else lines
+
+
+def _outline_of_cylinder(middle, radius, bottom, top):
     lines = pyvista.PolyData()
     for z in (bottom, top):
         lines += pyvista.Circle(radius, 96).extract_feature_edges().translate((*middle, z))
@@ -246,7 +277,7 @@ def state_at(run, listed, history, like=None):
         history: dict column -> array, or None: the distances are not known.
         like: Of :class:`State`.
     """
-    height = sides = None
+    height, sides, tilt = None, None, 0.0
     if history is not None and len(history["time"]):
         height = float(np.interp(listed["time"], history["time"], history["height"]))
         names = container_of_history(history).widths
@@ -254,7 +285,9 @@ def state_at(run, listed, history, like=None):
             sides = [
                 float(np.interp(listed["time"], history["time"], history[name])) for name in names
             ]
-    return State(run.state(listed["index"]), height, like, sides, _centre(run))
+        if "gamma_xz" in history:
+            tilt = float(np.interp(listed["time"], history["time"], history["gamma_xz"]))
+    return State(run.state(listed["index"]), height, like, sides, _centre(run), tilt)
 
 
 def _centre(run):

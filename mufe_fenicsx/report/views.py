@@ -20,11 +20,6 @@ def stress_limit(states):
     return style.round_limit(max(np.percentile(s.von_mises, 99) for s in states))
 
 
-def box_corners(box):
-    """The eight corners of a box given by two, shape (8, 3)."""
-    return np.array([[x, y, z] for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]])
-
-
 def three_in_a_row(corners, width=640):
     """How to draw three pictures of a sample beside each other without much white.
 
@@ -47,8 +42,7 @@ def draw_stress_3d(source):
     states = source.states
     source.need_rendering()
     limit = stress_limit(states)
-    boxes = [state.box(states[0]) for state in states]
-    corners = np.concatenate([box_corners(b) for b in boxes])
+    corners = np.concatenate([state.corners(states[0]) for state in states])
     aspect, pixels, height = three_in_a_row(corners)
     camera = Camera.around(corners, FROM, aspect)
     figure, axes = style.new_figure(style.PAGE, height, ncols=len(states), squeeze=False)

@@ -78,15 +78,18 @@ def stresses(run):
     """Stress of the contacts (Love and Weber) against that of the walls, a row a stored state.
 
     Columns: ``contact_xx`` … ``contact_xz`` (symmetric part), ``wall_xx``, ``wall_yy``, ``wall_zz``
-    of a box, ``wall_rr`` and ``wall_zz`` of a cylinder [Pa], compression positive;
+    of a box, ``wall_rr`` and ``wall_zz`` of a cylinder, ``wall_hh``, the mean of σr and σθ, and
+    ``wall_zz`` of a hollow one [Pa], compression positive;
     ``difference_zz`` = contact over wall - 1, the same of the sides (of rr with the mean of xx and
     yy): small where the test is quasi-static; ``closure_zz`` …, the same with the inertia of the
     grains added, which is small at any speed; ``kinetic`` over internal energy; ``unbalanced``,
-    top less bottom force over their mean. States without tables of contacts are left out.
+    top less bottom force over their mean. In a box that is sheared ``wall_xx`` supposes that the
+    pressure on its tilted walls is even. States without tables of contacts are left out.
     """
     history = run.history
-    times, kinetic, axes = history["time"], kinetic_ratio(history), run.container.axes
+    times, kinetic = history["time"], kinetic_ratio(history)
     container, course = run.container, run.lengths(history)
+    names = [name for name, _ in container.compared]
     rows = []
     for index, state in run.with_contacts().iterrows():
         contacts, grains = run.contacts(index), run.grains(index)
@@ -97,7 +100,11 @@ def stresses(run):
         lengths = np.array([now(length) for length in course.T])
         normal = contacts.groupby("wall")["normal_force"].sum()
         normal = normal.reindex(list(container.walls)).fillna(0.0)
-        wall = container.stresses(normal.to_numpy(), lengths)
+        tilt = now(history[macro.TILT]) if macro.TILT in history else 0.0
+        wall = container.stresses(macro.across_areas(normal.to_numpy(), tilt), lengths)
+        wall = container.means(container.three_stresses(wall, lengths))
+        if tilt:  # the pressure on a tilted plane is σxx + γ τ, if it is smooth
+            wall[0] -= tilt * now(history[macro.SHEAR_STRESS[0]])
         volume = float(container.volume(lengths))
         inner = macro.contact_stress(
             vectors(contacts, "force"), vectors(contacts, "branch"), volume
@@ -115,9 +122,9 @@ def stresses(run):
         rows.append(
             {"state": index, "time": state["time"], "strain": state["strain"]}
             | {f"contact_{e}": both["xyz".index(e[0]), "xyz".index(e[1])] for e in STRESS}
-            | {f"wall_{a}{a}": value for a, value in zip(axes, wall, strict=True)}
-            | {f"difference_{a}{a}": value for a, value in zip(axes, difference, strict=True)}
-            | {f"closure_{a}{a}": value for a, value in zip(axes, closure, strict=True)}
+            | {f"wall_{name}": value for name, value in zip(names, wall, strict=True)}
+            | {f"difference_{name}": value for name, value in zip(names, difference, strict=True)}
+            | {f"closure_{name}": value for name, value in zip(names, closure, strict=True)}
             | {"kinetic": now(kinetic), "unbalanced": unbalanced}
         )
     return pandas.DataFrame(rows)

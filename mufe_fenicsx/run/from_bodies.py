@@ -205,6 +205,8 @@ def axis_planes(
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Point and inward normal of planes around a box: a dict by name, from x_min to z_max.
 
+    Points are the lowest corner, and from there along one edge.
+
     Args:
         low, high: Corners of the box [m], shape (3,).
         axes: Which pairs of planes.
@@ -215,5 +217,6 @@ def axis_planes(
     planes = {}
     for axis in axes:
         normal = np.eye(3)["xyz".index(axis)]
-        planes[f"{axis}_min"], planes[f"{axis}_max"] = (low.copy(), normal), (high.copy(), -normal)
+        opposite = np.where(normal > 0.0, high, low)
+        planes[f"{axis}_min"], planes[f"{axis}_max"] = (low.copy(), normal), (opposite, -normal)
     return planes

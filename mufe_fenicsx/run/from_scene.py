@@ -161,7 +161,8 @@ def make_walls(scene, bounds):
         settings = scene.walls[surface.name]
         moves = {"velocity": settings.velocity * surface.normal}
         if surface.radius:
-            moves = {"radius": surface.radius, "growth_rate": -settings.velocity}
+            rate = -float(np.sign(surface.radius)) * settings.velocity
+            moves = {"radius": surface.radius, "growth_rate": rate}
         walls.append(
             Wall(
                 name=surface.name,
@@ -185,14 +186,14 @@ def find_bounds(scene, mesh):
     faces lie on it exactly, which no search for the smallest circle finds.
 
     Raises:
-        InputError: Grains are outside of the cylinder that the scene states.
+        InputError: Grains are outside of the cylinder that the scene states, or in its hole.
     """
     low, high = np.empty(3), np.empty(3)
     mesh.comm.Allreduce(mesh.x.min(axis=0), low, op=MPI.MIN)
     mesh.comm.Allreduce(mesh.x.max(axis=0), high, op=MPI.MAX)
     stated = scene.container
-    centre, radius = 0.5 * (low + high)[:2], 0.0
-    if stated.shape == "cylinder":
+    centre, radius, inner = 0.5 * (low + high)[:2], 0.0, 0.0
+    if stated.shape != "box":
         of_grains = mesh.x[mesh.sample_nodes, :2]  # tools pass through its side
         places = np.concatenate(mesh.comm.allgather(_hull(of_grains)))
         given, cut = stated.centre, mesh.cylinder
@@ -211,7 +212,24 @@ def find_bounds(scene, mesh):
                 f"container.radius = {radius:.9g}, expected at least {needed:.9g}: that of the "
                 f"outermost node of the grains about {centre[0]:.6g}, {centre[1]:.6g}"
             )
-    return Bounds(low, high, centre, radius)
+    if stated.shape == "hollow cylinder":
+        inner = _inner_radius(mesh, centre, stated.inner_radius)
+    return Bounds(low, high, centre, radius, inner)
+
+
+def _inner_radius(mesh, centre, given):
+    """Radius of the hole [m]: the given one, or that of the node next to the axis. Collective."""
+    of_grains = mesh.x[mesh.sample_nodes, :2]
+    nearest = float(np.linalg.norm(of_grains - centre, axis=1).min(initial=np.inf))
+    nearest = mesh.comm.allreduce(nearest, op=MPI.MIN)
+    radius = nearest if given is None else given
+    if not 0.0 < radius <= nearest * (1.0 + OUTSIDE):
+        raise InputError(
+            f"container.inner_radius = {radius:.9g}, expected more than 0 and at most "
+            f"{nearest:.9g}: that of the innermost node of the grains about "
+            f"{centre[0]:.6g}, {centre[1]:.6g}"
+        )
+    return radius
 
 
 def _hull(places):

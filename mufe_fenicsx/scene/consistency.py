@@ -1,12 +1,18 @@
 """What the tables of a scene demand of each other."""
 
-from ..container import SIDE, TOP
+from ..container import BOTTOM, BOX, CONTAINERS, INNER, SHEARED, SIDE, TOP
 from ..errors import InputError
 from ..materials.auto import Auto
 from ..materials.rigid import Rigid
 from .pairs import by_materials
 from .tables import Wall
 from .tools import FREEDOMS
+
+#: Of the axes of all containers, and of directions across the vertical one.
+ALL_LETTERS = {letter for each in CONTAINERS.values() for letter in (*each.axes, *each.across)}
+
+#: Keys of stages that suppose all sides alike.
+PATHS = ("undrained", "p", "q", "eta")
 
 
 def check(scene):
@@ -15,6 +21,7 @@ def check(scene):
     _check_groups(scene)
     by_materials(scene.contact.pairs, scene.materials)
     _check_container(scene)
+    _check_along(scene)
     if scene.mass_scaling is not None:
         _check_mass_scaling(scene)
     if scene.solver.integrator != "explicit":
@@ -68,9 +75,19 @@ def _check_container(scene):
                     f"stage[{number}] leads {axis}, expected {' or '.join(container.axes)} with "
                     f'container.shape = "{container.shape}"'
                 )
-            if axis == "r" and settings.walls != "both":
+            if (
+                len(container.walls_of_axis[container.axes.index(axis)]) == 1
+                and settings.walls != "both"
+            ):
                 raise InputError(
-                    f'stage[{number}].r.walls = "{settings.walls}", expected "both": it is one wall'
+                    f'stage[{number}].{axis}.walls = "{settings.walls}", expected "both": it '
+                    "is one wall"
+                )
+        for key in PATHS if container.across else ():
+            if getattr(stage, key) not in (None, False):
+                raise InputError(
+                    f"stage[{number}].{key} is given, expected none with container.shape = "
+                    f'"{container.shape}": its sides may differ'
                 )
         if stage.undrained and set(container.axes) <= set(stage.axes):
             raise InputError(
@@ -78,11 +95,44 @@ def _check_container(scene):
                 "keep the volume"
             )
         for name in () if stage.until is None else stage.until.given:
-            if name[-2:] in ("_x", "_y", "_z", "_r") and name[-1] not in container.axes:
+            *_, letter = name.split("_")
+            known = (*container.axes, *container.across)
+            if name[:6] in ("stress", "strain") and letter in ALL_LETTERS - {*known}:
                 raise InputError(
                     f"stage[{number}].until.{name} is given, expected none with "
                     f'container.shape = "{container.shape}"'
                 )
+
+
+def _check_along(scene):
+    """Raise InputError where walls that move along themselves cannot shear the sample."""
+    container, used = scene.container.kind, set()
+    for number, stage in enumerate(scene.stages, start=1):
+        for key in stage.along:
+            used.add(key)
+            if (key == "shear") != (container is BOX):
+                wanted = "a box" if key == "shear" else "a cylinder"
+                raise InputError(
+                    f"stage[{number}].{key} is given, expected {wanted} with container.shape = "
+                    f'"{container.shape}"'
+                )
+    for number, stage in enumerate(scene.stages, start=1):
+        for name in () if stage.until is None else stage.until.given:
+            for key, names in SHEARED.items():
+                if name in names and key not in used:
+                    raise InputError(
+                        f"stage[{number}].until.{name} is given, expected a stage with {key}"
+                    )
+    for name in (BOTTOM, TOP) if used else ():
+        wall = scene.walls.get(name, Wall())
+        if not (scene.contact.wall_friction if wall.friction is None else wall.friction):
+            raise InputError(
+                f"walls.{name} is smooth, expected friction > 0 of walls that shear the sample"
+            )
+    if "shear" in used:
+        for name in container.walls[:2]:
+            if scene.walls.get(name, Wall()).mirror:
+                raise InputError(f"walls.{name}.mirror = true, expected false: it tilts")
 
 
 def _check_groups(scene):
@@ -215,8 +265,8 @@ def _check_mirrors(scene):
         raise InputError(
             f"walls.{TOP}.mirror = true, expected none: [oedometer] moves the top platen"
         )
-    if name == SIDE:
-        raise InputError(f"walls.{SIDE}.mirror = true, expected none: no plane, but a cylinder")
+    if name in (SIDE, INNER):
+        raise InputError(f"walls.{name}.mirror = true, expected none: no plane, but a cylinder")
     if scene.contact.law == "kinematic":
         raise InputError(f'contact.law = "kinematic", expected "matched" with walls.{name}.mirror')
     if scene.sample.separation:

@@ -4,11 +4,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
+from ..container import SHEARED
 from ..errors import InputError
 from ..units import REQUIRED, Key, check_keys, require, setting
+from .shearing import Shear, Turn
 
 #: Keys of a stage that say what the walls across one, two or three axes do.
-AXIS_KEYS = ("x", "y", "z", "xy", "xz", "yz", "xyz", "r", "rz")
+AXIS_KEYS = ("x", "y", "z", "xy", "xz", "yz", "xyz", "r", "rz", "o", "i", "oi", "oiz")
 
 #: Walls across an axis that may move.
 MOVING = ("both", "min", "max")
@@ -77,19 +79,37 @@ class Until:
     stress_x: float | None = setting(None, "Pa", "along x")
     stress_y: float | None = setting(None, "Pa", "along y")
     stress_z: float | None = setting(None, "Pa", "along z")
-    stress_r: float | None = setting(None, "Pa", "of the side of a cylinder")
-    mean_stress: float | None = setting(
-        None, "Pa", "p = (σx + σy + σz)/3; in a cylinder σx = σy = σr"
+    stress_r: float | None = setting(
+        None, "Pa", "of the side of a cylinder; of a hollow one the mean across it"
     )
-    deviator: float | None = setting(None, "Pa", "q = √(½((σx-σy)² + (σy-σz)² + (σz-σx)²))")
+    stress_o: float | None = setting(None, "Pa", "of the outer wall of a hollow cylinder")
+    stress_i: float | None = setting(None, "Pa", "of its inner wall")
+    stress_t: float | None = setting(None, "Pa", "mean around it, σθ")
+    mean_stress: float | None = setting(
+        None, "Pa", "p = (σx + σy + σz)/3; in a cylinder σx = σy = σr, in a hollow one σr and σθ"
+    )
+    deviator: float | None = setting(
+        None, "Pa", "q = √(½((σx-σy)² + (σy-σz)² + (σz-σx)²) + 3τ²); τ that of the platens"
+    )
     q: float | None = setting(None, "Pa", "σz - (σx + σy)/2; below 0 in extension")
     pore_pressure: float | None = setting(
         None, "Pa", "of undrained stages: side stress at the start of the first, less that now"
     )
+    shear_xz: float | None = setting(None, "Pa", "τ of the platens of a box that is sheared")
+    shear_tz: float | None = setting(None, "Pa", "τ of platens that turn")
+    torque: float | None = setting(None, "N*m", "of platens that turn")
+    gamma_xz: float | None = setting(None, "-", "γ of a box that is sheared")
+    gamma_tz: float | None = setting(None, "-", "γ of platens that turn")
+    twist: float | None = setting(None, "rad", "angle of platens that turn")
     strain_x: float | None = setting(None, "-", "along x")
     strain_y: float | None = setting(None, "-", "along y")
     strain_z: float | None = setting(None, "-", "along z")
-    strain_r: float | None = setting(None, "-", "loss of diameter over the diameter")
+    strain_r: float | None = setting(
+        None, "-", "loss of diameter over the diameter; of a hollow cylinder of its thickness"
+    )
+    strain_o: float | None = setting(None, "-", "the same of its outer diameter")
+    strain_i: float | None = setting(None, "-", "the same of its inner diameter")
+    strain_t: float | None = setting(None, "-", "the same of the mean of both")
     strain_volume: float | None = setting(None, "-", "loss of volume over the volume at strain 0")
     time: float | None = setting(None, "s", "since the start of the stage", gt=0)
 
@@ -172,6 +192,14 @@ class Stage:
     follow: Path | None = setting(
         None, "", "CSV file with measured strains, displacements or places of walls over time"
     )
+    o: Axis | None = setting(
+        None, "", "what the outer wall of a hollow cylinder does; lengths are diameters"
+    )
+    i: Axis | None = setting(None, "", "what its inner wall does, likewise")
+    oi: Axis | None = setting(None, "", "the same for o and i")
+    oiz: Axis | None = setting(None, "", "the same for o, i and z")
+    shear: Shear | None = setting(None, "", "way of the top of a box along x")
+    turn: Turn | None = setting(None, "", "turn of a platen of a cylinder about its axis")
     until: Until | None = setting(
         None, "", "what ends the stage, if not what its axes are to reach"
     )
@@ -198,14 +226,14 @@ class Stage:
                 if seen.setdefault(axis, key) != key:
                     raise InputError(f"{key} is given, expected {axis} once: {seen[axis]} has it")
         self._check_stresses()
-        axes = self.axes
         if self.undrained:
             self._check_undrained()
+        moves = [*self.axes.values(), *self.along.values()]
         leads = self.follow is not None or self.stresses is not None
-        leads = leads or any(axis.leads for axis in axes.values())
-        if axes and self.until is None and not leads:
+        leads = leads or any(move.leads for move in moves)
+        if moves and self.until is None and not leads:
             raise InputError("until is missing, expected what ends a stage that has speeds alone")
-        if not axes and not leads and self.until is None and self.hold == 0:
+        if not moves and not leads and self.until is None and self.hold == 0:
             raise InputError("hold = 0, expected a time > 0 s where no axis and no until is given")
         if self.repeat is None and self.repeat_from is not None:
             raise InputError(
@@ -284,6 +312,11 @@ class Stage:
     def axes(self) -> dict[str, Axis]:
         """The axes that it states: "x", "y", "z", "r" -> :class:`Axis`."""
         return {a: getattr(self, key) for key in AXIS_KEYS if getattr(self, key) for a in key}
+
+    @property
+    def along(self) -> dict[str, Shear | Turn]:
+        """What moves walls along themselves, by its key."""
+        return {key: getattr(self, key) for key in SHEARED if getattr(self, key) is not None}
 
 
 def named(stages: Iterable[Stage]) -> tuple[Stage, ...]:

@@ -178,7 +178,7 @@ class ContainerSettings:
     """[container]: the walls around the sample.
 
     Those of a box are x_min, x_max, y_min, y_max, z_min and z_max, of a cylinder side, z_min and
-    z_max. Its axis is along z.
+    z_max, of a hollow one inner as well. Its axis is along z.
     """
 
     shape: str = setting("box", "", "what they form", allowed=tuple(CONTAINERS))
@@ -188,16 +188,23 @@ class ContainerSettings:
         "of the cylinder; None: that which cut the grains, or the smallest around them",
         gt=0,
     )
+    inner_radius: float | None = setting(
+        None, "m", "of the hole of a hollow cylinder; None: the largest without a node", gt=0
+    )
     centre: tuple[float, float] | None = setting(
         None, "m", "of the cylinder across z; None: that of the same one", shape=(2,)
     )
 
     def __post_init__(self):
         check_keys(self)
-        for name in ("radius", "centre"):
+        for name, shapes in (("radius", ("box",)), ("centre", ("box",)),
+                             ("inner_radius", ("box", "cylinder"))):  # fmt: skip
             value = getattr(self, name)
-            if self.shape == "box" and value is not None:
-                raise InputError(f'{name} = {value}, expected none of shape = "box"')
+            if self.shape in shapes and value is not None:
+                raise InputError(f'{name} = {value}, expected none of shape = "{self.shape}"')
+        if self.radius is not None and self.inner_radius is not None:
+            require(self.inner_radius < self.radius, "inner_radius", self.inner_radius,
+                    f"less than radius = {self.radius:g}")  # fmt: skip
 
     @property
     def kind(self) -> Container:

@@ -29,6 +29,7 @@ from .plastic_sphere import plastic_sphere
 from .rigid import rigid_impact, rigid_mix, rigid_rolling, rigid_top
 from .rolling import rolling
 from .segmentation import segmentation
+from .sheared import sheared_box, tube_in_torsion
 from .sliding import sliding_block, sliding_facets
 from .sliding_normal import sliding_graded, sliding_normal, sliding_ridges
 from .soak import soak
@@ -58,6 +59,8 @@ CASES = (
         confined_cylinder,
         tool_indentation,
         undrained_elastic,
+        tube_in_torsion,
+        sheared_box,
         disc,
         hiramatsu_oka,
         overlap,

@@ -129,3 +129,12 @@ def test_strength_and_dilatancy_at_the_peak():
     half = {name: values[: num // 2 + 1] for name, values in (h | curves).items()}
     assert not macro.triaxial_strength(half, half).is_passed
     assert macro.triaxial_strength(h, curves | {"q": -p}) is None
+
+
+def test_stresses_of_a_tilted_box():
+    """The same pressure all around: forces on tilted walls are larger by their areas."""
+    lengths, tilt = np.array([[3.0, 2.0, 1.0]]), 0.75  # cos θ = 0.8
+    forces = dict(zip(BOX.walls, [2 / 0.8, 2 / 0.8, 3, 3, 6, 6], strict=True))
+    history = {f"force_{name}": np.array([value]) for name, value in forces.items()}
+    found = macro.wall_stresses(history | {"gamma_xz": np.array([tilt])}, lengths)
+    assert found == pytest.approx(np.ones((1, 3)))

@@ -61,7 +61,8 @@ def march(sim, loading, most=40000):
         gauges = loading.gauges
         stress = gauges.axis_stress(sim.wall_forces())
         found.setdefault(loading.stage, []).append((
-            container.along_three(stress), container.along_three(gauges.strains),
+            container.three_stresses(stress, gauges.lengths),
+            container.three_strains(gauges.strains, gauges.lengths),
             float(container.volume(gauges.lengths)), gauges.pore_pressure(stress),
         ))  # fmt: skip
         assert sim.state.num_steps < most

@@ -19,7 +19,7 @@ class Column:
 
     def __init__(self, settings, speed, shortened=0.0):
         self.comm, self.dt = MPI.COMM_SELF, TRAVEL / 100
-        self.state, self.solid = SimpleNamespace(t=0.0), SimpleNamespace(mass=np.array([MASS]))
+        self.state = SimpleNamespace(t=0.0)
         self.control = QuasiStaticSpeed(self, settings, 0, 1)
         self.control.begin(speed)
         self.shortened, self.burst, self.rows = shortened, 0.0, []
@@ -28,6 +28,9 @@ class Column:
         unbalanced = 0.5 * MASS * self.control.acceleration + self.burst
         force = STIFFNESS * self.shortened
         return np.array([force + 0.5 * unbalanced, force - 0.5 * unbalanced])
+
+    def mass_of_grains(self):
+        return MASS
 
     def energies(self):
         v = self.control.speed

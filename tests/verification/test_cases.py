@@ -44,6 +44,8 @@ CHEAP = [
     ("curved-walls", {}, ""),
     ("confined-cylinder", {}, ""),
     ("undrained-elastic", {"elements": 3}, ""),
+    ("tube-in-torsion", {"layers": 4}, ""),
+    ("sheared-box", {"divisions": 4}, ""),
     ("disc", {"ends": "held", "elements_per_radius": 2, "a_over_R": 0.1}, ""),
     ("hiramatsu-oka", {"elements_per_radius": 2, "a_over_R": 0.1}, ""),
     ("overlap", {"element_size": 0.5, "steps": 20}, ""),
