@@ -5,13 +5,14 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.output.history import COLUMNS
 from mufe_fenicsx.report import curves, style
 from mufe_fenicsx.report.animation import _write_mp4
 from mufe_fenicsx.report.axes import without_spikes
 from mufe_fenicsx.report.parts import FIGURES, RENDERED
 from mufe_fenicsx.report.source import Source
 from tests.made_up_run import fake_history, write_history, write_whole_run
-from tests.report.test_report_stages import staged_history, write_staged_run
+from tests.report.test_report_stages import STAGED, staged_history, write_staged_run
 
 #: Figures without a legend.
 NO_LEGEND = {
@@ -39,13 +40,18 @@ def draw(folder, history, figure):
 
 @pytest.fixture(scope="module")
 def sources(tmp_path_factory):
-    """A test that lacks nothing, dynamic at first, and one by stages that turns back."""
-    whole, staged = tmp_path_factory.mktemp("whole"), tmp_path_factory.mktemp("staged")
+    """A test that lacks nothing, dynamic at first, and two by stages; one of them shears."""
+    names = "whole", "staged", "sheared"
+    whole, staged, sheared = (tmp_path_factory.mktemp(name) for name in names)
     history = write_whole_run(whole, n=2)
     history["kinetic"] = np.where(history["strain"] < 0.03, 50, 1) * history["kinetic"]
     write_history(whole, history)
     write_staged_run(staged, staged_history(), [0, 0, 0])
-    return Source(whole), Source(staged)
+    history_of_shear = staged_history()
+    shear = {"gamma_xz": history_of_shear["strain"], "shear_xz": 0.3 * history_of_shear["stress"]}
+    columns = (*COLUMNS, *STAGED, *shear)
+    write_staged_run(sheared, history_of_shear | shear, [0, 0, 0], columns=columns)
+    return Source(whole), Source(staged), Source(sheared)
 
 
 @pytest.mark.parametrize(
