@@ -1,0 +1,169 @@
+"""Ways to a packing: compression to a pressure, to a void ratio, or settling under gravity."""
+
+import math
+
+import numpy as np
+
+from ...errors import SolverError
+
+#: Mean stress at which a packing by compression is done, over the modulus of contacts.
+PRESSURE = 1e-4
+#: Speed of grains that forget their lattice, and how far they go [mean diameters].
+AGITATION, WANDER = 0.05, 3.0
+#: Rates of the strain of each direction: while loose, then near the packing.
+LOOSE_RATE, DENSE_RATE = 2e-3, 2e-4
+#: Pairs that touch, over the bodies, at which the slower rate begins.
+CROWDED = 0.5
+#: Rate over the slower one, by the part of the pressure that lacks.
+GAIN = 4.0
+#: Drag of the motion relative to that of the container's strain.
+DRAG = 0.02
+#: A packing is at rest where forces balance to this part of those of contacts.
+REST = 1e-3
+#: Part of the pressure to which the servo holds it.
+NEAR = 0.02
+#: Steps in a row at rest that end a packing; between two looks at that.
+CALM, LOOK = 500, 50
+#: Rate at which the logarithm of friction falls on the way to a void ratio.
+LOOSEN = 2e-4
+#: Friction below this counts as none.
+LEAST_FRICTION = 1e-3
+#: Stress at the bottom of a heap over the modulus of contacts.
+HEAP_STRESS = 5e-4
+#: Drag in a heap over the root of gravity: grains fall no faster than from 12 diameters.
+HEAP_DRAG = 0.2
+#: After so many steps a packing has failed.
+MAX_STEPS = 600_000
+
+
+def compress(assembly, pressure=PRESSURE):
+    """Compress grains of a gas until they bear a pressure at rest, in place.
+
+    Raises:
+        SolverError: There was no rest.
+    """
+    stir(assembly)
+    assembly.drag = DRAG
+    while assembly.contacts.sums.num_pairs < CROWDED * assembly.bodies.num_bodies:
+        assembly.step(LOOSE_RATE)
+    hold(assembly, pressure)
+
+
+def stir(assembly):
+    """Let grains fly and collide without loss until they have left their lattice, in place."""
+    friction, assembly.friction, assembly.dashpots = assembly.friction, 0.0, False
+    end = assembly.time + WANDER / AGITATION
+    while assembly.time < end:
+        assembly.step()
+    assembly.friction, assembly.dashpots = friction, True
+
+
+def hold(assembly, pressure):
+    """Compress or expand until grains bear a pressure at rest, in place.
+
+    Raises:
+        SolverError: There was no rest.
+    """
+    calm = 0
+    while calm < CALM:
+        assembly.step(servo(assembly, pressure))
+        calm = _calm(assembly, calm, pressure)
+        _check_steps(assembly, f"at the pressure {assembly.pressure / pressure:.3g} of the wanted")
+
+
+def servo(assembly, pressure):
+    """Rate of strain that brings the pressure nearer to the wanted one."""
+    lack = GAIN * (1 - assembly.pressure / pressure)
+    return DENSE_RATE * min(1.0, max(-1.0, lack))
+
+
+def reach_void_ratio(assembly, void_ratio, pressure=PRESSURE):
+    """From a packing at rest to a void ratio by less and less friction, in place.
+
+    Under the pressure the packing gives way where friction falls. At the wanted void ratio the
+    container is held, and grains come to rest with the friction that is left.
+
+    Raises:
+        SolverError: The packing is denser from the start, or stays looser without friction.
+    """
+    if assembly.void_ratio < void_ratio:
+        raise SolverError(
+            f"void ratio {void_ratio:.4g} was not reached: with friction {assembly.friction:g} "
+            f"grains bear from {assembly.void_ratio:.4g} down, expected that or less"
+            + ("" if assembly.friction >= 1 else ", or more friction")
+        )
+    while assembly.void_ratio > void_ratio:
+        if assembly.friction <= LEAST_FRICTION:
+            assembly.friction = assembly.wall_friction = 0.0
+            if _densest(assembly, void_ratio, pressure):
+                break
+            raise SolverError(
+                f"void ratio {void_ratio:.4g} was not reached: grains without friction are at rest "
+                f"at {assembly.void_ratio:.4g}, expected no less"
+            )
+        assembly.step(servo(assembly, pressure))
+        if abs(assembly.pressure / pressure - 1) < 0.2:
+            part = math.exp(-LOOSEN * assembly.dt)
+            assembly.friction *= part
+            assembly.wall_friction *= part
+        _check_steps(assembly, f"on the way to the void ratio {void_ratio:.4g}")
+    rest(assembly)
+
+
+def _densest(assembly, void_ratio, pressure):
+    """Compress without friction; whether the void ratio was reached before rest."""
+    calm = 0
+    while assembly.void_ratio > void_ratio:
+        assembly.step(servo(assembly, pressure))
+        calm = _calm(assembly, calm, pressure)
+        if calm >= CALM:
+            return False
+        _check_steps(assembly, f"on the way to the void ratio {void_ratio:.4g}")
+    return True
+
+
+def rest(assembly):
+    """Wait in the container as it is until forces balance, in place.
+
+    Raises:
+        SolverError: There was no rest.
+    """
+    calm = 0
+    while calm < CALM:
+        assembly.step()
+        calm = _calm(assembly, calm)
+        _check_steps(assembly, f"with unbalanced forces of {assembly.unbalanced:.2g} of contacts")
+
+
+def _calm(assembly, calm, pressure=None):
+    """Number of steps in a row at rest, and at a pressure, looked at now and then."""
+    if assembly.num_steps % LOOK:
+        return calm
+    near = pressure is None or abs(assembly.pressure / pressure - 1) < NEAR
+    return calm + LOOK if near and assembly.unbalanced < REST else 0
+
+
+def settle(assembly):
+    """Let grains fall and come to rest under gravity, in place.
+
+    Raises:
+        SolverError: There was no rest.
+    """
+    bodies = assembly.bodies
+    container = assembly.container
+    base = container.volume / (container.high[2] - container.low[2])
+    assembly.gravity = HEAP_STRESS * base / bodies.solid
+    assembly.drag = HEAP_DRAG * math.sqrt(assembly.gravity)
+    rest(assembly)
+    top = bodies.centre[:, 2] + bodies.reach
+    container.high[2] = min(float(top.max()), container.high[2])
+
+
+def _check_steps(assembly, where):
+    if assembly.num_steps >= MAX_STEPS:
+        raise SolverError(
+            f"packing: void ratio {assembly.void_ratio:.4g} {where} after {MAX_STEPS} steps, "
+            "expected rest"
+        )
+    if not np.isfinite(assembly.dt):
+        raise SolverError(f"packing: time step {assembly.dt} after {assembly.num_steps} steps")
