@@ -2,11 +2,11 @@
 
 A contact of depth d, normal n (towards body a) and relative velocity v = v_a - v_b has
 
-    N = max(0, k d - c v·n),    T = -k_t s,  |T| <= mu N,
+    N = max(0, k d - c v·n),    T = -k_t s - c_t v_t,  |T| <= mu N,
 
-with the slip s, the integral of the tangential velocity, which is shortened where Coulomb's
+with the slip s, the integral of the tangential velocity v_t, which is shortened where Coulomb's
 limit is reached and turned into the present tangent plane (P. A. Cundall & O. D. L. Strack,
-Géotechnique 29, 1979, 47-65).
+Géotechnique 29, 1979, 47-65); c_t/c = k_t/k.
 
 Spheres meet in one point. Other bodies meet in points of their surfaces, each of which carries a
 part of the area; their depth in the other body is read from its signed distance on a grid
@@ -47,19 +47,23 @@ def _nearest(d, edge):
 
 
 @numba.njit(cache=True, inline="always")
-def _contact(slip, v0, v1, v2, n0, n1, n2, spring, k, c, k_t, mu, dt):
+def _contact(slip, v0, v1, v2, n0, n1, n2, depth, k, c, ratio, mu, dt):
     """Normal force and total force on body a; ``slip`` goes on, in place."""
     v_n = v0 * n0 + v1 * n1 + v2 * n2
-    push = max(0.0, spring - c * v_n)
+    push = max(0.0, k * depth - c * v_n)
+    v0, v1, v2 = v0 - v_n * n0, v1 - v_n * n1, v2 - v_n * n2
     s0, s1, s2 = slip[0] + v0 * dt, slip[1] + v1 * dt, slip[2] + v2 * dt
     s_n = s0 * n0 + s1 * n1 + s2 * n2
     s0, s1, s2 = s0 - s_n * n0, s1 - s_n * n1, s2 - s_n * n2
-    pull = k_t * math.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
+    k_t, c_t = ratio * k, ratio * c
+    f0, f1, f2 = k_t * s0 + c_t * v0, k_t * s1 + c_t * v1, k_t * s2 + c_t * v2
+    pull = math.sqrt(f0 * f0 + f1 * f1 + f2 * f2)
     if pull > mu * push:
         part = mu * push / pull
-        s0, s1, s2 = s0 * part, s1 * part, s2 * part
+        f0, f1, f2 = f0 * part, f1 * part, f2 * part
+        s0, s1, s2 = (f0 - c_t * v0) / k_t, (f1 - c_t * v1) / k_t, (f2 - c_t * v2) / k_t
     slip[0], slip[1], slip[2] = s0, s1, s2
-    return push, push * n0 - k_t * s0, push * n1 - k_t * s1, push * n2 - k_t * s2
+    return push, push * n0 - f0, push * n1 - f1, push * n2 - f2
 
 
 @numba.njit(cache=True, inline="always")
@@ -163,7 +167,7 @@ def add_sphere_pairs(
         u0, u1, u2 = _velocity(velocity, spin, a, r0, r1, r2)
         v0, v1, v2 = _velocity(velocity, spin, b, q0, q1, q2)
         push[p], f0, f1, f2 = _contact(
-            slip[p], u0 - v0, u1 - v1, u2 - v2, n0, n1, n2, k * depth, k, c, ratio * k, mu, dt
+            slip[p], u0 - v0, u1 - v1, u2 - v2, n0, n1, n2, depth, k, c, ratio, mu, dt
         )
         _load(force, torque, a, r0, r1, r2, f0, f1, f2)
         _load(force, torque, b, q0, q1, q2, -f0, -f1, -f2)
@@ -223,7 +227,7 @@ def add_sphere_walls(
             v0, v1, v2 = _velocity(velocity, spin, b, r0, r1, r2)
             c = time * math.sqrt(k * mass[b])
             push[b, w], f0, f1, f2 = _contact(
-                slip[b, w], v0, v1, v2, n0, n1, n2, k * depth, k, c, ratio * k, mu, dt
+                slip[b, w], v0, v1, v2, n0, n1, n2, depth, k, c, ratio, mu, dt
             )
             _load(force, torque, b, r0, r1, r2, f0, f1, f2)
             _branch(stress, f0, f1, f2, -r0, -r1, -r2)
@@ -366,8 +370,7 @@ def add_surface_pairs(
                     no_slip[0] = no_slip[1] = no_slip[2] = 0.0
                 N, f0, f1, f2 = _contact(
                     slip[base + k] if held else no_slip, u0 - v0, u1 - v1, u2 - v2, n0, n1, n2,
-                    stiffness * depth, stiffness, per_k * stiffness, ratio * stiffness,
-                    mu if held else 0.0, dt,
+                    depth, stiffness, per_k * stiffness, ratio, mu if held else 0.0, dt,
                 )  # fmt: skip
                 _load(force, torque, a, r0, r1, r2, f0, f1, f2)
                 _load(force, torque, b, q0, q1, q2, -f0, -f1, -f2)
@@ -434,8 +437,8 @@ def add_surface_walls(
                 if not held:
                     no_slip[0] = no_slip[1] = no_slip[2] = 0.0
                 N, f0, f1, f2 = _contact(
-                    slip[base + k] if held else no_slip, v0, v1, v2, n0, n1, n2, -stiffness * gap,
-                    stiffness, per_k * stiffness, ratio * stiffness, mu if held else 0.0, dt,
+                    slip[base + k] if held else no_slip, v0, v1, v2, n0, n1, n2, -gap, stiffness,
+                    per_k * stiffness, ratio, mu if held else 0.0, dt,
                 )  # fmt: skip
                 _load(force, torque, b, r0, r1, r2, f0, f1, f2)
                 _branch(stress, f0, f1, f2, -r0, -r1, -r2)

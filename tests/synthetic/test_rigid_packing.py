@@ -103,7 +103,7 @@ def test_two_spheres_part_with_the_restitution_of_a_dashpot_that_does_not_pull()
 @pytest.mark.parametrize("shapes", [exact_ball, ball_by_points], ids=["spheres", "surfaces"])
 def test_contacts_keep_momentum_and_angular_momentum(shapes):
     rng = np.random.default_rng(0)
-    centres = rng.uniform(0, 1.6, (6, 3)) + 5
+    centres = rng.uniform(0, 1.4, (6, 3)) + 5
     bodies, box = placed(shapes(), centres)
     bodies.velocity[:], bodies.spin[:] = 0.1 * rng.standard_normal((2, 6, 3))
     assembly = Assembly(bodies, box, 0.4, 0.4)

@@ -35,15 +35,14 @@ class Container:
             if axis is not None:
                 self.normal[w, axis] = sign
         self.point, self.radius = np.zeros((len(walls), 3)), np.zeros(len(walls))
+        self._above = np.array([name.endswith("max") for name in self.names], dtype=bool)[:, None]
         self.place_walls()
 
     def place_walls(self):
         """Put the walls where the corners are now, in place."""
-        for w, name in enumerate(self.names):
-            if name == "side":
-                self.point[w], self.radius[w] = self.middle, 0.5 * (self.high - self.low)[0]
-            else:
-                self.point[w] = self.high if name.endswith("max") else self.low
+        self.point[:] = np.where(self._above, self.high, self.low)
+        if self.kind == CYLINDER:
+            self.point[0], self.radius[0] = self.middle, 0.5 * (self.high - self.low)[0]
 
     @property
     def middle(self):
@@ -59,7 +58,8 @@ class Container:
     def volume(self):
         """Its volume [mean diameters cubed]."""
         part = np.pi / 4 if self.kind == CYLINDER else 1.0
-        return float(part * np.prod(self.high - self.low))
+        x, y, z = (self.high - self.low).tolist()
+        return part * x * y * z
 
     def shrink(self, strain):
         """Draw all that is in it towards the middle by a part of all lengths, in place."""
