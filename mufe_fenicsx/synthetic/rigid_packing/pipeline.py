@@ -66,7 +66,7 @@ def pack(source, settings, output_folder, *, spheres=False, overwrite=False, pro
         draw_packing(folder / "packing.png", assembly, draw.unit)
     edges = (assembly.container.high - assembly.container.low) * draw.unit
     return {
-        **numbers,
+        **{name: value for name, value in numbers.items() if value == value},  # without nan
         "friction_at_start": settings.first_friction,
         "mean_diameter": draw.unit,
         "container": assembly.container.kind,
@@ -118,7 +118,7 @@ def packed(draw, settings, rng, progress=None):
     assembly = Assembly(bodies, container, **more, progress=shown)
     compress(assembly)
     if settings.void_ratio is not None:
-        reach_void_ratio(assembly, settings.void_ratio)
+        assembly = reach_void_ratio(assembly, settings.void_ratio)
     return assembly
 
 

@@ -1,5 +1,6 @@
 """Ways to a packing: compression to a pressure, to a void ratio, or settling under gravity."""
 
+import copy
 import math
 
 import numpy as np
@@ -24,10 +25,12 @@ REST = 1e-3
 NEAR = 0.02
 #: Steps in a row at rest that end a packing; between two looks at that.
 CALM, LOOK = 200, 20
-#: Rate at which the logarithm of friction falls on the way to a void ratio.
-LOOSEN = 1e-3
+#: Rate at which the logarithm of friction falls on the way to a void ratio, and tries.
+LOOSEN, TRIES = 1e-3, 4
 #: Friction below this counts as none.
 LEAST_FRICTION = 1e-3
+#: Part of the pressure that grains have to bear in a container that is held.
+STILL_BEARS = 0.1
 #: Void ratios are reached to this.
 TOLERANCE = 2e-3
 #: Stress at the bottom of a heap over the modulus of contacts.
@@ -80,26 +83,57 @@ def servo(assembly, pressure):
 
 
 def reach_void_ratio(assembly, void_ratio, pressure=PRESSURE):
-    """From a packing at rest to a void ratio by less and less friction, in place.
+    """From a packing at rest to a void ratio by less and less friction.
 
     Under the pressure the packing gives way where friction falls. At the wanted void ratio grains
-    have their first friction again, and come to rest under the pressure.
+    are stopped, have their first friction again, and come to rest in the container as it is, or
+    under the pressure where they would bear no tenth of it. A packing of few grains may fall
+    together by more than the tolerance there; then it is tried anew, stopped so much earlier.
+
+    Returns:
+        :class:`~.assembly.Assembly` at the void ratio; that given is used up.
 
     Raises:
         SolverError: The packing is denser from the start, or stays looser without friction.
     """
-    friction, wall_friction = assembly.friction, assembly.wall_friction
     if assembly.void_ratio < void_ratio - TOLERANCE:
         raise SolverError(
-            f"void ratio {void_ratio:.4g} was not reached: with friction {friction:g} grains bear "
-            f"from {assembly.void_ratio:.4g} down, expected that or less"
-            + ("" if friction >= 1 else ", or more friction")
+            f"void ratio {void_ratio:.4g} was not reached: with friction {assembly.friction:g} "
+            f"grains bear from {assembly.void_ratio:.4g} down, expected that or less"
+            + ("" if assembly.friction >= 1 else ", or more friction")
         )
-    while assembly.void_ratio > void_ratio:
+    aim = void_ratio
+    for _ in range(TRIES):
+        shapes = assembly.bodies.shapes  # which do not change
+        now = copy.deepcopy(assembly, {id(shapes): shapes})
+        _loosen(now, aim, void_ratio, pressure)
+        now.friction, now.wall_friction = assembly.friction, assembly.wall_friction
+        now.still()  # what slides has speed, and would go on to a denser packing
+        if not rest(now, STILL_BEARS * pressure):
+            hold(now, pressure)
+        if abs(now.void_ratio - void_ratio) <= TOLERANCE:
+            return now
+        aim += void_ratio - now.void_ratio
+    raise SolverError(
+        f"void ratio {void_ratio:.4g} was not reached: grains came to rest at "
+        f"{now.void_ratio:.4g}, expected within {TOLERANCE}; another --seed may do"
+    )
+
+
+def _loosen(assembly, aim, void_ratio, pressure):
+    """Lower friction under the pressure until a void ratio is reached, in place.
+
+    Args:
+        assembly: :class:`~.assembly.Assembly`.
+        aim: Where it ends.
+        void_ratio: That is wanted, for messages.
+        pressure: [E].
+    """
+    while assembly.void_ratio > aim:
         if assembly.friction <= LEAST_FRICTION:
             assembly.friction = assembly.wall_friction = 0.0
-            if _densest(assembly, void_ratio, pressure):
-                break
+            if _densest(assembly, aim, pressure):
+                return
             raise SolverError(
                 f"void ratio {void_ratio:.4g} was not reached: grains without friction are at rest "
                 f"at {assembly.void_ratio:.4g}, expected no less"
@@ -109,14 +143,7 @@ def reach_void_ratio(assembly, void_ratio, pressure=PRESSURE):
             part = math.exp(-LOOSEN * assembly.dt)
             assembly.friction *= part
             assembly.wall_friction *= part
-        _check_steps(assembly, f"on the way to the void ratio {void_ratio:.4g}")
-    assembly.friction, assembly.wall_friction = friction, wall_friction
-    hold(assembly, pressure)
-    if abs(assembly.void_ratio - void_ratio) > TOLERANCE:
-        raise SolverError(
-            f"void ratio {void_ratio:.4g} was not reached: grains came to rest at "
-            f"{assembly.void_ratio:.4g}, expected within {TOLERANCE}; another --seed may do"
-        )
+        _check_steps(assembly, "while friction falls")
 
 
 def _densest(assembly, void_ratio, pressure):
@@ -127,12 +154,19 @@ def _densest(assembly, void_ratio, pressure):
         calm = _calm(assembly, calm, pressure)
         if calm >= CALM:
             return False
-        _check_steps(assembly, f"on the way to the void ratio {void_ratio:.4g}")
+        _check_steps(assembly, "without friction")
     return True
 
 
-def rest(assembly):
+def rest(assembly, least=-math.inf):
     """Wait in the container as it is until forces balance, in place.
+
+    Args:
+        assembly: :class:`~.assembly.Assembly`.
+        least: Pressure below which it is given up.
+
+    Returns:
+        Whether grains bear that pressure.
 
     Raises:
         SolverError: There was no rest.
@@ -141,7 +175,10 @@ def rest(assembly):
     while calm < CALM:
         assembly.step()
         calm = _calm(assembly, calm)
-        _check_steps(assembly, f"with unbalanced forces of {assembly.unbalanced:.2g} of contacts")
+        if assembly.pressure < least:
+            return False
+        _check_steps(assembly, "without rest")
+    return True
 
 
 def _calm(assembly, calm, pressure=None):
