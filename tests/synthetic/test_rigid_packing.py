@@ -165,7 +165,7 @@ def test_stress_by_branches_is_that_on_the_walls():
     push = assembly.contacts.wall_push.sum(axis=0).reshape(3, 2).mean(axis=1)
     on_walls = push / (np.prod(edges) / edges)
     assert np.diag(assembly.stress) == pytest.approx(on_walls, rel=0.01)
-    assert assembly.pressure == pytest.approx(HARD, rel=0.02)
+    assert assembly.pressure == pytest.approx(HARD, rel=0.05)
 
 
 def test_nothing_leaves_a_cylinder_and_its_volume_is_that_of_a_cylinder():
@@ -173,7 +173,8 @@ def test_nothing_leaves_a_cylinder_and_its_volume_is_that_of_a_cylinder():
     compress(assembly, HARD)
     container = assembly.container
     edges = container.high - container.low
-    assert edges[2] / edges[0] == pytest.approx(1.5)
+    assert edges[0] == pytest.approx(edges[1])
+    assert edges[2] / edges[0] == pytest.approx(1.5, rel=0.2)
     assert container.volume == pytest.approx(np.pi / 4 * edges[0] ** 2 * edges[2])
     assert container.inside(assembly.bodies.centre, 0.5 - 0.02).all()
 

@@ -9,6 +9,7 @@ import numpy as np
 from ...kernels import packing as kernels
 from ...kernels import rigid
 from .contacts import Contacts
+from .container import CYLINDER
 
 #: Step over the square root of the smallest mass over stiffness of a body; stable below 1.4.
 STEP = 0.3
@@ -36,11 +37,11 @@ class Assembly:
         self._progress = progress
         self._set_dt()
 
-    def step(self, rate=0.0):
-        """One step, in which all lengths of the container shrink at a rate."""
+    def step(self, rates=None):
+        """One step, in which the container's edges shrink at rates, shape (3,)."""
         b = self.bodies
-        strain = rate * self.dt
-        if strain:
+        strain = None if rates is None else rates * self.dt
+        if strain is not None:
             b.centre += (self.container.middle - b.centre) * strain
             self.container.shrink(strain)
         moved = self._drift()
@@ -87,6 +88,14 @@ class Assembly:
     def stress(self):
         """Mean stress of the container, compression positive [E], shape (3, 3)."""
         return self.contacts.stress / self.container.volume
+
+    @property
+    def axial_stresses(self):
+        """Along x, y and z [E], shape (3,); across a cylinder their mean."""
+        stress = self.contacts.stress.diagonal() / self.container.volume
+        if self.container.kind == CYLINDER:
+            stress[:2] = 0.5 * (stress[0] + stress[1])
+        return stress
 
     @property
     def pressure(self):

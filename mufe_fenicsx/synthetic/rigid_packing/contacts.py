@@ -84,11 +84,12 @@ class Contacts:
         """Take a shrinking and a step into account; list pairs anew where it is time.
 
         Args:
-            strain: Part by which all lengths shrank.
+            strain: Part by which the edges of the container shrank, shape (3,), or None.
             moved: Bound of how far a body went, apart from that.
         """
-        self._at += (self.container.middle - self._at) * strain
-        self._strain += abs(strain)
+        if strain is not None:
+            self._at += (self.container.middle - self._at) * strain
+            self._strain += float(np.abs(strain).max())
         self._moved += moved
         room = 0.5 * SKIN - self._strain * self.bodies.reach.max()
         if self._moved < room:

@@ -62,7 +62,7 @@ class Container:
         return part * x * y * z
 
     def shrink(self, strain):
-        """Draw all that is in it towards the middle by a part of all lengths, in place."""
+        """Shorten its edges about its middle by parts of their lengths, shape (3,), in place."""
         middle = self.middle
         self.low += (middle - self.low) * strain
         self.high += (middle - self.high) * strain

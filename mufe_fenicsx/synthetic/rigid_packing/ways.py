@@ -18,11 +18,11 @@ CROWDED = 0.5
 #: Rate over the slower one, by the part of the pressure that lacks.
 GAIN = 4.0
 #: Drag of the motion relative to that of the container's strain.
-DRAG = 0.006
+DRAG = 0.003
 #: A packing is at rest where forces balance to this part of those of contacts.
 REST = 1e-3
-#: Part of the pressure to which the servo holds it.
-NEAR = 0.02
+#: Part of the pressure to which the servo holds each stress.
+NEAR = 0.05
 #: Steps in a row at rest that end a packing; between two looks at that.
 CALM, LOOK = 200, 20
 #: Rate at which the logarithm of friction falls on the way to a void ratio, and tries.
@@ -50,7 +50,7 @@ def compress(assembly, pressure=PRESSURE):
     stir(assembly)
     assembly.drag = DRAG
     while assembly.contacts.sums.num_pairs < CROWDED * assembly.bodies.num_bodies:
-        assembly.step(LOOSE_RATE)
+        assembly.step(np.full(3, LOOSE_RATE))
     hold(assembly, pressure)
 
 
@@ -77,9 +77,12 @@ def hold(assembly, pressure):
 
 
 def servo(assembly, pressure):
-    """Rate of strain that brings the pressure nearer to the wanted one."""
-    lack = GAIN * (1 - assembly.pressure / pressure)
-    return DENSE_RATE * min(1.0, max(-1.0, lack))
+    """Rates of strain of the edges that bring their stresses nearer to the pressure, shape (3,).
+
+    A cylinder stays one: its side follows the mean of both stresses across.
+    """
+    stress = assembly.axial_stresses
+    return DENSE_RATE * np.clip(GAIN * (1 - stress / pressure), -1.0, 1.0)
 
 
 def reach_void_ratio(assembly, void_ratio, pressure=PRESSURE):
@@ -185,7 +188,7 @@ def _calm(assembly, calm, pressure=None):
     """Number of steps in a row at rest, and at a pressure, looked at now and then."""
     if assembly.num_steps % LOOK:
         return calm
-    near = pressure is None or abs(assembly.pressure / pressure - 1) < NEAR
+    near = pressure is None or np.abs(assembly.axial_stresses / pressure - 1).max() < NEAR
     return calm + LOOK if near and assembly.unbalanced < REST else 0
 
 
