@@ -123,9 +123,9 @@ def packed(draw, settings, rng, progress=None):
 
 
 def _in_space(assembly, b, points):
-    """Points in the frame of a body, in mean diameters."""
+    """Points in the frame of a body from the container's corner, in mean diameters."""
     bodies = assembly.bodies
-    return bodies.centre[b] + bodies.size[b] * points @ bodies.axes[b].T
+    return bodies.centre[b] - assembly.container.low + bodies.size[b] * points @ bodies.axes[b].T
 
 
 def _meshed(draw, assembly, settings, progress):
@@ -136,13 +136,15 @@ def _meshed(draw, assembly, settings, progress):
     for b, t in enumerate(draw.shape):
         points, cells = meshes[t]
         placed.append((_in_space(assembly, b, points) * draw.unit, cells))
-    box = np.array([assembly.container.low, assembly.container.high]) * draw.unit
+    container = assembly.container
+    box = np.array([np.zeros(3), container.high - container.low]) * draw.unit
     return Grains.from_list(np.arange(1, len(placed) + 1), placed, element_size, box)
 
 
 def _rows(draw, assembly):
     """A row a grain of packing.csv."""
     bodies = assembly.bodies
+    centre = (bodies.centre - assembly.container.low) * draw.unit
     pairs, _ = assembly.contacts.touching()
     count = np.bincount(pairs.ravel(), minlength=bodies.num_bodies)
     walls = (assembly.contacts.wall_push > 0).sum(axis=1)
@@ -151,10 +153,7 @@ def _rows(draw, assembly):
             "label": b + 1,
             "shape": int(draw.shape[b]) + 1,
             "equivalent_diameter_m": float(draw.size[b]),
-            **{
-                f"centroid_{axis}_m": float(x * draw.unit)
-                for axis, x in zip("xyz", bodies.centre[b], strict=True)
-            },
+            **{f"centroid_{axis}_m": float(x) for axis, x in zip("xyz", centre[b], strict=True)},
             "contacts": int(count[b]),
             "wall_contacts": int(walls[b]),
         }
