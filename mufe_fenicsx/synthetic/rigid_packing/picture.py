@@ -46,6 +46,8 @@ def draw_packing(path, assembly, unit):
         bins = np.arange(count.max() + 2) - 0.5
         contacts.hist(count, bins=bins, color=BLUE, edgecolor="white", linewidth=0.5)
         contacts.set(xlabel="contacts with other grains [-]", ylabel="grains [-]")
+        for axis in (contacts.xaxis, contacts.yaxis):
+            axis.get_major_locator().set_params(integer=True)
         figure.savefig(path)
 
 
