@@ -57,7 +57,7 @@ def solid_over_height(assembly):
     edges = container.high - container.low
     shape = np.maximum((edges * LAYERS).astype(int), 2)
     labels = np.zeros(shape[::-1], dtype=np.int32)
-    voxel = float((edges / shape).max())
+    voxel = float((edges / shape).min())
     kernels.label_voxels(
         labels, np.zeros(labels.shape), container.low, voxel, s.spheres, bodies.centre, bodies.axes,
         bodies.size, bodies.reach, bodies.shape, s.grid, s.low, s.step,

@@ -37,6 +37,8 @@ TOLERANCE = 2e-3
 HEAP_STRESS = 5e-4
 #: Drag in a heap over the root of gravity: grains fall no faster than from 12 diameters.
 HEAP_DRAG = 0.2
+#: Kinetic energy of a heap at rest over the weight of a grain times D.
+STILL = 1e-5
 #: After so many steps a packing has failed.
 MAX_STEPS = 600_000
 
@@ -204,6 +206,10 @@ def settle(assembly):
     assembly.gravity = HEAP_STRESS * base / bodies.solid
     assembly.drag = HEAP_DRAG * math.sqrt(assembly.gravity)
     rest(assembly)
+    weight = assembly.gravity * bodies.mass.mean()
+    while bodies.kinetic_energy > STILL * weight:  # of grains that roll freely
+        assembly.step()
+        _check_steps(assembly, "with grains that roll")
     top = bodies.centre[:, 2] + bodies.reach
     container.high[2] = min(float(top.max()), container.high[2])
 
