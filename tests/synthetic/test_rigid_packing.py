@@ -91,16 +91,16 @@ def test_two_spheres_part_with_the_restitution_of_a_dashpot_that_does_not_pull(m
     """T. Schwager & T. Pöschel, Granular Matter 9, 2007, 465-469, eq. (21)."""
     bodies, box = placed(exact_ball(), [[0, 0, 5], [1.001, 0, 5]])
     bodies.velocity[:, 0] = 0.005, -0.005
-    assembly = Assembly(bodies, box, 0.0, 0.0)
     monkeypatch.setattr("mufe_fenicsx.synthetic.rigid_packing.assembly.STEP", 0.02)
-    for _ in range(3000):
+    assembly = Assembly(bodies, box, 0.0, 0.0)
+    while assembly.time < 3:  # the impact takes 1.4
         assembly.step()
     beta = DAMPING  # over the frequency without damping
     omega = math.sqrt(1 - beta**2)
     phase = math.pi - math.atan2(2 * beta * omega, omega**2 - beta**2)
     assert not assembly.contacts.push.any()
     restitution = bodies.velocity[1, 0] / 0.005
-    assert restitution == pytest.approx(math.exp(-beta / omega * phase), rel=0.02)
+    assert restitution == pytest.approx(math.exp(-beta / omega * phase), rel=0.01)
 
 
 @pytest.mark.parametrize("shapes", [exact_ball, ball_by_points], ids=["spheres", "surfaces"])
@@ -191,7 +191,7 @@ def test_friction_keeps_spheres_apart():
 
 
 def test_a_void_ratio_is_reached_and_one_that_cannot_be_is_an_error():
-    assembly = spheres_in(PERIODIC, 40, 1.0)
+    assembly = spheres_in(PERIODIC, 24, 1.0)
     compress(assembly, HARD)
     assembly = reach_void_ratio(assembly, 0.7, HARD)
     assert assembly.void_ratio == pytest.approx(0.7, abs=2e-3)

@@ -10,7 +10,7 @@ from .container import PERIODIC
 
 #: Tangential over normal stiffness: a sphere then turns as fast as it is pushed.
 RATIO = 2 / 7
-#: Part of critical damping of the dashpot of a pair, which leaves a third of its speed.
+#: Part of critical damping of the dashpot of a pair, which leaves 0.42 of its speed.
 DAMPING = 0.33
 #: Pairs nearer than this part of the mean diameter are kept in the list.
 SKIN = 0.15

@@ -27,7 +27,7 @@ def loose(shapes, shape, size, rng, kind, proportions):
     proportions = np.asarray(proportions, dtype=float)
     edges = proportions * np.cbrt(len(size) / np.prod(proportions)) * spacing
     sites = _sites(kind, edges, spacing)
-    while len(sites) < len(size):
+    while len(sites) < len(size) or edges.min() < spacing:
         edges *= 1.02
         sites = _sites(kind, edges, spacing)
     sites = sites[np.sort(rng.permutation(len(sites))[: len(size)])]

@@ -51,8 +51,12 @@ def compress(assembly, pressure=PRESSURE):
     """
     stir(assembly)
     assembly.drag = DRAG
-    while assembly.contacts.sums.num_pairs < CROWDED * assembly.bodies.num_bodies:
+    crowded = 0
+    while crowded < LOOK:  # in a row: a few grains that collide at the same time are no crowd
         assembly.step(np.full(3, LOOSE_RATE))
+        touch = assembly.contacts.sums.num_pairs >= CROWDED * assembly.bodies.num_bodies
+        crowded = crowded + 1 if touch else 0
+        _check_steps(assembly, "while grains are apart")
     hold(assembly, pressure)
 
 
