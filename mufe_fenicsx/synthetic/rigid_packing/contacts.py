@@ -139,6 +139,11 @@ class Contacts:
         kernels.forget_open(self._slip, self._partner, self._seen)
         return touching, depths, max(deepest, at_walls)
 
+    @property
+    def num_closed(self):
+        """Contacts that are closed, with grains and walls."""
+        return self.sums.num_pairs + np.count_nonzero(self.wall_push)
+
     def touching(self):
         """Pairs that push each other, and their unit normals towards the first body."""
         closed = self.push > 0

@@ -13,8 +13,9 @@ PRESSURE = 1e-4
 AGITATION, WANDER = 0.05, 3.0
 #: Rates of the strain of each direction: while loose, then near the packing.
 LOOSE_RATE, DENSE_RATE = 2e-3, 2e-4
-#: Pairs that touch, over the bodies, at which the slower rate begins.
-CROWDED = 0.5
+#: Contacts over bodies at which the slower rate begins; 2 or more bear. Equal spheres that are
+#: compressed slowly from fewer contacts crystallise now and then.
+CROWDED = 1.5
 #: Rate over the slower one, by the part of the pressure that lacks.
 GAIN = 4.0
 #: Drag of the motion relative to that of the container's strain.
@@ -54,8 +55,8 @@ def compress(assembly, pressure=PRESSURE):
     crowded = 0
     while crowded < LOOK:  # in a row: a few grains that collide at the same time are no crowd
         assembly.step(np.full(3, LOOSE_RATE))
-        touch = assembly.contacts.sums.num_pairs >= CROWDED * assembly.bodies.num_bodies
-        crowded = crowded + 1 if touch else 0
+        crowd = assembly.contacts.num_closed >= CROWDED * assembly.bodies.num_bodies
+        crowded = crowded + 1 if crowd else 0
         _check_steps(assembly, "while grains are apart")
     hold(assembly, pressure)
 
