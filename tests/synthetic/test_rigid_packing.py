@@ -150,9 +150,9 @@ def test_points_are_spread_evenly_and_carry_the_whole_area():
     assert weight.sum() == pytest.approx(area, rel=1e-12)
 
 
-def spheres_in(kind, number, friction, seed=1, proportions=(1, 1, 1)):
-    rng = np.random.default_rng(seed)
-    shape, size = np.zeros(number, dtype=np.int64), np.ones(number)
+def spheres_in(kind, number, friction, proportions=(1, 1, 1), spread=0.0):
+    rng = np.random.default_rng(1)
+    shape, size = np.zeros(number, dtype=np.int64), rng.uniform(1 - spread, 1 + spread, number)
     bodies, container = loose(exact_ball(), shape, size, rng, kind, proportions)
     return Assembly(bodies, container, friction, 0.0)
 
@@ -180,14 +180,17 @@ def test_nothing_leaves_a_cylinder_and_its_volume_is_that_of_a_cylinder():
 
 
 def test_friction_keeps_spheres_apart():
-    """Friction loosens a packing and lowers its coordination, below the isostatic 6."""
-    close, rough = (spheres_in(PERIODIC, 80, mu) for mu in (0.0, 0.8))
+    """Friction loosens a packing and lowers its coordination, below the isostatic 6.
+
+    Some tens of equal spheres may crystallise, those of several sizes do not.
+    """
+    close, rough = (spheres_in(PERIODIC, 60, mu, spread=0.2) for mu in (0.0, 0.8))
     for assembly in (close, rough):
         compress(assembly, HARD)
     assert 0.61 < close.solid_fraction < 0.66
     assert rough.solid_fraction < close.solid_fraction - 0.02
     pairs, _ = rough.contacts.touching()
-    assert 2 * len(pairs) / 80 < 5.3
+    assert 2 * len(pairs) / 60 < 5.3
 
 
 def test_a_void_ratio_is_reached_and_one_that_cannot_be_is_an_error():

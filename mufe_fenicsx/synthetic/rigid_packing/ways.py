@@ -13,9 +13,9 @@ PRESSURE = 1e-4
 AGITATION, WANDER = 0.05, 3.0
 #: Rates of the strain of each direction: while loose, then near the packing.
 LOOSE_RATE, DENSE_RATE = 2e-3, 2e-4
-#: Contacts over bodies at which the slower rate begins; 2 or more bear. Equal spheres that are
-#: compressed slowly from fewer contacts crystallise now and then.
-CROWDED = 1.5
+#: Contacts over bodies at which the slower rate begins; 2 or more bear. With 1.5 inertia makes
+#: rough grains denser; with fewer the way is longer, and some tens of equal spheres crystallise.
+CROWDED = 1.0
 #: Rate over the slower one, by the part of the pressure that lacks.
 GAIN = 4.0
 #: Drag of the motion relative to that of the container's strain.
