@@ -10,13 +10,13 @@ from ...geometry.atomic_output import new_folder
 from ...geometry.grains import Grains, save_grains
 from ...geometry.image.label_files import write_labels, write_table
 from ...kernels import packing as kernels
+from ...materials.sand import scene_table
 from ...scene.schema import schema_text
-from ..starter_scenes import SCHEMA_FILE
+from ..starter_scenes import DAMPED, HEAD, OEDOMETER, OUTPUT, SCHEMA_FILE
 from .assembly import Assembly
 from .container import BOX, CYLINDER
 from .measures import measured
 from .picture import draw_packing
-from .scene_text import scene_text
 from .settings import GRAVITY
 from .sources import draw_grains, meshes_of, shapes_of
 from .start import column, fits, loose
@@ -24,6 +24,11 @@ from .ways import compress, reach_void_ratio, settle
 
 #: File by which a folder is known as one that may be replaced.
 MARKER = "packing.csv"
+#: Table of the scene of a cylinder.
+ROUND = """
+[container]
+shape = "cylinder"        # side, z_min and z_max are its walls
+"""
 
 
 def pack(source, settings, output_folder, *, spheres=False, overwrite=False, progress=None):
@@ -60,7 +65,7 @@ def pack(source, settings, output_folder, *, spheres=False, overwrite=False, pro
         write_table(folder / MARKER, _rows(draw, assembly))
         if settings.voxel_size is not None:
             _write_labels(folder / "labels.tif", assembly, draw.unit, settings.voxel_size)
-        text = scene_text(grains.num_grains, assembly.container.kind)
+        text = _scene_text(grains.num_grains, assembly.container.kind)
         (folder / "scene.toml").write_text(text, encoding="utf-8")
         (folder / SCHEMA_FILE).write_text(schema_text(), encoding="utf-8")
         draw_packing(folder / "packing.png", assembly, draw.unit)
@@ -178,3 +183,16 @@ def _write_labels(path, assembly, unit, voxel_size):
         bodies.reach, bodies.shape, s.grid, s.low, s.step,
     )  # fmt: skip
     write_labels(path, labels, voxel_size)
+
+
+def _scene_text(num_grains, kind):
+    """Oedometer test (TOML) of a packing in a box or cylinder; see `scene.load_scene`."""
+    head = HEAD.format(
+        title=f"Oedometer test on a packing of {num_grains} grains",
+        grains="what `mufe pack` packed",
+        friction=0.23,
+        wall=0.0,
+        material=scene_table(),
+    )
+    container = ROUND if kind == CYLINDER else ""
+    return head + container + DAMPED.format(100) + OEDOMETER + OUTPUT
