@@ -14,6 +14,7 @@ from ..errors import InputError
 from . import chart as _chart  # noqa: F401
 from . import export as _export  # noqa: F401
 from . import grains as _grains  # noqa: F401
+from . import pack as _pack  # noqa: F401
 from . import paraview as _paraview  # noqa: F401
 from . import plan as _plan  # noqa: F401
 from . import scene as _scene  # noqa: F401

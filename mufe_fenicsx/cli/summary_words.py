@@ -81,6 +81,24 @@ _OF_RUNS = {
     "peak_memory_bytes": ("memory at its peak", "bytes"),
 }
 
+_OF_PACKINGS = {
+    "void_ratio": ("void ratio of the container", ""),
+    "solid_fraction": ("solid fraction of the container", ""),
+    "void_ratio_inside": ("void ratio away from walls", ""),
+    "solid_fraction_inside": ("solid fraction away from walls", ""),
+    "bearing_coordination_number": ("coordination number of grains that bear", ""),
+    "rattlers": ("grains that bear nothing, part of all", ""),
+    "mean_overlap": ("overlap of pairs, mean", "D"),
+    "largest_overlap": ("overlap, largest", "D"),
+    "unbalanced": ("unbalanced forces over those of contacts", ""),
+    "friction_at_start": ("friction at the start", ""),
+    "friction_at_end": ("friction at the end", ""),
+    "mean_diameter": ("mean diameter D", "m"),
+    "container_x": ("container along x", "m"),
+    "container_y": ("container along y", "m"),
+    "container_z": ("container along z", "m"),
+}
+
 #: Key -> words and unit, where the key does not say them.
 WORDS = {
     "voxel_size": ("voxel size", "m"),
@@ -92,6 +110,7 @@ WORDS = {
     **_OF_MESHES,
     **_OF_LABELS,
     **_OF_RUNS,
+    **_OF_PACKINGS,
 }
 
 

@@ -178,6 +178,13 @@ def kick(velocity, momentum, spin, force, torque, axes, mass, inertia, told, dt,
 
 
 @numba.njit(cache=True)
+def set_spins(spin, momentum, axes, inertia):
+    """Rates of turning of all bodies [1/s] from their angular momenta, in place."""
+    for b in range(spin.shape[0]):
+        set_spin(spin[b], momentum[b], axes[b], inertia[b])
+
+
+@numba.njit(cache=True)
 def set_spin(spin, momentum, axes, inertia):
     """Rate of turning of one body [1/s] from its angular momentum, in place."""
     spin[0] = spin[1] = spin[2] = 0.0

@@ -21,6 +21,7 @@ from .material_point import material_point
 from .mindlin import mindlin
 from .oblique_impact import oblique_impact
 from .overlap import overlap
+from .packed_spheres import packed_spheres
 from .packing import packing
 from .paper_sphere import paper_sphere
 from .patch import patch
@@ -65,6 +66,7 @@ CASES = (
         hiramatsu_oka,
         overlap,
         packing,
+        packed_spheres,
         impact,
         oblique_impact,
         mindlin,

@@ -1,0 +1,198 @@
+"""From grains to a folder with their packing: meshes, table, picture, scene."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import InputError
+from ...geometry.atomic_output import new_folder
+from ...geometry.grains import Grains, save_grains
+from ...geometry.image.label_files import write_labels, write_table
+from ...kernels import packing as kernels
+from ...materials.sand import scene_table
+from ...scene.schema import schema_text
+from ..starter_scenes import DAMPED, HEAD, OEDOMETER, OUTPUT, SCHEMA_FILE
+from .assembly import Assembly
+from .container import BOX, CYLINDER
+from .measures import measured
+from .picture import draw_packing
+from .settings import GRAVITY
+from .sources import draw_grains, meshes_of, shapes_of
+from .start import column, fits, loose
+from .ways import compress, reach_void_ratio, settle
+
+#: File by which a folder is known as one that may be replaced.
+MARKER = "packing.csv"
+#: Table of the scene of a cylinder.
+ROUND = """
+[container]
+shape = "cylinder"        # side, z_min and z_max are its walls
+"""
+
+
+def pack(source, settings, output_folder, *, spheres=False, overwrite=False, progress=None):
+    """Pack grains and write all that is known of the packing.
+
+    Writes grains/ as `mufe mesh` does, packing.csv (a row a grain), packing.png, scene.toml with
+    its schema, and labels.tif where a voxel size is given. Scripts that call this need
+    ``if __name__ == "__main__":`` where grains have to be meshed.
+
+    Args:
+        source: As of `sources.draw_grains`.
+        settings: `PackSettings`.
+        output_folder: New folder.
+        spheres: Pack spheres.
+        overwrite: Replace a folder that was written by this before.
+        progress: Called with steps of the packing, None and a text.
+
+    Returns:
+        A dictionary of numbers: void_ratio, coordination_number, …
+
+    Raises:
+        InputError: The source cannot be used, or the output cannot be written.
+        SolverError: The packing did not come to rest, or not at the void ratio.
+    """
+    start = time.perf_counter()
+    with new_folder(output_folder, overwrite=overwrite, marker=MARKER) as folder:
+        rng_grains, rng_pack = np.random.default_rng(settings.seed).spawn(2)
+        draw = draw_grains(source, spheres, settings, rng_grains)
+        assembly = packed(draw, settings, rng_pack, progress)
+        packed_at = time.perf_counter()
+        numbers = measured(assembly)
+        grains = _meshed(draw, assembly, settings, progress)
+        save_grains(folder / "grains", grains)
+        write_table(folder / MARKER, _rows(draw, assembly))
+        if settings.voxel_size is not None:
+            _write_labels(folder / "labels.tif", assembly, draw.unit, settings.voxel_size)
+        text = _scene_text(grains.num_grains, assembly.container.kind)
+        (folder / "scene.toml").write_text(text, encoding="utf-8")
+        (folder / SCHEMA_FILE).write_text(schema_text(), encoding="utf-8")
+        draw_packing(folder / "packing.png", assembly, draw.unit)
+    edges = (assembly.container.high - assembly.container.low) * draw.unit
+    return {
+        **{name: value for name, value in numbers.items() if value == value},  # without nan
+        "friction_at_start": settings.first_friction,
+        "mean_diameter": draw.unit,
+        "container": assembly.container.kind,
+        "container_x": float(edges[0]),
+        "container_y": float(edges[1]),
+        "container_z": float(edges[2]),
+        "element_size": grains.element_size,
+        "num_cells": len(grains.cells),
+        "num_nodes": len(grains.points),
+        "output": str(output_folder),
+        "next": f"mufe run {Path(output_folder) / 'scene.toml'}",
+        "packing_seconds": round(packed_at - start, 2),
+        "seconds": round(time.perf_counter() - start, 2),
+    }
+
+
+def packed(draw, settings, rng, progress=None):
+    """:class:`Assembly` at rest of the grains of a draw, as asked for.
+
+    Args:
+        draw: `sources.Draw`.
+        settings: `PackSettings`.
+        rng: NumPy generator, for places and turns at the start.
+        progress: As of :func:`pack`.
+
+    Raises:
+        InputError: Grains have no room in the container.
+        SolverError: As of :func:`pack`.
+    """
+    shapes, size = shapes_of(draw, settings), draw.size / draw.unit
+    kind = BOX if settings.cylinder is None else CYLINDER
+    edges = np.ones(3) if settings.edges is None else np.array(settings.edges) / draw.unit
+    shown = progress and (lambda step, a: progress(step, None, f"void ratio {a.void_ratio:.3f}"))
+    more = {"friction": settings.first_friction, "wall_friction": settings.wall_friction}
+    if settings.way == GRAVITY:
+        if settings.edges is None:  # a cube of about what is needed
+            edges *= max(np.cbrt(len(size) * np.pi / 6 / 0.6), 3.0)
+        if not fits(shapes, draw.shape, size, edges[:2]):
+            raise InputError(
+                f"base of the container {edges[0] * draw.unit:.4g} m, expected more than the "
+                f"largest grain, {2 * (shapes.reach[draw.shape] * size).max() * draw.unit:.4g} m "
+                "and a sixth of it"
+            )
+        bodies, container = column(shapes, draw.shape, size, rng, kind, edges[:2])
+        assembly = Assembly(bodies, container, **more, progress=shown)
+        settle(assembly)
+        return assembly
+    bodies, container = loose(shapes, draw.shape, size, rng, kind, edges)
+    assembly = Assembly(bodies, container, **more, progress=shown)
+    compress(assembly)
+    if settings.void_ratio is not None:
+        assembly = reach_void_ratio(assembly, settings.void_ratio)
+    return assembly
+
+
+def _in_space(assembly, b, points):
+    """Points in the frame of a body from the container's corner, in mean diameters."""
+    bodies = assembly.bodies
+    return bodies.centre[b] - assembly.container.low + bodies.size[b] * points @ bodies.axes[b].T
+
+
+def _meshed(draw, assembly, settings, progress):
+    """`Grains` of the packing [m]."""
+    shown = progress and (lambda done, total: progress(done, total, "meshing"))
+    meshes, element_size = meshes_of(draw, settings, shown)
+    placed = []
+    for b, t in enumerate(draw.shape):
+        points, cells = meshes[t]
+        placed.append((_in_space(assembly, b, points) * draw.unit, cells))
+    container = assembly.container
+    box = np.array([np.zeros(3), container.high - container.low]) * draw.unit
+    return Grains.from_list(np.arange(1, len(placed) + 1), placed, element_size, box)
+
+
+def _rows(draw, assembly):
+    """A row a grain of packing.csv."""
+    bodies = assembly.bodies
+    centre = (bodies.centre - assembly.container.low) * draw.unit
+    pairs, _ = assembly.contacts.touching()
+    count = np.bincount(pairs.ravel(), minlength=bodies.num_bodies)
+    walls = (assembly.contacts.wall_push > 0).sum(axis=1)
+    return [
+        {
+            "label": b + 1,
+            "shape": int(draw.shape[b]) + 1,
+            "equivalent_diameter_m": float(draw.size[b]),
+            **{f"centroid_{axis}_m": float(x) for axis, x in zip("xyz", centre[b], strict=True)},
+            "contacts": int(count[b]),
+            "wall_contacts": int(walls[b]),
+        }
+        for b in range(bodies.num_bodies)
+    ]
+
+
+def _write_labels(path, assembly, unit, voxel_size):
+    """Voxels of the container, each with the grain in which its middle lies deepest."""
+    bodies, container, s = assembly.bodies, assembly.container, assembly.bodies.shapes
+    voxel = voxel_size / unit
+    shape = np.ceil((container.high - container.low) / voxel - 1e-6).astype(int)
+    if shape.min() < 2 or np.prod(shape.astype(float)) > 4e9:
+        raise InputError(
+            f"voxel_size = {voxel_size:g} m: {' x '.join(map(str, shape))} voxels, expected 2 or "
+            "more along each axis and 4e9 at most"
+        )
+    labels = np.zeros(shape[::-1], dtype=np.int32)
+    depth = np.zeros(labels.shape, dtype=np.float32)
+    kernels.label_voxels(
+        labels, depth, container.low, voxel, s.spheres, bodies.centre, bodies.axes, bodies.size,
+        bodies.reach, bodies.shape, s.grid, s.low, s.step,
+    )  # fmt: skip
+    write_labels(path, labels, voxel_size)
+
+
+def _scene_text(num_grains, kind):
+    """Oedometer test (TOML) of a packing in a box or cylinder; see `scene.load_scene`."""
+    head = HEAD.format(
+        title=f"Oedometer test on a packing of {num_grains} grains",
+        grains="what `mufe pack` packed",
+        friction=0.23,
+        wall=0.0,
+        material=scene_table(),
+    )
+    container = ROUND if kind == CYLINDER else ""
+    return head + container + DAMPED.format(100) + OEDOMETER + OUTPUT

@@ -1,0 +1,113 @@
+"""What a user may choose about a packing."""
+
+from dataclasses import dataclass, fields
+
+from ...errors import InputError
+from ...units import check_keys, require, setting
+
+COMPRESSION, GRAVITY = "compression", "gravity"
+#: Settings of the forms of random grains, which given grains have of their own.
+FORM = ("elongation", "flatness", "form_spread", "roughness", "falloff")
+#: Friction where none is stated: on the way to a void ratio it falls from the second.
+FRICTION, FIRST_FRICTION = 0.3, 1.0
+
+
+@dataclass(frozen=True)
+class PackSettings:
+    """Grains, their container and the way into it."""
+
+    count: int | None = setting(
+        None, "", "number of grains; None: as many as the container holds", ge=2, le=1_000_000
+    )
+    box: tuple | None = setting(None, "m", "edges of a box", shape=(3,), form="x,y,z")
+    cylinder: tuple | None = setting(
+        None, "m", "upright cylinder", shape=(2,), form="diameter,height"
+    )
+    way: str = setting(
+        COMPRESSION,
+        "",
+        '"compression" from all sides, or "gravity"',
+        allowed=(COMPRESSION, GRAVITY),
+    )
+    void_ratio: float | None = setting(
+        None, "-", "at which compression ends; None: where grains bear", gt=0, le=5
+    )
+    friction: float | None = setting(
+        None,
+        "-",
+        "coefficient between grains during packing; None: 0.3, or from 1 down to a void ratio",
+        ge=0,
+        le=10,
+    )
+    wall_friction: float = setting(
+        0.0, "-", "coefficient between grains and walls during packing", ge=0, le=10
+    )
+    d50: float | None = setting(
+        None, "m", "half of the mass is in smaller grains; None: sizes as given, or 300 um", gt=0
+    )
+    uniformity: float | None = setting(None, "-", "d60/d10 by mass; None: 1.4", ge=1, le=3)
+    elongation: float | None = setting(
+        None, "-", "mean of W/L of random grains; None: 0.75", ge=0.3, le=1
+    )
+    flatness: float | None = setting(
+        None, "-", "mean of T/W of random grains; None: 0.8", ge=0.3, le=1
+    )
+    form_spread: float | None = setting(
+        None, "-", "standard deviation of both; None: 0.08", ge=0, le=0.2
+    )
+    roughness: float | None = setting(
+        None, "-", "root mean square of ln(radius) over degrees >= 3; None: 0.06", ge=0, le=0.2
+    )
+    falloff: float | None = setting(None, "-", "exponent of that spectrum; None: 1.7", ge=0.5, le=5)
+    scale: float = setting(1.0, "m", "length of a unit of foreign surfaces", gt=0)
+    element_size: float | None = setting(
+        None,
+        "m",
+        "wanted length of edges; None: meshes as given, or a tenth of the mean diameter",
+        gt=0,
+    )
+    points: int = setting(
+        400, "", "points of the surface of a grain that may touch others", ge=50, le=5000
+    )
+    voxel_size: float | None = setting(
+        None, "m", "edge of the voxels of labels; None: no labels are written", gt=0
+    )
+    seed: int = setting(1, "", "of the random numbers", ge=0)
+
+    def __post_init__(self):
+        check_keys(self)
+        for name in ("box", "cylinder"):
+            lengths = getattr(self, name)
+            require(lengths is None or min(lengths) > 0, name, lengths, "lengths > 0 in metres")
+        both = self.box is not None and self.cylinder is not None
+        require(not both, "cylinder", self.cylinder, "no box beside it")
+        sized = self.count is not None or self.box is not None or self.cylinder is not None
+        require(sized, "count", self.count, "a number of grains, or a box or cylinder to fill")
+        settled = self.way == GRAVITY and self.void_ratio is not None
+        expected = 'none with way = "gravity", where friction alone decides'
+        require(not settled, "void_ratio", self.void_ratio, expected)
+
+    @property
+    def first_friction(self):
+        """Coefficient of friction at the start."""
+        if self.friction is not None:
+            return self.friction
+        return FRICTION if self.void_ratio is None else FIRST_FRICTION
+
+    @property
+    def edges(self):
+        """Edges of the box around the container [m], shape (3,), or None."""
+        if self.cylinder is not None:
+            return self.cylinder[0], self.cylinder[0], self.cylinder[1]
+        return self.box
+
+    def refuse_form(self, source):
+        """Raise InputError where a form is asked for of grains that have one.
+
+        Args:
+            source: What the grains are, for the message.
+        """
+        for item in fields(self):
+            if item.name in FORM and getattr(self, item.name) is not None:
+                value = getattr(self, item.name)
+                raise InputError(f"{item.name} = {value} beside {source}, expected neither or one")

@@ -1,0 +1,101 @@
+"""`mufe pack` writes grains and a scene that `mufe run` takes, and refuses what makes none."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from mufe_fenicsx.cli.main import main
+from mufe_fenicsx.geometry.grains import load_grains, save_grains
+from mufe_fenicsx.geometry.image.label_files import read_labels
+from mufe_fenicsx.geometry.measure import tet_volumes
+from mufe_fenicsx.scene import load_scene
+from mufe_fenicsx.synthetic.starter_scenes import column_of_balls
+
+SPHERES = ("pack", "--spheres", "--count", "12", "--element-size", "120 um")
+
+
+def pack(*words):
+    with pytest.raises(SystemExit) as ended:
+        main([str(word) for word in words])
+    assert ended.value.code in (0, None)
+
+
+@pytest.fixture(scope="module")
+def packed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("packed")
+    pack(*SPHERES, "-o", folder / "a", "--voxel-size", "20 um", "--json", folder / "a.json")
+    return folder
+
+
+def test_grains_have_the_volumes_and_the_void_ratio_that_are_told(packed):
+    told = json.loads((packed / "a.json").read_text())
+    grains = load_grains(packed / "a" / "grains")
+    assert grains.num_grains == told["num_grains"] == 12
+    box = np.prod(np.ptp(grains.box, axis=0))
+    assert box / grains.volumes.sum() - 1 == pytest.approx(told["void_ratio"], rel=1e-6)
+    rows = list(csv.DictReader((packed / "a" / "packing.csv").open()))
+    diameters = np.array([float(row["equivalent_diameter_m"]) for row in rows])
+    assert grains.volumes == pytest.approx(np.pi / 6 * diameters**3, rel=1e-6)
+    contacts = sum(int(row["contacts"]) for row in rows)
+    assert contacts / 12 == pytest.approx(told["coordination_number"])
+    # Vertices of coarse meshes stand out of the box: facets give the ball's volume back.
+    assert grains.points.min() > -0.06 * told["mean_diameter"]
+    assert (grains.points < grains.box[1] + 0.06 * told["mean_diameter"]).all()
+
+
+def test_labels_are_those_of_the_grains(packed):
+    labels, voxel = read_labels(packed / "a" / "labels.tif")
+    grains = load_grains(packed / "a" / "grains")
+    volumes = np.bincount(labels.ravel(), minlength=13)[1:] * voxel**3
+    # A voxel of 20 um in balls of some 300 um: 3 %.
+    assert volumes == pytest.approx(grains.volumes, rel=0.05)
+
+
+def test_the_scene_runs_and_a_seed_repeats_the_packing(packed, tmp_path):
+    scene = load_scene(packed / "a" / "scene.toml")
+    assert scene.oedometer.strain > 0
+    pack("run", packed / "a" / "scene.toml", "-o", tmp_path / "run", "--max-steps", "3", "--quiet")
+    pack(*SPHERES, "-o", tmp_path / "again")
+    first = load_grains(packed / "a" / "grains").points
+    assert (load_grains(tmp_path / "again" / "grains").points == first).all()
+
+
+def test_given_meshes_are_turned_and_scaled(tmp_path):
+    """Volumes follow the sizes asked for, and the mesh is that given, element by element."""
+    save_grains(tmp_path / "given", column_of_balls(1))
+    given = load_grains(tmp_path / "given")
+    pack("pack", tmp_path / "given", "--count", "3", "--points", "50", "--d50", "2 mm",
+         "--uniformity", "1", "-o", tmp_path / "out")  # fmt: skip
+    grains = load_grains(tmp_path / "out" / "grains")
+    assert grains.volumes == pytest.approx(np.full(3, np.pi / 6 * 2e-3**3), rel=1e-6)
+    ratio = grains.volumes[0] / given.volumes[0]
+    assert tet_volumes(*grains.grain(2)) == pytest.approx(
+        ratio * tet_volumes(given.points, given.cells), rel=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--spheres",), "--count = None (the default), expected a number of grains, or a box"),
+        (("--spheres", "--count", "5", "--elongation", "0.7"), "elongation = 0.7 beside spheres"),
+        (("--count", "5", "nowhere"), "SOURCE nowhere does not exist"),
+        (("--count", "5", "--void-ratio", "0.6", "--way", "gravity"), "--void-ratio = 0.6, exp"),
+        (("--spheres", "--box", "1 um,1 um,1 um"), "box = (1e-06, 1e-06, 1e-06), expected room"),
+        (
+            ("--spheres", "--count", "9", "--way", "gravity", "--box", "0.1 mm,1 mm,1 mm"),
+            "base of the container 0.0001 m, expected more than the largest grain",
+        ),
+        (("meshes:none", "--count", "5"), 'SOURCE = "meshes:none", expected'),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_is_written(words, line, tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["pack", *words, "-o", str(tmp_path / "out")])
+    assert ended.value.code == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert line in lines[0]
+    assert not list(tmp_path.iterdir())
