@@ -36,6 +36,8 @@ MODULE_OF = {
     "ImplicitSimulation": "implicit.simulation",
     "InputError": "errors",
     "J2": "materials.j2",
+    "Membrane": "loading.membrane",
+    "NeoHookean": "materials.neo_hookean",
     "Pressure": "loading.pressure",
     "Rigid": "materials.rigid",
     "Run": "run.opened",
@@ -58,6 +60,7 @@ MODULE_OF = {
     "save_grains": "geometry.grains",
     "scene_to_toml": "scene.writing",
     "settle": "run.from_bodies",
+    "sleeve": "geometry.bodies.sleeve",
     "sphere": "geometry.bodies.shapes",
 }
 __all__ = ["__version__", *MODULE_OF]

@@ -10,14 +10,17 @@ from .geometry.bodies.half_ball import half_ball as half_ball
 from .geometry.bodies.shapes import box as box
 from .geometry.bodies.shapes import cylinder as cylinder
 from .geometry.bodies.shapes import sphere as sphere
+from .geometry.bodies.sleeve import sleeve as sleeve
 from .geometry.grains import Grains as Grains
 from .geometry.grains import load_grains as load_grains
 from .geometry.grains import save_grains as save_grains
 from .implicit.simulation import ImplicitSimulation as ImplicitSimulation
+from .loading.membrane import Membrane as Membrane
 from .loading.pressure import Pressure as Pressure
 from .materials.auto import Auto as Auto
 from .materials.elastic import Elastic as Elastic
 from .materials.j2 import J2 as J2
+from .materials.neo_hookean import NeoHookean as NeoHookean
 from .materials.rigid import Rigid as Rigid
 from .mesh import GrainMesh as GrainMesh
 from .run.from_bodies import build as build

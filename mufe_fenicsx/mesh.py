@@ -88,6 +88,7 @@ class GrainMesh:
     grain_of_facet: np.ndarray  #: local grain of each facet, shape (num_facets,)
     family: int = 1  #: rows of ``cells`` that make one composite element; families are whole
     cylinder: np.ndarray | None = None  #: that cut the grains: x, y, radius [m], shape (3,)
+    sleeves: tuple[str, ...] = ()  #: names of bodies after the grains in ``labels``, around them
     tools: tuple[str, ...] = ()  #: names of the last of ``labels``, which are tools and no grains
 
     def _repr_html_(self) -> str:
@@ -128,8 +129,13 @@ class GrainMesh:
 
     @property
     def num_sample_grains(self) -> int:
-        """Grains on all ranks, tools left out."""
-        return self.labels.size - len(self.tools)
+        """Grains of the sample on all ranks: the first of ``labels``, before sleeves and tools."""
+        return self.labels.size - len(self.sleeves) - len(self.tools)
+
+    @property
+    def labels_of_sleeves(self) -> list[int]:
+        """Labels of the sleeves, in their order."""
+        return self.labels[self.num_sample_grains : self.first_tool].tolist()
 
     @property
     def first_tool(self) -> int:
@@ -141,20 +147,32 @@ class GrainMesh:
         """Whether each grain of this rank is a tool, shape (num_grains,)."""
         return self.grains >= self.first_tool
 
-    @property
-    def num_sample_cells(self) -> int:
-        """Cells of this rank's grains: those of tools are the last rows of ``cells``."""
-        return int(self.cell_offset[np.count_nonzero(~self.is_tool)])
+    @cached_property
+    def is_of_sample(self) -> np.ndarray:
+        """Whether each body of this rank is a grain, no sleeve and no tool, shape (num_grains,)."""
+        return self.grains < self.num_sample_grains
 
     @cached_property
     def sample_nodes(self) -> np.ndarray:
-        """Nodes of this rank's grains, those of tools left out, increasing."""
+        """Nodes of this rank's grains, those of sleeves and tools left out, increasing."""
+        return np.flatnonzero(self.is_of_sample[self.grain_of_node])
+
+    @property
+    def num_shown_cells(self) -> int:
+        """Cells in the fields, of grains and sleeves: those of tools are the last of ``cells``."""
+        return int(self.cell_offset[np.count_nonzero(~self.is_tool)])
+
+    @cached_property
+    def shown_nodes(self) -> np.ndarray:
+        """Nodes in the fields, of this rank's grains and sleeves, increasing."""
         return np.flatnonzero(~self.is_tool[self.grain_of_node])
 
     def name_of(self, grain: int) -> str:
         """What messages call a grain, by its index into ``labels``."""
         if grain >= self.first_tool:
             return f"tool {self.tools[grain - self.first_tool]}"
+        if grain >= self.num_sample_grains:
+            return f"membrane {self.labels[grain]}"
         return f"grain {self.labels[grain]}"
 
     @cached_property
@@ -198,6 +216,7 @@ def create_grain_mesh(
     labels: np.ndarray,
     rank_of_grain: np.ndarray,
     family: int = 1,
+    sleeves: Sequence[str] = (),
     tools: Sequence[str] = (),
 ) -> GrainMesh:
     """Make the distributed mesh from each rank's own grains. Collective.
@@ -210,6 +229,7 @@ def create_grain_mesh(
         labels: Labels of all grains, shape (num_grains_global,).
         rank_of_grain: Rank of all grains, shape (num_grains_global,).
         family: So many tetrahedra in turn belong together, and stay so in the order given.
+        sleeves: Names of the bodies after the grains in ``labels``, which are around them.
         tools: Names of the last of ``labels``, which are tools.
 
     Raises:
@@ -262,6 +282,7 @@ def create_grain_mesh(
         facets=facets,
         grain_of_facet=grain_of_facet,
         family=family,
+        sleeves=tuple(sleeves),
         tools=tuple(tools),
     )
 

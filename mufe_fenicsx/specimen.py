@@ -93,9 +93,9 @@ class Specimen(Stateful):
         )  # fmt: skip
         self.contact = Contact(mesh, mesh.x, self.walls, grains, settings)
         kinematic = self.contact.layers.kinematic
-        self.bonded = Bonded(
-            self.comm, self.walls, self.contact.own.nodes, self.walls.bonded, mesh.x
-        )
+        own = self.contact.own
+        label = mesh.labels[own.grain_of_node]
+        self.bonded = Bonded(self.comm, self.walls, own.nodes, label, mesh.x)
         self.mirrors = Mirrors(
             self.comm, self.walls, mesh.x, self.bonded.nodes, self.rigid.lists.nodes, kinematic
         )
@@ -317,7 +317,7 @@ class Specimen(Stateful):
         return total, int(number)
 
     def num_active_grains(self):
-        """Grains with at least one closed contact. Collective."""
+        """Grains with at least one closed contact, sleeves and tools left out. Collective."""
         active = np.zeros(self.mesh.labels.size, dtype=bool)
         p, w, points = self.contact.pairs, self.walls.pairs, self.contact.points
         active[points.grain_of_point[p.node[p.closed]]] = True
@@ -328,7 +328,7 @@ class Specimen(Stateful):
         return int(active[: self.mesh.num_sample_grains].sum())
 
     def mean_active_contacts(self):
-        """Mean number of neighbours that press on a grain, but walls and tools. Collective."""
+        """Mean number of neighbours that press on a grain, of grains alone. Collective."""
         num_grains = self.mesh.num_sample_grains
         return 2.0 * num_active_pairs(self.contact, num_grains) / num_grains
 
@@ -447,7 +447,7 @@ class OfSpecimen(Stateful):
         return found
 
     def mass_of_grains(self):
-        """Mass of all grains [kg], tools left out. Collective."""
+        """Mass of all grains [kg], sleeves and tools left out. Collective."""
         return self.comm.allreduce(float(self.solid.mass[self.mesh.sample_nodes].sum()))
 
     def wall_forces(self):

@@ -21,6 +21,7 @@ from ..materials.auto import Auto
 from ..materials.rigid import Rigid
 from ..output.run_folder import on_first_rank
 from ..state import ForceTerm
+from .neo_hookean import NeoHookeanGrains
 
 #: Elements by name: averaged nodal pressure, plain linear tetrahedra, and composites of
 #: eight linear ones, which need a mesh made of such (geometry.refine, ``family`` of the mesh).
@@ -78,7 +79,6 @@ class Solid(ForceTerm):
         self.contact_modulus = np.array([m.contact_modulus for m in materials])
         self.tangential_ratio = np.array([2 * (1 - m.nu) / (2 - m.nu) for m in materials])
         self.parameters = _rows([m.parameters() for m in materials])
-        self._increments = [m.plastic_increment for m in materials]
         self.largest_plastic_strain = np.array([m.largest_plastic_strain for m in materials])
         self.mass = lumped_mass(mesh, np.array([m.rho for m in materials]))
 
@@ -96,6 +96,9 @@ class Solid(ForceTerm):
         #: Grains that deform now or later, shape (num_deformable,).
         self.deformable = np.flatnonzero([not isinstance(m, Rigid) for m in materials])
         self.first_time_step = self.element_time_step(x)
+        self.hyperelastic = NeoHookeanGrains(
+            self, [m.hyperelastic for m in materials], ELEMENTS[element]
+        )
         self.set_deforming(np.flatnonzero([not isinstance(m, Rigid | Auto) for m in materials]))
 
     def state_dict(self):
@@ -116,7 +119,8 @@ class Solid(ForceTerm):
             grains: Local indices, increasing, shape (num_deforming,).
         """
         self.grains = grains  #: grains that deform, shape (num_deforming,)
-        self.laws = _laws(grains, self._increments)
+        increments = [m.plastic_increment for m in self.materials]
+        self.laws = _laws(self.hyperelastic.others(grains), increments)
 
     def begin_forces(self, f, state, dt):
         """Subtract the internal forces; an element that turned inside out is :attr:`inverted`."""
@@ -137,6 +141,8 @@ class Solid(ForceTerm):
                 dt, grains, increment,
             )  # fmt: skip
             bad = max(bad, found)
+        if self.hyperelastic.grains.size:
+            bad = max(bad, self.hyperelastic.add_forces(f, state))
         return bad
 
     def add_stiffness(self, y, q, x):
@@ -206,9 +212,10 @@ class Solid(ForceTerm):
         self.kernel.nodal_volumes(volume, state.x)
         elastic_energy(
             energy, state.deviator, state.x, m.cells, self.volume0, self.grains, m.cell_offset,
-            m.nodes, m.node_offset, self.kernel.node_volume0, volume, self.bulk, self.shear,
-            ELEMENTS[self.element],
+            m.nodes, m.node_offset, self.kernel.node_volume0, volume, self.bulk,
+            self.hyperelastic.quadratic_shear, ELEMENTS[self.element],
         )  # fmt: skip
+        self.hyperelastic.add_energy(energy, state.x)
         return energy
 
     def plastic_energy(self, state):

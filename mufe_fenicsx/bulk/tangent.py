@@ -13,6 +13,8 @@ q the axial vector of Q. UFL differentiates this, which gives the consistent tan
 R. L. Taylor, Comput. Methods Appl. Mech. Eng. 48, 1985, 101-118) with all derivatives of the
 rotation. dp is a line in m and p through the increment that the law gave, with the law's slopes.
 
+A neo-Hookean grain has t = G J^(-2/3) dev F Fᵀ instead (kernels.neo_hooke).
+
 The mean stress adds G D Bᵀ: Bᵀ, a form too, is the derivative of the volumes that J belongs to, D
 that of p by them, and G that of the forces by p (equal to B where flow does not depend on p).
 Averaged over nodes it joins neighbours of neighbours; all of that is inside a grain, and a rank.
@@ -48,6 +50,7 @@ class _Increment(NamedTuple):
     by_mean: fem.Function  #: and by the mean stress [1/Pa]
     mean: fem.Function  #: mean stress [Pa]
     mean_of_law: fem.Function  #: that which the law was given [Pa]
+    neo_hookean: fem.Function | None  #: 1 in such grains, else 0; None: there are none
 
 
 class SolidTangent:
@@ -72,7 +75,11 @@ class SolidTangent:
         volumes = fem.functionspace(mesh.mesh, ("Lagrange", 1)) if self._averaged else cells
         stress = fem.Function(fem.functionspace(mesh.mesh, ("DG", 0, (6,))))
         spaces = [cells] * 5 + [volumes] * 2
-        self._law = _Increment(stress, *(fem.Function(space) for space in spaces))
+        rubber = None
+        if mesh.comm.allreduce(solid.hyperelastic.grains.size):
+            is_rubber = np.isin(mesh.grain_of_cell, solid.hyperelastic.grains)
+            rubber = mesh.cell_function(is_rubber.astype(float))
+        self._law = _Increment(stress, *(fem.Function(space) for space in spaces), rubber)
         self._law.shear.x.array[mesh.cell_order] = solid.shear[mesh.grain_of_cell]
         test, step = ufl.TestFunction(mesh.V), ufl.TrialFunction(mesh.V)
         weight = ufl.TestFunction(volumes)
@@ -216,4 +223,7 @@ def _internal_work(v, u, u0, of):
     m = ufl.sqrt(1.5 * ufl.inner(t_trial, t_trial) + (TINY * shear) ** 2)
     dp = of.increment + of.by_trial * (m - of.trial) + of.by_mean * (of.mean - of.mean_of_law)
     t = (1.0 - 3.0 * shear * dp / m) * t_trial
+    if of.neo_hookean is not None:
+        of_stretch = shear * ufl.det(F) ** (-2.0 / 3.0) * ufl.dev(F * F.T)
+        t = (1.0 - of.neo_hookean) * t + of.neo_hookean * of_stretch
     return ufl.inner((t + ufl.det(F) * of.mean * one) * ufl.inv(F).T, grad(v))

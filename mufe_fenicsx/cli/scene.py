@@ -74,6 +74,9 @@ def new(
         Path | None,
         typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write; default: KIND."),
     ] = None,
+    membrane: Annotated[
+        bool, typer.Option("--membrane", help="The sample of a triaxial test in a membrane.")
+    ] = False,
     overwrite: Overwrite = False,
     json: Json = None,
 ):
@@ -82,6 +85,7 @@ def new(
     printer = Printer(json)
     from ..synthetic.starter_scenes import write_new_scene
 
-    result = write_new_scene(kind, Path(kind) if output is None else output, overwrite=overwrite)
+    folder = Path(kind) if output is None else output
+    result = write_new_scene(kind, folder, overwrite=overwrite, membrane=membrane)
     printer.summary(result)
     printer.write_json(result)

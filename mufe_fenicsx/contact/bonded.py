@@ -10,18 +10,26 @@ from ..state import ForceTerm
 TOLERANCE = 1e-9
 
 
-def find_bonded(x, walls):
+def find_bonded(x, label, walls):
     """The wall that each node is glued to, -1 for none. Local.
 
     Args:
         x: Positions of the surface nodes at the start [m], shape (num_nodes, 3).
+        label: Labels of their grains, shape (num_nodes,).
         walls: List of :class:`~mufe_fenicsx.contact.walls.Wall`.
     """
     wall_of_node = np.full(len(x), -1, dtype=np.int32)
     for w, wall in enumerate(walls):
-        if wall.bonded:
-            wall_of_node[on_wall(x, wall)] = w
+        wall_of_node[glued_to(x, label, wall)] = w
     return wall_of_node
+
+
+def glued_to(x, label, wall):
+    """Whether a wall glues nodes, arguments as of :func:`find_bonded`. Local."""
+    if not wall.bonded:
+        return np.zeros(len(x), dtype=bool)
+    on = on_wall(x, wall)
+    return on if wall.bonded is True else on & np.isin(label, list(wall.bonded))
 
 
 def on_wall(x, wall):
@@ -41,26 +49,31 @@ class Bonded(ForceTerm):
         comm: MPI communicator.
         walls: :class:`~mufe_fenicsx.contact.walls.Walls`.
         nodes: Mesh nodes on the surface, shape (num_surface_nodes,).
-        wall_of_node: Wall that each of them is glued to, or -1.
+        label: Labels of their grains, shape (num_surface_nodes,).
         x: Reference positions of the mesh nodes [m], shape (num_nodes, 3).
+
+    Attributes:
+        force: Of the glued nodes of this rank on each wall [N], shape (num_walls, 3); what is in
+            contact with it is not in there.
 
     Raises:
         InputError: Fewer than three nodes on a bonded wall, or a node on two of them; on
             all ranks together.
     """
 
-    STATE = {"here": ("before",)}
+    STATE = {"sum": ("force",)}
 
-    def __init__(self, comm, walls, nodes, wall_of_node, x):
-        self.walls = walls
+    def __init__(self, comm, walls, nodes, label, x):
+        self.walls, wall_of_node = walls, walls.bonded
         on = np.flatnonzero(wall_of_node >= 0)
         self.nodes, self.wall = nodes[on], wall_of_node[on]
         self.place = x[self.nodes] - walls.point[self.wall]
-        self.before = x[self.nodes].copy()
+        self.before, self._num_nodes = x[self.nodes].copy(), len(x)
         self.velocity = np.zeros_like(self.place)
+        self.force = np.zeros_like(walls.force)
         glued = [wall for wall in walls.walls if wall.bonded]
         self.any = bool(glued)  #: whether any rank may have glued nodes
-        lying = [on_wall(x[nodes], wall) for wall in glued]
+        lying = [glued_to(x[nodes], label, wall) for wall in glued]
         count = np.array([on.sum() for on in lying] + [(np.sum(lying, axis=0) > 1).sum()])
         *counts, num_twice = comm.allreduce(count)
         for wall, number in zip(glued, counts, strict=True):
@@ -74,6 +87,21 @@ class Bonded(ForceTerm):
                 f"nodes glued to two bonded walls = {num_twice}, expected bonded walls that "
                 "share no node"
             )
+
+    def state_dict(self):
+        """Forces on walls, and where glued nodes were, as rows of all nodes. Local."""
+        if not self.any:
+            return {}
+        before = np.zeros((self._num_nodes, 3))
+        before[self.nodes] = self.before
+        return super().state_dict() | {"nodes": {"before": before}}
+
+    def load_state_dict(self, kept):
+        """Become what :meth:`state_dict` told. Local."""
+        kept = dict(kept)
+        if "nodes" in kept:
+            self.before[:] = kept.pop("nodes")["before"][self.nodes]
+        super().load_state_dict(kept)
 
     def free_mass(self, mass):
         """Nodal masses [kg] with those of the glued nodes left out, shape (num_nodes,)."""
@@ -103,10 +131,12 @@ class Bonded(ForceTerm):
         pass them by; :meth:`give_velocity` brings the velocity back.
         """
         if self.nodes.size:
+            self.force[:] = self.walls.force
             take_bonded(
                 f, self.walls.force, self.walls.torque, state.x, self.nodes, self.wall,
                 self.walls.point,
             )  # fmt: skip
+            np.subtract(self.walls.force, self.force, out=self.force)
             state.v[self.nodes] = 0.0
 
     def give_velocity(self, v):

@@ -75,6 +75,7 @@ class Contact(Stateful):
         self.motion = RelativeMotion(self.comm, mesh.grains, self.edge, x)
         of_grains = ~mesh.is_tool[mesh.grain_of_node]
         check_walls(self.comm, walls, x[of_grains] if mesh.tools else x, self.edge)
+        walls.glue(x[own.nodes], mesh.labels[own.grain_of_node])
         self.ghosts = Ghosts(self.comm, own.nodes, self.points)
         node_ratio = grains.tangential_ratio[mesh.grain_of_node[own.nodes]]
         # As of sharp vertices: edges that end a flat contact add nothing to it.

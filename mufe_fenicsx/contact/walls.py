@@ -1,6 +1,7 @@
 """Rigid planes, cylinders and spheres: at rest, moved, turned, or pressed by a servo."""
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +46,8 @@ class Wall:
     grows or shrinks instead, and F is the sum of the normal forces on it.
 
     Nodes that lie on the surface of a ``bonded`` wall at the start are glued to it for
-    good, like those of a glued platen; other nodes meet it as any wall.
+    good, like those of a glued platen: those of all grains, or of the grains whose labels
+    ``bonded`` lists. Other nodes meet it as any wall.
 
     Raises:
         InputError: The normal is not of unit length, the friction negative, or the kinetic
@@ -60,7 +62,7 @@ class Wall:
     velocity: np.ndarray | None = None  #: [m/s], shape (3,); rest if None
     target: float | None = None  #: normal force to hold [N]
     speed: float = 0.0  #: largest speed of the servo [m/s]
-    bonded: bool = False  #: glue the nodes that lie on the plane at the start
+    bonded: bool | Collection[int] = False  #: glue nodes on the plane at the start; or labels
     friction_kinetic: float | None = None  #: coefficient while a node slips [-]; None: friction
     angular_velocity: np.ndarray | None = None  #: about ``point`` [rad/s], shape (3,)
     mirror: bool = False  #: a plane of symmetry that grains are cut by: contact.mirrors
@@ -280,6 +282,15 @@ class Walls(Stateful):
         for i, speed in enumerate(speeds):
             self.set_speed(i, speed)
 
+    def glue(self, x, label):
+        """Find what bonded walls hold, before the first search. Local.
+
+        Args:
+            x: Positions of this rank's surface nodes [m], shape (num_nodes, 3).
+            label: Labels of their grains, shape (num_nodes,).
+        """
+        self.bonded = find_bonded(x, label, self.walls)
+
     def search(self, x, nodes, corner, grain_of_point, reach, bound, tools=None):
         """Find the points near each wall and transfer what their pairs remember. Local.
 
@@ -294,7 +305,6 @@ class Walls(Stateful):
                 through walls; None: none is.
         """
         if self.pairs is None:
-            self.bonded = find_bonded(nodes, self.walls)
             if tools is not None:
                 self.bonded[tools[0]] = -1
             held = self.bonded[:, None] == np.arange(len(self.walls))

@@ -42,3 +42,24 @@ def enclosed_volume(x, facets, origin):
             area -= (x[b, m] - origin[m]) * (x[c, j] - origin[j])
             volume += (x[a, i] - origin[i]) * area / 6.0
     return volume
+
+
+@numba.njit(cache=True)
+def volume_beside(x, facets):
+    """Volume between facets and the z axis, whatever is above and below [m³].
+
+    Half the flux of (x, y, 0), whose divergence is 2 and which passes no horizontal plane: of
+    the mantle of a body between two of these it is the volume of the body.
+
+    Args:
+        x, facets: As of :func:`add_pressure`.
+    """
+    volume = 0.0
+    for k in range(len(facets)):
+        a, b, c = facets[k, 0], facets[k, 1], facets[k, 2]
+        for i in range(2):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            area = (x[b, j] - x[a, j]) * (x[c, m] - x[a, m])
+            area -= (x[b, m] - x[a, m]) * (x[c, j] - x[a, j])
+            volume += (x[a, i] + x[b, i] + x[c, i]) * area / 12.0
+    return volume

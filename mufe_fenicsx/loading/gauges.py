@@ -41,27 +41,27 @@ class WallMeans(Stateful):
 
 
 class Gauges(Stateful):
-    """Lengths, stresses and strains along the axes of a container. Local: the same on all ranks.
+    """Lengths, stresses and strains along the axes of a container. Collective, the same on all.
 
     Args:
-        simulation: :class:`~.Simulation` with the walls of the container.
-        container: :class:`~mufe_fenicsx.container.Container`.
+        measures: :class:`~.measures.WallMeasures` of what surrounds the sample.
         shearing: What moves walls along themselves, :class:`~.shearing.Unsheared`.
     """
 
     STATE = {"common": ("reference", "total", "sides")}
 
-    def __init__(self, simulation, container, shearing):
-        self.simulation, self.container, self.shearing = simulation, container, shearing
+    def __init__(self, measures, shearing):
+        self.measures, self.container, self.shearing = measures, measures.container, shearing
         self.reference = self.lengths.tolist()  #: lengths at strain 0 [m]
-        self.means = WallMeans([0.0] * len(container.walls), simulation.state.t)
+        self.means = WallMeans([0.0] * len(self.container.walls), measures.simulation.state.t)
         self.total = None  #: total side stress of undrained stages [Pa]; None: drained
         self.sides = []  #: axes that are the side then
 
     @property
     def columns(self):
         """Of history.csv beyond the usual ones."""
-        return (*self._of_axes, "pore_pressure", *self.shearing.columns)
+        others = *self.shearing.columns, *self.measures.columns
+        return (*self._of_axes, "pore_pressure", *others)
 
     @property
     def _of_axes(self):
@@ -71,14 +71,12 @@ class Gauges(Stateful):
     @property
     def lengths(self):
         """Lengths between the walls along the axes [m], shape (num_axes,)."""
-        walls = self.simulation.walls
-        return self.container.lengths(walls.point, walls.curved.radius)
+        return self.measures.lengths()
 
     @property
     def places(self):
         """How far in planes stand, from the origin [m], shape (num_walls,)."""
-        walls = self.simulation.walls
-        return np.einsum("wi,wi->w", walls.point, walls.normal)
+        return self.measures.places()
 
     @property
     def strains(self):
@@ -141,13 +139,14 @@ class Gauges(Stateful):
             "q": z - 0.5 * (x + y),
             "pore_pressure": self.pore_pressure(stress),
             "strain_volume": float(1.0 - volumes[0] / volumes[1]),
-            "time": self.simulation.state.t - begun,
+            "time": self.measures.simulation.state.t - begun,
         }
 
     def row(self, forces):
         """Columns of history.csv, of forces on the walls [N]."""
         stress = self.axis_stress(forces)
-        values = [*self._along_all(stress), self.pore_pressure(stress), *self.shearing.row()]
+        others = *self.shearing.row(), *self.measures.row()
+        values = [*self._along_all(stress), self.pore_pressure(stress), *others]
         return dict(zip(self.columns, values, strict=True)) | {"stress": stress[-1]}
 
     def _along_all(self, stress):

@@ -8,9 +8,10 @@ longer than steps, end there to ``SEATED`` of that stress, and where the strain 
 reached.
 """
 
-from ..container import BOTTOM, TOP, container_of
+from ..container import BOTTOM, TOP
 from ..errors import SolverError
 from ..state import Stateful
+from .measures import WallMeasures
 from .quasi_static import QuasiStaticSpeed
 
 SEATING, LOADING = "seating", "loading"
@@ -85,7 +86,8 @@ class OedometerLoading(Stateful):
         self.final_strain, self.speed, self.ramp = strain, speed, ramp
         self.seating_force, self.seating_speed = seating_force, seating_speed
         walls = simulation.walls
-        self.container = container_of(walls.names)
+        self.measures = WallMeasures(simulation)
+        self.container = self.measures.container
         self._top, self._bottom = walls.names.index(TOP), walls.names.index(BOTTOM)
         self.control = None
         if quasi_static is not None:
@@ -186,9 +188,7 @@ class OedometerLoading(Stateful):
 
     def _areas(self):
         """Of the walls of the container, between those around them [m²], shape (num_walls,)."""
-        walls = self.simulation.walls
-        lengths = self.container.lengths(walls.point, walls.curved.radius)
-        return self.container.areas_of_walls(lengths)
+        return self.container.areas_of_walls(self.measures.lengths())
 
     def before_step(self):
         """Set the speed of the platen and change stage when it is time. Collective."""

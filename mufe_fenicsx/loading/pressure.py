@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, finite_array
 from ..kernels.pressure import add_pressure, enclosed_volume
@@ -13,8 +14,10 @@ from ..state import ForceTerm
 class Pressure(ForceTerm):
     """Pressure p on facets, which follows them: f = -p n da on the present surface.
 
-    It has the potential p V, V the volume between the facets and a fixed place. That holds for
-    closed surfaces, and for open ones whose rim is at rest, as where it is glued to a wall. Local.
+    It has the potential p V, V the volume that the facets sweep from their first places. That holds
+    for closed surfaces, and for open ones each rim of which is at rest or moves without a turn, as
+    where it is glued to a platen. A rim may also slide in planes of symmetry that meet in
+    ``origin``. Local.
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
@@ -23,6 +26,7 @@ class Pressure(ForceTerm):
         where: ``where(centres, normals)`` chooses among their facets, from arrays of shape (num, 3)
             of the reference configuration [m, 1]; None for all.
         name: Of the term; the energy balance has the account ``energy_NAME``.
+        origin: Place from which volumes are counted [m], shape (3,); None: in the middle.
 
     Raises:
         InputError: p is not finite, a label is not known, or no facet on any rank is chosen.
@@ -38,6 +42,7 @@ class Pressure(ForceTerm):
         labels: list[int] | None = None,
         where: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
         name: str = "pressure",
+        origin: ArrayLike | None = None,
     ):
         self.name = name
         chosen = np.ones(len(mesh.facets), dtype=bool)
@@ -59,9 +64,13 @@ class Pressure(ForceTerm):
         # The same on all ranks: of an open surface whose rim moves the potential depends on it.
         parts = mesh.comm.allreduce(np.append(mesh.x.sum(axis=0), mesh.num_nodes))
         self._origin = parts[:3] / parts[3]
+        if origin is not None:
+            self._origin = finite_array(f"origin of {name}", origin, (3,))
         # What the potential was when the pressure was set last, and the volume then.
         self._potential = 0.0
-        self._volume = enclosed_volume(mesh.x, self.facets, self._origin)
+        self._rim, self._rim_weight = rim_weights(mesh.x - self._origin, self.facets)
+        self._rim_place = mesh.x[self._rim]
+        self._volume = self._swept(mesh.x)
 
     @property
     def pressure(self) -> float:
@@ -76,7 +85,7 @@ class Pressure(ForceTerm):
         """
         slope = np.zeros_like(state.x)
         add_pressure(slope, state.x, self.facets, -1.0)
-        volume = enclosed_volume(state.x, self.facets, self._origin)
+        volume = self._swept(state.x)
         volume += 0.5 * state.dt * float(np.vdot(slope, state.v))
         self._potential += self._pressure * (volume - self._volume)
         self._volume = volume
@@ -88,5 +97,39 @@ class Pressure(ForceTerm):
 
     def energy(self, state):
         """Potential since the start [J]. Local."""
-        volume = enclosed_volume(state.x, self.facets, self._origin)
+        volume = self._swept(state.x)
         return self._potential + self._pressure * (volume - self._volume)
+
+    def _swept(self, x):
+        """A volume whose rate is that of the facets' motion outwards, times their areas [m³]."""
+        volume = enclosed_volume(x, self.facets, self._origin)
+        return volume + float(np.vdot(self._rim_weight, x[self._rim] - self._rim_place))
+
+
+def rim_weights(y, facets):
+    """What the motion of the rim of an open surface adds to the volume over it.
+
+    With places y from a fixed one, the volume V of cones over the facets changes at a rate that
+    lacks what their rim i, j, … sweeps:
+
+        Σ A · (v_a + v_b + v_c)/3 = dV/dt + Σ (v_i + v_j) · (y_i × y_j)/6,
+
+    the sums over facets of area A and over edges of the rim. Where a closed rim moves without a
+    turn the last sum keeps its factors of the start.
+
+    Args:
+        y: Places [m], shape (num_nodes, 3).
+        facets: Their corners, outwards, shape (num_facets, 3).
+
+    Returns:
+        Nodes of the rim, shape (n,), and their factors [m²], shape (n, 3).
+    """
+    ends = np.stack([facets, np.roll(facets, -1, axis=1)], axis=-1).reshape(-1, 2)
+    key = np.sort(ends, axis=1)
+    _, which, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
+    rim = ends[count[which.ravel()] == 1]
+    cross = np.cross(y[rim[:, 0]], y[rim[:, 1]]) / 6.0
+    nodes, place = np.unique(rim, return_inverse=True)
+    weights = np.zeros((nodes.size, 3))
+    np.add.at(weights, place.reshape(-1, 2), cross[:, None])
+    return nodes, weights

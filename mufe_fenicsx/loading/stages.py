@@ -40,12 +40,12 @@ import math
 
 import numpy as np
 
-from ..container import container_of
 from ..errors import InputError, SolverError
 from ..output.run_folder import on_first_rank
 from ..state import Stateful
 from .gauges import Gauges, WallMeans
 from .measured_paths import measured_paths, read_motions
+from .measures import WallMeasures
 from .oedometer import overdamped
 from .pace import Paces
 from .present_stage import PresentStage
@@ -73,6 +73,7 @@ class StagedLoading(Stateful):
         settings: :class:`~mufe_fenicsx.scene.stages.Loading`.
         program: Its :class:`~mufe_fenicsx.scene.stages.Stage` s, with their names.
         quasi_static: Settings of a speed that adapts (scene.QuasiStatic), or None.
+        measures: :class:`~.measures.WallMeasures` of what surrounds the sample; None: of its walls.
 
     Raises:
         InputError: A file that a stage follows cannot be used; on all ranks.
@@ -83,11 +84,12 @@ class StagedLoading(Stateful):
 
     STATE = {"common": ("index", "stages", "first_height", "_speed")}
 
-    def __init__(self, simulation, settings, program, quasi_static=None):
+    def __init__(self, simulation, settings, program, quasi_static=None, measures=None):
         self.simulation, self.settings, self.program = simulation, settings, program
-        self.container = container_of(simulation.walls.names)
+        self.measures = WallMeasures(simulation) if measures is None else measures
+        self.container = self.measures.container
         self.shearing = shearing_of(simulation, self.container, settings, program)
-        self.gauges = Gauges(simulation, self.container, self.shearing)
+        self.gauges = Gauges(self.measures, self.shearing)
         self.servo = Servo(simulation, self.container)
         self.paces = Paces(simulation, self.container, settings, quasi_static)
         #: Motions that stages follow: number of the stage -> :class:`~.output.measured.Measured`.
@@ -366,7 +368,7 @@ class StagedLoading(Stateful):
 
     def _update(self, t):
         """Look at the present state. Collective; twice gives the same as once."""
-        self._loads = forces, _ = self.simulation.walls.pressing(self.simulation.comm)
+        self._loads = forces, _ = self.measures.pressing()
         gauges, now = self.gauges, self._now
         stress, lengths = gauges.axis_stress(forces), gauges.lengths
         self.servo.sample(stress, lengths)
@@ -434,9 +436,10 @@ class StagedLoading(Stateful):
         forces, stiffness = self._loads
         lengths = gauges.lengths
         area = self.container.areas_of_walls(lengths)
+        stress, gain = gauges.axis_stress(forces), self.measures.gains(self.servo, stiffness, area)
         walls = WallsNow(
-            lengths, gauges.axis_stress(forces), gauges.wall_stress(forces), stiffness,
-            self.servo.gains(stiffness, area), gauges.places - now.places0, sim.dt,
+            lengths, stress, gauges.wall_stress(forces), stiffness, gain,
+            gauges.places - now.places0, sim.dt,
         )  # fmt: skip
         pace = self.paces.pace(now, self.tasks, gauges.strains, self.loaded, self.shearing)
         if pace.leading:
@@ -450,6 +453,6 @@ class StagedLoading(Stateful):
             velocity[list(task.walls)] = task.speeds(now.s, walls, pace, closing)
             if not task.keeps_volume:
                 closing[task.axis] = self.container.closing(velocity)[task.axis]
-        sim.walls.set_speeds(velocity)
+        self.measures.lead(velocity, [task.target(now.s, stress) for task in self.tasks])
         speed = self.shearing.move(now.s if pace.leading else None, pace.factor, velocity)
         self._speed = max(speed, float(np.abs(self.container.closing(velocity)).max()))

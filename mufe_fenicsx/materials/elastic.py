@@ -32,6 +32,8 @@ class IsotropicSolid:
 
     #: Compiled law of plastic flow.
     plastic_increment: ClassVar = staticmethod(plastic_increment)
+    #: Whether the deviator follows from the deformation, not from its rate: kernels.neo_hooke.
+    hyperelastic: ClassVar[bool] = False
 
     E: float = setting(REQUIRED, "Pa", "Young's modulus", gt=0, expected="a stiffness > 0 Pa")
     nu: float = setting(REQUIRED, "-", "Poisson's ratio", gt=-1, lt=0.5, plausible=(-0.99, 0.4999))

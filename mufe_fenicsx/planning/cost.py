@@ -20,7 +20,7 @@ from ..loading.oedometer import LARGEST_SEATING, smooth_step
 from ..loading.quasi_static import AIM
 from ..loading.stages import SETTLED
 from ..machine.memory import peak_memory
-from ..run.from_scene import find_bounds, load_mesh, make_simulation
+from ..run.from_scene import find_bounds, load_mesh, make_simulation, refuse_membrane
 from ..run.rebalance import PAIR_COSTS
 from .contacts import Closing
 from .course import course_of, wave_speed
@@ -102,6 +102,7 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
     Returns:
         :class:`Benchmark`, the same on all ranks.
     """
+    refuse_membrane(scene, "a plan")
     start = clock()
     mesh = load_mesh(comm, grains_folder, scene.solver.element)
     sample = scene.sample

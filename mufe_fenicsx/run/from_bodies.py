@@ -49,7 +49,8 @@ def build(
         walls: Further :class:`~mufe_fenicsx.contact.walls.Wall`, in any position.
         increment: Length of implicit increments [s]; None for time steps.
         options: Of :class:`~.Simulation`; for ``element = "composite"``
-            the tetrahedra of the bodies are split.
+            the tetrahedra of the bodies are split; ``sleeves`` are names of
+            the last bodies, which are no grains.
 
     Raises:
         InputError: A name of a wall, letter of ``axes``, shape or option that is not known; a
@@ -66,7 +67,7 @@ def build(
         for name, (point, normal) in planes.items()
     ] + list(walls)
     composite, tools = options.get("element") == "composite", options.get("tools", ())
-    mesh = distribute(comm, bodies, composite, tools)
+    mesh = distribute(comm, bodies, composite, tools, options.pop("sleeves", ()))
     if velocity is not None:
         options["velocity"] = velocity(mesh.x, mesh.grains[mesh.grain_of_node])
     materials = material if isinstance(material, list) else [material] * len(bodies)
@@ -75,7 +76,11 @@ def build(
 
 
 def distribute(
-    comm: MPI.Intracomm, bodies: list[Body], composite: bool = False, tools: Sequence[Tool] = ()
+    comm: MPI.Intracomm,
+    bodies: list[Body],
+    composite: bool = False,
+    tools: Sequence[Tool] = (),
+    sleeves: Sequence[str] = (),
 ) -> GrainMesh:
     """Mesh of a few bodies, each on one rank. Collective.
 
@@ -84,6 +89,7 @@ def distribute(
         bodies: List of (points [m], cells), the same on all ranks; labels are 1, 2, …
         composite: Split every tetrahedron into the eight of a composite one.
         tools: Further bodies, with the next labels.
+        sleeves: Names of the last of ``bodies``, which are no grains but around them.
     """
     bodies = [*bodies, *((tool.points, tool.cells) for tool in tools)]
     if composite:
@@ -104,6 +110,7 @@ def distribute(
         np.arange(1, len(bodies) + 1),
         rank_of_grain,
         PARTS if composite else 1,
+        sleeves,
         [tool.name for tool in tools],
     )
 

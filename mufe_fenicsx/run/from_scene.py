@@ -8,11 +8,14 @@ from mpi4py import MPI
 from ..bulk.tools import Tool, ToolPath
 from ..contact.separation import separate
 from ..contact.walls import Wall, rotation_of
-from ..container import Bounds
+from ..container import SIDE, Bounds
 from ..errors import InputError, raise_together
 from ..explicit.simulation import Simulation
+from ..geometry.bodies.sleeve import sleeve_around
 from ..geometry.grains import load_grains, read_grain_table
 from ..geometry.tets.refine import PARTS, split
+from ..loading.measures import MembraneMeasures
+from ..loading.membrane import Membrane
 from ..mesh import create_grain_mesh, partition_grains
 from ..output.history import read_history
 from ..output.run_folder import on_first_rank
@@ -32,15 +35,19 @@ def read_scene(comm, path):
     return comm.bcast(on_first_rank(comm, lambda: load_scene(path)))
 
 
-def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None, tools=()):
+def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None, tools=(), around=None):
     """Read each rank's own grains and make the distributed mesh. Collective.
 
     Args:
         comm: MPI communicator.
         grains_folder: Folder that `mufe mesh` wrote.
         element: Tetrahedra are split where it is "composite".
-        rank_of_grain: Ranks of the grains and tools; None: evenly by their cells.
+        rank_of_grain: Ranks of the grains, of the sleeve and of the tools; None: evenly by their
+            cells, and the sleeve on the last one.
         tools: All :class:`~mufe_fenicsx.bulk.tools.Tool`, further bodies of the mesh.
+        around: ``around(comm, points, cut)`` makes a sleeve around this rank's nodes ``points`` and
+            those of others, which a cylinder ``cut``, or None: a body, the same on all ranks;
+            collective. None: there is no sleeve.
 
     Raises:
         InputError: The folder cannot be used, or there are more ranks than grains.
@@ -48,6 +55,7 @@ def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None, tools
     # The checksum first: HDF5 may hang on a file that is damaged.
     found = on_first_rank(comm, lambda: read_grain_table(grains_folder))
     labels, num_cells, _, centroids = comm.bcast(found)
+    num_grains = labels.size
     if comm.size > labels.size:
         raise InputError(
             f"number of ranks = {comm.size}, expected at most the number of grains, {labels.size}"
@@ -56,23 +64,30 @@ def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None, tools
     if rank_of_grain is None:
         work = np.append(num_cells, np.ones(len(tools)))  # tools cost next to nothing
         rank_of_grain = partition_grains(work, np.vstack([centroids, *of_tools]), comm.size)
+        if around is not None:
+            rank_of_grain = np.insert(rank_of_grain, num_grains, comm.size - 1)
     rank_of_grain = np.asarray(rank_of_grain, dtype=np.int32)
     own = np.flatnonzero(rank_of_grain == comm.rank)
-    mine, others = own[own < labels.size], own[own >= labels.size]
+    mine, others = own[own < num_grains], own[own >= num_grains]
     grains = _together(comm, lambda: load_grains(grains_folder, mine, compare=False))
     cell_grain = np.repeat(mine, np.diff(grains.cell_offset))
     points, cells, family = grains.points, grains.cells, 1
+    sleeves = () if around is None else (SIDE,)
+    bodies = [around(comm, points, grains.cylinder) for _ in sleeves]
+    bodies += [(tool.points, tool.cells) for tool in tools]
     for number in others:
-        tool = tools[number - labels.size]
-        cells = np.vstack([cells, tool.cells + len(points)])
-        points = np.vstack([points, tool.points])
-        cell_grain = np.append(cell_grain, np.full(len(tool.cells), number))
-    labels = np.append(labels, labels.max() + 1 + np.arange(len(tools)))
+        body = bodies[number - num_grains]
+        cells = np.vstack([cells, body[1] + len(points)])
+        points = np.vstack([points, body[0]])
+        cell_grain = np.append(cell_grain, np.full(len(body[1]), number))
+    labels = np.append(labels, labels.max() + 1 + np.arange(len(bodies)))
     if element == "composite":
         points, cells = split(points, cells)
         cell_grain, family = np.repeat(cell_grain, PARTS), PARTS
     names = [tool.name for tool in tools]
-    mesh = create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, family, names)
+    mesh = create_grain_mesh(
+        comm, points, cells, cell_grain, labels, rank_of_grain, family, sleeves, names
+    )
     return replace(mesh, cylinder=grains.cylinder)
 
 
@@ -148,16 +163,56 @@ def separate_surfaces(mesh, sample):
     return separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
 
 
-def make_walls(scene, bounds):
+def sleeve_of(scene):
+    """What makes the sleeve of a scene for :func:`load_mesh`; None without a membrane.
+
+    It stands between the platens. Its facets keep off the grains by the gap.
+    """
+    if scene.membrane is None:
+        return None
+
+    def around(comm, points, cut):
+        low, high = _extent(comm, points)
+        settings = scene.membrane
+        centre, radius = _cylinder(scene, comm, points, cut)
+        found, cells = sleeve_around(
+            radius + settings.room, settings.thickness, high[2] - low[2], settings.edge(radius),
+            settings.layers,
+        )  # fmt: skip
+        return found + np.append(centre, low[2]), cells
+
+    return around
+
+
+def make_membrane(scene, simulation, bounds):
+    """The :class:`Membrane` of a scene, and what it measures; None without one. Collective."""
+    settings = scene.membrane
+    if settings is None:
+        return None
+    label = simulation.mesh.labels_of_sleeves[0]
+    membrane = Membrane(simulation, label, damping=settings.rate(bounds.radius))
+    return MembraneMeasures(membrane, settings.E * settings.thickness, settings.correction)
+
+
+def refuse_membrane(scene, what):
+    """Raise InputError where a command cannot work with a membrane."""
+    if scene.membrane is not None:
+        raise InputError(f"[membrane] is given, expected none for {what}")
+
+
+def make_walls(scene, bounds, sleeves=()):
     """The walls of a scene, list of :class:`~mufe_fenicsx.contact.walls.Wall`.
 
     Args:
         scene: :class:`~mufe_fenicsx.scene.Scene`.
         bounds: :class:`~mufe_fenicsx.container.Bounds` that they stand at.
+        sleeves: Labels of sleeves: they take the place of the side, and platens glue their ends.
     """
     container, walls = scene.container.kind, []
     areas = container.areas_of_walls(container.lengths_within(bounds))
     for surface, area in zip(container.surfaces(bounds), areas, strict=True):
+        if sleeves and surface.name == SIDE:
+            continue
         settings = scene.walls[surface.name]
         moves = {"velocity": settings.velocity * surface.normal}
         if surface.radius:
@@ -173,6 +228,7 @@ def make_walls(scene, bounds):
                 target=None if not settings.stress else settings.stress * area,
                 speed=settings.speed or 0.0,
                 mirror=settings.mirror,
+                bonded=tuple(sleeves) or False,
                 **moves,
             )
         )
@@ -188,32 +244,13 @@ def find_bounds(scene, mesh):
     Raises:
         InputError: Grains are outside of the cylinder that the scene states, or in its hole.
     """
-    low, high = np.empty(3), np.empty(3)
-    mesh.comm.Allreduce(mesh.x.min(axis=0), low, op=MPI.MIN)
-    mesh.comm.Allreduce(mesh.x.max(axis=0), high, op=MPI.MAX)
-    stated = scene.container
+    low, high = _extent(mesh.comm, mesh.x)
     centre, radius, inner = 0.5 * (low + high)[:2], 0.0, 0.0
-    if stated.shape != "box":
-        of_grains = mesh.x[mesh.sample_nodes, :2]  # tools pass through its side
-        places = np.concatenate(mesh.comm.allgather(_hull(of_grains)))
-        given, cut = stated.centre, mesh.cylinder
-        if given is not None:
-            centre = np.array(given)
-        elif cut is not None:
-            centre = cut[:2].copy()
-        else:
-            centre = _middle_of_smallest_circle(places)
-        needed = float(np.linalg.norm(places - centre, axis=1).max())
-        radius = needed if stated.radius is None else stated.radius
-        if cut is not None and given is None and stated.radius is None:
-            radius = max(radius, float(cut[2]))
-        if needed > radius * (1.0 + OUTSIDE):
-            raise InputError(
-                f"container.radius = {radius:.9g}, expected at least {needed:.9g}: that of the "
-                f"outermost node of the grains about {centre[0]:.6g}, {centre[1]:.6g}"
-            )
-    if stated.shape == "hollow cylinder":
-        inner = _inner_radius(mesh, centre, stated.inner_radius)
+    if scene.container.shape != "box":
+        of_grains = mesh.x[mesh.sample_nodes]  # tools pass through its side
+        centre, radius = _cylinder(scene, mesh.comm, of_grains, mesh.cylinder)
+    if scene.container.shape == "hollow cylinder":
+        inner = _inner_radius(mesh, centre, scene.container.inner_radius)
     return Bounds(low, high, centre, radius, inner)
 
 
@@ -232,11 +269,54 @@ def _inner_radius(mesh, centre, given):
     return radius
 
 
+def _extent(comm, points):
+    """Corners of the box around the points of all ranks [m], two of shape (3,). Collective."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    comm.Allreduce(points.min(axis=0, initial=np.inf), low, op=MPI.MIN)
+    comm.Allreduce(points.max(axis=0, initial=-np.inf), high, op=MPI.MAX)
+    return low, high
+
+
+def _cylinder(scene, comm, points, cut):
+    """Centre across z, shape (2,), and radius of a scene's cylinder around points [m]. Collective.
+
+    Args:
+        scene: :class:`~mufe_fenicsx.scene.Scene`.
+        comm: MPI communicator.
+        points: Nodes of this rank's grains [m], shape (num_nodes, 3).
+        cut: The cylinder that cut them, x, y and radius [m]; None: there was none.
+
+    Raises:
+        InputError: Points are outside of the cylinder that the scene states.
+    """
+    stated = scene.container
+    places = np.concatenate(comm.allgather(_hull(points[:, :2])))
+    given = stated.centre
+    if given is not None:
+        centre = np.array(given)
+    elif cut is not None:
+        centre = np.array(cut[:2])
+    else:
+        centre = _middle_of_smallest_circle(places)
+    needed = float(np.linalg.norm(places - centre, axis=1).max())
+    radius = needed if stated.radius is None else stated.radius
+    if cut is not None and given is None and stated.radius is None:
+        radius = max(radius, float(cut[2]))
+    if needed > radius * (1.0 + OUTSIDE):
+        raise InputError(
+            f"container.radius = {radius:.9g}, expected at least {needed:.9g}: that of the "
+            f"outermost node of the grains about {centre[0]:.6g}, {centre[1]:.6g}"
+        )
+    return centre, radius
+
+
 def _hull(places):
     """Corners of the convex hull of points in a plane, shape (num_corners, 2)."""
+    if not len(places):
+        return places
     from scipy.spatial import ConvexHull
 
-    return places[ConvexHull(places).vertices] if len(places) else places
+    return places[ConvexHull(places).vertices]
 
 
 def _middle_of_smallest_circle(places):
@@ -279,13 +359,12 @@ def make_simulation(scene, mesh, bounds, shorter=1.0, tools=()):
         from ..implicit.simulation import ImplicitSimulation
 
         make, more = ImplicitSimulation, _increments(scene, bounds.height, shorter)
-    labels = mesh.labels[: mesh.num_sample_grains]
     return make(
         mesh,
-        scene.materials_of(mesh.labels[mesh.grains[~mesh.is_tool]], labels),
-        make_walls(scene, bounds),
+        materials_of(scene, mesh),
+        make_walls(scene, bounds, mesh.labels_of_sleeves),
         **more,
-        friction=scene.friction_of(labels),
+        friction=scene.friction_of(mesh.labels[: mesh.first_tool], len(mesh.sleeves)),
         friction_kinetic=contact.friction_kinetic,
         compliance=contact.compliance,
         points=contact.points,
@@ -296,6 +375,20 @@ def make_simulation(scene, mesh, bounds, shorter=1.0, tools=()):
         gravity=scene.gravity,
         tools=tools,
     )
+
+
+def materials_of(scene, mesh):
+    """Material of each grain of this rank, and of a sleeve, but of no tool. Local.
+
+    Raises:
+        InputError: A group of the scene names a grain that the sample has not.
+    """
+    sample = mesh.labels[: mesh.num_sample_grains]
+    found = scene.materials_of(mesh.labels[mesh.grains[mesh.is_of_sample]], sample)
+    if mesh.sleeves:
+        num = np.count_nonzero(~mesh.is_tool & ~mesh.is_of_sample)
+        found += [scene.membrane.material] * int(num)
+    return found
 
 
 def _increments(scene, height, shorter):

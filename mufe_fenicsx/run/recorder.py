@@ -8,7 +8,6 @@ import numpy as np
 from ..bulk.solid import von_mises
 from ..contact.results.network import find_network
 from ..contact.results.nodal_fields import nodal_contact
-from ..container import container_of
 from ..errors import InputError, raise_together
 from ..output.contacts import ContactWriter
 from ..output.fields import Computed, FieldWriter
@@ -32,7 +31,7 @@ class Recorder:
         mesh = simulation.mesh
         kept = kept or {}
         self.simulation, self.loading, self.lock = simulation, loading, lock
-        self.container = container_of(simulation.walls.names)
+        self.container = loading.measures.container
         self.guard = EnergyGuard(simulation, energy_limit)
         self.history = HistoryWriter(
             folder / "history.csv",
@@ -47,10 +46,10 @@ class Recorder:
             rows=kept.get("history_rows"),
         )
         self.num_states = kept.get("num_states", 0)
-        cells = slice(mesh.num_sample_cells)
+        cells = slice(mesh.num_shown_cells)
         self.fields = FieldWriter(
-            mesh.comm, folder, mesh.x[mesh.sample_nodes],
-            np.searchsorted(mesh.sample_nodes, mesh.cells[cells]),
+            mesh.comm, folder, mesh.x[mesh.shown_nodes],
+            np.searchsorted(mesh.shown_nodes, mesh.cells[cells]),
             mesh.labels[mesh.grains[mesh.grain_of_cell[cells]]], kept.get("fields"), same_ranks,
             self.num_states,
         )  # fmt: skip
@@ -97,7 +96,7 @@ class Recorder:
         """One row of the history. Returns its energies [J]."""
         self._check_lock()
         sim, loading = self.simulation, self.loading
-        forces, energies = sim.wall_forces(), sim.energies()
+        forces, energies = loading.measures.forces(), sim.energies()
         active = sim.num_active_grains()
         added, largest = sim.scaling.shares() if sim.scaling else (0.0, 0.0)
         row = {
@@ -115,7 +114,7 @@ class Recorder:
             "num_active_grains": active,
             "num_active_contacts": sim.mean_active_contacts(),
         }
-        lengths, container = self._lengths(), self.container
+        lengths, container = loading.measures.lengths(), self.container
         row.update(zip(container.widths, lengths[:-1], strict=True))
         row.update({f"force_{name}": f for name, f in zip(container.walls, forces, strict=True)})
         row.update(energies)
@@ -128,13 +127,9 @@ class Recorder:
 
     def vertical_stress(self, forces=None):
         """Mean of those on the bottom and on the top [Pa]. Collective without the forces [N]."""
-        forces = self.simulation.wall_forces() if forces is None else forces
-        return float(self.container.stresses(forces, self._lengths())[-1])
-
-    def _lengths(self):
-        """Between the walls along the axes of the container [m], shape (num_axes,)."""
-        walls = self.simulation.walls
-        return self.container.lengths(walls.point, walls.curved.radius)
+        measures = self.loading.measures
+        forces = measures.forces() if forces is None else forces
+        return float(self.container.stresses(forces, measures.lengths())[-1])
 
     def _check_lock(self):
         if self.lock is not None:
@@ -154,7 +149,7 @@ class Recorder:
         self._check_lock()
         sim, state = self.simulation, self.simulation.state
         sim.complete()
-        solid, num_cells, nodes = sim.solid, sim.mesh.num_sample_cells, sim.mesh.sample_nodes
+        solid, num_cells, nodes = sim.solid, sim.mesh.num_shown_cells, sim.mesh.shown_nodes
         at_nodes = {
             "displacement": state.u,
             "velocity": state.v,

@@ -27,10 +27,12 @@ from ..scene import Scene, scene_to_toml
 from .from_scene import (
     find_bounds,
     load_mesh,
+    make_membrane,
     make_simulation,
     make_tools,
     make_walls,
     separate_surfaces,
+    sleeve_of,
 )
 from .profile import Profile
 from .rebalance import better_partition
@@ -99,8 +101,10 @@ def _prepare(scene, grains_folder, folder, lock, started, options):
         lock.look()
         check_run_folder(comm, folder, options.overwrite)
     partition = checkpoint and _partition(checkpoint, comm)
-    tools = make_tools(comm, scene)
-    load = partial(load_mesh, comm, grains_folder, scene.solver.element, tools=tools)
+    load = partial(
+        load_mesh, comm, grains_folder, scene.solver.element, tools=make_tools(comm, scene),
+        around=sleeve_of(scene),
+    )  # fmt: skip
     mesh = load(partition)
     sample = mesh.labels[: mesh.num_sample_grains]
     scene.materials_of(sample, sample)
@@ -140,8 +144,8 @@ class TestRun:
             "versions": versions(),
             "num_ranks": self.comm.size,
             "num_grains": mesh.num_sample_grains,
-            "num_cells": self.comm.allreduce(mesh.num_sample_cells),
-            "num_nodes": self.comm.allreduce(mesh.sample_nodes.size),
+            "num_cells": self.comm.allreduce(mesh.num_shown_cells),
+            "num_nodes": self.comm.allreduce(mesh.shown_nodes.size),
             "element": scene.solver.element,
             "family": mesh.family,
             "finished": False,
@@ -149,6 +153,7 @@ class TestRun:
             "strain_definition": None,
             "area": self.area,
             "container": container.note(self.bounds),
+            "membrane": _note_of_membrane(mesh),
             "separation": separation,
             "failed_grains": place.failed_grains(),
             "resumed_at_steps": [],
@@ -252,7 +257,7 @@ class TestRun:
         self.simulation = make_simulation(
             scene, self.mesh, self.bounds, self.recovery.shorter, self.tools
         )
-        self.loading = self.make_loading()
+        self.loading = self.make_loading(make_membrane(scene, self.simulation, self.bounds))
         recorder, same_ranks = self.first_kept, True
         if checkpoint is not None:
             header = checkpoint.header
@@ -283,11 +288,17 @@ class TestRun:
         if self.first_kept is None and checkpoint is None:
             self.first_kept = self.recorder.state_dict()
 
-    def make_loading(self):
-        """What moves the walls of the present simulation, at its start. Collective."""
+    def make_loading(self, measures=None):
+        """What moves the walls of the present simulation, at its start. Collective.
+
+        Args:
+            measures: Of what surrounds the sample, of loading.measures; None: of its walls.
+        """
         scene, oedometer = self.scene, self.scene.oedometer
         if oedometer is None:
-            return StagedLoading(self.simulation, scene.loading, scene.stages, scene.quasi_static)
+            return StagedLoading(
+                self.simulation, scene.loading, scene.stages, scene.quasi_static, measures
+            )
         return OedometerLoading(
             self.simulation,
             oedometer.strain,
@@ -369,6 +380,11 @@ class TestRun:
         if self.tools:
             found["tools"] = simulation.tools.summary()
         return found
+
+
+def _note_of_membrane(mesh):
+    """What run.json says of a sleeve: its label in the fields; None without one."""
+    return {"label": mesh.labels_of_sleeves[0]} if mesh.sleeves else None
 
 
 def _partition(checkpoint, comm):

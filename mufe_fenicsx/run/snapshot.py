@@ -16,7 +16,7 @@ def snapshot(simulation):
     """All that the next steps depend on. Collective; nothing changes.
 
     Args:
-        simulation: :class:`~.Simulation` without glued nodes, between two steps.
+        simulation: :class:`~.Simulation` between two steps.
 
     Returns:
         Tables of this rank: dict of dicts of arrays or Rows of some, of the present state until the

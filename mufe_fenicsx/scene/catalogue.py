@@ -8,6 +8,7 @@ from ..materials.j2 import J2
 from ..materials.rigid import Rigid
 from .image import ImageSettings
 from .implicit import Implicit
+from .membrane import MembraneSettings
 from .stages import Loading
 from .tables import (
     Contact,
@@ -38,6 +39,7 @@ TABLES = {
     "loading": Loading,
     "quasi_static": QuasiStatic,
     "mass_scaling": MassScaling,
+    "membrane": MembraneSettings,
     "output": Output,
 }
 

@@ -4,7 +4,7 @@ from ..container import BOTTOM, BOX, CONTAINERS, INNER, SHEARED, SIDE, TOP
 from ..errors import InputError
 from ..materials.auto import Auto
 from ..materials.rigid import Rigid
-from .pairs import by_materials
+from .pairs import MEMBRANE, by_materials
 from .tables import Wall
 from .tools import FREEDOMS
 
@@ -22,6 +22,8 @@ def check(scene):
     by_materials(scene.contact.pairs, scene.materials)
     _check_container(scene)
     _check_along(scene)
+    if scene.membrane is not None:
+        _check_membrane(scene)
     if scene.mass_scaling is not None:
         _check_mass_scaling(scene)
     if scene.solver.integrator != "explicit":
@@ -133,6 +135,37 @@ def _check_along(scene):
         for name in container.walls[:2]:
             if scene.walls.get(name, Wall()).mirror:
                 raise InputError(f"walls.{name}.mirror = true, expected false: it tilts")
+
+
+def _check_membrane(scene):
+    """Raise InputError where there cannot be a membrane."""
+    shape = scene.container.shape
+    if shape != "cylinder":
+        raise InputError(f'container.shape = "{shape}", expected "cylinder" with [membrane]')
+    for name in ("oedometer", "quasi_static"):
+        if getattr(scene, name) is not None:
+            raise InputError(f"[{name}] is given, expected none beside [membrane]")
+    if MEMBRANE in scene.materials:
+        raise InputError(f"materials.{MEMBRANE} is given, expected another name with [membrane]")
+    for number, stage in enumerate(scene.stages, start=1):
+        axis = stage.axes.get("r")
+        if axis is not None and axis.stress is None:
+            raise InputError(
+                f"stage[{number}].r.stress is missing, expected one with [membrane]: the pressure "
+                "of the cell, which leads no diameter"
+            )
+        if stage.undrained:
+            raise InputError(
+                f"stage[{number}].undrained = true, expected false with [membrane]: the cell "
+                "presses, and keeps no volume"
+            )
+        if stage.follow is not None:
+            raise InputError(
+                f"stage[{number}].follow is given, expected none with [membrane]: the cell "
+                "presses, and leads no diameter"
+            )
+        for key in stage.along:
+            raise InputError(f"stage[{number}].{key} is given, expected none with [membrane]")
 
 
 def _check_groups(scene):

@@ -4,6 +4,8 @@ from ..errors import InputError, nearest_name, shortened
 
 #: Name of the material of grains that are in no group: that of its table.
 REST = "material"
+#: Name of that of a membrane.
+MEMBRANE = "membrane"
 
 
 def names_of(entry, materials):

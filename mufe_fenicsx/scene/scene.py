@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..contact.friction import PairFriction
+from ..container import SIDE
 from ..errors import InputError
 from ..geometry.settings import MeshSettings
 from ..machine.notebook import html_table
@@ -16,7 +17,8 @@ from ..units import check_keys, setting
 from .consistency import check
 from .image import ImageSettings
 from .implicit import Implicit
-from .pairs import REST, by_materials
+from .membrane import MembraneSettings
+from .pairs import MEMBRANE, REST, by_materials
 from .rows import scene_rows
 from .stages import Loading, Stage, named
 from .tables import (
@@ -57,6 +59,7 @@ class Scene:
     output: Output = field(default_factory=Output)
     quasi_static: QuasiStatic | None = None  #: None: constant speed
     mass_scaling: MassScaling | None = None  #: None: no mass is added
+    membrane: MembraneSettings | None = None  #: around the sample, in place of a cylinder's side
     scatter: Scatter | None = None  #: of ``material``; None: all grains alike
     materials: dict[str, Group] = field(default_factory=dict)  #: of grains that differ
     loading: Loading | None = None  #: of a test by stages
@@ -113,24 +116,28 @@ class Scene:
             found.append(scatter.of(group.material, label) if scatter else group.material)
         return found
 
-    def friction_of(self, labels):
+    def friction_of(self, labels, num_sleeves=0):
         """Coefficients of friction between grains, by pair of their materials where these differ.
 
         Args:
-            labels: Labels of all grains of the sample, shape (num_grains,).
+            labels: Labels of all grains of the sample, and of membranes, shape (num_grains,).
+            num_sleeves: So many of the last ones are membranes: grains rub on them as on the side.
         """
         group_of = {label: name for name, g in self.materials.items() for label in g.labels}
         names = [group_of.get(int(label), REST) for label in labels]
         pairs = by_materials(self.contact.pairs, self.materials)
-        return PairFriction(
-            self.contact.friction,
-            names,
-            {
-                pair: (entry.friction, entry.friction_kinetic)
-                for pair, entry in pairs.items()
-                if set(pair) <= set(names)
-            },
-        )
+        found = {
+            pair: (entry.friction, entry.friction_kinetic)
+            for pair, entry in pairs.items()
+            if set(pair) <= set(names)
+        }
+        if num_sleeves:
+            names[-num_sleeves:] = [MEMBRANE] * num_sleeves
+            side = self.walls[SIDE]
+            found |= {
+                (MEMBRANE, name): (side.friction, side.friction_kinetic) for name in set(names)
+            }
+        return PairFriction(self.contact.friction, names, found)
 
     def _between_speeds(self):
         """Settings of the speed of loading with both limits filled in."""

@@ -26,6 +26,8 @@ FEW = (24, 5)
 #: The same where side walls give way: of 24 balls chains of a few carry all, and the load is lost
 #: where one of them buckles. Of 8 packings tried that with most solids, 0.52.
 MANY = (60, 7)
+#: The same of which those in an upright cylinder are taken, 49 of them, and proportions of the box.
+TRIMMED, TALL = (120, 7), (1.0, 1.0, 1.4)
 #: Depth of contacts at which their packing is done, over D50.
 DEPTH = 2e-3
 #: Element size over radius of these balls.
@@ -160,6 +162,37 @@ z = { strain = 0.012, speed = "0.15 m/s" }
 """
 )
 
+MEMBRANE = """
+[container]
+shape = "cylinder"        # around the axis of the sample, along z
+
+[membrane]                # in place of its side, glued to both platens
+thickness = "50 um"       # of latex; 0.3 mm is that of samples of some centimetres
+rho = "100 kg/m^3"        # a light one follows the cell sooner
+# E = "1.4 MPa"
+# correction = true       # its share of the axial force is left out of stress_z
+
+[walls.side]
+friction = 0.3            # between grains and membrane
+
+[loading]                 # a test by stages: the platens move, the cell presses
+speed = "0.5 m/s"         # at which a length of the sample changes, at most
+ramp = 0.001              # strain over which platens get to it
+tolerance = 0.01          # of stresses
+
+[[stage]]                 # close the gaps; strains count from its end
+zero = true
+rz = { stress = "20 kPa", speed = "5 m/s" }
+
+[[stage]]
+name = "isotropic"
+rz = { stress = "100 kPa" }
+
+[[stage]]                 # the cell goes on at its pressure
+name = "shear"
+z = { strain = 0.005, speed = "0.3 m/s" }
+"""
+
 BALL = """
 [loading]                 # a test by stages: the six walls move
 speed = "1 m/s"           # at which a length of the sample changes, at most
@@ -217,13 +250,14 @@ checkpoint = "5 min"      # by the clock; `mufe run --resume` goes on from the l
 """
 
 
-def write_new_scene(kind, folder, *, overwrite=False):
+def write_new_scene(kind, folder, *, overwrite=False, membrane=False):
     """Write scene.toml, its JSON schema and grains, but for a scan, into a new folder.
 
     Args:
         kind: One of `KINDS`.
         folder: New folder.
         overwrite: Replace a folder that was written by this before.
+        membrane: Put the sample into one; of a kind "triaxial".
 
     Returns:
         What was written: folder, the next command, and num_grains and num_cells of grains.
@@ -233,7 +267,9 @@ def write_new_scene(kind, folder, *, overwrite=False):
     """
     if kind not in KINDS:
         raise InputError(f"kind = {shown(kind)}, expected {nearest_name(kind, KINDS)}")
-    text, make = KINDS[kind]
+    if membrane and kind not in IN_MEMBRANE:
+        raise InputError(f"kind = {shown(kind)}, expected {' or '.join(IN_MEMBRANE)} in a membrane")
+    text, make = (IN_MEMBRANE if membrane else KINDS)[kind]
     with new_folder(folder, overwrite=overwrite, marker=SCHEMA_FILE) as new:
         grains = make() if make else None
         if grains is not None:
@@ -257,20 +293,29 @@ def write_new_scene(kind, folder, *, overwrite=False):
 
 
 @functools.cache
-def ball_packing(number=FEW[0], seed=FEW[1]):
-    """`Grains` of balls packed at random without friction."""
+def ball_packing(number=FEW[0], seed=FEW[1], proportions=(1.0, 1.0, 1.0), is_round=False):
+    """`Grains` of balls packed at random without friction.
+
+    Args:
+        number: Of balls.
+        seed: Of their sizes and places.
+        proportions: Of the box that they are packed in.
+        is_round: Only those that stand whole in the widest upright cylinder in it.
+    """
     rng = np.random.default_rng(seed)
     ones = np.ones(number)
     balls = make_grains(rng, sizes(rng, number, D50, UNIFORMITY), ones, ones, 0.0, 1.7, 3)
-    packing = pack(balls, rng, np.ones(3), DEPTH * D50)
+    packing = pack(balls, rng, np.array(proportions), DEPTH * D50)
     points, cells = sphere(1.0, COARSE)
+    middle, width = 0.5 * (packing.low + packing.high), np.ptp([packing.low, packing.high], axis=0)
     meshes = [
         (centre + radius * points @ axes.T, cells)
         for centre, radius, axes in zip(
             packing.centre, 0.5 * balls.diameter, packing.axes, strict=True
         )
+        if not is_round or np.hypot(*(centre - middle)[:2]) + radius <= 0.5 * width[0]
     ]
-    return Grains.from_list(np.arange(1, number + 1), meshes, 0.5 * COARSE * D50)
+    return Grains.from_list(np.arange(1, len(meshes) + 1), meshes, 0.5 * COARSE * D50)
 
 
 def column_of_balls(number):
@@ -292,6 +337,7 @@ def _text(title, test, grains, friction=0.23, wall=0.0, material=None, **yields)
 
 
 _SAND, _MORE = (f"{number} balls in a random packing, meshed coarsely" for number, _ in (FEW, MANY))
+_ROUND = "balls in a round sample, trimmed from a random packing, meshed coarsely"
 _HARD = {"first": "1 GPa", "last": "2 GPa"}
 
 _TITLE = "Oedometer test on a scan"
@@ -328,5 +374,16 @@ KINDS = {
     "two-spheres": (
         _text("Two balls pressed together", BALLS, "two balls of 1 mm", wall=0.2, **_HARD),
         functools.partial(column_of_balls, 2),
+    ),
+}  # fmt: skip
+
+#: The same of samples in a membrane.
+IN_MEMBRANE = {
+    "triaxial": (
+        _text(
+            "Triaxial test on balls in a membrane", DAMPED.format(200) + MEMBRANE, _ROUND, 0.5,
+            **_HARD,
+        ),
+        functools.partial(ball_packing, *TRIMMED, TALL, True),
     ),
 }  # fmt: skip

@@ -18,6 +18,7 @@ from .hertz_stress import hertz_stress
 from .impact import impact
 from .integrators import integrators
 from .material_point import material_point
+from .membrane import balloon, membrane_correction, membrane_specimen, membrane_tube
 from .mindlin import mindlin
 from .oblique_impact import oblique_impact
 from .overlap import overlap
@@ -62,6 +63,10 @@ CASES = (
         undrained_elastic,
         tube_in_torsion,
         sheared_box,
+        balloon,
+        membrane_tube,
+        membrane_specimen,
+        membrane_correction,
         disc,
         hiramatsu_oka,
         overlap,

@@ -65,7 +65,7 @@ class Network:
     """All contacts of a sample at one time, and its grains."""
 
     labels: np.ndarray  #: of the grains, shape (num_grains,)
-    walls: list  #: names of the tools, if any, and of the walls
+    walls: list  #: names of sleeves and tools, if any, and of the walls
     mass: np.ndarray  #: of the grains [kg], shape (num_grains,)
     centre: np.ndarray  #: their centres of mass [m], shape (num_grains, 3)
     contacts: Contacts
@@ -97,6 +97,9 @@ class Network:
 def find_network(contact, mesh, mass, x):
     """The network at the positions of the last forces. Collective.
 
+    Sleeves and tools are among the walls, before the others: what they touch but grains is left
+    out.
+
     Each rank sums over its own points; rank 0 receives these sums, a few numbers for each
     contact and grain, and adds up the two sides.
 
@@ -125,12 +128,13 @@ def find_network(contact, mesh, mass, x):
     (a, b), (sums,) = sum_by_pair(
         *(np.concatenate(p) for p in zip(*(s for *_, s in parts), strict=True))
     )
+    of_grains, centre = a < num_grains, centre[:num_grains]
     return Network(
         labels=mesh.labels[:num_grains],
-        walls=[*mesh.tools, *contact.walls.names],
+        walls=[*mesh.sleeves, *mesh.tools, *contact.walls.names],
         mass=all_mass[:num_grains],
-        centre=centre[:num_grains],
-        contacts=_contacts(a, b, sums, centre[:num_grains]),
+        centre=centre,
+        contacts=_contacts(a[of_grains], b[of_grains], sums[of_grains], centre),
     )
 
 

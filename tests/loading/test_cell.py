@@ -1,0 +1,154 @@
+"""A scene with a membrane: cell pressure by stages, its columns, resume, ranks, refusals."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry.grains import save_grains
+from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.output.run_folder import read_run_json
+from mufe_fenicsx.run.run import run_scene
+from mufe_fenicsx.scene import load_scene, scene_to_toml
+from tests.bodies import RADIUS, packed_grains
+
+SCENE = """
+[sample]
+grains = "{grains}"
+separation = false
+[material]
+model = "elastic"
+E = "1 GPa"
+nu = 0.2
+rho = "2500 kg/m^3"
+[contact]
+friction = 0.3
+[container]
+shape = "cylinder"
+[membrane]
+thickness = "0.2 mm"
+size = "0.6 mm"
+rho = "100 kg/m^3"
+[walls.side]
+friction = 0.2
+[solver]
+damping = "50 ms^-1"
+[loading]
+speed = "2 m/s"
+ramp = 0.0005
+tolerance = 0.05
+[[stage]]
+zero = true
+rz = {{ stress = "20 kPa" }}
+[[stage]]
+name = "shear"
+z = {{ strain = 0.002 }}
+[output]
+fields = 2
+history = 30
+"""
+
+
+def scene(folder, text=SCENE, **changes):
+    path = folder / "scene.toml"
+    text = text.format(grains=folder / "grains")
+    for old, new in changes.values():
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text, encoding="utf-8")
+    return load_scene(path)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    comm = MPI.COMM_WORLD
+    path = comm.bcast(tmp_path_factory.mktemp("cell") if comm.rank == 0 else None)
+    if comm.rank == 0:
+        save_grains(path / "grains", packed_grains((2, 2, 2), h=0.7 * RADIUS))
+        scene(path)
+    comm.Barrier()
+    return path
+
+
+def run(folder, name, comm, **options):
+    test = load_scene(folder / "scene.toml")
+    return run_scene(test, folder / "grains", folder / name, comm, quiet=True, **options)
+
+
+def test_the_cell_goes_to_its_pressure_and_a_run_that_stops_goes_on(folder):
+    run(folder, "whole", MPI.COMM_SELF)
+    run(folder, "parts", MPI.COMM_SELF, max_steps=900)
+    run(folder, "parts", MPI.COMM_SELF, resume=True)
+    history = read_history(folder / "whole" / "history.csv")
+    assert history["cell_pressure"][-1] == 20e3
+    assert np.all(np.diff(history["cell_pressure"][history["stage"] == "seating"]) >= 0)
+    # Stress across is the pressure of the cell, and that along its own, to the tolerance.
+    np.testing.assert_allclose(history["stress_r"], history["cell_pressure"], rtol=1e-9)
+    seated = np.flatnonzero(history["stage"] == "shear")[0]
+    assert abs(history["stress_z"][seated] / 20e3 - 1) < 0.1
+    # The sleeve stood around all balls, and is drawn in between them.
+    assert history["diameter"][-1] < history["diameter"][0]
+    assert history["strain_z"][-1] == pytest.approx(0.002)
+    fed = history["work"][-1] - history["energy_cell_pressure"][-1]
+    assert abs(history["residual"][-1]) < 1e-2 * fed
+    # It is no grain.
+    summary = read_run_json(folder / "whole")
+    assert summary["num_grains"] == 8 and summary["membrane"] == {"label": 9}
+    assert history["num_active_grains"].max() == 8
+    assert history["num_active_contacts"].max() <= 6.0
+    parts = read_history(folder / "parts" / "history.csv")
+    for name, values in history.items():
+        np.testing.assert_array_equal(values, parts[name], err_msg=name)
+
+
+@pytest.mark.mpi
+def test_ranks_agree(folder):
+    comm = MPI.COMM_WORLD
+    run(folder, "together", comm, max_steps=40)
+    if comm.rank:
+        return
+    run(folder, "alone", MPI.COMM_SELF, max_steps=40)
+    histories = [read_history(folder / name / "history.csv") for name in ("together", "alone")]
+    for name in ("diameter", "cell_pressure", "stress_z", "membrane_force", "elastic"):
+        # Sums in another order: rounding, which forty steps do not let grow much.
+        np.testing.assert_allclose(
+            histories[0][name], histories[1][name], rtol=1e-8, atol=1e-12, err_msg=name
+        )
+
+
+def test_scene_is_written_as_it_is_read(folder, tmp_path):
+    test = load_scene(folder / "scene.toml")
+    (tmp_path / "again.toml").write_text(scene_to_toml(test), encoding="utf-8")
+    assert load_scene(tmp_path / "again.toml") == test
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            ('shape = "cylinder"', 'shape = "box"'),
+            'container.shape = "box", expected "cylinder" with [membrane]',
+        ),
+        (
+            ('rz = { stress = "20 kPa" }', "r = { strain = 0.1 }"),
+            "stage[1].r.stress is missing, expected one with [membrane]: the pressure of the cell, "
+            "which leads no diameter",
+        ),
+        (
+            ("[output]", "[quasi_static]\n[output]"),
+            "[quasi_static] is given, expected none beside [membrane]",
+        ),
+        (
+            ("[output]", '[materials.membrane]\nlabels = [1]\nmodel = "elastic"\nE = 1e9\n'
+             "nu = 0.2\nrho = 1000\n[output]"),
+            "materials.membrane is given, expected another name with [membrane]",
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_named(tmp_path, change, message):
+    text = SCENE.replace('shape = "cylinder"\n', 'shape = "cylinder"\n')
+    if "box" in change[1]:  # axes of a box, or the stage is refused first
+        text = text.replace("rz = ", "xyz = ").replace("[walls.side]", "[walls.x_min]")
+    with pytest.raises(InputError) as caught:
+        scene(tmp_path, text, change=change)
+    assert message in str(caught.value)
