@@ -152,6 +152,11 @@ class GrainMesh:
         """Whether each body of this rank is a grain, no sleeve and no tool, shape (num_grains,)."""
         return self.grains < self.num_sample_grains
 
+    @property
+    def num_sample_cells(self) -> int:
+        """Cells of this rank's grains: those of sleeves and tools are the last of ``cells``."""
+        return int(self.cell_offset[np.count_nonzero(self.is_of_sample)])
+
     @cached_property
     def sample_nodes(self) -> np.ndarray:
         """Nodes of this rank's grains, those of sleeves and tools left out, increasing."""

@@ -99,6 +99,7 @@ KINDS = {
             **dict.fromkeys(("force", "torque", "displacement", "turn"), _list_of(_number)),
         )
     ),
+    "membrane": _table(("label",), label=_count),
     "failed_grains": _list_of(_count),
     "stages": _list_of(_table(name=_text, step=_count, time=_number, strain=_number)),
     "retries": _list_of(_table(tuple(_STEPS), **_STEPS)),

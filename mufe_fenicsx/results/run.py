@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ..analysis.macro import inner_lengths
 from ..container import Container, container_of_history
 from ..errors import InputError, shortened
-from ..geometry.measure import tet_volumes
+from ..geometry.measure import renumbered, tet_volumes
 from ..machine.notebook import html_table
 from ..output.contacts import CONTACT_COLUMNS, contact_files, read_contacts
 from ..output.fields import MESH, read_arrays, read_states
@@ -131,7 +131,13 @@ class Run:
                 f"state {number} is not in {self.path / 'fields'}, expected one of the "
                 f"{len(listed)} that are stored"
             )
-        return State(self.path, found)
+        return State(self.path, found, self._no_grains)
+
+    @property
+    def _no_grains(self):
+        """Labels in the fields that are no grains: that of a membrane."""
+        membrane = self.summary.get("membrane")
+        return () if membrane is None else (membrane["label"],)
 
     def contacts(self, number: int = -1) -> pandas.DataFrame:
         """Contacts of a stored state, a DataFrame: a row a pair of grains, or grain and wall.
@@ -180,9 +186,11 @@ class Run:
     @cached_property
     def _start(self):
         """Corners of the box at the start [m], shape (2, 3), and volume of the grains [m³]."""
-        arrays = read_arrays(self.path, MESH, ["Points", "Connectivity"])
-        points = arrays["Points"]
-        volume = tet_volumes(points, arrays["Connectivity"].reshape(-1, 4)).sum()
+        arrays = read_arrays(self.path, MESH, ["Points", "Connectivity", "CellData/grain"])
+        cells = arrays["Connectivity"].reshape(-1, 4)
+        nodes, cells = renumbered(cells[~np.isin(arrays["CellData/grain"], self._no_grains)])
+        points = arrays["Points"][nodes]
+        volume = tet_volumes(points, cells).sum()
         return np.array([points.min(axis=0), points.max(axis=0)]), float(volume)
 
     @property

@@ -1,5 +1,6 @@
 """One stored state of a run: its arrays, read when they are asked for."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 
@@ -7,12 +8,12 @@ import numpy as np
 
 from ..analysis.by_grain import index_grains
 from ..errors import InputError
-from ..geometry.measure import tet_volumes
+from ..geometry.measure import renumbered, tet_volumes
 from ..output.fields import read_arrays
 
 
 class State:
-    """One stored state; nodes and cells in the order of its file.
+    """One stored state; nodes and cells of grains in the order of its file.
 
     A run that went on with another number of ranks has another order from there on: compare
     states by grain, or by place, not by number of node.
@@ -20,10 +21,11 @@ class State:
     Args:
         run_folder: The run folder.
         listed: Its entry of :func:`mufe_fenicsx.output.fields.read_states`.
+        no_grains: Labels of bodies in the file that are no grains, and left out here.
     """
 
-    def __init__(self, run_folder: Path, listed: dict):
-        self._folder = run_folder
+    def __init__(self, run_folder: Path, listed: dict, no_grains: Sequence[int] = ()):
+        self._folder, self._no_grains = run_folder, tuple(no_grains)
         self.index = listed["index"]
         self.time, self.strain, self.stage = listed["time"], listed["strain"], listed["stage"]
 
@@ -31,14 +33,34 @@ class State:
         return f"State {self.index}: {self.stage}, strain {self.strain:.6g}, time {self.time:.6g} s"
 
     def _array(self, name):
-        return read_arrays(self._folder, self.index, [name])[name]
+        values = read_arrays(self._folder, self.index, [name])[name]
+        if not self._no_grains:
+            return values
+        nodes, cells, chosen = self._of_grains
+        if name == "Connectivity":
+            return cells.ravel()
+        return values[chosen] if name.startswith("CellData/") else values[nodes]
+
+    @cached_property
+    def _of_grains(self):
+        """Nodes of the grains in the file, cells on them in turn, and which cells these are."""
+        names = "Connectivity", "CellData/grain"
+        cells, grain = read_arrays(self._folder, self.index, names).values()
+        chosen = ~np.isin(grain, self._no_grains)
+        return *renumbered(cells.reshape(-1, 4)[chosen]), chosen
 
     @cached_property
     def fields(self) -> dict[str, tuple[int, ...]]:
         """Names of the fields, dict name -> shape; :meth:`field` reads one."""
-        shapes = read_arrays(self._folder, self.index)
-        data = ("PointData/", "CellData/")
-        return {k.split("/")[1]: v for k, v in shapes.items() if k.startswith(data)}
+        shapes, found = read_arrays(self._folder, self.index), {}
+        for key, shape in shapes.items():
+            kind, _, name = key.partition("/")
+            if kind in ("PointData", "CellData"):
+                found[name] = shape
+                if self._no_grains:
+                    num = len(self.reference if kind == "PointData" else self.cells)
+                    found[name] = (num, *shape[1:])
+        return found
 
     def field(self, name: str) -> np.ndarray:
         """A field at nodes or of cells by its name, in SI units.
