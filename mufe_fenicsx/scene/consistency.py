@@ -21,9 +21,9 @@ def check(scene):
     _check_groups(scene)
     by_materials(scene.contact.pairs, scene.materials)
     _check_container(scene)
-    _check_along(scene)
     if scene.membrane is not None:
         _check_membrane(scene)
+    _check_along(scene)
     if scene.mass_scaling is not None:
         _check_mass_scaling(scene)
     if scene.solver.integrator != "explicit":

@@ -6,8 +6,10 @@ from mpi4py import MPI
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.grains import save_grains
+from mufe_fenicsx.output.fields import read_state
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.output.run_folder import read_run_json
+from mufe_fenicsx.run.opened import open_run
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import load_scene, scene_to_toml
 from tests.bodies import RADIUS, packed_grains
@@ -96,6 +98,19 @@ def test_the_cell_goes_to_its_pressure_and_a_run_that_stops_goes_on(folder):
     assert summary["num_grains"] == 8 and summary["membrane"] == {"label": 9}
     assert history["num_active_grains"].max() == 8
     assert history["num_active_contacts"].max() <= 6.0
+    # The files for ParaView have it, what is read of a run for numbers of grains has not.
+    opened, drawn = open_run(folder / "whole"), read_state(folder / "whole", 1)
+    state, own = opened.state(1), drawn["grain"] != 9
+    assert set(drawn["grain"]) == {*range(1, 10)} and state.labels.tolist() == [*range(1, 9)]
+    np.testing.assert_array_equal(state.stress, drawn["stress"][own])
+    x = (drawn.points + drawn["displacement"])[drawn.cells_dict[10][own]]
+    np.testing.assert_array_equal(state.points[state.cells], x)
+    assert state.fields["stress"] == state.stress.shape
+    assert state.fields["displacement"] == state.displacement.shape
+    assert opened.solid_volume * 2500.0 == pytest.approx(summary["mass"])
+    assert summary["num_cells"] == own.sum() and np.abs(drawn["stress"][~own]).max() > 0.0
+    contacts = opened.contacts(1)
+    assert len(opened.grains(1)) == 8 and (contacts["wall"] == "side").any()
     parts = read_history(folder / "parts" / "history.csv")
     for name, values in history.items():
         np.testing.assert_array_equal(values, parts[name], err_msg=name)
@@ -133,6 +148,15 @@ def test_scene_is_written_as_it_is_read(folder, tmp_path):
             ('rz = { stress = "20 kPa" }', "r = { strain = 0.1 }"),
             "stage[1].r.stress is missing, expected one with [membrane]: the pressure of the cell, "
             "which leads no diameter",
+        ),
+        (
+            ("z = { strain = 0.002 }", "z = { strain = 0.002 }\nundrained = true"),
+            "stage[2].undrained = true, expected false with [membrane]: the cell presses, and "
+            "keeps no volume",
+        ),
+        (
+            ("z = { strain = 0.002 }", 'z = { strain = 0.002 }\nturn = { angle = 0.1 }'),
+            "stage[2].turn is given, expected none with [membrane]",
         ),
         (
             ("[output]", "[quasi_static]\n[output]"),
