@@ -43,7 +43,9 @@ def test_nodes_on_the_cylinder_stay_on_it_and_others_within():
 def test_the_container_is_the_cylinder_that_cut_the_grains():
     """Whatever part of it they cover; the scene may place another that holds them."""
     x = nodes([0.7, 1.0], 2.0)
-    mesh = SimpleNamespace(comm=MPI.COMM_SELF, x=x, cylinder=CYLINDER)
+    mesh = SimpleNamespace(
+        comm=MPI.COMM_SELF, x=x, sample_nodes=np.arange(len(x)), cylinder=CYLINDER
+    )
 
     def bounds(**stated):
         return find_bounds(

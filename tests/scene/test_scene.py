@@ -267,8 +267,8 @@ BAD = [
     ("[mesh]", "[mehs]", "mehs = a table is not a known key, expected mesh"),
     (
         "[mesh]",
-        "[membrane]",
-        "membrane = a table is not a known key, expected one of title, accuracy, gravity, image, ",
+        "[bladder]",
+        "bladder = a table is not a known key, expected one of title, accuracy, gravity, image, ",
     ),
     (
         "processes = 2",
