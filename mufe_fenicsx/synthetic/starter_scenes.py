@@ -162,6 +162,14 @@ z = { strain = 0.012, speed = "0.15 m/s" }
 """
 )
 
+SOFT = """\
+[material]                # soft balls: long steps, and at these stresses they hardly deform
+model = "elastic"
+E = "1 GPa"
+nu = 0.2
+rho = "2650 kg/m^3"
+"""
+
 MEMBRANE = """
 [container]
 shape = "cylinder"        # around the axis of the sample, along z
@@ -178,11 +186,11 @@ friction = 0.3            # between grains and membrane
 [loading]                 # a test by stages: the platens move, the cell presses
 speed = "0.5 m/s"         # at which a length of the sample changes, at most
 ramp = 0.001              # strain over which platens get to it
-tolerance = 0.01          # of stresses
+tolerance = 0.1           # of stresses: grains also hang on the membrane
 
 [[stage]]                 # close the gaps; strains count from its end
 zero = true
-rz = { stress = "20 kPa", speed = "5 m/s" }
+rz = { stress = "50 kPa", speed = "5 m/s" }
 
 [[stage]]
 name = "isotropic"
@@ -190,7 +198,7 @@ rz = { stress = "100 kPa" }
 
 [[stage]]                 # the cell goes on at its pressure
 name = "shear"
-z = { strain = 0.005, speed = "0.3 m/s" }
+z = { strain = 0.01, speed = "0.3 m/s" }
 """
 
 BALL = """
@@ -381,8 +389,8 @@ KINDS = {
 IN_MEMBRANE = {
     "triaxial": (
         _text(
-            "Triaxial test on balls in a membrane", DAMPED.format(200) + MEMBRANE, _ROUND, 0.5,
-            **_HARD,
+            "Triaxial test on balls in a membrane", DAMPED.format(20) + MEMBRANE, _ROUND, 0.5,
+            material=SOFT,
         ),
         functools.partial(ball_packing, *TRIMMED, TALL, True),
     ),
