@@ -35,6 +35,7 @@ class Assembly:
         self.gravity, self.drag, self.dashpots = gravity, 0.0, True
         self.num_steps, self.time, self.dt = 0, 0.0, 0.0
         self._progress = progress
+        self._told = np.zeros((bodies.mass.size, 6), dtype=bool)  # no motion is
         self._set_dt()
 
     def step(self, rates=None):
@@ -50,8 +51,8 @@ class Assembly:
         b.force[:, 2] = -self.gravity * b.mass
         self.contacts.add_loads(self.friction, self.wall_friction, self.dashpots, self.dt)
         rigid.kick(
-            b.velocity, b.momentum, b.spin, b.force, b.torque, b.axes, b.mass, b.inertia, self.dt,
-            self.drag,
+            b.velocity, b.momentum, b.spin, b.force, b.torque, b.axes, b.mass, b.inertia,
+            self._told, self.dt, self.drag,
         )  # fmt: skip
         self.num_steps += 1
         self.time += self.dt
@@ -69,7 +70,7 @@ class Assembly:
             )  # fmt: skip
         moved = rigid.kick_and_drift(
             b.centre, b.velocity, b.momentum, b.turn, b.axes, b.force, b.torque, b.mass, b.inertia,
-            b.reach, self.dt, self.drag,
+            self._told, b.reach, self.dt, self.drag,
         )  # fmt: skip
         # Slip is the integral of the velocities between both places, or friction gains energy.
         rigid.set_spins(b.spin, b.momentum, b.axes, b.inertia)
