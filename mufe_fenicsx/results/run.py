@@ -135,8 +135,11 @@ class Run:
 
     @property
     def _no_grains(self):
-        """Labels in the fields that are no grains: that of a membrane."""
-        membrane = self.summary.get("membrane")
+        """Labels in the fields that are no grains: that of a membrane, where run.json tells it."""
+        try:
+            membrane = self.summary.get("membrane")
+        except InputError:
+            return ()
         return () if membrane is None else (membrane["label"],)
 
     def contacts(self, number: int = -1) -> pandas.DataFrame:
