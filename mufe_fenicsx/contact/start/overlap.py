@@ -60,16 +60,23 @@ def check_start(mesh, contact):
         depth, part, grain, other = found
         raise InputError(
             f"{mesh.name_of(grain)} starts {depth:.3g} m deep in {mesh.name_of(other)}, "
-            f"{part:.2g} edges of facets there, expected at most {DEEPEST_START:g}: let sample."
-            "separation part them, mesh finer, or segment the image anew"
+            f"{part:.2g} edges of facets there, expected at most {DEEPEST_START:g}: "
+            + _remedy(mesh, grain, other, "let sample.separation part them, mesh finer, or ")
         )
     inside = _inside_another(mesh, contact.own, contact.searched)
     if inside is not None:
         grain, other = inside
         raise InputError(
             f"{mesh.name_of(grain)} has its middle inside {mesh.name_of(other)}, "
-            "expected grains side by side: segment the image anew"
+            f"expected grains side by side: {_remedy(mesh, grain, other)}"
         )
+
+
+def _remedy(mesh, grain, other, first=""):
+    """What to do about two bodies that overlap at the start."""
+    if max(grain, other) >= mesh.first_tool:
+        return "move the tool away (position)"
+    return f"{first}segment the image anew"
 
 
 def too_deep(mesh, contact):
