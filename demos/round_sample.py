@@ -31,8 +31,7 @@ from mufe_fenicsx.geometry.pipeline import mesh_labels, segment_image
 from mufe_fenicsx.geometry.settings import MeshSettings, SegmentSettings
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.render import Camera, Layer, render
-from mufe_fenicsx.report.sample import boundary_faces
-from mufe_fenicsx.report.views import box_corners
+from mufe_fenicsx.report.sample import boundary_faces, box_corners
 from mufe_fenicsx.synthetic.pipeline import synthesize
 from mufe_fenicsx.synthetic.settings import SynthesisSettings
 

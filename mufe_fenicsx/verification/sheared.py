@@ -44,7 +44,7 @@ def tube_in_torsion(comm, layers=8, inner_over_outer=0.6, angle=1e-4, nu=0.2):
         torsion.begin(Stage(turn=Turn(angle=angle)))
         torsion.move(1.0, 1.0, np.zeros(4))
         test.step()
-        row = torsion.row()
+        row = dict(zip(torsion.columns, torsion.row(), strict=True))
         exact = material.shear_modulus * _polar_moment(body) * angle / SIZE
         found.append(row["torque"] / exact)
         tests.append(test)
@@ -92,7 +92,8 @@ def sheared_box(comm, divisions=8, gamma=1e-4, nu=0.2, compliance=0.02):
         test.step()
         force, _ = test.walls.loads(comm)
         tests.append(test)
-        return shear.row(), 0.5 * (force[0, 2] - force[1, 2]) / SIZE**2
+        row = dict(zip(shear.columns, shear.row(), strict=True))
+        return row, 0.5 * (force[0, 2] - force[1, 2]) / SIZE**2
 
     along, platens = [0, 1, 4, 5], [4, 5]
     coarse, _ = sheared(divisions // 2, along)
