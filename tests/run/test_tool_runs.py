@@ -114,8 +114,14 @@ def test_tools_of_a_scene(folder):
     whole = run(folder, "whole")
     run(folder, "parts", max_steps=70)
     run(folder, "parts", resume=True)
-    if COMM.rank == 0:
+    if COMM.size == 1:
         assert contents(folder / "whole") == contents(folder / "parts")
+    elif COMM.rank == 0:  # several ranks add loads on a tool as they come: to rounding
+        one, two = (read_history(folder / n / "history.csv") for n in ("whole", "parts"))
+        for name, values in one.items():
+            if values.dtype.kind == "f":
+                scale = np.abs(values).max() or 1.0
+                assert np.allclose(values, two[name], rtol=0, atol=1e-6 * scale), name
     if COMM.size > 1:
         if COMM.rank == 0:
             run(folder, "alone", MPI.COMM_SELF)
