@@ -206,7 +206,9 @@ class Computed:
     itemsize = dtype.itemsize
 
     def __getitem__(self, rows):
-        return self._of(rows)
+        # As of an array: none beyond the last, though ``of`` may know more.
+        first, last, _ = rows.indices(self.shape[0])
+        return self._of(slice(first, last))
 
 
 class _Rows:

@@ -53,6 +53,22 @@ def write_states(folder, num_states):
 
 
 @pytest.mark.mpi
+def test_computed_values_end_where_a_rank_ends(folder):
+    """What knows more rows than are asked for writes nothing into those of the next rank."""
+    points, cells, labels = rank_mesh(COMM.rank)
+    writer = fields.FieldWriter(COMM, folder, points, cells, labels)
+    more = np.arange(len(cells) + 5.0) + 100 * COMM.rank
+    values = fields.Computed((len(cells),), lambda rows: more[rows])
+    writer.write(0, 0.0, 0.0, "loading", {}, {"pressure": values, "von_mises": values})
+    COMM.barrier()
+    expected = [np.arange(len(rank_mesh(r)[1])) + 100.0 * r for r in range(COMM.size)]
+    found = fields.read_state(folder, 0)
+    for name in ("pressure", "von_mises"):
+        assert np.array_equal(found[name], np.concatenate(expected)), name
+    COMM.barrier()
+
+
+@pytest.mark.mpi
 def test_state_returns_unchanged(folder):
     """What the ranks wrote is read back bit by bit, rank after rank."""
     write_states(folder, 2)
