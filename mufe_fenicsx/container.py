@@ -80,6 +80,14 @@ class Container:
     #: several axes; none where each axis is a direction.
     across: tuple[str, ...] = ()
 
+    def __init__(self) -> None:
+        # The lower and the upper wall of each axis; one wall is both.
+        self._lower = np.array([walls[0] for walls in self.walls_of_axis])
+        self._upper = np.array([walls[-1] for walls in self.walls_of_axis])
+        counts = np.array([len(walls) for walls in self.walls_of_axis])
+        self._closing = 0.5 * counts * self.shortening
+        self._axis_of_wall = np.repeat(np.arange(len(self.axes)), counts)
+
     @property
     def top(self) -> int:
         """Number of the top platen."""
@@ -128,14 +136,16 @@ class Container:
             normal_forces: On the walls, compression positive [N], shape (..., num_walls).
             lengths: Along the axes [m].
         """
-        forces = np.asarray(normal_forces, dtype=float)
-        means = [forces[..., list(walls)].mean(axis=-1) for walls in self.walls_of_axis]
-        return np.stack(means, axis=-1) / self.areas(lengths)
+        return self.of_axes(normal_forces) / self.areas(lengths)
+
+    def of_axes(self, values: ArrayLike) -> np.ndarray:
+        """Means over the walls of each axis, (..., num_axes), of (..., num_walls) values."""
+        values = np.asarray(values, dtype=float)
+        return 0.5 * (values[..., self._lower] + values[..., self._upper])
 
     def closing(self, velocity: np.ndarray) -> np.ndarray:
         """Speeds at which the axes shorten, (num_axes,), of those of the walls inward [m/s]."""
-        sums = [velocity[list(walls)].sum() for walls in self.walls_of_axis]
-        return np.array(sums) * self.shortening
+        return self._closing * (velocity[self._lower] + velocity[self._upper])
 
     def shortest(self, lengths: ArrayLike) -> float:
         """Least extent of the sample [m], of lengths of shape (num_axes,)."""
@@ -163,10 +173,7 @@ class Container:
 
     def areas_of_walls(self, lengths: ArrayLike) -> np.ndarray:
         """Area of each wall [m²], shape (num_walls,), of lengths of shape (num_axes,)."""
-        found, areas = np.empty(len(self.walls)), self.areas(lengths)
-        for area, walls in zip(areas, self.walls_of_axis, strict=True):
-            found[list(walls)] = area
-        return found
+        return self.areas(lengths)[self._axis_of_wall]
 
 
 class Box(Container):
@@ -197,7 +204,8 @@ class Box(Container):
 
     def lengths(self, point: np.ndarray, radius: np.ndarray) -> np.ndarray:
         """Distances of opposite planes [m], shape (3,); of tilted ones along the axis."""
-        return np.diag(point[1::2]) - np.diag(point[0::2])
+        along = np.arange(3)
+        return point[self._upper, along] - point[self._lower, along]
 
     def volume(self, lengths: ArrayLike) -> np.ndarray:
         """Volume inside [m³], shape (...)."""

@@ -52,6 +52,7 @@ class Gauges(Stateful):
 
     def __init__(self, measures, shearing):
         self.measures, self.container, self.shearing = measures, measures.container, shearing
+        self._read = -1, None  # number of steps, and the lengths then
         self.reference = self.lengths.tolist()  #: lengths at strain 0 [m]
         self.means = WallMeans([0.0] * len(self.container.walls), measures.simulation.state.t)
         self.total = None  #: total side stress of undrained stages [Pa]; None: drained
@@ -70,8 +71,11 @@ class Gauges(Stateful):
 
     @property
     def lengths(self):
-        """Lengths between the walls along the axes [m], shape (num_axes,)."""
-        return self.measures.lengths()
+        """Lengths between the walls along the axes [m], shape (num_axes,): read once a step."""
+        now = self.measures.simulation.state.num_steps
+        if self._read[0] != now:
+            self._read = now, self.measures.lengths()
+        return self._read[1]
 
     @property
     def places(self):
@@ -82,6 +86,11 @@ class Gauges(Stateful):
     def strains(self):
         """Along the axes, shape (num_axes,)."""
         return 1.0 - self.lengths / self.reference
+
+    def load_state_dict(self, kept):
+        """Become what :meth:`state_dict` told; walls may stand elsewhere now."""
+        super().load_state_dict(kept)
+        self._read = -1, None
 
     def set_zero(self):
         """Count strains from here."""
@@ -98,8 +107,7 @@ class Gauges(Stateful):
 
     def mean_stress(self):
         """That of the axes, mean over the time that a wave travels [Pa], shape (num_axes,)."""
-        mean = np.asarray(self.means.stress)
-        return np.array([mean[list(walls)].mean() for walls in self.container.walls_of_axis])
+        return self.container.of_axes(self.means.stress)
 
     def pore_pressure(self, stress):
         """u [Pa] at stresses along the axes; 0 in drained stages."""

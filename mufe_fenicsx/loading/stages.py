@@ -98,7 +98,7 @@ class StagedLoading(Stateful):
         self._last_zero = max(zeros, default=-1)
         self.first_height = self.height
         self._speed = 0.0
-        self._updated, self._loads = -1, None
+        self._updated, self._loads, self._parts = -1, None, []
         self.stages = []
         self.index = -1
         self._now = None
@@ -281,13 +281,13 @@ class StagedLoading(Stateful):
         if self.index == 0:
             gauges.means = WallMeans(of_walls.tolist(), state.t)
         self.shearing.begin(stage)
-        ways = [0.0] * (NUM_WAYS + len(self._given()))
+        ways = [0.0] * (NUM_WAYS + len(self._given))
         lengths, places = gauges.lengths.tolist(), gauges.places.tolist()
         self._now = PresentStage(state.t, lengths, places, stress0, held, ways)
         self.tasks = self._tasks()
         gauges.shut([task.axis for task in self.tasks if task.keeps_volume], stress0)
         self._now.values0 = gauges.values(gauges.mean_stress(), state.t)
-        self._updated = -1
+        self._updated, self._parts = -1, []
         self.paces.begin(self.tasks, self.loaded)
         self.stages.append(
             {
@@ -312,9 +312,10 @@ class StagedLoading(Stateful):
     def _part_led(self):
         """How far the leading part of the stage has come, from 0 to 1."""
         parts = [self._now.s] if any(task.ends for task in self._all) else []
-        parts += self._parts_of_until()
+        parts += self._parts
         return min(max(max(parts, default=0.0), 0.0), 1.0)
 
+    @property
     def _given(self):
         """The values of `until` of this stage, by name."""
         until = self.program[self.index].until
@@ -322,11 +323,11 @@ class StagedLoading(Stateful):
 
     def _parts_of_until(self):
         """How far each value of `until` has come; 1 where it is passed."""
-        if not self._given() or self._loads is None:
+        if not self._given:
             return []
         now = self.gauges.values(self.gauges.mean_stress(), self._now.begun)
         before = self._now.values0
-        ways = {name: value - before[name] for name, value in self._given().items()}
+        ways = {name: value - before[name] for name, value in self._given.items()}
         return [(now[n] - before[n]) / way if way else 1.0 for n, way in ways.items()]
 
     def _come(self, lengths, t):
@@ -344,7 +345,7 @@ class StagedLoading(Stateful):
         whole = max(until - self._now.begun, wait, self.paces.ramp_time(self._now))
         waited = math.log1p((t - until) / whole) if whole > 0.0 else 0.0
         now = [self._now.s, max(shares, default=0.0), waited]
-        now += self._parts_of_until()
+        now += self._parts
         self._now.ways = [float(max(a, b)) for a, b in zip(self._now.ways, now, strict=True)]
 
     def _is_led(self):
@@ -374,6 +375,7 @@ class StagedLoading(Stateful):
         self.servo.sample(stress, lengths)
         gauges.means.add(gauges.wall_stress(forces), t, self.servo.travel_time)
         self.shearing.sample(t, self.servo.travel_time)
+        self._parts = self._parts_of_until()
         self._check_lengths(stress, lengths)
         self._come(lengths, t)
         near = now.s == 1.0 or not any(task.goes for task in self._all)
@@ -398,7 +400,7 @@ class StagedLoading(Stateful):
             wait = SETTLED * self.servo.travel_time if servo else 0.0
             if t - now.settled >= wait:
                 now.hold_from = t
-        if now.brake_from is None and any(part >= 1.0 for part in self._parts_of_until()):
+        if now.brake_from is None and any(part >= 1.0 for part in self._parts):
             now.brake_from = t
             if now.led_until is None:
                 now.led_until = t
@@ -447,12 +449,13 @@ class StagedLoading(Stateful):
             sheared = self.shearing.next_s(now.s, pace.factor, pace.ramp)
             now.s = max(now.s, min(1.0, sheared, *furthest))
         velocity = np.zeros(len(area))  # of each wall towards the sample
-        closing = np.zeros(len(lengths))
-        # What keeps the volume goes with the others.
-        for task in sorted(self.tasks, key=lambda task: task.keeps_volume):
-            velocity[list(task.walls)] = task.speeds(now.s, walls, pace, closing)
+        for task in self.tasks:
             if not task.keeps_volume:
-                closing[task.axis] = self.container.closing(velocity)[task.axis]
+                velocity[list(task.walls)] = task.speeds(now.s, walls, pace)
+        closing = self.container.closing(velocity)
+        for task in self.tasks:
+            if task.keeps_volume:  # goes with the others
+                velocity[list(task.walls)] = task.speeds(now.s, walls, pace, closing)
         self.measures.lead(velocity, [task.target(now.s, stress) for task in self.tasks])
         speed = self.shearing.move(now.s if pace.leading else None, pace.factor, velocity)
         self._speed = max(speed, float(np.abs(self.container.closing(velocity)).max()))

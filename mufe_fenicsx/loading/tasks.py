@@ -164,14 +164,15 @@ class Task:
         """
         return True
 
-    def speeds(self, s, now, pace, closing):
+    def speeds(self, s, now, pace, closing=None):
         """Speeds of its walls towards the sample in the coming step [m/s]: one, or one each.
 
         Args:
             s: How far along the line it goes.
             now: :class:`WallsNow`.
             pace: :class:`Pace`.
-            closing: Speeds at which the axes of tasks before it shorten [m/s], (num_axes,).
+            closing: Speeds at which the other axes shorten [m/s], (num_axes,), for what goes with
+                them.
         """
         return 0.0
 
@@ -217,7 +218,7 @@ class Carry(Task):
         off = max(abs(means[wall] - target) for wall in self.walls)
         return bool(off <= tolerance * target)
 
-    def speeds(self, s, now, pace, closing):
+    def speeds(self, s, now, pace, closing=None):
         """Those of the servo; walls that have not met the sample come on to it."""
         most, free, share = HOLDING * pace.fastest, pace.speed, abs(self.share)
         first, way = self.law.line(now.axis_stress)
@@ -260,7 +261,7 @@ class Travel(Task):
         length = lengths[self.axis]
         return bool(abs(length - self.path.length(1.0)) <= EXACT * length)
 
-    def speeds(self, s, now, pace, closing):
+    def speeds(self, s, now, pace, closing=None):
         """To the length at the end of the step, or each wall to its place.
 
         A step that turned out shorter than foreseen is made up for at the speed that it may have.
@@ -288,7 +289,7 @@ class Drive(Task):
         """Whether its speed is not zero."""
         return bool(self.speed)
 
-    def speeds(self, s, now, pace, closing):
+    def speeds(self, s, now, pace, closing=None):
         """Its speed, but for the ramps."""
         return self.share * self.speed * pace.factor if pace.leading else 0.0
 
@@ -311,7 +312,7 @@ class KeepVolume(Task):
 
     keeps_volume = True
 
-    def speeds(self, s, now, pace, closing):
+    def speeds(self, s, now, pace, closing=None):
         """To the length that keeps the volume at the end of the step."""
         if not pace.leading:
             return 0.0

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 
 from ..container import SHEARED
@@ -121,7 +122,7 @@ class Until:
         for name, value in given.items():
             require(abs(value) < 1e30, name, value, "a finite number")
 
-    @property
+    @cached_property
     def given(self) -> dict[str, float]:
         """The values that are stated, by name."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
