@@ -122,6 +122,20 @@ def import_demo(name):
     return module
 
 
+@pytest.mark.slow
+def test_contacts_smaller_than_an_element():
+    """The layer that knows the curvature is within 5 % of Hertz in the mean, at all n; today's not.
+
+    5 %: half of it is the constants' own, the rest the scatter of six places on two meshes.
+    """
+    for pair, law, found in import_demo("small_contacts").main(quick=True):
+        means = np.array([e.mean() for e in found])
+        if law == "ψ, 9 parts":
+            assert np.abs(means).max() < 0.05, (pair, means)
+        elif law == "layer, 9 parts":
+            assert means[0] > 0.15, (pair, means)
+
+
 def test_two_spheres(tmp_path):
     """The demo compares its forces with Hertz's itself."""
     command = [sys.executable, DEMOS / "two_spheres.py", "--figure", tmp_path / "curve.png"]
