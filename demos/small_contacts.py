@@ -11,34 +11,34 @@ nodes of the facet, and on the facet across.
 **A layer that knows the curvature.** With the depth d, the mean radius R = √(R₁ R₂) of the gap
 x²/2R₁ + y²/2R₂, and c h/E* the layers of both sides together,
 
-    p = E*/(c h) · d ψ(ξ),  ξ = d R/h²,  ψ(ξ) = 1 - b exp(-(ln(ξ/ξ₀)/w)²),
+    p = E*/(c h) · d ψ(ξ),  ξ = d R/h²,  ψ(ξ) = 1 - 4 b ξ ξ₀/(ξ + ξ₀)²,
 
-b = 0.493, ξ₀ = 0.096, w = 1.6. ξ is all that a local law can depend on: pressures scale as E* h/R
-and depths as h²/R. Flat contacts (R to infinity) keep the layer as it is, ψ = 1. The law is one of
-the depth alone, so it keeps an energy, needs no patch and looks at no neighbour.
+b = 0.47, ξ₀ = 0.104. ξ is all that a local law can depend on: pressures scale as E* h/R and depths
+as h²/R. Flat contacts (R to infinity) keep the layer as it is, ψ = 1. The law is one of the depth
+alone, so it keeps an energy, needs no patch and looks at no neighbour.
 
 Found, error of the force [%], mean and standard deviation over meshes and places of the contact:
 
-    contact        law             n = 0.3    0.45     0.6    0.75     0.9    1.15     1.5       2
-    ball on plane  layer, 1 part   +17 ±61 +28 ±21  +27 ±5  +20 ±2  +15 ±3   +9 ±1   +5 ±1   +2 ±0
-    ball on plane  ψ, 4 parts        -0 ±6   -0 ±4   +1 ±2   +1 ±2   +1 ±1   -0 ±1   -1 ±0   -1 ±0
-    two balls      layer, 1 part   +32 ±32 +29 ±11  +23 ±3  +16 ±2  +12 ±2   +7 ±1   +4 ±0   +1 ±0
-    two balls      layer, 9 parts   +28 ±4  +25 ±3  +19 ±2  +13 ±1  +10 ±1   +6 ±0   +3 ±0   +1 ±0
-    two balls      ψ, 1 part        +0 ±23   +2 ±7   +3 ±3   +3 ±2   +2 ±1   +1 ±1   -0 ±0   -1 ±0
-    two balls      ψ, 4 parts        -1 ±4   -1 ±2   +1 ±1   +1 ±1   +1 ±1   -1 ±0   -1 ±0   -1 ±0
-    two balls      ψ, 9 parts        -0 ±3   -0 ±2   +0 ±1   +1 ±1   +0 ±1   -1 ±0   -1 ±0   -2 ±0
-    meshes 1:1.5   ψ, 4 parts        +0 ±5   -1 ±3   +0 ±2   +1 ±1   +1 ±1   -0 ±0   -1 ±0   -1 ±0
-    moduli 10:1    ψ, 4 parts        -0 ±4   +0 ±2   +2 ±2   +2 ±1   +1 ±1   -0 ±0   -1 ±0   -1 ±0
-    ellipse, R 1:3 ψ, 4 parts        -3 ±4   -1 ±2   +0 ±2   +1 ±1   +1 ±1   -0 ±1   -1 ±0   -1 ±0
+    contact        law           n =     0.3    0.45     0.6    0.75     0.9    1.15     1.5       2
+    ball on plane  layer, 1 part     +17 ±61 +28 ±21  +27 ±5  +20 ±2  +15 ±3   +9 ±1   +5 ±1   +2 ±0
+    ball on plane  ψ, 4 parts          -1 ±6   +0 ±4   +1 ±2   +1 ±2   +0 ±1   -1 ±1   -2 ±0   -2 ±0
+    two balls      layer, 1 part     +32 ±32 +29 ±11  +23 ±3  +16 ±2  +12 ±2   +7 ±1   +4 ±0   +1 ±0
+    two balls      layer, 9 parts     +28 ±4  +25 ±3  +19 ±2  +13 ±1  +10 ±1   +6 ±0   +3 ±0   +1 ±0
+    two balls      ψ, 1 part          +0 ±23   +3 ±7   +3 ±3   +3 ±2   +2 ±1   +0 ±1   -1 ±0   -2 ±0
+    two balls      ψ, 4 parts          -1 ±4   +0 ±2   +1 ±1   +1 ±1   -0 ±1   -1 ±0   -2 ±0   -2 ±0
+    two balls      ψ, 9 parts          -1 ±3   +1 ±2   +0 ±1   +0 ±1   -0 ±1   -1 ±0   -2 ±0   -2 ±0
+    meshes 1:1.5   ψ, 4 parts          -0 ±5   +0 ±3   +0 ±2   +1 ±1   +0 ±1   -1 ±0   -2 ±0   -2 ±0
+    moduli 10:1    ψ, 4 parts          -0 ±4   +1 ±2   +2 ±1   +1 ±1   +0 ±1   -1 ±0   -2 ±0   -2 ±0
+    ellipse, R 1:3 ψ, 4 parts          -3 ±5   -0 ±2   +0 ±1   +0 ±1   +0 ±1   -1 ±1   -2 ±0   -2 ±0
 
 What this says:
 
 - With one point a facet a contact of n = 0.3 may meet none of them: the force scatters by a third.
   Four parts a facet take the scatter to some 5 %, nine to 3 %.
 - With the curved gap alone the contact is too stiff at small n by up to 30 %, as the mesh is.
-- ψ takes that out at all n. Its three constants are fitted to balls, of like and unlike meshes and
+- ψ takes that out at all n. Its two constants are fitted to balls, of like and unlike meshes and
   moduli together; ellipses have the same.
-- The layer is nowhere stiffer than 1.05 times today's (slope of p(d)): time steps stay.
+- Nowhere is p(d) steeper than with the layer alone: time steps stay.
 
 Not in the program, whose facets are flat: curvatures of grains would have to come from the image.
 Limits: small strain, forces along the normal, convex surfaces; of whole balls only what is near.
@@ -64,7 +64,7 @@ from mufe_fenicsx.verification.pressed import AXIS, FRAME, Pressed
 NU, A_OVER_R, FINEST, GROWTH = 0.15, 0.01, 2.5, 0.3
 #: Elements per contact radius.
 N = (0.3, 0.45, 0.6, 0.75, 0.9, 1.15, 1.5, 2.0)
-B, XI0, WIDTH = 0.493, 0.096, 1.6
+B, XI0 = 0.47, 0.104
 #: Second mesh over the first, its modulus over the first, and R1/R2 of the gap.
 PAIRS = {
     "ball on plane": None,
@@ -221,13 +221,14 @@ class Touching:
 
 def law(depth, h, curved):
     """Pressure over E* at depths, R = 1, and its slope."""
-    on = depth > 0
-    psi, turned = 1.0, 0.0
+    on, slope, psi = depth > 0, 1.0, 1.0
     if curved:
-        log = np.log(np.where(on, depth, 1.0) / h**2 / XI0) / WIDTH
-        bump = B * np.exp(-(log**2))
-        psi, turned = 1 - bump, 2 * log / WIDTH * bump
-    return np.where(on, depth * psi, 0.0) / (COMPLIANCE * h), on * (psi + turned) / (COMPLIANCE * h)
+        xi = np.maximum(depth, 0.0) / h**2
+        psi = 1 - 4 * B * XI0 * xi / (xi + XI0) ** 2
+        slope = 1 - 8 * B * XI0**2 * xi / (xi + XI0) ** 3
+    return np.where(on, depth * psi, 0.0) / (COMPLIANCE * h), np.where(on, slope, 0.0) / (
+        COMPLIANCE * h
+    )
 
 
 def errors(surfaces, pair, name, places):
@@ -251,7 +252,7 @@ def main(quick=False):
     """Print the table; returns (pair, law, errors) of each row."""
     surfaces = [Surface(variant) for variant in range(2 if quick else 4)]
     pairs = list(PAIRS)[:2] if quick else list(PAIRS)
-    print(f"{'contact':15}{'law':15}{'n =':>3}", *(f"{n:>7g}" for n in N))
+    print(f"{'contact':15}{'law':14}{'n =':>3}", *(f"{n:>7g}" for n in N))
     rows = []
     for pair in pairs:
         for name in LAWS:
