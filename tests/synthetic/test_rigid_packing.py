@@ -202,6 +202,7 @@ def test_a_void_ratio_is_reached_and_one_that_cannot_be_is_an_error():
     assert assembly.pressure > 0.1 * HARD
     with pytest.raises(SolverError, match=r"void ratio 0.9 was not reached: .* from 0.[67]"):
         reach_void_ratio(assembly, 0.9, HARD)
+    assembly.friction = 0.0  # grains slide until they are as dense as they become at random
     with pytest.raises(SolverError, match=r"void ratio 0.4 was not reached: .* at rest at 0.[56]"):
         reach_void_ratio(assembly, 0.4, HARD)
 
