@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import SolverError
-from mufe_fenicsx.synthetic.packing import icosphere
 from mufe_fenicsx.synthetic.rigid_packing.assembly import Assembly
 from mufe_fenicsx.synthetic.rigid_packing.bodies import bodies_at
 from mufe_fenicsx.synthetic.rigid_packing.contacts import DAMPING
@@ -21,6 +20,7 @@ from mufe_fenicsx.synthetic.rigid_packing.shapes import (
 )
 from mufe_fenicsx.synthetic.rigid_packing.start import column, loose
 from mufe_fenicsx.synthetic.rigid_packing.ways import compress, reach_void_ratio, settle
+from mufe_fenicsx.synthetic.triangulated import icosphere
 
 FAR = 50.0
 #: Pressure of packings that need not be near the limit of rigid grains, and are at rest sooner.

@@ -8,7 +8,7 @@ from ...errors import InputError
 from ...geometry.atomic_output import new_folder
 from ...geometry.grains import Grains, save_grains
 from ...geometry.image.label_files import write_labels, write_table
-from ...kernels import packing as kernels
+from ...kernels.packed_surfaces import label_voxels
 from ...materials.sand import scene_table
 from ...scene.schema import schema_text
 from ...units import require
@@ -176,7 +176,7 @@ def _write_labels(path, assembly, unit, voxel_size):
     require(np.prod(shape.astype(float)) <= MOST_VOXELS, "voxel_size", voxel_size, expected)
     labels = np.zeros(shape[::-1], dtype=np.int32)
     depth = np.zeros(labels.shape, dtype=np.float32)
-    kernels.label_voxels(
+    label_voxels(
         labels, depth, container.low, voxel, s.spheres, bodies.centre, bodies.axes, bodies.size,
         bodies.reach, bodies.shape, s.grid, s.low, s.step,
     )  # fmt: skip

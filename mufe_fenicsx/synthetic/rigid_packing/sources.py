@@ -16,9 +16,9 @@ from ...geometry.tets.jobs import surface_jobs
 from ...geometry.tets.mesher import mesh_grains
 from ...scene.shipped import SHIPPED, shipped_mesh
 from ...units import require
-from ..packing import icosphere
 from ..settings import LARGEST_SIZE, SynthesisSettings
 from ..shapes import make_grains, sizes
+from ..triangulated import icosphere
 from .settings import FORM, MOST_GRAINS
 from .shapes import ball, in_own_frame, make_shapes
 
