@@ -41,7 +41,7 @@ from mufe_fenicsx.geometry.bodies.shapes import sphere
 from mufe_fenicsx.geometry.grains import Grains, save_grains
 from mufe_fenicsx.materials.sand import SAND
 from mufe_fenicsx.report import style
-from mufe_fenicsx.results.tables import vectors
+from mufe_fenicsx.results.columns import vectors
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, Solver
 

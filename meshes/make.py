@@ -15,8 +15,9 @@ from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.tets.foreign_meshes import export_grains
 from mufe_fenicsx.geometry.tets.jobs import surface_jobs
 from mufe_fenicsx.geometry.tets.mesher import mesh_grains
-from mufe_fenicsx.synthetic.packing import icosphere, pack
+from mufe_fenicsx.synthetic.packing import pack
 from mufe_fenicsx.synthetic.shapes import make_grains, sizes
+from mufe_fenicsx.synthetic.triangulated import icosphere
 
 UP = np.array([0.0, 0.0, 1.0])
 

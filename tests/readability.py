@@ -1,9 +1,9 @@
 """How easily README and the pages under docs read: `python -m tests.readability`.
 
 A line for each page: words, sentences, mean and largest number of words in a sentence. Then, with
-their places, sentences over :data:`LONGEST`, table cells with more than one number, and acronyms
-that the glossary does not resolve. Fences, equations and comments are left out. Pages of the
-record are listed, not judged.
+their places, sentences over :data:`LONGEST`, items of lists that do not end, table cells with more
+than one number, and acronyms that the glossary does not resolve. Fences, equations and comments are
+left out. Pages of the record are listed, not judged.
 """
 
 import re
@@ -27,6 +27,9 @@ FORMULA = re.compile(r"\$[^$\n]+\$")
 SHORTENED = re.compile(r"\b(e\.g|i\.e|cf|vs|eqs?|figs?|no|pp?|al|approx|resp)\.", re.IGNORECASE)
 END = re.compile(r"(?<=[.!?])[)\"”']*\s+(?=[\W_]*[A-Z0-9`“])")
 WORD = re.compile(r"[^\W_]")
+ITEM = re.compile(r"([-*+]|\d+\.) +")
+#: What an item of a list ends with.
+CLOSED = re.compile(r"[.!?:][)\"”’*]*$")
 #: A number; not the 2 of J2, an exponent, a year in brackets or behind names.
 NUMBER = re.compile(r"(?<![\w.,^−–-])(?!(?:19|20)\d\d\b)[−–-]?\d[\d  ]*(?:[.,]\d+)*(?:e[-+−]?\d+)?")
 ACRONYM = re.compile(r"\b(?=[A-Z0-9]*[A-Z][A-Z0-9]*[A-Z])[A-Z][A-Z0-9]+s?\b")
@@ -70,13 +73,30 @@ def sentences(text):
     for number, line in enumerate([*plain(text).splitlines(), ""], 1):
         words = line.strip()
         apart = not words or words.startswith(("#", "|", ">", "---"))
-        item = re.match(r"([-*+]|\d+\.) +", words)
+        item = ITEM.match(words)
         if (apart or item) and paragraph:
             found += _split(" ".join(paragraph), first)
             paragraph = []
         if not apart:
             first = first if paragraph else number
             paragraph.append(words[item.end() :] if item else words)
+    return found
+
+
+def open_items(text):
+    """(line, end) of list items that end without a full stop, so that their sentence goes on."""
+    found, item, first = [], "", 0
+    for number, line in enumerate([*plain(text).splitlines(), ""], 1):
+        words = line.strip()
+        begins = ITEM.match(words)
+        if item and (begins or not words or words.startswith("#")):
+            if not CLOSED.search(item):
+                found.append((first, item))
+            item = ""
+        if begins:
+            item, first = words, number
+        elif item:
+            item += f" {words}"
     return found
 
 
@@ -139,6 +159,7 @@ def main():
         faults += [f"{place}: {mean:.1f} words in the mean sentence"] * (mean > MEAN)
         long = (s for s in found if s.num_words > LONGEST)
         faults += [f"{place}:{s.line}: {s.num_words} words: {s.text[:80]} …" for s in long]
+        faults += [f"{place}:{line}: no full stop: {t[-60:]}" for line, t in open_items(text)]
         faults += [f"{place}:{line}: cell: {cell[:80]}" for line, cell in crowded_cells(text)]
     if GLOSSARY.exists():
         faults += [

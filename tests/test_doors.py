@@ -17,7 +17,7 @@ from tests.geometry.image_samples import write_samples
 from tests.geometry.tets.test_mesh_door import write_meshes
 from tests.made_up_run import write_whole_run
 from tests.report.test_run_folder_fuzz import damaged as damaged_run
-from tests.scene.test_scene import FULL, SMALLEST
+from tests.scene.scene_files import FULL, SMALLEST
 from tests.scene.test_scene_fuzz import STAGES, mutated
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*multi-threaded, use of fork")

@@ -14,7 +14,7 @@ from mufe_fenicsx.geometry.grains import load_grains
 from mufe_fenicsx.geometry.tets.foreign_meshes import import_grains
 from mufe_fenicsx.scene import load_scene
 from mufe_fenicsx.scene.shipped import shipped_mesh, shipped_meshes
-from tests.scene.test_scene import SMALLEST
+from tests.scene.scene_files import SMALLEST
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "meshes"

@@ -20,6 +20,12 @@ def test_sentences(text, lengths):
     assert [s.num_words for s in readability.sentences(text)] == lengths
 
 
+def test_items_of_lists_end():
+    text = "It has\n\n- one thing,\n- a second\n  one. No more\n- *a third.*\n\nEnd\n1. four: `x`"
+    found = [item for _, item in readability.open_items(text)]
+    assert found == ["- one thing,", "- a second one. No more", "1. four: X"]
+
+
 def test_cells_and_acronyms():
     assert [c for _, c in readability.crowded_cells("| 1.5 % | 2 to 3 | J2, `4 5` |")] == ["2 to 3"]
     assert readability.acronyms("TIFFs of MPI, not `XYZ`, A or Mp") == {"TIFF", "MPI"}

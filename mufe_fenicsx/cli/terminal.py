@@ -145,12 +145,13 @@ class _ProgressLines:
         self.start = self.last = time.monotonic()
 
     def __call__(self, done, total, text=""):
-        """Print how much is done of the total, if the last line is old enough."""
+        """Print how much is done, of the total if one is known, if the last line is old enough."""
         now = time.monotonic()
         if now - self.last < SECONDS_BETWEEN_LINES:
             return
         self.last = now
-        line = f"{self.title}: {done} of {total} after {now - self.start:.0f} s  {text}"
+        part = "step {}" if total is None else "{} of {}"
+        line = f"{self.title}: {part.format(done, total)} after {now - self.start:.0f} s  {text}"
         print(line.rstrip(), file=sys.stderr, flush=True)
 
 

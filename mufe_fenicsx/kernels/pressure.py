@@ -3,6 +3,14 @@
 import numba
 
 
+@numba.njit(cache=True, inline="always")
+def _normal(x, a, b, c, i):
+    """Component i of twice the area vector of the facet a, b, c."""
+    j, m = (i + 1) % 3, (i + 2) % 3
+    normal = (x[b, j] - x[a, j]) * (x[c, m] - x[a, m])
+    return normal - (x[b, m] - x[a, m]) * (x[c, j] - x[a, j])
+
+
 @numba.njit(cache=True)
 def add_pressure(f, x, facets, pressure):
     """Add -p A/3 to the nodes of each facet, A its present area vector, in place.
@@ -16,10 +24,7 @@ def add_pressure(f, x, facets, pressure):
     for k in range(len(facets)):
         a, b, c = facets[k, 0], facets[k, 1], facets[k, 2]
         for i in range(3):
-            j, m = (i + 1) % 3, (i + 2) % 3
-            area = (x[b, j] - x[a, j]) * (x[c, m] - x[a, m])
-            area -= (x[b, m] - x[a, m]) * (x[c, j] - x[a, j])
-            share = pressure * area / 6.0
+            share = pressure * _normal(x, a, b, c, i) / 6.0
             f[a, i] -= share
             f[b, i] -= share
             f[c, i] -= share
@@ -37,10 +42,7 @@ def enclosed_volume(x, facets, origin):
     for k in range(len(facets)):
         a, b, c = facets[k, 0], facets[k, 1], facets[k, 2]
         for i in range(3):
-            j, m = (i + 1) % 3, (i + 2) % 3
-            area = (x[b, j] - origin[j]) * (x[c, m] - origin[m])
-            area -= (x[b, m] - origin[m]) * (x[c, j] - origin[j])
-            volume += (x[a, i] - origin[i]) * area / 6.0
+            volume += (x[a, i] - origin[i]) * _normal(x, a, b, c, i) / 6.0
     return volume
 
 
@@ -58,8 +60,5 @@ def volume_beside(x, facets):
     for k in range(len(facets)):
         a, b, c = facets[k, 0], facets[k, 1], facets[k, 2]
         for i in range(2):
-            j, m = (i + 1) % 3, (i + 2) % 3
-            area = (x[b, j] - x[a, j]) * (x[c, m] - x[a, m])
-            area -= (x[b, m] - x[a, m]) * (x[c, j] - x[a, j])
-            volume += (x[a, i] + x[b, i] + x[c, i]) * area / 12.0
+            volume += (x[a, i] + x[b, i] + x[c, i]) * _normal(x, a, b, c, i) / 12.0
     return volume

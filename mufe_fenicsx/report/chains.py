@@ -9,7 +9,7 @@ from mufe_fenicsx.report import style
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.render import Camera, Layer, over, render
 from mufe_fenicsx.report.views import FROM, colour_bar, three_in_a_row
-from mufe_fenicsx.results.tables import vectors
+from mufe_fenicsx.results.columns import vectors
 
 #: Sides of a tube, and its radius at the mean force over the mean radius of the grains.
 SIDES, RADIUS = 8, 0.055

@@ -11,8 +11,8 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.views import add_outline, polygons
+from mufe_fenicsx.results.columns import vectors
 from mufe_fenicsx.results.localisation import judge
-from mufe_fenicsx.results.tables import vectors
 
 NAME = "localisation"
 #: Column of the table, what it is called, factor, and whether it has both signs.

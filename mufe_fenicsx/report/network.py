@@ -10,7 +10,7 @@ from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import legends, shared_legend
 from mufe_fenicsx.report.curves import PAPER
 from mufe_fenicsx.report.figure import Drawing
-from mufe_fenicsx.results.tables import vectors
+from mufe_fenicsx.results.columns import vectors
 
 #: Bins of the rose, and the largest f/<f> that is drawn.
 NUM_BINS, LARGEST = 24, 5.0

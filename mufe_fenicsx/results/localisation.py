@@ -15,7 +15,8 @@ from ..analysis.localisation import (
     voronoi_volumes,
 )
 from ..errors import InputError
-from .tables import STRESS, columns_of, grain_volumes, vectors
+from .columns import STRESS, columns_of, vectors
+from .grain_tables import grain_volumes
 
 #: So many grains have to be inside for a void ratio there.
 FEWEST_INSIDE = 20

@@ -19,7 +19,8 @@ from ..output.contacts import CONTACT_COLUMNS, contact_files, read_contacts
 from ..output.fields import MESH, read_arrays, read_states
 from ..output.history import history_columns, read_history
 from ..output.run_folder import read_run_json, reason, regular, wrong_entries
-from . import graph, localisation, tables
+from . import contact_tables, grain_tables, graph, localisation, sample_tables
+from .columns import check_finite, exact_csv
 from .rows import run_rows
 from .state import State
 
@@ -178,7 +179,7 @@ class Run:
         """A table of the grains that was kept with the run: "labels" or "quality"."""
         path = self.path / f"{name}.csv"
         try:
-            return tables.exact_csv(path)
+            return exact_csv(path)
         except OSError as error:
             raise InputError(f"{path} cannot be read ({reason(error)})") from error
         except ValueError as error:  # pandas' errors of parsing, and torn text
@@ -240,21 +241,21 @@ class Run:
 
         Columns: those of :func:`mufe_fenicsx.analysis.macro.oedometer_curves`, time and stage.
         """
-        return tables.curves(self, width)
+        return sample_tables.curves(self, width)
 
     def stresses(self) -> pandas.DataFrame:
         """Stress of the contacts against that of the walls at each stored state, a DataFrame.
 
-        See :func:`mufe_fenicsx.results.tables.stresses`.
+        See :func:`mufe_fenicsx.results.sample_tables.stresses`.
         """
-        return tables.stresses(self)
+        return sample_tables.stresses(self)
 
     def network(self) -> pandas.DataFrame:
         """Fabric, coordination, sliding and force chains at each stored state, a DataFrame.
 
-        See :func:`mufe_fenicsx.results.tables.network`.
+        See :func:`mufe_fenicsx.results.contact_tables.network`.
         """
-        return tables.network(self)
+        return contact_tables.network(self)
 
     def graph(self, number: int = -1) -> networkx.Graph:
         """Grains, walls and active contacts of a stored state, a networkx.Graph.
@@ -273,27 +274,27 @@ class Run:
     def contact_table(self, number: int = -1) -> pandas.DataFrame:
         """Active contacts with their part in the network, a DataFrame.
 
-        See :func:`mufe_fenicsx.results.tables.contact_table`.
+        See :func:`mufe_fenicsx.results.contact_tables.contact_table`.
         """
-        return tables.contact_table(self, number)
+        return contact_tables.contact_table(self, number)
 
     def contact_ages(self, number: int = -1) -> pandas.DataFrame:
         """Since when each active contact has been active, a DataFrame with a row a contact.
 
-        See :func:`mufe_fenicsx.results.tables.contact_ages`.
+        See :func:`mufe_fenicsx.results.contact_tables.contact_ages`.
         """
-        return tables.contact_ages(self, number)
+        return contact_tables.contact_ages(self, number)
 
     def wall_friction(self, number: int = -1) -> pandas.DataFrame:
         """Normal and tangential force on each wall, a DataFrame with a row a wall."""
-        return tables.wall_friction(self, number)
+        return sample_tables.wall_friction(self, number)
 
     def grain_table(self, number: int = -1) -> pandas.DataFrame:
         """Form, motion, stress and contacts of each grain at a stored state, a DataFrame.
 
-        See :func:`mufe_fenicsx.results.tables.grain_table`.
+        See :func:`mufe_fenicsx.results.grain_tables.grain_table`.
         """
-        return tables.grain_table(self, number)
+        return grain_tables.grain_table(self, number)
 
     def localisation(self, number: int = -1, since: int | None = None) -> pandas.DataFrame:
         """Strain around each grain between two stored states, a DataFrame with a row a grain.
@@ -305,16 +306,16 @@ class Run:
     def first_yield(self) -> pandas.DataFrame:
         """When and where each grain was first seen to yield, a DataFrame with a row a grain.
 
-        See :func:`mufe_fenicsx.results.tables.first_yield_table`.
+        See :func:`mufe_fenicsx.results.grain_tables.first_yield_table`.
         """
-        return tables.first_yield_table(self)
+        return grain_tables.first_yield_table(self)
 
     def probe(self, points: ArrayLike | None = None, grains: ArrayLike | None = None):
         """Displacement and stress of places or of grains through all stored states.
 
-        See :func:`mufe_fenicsx.results.tables.probe`.
+        See :func:`mufe_fenicsx.results.grain_tables.probe`.
         """
-        return tables.probe(self, points, grains)
+        return grain_tables.probe(self, points, grains)
 
     # --- what is not there ----------------------------------------------------------------
 
@@ -348,7 +349,7 @@ class Run:
                 found.append(f"history.csv has no column {', '.join(absent)}.")
             if "stage" in history and not (history["stage"] != "seating").any():
                 found.append("The loading stage: history.csv has no row of it.")
-            attempt(lambda: tables.check_finite("history.csv", history))
+            attempt(lambda: check_finite("history.csv", history))
         states = attempt(lambda: self.stored_states)
         if states == []:
             found.append("Stored states: there is none in the folder fields.")
@@ -381,5 +382,5 @@ class Run:
         places = [name for name in table if name.startswith(("centroid_", "branch_"))]
         is_open = table["num_points"] == 0
         known = table[places].mask(is_open, 0.0)
-        tables.check_finite(contacts.name, table.assign(**known))
-        tables.check_finite(grains.name, of_grains)
+        check_finite(contacts.name, table.assign(**known))
+        check_finite(grains.name, of_grains)

@@ -61,6 +61,7 @@ class Recorder:
         self._history_interval = loading.interval(output.history)
         self._field_interval = loading.state_interval(output.fields)
         self._stage, self._next_row, self._next_state = kept.get("next", (None, 0.0, 0.0))
+        self._row_step = kept.get("row_step")  # of the last row, None before the first
 
     def state_dict(self):
         """What a recorder that goes on from here has to know, fit for JSON; rows are on disk."""
@@ -73,6 +74,7 @@ class Recorder:
             "tools": [] if self.tools is None else copy.deepcopy(self.tools.kept),
             "num_states": self.num_states,
             "next": (self._stage, self._next_row, self._next_state),
+            "row_step": self._row_step,
         }
 
     def after_step(self):
@@ -90,6 +92,11 @@ class Recorder:
         if course >= self._next_row:
             self._next_row = course - math.fmod(course, self._history_interval)
             self._next_row += self._history_interval * (1 - 1e-12)
+            self.write_row()
+
+    def write_last_row(self):
+        """The row of the step that a run ends with, unless it is written already."""
+        if self._row_step != self.simulation.state.num_steps:
             self.write_row()
 
     def write_row(self):
@@ -122,6 +129,7 @@ class Recorder:
             row.update(sim.tools.row())
         row.update(loading.row(forces))
         self.history.append(row)
+        self._row_step = sim.state.num_steps
         self.check_energy(energies)
         return energies
 

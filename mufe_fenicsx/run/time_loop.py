@@ -42,7 +42,7 @@ def march(
                 break
             if max_steps is not None and state.num_steps >= max_steps:
                 save()
-                recorder.write_row()
+                recorder.write_last_row()
                 return f"max_steps = {max_steps} reached"
             number, by_time = interruption()
             if number:

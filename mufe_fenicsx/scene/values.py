@@ -143,7 +143,8 @@ def convert_array(value, key, name):
 def _tuple_of(value, shape, key, name):
     sizes = " x ".join("n" if size < 0 else str(size) for size in shape)
     if not isinstance(value, list | tuple) or shape[0] not in (-1, len(value)):
-        raise InputError(f"{name} = {shown(value)}, expected a list of {sizes} numbers")
+        meant = f" ({key.form})" if key.form else ""
+        raise InputError(f"{name} = {shown(value)}, expected a list of {sizes} numbers{meant}")
     if len(shape) > 1:
         return tuple(_tuple_of(row, shape[1:], key, f"{name}[{i}]") for i, row in enumerate(value))
     if not key.unit:

@@ -9,11 +9,13 @@ answer at the same rate, and the time step is one.
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.spatial
 
 from ..errors import SolverError
 from ..kernels import radial
 from ..kernels import rigid as motion
+from .rigid_packing.bodies import random_turns
+from .rigid_packing.contacts import near_pairs
+from .triangulated import icosphere, vertex_areas
 
 #: Damping a step, of the motion relative to the walls.
 DAMPING = 0.05
@@ -62,12 +64,7 @@ class Packing:
 
     def pairs(self, skin):
         """Grains whose spheres around them are nearer than ``skin`` [m], (num_pairs, 2)."""
-        tree = scipy.spatial.cKDTree(self.centre)
-        reach = self.grains.reach
-        found = tree.query_pairs(2 * reach.max() + skin, output_type="ndarray")
-        gap = np.linalg.norm(self.centre[found[:, 0]] - self.centre[found[:, 1]], axis=1)
-        found = found[gap < reach[found].sum(axis=1) + skin]
-        return found[np.lexsort(found.T[::-1])].astype(np.int64)
+        return near_pairs(self.centre, self.grains.reach, skin)
 
 
 def pack(
@@ -204,42 +201,7 @@ def _loose(grains, rng, proportions):
     sites = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
     sites = sites[rng.permutation(len(sites))[:n]]
     centre = (sites + 0.5) / counts * edges
-    turn = rng.standard_normal((n, 4))
-    turn /= np.linalg.norm(turn, axis=1, keepdims=True)
+    turn = random_turns(rng, n)
     axes = np.empty((n, 3, 3))
     motion.set_axes(axes, turn)
     return Packing(grains, centre, axes, np.zeros(3), edges), turn
-
-
-def icosphere(level):
-    """Unit vectors and triangles, seen from outside, of an icosahedron divided ``level`` times."""
-    a = (1 + np.sqrt(5)) / 2
-    points = [(-1, a, 0), (1, a, 0), (-1, -a, 0), (1, -a, 0), (0, -1, a), (0, 1, a)]
-    points += [(0, -1, -a), (0, 1, -a), (a, 0, -1), (a, 0, 1), (-a, 0, -1), (-a, 0, 1)]
-    x = np.array(points) / np.sqrt(1 + a * a)
-    hull = scipy.spatial.ConvexHull(x).simplices
-    normal = np.cross(x[hull[:, 1]] - x[hull[:, 0]], x[hull[:, 2]] - x[hull[:, 0]])
-    inside_out = np.einsum("ij,ij->i", normal, x[hull[:, 0]]) < 0
-    faces = np.where(inside_out[:, None], hull[:, ::-1], hull).astype(np.int64)
-    for _ in range(level):
-        edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        edges, number = np.unique(edges, axis=0, return_inverse=True)
-        middle = x[edges].sum(axis=1)
-        m = len(x) + number.reshape(-1, 3)
-        x = np.concatenate([x, middle / np.linalg.norm(middle, axis=1, keepdims=True)])
-        a, b, c = faces.T
-        p, q, r = m.T
-        parts = [(a, p, r), (p, b, q), (r, q, c), (p, q, r)]
-        faces = np.concatenate([np.column_stack(part) for part in parts])
-    return x, faces
-
-
-def vertex_areas(points, triangles):
-    """A third of the triangles around each vertex, points (n, m, 3) -> (n, m) [m²]."""
-    a, b, c = (points[:, triangles[:, i]] for i in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=2) / 6
-    out = np.zeros(points.shape[:2])
-    for i in range(3):
-        for g in range(len(points)):
-            out[g] += np.bincount(triangles[:, i], area[g], points.shape[1])
-    return out

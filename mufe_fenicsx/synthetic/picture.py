@@ -11,7 +11,7 @@ from ..geometry.image.compare_labels import touching_labels
 from ..geometry.image.picture import STYLE, label_colours, length_unit
 from ..report.render import Camera, Layer, cannot_render, render
 from ..report.views import FROM
-from .packing import icosphere
+from .triangulated import icosphere
 
 
 def draw_scan(path, grey, labels, packing, which, voxel_size):

@@ -10,10 +10,11 @@ from ..geometry.atomic_output import new_folder
 from ..geometry.image.compare_labels import touching_labels
 from ..geometry.image.label_files import write_labels, write_table
 from .imaging import grey_image, voxelise
-from .packing import icosphere, pack
+from .packing import pack
 from .picture import draw_scan
 from .scene_text import scene_text
 from .shapes import make_grains, sizes
+from .triangulated import icosphere
 from .truth import CONTACTS, contact_rows, grain_rows
 
 #: Solid fraction of the whole box by which the number of grains is chosen: rather too many.

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from ..errors import InputError, nearest_name, shown
 from ..units import check_keys, keys_of, require, setting, to_si
 
+#: Diameters of grains [m] that are taken for no slip of the keyboard.
+LEAST_SIZE, LARGEST_SIZE = 1e-7, 1.0
+
 
 @dataclass(frozen=True)
 class SynthesisSettings:
@@ -21,7 +24,9 @@ class SynthesisSettings:
 
     shape: tuple = setting((120, 120, 120), "", "voxels of the image, (z, y, x)", shape=(3,))
     voxel_size: float = setting(5e-6, "m", "edge of a voxel", gt=0)
-    d50: float = setting(300e-6, "m", "half of the mass is in smaller grains", gt=0)
+    d50: float = setting(
+        300e-6, "m", "half of the mass is in smaller grains", ge=LEAST_SIZE, le=LARGEST_SIZE
+    )
     uniformity: float = setting(1.4, "", "d60/d10 by mass", gt=1, le=3)
     elongation: float = setting(0.75, "", "mean of W/L", ge=0.3, le=1)
     flatness: float = setting(0.80, "", "mean of T/W", ge=0.3, le=1)

@@ -5,7 +5,7 @@ import numpy as np
 from ..geometry.image.compare_labels import touching_labels
 from ..geometry.image.label_files import grain_table
 from ..kernels import radial
-from .packing import icosphere
+from .triangulated import icosphere
 
 #: Columns of the tables.
 CONTACTS = ("label_a", "label_b", "gap_m", "x_m", "y_m", "z_m", "voxel_faces")

@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 
-from ..synthetic.packing import icosphere
 from ..synthetic.rigid_packing.assembly import Assembly
 from ..synthetic.rigid_packing.container import BOX, PERIODIC
 from ..synthetic.rigid_packing.measures import measured
 from ..synthetic.rigid_packing.shapes import ball
 from ..synthetic.rigid_packing.start import column, loose
 from ..synthetic.rigid_packing.ways import compress, settle
+from ..synthetic.triangulated import icosphere
 from .case import case, compare
 
 #: Random close packing, and contacts of a sphere that holds it without friction.

@@ -319,8 +319,10 @@ def test_progress_without_a_terminal_is_told_in_lines(capsys, monkeypatch):
     monkeypatch.setattr(terminal, "SECONDS_BETWEEN_LINES", 0.0)
     with progress_bar("meshing") as progress:
         progress(1, 20)
-        progress(2, 20)
-    assert capsys.readouterr().err == ("meshing: 1 of 20 after 0 s\nmeshing: 2 of 20 after 0 s\n")
+        progress(50, None, "void ratio 0.9")
+    assert capsys.readouterr().err == (
+        "meshing: 1 of 20 after 0 s\nmeshing: step 50 after 0 s  void ratio 0.9\n"
+    )
     monkeypatch.setattr(terminal, "SECONDS_BETWEEN_LINES", 100.0)
     with progress_bar("meshing") as progress:
         progress(1, 20)

@@ -33,6 +33,7 @@ def test_grains_have_the_volumes_and_the_void_ratio_that_are_told(packed):
     told = json.loads((packed / "a.json").read_text())
     grains = load_grains(packed / "a" / "grains")
     assert grains.num_grains == told["num_grains"] == 12
+    assert told["next"] == f"mufe run {packed}/a/scene.toml -o {packed}/a/results"
     box = np.prod(np.ptp(grains.box, axis=0))
     assert box / grains.volumes.sum() - 1 == pytest.approx(told["void_ratio"], rel=1e-6)
     rows = list(csv.DictReader((packed / "a" / "packing.csv").open()))
@@ -79,11 +80,18 @@ def test_given_meshes_are_turned_and_scaled(tmp_path):
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("--spheres",), "--count = None (the default), expected a number of grains, or a box"),
+        (("--spheres",), "--count is missing, expected a number of grains, or a --box"),
         (("--spheres", "--count", "5", "--elongation", "0.7"), "elongation = 0.7 beside spheres"),
-        (("--count", "5", "nowhere"), "SOURCE nowhere does not exist"),
+        (("--spheres", "--count", "5", "--scale", "1 mm"), "scale = 0.001 beside spheres"),
+        (("nowhere",), "SOURCE nowhere does not exist"),  # whatever else is missing
         (("--count", "5", "--void-ratio", "0.6", "--way", "gravity"), "--void-ratio = 0.6, exp"),
+        (("--spheres", "--count", "5", "--void-ratio", "0.1"), "--void-ratio = 0.1, expected 0.2"),
         (("--spheres", "--box", "1 um,1 um,1 um"), "box = (1e-06, 1e-06, 1e-06), expected room"),
+        (("--spheres", "--box", "2,2,3"), "expected room for 2 to 1e+06 grains, which is for 6.4"),
+        (("--spheres", "--cylinder", "1 mm"), "expected a list of 2 numbers (diameter,height)"),
+        (("--spheres", "--count", "5", "--d50", "300"), "--d50 = 300.0, expected 1e-07 <= d50"),
+        (("--spheres", "--count", "5", "--element-size", "1 m"), "element_size = 1.0, expected 1."),
+        (("--spheres", "--count", "5", "--voxel-size", "1 nm"), "voxel_size = 1e-09, expected 2."),
         (
             ("--spheres", "--count", "9", "--way", "gravity", "--box", "0.1 mm,1 mm,1 mm"),
             "base of the container 0.0001 m, expected more than the largest grain",
@@ -92,10 +100,35 @@ def test_given_meshes_are_turned_and_scaled(tmp_path):
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(words, line, tmp_path, capsys):
+    refused(words, line, tmp_path, capsys)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "line"),
+    [
+        ("a.txt", "grains", "a.txt, expected a folder of grains, meshes:NAME, surfaces"),
+        ("a.stl", "solid nothing", "a.stl holds no triangle"),
+        ("a.csv", "x,y\n1,2\n", "a.csv has no column equivalent_diameter_m"),
+        ("a.csv", "{head}", "a.csv has no row, expected one a grain"),
+        ("a.csv", "{head}3e-4,0.7,0.8\n-3e-4,0.7,0.8\n", "row 2: equivalent_diameter_m = -3e-4"),
+        ("a.csv", "{head}3e-4,0.7,nan\n", "row 1: flatness = nan, expected a number > 0 and at"),
+    ],
+)
+def test_files_that_are_no_grains_are_named_before_what_else_is_missing(
+    name, text, line, tmp_path, capsys
+):
+    head = "equivalent_diameter_m,elongation,flatness\n"
+    (tmp_path / name).write_text(text.format(head=head))
+    refused([tmp_path / name], line, tmp_path, capsys)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def refused(words, line, folder, capsys):
+    """`mufe pack` ends with status 2 and one line that holds ``line``."""
     with pytest.raises(SystemExit) as ended:
-        main(["pack", *words, "-o", str(tmp_path / "out")])
+        main(["pack", *map(str, words), "-o", str(folder / "out")])
     assert ended.value.code == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
     assert line in lines[0]
-    assert not list(tmp_path.iterdir())

@@ -17,7 +17,7 @@ from mufe_fenicsx.scene import load_scene, scene_to_toml
 from mufe_fenicsx.verification.case import on_first_ranks
 from mufe_fenicsx.verification.pressed import FRAME
 from tests.bodies import simulation_of
-from tests.scene.test_scene import SMALLEST, scene_file
+from tests.scene.scene_files import SMALLEST, scene_file
 
 COMM = MPI.COMM_WORLD
 RADIUS, APPROACH = 1e-3, 2e-5

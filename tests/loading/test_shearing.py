@@ -12,13 +12,10 @@ from mufe_fenicsx.container import BOX, HOLLOW_CYLINDER, Bounds
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.bodies.tube import tube
-from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.loading.shearing import Torsion
-from mufe_fenicsx.loading.stages import StagedLoading
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.run.from_bodies import build
-from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import (
     Contact,
     ContainerSettings,
@@ -30,12 +27,11 @@ from mufe_fenicsx.scene import (
 )
 from mufe_fenicsx.scene import Wall as SceneWall
 from mufe_fenicsx.scene.shearing import Shear, Turn
-from mufe_fenicsx.scene.stages import Axis, Loading, Stage, Until, named
-from tests.bodies import RADIUS, packed_grains
+from mufe_fenicsx.scene.stages import Axis, Loading, Stage, Until
+from tests.bodies import RADIUS
+from tests.loading.staged import SIZE, STUFF, loading_of, run, shared_folder, steps
 
-COMM = MPI.COMM_WORLD
-SIZE, STUFF = 1e-3, Elastic(1e9, 0.2, 2650.0)
-TOLERANCE, PRESSURE = 2e-3, 2e6
+PRESSURE = 2e6
 G = STUFF.shear_modulus
 
 
@@ -49,20 +45,16 @@ def within(container, bounds, body, program, bonded=(), friction=0.0, speed=0.05
     sim = build(
         MPI.COMM_SELF, [body], STUFF, bounds.low, bounds.high, axes="", walls=walls, **options
     )
-    settings = Loading(speed=speed, ramp=1e-4, tolerance=TOLERANCE)
-    return sim, StagedLoading(sim, settings, named(program))
+    return sim, loading_of(sim, program, speed)
 
 
-def march(sim, loading, watch=None, most=30000):
+def march(sim, loading, watch=None):
     """To the end; what can end a stage at the end of each, by its name."""
     ends = {}
-    while not loading.finished:
-        loading.before_step()
-        sim.step()
+    for _ in steps(sim, loading):
         if watch:
             watch()
         ends[loading.stage] = loading.row(sim.wall_forces())
-        assert sim.state.num_steps < most
     return ends
 
 
@@ -257,17 +249,7 @@ def scene(**changes):
 
 @pytest.fixture
 def folder(tmp_path_factory):
-    """A folder that all ranks share, with the grains: a column of spheres."""
-    path = COMM.bcast(tmp_path_factory.mktemp("shear") if COMM.rank == 0 else None)
-    if COMM.rank == 0:
-        save_grains(path / "grains", packed_grains((1, 1, 3), h=RADIUS))
-        save_grains(path / "ring", packed_grains((2, 2, 1), h=RADIUS))
-    COMM.Barrier()
-    return path
-
-
-def run(folder, name, given, grains="grains", **options):
-    return run_scene(given, folder / grains, folder / name, COMM, quiet=True, **options)
+    return shared_folder(tmp_path_factory, grains=((1, 1, 3), 1.0), ring=((2, 2, 1), 1.0))
 
 
 def test_a_sheared_run_resumes_to_the_same_history(folder):

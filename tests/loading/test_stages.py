@@ -3,7 +3,6 @@
 import math
 from types import SimpleNamespace
 
-import h5py
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -13,13 +12,11 @@ from mufe_fenicsx.contact.walls import SERVO_GAIN, Wall
 from mufe_fenicsx.container import CYLINDER, Bounds
 from mufe_fenicsx.errors import InputError, SolverError
 from mufe_fenicsx.geometry.bodies.shapes import box, cylinder
-from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.loading.stages import StagedLoading
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.run.from_bodies import build
-from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import (
     Contact,
     ContainerSettings,
@@ -32,37 +29,36 @@ from mufe_fenicsx.scene import (
 )
 from mufe_fenicsx.scene.stages import Axis, Loading, Stage, Until, named
 from mufe_fenicsx.theory.servo import absorbing_gain, stable_gain
-from tests.bodies import RADIUS, packed_grains
-
-COMM = MPI.COMM_WORLD
-SIZE, STUFF = 1e-3, Elastic(1e9, 0.2, 2650.0)
-TOLERANCE = 2e-3
+from tests.bodies import RADIUS
+from tests.checkpoints import arrays
+from tests.loading.staged import (
+    SIZE,
+    STUFF,
+    TOLERANCE,
+    cube,
+    loading_of,
+    run,
+    shared_folder,
+    steps,
+)
 
 
 def block(program, speed=0.02, divisions=3, **settings):
     """An elastic cube between six smooth walls, and its loading by stages."""
-    sim = build(
-        MPI.COMM_SELF, [box((SIZE,) * 3, (divisions,) * 3)], STUFF, np.zeros(3), np.full(3, SIZE)
-    )
-    quasi_static = settings.pop("quasi_static", None)
-    settings = Loading(speed=speed, ramp=1e-4, tolerance=TOLERANCE, **settings)
-    return sim, StagedLoading(sim, settings, named(program), quasi_static)
+    sim = cube(divisions)
+    return sim, loading_of(sim, program, speed, **settings)
 
 
-def march(sim, loading, watch=None, most=40000):
+def march(sim, loading, watch=None):
     """To the end; (stress, strain, name) at the end of each stage, and of its leading part."""
     ends, led = {}, {}
-    while not loading.finished:
-        loading.before_step()
-        sim.step()
-        forces = sim.wall_forces()
-        now = loading.gauges.wall_stress(forces), loading.gauges.strains.copy()
+    for _ in steps(sim, loading):
+        now = loading.gauges.wall_stress(sim.wall_forces()), loading.gauges.strains.copy()
         ends[loading.stage] = now
         if loading._now.hold_from is None:
             led[loading.stage] = now
         if watch:
             watch(loading.stage, *now)
-        assert sim.state.num_steps < most
     return ends, led
 
 
@@ -126,8 +122,7 @@ def test_stresses_on_the_axes_of_a_cylinder():
         Stage("load", r=Axis(stress=high[0]), z=Axis(stress=high[1])),
         Stage("unload", rz=back),
     )
-    settings = Loading(speed=0.02, ramp=1e-4, tolerance=TOLERANCE)
-    ends, _ = march(sim, StagedLoading(sim, settings, named(program)))
+    ends, _ = march(sim, loading_of(sim, program, 0.02))
     (stress, strain), change = ends["load"], high - 2e5
     assert np.allclose(stress, [high[0], high[1], high[1]], rtol=TOLERANCE)
     nu = STUFF.nu
@@ -304,25 +299,7 @@ def scene(**changes):
 
 @pytest.fixture
 def folder(tmp_path_factory):
-    """A folder that all ranks share, with the grains: a column of spheres."""
-    path = COMM.bcast(tmp_path_factory.mktemp("stages") if COMM.rank == 0 else None)
-    if COMM.rank == 0:
-        save_grains(path / "grains", packed_grains((1, 1, 3), h=0.6 * RADIUS))
-    COMM.Barrier()
-    return path
-
-
-def run(folder, name, given, **options):
-    return run_scene(given, folder / "grains", folder / name, COMM, quiet=True, **options)
-
-
-def arrays(run_folder):
-    """Name and bytes of all that this rank has in the last checkpoint."""
-    path = max(run_folder.glob("checkpoints/step-*[0-9]")) / f"rank-{COMM.rank:04d}.h5"
-    found = []
-    with h5py.File(path) as file:
-        file.visititems(lambda name, item: found.append((name, item)))
-        return [(n, v[()].tobytes()) for n, v in found if isinstance(v, h5py.Dataset)]
+    return shared_folder(tmp_path_factory, grains=((1, 1, 3), 0.6))
 
 
 def test_a_run_by_stages_reaches_its_stresses_and_resumes_to_the_same_bits(folder):

@@ -7,7 +7,7 @@ import pytest
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.scene import load_scene
-from tests.scene.test_scene import SMALLEST
+from tests.scene.scene_files import SMALLEST
 
 ROOT = Path(__file__).resolve().parents[2]
 

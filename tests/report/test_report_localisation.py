@@ -15,8 +15,8 @@ from mufe_fenicsx.report import localisation, style, write_report
 from mufe_fenicsx.report.figure import save
 from mufe_fenicsx.report.paraview import write_paraview
 from mufe_fenicsx.report.source import Source
+from mufe_fenicsx.results.columns import exact_csv
 from mufe_fenicsx.results.localisation import judge
-from mufe_fenicsx.results.tables import exact_csv
 from tests.analysis.test_localisation import D, band_motion
 from tests.made_up_run import ball, write_run
 from tests.report.test_report_stages import staged_history

@@ -8,7 +8,7 @@ import pytest
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output import run_folder
 from mufe_fenicsx.report import list_figures, write_report
-from mufe_fenicsx.results.tables import exact_csv
+from mufe_fenicsx.results.columns import exact_csv
 from tests.made_up_run import SCENE, fake_history, write_history, write_run, write_whole_run
 
 

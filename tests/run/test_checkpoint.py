@@ -13,7 +13,6 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -45,6 +44,7 @@ from mufe_fenicsx.scene import (
     scene_to_toml,
 )
 from tests.bodies import RADIUS, packed_grains
+from tests.checkpoints import arrays
 
 COMM = MPI.COMM_WORLD
 ROCK = (100e9, 0.15, 2650.0)
@@ -126,15 +126,6 @@ def test_resumed_runs_give_the_same_bytes(folder, monkeypatch):
     assert parts["stages"] == whole["stages"] and parts["contact"] == whole["contact"]
     with pytest.raises(InputError, match="is finished"):
         run(folder, "parts", scene=often, resume=True)
-
-
-def arrays(run_folder):
-    """Name and bytes of all that this rank has in the last checkpoint."""
-    path = max(run_folder.glob("checkpoints/step-*")) / f"rank-{COMM.rank:04d}.h5"
-    found = []
-    with h5py.File(path) as file:
-        file.visititems(lambda name, item: found.append((name, item)))
-        return [(n, v[()].tobytes()) for n, v in found if isinstance(v, h5py.Dataset)]
 
 
 @pytest.fixture

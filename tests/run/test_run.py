@@ -134,6 +134,22 @@ def test_a_scene_asks_for_a_report(folder, grains, monkeypatch):
 
 
 @pytest.mark.mpi
+def test_a_run_ends_with_one_row_of_its_last_step(folder, grains):
+    """Whether a row of that step is due or not, and when the run is resumed to it."""
+    comm, scene = MPI.COMM_WORLD, small_scene()
+
+    def steps(max_steps, **more):
+        run_scene(scene, grains, folder / "out", comm, quiet=True, max_steps=max_steps, **more)
+        return read_history(folder / "out" / "history.csv")["step"].tolist()
+
+    due = steps(60)[1]  # a step whose row is due
+    assert 1 < due < 60
+    for last in (due, due + 1):
+        assert steps(last, overwrite=True) == [0, due, due + 1][: last - due + 2]
+        assert steps(last, resume=True) == [0, due, due + 1][: last - due + 2]
+
+
+@pytest.mark.mpi
 def test_seating_that_never_ends_stops_with_what_it_has(folder, grains):
     out = folder / "out"
     with pytest.raises(SolverError, match="seating"):

@@ -10,7 +10,7 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.scene import load_scene, scene_to_toml
 from mufe_fenicsx.scene.catalogue import TABLES
 from mufe_fenicsx.units import keys_of
-from tests.scene.test_scene import FULL, SMALLEST
+from tests.scene.scene_files import FULL, SMALLEST
 
 STAGES = (
     SMALLEST.partition("[oedometer]")[0]

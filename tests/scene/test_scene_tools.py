@@ -21,16 +21,16 @@ from mufe_fenicsx.synthetic.settings import SynthesisSettings
 from mufe_fenicsx.synthetic.starter_scenes import KINDS
 from mufe_fenicsx.units import keys_of
 from tests.loading import test_stages
-from tests.scene import test_scene
+from tests.scene import scene_files
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = {path.name: path.read_text() for path in ROOT.glob("demos/*.toml")}
 SCENES |= {f"new {kind}": text for kind, (text, _) in KINDS.items()}
 SCENES |= {"synthetic": scene_text(SynthesisSettings())}
 SCENES |= {
-    "small": test_scene.SMALLEST,
-    "planned": "accuracy = 0.05\n" + test_scene.SMALLEST,
-    "full": test_scene.FULL,
+    "small": scene_files.SMALLEST,
+    "planned": "accuracy = 0.05\n" + scene_files.SMALLEST,
+    "full": scene_files.FULL,
     "stages": test_stages.TEXT,
 }
 
@@ -72,7 +72,7 @@ def test_schema_takes_every_scene_and_its_written_form(validator, name, tmp_path
     ],
 )
 def test_schema_refuses_what_the_program_refuses(validator, tmp_path, old, new):
-    text = test_scene.SMALLEST.replace(old, new, 1)
+    text = scene_files.SMALLEST.replace(old, new, 1)
     path = tmp_path / "scene.toml"
     path.write_text(text)
     with pytest.raises(InputError):

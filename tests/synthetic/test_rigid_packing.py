@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import SolverError
-from mufe_fenicsx.synthetic.packing import icosphere
 from mufe_fenicsx.synthetic.rigid_packing.assembly import Assembly
 from mufe_fenicsx.synthetic.rigid_packing.bodies import bodies_at
 from mufe_fenicsx.synthetic.rigid_packing.contacts import DAMPING
@@ -21,6 +20,7 @@ from mufe_fenicsx.synthetic.rigid_packing.shapes import (
 )
 from mufe_fenicsx.synthetic.rigid_packing.start import column, loose
 from mufe_fenicsx.synthetic.rigid_packing.ways import compress, reach_void_ratio, settle
+from mufe_fenicsx.synthetic.triangulated import icosphere
 
 FAR = 50.0
 #: Pressure of packings that need not be near the limit of rigid grains, and are at rest sooner.
@@ -202,6 +202,7 @@ def test_a_void_ratio_is_reached_and_one_that_cannot_be_is_an_error():
     assert assembly.pressure > 0.1 * HARD
     with pytest.raises(SolverError, match=r"void ratio 0.9 was not reached: .* from 0.[67]"):
         reach_void_ratio(assembly, 0.9, HARD)
+    assembly.friction = 0.0  # grains slide until they are as dense as they become at random
     with pytest.raises(SolverError, match=r"void ratio 0.4 was not reached: .* at rest at 0.[56]"):
         reach_void_ratio(assembly, 0.4, HARD)
 

@@ -16,10 +16,11 @@ from mufe_fenicsx.kernels import radial
 from mufe_fenicsx.materials.sand import SAND
 from mufe_fenicsx.scene import load_scene
 from mufe_fenicsx.synthetic.imaging import grey_image, ring_pattern, voxelise
-from mufe_fenicsx.synthetic.packing import Packing, icosphere, pack, vertex_areas
+from mufe_fenicsx.synthetic.packing import Packing, pack
 from mufe_fenicsx.synthetic.pipeline import synthesize
 from mufe_fenicsx.synthetic.settings import SynthesisSettings, settings_from
 from mufe_fenicsx.synthetic.shapes import make_grains
+from mufe_fenicsx.synthetic.triangulated import icosphere, vertex_areas
 
 
 def balls(diameters, centres, box):

@@ -9,8 +9,8 @@ import pytest
 
 from mufe_fenicsx.bulk.mass_properties import mass_properties
 from mufe_fenicsx.kernels.radial import level, radius_and_slope, shape_place
-from mufe_fenicsx.synthetic.packing import icosphere
 from mufe_fenicsx.synthetic.shapes import harmonics, make_grains, quadrature, radii, sizes
+from mufe_fenicsx.synthetic.triangulated import icosphere
 
 
 @pytest.fixture(scope="module")

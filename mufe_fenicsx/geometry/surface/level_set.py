@@ -182,10 +182,11 @@ def volume_in_one_piece(body, crop, shares):
 def smoothed(crop, label, offset, shape, sigma, cut=None):
     """The level set of one grain with beta = 0; ``cut`` as of `LevelSet`."""
     crop = continued(crop, offset, shape)
-    fields = [
-        scipy.ndimage.gaussian_filter(
-            (crop == number).astype(np.float32), sigma, mode="nearest", truncate=3.0
-        )
-        for number in (label, 0)
-    ]
+    fields = [(crop == number).astype(np.float32) for number in (label, 0)]
+    fields = [blurred(f, sigma) for f in fields] if cut is None else cut.fit(fields, offset, sigma)
     return LevelSet(*fields, np.asarray(offset), np.asarray(shape), cut=cut)
+
+
+def blurred(field, sigma):
+    """A field smoothed by the Gaussian."""
+    return scipy.ndimage.gaussian_filter(field, sigma, mode="nearest", truncate=3.0)

@@ -94,8 +94,8 @@ def voxel_jobs(labels, voxel_size, settings, cylinder=None):
 def beyond_rim(labels, cylinder, width):
     """Labels that go on beyond the rim of an upright cylinder, as far as smoothing looks.
 
-    Each voxel outside takes the label of the nearest one inside in its slice. Surfaces of smoothed
-    labels then meet the cylinder where the voxels do.
+    Each voxel outside takes the label of the nearest one inside in its slice, so that neither
+    clefts and pieces of a grain nor its gaps to others meet a void that is none.
     """
     distance = cylinder.distance((1, *labels.shape[1:]))[0]
     near = scipy.ndimage.distance_transform_edt(

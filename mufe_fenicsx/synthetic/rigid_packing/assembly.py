@@ -6,8 +6,8 @@ is in D √(ρ/E).
 
 import numpy as np
 
-from ...kernels import packing as kernels
 from ...kernels import rigid
+from ...kernels.packed_spheres import kick_and_drift_spheres
 from .contacts import Contacts
 from .container import CYLINDER
 
@@ -64,7 +64,7 @@ class Assembly:
         """First half of a step; the largest distance that a point of a body moved."""
         b = self.bodies
         if b.shapes.spheres:
-            return kernels.kick_and_drift_spheres(
+            return kick_and_drift_spheres(
                 b.centre, b.velocity, b.momentum, b.spin, b.force, b.torque, b.mass, b.inertia,
                 self.dt, self.drag,
             )  # fmt: skip

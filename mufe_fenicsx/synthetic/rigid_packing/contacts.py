@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...kernels import packing as kernels
+from ...kernels import packed_spheres, packed_surfaces
 from .container import PERIODIC
 
 #: Tangential over normal stiffness: a sphere then turns as fast as it is pushed.
@@ -23,6 +23,25 @@ class Sums:
     num_pairs: int = 0  #: that touch
     depth: float = 0.0  #: mean of the largest depth of each pair that touches
     deepest: float = 0.0
+
+
+def near_pairs(centre, reach, skin, cell=None):
+    """Bodies of which the spheres around are nearer than ``skin``, in order, (num_pairs, 2).
+
+    Args:
+        centre: Shape (n, 3).
+        reach: Radii of the spheres, shape (n,).
+        skin: Distance.
+        cell: Edges of a periodic cell with its corner at zero, shape (3,), or None.
+    """
+    tree = cKDTree(centre, boxsize=cell)
+    found = tree.query_pairs(2 * reach.max() + skin, output_type="ndarray").astype(np.int64)
+    found.sort(axis=1)
+    apart = centre[found[:, 0]] - centre[found[:, 1]]
+    if cell is not None:
+        apart -= cell * np.round(apart / cell)
+    found = found[np.linalg.norm(apart, axis=1) < reach[found].sum(axis=1) + skin]
+    return np.ascontiguousarray(found[np.lexsort(found.T[::-1])])
 
 
 class Contacts:
@@ -46,7 +65,7 @@ class Contacts:
         else:
             self._row = np.cumsum(np.append(0, np.diff(bodies.shapes.first)[bodies.shape]))
             self._slip = np.zeros((self._row[-1], 3))
-            self._partner = np.full(self._row[-1], kernels.FREE, dtype=np.int64)
+            self._partner = np.full(self._row[-1], packed_surfaces.FREE, dtype=np.int64)
             self._seen = np.zeros(self._row[-1], dtype=bool)
         self.list_pairs()
 
@@ -57,18 +76,9 @@ class Contacts:
         if container.kind == PERIODIC:
             edge = container.edge
             centre -= edge * np.floor((centre - container.low) / edge)
-            tree = cKDTree((centre - container.low) % edge, boxsize=edge)
+            found = near_pairs((centre - container.low) % edge, reach, SKIN, edge)
         else:
-            edge = np.inf
-            tree = cKDTree(centre)
-        found = tree.query_pairs(2 * reach.max() + SKIN, output_type="ndarray").astype(np.int64)
-        found.sort(axis=1)
-        apart = centre[found[:, 0]] - centre[found[:, 1]]
-        if container.kind == PERIODIC:
-            apart -= edge * np.round(apart / edge)
-        near = np.linalg.norm(apart, axis=1) < reach[found].sum(axis=1) + SKIN
-        found = found[near]
-        found = found[np.lexsort(found.T[::-1])]
+            found = near_pairs(centre, reach, SKIN)
         if bodies.shapes.spheres:
             slip = np.zeros((len(found), 3))
             n = bodies.num_bodies
@@ -76,7 +86,7 @@ class Contacts:
             _, from_old, to_new = np.intersect1d(old, new, True, return_indices=True)
             slip[to_new] = self._slip[from_old]
             self._slip = slip
-        self.pairs, self.push = np.ascontiguousarray(found), np.zeros(len(found))
+        self.pairs, self.push = found, np.zeros(len(found))
         self._normals = np.zeros((len(found), 3))
         self._at, self._strain, self._moved = centre.copy(), 0.0, 0.0
 
@@ -114,11 +124,11 @@ class Contacts:
     def _add_spheres(self, law, wall_law, dt):
         b, c = self.bodies, self.container
         loads = b.force, b.torque, self.stress, self.stiff
-        touching, depths, deepest = kernels.add_sphere_pairs(
+        touching, depths, deepest = packed_spheres.add_sphere_pairs(
             *loads, self._slip, self.push, self.pairs, b.centre, b.velocity, b.spin, b.size, b.mass,
             law, c.edge, dt,
         )  # fmt: skip
-        _, at_walls = kernels.add_sphere_walls(
+        _, at_walls = packed_spheres.add_sphere_walls(
             *loads, self._wall_slip, self.wall_push, c.point, c.normal, c.radius, b.centre,
             b.velocity, b.spin, b.size, b.mass, wall_law, dt,
         )  # fmt: skip
@@ -129,14 +139,14 @@ class Contacts:
         loads = b.force, b.torque, self.stress, self.stiff, self._slip, self._partner, self._seen
         motion = b.centre, b.velocity, b.spin, b.axes, b.size, b.reach, b.mass, b.least, b.shape
         points = self._row, s.place, s.weight, s.first
-        touching, depths, deepest = kernels.add_surface_pairs(
+        touching, depths, deepest = packed_surfaces.add_surface_pairs(
             *loads, self.push, self._normals, self.pairs, *motion, *points, s.grid, s.low, s.step,
             law, c.edge, dt,
         )  # fmt: skip
-        at_walls = kernels.add_surface_walls(
+        at_walls = packed_surfaces.add_surface_walls(
             *loads, self.wall_push, c.point, c.normal, c.radius, *motion, *points, wall_law, dt
         )
-        kernels.forget_open(self._slip, self._partner, self._seen)
+        packed_surfaces.forget_open(self._slip, self._partner, self._seen)
         return touching, depths, max(deepest, at_walls)
 
     @property

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...analysis.fabric import anisotropy, fabric_tensor
-from ...kernels import packing as kernels
+from ...kernels.packed_surfaces import label_voxels
 
 #: Points along a mean diameter at which it is asked whether they are solid.
 POINTS = 24
@@ -43,7 +43,7 @@ def solid_inside(assembly, margin=MARGIN):
     if (shape < POINTS).any():
         return float("nan")
     labels = np.zeros(shape[::-1], dtype=np.int32)
-    kernels.label_voxels(
+    label_voxels(
         labels, np.zeros(labels.shape), low, 1 / POINTS, s.spheres, bodies.centre, bodies.axes,
         bodies.size, bodies.reach, bodies.shape, s.grid, s.low, s.step,
     )  # fmt: skip

@@ -8,7 +8,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from ...geometry.image.picture import BLUE, PALETTE, RED, STYLE, length_unit
-from ...kernels import packing as kernels
+from ...kernels.packed_surfaces import label_voxels
 from ...report.render import Camera, Layer, cannot_render, render
 from ...report.views import FROM
 
@@ -58,7 +58,7 @@ def solid_over_height(assembly):
     shape = np.maximum((edges * LAYERS).astype(int), 2)
     labels = np.zeros(shape[::-1], dtype=np.int32)
     voxel = float((edges / shape).min())
-    kernels.label_voxels(
+    label_voxels(
         labels, np.zeros(labels.shape), container.low, voxel, s.spheres, bodies.centre, bodies.axes,
         bodies.size, bodies.reach, bodies.shape, s.grid, s.low, s.step,
     )  # fmt: skip

@@ -1,7 +1,6 @@
 """From grains to a folder with their packing: meshes, table, picture, scene."""
 
 import time
-from pathlib import Path
 
 import numpy as np
 
@@ -9,15 +8,16 @@ from ...errors import InputError
 from ...geometry.atomic_output import new_folder
 from ...geometry.grains import Grains, save_grains
 from ...geometry.image.label_files import write_labels, write_table
-from ...kernels import packing as kernels
+from ...kernels.packed_surfaces import label_voxels
 from ...materials.sand import scene_table
 from ...scene.schema import schema_text
+from ...units import require
 from ..starter_scenes import DAMPED, HEAD, OEDOMETER, OUTPUT, SCHEMA_FILE
 from .assembly import Assembly
 from .container import BOX, CYLINDER
 from .measures import measured
 from .picture import draw_packing
-from .settings import GRAVITY
+from .settings import GRAVITY, MOST_VOXELS
 from .sources import draw_grains, meshes_of, shapes_of
 from .start import column, fits, loose
 from .ways import compress, reach_void_ratio, settle
@@ -57,6 +57,7 @@ def pack(source, settings, output_folder, *, spheres=False, overwrite=False, pro
     with new_folder(output_folder, overwrite=overwrite, marker=MARKER) as folder:
         rng_grains, rng_pack = np.random.default_rng(settings.seed).spawn(2)
         draw = draw_grains(source, spheres, settings, rng_grains)
+        settings.check_sizes(len(draw.size), draw.unit)
         assembly = packed(draw, settings, rng_pack, progress)
         packed_at = time.perf_counter()
         numbers = measured(assembly)
@@ -82,7 +83,7 @@ def pack(source, settings, output_folder, *, spheres=False, overwrite=False, pro
         "num_cells": len(grains.cells),
         "num_nodes": len(grains.points),
         "output": str(output_folder),
-        "next": f"mufe run {Path(output_folder) / 'scene.toml'}",
+        "next": f"mufe run {output_folder}/scene.toml -o {output_folder}/results",
         "packing_seconds": round(packed_at - start, 2),
         "seconds": round(time.perf_counter() - start, 2),
     }
@@ -171,14 +172,11 @@ def _write_labels(path, assembly, unit, voxel_size):
     bodies, container, s = assembly.bodies, assembly.container, assembly.bodies.shapes
     voxel = voxel_size / unit
     shape = np.ceil((container.high - container.low) / voxel - 1e-6).astype(int)
-    if shape.min() < 2 or np.prod(shape.astype(float)) > 4e9:
-        raise InputError(
-            f"voxel_size = {voxel_size:g} m: {' x '.join(map(str, shape))} voxels, expected 2 or "
-            "more along each axis and 4e9 at most"
-        )
+    expected = f"{MOST_VOXELS:g} voxels at most, which are {' x '.join(map(str, shape))}"
+    require(np.prod(shape.astype(float)) <= MOST_VOXELS, "voxel_size", voxel_size, expected)
     labels = np.zeros(shape[::-1], dtype=np.int32)
     depth = np.zeros(labels.shape, dtype=np.float32)
-    kernels.label_voxels(
+    label_voxels(
         labels, depth, container.low, voxel, s.spheres, bodies.centre, bodies.axes, bodies.size,
         bodies.reach, bodies.shape, s.grid, s.low, s.step,
     )  # fmt: skip

@@ -1,10 +1,17 @@
 """What a user may choose about a packing."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from ...errors import InputError
 from ...units import check_keys, require, setting
+from ..settings import LARGEST_SIZE, LEAST_SIZE
 
+#: Most grains of a packing.
+MOST_GRAINS = 1_000_000
+#: Element size over the mean diameter: with the largest a grain is a few tetrahedra.
+LEAST_ELEMENT, LARGEST_ELEMENT = 0.005, 0.5
+#: Most voxels of labels.
+MOST_VOXELS = 4e9
 COMPRESSION, GRAVITY = "compression", "gravity"
 #: Settings of the forms of random grains, which given grains have of their own.
 FORM = ("elongation", "flatness", "form_spread", "roughness", "falloff")
@@ -17,7 +24,7 @@ class PackSettings:
     """Grains, their container and the way into it."""
 
     count: int | None = setting(
-        None, "", "number of grains; None: as many as the container holds", ge=2, le=1_000_000
+        None, "", "number of grains; None: as many as the container holds", ge=2, le=MOST_GRAINS
     )
     box: tuple | None = setting(None, "m", "edges of a box", shape=(3,), form="x,y,z")
     cylinder: tuple | None = setting(
@@ -30,7 +37,7 @@ class PackSettings:
         allowed=(COMPRESSION, GRAVITY),
     )
     void_ratio: float | None = setting(
-        None, "-", "at which compression ends; None: where grains bear", gt=0, le=5
+        None, "-", "at which compression ends; None: where grains bear", ge=0.2, le=5
     )
     friction: float | None = setting(
         None,
@@ -43,7 +50,11 @@ class PackSettings:
         0.0, "-", "coefficient between grains and walls during packing", ge=0, le=10
     )
     d50: float | None = setting(
-        None, "m", "half of the mass is in smaller grains; None: sizes as given, or 300 um", gt=0
+        None,
+        "m",
+        "half of the mass is in smaller grains; None: sizes as given, or 300 um",
+        ge=LEAST_SIZE,
+        le=LARGEST_SIZE,
     )
     uniformity: float | None = setting(None, "-", "d60/d10 by mass; None: 1.4", ge=1, le=3)
     elongation: float | None = setting(
@@ -59,7 +70,9 @@ class PackSettings:
         None, "-", "root mean square of ln(radius) over degrees >= 3; None: 0.06", ge=0, le=0.2
     )
     falloff: float | None = setting(None, "-", "exponent of that spectrum; None: 1.7", ge=0.5, le=5)
-    scale: float = setting(1.0, "m", "length of a unit of foreign surfaces", gt=0)
+    scale: float | None = setting(
+        None, "m", "length of a unit of foreign surfaces; None: 1 m", gt=0
+    )
     element_size: float | None = setting(
         None,
         "m",
@@ -81,8 +94,6 @@ class PackSettings:
             require(lengths is None or min(lengths) > 0, name, lengths, "lengths > 0 in metres")
         both = self.box is not None and self.cylinder is not None
         require(not both, "cylinder", self.cylinder, "no box beside it")
-        sized = self.count is not None or self.box is not None or self.cylinder is not None
-        require(sized, "count", self.count, "a number of grains, or a box or cylinder to fill")
         settled = self.way == GRAVITY and self.void_ratio is not None
         expected = 'none with way = "gravity", where friction alone decides'
         require(not settled, "void_ratio", self.void_ratio, expected)
@@ -101,13 +112,24 @@ class PackSettings:
             return self.cylinder[0], self.cylinder[0], self.cylinder[1]
         return self.box
 
-    def refuse_form(self, source):
-        """Raise InputError where a form is asked for of grains that have one.
+    def refuse(self, names, source):
+        """Raise InputError where one of some settings is given, which grains of a source lack.
 
         Args:
+            names: Of the settings.
             source: What the grains are, for the message.
         """
-        for item in fields(self):
-            if item.name in FORM and getattr(self, item.name) is not None:
-                value = getattr(self, item.name)
-                raise InputError(f"{item.name} = {value} beside {source}, expected neither or one")
+        for name in names:
+            value = getattr(self, name)
+            if value is not None:
+                raise InputError(f"{name} = {value} beside {source}, expected neither or one")
+
+    def check_sizes(self, num_grains, diameter):
+        """Raise InputError where elements or voxels do not suit grains of a mean diameter [m]."""
+        size, voxel = self.element_size, self.voxel_size
+        low, high = LEAST_ELEMENT * diameter, LARGEST_ELEMENT * diameter
+        expected = f"{low:.3g} to {high:.3g} m for grains of {diameter:.3g} m"
+        require(size is None or low <= size <= high, "element_size", size, expected)
+        low = diameter * (num_grains / MOST_VOXELS) ** (1 / 3)
+        expected = f"{low:.3g} to {high:.3g} m for grains of {diameter:.3g} m"
+        require(voxel is None or low <= voxel <= high, "voxel_size", voxel, expected)

@@ -9,6 +9,7 @@ from ...contact.surface.surface import neighbours, rings
 from ...geometry.form.shape import inertia_of, principal, tet_moments
 from ...geometry.measure import compact
 from ...kernels.signed_distance import find_signed_distances
+from ..triangulated import divided, vertex_areas
 
 #: Intervals of the grid of signed distances along an edge, and room around the body [sizes].
 INTERVALS, ROOM = 28, 0.08
@@ -19,7 +20,7 @@ class Shapes:
     """Bodies of volume π/6 about their centroid, along their principal axes.
 
     Spheres have neither points nor grids: they are known as such. Arrays are those of
-    `kernels.packing`.
+    `kernels.packed_surfaces`.
     """
 
     surfaces: list  #: points and triangles seen from outside of each
@@ -106,11 +107,7 @@ def spread_points(points, triangles, count):
     """
     while len(points) < 2 * count:
         points, triangles = divided(points, triangles)
-    corner = points[triangles]
-    area = np.linalg.norm(
-        np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1
-    )
-    of_vertex = np.bincount(triangles.ravel(), np.repeat(area / 6, 3), len(points))
+    (of_vertex,) = vertex_areas(points[None], triangles)
     chosen = [int(np.argmax(np.linalg.norm(points, axis=1)))]
     away = np.linalg.norm(points - points[chosen[0]], axis=1)
     while len(chosen) < count:
@@ -119,17 +116,6 @@ def spread_points(points, triangles, count):
     place = points[chosen]
     nearest = cKDTree(place).query(points)[1]
     return place, np.bincount(nearest, of_vertex, count)
-
-
-def divided(points, triangles):
-    """A surface whose triangles are cut into four at the middles of their edges."""
-    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges, number = np.unique(edges, axis=0, return_inverse=True)
-    p, q, r = (len(points) + number.reshape(-1, 3)).T
-    a, b, c = triangles.T
-    parts = [(a, p, r), (p, b, q), (r, q, c), (p, q, r)]
-    middle = points[edges].mean(axis=1)
-    return np.vstack([points, middle]), np.concatenate([np.column_stack(part) for part in parts])
 
 
 def distances(points, triangles):

@@ -15,10 +15,11 @@ from ...geometry.surface.given_surfaces import has_bodies, read_bodies
 from ...geometry.tets.jobs import surface_jobs
 from ...geometry.tets.mesher import mesh_grains
 from ...scene.shipped import SHIPPED, shipped_mesh
-from ..packing import icosphere
-from ..settings import SynthesisSettings
+from ...units import require
+from ..settings import LARGEST_SIZE, SynthesisSettings
 from ..shapes import make_grains, sizes
-from .settings import FORM
+from ..triangulated import icosphere
+from .settings import FORM, MOST_GRAINS
 from .shapes import ball, in_own_frame, make_shapes
 
 #: Subdivisions of the icosahedron that surfaces of random grains and spheres are drawn with.
@@ -74,12 +75,13 @@ def draw_grains(source, spheres, settings, rng):
         raise InputError(f"--spheres beside {source}, expected one of them")
     table = None if source is None else _shape_table(source)
     if spheres:
-        settings.refuse_form("spheres")
+        settings.refuse((*FORM, "scale"), "spheres")
         supply = _ball_supply()
     elif source is None or table is not None:
+        settings.refuse(("scale",), "random grains")
         return _random_grains(table, settings, rng)
     else:
-        settings.refuse_form(str(source))
+        settings.refuse(FORM, str(source))
         supply = _given_supply(source, settings)
     if spheres or settings.d50 is not None or settings.uniformity is not None:
         d50, uniformity = _distribution(settings, None)
@@ -115,15 +117,21 @@ def _count(settings, mean_cube):
     if settings.count is not None:
         return settings.count
     edges = settings.edges
+    if edges is None:
+        raise InputError(
+            "--count is missing, expected a number of grains, or a --box or --cylinder to fill"
+        )
     volume = np.prod(edges) * (np.pi / 4 if settings.cylinder is not None else 1.0)
     solid = SOLID_FRACTION
     if settings.void_ratio is not None:
         solid = 1 / (1 + settings.void_ratio)
-    n = round(solid * volume / (np.pi / 6 * mean_cube))
-    if n < 2:
-        name = "box" if settings.cylinder is None else "cylinder"
-        raise InputError(f"{name} = {edges}, expected room for two grains or more")
-    return n
+    n = solid * volume / (np.pi / 6 * mean_cube)
+    name, lengths = "box", settings.box
+    if settings.cylinder is not None:
+        name, lengths = "cylinder", settings.cylinder
+    expected = f"room for 2 to {MOST_GRAINS:.0e} grains, which is for {n:.3g}"
+    require(2 <= round(n) <= MOST_GRAINS, name, lengths, expected)
+    return round(n)
 
 
 def _ball_supply():
@@ -163,6 +171,7 @@ def _given_supply(source, settings):
     if str(source).startswith(SHIPPED):
         path = shipped_mesh(str(source), "SOURCE")
     if (path / "grains.h5").is_file() or path.suffix == ".h5":
+        settings.refuse(("scale",), str(source))
         grains = load_grains(path)
         surfaces, size, meshes = [], [], []
         for g in range(grains.num_grains):
@@ -186,7 +195,7 @@ def _given_supply(source, settings):
             "shapes.csv of mufe shapes"
         )
     surfaces, size = [], []
-    for _, x, triangles in read_bodies(path, settings.scale):
+    for _, x, triangles in read_bodies(path, settings.scale or 1.0):
         own, moments, *_, diameter = in_own_frame(x, triangles)
         surfaces.append((own, triangles, moments))
         size.append(diameter)
@@ -199,18 +208,41 @@ def _shape_table(source):
     path = path / "shapes.csv" if (path / "shapes.csv").is_file() else path
     if path.suffix != ".csv" or not path.is_file():
         return None
-    columns = ("equivalent_diameter_m", "elongation", "flatness")
+    columns = {
+        "equivalent_diameter_m": LARGEST_SIZE, "elongation": 1.0, "flatness": 1.0,
+    }  # fmt: skip
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-        table = {name: np.array([float(row[name]) for row in rows]) for name in columns}
-    except (OSError, KeyError, TypeError, ValueError) as error:
+            rows = csv.DictReader(file)
+            absent = [name for name in columns if name not in (rows.fieldnames or ())]
+            if absent:
+                raise InputError(
+                    f"SOURCE {source} has no column {absent[0]}, expected the shapes.csv of mufe "
+                    "shapes"
+                )
+            table = list(rows)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(
             f"SOURCE {source} cannot be read ({error}), expected the shapes.csv of mufe shapes"
         ) from error
-    if not rows or not all(np.isfinite(values).all() for values in table.values()):
-        raise InputError(f"SOURCE {source} has {len(rows)} rows, expected one a grain, finite")
-    return table
+    if not table:
+        raise InputError(f"SOURCE {source} has no row, expected one a grain")
+    return {
+        name: np.array([_value(row[name], largest, f"SOURCE {source}, row {number}: {name}")
+                        for number, row in enumerate(table, start=1)])
+        for name, largest in columns.items()
+    }  # fmt: skip
+
+
+def _value(text, largest, name):
+    """A number > 0 of a table."""
+    try:
+        value = float(text)
+    except (TypeError, ValueError):
+        value = np.nan
+    if not 0 < value <= largest:
+        raise InputError(f"{name} = {text}, expected a number > 0 and at most {largest:g}")
+    return value
 
 
 def shapes_of(draw, settings):
@@ -240,7 +272,7 @@ def meshes_of(draw, settings, progress=None):
         return supply.meshes, supply.element_size * float(ratio)
     size = settings.element_size or ELEMENT * draw.unit
     if supply.spheres:
-        points, cells = sphere(0.5, min(size / draw.unit, 0.4))
+        points, cells = sphere(0.5, size / draw.unit)
         meshes = [(points, cells)]
     else:
         meshes = _mesh_surfaces(draw, size, progress)

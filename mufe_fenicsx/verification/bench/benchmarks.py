@@ -18,7 +18,7 @@ from .exchange import exchange
 from .family import family, packing, paper
 from .hertz import hertz_cost
 from .interleaved import COPIES, ratio, turns
-from .launch import launch, row
+from .launch import case_of, launch, row
 from .linear import linear
 from .overhead import overhead, small
 from .scenes import prepare
@@ -72,8 +72,7 @@ def compare_box(parameters):
         target = BOX_RATES.get(model, TARGET_RATE)
         found = _compare("box", {"model": model, **parameters}, target, BOX_SPEEDUP)
         results |= {f"{model}_{name}": row for name, row in found["results"].items()}
-    passed = all(row.get("passed", True) for row in results.values())
-    return {"case": "box", "parameters": parameters, "results": results, "passed": passed}
+    return case_of("box", parameters, results)
 
 
 def compare_blocks(parameters):
@@ -142,8 +141,7 @@ def _compare(name, parameters, target=TARGET_RATE, speedup=TARGET_SPEEDUP):
         share = found["one"]["contact_over_tets"]
         results["contact_over_tets_1_rank"] = row(share, 1.0, share <= 1.0)
         results["steps_per_search_1_rank"] = {"computed": found["one"]["steps_per_search"]}
-    passed = all(row.get("passed", True) for row in results.values())
-    return {"case": name, "parameters": parameters, "results": results, "passed": passed}
+    return case_of(name, parameters, results)
 
 
 BENCHMARKS = {

@@ -18,6 +18,7 @@ from ...materials.rigid import Rigid
 from ...mesh import create_grain_mesh
 from ...run.from_bodies import build, drive
 from ...state import initial_state
+from .launch import case_of
 
 #: Averaged over plain tetrahedra; a step of J2 grains over one of rigid grains; and their steps.
 TARGET_AVERAGED, TARGET_RIGID, TARGET_STEP = 1.35, 20.0, 5.0
@@ -45,14 +46,8 @@ def elements(parameters):
     results = _kernels(divisions, repeats)
     for name in GAPS:
         results |= _packings(name, grains, size, repeats)
-    return {
-        "case": "elements",
-        "parameters": {
-            "divisions": divisions, "grains": grains, "size": size, "repeats": repeats,
-        },
-        "results": results,
-        "passed": all(row.get("passed", True) for row in results.values()),
-    }  # fmt: skip
+    taken = {"divisions": divisions, "grains": grains, "size": size, "repeats": repeats}
+    return case_of("elements", taken, results)
 
 
 def _kernels(divisions, repeats):

@@ -12,6 +12,7 @@ from ...geometry.grains import load_grains
 from ...geometry.measure import boundary_triangles
 from ...mesh import partition_grains
 from ..family import SIZE, member
+from .launch import case_of, row
 
 #: Bytes of a ghost node in a step at most: its position comes, the force on it goes back.
 PER_GHOST = 2 * 3 * 8
@@ -41,15 +42,11 @@ def exchange(parameters):
         found = _count(bodies, partition_grains(weights, centres, num_ranks), num_ranks)
         for name, value in found.items():
             results[f"{name}_{num_ranks}_ranks"] = {"computed": value}
-    part = results[f"part_of_boxes_{max(counts)}_ranks"]
-    part |= {"target": TARGET_PART, "passed": part["computed"] <= TARGET_PART}
+    name = f"part_of_boxes_{max(counts)}_ranks"
+    part = results[name]["computed"]
+    results[name] = row(part, TARGET_PART, part <= TARGET_PART)
     given = {"folder": folder} if folder else {"cache": cache, "size": size, "grains": number}
-    return {
-        "case": "exchange",
-        "parameters": given | {"ranks": ",".join(map(str, counts))},
-        "results": results,
-        "passed": bool(part["passed"]),
-    }
+    return case_of("exchange", given | {"ranks": ",".join(map(str, counts))}, results)
 
 
 def _surface(points, cells):

@@ -13,7 +13,7 @@ from ...errors import InputError
 from ...machine.mpi_launcher import environment_without_launcher, find_mpirun
 from ..family import MEMBERS, SIZE, member, scene_file
 from .interleaved import COPIES, ratio
-from .launch import launch, row
+from .launch import case_of, launch, row
 
 #: Members whose cost `family` compares.
 FAMILY = "20,60,200,630"
@@ -192,5 +192,4 @@ def _run(scene, run, ranks):
 
 
 def _case(name, parameters, results):
-    passed = all(one.get("passed", True) for one in results.values())
-    return {"case": name, "parameters": parameters, "results": results, "passed": passed}
+    return case_of(name, parameters, results)

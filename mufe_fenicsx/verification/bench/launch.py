@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import time
 
 from ...errors import InputError
 from ...machine.mpi_launcher import environment_without_launcher, find_mpirun
@@ -11,6 +12,20 @@ from ...machine.mpi_launcher import environment_without_launcher, find_mpirun
 def row(computed, target, passed):
     """A figure and what it is to reach."""
     return {"computed": computed, "target": target, "passed": bool(passed)}
+
+
+def case_of(name, parameters, results):
+    """A benchmark with its figures, which has passed where none of them has not."""
+    passed = all(figure.get("passed", True) for figure in results.values())
+    return {"case": name, "parameters": parameters, "results": results, "passed": passed}
+
+
+def seconds_each(times, action):
+    """Mean time of an action that is done so many times [s]."""
+    start = time.perf_counter()
+    for _ in range(times):
+        action()
+    return (time.perf_counter() - start) / times
 
 
 def launch(name, parameters, num_ranks):

@@ -8,7 +8,7 @@ from mpi4py import MPI
 from ...contact.walls import Wall
 from ...run.from_bodies import axis_planes, distribute, simulate
 from ..packing import RADIUS, angular_grains
-from .launch import row
+from .launch import case_of, row
 
 #: Iterations of the most grains over those of the fewest, at most.
 TARGET = 1.5
@@ -60,9 +60,4 @@ def linear(parameters):
     growth = per_solve[-1] / per_solve[0]
     results["growth"] = row(growth, TARGET, growth <= TARGET)
     given = {"solver": solver, "element_size": element_size, "strain": strain}
-    return {
-        "case": "linear",
-        "parameters": given | {"increments": increments, "radius": RADIUS},
-        "results": results,
-        "passed": bool(growth <= TARGET),
-    }
+    return case_of("linear", given | {"increments": increments, "radius": RADIUS}, results)

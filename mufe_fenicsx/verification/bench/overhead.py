@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 
-from .launch import launch, row
+from .launch import case_of, launch, row, seconds_each
 
 #: Rate of the small scene [element-steps/s], and time of a step beside the kernels [s].
 TARGET_RATE, TARGET_OVERHEAD = 10e6, 30e-6
@@ -29,10 +29,7 @@ def small(comm, *, divisions=SMALL, steps=450, repeats=9):
     simulation = blocks(comm, divisions=divisions)
     spent = []
     for _ in range(int(repeats)):
-        start = time.perf_counter()
-        for _ in range(int(steps)):
-            simulation.step(everywhere=False)
-        spent.append((time.perf_counter() - start) / steps)
+        spent.append(seconds_each(int(steps), lambda: simulation.step(everywhere=False)))
     contact = simulation.contact
     contact.bind()
     kernels = [
@@ -86,5 +83,4 @@ def overhead(parameters):
         "step_s_least": {"computed": few["step"]},
         "beside_kernels_s_least": row(beside, TARGET_OVERHEAD, beside <= TARGET_OVERHEAD),
     }
-    passed = all(one.get("passed", True) for one in results.values())
-    return {"case": "overhead", "parameters": parameters, "results": results, "passed": passed}
+    return case_of("overhead", parameters, results)

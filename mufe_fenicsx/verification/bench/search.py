@@ -12,6 +12,7 @@ from ...contact.contact import Contact
 from ...contact.settings import ContactGrains, ContactSettings
 from ...contact.walls import Walls
 from ...run.profile import Profile
+from .launch import case_of, row
 
 #: Surfaces of so many grains of 1280 facets each.
 GRAINS = (8, 27, 64, 216, 512, 800)
@@ -52,28 +53,20 @@ def search(parameters):
     sizes = [n for n in GRAINS if n < largest] + [largest]
     results, facets, times = {}, [], []
     for num_grains in sizes:
-        row = _measure(num_grains, repeats, points)
-        facets.append(row["num_facets"])
-        times.append(row["search_s"])
-        name = f"{row['num_facets']}_facets"
-        results[f"search_s_{name}"] = {"computed": row["search_s"]}
+        one = _measure(num_grains, repeats, points)
+        facets.append(one["num_facets"])
+        times.append(one["search_s"])
+        name = f"{one['num_facets']}_facets"
+        results[f"search_s_{name}"] = {"computed": one["search_s"]}
         results[f"search_us_per_facet_{name}"] = {
-            "computed": 1e6 * row["search_s"] / row["num_facets"]
+            "computed": 1e6 * one["search_s"] / one["num_facets"]
         }
-        results[f"step_us_per_facet_{name}"] = {"computed": 1e6 * row["step_s"] / row["num_facets"]}
-        results[f"contacts_{name}"] = {"computed": row["num_contacts"]}
+        results[f"step_us_per_facet_{name}"] = {"computed": 1e6 * one["step_s"] / one["num_facets"]}
+        results[f"contacts_{name}"] = {"computed": one["num_contacts"]}
     exponent = np.polyfit(np.log(facets), np.log(times), 1)[0] if len(sizes) > 1 else math.nan
-    results["exponent_of_search"] = {
-        "computed": float(exponent),
-        "target": TARGET_EXPONENT,
-        "passed": bool(exponent <= TARGET_EXPONENT),
-    }
-    return {
-        "case": "search",
-        "parameters": {"grains": largest, "repeats": repeats, "points": points},
-        "results": results,
-        "passed": results["exponent_of_search"]["passed"],
-    }
+    passed = exponent <= TARGET_EXPONENT
+    results["exponent_of_search"] = row(float(exponent), TARGET_EXPONENT, passed)
+    return case_of("search", {"grains": largest, "repeats": repeats, "points": points}, results)
 
 
 def _measure(num_grains, repeats, points):

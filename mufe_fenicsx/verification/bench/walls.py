@@ -1,11 +1,11 @@
 """What contact with a curved wall costs, beside a plane with as many contacts."""
 
 import statistics
-import time
+from functools import partial
 
 import numpy as np
 
-from .launch import launch, row
+from .launch import case_of, launch, row, seconds_each
 
 #: Largest time of a cylinder over that of a plane.
 TARGET = 1.1
@@ -29,10 +29,7 @@ def pressed_slabs(comm, *, divisions=60, calls=20, repeats=41):
     for _ in range(int(repeats)):
         for name, simulation in slabs.items():
             walls = simulation.contact.walls
-            start = time.perf_counter()
-            for _ in range(int(calls)):
-                walls.add_forces(False)
-            spent[name].append((time.perf_counter() - start) / calls)
+            spent[name].append(seconds_each(int(calls), partial(walls.add_forces, False)))
     return {
         name: {"closed": int(slabs[name].contact.walls.pairs.closed.sum()),
                "seconds": statistics.median(spent[name])}
@@ -77,5 +74,4 @@ def curved_walls(parameters):
         "cylinder_s": {"computed": cylinder["seconds"]},
         "cylinder_over_plane": row(part, TARGET, part <= TARGET),
     }
-    passed = all(one.get("passed", True) for one in results.values())
-    return {"case": "curved-walls", "parameters": parameters, "results": results, "passed": passed}
+    return case_of("curved-walls", parameters, results)

@@ -1,0 +1,157 @@
+"""Tables of the grains of a run: form, motion and stress, first yield, and probes."""
+
+import numpy as np
+import pandas
+
+from ..analysis import grain_stress, inertia, kinematics, probes
+from ..analysis.by_grain import index_grains
+from ..analysis.yield_place import yield_place
+from ..errors import InputError
+from .columns import STRESS, columns_of
+
+
+def grain_volumes(state):
+    """Labels and present volumes [m³] of the grains of a state, both of shape (num_grains,)."""
+    labels, index = index_grains(state.grain)
+    return labels, np.bincount(index, state.volume)
+
+
+def grain_table(run, number=-1):
+    """Form, motion and stress of each grain at a stored state, a row a grain.
+
+    Columns: ``grain`` (label), ``volume`` [m³]; ``inertia_1`` … ``inertia_3``, principal moments in
+    the reference configuration for unit density [m⁵]; ``translation_x`` …, ``rotation_x`` …
+    (rotation vector [rad]), ``angle`` [rad], ``misfit`` [m] of the best rigid motion;
+    ``volume_strain`` and ``shear_strain`` (√(2/3 e:e) of the deviator) of what it leaves;
+    ``stress_xx`` …, ``mean``, ``peak``, ``percentile_95`` of von Mises stress [Pa];
+    ``plastic_fraction`` of the volume; ``unstressed``: mean below 1 % of the sample's. Where the
+    grains were surfaces, ``file`` and ``body`` say which: the body of that number in that file.
+    """
+    state = run.state(number)
+    mesh = state.cells, state.grain
+    form = inertia.grain_inertia(state.reference, *mesh)
+    motion = kinematics.grain_motion(state.reference, state.points, *mesh)
+    found = grain_stress.grain_stress(
+        state.stress, state.von_mises, state.plastic_strain, state.volume, state.grain
+    )
+    strain = motion.remaining_strain
+    deviator = strain - np.trace(strain, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+    table = pandas.DataFrame(
+        {"grain": found.labels, "volume": found.volume}
+        | columns_of("inertia", form.moments, "123")
+        | columns_of("translation", motion.translation)
+        | columns_of("rotation", motion.rotation_vector)
+        | {
+            "angle": motion.angle,
+            "misfit": motion.misfit,
+            "volume_strain": motion.volume_ratio - 1,
+            "shear_strain": np.sqrt(2 / 3 * (deviator**2).sum(axis=(1, 2))),
+        }
+        | columns_of("stress", found.stress, STRESS)
+        | {
+            "mean": found.mean,
+            "peak": found.peak,
+            "percentile_95": found.percentile,
+            "plastic_fraction": found.plastic_fraction,
+            "unstressed": grain_stress.unstressed(found.mean, found.volume),
+        }
+    )
+    if (run.path / "labels.csv").is_file():
+        origin = run.table("labels")
+        if {"label", "file", "body"} <= set(origin):
+            origin = origin[["label", "file", "body"]].rename(columns={"label": "grain"})
+            table = table.merge(origin, how="left", on="grain")
+    return table
+
+
+def first_yield_table(run):
+    """When and where each grain was first seen to yield, a row a grain.
+
+    Columns: ``grain``; ``state`` (its number, -1: never), ``strain``, ``rank`` (1: the first; those
+    of one state share it); in that state the largest ``plastic_strain``, and at its cell ``depth``
+    under the surface, ``under_contact``, ``edge_distance`` to the edge of the contact and its
+    ``contact_radius`` [m], see :func:`mufe_fenicsx.analysis.yield_place.yield_place`.
+    """
+    numbers = run.states.index
+    # One state in memory at a time.
+    states = (run.state(number) for number in numbers)
+    found = grain_stress.first_yield((s.plastic_strain, s.grain) for s in states)
+    rows = {}
+    for label, rank in zip(found.labels, found.rank, strict=True):
+        row = {"grain": label, "state": -1, "strain": np.nan, "rank": rank}
+        row |= {"plastic_strain": 0.0, "depth": np.nan, "under_contact": False}
+        rows[label] = row | {"edge_distance": np.nan, "contact_radius": np.nan}
+    for at in np.unique(found.state[found.state >= 0]):
+        state = run.state(numbers[at])
+        points, cells = state.points, state.cells
+        order = np.argsort(state.grain, kind="stable")
+        ends = np.searchsorted(state.grain[order], found.labels, side="right")
+        cells_of = dict(zip(found.labels, np.split(order, ends[:-1]), strict=True))
+        for label in found.labels[found.state == at]:
+            mine = cells_of[label]
+            place = yield_place(
+                points, cells[mine], state.plastic_strain[mine], state.contact_pressure
+            )
+            rows[label] |= {
+                "state": state.index,
+                "strain": state.strain,
+                "depth": place.depth,
+                "under_contact": place.under_contact,
+                "edge_distance": place.edge_distance,
+                "contact_radius": place.contact_radius,
+                "plastic_strain": state.plastic_strain[mine].max(),
+            }
+    return pandas.DataFrame(list(rows.values()))
+
+
+def probe(run, points=None, grains=None):
+    """Displacement and stress of places or grains through all stored states.
+
+    Args:
+        run: :class:`~mufe_fenicsx.results.run.Run`.
+        points: Places in the reference configuration [m], shape (num_points, 3); they move with
+            the grain. Displacement is linear in a cell, stress that of the cell.
+        grains: Labels: means over the volumes of these grains.
+
+    Returns:
+        DataFrame with a row a state and probe: ``state``, ``time``, ``strain``, ``probe`` (number
+        of the place, or label), ``grain``, ``displacement_x`` … [m], ``stress_xx`` … [Pa],
+        ``von_mises`` [Pa], ``plastic_strain``.
+
+    Raises:
+        InputError: Not one of both was given, a place is in no grain, or a label unknown.
+    """
+    if (points is None) == (grains is None):
+        raise InputError("probe of both or neither of points and grains, expected one of them")
+    tables, before, where = [], None, None
+    for index in run.states.index:
+        state = run.state(index)
+        at_nodes = {"displacement": state.displacement}
+        cells = {
+            "stress": state.stress,
+            "von_mises": state.von_mises,
+            "plastic_strain": state.plastic_strain,
+        }
+        if points is not None:
+            if before is None or not np.array_equal(before, state.cells):
+                where = probes.find_cells(state.reference, state.cells, points)
+                before = state.cells
+            values = probes.at_places(state.cells, *where, at_nodes, cells | {"grain": state.grain})
+            name = np.arange(len(where[0]))
+        else:
+            name = np.atleast_1d(grains)
+            values = probes.of_grains(
+                state.points, state.cells, state.grain, name, at_nodes, cells
+            ) | {"grain": name}
+        tables.append(
+            pandas.DataFrame(
+                {"state": index, "time": state.time, "strain": state.strain, "probe": name}
+                | {"grain": values["grain"]}
+                | columns_of("displacement", values["displacement"])
+                | columns_of("stress", values["stress"], STRESS)
+                | {k: values[k] for k in ("von_mises", "plastic_strain")}
+            )
+        )
+    if not tables:
+        raise InputError(f"{run.path / 'fields'} has no stored states, expected some to probe")
+    return pandas.concat(tables, ignore_index=True)

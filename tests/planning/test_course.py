@@ -1,0 +1,128 @@
+"""Ways, times and costs of a test, by hand."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.container import Bounds
+from mufe_fenicsx.geometry.bodies.shapes import box
+from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.planning.contacts import Closing
+from mufe_fenicsx.planning.cost import (
+    CLOSED,
+    FLOWS,
+    LATE,
+    SEARCHES,
+    TET_MEMORY,
+    WHILE_SEATING,
+    Benchmark,
+    loading_time,
+    predict,
+)
+from mufe_fenicsx.planning.course import course_of, elastic_wave_speed
+from mufe_fenicsx.run.from_bodies import build
+from mufe_fenicsx.run.rebalance import PAIR_COSTS
+from mufe_fenicsx.scene import Contact, Oedometer, Scene
+from mufe_fenicsx.scene.stages import Axis, Until
+from tests.planning.samples import J2_ROCK, ROCK, staged
+
+
+def test_cost_by_hand():
+    """A way at 1 m/s and 0.5 ns a step, and that of seating at 1 m/s; twice as fine a mesh."""
+    closing = 1500.0, 500.0
+    due = tuple(CLOSED * np.array(closing))  # as many as the loading has
+    b = Benchmark(
+        1, 10, 10000, 3000, 1e-3, 2.0, 1e-3, due, closing, 0.02, 0.0, 1e-9, 0.5e-9, 1e-9, 4e8
+    )
+    s = Scene(J2_ROCK, Contact(0.23), Oedometer(LATE, 1.0, ramp=0.005, seating_speed=1.0))
+    way = (0.02 + 0.0025) * 1e-3
+    seating = way / s.oedometer.seating_speed / (1.1 * 0.5e-9)
+    loading = LATE * 1e-3 / 0.5e-9
+    cost = predict(s, b)
+    assert cost.num_steps == pytest.approx(seating + loading, abs=2)
+    pairs = PAIR_COSTS[0] * due[0] + PAIR_COSTS[1] * due[1]
+    less = (10000 + WHILE_SEATING * pairs) / (10000 + pairs)
+    more = (FLOWS * 10000 + pairs) / (10000 + pairs)
+    # States and rows: less than a second.
+    stepping = SEARCHES * 1e-3 * (seating * less + loading * more)
+    assert cost.wall_s == pytest.approx(2.0 + stepping, abs=1.0)
+    assert cost.limit == "contact"
+    finer = predict(s, b, finer=8.0, shorter=0.5)
+    assert finer.num_steps == pytest.approx(2 * cost.num_steps, rel=1e-4)
+    assert finer.wall_s == pytest.approx(16 * (cost.wall_s - 2.0) + 16, rel=0.03)
+    assert finer.memory_bytes - cost.memory_bytes == pytest.approx(70_000 * TET_MEMORY)
+
+
+def test_a_stated_speed_is_reached_from_that_of_the_seating():
+    """Without a ramp it is itself; over a ramp as long as the test the time is that of a march."""
+    whole = Scene(J2_ROCK, Contact(0.23), Oedometer(0.01, 1.0, ramp=0.0, seating_speed=5.0))
+    assert loading_time(whole, 1e-3) == pytest.approx(1e-5, rel=1e-12)
+    ramp = replace(whole, oedometer=replace(whole.oedometer, ramp=0.01))
+    strain, time, dt = 0.0, 0.0, 1e-9
+    while strain < 0.01:
+        s = strain / 0.01
+        strain += (5.0 - 4.0 * s**3 * (10 - 15 * s + 6 * s**2)) * dt / 1e-3
+        time += dt
+    assert loading_time(ramp, 1e-3) == pytest.approx(time, rel=1e-3)
+
+
+def test_the_course_of_a_test_by_stages():
+    """A linear sample: M = 0.6 ρ (0.08 c)². Stages that reach a stress count as stiff as balls."""
+    found, c = course_of(staged()), 0.08 * J2_ROCK.wave_speed
+    M = 0.6 * 2650 * c**2
+    assert (found.key, found.seating_stress, found.seating_speed) == ("loading.speed", 5e5, 3.0)
+    isotropic, shear = found.parts
+    assert isotropic.way == pytest.approx(4.5e6 / M) and isotropic.waits == 5e-6
+    # Strains begin at zero after the seating: the shear goes on from that of the isotropic part.
+    assert shear.way == pytest.approx(0.03 - isotropic.way)
+    assert shear.level == pytest.approx(5e6 / M + shear.way)
+    stiff = elastic_wave_speed(J2_ROCK, 5e6)
+    assert isotropic.level == pytest.approx(5e6 / (0.6 * 2650 * c * stiff), rel=1e-12)
+    assert 1000 < stiff < 2000  # where sound in dense sand of hard grains is at 5 MPa
+    for until, wanted in ((Until(strain_z=0.02), 0.02), (Until(deviator=3e6), 8e6 / M - 0.5e6 / M),
+                          (Until(mean_stress=6e6), 8e6 / M - 0.5e6 / M)):  # fmt: skip
+        part = course_of(staged(z=Axis(speed=0.3), until=until)).parts[1]
+        assert part.way == pytest.approx(wanted - isotropic.way) and part.stated == 0.3
+    # Sides of half the strain the other way; and sides of (3 p - σz)/2, here less by 1 MPa.
+    shut = course_of(staged(undrained=True, z=Axis(speed=0.3), until=Until(q=3e6))).parts[1]
+    assert shut.way == pytest.approx(2e6 / M)
+    assert shut.level == pytest.approx(7e6 / (0.6 * 2650 * c * elastic_wave_speed(J2_ROCK, 7e6)))
+    path = course_of(staged(z=None, p=5e6, q=3e6)).parts[1]
+    assert path.way == pytest.approx(2e6 / M)
+    shear = course_of(staged(p=5e6, z=Axis(strain=isotropic.way + 2e6 / M))).parts[1]
+    assert shear.way == pytest.approx(2e6 / M) and shear.slows
+    rest = course_of(staged(z=None, hold=3e-6)).parts[1]
+    assert rest.way == 0.0 and rest.waits == 3e-6 and rest.level == math.inf
+
+
+def test_a_chain_of_cubes_closes_by_the_sum_of_its_gaps():
+    """Two cubes of 1 mm, 0.1 mm apart, 0.05 mm from the platens: 0.2 mm to go, all at 1/11."""
+    comm, size = MPI.COMM_SELF, 1e-3
+    points, cells = box((size,) * 3, (2, 2, 2))
+    high = np.array([size, size, 2.2 * size])
+    bodies = [(points + np.array([0.0, 0.0, z * size]), cells) for z in (0.05, 1.15)]
+    s = build(comm, bodies, Elastic(**ROCK), np.zeros(3), high, axes="z")
+    closing = Closing(s, Bounds(np.zeros(3), high, np.zeros(2), 0.0))
+    assert closing.travel() == pytest.approx(0.2 * size, rel=1e-6)
+    # Middles are 1.1 mm from each other and half of that from the platens. A face has eight facets
+    # and eight sharp vertices, these for platens alone: the other cube's edges slant their normals.
+    assert not closing.num_points(0.99 / 11).any()
+    assert closing.num_points(1.01 / 11).tolist() == [2 * 8, 2 * (8 + 8)]
+    # A quarter of m v²/2 at the platen and of half of that between the cubes is the work p A x of
+    # faces that flow from the start; on the platen sharp vertices add 1.75 times their area.
+    mass, v, p = ROCK["rho"] * size**3, 5.0, 1e6
+    more = (0.125 / 2.75 + 0.0625) * mass * v**2 / (p * size**2)
+    assert closing.travel(v, p) == pytest.approx(0.2 * size + more, abs=0.01 * more)
+
+
+def test_a_measured_motion_takes_the_time_that_its_fastest_axis_needs(tmp_path):
+    """Strains of 0, 0.02 and 0.01 at even times: 0.04 times the whole one, and more in between."""
+    path = tmp_path / "motion.csv"
+    path.write_text("time, strain_z\n0, 0\n1, 0.02\n2, 0.01\n")
+    part = course_of(staged(z=None, follow=path)).parts[1]
+    assert 0.04 < part.way < 0.08 and part.slows
+    M = 0.6 * 2650 * (0.08 * J2_ROCK.wave_speed) ** 2
+    assert part.level == pytest.approx(5e6 / M + 0.01)

@@ -1,0 +1,137 @@
+"""Plans of scenes: what they promise, what they cost, what is refused."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry.grains import save_grains
+from mufe_fenicsx.materials.rigid import Rigid
+from mufe_fenicsx.planning.choice import follow, plan_scene
+from mufe_fenicsx.planning.cost import (
+    loading_time,
+)
+from mufe_fenicsx.planning.course import course_of, wave_speed
+from mufe_fenicsx.planning.errors import of_loading, sample_errors, time_for
+from mufe_fenicsx.planning.present import present_state
+from mufe_fenicsx.planning.run import planned_scene
+from mufe_fenicsx.planning.text import lines_of_present
+from mufe_fenicsx.run.run import run_scene
+from mufe_fenicsx.scene import Contact, MassScaling, Oedometer, Output, Scene, Solver, load_scene
+from mufe_fenicsx.scene.stages import Axis
+from tests.bodies import RADIUS, packed_grains
+from tests.planning.samples import J2_ROCK, ROCK, sample, scene, staged
+
+
+def test_a_plan_keeps_what_it_promises_and_finer_is_never_cheaper(table):
+    costs = []
+    for accuracy in (0.3, 0.12, 0.06, 0.03):
+        plan = plan_scene(scene(), sample(0.5), accuracy, table)
+        assert plan.error == pytest.approx(sum(plan.parts.values())) and plan.error <= accuracy
+        speed = plan.settings["oedometer.speed"]
+        costs.append(plan.tets / plan.size / speed)
+        assert follow(scene(), plan).oedometer.speed == speed
+    assert costs == sorted(costs)
+
+
+def test_a_plan_is_near_the_cheapest_of_all_by_brute_force(table):
+    """Cost n t/h over a fine grid of meshes and times that meet the accuracy."""
+    errors = sample_errors(table)
+    accuracy, grains = 0.06, sample(0.5)
+    plan = plan_scene(scene(), grains, accuracy, table)
+
+    def cost(n, t):
+        size, _, tets = grains.mesh_for(n, 0.1, errors)
+        return tets / size * t
+
+    best = min(
+        cost(n, t)
+        for n in [0.5 * 1.02**k for k in range(104)]
+        for t in [3 * 1.02**k for k in range(200)]
+        if errors.of_mesh(n) + of_loading(t) <= accuracy
+    )
+    found = cost(plan.elements_per_radius, time_for(plan.parts["loading"]))
+    assert found <= 1.05 * best
+
+
+def test_a_test_as_it_stands_tells_its_error(table):
+    """One element per contact radius: 8 %. A strain of 0.1 at v: t = 0.1 c/v of a wave's time."""
+    wave = wave_speed(scene())
+    slow = scene(mass_scaling=MassScaling(0.01))
+    slow = replace(slow, oedometer=Oedometer(0.1, 0.1 * wave / 10.0))  # ten times a wave's time
+    found = present_state(slow, sample(1.0), table)
+    parts = {"mesh": 0.08, "loading": of_loading(10.0), "mass": 0.005, "fidelity": 0.0}
+    assert found.parts == pytest.approx(parts) and found.time == pytest.approx(10.0)
+    assert found.error == pytest.approx(sum(parts.values()))
+    # A plan that changes nothing promises the same.
+    plan = plan_scene(slow, sample(1.0), found.error * 1.0001, table, keep_mesh=True)
+    assert plan.parts["mesh"] == found.parts["mesh"]
+    assert plan.parts["loading"] == pytest.approx(found.parts["loading"], rel=1e-2)
+    coarse = present_state(scene(Rigid(**ROCK)), sample(0.1), table + hertz_table(table))
+    assert math.isinf(coarse.error) and coarse.parts["fidelity"] == pytest.approx(0.5)
+    text = "\n".join(lines_of_present(coarse, None))
+    assert "expected error  more than is known of forces: mesh more than is known" in text
+
+
+def test_what_cannot_be_reached_is_refused_with_what_would(table):
+    with pytest.raises(InputError, match=r'500 grains rigid.*"j2" would do'):
+        plan_scene(scene(Rigid(**ROCK)), sample(1), 0.05, table + hertz_table(table))
+    with pytest.raises(InputError, match=r"and not 1 \(error about 0.08\).*mesh.size = "):
+        plan_scene(scene(), sample(1), 0.05, table, keep_mesh=True)
+    with pytest.raises(InputError, match=r"accuracy = 0.004, expected more than 0.014"):
+        plan_scene(scene(), sample(1), 0.004, table)
+    with pytest.raises(InputError, match=r"added = 0.5, expected at most 0.01"):
+        plan_scene(scene(mass_scaling=MassScaling(0.5)), sample(1), 0.1, table)
+    with pytest.raises(InputError, match=r'element = "composite", expected one of which'):
+        plan_scene(scene(solver=Solver(element="composite")), sample(1), 0.1, table)
+
+
+def hertz_table(table):
+    """The same errors for elastic contacts."""
+    return [replace(p, case="hertz") for p in table if p.case == "plastic-sphere"]
+
+
+def test_a_plan_of_a_test_by_stages_sets_its_speed_and_judges_stated_ones(table):
+    plan = plan_scene(staged(), sample(0.5), 0.12, table)
+    time = time_for(plan.parts["loading"])
+    level = min(part.level for part in course_of(staged()).parts)
+    speed = plan.settings["loading.speed"]
+    assert speed == pytest.approx(level * 0.08 * J2_ROCK.wave_speed / time, rel=5e-3)
+    followed = follow(staged(), plan)
+    assert followed.loading.speed == speed and followed.output.fields == 5
+    way, H = sum(part.way for part in course_of(staged()).parts), 1e-3
+    # Ramps of three stages' ends, the hold, and the time that stresses settle in.
+    least = way * H / speed + 5e-6
+    assert least < loading_time(followed, H) < least + 4 * 0.001 * H / speed + 8 * H / 500
+    with pytest.raises(InputError, match=r'stage "shear": speed = 80 m/s, expected at most .* or'):
+        plan_scene(staged(z=Axis(strain=0.03, speed=80.0)), sample(0.5), 0.12, table)
+
+
+def test_a_run_follows_its_plan_and_tells_what_was_predicted(tmp_path_factory):
+    comm = MPI.COMM_WORLD
+    folder = comm.bcast(tmp_path_factory.mktemp("plan") if comm.rank == 0 else None)
+    if comm.rank == 0:
+        save_grains(folder / "grains", packed_grains((2, 2, 1), h=0.26 * RADIUS))
+    comm.Barrier()
+    wanted = Scene(
+        J2_ROCK, Contact(0.23), Oedometer(0.01, 1.0, seating_stress=1e4, seating_speed=20.0),
+        output=Output(fields=3, history=21), accuracy=0.6,
+    )  # fmt: skip
+    planned, after = planned_scene(wanted, folder / "grains", comm)
+    result = run_scene(planned, folder / "grains", folder / "out", comm, quiet=True, after=after)
+    stored = load_scene(folder / "out" / "scene.toml")
+    for dotted, value in result["plan"]["settings"].items():
+        table, key = dotted.split(".")
+        assert getattr(getattr(stored, table), key) == value
+    assert stored.accuracy == 0.6
+    line = result["predicted_and_actual"]
+    assert line.startswith("predicted ") and f"actual {result['wall_s']:.3g} s" in line
+    # At 20 m/s the platen is far ahead of the first wave. A machine at work makes clocks useless.
+    predicted = result["plan"]["predicted"]
+    assert 0.6 < predicted["num_steps"] / result["num_steps"] < 1.7
+    assert 0.7 < predicted["memory_bytes"] / result["peak_memory_bytes"] < 1.3
+    # The plan of the planned scene is itself: a run that goes on finds the same.
+    again, _ = planned_scene(stored, folder / "grains", comm, measure=False)
+    assert again == stored
