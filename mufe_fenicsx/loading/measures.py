@@ -108,8 +108,8 @@ class MembraneMeasures(WallMeasures):
         """Of the side and the platens, the membrane's share left out where that is wanted."""
         if self._correction:
             forces = forces - self.membrane.axial_forces()
-        side = self.container.areas(self.lengths())[0]
-        return np.append(self.membrane.pressure * side, forces)
+        diameter, height = self.lengths()
+        return np.append(self.membrane.pressure * math.pi * diameter * height, forces)
 
     def gains(self, servo, stiffness, area):
         """Of the platens as of walls; of the cell that which makes its pressure rise as above."""

@@ -8,9 +8,10 @@ what a test in a triaxial cell measures through it.
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from ..errors import InputError, finite_array
-from ..kernels.pressure import volume_beside
+from ..kernels.pressure import subtract_drag, volume_beside
 from ..state import ForceTerm
 from .pressure import Pressure
 
@@ -41,16 +42,13 @@ class Drag(ForceTerm):
 
     def __init__(self, nodes, mass, rate, name="membrane_drag"):
         self.name, self._nodes = name, nodes
-        self._force_over_velocity = rate * mass[:, None]
+        self._force_over_velocity = rate * mass
         self.taken = 0.0  #: by this rank's nodes [J]
 
     def add_forces(self, f, state, dt):
         """Add the force at the velocity of the last half step. Local."""
-        if self._nodes.size:
-            v = state.v[self._nodes]
-            drag = self._force_over_velocity * v
-            f[self._nodes] -= drag
-            self.taken += dt * float(np.vdot(drag, v))
+        power = subtract_drag(f, state.v, self._nodes, self._force_over_velocity)
+        self.taken += dt * power
 
     def act_on_rigid(self, rigid, state):
         """Nothing: the body deforms. Local."""
@@ -151,7 +149,9 @@ class Membrane:
         if self._measured_at != s.state.num_steps:
             force = -np.einsum("wi,wi->w", s.specimen.bonded.force, s.walls.normal)
             local = np.append(-volume_beside(s.state.x, self._inner), force[self._platens])
-            self._measured, self._measured_at = s.comm.allreduce(local), s.state.num_steps
+            if s.comm.size > 1:
+                s.comm.Allreduce(MPI.IN_PLACE, local)
+            self._measured, self._measured_at = local, s.state.num_steps
         return self._measured
 
 
