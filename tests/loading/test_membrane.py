@@ -11,7 +11,9 @@ from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import cylinder
 from mufe_fenicsx.geometry.bodies.sleeve import sleeve
+from mufe_fenicsx.container import CYLINDER
 from mufe_fenicsx.loading.membrane import Membrane
+from mufe_fenicsx.loading.wall_servo import Servo
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.neo_hookean import NeoHookean
 from mufe_fenicsx.run.from_bodies import build
@@ -92,6 +94,31 @@ def test_a_rim_that_moves_along_is_in_the_potential():
     assert rim.size > 20 and abs(work) > 0
     # The midpoint rule: off by the square of a step.
     assert cell.energy(state) - before == pytest.approx(-work, rel=1e-5)
+
+
+@pytest.mark.mpi
+def test_the_servo_measures_the_grains_alone():
+    """ρ c from the energy of the cylinder alone; its sleeve, which closes a gap, stores more."""
+    s = sample(MPI.COMM_WORLD if MPI.COMM_WORLD.size < 3 else MPI.COMM_SELF, damping=5e4)
+    s.walls.velocity[1] = 0.0
+    Membrane(s, 2, pressure=50e3)
+    while s.state.t < 0.5e-3:
+        s.step()
+    stress = np.array([50e3, 20e3])
+    servo = Servo(s, CYLINDER)
+    servo.sample(stress, np.array([2 * R, H]))
+    cells = np.flatnonzero(s.mesh.grains[s.mesh.grain_of_cell] == 0)
+    bulk, shear = SOFT.bulk_modulus, SOFT.shear_modulus
+    xx, yy, zz, xy, yz, xz = s.solid.stress(s.state, cells).T
+    mean = (xx + yy + zz) / 3
+    square = xx**2 + yy**2 + zz**2 + 2 * (xy**2 + yz**2 + xz**2) - 3 * mean**2
+    density = mean**2 / (2 * bulk) + square / (4 * shear)
+    energy = s.comm.allreduce(float(s.solid.volume0[cells] @ density))
+    expected = math.sqrt(s.mass_of_grains() * (2 * 50e3**2 + 20e3**2) / (2 * energy))
+    # Of the springs between cylinder and platens, 2 % of the energy; averaged pressures besides.
+    assert servo.impedance == pytest.approx(expected, rel=0.03)
+    energies = s.energies()
+    assert energies["elastic"] + energies["contact"] > 5.0 * energy
 
 
 def test_a_checkpoint_keeps_what_is_glued_and_pressed():
