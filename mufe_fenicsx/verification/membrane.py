@@ -81,14 +81,17 @@ def balloon(comm, divisions=16, layers=2, stretch=1.5, t_over_R=0.05, nu=0.49):
 
 
 @case("membrane-tube", num_bodies=1)
-def membrane_tube(comm, h_over_t=1.0, layers=2, t_over_R=0.06, H_over_R=1.5, inwards=0.4):
+def membrane_tube(
+    comm, h_over_t=1.0, layers=2, t_over_R=0.06, H_over_R=1.5, inwards=0.4, ends_over_t=0.25
+):
     """A tube that two platens hold, under cell pressure, against axisymmetric elements.
 
     Pressed inwards at a part of the pressure at which it buckles, and blown up by a cell pressure
-    below that inside until its middle is about a sixth wider. Beside the platens it bends, for
-    which one layer of tetrahedra is too stiff: what that costs stands over the deflection, for
-    information. The reference has elements of second
-    order, four through the wall, and the same law (verification.axisymmetric.tube).
+    below that inside until its middle is about a sixth wider. Beside the platens it bends. Linear
+    elements of length L along shear where they bend, which stores G (κ L)²/12 at a curvature κ
+    beside E (κ t)²/12: so they are short there. What is left stands over the deflection too, for
+    information. The reference has elements of second order, four through the wall, and the same law
+    (verification.axisymmetric.tube).
 
     Args:
         comm: MPI communicator.
@@ -97,6 +100,7 @@ def membrane_tube(comm, h_over_t=1.0, layers=2, t_over_R=0.06, H_over_R=1.5, inw
         t_over_R: Thickness over inner radius.
         H_over_R: Height over inner radius.
         inwards: Pressure inwards over that of buckling, 0.92 E (t/R)² √(R t)/H.
+        ends_over_t: Length of edges along at the platens over the thickness.
     """
     R = 5e-3
     t, H = t_over_R * R, H_over_R * R
@@ -106,7 +110,7 @@ def membrane_tube(comm, h_over_t=1.0, layers=2, t_over_R=0.06, H_over_R=1.5, inw
         ("pressed inwards", inwards * buckling),
         ("blown up", -0.2 * LATEX.E * t_over_R),
     ):
-        s, membrane = _tube(comm, R, t, H, h_over_t * t, layers)
+        s, membrane = _tube(comm, R, t, H, h_over_t * t, layers, ends_over_t * t)
         _ramp(s, membrane, p, 24.0 / s.damping, 0.4)
         x0 = s.mesh.x
         inner = np.hypot(x0[:, 0], x0[:, 1]) < R + 0.5 * t / layers
@@ -117,7 +121,7 @@ def membrane_tube(comm, h_over_t=1.0, layers=2, t_over_R=0.06, H_over_R=1.5, inw
         reference = tube_under_pressure(R, t, H, LATEX, p, level * H)
         size = np.abs(reference).max()
         off = float(np.abs(found - reference).max())
-        results[f"{name}: largest difference of radii"] = compare(off / R, 0.0, 0.02, 1.0)
+        results[f"{name}: largest difference of radii"] = compare(off / R, 0.0, 0.01, 1.0)
         results[f"{name}: the same over deflection"] = compare(off / size, 0.0, math.inf, 1.0)
         results[f"{name}: deflection over radius"] = compare(size / R, 0.0, math.inf, 1.0)
         energies = s.energies()
@@ -127,9 +131,9 @@ def membrane_tube(comm, h_over_t=1.0, layers=2, t_over_R=0.06, H_over_R=1.5, inw
     return results, simulations
 
 
-def _tube(comm, R, t, H, h, layers):
+def _tube(comm, R, t, H, h, layers, at_ends):
     """A tube between platens and its membrane, with twice the damping of its breathing."""
-    body = sleeve(R, t, H, h, layers)
+    body = sleeve(R, t, H, h, layers, at_ends)
     walls = [
         Wall("bottom", np.zeros(3), UP, bonded=[1]),
         Wall("top", H * UP, -UP, bonded=[1]),
