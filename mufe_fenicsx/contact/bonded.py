@@ -3,7 +3,12 @@
 import numpy as np
 
 from ..errors import InputError
-from ..kernels.bonded import largest_of_bonded, place_bonded, take_bonded
+from ..kernels.bonded import (
+    largest_of_bonded,
+    place_bonded,
+    squares_of_bonded,
+    take_bonded,
+)
 from ..state import ForceTerm
 
 #: A node lies on a plane within this part of the width of a rank's grains.
@@ -153,8 +158,8 @@ class Bonded(ForceTerm):
         """What damping would take of the glued nodes, at their velocity, in a step [J]. Local."""
         if not self.nodes.size or damping == 0.0:
             return 0.0
-        v = self.velocity / (1.0 + 0.5 * dt * damping)
-        return dt * damping * float(mass[self.nodes] @ np.einsum("ni,ni->n", v, v))
+        scale = 1.0 / (1.0 + 0.5 * dt * damping)
+        return dt * damping * scale**2 * squares_of_bonded(mass, self.velocity, self.nodes)
 
     def largest_motion(self, moves, x, grain_of_node, field, dt):
         """Largest motion of a glued node in the step to ``x`` [m]. Local.

@@ -59,6 +59,22 @@ def take_bonded(f, wall_force, wall_torque, x, node, wall, point):
 
 
 @numba.njit(cache=True)
+def squares_of_bonded(mass, velocity, node):
+    """Sum of m v² of bonded nodes [J].
+
+    Args:
+        mass: Of all nodes [kg], shape (num_nodes,).
+        velocity: Of the bonded nodes [m/s], shape (num_bonded, 3).
+        node: These, shape (num_bonded,).
+    """
+    total = 0.0
+    for k in range(node.size):
+        a, b, c = velocity[k, 0], velocity[k, 1], velocity[k, 2]
+        total += mass[node[k]] * (a * a + b * b + c * c)
+    return total
+
+
+@numba.njit(cache=True)
 def largest_of_bonded(moves, x, velocity, node, grain, field, dt):
     """How far bonded nodes move in a step beside a field, into the largest of their grains.
 

@@ -1,6 +1,4 @@
-"""What a fluid does to a surface: pressure on facets that follows them, the volume that they
-enclose, and drag.
-"""
+"""What a fluid does to a surface: pressure that follows it, its volume, and drag."""
 
 import numba
 

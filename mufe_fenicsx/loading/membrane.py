@@ -134,21 +134,25 @@ class Membrane:
 
     def volume(self) -> float:
         """Volume inside the sleeve, between the platens [m³]. Collective."""
-        return float(self._now()[0])
+        return float(self.measured()[0])
 
     def axial_forces(self) -> np.ndarray:
         """Forces of the glued ends on the platens, compression positive [N]. Collective.
 
         Of the lower and of the upper one, shape (2,). Tests on sand take them off.
         """
-        return self._now()[1:].copy()
+        return self.measured()[1:].copy()
 
-    def _now(self):
-        """Volume [m³] and axial forces [N] of the present state, measured once. Collective."""
+    def measured(self):
+        """Volume [m³] and axial forces [N] of the present state, shape (3,). Collective.
+
+        Measured once a state: the same array until there is another one, not to be changed.
+        """
         s = self.simulation
         if self._measured_at != s.state.num_steps:
-            force = -np.einsum("wi,wi->w", s.specimen.bonded.force, s.walls.normal)
-            local = np.append(-volume_beside(s.state.x, self._inner), force[self._platens])
+            # Platens are horizontal, and the normal of the lower one points up.
+            along = s.specimen.bonded.force[self._platens, 2]
+            local = np.array([-volume_beside(s.state.x, self._inner), -along[0], along[1]])
             if s.comm.size > 1:
                 s.comm.Allreduce(MPI.IN_PLACE, local)
             self._measured, self._measured_at = local, s.state.num_steps
