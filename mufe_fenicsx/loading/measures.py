@@ -128,7 +128,7 @@ class MembraneMeasures(WallMeasures):
         return forces
 
     def carried(self, stress):
-        """The mean stress in the grains, over the volume of the sample [Pa], shape (2,). Collective.
+        """Mean stress in the grains, over the volume of the sample [Pa], shape (2,). Collective.
 
         While a sleeve closes a gap it carries the pressure of the cell alone. Inside rigid grains
         there is no stress: across they are said to carry no more than along.

@@ -1,10 +1,11 @@
 """What a membrane costs: a sample in it beside the same sample in a rigid cylinder, by turns."""
 
-import shutil
 import statistics
 import tempfile
 import time
 from pathlib import Path
+
+import numpy as np
 
 from ...errors import InputError
 from .interleaved import ratio
@@ -21,29 +22,34 @@ CARRIED = 20e3
 
 
 def in_membrane(comm, *, packed=PACKED, seed=SEED, steps=200, repeats=9, most=20000):
-    """Two samples of balls that carry a cell or a cylinder, stepped by turns. Collective.
+    """A sample of balls that carries a cell, and its grains in a cylinder, by turns. One rank.
 
-    The processor's time counts: other programs on the machine lengthen the clock's.
+    The grains of the second one are those of the first in their places, so that as many are near
+    each other. The processor's time counts: other programs on the machine lengthen the clock's.
 
     Args:
         packed, seed: Balls that are packed, and the seed of their places.
         steps, repeats: Steps of one measurement, and measurements of each.
-        most: Steps until they carry it at most.
+        most: Steps until the sample carries the cell at most.
 
     Returns:
-        dict by "with" and "without": numbers of grains, tets, contacts and searches, steps until it
-        carried, stress that it carries [Pa], time step [s] and times of a step [s].
+        dict by "with" and "without": numbers of grains, tets, contacts and searches, time step [s]
+        and times of a step [s]; by "loaded": steps that it took, and the stress [Pa].
 
     Raises:
-        InputError: One does not carry after the most steps.
+        InputError: The sample does not carry the cell after the most steps.
     """
+    from ...synthetic.starter_scenes import TALL, ball_packing
+
     packed, seed, steps, most = int(packed), int(seed), int(steps), int(most)
-    folder = Path(tempfile.mkdtemp())
-    try:
-        tests = {name: _led(comm, folder, name, packed, seed, most) for name in ("with", "without")}
-    finally:
-        shutil.rmtree(folder)
-    before = {name: s.state.num_steps for name, (s, _) in tests.items()}
+    with tempfile.TemporaryDirectory() as folder:
+        grains = ball_packing(packed, seed, TALL, True)
+        cell = _test(comm, Path(folder) / "with", grains, True)
+        _load(*cell, most)
+        simulation, loading = cell
+        loaded = {"steps": simulation.state.num_steps, "stress": _carried(loading)}
+        moved = _in_place(simulation, grains.element_size)
+        tests = {"with": cell, "without": _test(comm, Path(folder) / "without", moved, False)}
     searches = {name: s.contact.num_searches for name, (s, _) in tests.items()}
     spent = {name: [] for name in tests}
     for _ in range(int(repeats)):
@@ -60,17 +66,15 @@ def in_membrane(comm, *, packed=PACKED, seed=SEED, steps=200, repeats=9, most=20
             "num_cells": s.mesh.num_cells,
             "num_contacts": s.num_contacts,
             "searches": s.contact.num_searches - searches[name],
-            "loaded_in": before[name],
-            "stress": float(min(loading.gauges.mean_stress())),
             "time_step": s.dt,
             "seconds": spent[name],
         }
-        for name, (s, loading) in tests.items()
-    }
+        for name, (s, _) in tests.items()
+    } | {"loaded": loaded}
 
 
-def _led(comm, folder, name, packed, seed, most):
-    """Simulation and loading of the test with or without a membrane, once it carries."""
+def _test(comm, folder, grains, in_cell):
+    """Simulation and loading of a test on grains, in a membrane or in a rigid cylinder."""
     from ...geometry.grains import save_grains
     from ...loading.stages import StagedLoading
     from ...run.from_scene import (
@@ -82,32 +86,51 @@ def _led(comm, folder, name, packed, seed, most):
         separate_surfaces,
         sleeve_of,
     )
-    from ...synthetic.starter_scenes import IN_MEMBRANE, TALL, ball_packing
+    from ...synthetic.starter_scenes import IN_MEMBRANE
 
     text, _ = IN_MEMBRANE["triaxial"]
-    begin, end = text.index("[membrane]"), text.index("[walls.side]")
-    text = text if name == "with" else text[:begin] + text[end:]
-    scene_file, grains = folder / f"{name}.toml", folder / "grains"
-    if comm.rank == 0:
-        scene_file.write_text(text.replace('speed = "5 m/s"', f'speed = "{SPEED}"'), "utf-8")
-        if not grains.exists():
-            save_grains(grains, ball_packing(packed, seed, TALL, True))
-    comm.Barrier()
-    scene = read_scene(comm, scene_file)
-    mesh = load_mesh(comm, grains, scene.solver.element, around=sleeve_of(scene))
+    if not in_cell:
+        text = text[: text.index("[membrane]")] + text[text.index("[walls.side]") :]
+    folder.mkdir()
+    (folder / "scene.toml").write_text(text.replace('"5 m/s"', f'"{SPEED}"'), encoding="utf-8")
+    save_grains(folder / "grains", grains)
+    scene = read_scene(comm, folder / "scene.toml")
+    around = sleeve_of(scene)
+    mesh = load_mesh(comm, folder / "grains", scene.solver.element, around=around)
     separate_surfaces(mesh, scene.sample)
     bounds = find_bounds(scene, mesh)
     simulation = make_simulation(scene, mesh, bounds)
     measures = make_membrane(scene, simulation, bounds)
-    loading = StagedLoading(simulation, scene.loading, scene.stages, None, measures)
-    while min(loading.gauges.mean_stress()) < CARRIED:
+    return simulation, StagedLoading(simulation, scene.loading, scene.stages, None, measures)
+
+
+def _load(simulation, loading, most):
+    while _carried(loading) < CARRIED:
         if simulation.state.num_steps == most:
             raise InputError(
-                f"stress after {most} steps {name} a membrane = "
-                f"{min(loading.gauges.mean_stress()):.3g} Pa, expected {CARRIED:g} Pa"
+                f"stress after {most} steps in a membrane = {_carried(loading):.3g} Pa, expected "
+                f"{CARRIED:g} Pa"
             )
         _step(simulation, loading)
-    return simulation, loading
+
+
+def _carried(loading):
+    """The least of the mean stresses along the axes [Pa]."""
+    return float(min(loading.gauges.mean_stress()))
+
+
+def _in_place(simulation, size):
+    """The grains of a sample where they are now, `Grains` with elements of that size [m]."""
+    from ...geometry.grains import Grains
+
+    simulation.complete()
+    m, bodies = simulation.mesh, []
+    for grain in range(m.num_sample_grains):
+        nodes, cells = np.unique(
+            m.cells[slice(*m.cell_offset[grain : grain + 2])], return_inverse=True
+        )
+        bodies.append((simulation.state.x[nodes], cells.reshape(-1, 4)))
+    return Grains.from_list(m.labels[: m.num_sample_grains], bodies, size)
 
 
 def _step(simulation, loading):
@@ -128,9 +151,11 @@ def membrane(parameters):
         "num_cells": {"computed": cylinder["num_cells"]},
         "num_cells_of_membrane": {"computed": cell["num_cells"] - cylinder["num_cells"]},
     }
-    for name, one in found.items():
+    for of in ("steps", "stress"):
+        results[f"{of}_loaded"] = {"computed": found["loaded"][of]}
+    for name, one in (("with", cell), ("without", cylinder)):
         results[f"step_s_{name}"] = {"computed": statistics.median(one["seconds"])}
-        for of in ("time_step", "num_contacts", "searches", "loaded_in", "stress"):
+        for of in ("time_step", "num_contacts", "searches"):
             results[f"{of}_{name}"] = {"computed": one[of]}
     results["with_over_without"] = row(part, TARGET, part <= TARGET)
     return {
