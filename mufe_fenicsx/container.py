@@ -249,14 +249,16 @@ class Cylinder(Container):
 
     def volume(self, lengths: ArrayLike) -> np.ndarray:
         """Volume inside [m³], shape (...)."""
-        diameter, height = np.moveaxis(np.asarray(lengths, dtype=float), -1, 0)
-        return 0.25 * math.pi * diameter**2 * height
+        lengths = np.asarray(lengths, dtype=float)
+        return 0.25 * math.pi * lengths[..., 0] ** 2 * lengths[..., 1]
 
     def areas(self, lengths: ArrayLike) -> np.ndarray:
         """Areas of the side and of a platen [m²], shape (..., 2)."""
-        diameter, height = np.moveaxis(np.asarray(lengths, dtype=float), -1, 0)
-        side = math.pi * diameter * height
-        return np.stack([side, 0.25 * math.pi * diameter**2 + 0.0 * side], axis=-1)
+        lengths = np.asarray(lengths, dtype=float)
+        diameter, areas = lengths[..., 0], np.empty_like(lengths)
+        areas[..., 0] = math.pi * diameter * lengths[..., 1]
+        areas[..., 1] = 0.25 * math.pi * diameter**2
+        return areas
 
 
 class HollowCylinder(Cylinder):

@@ -2,11 +2,7 @@
 
 import numpy as np
 
-from ..kernels.neo_hooke import (
-    add_neo_hookean_energy,
-    reference_gradients,
-    subtract_neo_hookean,
-)
+from ..kernels.neo_hooke import add_neo_hookean_energy
 
 
 class NeoHookeanGrains:
@@ -15,7 +11,6 @@ class NeoHookeanGrains:
     Args:
         solid: :class:`~.solid.Solid`.
         which: Whether each grain of this rank is one.
-        element: Kind of element, of kernels.solid.
 
     Attributes:
         grains: Their local numbers, shape (n,).
@@ -23,17 +18,11 @@ class NeoHookeanGrains:
             store energy in another way, shape (num_grains,).
     """
 
-    def __init__(self, solid, which, element):
-        mesh = self._mesh = solid.mesh
-        self._solid, self._element = solid, element
+    def __init__(self, solid, which):
+        self._solid = solid
         which = np.asarray(which, dtype=bool)
         self.grains = np.flatnonzero(which)
         self.quadratic_shear = np.where(which, np.inf, solid.shear)
-        rows = [np.arange(*mesh.cell_offset[g : g + 2]) for g in self.grains]
-        cells = mesh.cells[np.concatenate(rows)] if rows else mesh.cells[:0]
-        self._gradients = reference_gradients(mesh.x, cells)
-        self._first = np.cumsum([0, *map(len, rows)])[:-1]
-        self._around = np.empty(mesh.num_nodes if rows else 0)
 
     def others(self, grains):
         """Those of ``grains`` that are none of these."""
@@ -45,17 +34,14 @@ class NeoHookeanGrains:
         Returns:
             An inverted element, or -1.
         """
-        m, solid = self._mesh, self._solid
-        return subtract_neo_hookean(
-            f, state.deviator, solid.pressure, self._around, state.x, m.cells, solid.volume0,
-            self._gradients, self._first, self.grains, m.cell_offset, m.nodes, m.node_offset,
-            solid.kernel.node_volume0, solid.bulk, solid.shear, self._element,
+        return self._solid.kernel(
+            f, state.deviator, state.plastic_strain, state.plastic_work, state.x, state.v, 0.0,
+            self.grains, stretch=True,
         )  # fmt: skip
 
     def add_energy(self, energy, x):
         """Add the energy of the deviators at ``x`` [J] to ``energy``, shape (num_grains,)."""
-        m, solid = self._mesh, self._solid
+        m, solid = self._solid.mesh, self._solid
         add_neo_hookean_energy(
-            energy, x, m.cells, solid.volume0, self._gradients, self._first, self.grains,
-            m.cell_offset, solid.shear,
-        )  # fmt: skip
+            energy, x, m.x, m.cells, solid.volume0, self.grains, m.cell_offset, solid.shear
+        )

@@ -96,9 +96,7 @@ class Solid(ForceTerm):
         #: Grains that deform now or later, shape (num_deformable,).
         self.deformable = np.flatnonzero([not isinstance(m, Rigid) for m in materials])
         self.first_time_step = self.element_time_step(x)
-        self.hyperelastic = NeoHookeanGrains(
-            self, [m.hyperelastic for m in materials], ELEMENTS[element]
-        )
+        self.hyperelastic = NeoHookeanGrains(self, [m.hyperelastic for m in materials])
         self.set_deforming(np.flatnonzero([not isinstance(m, Rigid | Auto) for m in materials]))
 
     def state_dict(self):

@@ -3,7 +3,12 @@
 import numpy as np
 
 from ..errors import InputError
-from ..kernels.bonded import place_bonded, take_bonded
+from ..kernels.bonded import (
+    largest_of_bonded,
+    place_bonded,
+    squares_of_bonded,
+    take_bonded,
+)
 from ..state import ForceTerm
 
 #: A node lies on a plane within this part of the width of a rank's grains.
@@ -140,6 +145,28 @@ class Bonded(ForceTerm):
             state.v[self.nodes] = 0.0
 
     def give_velocity(self, v):
-        """Velocity of the glued nodes, at the end of a step."""
+        """Velocity of the glued nodes in the last step, into ``v``. Local."""
         if self.nodes.size:
             v[self.nodes] = self.velocity
+
+    def take_velocity(self, v):
+        """None of the glued nodes, in ``v``: kick and damping pass them by. Local."""
+        if self.nodes.size:
+            v[self.nodes] = 0.0
+
+    def damped(self, mass, dt, damping):
+        """What damping would take of the glued nodes, at their velocity, in a step [J]. Local."""
+        if not self.nodes.size or damping == 0.0:
+            return 0.0
+        scale = 1.0 / (1.0 + 0.5 * dt * damping)
+        return dt * damping * scale**2 * squares_of_bonded(mass, self.velocity, self.nodes)
+
+    def largest_motion(self, moves, x, grain_of_node, field, dt):
+        """Largest motion of a glued node in the step to ``x`` [m]. Local.
+
+        That of each grain beside a field goes into ``moves``; arguments as of kernels.motion.
+        """
+        if not self.nodes.size:
+            return 0.0
+        grain = grain_of_node[self.nodes]
+        return largest_of_bonded(moves, x, self.velocity, self.nodes, grain, field, dt)

@@ -343,16 +343,23 @@ class Contact(Stateful):
 
     # --- numbers --------------------------------------------------------------------------
 
-    def energy(self):
+    def energy(self, left_out=None):
         """Energy in the contact springs [J] and number of closed contacts. Local.
 
         The springs of the kinematic law hold none: they belong to one step.
+
+        Args:
+            left_out: Whether pairs of each body with others do not count, shape (num_bodies,);
+                None: all pairs count.
         """
         p, points, ratio = self.pairs, self.points, self.layers.ratio
+        closed = p.closed
+        if left_out is not None:
+            closed = closed & ~(left_out[points.grain_of_point[p.node]] | left_out[p.grain])
         pairs, num_pairs = pair_energy(
-            p.gap, p.offset, p.closed, p.stiffness, p.shear, p.node, ratio, p.largest_depth
+            p.gap, p.offset, closed, p.stiffness, p.shear, p.node, ratio, p.largest_depth
         )
-        edges, num_edges = self.edges.energy()
+        edges, num_edges = self.edges.energy(left_out)
         walls, num_walls = self.walls.energy(points.layer, points.area, ratio)
         energy = 0.0 if self.layers.kinematic else pairs + edges + walls
         return energy, num_pairs + num_edges + num_walls

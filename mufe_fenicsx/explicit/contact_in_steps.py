@@ -25,8 +25,6 @@ class ContactInSteps(ForceTerm):
         self._contact, self._rigid = specimen.contact, specimen.rigid
         self._kinematic = specimen.contact.layers.kinematic
         self._any_rigid = specimen.any_rigid
-        # Glued nodes go where their wall goes: how far, is not known ahead.
-        self._motion_known = not specimen.bonded.nodes.size
         self.followed_search = 0  #: the search that the following nodes were chosen after
         if self._kinematic:
             self._predicted = specimen.mesh.x.copy()
@@ -36,7 +34,7 @@ class ContactInSteps(ForceTerm):
     def begin_forces(self, f, state, dt):
         """Send positions."""
         if not self._kinematic:
-            known = self._motion.beside_field(dt) if self._motion_known else ()
+            known = self._motion.beside_field(dt)
             self._contact.begin_step(state.x, self._motion.largest, known)
 
     def add_forces(self, f, state, dt):

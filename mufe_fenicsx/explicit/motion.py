@@ -13,7 +13,8 @@ class Motion(Stateful):
 
     The second half of a kick may wait for the next step, whose first half then goes with it: nodes
     are read and written once. Until :meth:`finish_kick` their velocities are those of the middle of
-    the step, and accelerations as they were.
+    the step, and accelerations as they were. Glued nodes go where their wall goes: the kick passes
+    them by, and how far they move is known once walls have moved.
 
     Args:
         specimen: :class:`~mufe_fenicsx.specimen.Specimen`.
@@ -57,6 +58,7 @@ class Motion(Stateful):
                 s.x, s.u, s.v, sp.f, sp.solid.mass, x0, runs, s.dt, dt, damping, self.field,
                 self._moves,
             )  # fmt: skip
+            damped -= sp.bonded.damped(sp.solid.mass, s.dt, damping)
             self._specimen.damped += damped
         else:
             self._moved = half_kick_and_drift(
@@ -69,14 +71,20 @@ class Motion(Stateful):
 
     def move_walls(self, dt):
         """Walls go on by ``dt`` [s]."""
-        moved = self._specimen.move_walls(dt)
-        self.largest = max(moved, self._specimen.rigid.moved, self._moved)
+        sp = self._specimen
+        moved = sp.move_walls(dt)
+        glued = sp.bonded.largest_motion(
+            self._moves, sp.state.x, sp.mesh.grain_of_node, self.field, dt
+        )
+        self.largest = max(moved, glued, sp.rigid.moved, self._moved)
 
     def kick(self, dt):
         """Half a kick at the end of the step."""
         self._kick_waits = True
         self._specimen.damped += self._specimen.rigid.kick(dt, self._specimen.damping)
-        if not self.may_wait:
+        if self.may_wait:
+            self._specimen.bonded.give_velocity(self._specimen.state.v)
+        else:
             self.finish_kick()
 
     def finish_kick(self):
@@ -85,6 +93,7 @@ class Motion(Stateful):
             return
         self._kick_waits = False
         sp, s = self._specimen, self._specimen.state
+        sp.bonded.take_velocity(s.v)
         self._specimen.damped += accelerate_and_half_kick(
             s.a, s.v, sp.f, sp.solid.mass, sp.rigid.lists.runs, s.dt, self._specimen.damping
         )

@@ -126,7 +126,7 @@ class Simulation(OfSpecimen):
             of_elements = self.check()
             if self.stable.of_elements(of_elements) < SHORTER * self.dt_element:
                 self.update_time_step(of_elements=of_elements)
-        self.motion.may_wait = not everywhere and not self.specimen.bonded.nodes.size
+        self.motion.may_wait = not everywhere
         central_difference(self.state, self.dt, self.motion.drift, self._forces, self.motion.kick)
         if everywhere:
             self.complete()

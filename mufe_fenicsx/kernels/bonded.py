@@ -1,5 +1,7 @@
 """Nodes glued to rigid planes or held on them, and stick points that turn with their plane."""
 
+import math
+
 import numba
 
 
@@ -54,6 +56,50 @@ def take_bonded(f, wall_force, wall_torque, x, node, wall, point):
         wall_torque[w, 1] += rz * fx - rx * fz
         wall_torque[w, 2] += rx * fy - ry * fx
         f[n, 0] = f[n, 1] = f[n, 2] = 0.0
+
+
+@numba.njit(cache=True)
+def squares_of_bonded(mass, velocity, node):
+    """Sum of m v² of bonded nodes [J].
+
+    Args:
+        mass: Of all nodes [kg], shape (num_nodes,).
+        velocity: Of the bonded nodes [m/s], shape (num_bonded, 3).
+        node: These, shape (num_bonded,).
+    """
+    total = 0.0
+    for k in range(node.size):
+        a, b, c = velocity[k, 0], velocity[k, 1], velocity[k, 2]
+        total += mass[node[k]] * (a * a + b * b + c * c)
+    return total
+
+
+@numba.njit(cache=True)
+def largest_of_bonded(moves, x, velocity, node, grain, field, dt):
+    """How far bonded nodes move in a step beside a field, into the largest of their grains.
+
+    Args:
+        moves, field: As of kernels.motion.
+        x: Positions after the step [m], shape (num_nodes, 3).
+        velocity: Of the bonded nodes in it [m/s], shape (num_bonded, 3).
+        node, grain: The bonded nodes and their grains, shape (num_bonded,).
+        dt: Length of the step [s].
+
+    Returns:
+        Largest distance that one moved [m].
+    """
+    largest = 0.0
+    for k in range(node.size):
+        n, square, other = node[k], 0.0, 0.0
+        for i in range(3):
+            beside = velocity[k, i] - field[0, i]
+            for j in range(3):
+                beside -= (x[n, j] - dt * velocity[k, j]) * field[1 + j, i]
+            square += velocity[k, i] * velocity[k, i]
+            other += beside * beside
+        moves[grain[k]] = max(moves[grain[k]], dt * math.sqrt(other))
+        largest = max(largest, square)
+    return dt * math.sqrt(largest)
 
 
 @numba.njit(cache=True)

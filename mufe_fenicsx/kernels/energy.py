@@ -77,3 +77,26 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
                 n = nodes[i]
                 total += node_volume0[n] * bulk[g] * _volume_energy(volume[n] / node_volume0[n])
         energy[g] = total
+
+
+@numba.njit(cache=True)
+def add_normal_stresses(total, deviator, pressure, averaged, cells, volume0, grains, cell_offset):
+    """Add Σ σ V of the elements of some grains, xx yy zz [J], to ``total``, shape (3,), in place.
+
+    Args:
+        deviator: Deviator of the Kirchhoff stress [Pa], shape (num_cells, 6).
+        pressure: Mean stress of nodes where ``averaged``, else of elements [Pa].
+        averaged: Whether an element takes the mean of its nodes.
+        cells, volume0, grains, cell_offset: As in :func:`elastic_energy`. Mean stresses act on the
+            first volumes, which are those of now but for the strain of volume.
+    """
+    for g in grains:
+        for e in range(cell_offset[g], cell_offset[g + 1]):
+            if averaged:
+                mean = 0.0
+                for i in range(4):
+                    mean += 0.25 * pressure[cells[e, i]]
+            else:
+                mean = pressure[e]
+            for i in range(3):
+                total[i] += volume0[e] * (deviator[e, i] + mean)

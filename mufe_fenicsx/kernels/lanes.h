@@ -118,4 +118,21 @@ INLINE vec logarithm(vec J) {
   return r;
 }
 
+/* J^(-2/3). Near 1 by the series of exp(-2/3 ln J), which then ends at 1e-16. */
+INLINE vec power_of_minus_two_thirds(vec J) {
+  vec y = (-2.0 / 3.0) * logarithm(J);
+  vec sum = 1.0 / 40320.0 * y + 1.0 / 5040.0;
+  sum = sum * y + 1.0 / 720.0;
+  sum = sum * y + 1.0 / 120.0;
+  sum = sum * y + 1.0 / 24.0;
+  sum = sum * y + 1.0 / 6.0;
+  sum = sum * y + 0.5;
+  vec r = (sum * y + 1.0) * y + 1.0;
+  mask near = (y < 0.07) & (y > -0.07);
+  if (any(~near))
+    for (int i = 0; i < LANES; i++)
+      if (!near[i]) r[i] = exp(y[i]);
+  return r;
+}
+
 #endif

@@ -1,4 +1,4 @@
-"""Pressure on facets that follows them, and the volume that they enclose."""
+"""What a fluid does to a surface: pressure that follows it, its volume, and drag."""
 
 import numba
 
@@ -28,6 +28,23 @@ def add_pressure(f, x, facets, pressure):
             f[a, i] -= share
             f[b, i] -= share
             f[c, i] -= share
+
+
+@numba.njit(cache=True)
+def swept_rate(x, v, facets):
+    """Rate of the volume that facets sweep outwards [m³/s], at velocities ``v`` [m/s] of all nodes.
+
+    Other arguments as of :func:`add_pressure`, to whose forces it is conjugate.
+    """
+    rate = 0.0
+    for k in range(len(facets)):
+        a, b, c = facets[k, 0], facets[k, 1], facets[k, 2]
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            area = (x[b, j] - x[a, j]) * (x[c, m] - x[a, m])
+            area -= (x[b, m] - x[a, m]) * (x[c, j] - x[a, j])
+            rate += area * (v[a, i] + v[b, i] + v[c, i]) / 6.0
+    return rate
 
 
 @numba.njit(cache=True)
@@ -62,3 +79,25 @@ def volume_beside(x, facets):
         for i in range(2):
             volume += (x[a, i] + x[b, i] + x[c, i]) * _normal(x, a, b, c, i) / 12.0
     return volume
+
+
+@numba.njit(cache=True)
+def subtract_drag(f, v, nodes, rate):
+    """Subtract the drag, ``rate`` times velocity, of some nodes from ``f``, in place.
+
+    Args:
+        f: Forces [N], shape (num_nodes, 3).
+        v: Velocities [m/s], shape (num_nodes, 3).
+        nodes: The nodes, shape (n,).
+        rate: Force over velocity of each [kg/s], shape (n,).
+
+    Returns:
+        Power that the drag takes [W].
+    """
+    power = 0.0
+    for k in range(nodes.size):
+        n = nodes[k]
+        for i in range(3):
+            f[n, i] -= rate[k] * v[n, i]
+            power += rate[k] * v[n, i] * v[n, i]
+    return power

@@ -14,7 +14,10 @@ Hughes, J. Winget, Int. J. Numer. Methods Eng. 15, 1980, 1862-1867), so that a
 rigid rotation of any size strains nothing (spins below 1e-4 turn the stress by the series of the
 rotation to its second order); then a radial return (M. L. Wilkins,
 Methods Comput. Phys. 3, 1964) as far as the plastic law says, by default that of von Mises
-with a hardening table (kernels.hardening); :func:`with_law` makes the same with another one.
+with a hardening table (kernels.hardening), or another one that the caller gives.
+
+In rubber the deviator follows from the stretch instead (kernels.neo_hooke). The gradient of the
+displacement is then that since the first places, on these; all else is the same loop.
 
 Mean stress, where ``averaged``: J of a node is the current over the first
 volume of the elements around it, and an element takes the mean of its four
@@ -91,7 +94,7 @@ class InternalForces:
         pressure: Written at each call: mean stress of nodes (of elements unless ``AVERAGED``)
             [Pa], tension positive, shape (max(num_nodes, num_cells),).
         element: ``PLAIN``, ``AVERAGED`` or ``COMPOSITE``.
-        x: First positions [m], shape (num_nodes, 3).
+        x: First positions [m], shape (num_nodes, 3), kept.
 
     Attributes:
         node_volume0: First volumes around the nodes [m³], shape (num_nodes,).
@@ -116,7 +119,9 @@ class InternalForces:
         self._pointers = Pointers(*((array, array.dtype) for array in arrays))
         self._model = self._pointers.table
         self._row, self._element = parameters.shape[1], element
-        self._addresses = Addresses(*[real] * 6, whole)
+        self._first = np.ascontiguousarray(x, real)
+        self._at_first = address(self._first)
+        self._addresses = Addresses(*[real] * 6)
         library, pointer, integer = load("tets"), ctypes.c_void_p, ctypes.c_int64
         self._volumes, self._num_grains = library.mufe_nodal_volumes, first_node.size
         self._volumes.argtypes = [pointer, pointer, pointer, integer]
@@ -126,7 +131,7 @@ class InternalForces:
         self._stiffness.argtypes = [*[pointer] * 5, integer, integer]
         self._stiffness.restype = None
         self._call = library.mufe_add_internal_forces
-        self._call.argtypes = [*[pointer] * 8, ctypes.c_double, *[integer] * 3, pointer]
+        self._call.argtypes = [*[pointer] * 8, ctypes.c_double, *[integer] * 3, *[pointer] * 2]
         self._call.restype = integer
 
     def nodal_volumes(self, volume, x):
@@ -153,7 +158,8 @@ class InternalForces:
             grains.size, self._element,
         )  # fmt: skip
 
-    def __call__(self, f, deviator, strain, work, x, v, dt, grains, increment=plastic_increment):
+    def __call__(self, f, deviator, strain, work, x, v, dt, grains, increment=plastic_increment,
+                 stretch=False):  # fmt: skip
         """One step of some grains, in place.
 
         Args:
@@ -172,14 +178,17 @@ class InternalForces:
                 shear modulus [Pa] and the material's parameters, and returns the increment dp >= 0
                 of the plastic strain. Flow keeps the volume and points along the deviator: the
                 stress goes back to q - 3 G dp.
+            stretch: Whether their deviator follows from the stretch at ``x``, as in rubber; it
+                depends on nothing else, and none flows.
 
         Returns:
             The last element whose volume is not positive, or -1.
         """
         law = None if increment is plastic_increment else _c_function(increment, self._row)
         return self._call(
-            self._model, *self._addresses(f, deviator, strain, work, x, v, grains), dt,
-            grains.size, self._row, self._element, law and law.address,
+            self._model, *self._addresses(f, deviator, strain, work, x, v),
+            address(grains, np.int64), dt, grains.size, self._row, self._element,
+            law and law.address, self._at_first if stretch else None,
         )  # fmt: skip
 
 

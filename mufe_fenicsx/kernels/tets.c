@@ -74,13 +74,14 @@ INLINE void fetch_cells(const int32_t *cells) {
   for (int i = 0; i < 2; i++) __builtin_prefetch(cells + 4 * FAR_AHEAD + 16 * i);
 }
 
-/* Elements e to e + count - 1 of the grain; the lanes beyond repeat the last one.
+/* Elements e to e + count - 1 of the grain; the lanes beyond repeat the last one. Where ``stretch``
+   the deviator follows from the displacement since the first places, kernels/neo_hooke.py.
    Returns the first that has no volume, or -1. */
-INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element) {
+INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element, int stretch) {
   const int32_t *cells = g->cells + 4 * e;
   double *stress = g->deviator + 6 * e, tail[6 * LANES];
   const double *from = stress;
-  if (count < LANES) {
+  if (count < LANES && !stretch) {
     for (int i = 0; i < LANES; i++)
       memcpy(tail + 6 * i, stress + 6 * (i < count ? i : count - 1), 6 * sizeof(double));
     from = tail;
@@ -124,7 +125,8 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element) {
   vec m2x = m2[0], m2y = m2[1], m2z = m2[2], d2x = d2[0], d2y = d2[1], d2z = d2[2];
   vec m3x = m3[0], m3y = m3[1], m3z = m3[2], d3x = d3[0], d3y = d3[1], d3z = d3[2];
 
-  /* Gradient of the displacement at the middle of the step, times six volumes. */
+  /* Gradient of the displacement at the middle of the step (where ``stretch``: that since the
+     first places, there), times six volumes. */
   vec g1x = m2y * m3z - m2z * m3y, g1y = m2z * m3x - m2x * m3z, g1z = m2x * m3y - m2y * m3x;
   vec inv = 1.0 / (m1x * g1x + m1y * g1y + m1z * g1z);
   vec g2x = m3y * m1z - m3z * m1y, g2y = m3z * m1x - m3x * m1z, g2z = m3x * m1y - m3y * m1x;
@@ -139,28 +141,43 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element) {
   vec lzz = d1z * g1z + d2z * g2z + d3z * g3z;
   vec e1z = m1z + d1z, e2z = m2z + d2z, e3z = m3z + d3z;
 
-  /* Half of the stress increment; it turns along with the stress, and the other half not. */
-  vec third = (1.0 / 3.0) * (lxx + lyy + lzz), Gi = (2.0 * g->shear) * inv, Gh = g->shear * inv;
-  vec hxx = Gi * (lxx - third), hyy = Gi * (lyy - third), hzz = Gi * (lzz - third);
-  vec hxy = Gh * (lxy + lyx), hyz = Gh * (lyz + lzy), hxz = Gh * (lxz + lzx);
+  vec sxx, syy, szz, sxy, syz, sxz, oxx, oyy, ozz, oxy, oyz, oxz;
+  if (stretch) {
+    /* dev (F F^T - 1), F - 1 = H. */
+    lxx *= inv, lxy *= inv, lxz *= inv, lyx *= inv, lyy *= inv, lyz *= inv;
+    lzx *= inv, lzy *= inv, lzz *= inv;
+    sxx = 2.0 * lxx + lxx * lxx + lxy * lxy + lxz * lxz;
+    syy = 2.0 * lyy + lyx * lyx + lyy * lyy + lyz * lyz;
+    szz = 2.0 * lzz + lzx * lzx + lzy * lzy + lzz * lzz;
+    sxy = lxy + lyx + lxx * lyx + lxy * lyy + lxz * lyz;
+    syz = lyz + lzy + lyx * lzx + lyy * lzy + lyz * lzz;
+    sxz = lxz + lzx + lxx * lzx + lxy * lzy + lxz * lzz;
+    vec third = (1.0 / 3.0) * (sxx + syy + szz);
+    sxx -= third, syy -= third, szz -= third;
+  } else {
+    /* Half of the stress increment; it turns along with the stress, and the other half not. */
+    vec third = (1.0 / 3.0) * (lxx + lyy + lzz), Gi = (2.0 * g->shear) * inv, Gh = g->shear * inv;
+    vec hxx = Gi * (lxx - third), hyy = Gi * (lyy - third), hzz = Gi * (lzz - third);
+    vec hxy = Gh * (lxy + lyx), hyz = Gh * (lyz + lzy), hxz = Gh * (lxz + lzx);
 
-  /* Half of the axial vector of the spin. */
-  vec quarter = 0.5 * inv;
-  vec qx = quarter * (lzy - lyz), qy = quarter * (lxz - lzx), qz = quarter * (lyx - lxy);
-  vec o1[4], o2[4];
+    /* Half of the axial vector of the spin. */
+    vec quarter = 0.5 * inv;
+    vec qx = quarter * (lzy - lyz), qy = quarter * (lxz - lzx), qz = quarter * (lyx - lxy);
+    vec o1[4], o2[4];
 #pragma GCC unroll 4
-  for (int j = 0; j < 4; j++) {
-    const int i = FIRST(j), k = i + SECOND;
-    o1[j] = join(*(const v4_at *)(from + 6 * i), *(const v4_at *)(from + 6 * k));
-    o2[j] = join(*(const v4_at *)(from + 6 * i + 2), *(const v4_at *)(from + 6 * k + 2));
+    for (int j = 0; j < 4; j++) {
+      const int i = FIRST(j), k = i + SECOND;
+      o1[j] = join(*(const v4_at *)(from + 6 * i), *(const v4_at *)(from + 6 * k));
+      o2[j] = join(*(const v4_at *)(from + 6 * i + 2), *(const v4_at *)(from + 6 * k + 2));
+    }
+    to_lanes(o1);
+    to_lanes(o2);
+    oxx = o1[0], oyy = o1[1], ozz = o1[2], oxy = o1[3], oyz = o2[2], oxz = o2[3];
+    sxx = oxx + hxx, syy = oyy + hyy, szz = ozz + hzz;
+    sxy = oxy + hxy, syz = oyz + hyz, sxz = oxz + hxz;
+    turn(&sxx, &syy, &szz, &sxy, &syz, &sxz, qx, qy, qz);
+    sxx += hxx, syy += hyy, szz += hzz, sxy += hxy, syz += hyz, sxz += hxz;
   }
-  to_lanes(o1);
-  to_lanes(o2);
-  vec oxx = o1[0], oyy = o1[1], ozz = o1[2], oxy = o1[3], oyz = o2[2], oxz = o2[3];
-  vec sxx = oxx + hxx, syy = oyy + hyy, szz = ozz + hzz;
-  vec sxy = oxy + hxy, syz = oyz + hyz, sxz = oxz + hxz;
-  turn(&sxx, &syy, &szz, &sxy, &syz, &sxz, qx, qy, qz);
-  sxx += hxx, syy += hyy, szz += hzz, sxy += hxy, syz += hyz, sxz += hxz;
 
   /* Volume and gradients at the end of the step. */
   vec h1x = e2y * e3z - e2z * e3y, h1y = e2z * e3x - e2x * e3z, h1z = e2x * e3y - e2y * e3x;
@@ -177,6 +194,10 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element) {
     volume0 = *(const vec_at *)(g->volume0 + e);
   else
     for (int i = 0; i < LANES; i++) volume0[i] = g->volume0[e + (i < count ? i : count - 1)];
+  if (stretch) {
+    vec scale = g->shear * power_of_minus_two_thirds(volume / volume0);
+    sxx *= scale, syy *= scale, szz *= scale, sxy *= scale, syz *= scale, sxz *= scale;
+  }
   vec mean;
   if (element == AVERAGED) {
     mean = 0.25 * m3[3];
@@ -189,7 +210,7 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element) {
 
   vec q2 = 1.5 * (sxx * sxx + syy * syy + szz * szz) + 3.0 * (sxy * sxy + syz * syz + sxz * sxz);
   const double first_yield = g->parameters[0];
-  if (isfinite(first_yield) && any(q2 > first_yield * first_yield)) {
+  if (!stretch && isfinite(first_yield) && any(q2 > first_yield * first_yield)) {
     double *strain = g->strain + e, *work = g->work + e;
     vec alpha = all(0.0), q = square_root(q2), dp = all(0.0);
     if (count == LANES)
@@ -274,14 +295,14 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element) {
   return bad;
 }
 
-INLINE int64_t elements_of(const grain_type *g, int64_t count, int element) {
+INLINE int64_t elements_of(const grain_type *g, int64_t count, int element, int stretch) {
   int64_t bad = -1, e = 0;
   for (; e + LANES <= count; e += LANES) {
-    int64_t found = batch(g, e, LANES, element);
+    int64_t found = batch(g, e, LANES, element, stretch);
     if (found >= 0) bad = found;
   }
   if (e < count) {
-    int64_t found = batch(g, e, (int)(count - e), element);
+    int64_t found = batch(g, e, (int)(count - e), element, stretch);
     if (found >= 0) bad = found;
   }
   return bad;
@@ -380,14 +401,32 @@ void mufe_nodal_volumes(const model_type *m, double *volume, const double *x, in
   }
 }
 
+/* Mean and deviator of all elements of a grain, and their forces. */
+INLINE int64_t stresses_of(const model_type *m, int64_t i, const grain_type *g, node_type *node,
+                           double *volume, int64_t element, int stretch) {
+  const int64_t count = m->cell_offset[i + 1] - m->cell_offset[i];
+  const int64_t first = m->first_node[i], num_nodes = m->num_nodes[i];
+  if (element == AVERAGED) {
+    nodal_volumes(g, count, volume, num_nodes, first);
+    nodal_pressure(g, node, volume, m->node_volume0 + first, m->pressure + first, num_nodes);
+    return elements_of(g, count, AVERAGED, stretch);
+  }
+  if (element == COMPOSITE) composite_pressure(g, count);
+  to_middle(node, num_nodes);
+  if (element == PLAIN) return elements_of(g, count, PLAIN, stretch);
+  return elements_of(g, count, COMPOSITE, stretch);
+}
+
+/* x0: first places, for grains whose deviator follows from the stretch; NULL for the others. */
 int64_t mufe_add_internal_forces(const model_type *m, double *f, double *deviator, double *strain,
                                  double *work, const double *x, const double *v,
                                  const int64_t *grains, double dt, int64_t num_grains,
-                                 int64_t num_parameters, int64_t element, law_type law) {
+                                 int64_t num_parameters, int64_t element, law_type law,
+                                 const double *x0) {
   int64_t bad = -1;
   const double half = 0.5 * dt;
   for (int64_t k = 0; k < num_grains; k++) {
-    const int64_t i = grains[k], begin = m->cell_offset[i], count = m->cell_offset[i + 1] - begin;
+    const int64_t i = grains[k], begin = m->cell_offset[i];
     const int64_t first = m->first_node[i], num_nodes = m->num_nodes[i];
     node_type *node = (node_type *)m->scratch;
     v4 *force = (v4 *)(node + num_nodes);
@@ -422,17 +461,13 @@ int64_t mufe_add_internal_forces(const model_type *m, double *f, double *deviato
                               .segments = m->segments,
                               .law = law};
     int64_t found;
-    if (element == AVERAGED) {
-      nodal_volumes(&grain, count, volume, num_nodes, first);
-      nodal_pressure(&grain, node, volume, m->node_volume0 + first, m->pressure + first, num_nodes);
-      found = elements_of(&grain, count, AVERAGED);
-    } else if (element == PLAIN) {
-      to_middle(node, num_nodes);
-      found = elements_of(&grain, count, PLAIN);
+    if (x0) {
+      const double *at = x0 + 3 * first;
+      for (int64_t n = 0; n < num_nodes; n++, at += 3)
+        node[n].d = node[n].x - (v4){at[0], at[1], at[2], 0.0};
+      found = stresses_of(m, i, &grain, node, volume, element, 1);
     } else {
-      composite_pressure(&grain, count);
-      to_middle(node, num_nodes);
-      found = elements_of(&grain, count, COMPOSITE);
+      found = stresses_of(m, i, &grain, node, volume, element, 0);
     }
     if (found >= 0) bad = begin + found;
     double *fn = f + 3 * first;

@@ -13,7 +13,8 @@ typedef double (*law_type)(double q, double mean, double alpha, double dt, doubl
                            const double *parameters);
 
 /* One node: x y z and pressure; half the displacement of this step and nothing. The positions are
-   those of the end of the step in sums of volumes, of its middle in the batches. */
+   those of the end of the step in sums of volumes, of its middle in the batches. Where the deviator
+   follows from the stretch: the displacement since the first places, and these in the batches. */
 typedef struct { v4 x, d; } node_type;
 
 typedef struct {

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from ..container import CYLINDER, container_of
+from ..kernels.energy import add_normal_stresses
 
 
 class WallMeasures:
@@ -41,6 +42,10 @@ class WallMeasures:
         """These forces [N] and the stiffness of the contacts on the walls [N/m]. Collective."""
         return self.simulation.walls.pressing(self.simulation.comm)
 
+    def carried(self, stress):
+        """What the grains carry of the stresses along the axes [Pa], shape (num_axes,)."""
+        return stress
+
     def gains(self, servo, stiffness, area):
         """Gains of the walls, as :meth:`.wall_servo.Servo.gains`."""
         return servo.gains(stiffness, area)
@@ -50,7 +55,8 @@ class WallMeasures:
 
         Args:
             speeds: Of the walls towards the sample [m/s], shape (num_walls,).
-            targets: Stress that each axis is to carry [Pa], None where that is free. Not needed.
+            targets: Gives the stress that each axis is to carry [Pa], None where that is free. Not
+                called.
         """
         self.simulation.walls.set_speeds(speeds)
 
@@ -82,12 +88,17 @@ class MembraneMeasures(WallMeasures):
         self.simulation, self.container = membrane.simulation, CYLINDER
         self.membrane, self._stiffness, self._correction = membrane, stiffness, correction
         self._mass = self.simulation.mass_of_grains()
+        self._measured, self._lengths = None, None
 
     def lengths(self):
         """Diameter of the cylinder of that volume, and distance of the platens [m]. Collective."""
-        point = self.simulation.walls.point
-        height = float(point[1, 2] - point[0, 2])
-        return np.array([math.sqrt(4.0 * self.membrane.volume() / (math.pi * height)), height])
+        measured = self.membrane.measured()
+        if measured is not self._measured:
+            point = self.simulation.walls.point
+            height = float(point[1, 2] - point[0, 2])
+            diameter = math.sqrt(4.0 * float(measured[0]) / (math.pi * height))
+            self._measured, self._lengths = measured, np.array([diameter, height])
+        return self._lengths
 
     def places(self):
         """Those of the platens, after a zero for the side [m], shape (3,)."""
@@ -99,17 +110,40 @@ class MembraneMeasures(WallMeasures):
 
     def pressing(self):
         """These forces [N], and the stiffness that each meets [N/m]. Collective."""
-        forces, stiffness = self.simulation.walls.pressing(self.simulation.comm)
-        diameter, height = self.lengths()
-        of_side = 2.0 * math.pi * height * 2.0 * self._stiffness / diameter
-        return self._with_side(forces), np.append(of_side, stiffness)
+        forces, of_walls = self.simulation.walls.pressing(self.simulation.comm)
+        diameter, height = self.lengths().tolist()
+        stiffness = np.empty(1 + of_walls.size)
+        stiffness[0] = 2.0 * math.pi * height * 2.0 * self._stiffness / diameter
+        stiffness[1:] = of_walls
+        return self._with_side(forces), stiffness
 
-    def _with_side(self, forces):
+    def _with_side(self, of_walls):
         """Of the side and the platens, the membrane's share left out where that is wanted."""
+        diameter, height = self.lengths().tolist()
+        forces = np.empty(1 + of_walls.size)
+        forces[0] = self.membrane.pressure * math.pi * diameter * height
+        forces[1:] = of_walls
         if self._correction:
-            forces = forces - self.membrane.axial_forces()
-        side = self.container.areas(self.lengths())[0]
-        return np.append(self.membrane.pressure * side, forces)
+            forces[1:] -= self.membrane.measured()[1:]
+        return forces
+
+    def carried(self, stress):
+        """Mean stress in the grains, over the volume of the sample [Pa], shape (2,). Collective.
+
+        While a sleeve closes a gap it carries the pressure of the cell alone. Inside rigid grains
+        there is no stress: across they are said to carry no more than along.
+        """
+        sim = self.simulation
+        if sim.specimen.any_rigid:
+            along = max(float(stress[1]), 0.0)
+            return np.array([min(float(stress[0]), along), along])
+        m, solid, total = sim.mesh, sim.solid, np.zeros(3)
+        add_normal_stresses(
+            total, sim.state.deviator, solid.pressure, solid.element == "averaged", m.cells,
+            solid.volume0, np.flatnonzero(m.is_of_sample), m.cell_offset,
+        )  # fmt: skip
+        total = sim.comm.allreduce(total) / -float(self.container.volume(self.lengths()))
+        return np.array([0.5 * (total[0] + total[1]), total[2]])
 
     def gains(self, servo, stiffness, area):
         """Of the platens as of walls; of the cell that which makes its pressure rise as above."""
@@ -121,9 +155,14 @@ class MembraneMeasures(WallMeasures):
         return found
 
     def lead(self, speeds, targets):
-        """Set the pressure of the cell and the speeds of the platens."""
-        if targets[0] is not None and targets[0] != self.membrane.pressure:
-            self.membrane.set_pressure(targets[0])
+        """Set the pressure of the cell and the speeds of the platens.
+
+        Where a mean stress or a ratio is kept, the pressure follows what the platens carry in the
+        mean: their single values would go through to the sample, which answers a wave later.
+        """
+        pressure = targets()[0]
+        if pressure is not None and pressure != self.membrane.pressure:
+            self.membrane.set_pressure(pressure)
         self.simulation.walls.set_speeds(speeds[1:])
 
     def row(self):

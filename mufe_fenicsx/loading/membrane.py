@@ -8,9 +8,10 @@ what a test in a triaxial cell measures through it.
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from ..errors import InputError, finite_array
-from ..kernels.pressure import volume_beside
+from ..kernels.pressure import subtract_drag, volume_beside
 from ..state import ForceTerm
 from .pressure import Pressure
 
@@ -41,16 +42,13 @@ class Drag(ForceTerm):
 
     def __init__(self, nodes, mass, rate, name="membrane_drag"):
         self.name, self._nodes = name, nodes
-        self._force_over_velocity = rate * mass[:, None]
+        self._force_over_velocity = rate * mass
         self.taken = 0.0  #: by this rank's nodes [J]
 
     def add_forces(self, f, state, dt):
         """Add the force at the velocity of the last half step. Local."""
-        if self._nodes.size:
-            v = state.v[self._nodes]
-            drag = self._force_over_velocity * v
-            f[self._nodes] -= drag
-            self.taken += dt * float(np.vdot(drag, v))
+        power = subtract_drag(f, state.v, self._nodes, self._force_over_velocity)
+        self.taken += dt * power
 
     def act_on_rigid(self, rigid, state):
         """Nothing: the body deforms. Local."""
@@ -136,22 +134,28 @@ class Membrane:
 
     def volume(self) -> float:
         """Volume inside the sleeve, between the platens [m³]. Collective."""
-        return float(self._now()[0])
+        return float(self.measured()[0])
 
     def axial_forces(self) -> np.ndarray:
         """Forces of the glued ends on the platens, compression positive [N]. Collective.
 
         Of the lower and of the upper one, shape (2,). Tests on sand take them off.
         """
-        return self._now()[1:].copy()
+        return self.measured()[1:].copy()
 
-    def _now(self):
-        """Volume [m³] and axial forces [N] of the present state, measured once. Collective."""
+    def measured(self):
+        """Volume [m³] and axial forces [N] of the present state, shape (3,). Collective.
+
+        Measured once a state: the same array until there is another one, not to be changed.
+        """
         s = self.simulation
         if self._measured_at != s.state.num_steps:
-            force = -np.einsum("wi,wi->w", s.specimen.bonded.force, s.walls.normal)
-            local = np.append(-volume_beside(s.state.x, self._inner), force[self._platens])
-            self._measured, self._measured_at = s.comm.allreduce(local), s.state.num_steps
+            # Platens are horizontal, and the normal of the lower one points up.
+            along = s.specimen.bonded.force[self._platens, 2]
+            local = np.array([-volume_beside(s.state.x, self._inner), -along[0], along[1]])
+            if s.comm.size > 1:
+                s.comm.Allreduce(MPI.IN_PLACE, local)
+            self._measured, self._measured_at = local, s.state.num_steps
         return self._measured
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, finite_array
-from ..kernels.pressure import add_pressure, enclosed_volume
+from ..kernels.pressure import add_pressure, enclosed_volume, swept_rate
 from ..mesh import GrainMesh
 from ..state import ForceTerm
 
@@ -83,10 +83,8 @@ class Pressure(ForceTerm):
         Central differences feel it from the middle of the coming step on. The volume there follows
         from its rate, the area vectors times the velocities.
         """
-        slope = np.zeros_like(state.x)
-        add_pressure(slope, state.x, self.facets, -1.0)
         volume = self._swept(state.x)
-        volume += 0.5 * state.dt * float(np.vdot(slope, state.v))
+        volume += 0.5 * state.dt * swept_rate(state.x, state.v, self.facets)
         self._potential += self._pressure * (volume - self._volume)
         self._volume = volume
         self._pressure = float(finite_array(self.name, pressure, ()))

@@ -90,7 +90,7 @@ class StagedLoading(Stateful):
         self.container = self.measures.container
         self.shearing = shearing_of(simulation, self.container, settings, program)
         self.gauges = Gauges(self.measures, self.shearing)
-        self.servo = Servo(simulation, self.container)
+        self.servo = Servo(simulation, self.measures)
         self.paces = Paces(simulation, self.container, settings, quasi_static)
         #: Motions that stages follow: number of the stage -> :class:`~.output.measured.Measured`.
         self.motions = self._read_motions()
@@ -430,6 +430,11 @@ class StagedLoading(Stateful):
                         f"asks for a stress of {target:.3g} Pa along {axes[a]}, expected q < 3 p"
                     )
 
+    def _stresses_to_carry(self):
+        """Of the axes, at what these carry in the mean [Pa]; None where that is free."""
+        means = self.gauges.mean_stress()
+        return [task.target(self._now.s, means) for task in self.tasks]
+
     # --- walls ----------------------------------------------------------------------------
 
     def _move(self):
@@ -456,6 +461,6 @@ class StagedLoading(Stateful):
         for task in self.tasks:
             if task.keeps_volume:  # goes with the others
                 velocity[list(task.walls)] = task.speeds(now.s, walls, pace, closing)
-        self.measures.lead(velocity, [task.target(now.s, stress) for task in self.tasks])
+        self.measures.lead(velocity, self._stresses_to_carry)
         speed = self.shearing.move(now.s if pace.leading else None, pace.factor, velocity)
         self._speed = max(speed, float(np.abs(self.container.closing(velocity)).max()))

@@ -8,8 +8,8 @@ never faster than it may. The first gain is that of a viscous boundary under a d
 & Kuhlemeyer 1969): waves that meet the wall do not come back, and the stress of a sample of
 length L between two such walls gets to σ* as exp(-2 t c/L), of one such wall as exp(-t c/L).
 The sample's ρ c is measured as it goes on: with the mass m, the energy U in springs and in
-elastic strain, and the stresses σj of the three axes it is that of a solid of the same stresses
-and energy, M = V Σ σj²/2U, so that
+elastic strain (of the grains, not of a membrane), and the stresses σj of the three axes it is that
+of a solid of the same stresses and energy, M = V Σ σj²/2U, so that
 
     ρ c = √(ρ M) = √( m Σ σj² / 2U ).
 
@@ -36,18 +36,34 @@ FIRST_STEPS = 32
 CHANGE = 2.0
 
 
+def energy_in_sample(simulation):
+    """Elastic energy of grains, of their contacts, and of those with walls [J]. Collective.
+
+    A sleeve, and contacts with it, yield as its rubber does: theirs is left out.
+    """
+    mesh, left_out = simulation.mesh, None
+    elastic = simulation.solid.elastic_energy(simulation.state)
+    if mesh.sleeves:
+        left_out = np.zeros(mesh.labels.size, dtype=bool)
+        left_out[mesh.num_sample_grains : mesh.first_tool] = True
+        elastic[left_out[mesh.grains]] = 0.0
+    contact, _ = simulation.contact.energy(left_out)
+    return float(simulation.comm.allreduce(np.array([elastic.sum(), contact])).sum())
+
+
 class Servo(Stateful):
     """Gains of the walls of a simulation. Collective.
 
     Args:
         simulation: :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
-        container: :class:`~mufe_fenicsx.container.Container` that its walls are.
+        measures: :class:`~.measures.WallMeasures` of what surrounds the sample.
     """
 
     STATE = {"common": ("impedance", "travel_time", "_next")}
 
-    def __init__(self, simulation, container):
-        self.simulation, self.container = simulation, container
+    def __init__(self, simulation, measures):
+        self.simulation, self.measures = simulation, measures
+        self.container = measures.container
         self.impedance = 0.0  #: ρ c [Pa s/m]; 0 before the sample carries anything
         self.travel_time = 0.0  #: of a wave through the sample along its shortest length [s]
         self._next = 0.0
@@ -63,9 +79,9 @@ class Servo(Stateful):
         t = sim.state.t
         if t < self._next:
             return
-        energies = sim.energies()
-        energy = energies["elastic"] + energies["contact"]
-        square = float((self.container.three_stresses(stress, lengths) ** 2).sum())
+        energy = energy_in_sample(sim)
+        carried = self.measures.carried(stress)
+        square = float((self.container.three_stresses(carried, lengths) ** 2).sum())
         if energy > 0.0 and square > 0.0:
             mass = sim.mass_of_grains()
             found = math.sqrt(mass * square / (2.0 * energy))

@@ -81,14 +81,17 @@ def balloon(comm, divisions=16, layers=2, stretch=1.5, t_over_R=0.05, nu=0.49):
 
 
 @case("membrane-tube", num_bodies=1)
-def membrane_tube(comm, h_over_t=1.0, layers=2, t_over_R=0.06, H_over_R=1.5, inwards=0.4):
+def membrane_tube(
+    comm, h_over_t=1.0, layers=2, t_over_R=0.06, H_over_R=1.5, inwards=0.4, ends_over_t=0.25
+):
     """A tube that two platens hold, under cell pressure, against axisymmetric elements.
 
     Pressed inwards at a part of the pressure at which it buckles, and blown up by a cell pressure
-    below that inside until its middle is about a sixth wider. Beside the platens it bends, for
-    which one layer of tetrahedra is too stiff: what that costs stands over the deflection, for
-    information. The reference has elements of second
-    order, four through the wall, and the same law (verification.axisymmetric.tube).
+    below that inside until its middle is about a sixth wider. Beside the platens it bends. Linear
+    elements of length L along shear where they bend, which stores G (κ L)²/12 at a curvature κ
+    beside E (κ t)²/12: so they are short there. What is left stands over the deflection too, for
+    information. The reference has elements of second order, four through the wall, and the same law
+    (verification.axisymmetric.tube).
 
     Args:
         comm: MPI communicator.
@@ -97,6 +100,7 @@ def membrane_tube(comm, h_over_t=1.0, layers=2, t_over_R=0.06, H_over_R=1.5, inw
         t_over_R: Thickness over inner radius.
         H_over_R: Height over inner radius.
         inwards: Pressure inwards over that of buckling, 0.92 E (t/R)² √(R t)/H.
+        ends_over_t: Length of edges along at the platens over the thickness.
     """
     R = 5e-3
     t, H = t_over_R * R, H_over_R * R
@@ -106,7 +110,7 @@ def membrane_tube(comm, h_over_t=1.0, layers=2, t_over_R=0.06, H_over_R=1.5, inw
         ("pressed inwards", inwards * buckling),
         ("blown up", -0.2 * LATEX.E * t_over_R),
     ):
-        s, membrane = _tube(comm, R, t, H, h_over_t * t, layers)
+        s, membrane = _tube(comm, R, t, H, h_over_t * t, layers, ends_over_t * t)
         _ramp(s, membrane, p, 24.0 / s.damping, 0.4)
         x0 = s.mesh.x
         inner = np.hypot(x0[:, 0], x0[:, 1]) < R + 0.5 * t / layers
@@ -117,7 +121,7 @@ def membrane_tube(comm, h_over_t=1.0, layers=2, t_over_R=0.06, H_over_R=1.5, inw
         reference = tube_under_pressure(R, t, H, LATEX, p, level * H)
         size = np.abs(reference).max()
         off = float(np.abs(found - reference).max())
-        results[f"{name}: largest difference of radii"] = compare(off / R, 0.0, 0.02, 1.0)
+        results[f"{name}: largest difference of radii"] = compare(off / R, 0.0, 0.01, 1.0)
         results[f"{name}: the same over deflection"] = compare(off / size, 0.0, math.inf, 1.0)
         results[f"{name}: deflection over radius"] = compare(size / R, 0.0, math.inf, 1.0)
         energies = s.energies()
@@ -127,9 +131,9 @@ def membrane_tube(comm, h_over_t=1.0, layers=2, t_over_R=0.06, H_over_R=1.5, inw
     return results, simulations
 
 
-def _tube(comm, R, t, H, h, layers):
+def _tube(comm, R, t, H, h, layers, at_ends):
     """A tube between platens and its membrane, with twice the damping of its breathing."""
-    body = sleeve(R, t, H, h, layers)
+    body = sleeve(R, t, H, h, layers, at_ends)
     walls = [
         Wall("bottom", np.zeros(3), UP, bonded=[1]),
         Wall("top", H * UP, -UP, bonded=[1]),
@@ -231,14 +235,21 @@ class _Sample:
         return 0.5 * (x + y), z
 
     def sleeve_force(self):
-        """Axial force in the middle third of the membrane, compression positive [N]. Collective."""
+        """Axial force in the middle third of the membrane, compression positive [N]. Collective.
+
+        Of the stress along beyond that through the sheet, which is the pressure around it: that of
+        the cell on a section that grows is no force of the rubber.
+        """
         s = self.sim
         cells = np.flatnonzero(s.mesh.grains[s.mesh.grain_of_cell] == 1)
         middle = s.mesh.x[s.mesh.cells[cells], 2].mean(axis=1) / self.height
         cells = cells[np.abs(middle - 0.5) < 1 / 6]
         corner = s.state.x[s.mesh.cells[cells]]
         volume = np.linalg.det(corner[:, 1:] - corner[:, :1]) / 6
-        along = s.solid.stress(s.state, cells)[:, 2] @ volume
+        x, y = corner.mean(axis=1)[:, :2].T
+        xx, yy, zz, xy, _, _ = s.solid.stress(s.state, cells).T
+        through = (xx * x**2 + yy * y**2 + 2.0 * xy * x * y) / (x**2 + y**2)
+        along = (zz - through) @ volume
         along, first = s.comm.allreduce(np.array([along, s.solid.volume0[cells].sum()]))
         # Mean stress times the present area, which is that of the start times J/λ.
         return -along / first * self.ring / (1.0 - self.strains()[0])
@@ -328,11 +339,10 @@ def membrane_correction(comm, pressure=100e3, strain=0.05, t_over_D=0.0188, edge
     measured = np.array(rows)
     M = LATEX.E * t
     results = {}
-    for part in (0.4, 0.7, 1.0):
+    for part in (0.2, 0.4, 0.7, 1.0):
         at = part * strain
         found, ends = (float(np.interp(at, measured[:, 0], measured[:, k])) for k in (1, 2))
         theory = membranes.membrane_correction(at, M, 2.0 * R)
-        small = part < 0.5  # where what changes at the first touch of the rims still counts
-        results[f"stress at strain {at:.3f}"] = compare(found, theory, math.inf if small else 0.05)
+        results[f"stress at strain {at:.3f}"] = compare(found, theory, 0.05)
         results[f"at the glued ends, at {at:.3f}"] = compare(ends, theory, math.inf)
     return results, [sample.sim]

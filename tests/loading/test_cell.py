@@ -79,7 +79,7 @@ def run(folder, name, comm, **options):
 
 def test_the_cell_goes_to_its_pressure_and_a_run_that_stops_goes_on(folder):
     run(folder, "whole", MPI.COMM_SELF)
-    run(folder, "parts", MPI.COMM_SELF, max_steps=900)
+    run(folder, "parts", MPI.COMM_SELF, max_steps=300)
     run(folder, "parts", MPI.COMM_SELF, resume=True)
     history = read_history(folder / "whole" / "history.csv")
     assert history["cell_pressure"][-1] == 20e3
@@ -114,6 +114,33 @@ def test_the_cell_goes_to_its_pressure_and_a_run_that_stops_goes_on(folder):
     parts = read_history(folder / "parts" / "history.csv")
     for name, values in history.items():
         np.testing.assert_array_equal(values, parts[name], err_msg=name)
+
+
+def test_mean_stress_and_ratio_are_kept_by_the_cell(tmp_path):
+    """p and eta beside a strain of z: the pressure follows what the platens carry."""
+    save_grains(tmp_path / "grains", packed_grains((2, 2, 2), h=0.7 * RADIUS))
+    stages = (
+        'z = {{ strain = 0.0002 }}\np = "20 kPa"\n'
+        '[[stage]]\nname = "ratio"\nz = {{ strain = 0.0003 }}\neta = 0.4\n'
+        '[[stage]]\nname = "path"\np = "25 kPa"\nq = "5 kPa"\n'
+    )
+    test = scene(tmp_path, SCENE.replace("z = {{ strain = 0.002 }}\n", stages))
+    run_scene(test, tmp_path / "grains", tmp_path / "run", MPI.COMM_SELF, quiet=True)
+    history = read_history(tmp_path / "run" / "history.csv")
+    side, vertical = history["stress_r"], history["stress_z"]
+    p, q = (2.0 * side + vertical) / 3.0, vertical - side
+    np.testing.assert_allclose(side, history["cell_pressure"], rtol=1e-12)
+    found = {}
+    for name in ("shear", "ratio", "path"):
+        # Eight balls ring: the last rows, of a stage that ends where means are within 5 %.
+        rows = np.flatnonzero(history["stage"] == name)[-6:]
+        found[name] = p[rows].mean(), q[rows].mean()
+    assert history["strain_z"][history["stage"] == "ratio"][-1] == pytest.approx(0.0003)
+    assert found["shear"][0] == pytest.approx(20e3, rel=0.1)
+    assert found["ratio"][1] / found["ratio"][0] == pytest.approx(0.4, rel=0.1)
+    assert found["path"] == pytest.approx((25e3, 5e3), rel=0.05)
+    # Platens that hit single balls do not go through to the cell, which never sucks.
+    assert vertical[1:].min() < 0.5 * side.min(where=side > 0.0, initial=np.inf)
 
 
 @pytest.mark.mpi

@@ -8,10 +8,13 @@ from mpi4py import MPI
 
 from mufe_fenicsx.contact.results.network import find_network
 from mufe_fenicsx.contact.walls import Wall
+from mufe_fenicsx.container import CYLINDER
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import cylinder
 from mufe_fenicsx.geometry.bodies.sleeve import sleeve
+from mufe_fenicsx.loading.measures import MembraneMeasures
 from mufe_fenicsx.loading.membrane import Membrane
+from mufe_fenicsx.loading.wall_servo import Servo
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.neo_hookean import NeoHookean
 from mufe_fenicsx.run.from_bodies import build
@@ -92,6 +95,43 @@ def test_a_rim_that_moves_along_is_in_the_potential():
     assert rim.size > 20 and abs(work) > 0
     # The midpoint rule: off by the square of a step.
     assert cell.energy(state) - before == pytest.approx(-work, rel=1e-5)
+
+
+@pytest.mark.mpi
+def test_the_servo_measures_the_grains_alone():
+    """ρ c from energy and stress of the cylinder alone: its sleeve, in a gap, stores more.
+
+    With the mean stress of a body and its energy, M = V Σσ²/2U is of the order of its moduli
+    whatever the sleeve does: here below 3 K and above E.
+    """
+    s = sample(MPI.COMM_WORLD if MPI.COMM_WORLD.size < 3 else MPI.COMM_SELF, damping=5e4)
+    s.walls.velocity[1] = 0.0
+    measures = MembraneMeasures(Membrane(s, 2, pressure=50e3), LATEX.E * T, True)
+    servo, found = Servo(s, measures), []
+    cells = np.flatnonzero(s.mesh.grains[s.mesh.grain_of_cell] == 0)
+    bulk, shear = SOFT.bulk_modulus, SOFT.shear_modulus
+    while s.state.t < 0.5e-3:
+        s.step()
+        if s.state.num_steps % 50:
+            continue
+        servo.sample(np.array([50e3, 0.0]), measures.lengths())
+        xx, yy, zz, xy, yz, xz = s.solid.stress(s.state, cells).T
+        mean = (xx + yy + zz) / 3
+        square = xx**2 + yy**2 + zz**2 + 2 * (xy**2 + yz**2 + xz**2) - 3 * mean**2
+        v = s.solid.volume0[cells]
+        energy = float(v @ (mean**2 / (2 * bulk) + square / (4 * shear)))
+        parts = np.array([v @ (xx + yy), v @ zz, energy])
+        radial, axial, energy = s.comm.allreduce(parts)
+        if energy > 0.0:
+            volume = float(CYLINDER.volume(measures.lengths()))
+            stresses = (0.5 * radial**2 + axial**2) / volume**2
+            found.append(math.sqrt(s.mass_of_grains() * stresses / (2 * energy)))
+    # Springs between cylinder and platens add 2 % to the energy; averaged pressures besides.
+    assert servo.impedance == pytest.approx(found[-1], rel=0.03)
+    energies = s.energies()
+    assert energies["elastic"] + energies["contact"] > 5.0 * energy
+    density = s.mass_of_grains() / volume
+    assert density * SOFT.E < servo.impedance**2 < density * 3 * bulk
 
 
 def test_a_checkpoint_keeps_what_is_glued_and_pressed():

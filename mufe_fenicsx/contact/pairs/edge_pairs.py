@@ -142,11 +142,14 @@ class EdgeContact:
         nodes = np.concatenate([e.ends[first], e.ends[second]], axis=1)
         return nodes, np.stack([1 - s, s, t - 1, -t], axis=1), p.normal[on], kn, kn * e.ratio[first]
 
-    def energy(self):
-        """Energy in the springs [J] and number of closed pairs. Local."""
+    def energy(self, left_out=None):
+        """Energy in the springs [J] and number of closed pairs, as of Contact.energy. Local."""
         p, e = self.pairs, self.edges
+        closed = p.closed
+        if left_out is not None:
+            closed = closed & ~(left_out[p.grain] | left_out[p.partner])
         return edge_energy(
-            p.gap, p.offset, p.recess, p.closed, p.stiffness, p.shear, p.first, e.ratio,
+            p.gap, p.offset, p.recess, closed, p.stiffness, p.shear, p.first, e.ratio,
             p.largest_depth,
         )  # fmt: skip
 

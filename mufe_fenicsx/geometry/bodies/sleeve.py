@@ -11,10 +11,17 @@ from .contact_mesh import require_positive
 
 #: Fewest edges around: the angle between two of its facets stays below that of a sharp edge.
 FEWEST = 20
+#: Growth of the distance of rings over the way from an end.
+GROWTH = 0.2
 
 
 def sleeve(
-    radius: float, thickness: float, height: float, h: float, layers: int = 1
+    radius: float,
+    thickness: float,
+    height: float,
+    h: float,
+    layers: int = 1,
+    at_ends: float | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """An upright tube on z = 0 around the z axis, of bricks of six tetrahedra each.
 
@@ -27,6 +34,7 @@ def sleeve(
         height: Along z [m].
         h: Length of edges around and along [m].
         layers: Bricks through the wall.
+        at_ends: Length of edges along at both ends [m], from where they grow to h; None: h.
 
     Returns:
         points (N, 3) [m] and positively oriented cells (M, 4).
@@ -45,7 +53,10 @@ def sleeve(
             f"element size of sleeve = {h:.3g} m, expected at most {longest:.3g} m: "
             f"{FEWEST} edges around"
         )
-    up = max(round(height / h), 1)
+    if at_ends is not None:
+        require_positive("element size at the ends of sleeve", at_ends)
+    level = _levels(height, h, h if at_ends is None else at_ends)
+    up = len(level) - 1
     n = np.array([layers, around, up])
     axes = [np.arange(k + 1) for k in n]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -53,7 +64,7 @@ def sleeve(
     round_ = math.sqrt(2 * math.pi / around / math.sin(2 * math.pi / around))
     r = round_ * (radius + thickness * grid[:, 0] / layers)
     angle = 2 * math.pi * grid[:, 1] / around
-    z = grid[:, 2] * height / up
+    z = level[grid[:, 2]]
     # The seam: angle 2π is that of 0.
     strides = np.array([(around + 1) * (up + 1), up + 1, 1])
     number = grid % [layers + 1, around, up + 1] @ strides
@@ -61,6 +72,18 @@ def sleeve(
     points = np.column_stack([r * np.cos(angle), r * np.sin(angle), z])[used]
     cells = cells.reshape(-1, 4)
     return points, positively_oriented(points, cells)
+
+
+def _levels(height, h, at_ends):
+    """Heights of rings that are ``at_ends`` apart at both ends and at most ``h`` [m] elsewhere.
+
+    Distances grow by the part ``GROWTH`` of the way from an end.
+    """
+    z = np.linspace(0.0, height, 2001)
+    size = np.minimum(h, at_ends + GROWTH * np.minimum(z, height - z))
+    rings = np.append(0.0, np.cumsum(0.5 * np.diff(z) * (1.0 / size[1:] + 1.0 / size[:-1])))
+    up = max(round(float(rings[-1])), 1)
+    return np.interp(np.arange(up + 1) * rings[-1] / up, rings, z)
 
 
 def sleeve_around(

@@ -20,6 +20,7 @@ from .hertz import hertz_cost
 from .interleaved import COPIES, ratio, turns
 from .launch import case_of, launch, row
 from .linear import linear
+from .membrane import in_membrane, membrane
 from .overhead import overhead, small
 from .scenes import prepare
 from .search import search, share_of_contact
@@ -158,10 +159,17 @@ BENCHMARKS = {
     "elements": elements,
     "overhead": overhead,
     "curved-walls": curved_walls,
+    "membrane": membrane,
 }
 #: What `mufe bench` runs without a name: the others take an hour or more.
 USUAL = ("box", "blocks", "demo", "search", "elements", "overhead", "hertz", "curved-walls")
-MEASUREMENTS = {"alone": alone, "turns": turns, "small": small, "pressed_slabs": pressed_slabs}
+MEASUREMENTS = {
+    "alone": alone,
+    "turns": turns,
+    "small": small,
+    "pressed_slabs": pressed_slabs,
+    "in_membrane": in_membrane,
+}
 
 
 def run_benchmarks(names, parameters, comm):

@@ -35,6 +35,17 @@ def test_a_sleeve_is_one_body_of_the_right_volume(layers):
     assert {tuple(row) for row in sides[0]} == {tuple(row) for row in sides[1]}
 
 
+def test_rings_of_a_sleeve_are_near_each_other_at_its_ends():
+    z = np.unique(np.round(sleeve(2.0, 0.2, 3.0, 0.4, at_ends=0.05)[0][:, 2], 12))
+    distance = np.diff(z)
+    # The first stands from 0 to one distance on the way, which grows by a fifth of it.
+    assert distance[[0, -1]] == pytest.approx([0.055, 0.055], rel=0.1)
+    np.testing.assert_allclose(distance, distance[::-1], rtol=1e-9)
+    # e^(1/5) from one to the next; a ring more or less changes all by a few per cent.
+    growth = distance[1 : len(z) // 2] / distance[: len(z) // 2 - 1]
+    assert 1.1 < growth.min() and growth.max() < 1.3 and distance.max() < 0.42
+
+
 def test_edges_that_are_too_long_are_named():
     with pytest.raises(InputError, match=r"element size of sleeve = 1 m, expected at most 0\.3"):
         sleeve(1.0, 0.1, 1.0, 1.0)
