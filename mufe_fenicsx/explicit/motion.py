@@ -19,7 +19,7 @@ class Motion(Stateful):
         specimen: :class:`~mufe_fenicsx.specimen.Specimen`.
     """
 
-    STATE = {"common": ("field",)}
+    STATE = {"common": ("field",), "largest": ("fastest",)}
 
     def __init__(self, specimen):
         self._specimen = specimen
@@ -27,6 +27,7 @@ class Motion(Stateful):
         self._kick_waits = False
         self._kick_and_drift = KickAndDrift()
         self.largest = 0.0  #: largest motion of a node or a wall in this step [m]
+        self.fastest = 0.0  #: speed of a wall or of a tool that is led, so far [m/s]
         self._moved = 0.0  # how far a deformable node moved in this step [m]
         # Of each grain, beside a field that fits all velocities; those of rigid ones stay unknown.
         self._moves = np.full(specimen.mesh.num_grains, np.inf)
@@ -62,7 +63,7 @@ class Motion(Stateful):
             self._moved = half_kick_and_drift(
                 s.x, s.u, s.v, s.a, sp.f, x0, runs, dt, damping, self.field, self._moves
             )
-        sp.lead_tools(dt)
+        self.fastest = max(self.fastest, sp.lead_tools(dt))
         sp.rigid.drift(s.x, s.u, dt, damping)
         if sp.tools.any:
             sp.tools.add_work(dt)
@@ -70,6 +71,7 @@ class Motion(Stateful):
     def move_walls(self, dt):
         """Walls go on by ``dt`` [s]."""
         moved = self._specimen.move_walls(dt)
+        self.fastest = max(self.fastest, moved / dt)
         self.largest = max(moved, self._specimen.rigid.moved, self._moved)
 
     def kick(self, dt):
