@@ -158,7 +158,7 @@ class ImplicitSimulation(OfSpecimen):
     @property
     def parts(self):
         """All that increments change, :class:`~mufe_fenicsx.state.Stateful` by name."""
-        return self.specimen.parts | {"simulation": self}
+        return self.specimen.parts | {"increments": self}
 
     def deform_all_but(self, still_rigid):
         """Nothing: there are no rigid grains. Local."""
