@@ -227,9 +227,12 @@ class Specimen(Stateful):
                 term.act_on_rigid(self.rigid, self.state)
 
     def lead_tools(self, dt):
-        """Give tools their told motion of the step of ``dt`` [s] that comes. Local."""
-        if self.tools.any:
-            self.tools.lead(self.state.t, dt)
+        """Give tools their told motion of the step of ``dt`` [s] that comes. Local.
+
+        Returns:
+            Largest speed of a place of one by that motion [m/s], a bound.
+        """
+        return self.tools.lead(self.state.t, dt) if self.tools.any else 0.0
 
     def move_walls(self, dt):
         """Walls and what is glued to them go on by ``dt`` [s]; largest motion of a wall [m]."""

@@ -266,7 +266,11 @@ class Tools(ForceTerm):
     # --- stepping -------------------------------------------------------------------------
 
     def lead(self, t, dt):
-        """Give the tools their told motion of the step from ``t`` to ``t + dt`` [s]. Local."""
+        """Give the tools their told motion of the step from ``t`` to ``t + dt`` [s]. Local.
+
+        Returns:
+            Largest speed of a place of one by that motion [m/s], a bound.
+        """
         r = self.rigid
         if self._changes(t):
             self._follow_change(t, dt)
@@ -275,7 +279,9 @@ class Tools(ForceTerm):
             self.rates[k, :3] = (self._first[0][k] + wanted[:3] - r.centre[b]) / dt
             turned = r.axes[b] @ self._first[1][k].T
             self.rates[k, 3:] = rotation_vector(rotation_of(wanted[3:]) @ turned.T) / dt
-        kernels.tell_motion(r.velocity, r.momentum, self.rows, r.told, self.rates, r.inertia)
+        return kernels.tell_motion(
+            r.velocity, r.momentum, self.rows, r.told, self.rates, r.inertia, r.followed.reach
+        )
 
     def add_work(self, dt):
         """Add half of the work of a step of ``dt`` [s] by the loads that act now. Local."""

@@ -46,10 +46,12 @@ def scene(
         text = "\n".join(explained(explain)) + "\n"
     else:
         from ..loading.measured_paths import read_motions
+        from ..run.scene_tools import read_tools
         from ..scene import load_scene, scene_to_toml
 
         loaded = load_scene(file)
         read_motions(loaded.stages, loaded.container.kind)
+        read_tools(loaded)
         text = scene_to_toml(loaded)
     if output is None:
         Printer().say(text.rstrip("\n"))

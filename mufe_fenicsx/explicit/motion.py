@@ -20,7 +20,7 @@ class Motion(Stateful):
         specimen: :class:`~mufe_fenicsx.specimen.Specimen`.
     """
 
-    STATE = {"common": ("field",)}
+    STATE = {"common": ("field",), "largest": ("fastest",), "sum": ("powers",)}
 
     def __init__(self, specimen):
         self._specimen = specimen
@@ -28,6 +28,9 @@ class Motion(Stateful):
         self._kick_waits = False
         self._kick_and_drift = KickAndDrift()
         self.largest = 0.0  #: largest motion of a node or a wall in this step [m]
+        self.fastest = 0.0  #: speed of a wall or of a tool that is led, so far [m/s]
+        #: Of the damping of deformable grains and of rigid ones at the end of the last step [W].
+        self.powers = np.zeros(2)
         self._moved = 0.0  # how far a deformable node moved in this step [m]
         # Of each grain, beside a field that fits all velocities; those of rigid ones stay unknown.
         self._moves = np.full(specimen.mesh.num_grains, np.inf)
@@ -59,12 +62,12 @@ class Motion(Stateful):
                 self._moves,
             )  # fmt: skip
             damped -= sp.bonded.damped(sp.solid.mass, s.dt, damping)
-            self._specimen.damped += damped
+            self._book(0, damped, s.dt)
         else:
             self._moved = half_kick_and_drift(
                 s.x, s.u, s.v, s.a, sp.f, x0, runs, dt, damping, self.field, self._moves
             )
-        sp.lead_tools(dt)
+        self.fastest = max(self.fastest, sp.lead_tools(dt))
         sp.rigid.drift(s.x, s.u, dt, damping)
         if sp.tools.any:
             sp.tools.add_work(dt)
@@ -73,6 +76,7 @@ class Motion(Stateful):
         """Walls go on by ``dt`` [s]."""
         sp = self._specimen
         moved = sp.move_walls(dt)
+        self.fastest = max(self.fastest, moved / dt)
         glued = sp.bonded.largest_motion(
             self._moves, sp.state.x, sp.mesh.grain_of_node, self.field, dt
         )
@@ -81,7 +85,7 @@ class Motion(Stateful):
     def kick(self, dt):
         """Half a kick at the end of the step."""
         self._kick_waits = True
-        self._specimen.damped += self._specimen.rigid.kick(dt, self._specimen.damping)
+        self._book(1, self._specimen.rigid.kick(dt, self._specimen.damping), dt)
         if self.may_wait:
             self._specimen.bonded.give_velocity(self._specimen.state.v)
         else:
@@ -94,10 +98,16 @@ class Motion(Stateful):
         self._kick_waits = False
         sp, s = self._specimen, self._specimen.state
         sp.bonded.take_velocity(s.v)
-        self._specimen.damped += accelerate_and_half_kick(
+        damped = accelerate_and_half_kick(
             s.a, s.v, sp.f, sp.solid.mass, sp.rigid.lists.runs, s.dt, self._specimen.damping
         )
+        self._book(0, damped, s.dt)
         sp.bonded.give_velocity(s.v)
+
+    def _book(self, which, damped, dt):
+        """Work of the damping in a step, a trapezium; ``damped`` has the power of its end alone."""
+        before, self.powers[which] = self.powers[which], damped / dt
+        self._specimen.damped += 0.5 * (dt * before + damped)
 
     def complete(self):
         """Bring all nodes up to date, after steps that did not."""

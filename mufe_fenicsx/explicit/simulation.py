@@ -139,6 +139,15 @@ class Simulation(OfSpecimen):
         """Kinetic energy of this rank's grains [J]. Local."""
         return self.motion.kinetic_energy()
 
+    def energy_of_touch(self):
+        """Energy of all grains seen from the fastest wall or tool so far, M v²/2 [J]. Collective.
+
+        When it meets them its blow leaves a part out of the balance: of a node of mass m on a
+        contact of stiffness k up to k (v Δt)²/8, with √(k/m) Δt below √2 at most m v²/4.
+        """
+        fastest = self.comm.allreduce(self.motion.fastest, op=MPI.MAX)
+        return 0.5 * self.mass_of_grains() * fastest**2
+
     def _forces(self, dt):
         self.motion.move_walls(dt)
         try:

@@ -75,7 +75,7 @@ class ImplicitSimulation(OfSpecimen):
         num_on_jumps: Increments that ended on a jump of the forces of contact (solvers.nonsmooth).
     """
 
-    STATE = {"common": ("dt", "dt_element")}
+    STATE = {"common": ("dt", "dt_element", "most_work")}
 
     increments = True
     scaling = None  #: increments need no added mass
@@ -121,6 +121,7 @@ class ImplicitSimulation(OfSpecimen):
         if self.walls.has_servo:
             self._held_walls = ForceControlledWalls(specimen, self.settings.first_step)
         self._last = None  # displacement of the last increment, its length, motion of its walls
+        self.most_work = 0.0  #: of an increment so far [J]
         self._unbalanced = True  # at the start there may be forces without an equilibrium
         self.end = IncrementEnd()
         self.report = []
@@ -157,7 +158,7 @@ class ImplicitSimulation(OfSpecimen):
     @property
     def parts(self):
         """All that increments change, :class:`~mufe_fenicsx.state.Stateful` by name."""
-        return self.specimen.parts | {"simulation": self}
+        return self.specimen.parts | {"increments": self}
 
     def deform_all_but(self, still_rigid):
         """Nothing: there are no rigid grains. Local."""
@@ -221,7 +222,7 @@ class ImplicitSimulation(OfSpecimen):
                 that did. On all ranks.
             UnstableError, SolverError: As of :meth:`check`.
         """
-        tries, smallest = 0, self.settings.smallest
+        tries, smallest, before = 0, self.settings.smallest, self._work()
         while True:
             dt, mark = self.end.cut(self.dt), self._mark()
             if self._increment(dt) if self._held_walls is None else self._balance(dt, mark):
@@ -248,7 +249,19 @@ class ImplicitSimulation(OfSpecimen):
             self.dt = max(self.dt, min(factor * dt, self.settings.largest))
         elif effort >= MANY:
             self.dt = max(SHORTER * dt, smallest)
+        self.most_work = max(self.most_work, abs(self._work() - before))
         self.check()
+
+    def _work(self):
+        """Work of all walls and tools [J]. Collective."""
+        return self.comm.allreduce(float(self.walls.work + self.specimen.tools.work))
+
+    def energy_of_touch(self):
+        """Largest work of an increment so far [J]: it is a trapezium. Local.
+
+        A contact that closes within an increment stores less, by at most all of its work.
+        """
+        return self.most_work
 
     def _balance(self, dt, mark):
         """One increment at whose end walls carry their targets, or move at their full speed."""

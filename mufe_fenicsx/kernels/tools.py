@@ -3,6 +3,8 @@
 Loads have six numbers: the force along x, y, z [N] and the torque about them [N m].
 """
 
+import math
+
 import numba
 
 from .rigid import set_spin
@@ -44,16 +46,26 @@ def work_of_motion(loads, rows, applied, told, velocity, momentum, spin, axes, i
 
 
 @numba.njit(cache=True)
-def tell_motion(velocity, momentum, rows, told, rates, inertia):
+def tell_motion(velocity, momentum, rows, told, rates, inertia, reach):
     """Give bodies the told part of their motion, in place.
 
     Args:
         rates: Velocities [m/s] and rates of turning [rad/s] of the tools, shape (num_tools, 6).
+        reach: Of the farthest node of each body from its centre [m].
+
+    Returns:
+        Largest |V| + |ω| reach of what is told [m/s].
     """
+    largest = 0.0
     for k in range(rows.size):
         b = rows[k]
+        along, about = 0.0, 0.0
         for i in range(3):
             if told[b, i]:
                 velocity[b, i] = rates[k, i]
+                along += rates[k, i] ** 2
             if told[b, 3 + i]:
                 momentum[b, i] = inertia[b, 0] * rates[k, 3 + i]
+                about += rates[k, 3 + i] ** 2
+        largest = max(largest, math.sqrt(along) + math.sqrt(about) * reach[b])
+    return largest

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 from mpi4py import MPI
 
-from ..bulk.tools import Tool, ToolPath
 from ..contact.separation import separate
-from ..contact.walls import Wall, rotation_of
+from ..contact.walls import Wall
 from ..container import SIDE, Bounds
 from ..errors import InputError, raise_together
 from ..explicit.simulation import Simulation
@@ -17,10 +16,8 @@ from ..geometry.tets.refine import PARTS, split
 from ..loading.measures import MembraneMeasures
 from ..loading.membrane import Membrane
 from ..mesh import create_grain_mesh, partition_grains
-from ..output.history import read_history
 from ..output.run_folder import on_first_rank
 from ..scene import load_scene
-from ..scene.tools import FREEDOMS
 
 #: Part of the radius by which grains may reach through a cylinder that the scene states.
 OUTSIDE = 1e-6
@@ -91,60 +88,6 @@ def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None, tools
     return replace(mesh, cylinder=grains.cylinder)
 
 
-def make_tools(comm, scene):
-    """The tools of a scene, made by rank 0 alone. Collective.
-
-    Args:
-        comm: MPI communicator.
-        scene: :class:`~mufe_fenicsx.scene.Scene`.
-
-    Returns:
-        List of :class:`~mufe_fenicsx.bulk.tools.Tool`.
-
-    Raises:
-        InputError: A file cannot be read, or its surface bounds no body; on all ranks.
-    """
-    return comm.bcast(on_first_rank(comm, lambda: [_tool(table) for table in scene.tools]))
-
-
-def _tool(table):
-    from ..geometry.bodies.tool_body import read_tool  # what others need not wait for
-
-    points, cells = read_tool(table.surface, table.unit, table.thickness)
-    points = points @ rotation_of(np.array(table.turned)).T + np.array(table.position)
-    return Tool(
-        table.name, points, cells, friction=table.friction,
-        friction_kinetic=table.friction_kinetic, velocity=table.velocity,
-        angular_velocity=table.angular_velocity, point=table.point,
-        path=None if table.path is None else read_path(table.path), free=table.freedoms,
-        force=table.force, torque=table.torque, density=table.density,
-    )  # fmt: skip
-
-
-def read_path(path):
-    """The motion of a tool from a CSV file: time [s], x, y, z [m], rx, ry, rz [rad].
-
-    Columns that are absent are zero.
-
-    Raises:
-        InputError: It cannot be read, has no such columns, or is no path.
-    """
-    columns = read_history(path)
-    known = ("time", *FREEDOMS)
-    wrong = [name for name in columns if name not in known]
-    if wrong or "time" not in columns:
-        raise InputError(f"{path} has columns {', '.join(columns)}, expected {', '.join(known)}")
-    time = columns["time"]
-    place = [columns.get(name, np.zeros(time.size)) for name in FREEDOMS]
-    for name, values in columns.items():
-        if values.dtype.kind not in "if":
-            raise InputError(f"{path} has a {name} that is no number, expected numbers in SI units")
-    try:
-        return ToolPath(time.astype(float), np.column_stack(place).astype(float))
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-
-
 def _together(comm, read):
     """What each rank reads; an error of one is raised by all. Collective."""
     found, message = None, None
@@ -192,12 +135,6 @@ def make_membrane(scene, simulation, bounds):
     label = simulation.mesh.labels_of_sleeves[0]
     membrane = Membrane(simulation, label, damping=settings.rate(bounds.radius))
     return MembraneMeasures(membrane, settings.E * settings.thickness, settings.correction)
-
-
-def refuse_membrane(scene, what):
-    """Raise InputError where a command cannot work with a membrane."""
-    if scene.membrane is not None:
-        raise InputError(f"[membrane] is given, expected none for {what}")
 
 
 def make_walls(scene, bounds, sleeves=()):

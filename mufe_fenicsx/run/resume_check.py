@@ -52,12 +52,23 @@ def check_origin(comm, checkpoint, identity, folder, quiet):
                 f"grains of checkpoint {checkpoint.path} are others than those given, "
                 "expected the grains that the run began with"
             )
+        elif header["tools"] != identity["tools"]:
+            message = _other_file(header["tools"], identity["tools"], checkpoint.path)
         else:
             try:
                 message = _nothing_to_do(header, identity["scene"], folder)
             except InputError as error:
                 message = str(error)
     raise_together(comm, message)
+
+
+def _other_file(then, now, path):
+    """Which file of a tool differs from that of a checkpoint at ``path``."""
+    file = next(file for file in now if now[file] != then.get(file))
+    return (
+        f"{file} is another file than that of checkpoint {path}, expected the one that the run "
+        "began with"
+    )
 
 
 def check_results(comm, checkpoint, folder, accept_loss, quiet):

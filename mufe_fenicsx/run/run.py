@@ -29,7 +29,6 @@ from .from_scene import (
     load_mesh,
     make_membrane,
     make_simulation,
-    make_tools,
     make_walls,
     separate_surfaces,
     sleeve_of,
@@ -42,6 +41,7 @@ from .resume_check import check_origin, check_results, grains_checksum, integrat
 from .retries import Recovery
 from .run_options import RunOptions
 from .run_place import RunPlace, say
+from .scene_tools import check_sizes, checksums_of_files, make_tools
 from .signals import Interruption
 from .snapshot import restore, restore_reference, snapshot
 from .time_loop import march
@@ -89,7 +89,11 @@ def run_scene(
 def _prepare(scene, grains_folder, folder, lock, started, options):
     """The test and the checkpoint that it goes on from, or None; nothing is written. Collective."""
     comm, checkpoint, quiet = lock.comm, None, options.quiet
-    identity = {"scene": scene_to_toml(scene), "grains": grains_checksum(comm, grains_folder)}
+    identity = {
+        "scene": scene_to_toml(scene),
+        "grains": grains_checksum(comm, grains_folder),
+        "tools": checksums_of_files(comm, scene),
+    }
     if options.resume:
         say(comm, lock.take(), quiet)
         on_first_rank(comm, lambda: check_inside(folder))
@@ -106,6 +110,7 @@ def _prepare(scene, grains_folder, folder, lock, started, options):
         around=sleeve_of(scene),
     )  # fmt: skip
     mesh = load(partition)
+    check_sizes(mesh, load.keywords["tools"])
     sample = mesh.labels[: mesh.num_sample_grains]
     scene.materials_of(sample, sample)
     check_mirrors(comm, make_walls(scene, find_bounds(scene, mesh)), mesh.x)

@@ -17,8 +17,10 @@ from mufe_fenicsx.output.fields import read_state
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.run.opened import open_run
 from mufe_fenicsx.run.run import run_scene
+from mufe_fenicsx.run.scene_tools import read_tools
 from mufe_fenicsx.scene import load_scene, scene_to_toml
 from tests.bodies import RADIUS, packed_grains
+from tests.ranks import on_first
 
 COMM = MPI.COMM_WORLD
 
@@ -72,15 +74,17 @@ PATH = "time,x\n0,0\n1e-6,0\n3e-6,2e-5\n"
 @pytest.fixture
 def folder(tmp_path_factory):
     """A folder that all ranks share: two layers of spheres, a plate and a path."""
-    path = COMM.bcast(tmp_path_factory.mktemp("tools") if COMM.rank == 0 else None)
-    if COMM.rank == 0:
+
+    def made():
+        path = tmp_path_factory.mktemp("tools")
         save_grains(path / "grains", packed_grains((2, 2, 2), h=0.7 * RADIUS))
         points, cells = box((5.0, 5.0, 0.5), (1, 1, 1))
         write_surface(path / "plate.stl", points, boundary_triangles(cells))
         (path / "path.csv").write_text(PATH)
         (path / "scene.toml").write_text(SCENE)
-    COMM.Barrier()
-    return path
+        return path
+
+    return on_first(COMM, made)
 
 
 def run(folder, name, comm=COMM, **options):
@@ -114,16 +118,17 @@ def test_tools_of_a_scene(folder):
     whole = run(folder, "whole")
     run(folder, "parts", max_steps=70)
     run(folder, "parts", resume=True)
-    if COMM.rank == 0:
+
+    def compared():
         run(folder, "alone", MPI.COMM_SELF)
-    COMM.Barrier()
-    # All ranks look at the files, and stop together.
-    assert contents(folder / "whole") == contents(folder / "parts")
-    for name, (one, many) in columns(folder / "alone", folder / "whole").items():
-        # Sums over ranks round in another order, and steps amplify that.
-        assert np.allclose(one, many, rtol=0, atol=1e-6 * (np.abs(one).max() or 1.0)), name
+        assert contents(folder / "whole") == contents(folder / "parts")
+        for name, (one, many) in columns(folder / "alone", folder / "whole").items():
+            # Sums over ranks round in another order, and steps amplify that.
+            assert np.allclose(one, many, rtol=0, atol=1e-6 * (np.abs(one).max() or 1.0)), name
+        look_at(folder / "whole", whole)
+
+    on_first(COMM, compared)
     assert whole["num_grains"] == 8 and [t["name"] for t in whole["tools"]] == ["pusher", "lid"]
-    look_at(folder / "whole", whole)
 
 
 def columns(*folders):
@@ -202,16 +207,14 @@ def test_paths_that_are_none(folder):
         ("time,x\n0,a\n1,1\n", "has a x that is no number"),
         ("time,x\n0,0\n0,1\n", "expected two or more that increase"),
     ):
-        if COMM.rank == 0:
-            (folder / "path.csv").write_text(text)
-        COMM.Barrier()
+        on_first(COMM, lambda text=text: (folder / "path.csv").write_text(text))
         with pytest.raises(InputError, match=message):
             run(folder, "wrong")
         COMM.Barrier()
 
 
 def test_run_json_of_a_run_without_tools_says_nothing(folder):
-    if COMM.rank == 0:
+    def alone():
         text = SCENE[: SCENE.index("[[tool]]")] + SCENE[SCENE.index("[loading]") :]
         text = text.replace("tools.lid", "# tools.lid")
         (folder / "plain.toml").write_text(text)
@@ -221,3 +224,75 @@ def test_run_json_of_a_run_without_tools_says_nothing(folder):
         )
         assert "tools" not in json.loads((folder / "plain" / "run.json").read_text())
         assert not (folder / "plain" / "tools").exists()
+
+    on_first(COMM, alone)
+
+
+@pytest.mark.mpi
+def test_a_run_goes_on_with_the_files_of_its_tools_alone(folder):
+    """Another surface or path, or one that is gone, is said in a line; the first ones do."""
+    run(folder, "out", max_steps=5)
+    for file, text, message in (
+        ("plate.stl", "solid\nendsolid\n", "surface of tool pusher is another file than that of"),
+        ("plate.stl", None, "tool pusher: .*plate.stl cannot be read"),
+        ("path.csv", PATH + "4e-6,3e-5\n", "path of tool pusher is another file than that of"),
+        ("path.csv", None, "tool pusher: .*path.csv cannot be read"),
+    ):
+        kept = on_first(COMM, (folder / file).read_bytes)
+        on_first(COMM, lambda file=file, text=text: replaced(folder / file, text))
+        with pytest.raises(InputError, match=message):
+            run(folder, "out", resume=True, max_steps=7)
+        on_first(COMM, lambda file=file, kept=kept: (folder / file).write_bytes(kept))
+    assert run(folder, "out", resume=True, max_steps=7)["num_steps"] == 7
+
+
+def replaced(path, text):
+    path.unlink()
+    if text is not None:
+        path.write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("plate.stl", "none.stl", "tool pusher: .*none.stl cannot be read .No such file"),
+        ("plate.stl", "plate.step", "plate.step, expected a file of .stl, .ply"),
+        ("plate.stl", "empty.stl", "empty.stl holds no triangle"),
+        ("plate.stl", "open.stl", "open.stl is open, expected a closed one, or a thickness"),
+        ("plate.stl", "nan.stl", "nan.stl has 1 points that are not finite, expected none"),
+        ("plate.stl", "two.stl", "two.stl has 2 parts, expected one body"),
+        ('"1 mm"', '"1 m"', "tool pusher is 5 m across, the grains 0.004 m, expected between"),
+        ('"1 mm"', '"1 um"', "tool pusher is 5e-06 m across, the grains 0.004 m, expected"),
+        ('"80 um"', '"80 m"', "tool pusher is 80 m away from the grains, expected at most 0.4 m"),
+    ],
+)
+def test_surfaces_that_are_no_tools(folder, old, new, message):
+    """One line on all ranks before anything is written, and from the check of a scene too."""
+    scene = folder / f"wrong-{COMM.rank}.toml"
+    scene.write_text(SCENE.replace(old, new, 1))
+    on_first(COMM, lambda: write_bad_surfaces(folder))
+    with pytest.raises(InputError, match=message):
+        run_scene(load_scene(scene), folder / "grains", folder / "wrong", COMM, quiet=True)
+    assert not (folder / "wrong").exists()
+    if new.endswith(("stl", "step")):
+        with pytest.raises(InputError, match=message.replace(" .No such", ".*No such")):
+            read_tools(load_scene(scene))
+
+
+def write_bad_surfaces(folder):
+    points, cells = box((5.0, 5.0, 0.5), (1, 1, 1))
+    triangles = boundary_triangles(cells)
+    (folder / "plate.step").write_text("")
+    (folder / "empty.stl").write_text("")
+    write_surface(folder / "open.stl", points, triangles[1:])
+    both = np.vstack([points, points + 9.0])
+    write_surface(folder / "two.stl", both, np.vstack([triangles, triangles + len(points)]))
+    corners = points[triangles]
+    corners[0, 0] = np.nan
+    loops = "".join(
+        "facet normal 0 0 0\nouter loop\n"
+        + "".join(f"vertex {x} {y} {z}\n" for x, y, z in corner)
+        + "endloop\nendfacet\n"
+        for corner in corners
+    )
+    (folder / "nan.stl").write_text(f"solid\n{loops}endsolid\n")

@@ -7,12 +7,15 @@ side that its normals look out of, and a copy of it, moved against them, is the 
 fold of the surface is sharper than the thickness allows, the sheet would cut itself; that is said.
 """
 
+from pathlib import Path
+
 import numpy as np
 
 from ...errors import InputError
 from ..measure import compact, positively_oriented, surface_defect
-from ..surface.given_surfaces import read_triangles, welded
+from ..surface.given_surfaces import FORMATS, read_triangles, welded
 from ..surface.remesh import oriented
+from ..surface.shells import shells
 from ..tets.fill import DELAUNAY, GMSH, fill
 
 
@@ -31,6 +34,8 @@ def read_tool(path, scale=1.0, thickness=None):
         InputError: It cannot be read; it is open and there is no thickness, or the other way round;
             it bounds no body.
     """
+    if Path(path).suffix.lower() not in FORMATS:
+        raise InputError(f"surface {path}, expected a file of {', '.join(FORMATS)}")
     points, triangles = read_triangles(path, [])
     return tool_body(points * scale, triangles, thickness, f"surface {path}")
 
@@ -46,11 +51,15 @@ def tool_body(points, triangles, thickness=None, name="surface"):
     Returns, Raises:
         As :func:`read_tool`.
     """
-    points, triangles = welded(np.asarray(points, dtype=float), triangles)
+    points = np.asarray(points, dtype=float)
+    lost = len(points) - int(np.isfinite(points).all(axis=1).sum())
+    if lost:
+        raise InputError(f"{name} has {lost} points that are not finite, expected none")
+    points, triangles = welded(points, triangles)
     a, b, c = triangles.T
     points, triangles = compact(points, triangles[(a != b) & (b != c) & (c != a)])
-    if not np.isfinite(points).all() or not len(triangles):
-        raise InputError(f"{name} has {len(triangles)} triangles, expected finite ones")
+    if not len(triangles):
+        raise InputError(f"{name} has 0 triangles with an area, expected a surface")
     if thickness is not None:
         return _sheet(points, triangles, thickness, name)
     if surface_defect(points, triangles):
@@ -60,6 +69,9 @@ def tool_body(points, triangles, thickness=None, name="surface"):
         raise InputError(f"{name} is open, expected a closed one, or a thickness beside it")
     if defect:
         raise InputError(f"{name} has {defect}, expected one that bounds a body")
+    num_bodies = int((shells(points, triangles)[1] % 2 == 0).sum())
+    if num_bodies > 1:
+        raise InputError(f"{name} has {num_bodies} parts, expected one body: a tool each")
     return _filled(points, triangles, name)
 
 
