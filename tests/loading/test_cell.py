@@ -182,6 +182,11 @@ def test_scene_is_written_as_it_is_read(folder, tmp_path):
             "keeps no volume",
         ),
         (
+            ("z = { strain = 0.002 }", 'follow = "measured.csv"'),
+            "stage[2].follow is given, expected none with [membrane]: the cell presses, and leads "
+            "no diameter",
+        ),
+        (
             ("z = { strain = 0.002 }", 'z = { strain = 0.002 }\nturn = { angle = 0.1 }'),
             "stage[2].turn is given, expected none with [membrane]",
         ),
