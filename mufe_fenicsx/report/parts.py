@@ -22,6 +22,7 @@ from mufe_fenicsx.report import (
     network,
     shearing,
     style,
+    tools,
     triaxial,
     views,
     yielding,
@@ -39,6 +40,7 @@ FIGURES = (
     (triaxial.NAME, "deviator, mean stress and volume", triaxial.draw_triaxial),
     (shearing.NAME, "shear stress, shear strain and volume", shearing.draw_shear),
     (cyclic.NAME, "cycles of loading", cyclic.draw_cycles),
+    (tools.NAME, "forces and torques on tools", tools.draw_tools),
     ("energies", "energy balance", curves.draw_energies),
     ("dissipation", "dissipation", curves.draw_dissipation),
     ("energies-of-a-grain", "energies of a grain", grains.draw_energies),
@@ -73,7 +75,7 @@ GROUPS = (
     ("force-chains", "fabric-rose", "force-distribution", "active-contacts", "contact-age"),
     ("mesh-quality", TABLES),
     ("stress-strain", "forces", "compression", triaxial.NAME, shearing.NAME, cyclic.NAME),
-    ("energies", "dissipation", "quasi-static"),
+    (tools.NAME, "energies", "dissipation", "quasi-static"),
 )
 #: Figures that show bodies in space.
 RENDERED = {"stress-3d", "chosen-grains", "force-chains", "displacement-split", animation.NAME}

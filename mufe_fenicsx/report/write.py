@@ -11,7 +11,7 @@ from mufe_fenicsx.analysis.probes import find_cells
 from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError, nearest_name
 from mufe_fenicsx.output.run_folder import reason
-from mufe_fenicsx.report import compare, cyclic, localisation, shearing, style, triaxial
+from mufe_fenicsx.report import compare, cyclic, localisation, shearing, style, tools, triaxial
 from mufe_fenicsx.report.checks import check_source, where, worst_of
 from mufe_fenicsx.report.figure import remove_listed, save, write_index
 from mufe_fenicsx.report.page import write_page
@@ -204,6 +204,8 @@ def _not_of_this_test(source):
     absent = set() if history is not None and "strain_z" in history else {triaxial.NAME}
     if history is None or shearing.shear_of(history) is None:
         absent.add(shearing.NAME)
+    if history is None or not tools.tools_of(history):
+        absent.add(tools.NAME)
     loading = source.get("loading")
     if loading is None or not find_cycles(loading["strain"], loading["stress"]):
         absent.add(cyclic.NAME)
