@@ -171,7 +171,7 @@ def _masses(scene, errors):
         return {added: errors.masses[min(known)]}
     allowed = not isinstance(scene.material, Rigid | Auto) and scene.contact.law != "kinematic"
     groups = any(isinstance(g.material, Rigid | Auto) for g in scene.materials.values())
-    if not allowed or groups or scene.solver.time_step != "assembled":
+    if not allowed or groups or scene.tools or scene.solver.time_step != "assembled":
         return none
     return errors.masses
 
@@ -212,7 +212,7 @@ def _plans(scene, sample, errors, left, keep_mesh):
             else:
                 # The speed follows what it does to the sample: k = (T/t)²/3.
                 time = max(1 / math.sqrt(3 * scene.quasi_static.kinetic), FASTEST)
-            inertia = of_loading(time)
+            inertia = of_loading(time) if course.presses else 0.0
             if of_mesh + inertia > rest * (1 + 1e-9):
                 continue
             parts = {"mesh": of_mesh, "loading": inertia, "mass": of_mass}
@@ -225,7 +225,7 @@ def _settings(scene, law, speed, mass):
     """What the plan changes: {"table.key": value}."""
     wanted = {f"contact.{key}": value for key, value in LAWS[law].items()}
     course = course_of(scene)
-    if scene.quasi_static is None:
+    if scene.quasi_static is None and course.presses:
         wanted[course.key] = float(f"{speed:.3g}")
     if mass and scene.mass_scaling is None:
         wanted["mass_scaling.added"] = mass

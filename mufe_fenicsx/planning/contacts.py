@@ -50,7 +50,10 @@ class Closing:
         s.contact.search(s.state.x, ahead=REACH * s.contact.edge)
         s.step()
         contact, pairs, points = s.contact, s.contact.pairs, s.contact.points
+        # A sleeve or a tool between the platens is no way for them to feel each other.
+        of_sample = np.arange(self.num_grains) < mesh.num_sample_grains
         on = np.isfinite(pairs.gap) & (pairs.closest >= 0)
+        on &= of_sample[points.grain_of_point[pairs.node]] & of_sample[pairs.grain]
         one, other = points.grain_of_point[pairs.node[on]], pairs.grain[on]
         steep, gap = np.abs(pairs.normal[on][:, 2]), np.maximum(pairs.gap[on], 0.0)
         nearer = np.abs(middle[one] - middle[other]) * steep
@@ -60,8 +63,10 @@ class Closing:
             _Side(one, other, steep, gap, nearer, area[pairs.node[on]],
                   2 * layer[pairs.node[on]], mass[one] * mass[other] / (mass[one] + mass[other]))
         ]  # fmt: skip
-        place = contact.ghosts.positions.array[: points.num_points, 2]
         own = points.grain_of_point
+        of_grain = of_sample[own]
+        place = contact.ghosts.positions.array[: points.num_points, 2][of_grain]
+        own, area, layer = own[of_grain], area[of_grain], layer[of_grain]
         for wall, gap, nearer in (
             (self.num_grains, bounds.high[2] - place, bounds.high[2] - middle[own]),
             (self.num_grains + 1, place - bounds.low[2], middle[own] - bounds.low[2]),

@@ -20,8 +20,15 @@ from ..loading.oedometer import LARGEST_SEATING, smooth_step
 from ..loading.quasi_static import AIM
 from ..loading.stages import SETTLED
 from ..machine.memory import peak_memory
-from ..run.from_scene import find_bounds, load_mesh, make_simulation, refuse_membrane
+from ..run.from_scene import (
+    find_bounds,
+    load_mesh,
+    make_membrane,
+    make_simulation,
+    sleeve_of,
+)
 from ..run.rebalance import PAIR_COSTS
+from ..run.scene_tools import check_sizes, make_tools
 from .contacts import Closing
 from .course import course_of, wave_speed
 
@@ -71,6 +78,7 @@ class Benchmark:
     loaded_step: float  #: the same with all pairs closed that are near [s]
     tets_step: float  #: that of the tetrahedra alone [s]
     memory: float  #: of all ranks so far [bytes]
+    of_sleeve: int = 0  #: tetrahedra of a membrane, beside those of the grains
 
 
 @dataclass(frozen=True)
@@ -102,26 +110,21 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
     Returns:
         :class:`Benchmark`, the same on all ranks.
     """
-    refuse_membrane(scene, "a plan")
     start = clock()
-    mesh = load_mesh(comm, grains_folder, scene.solver.element)
-    sample = scene.sample
-    if sample.separation:
-        separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
-    bounds, container = find_bounds(scene, mesh), scene.container.kind
-    s = make_simulation(scene, mesh, bounds)
+    s, bounds = _set_up(scene, grains_folder, comm)
+    mesh, container = s.mesh, scene.container.kind
     setup = comm.allreduce(clock() - start, op=MPI.MAX)
     closing, height = Closing(s, bounds), bounds.height  # before the platen moves
     course = course_of(scene)
-    travel = closing.travel(course.seating_speed, flow_pressure(scene.material)) / height
-    travel = travel if math.isfinite(travel) else NO_CHAIN
-    # From then on the sample carries what waves of its stiffness carry, M = ρ c².
-    density = comm.allreduce(float(s.solid.mass.sum())) / float(
-        container.volume(container.lengths_within(bounds))
-    )
-    travel += course.seating_stress / (density * wave_speed(scene) ** 2)
-    top = container.top
-    s.walls.velocity[top, 2] = -course.seating_speed
+    travel = 0.0
+    top = [wall.name for wall in s.walls.walls].index(container.walls[container.top])
+    if course.presses:
+        travel = closing.travel(course.seating_speed, flow_pressure(scene.material)) / height
+        travel = travel if math.isfinite(travel) else NO_CHAIN
+        # From then on the sample carries what waves of its stiffness carry, M = ρ c².
+        density = s.mass_of_grains() / float(container.volume(container.lengths_within(bounds)))
+        travel += course.seating_stress / (density * wave_speed(scene) ** 2)
+        s.walls.velocity[top, 2] = -course.seating_speed
     blocks = []
     while sum(blocks) < seconds or len(blocks) < 4:
         comm.Barrier()
@@ -143,8 +146,8 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
     loaded = factor * s.stable_step_within(margin)
     return Benchmark(
         num_ranks=comm.size,
-        num_grains=int(mesh.labels.size),
-        num_cells=comm.allreduce(mesh.num_cells),
+        num_grains=mesh.num_sample_grains,
+        num_cells=comm.allreduce(mesh.num_sample_cells),
         num_nodes=comm.allreduce(mesh.num_nodes),
         height=height,
         setup_s=setup,
@@ -159,7 +162,23 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
         loaded_step=min(loaded, dt),
         tets_step=of_tets,
         memory=memory,
+        of_sleeve=comm.allreduce(mesh.num_shown_cells - mesh.num_sample_cells),
     )
+
+
+def _set_up(scene, grains_folder, comm):
+    """The simulation of a scene with its tools and its membrane, and its bounds. Collective."""
+    tools, sample = make_tools(comm, scene), scene.sample
+    mesh = load_mesh(
+        comm, grains_folder, scene.solver.element, tools=tools, around=sleeve_of(scene)
+    )
+    check_sizes(mesh, tools)
+    if sample.separation:
+        separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
+    bounds = find_bounds(scene, mesh)
+    simulation = make_simulation(scene, mesh, bounds, tools=tools)
+    make_membrane(scene, simulation, bounds)
+    return simulation, bounds
 
 
 def _timed(comm, function, clock):
@@ -185,25 +204,28 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
     Args:
         scene: :class:`~mufe_fenicsx.scene.Scene`.
         measured: :class:`Benchmark` of it.
-        finer: Tetrahedra over those of the grains that were measured.
+        finer: Tetrahedra over those of the grains that were measured; those of a membrane stay.
         shorter: Length of edges over theirs: time steps go with it.
     """
     course, out, b = course_of(scene), scene.output, measured
     first, loaded = (shorter * dt for dt in (b.time_step, b.loaded_step))
     # A ramp of speed that rises smoothly from rest covers half of the way in its time.
-    seating = (b.travel + 0.5 * course.ramp) * b.height / course.seating_speed
+    seating = course.presses * (b.travel + 0.5 * course.ramp) * b.height / course.seating_speed
     seating = min(seating, LARGEST_SEATING * b.height / course.seating_speed)
     loading = loading_time(scene, b.height)
     late = max(0.0, 1 - LATE / course.strain)
     steps = seating / min(first, 1.1 * loaded), loading / loaded * (1 - late + late / SHORTER)
-    num_cells, num_nodes = finer * b.num_cells, finer * b.num_nodes
-    step_s = finer * b.step_s
+    # Of the work of a step, a membrane's tetrahedra count as those of grains.
+    before = b.num_cells + b.of_sleeve
+    num_cells = finer * b.num_cells + b.of_sleeve
+    finer = num_cells / before
+    num_nodes, step_s = finer * b.num_nodes, finer * b.step_s
     state = STATE_BYTES[0] * num_nodes + STATE_BYTES[1] * num_cells + STATE_BYTES[2] * b.num_grains
     closed = CLOSED * float(PAIR_COSTS @ b.closing)
-    unit = SEARCHES * step_s / (b.num_cells + float(PAIR_COSTS @ b.due))
+    unit = SEARCHES * step_s / (before + float(PAIR_COSTS @ b.due))
     flows = FLOWS if hasattr(scene.material, "yield_stress") else 1.0
     stepping = sum(
-        n * unit * (factor * b.num_cells + part * closed)
+        n * unit * (factor * before + part * closed)
         for n, factor, part in zip(steps, (1.0, flows), (WHILE_SEATING, 1.0), strict=True)
     )
     checkpoints = 1 + (stepping / out.checkpoint if out.checkpoint else 0)
@@ -211,7 +233,7 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
     rows = out.history * (1 + b.travel / course.strain)
     output = rows * finer * b.row_s + written / WRITING + STATE_S * (out.fields + checkpoints)
     setup = finer * b.setup_s
-    memory = MORE_MEMORY * b.memory + TET_MEMORY * (num_cells - b.num_cells)
+    memory = MORE_MEMORY * b.memory + TET_MEMORY * (num_cells - before)
     return Cost(
         num_ranks=b.num_ranks,
         num_cells=round(num_cells),
@@ -254,7 +276,7 @@ def loading_time(scene, height):
         slowness = [1 / (o.seating_speed + (o.speed - o.seating_speed) * smooth_step(s))
                     for s in parts]  # fmt: skip
         return height * (o.ramp * float(np.mean(slowness)) + (o.strain - o.ramp) / o.speed)
-    found, wait = 0.0, SETTLED * height / wave_speed(scene)
+    found, wait = 0.0, course.presses * SETTLED * height / wave_speed(scene)
     for part in course.parts:
         if part.way > 0.0 and scene.quasi_static is not None and part.stated is None:
             begin = max(part.level - part.way, 0.0)

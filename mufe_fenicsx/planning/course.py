@@ -52,6 +52,7 @@ class Course:
     seating_stress: float  #: [Pa]
     seating_speed: float  #: [m/s]
     parts: tuple  #: of :class:`Part`
+    presses: bool = True  #: whether walls load the sample; without, tools do, or nothing
 
     @property
     def level(self):
@@ -133,6 +134,9 @@ def course_of(scene):
                  stage.hold + (until or 0.0) * (not moves), slows, rate)
         )  # fmt: skip
     loaded = [part for part in parts if part.way > 0.0]
+    if not loaded and seated < 0 and scene.tools:
+        return Course("loading.speed", loading.speed, loading.ramp, 1e-6, 0.0, loading.speed,
+                      tuple(parts), presses=False)  # fmt: skip
     if not loaded:  # seating is all that there is
         level = max(seating_stress / modulus, 1e-6)
         parts = [Part(scene.stages[-1].name, level, level, None, 0.0, False)]

@@ -54,7 +54,7 @@ def present_state(scene, sample, points=None):
     masses = [mass for mass in errors.masses if mass >= added * (1 - 1e-9)]
     parts = {
         "mesh": errors.of_mesh(elements),
-        "loading": of_loading(time),
+        "loading": of_loading(time) if course.presses else 0.0,
         "mass": errors.masses[min(masses)][0] if masses else math.inf,
         "fidelity": sum(
             len(own) * errors.fidelities.get(model, math.inf) for model, own in fidelity.items()

@@ -13,10 +13,9 @@ def driver(scene, sample, errors, best):
     """Which requirement costs most: what twice its error would leave of the cost."""
     n = errors.elements_for(2 * best.parts["mesh"])
     size, _, tets = sample.mesh_for(n, contact_radius(scene.material), errors)
-    left = {
-        "the mesh at contacts": min(tets / size / (best.tets / best.size), 1.0),
-        "the time of loading": time_for(2 * best.parts["loading"]) / best.time,
-    }
+    left = {"the mesh at contacts": min(tets / size / (best.tets / best.size), 1.0)}
+    if course_of(scene).presses:
+        left["the time of loading"] = time_for(2 * best.parts["loading"]) / best.time
     name = min(left, key=left.get)
     if left[name] > 0.99:
         return "none: the coarsest mesh and the fastest loading that are known do"
@@ -84,7 +83,21 @@ def unknown(scene, errors, elements):
             "the length of edges"
         )
     course = course_of(scene)
-    if scene.loading is not None:
+    if scene.tools:
+        known.append(
+            "what the inertia of grains adds to the forces on tools: another run at half of their "
+            "speed tells; contacts with tools are as good as those between grains, but for edges "
+            "and tips that are finer than facets of the grains"
+        )
+    if scene.membrane is not None:
+        known.append(
+            "what the mesh of the membrane does to the forces: `mufe verify membrane-specimen`"
+        )
+        known.append(
+            "how far the cell presses a loose sample together, and how long that settles: 49 loose "
+            "balls took more than twice the steps that were planned"
+        )
+    if scene.loading is not None and course.presses:
         known.append(
             "strains that stresses make, and stresses that strains make: those of a linear sample "
             f"in which waves travel at {wave_speed(scene):.0f} m/s"

@@ -39,14 +39,20 @@ def lines_of_present(present, cost):
             f"{1e6 * present.size:.3g} um, {present.tets:.0f} tetrahedra a grain",
         ),
         ("contact", f"law {present.law}"),
-        (
-            "loading",
-            f"{present.speed:.3g} m/s: {present.time:.3g} times as long as a wave takes through "
-            "the sample",
-        ),
+        ("loading", _loading(present)),
         *_of_cost(cost),
     ]
     return _written(rows, present.unknown)
+
+
+def _loading(present):
+    """How fast walls load the sample, as long as a wave takes; of tools nothing is known."""
+    if math.isinf(present.time):
+        return "by tools, at the speeds that the scene gives them"
+    return (
+        f"{present.speed:.3g} m/s: {present.time:.3g} times as long as a wave takes through the "
+        "sample"
+    )
 
 
 def _of_errors(found):

@@ -137,12 +137,6 @@ def make_membrane(scene, simulation, bounds):
     return MembraneMeasures(membrane, settings.E * settings.thickness, settings.correction)
 
 
-def refuse_membrane(scene, what):
-    """Raise InputError where a command cannot work with a membrane."""
-    if scene.membrane is not None:
-        raise InputError(f"[membrane] is given, expected none for {what}")
-
-
 def make_walls(scene, bounds, sleeves=()):
     """The walls of a scene, list of :class:`~mufe_fenicsx.contact.walls.Wall`.
 

@@ -1,0 +1,99 @@
+"""Plans of tests that tools load or that have a membrane: their cost, and what is not known."""
+
+from dataclasses import replace
+
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.geometry.bodies.shapes import box
+from mufe_fenicsx.geometry.grains import save_grains
+from mufe_fenicsx.geometry.measure import boundary_triangles
+from mufe_fenicsx.geometry.tets.foreign import write_surface
+from mufe_fenicsx.planning.cost import Benchmark, predict
+from mufe_fenicsx.planning.course import course_of
+from mufe_fenicsx.planning.run import make_plan, present
+from mufe_fenicsx.run.run import run_scene
+from mufe_fenicsx.scene import load_scene
+from mufe_fenicsx.synthetic.starter_scenes import write_new_scene
+from tests.bodies import RADIUS, packed_grains
+
+COMM = MPI.COMM_SELF
+SCENE = """
+[material]
+model = "elastic"
+E = "100 GPa"
+nu = 0.15
+rho = 2650
+
+[contact]
+friction = 0.4
+
+[[tool]]
+name = "press"
+surface = "plate.stl"
+unit = "1 mm"
+position = ["-0.5 mm", "-0.5 mm", "4.001 mm"]
+velocity = [0, 0, "-2 m/s"]
+
+[loading]
+speed = "1 m/s"
+
+[[stage]]
+name = "press"
+until = { time = "8 us" }
+
+[[stage]]
+name = "on"
+until = { time = "6 us" }
+hold = "2 us"
+
+[output]
+fields = 3
+history = 11
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("plan")
+    save_grains(path / "grains", packed_grains((2, 2, 2), h=0.7 * RADIUS))
+    points, cells = box((5.0, 5.0, 0.5), (1, 1, 1))
+    write_surface(path / "plate.stl", points, boundary_triangles(cells))
+    (path / "scene.toml").write_text(SCENE)
+    return path
+
+
+def test_a_test_that_tools_load_takes_the_time_of_its_stages(folder):
+    """16 us in steps of the benchmark; no platen seats it, and its speed is the user's."""
+    scene = load_scene(folder / "scene.toml")
+    found, cost = present(scene, folder / "grains", COMM)
+    assert not course_of(scene).presses and found.parts["loading"] == 0.0
+    assert any("forces on tools" in line for line in found.unknown)
+    assert cost.num_steps == pytest.approx(16e-6 / cost.time_step, abs=2)
+    made, _ = make_plan(scene, folder / "grains", COMM, 0.6, measure=False)
+    assert not {"loading.speed", "mass_scaling.added"} & made.settings.keys()
+    result = run_scene(scene, folder / "grains", folder / "out", COMM, quiet=True)
+    assert result["finished"] and result["num_cells"] == cost.num_cells
+    # Contacts that close under the press shorten its steps, others are longer.
+    assert 0.7 < cost.num_steps / result["num_steps"] < 1.4
+
+
+def test_a_membrane_costs_tetrahedra_and_steps_of_its_own(tmp_path):
+    write_new_scene("triaxial", tmp_path / "round", membrane=True)
+    scene = load_scene(tmp_path / "round" / "scene.toml")
+    found, cost = present(scene, tmp_path / "round" / "grains", COMM)
+    assert course_of(scene).presses and any("membrane" in line for line in found.unknown)
+    grains = 49 * found.tets
+    assert 0.05 < cost.num_cells / grains - 1 < 1.0, "a sleeve of some thousand tetrahedra"
+
+
+def test_finer_grains_leave_the_membrane_as_it_is(folder):
+    b = Benchmark(
+        1, 8, 8000, 3000, 1e-3, 2.0, 1e-3, (0, 0), (0.0, 0.0), 0.0, 0.0, 1e-9, 1e-9, 1e-9, 4e8,
+        of_sleeve=2000,
+    )  # fmt: skip
+    scene = load_scene(folder / "scene.toml")
+    once, finer = predict(scene, b), predict(scene, b, finer=2.0)
+    assert (once.num_cells, finer.num_cells) == (10000, 18000)
+    alone = predict(scene, replace(b, num_cells=10000, of_sleeve=0), finer=1.8)
+    assert finer == alone
