@@ -111,17 +111,8 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
         :class:`Benchmark`, the same on all ranks.
     """
     start = clock()
-    tools = make_tools(comm, scene)
-    mesh = load_mesh(
-        comm, grains_folder, scene.solver.element, tools=tools, around=sleeve_of(scene)
-    )
-    check_sizes(mesh, tools)
-    sample = scene.sample
-    if sample.separation:
-        separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
-    bounds, container = find_bounds(scene, mesh), scene.container.kind
-    s = make_simulation(scene, mesh, bounds, tools=tools)
-    make_membrane(scene, s, bounds)
+    s, bounds = _set_up(scene, grains_folder, comm)
+    mesh, container = s.mesh, scene.container.kind
     setup = comm.allreduce(clock() - start, op=MPI.MAX)
     closing, height = Closing(s, bounds), bounds.height  # before the platen moves
     course = course_of(scene)
@@ -173,6 +164,21 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
         memory=memory,
         of_sleeve=comm.allreduce(mesh.num_shown_cells - mesh.num_sample_cells),
     )
+
+
+def _set_up(scene, grains_folder, comm):
+    """The simulation of a scene with its tools and its membrane, and its bounds. Collective."""
+    tools, sample = make_tools(comm, scene), scene.sample
+    mesh = load_mesh(
+        comm, grains_folder, scene.solver.element, tools=tools, around=sleeve_of(scene)
+    )
+    check_sizes(mesh, tools)
+    if sample.separation:
+        separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)
+    bounds = find_bounds(scene, mesh)
+    simulation = make_simulation(scene, mesh, bounds, tools=tools)
+    make_membrane(scene, simulation, bounds)
+    return simulation, bounds
 
 
 def _timed(comm, function, clock):

@@ -16,6 +16,7 @@ from . import (
     slivers,
     speed,
     time_step,
+    touch,
     tunnelling,
     unequal,
 )
@@ -31,6 +32,7 @@ STABILITY = by_name(
     incompressible.incompressible,
     plastic.plastic_flow,
     inversion.inversion,
+    touch.first_touch,
     tunnelling.fast_impact,
     unequal.unequal_size,
     resting.resting,
