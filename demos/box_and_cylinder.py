@@ -183,6 +183,7 @@ def numbers_of(folder, shape):
         area = history["length_x"] * history["length_y"]
     else:
         area = np.pi / 4 * history["diameter"] ** 2
+    lateral, side_area = at_the_sides(folder)
     return {
         "grains": int(grains.num_grains),
         "solid_fraction": float(np.sum(grains.volumes) / (area * history["height"]).mean()),
@@ -191,7 +192,24 @@ def numbers_of(folder, shape):
         "M": tangent(strain, vertical),
         "kinetic": float((history["kinetic"] / history["elastic"]).max()),
         "unbalanced": float(apart / force),
+        "lateral_inside": lateral,
+        "side_area": side_area,
     }
+
+
+def at_the_sides(folder):
+    """Mean lateral over vertical strain of grains, and contact area [m²] of the sides at the end.
+
+    Where sides give way, as rough or ill-fitting ones do, grains move outward: a negative ratio.
+    """
+    done = mufe.open_run(folder)
+    table = done.localisation()
+    table = table[np.isfinite(table["strain_deviator"])]
+    mean = table[["strain_xx", "strain_yy", "strain_zz"]].mul(table["cell_volume"], axis=0).sum()
+    contacts = done.contacts()
+    side = contacts["wall"].astype(str).str.match("side|x_|y_")
+    ratio = 0.5 * (mean["strain_xx"] + mean["strain_yy"]) / mean["strain_zz"]
+    return float(ratio), float(contacts["area"][side].sum())
 
 
 def compare(rows):
