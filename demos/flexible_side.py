@@ -132,7 +132,15 @@ def numbers_of(folder):
     top = int(np.argmax(line))
     _, found = strains_of(folder)
     band = found.band
+    history = mufe.open_run(folder).history
+    start = history[history["stage"] == "isotropic"].iloc[-1]
+    marks = np.arange(0.01, at[-1], 0.01)
     return {
+        "ratio": dict(zip((f"{m:.2f}" for m in marks),
+                          smooth(strain, ratio, marks).round(3).tolist(), strict=True)),
+        "contacts": float(start["num_active_contacts"]),
+        "void_ratio_inside": found.void_ratio[0],
+        "lost_diameter": float(1 - start["diameter"] / history["diameter"].iloc[0]),
         "peak": float(line[top]), "peak_strain": float(at[top]), "end": float(line[-1]),
         "volume": float(volume[-1]), "spread": found.spread, "is_band": bool(found.is_band),
         "share": band.share, "contrast": band.contrast, "inclination": band.inclination,
@@ -180,7 +188,7 @@ def draw_grains(figure, axis, folder, limit):
     axis.add_collection(grains)
     half = 0.55e3 * np.ptp(centre, axis=0) + 0.1
     axis.set(xlim=(-half[0], half[0]), ylim=(-half[2], half[2]), aspect="equal",
-             xlabel="across [mm]", ylabel="z [mm]")  # fmt: skip
+             xlabel=f"{folder.name}: across [mm]", ylabel="z [mm]")  # fmt: skip
     figure.colorbar(grains, ax=axis, label=r"$\varepsilon_q$ [%]", shrink=0.7)
 
 
@@ -197,7 +205,6 @@ def draw(folder, path):
         axes[1].set(xlabel="axial strain [%]", ylabel="dilation [%]")
         for axis, side in zip(axes[2:], SIDES, strict=True):
             draw_grains(figure, axis, folder / side, 200 * STRAIN)
-            axis.set_title(side, loc="right")
         for k, axis in enumerate(axes):
             panel_letter(axis, k)
         figure.savefig(path, dpi=150)
