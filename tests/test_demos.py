@@ -240,3 +240,44 @@ def test_a_picture_of_the_gallery(tmp_path):
         assert picture.mode == "P" and picture.width == demo.WIDTHS[0]
         assert picture.convert("RGB").getpixel((2, 2)) == (255, 255, 255)
     assert 5_000 < sizes["cut"] <= demo.LARGEST
+
+
+def test_box_and_cylinder_read_straight_lines():
+    """K0 = 0.4 and M = 20 MPa come out; means, scatter and ratio are those of three values each."""
+    demo = import_demo("box_and_cylinder")
+    stress = np.linspace(10e3, 150e3, 300)
+    # Round-off of a least-squares line.
+    assert demo.lateral_ratio(stress, 0.4 * stress) == pytest.approx(0.4, rel=1e-9)
+    assert demo.tangent(stress / 20e6, stress) == pytest.approx(20e6, rel=1e-9)
+    values = {"box": (0.40, 0.42, 0.44), "cylinder": (0.42, 0.44, 0.46)}
+    rows = {shape: [{"K0": v, "M": 1e8 * v} for v in values[shape]] for shape in demo.SHAPES}
+    found = demo.compare(rows)
+    assert found["K0"]["ratio"] == pytest.approx(0.44 / 0.42)
+    assert found["M"]["scatter"]["box"] == pytest.approx(2e6)  # of 0.40, 0.42, 0.44
+    error = 0.44 / 0.42 * 0.02 * np.sqrt((1 / 0.42**2 + 1 / 0.44**2) / 3)
+    assert found["K0"]["error"] == pytest.approx(error)
+
+
+@pytest.mark.parametrize("shape", ["box", "cylinder"])
+def test_box_and_cylinder_have_one_section(shape, tmp_path):
+    """Out of a block with one pore: both have the volume of the box, to the voxels at the rim."""
+    demo = import_demo("box_and_cylinder")
+    whole = np.ones((120, 130, 130), dtype=np.int32)
+    whole[60, 65, 65] = 0
+    demo.write_labels(tmp_path / "labels.tif", whole, demo.VOXEL)
+    assert demo.cut(tmp_path, shape, tmp_path / "cut.tif") == 1
+    labels, _ = demo.read_labels(tmp_path / "cut.tif")
+    volume = np.count_nonzero(labels) * demo.VOXEL**3
+    # The circle crosses 480 voxels of a layer's 11 450; their errors have both signs.
+    assert volume == pytest.approx(demo.EDGE**3, rel=2e-3)
+
+
+def test_the_sides_of_a_triaxial_test_are_compared_up_to_the_peak():
+    """q 2 % apart up to the peak, and 50 % beyond it."""
+    demo = import_demo("flexible_side")
+    strain = np.linspace(0, 0.1, 2001)
+    wall = np.minimum(strain, 0.04) - 0.5 * np.maximum(strain - 0.04, 0)
+    membrane = np.where(strain <= 0.045, 1.02, 0.5) * wall
+    largest, mean = demo.difference((strain, wall), (strain, membrane))
+    # Means over a window leave straight lines as they are.
+    assert largest == pytest.approx(0.02, abs=1e-9) and mean == pytest.approx(0.02, abs=1e-9)
