@@ -7,7 +7,7 @@ import numpy as np
 
 from ...contact.walls import Wall
 from ...explicit.simulation import Simulation
-from ...geometry.bodies.shapes import box, tetrahedron
+from ...geometry.bodies.shapes import box, cylinder, tetrahedron
 from ...materials.elastic import Elastic
 from ...materials.j2 import J2
 from ...run.from_bodies import build, distribute, drive
@@ -30,6 +30,7 @@ from .limits import (
     message_of,
     pressed_block,
     set_step,
+    settle,
     steps_to_notice,
     tangent_stiffness,
 )
@@ -60,8 +61,28 @@ def flattened_block(comm, strain=0.5, divisions=3):
     return s
 
 
+def pressed_cylinder(comm, strain=1e-3, friction=1.0):
+    """A cylinder at rest between platens, which press it out against a ring; it sticks to all."""
+    material, radius, up = Elastic(E, 0.3, RHO), 0.5 * SIZE, np.eye(3)[2]
+    walls = [
+        Wall("bottom", np.zeros(3), up, friction),
+        Wall("top", SIZE * up, -up, friction),
+        Wall("ring", np.zeros(3), up, friction, radius=radius),
+    ]
+    s = build(
+        comm, [cylinder(radius, SIZE, 0.4 * SIZE)], material, [-radius, -radius, 0.0],
+        [radius, radius, SIZE], axes="", walls=walls, element="p1",
+        damping=math.pi * material.wave_speed / SIZE,
+    )  # fmt: skip
+    drive(s, {"top": (0.0, 0.0, -strain * SIZE)}, 4 * SIZE / material.wave_speed)
+    settle(s, 1e-18)
+    s.damping, s.refresh.steps = 0.0, NEVER
+    s.state.v[:] = 0.0
+    return s
+
+
 def time_step_map(comm, factors=(), trials=14):
-    """Limits of three bodies, and growth at ``factors`` times 2/ω.
+    """Limits of five bodies, and growth at ``factors`` times 2/ω.
 
     Returns:
         By name: exact 2/ω [s] with the springs and stresses that there are, the same of a body
@@ -73,11 +94,12 @@ def time_step_map(comm, factors=(), trials=14):
         "free, p1": free_block(comm),
         "free, averaged": free_block(comm, "averaged"),
         "in contact": pressed_block(comm),
+        "in contact with a ring": pressed_cylinder(comm),
         "flattened": flattened_block(comm),
     }
     found = {}
     for name, s in bodies.items():
-        contact = name == "in contact"
+        contact = name.startswith("in contact")
         K = dense_stiffness(s, springs=contact)
         unstressed = 2.0 / fastest_mode(s, K)[0]
         omega, mode = fastest_mode(s, tangent_stiffness(s) if name == "flattened" else K)
