@@ -40,7 +40,7 @@ def draw(folder, history, figure):
 
 @pytest.fixture(scope="module")
 def sources(tmp_path_factory):
-    """A test that lacks nothing, dynamic at first, and two by stages; one of them shears."""
+    """A test that lacks nothing, dynamic at first, and two by stages; one shears, with a tool."""
     names = "whole", "staged", "sheared"
     whole, staged, sheared = (tmp_path_factory.mktemp(name) for name in names)
     history = write_whole_run(whole, n=2)
@@ -49,6 +49,8 @@ def sources(tmp_path_factory):
     write_staged_run(staged, staged_history(), [0, 0, 0])
     history_of_shear = staged_history()
     shear = {"gamma_xz": history_of_shear["strain"], "shear_xz": 0.3 * history_of_shear["stress"]}
+    of_tool = [f"{what}_blade_{axis}" for what in ("turn", "force", "torque") for axis in "xyz"]
+    shear |= {name: 1e-3 * history_of_shear["strain"] for name in of_tool}
     columns = (*COLUMNS, *STAGED, *shear)
     write_staged_run(sheared, history_of_shear | shear, [0, 0, 0], columns=columns)
     return Source(whole), Source(staged), Source(sheared)
