@@ -71,10 +71,11 @@ class MembraneMeasures(WallMeasures):
     The cell is a wall without inertia: its pressure is what it is to be. It rises as fast as the
     diameter may shrink, by the speed v,
 
-        dp/dt = (ρ c² + 2 E t/D) v/D,
+        dp/dt = (φ ρ c² + 2 E t/D) v/D,
 
-    with the stiffness ρ c² of the sample that the servo measures (wall_servo), and that of the
-    sleeve as a ring, which is all there is before it meets the grains.
+    with the stiffness ρ c² of the sample and the part φ of the pressure that its grains carry, which
+    the servo measures (wall_servo), and the stiffness of the sleeve as a ring: all there is before
+    it meets the grains.
 
     Args:
         membrane: :class:`~.membrane.Membrane`.
@@ -150,7 +151,8 @@ class MembraneMeasures(WallMeasures):
         found = servo.gains(stiffness, area)
         lengths = self.lengths()
         density = self._mass / float(self.container.volume(lengths))
-        modulus = servo.impedance**2 / density + 2.0 * self._stiffness / lengths[0]
+        modulus = servo.share * servo.impedance**2 / density
+        modulus += 2.0 * self._stiffness / lengths[0]
         found[0] = 0.5 * lengths[0] / (modulus * self.simulation.dt)
         return found
 

@@ -32,7 +32,8 @@ from ..state import Stateful
 SAMPLES = 8
 #: Steps between two of them before there is one.
 FIRST_STEPS = 32
-#: Largest change of ρ c from one to the next.
+#: Largest change of ρ c from one to the next, and of the time between two; ρ c may change as much as
+#: the stresses have grown: what a sample shows that carries next to nothing says little.
 CHANGE = 2.0
 
 
@@ -59,14 +60,18 @@ class Servo(Stateful):
         measures: :class:`~.measures.WallMeasures` of what surrounds the sample.
     """
 
-    STATE = {"common": ("impedance", "travel_time", "_next")}
+    STATE = {"common": ("impedance", "travel_time", "share", "_next", "_interval", "_carried")}
 
     def __init__(self, simulation, measures):
         self.simulation, self.measures = simulation, measures
         self.container = measures.container
         self.impedance = 0.0  #: ρ c [Pa s/m]; 0 before the sample carries anything
         self.travel_time = 0.0  #: of a wave through the sample along its shortest length [s]
-        self._next = 0.0
+        #: Part of the stress of the side that the grains carry, from 0 to 1: not all of it where a
+        #: membrane closes a gap.
+        self.share = 0.0
+        self._next, self._interval = 0.0, 0.0  # next sample, and time since the last one [s]
+        self._carried = 0.0  # largest root of Σ σj² so far [Pa]
 
     def sample(self, stress, lengths):
         """Measure ρ c where that is due. Collective.
@@ -82,17 +87,20 @@ class Servo(Stateful):
         energy = energy_in_sample(sim)
         carried = self.measures.carried(stress)
         square = float((self.container.three_stresses(carried, lengths) ** 2).sum())
+        interval = FIRST_STEPS * sim.dt
+        self.share = min(max(float(carried[0] / stress[0]), 0.0), 1.0) if stress[0] > 0.0 else 0.0
         if energy > 0.0 and square > 0.0:
-            mass = sim.mass_of_grains()
-            found = math.sqrt(mass * square / (2.0 * energy))
+            mass, now = sim.mass_of_grains(), math.sqrt(square)
+            found = now * math.sqrt(mass / (2.0 * energy))
             before = self.impedance or found
-            self.impedance = min(max(found, before / CHANGE), before * CHANGE)
+            change = max(CHANGE, now / self._carried) if self._carried > 0.0 else math.inf
+            self.impedance = min(max(found, before / change), before * change)
+            self._carried = max(self._carried, now)
             density = mass / float(self.container.volume(lengths))
             shortest = self.container.shortest(lengths)
             self.travel_time = shortest * density / self.impedance
-            self._next = t + max(self.travel_time / SAMPLES, FIRST_STEPS * sim.dt)
-        else:
-            self._next = t + FIRST_STEPS * sim.dt
+            interval = max(interval, min(self.travel_time / SAMPLES, CHANGE * self._interval))
+        self._next, self._interval = t + interval, interval
 
     def gains(self, stiffness, area):
         """Speed over lack of stress of each wall [m/(s Pa)], (num_walls,); inf where it is free.

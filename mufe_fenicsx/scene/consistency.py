@@ -14,9 +14,11 @@ def check(scene):
     _check_test(scene)
     _check_groups(scene)
     by_materials(scene.contact.pairs, scene.materials)
-    _check_container(scene)
     if scene.membrane is not None:
         _check_membrane(scene)
+    _check_container(scene)
+    if scene.tools:
+        _check_tools(scene)
     check_stages(scene)
     if scene.mass_scaling is not None:
         _check_mass_scaling(scene)
@@ -30,8 +32,6 @@ def check(scene):
     _check_mirrors(scene)
     _check_rigid(scene)
     _check_walls(scene)
-    if scene.tools:
-        _check_tools(scene)
 
 
 def _check_test(scene):
