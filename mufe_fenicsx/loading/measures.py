@@ -73,9 +73,9 @@ class MembraneMeasures(WallMeasures):
 
         dp/dt = (φ ρ c² + 2 E t/D) v/D,
 
-    with the stiffness ρ c² of the sample and the part φ of the pressure that its grains carry, which
-    the servo measures (wall_servo), and the stiffness of the sleeve as a ring: all there is before
-    it meets the grains.
+    with the stiffness ρ c² of the sample and the part φ of the pressure that its grains carry,
+    which the servo measures (wall_servo), and the stiffness of the sleeve as a ring: all there is
+    before it meets the grains.
 
     Args:
         membrane: :class:`~.membrane.Membrane`.

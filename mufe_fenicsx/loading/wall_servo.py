@@ -32,8 +32,8 @@ from ..state import Stateful
 SAMPLES = 8
 #: Steps between two of them before there is one.
 FIRST_STEPS = 32
-#: Largest change of ρ c from one to the next, and of the time between two; ρ c may change as much as
-#: the stresses have grown: what a sample shows that carries next to nothing says little.
+#: Largest change of ρ c from one to the next, and of the time between two. ρ c may change as much
+#: as the stresses have grown: a sample that carries next to nothing says little.
 CHANGE = 2.0
 
 

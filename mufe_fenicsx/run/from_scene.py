@@ -118,6 +118,11 @@ def sleeve_of(scene):
         low, high = _extent(comm, points)
         settings = scene.membrane
         centre, radius = _cylinder(scene, comm, points, cut)
+        if settings.thickness > 0.5 * radius:
+            raise InputError(
+                f"membrane.thickness = {settings.thickness:.3g} m, expected at most half of the "
+                f"sample's radius, {0.5 * radius:.3g} m"
+            )
         found, cells = sleeve_around(
             radius + settings.room, settings.thickness, high[2] - low[2], settings.edge(radius),
             settings.layers,

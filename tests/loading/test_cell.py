@@ -143,6 +143,14 @@ def test_mean_stress_and_ratio_are_kept_by_the_cell(tmp_path):
     assert vertical[1:].min() < 0.5 * side.min(where=side > 0.0, initial=np.inf)
 
 
+def test_a_sleeve_as_thick_as_the_sample_is_refused(folder, tmp_path):
+    text = SCENE.replace('thickness = "0.2 mm"', 'thickness = "20 mm"')
+    test = scene(tmp_path, text)
+    with pytest.raises(InputError, match=r"membrane.thickness = 0.02 m, expected at most half"):
+        run_scene(test, folder / "grains", tmp_path / "run", MPI.COMM_SELF, quiet=True)
+    assert not (tmp_path / "run").exists()
+
+
 @pytest.mark.mpi
 def test_ranks_agree(folder):
     comm = MPI.COMM_WORLD

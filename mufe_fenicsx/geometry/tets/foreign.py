@@ -119,7 +119,7 @@ def read_foreign(path, what="mesh", expected="a format of meshio"):
         ) from error
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{what} {path} cannot be read: {reason}") from error
+        raise InputError(f"{what} {path} cannot be read ({reason}), expected {expected}") from error
 
 
 @contextlib.contextmanager
