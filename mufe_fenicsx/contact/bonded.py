@@ -168,5 +168,4 @@ class Bonded(ForceTerm):
         """
         if not self.nodes.size:
             return 0.0
-        grain = grain_of_node[self.nodes]
-        return largest_of_bonded(moves, x, self.velocity, self.nodes, grain, field, dt)
+        return largest_of_bonded(moves, x, self.velocity, self.nodes, grain_of_node, field, dt)

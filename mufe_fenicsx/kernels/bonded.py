@@ -75,14 +75,15 @@ def squares_of_bonded(mass, velocity, node):
 
 
 @numba.njit(cache=True)
-def largest_of_bonded(moves, x, velocity, node, grain, field, dt):
+def largest_of_bonded(moves, x, velocity, node, grain_of_node, field, dt):
     """How far bonded nodes move in a step beside a field, into the largest of their grains.
 
     Args:
         moves, field: As of kernels.motion.
         x: Positions after the step [m], shape (num_nodes, 3).
         velocity: Of the bonded nodes in it [m/s], shape (num_bonded, 3).
-        node, grain: The bonded nodes and their grains, shape (num_bonded,).
+        node: The bonded nodes, shape (num_bonded,).
+        grain_of_node: Of all nodes, shape (num_nodes,).
         dt: Length of the step [s].
 
     Returns:
@@ -97,7 +98,8 @@ def largest_of_bonded(moves, x, velocity, node, grain, field, dt):
                 beside -= (x[n, j] - dt * velocity[k, j]) * field[1 + j, i]
             square += velocity[k, i] * velocity[k, i]
             other += beside * beside
-        moves[grain[k]] = max(moves[grain[k]], dt * math.sqrt(other))
+        grain = grain_of_node[n]
+        moves[grain] = max(moves[grain], dt * math.sqrt(other))
         largest = max(largest, square)
     return dt * math.sqrt(largest)
 
