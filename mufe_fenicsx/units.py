@@ -128,6 +128,11 @@ def with_unit(value, unit):
     return f"{value / factor:.4g} {symbol}".rstrip()
 
 
+def lengths_text(lengths):
+    """Lengths [m] as an option takes them: "5 mm,10 mm"."""
+    return ",".join(with_unit(length, "m") for length in lengths)
+
+
 @functools.cache
 def _registry():
     import pint  # half a second: only where a text with a unit is read

@@ -50,7 +50,8 @@ def _help(key, name):
     """What a key means as a sentence, with an example of its unit and its default."""
     meaning, _, notes = key.meaning.partition(";")
     if key.unit:
-        meaning += f', such as "{QUANTITIES[key.unit][1]}"'
+        example = QUANTITIES[key.unit][1]
+        meaning += f', such as "{",".join([example] * (len(key.form.split(",")) or 1))}"'
     elif key.symbol not in ("", "-"):
         meaning += f", in {key.symbol}"
     parts = [meaning[0].upper() + meaning[1:], *([notes.strip()] if notes else [])]

@@ -97,6 +97,7 @@ _OF_PACKINGS = {
     "container_x": ("container along x", "m"),
     "container_y": ("container along y", "m"),
     "container_z": ("container along z", "m"),
+    "size_taken": ("size of the container taken", ""),
 }
 
 #: Key -> words and unit, where the key does not say them.

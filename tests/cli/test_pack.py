@@ -12,6 +12,7 @@ from mufe_fenicsx.geometry.image.label_files import read_labels
 from mufe_fenicsx.geometry.measure import tet_volumes
 from mufe_fenicsx.scene import load_scene
 from mufe_fenicsx.synthetic.starter_scenes import column_of_balls
+from mufe_fenicsx.units import lengths_text
 
 SPHERES = ("pack", "--spheres", "--count", "12", "--element-size", "120 um")
 
@@ -44,6 +45,23 @@ def test_grains_have_the_volumes_and_the_void_ratio_that_are_told(packed):
     # Vertices of coarse meshes stand out of the box: facets give the ball's volume back.
     assert grains.points.min() > -0.06 * told["mean_diameter"]
     assert (grains.points < grains.box[1] + 0.06 * told["mean_diameter"]).all()
+
+
+@pytest.mark.parametrize(
+    ("words", "kept"),
+    [(("--way", "compression"), "about its proportions"), (("--way", "gravity"), "its base")],
+)
+def test_the_size_taken_is_told_where_it_is_not_that_asked_for(words, kept, tmp_path, capsys):
+    """A cylinder that 12 balls do not fill: compression leaves its size, gravity its height."""
+    pack(*SPHERES, *words, "--cylinder", "1.5 mm,3 mm", "-o", tmp_path / "a")
+    low, high = load_grains(tmp_path / "a" / "grains").box
+    diameter, height = (high - low)[1:]
+    lines = [line for line in capsys.readouterr().out.splitlines() if "size of the con" in line]
+    assert len(lines) == 1
+    assert lines[0].endswith(f" for cylinder = 1.5 mm,3 mm: {words[1]} keeps {kept}, no more")
+    assert f"  {lengths_text([diameter, height])} for" in lines[0]
+    assert (diameter == pytest.approx(1.5e-3)) == (words[1] == "gravity")
+    assert height < 3e-3
 
 
 def test_labels_are_those_of_the_grains(packed):
@@ -86,8 +104,14 @@ def test_given_meshes_are_turned_and_scaled(tmp_path):
         (("nowhere",), "SOURCE nowhere does not exist"),  # whatever else is missing
         (("--count", "5", "--void-ratio", "0.6", "--way", "gravity"), "--void-ratio = 0.6, exp"),
         (("--spheres", "--count", "5", "--void-ratio", "0.1"), "--void-ratio = 0.1, expected 0.2"),
-        (("--spheres", "--box", "1 um,1 um,1 um"), "box = (1e-06, 1e-06, 1e-06), expected room"),
+        (("--spheres", "--box", "1 um,1 um,1 um"), "box = 1 µm,1 µm,1 µm, expected room for"),
         (("--spheres", "--box", "2,2,3"), "expected room for 2 to 1e+06 grains, which is for 6.4"),
+        (("--spheres", "--cylinder", "2 um,4 um"), "cylinder = 2 µm,4 µm, expected room"),
+        (
+            ("--spheres", "--cylinder", "2 mm,4 mm", "--box", "1 mm,1 mm,1 mm"),
+            "cylinder = 2 mm,4 mm beside box = 1 mm,1 mm,1 mm, expected one of them",
+        ),
+        (("--spheres", "--cylinder", "0,4 mm"), "--cylinder = 0 m,4 mm, expected lengths > 0"),
         (("--spheres", "--cylinder", "1 mm"), "expected a list of 2 numbers (diameter,height)"),
         (("--spheres", "--count", "5", "--d50", "300"), "--d50 = 300.0, expected 1e-07 <= d50"),
         (("--spheres", "--count", "5", "--element-size", "1 m"), "element_size = 1.0, expected 1."),

@@ -71,6 +71,7 @@ def pack(source, settings, output_folder, *, spheres=False, overwrite=False, pro
         (folder / SCHEMA_FILE).write_text(schema_text(), encoding="utf-8")
         draw_packing(folder / "packing.png", assembly, draw.unit)
     edges = (assembly.container.high - assembly.container.low) * draw.unit
+    size_taken = settings.size_taken(edges)
     return {
         **{name: value for name, value in numbers.items() if value == value},  # without nan
         "friction_at_start": settings.first_friction,
@@ -79,6 +80,7 @@ def pack(source, settings, output_folder, *, spheres=False, overwrite=False, pro
         "container_x": float(edges[0]),
         "container_y": float(edges[1]),
         "container_z": float(edges[2]),
+        **({} if size_taken is None else {"size_taken": size_taken}),
         "element_size": grains.element_size,
         "num_cells": len(grains.cells),
         "num_nodes": len(grains.points),

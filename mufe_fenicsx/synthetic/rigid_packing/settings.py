@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from ...errors import InputError
-from ...units import check_keys, require, setting
+from ...units import check_keys, lengths_text, require, setting
 from ..settings import LARGEST_SIZE, LEAST_SIZE
 
 #: Most grains of a packing.
@@ -26,9 +26,19 @@ class PackSettings:
     count: int | None = setting(
         None, "", "number of grains; None: as many as the container holds", ge=2, le=MOST_GRAINS
     )
-    box: tuple | None = setting(None, "m", "edges of a box", shape=(3,), form="x,y,z")
+    box: tuple | None = setting(
+        None,
+        "m",
+        "edges of a box; with --count compression keeps no more than its proportions",
+        shape=(3,),
+        form="x,y,z",
+    )
     cylinder: tuple | None = setting(
-        None, "m", "upright cylinder", shape=(2,), form="diameter,height"
+        None,
+        "m",
+        "upright cylinder; with --count compression keeps no more than its proportions",
+        shape=(2,),
+        form="diameter,height",
     )
     way: str = setting(
         COMPRESSION,
@@ -91,9 +101,11 @@ class PackSettings:
         check_keys(self)
         for name in ("box", "cylinder"):
             lengths = getattr(self, name)
-            require(lengths is None or min(lengths) > 0, name, lengths, "lengths > 0 in metres")
-        both = self.box is not None and self.cylinder is not None
-        require(not both, "cylinder", self.cylinder, "no box beside it")
+            good = lengths is None or min(lengths) > 0
+            require(good, name, lengths and lengths_text(lengths), "lengths > 0")
+        if self.box is not None and self.cylinder is not None:
+            box, cylinder = lengths_text(self.box), lengths_text(self.cylinder)
+            raise InputError(f"cylinder = {cylinder} beside box = {box}, expected one of them")
         settled = self.way == GRAVITY and self.void_ratio is not None
         expected = 'none with way = "gravity", where friction alone decides'
         require(not settled, "void_ratio", self.void_ratio, expected)
@@ -111,6 +123,25 @@ class PackSettings:
         if self.cylinder is not None:
             return self.cylinder[0], self.cylinder[0], self.cylinder[1]
         return self.box
+
+    @property
+    def container(self):
+        """Name and lengths [m] of the container that is asked for, or None."""
+        name = "box" if self.cylinder is None else "cylinder"
+        return (name, getattr(self, name)) if self.edges is not None else None
+
+    def size_taken(self, edges):
+        """What became of the container that was asked for, in words, or None without one.
+
+        Args:
+            edges: Of the box around the container of the packing [m], shape (3,).
+        """
+        if self.container is None:
+            return None
+        name, asked = self.container
+        taken = lengths_text(edges if name == "box" else edges[1:])
+        kept = "its base" if self.way == GRAVITY else "about its proportions"
+        return f"{taken} for {name} = {lengths_text(asked)}: {self.way} keeps {kept}, no more"
 
     def refuse(self, names, source):
         """Raise InputError where one of some settings is given, which grains of a source lack.

@@ -15,7 +15,7 @@ from ...geometry.surface.given_surfaces import has_bodies, read_bodies
 from ...geometry.tets.jobs import surface_jobs
 from ...geometry.tets.mesher import mesh_grains
 from ...scene.shipped import SHIPPED, shipped_mesh
-from ...units import require
+from ...units import lengths_text, require
 from ..settings import LARGEST_SIZE, SynthesisSettings
 from ..shapes import make_grains, sizes
 from ..triangulated import icosphere
@@ -116,21 +116,18 @@ def _count(settings, mean_cube):
     """Number of grains, by the mean cube of their diameters [m³]."""
     if settings.count is not None:
         return settings.count
-    edges = settings.edges
-    if edges is None:
+    if settings.container is None:
         raise InputError(
             "--count is missing, expected a number of grains, or a --box or --cylinder to fill"
         )
-    volume = np.prod(edges) * (np.pi / 4 if settings.cylinder is not None else 1.0)
+    volume = np.prod(settings.edges) * (np.pi / 4 if settings.cylinder is not None else 1.0)
     solid = SOLID_FRACTION
     if settings.void_ratio is not None:
         solid = 1 / (1 + settings.void_ratio)
     n = solid * volume / (np.pi / 6 * mean_cube)
-    name, lengths = "box", settings.box
-    if settings.cylinder is not None:
-        name, lengths = "cylinder", settings.cylinder
+    name, lengths = settings.container
     expected = f"room for 2 to {MOST_GRAINS:.0e} grains, which is for {n:.3g}"
-    require(2 <= round(n) <= MOST_GRAINS, name, lengths, expected)
+    require(2 <= round(n) <= MOST_GRAINS, name, lengths_text(lengths), expected)
     return round(n)
 
 
