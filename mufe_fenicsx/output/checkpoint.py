@@ -153,8 +153,12 @@ def _find(folder, before=None):
         notices.append(f"checkpoint {path} is damaged ({damage}), the one before it is used")
     if notices:
         first = notices[0].removesuffix(", the one before it is used")
-        raise InputError(f"{first}, expected a whole one, and there is no other")
-    raise InputError(f"no checkpoint in {folder}, expected one to go on from")
+        raise InputError(
+            f"{first}, expected a whole one, and there is no other: --overwrite begins again"
+        )
+    raise InputError(
+        f"no checkpoint in {folder}, expected one to go on from: --overwrite begins again"
+    )
 
 
 def _read_manifest(path):

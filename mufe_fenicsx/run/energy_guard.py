@@ -1,9 +1,11 @@
 """Stops a computation whose energy balance no longer closes."""
 
 import numpy as np
+from mpi4py import MPI
 
 from ..analysis.energy_check import put_in
-from ..errors import UnstableError
+from ..errors import SolverError, UnstableError
+from ..units import with_unit
 
 #: A sample counts as loaded once its energies are those of this strain throughout. Below it,
 #: at the first touch, round-off of the terms is all there is.
@@ -46,7 +48,9 @@ class EnergyGuard:
                 increment, and a contact that closes within one stores less.
 
         Raises:
-            UnstableError: The balance is off, or not a number; on all ranks.
+            SolverError: The balance is off by contacts that switched at the edge of a tool, which
+                they do at any time step; on all ranks.
+            UnstableError: It is off otherwise, or not a number; on all ranks.
         """
         residual = energies["residual"] + energies["switching"]
         first = self.simulation.initial_kinetic
@@ -59,13 +63,38 @@ class EnergyGuard:
             return
         if not loaded and (residual > 0 or self._static):
             return
-        part, grain, cell = self._most_agitated()
         way = "came from nowhere" if residual < 0 else "went missing"
-        raise UnstableError(
+        lost = (
             f"{abs(residual):.3g} J {way} {where}, {abs(residual) / scale:.0%} of all energy "
-            f"(solver.energy_limit = {self.limit:g}); {part:.0%} of the motion is in grain "
+            f"(solver.energy_limit = {self.limit:g})"
+        )
+        if abs(energies["switching"]) > 0.5 * abs(residual):
+            self._stop_at_an_edge_of_a_tool(lost)
+        part, grain, cell = self._most_agitated()
+        raise UnstableError(
+            f"{lost}; {part:.0%} of the motion is in grain "
             f"{grain}, fastest at element {cell} of its rank: reduce solver.time_step_factor or "
             "the speed of loading, or refine the mesh of that grain where it is coarse"
+        )
+
+    def _stop_at_an_edge_of_a_tool(self, lost):
+        """Raise SolverError where a tool has sharp edges at grains that are longer than theirs."""
+        mesh, contact = self.simulation.mesh, self.simulation.contact
+        length = np.zeros(len(mesh.tools))
+        surface, near = contact.surface, np.unique(contact.pairs.candidate)
+        near = near[surface.grain_of_facet[near] >= mesh.first_tool]
+        x = contact.ghosts.positions.array[contact.ghosts.num_before :][surface.facets[near]]
+        edges = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=2) * surface.sharp_edge[near]
+        tool = surface.grain_of_facet[near] - mesh.first_tool
+        np.maximum.at(length, tool, edges.max(axis=1, initial=0.0))
+        length = self.simulation.comm.allreduce(length, op=MPI.MAX)
+        if length.max(initial=0.0) <= contact.edge:
+            return
+        raise SolverError(
+            f"{lost}: contacts switched at a sharp edge of tool {mesh.tools[length.argmax()]}, "
+            f"where its facets are {with_unit(length.max(), 'm')} long, expected no longer than "
+            f"those of the grains, {with_unit(contact.edge, 'm')}: no time step helps; give it a "
+            "finer surface there or a blunter edge"
         )
 
     def _most_agitated(self):

@@ -3,7 +3,7 @@
 import tomllib
 from pathlib import Path
 
-from ..errors import InputError, raise_together
+from ..errors import InputError, raise_together, shown
 from ..output.checkpoint import file_checksum
 from ..output.record import lost_results
 from ..output.run_folder import on_first_rank, read_run_json
@@ -114,8 +114,12 @@ def _nothing_to_do(header, scene, folder):
 def _wrong_stages(old, new, num_begun, folder):
     """What is wrong with the stages that a scene wants, or None."""
     begun = f"{num_begun} stage{'s' if num_begun > 1 else ''} of the run in {folder}"
-    if new[:num_begun] != old[:num_begun]:
-        return f"[[stage]] of the scene differ in the first {begun}, which have begun"
+    if len(new) < num_begun:
+        return f"[[stage]] of the scene = {len(new)}, expected the first {begun}, which have begun"
+    for number, (then, now) in enumerate(zip(old[:num_begun], new, strict=False), start=1):
+        difference = _difference(_flat(then), _flat(now), f"stage[{number}].")
+        if difference:
+            return f"{difference}, expected the value of the run in {folder}: that stage has begun"
     if read_run_json(folder).get("finished") and len(new) == num_begun:
         return f"all {begun} are done, expected further [[stage]] to go on with"
     return None
@@ -127,15 +131,30 @@ def _first_difference(old, new):
     free = FREE_TABLES
     if old.get("solver.integrator") != new.get("solver.integrator"):
         free = (*FREE_TABLES, *OF_INTEGRATOR)
-    for key in [*new, *(k for k in old if k not in new)]:
-        is_free = key in (*FREE_KEYS, END, STAGES) or key.split(".")[0] in free
-        if is_free or new.get(key) == old.get(key):
-            continue
-        return f"{key} = {new.get(key, 'not set')}, was {old.get(key, 'not set')}"
+    bound = [
+        {
+            key: value
+            for key, value in scene.items()
+            if key not in (*FREE_KEYS, END, STAGES) and key.split(".")[0] not in free
+        }
+        for scene in (old, new)
+    ]
+    difference = _difference(*bound)
+    if difference:
+        return difference
     # With exact gaps no layer of a contact is pressed: time steps would begin without forces.
     key = "implicit.gap_tolerance"
     if key in old and new.get("solver.integrator") == "explicit":
         return f'solver.integrator = "explicit", was "static" with {key} = {old[key]}'
+    return None
+
+
+def _difference(old, new, prefix=""):
+    """`key = new value, was old value` of the first key in which flat tables differ, or None."""
+    for key in [*new, *(k for k in old if k not in new)]:
+        if new.get(key) != old.get(key):
+            now, then = (shown(of[key]) if key in of else "not set" for of in (new, old))
+            return f"{prefix}{key} = {now}, was {then}"
     return None
 
 

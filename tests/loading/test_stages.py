@@ -326,8 +326,10 @@ def test_a_run_by_stages_reaches_its_stresses_and_resumes_to_the_same_bits(folde
     with pytest.raises(InputError, match=r"all 2 stages .* are done, expected further"):
         run(folder, "parts", first, resume=True)
     other = scene(stages=(Stage(zero=True, xyz=Axis(stress=2e6)), *scene().stages[1:]))
-    with pytest.raises(InputError, match="differ in the first 2 stages of the run"):
+    with pytest.raises(InputError, match=r"stage\[1\].xyz.stress = 2000000.0, was 1000000.0, exp"):
         run(folder, "parts", other, resume=True)
+    with pytest.raises(InputError, match=r"\[\[stage\]\] of the scene = 1, expected the first 2"):
+        run(folder, "parts", scene(stages=scene().stages[:1]), resume=True)
     parts = run(folder, "parts", scene(), resume=True)
     assert parts["resumed_at_steps"] == [*cuts, steps[2]["step"]]
     assert parts["stages"] == whole["stages"] and parts["num_steps"] == whole["num_steps"]

@@ -334,7 +334,7 @@ def test_damage_is_found_and_the_one_before_used(folder, capfd):
             data[len(data) // 2] ^= 1
             (path / "rank-0000.h5").write_bytes(data)
     COMM.Barrier()
-    with pytest.raises(InputError, match=r"rank-0000.h5 has changed.*there is no other"):
+    with pytest.raises(InputError, match=r"rank-0000.h5 has changed.*no other: --overwrite beg"):
         run(folder, "out", resume=True)
 
 
@@ -374,7 +374,9 @@ def test_results_that_are_gone_are_named_and_left_out_only_if_told(folder, seria
 
 @pytest.mark.mpi
 def test_a_checkpoint_of_something_else_is_refused(folder, monkeypatch):
-    with pytest.raises(InputError, match=r"no checkpoint in .*, expected one to go on from"):
+    with pytest.raises(
+        InputError, match=r"no checkpoint in .*, expected .* from: --overwrite begins"
+    ):
         run(folder, "out", resume=True)
     run(folder, "out", max_steps=5)
     other = replace(scene(), contact=Contact(friction=0.3, wall_friction=0.2))
