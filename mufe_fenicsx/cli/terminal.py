@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import sys
 import time
 from contextlib import contextmanager
@@ -22,7 +23,7 @@ class Printer:
         rank: Rank of this process; other ranks than 0 print and write nothing.
 
     Raises:
-        InputError: the folder of ``json_path`` does not exist.
+        InputError: ``json_path`` cannot be written.
     """
 
     def __init__(self, json_path=None, rank=0):
@@ -30,10 +31,12 @@ class Printer:
         self.rank = rank
         if self.json_path not in (None, "-"):
             path = Path(self.json_path)
-            if not path.parent.is_dir():
-                raise InputError(f"--json {path}, expected a file in a folder that exists")
             if path.is_dir():
                 raise InputError(f"--json {path} is a folder, expected a file")
+            # The folder may be one that the command makes.
+            there = next(folder for folder in path.absolute().parents if folder.exists())
+            if not there.is_dir() or not os.access(there, os.W_OK):
+                raise InputError(f"--json {path}, expected a file in a folder that can be written")
 
     @property
     def stream(self):
@@ -86,7 +89,9 @@ class Printer:
             sys.stdout.write(text)
             sys.stdout.flush()
         else:
-            Path(self.json_path).write_text(text, encoding="utf-8", errors="backslashreplace")
+            path = Path(self.json_path)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def plain(value):

@@ -237,7 +237,7 @@ USAGE = [
     (("frobnicate",), "frobnicate"),
     (("report", "none"), "none"),
     (("report", "none", "--point", "1,2"), '--point "1,2", expected three coordinates'),
-    (("report", "none", "--json", "none/x.json"), "--json none/x.json, expected a file in"),
+    (("report", "none", "--json", "/dev/null/x.json"), "x.json, expected a file in a folder"),
     (("verify", "frobnicate"), "case frobnicate is not known, expected"),
     (("verify", "--set", "nonsense"), '--set "nonsense", expected name=value'),
     (("bench", "frobnicate"), "case frobnicate is not known, expected"),

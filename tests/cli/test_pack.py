@@ -26,12 +26,12 @@ def pack(*words):
 @pytest.fixture(scope="module")
 def packed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("packed")
-    pack(*SPHERES, "-o", folder / "a", "--voxel-size", "20 um", "--json", folder / "a.json")
+    pack(*SPHERES, "-o", folder / "a", "--voxel-size", "20 um", "--json", folder / "a" / "a.json")
     return folder
 
 
 def test_grains_have_the_volumes_and_the_void_ratio_that_are_told(packed):
-    told = json.loads((packed / "a.json").read_text())
+    told = json.loads((packed / "a" / "a.json").read_text())
     grains = load_grains(packed / "a" / "grains")
     assert grains.num_grains == told["num_grains"] == 12
     assert told["next"] == f"mufe run {packed}/a/scene.toml -o {packed}/a/results"
