@@ -25,6 +25,7 @@ class Present:
     speed: float  #: of loading [m/s]
     time: float  #: of loading over that of a wave through the sample
     path: float  #: by how much two such tests part that differ in rounding alone [-]
+    beyond: tuple = field(default=())  #: why parts are infinite, in words
     unknown: tuple = field(default=())  #: what is not known beforehand, sentences
 
 
@@ -73,5 +74,22 @@ def present_state(scene, sample, points=None):
         speed=course.speed,
         time=time,
         path=errors.of_path(len(sample.labels)),
+        beyond=_beyond(parts, errors, elements, time, added),
         unknown=unknown(scene, errors, elements),
     )
+
+
+def _beyond(parts, errors, elements, time, added):
+    """Why parts of the error are infinite: what the test has, and what is measured."""
+    coarsest, error = errors.mesh[0]
+    reasons = {
+        "mesh": f"the mesh has {elements:.2g} elements per contact radius, and with "
+        f"{coarsest:.2g}, the coarsest measured, forces are {100 * error:.2g} % off",
+        "loading": f"loading takes {time:.2g} times as long as a wave takes through the sample, "
+        f"and errors are known from {FASTEST:g} times on",
+        "mass": f"{added:.2g} of the mass is added, and errors are measured up to "
+        f"{max(errors.masses):.2g}",
+        "fidelity": "a model of grains is not among those measured: "
+        + ", ".join(errors.fidelities),
+    }
+    return tuple(reasons[name] for name, part in parts.items() if math.isinf(part))

@@ -32,7 +32,7 @@ def lines_of_present(present, cost):
     """Lines that tell what error a test has as it stands; ``cost`` may be None."""
     rows = [
         ("accuracy", "none stated: this is the test as it stands; --accuracy 0.05 plans one"),
-        *_of_errors(present),
+        *_of_errors(present, present.beyond),
         (
             "mesh",
             f"{present.elements:.2g} elements per contact radius, edges of "
@@ -55,12 +55,24 @@ def _loading(present):
     )
 
 
-def _of_errors(found):
-    """Rows of the error of a plan or of a test as it stands, and of its models."""
+def _of_errors(found, beyond=()):
+    """Rows of the error of a plan or of a test as it stands, and of its models.
+
+    Args:
+        found: `Plan` or `Present`.
+        beyond: Why parts of the error are infinite, in words.
+    """
     model = ", ".join(f"{len(labels)} grains {name}" for name, labels in found.fidelity.items())
-    parts = ", ".join(f"{name} {percent(part)}" for name, part in found.parts.items() if part)
+    parts = ", ".join(
+        f"{name} {percent(part)}"
+        for name, part in found.parts.items()
+        if part and not math.isinf(part)
+    )
+    total = f"{percent(found.error)} of forces: {parts}"
+    if beyond:
+        total = f"not known, as {', and '.join(beyond)}" + (f"; known are {parts}" if parts else "")
     return [
-        ("expected error", f"{percent(found.error)} of forces: {parts}"),
+        ("expected error", total),
         (
             "path",
             f"two such tests that differ in rounding alone part by about {percent(found.path)}",
@@ -111,9 +123,7 @@ def brief(plan, cost, summary):
 
 
 def percent(value):
-    """A part as a percentage; an infinite one is worse than any in the table of points."""
-    if math.isinf(value):
-        return "more than is known"
+    """A part as a percentage."""
     return f"{100 * value:.2g} %"
 
 
