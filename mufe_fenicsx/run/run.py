@@ -24,6 +24,7 @@ from ..output.run_folder import (
 )
 from ..output.run_lock import LostFolder, RunLock
 from ..scene import Scene, scene_to_toml
+from .coarse_meshes import warning_of_coarse_meshes
 from .from_scene import (
     find_bounds,
     load_mesh,
@@ -169,6 +170,7 @@ class TestRun:
         """March to the end, with retries; returns the summary."""
         comm, summary, resumed = self.comm, self.summary, checkpoint is not None
         self.begin(checkpoint, self.place)
+        say(comm, warning_of_coarse_meshes(self.simulation), self.options.quiet)
         summary["first_height"] = float(self.loading.first_height)
         summary["mass"] = self.simulation.mass_of_grains()
         summary["strain_definition"] = self.loading.strain_definition

@@ -1,0 +1,35 @@
+"""Says at the start of a run that grains are meshed so coarsely that their edges are sharp."""
+
+import math
+
+import numpy as np
+
+from ..contact.surface.surface import SHARP_EDGE
+from ..units import with_unit
+
+#: Part of the edges of grains that may be sharp: of a ball with edges h, whose facets turn by
+#: 0.6 h/R in the mean, half are at h/R = 0.55. Then all of them are searched for crossings.
+MOST_SHARP = 0.5
+#: Edges over the radius of a ball of which a tenth are sharp.
+SMOOTH = 0.45
+
+
+def warning_of_coarse_meshes(simulation):
+    """A line where most edges of the sample's grains are sharp, or None. Collective."""
+    mesh, own = simulation.mesh, simulation.contact.own
+    grains = own.grain_of_facet < mesh.num_sample_grains
+    sharp, area = own.sharp_edge[grains], own.facet_area[grains]
+    volume = simulation.solid.volume0[: mesh.num_sample_cells].sum()
+    here = np.array([sharp.sum(), sharp.size, area.sum(), volume])
+    num_sharp, num_edges, area, volume = simulation.comm.allreduce(here)
+    if num_sharp <= MOST_SHARP * num_edges:
+        return None
+    edge = math.sqrt(4 / math.sqrt(3) * 3 * area / num_edges)
+    radius = math.cbrt(3 / (4 * math.pi) * volume / mesh.num_sample_grains)
+    return (
+        f"warning: {num_sharp / num_edges:.0%} of the edges of grains turn by more than "
+        f"{math.degrees(SHARP_EDGE):g}°, expected at most {MOST_SHARP:.0%}: each is searched for "
+        f"crossings, and steps take several times as long; edges are {with_unit(edge, 'm')}, "
+        f"{edge / radius:.2g} of the radius of grains: mesh round grains with "
+        f"{with_unit(SMOOTH * radius, 'm')} or less"
+    )
