@@ -24,7 +24,7 @@ import mufe_fenicsx as mufe
 import matplotlib
 import numpy as np
 import scipy.ndimage
-from mpi4py import MPI
+from kept_runs import finished, go_on
 
 from mufe_fenicsx.geometry.image.cylinder import Cylinder
 from mufe_fenicsx.geometry.image.label_files import read_labels, write_labels
@@ -32,7 +32,6 @@ from mufe_fenicsx.geometry.pipeline import mesh_labels
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.report.style import BLUE, PAGE, RC, RED, new_figure, panel_letter
-from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import (
     Axis,
     Contact,
@@ -129,18 +128,6 @@ def scene_of(grains, shape, speed=SPEED):
                   until=Until(stress_z=END)),
         ),
         output=Output(fields=3, history=600, checkpoint=120.0),
-    )  # fmt: skip
-
-
-def run(folder, scene):
-    """Run a test, or go on with what is there."""
-    summary = folder / "run.json"
-    if summary.exists() and json.loads(summary.read_text()).get("finished"):
-        return
-    resume = (folder / "checkpoints").exists()
-    run_scene(
-        scene, scene.sample.grains, folder, MPI.COMM_WORLD, overwrite=not resume, quiet=True,
-        resume=resume,
     )  # fmt: skip
 
 
@@ -257,7 +244,8 @@ def main(folder, seeds=SEEDS):
     for seed in seeds:
         for shape in SHAPES:
             path = folder / f"{shape}-{seed}"
-            run(path, scene_of(grains_of(folder, seed, shape), shape))
+            if finished(path) is None:
+                go_on(path, scene_of(grains_of(folder, seed, shape), shape))
             rows[shape].append(numbers_of(path, shape))
             print(shape, seed, rows[shape][-1], flush=True)
     found = compare(rows)

@@ -23,13 +23,12 @@ import mufe_fenicsx as mufe
 # isort: split
 import matplotlib
 import numpy as np
+from kept_runs import finished, go_on
 from matplotlib.collections import EllipseCollection
-from mpi4py import MPI
 
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.report.style import BLUE, PAGE, RC, RED, new_figure, panel_letter
 from mufe_fenicsx.results.localisation import judge
-from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import (
     Axis,
     Contact,
@@ -79,18 +78,6 @@ def scene_of(grains, side, speed=SPEED):
             Stage(name="shear", z=Axis(strain=STRAIN)),
         ),
         output=Output(fields=15, history=600, checkpoint=120.0),
-    )  # fmt: skip
-
-
-def run(folder, scene):
-    """Run a test, or go on with what is there."""
-    summary = folder / "run.json"
-    if summary.exists() and json.loads(summary.read_text()).get("finished"):
-        return
-    resume = (folder / "checkpoints").exists()
-    run_scene(
-        scene, scene.sample.grains, folder, MPI.COMM_WORLD, overwrite=not resume, quiet=True,
-        resume=resume,
     )  # fmt: skip
 
 
@@ -221,7 +208,8 @@ def main(folder, sides=SIDES, speed=SPEED):
         )  # fmt: skip
         pack(None, settings, packing, spheres=True)
     for side in sides:
-        run(folder / side, scene_of(packing / "grains", side, speed))
+        if finished(folder / side) is None:
+            go_on(folder / side, scene_of(packing / "grains", side, speed))
     if set(sides) != set(SIDES):
         return None
     rows = {side: numbers_of(folder / side) for side in SIDES}

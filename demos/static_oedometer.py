@@ -22,10 +22,9 @@ import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 
 # isort: split
 import numpy as np
-from mpi4py import MPI
+from kept_runs import finished, go_on
 
 from mufe_fenicsx.materials.j2 import J2
-from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Implicit, Oedometer, Output, Sample, Scene, Solver
 from mufe_fenicsx.verification.family import member
 
@@ -66,17 +65,10 @@ def scene_of(grains, speed, integrator="explicit", strain=STRAIN):
 
 
 def run(folder, scene):
-    """Run it, or go on with what is there; the summary."""
-    summary = folder / "run.json"
-    if summary.exists() and json.loads(summary.read_text()).get("finished"):
-        done = json.loads(summary.read_text())
-        if done["strain"] >= scene.oedometer.strain:
-            return done
-    resume = (folder / "checkpoints").exists()
-    return run_scene(
-        scene, scene.sample.grains, folder, MPI.COMM_WORLD, overwrite=not resume, quiet=True,
-        resume=resume,
-    )  # fmt: skip
+    """Run it up to its strain, or go on with what is there."""
+    done = finished(folder)
+    if done is None or done["strain"] < scene.oedometer.strain:
+        go_on(folder, scene)
 
 
 def run_all(folder, grains):

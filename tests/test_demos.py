@@ -20,8 +20,9 @@ from tests.made_up_run import write_whole_run
 DEMOS = Path(__file__).resolve().parents[1] / "demos"
 
 
-#: All but the one without arguments, which is tested below.
-WITH_ARGUMENTS = sorted(path.stem for path in DEMOS.glob("*.py") if path.stem != "drucker_prager")
+#: All but the one without arguments, which is tested below, and what others import.
+NO_ARGUMENTS = ("drucker_prager", "kept_runs")
+WITH_ARGUMENTS = sorted({path.stem for path in DEMOS.glob("*.py")} - {*NO_ARGUMENTS})
 
 
 @pytest.mark.parametrize("name", WITH_ARGUMENTS)
@@ -116,6 +117,8 @@ def test_the_page_on_static_oedometers(tmp_path):
 
 
 def import_demo(name):
+    if str(DEMOS) not in sys.path:  # for what demos import from each other
+        sys.path.append(str(DEMOS))
     spec = importlib.util.spec_from_file_location(name, DEMOS / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

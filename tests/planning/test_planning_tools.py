@@ -5,26 +5,18 @@ from dataclasses import replace
 import pytest
 from mpi4py import MPI
 
-from mufe_fenicsx.geometry.bodies.shapes import box
-from mufe_fenicsx.geometry.grains import save_grains
-from mufe_fenicsx.geometry.measure import boundary_triangles
-from mufe_fenicsx.geometry.tets.foreign import write_surface
 from mufe_fenicsx.planning.cost import Benchmark, predict
 from mufe_fenicsx.planning.course import course_of
 from mufe_fenicsx.planning.run import make_plan, present
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import load_scene
 from mufe_fenicsx.synthetic.starter_scenes import write_new_scene
-from tests.bodies import RADIUS, packed_grains
+from tests.plates import ROCK, write_plate_and_spheres
 
 COMM = MPI.COMM_SELF
-SCENE = """
-[material]
-model = "elastic"
-E = "100 GPa"
-nu = 0.15
-rho = 2650
-
+SCENE = (
+    ROCK
+    + """
 [contact]
 friction = 0.4
 
@@ -51,14 +43,13 @@ hold = "2 us"
 fields = 3
 history = 11
 """
+)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("plan")
-    save_grains(path / "grains", packed_grains((2, 2, 2), h=0.7 * RADIUS))
-    points, cells = box((5.0, 5.0, 0.5), (1, 1, 1))
-    write_surface(path / "plate.stl", points, boundary_triangles(cells))
+    write_plate_and_spheres(path)
     (path / "scene.toml").write_text(SCENE)
     return path
 

@@ -10,7 +10,6 @@ from mpi4py import MPI
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
-from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.geometry.measure import boundary_triangles
 from mufe_fenicsx.geometry.tets.foreign import write_surface
 from mufe_fenicsx.output.fields import read_state
@@ -19,18 +18,14 @@ from mufe_fenicsx.run.opened import open_run
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.run.scene_tools import read_tools
 from mufe_fenicsx.scene import load_scene, scene_to_toml
-from tests.bodies import RADIUS, packed_grains
+from tests.plates import ROCK, write_plate_and_spheres
 from tests.ranks import on_first
 
 COMM = MPI.COMM_WORLD
 
-SCENE = """
-[material]
-model = "elastic"
-E = "100 GPa"
-nu = 0.15
-rho = 2650
-
+SCENE = (
+    ROCK
+    + """
 [contact]
 friction = 0.4
 wall_friction = 0.2
@@ -68,6 +63,7 @@ tools.lid = { force = [0, 0, "-3 kN"], ramp = "1 us" }
 fields = 3
 history = 21
 """
+)
 PATH = "time,x\n0,0\n1e-6,0\n3e-6,2e-5\n"
 
 
@@ -77,9 +73,7 @@ def folder(tmp_path_factory):
 
     def made():
         path = tmp_path_factory.mktemp("tools")
-        save_grains(path / "grains", packed_grains((2, 2, 2), h=0.7 * RADIUS))
-        points, cells = box((5.0, 5.0, 0.5), (1, 1, 1))
-        write_surface(path / "plate.stl", points, boundary_triangles(cells))
+        write_plate_and_spheres(path)
         (path / "path.csv").write_text(PATH)
         (path / "scene.toml").write_text(SCENE)
         return path
