@@ -1,9 +1,9 @@
 """How easily README and the pages under docs read: `python -m tests.readability`.
 
 A line for each page: words, sentences, mean and largest number of words in a sentence. Then, with
-their places, sentences over :data:`LONGEST`, items of lists that do not end, table cells with more
-than one number, and acronyms that the glossary does not resolve. Fences, equations and comments are
-left out. Pages of the record are listed, not judged.
+their places, sentences over :data:`LONGEST`, also where they run on over equations and lists, items
+of lists that do not end, table cells with more than one number, and acronyms that the glossary does
+not resolve. Fences and comments are left out. Pages of the record are listed, not judged.
 """
 
 import re
@@ -28,6 +28,8 @@ SHORTENED = re.compile(r"\b(e\.g|i\.e|cf|vs|eqs?|figs?|no|pp?|al|approx|resp)\."
 END = re.compile(r"(?<=[.!?])[)\"”']*\s+(?=[\W_]*[A-Z0-9`“])")
 WORD = re.compile(r"[^\W_]")
 ITEM = re.compile(r"([-*+]|\d+\.) +")
+#: What a line ends with where a sentence does.
+STOPPED = re.compile(r"[.!?][)\"”’*_]*$")
 #: What an item of a list ends with.
 CLOSED = re.compile(r"[.!?:][)\"”’*]*$")
 #: A number; not the 2 of J2, an exponent, a year in brackets or behind names.
@@ -81,6 +83,34 @@ def sentences(text):
             first = first if paragraph else number
             paragraph.append(words[item.end() :] if item else words)
     return found
+
+
+def runs(text):
+    """Sentences that run on where no full stop ends them: over equations, colons, items of lists.
+
+    A symbol of an equation counts as a word. Headings, tables and fences end a sentence.
+    """
+    text = LINK.sub(r"\1", FENCE.sub("#", COMMENT.sub("", text)))
+    text = FORMULA.sub("X", CODE.sub("X", EQUATION.sub(_symbols, text)))
+    found, run = [], []
+    for line in [*text.splitlines(), "#"]:
+        words = line.strip()
+        ends = words.startswith(("#", "|", ">", "---"))
+        if not ends:
+            item = ITEM.match(words)
+            run.append(words[item.end() :] if item else words)
+            ends = STOPPED.search(words)
+        if ends:
+            found += _split(" ".join(run), 0)
+            run = []
+    return found
+
+
+def _symbols(equation):
+    """An equation as that many words, and its full stop where it ends with one."""
+    inner = equation[0].strip("$ \n")
+    count = sum(1 for word in inner.split() if WORD.search(word))
+    return "x " * count + "." * inner.endswith(".")
 
 
 def open_items(text):
@@ -159,6 +189,8 @@ def main():
         faults += [f"{place}: {mean:.1f} words in the mean sentence"] * (mean > MEAN)
         long = (s for s in found if s.num_words > LONGEST)
         faults += [f"{place}:{s.line}: {s.num_words} words: {s.text[:80]} …" for s in long]
+        long = (s for s in runs(text) if s.num_words > LONGEST)
+        faults += [f"{place}: {s.num_words} words run on: {s.text[:80]} …" for s in long]
         faults += [f"{place}:{line}: no full stop: {t[-60:]}" for line, t in open_items(text)]
         faults += [f"{place}:{line}: cell: {cell[:80]}" for line, cell in crowded_cells(text)]
     if GLOSSARY.exists():

@@ -20,6 +20,13 @@ def test_sentences(text, lengths):
     assert [s.num_words for s in readability.sentences(text)] == lengths
 
 
+def test_sentences_run_on_over_equations_and_items_without_a_full_stop():
+    text = "One, e.g. two:\n\n$$\na = b + c\n$$\n\nthree. Four:\n\n- five\n- six.\n- Seven\n# A"
+    assert [s.num_words for s in readability.runs(text)] == [7, 3, 1]
+    text = "One two\n\n$$\na = b .\n$$\n\nThree `x y`:\n```sh\nnot read\n```\nFour"
+    assert [s.num_words for s in readability.runs(text)] == [4, 2, 1]
+
+
 def test_items_of_lists_end():
     text = "It has\n\n- one thing,\n- a second\n  one. No more\n- *a third.*\n\nEnd\n1. four: `x`"
     found = [item for _, item in readability.open_items(text)]
