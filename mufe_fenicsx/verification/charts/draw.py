@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 import matplotlib
+from matplotlib.ticker import NullFormatter
 
 from ...planning.evidence import cost_at, pareto, usable
 from ...report import style
@@ -62,7 +63,7 @@ def draw_chart(points, case, folder):
 
 
 def draw_side_by_side(points, cases, folder):
-    """Write cases.png and cases.pdf: error over time, a panel each, three in a row.
+    """Write cases.png and cases.pdf: both costs of each case below each other, three cases abreast.
 
     Args:
         points: Of any cases.
@@ -73,16 +74,17 @@ def draw_side_by_side(points, cases, folder):
         The two paths.
     """
     across = min(len(cases), 3)
-    down = math.ceil(len(cases) / across)
+    down = len(COSTS) * math.ceil(len(cases) / across)
     with matplotlib.rc_context(style.RC):
-        height = (0.14 + 0.3 * down) * style.PAGE
+        height = (0.1 + 0.26 * down) * style.PAGE
         figure, axes = style.new_figure(style.PAGE, height, nrows=down, ncols=across, squeeze=False)
-        for axis in axes.flat[len(cases) :]:
+        for axis in axes[-len(COSTS) :, (len(cases) - 1) % across + 1 :].flat:
             axis.set_axis_off()
-        for index, (axis, case) in enumerate(zip(axes.flat, cases, strict=False)):
-            _draw_lines(axis, points, case, "seconds")
-            axis.set_ylabel(f"{case}: error (%)")
-            style.panel_letter(axis, index)
+        for k, case in enumerate(cases):
+            row, column = len(COSTS) * (k // across), k % across
+            for axis, cost in zip(axes[row:, column], COSTS, strict=False):
+                _draw_lines(axis, points, case, cost)
+                axis.set_ylabel(f"{case}: error (%)")
         return _write(figure, axes.flat, folder, "cases", "outside lower center", ncols=4)
 
 
@@ -105,6 +107,8 @@ def _draw_lines(axis, points, case, cost):
     style.plain_log_ticks(axis.yaxis)
     if cost == "seconds":
         style.plain_log_ticks(axis.xaxis)
+    else:  # less than a decade has no room for powers of ten between
+        axis.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _write(figure, axes, folder, name, place="outside right upper", **legend):
