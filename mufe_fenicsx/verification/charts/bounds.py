@@ -78,7 +78,7 @@ def cylinder_wall_point(
     return _answer(s, rows, room, unit[0], (a, nu), accuracy, spent, integrator)
 
 
-@case("tool-point", num_bodies=2)
+@case("tool-point", num_bodies=1)
 def tool_point(
     comm,
     elements_per_radius=2.5,
