@@ -1,8 +1,9 @@
 """What does accuracy cost? Each choice of model charted, error against time.
 
 For a plane on an elastic ball (hertz), two sheared balls (mindlin), impacts of balls (impact), a
-ball that flows (plastic-sphere), twenty angular grains in an oedometer (oedometer) and twenty
-polyhedra that fill one (jammed), over
+ball that flows (plastic-sphere), twenty angular grains in an oedometer (oedometer), twenty
+polyhedra that fill one (jammed), a ball in a cylinder (cylinder-wall) and under a tool (tool) and a
+rubber tube (membrane), over
 
 - the mesh;
 - the element: plain linear, averaged pressure, composites of eight;

@@ -11,7 +11,10 @@ from .app import Json, app, world
 from .arguments import parameters
 from .terminal import Printer
 
-CASES = ("hertz", "mindlin", "impact", "plastic-sphere", "oedometer", "jammed")
+CASES = (
+    "hertz", "mindlin", "impact", "plastic-sphere", "oedometer", "jammed", "cylinder-wall", "tool",
+    "membrane",
+)  # fmt: skip
 
 
 @app.command()

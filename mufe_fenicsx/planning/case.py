@@ -34,7 +34,7 @@ ORDER = 2.0
 #: Parameters that are names: errors at two of them say nothing of what is between.
 NAMES = {"sample"}
 #: Parameters that set the mesh, and the power of them that grows as it becomes finer.
-MESHES = {"elements_per_radius": 1, "element_size": -1}
+MESHES = {"elements_per_radius": 1, "element_size": -1, "ends_over_t": -1}
 
 
 def expected_error(point, elsewhere, stated=None):

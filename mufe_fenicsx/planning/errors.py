@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from ..errors import InputError
 from .evidence import distance, read_points, usable
 
-OEDOMETER = "oedometer"
+OEDOMETER, TOOL = "oedometer", "tool"
 #: Grains of its sample.
 GRAINS = 20
 #: Beyond the finest mesh of the table errors are taken to fall with the size of elements, up to so
@@ -64,13 +64,15 @@ class Errors:
     masses: dict  #: added mass -> (error, time steps without over those with it)
     fidelities: dict  #: model of the grains -> error against j2
     path: float  #: distance of two tests of ``GRAINS`` that differ in rounding
+    tools: tuple = ()  #: as ``mesh``, of an elastic grain under a smooth tool; () where not known
 
     def of_mesh(self, n):
         """Error at n elements per contact radius; inf where that is coarser than any known."""
-        (coarse, _), (fine, least) = self.mesh[0], self.mesh[-1]
-        if n < coarse * (1 - 1e-9):
-            return math.inf
-        return least * fine / n if n >= fine else between(self.mesh, n)
+        return _at(self.mesh, n)
+
+    def of_tool(self, n):
+        """Error of the force on a smooth tool at n elements per contact radius; inf: not known."""
+        return _at(self.tools, n) if self.tools else math.inf
 
     def elements_for(self, error):
         """Fewest elements per contact radius for an error; inf where none are known."""
@@ -92,6 +94,14 @@ class Errors:
     def of_path(self, num_grains):
         """By how much two tests part that differ in rounding: a larger sample averages."""
         return self.path * math.sqrt(GRAINS / max(num_grains, 1))
+
+
+def _at(pairs, n):
+    """Error of pairs (elements per contact radius, error) at n; inf below the first one."""
+    (coarse, _), (fine, least) = pairs[0], pairs[-1]
+    if n < coarse * (1 - 1e-9):
+        return math.inf
+    return least * fine / n if n >= fine else between(pairs, n)
 
 
 def of_loading(time):
@@ -193,6 +203,7 @@ def sample_errors(points=None, element="averaged", law="matched", yields=True):
         path=max(
             (distance(p.curve, q.curve) for p, q in _beside(others, _select(grains))), default=0.0
         ),
+        tools=falling((_size(p), p.error) for p in _select(usable(points, TOOL), element=element)),
     )
 
 

@@ -84,14 +84,21 @@ def unknown(scene, errors, elements):
         )
     course = course_of(scene)
     if scene.tools:
+        off = errors.of_tool(elements)
+        smooth = (
+            f"contacts of elastic grains with smooth tools are {100 * off:.2g} % off "
+            "(`mufe verify tool-point`)"
+            if math.isfinite(off)
+            else "no error is known of contacts with tools on so coarse a mesh"
+        )
         known.append(
             "what the inertia of grains adds to the forces on tools: another run at half of their "
-            "speed tells; contacts with tools are as good as those between grains, but for edges "
-            "and tips that are finer than facets of the grains"
+            f"speed tells; {smooth}; edges and tips finer than facets of the grains add to it"
         )
     if scene.membrane is not None:
         known.append(
-            "what the mesh of the membrane does to the forces: `mufe verify membrane-specimen`"
+            "what the mesh of the membrane does to the forces: `mufe verify membrane-specimen`, "
+            "and to its shape at the platens: `mufe verify membrane-point`"
         )
         known.append(
             "how far the cell presses a loose sample together, and how long that settles: 49 loose "

@@ -84,3 +84,21 @@ def membrane_correction(strain, extension_modulus, diameter):
     compression strength of clay samples, Géotechnique 3, 1952, 20-29.
     """
     return 4.0 * extension_modulus * np.asarray(strain, dtype=float) / diameter
+
+
+def ring_buckling_pressure(radius, thickness, E, nu):
+    """Outer pressure at which a long thin tube becomes oval [Pa].
+
+        p = E t³/(4 (1 - ν²) R³)
+
+    The pressure follows the surface; the tube keeps its length, and no end holds it.
+
+    Args:
+        radius: R of the middle of the wall [m].
+        thickness: t, far less [m].
+        E, nu: Young's modulus [Pa] and Poisson's ratio.
+
+    Source: M. Lévy 1884; S. P. Timoshenko, J. M. Gere, Theory of Elastic Stability, 1961, sections
+    7.3 to 7.5.
+    """
+    return E * thickness**3 / (4.0 * (1.0 - nu**2) * radius**3)

@@ -6,6 +6,7 @@ import math
 import pytest
 
 from mufe_fenicsx.cli.main import main
+from mufe_fenicsx.cli.plan import CASES
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.planning import evidence
 from mufe_fenicsx.planning.case import expected_error, plan_case, settled
@@ -99,9 +100,7 @@ def test_a_plan_knows_the_speed_that_it_is_for():
         plan(0.2, speed="fast")
 
 
-@pytest.mark.parametrize(
-    "case", ["hertz", "mindlin", "impact", "plastic-sphere", "oedometer", "jammed"]
-)
+@pytest.mark.parametrize("case", CASES)
 def test_stored_points_plan_their_cases(case):
     """Finer is never cheaper, and no point within the accuracy is cheaper than what is chosen."""
     stored, known = evidence.usable(evidence.read_points(), case), evidence.read_elsewhere()

@@ -15,6 +15,7 @@ from mufe_fenicsx.verification.stability import (
     inversion,
     newton,
     resting,
+    sleeve,
     slivers,
     time_step,
     tunnelling,
@@ -138,3 +139,20 @@ def test_a_soft_tetrahedron_inverts_where_its_motion_has_the_energy_of_its_volum
     (row,), _ = inversion.inversion_map(COMM, (0.3,), trials=5)
     # Bisection to 3 %, flow of a yield stress of 1e-6 E.
     assert row.measured == pytest.approx(row.theory, rel=0.05)
+
+
+def test_a_sleeve_becomes_oval_at_the_pressure_of_a_thin_ring():
+    """By meshes whose edges halve; by one layer of a scene's edges, 4.6 times as late."""
+    coarse, fine = (sleeve.buckling(COMM, *mesh)[0] for mesh in ((1, 2.0), (2, 1.0)))
+    # (t/R)² is 1 %; the next two meshes extrapolate to 1.7 % more.
+    assert sleeve.extrapolated(coarse, fine) == pytest.approx(1.0, abs=0.03)
+    assert coarse.limit == pytest.approx(4.6, rel=0.02)
+
+
+def test_a_light_sleeve_sets_the_step_of_the_program():
+    """With the root of its density, below that at which both bodies allow the same step."""
+    density = sleeve.density_theory(COMM)
+    light, just, latex = sleeve.steps_over_density(COMM, [0.25 * density, 1.01 * density, 950.0])
+    # The estimate is within 1e-3 of 2/ω.
+    assert light / latex == pytest.approx(0.5, rel=5e-3) and just == pytest.approx(latex, rel=5e-3)
+    assert sleeve.density_limit(COMM, 5) == pytest.approx(density, rel=0.03)  # five bisections

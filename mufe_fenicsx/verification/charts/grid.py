@@ -31,11 +31,16 @@ LINES = {
     "elastic": {"fidelity": "elastic"},
     "auto": {"fidelity": "auto"},
     "another rounding": {"time_step_factor": 0.85},
+    "one layer": {"layers": 1},
 }
 #: The parameter that sets the mesh.
 SIZE = {
-    **dict.fromkeys(("hertz", "mindlin", "impact", "plastic-sphere"), "elements_per_radius"),
+    **dict.fromkeys(
+        ("hertz", "mindlin", "impact", "plastic-sphere", "cylinder-wall", "tool"),
+        "elements_per_radius",
+    ),
     **dict.fromkeys(("oedometer", "jammed"), "element_size"),
+    "membrane": "ends_over_t",
 }
 
 #: For each case: sizes of the main lines, of the others, and of the finest ones of `--full`;
@@ -77,6 +82,17 @@ CHARTS = {
          "kinematic law, loading x 2", "mass 5 %, loading x 2"),
         ("stiff penalty", "element's time step", "loading x 2", "loading x 4", "rigid",
          "elastic", "auto", "another rounding"),
+    ),
+    "cylinder-wall": (
+        (1.0, 1.5, 2.0, 2.5, 3.5), (), (),
+        (OURS, "plain P1", "mass 1 %", "mass 5 %", "static"), (),
+    ),
+    "tool": (
+        (1.0, 1.5, 2.0, 2.5), (), (3.5,),
+        (OURS, "plain P1", "mass 1 %", "mass 5 %", "static"), (),
+    ),
+    "membrane": (
+        (2.0, 1.0, 0.5), (), (0.25,), (OURS, "plain P1", "one layer", "mass 1 %", "mass 5 %"), (),
     ),
 }  # fmt: skip
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ...errors import InputError
 from ...planning.evidence import read_points
-from .draw import draw_chart, gain_over_seed
+from .draw import draw_chart, draw_side_by_side, gain_over_seed
 from .grid import grid
 from .measure import fill
 
@@ -39,17 +39,17 @@ def make_charts(cases, folder, table=None, full=False, draw_only=False, minutes=
             left = math.inf if minutes is None else 60 * minutes - time.perf_counter() + start
             missing += fill(table, grid(case, full), case, say, left)
     points = read_points(table)
-    figures = []
-    for case in cases:
-        if any(p.case == case for p in points):
-            figures += [str(path) for path in draw_chart(points, case, folder)]
-    if not figures:
+    known = [case for case in cases if any(p.case == case for p in points)]
+    if not known:
         raise InputError(f"table {table} has no points of {', '.join(cases)}, expected some")
+    figures = [path for case in known for path in draw_chart(points, case, folder)]
+    if len(known) > 1:
+        figures += draw_side_by_side(points, known, folder)
     if missing:
         say(f"{missing} points are missing: the same command goes on")
     return {
         "table": str(table),
-        "figures": figures,
+        "figures": [str(path) for path in figures],
         "missing": missing,
         "gains": {case: gain_over_seed(points, case) for case in cases},
     }

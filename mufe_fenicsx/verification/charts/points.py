@@ -16,7 +16,6 @@ from ...errors import InputError
 from ...materials.elastic import Elastic
 from ...materials.rigid import Rigid
 from ...planning.evidence import JAMMED, REFERENCE, distance, read_curve
-from ...scene import MassScaling
 from ...theory import hertz
 from ..case import by_name, case, compare
 from ..fidelity import FIDELITIES, compress
@@ -28,25 +27,17 @@ from ..plastic_ball import RADIUS, press_ball
 from ..plastic_sphere import mean_pressure
 from ..polyhedra import SAMPLE, polyhedral_grains
 from ..reference import load, perfect_name
+from .answers import LAWS, TimeStep, course_error, lines_of, options_of, work_of
+from .bounds import BOUNDS
 
 E, RHO = 100e9, 2650.0
-#: Laws of contact by name: layer matched to the mesh, a stiff penalty, kinematic; at nodes.
-LAWS = {
-    "matched": {},
-    "stiff": {"compliance": 0.02},
-    "kinematic": {"law": "kinematic"},
-    "nodes": {"points": "nodes"},
-}
 #: Exact gaps, by static increments alone, and the largest distance from them, over an edge.
 AUGMENTED, GAP_TOLERANCE = "augmented", 1e-3
 Element = Literal[*ELEMENTS]
 Law = Literal[*LAWS]
-TimeStep = Literal["assembled", "element"]
 #: Duration of loading = 1, over the period of the body; increments of a static or implicit test.
 PERIODS = {"hertz": 3.0, "mindlin": 6.0, "plastic-sphere": 10.0}
 INCREMENTS = {"hertz": 10, "plastic-sphere": 20}
-#: From this part of the approach on, where the contact has half of its elements, errors count.
-FROM = 0.25
 #: The plastic ball's E/Y and contact radius over that of the ball.
 RATIO, PLASTIC_RADIUS = 1000.0, 0.1
 #: Of the oedometer: grains along x, y, z; final strain; speed of the platen [m/s] at loading = 1,
@@ -55,12 +46,6 @@ COUNTS, STRAIN, SPEED, JAMMED_SPEED = (2, 2, 5), 0.02, 10.0, 2.5
 #: Between grains of the oedometers (Nadimi & Fonseca 2018).
 FRICTION = 0.23
 PARTS = np.linspace(0.125, 1.0, 8)
-
-
-def _options(law, time_step, added_mass):
-    """Options of a simulation."""
-    scaling = MassScaling(added=added_mass) if added_mass else None
-    return {**LAWS.get(law, {}), "assembled": time_step == "assembled", "mass_scaling": scaling}
 
 
 def _increments(integrator, number, loading, law):
@@ -77,29 +62,6 @@ def _increments(integrator, number, loading, law):
     if law == AUGMENTED:
         more = {"gap_tolerance": GAP_TOLERANCE}
     return {"increments": max(round(number * loading), 1), **more}
-
-
-def _lines(error, accuracy, processor_s, element_steps):
-    """Answer of a case: the error against what is wanted, and what it cost."""
-    return {
-        "error": compare(error, 0.0, accuracy, scale=1.0),
-        "time of the processor [s]": compare(processor_s, 0.0, math.inf, scale=1.0),
-        "element-steps": compare(element_steps, 0.0, math.inf, scale=1.0),
-    }
-
-
-def _element_steps(simulation, integrator="explicit"):
-    """Tetrahedra times steps; nan for increments and where nothing deforms."""
-    cells = np.diff(simulation.mesh.cell_offset)[simulation.solid.grains].sum()
-    steps = float(cells) * simulation.state.num_steps
-    return steps if steps > 0 and integrator == "explicit" else math.nan
-
-
-def course_error(approach, force, theory):
-    """Mean distance of a force over approach from theory, over the mean of theory."""
-    on = approach >= FROM * approach[-1]
-    way = approach[on]
-    return float(np.trapezoid(np.abs(force - theory)[on], way) / np.trapezoid(theory[on], way))
 
 
 @case("hertz-point", num_bodies=1)
@@ -136,13 +98,13 @@ def hertz_point(
         comm, Elastic(E, nu, RHO), a_over_R**2 * RADIUS, a_over_R * RADIUS, n, growth,
         element=element, periods=PERIODS["hertz"] * loading, added_mass=0.0,
         **_increments(integrator, INCREMENTS["hertz"], loading, law),
-        **_options(law, time_step, added_mass),
+        **options_of(law, time_step, added_mass),
     )  # fmt: skip
     theory = hertz.hertz_force(course.approach, RADIUS, hertz.effective_modulus((E, nu)))
     theory *= finite_size(course.approach, nu)
     error = course_error(course.approach, course.force, theory)
-    work = _element_steps(course.simulation, integrator)
-    return _lines(error, accuracy, course.processor_s, work), [course.simulation]
+    work = work_of(course.simulation, integrator)
+    return lines_of(error, accuracy, course.processor_s, work), [course.simulation]
 
 
 def finite_size(approach, nu):
@@ -184,12 +146,12 @@ def mindlin_point(
     s = shear_balls(
         comm, elements_per_radius, a_over_R, nu, friction, ratio,
         growth * 2.5 / elements_per_radius, PERIODS["mindlin"] * loading, integrator,
-        varying=(), added_mass=0.0, element=element, **_options(law, time_step, added_mass),
+        varying=(), added_mass=0.0, element=element, **options_of(law, time_step, added_mass),
     )  # fmt: skip
     away = np.abs(s.force - s.theory).mean()
     error = float(away / (ratio * friction * s.normal[s.turns[1]]))
-    work = _element_steps(s.simulation, integrator)
-    return _lines(error, accuracy, s.processor_s, work), [s.simulation]
+    work = work_of(s.simulation, integrator)
+    return lines_of(error, accuracy, s.processor_s, work), [s.simulation]
 
 
 @case("impact-point", num_bodies=1)
@@ -221,12 +183,12 @@ def impact_point(
     material = QUARTZ if fidelity == "elastic" else Rigid(QUARTZ.E, QUARTZ.nu, QUARTZ.rho)
     found = normal_impact(
         comm, speed, elements_per_radius, growth * 2.5 / elements_per_radius, material,
-        element=element, **_options(law, time_step, added_mass),
+        element=element, **options_of(law, time_step, added_mass),
     )  # fmt: skip
     peaks = found.force.max(axis=0), found.approach.max(axis=0)
     error = impact_error(found.mass, speed, found.contact_time, *peaks, found.restitution)
     simulation = found.balls.simulation
-    return _lines(error, accuracy, found.processor_s, _element_steps(simulation)), [simulation]
+    return lines_of(error, accuracy, found.processor_s, work_of(simulation)), [simulation]
 
 
 def impact_error(mass, speed, contact_time, force, approach, restitution):
@@ -289,7 +251,7 @@ def plastic_sphere_point(
         comm, nu, RATIO, n, a_over_R, element, added_mass=0.0,
         periods=PERIODS["plastic-sphere"] * loading,
         **_increments(integrator, INCREMENTS["plastic-sphere"], loading, law),
-        **_options(law, time_step, added_mass),
+        **options_of(law, time_step, added_mass),
     )  # fmt: skip
     of_force = flowing_error(stored, course.approach, course.force)
     first, last = RADIUS * stored["delta"][[0, -1]]
@@ -300,8 +262,8 @@ def plastic_sphere_point(
     pressure = force_there.sum() / np.interp(window, course.approach, course.area).sum()
     converged = stored.mean(window / RADIUS)[1] * E
     of_pressure = abs(float(pressure / converged) - 1)
-    work = _element_steps(course.simulation, integrator)
-    lines = _lines(max(of_force, of_pressure), accuracy, course.processor_s, work)
+    work = work_of(course.simulation, integrator)
+    lines = lines_of(max(of_force, of_pressure), accuracy, course.processor_s, work)
     lines["error of the force"] = compare(of_force, 0.0, math.inf, scale=1.0)
     lines["error of the mean pressure"] = compare(of_pressure, 0.0, math.inf, scale=1.0)
     return lines, [course.simulation]
@@ -356,7 +318,7 @@ def oedometer_point(
     """
     course = press_grains(
         comm, element_size, fidelity, loading, time_step_factor=time_step_factor, element=element,
-        **_options(law, time_step, added_mass),
+        **options_of(law, time_step, added_mass),
     )  # fmt: skip
     return _against_curve(course, read_curve(REFERENCE), accuracy), [course.simulation]
 
@@ -367,7 +329,7 @@ def _against_curve(course, reference, accuracy):
     found = np.interp(PARTS * STRAIN, course.strain, course.stress)
     wanted = np.interp(PARTS * STRAIN, strain, stress)
     work = course.element_steps or math.nan
-    results = _lines(float(distance(found, wanted)), accuracy, course.processor_s, work)
+    results = lines_of(float(distance(found, wanted)), accuracy, course.processor_s, work)
     for part, one, other in zip(PARTS, found, wanted, strict=True):
         name = f"stress at {part:g} of the strain [Pa]"
         results[name] = compare(one, other, math.inf)
@@ -421,7 +383,8 @@ def jammed_point(
     reference = read_curve(JAMMED, jammed_column(friction, sample))
     course = press_polyhedra(
         comm, element_size, fidelity, loading, friction, sample,
-        time_step_factor=time_step_factor, element=element, **_options(law, time_step, added_mass),
+        time_step_factor=time_step_factor, element=element,
+        **options_of(law, time_step, added_mass),
     )  # fmt: skip
     return _against_curve(course, reference, accuracy), [course.simulation]
 
@@ -443,6 +406,6 @@ def press_polyhedra(
     return compress(comm, bodies, FIDELITIES[fidelity], STRAIN, speed, friction=friction, **options)
 
 
-POINTS = by_name(
+POINTS = BOUNDS | by_name(
     hertz_point, mindlin_point, impact_point, plastic_sphere_point, oedometer_point, jammed_point
 )

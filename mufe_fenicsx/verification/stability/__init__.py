@@ -13,6 +13,7 @@ from . import (
     penalty,
     plastic,
     resting,
+    sleeve,
     slivers,
     speed,
     time_step,
@@ -36,5 +37,6 @@ STABILITY = by_name(
     tunnelling.fast_impact,
     unequal.unequal_size,
     resting.resting,
+    sleeve.sleeve_limits,
     newton.newton_limits,
 )
