@@ -57,7 +57,10 @@ def draw_triaxial(source):
     for i, (axis, (x, y, label_x, label_y)) in enumerate(zip(axes, panels, strict=True)):
         for part, colour in zip(parts, colours, strict=True):
             label = part.stage if len(parts) <= FEW else None
-            axis.plot(x[part.rows], y[part.rows], color=colour, label=label)
+            # Stresses go on where strain is set to zero.
+            more = part.is_zeroed and axis is axes[1]
+            rows = slice(part.rows.start - more, part.rows.stop)
+            axis.plot(x[rows], y[rows], color=colour, label=label)
         if axis is axes[1] and undrained:
             rows = np.where(total != p, total, np.nan)
             axis.plot(rows, q, color=style.GREY, linewidth=0.8, zorder=1)
