@@ -57,9 +57,7 @@ def draw_triaxial(source):
     for i, (axis, (x, y, label_x, label_y)) in enumerate(zip(axes, panels, strict=True)):
         for part, colour in zip(parts, colours, strict=True):
             label = part.stage if len(parts) <= FEW else None
-            # Stresses go on where strain is set to zero.
-            more = part.is_zeroed and axis is axes[1]
-            rows = slice(part.rows.start - more, part.rows.stop)
+            rows = _of_path(part) if axis is axes[1] else part.rows
             axis.plot(x[rows], y[rows], color=colour, label=label)
         if axis is axes[1] and undrained:
             rows = np.where(total != p, total, np.nan)
@@ -95,6 +93,11 @@ def draw_triaxial(source):
         },
         "wide",
     )
+
+
+def _of_path(part):
+    """Rows of a branch in a path of stresses, which goes on where strain is set to zero."""
+    return slice(part.rows.start - part.is_zeroed, part.rows.stop)
 
 
 def _colours(number):
