@@ -37,15 +37,19 @@ def loaded_rows(history):
 
 #: A stage whose strain falls by more than this part of the range of all strains unloads.
 TURN = 0.02
+#: Change of the height at strain 0, over it, beyond which strain was set to zero between two rows:
+#: far above rounding, and far below a strain that curves show.
+ZEROED = 1e-9
 
 
 @dataclass(frozen=True)
 class Branch:
-    """Rows of one stage of loading, and the last one before it."""
+    """Rows of one stage of loading, and the last one before it, if strain goes on from there."""
 
     stage: str
     kind: str  #: "loading", "unloading" or, after one of these, "reloading"
     rows: slice
+    is_zeroed: bool = False  #: whether strain was set to zero between it and the stage before
 
 
 def branches(history):
@@ -58,6 +62,7 @@ def branches(history):
         history: dict column -> array, its seating stage first, if there is one.
     """
     stage, strain = np.asarray(history["stage"]), np.asarray(history["strain"])
+    reference = np.asarray(history["height"]) / (1.0 - strain)
     if not loading_rows(history).any():
         return []
     first = int(np.argmax(loading_rows(history)))
@@ -65,11 +70,13 @@ def branches(history):
     scale = TURN * np.ptp(strain[first:])
     found, unloaded = [], False
     for start, end in zip(starts, [*starts[1:], len(stage)], strict=True):
-        rows = slice(max(start - 1, first), end)
+        before = max(start - 1, first)
+        is_zeroed = abs(reference[start] - reference[before]) > ZEROED * reference[start]
+        rows = slice(start if is_zeroed else before, end)
         change = strain[end - 1] - strain[rows.start]
         kind = "unloading" if change < -scale else "reloading" if unloaded else "loading"
         unloaded |= kind == "unloading"
-        found.append(Branch(str(stage[start]), kind, rows))
+        found.append(Branch(str(stage[start]), kind, rows, bool(is_zeroed)))
     return found
 
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..kernels.bonded import (
+    give_rows,
     largest_of_bonded,
     place_bonded,
     squares_of_bonded,
@@ -121,13 +122,10 @@ class Bonded(ForceTerm):
         """
         if self.nodes.size == 0:
             return
-        self.velocity[:] = self.before
         place_bonded(
-            x, u, self.velocity, x0, self.nodes, self.wall, self.place, self.walls.point,
-            self.walls.rotation, dt,
+            x, u, v, self.velocity, self.before, x0, self.nodes, self.wall, self.place,
+            self.walls.point, self.walls.rotation, dt,
         )  # fmt: skip
-        v[self.nodes] = self.velocity
-        self.before[:] = x[self.nodes]
 
     def add_forces(self, f, state, dt):
         """Pass the forces ``f`` on glued nodes on to their walls. Local.
@@ -138,16 +136,15 @@ class Bonded(ForceTerm):
         if self.nodes.size:
             self.force[:] = self.walls.force
             take_bonded(
-                f, self.walls.force, self.walls.torque, state.x, self.nodes, self.wall,
+                f, state.v, self.walls.force, self.walls.torque, state.x, self.nodes, self.wall,
                 self.walls.point,
             )  # fmt: skip
             np.subtract(self.walls.force, self.force, out=self.force)
-            state.v[self.nodes] = 0.0
 
     def give_velocity(self, v):
         """Velocity of the glued nodes in the last step, into ``v``. Local."""
         if self.nodes.size:
-            v[self.nodes] = self.velocity
+            give_rows(v, self.velocity, self.nodes)
 
     def take_velocity(self, v):
         """None of the glued nodes, in ``v``: kick and damping pass them by. Local."""

@@ -6,7 +6,7 @@ import numba
 
 
 @numba.njit(cache=True)
-def place_bonded(x, u, velocity, x0, node, wall, place, point, rotation, dt):
+def place_bonded(x, u, v, velocity, before, x0, node, wall, place, point, rotation, dt):
     """Carry the bonded nodes along with their walls, in place.
 
         x = p + R X
@@ -14,9 +14,9 @@ def place_bonded(x, u, velocity, x0, node, wall, place, point, rotation, dt):
     with X their place relative to the wall's point at the start.
 
     Args:
-        x, u: Positions and displacements [m], shape (num_nodes, 3).
-        velocity: Mean velocities of the step [m/s]; on entry the positions before it [m],
-            shape (num_bonded, 3).
+        x, u, v: Positions and displacements [m], and velocities [m/s], shape (num_nodes, 3).
+        velocity: Mean velocities of the step [m/s], shape (num_bonded, 3).
+        before: Positions before the step, and after it on return [m], shape (num_bonded, 3).
         x0: Reference positions [m], shape (num_nodes, 3).
         node, wall: The bonded nodes and their walls, shape (num_bonded,).
         place: X [m], shape (num_bonded, 3).
@@ -30,17 +30,25 @@ def place_bonded(x, u, velocity, x0, node, wall, place, point, rotation, dt):
             new = point[w, i]
             for j in range(3):
                 new += rotation[w, i, j] * place[k, j]
-            velocity[k, i] = (new - velocity[k, i]) / dt
-            x[n, i] = new
+            velocity[k, i] = v[n, i] = (new - before[k, i]) / dt
+            x[n, i] = before[k, i] = new
             u[n, i] = new - x0[n, i]
 
 
 @numba.njit(cache=True)
-def take_bonded(f, wall_force, wall_torque, x, node, wall, point):
-    """Pass the forces ``f`` on bonded nodes on to their walls and clear them, in place.
+def give_rows(v, values, node):
+    """Set the rows ``node`` of ``v``, shape (num_nodes, 3), to ``values``, in place."""
+    for k in range(node.size):
+        for i in range(3):
+            v[node[k], i] = values[k, i]
+
+
+@numba.njit(cache=True)
+def take_bonded(f, v, wall_force, wall_torque, x, node, wall, point):
+    """Pass the forces ``f`` on bonded nodes on to their walls, and clear forces and velocities.
 
     Args:
-        f: Forces on nodes [N], shape (num_nodes, 3).
+        f, v: Forces on nodes [N] and their velocities [m/s], shape (num_nodes, 3).
         wall_force: Forces on walls [N], shape (num_walls, 3).
         wall_torque: Their torques about ``point`` [N m], shape (num_walls, 3).
         x, node, wall, point: As in :func:`place_bonded`.
@@ -56,6 +64,7 @@ def take_bonded(f, wall_force, wall_torque, x, node, wall, point):
         wall_torque[w, 1] += rz * fx - rx * fz
         wall_torque[w, 2] += rx * fy - ry * fx
         f[n, 0] = f[n, 1] = f[n, 2] = 0.0
+        v[n, 0] = v[n, 1] = v[n, 2] = 0.0
 
 
 @numba.njit(cache=True)

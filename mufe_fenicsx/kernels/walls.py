@@ -193,7 +193,12 @@ def find_wall_candidates(x, held, point, normal, radius, reach):
             for w in range(held.shape[1]):
                 if held[n, w]:
                     continue
-                if gap_to_wall(there, x[n], point[w], normal[w], radius[w]) <= reach:
+                gap = 0.0
+                for i in range(3):
+                    gap += (x[n, i] - point[w, i]) * normal[w, i]
+                if radius[w] != 0.0:
+                    gap = gap_to_wall(there, x[n], point[w], normal[w], radius[w])
+                if gap <= reach:
                     if fill:
                         node[count], wall[count] = n, w
                     count += 1

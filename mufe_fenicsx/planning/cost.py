@@ -16,7 +16,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..contact.separation import separate
-from ..loading.oedometer import LARGEST_SEATING, smooth_step
+from ..loading.oedometer import smooth_step
 from ..loading.quasi_static import AIM
 from ..loading.stages import SETTLED
 from ..machine.memory import peak_memory
@@ -31,6 +31,7 @@ from ..run.rebalance import PAIR_COSTS
 from ..run.scene_tools import check_sizes, make_tools
 from .contacts import Closing
 from .course import course_of, wave_speed
+from .seating import closing_time, seating_time
 
 #: Pairs nearer than this part of an edge count as closed for the stable step under load. With the
 #: mass that is added for them, steps of sand of 63 to 612 grains are 1.07 to 1.10 of the actual
@@ -79,6 +80,8 @@ class Benchmark:
     tets_step: float  #: that of the tetrahedra alone [s]
     memory: float  #: of all ranks so far [bytes]
     of_sleeve: int = 0  #: tetrahedra of a membrane, beside those of the grains
+    diameter: float = 0.0  #: of the cylinder in it [m]
+    pressed: float = 0.0  #: part of the travel that the seating stress takes
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,8 @@ class Cost:
     memory_bytes: float  #: of all ranks
     disk_bytes: float
     limit: str  #: what limits the time step: "contact" or "elements"
+    seating_steps: int = 0  #: steps of these until the sample is seated
+    closing_steps: int = 0  #: further ones for each percent of height that a loose one closes
 
 
 def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
@@ -116,14 +121,17 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
     setup = comm.allreduce(clock() - start, op=MPI.MAX)
     closing, height = Closing(s, bounds), bounds.height  # before the platen moves
     course = course_of(scene)
-    travel = 0.0
+    travel = pressed = 0.0
     top = [wall.name for wall in s.walls.walls].index(container.walls[container.top])
     if course.presses:
-        travel = closing.travel(course.seating_speed, flow_pressure(scene.material)) / height
+        # In a membrane platens follow grains, and do not strike them.
+        strikes = course.seating_speed if scene.membrane is None else 0.0
+        travel = closing.travel(strikes, flow_pressure(scene.material)) / height
         travel = travel if math.isfinite(travel) else NO_CHAIN
         # From then on the sample carries what waves of its stiffness carry, M = ρ c².
         density = s.mass_of_grains() / float(container.volume(container.lengths_within(bounds)))
-        travel += course.seating_stress / (density * wave_speed(scene) ** 2)
+        pressed = course.seating_stress / (density * wave_speed(scene) ** 2)
+        travel += pressed
         s.walls.velocity[top, 2] = -course.seating_speed
     blocks = []
     while sum(blocks) < seconds or len(blocks) < 4:
@@ -163,6 +171,8 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
         tets_step=of_tets,
         memory=memory,
         of_sleeve=comm.allreduce(mesh.num_shown_cells - mesh.num_sample_cells),
+        diameter=0.0 if scene.membrane is None else 2.0 * bounds.radius,
+        pressed=pressed,
     )
 
 
@@ -209,9 +219,7 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
     """
     course, out, b = course_of(scene), scene.output, measured
     first, loaded = (shorter * dt for dt in (b.time_step, b.loaded_step))
-    # A ramp of speed that rises smoothly from rest covers half of the way in its time.
-    seating = course.presses * (b.travel + 0.5 * course.ramp) * b.height / course.seating_speed
-    seating = min(seating, LARGEST_SEATING * b.height / course.seating_speed)
+    seating = seating_time(scene, course, b)
     loading = loading_time(scene, b.height)
     late = max(0.0, 1 - LATE / course.strain)
     steps = seating / min(first, 1.1 * loaded), loading / loaded * (1 - late + late / SHORTER)
@@ -247,6 +255,8 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
             + MESH_BYTES[0] * num_nodes + MESH_BYTES[1] * num_cells + rows * ROW_BYTES
         ),
         limit="contact" if b.loaded_step < 0.9 * b.tets_step else "elements",
+        seating_steps=round(steps[0]),
+        closing_steps=round(closing_time(scene, course, b) / min(first, 1.1 * loaded)),
     )  # fmt: skip
 
 

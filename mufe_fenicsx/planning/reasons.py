@@ -101,8 +101,8 @@ def unknown(scene, errors, elements):
             "and to its shape at the platens: `mufe verify membrane-point`"
         )
         known.append(
-            "how far the cell presses a loose sample together, and how long that settles: 49 loose "
-            "balls took more than twice the steps that were planned"
+            "how far the cell presses a loose sample together: platens follow its grains slowly, "
+            "and 49 loose balls at 20 kPa took more than 2.5 times the planned seating"
         )
     if scene.loading is not None and course.presses:
         known.append(

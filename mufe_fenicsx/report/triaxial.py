@@ -57,7 +57,8 @@ def draw_triaxial(source):
     for i, (axis, (x, y, label_x, label_y)) in enumerate(zip(axes, panels, strict=True)):
         for part, colour in zip(parts, colours, strict=True):
             label = part.stage if len(parts) <= FEW else None
-            axis.plot(x[part.rows], y[part.rows], color=colour, label=label)
+            rows = _of_path(part) if axis is axes[1] else part.rows
+            axis.plot(x[rows], y[rows], color=colour, label=label)
         if axis is axes[1] and undrained:
             rows = np.where(total != p, total, np.nan)
             axis.plot(rows, q, color=style.GREY, linewidth=0.8, zorder=1)
@@ -92,6 +93,11 @@ def draw_triaxial(source):
         },
         "wide",
     )
+
+
+def _of_path(part):
+    """Rows of a branch in a path of stresses, which goes on where strain is set to zero."""
+    return slice(part.rows.start - part.is_zeroed, part.rows.stop)
 
 
 def _colours(number):

@@ -117,7 +117,7 @@ def test_strength_and_dilatancy_at_the_peak():
     ratio = peak * np.where(axial <= top, np.sin(axial / top * np.pi / 2), 1.25 - 2.5 * axial)
     lost = -0.5 * (axial - top) + 2.0 * (axial - top) ** 2
     lost -= lost[0]
-    h = {"stage": np.full(num, "shear"), "strain": -np.expm1(-axial)}
+    h = {"stage": np.full(num, "shear"), "strain": -np.expm1(-axial), "height": np.exp(-axial)}
     h["strain_z"] = h["strain"]
     p = np.full(num, 1e5)
     curves = {"p": p, "q": ratio * p, "strain_volume": -np.expm1(-lost)}

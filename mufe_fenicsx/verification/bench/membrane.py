@@ -38,7 +38,9 @@ def in_membrane(comm, *, packed=PACKED, seed=SEED, steps=200, repeats=9, most=20
     """A sample of balls that carries a cell, and its grains in a cylinder, by turns. One rank.
 
     The grains of the second one are those of the first in their places, so that as many are near
-    each other. The processor's time counts: other programs on the machine lengthen the clock's.
+    each other. Nothing holds them there, and their contacts open: what the first one takes more is
+    an upper bound, in which contacts between grains count as well. The processor's time counts:
+    other programs on the machine lengthen the clock's.
 
     Args:
         packed, seed: Balls that are packed, and the seed of their places.
