@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 from ...errors import InputError
-from ...planning.evidence import read_points
+from ...analysis.evidence import read_points
 from .draw import draw_chart, gain_over_seed
 from .grid import grid
 from .measure import fill

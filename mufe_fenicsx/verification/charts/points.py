@@ -15,7 +15,7 @@ from ...bulk.solid import ELEMENTS
 from ...errors import InputError
 from ...materials.elastic import Elastic
 from ...materials.rigid import Rigid
-from ...planning.evidence import JAMMED, REFERENCE, distance, read_curve
+from ...analysis.evidence import JAMMED, REFERENCE, distance, read_curve
 from ...scene import MassScaling
 from ...theory import hertz
 from ..case import by_name, case, compare
