@@ -4,8 +4,8 @@ import math
 import time
 from pathlib import Path
 
-from ...errors import InputError
 from ...analysis.evidence import read_points
+from ...errors import InputError
 from .draw import draw_chart, gain_over_seed
 from .grid import grid
 from .measure import fill
