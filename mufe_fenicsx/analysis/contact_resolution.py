@@ -15,7 +15,7 @@ import numpy as np
 COARSE = 1.0
 #: Ends of the classes that tables of contacts have, in elements per contact radius.
 CLASSES = (0.0, 0.5, 1.0, 2.0, np.inf)
-#: Mean pressure of a contact that flows, over the yield stress (Tabor 1951).
+#: Mean pressure of a contact that flows, over the yield stress (Johnson 1985, section 6.3).
 CONSTRAINT = 2.8
 
 

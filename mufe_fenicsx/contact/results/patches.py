@@ -157,24 +157,28 @@ def _terms_of_points(contact, mesh, x, strength, pairs, on, area):
     terms[:, _AREA] = area
     terms[:, _DEFORMED] = area * points.stretch(own, x, node)
     terms[:, _FORCE] = pairs.normal_force[on]
-    terms[:, _EDGE] = area * _mean_around(contact, facet_edges(mesh.x, own), node)
+    facet, begin, count = _facets_around(contact, node)
+
+    def mean(values):
+        return np.add.reduceat(values, begin) / count if node.size else np.zeros(0)
+
+    terms[:, _EDGE] = area * mean(facet_edges(mesh.x, own, facet))
     terms[:, _PLACE] = area[:, None] * place
     terms[:, _MOMENT] = (area[:, None, None] * place[:, :, None] * place[:, None]).reshape(-1, 9)
     if strength is not None:
         terms[:, _KNOWN.start] = area
-        terms[:, _STRENGTH.start] = area * _mean_around(contact, strength, node)
+        terms[:, _STRENGTH.start] = area * mean(strength[facet])
     return terms
 
 
-def _mean_around(contact, of_facets, node):
-    """Mean of values of own facets over those at each point ``node``, shape (num,)."""
+def _facets_around(contact, node):
+    """Own facets at each point ``node``, one after another, and the first of each and how many."""
     own, points = contact.own, contact.points
     nodes = points.corner is None
     ring, offset = (own.ring, own.ring_offset) if nodes else (points.ring, points.ring_offset)
     count = offset[node + 1] - offset[node]
     begin = np.cumsum(count) - count
-    facet = ring[np.repeat(offset[node] - begin, count) + np.arange(count.sum())]
-    return np.add.reduceat(of_facets[facet], begin) / count if node.size else np.zeros(0)
+    return ring[np.repeat(offset[node] - begin, count) + np.arange(count.sum())], begin, count
 
 
 def _terms_of_crossings(contact, crossings):
@@ -193,14 +197,15 @@ def _terms_of_crossings(contact, crossings):
     return terms
 
 
-def facet_edges(x, own):
-    """Mean edge of each facet of a surface [m], shape (num_facets,).
+def facet_edges(x, own, facets):
+    """Mean edge of facets of a surface [m], shape (num_facets,).
 
     Args:
         x: Positions of the mesh's nodes [m], shape (num_nodes, 3).
         own: :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
+        facets: Of it, shape (num_facets,).
     """
-    corners = x[own.nodes[own.facets]]
+    corners = x[own.nodes[own.facets[facets]]]
     return np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).mean(axis=1)
 
 
