@@ -97,5 +97,6 @@ def classes_of_contacts(elements_per_radius, force, area, yield_stress):
         limit = CONSTRAINT * (Y[yields] @ area[yields])
         flow = force[yields].sum() / limit if yields.any() else np.nan
         share = force[some].sum() / (force.sum() or 1.0)
-        found.append(ClassOfContacts(low, high, int(some.sum()), share, pressure, flow))
+        numbers = (float(value) for value in (share, pressure, flow))
+        found.append(ClassOfContacts(low, high, int(some.sum()), *numbers))
     return found
