@@ -173,6 +173,10 @@ class _RunReport(_Report):
     def _write_page(self):
         run, history = self.source.summary, self.source.get("history")
         checks = self.source.checks
+        try:
+            self.source.resolution  # noqa: B018
+        except InputError as error:
+            self.missing.append(f"No check of contacts: {error}.")
         self.missing += [*self.tables.missing, *self.view.missing]
         title = run.get("title") or f"Test in {self.folder.resolve().name}"
         lead = self._lead(run, history)

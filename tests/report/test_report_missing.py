@@ -70,6 +70,10 @@ def test_coarse_contacts_are_said(tmp_path):
     assert found["all"]["grade"] == "warn"
     text = (tmp_path / "report.html").read_text()
     assert "All checks hold from strain 0.06" in text and 'of them is "contacts"' in unescape(text)
+    (tmp_path / "contacts" / "patches_0002.csv").write_text("grain_a\n1\n")
+    result = write_report(tmp_path, only=["forces"])
+    assert any(s.startswith("No check of contacts: ") for s in result["missing"])
+    assert "contacts" not in {c["name"] for c in result["checks"]}
 
 
 def test_run_that_stopped_early(tmp_path):
