@@ -33,8 +33,8 @@ from mpi4py import MPI
 from peer_programs import calculix
 from peer_programs.ball import NU, RADIUS, E, make_ball
 
+from mufe_fenicsx.analysis.evidence import command_of
 from mufe_fenicsx.materials.j2 import J2
-from mufe_fenicsx.planning.evidence import command_of
 from mufe_fenicsx.theory import hertz
 from mufe_fenicsx.verification.charts.points import (
     course_error,

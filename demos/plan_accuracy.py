@@ -31,10 +31,7 @@ from pathlib import Path
 import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 
 # isort: split
-from mufe_fenicsx.cli.arguments import number_or_text
-from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.planning.case import lines, plan_case
-from mufe_fenicsx.planning.evidence import (
+from mufe_fenicsx.analysis.evidence import (
     DONE,
     ELSEWHERE,
     SUFFIX,
@@ -45,6 +42,9 @@ from mufe_fenicsx.planning.evidence import (
     usable,
     write_elsewhere,
 )
+from mufe_fenicsx.cli.arguments import number_or_text
+from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.planning.case import lines, plan_case
 from mufe_fenicsx.verification.charts.measure import measure
 from mufe_fenicsx.verification.charts.points import POINTS
 

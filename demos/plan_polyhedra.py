@@ -19,10 +19,10 @@ import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 import numpy as np
 from mpi4py import MPI
 
+from mufe_fenicsx.analysis.evidence import JAMMED, distance, read_curve
 from mufe_fenicsx.geometry.grains import Grains, save_grains
 from mufe_fenicsx.materials.sand import scene_table
 from mufe_fenicsx.output.history import read_history
-from mufe_fenicsx.planning.evidence import JAMMED, distance, read_curve
 from mufe_fenicsx.planning.run import make_plan, planned_scene
 from mufe_fenicsx.run.from_scene import read_scene
 from mufe_fenicsx.run.run import run_scene

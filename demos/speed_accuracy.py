@@ -37,11 +37,7 @@ import mufe_fenicsx  # noqa: F401  first: one BLAS thread, the wheel's MPI
 import numpy as np
 from mpi4py import MPI
 
-from mufe_fenicsx.contact.walls import Wall
-from mufe_fenicsx.explicit.simulation import Simulation
-from mufe_fenicsx.materials.sand import SAND
-from mufe_fenicsx.planning.contacts import Closing
-from mufe_fenicsx.planning.evidence import (
+from mufe_fenicsx.analysis.evidence import (
     JAMMED,
     REFERENCE,
     TABLE,
@@ -51,6 +47,10 @@ from mufe_fenicsx.planning.evidence import (
     read_points,
     write_points,
 )
+from mufe_fenicsx.contact.walls import Wall
+from mufe_fenicsx.explicit.simulation import Simulation
+from mufe_fenicsx.materials.sand import SAND
+from mufe_fenicsx.planning.contacts import Closing
 from mufe_fenicsx.run.from_bodies import axis_planes, build
 from mufe_fenicsx.verification.charts.grid import CHARTS
 from mufe_fenicsx.verification.charts.make import make_charts

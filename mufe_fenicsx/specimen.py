@@ -10,6 +10,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from .analysis.contact_resolution import of_patches
 from .bulk.rigid import RigidGrains, check_rigid
 from .bulk.solid import Solid
 from .bulk.tools import Tools, tool_solids
@@ -17,6 +18,7 @@ from .contact.bonded import Bonded
 from .contact.contact import Contact
 from .contact.mirrors import Mirrors
 from .contact.results.network import num_active_pairs
+from .contact.results.patches import find_patches
 from .contact.settings import ContactGrains, ContactSettings
 from .contact.start.overlap import check_start, too_deep
 from .contact.walls import Walls
@@ -335,6 +337,16 @@ class Specimen(Stateful):
         num_grains = self.mesh.num_sample_grains
         return 2.0 * num_active_pairs(self.contact, num_grains) / num_grains
 
+    def contact_resolution(self):
+        """Elements per contact radius of all patches by force. Collective: one gather.
+
+        Returns:
+            :class:`~mufe_fenicsx.analysis.contact_resolution.Resolution` on rank 0, None on the
+            others, and where nothing is in contact.
+        """
+        found = find_patches(self.contact, self.mesh, self.state.x)
+        return None if found is None else of_patches(found)
+
 
 def _what_is_wrong(mesh, materials, velocity, mass_factor):
     """Message about what this rank was given for its nodes and grains, None if it can be used."""
@@ -464,3 +476,7 @@ class OfSpecimen(Stateful):
     def mean_active_contacts(self):
         """Mean number of neighbours that press on a grain, walls left out. Collective."""
         return self.specimen.mean_active_contacts()
+
+    def contact_resolution(self):
+        """Elements per contact radius of all patches by force, on rank 0. Collective."""
+        return self.specimen.contact_resolution()

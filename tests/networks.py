@@ -3,12 +3,14 @@
 import numpy as np
 
 from mufe_fenicsx.contact.results.network import Contacts, Network
+from mufe_fenicsx.contact.results.patches import Patches
 
 
-def lattice_network(force, counts=(2, 2, 3), D=2e-4):
+def lattice_network(force, counts=(2, 2, 3), D=2e-4, n=1.5):
     """Balls on a lattice of spacing D under a vertical force on each column, at rest.
 
     Friction, half of what is allowed, acts in the contacts between grains and adds up to nothing.
+    Each contact is one patch of ``n`` elements per radius.
     """
     places = np.array(list(np.ndindex(*counts)))
     number = {tuple(p): k for k, p in enumerate(places)}
@@ -32,13 +34,21 @@ def lattice_network(force, counts=(2, 2, 3), D=2e-4):
             branch = [*branch, -D / 2 * up]
     order = np.lexsort((b, a))
     a, b, at, f, t, branch = (np.array(v)[order] for v in (a, b, at, f, t, branch))
-    n = len(a)
+    num = len(a)
     normal = (f - t) / force
     contacts = Contacts(
-        a=a, b=b, num_points=np.full(n, 30), area=np.full(n, 1e-10),
-        area_deformed=np.full(n, 1.1e-10), normal=normal, centroid=at, branch=branch, force=f,
-        friction=t, torque=np.zeros((n, 3)), work=np.zeros(n),
+        a=a, b=b, num_points=np.full(num, 30), area=np.full(num, 1e-10),
+        area_deformed=np.full(num, 1.1e-10), normal=normal, centroid=at, branch=branch, force=f,
+        friction=t, torque=np.zeros((num, 3)), work=np.zeros(num),
+    )  # fmt: skip
+    area, between = np.full(num, 1e-10), b < len(places)
+    patches = Patches(
+        a=a, b=b, num_points=np.full(num, 30), area=area, area_deformed=1.1 * area,
+        edge=np.sqrt(area / np.pi) / n, elements_per_radius=np.full(num, n),
+        elements_across=np.full(num, 2 * n), normal_force=np.full(num, force),
+        force_share=1 / np.where(between, between.sum(), (~between).sum()),
+        yield_stress=np.full(num, 1e8), between_grains=between,
     )  # fmt: skip
     walls = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"]
     labels = np.arange(10, 10 + len(places))
-    return Network(labels, walls, np.ones(len(places)), centre, contacts)
+    return Network(labels, walls, np.ones(len(places)), centre, contacts, patches)

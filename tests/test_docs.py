@@ -6,11 +6,11 @@ import shutil
 import numpy as np
 import pytest
 
+from mufe_fenicsx.analysis.evidence import TABLE
 from mufe_fenicsx.contact.laws import LAYERS
 from mufe_fenicsx.geometry.bodies.half_ball import half_ball
 from mufe_fenicsx.geometry.grains import Grains, save_grains
 from mufe_fenicsx.materials.elastic import Elastic
-from mufe_fenicsx.planning.evidence import TABLE
 from mufe_fenicsx.run.demo import demo_scene
 from mufe_fenicsx.scene import (
     Contact,

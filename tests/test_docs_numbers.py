@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from mufe_fenicsx.planning.evidence import read_points
+from mufe_fenicsx.analysis.evidence import read_points
 from tests.docs_pages import ROOT
 
 PAGE = ROOT / "docs" / "record" / "2026-11-choices.md"

@@ -1,10 +1,12 @@
-"""The contact network of the stored states: two tables and a picture for each.
+"""The contact network of the stored states: three tables and a picture for each.
 
 In the folder ``contacts``, numbered as the states in ``fields``:
 
 - ``contacts_0003.csv``: a row for each pair of grains, or grain and wall, that touch or whose
   friction did work before; the columns of :data:`CONTACT_COLUMNS`;
 - ``grains_0003.csv``: a row for each grain; the columns of :data:`GRAIN_COLUMNS`;
+- ``patches_0003.csv``: a row for each patch of contact, of which two grains may have several; the
+  columns of :data:`PATCH_COLUMNS`;
 - ``0003.vtkhdf`` and ``states.vtkhdf.series``: active contacts as lines from centre to centre
   (or from the wall to the centre) with what they carry as data, for ParaView.
 
@@ -69,6 +71,19 @@ GRAIN_COLUMNS = (
     "friction_work",  # half of that with neighbours, all of that with walls [J]
 )
 
+PATCH_COLUMNS = (
+    *("grain_a", "grain_b", "wall"),  # as of contacts
+    "num_points",  # closed ones of both sides, and crossings of edges
+    "area",  # [m²], in the reference configuration
+    "area_deformed",  # the same facets as they are now [m²]
+    "edge",  # h: mean edge of the facets there [m]
+    "elements_per_radius",  # a/h, a = √(area/π)
+    "elements_across",  # where the patch is narrowest
+    "normal_force",  # sum of those at its points [N]
+    "force_share",  # of all patches between grains, or of all with walls
+    "yield_stress",  # reached in the elements there [Pa], of the softer side; 0: none yields
+)
+
 
 class ContactWriter:
     """Writes the network of stored states into the folder ``contacts``. Collective.
@@ -125,6 +140,7 @@ class ContactWriter:
         tables = (
             ("contacts", CONTACT_COLUMNS, contact_rows(network)),
             ("grains", GRAIN_COLUMNS, grain_rows(network)),
+            ("patches", PATCH_COLUMNS, patch_rows(network)),
         )
         for name, columns, rows in tables:
             text = io.StringIO()
@@ -140,15 +156,36 @@ class ContactWriter:
         write_atomically(self.folder / SERIES, json.dumps(series, indent=1) + "\n")
 
 
+def _bodies(network, a, b):
+    """Columns grain_a, grain_b and wall."""
+    labels = np.append(network.labels, np.zeros(len(network.walls), network.labels.dtype))
+    walls = [""] * network.labels.size + network.walls
+    return network.labels[a], labels[b], [walls[k] for k in b]
+
+
+def patch_rows(network):
+    """Rows of the table of patches, as Python numbers and text."""
+    p = network.patches
+    columns = [
+        *_bodies(network, p.a, p.b),
+        p.num_points,
+        p.area,
+        p.area_deformed,
+        p.edge,
+        p.elements_per_radius,
+        p.elements_across,
+        p.normal_force,
+        p.force_share,
+        np.where(np.isfinite(p.yield_stress), p.yield_stress, 0.0),
+    ]
+    return _rows(columns)
+
+
 def contact_rows(network):
     """Rows of the table of contacts, as Python numbers and text."""
-    c, n = network.contacts, network.labels.size
-    labels = np.append(network.labels, np.zeros(len(network.walls), network.labels.dtype))
-    walls = [""] * n + network.walls
+    c = network.contacts
     columns = [
-        network.labels[c.a],
-        labels[c.b],
-        [walls[b] for b in c.b],
+        *_bodies(network, c.a, c.b),
         c.num_points,
         c.area,
         c.area_deformed,
@@ -269,6 +306,21 @@ def contact_files(run_folder, index):
     """Paths of the tables of contacts and of grains of one stored state."""
     folder = Path(run_folder) / "contacts"
     return [folder / f"{name}_{index:04d}.csv" for name in ("contacts", "grains")]
+
+
+def read_patches(run_folder, index):
+    """The table of patches of one stored state, dict column -> array.
+
+    Raises:
+        InputError: There is none, as in runs of earlier versions, or it cannot be read.
+    """
+    path = Path(run_folder) / "contacts" / f"patches_{index:04d}.csv"
+    patches = read_history(path)
+    absent = [name for name in PATCH_COLUMNS if name not in patches]
+    if absent:
+        raise InputError(f"{path} has no column {', '.join(absent)}")
+    _check(path, patches, PATCH_COLUMNS, ("grain_a", "grain_b", "num_points"), "wall")
+    return patches
 
 
 def read_contacts(run_folder, index):

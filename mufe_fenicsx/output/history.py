@@ -30,6 +30,8 @@ AFTER = (
     "num_contacts",
     "num_active_grains",
     "num_active_contacts",
+    "elements_per_radius",
+    "elements_per_radius_tenth",
 )
 
 
@@ -46,7 +48,10 @@ def history_columns(container):
 #: Those of a box.
 COLUMNS = history_columns(BOX)
 #: Those that runs of earlier versions lack.
-NEWER_COLUMNS = ("length_x", "length_y", "switching")
+NEWER_COLUMNS = (
+    *("length_x", "length_y", "switching"),
+    *("elements_per_radius", "elements_per_radius_tenth"),
+)
 TEXT_COLUMNS = ("stage", "wall")
 NUMBERS = {name for each in CONTAINERS.values() for name in history_columns(each)}
 

@@ -15,9 +15,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..analysis.evidence import DONE, SUFFIX, Point, command_of, read_elsewhere, read_points, usable
 from ..errors import InputError
 from .errors import between, checked_accuracy
-from .evidence import DONE, SUFFIX, Point, command_of, read_elsewhere, read_points, usable
 
 #: Error of a measured point over what it may be at another Poisson's ratio, size of contact or
 #: speed, for points that nobody has computed there, as are all between two meshes.
@@ -41,7 +41,7 @@ def expected_error(point, elsewhere, stated=None):
     """What the error of a point may be at parameters other than its own.
 
     Args:
-        point: :class:`~mufe_fenicsx.planning.evidence.Point`.
+        point: :class:`~mufe_fenicsx.analysis.evidence.Point`.
         elsewhere: Errors of those that were computed there, as of `evidence.read_elsewhere`.
         stated: {parameter: value} of the case where these are known; others may be anything.
     """

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, field, replace
 
+from ..analysis.evidence import read_points
 from ..errors import InputError
 from ..materials.auto import Auto
 from ..materials.elastic import Elastic
@@ -18,7 +19,6 @@ from .errors import (
     sample_errors,
     time_for,
 )
-from .evidence import read_points
 from .reasons import driver, out_of_reach, stage_too_fast, too_simple, unknown
 
 #: What the table calls a law of contact, by what a scene says.

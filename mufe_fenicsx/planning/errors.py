@@ -16,12 +16,12 @@ Where grains rearrange, another rounding leads another way: that is not an error
 is told apart from it (``path``).
 """
 
-import itertools
 import math
 from dataclasses import dataclass
 
+from ..analysis.evidence import distance, read_points, usable
+from ..analysis.evidence.mesh_errors import between, error_at, falling, select, size
 from ..errors import InputError
-from .evidence import distance, read_points, usable
 
 OEDOMETER, TOOL = "oedometer", "tool"
 #: Grains of its sample.
@@ -68,11 +68,11 @@ class Errors:
 
     def of_mesh(self, n):
         """Error at n elements per contact radius; inf where that is coarser than any known."""
-        return _at(self.mesh, n)
+        return error_at(self.mesh, n)
 
     def of_tool(self, n):
         """Error of the force on a smooth tool at n elements per contact radius; inf: not known."""
-        return _at(self.tools, n) if self.tools else math.inf
+        return error_at(self.tools, n) if self.tools else math.inf
 
     def elements_for(self, error):
         """Fewest elements per contact radius for an error; inf where none are known."""
@@ -94,14 +94,6 @@ class Errors:
     def of_path(self, num_grains):
         """By how much two tests part that differ in rounding: a larger sample averages."""
         return self.path * math.sqrt(GRAINS / max(num_grains, 1))
-
-
-def _at(pairs, n):
-    """Error of pairs (elements per contact radius, error) at n; inf below the first one."""
-    (coarse, _), (fine, least) = pairs[0], pairs[-1]
-    if n < coarse * (1 - 1e-9):
-        return math.inf
-    return least * fine / n if n >= fine else between(pairs, n)
 
 
 def of_loading(time):
@@ -133,32 +125,6 @@ def contact_radius(material):
     return (3 * STRESS / (8 * material.contact_modulus)) ** (1 / 3)
 
 
-def between(pairs, x):
-    """Value at x on straight lines of logarithms; below the first pair that of the first."""
-    if x <= pairs[0][0]:
-        return pairs[0][1]
-    for (a, u), (b, v) in itertools.pairwise(pairs):
-        if x <= b:
-            return u * (v / u) ** (math.log(x / a) / math.log(b / a))
-    return pairs[-1][1]
-
-
-def falling(pairs):
-    """(size, error) pairs from coarse to fine, each error at least that of all finer ones."""
-    worst, found = 0.0, []
-    for n, e in sorted(pairs, reverse=True):
-        worst = max(worst, e)
-        found.append((n, worst))
-    return tuple(reversed(found))
-
-
-#: Parameters of a point that changes nothing but its mesh.
-DEFAULTS = {
-    "element": "averaged", "law": "matched", "fidelity": "j2", "time_step": "assembled",
-    "added_mass": "0", "loading": "1", "time_step_factor": "0.9", "integrator": "explicit",
-}  # fmt: skip
-
-
 def sample_errors(points=None, element="averaged", law="matched", yields=True):
     """The :class:`Errors` of an element and a law of contact, for rock that yields or does not.
 
@@ -168,7 +134,7 @@ def sample_errors(points=None, element="averaged", law="matched", yields=True):
     points = read_points() if points is None else points
     case = "plastic-sphere" if yields else "hertz"
     own = usable(points, case)
-    base, mesh = _select(own), _select(own, element=element)
+    base, mesh = select(own), select(own, element=element)
     if len(mesh) < 2 or not base:
         raise InputError(
             f'solver.element = "{element}", expected one of which the table of points has meshes '
@@ -176,13 +142,13 @@ def sample_errors(points=None, element="averaged", law="matched", yields=True):
         )
     factor = 1.0
     if law != "matched":
-        pairs = list(_beside(_select(own, law=law), base))
+        pairs = list(_beside(select(own, law=law), base))
         if not pairs:
             raise InputError(f'law of contact "{law}", expected one of which the table has {case}')
         factor = max(p.error / q.error for p, q in pairs)
     masses = {0.0: (0.0, 1.0)}
     for added in ("0.01", "0.05"):
-        pairs = list(_beside(_select(own, added_mass=added), base))
+        pairs = list(_beside(select(own, added_mass=added), base))
         if pairs:
             masses[float(added)] = (
                 min(abs(p.error - q.error) for p, q in pairs),
@@ -191,51 +157,38 @@ def sample_errors(points=None, element="averaged", law="matched", yields=True):
     grains = [p for p in usable(points, OEDOMETER) if p.curve]
     fidelities = {"j2": 0.0, "elastic": 0.0}
     for name in ("rigid", "auto"):
-        pairs = list(_beside(_select(grains, fidelity=name), _select(grains)))
+        pairs = list(_beside(select(grains, fidelity=name), select(grains)))
         if pairs:
             fidelities[name] = max(distance(p.curve, q.curve) for p, q in pairs)
     others = [p for p in grains if "time_step_factor" in p.parameters]
     return Errors(
-        mesh=falling((_size(p), factor * p.error) for p in mesh),
-        cells=tuple(sorted((_size(p), p.num_cells) for p in base)),
+        mesh=falling((size(p), factor * p.error) for p in mesh),
+        cells=tuple(sorted((size(p), p.num_cells) for p in base)),
         masses=masses,
         fidelities=fidelities,
         path=max(
-            (distance(p.curve, q.curve) for p, q in _beside(others, _select(grains))), default=0.0
+            (distance(p.curve, q.curve) for p, q in _beside(others, select(grains))), default=0.0
         ),
-        tools=falling((_size(p), p.error) for p in _select(usable(points, TOOL), element=element)),
+        tools=falling((size(p), p.error) for p in select(usable(points, TOOL), element=element)),
     )
-
-
-def _select(points, **wanted):
-    """Points that differ from ``DEFAULTS`` in the mesh and in what is wanted alone."""
-    wanted = DEFAULTS | wanted
-    return [p for p in points
-            if all(p.parameters.get(k, DEFAULTS[k]) == v for k, v in wanted.items())]  # fmt: skip
-
-
-def _size(point):
-    """Its parameter of the mesh."""
-    own = point.parameters
-    return float(own.get("elements_per_radius", own.get("element_size", "nan")))
 
 
 def _beside(points, others):
     """Pairs of points on the same mesh."""
-    return ((p, q) for p in points for q in others if _size(p) == _size(q))
+    return ((p, q) for p in points for q in others if size(p) == size(q))
 
 
 def best_law(points=None, yields=True):
     """Law of contact whose error on the meshes they share is least, the cheapest within 10 %."""
     points = read_points() if points is None else points
     own = usable(points, "plastic-sphere" if yields else "hertz")
-    laws = {law: _select(own, law=law) for law in ("matched", "stiff", "kinematic", "nodes")}
+    laws = {law: select(own, law=law) for law in ("matched", "stiff", "kinematic", "nodes")}
     laws = {law: some for law, some in laws.items() if some}
-    sizes = [{_size(p) for p in some} for some in laws.values()]
+    sizes = [{size(p) for p in some} for some in laws.values()]
     shared = set.intersection(*sizes) if sizes else set()
     if not shared:
         return "matched"
-    laws = {law: [p for p in some if _size(p) in shared] for law, some in laws.items()}
+    laws = {law: [p for p in some if size(p) in shared] for law, some in laws.items()}
     worst = {
         law: (max(p.error for p in some), sum(p.seconds for p in some))
         for law, some in laws.items()

@@ -3,10 +3,10 @@
 import math
 from dataclasses import dataclass, field
 
+from ..analysis.evidence import read_points
 from .choice import fidelity_of, law_of
 from .course import course_of, wave_speed
 from .errors import FASTEST, contact_radius, of_loading, sample_errors
-from .evidence import read_points
 from .reasons import unknown
 
 

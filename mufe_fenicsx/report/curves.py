@@ -4,11 +4,11 @@ import numpy as np
 from matplotlib.ticker import FuncFormatter
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
-from mufe_fenicsx.analysis.rows import branches, largest, loaded_rows, loading_rows
+from mufe_fenicsx.analysis.checks import TARGETS, judged_rows
+from mufe_fenicsx.analysis.rows import branches, largest, loading_rows
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import legends, shared_legend, without_spikes
-from mufe_fenicsx.report.checks import TARGETS
 from mufe_fenicsx.report.figure import Drawing
 
 STRAIN = style.STRAIN
@@ -302,7 +302,7 @@ def draw_monitors(source):
     """Kinetic ratio, balance of the platens and energy residual, each with its target."""
     history = source.history
     figure, axes = style.new_figure(style.PAGE, 2.6, ncols=3)
-    rows, loaded = loading_rows(history), loaded_rows(history)
+    rows, loaded = loading_rows(history), judged_rows(history)
     source.loading  # noqa: B018  there has to be some
     kinetic, difference = quasi_static.judged(history, source.mass)
     single = quasi_static.kinetic_ratio(history), quasi_static.force_difference(history)
@@ -326,7 +326,7 @@ def draw_monitors(source):
         axis.plot(strain[positive], values[positive], **look)
         axis.axhline(target, color=style.RED, linestyle="--", linewidth=0.9, label="target")
         judged = np.where(loaded, target, np.nan)
-        axis.plot(strain, judged, color=style.RED, linewidth=2, label="target once loaded")
+        axis.plot(strain, judged, color=style.RED, linewidth=2, label="target where it counts")
         shade_dynamic(axis, source, strain[rows], values[rows], span=True)
         axis.set_yscale("log")
         worst = largest(values[loaded & positive])

@@ -49,7 +49,7 @@ def write_page(path, title, lead, checks, missing, figures, tables, footer, view
     Args:
         path: HTML file; written beside and renamed.
         title, lead: Its heading and a sentence below.
-        checks: List of :class:`mufe_fenicsx.report.checks.Check`.
+        checks: List of :class:`mufe_fenicsx.analysis.checks.Check`.
         missing: Sentences about what is not in the report.
         figures: List of (path of a PNG or GIF, caption, how to read it, "wide" or "narrow").
         tables: List of (heading, rows of cells), or (heading, rows, names of the columns).

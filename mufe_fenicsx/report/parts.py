@@ -29,7 +29,13 @@ from mufe_fenicsx.report import (
 )
 from mufe_fenicsx.report.figure import save, save_tables
 from mufe_fenicsx.report.source import Source
-from mufe_fenicsx.report.summary import failed_grains, largest_values, run_rows, sample_rows
+from mufe_fenicsx.report.summary import (
+    contact_rows,
+    failed_grains,
+    largest_values,
+    run_rows,
+    sample_rows,
+)
 from mufe_fenicsx.report.view import make_view
 
 #: Name of each figure, what it shows, and what draws it from a Source, in the page's order.
@@ -228,6 +234,8 @@ def _tables(name, source, figures):
     except DAMAGE as error:
         missing.append(f"No table of largest values: {damaged(error)}.")
         tables = []
+    if source.get("classes"):
+        tables.append(contact_rows(source))
     try:
         columns = grains.table_of_inertia(source)
     except DAMAGE as error:

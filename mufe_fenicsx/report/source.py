@@ -5,7 +5,8 @@ from functools import cached_property
 import numpy as np
 
 from mufe_fenicsx.analysis import grain_energy, inertia, kinematics
-from mufe_fenicsx.analysis.contact_resolution import contact_resolution
+from mufe_fenicsx.analysis.checks import check_run
+from mufe_fenicsx.analysis.contact_resolution import classes_of_contacts, contact_resolution
 from mufe_fenicsx.analysis.grain_stress import unstressed
 from mufe_fenicsx.analysis.quasi_static import trusted_from
 from mufe_fenicsx.analysis.rows import loading_rows, turns_back
@@ -228,28 +229,41 @@ class Source:
         return self.run.network()
 
     @cached_property
-    def resolution(self):
-        """How finely contacts are meshed, (:class:`Resolution`, words of which contacts).
+    def patches(self):
+        """Patches of contact, and of which contacts and when in words.
 
         Of the shown state whose contacts carry most; of those with walls where no grains touch.
         """
-        tables = {i: self.run.contacts(i) for i in self.contact_states}
-        try:
-            nodes = self.run.scene["contact"].get("points") == "nodes"
-            index = max(tables, key=lambda i: tables[i]["normal_force"].sum())
-            closed = tables[index][tables[index]["num_points"] > 0]
-            between = closed["grain_b"] != 0
-            at_walls = not between.any()
-            closed = closed[between | at_walls]
-            found = contact_resolution(
-                closed["num_points"], closed["normal_force"], 1 if at_walls else 2, nodes
-            )
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise InputError(f"scene or tables of contacts are damaged ({error!r})") from error
+        tables = {i: self.run.patches(i) for i in self.contact_states}
+        index = max(tables, key=lambda i: tables[i]["normal_force"].sum())
+        between = tables[index]["grain_b"] != 0
+        at_walls = not between.any()
+        what = "contacts with walls" if at_walls else "contacts between grains"
+        return tables[index][between | at_walls], f"{what}, strain {self.strain_of(index):.4f}"
+
+    @cached_property
+    def resolution(self):
+        """How finely contacts are meshed, (:class:`Resolution`, words of which contacts)."""
+        patches, which = self.patches
+        found = contact_resolution(patches["elements_per_radius"], patches["normal_force"])
         if found is None:
             raise InputError("no stored state has contacts that carry a normal force")
-        what = "contacts with walls" if at_walls else "contacts between grains"
-        return found, f"{what}, strain {self.strain_of(index):.4f}"
+        return found, which
+
+    @cached_property
+    def classes(self):
+        """Those patches by their elements per contact radius, list of :class:`ClassOfContacts`."""
+        names = ("elements_per_radius", "normal_force", "area_deformed", "yield_stress")
+        return classes_of_contacts(*(self.patches[0][name] for name in names))
+
+    @cached_property
+    def checks(self):
+        """All checks of a run, as far as its files go: list of :class:`Check`."""
+        history = self.get("history")
+        if history is None:
+            return []
+        known = "elements_per_radius" in history
+        return check_run(history, self.mass, self.get("resolution") if known else None)
 
     @cached_property
     def trust(self):

@@ -124,6 +124,28 @@ def _state_rows(state):
     return rows
 
 
+def contact_rows(source):
+    """Table of contacts by how finely they are meshed: (heading, rows, names of the columns).
+
+    Args:
+        source: :class:`mufe_fenicsx.report.source.Source`.
+
+    Raises:
+        InputError: There are no tables of patches.
+    """
+    rows = []
+    for k in source.classes:
+        name = f"more than {k.low:g}" if np.isinf(k.high) else f"{k.low:g} to {k.high:g}"
+        pressure = quantity(k.pressure, "Pa") if k.num_patches else "–"
+        flow = number(k.flow) if np.isfinite(k.flow) else "–"
+        rows.append((name, number(k.num_patches), f"{k.force_share:.1%}", pressure, flow))
+    columns = (
+        "Elements per contact radius", "Patches", "Normal force, part of all", "Mean pressure",
+        "Mean pressure over 2.8 times the yield stress reached",
+    )  # fmt: skip
+    return f"How finely contacts are meshed ({source.patches[1]})", rows, columns
+
+
 def sample_rows(start, last, run, history):
     """Rows (name, value) about the sample, from its stored states.
 

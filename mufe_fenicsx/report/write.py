@@ -6,13 +6,13 @@ import matplotlib
 import numpy as np
 
 import mufe_fenicsx
+from mufe_fenicsx.analysis.checks import where, worst_of
 from mufe_fenicsx.analysis.cycles import find_cycles
 from mufe_fenicsx.analysis.probes import find_cells
 from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError, nearest_name
 from mufe_fenicsx.output.run_folder import reason
 from mufe_fenicsx.report import compare, cyclic, localisation, shearing, style, tools, triaxial
-from mufe_fenicsx.report.checks import check_source, where, worst_of
 from mufe_fenicsx.report.figure import remove_listed, save, write_index
 from mufe_fenicsx.report.page import write_page
 from mufe_fenicsx.report.parts import FIGURES, NAMES, TABLES, VIEW, draw_parts, num_processes
@@ -172,7 +172,11 @@ class _RunReport(_Report):
 
     def _write_page(self):
         run, history = self.source.summary, self.source.get("history")
-        checks = check_source(self.source)
+        checks = self.source.checks
+        try:
+            self.source.resolution  # noqa: B018
+        except InputError as error:
+            self.missing.append(f"No check of contacts: {error}.")
         self.missing += [*self.tables.missing, *self.view.missing]
         title = run.get("title") or f"Test in {self.folder.resolve().name}"
         lead = self._lead(run, history)
@@ -243,7 +247,7 @@ class _Comparison(_Report):
                 self.lacking.setdefault(str(error), []).append(f"{what} compared")
 
     def _write_page(self):
-        checks = [check_source(source) for source in self.sources]
+        checks = [source.checks for source in self.sources]
         checks = worst_of(checks, self.names)
         folders = ", ".join(source.folder.resolve().name for source in self.sources)
         self._page(

@@ -15,7 +15,7 @@ from ..container import Container, container_of_history
 from ..errors import InputError, shortened
 from ..geometry.measure import renumbered, tet_volumes
 from ..machine.notebook import html_table
-from ..output.contacts import CONTACT_COLUMNS, contact_files, read_contacts
+from ..output.contacts import CONTACT_COLUMNS, contact_files, read_contacts, read_patches
 from ..output.fields import MESH, read_arrays, read_states
 from ..output.history import history_columns, read_history
 from ..output.run_folder import read_run_json, reason, regular, wrong_entries
@@ -149,6 +149,13 @@ class Run:
         Columns: :data:`mufe_fenicsx.output.contacts.CONTACT_COLUMNS`.
         """
         return self._network(number)[0]
+
+    def patches(self, number: int = -1) -> pandas.DataFrame:
+        """Patches of contact of a stored state, and how facets resolve them: a row a patch.
+
+        Columns: :data:`mufe_fenicsx.output.contacts.PATCH_COLUMNS`.
+        """
+        return _Table(read_patches(self.path, self.state(number).index))
 
     def grains(self, number: int = -1) -> pandas.DataFrame:
         """Grains of a stored state, a DataFrame with a row a grain.

@@ -6,6 +6,7 @@ import math
 import numpy as np
 
 from ..bulk.solid import von_mises
+from ..bulk.strength import surface_strength
 from ..contact.results.network import find_network
 from ..contact.results.nodal_fields import nodal_contact
 from ..errors import InputError, raise_together
@@ -106,6 +107,7 @@ class Recorder:
         forces, energies = loading.measures.forces(), sim.energies()
         active = sim.num_active_grains()
         added, largest = sim.scaling.shares() if sim.scaling else (0.0, 0.0)
+        fine = sim.contact_resolution()
         row = {
             "step": sim.state.num_steps,
             "time": sim.state.t,
@@ -120,6 +122,9 @@ class Recorder:
             "num_contacts": sim.num_contacts,
             "num_active_grains": active,
             "num_active_contacts": sim.mean_active_contacts(),
+            # Only rank 0, which writes, has it; without a contact there is none.
+            "elements_per_radius": fine.half if fine else 0.0,
+            "elements_per_radius_tenth": fine.tenth if fine else 0.0,
         }
         lengths, container = loading.measures.lengths(), self.container
         row.update(zip(container.widths, lengths[:-1], strict=True))
@@ -178,12 +183,13 @@ class Recorder:
                 "plastic_strain": state.plastic_strain[:num_cells],
             },
         )
-        network = find_network(sim.contact, sim.mesh, sim.solid.mass, state.x)
+        strength = surface_strength(solid, sim.contact.own, state.plastic_strain)
+        network = find_network(sim.contact, sim.mesh, sim.solid.mass, state.x, strength)
         self.contacts.write(self.num_states, state.t, network)
         number, mesh = f"{self.num_states:04d}", f"fields/{self.fields.mesh}"
         self._note([f"fields/{number}.vtkhdf"], mesh)
-        tables = (f"contacts_{number}.csv", f"grains_{number}.csv", f"{number}.vtkhdf")
-        self._note([f"contacts/{name}" for name in tables])
+        tables = (f"{name}_{number}.csv" for name in ("contacts", "grains", "patches"))
+        self._note([f"contacts/{name}" for name in (*tables, f"{number}.vtkhdf")])
         if self.tools is not None:
             loads = sim.tools.forces()
             self._note([self.tools.write(self.num_states, state.t, state.x, loads)])

@@ -34,6 +34,7 @@ from .from_scene import (
     separate_surfaces,
     sleeve_of,
 )
+from .judgement import judged
 from .profile import Profile
 from .rebalance import better_partition
 from .recorder import Recorder
@@ -208,6 +209,7 @@ class TestRun:
                 )
             ),
         }
+        summary |= judged(self.simulation, self.place.folder, summary["mass"])
         if self.profile is not None:
             summary["profile"] = self.profile.summary()
         if self.options.after is not None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.analysis import (
+    checks,
     energy_check,
     grain_energy,
     grain_means,
@@ -13,7 +14,6 @@ from mufe_fenicsx.analysis import (
     stress_strain,
 )
 from mufe_fenicsx.analysis.checkerboard import checkerboard
-from mufe_fenicsx.report import checks
 from tests.made_up_run import ball, fake_history
 
 ROUND_OFF = 1e-12
@@ -80,10 +80,16 @@ def test_checks_say_from_where_on_and_are_not_green_on_faults():
     h["kinetic"][late] = 0.1 * (h["elastic"] + h["plastic"])[late]
     found = {check.name: check for check in checks.check_run(h)}
     grades = {name: check.grade for name, check in found.items()}
-    assert grades.pop("trusted") == "warn" and set(grades.values()) == {"pass"}
+    # The peak lies beyond the first tenth of the course, and its energy comes from nowhere.
+    warned = {name for name, grade in grades.items() if grade == "warn"}
+    assert warned == {"all", "trusted", "kinetic", "residual"} and set(grades.values()) == {
+        "pass",
+        "warn",
+    }
+    assert found["all"].since == found["trusted"].since
     assert found["trusted"].since == found["kinetic"].since == h["strain"][late + 1]
     assert f"Met from strain {h['strain'][late + 1]:.4f} on" in found["kinetic"].text
-    assert found["residual"].text.endswith("Met in all rows.") is False  # that energy is missing
+    assert found["residual"].text.endswith("Met in all rows.") is False
     h["kinetic"][-1] = 0.06 * (h["elastic"] + h["plastic"])[-1]
     assert found["load"].text.endswith("Met in all rows.")
     found = {check.name: check for check in checks.check_run(h)}

@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.analysis import rows
-from mufe_fenicsx.analysis.contact_resolution import (
-    contact_resolution,
-    elements_per_radius,
-    points_of,
-)
+from mufe_fenicsx.analysis.contact_resolution import classes_of_contacts, contact_resolution
 from mufe_fenicsx.analysis.cycles import find_cycles, turning_points
 from mufe_fenicsx.analysis.quasi_static import KINETIC, trusted_from
 from tests.made_up_run import fake_history
@@ -74,18 +70,29 @@ def test_forces_of_an_unloaded_sample_are_not_compared():
     assert trusted_from(history).row is None
 
 
-def test_points_and_elements_of_a_contact():
-    """A circle of radius a on equilateral facets: as many on each side as fit into its area."""
-    for nodes in (False, True):
-        n = 2.5
-        facets = np.pi * n**2 / (np.sqrt(3) / 4)
-        points = 2 * facets / (2 if nodes else 1)
-        assert elements_per_radius(points, nodes=nodes) == pytest.approx(n, rel=ROUND_OFF)
-        assert points_of(n, nodes=nodes) == pytest.approx(points, rel=ROUND_OFF)
-    # One large force on many points, and as much on few; the median is that of the many.
-    found = contact_resolution([100, 4, 6], [5.1, 2.0, 2.9])
-    assert found.points == 100 and found.coarse == pytest.approx(0.49, rel=ROUND_OFF)
-    assert contact_resolution([3], [0.0]) is None
+def test_contacts_count_by_their_force():
+    """Forces 1, 5, 3, 1 of ten at n = 0.4, 0.8, 1.6, 3.2."""
+    n, force = [3.2, 0.8, 0.4, 1.6], [1.0, 5.0, 1.0, 3.0]
+    found = contact_resolution(n, force)
+    assert (found.tenth, found.half, found.nine_tenths) == (0.4, 0.8, 1.6)
+    assert found.coarse == pytest.approx(0.6, rel=ROUND_OFF) and found.num_patches == 4
+    assert contact_resolution([3.0], [0.0]) is None and contact_resolution([], []) is None
+    assert contact_resolution([2.0, 9.0], [1.0, -8.0]).half == 2.0  # what pulls carries nothing
+
+
+def test_pressure_of_classes_is_force_over_area():
+    """Mean pressure of all patches of a class, over 2.8 Y of those that can yield."""
+    Y = 1e8
+    classes = classes_of_contacts(
+        [0.4, 0.6, 0.9, 5.0], [28.0, 30.0, 10.0, 4.0], [1e-7, 1e-7, 3e-7, 1e-7], [Y, Y, 2 * Y, 0.0]
+    )
+    assert [c.num_patches for c in classes] == [1, 2, 0, 1]
+    assert [c.force_share for c in classes] == pytest.approx([28 / 72, 40 / 72, 0, 4 / 72])
+    assert classes[0].pressure == pytest.approx(2.8e8, rel=ROUND_OFF)
+    assert classes[0].flow == pytest.approx(1.0, rel=ROUND_OFF)
+    assert classes[1].pressure == pytest.approx(40 / 4e-7, rel=ROUND_OFF)
+    assert classes[1].flow == pytest.approx(40 / (2.8 * (1e-7 * Y + 3e-7 * 2 * Y)), rel=ROUND_OFF)
+    assert np.isnan(classes[2].pressure) and np.isnan(classes[3].flow)
 
 
 def test_cycles_of_a_linear_viscous_solid():

@@ -1,7 +1,7 @@
 """Scenes, samples and points of the evidence that plans are tried on."""
 
+from mufe_fenicsx.analysis.evidence import Point, command_of
 from mufe_fenicsx.materials.j2 import J2
-from mufe_fenicsx.planning.evidence import Point, command_of
 from mufe_fenicsx.planning.sample import Sample
 from mufe_fenicsx.scene import Contact, Oedometer, Scene
 from mufe_fenicsx.scene.stages import Axis, Loading, Stage

@@ -5,12 +5,12 @@ import math
 
 import pytest
 
+from mufe_fenicsx.analysis import evidence
+from mufe_fenicsx.analysis.evidence import command_of
 from mufe_fenicsx.cli.main import main
 from mufe_fenicsx.cli.plan import CASES
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.planning import evidence
 from mufe_fenicsx.planning.case import expected_error, plan_case, settled
-from mufe_fenicsx.planning.evidence import command_of
 from tests.planning.samples import point
 
 

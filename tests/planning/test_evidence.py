@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.analysis import evidence
+from mufe_fenicsx.analysis.evidence import cheapest, cost_at, pareto
 from mufe_fenicsx.cli.arguments import number_or_text
-from mufe_fenicsx.planning import evidence
 from mufe_fenicsx.planning.errors import GRAINS, falling, of_loading, sample_errors, time_for
-from mufe_fenicsx.planning.evidence import cheapest, cost_at, pareto
 from mufe_fenicsx.verification.cases import run_cases
 from tests.planning.samples import point, sample
 

@@ -23,7 +23,8 @@ VALUES = [None, True, "text", "", "\x1b[2J", "9" * 3000, -1, 0, 1e308, math.nan,
           [], {}, [None], {"a": []}, [[[]]], ["x"] * 50, {"name": 1, "step": "a"}]  # fmt: skip
 CELLS = ["", "nan", "inf", "-1", "0", "1e300", "text", "999999999", "=1+1", "1;2", "a,b", '"']
 TABLES_OF_CONTACTS = ("contacts/contacts_0001.csv", "contacts/contacts_0002.csv",
-                      "contacts/grains_0001.csv", "contacts/grains_0002.csv")  # fmt: skip
+                      "contacts/grains_0001.csv", "contacts/grains_0002.csv",
+                      "contacts/patches_0001.csv", "contacts/patches_0002.csv")  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -10,11 +10,13 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx import report
+from mufe_fenicsx.analysis.checks import check_run, holds_from
+from mufe_fenicsx.analysis.contact_resolution import contact_resolution
 from mufe_fenicsx.errors import InputError, SolverError
 from mufe_fenicsx.geometry.bodies.shapes import sphere
 from mufe_fenicsx.geometry.grains import Grains, save_grains
 from mufe_fenicsx.materials.j2 import J2
-from mufe_fenicsx.output.contacts import read_contacts
+from mufe_fenicsx.output.contacts import read_contacts, read_patches
 from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.run.from_scene import load_mesh
@@ -106,6 +108,19 @@ def test_run_writes_what_it_did(folder, grains):
     summary = json.loads((out / "run.json").read_text())
     assert summary["num_ranks"] == comm.size
     assert summary["stress"] == history["stress"][-1] > 0  # that at the end
+    patches, closed = read_patches(out, 2), contacts["num_points"] > 0
+    assert patches["area"].sum() == pytest.approx(contacts["area"][closed].sum(), rel=1e-9)
+    assert patches["num_points"].sum() == contacts["num_points"].sum()
+    # The first yield stress, and what it has grown to.
+    assert patches["yield_stress"].min() >= 10e6 and patches["yield_stress"].max() <= 110e6
+    found, names = summary["contact_resolution"], ("elements_per_radius", "normal_force")
+    between = patches["grain_b"] != 0
+    kind = between if patches["normal_force"][between].sum() > 0 else ~between
+    expected = contact_resolution(*(patches[name][kind] for name in names))
+    assert found["half"] == history["elements_per_radius"][-1] == pytest.approx(expected.half)
+    assert found["tenth"] == history["elements_per_radius_tenth"][-1] > 0
+    checks = check_run(history, summary["mass"], (expected, ""))
+    assert summary["holds_from"] == holds_from(checks) == result["holds_from"]
 
 
 @pytest.mark.mpi

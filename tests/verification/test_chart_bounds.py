@@ -3,7 +3,7 @@
 import pytest
 from mpi4py import MPI
 
-from mufe_fenicsx.planning.evidence import read_points
+from mufe_fenicsx.analysis.evidence import read_points
 from mufe_fenicsx.theory import hertz
 from mufe_fenicsx.verification.cases import run_cases
 from mufe_fenicsx.verification.charts import bounds

@@ -22,6 +22,7 @@ import numpy as np
 
 from .dissipation import sum_by_pair
 from .edge_contacts import closed_crossings
+from .patches import Patches, find_patches
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,7 @@ class Network:
     mass: np.ndarray  #: of the grains [kg], shape (num_grains,)
     centre: np.ndarray  #: their centres of mass [m], shape (num_grains, 3)
     contacts: Contacts
+    patches: Patches  #: of these contacts, as facets resolve them
 
     def num_active(self, walls=False):
         """Active contacts of each grain with grains, or with walls, shape (num_grains,).
@@ -94,7 +96,7 @@ class Network:
         return total
 
 
-def find_network(contact, mesh, mass, x):
+def find_network(contact, mesh, mass, x, strength=None):
     """The network at the positions of the last forces. Collective.
 
     Sleeves and tools are among the walls, before the others: what they touch but grains is left
@@ -108,11 +110,13 @@ def find_network(contact, mesh, mass, x):
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         mass: Nodal masses [kg], shape (num_nodes,).
         x: Positions of the nodes [m], shape (num_nodes, 3).
+        strength: As of :func:`.patches.find_patches`.
 
     Returns:
         :class:`Network` on rank 0, None on the others.
     """
     comm = contact.comm
+    patches = find_patches(contact, mesh, x, strength)
     grain_mass = np.bincount(mesh.grain_of_node, mass, mesh.num_grains)
     first_moment = np.zeros((mesh.num_grains, 3))
     np.add.at(first_moment, mesh.grain_of_node, mass[:, None] * x)
@@ -135,6 +139,7 @@ def find_network(contact, mesh, mass, x):
         mass=all_mass[:num_grains],
         centre=centre,
         contacts=_contacts(a[of_grains], b[of_grains], sums[of_grains], centre),
+        patches=patches,
     )
 
 

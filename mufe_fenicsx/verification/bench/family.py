@@ -165,6 +165,9 @@ def _test(folder, scene, ranks):
             "computed": summary["peak_memory_bytes"] / summary["num_cells"]
         },
     }
+    for name in ("tenth", "half", "nine_tenths"):
+        found = summary["contact_resolution"][name]
+        results[f"elements_per_radius_{name}"] = {"computed": found}
     for name, target in TARGETS.items():
         worst = float(np.nanmax(values[name]))
         results[f"{name}_largest"] = row(worst, target, worst <= target)

@@ -6,7 +6,7 @@ from pathlib import Path
 import matplotlib
 from matplotlib.ticker import NullFormatter
 
-from ...planning.evidence import cost_at, pareto, usable
+from ...analysis.evidence import cost_at, pareto, usable
 from ...report import style
 from .grid import OURS, SEED
 

@@ -1,6 +1,6 @@
 """Which computations a chart is made of: for each case lines of choices, each over mesh sizes."""
 
-from ...planning.evidence import command_of
+from ...analysis.evidence import command_of
 
 #: What the parameters say when a line of the chart changes nothing: averaged pressure, layer
 #: matched to the mesh, time steps from the assembled system, no mass added, loading = 1.

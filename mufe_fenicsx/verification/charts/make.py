@@ -4,8 +4,8 @@ import math
 import time
 from pathlib import Path
 
+from ...analysis.evidence import read_points
 from ...errors import InputError
-from ...planning.evidence import read_points
 from .draw import draw_chart, draw_side_by_side, gain_over_seed
 from .grid import grid
 from .measure import fill

@@ -6,8 +6,8 @@ import time
 
 from mpi4py import MPI
 
+from ...analysis.evidence import DONE, SUFFIX, Point, append_point, command_of, read_points
 from ...errors import InputError, SolverError
-from ...planning.evidence import DONE, SUFFIX, Point, append_point, command_of, read_points
 from .points import POINTS
 
 #: Below this time [s] of the steps a point is computed so many times, and the median kept.

@@ -11,11 +11,11 @@ from typing import Literal
 
 import numpy as np
 
+from ...analysis.evidence import JAMMED, REFERENCE, distance, read_curve
 from ...bulk.solid import ELEMENTS
 from ...errors import InputError
 from ...materials.elastic import Elastic
 from ...materials.rigid import Rigid
-from ...planning.evidence import JAMMED, REFERENCE, distance, read_curve
 from ...theory import hertz
 from ..case import by_name, case, compare
 from ..fidelity import FIDELITIES, compress

@@ -1,4 +1,8 @@
-"""Targets of a quasi-static test, whether a run meets them, and from where on it is trusted."""
+"""Targets of a quasi-static test, whether a run meets them, and from where on it is trusted.
+
+A test begins without a load, where ratios say little. So each target is to be met over the whole
+course but its first tenth, to the end.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -7,9 +11,10 @@ import numpy as np
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.analysis.contact_resolution import COARSE
-from mufe_fenicsx.analysis.rows import largest, loaded_rows, loading_rows, turns_back
+from mufe_fenicsx.analysis.evidence.mesh_errors import error_at, mesh_errors
+from mufe_fenicsx.analysis.rows import course, largest, loading_rows, turns_back
 
-#: Largest values allowed once the sample is loaded.
+#: Largest values allowed.
 TARGETS = {
     "kinetic": quasi_static.KINETIC,
     "platens": quasi_static.UNBALANCED,
@@ -17,7 +22,7 @@ TARGETS = {
     "switching": 0.01,
     "load": 0.5,
 }
-#: Part of the test that may be dynamic at its start without a warning.
+#: Part of the test at its start where targets may be missed without a warning.
 UNTRUSTED = 0.1
 #: Part of the normal force that coarse contacts may carry without a warning.
 COARSE_FORCE = 0.5
@@ -31,12 +36,13 @@ class Check:
 
     name: str
     target: float
-    largest: float  #: over the loaded rows; nan if there is none
-    mean: float  #: over the loaded rows
+    largest: float  #: beyond the first tenth of the course; nan if there is no row
+    mean: float  #: of the same rows
     passed: bool
     text: str  #: in plain words
     since: float = math.nan  #: vertical strain from which on it is met to the end; nan: not there
     failed: bool = False  #: nothing of the run can be used
+    row: int | None = None  #: of the history, from which on it is met; None: not there
 
     @property
     def grade(self):
@@ -87,16 +93,17 @@ WORDS = {
 }
 
 
-def check_run(history, mass=None):
-    """From where on the test is quasi-static, and the targets, taken over the loaded rows.
+def check_run(history, mass=None, contacts=None):
+    """From where on all checks hold, the test is quasi-static, and its targets are met.
 
     Args:
         history: dict column -> array.
         mass: Of all grains [kg], by which it is known how long waves travel; None: single rows
             are judged.
+        contacts: Arguments of :func:`check_contacts` after the history, or None.
 
     Returns:
-        List of Check, that of :func:`check_trust` first.
+        List of Check: that of :func:`check_all` first, that of :func:`check_trust` next.
     """
     kinetic, difference = quasi_static.judged(history, mass)
     values = {
@@ -108,18 +115,44 @@ def check_run(history, mass=None):
     }
     fault = faults(history)
     targets = [_check(name, history, found, fault) for name, found in values.items()]
-    return [check_trust(history, mass), *targets]
+    found = [check_trust(history, mass), *targets]
+    if contacts is not None:
+        found.append(check_contacts(history, *contacts))
+    return [check_all(history, found), *found]
 
 
-def check_source(source):
-    """All checks of a run, as far as its files go: list of Check.
+def check_all(history, checks):
+    """From where on, to the end, all checks hold: the :class:`Check` named "all".
 
-    Args:
-        source: :class:`mufe_fenicsx.report.source.Source`.
+    Its ``largest`` is the part of the test before, as of :func:`~.rows.course`.
     """
-    history, resolution = source.get("history"), source.get("resolution")
-    found = [] if history is None else check_run(history, source.mass)
-    return found if resolution is None else [*found, check_contacts(*resolution)]
+    open_at_end = [c.name for c in checks if c.row is None]
+    failed = any(c.failed for c in checks)
+    if open_at_end:
+        fault, names = faults(history), ", ".join(open_at_end)
+        text = f"Not all checks hold at the end of the test: {names}."
+        text = f"No check holds: {fault}." if fault else text
+        return Check("all", UNTRUSTED, math.nan, math.nan, False, text, math.nan, failed)
+    last = max(checks, key=lambda c: c.row)
+    share = float(course(history)[last.row])
+    text = "All checks hold from the start of loading on."
+    if share > 0:
+        text = (
+            f"All checks hold from {where(history, last.row)} on, to the end; the last of them is "
+            f'"{last.name}". Before lie {ratio(share)} of the test.'
+        )
+    passed = share <= UNTRUSTED
+    return Check("all", UNTRUSTED, share, math.nan, passed, text, last.since, failed, last.row)
+
+
+def judged_rows(history):
+    """Rows where targets count: of the loading, beyond its first tenth, shape (num_rows,)."""
+    return np.nan_to_num(course(history), nan=-1.0) >= UNTRUSTED
+
+
+def holds_from(checks):
+    """Strain from which on each check holds to the end, dict name -> strain or None; for JSON."""
+    return {c.name: None if math.isnan(c.since) else c.since for c in checks}
 
 
 def check_trust(history, mass=None):
@@ -156,29 +189,51 @@ def check_trust(history, mass=None):
     text += f" Targets: {targets}."
     passed = not failed and trust.share <= UNTRUSTED
     share = math.nan if failed else trust.share
-    return Check("trusted", UNTRUSTED, share, math.nan, passed, text, since, failed)
+    row = None if failed else trust.row
+    return Check("trusted", UNTRUSTED, share, math.nan, passed, text, since, failed, row)
 
 
-def check_contacts(found, where):
-    """Whether contacts are resolved by facets: the :class:`Check` named "contacts".
+def check_contacts(history, found, which):
+    """Whether facets resolve the contacts: the :class:`Check` named "contacts".
+
+    It asks for half of the force in patches of COARSE elements per contact radius or more.
 
     Args:
+        history: dict column -> array, with the median of each row.
         found: :class:`~mufe_fenicsx.analysis.contact_resolution.Resolution`.
-        where: Contacts of what, and when, in words.
+        which: Contacts of what, and when, in words.
     """
-    passed = found.coarse <= COARSE_FORCE
+    load = 0.5 * (history["force_z_max"] + history["force_z_min"])
+    unloaded = load < quasi_static.UNLOADED * np.maximum.accumulate(load)
+    coarseness = np.where(unloaded, math.nan, -history["elements_per_radius"])
+    row, since, place = _since(history, coarseness, -COARSE)
+    passed = found.coarse <= COARSE_FORCE and row is not None and course(history)[row] <= UNTRUSTED
     verdict = (
         "contacts are resolved"
         if passed
         else "the mesh decides on the stiffness of contacts: refine the surfaces of the grains"
     )
-    text = (
-        f"Normal force carried by contacts of fewer than {found.least} closed points "
-        f"({COARSE:g} element per contact radius): {ratio(found.coarse)} of all, target "
-        f"{100 * COARSE_FORCE:g}%; {verdict}. The median by force is {found.points:.0f} points, "
-        f"{found.elements:.1f} elements per contact radius ({where})."
+    errors = (
+        f"{_error('plastic-sphere', found.half)} where it flows and {_error('hertz', found.half)} "
+        "where it is elastic"
     )
-    return Check("contacts", COARSE_FORCE, found.coarse, math.nan, passed, text)
+    text = (
+        f"Normal force in contacts of fewer than {COARSE:g} element per contact radius: "
+        f"{ratio(found.coarse)} of all, target {100 * COARSE_FORCE:g}%; {verdict}. A tenth of the "
+        f"force has fewer than {found.tenth:.2f}, half of it {found.half:.2f}, nine tenths "
+        f"{found.nine_tenths:.2f} ({which}). A single contact of {found.half:.2f} is off by "
+        f"{errors}. {place}"
+    )
+    return Check(
+        "contacts", COARSE_FORCE, found.coarse, math.nan, bool(passed), text, since, row=row
+    )
+
+
+def _error(case, n):
+    """Error of a contact with n elements per radius by the stored points, in words."""
+    known = mesh_errors(case)
+    error = error_at(known, n)
+    return f"{error:.0%}" if math.isfinite(error) else f"more than {known[0][1]:.0%}"
 
 
 def _or_none(value):
@@ -223,35 +278,36 @@ def worst_of(checks, names):
 
 def _check(name, history, values, fault):
     what, good, bad = WORDS[name]
-    loaded = loaded_rows(history)
-    judged, target = values[loaded], TARGETS[name]
+    judged, target = values[judged_rows(history)], TARGETS[name]
     worst = largest(judged)
     finite = judged[np.isfinite(judged)]
     mean = float(finite.mean()) if finite.size else np.nan
     passed = bool(finite.size) and worst <= target and not fault
     if not finite.size:
         return Check(name, target, worst, mean, False, f"{what}: the sample was never loaded.")
-    since, place = _since(history, values, target)
+    row, since, place = _since(history, values, target)
     words = good if passed else bad
     if fault:
         words = f"the result is void where {fault}: lower solver.damping and the time step"
     text = (
-        f"{what}: at most {ratio(worst)} (mean {ratio(mean)}) once loaded, target "
-        f"{100 * target:g}%; {words}. {place}"
+        f"{what}: at most {ratio(worst)} (mean {ratio(mean)}) beyond the first tenth of the test, "
+        f"target {100 * target:g}%; {words}. {place}"
     )
-    return Check(name, target, worst, mean, passed, text, since, bool(fault))
+    return Check(name, target, worst, mean, passed, text, since, bool(fault), row)
 
 
 def _since(history, values, target):
-    """Strain from which on a target is met, or nan, and where that is in words."""
+    """Where a target is met from to the end: row or None, its strain or nan, and in words.
+
+    Rows without a value do not count.
+    """
     rows = np.flatnonzero(loading_rows(history))
     missed = np.flatnonzero(~(values[rows] <= target) & ~np.isnan(values[rows]))
-    if not missed.size:
-        return float(history["strain"][rows[0]]), "Met in all rows."
-    if missed[-1] == len(rows) - 1:
-        return math.nan, "Not met at the end."
-    row = int(rows[missed[-1] + 1])
-    return float(history["strain"][row]), f"Met from {where(history, row)} on, to the end."
+    if not rows.size or (missed.size and missed[-1] == len(rows) - 1):
+        return None, math.nan, "Not met at the end."
+    row = int(rows[missed[-1] + 1] if missed.size else rows[0])
+    place = f"Met from {where(history, row)} on, to the end." if missed.size else "Met in all rows."
+    return row, float(history["strain"][row]), place
 
 
 def where(history, row):

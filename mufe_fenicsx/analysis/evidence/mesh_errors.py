@@ -1,0 +1,70 @@
+"""How far off a contact is on a mesh of so many elements per contact radius, by stored points."""
+
+import itertools
+import math
+
+from . import read_points, usable
+
+#: Parameters of a point that changes nothing but its mesh.
+DEFAULTS = {
+    "element": "averaged", "law": "matched", "fidelity": "j2", "time_step": "assembled",
+    "added_mass": "0", "loading": "1", "time_step_factor": "0.9", "integrator": "explicit",
+}  # fmt: skip
+
+
+def between(pairs, x):
+    """Value at x on straight lines of logarithms; below the first pair that of the first."""
+    if x <= pairs[0][0]:
+        return pairs[0][1]
+    for (a, u), (b, v) in itertools.pairwise(pairs):
+        if x <= b:
+            return u * (v / u) ** (math.log(x / a) / math.log(b / a))
+    return pairs[-1][1]
+
+
+def falling(pairs):
+    """(size, error) pairs from coarse to fine, each error at least that of all finer ones."""
+    worst, found = 0.0, []
+    for n, e in sorted(pairs, reverse=True):
+        worst = max(worst, e)
+        found.append((n, worst))
+    return tuple(reversed(found))
+
+
+def error_at(pairs, n):
+    """Error at n elements per contact radius; inf where that is coarser than any known.
+
+    Beyond the finest it falls with the size of elements.
+
+    Args:
+        pairs: (elements per contact radius, error), errors falling.
+        n: Elements per contact radius.
+    """
+    (coarse, _), (fine, least) = pairs[0], pairs[-1]
+    if n < coarse * (1 - 1e-9):
+        return math.inf
+    return least * fine / n if n >= fine else between(pairs, n)
+
+
+def mesh_errors(case, points=None):
+    """(elements per contact radius, error) of a case with all defaults, errors falling.
+
+    Args:
+        case: "hertz" of elastic balls, "plastic-sphere" of a ball that flows.
+        points: Those of a table; None: the stored one.
+    """
+    points = read_points() if points is None else points
+    return falling((size(p), p.error) for p in select(usable(points, case), element="averaged"))
+
+
+def select(points, **wanted):
+    """Points that differ from ``DEFAULTS`` in the mesh and in what is wanted alone."""
+    wanted = DEFAULTS | wanted
+    return [p for p in points
+            if all(p.parameters.get(k, DEFAULTS[k]) == v for k, v in wanted.items())]  # fmt: skip
+
+
+def size(point):
+    """Its parameter of the mesh."""
+    own = point.parameters
+    return float(own.get("elements_per_radius", own.get("element_size", "nan")))

@@ -1,0 +1,271 @@
+"""Patches of contact: the connected closed points of each two bodies, and how facets resolve them.
+
+Two grains may touch at several places. Closed points belong to one patch where their facets share
+a vertex, or where one point lies on the facet that another one's side has there. Of a patch of the
+area A with facets of the mean edge h there are
+
+    a/h = √(A/π)/h       elements per contact radius,
+    4√(λ + h²/24)/h      elements across it where it is narrowest,
+
+λ the smaller second moment of its points in its plane, over its area, and h²/24 that of a facet
+itself. Across a circle there are 2a/h. Of a patch on a mirror, the part within counts.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from .edge_contacts import closed_crossings
+
+
+@dataclass(frozen=True)
+class Patches:
+    """Patches in increasing order of ``a``, then ``b``; of two bodies the most loaded first."""
+
+    a: np.ndarray  #: index of the grain, shape (num_patches,)
+    b: np.ndarray  #: index of the other grain, or the number of grains + that of the wall
+    num_points: np.ndarray  #: closed points of both sides, and crossings of edges
+    area: np.ndarray  #: in the reference configuration [m²]
+    area_deformed: np.ndarray  #: the same now [m²]
+    edge: np.ndarray  #: mean edge h of the facets there, of both sides by area [m]
+    elements_per_radius: np.ndarray  #: a/h
+    elements_across: np.ndarray  #: where it is narrowest
+    normal_force: np.ndarray  #: sum of its points [N]
+    force_share: np.ndarray  #: of the force of all between grains, or of all with walls
+    #: Reached in the elements of its facets [Pa], the lower one of both sides; inf: none yields.
+    yield_stress: np.ndarray
+    between_grains: np.ndarray  #: whether b is a grain
+
+
+#: Columns of the sums over points.
+_COUNT, _AREA, _DEFORMED, _FORCE, _EDGE = range(5)
+_PLACE, _MOMENT = slice(5, 8), slice(8, 17)
+#: Area of each side whose yield stress is known, and that area times the stress.
+_KNOWN, _STRENGTH = slice(17, 19), slice(19, 21)
+_NUM_COLUMNS = 21
+
+
+def find_patches(contact, mesh, x, strength=None):
+    """The patches of all ranks at the positions of the last forces. Collective: one gather.
+
+    Each rank joins its own points, and rank 0 what two ranks have of the same two grains.
+
+    Args:
+        contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
+        mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
+        x: Positions of the nodes [m], shape (num_nodes, 3).
+        strength: Yield stress reached under the facets of this rank's surface [Pa], inf where
+            nothing yields, shape (num_facets,); None: not known.
+
+    Returns:
+        :class:`Patches` on rank 0, None on the others.
+    """
+    parts = contact.comm.gather(_own_patches(contact, mesh, x, strength))
+    if contact.comm.rank:
+        return None
+    pair, sums = _joined(parts)
+    of_grains = pair[:, 0] < mesh.num_sample_grains
+    return _patches(pair[of_grains], sums[of_grains], mesh.num_sample_grains)
+
+
+def _own_patches(contact, mesh, x, strength):
+    """This rank's patches: bodies (num, 2), sums over points, and what other ranks may join. Local.
+
+    The last is (patch, vertex) in rows, vertices by their numbers on all ranks: where one of the
+    two bodies is on another rank.
+    """
+    contact.ghosts.place_points()
+    pair, vertices, sums = _terms(contact, mesh, x, strength)
+    num_vertices = max(contact.ghosts.num_nodes, 1)
+    _, of_pair = np.unique(pair, axis=0, return_inverse=True)
+    key = of_pair.reshape(-1, 1) * np.int64(num_vertices) + vertices
+    known, column = np.unique(key[vertices >= 0], return_inverse=True)
+    row = np.nonzero(vertices >= 0)[0]
+    patch = _components(row, column, len(pair), known.size)
+    num = int(patch.max(initial=-1)) + 1
+    of_patch, total = np.zeros((num, 2), dtype=np.int64), np.zeros((num, _NUM_COLUMNS))
+    of_patch[patch] = pair
+    np.add.at(total, patch, sums)
+    # A vertex stands in the table once for each two bodies.
+    first = np.zeros(known.size, dtype=np.int64)
+    first[column] = patch[row]
+    rank = np.append(mesh.rank_of_grain, np.full(len(contact.walls.names), contact.comm.rank))
+    abroad = (rank[of_patch[first]] != contact.comm.rank).any(axis=1)
+    shared = np.column_stack([first, _numbers_on_all_ranks(contact)[known % num_vertices]])
+    return of_patch, total, shared[abroad]
+
+
+def _terms(contact, mesh, x, strength):
+    """Bodies, vertices (-1: none) and terms of the sums of each closed point and crossing."""
+    p, w, points = contact.pairs, contact.walls.pairs, contact.points
+    num_bodies = contact.dissipation.num_grains
+    on, at = np.flatnonzero(p.closed), np.flatnonzero(w.closed)
+    opposite = contact.surface.facets[p.candidate[p.closest[on]]]
+    crossings = closed_crossings(contact)
+    grain = points.grain_of_point
+    groups = (
+        (grain[p.node[on]], p.grain[on], np.hstack([points.carriers(p.node[on])[0], opposite]),
+         _terms_of_points(contact, mesh, x, strength, p, on, contact.areas(on))),
+        (grain[w.node[at]], w.wall[at] + num_bodies, points.carriers(w.node[at])[0],
+         _terms_of_points(contact, mesh, x, strength, w, at, points.area[w.node[at]])),
+        (crossings.grain, crossings.partner, crossings.nodes,
+         _terms_of_crossings(contact, crossings)),
+    )  # fmt: skip
+    vertices = np.full((sum(len(g[0]) for g in groups), 6), -1, dtype=np.int64)
+    first = 0
+    for _, _, some, _ in groups:
+        vertices[first : first + len(some), : some.shape[1]] = some
+        first += len(some)
+    one, other, terms = (np.concatenate([g[k] for g in groups]) for k in (0, 1, 3))
+    swap = other < one
+    terms[swap, _KNOWN], terms[swap, _STRENGTH] = (
+        terms[swap, some][:, ::-1] for some in (_KNOWN, _STRENGTH)
+    )
+    pair = np.column_stack([np.minimum(one, other), np.maximum(one, other)]).astype(np.int64)
+    if points.corner is None:
+        links = _links_of_nodes(
+            points, pair[: on.size + at.size], np.append(p.node[on], w.node[at])
+        )
+        pair, vertices = np.vstack([pair, links[0]]), np.vstack([vertices, links[1]])
+        terms = np.vstack([terms, np.zeros((len(links[0]), _NUM_COLUMNS))])
+    return pair, vertices, terms
+
+
+def _links_of_nodes(points, pair, node):
+    """Edges between closed nodes, where points are nodes: their bodies and vertices."""
+    _, of_pair = np.unique(pair, axis=0, return_inverse=True)
+    first, count = points.around_of[node].T.astype(np.int64)
+    begin = np.cumsum(count) - count
+    near = points.around[np.repeat(first - begin, count) + np.arange(count.sum())]
+    here = np.repeat(of_pair.reshape(-1), count)
+    closed = of_pair.reshape(-1) * np.int64(points.num_points) + node
+    both = np.isin(here * np.int64(points.num_points) + near, closed)
+    vertices = np.full((int(both.sum()), 6), -1, dtype=np.int64)
+    vertices[:, 0], vertices[:, 1] = np.repeat(node, count)[both], near[both]
+    return np.repeat(pair, count, axis=0)[both], vertices
+
+
+def _terms_of_points(contact, mesh, x, strength, pairs, on, area):
+    """Terms of the sums for pairs ``on``, whose own side is the first."""
+    own, points = contact.own, contact.points
+    node = pairs.node[on]
+    place = contact.ghosts.positions.array[node]
+    terms = np.zeros((on.size, _NUM_COLUMNS))
+    terms[:, _COUNT] = 1
+    terms[:, _AREA] = area
+    terms[:, _DEFORMED] = area * points.stretch(own, x, node)
+    terms[:, _FORCE] = pairs.normal_force[on]
+    facet, begin, count = _facets_around(contact, node)
+
+    def mean(values):
+        return np.add.reduceat(values, begin) / count if node.size else np.zeros(0)
+
+    terms[:, _EDGE] = area * mean(facet_edges(mesh.x, own, facet))
+    terms[:, _PLACE] = area[:, None] * place
+    terms[:, _MOMENT] = (area[:, None, None] * place[:, :, None] * place[:, None]).reshape(-1, 9)
+    if strength is not None:
+        terms[:, _KNOWN.start] = area
+        terms[:, _STRENGTH.start] = area * mean(strength[facet])
+    return terms
+
+
+def _facets_around(contact, node):
+    """Own facets at each point ``node``, one after another, and the first of each and how many."""
+    own, points = contact.own, contact.points
+    nodes = points.corner is None
+    ring, offset = (own.ring, own.ring_offset) if nodes else (points.ring, points.ring_offset)
+    count = offset[node + 1] - offset[node]
+    begin = np.cumsum(count) - count
+    return ring[np.repeat(offset[node] - begin, count) + np.arange(count.sum())], begin, count
+
+
+def _terms_of_crossings(contact, crossings):
+    """Terms of the sums for crossings; edges are as long as they are now."""
+    c = crossings
+    ends = contact.ghosts.positions.array[contact.ghosts.num_before :][c.nodes]
+    place = 0.5 * np.einsum("ck,cki->ci", c.share, ends)
+    terms = np.zeros((c.normal_force.size, _NUM_COLUMNS))
+    terms[:, _COUNT] = 1
+    terms[:, _AREA] = terms[:, _DEFORMED] = c.area
+    terms[:, _FORCE] = c.normal_force
+    lengths = np.linalg.norm(ends[:, 1::2] - ends[:, ::2], axis=2)
+    terms[:, _EDGE] = c.area * lengths.mean(axis=1)
+    terms[:, _PLACE] = c.area[:, None] * place
+    terms[:, _MOMENT] = (c.area[:, None, None] * place[:, :, None] * place[:, None]).reshape(-1, 9)
+    return terms
+
+
+def facet_edges(x, own, facets):
+    """Mean edge of facets of a surface [m], shape (num_facets,).
+
+    Args:
+        x: Positions of the mesh's nodes [m], shape (num_nodes, 3).
+        own: :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
+        facets: Of it, shape (num_facets,).
+    """
+    corners = x[own.nodes[own.facets[facets]]]
+    return np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).mean(axis=1)
+
+
+def _numbers_on_all_ranks(contact):
+    """Numbers of this rank's surface nodes and its ghosts that all ranks use, (num,). Local."""
+    forces = contact.ghosts.forces
+    first = 0 if forces.vector is None else forces.vector.getOwnershipRange()[0] // 3
+    return np.append(first + np.arange(len(forces.own)), forces.numbers)
+
+
+def _components(row, column, num_rows, num_columns):
+    """Number of the connected part that each row belongs to, shape (num_rows,)."""
+    size = num_rows + num_columns
+    graph = coo_matrix((np.ones(row.size, np.int8), (row, num_rows + column)), shape=(size, size))
+    part = connected_components(graph, directed=False)[1][:num_rows]
+    return np.unique(part, return_inverse=True)[1].reshape(-1)
+
+
+def _joined(parts):
+    """Bodies and sums of the patches of all ranks, those of the same two bodies joined."""
+    pair = np.concatenate([part[0] for part in parts])
+    sums = np.concatenate([part[1] for part in parts])
+    first = np.cumsum([0, *(len(part[0]) for part in parts)])
+    shared = np.concatenate([part[2] + [[at, 0]] for part, at in zip(parts, first, strict=False)])
+    named = np.column_stack([pair[shared[:, 0]], shared[:, 1]])
+    known, column = np.unique(named, axis=0, return_inverse=True)
+    patch = _components(shared[:, 0], column.reshape(-1), len(pair), len(known))
+    num = int(patch.max(initial=-1)) + 1
+    of_patch, total = np.zeros((num, 2), dtype=np.int64), np.zeros((num, _NUM_COLUMNS))
+    of_patch[patch] = pair
+    np.add.at(total, patch, sums)
+    return of_patch, total
+
+
+def _patches(pair, sums, num_grains):
+    """:class:`Patches` from the sums over all of their points."""
+    order = np.lexsort((-sums[:, _FORCE], pair[:, 1], pair[:, 0]))
+    pair, sums = pair[order], sums[order]
+    area, force = sums[:, _AREA], sums[:, _FORCE]
+    edge, mean = sums[:, _EDGE] / area, sums[:, _PLACE] / area[:, None]
+    moment = sums[:, _MOMENT].reshape(-1, 3, 3) / area[:, None, None]
+    moment -= mean[:, :, None] * mean[:, None]
+    # The smallest is that across the plane of the patch.
+    narrow = np.maximum(np.linalg.eigvalsh(moment)[:, 1], 0.0) if len(area) else area
+    between, share = pair[:, 1] < num_grains, np.zeros(len(area))
+    for kind in (between, ~between):
+        share[kind] = force[kind] / (force[kind].sum() or 1.0)
+    known, strength = sums[:, _KNOWN], sums[:, _STRENGTH]
+    each = np.divide(strength, known, out=np.full(known.shape, np.inf), where=known > 0)
+    return Patches(
+        a=pair[:, 0],
+        b=pair[:, 1],
+        num_points=sums[:, _COUNT].astype(np.int64),
+        area=area,
+        area_deformed=sums[:, _DEFORMED],
+        edge=edge,
+        elements_per_radius=np.sqrt(area / np.pi) / edge,
+        elements_across=4.0 * np.sqrt(narrow + edge**2 / 24.0) / edge,
+        normal_force=force,
+        force_share=share,
+        yield_stress=each.min(axis=1),
+        between_grains=between,
+    )

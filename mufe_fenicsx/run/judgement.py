@@ -1,0 +1,33 @@
+"""From which strain on a run can be believed, and how finely its contacts are meshed: run.json."""
+
+from pathlib import Path
+
+from ..analysis.checks import check_run, holds_from
+from ..output.history import read_history
+from ..output.run_folder import on_first_rank
+
+
+def judged(simulation, folder, mass):
+    """What run.json says of a run that has ended. Collective.
+
+    Args:
+        simulation: At its end.
+        folder: The run folder, its history complete.
+        mass: Of all grains [kg].
+
+    Returns:
+        dict ``contact_resolution``, as of :class:`~mufe_fenicsx.analysis.contact_resolution.
+        Resolution`, None without a contact; and ``holds_from``, the strain from which on each
+        check holds to the end, None where it does not.
+    """
+    found = simulation.contact_resolution()
+
+    def judge():
+        history = read_history(Path(folder) / "history.csv")
+        contacts = found and (found, "contacts between grains, at the end")
+        return {
+            "contact_resolution": found and found.as_dict(),
+            "holds_from": holds_from(check_run(history, mass, contacts)),
+        }
+
+    return simulation.comm.bcast(on_first_rank(simulation.comm, judge))
