@@ -17,7 +17,8 @@ error and its cost. Figures show the front of what no other choice beats, and th
 
     python demos/speed_accuracy.py FOLDER                 some twenty minutes of one processor
     python demos/speed_accuracy.py FOLDER --full          hours: finer, all lines on all meshes
-    python demos/speed_accuracy.py FOLDER --store         keep the table as what `mufe plan` reads
+    python demos/speed_accuracy.py FOLDER --store         keep the rows of these cases as what
+                                                          `mufe plan` reads
     python demos/speed_accuracy.py FOLDER --reference     first the courses of stress that those of
                                                           the oedometers are compared with, an hour
     python demos/speed_accuracy.py FOLDER --minutes 5     stop then; the same command goes on
@@ -180,7 +181,8 @@ def main():
             print(f"{case:15} at {100 * error:.3g} %: the seed's method costs {ours:5.3g} times as "
                   f"much as the default, {front:5.3g} times as much as the best")  # fmt: skip
     if given.store:
-        write_points(TABLE, read_points(made["table"]))
+        others = [point for point in read_points() if point.case not in given.cases]
+        write_points(TABLE, [*others, *read_points(made["table"])])
         print(f"stored: {TABLE}")
 
 
