@@ -86,7 +86,7 @@ _OF_PACKINGS = {
     "solid_fraction": ("solid fraction of the container", ""),
     "void_ratio_inside": ("void ratio away from walls", ""),
     "solid_fraction_inside": ("solid fraction away from walls", ""),
-    "bearing_coordination_number": ("coordination number of grains that bear", ""),
+    "bearing_coordination_number": ("contacts of a grain that bears, walls among them", ""),
     "rattlers": ("grains that bear nothing, part of all", ""),
     "mean_overlap": ("overlap of pairs, mean", "D"),
     "largest_overlap": ("overlap, largest", "D"),

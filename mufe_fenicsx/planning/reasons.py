@@ -70,13 +70,17 @@ def unknown(scene, errors, elements):
     known = [
         f"the size of contacts: a radius of {contact_radius(scene.material):.2g} diameters is "
         "assumed, and grows with the load",
-        "how far the platen travels until the sample is seated: until a chain of grains that "
-        "neither turn nor slip makes the bottom feel it",
         "how fast waves travel through the loaded sample, which depends on its density: "
         f"{wave_speed(scene):.0f} m/s are assumed; top against bottom force in the report "
         "tell how slow the loading was",
         "what other programs do to this machine meanwhile",
     ]
+    if course_of(scene).presses:
+        known.insert(
+            1,
+            "how far the platen travels until the sample is seated: until a chain of grains "
+            "that neither turn nor slip makes the bottom feel it",
+        )
     if elements > errors.mesh[-1][0]:
         known.append(
             "errors of so fine a mesh: beyond the finest one measured they are taken to fall with "

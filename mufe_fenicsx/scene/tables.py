@@ -220,7 +220,11 @@ class Wall:
     stress: float | None = setting(
         None, "Pa", "mean pressure that a servo holds", ge=0, expected=">= 0 Pa (compression)"
     )
-    speed: float | None = setting(None, "m/s", "largest speed of that servo", gt=0)
+    speed: float | None = setting(
+        None, "m/s",
+        "largest speed of that servo; at a lower one, v, the stress is off by the part v/speed",
+        gt=0,
+    )  # fmt: skip
     friction: float | None = setting(
         None, "-", "with grains; None: contact.wall_friction", ge=0, plausible=PLAUSIBLE_FRICTION
     )
