@@ -15,7 +15,7 @@ def test_step_of_elements_counts_contact_and_is_the_shorter_one():
     steps = {}
     for assembled in (False, True):
         for gap in (-1e-3 * EDGE, EDGE):
-            upper = lower + [0.0, 0.0, EDGE + gap]
+            upper = np.add(lower, (0.0, 0.0, EDGE + gap))
             s = build(
                 MPI.COMM_SELF, [(lower, cells), (upper, cells)], MATERIAL, np.zeros(3), np.zeros(3),
                 axes="", assembled=assembled, velocity=lambda x, grain: 0.1 * (1.5 - grain[:, None])
