@@ -59,6 +59,7 @@ LOOKS = {
 COLUMNS = ("sample", "fidelity", "method", "elements_per_diameter", "mesh", "speed",
            *(f"stress_{strain:g}" for strain in STRAINS), "cells", "steps",
            "processor_s")  # fmt: skip
+WHOLE = ("mesh", "cells", "steps")
 #: Orders between which one is looked for.
 ORDERS = (0.3, 6.0)
 
@@ -196,9 +197,10 @@ def read(path):
         return []
     with path.open(newline="", encoding="utf-8") as file:
         return [
-            {k: v if k in COLUMNS[:3] else float(v) for k, v in row.items()}
+            {k: v if k in COLUMNS[:3] else int(float(v)) if k in WHOLE else float(v)
+             for k, v in row.items()}
             for row in csv.DictReader(file)
-        ]
+        ]  # fmt: skip
 
 
 def main():
