@@ -11,7 +11,7 @@ single elements. Of each,
 through the three finest meshes gives the order p and the stress σ₀ that the meshes go to. What is
 said to be the uncertainty of σ₀ is the larger of two: Roache's 1.25 |σ - σ₀| with σ of the finest
 mesh (J. Fluids Eng. 116, 1994), and what the scatter of meshes makes of σ₀. Where the stress is not
-monotone in h, or falls more slowly as h does, there is no order, and nothing is extrapolated.
+monotone in h, or changes more the finer the meshes, there is no order and no limit.
 
     python demos/known_sample.py FOLDER                             an hour of a processor
     python demos/known_sample.py FOLDER --sizes 5 7 --repeats 1     minutes
@@ -101,8 +101,8 @@ def extrapolate(h, stress, scatter):
         _fitted(h[-3:], np.asarray(stress[-3:]) + scatter[-3:] * rng.standard_normal(3))[1]
         for _ in range(200)
     ]
-    spread = np.nanstd(others)
-    return p, limit, float(max(1.25 * abs(stress[-1] - limit), spread))
+    low, high = np.nanpercentile(others, [16, 84])
+    return p, limit, float(max(1.25 * abs(stress[-1] - limit), 0.5 * (high - low)))
 
 
 def _fitted(h, stress):
