@@ -131,6 +131,7 @@ def test_order_and_limit_of_stresses_on_three_meshes():
     assert error == pytest.approx(1.25 * 40.0 * 0.1**1.7, rel=1e-9)
     for stress in ([9.0, 7.0, 6.0, 6.5], [9.0, 8.0, 7.0, 5.0]):
         assert np.isnan(demo.extrapolate(h, stress, nothing)).all()
+    assert demo.limit_of_second_order(h, 5.0 + 40.0 * h**2) == pytest.approx(5.0, rel=1e-12)
 
 
 @pytest.mark.slow
