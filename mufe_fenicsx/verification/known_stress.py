@@ -29,6 +29,9 @@ CONFINED = 0.01
 FRICTION = 0.23
 #: Where stresses are told, and half of the range of strain that they are the mean of.
 STRAINS, AROUND = (0.01, 0.05), 1e-3
+#: Stresses there [Pa] of twenty interlocked grains (sample 1) at the speed of the case, to which
+#: meshes go from above and below (`demos/known_sample.py`).
+LIMITS = {"j2": (5.06e6, 14.5e6), "elastic": (100e6, 411e6)}
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,7 @@ def known_stress(
 ):
     """Grains of known shape, the same body on every mesh, compressed: stress at two strains.
 
-    `demos/known_sample.py` runs meshes, and says what they converge to.
+    Theory is the limit of fine meshes, of the sample of which `demos/known_sample.py` found it.
 
     Args:
         comm: MPI communicator.
@@ -126,9 +129,12 @@ def known_stress(
     s = course.simulation
     energies = s.energies()
     start = comm.allreduce(s.contact.overlaps.num_accepted)
+    limits = (math.nan,) * len(STRAINS)
+    if (grains, state, sample) == (20, "interlocked", 1):
+        limits = LIMITS[fidelity]
     results = {
-        f"stress at a strain of {strain:g} [Pa]": compare(course.stress_at(strain), 0.0, math.inf)
-        for strain in STRAINS
+        f"stress at a strain of {strain:g} [Pa]": compare(course.stress_at(strain), limit, math.inf)
+        for strain, limit in zip(STRAINS, limits, strict=True)
     }
     return results | {
         # Apart, no mesh of the body touches another: all start from the same state.
