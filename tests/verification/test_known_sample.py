@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.measure import centroid_of, tet_volumes
-from mufe_fenicsx.synthetic.formula_grains import volume
+from mufe_fenicsx.geometry.measure import boundary_triangles, centroid_of, tet_volumes
+from mufe_fenicsx.synthetic.formula_grains import level, volume
 from mufe_fenicsx.verification.known_sample import DIAMETER, KnownSample, known_sample
 from mufe_fenicsx.verification.known_stress import APART
 
@@ -36,6 +36,19 @@ def test_meshes_have_the_same_grains_in_the_same_places():
     # Of a layer of that volume, uneven by as much again, the centre is off by less than a
     # hundredth of the diameter on the coarse mesh.
     assert np.abs(np.subtract(*centres)).max() < 0.01 * DIAMETER
+
+
+def test_nodes_lie_on_the_formulas_where_the_sample_says():
+    """Drawn apart, in the frame of the formula, to round-off."""
+    sample = few(known_sample(), 2)
+    bodies = sample.bodies(DIAMETER / 5, APART, bulge=False)
+    for (x, cells), shape, axes, place in zip(
+        bodies, sample.shapes, sample.axes, sample.places(APART), strict=True
+    ):
+        outer = x[np.unique(boundary_triangles(cells))]
+        assert level(shape, (outer - place) @ axes) == pytest.approx(1.0, abs=1e-11)
+    middle = 0.5 * sample.edges
+    assert sample.places(APART) - middle == pytest.approx((1 + APART) * (sample.centre - middle))
 
 
 def test_grains_are_apart_at_the_start_and_pressed_together_as_packed():
