@@ -125,6 +125,18 @@ def import_demo(name):
     return module
 
 
+def test_order_and_limit_of_stresses_on_three_meshes():
+    """Of σ₀ + C h^p both come out exactly; what is not monotone, or too slow, has none."""
+    demo = import_demo("known_sample")
+    h, nothing = np.array([0.3, 0.2, 0.14, 0.1]), np.zeros(4)
+    p, limit, error = demo.extrapolate(h, 5.0 + 40.0 * h**1.7, nothing)
+    assert (p, limit) == pytest.approx((1.7, 5.0), rel=1e-9)
+    assert error == pytest.approx(1.25 * 40.0 * 0.1**1.7, rel=1e-9)
+    for stress in ([9.0, 7.0, 6.0, 6.5], [9.0, 8.0, 7.0, 5.0]):
+        assert np.isnan(demo.extrapolate(h, stress, nothing)).all()
+    assert demo.limit_of_second_order(h, 5.0 + 40.0 * h**2) == pytest.approx(5.0, rel=1e-12)
+
+
 @pytest.mark.slow
 def test_contacts_smaller_than_an_element():
     """The layer that knows the curvature is within 5 % of Hertz in the mean, at all n; today's not.

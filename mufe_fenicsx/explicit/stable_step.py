@@ -245,10 +245,10 @@ class StableStep(Stateful):
         (Gershgorin); a surface node carries its own spring and those of the facets.
         """
         c = self.contact
-        if c.kinematic:
+        if c.layers.kinematic:
             return 0.0
         mass = self.solid.mass[c.own.nodes]
-        spring = c.points.to_nodes((c.points.area / c.layer)[:, None], mass.size)[:, 0]
+        spring = c.points.to_nodes((c.points.area / c.points.layer)[:, None], mass.size)[:, 0]
         listed = list_edge_springs(c, margin)
         edges = listed.bounds()
         listed.destroy()

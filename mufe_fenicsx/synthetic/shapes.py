@@ -132,8 +132,8 @@ def _single(values):
     return values.astype(np.float32).astype(float)
 
 
-def harmonics(directions, max_degree):
-    """Real spherical harmonics of degrees 3 … max_degree, orthonormal on the sphere.
+def harmonics(directions, max_degree, first=3):
+    """Real spherical harmonics of degrees ``first`` … max_degree, orthonormal on the sphere.
 
     Returns:
         Values (m, k) and the degree of each of the k functions.
@@ -141,7 +141,7 @@ def harmonics(directions, max_degree):
     x, y, z = directions.T
     phi = np.arctan2(y, x)
     columns, degrees = [], []
-    for n in range(3, max_degree + 1):
+    for n in range(first, max_degree + 1):
         for m in range(n + 1):
             ratio = np.exp(scipy.special.gammaln(n - m + 1) - scipy.special.gammaln(n + m + 1))
             polar = np.sqrt((2 * n + 1) / (4 * np.pi) * ratio) * scipy.special.lpmv(m, n, z)

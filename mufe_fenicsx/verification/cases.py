@@ -17,6 +17,7 @@ from .hertz import hertz, hertz_convergence
 from .hertz_stress import hertz_stress
 from .impact import impact
 from .integrators import integrators
+from .known_stress import known_stress
 from .material_point import material_point
 from .membrane import balloon, membrane_correction, membrane_specimen, membrane_tube
 from .mindlin import mindlin
@@ -72,6 +73,7 @@ CASES = (
         overlap,
         packing,
         packed_spheres,
+        known_stress,
         impact,
         oblique_impact,
         mindlin,

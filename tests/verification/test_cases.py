@@ -64,6 +64,7 @@ CHEAP = [
     ("rigid-mix", {"strain": 0.01}, "mpi"),
     ("feature-pairs", {"num_random": 8, "slow": 0.02, "rounds": 1}, ""),
     ("fidelity", {"layers": 2, "strain": 0.004}, ""),
+    ("known-sample", {}, "slow"),
     *(("free-sphere", {"elements_per_radius": 3, "element": e}, "") for e in ELEMENTS),
     ("bar-impact", {"divisions": 20}, "mpi"),
     ("bar-impact", {"divisions": 10, "integrator": "implicit"}, ""),  # no energy is gained
