@@ -75,12 +75,6 @@ def unknown(scene, errors, elements):
         "tell how slow the loading was",
         "what other programs do to this machine meanwhile",
     ]
-    if course_of(scene).presses:
-        known.insert(
-            1,
-            "how far the platen travels until the sample is seated: until a chain of grains "
-            "that neither turn nor slip makes the bottom feel it",
-        )
     if elements > errors.mesh[-1][0]:
         known.append(
             "errors of so fine a mesh: beyond the finest one measured they are taken to fall with "
@@ -107,6 +101,11 @@ def unknown(scene, errors, elements):
         known.append(
             "how far the cell presses a loose sample together: platens follow its grains slowly, "
             "and 49 loose balls at 20 kPa took more than 2.5 times the planned seating"
+        )
+    if course.presses:
+        known.append(
+            "how far the platen travels until the sample is seated: until a chain of grains that "
+            "neither turn nor slip makes the bottom feel it"
         )
     if scene.loading is not None and course.presses:
         known.append(
