@@ -8,7 +8,7 @@ from mufe_fenicsx.analysis import grain_energy, inertia, kinematics
 from mufe_fenicsx.analysis.checks import check_run
 from mufe_fenicsx.analysis.contact_resolution import classes_of_contacts, contact_resolution
 from mufe_fenicsx.analysis.grain_stress import unstressed
-from mufe_fenicsx.analysis.quasi_static import trusted_from
+from mufe_fenicsx.analysis.quasi_static import knows_balance, platens_alone, trusted_from
 from mufe_fenicsx.analysis.rows import loading_rows, turns_back
 from mufe_fenicsx.container import container_of_history
 from mufe_fenicsx.errors import InputError
@@ -103,6 +103,11 @@ class Source:
         except InputError:
             return {}
 
+    @property
+    def scene(self):
+        """scene.toml as of :class:`Run`."""
+        return self.run.scene
+
     @cached_property
     def history(self):
         """dict column -> array with at least one row."""
@@ -114,6 +119,9 @@ class Source:
             raise InputError(f"{path} has no column {', '.join(absent)}")
         if not len(history["step"]):
             raise InputError(f"{path} has no row, expected one a record")
+        scene = self.get("scene")
+        if scene and not knows_balance(history) and platens_alone(scene):
+            history["unbalanced_z"] = history["force_z_min"] - history["force_z_max"]
         return history
 
     @cached_property
