@@ -33,8 +33,7 @@ TARGETS = {
 }
 #: Why forces of an older run between rough walls say nothing.
 NO_BALANCE = (
-    "rough side walls, a sleeve, tools or gravity may carry a part of the load, and this run of an "
-    "earlier version has no columns unbalanced_x, _y, _z"
+    "rough side walls or others may carry a part of the load, and the history has no unbalanced_z"
 )
 #: Part of the test at its start where targets may be missed without a warning.
 UNTRUSTED = 0.1
@@ -156,7 +155,7 @@ def check_all(history, checks):
         return Check("all", UNTRUSTED, math.nan, math.nan, False, text, math.nan, failed)
     last = max(checks, key=lambda c: c.row)
     share = float(course(history)[last.row])
-    text = "All checks hold from the start of loading on."
+    text = f"All checks hold from {_start(history)} on."
     if share > 0:
         text = (
             f"All checks hold from {where(history, last.row)} on, to the end; the last of them is "
@@ -203,9 +202,10 @@ def check_trust(history, mass=None):
     else:
         since = float(history["strain"][trust.row])
         if trust.share == 0:
-            text = "Trusted from the start of loading on."
+            text = f"Trusted from {_start(history)} on."
         else:
-            before = "time" if turns_back(history) else "strain"
+            by_time = turns_back(history) or tool_load(history) is not None
+            before = "time" if by_time else "strain"
             text = (
                 f"Trusted from {where(history, trust.row)} on. The {ratio(trust.share)} of the "
                 f"{before} before is dynamic: {ratios}."
@@ -264,6 +264,13 @@ def _ratios(trust):
     """What both ratios reached, in words; "" where neither is known."""
     reached = ("kinetic energy", trust.kinetic), ("unbalanced force", trust.unbalanced)
     return ", ".join(f"{what} up to {ratio(r)}" for what, r in reached if np.isfinite(r))
+
+
+def _start(history):
+    """Where targets begin to count, in words."""
+    if tool_load(history) is not None:
+        return "where the tool has half of its largest force"
+    return "the start of loading"
 
 
 def _no_values(history):
