@@ -290,6 +290,16 @@ class Specimen(Stateful):
         normal = self.walls.normal_forces()
         return self.comm.allreduce(normal) if self.comm.size > 1 else normal
 
+    def unbalanced_force(self):
+        """Sum of all forces on the sample from outside [N], shape (3,). Collective.
+
+        Walls, with friction and glue, tools and added terms; a sample in equilibrium has none.
+        """
+        total = -self.walls.force.sum(axis=0) - self.tools.reaction[:, :3].sum(axis=0)
+        for term in self.added_terms:
+            total += term.total_force(self.state)
+        return self.comm.allreduce(total)
+
     def energies(self, kinetic):
         """Terms of the energy balance [J], and the number of closed contacts. Collective.
 
@@ -468,6 +478,10 @@ class OfSpecimen(Stateful):
     def wall_forces(self):
         """Normal forces of the grains on the walls [N], compression positive. Collective."""
         return self.specimen.wall_forces()
+
+    def unbalanced_force(self):
+        """Sum of all forces on the sample from outside [N], shape (3,). Collective."""
+        return self.specimen.unbalanced_force()
 
     def num_active_grains(self):
         """Grains with at least one closed contact. Collective."""

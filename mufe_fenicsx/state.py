@@ -126,6 +126,12 @@ class ForceTerm(Stateful):
             state: As of :meth:`add_forces`.
         """
 
+    def total_force(self, state):
+        """Sum of the forces on this rank's nodes [N], shape (3,). As :meth:`add_forces`."""
+        f = np.zeros_like(state.x)
+        self.add_forces(f, state, 0.0)
+        return f.sum(axis=0)
+
     def energy(self, state):
         """Energy that the term has stored [J] on this rank, None where it has none. Local."""
         return None

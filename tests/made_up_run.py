@@ -80,8 +80,15 @@ def fake_history(num_rows=200, strain=0.1, area=1e-6, height=1e-3):
     }
     for i, name in enumerate(("x_min", "x_max", "y_min", "y_max")):
         h[f"force_{name}"] = (0.3 + 0.02 * i) * force
+    h |= {"unbalanced_x": 0 * force, "unbalanced_y": 0 * force}
+    set_balance(h)
     h["residual"] = work - sum(h[name] for name in energy_check.ENERGIES)
     return {name: np.asarray(h[name]) for name in history.COLUMNS}
+
+
+def set_balance(h, others=0.0):
+    """Set the unbalanced force between platens where others act on the sample by some force [N]."""
+    h["unbalanced_z"] = h["force_z_min"] - h["force_z_max"] + others
 
 
 def write_history(folder, h):

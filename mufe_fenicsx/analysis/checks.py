@@ -12,16 +12,29 @@ import numpy as np
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.analysis.contact_resolution import COARSE
 from mufe_fenicsx.analysis.evidence.mesh_errors import error_at, mesh_errors
-from mufe_fenicsx.analysis.rows import course, largest, loading_rows, turns_back
+from mufe_fenicsx.analysis.rows import (
+    counted_rows,
+    course,
+    largest,
+    load,
+    loading_rows,
+    tool_load,
+    turns_back,
+)
 
 #: Largest values allowed.
 TARGETS = {
     "kinetic": quasi_static.KINETIC,
     "platens": quasi_static.UNBALANCED,
+    "tool": quasi_static.UNBALANCED,
     "residual": 0.001,
     "switching": 0.01,
     "load": 0.5,
 }
+#: Why forces of an older run between rough walls say nothing.
+NO_BALANCE = (
+    "rough side walls or others may carry a part of the load, and the history has no unbalanced_z"
+)
 #: Part of the test at its start where targets may be missed without a warning.
 UNTRUSTED = 0.1
 #: Part of the normal force that coarse contacts may carry without a warning.
@@ -53,7 +66,7 @@ class Check:
     def reached(self):
         """Largest value, and the mean in brackets, as a text."""
         if not np.isfinite(self.largest):
-            return "never loaded"
+            return "not known"
         return f"{ratio(self.largest)} ({ratio(self.mean)})"
 
 
@@ -71,9 +84,14 @@ WORDS = {
         "inertia adds to the forces: lower the speed of the platen",
     ),
     "platens": (
-        "Unbalanced force: top against bottom platen",
+        "Unbalanced force: top against bottom platen, less what side walls and others carry",
         "the sample is in equilibrium",
-        "the sample is not in equilibrium, or rough side walls carry a part of the load",
+        "the sample is not in equilibrium: lower the speed of the platen",
+    ),
+    "tool": (
+        "Unbalanced force: the tool against all walls, along the force of the tool",
+        "the sample is in equilibrium",
+        "the sample is not in equilibrium: lower the speed of the tool",
     ),
     "residual": (
         "Energy residual over the work of the walls",
@@ -106,13 +124,15 @@ def check_run(history, mass=None, contacts=None):
         List of Check: that of :func:`check_all` first, that of :func:`check_trust` next.
     """
     kinetic, difference = quasi_static.judged(history, mass)
+    led = tool_load(history) is not None
     values = {
         "kinetic": kinetic,
-        "platens": difference,
+        "tool" if led else "platens": difference,
         "residual": energy_check.residual_ratio(history),
         "switching": energy_check.switching_ratio(history),
-        "load": stress_strain.lost_load(history),
     }
+    if not led:
+        values["load"] = stress_strain.lost_load(history)
     fault = faults(history)
     targets = [_check(name, history, found, fault) for name, found in values.items()]
     found = [check_trust(history, mass), *targets]
@@ -135,7 +155,7 @@ def check_all(history, checks):
         return Check("all", UNTRUSTED, math.nan, math.nan, False, text, math.nan, failed)
     last = max(checks, key=lambda c: c.row)
     share = float(course(history)[last.row])
-    text = "All checks hold from the start of loading on."
+    text = f"All checks hold from {_start(history)} on."
     if share > 0:
         text = (
             f"All checks hold from {where(history, last.row)} on, to the end; the last of them is "
@@ -165,23 +185,27 @@ def check_trust(history, mass=None):
         history, mass: As of :func:`check_run`.
     """
     trust, fault = quasi_static.trusted_from(history, mass), faults(history)
-    targets = (
-        f"kinetic over internal energy within {100 * quasi_static.KINETIC:g}%, top against "
-        f"bottom force within {100 * quasi_static.UNBALANCED:g}%"
+    targets = f"kinetic over internal energy within {100 * quasi_static.KINETIC:g}%, "
+    targets += (
+        f"unbalanced force within {100 * quasi_static.UNBALANCED:g}% of the load"
+        if quasi_static.knows_balance(history)
+        else f"forces not judged, as {NO_BALANCE}"
     )
     targets += " (single rows)" if mass is None else " (means over half the travel time of a wave)"
-    ratios = f"kinetic energy up to {_or_none(trust.kinetic)}, forces {_or_none(trust.unbalanced)}"
+    ratios = _ratios(trust)
     failed, since = bool(fault) or trust.row is None, math.nan
     if fault:
         text = f"Trusted nowhere: {fault}."
     elif trust.row is None:
-        text = f"Trusted nowhere: the test is dynamic to its end, or was never loaded ({ratios})."
+        dynamic = f"the test is dynamic to its end: {ratios}"
+        text = f"Trusted nowhere: {dynamic if ratios else _no_values(history)}."
     else:
         since = float(history["strain"][trust.row])
         if trust.share == 0:
-            text = "Trusted from the start of loading on."
+            text = f"Trusted from {_start(history)} on."
         else:
-            before = "time" if turns_back(history) else "strain"
+            by_time = turns_back(history) or tool_load(history) is not None
+            before = "time" if by_time else "strain"
             text = (
                 f"Trusted from {where(history, trust.row)} on. The {ratio(trust.share)} of the "
                 f"{before} before is dynamic: {ratios}."
@@ -203,8 +227,8 @@ def check_contacts(history, found, which):
         found: :class:`~mufe_fenicsx.analysis.contact_resolution.Resolution`.
         which: Contacts of what, and when, in words.
     """
-    load = 0.5 * (history["force_z_max"] + history["force_z_min"])
-    unloaded = load < quasi_static.UNLOADED * np.maximum.accumulate(load)
+    force = load(history)
+    unloaded = force < quasi_static.UNLOADED * np.maximum.accumulate(force)
     coarseness = np.where(unloaded, math.nan, -history["elements_per_radius"])
     row, since, place = _since(history, coarseness, -COARSE)
     passed = found.coarse <= COARSE_FORCE and row is not None and course(history)[row] <= UNTRUSTED
@@ -236,8 +260,24 @@ def _error(case, n):
     return f"{error:.0%}" if math.isfinite(error) else f"more than {known[0][1]:.0%}"
 
 
-def _or_none(value):
-    return ratio(value) if np.isfinite(value) else "not known"
+def _ratios(trust):
+    """What both ratios reached, in words; "" where neither is known."""
+    reached = ("kinetic energy", trust.kinetic), ("unbalanced force", trust.unbalanced)
+    return ", ".join(f"{what} up to {ratio(r)}" for what, r in reached if np.isfinite(r))
+
+
+def _start(history):
+    """Where targets begin to count, in words."""
+    if tool_load(history) is not None:
+        return "where the tool has half of its largest force"
+    return "the start of loading"
+
+
+def _no_values(history):
+    """Why a check has nothing to go by."""
+    if not loading_rows(history).any():
+        return "the test has not gone beyond its seating"
+    return "the sample was never loaded"
 
 
 def faults(history):
@@ -284,7 +324,9 @@ def _check(name, history, values, fault):
     mean = float(finite.mean()) if finite.size else np.nan
     passed = bool(finite.size) and worst <= target and not fault
     if not finite.size:
-        return Check(name, target, worst, mean, False, f"{what}: the sample was never loaded.")
+        unknown = name in ("platens", "tool") and not quasi_static.knows_balance(history)
+        why = f"not judged, as {NO_BALANCE}" if unknown else _no_values(history)
+        return Check(name, target, worst, mean, False, f"{what}: {why}.")
     row, since, place = _since(history, values, target)
     words = good if passed else bad
     if fault:
@@ -301,7 +343,7 @@ def _since(history, values, target):
 
     Rows without a value do not count.
     """
-    rows = np.flatnonzero(loading_rows(history))
+    rows = np.flatnonzero(counted_rows(history))
     missed = np.flatnonzero(~(values[rows] <= target) & ~np.isnan(values[rows]))
     if not rows.size or (missed.size and missed[-1] == len(rows) - 1):
         return None, math.nan, "Not met at the end."
@@ -311,6 +353,11 @@ def _since(history, values, target):
 
 
 def where(history, row):
-    """A row of the history in words: "strain 0.0123", of a test by stages with the stage."""
+    """A row of the history in words: "strain 0.0123", of a test by stages with the stage.
+
+    Where tools load there is no strain, and it is the time.
+    """
     stage = f' of stage "{history["stage"][row]}"' if "strain_z" in history else ""
+    if tool_load(history) is not None:
+        return f"time {history['time'][row]:.3g} s{stage}"
     return f"strain {history['strain'][row]:.4f}{stage}"

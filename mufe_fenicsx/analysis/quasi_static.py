@@ -1,4 +1,8 @@
-"""Is the test quasi-static? Kinetic energy and the balance of the platens' forces.
+"""Is the test quasi-static? Kinetic energy and the balance of forces.
+
+All forces on the sample from outside are added up: those of the platens, of rough side walls, of
+a sleeve, of tools and of gravity. In equilibrium nothing is left. What is, over the mean force of
+the platens, or over that of the tool that loads the sample, says how dynamic the test is.
 
 Single rows of a history shake with the waves of a grain that slips, at any speed of loading. Forces
 that inertia makes last as long as a wave travels. So both ratios are judged over half of the
@@ -11,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mufe_fenicsx.analysis.macro import inner_lengths, wall_stresses
-from mufe_fenicsx.analysis.rows import course, largest, loading_rows
+from mufe_fenicsx.analysis.rows import counted_rows, course, largest, load, tool_load
 from mufe_fenicsx.container import container_of_history
 
-#: Largest ratios of a quasi-static test: kinetic over internal energy, top against bottom force.
+#: Largest ratios of a quasi-static test: kinetic over internal energy, unbalanced force over load.
 KINETIC, UNBALANCED = 0.05, 0.03
 #: Load over the largest so far below which, as after unloading, the forces are not compared.
 UNLOADED = 0.1
@@ -29,9 +33,31 @@ def kinetic_ratio(history):
 
 
 def force_difference(history):
-    """|top - bottom| over the mean of both platens' forces; nan where that is 0."""
-    top, bottom = history["force_z_max"], history["force_z_min"]
-    return _ratio(np.abs(top - bottom), 0.5 * (top + bottom))
+    """Unbalanced force along the load over the load, shape (num_rows,); nan where that is 0.
+
+    Between platens that is |bottom - top + A| over their mean, A being what all others do to the
+    sample along z. Runs of earlier versions lack it, and have nan.
+    """
+    force, of_tool = load(history), tool_load(history)
+    if not knows_balance(history):
+        return np.full(np.shape(force), np.nan)
+    if of_tool is None:
+        return _ratio(np.abs(history["unbalanced_z"]), force)
+    left = np.stack([history[f"unbalanced_{axis}"] for axis in "xyz"], axis=1)
+    return _ratio(_ratio(np.abs(np.einsum("ri,ri->r", left, of_tool)), force), force)
+
+
+def knows_balance(history):
+    """Whether a history has the sum of all forces on the sample."""
+    return "unbalanced_z" in history
+
+
+def platens_alone(scene):
+    """Whether a scene, its defaults written out, has nothing else that acts along z on a sample."""
+    walls = scene.get("walls") or {}
+    sides = [wall for name, wall in walls.items() if name not in ("z_min", "z_max")]
+    others = any(scene.get(key) for key in ("membrane", "tool", "gravity"))
+    return bool(sides) and not others and all(wall.get("friction") == 0.0 for wall in sides)
 
 
 def travel_time(history, mass):
@@ -96,14 +122,14 @@ def trusted_from(history, mass=None):
     Returns:
         :class:`Trust`.
     """
-    rows = np.flatnonzero(loading_rows(history))
+    rows = np.flatnonzero(counted_rows(history))
     kinetic, unbalanced = (values[rows] for values in judged(history, mass))
-    load = 0.5 * (history["force_z_max"] + history["force_z_min"])[rows]
-    unbalanced[load < UNLOADED * np.maximum.accumulate(load)] = np.nan
+    force = load(history)[rows]
+    unbalanced[force < UNLOADED * np.maximum.accumulate(force)] = np.nan
     with np.errstate(invalid="ignore"):
         missed = np.flatnonzero((kinetic > KINETIC) | (unbalanced > UNBALANCED))
     first = missed[-1] + 1 if missed.size else 0
-    loaded = load >= UNLOADED * max(load.max(initial=0.0), 0.0)
+    loaded = force >= UNLOADED * max(force.max(initial=0.0), 0.0)
     if not (loaded & (np.isfinite(kinetic) | np.isfinite(unbalanced)))[first:].any():
         return Trust(None, 1.0, largest(kinetic), largest(unbalanced))
     row = int(rows[first])

@@ -6,6 +6,9 @@ import numpy as np
 
 #: The stage that closes the gaps before strain counts.
 SEATING = "seating"
+#: Columns with the lengths across the sample, and with what shears it.
+WIDTHS = ("length_x", "length_y", "diameter", "inner_diameter")
+SHEARED = ("gamma_xz", "gamma_tz", "twist")
 
 
 def loading_rows(history):
@@ -33,6 +36,66 @@ def loaded_rows(history):
         return loading
     strain = np.abs(history["strain"])
     return loading & (strain > 0.5 * strain[loading].max())
+
+
+#: Change of a length, over it, below which walls rest.
+RESTS = 1e-9
+
+
+def is_constrained(history):
+    """Whether it is an oedometer whose side walls stand still: no stages, servo or membrane."""
+    return "strain_z" not in history and all(_rests(history, name) for name in WIDTHS)
+
+
+def tool_names(history):
+    """Names of the tools of a history, in their order."""
+    start, end = "turn_", "_x"
+    columns = [name for name in history if name.startswith(start) and name.endswith(end)]
+    return [name[len(start) : -len(end)] for name in columns]
+
+
+def tool_load(history):
+    """Force on the sample of the tool that loads it [N], shape (num_rows, 3), or None.
+
+    Tools load where there are some and no wall moves, along itself neither. Of several it is that
+    of the largest force.
+    """
+    names = tool_names(history)
+    moved = [name for name in ("height", *WIDTHS) if not _rests(history, name)]
+    moved += [name for name in SHEARED if np.any(history.get(name, 0.0))]
+    if not names or moved:
+        return None
+    forces = [
+        -np.stack([history[f"force_{name}_{axis}"] for axis in "xyz"], axis=1) for name in names
+    ]
+    return max(forces, key=lambda force: np.linalg.norm(force, axis=1).max(initial=0.0))
+
+
+def load(history):
+    """Mean force of the platens, or that of the tool that loads [N], shape (num_rows,)."""
+    of_tool = tool_load(history)
+    if of_tool is not None:
+        return np.linalg.norm(of_tool, axis=1)
+    return 0.5 * (history["force_z_max"] + history["force_z_min"])
+
+
+def counted_rows(history):
+    """Rows that targets are about, boolean, shape (num_rows,).
+
+    Those of the loading; where tools load, those with more than half of the largest force.
+    """
+    rows = loading_rows(history)
+    if tool_load(history) is None:
+        return rows
+    force = load(history)
+    return rows & (force > 0.5 * np.max(force, where=rows, initial=0.0))
+
+
+def _rests(history, name):
+    values = np.asarray(history.get(name, 0.0))
+    if values.ndim:
+        values = values[loading_rows(history)]
+    return not values.size or np.ptp(values) <= RESTS * np.abs(values).max()
 
 
 #: A stage whose strain falls by more than this part of the range of all strains unloads.
@@ -88,12 +151,13 @@ def turns_back(history):
 def course(history):
     """How much of the loading is done at each row, 0 to 1, shape (num_rows,); nan while seating.
 
-    By the vertical strain; by time where that turns back, or does not change at all.
+    By the vertical strain; by time where that turns back, or does not change at all. Where tools
+    load it begins and ends with :func:`counted_rows`.
 
     Args:
         history: dict column -> array.
     """
-    rows = loading_rows(history)
+    rows = counted_rows(history)
     done = np.full(rows.shape, np.nan)
     if not rows.any():
         return done

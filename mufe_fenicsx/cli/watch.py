@@ -15,7 +15,7 @@ ROWS = (
     ("stress", "vertical stress", "MPa", 1e-6, ".4g"),
     ("force_z_max", "force on the top platen", "N", 1, ".4g"),
     ("force_z_min", "force on the bottom", "N", 1, ".4g"),
-    ("force_difference", "their difference", "%", 100, ".2f"),
+    ("force_difference", "unbalanced force / load", "%", 100, ".2f"),
     ("kinetic_ratio", "kinetic / internal energy", "%", 100, ".2f"),
     ("residual_ratio", "energy residual / work", "%", 100, ".4f"),
     ("elastic_share", "elastic energy / work", "%", 100, ".1f"),

@@ -32,6 +32,7 @@ AFTER = (
     "num_active_contacts",
     "elements_per_radius",
     "elements_per_radius_tenth",
+    *(f"unbalanced_{axis}" for axis in "xyz"),
 )
 
 
@@ -51,6 +52,7 @@ COLUMNS = history_columns(BOX)
 NEWER_COLUMNS = (
     *("length_x", "length_y", "switching"),
     *("elements_per_radius", "elements_per_radius_tenth"),
+    *("unbalanced_x", "unbalanced_y", "unbalanced_z"),
 )
 TEXT_COLUMNS = ("stage", "wall")
 NUMBERS = {name for each in CONTAINERS.values() for name in history_columns(each)}

@@ -4,6 +4,7 @@ import numpy as np
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.analysis.checks import TARGETS, check_run
+from mufe_fenicsx.analysis.rows import is_constrained
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import legends, shared_legend, without_spikes
@@ -17,7 +18,7 @@ HALF_WINDOW = 0.02
 #: What the table says of each check.
 CHECKED = {
     "kinetic": "Kinetic over internal energy",
-    "platens": "Top against bottom force",
+    "platens": "Unbalanced force over load",
     "residual": "Energy residual over work",
     "load": "Stress lost over stress added",
 }
@@ -287,7 +288,7 @@ def tables(sources, names):
         checks = {check.name: check for check in check_run(source.history, source.mass)}
         since = checks["trusted"].since
         trusted = f"strain {since:.4f}" if np.isfinite(since) else "nowhere"
-        checked.append((name, trusted, *(checks[key].reached for key in CHECKED)))
+        checked.append((name, trusted, *_reached(checks)))
     found = differences(sources)
     scenes = [(key, *(value_text(key, v) for v in values)) for key, values in found.items()]
     return [
@@ -301,10 +302,16 @@ def tables(sources, names):
     ]
 
 
+def _reached(checks):
+    """What each check of the table reached; where tools load, theirs stand for the platens'."""
+    found = {**checks, "platens": checks.get("tool", checks.get("platens"))}
+    return [found[key].reached if key in found else "–" for key in CHECKED]
+
+
 def _slope(sources):
     """What the slope of vertical stress over strain is called."""
-    by_stages = any("strain_z" in source.loading for source in sources)
-    return "Slope of stress over strain" if by_stages else "Constrained modulus"
+    constrained = all(is_constrained(source.loading) for source in sources)
+    return "Constrained modulus" if constrained else "Tangent modulus"
 
 
 def _file(name):

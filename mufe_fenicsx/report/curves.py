@@ -5,7 +5,7 @@ from matplotlib.ticker import FuncFormatter
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.analysis.checks import TARGETS, judged_rows
-from mufe_fenicsx.analysis.rows import branches, largest, loading_rows
+from mufe_fenicsx.analysis.rows import branches, is_constrained, largest, loading_rows
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import legends, shared_legend, without_spikes
@@ -162,9 +162,9 @@ def _arrow(axis, x, y, width, height, colour):
 
 def _about_branches(source):
     """Words about the stages of a test that turns back."""
-    by_stages = "strain_z" in source.history
     if not source.turns_back:
-        return "" if by_stages else " The slope is the constrained modulus."
+        constrained = is_constrained(source.history)
+        return " The slope is the constrained modulus." if constrained else ""
     kinds = [(part.stage, part.kind) for part in branches(source.history)]
     stages = style.listed([f"{stage} ({kind})" for stage, kind in kinds])
     first = f" of its first {ARROWS} stages" if len(kinds) > ARROWS else ""
@@ -308,7 +308,7 @@ def draw_monitors(source):
     single = quasi_static.kinetic_ratio(history), quasi_static.force_difference(history)
     panels = (
         ("kinetic", kinetic, single[0], "Kinetic / internal energy"),
-        ("platens", difference, single[1], "|top − bottom| / mean force"),
+        ("platens", difference, single[1], "Unbalanced force / load"),
         ("residual", energy_check.residual_ratio(history), None, "|Energy residual| / work"),
     )
     strain, over = source.over(history["strain"], history["time"])
@@ -341,8 +341,8 @@ def draw_monitors(source):
     return Drawing(
         "quasi-static",
         figure,
-        "Quasi-static monitors: (a) kinetic over internal energy, (b) unbalanced force of "
-        "the platens, (c) energy residual over work",
+        "Quasi-static monitors: (a) kinetic over internal energy, (b) unbalanced force "
+        "over the load, (c) energy residual over work",
         "Dark curves are the mean (a) and the root mean square (b) over half the travel time of a "
         "wave through the sample, (c) has single rows; pale curves are single rows, which shake "
         "where a grain slips. The checks apply where the target is solid, beyond half of the "
@@ -367,12 +367,14 @@ def draw_compression(source):
         raise InputError("the walls were never loaded")
     parts = branches(history)
     curves.loc[curves["stress"] <= 0, ["stress", "modulus", "K0"]] = np.nan
-    oedometer = "strain_z" not in history
+    oedometer = is_constrained(history)
     figure, axes = style.new_figure(style.PAGE, 2.4, ncols=3)
     factor, unit = style.unit_of(curves["stress"], "Pa")
     modulus, unit_m = style.unit_of(curves["modulus"], "Pa")
     slope = (
-        "Constrained modulus, $M$" if oedometer else r"Slope, d$\sigma_{\mathrm{v}}$/d$\varepsilon$"
+        "Constrained modulus, $M$"
+        if oedometer
+        else r"Tangent modulus, d$\sigma_{\mathrm{v}}$/d$\varepsilon$"
     )
     ratio = r"$\sigma_{\mathrm{h}} / \sigma_{\mathrm{v}}$: –"
     for axis, values, label in (
@@ -398,7 +400,7 @@ def draw_compression(source):
         + (
             "constrained modulus and (c) coefficient of earth pressure at rest"
             if oedometer
-            else "slope of stress over strain and (c) horizontal over vertical stress"
+            else "tangent modulus and (c) ratio of side to axial stress"
         )
         + " against the vertical stress",
         "Void ratio with the grains' own volume at the start as solids. The slope is that "
@@ -409,8 +411,8 @@ def draw_compression(source):
                 "strain [-]": curves["strain"],
                 "vertical stress [Pa]": curves["stress"],
                 "void ratio [-]": curves["void_ratio"],
-                f"{'constrained modulus' if oedometer else 'slope'} [Pa]": curves["modulus"],
-                "K0 [-]" if oedometer else "horizontal over vertical stress [-]": curves["K0"],
+                f"{'constrained' if oedometer else 'tangent'} modulus [Pa]": curves["modulus"],
+                "K0 [-]" if oedometer else "ratio of side to axial stress [-]": curves["K0"],
             }
         },
         "wide",

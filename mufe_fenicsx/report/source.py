@@ -8,8 +8,8 @@ from mufe_fenicsx.analysis import grain_energy, inertia, kinematics
 from mufe_fenicsx.analysis.checks import check_run
 from mufe_fenicsx.analysis.contact_resolution import classes_of_contacts, contact_resolution
 from mufe_fenicsx.analysis.grain_stress import unstressed
-from mufe_fenicsx.analysis.quasi_static import trusted_from
-from mufe_fenicsx.analysis.rows import loading_rows, turns_back
+from mufe_fenicsx.analysis.quasi_static import knows_balance, platens_alone, trusted_from
+from mufe_fenicsx.analysis.rows import loading_rows, tool_load, turns_back
 from mufe_fenicsx.container import container_of_history
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.measure import tet_volumes
@@ -103,6 +103,11 @@ class Source:
         except InputError:
             return {}
 
+    @property
+    def scene(self):
+        """scene.toml as of :class:`Run`."""
+        return self.run.scene
+
     @cached_property
     def history(self):
         """dict column -> array with at least one row."""
@@ -114,6 +119,9 @@ class Source:
             raise InputError(f"{path} has no column {', '.join(absent)}")
         if not len(history["step"]):
             raise InputError(f"{path} has no row, expected one a record")
+        scene = self.get("scene")
+        if scene and not knows_balance(history) and platens_alone(scene):
+            history["unbalanced_z"] = history["force_z_min"] - history["force_z_max"]
         return history
 
     @cached_property
@@ -143,13 +151,15 @@ class Source:
             return False
 
     def over(self, strain, time):
-        """What curves are drawn over, and its label: strain [%], or time where strain turns back.
+        """What curves are drawn over, and its label: strain [%], or time.
+
+        It is time where the strain turns back, and where tools load, as it stays zero there.
 
         Args:
             strain: Vertical strains.
             time: Of the same rows or states [s].
         """
-        if not self.turns_back:
+        if not self.turns_back and tool_load(self.history) is None:
             return 100 * np.asarray(strain), style.STRAIN
         factor, unit = style.unit_of(self.history["time"], "s")
         return np.asarray(time) / factor, f"Time: {unit}"

@@ -9,7 +9,7 @@ from mufe_fenicsx.analysis import energy_check, stress_strain
 from mufe_fenicsx.analysis.checkerboard import checkerboard
 from mufe_fenicsx.analysis.grain_means import sample_stress, void_ratio
 from mufe_fenicsx.analysis.macro import inner_lengths
-from mufe_fenicsx.analysis.rows import loading_rows
+from mufe_fenicsx.analysis.rows import is_constrained, loading_rows, tool_load
 from mufe_fenicsx.container import container_of_history
 from mufe_fenicsx.geometry.measure import tet_volumes
 from mufe_fenicsx.output.run_folder import regular
@@ -70,19 +70,20 @@ def largest_values(history, last):
         loading = loading_rows(history)
         strain, stress = history["strain"][loading], history["stress"][loading]
         if strain.size:
-            rows += [_at("Vertical stress", history, "stress", "Pa", loading)]
+            by_platens = tool_load(history) is None
+            if by_platens:
+                rows += [_at("Vertical stress", history, "stress", "Pa", loading)]
             rows += [
                 _at(f"Force on the {name}", history, column, "N", loading)
                 for name, column in (("top platen", "force_z_max"), ("bottom", "force_z_min"))
             ]
             side = np.max(list(stress_strain.side_forces(history).values()), axis=0)
             rows += [_at("Force on a side wall", {**history, "side": side}, "side", "N", loading)]
-            end = strain[-1]
-            modulus = stress_strain.tangent_modulus(strain, stress, 0.9 * end, 0.2 * end)
-            slope = (
-                "Slope of stress over strain" if "strain_z" in history else "Constrained modulus"
-            )
-            rows.append((f"{slope}, last fifth of the strain", quantity(modulus, "Pa"), ""))
+            if by_platens:
+                end = strain[-1]
+                modulus = stress_strain.tangent_modulus(strain, stress, 0.9 * end, 0.2 * end)
+                slope = "Constrained modulus" if is_constrained(history) else "Tangent modulus"
+                rows.append((f"{slope}, last fifth of the strain", quantity(modulus, "Pa"), ""))
             rows += [
                 _at(name, history, column, "J", loading)
                 for name, column in (
@@ -159,7 +160,7 @@ def sample_rows(start, last, run, history):
     solid = tet_volumes(start.reference, start.cells).sum()
     ratios = [void_ratio(solid, volume) for volume in boxes]
     rows = [("Void ratio, start → end", f"{ratios[0]:.3f} → {ratios[1]:.3f}")]
-    if last.has("stress"):
+    if last.has("stress") and tool_load(history) is None:
         inside = -sample_stress(last.field("stress"), last.volume, boxes[1])[2]
         walls = float(np.interp(last.time, history["time"], history["stress"]))
         rows.append(

@@ -1,5 +1,9 @@
 """The figure of a test with tools: force and torque of the grains on each over time."""
 
+import h5py
+import pyvista
+
+from mufe_fenicsx.analysis.rows import tool_names
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import shared_legend
@@ -8,17 +12,21 @@ from mufe_fenicsx.report.figure import Drawing
 NAME = "tools"
 
 
-def tools_of(history):
-    """Names of the tools of a history, in their order."""
-    start, end = "turn_", "_x"
-    columns = [name for name in history if name.startswith(start) and name.endswith(end)]
-    return [name[len(start) : -len(end)] for name in columns]
+def tool_surfaces(folder, index):
+    """Triangles of the tools at a stored state, pyvista.PolyData; None where there are none."""
+    path = folder / "tools" / f"{index:04d}.vtkhdf"
+    if not path.is_file():
+        return None
+    with h5py.File(path) as file:
+        group = file["VTKHDF"]
+        points, facets = group["Points"][:], group["Polygons/Connectivity"][:]
+    return pyvista.PolyData.from_regular_faces(points, facets.reshape(-1, 3))
 
 
 def draw_tools(source):
     """Components of force and torque over time, a colour each tool."""
     history = source.history
-    names = tools_of(history)
+    names = tool_names(history)
     if not names:
         raise InputError("the test has no tools, expected one")
     figure, axes = style.new_figure(style.PAGE, 3.9, nrows=2, ncols=3, sharex=True, sharey="row")

@@ -10,8 +10,10 @@ from mufe_fenicsx.report import style
 from mufe_fenicsx.report.curves import PAPER
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.render import Camera, Layer, render
+from mufe_fenicsx.report.tools import tool_surfaces
 
 FROM = (1.0, -1.35, 0.75)  #: the corner that the sample is seen from
+EDGE = 30.0  #: angle of edges of tools that are drawn [degrees]
 VON_MISES = "von Mises stress"
 
 
@@ -49,7 +51,7 @@ def draw_stress_3d(source):
     axes, columns = axes[0], {"grain": states[0].grain_means[0]}
     for i, (axis, state) in enumerate(zip(axes, states, strict=True)):
         layer = Layer(state.surface(), None, "von_mises", style.STRESS_MAP, (0, limit))
-        axis.imshow(render([layer], camera, pixels, state.outline(states[0])))
+        axis.imshow(render([layer], camera, pixels, _lines(source, state)))
         axis.set_axis_off()
         style.panel_letter(axis, i)
         style.heading(axis, rf"$\varepsilon$ = {style.percent(state.strain)}")
@@ -62,12 +64,28 @@ def draw_stress_3d(source):
         figure,
         f"Von Mises stress in the deformed grains at strain {strains} (Fig. 13 {PAPER})",
         "All views share the colour scale and the camera (parallel projection; the scale "
-        "bar holds for lengths across the view). Lines show the space between the walls. "
+        f"bar holds for lengths across the view). Lines show {_space(source)}, and "
+        "sharp edges of tools. "
         "One per cent of the cells of a state may exceed the scale.",
         {"": columns},
         "wide",
         vector=False,
     )
+
+
+def _lines(source, state):
+    """Lines of the walls and sharp edges of the tools, pyvista.PolyData."""
+    lines, tools = state.outline(source.start), tool_surfaces(source.folder, state.index)
+    if tools is None:
+        return lines
+    return lines + tools.extract_feature_edges(EDGE, boundary_edges=False)
+
+
+def _space(source):
+    """What the lines around the grains are, in words."""
+    if "cell_pressure" in (source.get("history") or {}):
+        return "a cylinder of the sample's volume: the membrane itself is not drawn"
+    return "the space between the walls"
 
 
 def draw_cut(source):
@@ -85,6 +103,7 @@ def draw_cut(source):
     outline = end.surface().slice(normal=normal, origin=middle)
     scale, unit = style.unit_of(np.ptp(box, axis=0), "m")
     limit = style.round_limit(np.percentile(end.von_mises, 99))
+    tools = tool_surfaces(source.folder, end.index)
 
     def plane(points):
         return (np.asarray(points)[:, [across, 2]] - box[0, [across, 2]]) / scale
@@ -96,6 +115,10 @@ def draw_cut(source):
     values = np.asarray(cut.cell_data["von_mises"])
     axis.add_collection(cut_collection([plane(cut.points[f]) for f in faces], values, limit))
     add_outline(axis, [plane(outline.points[line]) for line in polygons(outline.lines)])
+    if tools is not None:
+        edge = tools.slice(normal=normal, origin=middle)
+        lines = [plane(edge.points[line]) for line in polygons(edge.lines)]
+        axis.add_collection(LineCollection(lines, colors=style.ORANGE, linewidths=1.2))
     # The frame of the axes is the walls.
     axis.spines[:].set(visible=True, color=style.GREY, linewidth=0.8)
     axis.tick_params(direction="out")
@@ -112,7 +135,8 @@ def draw_cut(source):
         "stress-cut",
         figure,
         f"Von Mises stress in the vertical plane through the middle, strain {end.strain:.3f}",
-        "Black lines are the surfaces of grains, the grey frame is the walls. Force chains "
+        f"Black lines are the surfaces of grains, the grey frame is {_space(source)}. "
+        f"{'Orange lines are the tools. ' if tools is not None else ''}Force chains "
         "appear as bands of high stress from contact to contact. A stress that jumps between "
         "neighbouring tetrahedra shows that the mesh is too coarse there.",
         {

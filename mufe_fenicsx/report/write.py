@@ -9,7 +9,7 @@ import mufe_fenicsx
 from mufe_fenicsx.analysis.checks import where, worst_of
 from mufe_fenicsx.analysis.cycles import find_cycles
 from mufe_fenicsx.analysis.probes import find_cells
-from mufe_fenicsx.analysis.rows import branches
+from mufe_fenicsx.analysis.rows import branches, tool_load, tool_names
 from mufe_fenicsx.errors import InputError, nearest_name
 from mufe_fenicsx.output.run_folder import reason
 from mufe_fenicsx.report import compare, cyclic, localisation, shearing, style, tools, triaxial
@@ -208,8 +208,10 @@ def _not_of_this_test(source):
     absent = set() if history is not None and "strain_z" in history else {triaxial.NAME}
     if history is None or shearing.shear_of(history) is None:
         absent.add(shearing.NAME)
-    if history is None or not tools.tools_of(history):
+    if history is None or not tool_names(history):
         absent.add(tools.NAME)
+    if history is not None and tool_load(history) is not None:
+        absent |= {"stress-strain", "compression", triaxial.NAME}
     loading = source.get("loading")
     if loading is None or not find_cycles(loading["strain"], loading["stress"]):
         absent.add(cyclic.NAME)

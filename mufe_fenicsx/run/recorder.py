@@ -129,6 +129,8 @@ class Recorder:
         lengths, container = loading.measures.lengths(), self.container
         row.update(zip(container.widths, lengths[:-1], strict=True))
         row.update({f"force_{name}": f for name, f in zip(container.walls, forces, strict=True)})
+        unbalanced = sim.unbalanced_force()
+        row.update({f"unbalanced_{a}": f for a, f in zip("xyz", unbalanced, strict=True)})
         row.update(energies)
         if self.tools is not None:
             row.update(sim.tools.row())

@@ -14,7 +14,7 @@ from mufe_fenicsx.analysis import (
     stress_strain,
 )
 from mufe_fenicsx.analysis.checkerboard import checkerboard
-from tests.made_up_run import ball, fake_history
+from tests.made_up_run import ball, fake_history, set_balance
 
 ROUND_OFF = 1e-12
 
@@ -52,6 +52,7 @@ def column(num_rows=400, rate=1e-3):
     h |= {"time": rate * travel * np.arange(num_rows), "height": np.full(num_rows, height)}
     h |= {f"force_{a}_{e}": 0 * force for a in "xy" for e in ("min", "max")}
     h |= {"force_z_min": force, "force_z_max": force.copy(), "plastic": 0 * force}
+    set_balance(h)
     h |= {"length_x": np.full(num_rows, side), "length_y": np.full(num_rows, side)}
     return h | {"elastic": 0.5 * stiffness * shortened**2}, mass, travel
 
@@ -61,6 +62,7 @@ def test_forces_are_judged_over_half_of_the_time_of_a_wave():
     h, mass, travel = column(rate=0.01)
     assert quasi_static.travel_time(h, mass) == pytest.approx(travel, rel=1e-12)
     h["force_z_max"][300:308] *= 1.1 / 0.9  # of the mean force: 0.2
+    set_balance(h)
     _, difference = quasi_static.judged(h, mass)
     single = quasi_static.force_difference(h)
     assert single[300:308] == pytest.approx(0.2, rel=1e-9)

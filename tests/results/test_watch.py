@@ -12,14 +12,14 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.run_lock import RunLock
 from mufe_fenicsx.results.watch import Watch
 
-ENERGIES = "kinetic,elastic,plastic,friction,contact,damping,work"
+ENERGIES = "kinetic,elastic,plastic,friction,contact,damping,work,unbalanced_z"
 COLUMNS = f"step,time,dt,stage,strain,height,speed,force_z_min,force_z_max,stress,{ENERGIES}"
 #: When the files of the made-up run were written [s].
 STARTED = 1_000_000.0
 
 
 def row(step, strain, stage="loading"):
-    return f"{step},1e-5,1e-9,{stage},{strain},1e-3,1.0,9.0,11.0,1e7,0.5,20,80,10,1,0,111.7"
+    return f"{step},1e-5,1e-9,{stage},{strain},1e-3,1.0,9.0,11.0,1e7,0.5,20,80,10,1,0,111.7,-2.0"
 
 
 class MadeUpRun:
