@@ -143,6 +143,10 @@ class Container:
         values = np.asarray(values, dtype=float)
         return 0.5 * (values[..., self._lower] + values[..., self._upper])
 
+    def to_walls(self, values: np.ndarray) -> np.ndarray:
+        """The value of its axis for each wall, (..., num_walls), of (..., num_axes) values."""
+        return values[..., self._axis_of_wall]
+
     def closing(self, velocity: np.ndarray) -> np.ndarray:
         """Speeds at which the axes shorten, (num_axes,), of those of the walls inward [m/s]."""
         return self._closing * (velocity[self._lower] + velocity[self._upper])
@@ -173,7 +177,7 @@ class Container:
 
     def areas_of_walls(self, lengths: ArrayLike) -> np.ndarray:
         """Area of each wall [m²], shape (num_walls,), of lengths of shape (num_axes,)."""
-        return self.areas(lengths)[self._axis_of_wall]
+        return self.to_walls(self.areas(lengths))
 
 
 class Box(Container):

@@ -57,6 +57,7 @@ class Gauges(Stateful):
         self.means = WallMeans([0.0] * len(self.container.walls), measures.simulation.state.t)
         self.total = None  #: total side stress of undrained stages [Pa]; None: drained
         self.sides = []  #: axes that are the side then
+        self.supported = measures.has_support()  #: walls that may differ from those across
 
     @property
     def columns(self):
@@ -108,6 +109,19 @@ class Gauges(Stateful):
     def mean_stress(self):
         """That of the axes, mean over the time that a wave travels [Pa], shape (num_axes,)."""
         return self.container.of_axes(self.means.stress)
+
+    def led(self, stress):
+        """What servos take to its target, and ends of stages judge [Pa], shape (num_walls,).
+
+        Where friction, a sleeve, weight or a tool carries what opposite walls differ by, that
+        difference is left out, in its mean over the time that a wave travels: σ - (σ̄ - σ̄axis).
+
+        Args:
+            stress: Of each wall [Pa], such as the present one or its mean.
+        """
+        means = np.asarray(self.means.stress)
+        apart = means - self.container.to_walls(self.mean_stress())
+        return stress - np.where(self.supported, apart, 0.0)
 
     def pore_pressure(self, stress):
         """u [Pa] at stresses along the axes; 0 in drained stages."""

@@ -46,6 +46,20 @@ class WallMeasures:
         """What the grains carry of the stresses along the axes [Pa], shape (num_axes,)."""
         return stress
 
+    def has_support(self):
+        """Whether opposite walls may differ at rest, for what else carries, shape (num_walls,).
+
+        That is friction or glue of walls across other axes, a tool, or a force on the grains.
+        """
+        sim, container = self.simulation, self.container
+        if sim.tools.any or sim.specimen.added_terms:
+            return np.ones(len(container.walls), dtype=bool)
+        holds = (sim.walls.friction > 0.0) | [bool(wall.bonded) for wall in sim.walls.walls]
+        found = np.zeros(holds.size, dtype=bool)
+        for own in map(list, container.walls_of_axis):
+            found[own] = np.delete(holds, own).any()
+        return found
+
     def gains(self, servo, stiffness, area):
         """Gains of the walls, as :meth:`.wall_servo.Servo.gains`."""
         return servo.gains(stiffness, area)
@@ -145,6 +159,10 @@ class MembraneMeasures(WallMeasures):
         )  # fmt: skip
         total = sim.comm.allreduce(total) / -float(self.container.volume(self.lengths()))
         return np.array([0.5 * (total[0] + total[1]), total[2]])
+
+    def has_support(self):
+        """The sleeve carries of both platens what they differ by."""
+        return np.ones(len(self.container.walls), dtype=bool)
 
     def gains(self, servo, stiffness, area):
         """Of the platens as of walls; of the cell that which makes its pressure rise as above."""

@@ -115,6 +115,9 @@ class OedometerLoading(Stateful):
         """How far the present stage has come: the height lost over the reference height [-]."""
         return 1.0 - self.height / self.reference_height
 
+    def take_notice(self):
+        """Nothing to tell: the platen goes on whatever it meets. Local."""
+
     @property
     def speed_now(self):
         """Speed of the top platen in the last step [m/s]."""

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from ..state import Stateful
+from .waiting import Waiting
 
 
 @dataclass
@@ -28,3 +29,4 @@ class PresentStage(Stateful):
     hold_from: float | None = None  #: time at which `hold` began [s]
     brake_from: float | None = None  #: time at which a value of `until` was passed [s]
     led_until: float | None = None  #: time at which walls had reached what they go to [s]
+    waiting: Waiting = field(default_factory=Waiting)  #: begins anew where a run goes on

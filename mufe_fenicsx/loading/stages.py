@@ -23,7 +23,8 @@ of what is left of it, at a constant rate over the strain ``ramp``.
 
 A stage ends when a value of ``until`` is passed, or when s = 1, lengths are reached, and all held
 stresses are within ``tolerance`` for twice the time T that a wave travels; then ``hold`` begins.
-These stresses are means over T (gauges.py): grains that still rattle between few contacts shake
+These stresses are means over T, of each wall, or of opposite ones where something beside them
+carries what they differ by (gauges.py). Grains that still rattle between few contacts shake
 a wall for long, and without a load of their own. Where ``until`` is passed walls brake first, over
 ``ramp``.
 
@@ -152,6 +153,11 @@ class StagedLoading(Stateful):
         """Whether the stages that bring the sample to strain 0 are over."""
         return self.index > self._last_zero
 
+    def take_notice(self):
+        """A line for who runs the test, said once, or None. Local."""
+        notice, self._now.waiting.notice = self._now.waiting.notice, None
+        return notice
+
     @property
     def part_done(self):
         """Of all stages, as far as known without asking other ranks."""
@@ -273,13 +279,14 @@ class StagedLoading(Stateful):
         for name, motion in stage.tools.items():
             self.simulation.tools.set_motion(name, state.t, motion.rates, motion.loads, motion.ramp)
         of_walls = gauges.wall_stress(forces)
+        if self.index == 0:
+            gauges.means = WallMeans(of_walls.tolist(), state.t)
+        of_walls = gauges.led(of_walls)
         held = [None] * len(stress) if held is None else held
         stress0 = [
             float(of_walls[list(walls_moved(stage, self.container, a))].mean()) if h is None else h
             for a, h in enumerate(held)
         ]
-        if self.index == 0:
-            gauges.means = WallMeans(of_walls.tolist(), state.t)
         self.shearing.begin(stage)
         ways = [0.0] * (NUM_WAYS + len(self._given))
         lengths, places = gauges.lengths.tolist(), gauges.places.tolist()
@@ -380,7 +387,7 @@ class StagedLoading(Stateful):
         self._come(lengths, t)
         near = now.s == 1.0 or not any(task.goes for task in self._all)
         near &= self.shearing.is_there
-        means, axis_means = gauges.means.stress, gauges.mean_stress()
+        means, axis_means = gauges.led(np.asarray(gauges.means.stress)), gauges.mean_stress()
         for task in self.tasks:
             near &= task.is_there(means, axis_means, lengths, self.settings.tolerance)
         now.settled = (t if now.settled is None else now.settled) if near else None
@@ -395,6 +402,8 @@ class StagedLoading(Stateful):
         at_speed = any(task.at_speed for task in self._all)
         ends = any(task.ends for task in self._all)
         ends_itself = ends or not (stage.until is not None or at_speed)
+        if ends_itself and now.settled is None:
+            self._look_whether_it_waits(t)
         if ends_itself and now.settled is not None:
             servo = any(task.servo for task in tasks)
             wait = SETTLED * self.servo.travel_time if servo else 0.0
@@ -407,6 +416,27 @@ class StagedLoading(Stateful):
         braked = self.paces.ramp_time(now) if self._is_led() else 0.0
         if now.brake_from is not None and t - now.brake_from >= braked:
             now.hold_from = t
+
+    def _look_whether_it_waits(self, t):
+        """Make a notice where the sample is at rest without the stresses that it is to reach."""
+        means, tolerance = self.gauges.mean_stress(), self.settings.tolerance
+        lacks = {}
+        for task in self.tasks:
+            if task.servo:
+                target = task.target(1.0, means)
+                lacks[task.axis] = abs(means[task.axis] - target), target
+        if not lacks:
+            return
+        allowed = tolerance * min(target for _, target in lacks.values())
+        if not self._now.waiting.look(t, self.servo, self.gauges.lengths, allowed):
+            return
+        a = max(lacks, key=lambda axis: lacks[axis][0])
+        self._now.waiting.notice = (
+            f'stage "{self.stage}" waits at rest: stress_{self.container.axes[a]} = '
+            f"{means[a] / 1e3:.5g} kPa, expected {lacks[a][1] / 1e3:.5g} kPa for "
+            f"{SETTLED:g} travel times of a wave within loading.tolerance = {tolerance:g}: stop, "
+            "raise that, and --resume; where grains rattle raise solver.damping in a new run"
+        )
 
     def _check_lengths(self, stress, lengths):
         """Raise SolverError where the sample cannot carry what it is to carry."""
@@ -445,7 +475,7 @@ class StagedLoading(Stateful):
         area = self.container.areas_of_walls(lengths)
         stress, gain = gauges.axis_stress(forces), self.measures.gains(self.servo, stiffness, area)
         walls = WallsNow(
-            lengths, stress, gauges.wall_stress(forces), stiffness, gain,
+            lengths, stress, gauges.led(gauges.wall_stress(forces)), stiffness, gain,
             gauges.places - now.places0, sim.dt,
         )  # fmt: skip
         pace = self.paces.pace(now, self.tasks, gauges.strains, self.loaded, self.shearing)

@@ -33,7 +33,7 @@ class WallsNow:
 
     lengths: np.ndarray  #: along the axes [m], shape (num_axes,)
     axis_stress: np.ndarray  #: mean of the walls of each axis [Pa], shape (num_axes,)
-    stress: np.ndarray  #: of each wall [Pa], shape (num_walls,)
+    stress: np.ndarray  #: of each wall as its servo takes it (Gauges.led) [Pa], (num_walls,)
     stiffness: np.ndarray  #: of the contacts on each wall [N/m], shape (num_walls,)
     gain: np.ndarray  #: of their servos [m/(s Pa)], shape (num_walls,)
     moved: np.ndarray  #: how far planes have come in since the stage began [m], (num_walls,)
@@ -157,7 +157,7 @@ class Task:
         """Whether its walls have what they are to reach or to hold.
 
         Args:
-            means: Stress of each wall, mean over the time that a wave travels [Pa].
+            means: Stress of each wall as its servo takes it, mean over the time of a wave [Pa].
             axis_means: The same of the axes [Pa].
             lengths: Along the axes [m].
             tolerance: Of a stress, over that stress.

@@ -19,7 +19,7 @@ def grains_checksum(comm, grains_folder):
 
 #: Keys of a scene that may differ where a run goes on, beside when the test ends; tables that
 #: came before it, when what is written, and how time goes on.
-FREE_KEYS = ("title", "sample.grains", "solver.integrator")
+FREE_KEYS = ("title", "sample.grains", "solver.integrator", "loading.tolerance")
 FREE_TABLES = ("image", "mesh", "output", "implicit")
 #: Tables that may differ where the integrator does: what drives only one of them.
 OF_INTEGRATOR = ("quasi_static", "mass_scaling")
@@ -27,6 +27,16 @@ OF_INTEGRATOR = ("quasi_static", "mass_scaling")
 END = "oedometer.strain"
 #: Parts of a test: those that have not begun may be others.
 STAGES = "stage"
+#: All of these, for a message.
+MAY_CHANGE = ", ".join(
+    (
+        END,
+        "[[stage]] to come",
+        *FREE_KEYS,
+        *(f"[{name}]" for name in FREE_TABLES),
+        f"and {' and '.join(f'[{name}]' for name in OF_INTEGRATOR)} with the integrator",
+    )
+)
 
 
 def check_origin(comm, checkpoint, identity, folder, quiet):
@@ -44,8 +54,7 @@ def check_origin(comm, checkpoint, identity, folder, quiet):
         if changed:
             message = (
                 f"{changed}, expected the value of checkpoint {checkpoint.path}: a run that goes "
-                f"on may only change {END}, [[stage]] to come, [output], solver.integrator and "
-                "[implicit]"
+                f"on may only change {MAY_CHANGE}"
             )
         elif header["grains"] != identity["grains"]:
             message = (

@@ -6,6 +6,7 @@ import signal
 from ..errors import Interrupted, SolverError
 from .progress_line import ProgressLine
 from .rebalance import INTERVAL
+from .run_place import say
 
 
 def march(
@@ -38,6 +39,7 @@ def march(
                 recorder.after_step()
             resumed = False
             progress.update(simulation)
+            say(simulation.comm, loading.take_notice(), quiet)
             if loading.finished:
                 break
             if max_steps is not None and state.num_steps >= max_steps:

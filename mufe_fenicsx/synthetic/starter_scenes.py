@@ -186,7 +186,7 @@ friction = 0.3            # between grains and membrane
 [loading]                 # a test by stages: the platens move, the cell presses
 speed = "0.5 m/s"         # at which a length of the sample changes, at most
 ramp = 0.001              # strain over which platens get to it
-tolerance = 0.1           # of stresses: grains also hang on the membrane
+tolerance = 0.1           # of stresses, for a first look; the default is 0.01
 
 [[stage]]                 # close the gaps; strains count from its end
 zero = true

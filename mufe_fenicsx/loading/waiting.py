@@ -1,0 +1,40 @@
+"""Whether a stage waits for a stress that a sample at rest does not reach, said once a stage."""
+
+import numpy as np
+
+#: Travel times of a wave over which lengths are compared.
+WAVES = 100.0
+
+
+class Waiting:
+    """Looks at one stage that has to reach or to hold stresses; the same on all ranks.
+
+    A servo that lacks Δσ moves its wall at Δσ/ρc, which over 100 T is a strain of 100 Δσ/M, with
+    M = ρ c L/T. The sample is at rest where over that time no length has changed by the strain
+    Δσ/M of the lack that is allowed.
+    """
+
+    def __init__(self):
+        self.notice = None  #: a line for who runs the test, until it is taken
+        self._from, self._lengths, self._said = None, None, False
+
+    def look(self, t, servo, lengths, allowed):
+        """Whether the sample is at rest now and has not been said to be, once a stage.
+
+        Args:
+            t: Time [s].
+            servo: :class:`~.wall_servo.Servo`.
+            lengths: Along the axes [m], shape (num_axes,).
+            allowed: Lack of stress that is allowed [Pa].
+        """
+        travel = servo.travel_time
+        if self._said or not travel > 0.0:
+            return False
+        if self._from is not None and t - self._from < WAVES * travel:
+            return False
+        before, self._from, self._lengths = self._lengths, t, np.array(lengths)
+        if before is None:
+            return False
+        modulus = servo.impedance * float(lengths.min()) / travel
+        self._said = bool(np.abs(lengths / before - 1.0).max() < allowed / modulus)
+        return self._said

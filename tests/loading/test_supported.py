@@ -1,0 +1,84 @@
+"""Stages where friction of side walls carries a part of the load between opposite walls."""
+
+import math
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from mufe_fenicsx.geometry.bodies.shapes import box
+from mufe_fenicsx.loading.tasks import Carry
+from mufe_fenicsx.loading.waiting import WAVES
+from mufe_fenicsx.run.from_bodies import build
+from mufe_fenicsx.run.resume_check import (
+    FREE_KEYS,
+    FREE_TABLES,
+    MAY_CHANGE,
+    OF_INTEGRATOR,
+    _first_difference,
+)
+from mufe_fenicsx.scene.stages import Axis, Stage
+from tests.loading.staged import SIZE, STUFF, TOLERANCE, cube, loading_of, steps
+
+#: Of the four sides, and K0 = ν/(1 - ν) of the elastic cube between them.
+FRICTION, K0 = 0.3, 0.25
+STRESS = 1e6
+
+
+def rough_cube():
+    """A simulation of an elastic cube between platens and four rough sides."""
+    sides = dict.fromkeys(("x_min", "x_max", "y_min", "y_max"), FRICTION)
+    body = box((SIZE,) * 3, (3, 3, 3))
+    corners = np.zeros(3), np.full(3, SIZE)
+    return build(MPI.COMM_SELF, [body], STUFF, *corners, wall_friction=sides, damping=1e6)
+
+
+def test_a_stage_reaches_the_mean_of_platens_that_friction_holds_apart():
+    """Janssen (1895): σbottom/σtop = exp(-4 μ K0 H/L), as a bound where not all of it slips.
+
+    The cube is in static equilibrium then: the friction of the sides is what platens differ by.
+    """
+    sim = rough_cube()
+    loading = loading_of(sim, (Stage("load", z=Axis(stress=STRESS, walls="max")),), 0.02)
+    for _ in steps(sim, loading):
+        pass
+    bottom, top = loading.gauges.wall_stress(sim.wall_forces())[-2:]
+    assert loading.take_notice() is None
+    # The mean over a travel time is within the tolerance; what still rings adds as much again.
+    assert 0.5 * (top + bottom) == pytest.approx(STRESS, rel=2.0 * TOLERANCE)
+    assert math.exp(-4.0 * FRICTION * K0) - 0.02 < bottom / top < 1.0 - 20.0 * TOLERANCE
+
+
+def test_only_walls_that_something_holds_apart_may_differ():
+    """Sides carry along z; of a smooth cube no wall may differ from the one across."""
+    program = (Stage("load", xyz=Axis(stress=STRESS)),)
+    for sim, expected in ((rough_cube(), True), (cube(), False)):
+        gauges = loading_of(sim, program, 0.02).gauges
+        assert gauges.supported.tolist() == [expected] * 6
+        gauges.means.stress = [0.0, 0.0, 0.0, 0.0, 1.0, 3.0]
+        led = [2.0, 2.0] if expected else [1.0, 3.0]
+        assert gauges.led(np.array(gauges.means.stress))[-2:].tolist() == led
+
+
+def test_the_tolerance_of_stresses_may_change_where_a_run_goes_on():
+    old = '[solver]\nintegrator = "explicit"\n[loading]\nspeed = 1.0\ntolerance = 0.01\n'
+    assert _first_difference(old, old.replace("0.01", "0.03")) is None
+    assert _first_difference(old, old.replace("1.0", "2.0")) == "loading.speed = 2.0, was 1.0"
+    for name in (*FREE_KEYS, *FREE_TABLES, *OF_INTEGRATOR):
+        assert name in MAY_CHANGE
+
+
+def test_a_stage_that_waits_at_rest_says_so_once(monkeypatch):
+    monkeypatch.setattr(Carry, "is_there", lambda *_: False)
+    sim = cube(2)
+    loading = loading_of(sim, (Stage("load", xyz=Axis(stress=STRESS)),), 0.1)
+    found = []
+    # ρ c is known after the first load; then some times of the comparison go by.
+    while sim.state.t <= max(5.0 * WAVES * loading.servo.travel_time, 1e-5):
+        loading.before_step()
+        sim.step()
+        assert not loading.finished
+        found += [line for line in [loading.take_notice()] if line]
+    assert len(found) == 1
+    assert found[0].startswith('stage "load" waits at rest: stress_x = 1000 kPa, expected 1000 kPa')
+    assert "loading.tolerance = 0.002" in found[0]
