@@ -296,8 +296,15 @@ class Specimen(Stateful):
         Walls, with friction and glue, tools and added terms; a sample in equilibrium has none.
         """
         total = -self.walls.force.sum(axis=0) - self.tools.reaction[:, :3].sum(axis=0)
-        for term in self.added_terms:
-            total += term.total_force(self.state)
+        if self.added_terms:
+            f, rigid = np.zeros_like(self.state.x), self.rigid
+            kept = rigid.force.copy(), rigid.torque.copy()
+            rigid.force[:] = 0.0
+            for term in self.added_terms:
+                term.add_forces(f, self.state, 0.0)
+                term.act_on_rigid(rigid, self.state)
+            total += f.sum(axis=0) + rigid.force.sum(axis=0)  # tools have no mass
+            rigid.force[:], rigid.torque[:] = kept
         return self.comm.allreduce(total)
 
     def energies(self, kinetic):

@@ -114,7 +114,8 @@ class ForceTerm(Stateful):
         Args:
             f: Sum of the forces on the nodes [N], shape (num_nodes, 3).
             state: :class:`State` at the positions where the forces act.
-            dt: Length of the step or increment that led there [s].
+            dt: Length of the step or increment that led there [s]; 0 where forces are only looked
+                at, at the start and for a row of the history.
         """
 
     def act_on_rigid(self, rigid, state):
@@ -125,12 +126,6 @@ class ForceTerm(Stateful):
                 ``torque`` about ``centre`` [N m] have shape (num_grains, 3).
             state: As of :meth:`add_forces`.
         """
-
-    def total_force(self, state):
-        """Sum of the forces on this rank's nodes [N], shape (3,). As :meth:`add_forces`."""
-        f = np.zeros_like(state.x)
-        self.add_forces(f, state, 0.0)
-        return f.sum(axis=0)
 
     def energy(self, state):
         """Energy that the term has stored [J] on this rank, None where it has none. Local."""

@@ -57,7 +57,8 @@ def gap_to_wall(normal_there, x, point, normal, radius):
     for i in range(3):
         height += (x[i] - point[i]) * normal[i]
     if radius == 0.0:
-        normal_there[:] = normal
+        for i in range(3):
+            normal_there[i] = normal[i]
         return height
     for i in range(3):
         normal_there[i] = x[i] - point[i] - height * normal[i]
@@ -193,12 +194,7 @@ def find_wall_candidates(x, held, point, normal, radius, reach):
             for w in range(held.shape[1]):
                 if held[n, w]:
                     continue
-                gap = 0.0
-                for i in range(3):
-                    gap += (x[n, i] - point[w, i]) * normal[w, i]
-                if radius[w] != 0.0:
-                    gap = gap_to_wall(there, x[n], point[w], normal[w], radius[w])
-                if gap <= reach:
+                if gap_to_wall(there, x[n], point[w], normal[w], radius[w]) <= reach:
                     if fill:
                         node[count], wall[count] = n, w
                     count += 1

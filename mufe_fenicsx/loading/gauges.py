@@ -119,6 +119,8 @@ class Gauges(Stateful):
         Args:
             stress: Of each wall [Pa], such as the present one or its mean.
         """
+        if not self.supported.any():
+            return stress
         means = np.asarray(self.means.stress)
         apart = means - self.container.to_walls(self.mean_stress())
         return stress - np.where(self.supported, apart, 0.0)

@@ -38,10 +38,6 @@ class Gravity(ForceTerm):
         """Add the weights of rigid grains. Local."""
         rigid.force += self._mass_of_grain[rigid.grains, None] * self.g
 
-    def total_force(self, state):
-        """Weight of this rank's nodes, those of rigid grains too [N], shape (3,). Local."""
-        return self._mass.sum() * self.g
-
     def energy(self, state):
         """Potential energy since the start [J]. Local."""
         if self._rigid.num_grains:

@@ -402,11 +402,12 @@ class StagedLoading(Stateful):
         at_speed = any(task.at_speed for task in self._all)
         ends = any(task.ends for task in self._all)
         ends_itself = ends or not (stage.until is not None or at_speed)
-        if ends_itself and now.settled is None:
+        travel = self.servo.travel_time
+        if ends_itself and now.settled is None and now.waiting.is_due(t, travel):
             self._look_whether_it_waits(t)
         if ends_itself and now.settled is not None:
             servo = any(task.servo for task in tasks)
-            wait = SETTLED * self.servo.travel_time if servo else 0.0
+            wait = SETTLED * travel if servo else 0.0
             if t - now.settled >= wait:
                 now.hold_from = t
         if now.brake_from is None and any(part >= 1.0 for part in self._parts):

@@ -18,8 +18,16 @@ class Waiting:
         self.notice = None  #: a line for who runs the test, until it is taken
         self._from, self._lengths, self._said = None, None, False
 
+    def is_due(self, t, travel):
+        """Whether it is time to look again, a wave needing ``travel`` [s] through the sample."""
+        return (
+            not self._said
+            and travel > 0.0
+            and (self._from is None or t - self._from >= WAVES * travel)
+        )
+
     def look(self, t, servo, lengths, allowed):
-        """Whether the sample is at rest now and has not been said to be, once a stage.
+        """Whether the sample is at rest now, where it is time to look (:meth:`is_due`).
 
         Args:
             t: Time [s].
@@ -27,14 +35,9 @@ class Waiting:
             lengths: Along the axes [m], shape (num_axes,).
             allowed: Lack of stress that is allowed [Pa].
         """
-        travel = servo.travel_time
-        if self._said or not travel > 0.0:
-            return False
-        if self._from is not None and t - self._from < WAVES * travel:
-            return False
         before, self._from, self._lengths = self._lengths, t, np.array(lengths)
         if before is None:
             return False
-        modulus = servo.impedance * float(lengths.min()) / travel
+        modulus = servo.impedance * float(lengths.min()) / servo.travel_time
         self._said = bool(np.abs(lengths / before - 1.0).max() < allowed / modulus)
         return self._said

@@ -199,8 +199,8 @@ def draw_energies(sources, names):
         figure,
         "Runs compared: (a) kinetic over internal energy, (b) plastic and (c) frictional "
         f"dissipation (Figs 11, 12 {PAPER})",
-        "(a) shows whether the runs are quasi-static and may be compared: below the dotted line in "
-        "the loaded half.",
+        "(a) shows whether the runs are quasi-static and may be compared: below the dotted line "
+        "beyond the first tenth.",
         tables,
         "wide",
     )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.bulk.tools import Tool
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box, sphere
@@ -59,6 +60,22 @@ def test_all_bodies_fall_alike(material, factor):
     mass = s.solid.mass.sum() / (factor or 1.0)
     assert e["energy_gravity"] == pytest.approx(mass * G[2] * fallen, rel=1e-9)
     assert abs(e["residual"]) < 1e-9 * e["kinetic"]
+    np.testing.assert_allclose(s.unbalanced_force(), mass * G, rtol=1e-12)
+
+
+@pytest.mark.parametrize("material", [ROCK, Rigid(1e9, 0.0, 2500.0)])
+def test_forces_from_outside_are_those_on_the_sample(material):
+    """Of a ball and a tool that nothing touches the weight of the ball alone, whatever is asked."""
+    points, cells = box((RADIUS, RADIUS, RADIUS), (1, 1, 1), (3 * RADIUS, 0.0, RADIUS))
+    s = ball(material, RADIUS, gravity=G, tools=[Tool("block", points, cells)])
+    s.step()
+    of_ball = s.solid.mass[s.mesh.grain_of_node == 0].sum()
+    before, energies = s.rigid.force.copy(), s.energies()
+    for _ in range(2):
+        np.testing.assert_allclose(s.unbalanced_force(), of_ball * G, rtol=1e-12)
+    # Looking changes nothing.
+    np.testing.assert_array_equal(s.rigid.force, before)
+    assert s.energies() == energies
 
 
 def test_a_fall_ends_as_a_blow_of_its_speed():

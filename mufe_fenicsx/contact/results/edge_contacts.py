@@ -18,6 +18,7 @@ class Crossings:
     partner: np.ndarray  #: grain of the second edge, a higher index, shape (num,)
     nodes: np.ndarray  #: surface nodes, shape (num, 4)
     share: np.ndarray  #: of the crossing in these nodes, 1 in all for each edge, shape (num, 4)
+    ends: np.ndarray  #: places of these nodes [m], shape (num, 4, 3)
     area: np.ndarray  #: that the crossing stands for, in the reference configuration [m²], (num,)
     depth: np.ndarray  #: by which they overlap, the offset left out [m], shape (num,)
     normal_force: np.ndarray  #: normal force [N], shape (num,)
@@ -27,6 +28,11 @@ class Crossings:
     force: np.ndarray
     forces: np.ndarray  #: on the nodes [N], shape (num, 4, 3)
 
+    @property
+    def place(self):
+        """Half-way between the edges [m], shape (num, 3)."""
+        return 0.5 * np.einsum("ck,cki->ci", self.share, self.ends)
+
 
 def closed_crossings(contact):
     """:class:`Crossings` at the positions of the last forces. Local.
@@ -34,7 +40,7 @@ def closed_crossings(contact):
     Args:
         contact: :class:`~mufe_fenicsx.contact.contact.Contact`.
     """
-    p, e, ghosts = contact.edges.pairs, contact.edges.edges, contact.ghosts
+    p, e = contact.edges.pairs, contact.edges.edges
     on = np.flatnonzero(p.closed)
     depth = p.offset[on] - p.gap[on] - p.recess[on]
     normal_force = p.stiffness[on] * np.minimum(depth, p.largest_depth[on])
@@ -44,8 +50,9 @@ def closed_crossings(contact):
     stick_point_s, stick_point_t = p.stick_point[on].T
     lever = p.stiffness[on] * e.ratio[p.first[on]] * p.gap[on]
     area, pushes = np.empty(on.size), np.empty((on.size, 5))
+    x = contact.ghosts.positions.array[contact.ghosts.num_before :]
     areas_and_pushes(
-        area, pushes, on, ghosts.positions.array[ghosts.num_before :], p.place, depth,
+        area, pushes, on, x, p.place, depth,
         p.largest_depth, p.stiffness, p.shear, p.first, p.second, e.ends, e.area, e.layer, e.share,
         e.compliance, e.ratio,
     )  # fmt: skip
@@ -62,6 +69,7 @@ def closed_crossings(contact):
         partner=p.partner[on],
         nodes=nodes,
         share=share,
+        ends=x[nodes],
         area=area,
         depth=depth,
         normal_force=normal_force,

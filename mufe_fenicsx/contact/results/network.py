@@ -194,7 +194,7 @@ def _own_sums(contact, x):
     sums = [
         _sums_of_points(contact, p, on, p.normal[on], contact.areas(on), x),
         _sums_of_points(contact, w, at, wall_normal, contact.points.area[w.node[at]], x),
-        _sums_of_crossings(contact, crossings),
+        _sums_of_crossings(crossings),
         work,
     ]
     grain, partner, sums = (np.concatenate(part) for part in (grain, partner, sums))
@@ -222,20 +222,17 @@ def _sums_of_points(contact, pairs, on, normal, area, x):
     return terms
 
 
-def _sums_of_crossings(contact, crossings):
+def _sums_of_crossings(crossings):
     """Terms of the sums for crossings, seen from the grain of the first edge."""
     c = crossings
-    ends = contact.ghosts.positions.array[contact.ghosts.num_before :][c.nodes]
-    # Half-way between the edges.
-    place = 0.5 * np.einsum("ck,cki->ci", c.share, ends)
     terms = np.zeros((c.normal_force.size, _NUM_COLUMNS))
     terms[:, _COUNT] = 1
     terms[:, _AREA] = terms[:, _DEFORMED] = c.area
     terms[:, _NORMAL] = c.area[:, None] * c.normal
-    terms[:, _PLACE] = c.area[:, None] * place
+    terms[:, _PLACE] = c.area[:, None] * c.place
     terms[:, _FRICTION] = c.friction
     terms[:, _FORCE] = c.force
-    terms[:, _MOMENT] = np.cross(ends[:, :2], c.forces[:, :2]).sum(axis=1)
+    terms[:, _MOMENT] = np.cross(c.ends[:, :2], c.forces[:, :2]).sum(axis=1)
     return terms
 
 

@@ -111,7 +111,7 @@ def _terms(contact, mesh, x, strength):
         (grain[w.node[at]], w.wall[at] + num_bodies, points.carriers(w.node[at])[0],
          _terms_of_points(contact, mesh, x, strength, w, at, points.area[w.node[at]])),
         (crossings.grain, crossings.partner, crossings.nodes,
-         _terms_of_crossings(contact, crossings)),
+         _terms_of_crossings(crossings)),
     )  # fmt: skip
     vertices = np.full((sum(len(g[0]) for g in groups), 6), -1, dtype=np.int64)
     first = 0
@@ -181,16 +181,14 @@ def _facets_around(contact, node):
     return ring[np.repeat(offset[node] - begin, count) + np.arange(count.sum())], begin, count
 
 
-def _terms_of_crossings(contact, crossings):
+def _terms_of_crossings(crossings):
     """Terms of the sums for crossings; edges are as long as they are now."""
-    c = crossings
-    ends = contact.ghosts.positions.array[contact.ghosts.num_before :][c.nodes]
-    place = 0.5 * np.einsum("ck,cki->ci", c.share, ends)
+    c, place = crossings, crossings.place
     terms = np.zeros((c.normal_force.size, _NUM_COLUMNS))
     terms[:, _COUNT] = 1
     terms[:, _AREA] = terms[:, _DEFORMED] = c.area
     terms[:, _FORCE] = c.normal_force
-    lengths = np.linalg.norm(ends[:, 1::2] - ends[:, ::2], axis=2)
+    lengths = np.linalg.norm(c.ends[:, 1::2] - c.ends[:, ::2], axis=2)
     terms[:, _EDGE] = c.area * lengths.mean(axis=1)
     terms[:, _PLACE] = c.area[:, None] * place
     terms[:, _MOMENT] = (c.area[:, None, None] * place[:, :, None] * place[:, None]).reshape(-1, 9)
