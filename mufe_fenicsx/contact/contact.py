@@ -165,7 +165,7 @@ class Contact(Stateful):
         """
         layers, self.searched = self.layers, positions
         self.surface, ghosts = exchange_surface(
-            self.comm, self.own, layers.of_facet, layers.depth_of_facet, layers.compliance_of_edge,
+            self.comm, self.own, layers.of_facet, layers.depth_of_facet, layers.compliance_of_edge, layers.bulge,
             positions, reach + overlap,
         )  # fmt: skip
         self.own = self.surface.part_of(self.own)
@@ -292,7 +292,7 @@ class Contact(Stateful):
                 p.node, p.first, p.candidate,
                 ghosts.facets, s.neighbour, ghosts.ring_offset, ghosts.ring, self.edges.beside,
                 points.layer, s.layer_of_facet, points.area, points.facet_area, s.area_of_facet,
-                points.depth, s.depth_of_facet, points.recess, layers.ratio, ghosts.around,
+                points.depth, s.depth_of_facet, points.bend, s.bulge_of_facet, points.recess, layers.ratio, ghosts.around,
                 points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),
                 self.friction.coefficients, p.friction_row,
             )  # fmt: skip
@@ -357,7 +357,7 @@ class Contact(Stateful):
         if left_out is not None:
             closed = closed & ~(left_out[points.grain_of_point[p.node]] | left_out[p.grain])
         pairs, num_pairs = pair_energy(
-            p.gap, p.offset, closed, p.stiffness, p.shear, p.node, ratio, p.largest_depth
+            p.gap, p.offset, closed, p.stiffness, p.softer, p.shear, p.node, ratio, p.largest_depth
         )
         edges, num_edges = self.edges.energy(left_out)
         walls, num_walls = self.walls.energy(points.layer, points.area, ratio)

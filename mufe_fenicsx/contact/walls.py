@@ -339,7 +339,7 @@ class Walls(Stateful):
         p = self.pairs
         p.forces = WallForces(
             p.state, p.next_check, p.motion_bounds.bounds, p.motion_bounds.of, p.node, p.wall,
-            layer, points.area, points.recess, ratio, *corners, x, f, self.force, self.torque,
+            layer, points.area, points.softer, points.recess, ratio, *corners, x, f, self.force, self.torque,
             self.curved.pressing, self.point, self.normal, self.velocity, self.curved.radius,
             self.friction, self.friction_kinetic,
         )  # fmt: skip
@@ -366,7 +366,7 @@ class Walls(Stateful):
     def energy(self, layer, area, ratio):
         """Energy in the wall springs [J] and number of closed pairs. Local."""
         p = self.pairs
-        return wall_energy(p.gap, p.offset, p.closed, p.shear, p.node, layer, area, ratio)
+        return wall_energy(p.gap, p.offset, p.closed, p.softer, p.shear, p.node, layer, area, ratio)
 
 
 def rotation_of(turn):

@@ -3,23 +3,36 @@
 Edges and tangents call it; contact_law.h has it for pairs of points with facets and with walls.
 """
 
+import math
+
 import numba
 
 
+SOFTER = 0.47
+
+
 @numba.njit(cache=True)
-def normal_force(stiffness, depth, largest_depth):
+def over_stiffness(d, m):
+    """Normal force over stiffness at a depth [m]: less than it where a contact is small."""
+    part = d / (d + m) if m > 0.0 else 1.0
+    return d - 4.0 * SOFTER * m * part * part
+
+
+@numba.njit(cache=True)
+def normal_force(stiffness, depth, largest_depth, m=0.0):
     """Force of a normal spring [N], which grows no more beyond the largest depth."""
-    return stiffness * min(depth, largest_depth)
+    return stiffness * over_stiffness(min(depth, largest_depth), m)
 
 
 @numba.njit(cache=True)
-def stored_energy(stiffness, depth, largest_depth):
-    """Energy of a normal spring whose force grows no more beyond the largest depth [J].
-
-    k d²/2 up to the largest depth D, then k D (d - D/2): the work of the force.
-    """
-    within = min(depth, largest_depth)
-    return stiffness * within * (depth - 0.5 * within)
+def stored_energy(stiffness, depth, largest_depth, m=0.0):
+    """Energy of a normal spring whose force grows no more beyond the largest depth [J]: its work."""
+    d = min(depth, largest_depth)
+    less = 0.0
+    if m > 0.0:
+        less = m * (d - 2.0 * m * math.log1p(d / m) + d / (1.0 + d / m))
+    energy = stiffness * (0.5 * d * d - 4.0 * SOFTER * less)
+    return energy + stiffness * over_stiffness(d, m) * (depth - d)
 
 
 @numba.njit(cache=True)

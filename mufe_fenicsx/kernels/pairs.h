@@ -9,7 +9,7 @@
 #define FACING 0.342 /* sine of the angle a node around may lie below such a plane: 20 degrees */
 #define BESIDE 1e-3  /* part of a facet by which the foot of a node may lie beside it */
 
-/* What a pair keeps, four cache lines in rows of four numbers: that of the facet that was closest
+/* What a pair keeps, five cache lines in rows of four numbers: that of the facet that was closest
    last, where ``known``, and what it remembers. ``corner``: nodes around a point in a facet, or
    thrice the node, with their weights. */
 typedef struct {
@@ -30,6 +30,10 @@ typedef struct {
   vec3 corner_weight;
   int32_t bound_row;    /* which one of ``bounds`` is that of both grains */
   int32_t friction; /* the row of the pair of materials, where there are some */
+  vec3 bend; /* of the facet, and its offsets: q_ab q_bc q_ca, o_a o_b o_c of surface/bulges.py */
+  double softer; /* m of the law */
+  vec3 sunk;
+  double unused;
 } state_type;
 
 /* In the order of kernels/pairs.py. */
@@ -48,6 +52,7 @@ typedef struct {
   const uint8_t *sharp;
   const double *layer_of_node, *layer_of_facet;
   const double *area_at_node, *area_of_facet, *depth_of_node, *depth_of_facet;
+  const double *bend_of_point, *bulge_of_facet; /* three, and six numbers each */
   const int32_t *around;
   double *x, *f;
   const double *friction; /* static and kinetic of pairs of materials; none: one for all */
@@ -92,6 +97,47 @@ INLINE double stiffness_of(const pairs_type *m, const state_type *s, int64_t k) 
          (m->layer_of_node[s->node] + m->layer_of_facet[facet]);
 }
 
+/* m of the law, XI h² √(κ₁κ₂), with the curvatures κ of the gap: those of both surfaces add. They
+   are known along the edges of a facet: 2 q is the curvature times the square of the length. h is
+   the mean edge, weighted by the compliance that each side has. 0 where it is not convex. */
+#define XI 0.104
+INLINE double softer_of(const pairs_type *m, const state_type *s, int64_t k, triangle t) {
+  const int32_t facet = m->candidate[k];
+  const double *own = m->bend_of_point + 3 * (int64_t)s->node;
+  const double *other = m->bulge_of_facet + 6 * (int64_t)facet;
+  if (s->num_around) return 0.0;
+  const vec3 a = at(m->x, s->corner[0]), b = at(m->x, s->corner[1]), c = at(m->x, s->corner[2]);
+  const vec3 e[3] = {minus(b, a), minus(c, b), minus(a, c)};
+  const vec3 u = minus(t.b, t.a), v = minus(t.c, t.a);
+  const double uu = dot(u, u), vv = dot(v, v), uv = dot(u, v), scale = 1.0 / (uu * vv - uv * uv);
+  double along_edge[3];
+  for (int i = 0; i < 3; i++) {
+    const double eu = dot(e[i], u), ev = dot(e[i], v);
+    const double p = (vv * eu - uv * ev) * scale, q = (uu * ev - uv * eu) * scale;
+    along_edge[i] = 2.0 * (own[i] + p * p * other[0] + q * q * other[2] +
+                           p * q * (other[0] + other[2] - other[1]));
+  }
+  const double s1 = along_edge[0], s2 = along_edge[2];
+  const double s12 = 0.5 * (s1 + s2 - along_edge[1]);
+  const vec3 twice_area = cross(e[0], e[2]);
+  const double det = (s1 * s2 - s12 * s12) / dot(twice_area, twice_area);
+  if (!(det > 0.0) || !(s1 + s2 > 0.0)) return 0.0;
+  const double per_area = 4.0 / 1.7320508075688772;
+  const double h1 = sqrt(per_area * m->area_at_node[s->node]);
+  const double h2 = sqrt(per_area * m->area_of_facet[facet]);
+  const double l1 = m->layer_of_node[s->node], l2 = m->layer_of_facet[facet];
+  const double h = (l1 + l2) / (l1 / h1 + l2 / h2);
+  return XI * h * h * sqrt(det);
+}
+
+/* Height of the smooth surface over the closest facet at w, and its slopes by w. */
+INLINE double bulge_at(const state_type *s, vec3 w, vec3 *slope) {
+  const vec3 q = s->bend, o = s->sunk;
+  *slope = (vec3){q.x * w.y + q.z * w.z - o.x, q.x * w.x + q.y * w.z - o.y,
+                  q.y * w.y + q.z * w.x - o.z};
+  return q.x * w.x * w.y + q.y * w.y * w.z + q.z * w.z * w.x - dot(o, w);
+}
+
 /* Depth from which the force of that pair grows no more: both sides add. */
 INLINE double largest_depth_of(const pairs_type *m, const state_type *s, int64_t k) {
   return m->depth_of_node[s->node] + m->depth_of_facet[m->candidate[k]];
@@ -132,6 +178,9 @@ static void know(const pairs_type *m, int64_t p, int64_t k) {
   m->closest[p] = k;
   const int64_t facet = m->candidate[k];
   for (int v = 0; v < 3; v++) s->vertices[v] = m->surface.facets[3 * facet + v];
+  const double *bulge = m->bulge_of_facet + 6 * facet;
+  s->bend = (vec3){bulge[0], bulge[1], bulge[2]};
+  s->sunk = (vec3){bulge[3], bulge[4], bulge[5]};
   s->sharp = m->sharp[facet];
   s->known = 1;
   s->other_next_check = INFINITY;

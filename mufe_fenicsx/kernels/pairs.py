@@ -9,9 +9,9 @@ from .contact_law import spring_energy, stored_energy
 from .native import Pointers, aligned, load
 from .points import corners_of
 
-#: What a pair keeps, a row of 32 numbers in which a step finds all it needs: types, and columns
+#: What a pair keeps, a row of 40 numbers in which a step finds all it needs: types, and columns
 #: counted in numbers of that type. The rest of the row is as in pairs.h.
-ROW = 32
+ROW = 40
 COLUMNS = {
     "other_next_check": (np.float64, 0),
     "node": (np.int32, 2),
@@ -39,6 +39,9 @@ COLUMNS = {
     "corner_weight": (np.float64, slice(28, 31)),
     "bound_row": (np.int32, 62),
     "friction": (np.int32, 63),
+    "bend": (np.float64, slice(32, 35)),
+    "softer": (np.float64, 35),
+    "sunk": (np.float64, slice(36, 39)),
 }
 
 
@@ -146,7 +149,7 @@ class PairForces:
     def __init__(self, state, next_check, candidate_next_check, bounds, bound_row, closest, node,
                  first, candidate, facets, neighbour, ring_offset, ring, sharp, layer_of_node,
                  layer_of_facet, area, area_at_node, area_of_facet, depth_of_node, depth_of_facet,
-                 recess, ratio_of_node, around, around_of, corner, corner_weight, x, f, early,
+                 bend_of_point, bulge_of_facet, recess, ratio_of_node, around, around_of, corner, corner_weight, x, f, early,
                  friction, friction_row):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
@@ -169,7 +172,8 @@ class PairForces:
             (first, long), (candidate, short),
             (facets, short), (neighbour, short), (ring_offset, long), (ring, short), (sharp, flag),
             (layer_of_node, real), (layer_of_facet, real), (area_at_node, real),
-            (area_of_facet, real), (depth_of_node, real), (depth_of_facet, real), (around, short),
+            (area_of_facet, real), (depth_of_node, real), (depth_of_facet, real),
+            (bend_of_point, real), (bulge_of_facet, real), (around, short),
             (x, real), (f, real), (friction, real) if friction_row.size else None,
         )  # fmt: skip
         pointer = ctypes.c_void_p
@@ -203,12 +207,12 @@ class PairForces:
 
 
 @numba.njit(cache=True)
-def pair_energy(gap, offset, closed, stiffness, shear, node, ratio_of_node, largest_depth):
+def pair_energy(gap, offset, closed, stiffness, softer, shear, node, ratio_of_node, largest_depth):
     """Energy stored in the springs of closed pairs [J], and their number."""
     energy, count = 0.0, 0
     for p in range(node.size):
         if closed[p]:
             count += 1
-            energy += stored_energy(stiffness[p], offset[p] - gap[p], largest_depth[p])
+            energy += stored_energy(stiffness[p], offset[p] - gap[p], largest_depth[p], softer[p])
             energy += spring_energy(shear[p], stiffness[p] * ratio_of_node[node[p]])
     return energy, count

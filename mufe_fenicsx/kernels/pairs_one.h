@@ -66,7 +66,7 @@ static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double li
 
 /* Energy of the springs of a closed pair, normal and tangential. */
 INLINE double energy_of(const state_type *s, double depth) {
-  return stored_energy(s->stiffness, depth, s->largest_depth) +
+  return stored_energy(s->stiffness, s->softer, depth, s->largest_depth) +
          dot(s->shear, s->shear) / (2.0 * s->stiffness * s->ratio);
 }
 
@@ -115,7 +115,10 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
       know(m, p, k);
     }
   }
-  g += s->recess;
+  /* Between smooth surfaces, not facets. */
+  vec3 slope;
+  const double bulge = bulge_at(s, w, &slope);
+  g += s->recess - bulge;
   const vec3 old_normal = s->normal, old_weights = s->weights, old_shear = s->shear;
   const double old_gap = s->gap, old_offset = s->offset, was = old_offset - old_gap;
   s->weights = w;
@@ -143,7 +146,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   /* Energy and force of before, and the way of the point since, relative to the facet of before. */
   const int was_closed = s->closed;
   const double old_energy = was_closed ? energy_of(s, was) : 0.0;
-  const vec3 old_force = along(old_shear, s->normal_force, old_normal);
+  const vec3 old_force = along(old_shear, s->normal_force, old_normal);  /* TODO slope */
   const vec3 old_foot = mean(old_weights, old.a, old.b, old.c);
   const vec3 way = along(minus(point, old_foot), s->recess - old_gap, old_normal);
   if (depth <= 0.0) {
@@ -167,6 +170,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   if (!was_closed || before != k) {
     s->stiffness = stiffness_of(m, s, k);
     s->largest_depth = largest_depth_of(m, s, k);
+    s->softer = softer_of(m, s, k, t);
   }
   if (!was_closed) {
     s->stick_point = w;
@@ -187,7 +191,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
 
   /* Normal force, and friction of the spring between the node and its stick point. */
   const double kn = s->stiffness, kt = kn * s->ratio;
-  const double N = normal_force(kn, depth, s->largest_depth);
+  const double N = normal_force(kn, s->softer, depth, s->largest_depth);
   s->normal_force = N;
   vec3 spring = minus(point, mean(s->stick_point, t.a, t.b, t.c));
   const friction_type mu = friction_of(m, c, s);
@@ -202,7 +206,14 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   if (s->sliding) s->stick_point = stick_point_of(spring, foot, normal, facet_normal, t);
   vec3 shear = times(-kt, spring);
   s->shear = shear;
-  const vec3 force = along(shear, N, normal);
+  /* Where the smooth surface slopes against its facet, so does the normal force. */
+  const vec3 e1 = minus(t.b, t.a), e2 = minus(t.c, t.a), across_both = cross(e1, e2);
+  const double twice_area = dot(facet_normal, across_both);
+  const vec3 grad_b = times(1.0 / twice_area, cross(e2, facet_normal));
+  const vec3 grad_c = times(1.0 / twice_area, cross(facet_normal, e1));
+  const vec3 aslope = along(times(slope.y - slope.x, grad_b), slope.z - slope.x, grad_c);
+  const vec3 tangential = along(shear, -N, aslope);
+  const vec3 force = along(tangential, N, normal);
   /* What the springs lost beside their work where the facet changed, or where a point came in from
      the side: it did not move in as far as it is deep. */
   const int known = isfinite(old_gap);
@@ -215,12 +226,9 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
 
   /* Couple height x friction as normal forces on the facet, h_i = height grad N_i . T, less what
      is across the facet, along the normal, where that is of an edge or vertex. */
-  vec3 e1 = minus(t.b, t.a), e2 = minus(t.c, t.a);
-  vec3 in_plane = along(shear, -dot(shear, facet_normal) / dot(normal, facet_normal), normal);
-  double scale = height / dot(facet_normal, cross(e1, e2));
-  /* grad N_b = (e2 x n)/2A and grad N_c = (n x e1)/2A */
-  double hb = scale * dot(in_plane, cross(e2, facet_normal));
-  double hc = scale * dot(in_plane, cross(facet_normal, e1));
+  vec3 in_plane =
+      along(tangential, -dot(tangential, facet_normal) / dot(normal, facet_normal), normal);
+  double hb = height * dot(in_plane, grad_b), hc = height * dot(in_plane, grad_c);
   const int32_t *v = s->vertices;
   add_to(f, v[0], along(times(-hb - hc, normal), -w.x, force));
   add_to(f, v[1], along(times(hb, normal), -w.y, force));

@@ -4,7 +4,7 @@
 #include "contact_law.h"
 #include "due.h"
 
-/* What a pair keeps, two cache lines in rows of four numbers; the stick point from ``point`` of the
+/* What a pair keeps, three cache lines in rows of four numbers; the stick point from ``point`` of the
    wall. ``corner``: nodes around a point in a facet, or thrice the node; the first has a weight of
    its own, the others share the rest. */
 typedef struct {
@@ -17,6 +17,7 @@ typedef struct {
   double slip;
   vec3 shear;
   double work;
+  double softer, unused[7]; /* m of the law */
 } state_type;
 
 #define WALL_BITS 14
@@ -116,7 +117,7 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
     s->closed = 1;
     s->stick_point = r;
   }
-  const double kn = s->stiffness, kt = kn * s->ratio, N = kn * depth;
+  const double kn = s->stiffness, kt = kn * s->ratio, N = kn * over_stiffness(depth, s->softer);
   s->normal_force = N;
   vec3 spring = minus(r, s->stick_point);
   const slip_type found = slip(&spring, normal, kt, s->sliding, wall->friction * N,
@@ -158,11 +159,12 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
     bound[i] = m->bounds[m->bound_row[pair[i]]];
     for (int k = 0; k < 3; k++) node[k][i] = s->corner[k];
   }
-  vec head[4], spring_row[4], stick_point_row[4], shear_row[4], wall[4], place[4], shape[4];
+  vec head[4], spring_row[4], stick_point_row[4], shear_row[4], wall[4], place[4], shape[4], law[4];
   load_four(head, rows, 0);
   load_four(spring_row, rows, IN_ROW(gap));
   load_four(stick_point_row, rows, IN_ROW(stick_point));
   load_four(shear_row, rows, IN_ROW(shear));
+  load_four(law, rows, IN_ROW(softer));
   load_four(wall, wall_rows, 0);
   load_four(place, wall_rows, 4);
   const mask flags = (mask)head[1];
@@ -187,7 +189,7 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
   const mask closed = FLAG(flags, closed), in_front = ~closed & (g >= 0.0) & (depth <= 0.0);
   const unsigned can = wanted & bits(closed & (depth > 0.0)), open = wanted & bits(in_front);
 
-  const vec kn = spring_row[2], kt = kn * head[3], N = kn * depth;
+  const vec kn = spring_row[2], kt = kn * head[3], N = kn * over_stiffness_each(depth, law[0]);
   const lanes3 stick_point = {stick_point_row[0], stick_point_row[1], stick_point_row[2]};
   lanes3 spring = difference(r, stick_point);
   const slips_type found =

@@ -6,13 +6,13 @@ import math
 import numba
 import numpy as np
 
-from .contact_law import spring_energy
+from .contact_law import spring_energy, stored_energy
 from .native import Pointers, address, aligned, load
 from .pairs import column, fill_rows
 from .points import corners_of
 
 #: What a pair keeps, as in kernels.pairs; the rest of the row is as in walls.c.
-ROW = 16
+ROW = 24
 COLUMNS = {
     "corner": (np.int32, slice(0, 3)),
     "closed": (np.bool_, 12),
@@ -28,6 +28,7 @@ COLUMNS = {
     "slip": (np.float64, 11),
     "shear": (np.float64, slice(12, 15)),
     "work": (np.float64, 15),
+    "softer": (np.float64, 16),
 }
 #: Weights that one corner of a point can have, in the order of walls.c; the others share the rest.
 LEAD = (1.0, 1 / 3, 2 / 3)
@@ -251,7 +252,7 @@ class WallForces:
             weights that are not those of ``LEAD``.
     """
 
-    def __init__(self, state, next_check, bounds, bound_row, node, wall, layer, area, recess, ratio,
+    def __init__(self, state, next_check, bounds, bound_row, node, wall, layer, area, softer, recess, ratio,
                  corner, corner_weight, x, f, wall_force, wall_torque, pressing, point, normal,
                  velocity, radius, friction, friction_kinetic):  # fmt: skip
         real, short = np.float64, np.int32
@@ -262,7 +263,7 @@ class WallForces:
         scratch = np.empty(node.size + 1, short)
         if len(point) > 1 << WALL_BITS:
             raise ValueError(f"walls = {len(point)}, expected at most {1 << WALL_BITS}")
-        of_points = {"stiffness": area / layer, "recess": recess, "ratio": ratio}
+        of_points = {"stiffness": area / layer, "softer": softer, "recess": recess, "ratio": ratio}
         fill_rows(state, node, of_points, COLUMNS)
         corners, lead = _leading(*corners_of(node, corner, corner_weight))
         column(state, "corner", COLUMNS)[:] = corners
@@ -297,7 +298,7 @@ class WallForces:
 
 
 @numba.njit(cache=True)
-def wall_energy(gap, offset, closed, shear, node, layer, area, ratio):
+def wall_energy(gap, offset, closed, softer, shear, node, layer, area, ratio):
     """Energy stored in the springs of closed node-wall pairs [J], and their number."""
     energy, count = 0.0, 0
     for p in range(node.size):
@@ -305,7 +306,8 @@ def wall_energy(gap, offset, closed, shear, node, layer, area, ratio):
             count += 1
             kn = area[node[p]] / layer[node[p]]
             depth = offset[p] - gap[p]
-            energy += 0.5 * kn * depth * depth + spring_energy(shear[p], kn * ratio[node[p]])
+            energy += stored_energy(kn, depth, math.inf, softer[p])
+            energy += spring_energy(shear[p], kn * ratio[node[p]])
     return energy, count
 
 

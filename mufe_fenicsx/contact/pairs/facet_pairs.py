@@ -19,6 +19,7 @@ REMEMBERED = (
     "closed",
     "stiffness",
     "largest_depth",
+    "softer",
     "stick_point",
     "shear",
     "slip",

@@ -3,6 +3,7 @@
 from ...state import Stateful
 from ..laws import LAYERS, inertial_layers, largest_depths, replace_layers
 from ..pairs.edge_pairs import edge_compliances
+from ..surface.bulges import facet_bulges
 from ..surface.points import surface_points
 
 
@@ -30,7 +31,10 @@ class SurfaceLayers(Stateful):
         #: Of sharp edges, relative, of both ends [m/N], shape (num_facets, 3).
         self.compliance_of_edge = edge_compliances(own, x, of_mesh)
         #: :class:`~mufe_fenicsx.contact.surface.points.Points` of the surface.
-        self.points = surface_points(settings.points, mesh, own, x, *layers, *depths)
+        self.bulge = facet_bulges(own, x[own.nodes])
+        if self.kinematic:
+            self.bulge[:] = 0.0
+        self.points = surface_points(settings.points, mesh, own, x, *layers, *depths, self.bulge)
         #: Tangential over normal stiffness of points, shape (num_points,).
         self.ratio = grains.tangential_ratio[self.points.local_grain]
 

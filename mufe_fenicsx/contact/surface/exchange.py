@@ -13,7 +13,7 @@ from .surface import neighbours, rings
 #: Tag of the messages between neighbour ranks.
 TAG = 71
 #: Numbers that tell a facet to another rank.
-NUMBERS = 11
+NUMBERS = 17
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,7 @@ class Surface:
     depth_of_facet: np.ndarray  #: part in the largest depth of pairs [m], shape (num_facets,)
     sharp_edge: np.ndarray  #: whether the edges 0-1, 1-2, 2-0 are sharp, shape (num_facets, 3)
     compliance_of_edge: np.ndarray  #: of sharp ones, relative, of both ends [m/N], (num_facets, 3)
+    bulge_of_facet: np.ndarray  #: as of surface.bulges [m], shape (num_facets, 6)
     use: np.ndarray  #: False for facets that only complete a ring, shape (num_facets,)
     neighbour: np.ndarray  #: as in kernels.closest, shape (num_facets, 3)
     ring_offset: np.ndarray  #: compressed rows of the facets around each node
@@ -104,7 +105,7 @@ class SurfaceVector(SurfaceArray):
             self.vector.destroy()
 
 
-def exchange_surface(comm, own, layer_of_facet, depth_of_facet, compliance_of_edge, x, reach):
+def exchange_surface(comm, own, layer_of_facet, depth_of_facet, compliance_of_edge, bulge, x, reach):
     """Fetch the facets of other ranks that lie within ``reach`` of this rank's surface. Collective.
 
     Ranks whose boxes overlap, grown by ``reach``, tell each other which cells of a grid their
@@ -137,6 +138,7 @@ def exchange_surface(comm, own, layer_of_facet, depth_of_facet, compliance_of_ed
         depth_of_facet=depth_of_facet,
         sharp_edge=own.sharp_edge,
         compliance_of_edge=compliance_of_edge,
+        bulge_of_facet=bulge,
         use=np.ones(num_facets, dtype=bool),
         neighbour=own.neighbour,
         ring_offset=own.ring_offset,
@@ -182,8 +184,9 @@ def _with_far(surface, far, num_own):
         depth_of_facet=np.concatenate([s.depth_of_facet, depth]),
         sharp_edge=np.concatenate([s.sharp_edge, flags[:, 1:].astype(bool)]),
         compliance_of_edge=np.concatenate(
-            [s.compliance_of_edge, far[:, 8:].copy().view(np.float64)]
+            [s.compliance_of_edge, far[:, 8:11].copy().view(np.float64)]
         ),
+        bulge_of_facet=np.concatenate([s.bulge_of_facet, far[:, 11:].copy().view(np.float64)]),
         use=np.concatenate([s.use, flags[:, 0].astype(bool)]),
         neighbour=np.vstack([s.neighbour, neighbour]),
         ring_offset=np.concatenate([s.ring_offset, s.ring_offset[-1] + offset[1:]]),
@@ -264,7 +267,7 @@ def _packed(surface, near, num_nodes, first_node):
     rows[:, 3] = s.global_facet[send]
     rows[:, 4] = 16 * s.grain_of_facet[send].astype(np.int64) + near[send]
     rows[:, 4] += s.sharp_edge[send] @ np.array([2, 4, 8])
-    numbers = s.layer_of_facet, s.area_of_facet, s.depth_of_facet, *s.compliance_of_edge.T
+    numbers = s.layer_of_facet, s.area_of_facet, s.depth_of_facet, *s.compliance_of_edge.T, *s.bulge_of_facet.T
     for k, values in enumerate(numbers):
         rows[:, 5 + k] = values[send].astype(np.float64).view(np.int64)
     return rows

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...errors import InputError
 from ..laws import edge_of_area
+from .bulges import against_plane, height
 
 #: Barycentric coordinates of the quadrature points of a facet, of equal weight.
 RULES = {
@@ -45,6 +46,8 @@ class Points:
     #: Nodes around each point that is a node: surface nodes, int32, one after another;
     around: np.ndarray
     around_of: np.ndarray  #: the first there and how many, int32, shape (num_points, 2)
+    bend: np.ndarray  #: q of its facet (surface.bulges) [m], none at vertices, (num_points, 3)
+    softer: np.ndarray  #: m of the law against a plane [m], shape (num_points,)
     recess: np.ndarray  #: depth at which contact begins [m], shape (num_points,)
     num_vertices: int = 0  #: points at sharp vertices beside those of the facets
 
@@ -108,7 +111,7 @@ class Points:
         return at_nodes
 
 
-def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth):
+def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, bulge):
     """Points of a surface. Local.
 
     Args:
@@ -140,6 +143,8 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth):
             ring=None,
             around=around,
             around_of=around_of,
+            bend=np.zeros((own.area.size, 3)),
+            softer=np.zeros(own.area.size),
             recess=np.zeros(own.area.size),
         )
     rule = RULES[kind]
@@ -168,7 +173,14 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth):
         ring=np.concatenate([facets, *around]).astype(own.ring.dtype),
         around=neighbours,
         around_of=np.concatenate([np.zeros((facets.size, 2), np.int32), neighbours_of]),
-        recess=both(np.zeros(own.facet_area.size), RECESS * edge_of_area(own.whole_area, 2)),
+        bend=both(bulge[:, :3], np.zeros((own.nodes.size, 3))),
+        softer=both(against_plane(bulge, own.facet_area), np.zeros(own.nodes.size)),
+        recess=np.concatenate(
+            [
+                np.stack([-height(bulge, w) for w in rule], axis=1).ravel(),
+                RECESS * edge_of_area(own.whole_area, 2)[vertex],
+            ]
+        ),
         num_vertices=vertex.size,
     )
 
