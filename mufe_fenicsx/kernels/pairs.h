@@ -30,10 +30,11 @@ typedef struct {
   vec3 corner_weight;
   int32_t bound_row;    /* which one of ``bounds`` is that of both grains */
   int32_t friction; /* the row of the pair of materials, where there are some */
-  vec3 bend; /* of the facet, and its offsets: q_ab q_bc q_ca, o_a o_b o_c of surface/bulges.py */
-  double softer; /* m of the law */
-  vec3 sunk;
-  double unused;
+  float bulge[6]; /* of the facet: q_ab q_bc q_ca, o_a o_b o_c of surface/bulges.py */
+  float softer;   /* m of the law */
+  float unused;
+  vec3 facing; /* normal from facet to point, where ``normal`` is that of the smooth surface */
+  double height; /* of the point over the facet, along it */
 } state_type;
 
 /* In the order of kernels/pairs.py. */
@@ -130,12 +131,29 @@ INLINE double softer_of(const pairs_type *m, const state_type *s, int64_t k, tri
   return XI * h * h * sqrt(det);
 }
 
-/* Height of the smooth surface over the closest facet at w, and its slopes by w. */
-INLINE double bulge_at(const state_type *s, vec3 w, vec3 *slope) {
-  const vec3 q = s->bend, o = s->sunk;
-  *slope = (vec3){q.x * w.y + q.z * w.z - o.x, q.x * w.x + q.y * w.z - o.y,
-                  q.y * w.y + q.z * w.x - o.z};
-  return q.x * w.x * w.y + q.y * w.y * w.z + q.z * w.z * w.x - dot(o, w);
+/* Height of the smooth surface over the closest facet t, with the normal u, at w, and its slope: the
+   gradient in the facet. On an edge it is that along the edge, on a vertex none, as the closest
+   point goes nowhere else. */
+INLINE double bulge_at(const state_type *s, vec3 w, triangle t, vec3 u, int feature, vec3 *slope) {
+  const double ab = s->bulge[0], bc = s->bulge[1], ca = s->bulge[2];
+  const vec3 o = {s->bulge[3], s->bulge[4], s->bulge[5]};
+  const double by_a = ab * w.y + ca * w.z - o.x, by_b = ab * w.x + bc * w.z - o.y;
+  const double by_c = bc * w.y + ca * w.x - o.z;
+  const vec3 e1 = minus(t.b, t.a), e2 = minus(t.c, t.a);
+  if (feature == INTERIOR) {
+    const double scale = 1.0 / dot(u, cross(e1, e2));
+    *slope = plus(times(scale * (by_b - by_a), cross(e2, u)),
+                  times(scale * (by_c - by_a), cross(u, e1)));
+  } else if (feature >= EDGE) {
+    const vec3 along_edge = feature == EDGE ? e1 : feature == EDGE + 1 ? minus(t.c, t.b) : e2;
+    const double rise = feature == EDGE     ? by_b - by_a
+                        : feature == EDGE + 1 ? by_c - by_b
+                                              : by_c - by_a;
+    *slope = times(rise / dot(along_edge, along_edge), along_edge);
+  } else {
+    *slope = (vec3){0.0, 0.0, 0.0};
+  }
+  return ab * w.x * w.y + bc * w.y * w.z + ca * w.z * w.x - dot(o, w);
 }
 
 /* Depth from which the force of that pair grows no more: both sides add. */
@@ -178,9 +196,7 @@ static void know(const pairs_type *m, int64_t p, int64_t k) {
   m->closest[p] = k;
   const int64_t facet = m->candidate[k];
   for (int v = 0; v < 3; v++) s->vertices[v] = m->surface.facets[3 * facet + v];
-  const double *bulge = m->bulge_of_facet + 6 * facet;
-  s->bend = (vec3){bulge[0], bulge[1], bulge[2]};
-  s->sunk = (vec3){bulge[3], bulge[4], bulge[5]};
+  for (int i = 0; i < 6; i++) s->bulge[i] = (float)m->bulge_of_facet[6 * facet + i];
   s->sharp = m->sharp[facet];
   s->known = 1;
   s->other_next_check = INFINITY;

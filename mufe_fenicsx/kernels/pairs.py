@@ -39,9 +39,10 @@ COLUMNS = {
     "corner_weight": (np.float64, slice(28, 31)),
     "bound_row": (np.int32, 62),
     "friction": (np.int32, 63),
-    "bend": (np.float64, slice(32, 35)),
-    "softer": (np.float64, 35),
-    "sunk": (np.float64, slice(36, 39)),
+    "bulge": (np.float32, slice(64, 70)),
+    "softer": (np.float32, 70),
+    "facing": (np.float64, slice(36, 39)),
+    "height": (np.float64, 39),
 }
 
 

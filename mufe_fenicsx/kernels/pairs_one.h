@@ -6,6 +6,9 @@
 #include "contact_law.h"
 #include "pairs.h"
 
+/* Part of its depth that a point moves by, straight in or out, at least: less came from the side. */
+#define STRAIGHT 0.9
+
 /* A length that is nothing beside the facets around a point. */
 INLINE double tiny(const state_type *s) { return 1e-9 * sqrt(s->area); }
 
@@ -103,13 +106,14 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   if (feature != INTERIOR)
     normal = distance > tiny(s) ? times(1.0 / g, r) : times(1.0 / length(normal), normal);
   double height = g;
+  int beside = 0;
   if (s->sharp && g < BESIDE * sqrt(s->area) && !faces(m, s, point, normal)) {
     double other_gap, limit = 3.0 * largest_depth_of(m, s, k);
     vec3 other_weights, other_normal;
     int64_t other = find_facing(m, p, point, limit, &other_gap, &other_weights, &other_normal);
     /* A node just outside, within BESIDE, counts where it came through that facet. */
     if (other >= 0 && (g < 0.0 || s->closed || -other_gap <= bound - m->next_check[p] + tiny(s))) {
-      k = other, g = height = other_gap, w = other_weights, normal = other_normal;
+      beside = 1, k = other, g = height = other_gap, w = other_weights, normal = other_normal;
       t = facet_at(&m->surface, x, m->candidate[k]);
       facet_normal = normal;
       know(m, p, k);
@@ -117,12 +121,19 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   }
   /* Between smooth surfaces, not facets. */
   vec3 slope;
-  const double bulge = bulge_at(s, w, &slope);
+  const double bulge = bulge_at(s, w, t, facet_normal, !beside ? feature : INTERIOR, &slope);
   g += s->recess - bulge;
-  const vec3 old_normal = s->normal, old_weights = s->weights, old_shear = s->shear;
+  const double old_height = s->height;
+  const vec3 old_facing = s->facing, old_normal = s->normal, old_weights = s->weights, old_shear = s->shear;
   const double old_gap = s->gap, old_offset = s->offset, was = old_offset - old_gap;
   s->weights = w;
-  s->normal = normal;
+  /* The normal of the smooth surface, and by how much faster the gap grows along it. */
+  const vec3 steepest = minus(normal, slope);
+  const double steep = length(steepest);
+  const vec3 smooth = times(1.0 / steep, steepest);
+  s->facing = normal;
+  s->height = height;
+  s->normal = smooth;
   s->gap = g;
 
   const int is_vertex = s->num_around > 0;
@@ -146,15 +157,15 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   /* Energy and force of before, and the way of the point since, relative to the facet of before. */
   const int was_closed = s->closed;
   const double old_energy = was_closed ? energy_of(s, was) : 0.0;
-  const vec3 old_force = along(old_shear, s->normal_force, old_normal);  /* TODO slope */
+  const vec3 old_force = along(old_shear, s->normal_force, old_normal);
   const vec3 old_foot = mean(old_weights, old.a, old.b, old.c);
-  const vec3 way = along(minus(point, old_foot), s->recess - old_gap, old_normal);
+  const vec3 way = along(minus(point, old_foot), -old_height, old_facing);
   if (depth <= 0.0) {
     if (s->closed) {
       const vec3 spring = minus(point, mean(s->stick_point, old.a, old.b, old.c));
       const double lost = lost_at_opening(old_shear, across(spring, old_normal));
       /* It left over an edge where it did not move out as far as it was deep. */
-      if (passed || dot(way, old_normal) < was - tiny(s))
+      if (passed || dot(way, old_normal) < STRAIGHT * was)
         c->switched += old_energy - lost - 0.5 * dot(old_force, way);
       c->dissipated += lost;
       s->work += lost;
@@ -178,7 +189,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     /* Another facet: the spring keeps its length and turns with the normal. */
     vec3 spring = minus(point, mean(s->stick_point, old.a, old.b, old.c));
     spring = across(spring, old_normal);
-    vec3 turned = across(spring, normal);
+    vec3 turned = across(spring, smooth);
     double now2 = dot(turned, turned);
     double keep = now2 > 0.0 ? sqrt(dot(spring, spring) / now2) : 0.0;
     s->stick_point = stick_point_of(times(keep, turned), foot, normal, facet_normal, t);
@@ -191,12 +202,12 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
 
   /* Normal force, and friction of the spring between the node and its stick point. */
   const double kn = s->stiffness, kt = kn * s->ratio;
-  const double N = normal_force(kn, s->softer, depth, s->largest_depth);
+  const double N = steep * normal_force(kn, s->softer, depth, s->largest_depth);
   s->normal_force = N;
   vec3 spring = minus(point, mean(s->stick_point, t.a, t.b, t.c));
   const friction_type mu = friction_of(m, c, s);
   const slip_type found =
-      slip(&spring, normal, kt, s->sliding, mu.held * N, mu.kinetic * N, old_shear);
+      slip(&spring, smooth, kt, s->sliding, mu.held * N, mu.kinetic * N, old_shear);
   s->closed = 1;
   s->sliding = found.sliding;
   s->slip += found.slipped;
@@ -206,29 +217,26 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   if (s->sliding) s->stick_point = stick_point_of(spring, foot, normal, facet_normal, t);
   vec3 shear = times(-kt, spring);
   s->shear = shear;
-  /* Where the smooth surface slopes against its facet, so does the normal force. */
-  const vec3 e1 = minus(t.b, t.a), e2 = minus(t.c, t.a), across_both = cross(e1, e2);
-  const double twice_area = dot(facet_normal, across_both);
-  const vec3 grad_b = times(1.0 / twice_area, cross(e2, facet_normal));
-  const vec3 grad_c = times(1.0 / twice_area, cross(facet_normal, e1));
-  const vec3 aslope = along(times(slope.y - slope.x, grad_b), slope.z - slope.x, grad_c);
-  const vec3 tangential = along(shear, -N, aslope);
-  const vec3 force = along(tangential, N, normal);
+  const vec3 force = along(shear, N, smooth);
   /* What the springs lost beside their work where the facet changed, or where a point came in from
      the side: it did not move in as far as it is deep. */
   const int known = isfinite(old_gap);
-  const int came_in = !was_closed && !(known && -dot(way, normal) >= depth - tiny(s));
+  const int came_in = !was_closed && !(known && -dot(way, smooth) >= STRAIGHT * depth);
   if ((was_closed && (passed || s->offset != old_offset)) || came_in)
     c->switched += old_energy - energy_of(s, depth) - found.lost -
                    (known ? 0.5 * dot(plus(old_force, force), way) : 0.0);
   for (int corner = 0; corner < 3; corner++)
     add_to(f, s->corner[corner], times((&s->corner_weight.x)[corner], force));
 
-  /* Couple height x friction as normal forces on the facet, h_i = height grad N_i . T, less what
-     is across the facet, along the normal, where that is of an edge or vertex. */
-  vec3 in_plane =
-      along(tangential, -dot(tangential, facet_normal) / dot(normal, facet_normal), normal);
-  double hb = height * dot(in_plane, grad_b), hc = height * dot(in_plane, grad_c);
+  /* Couple of the height and the part of the force in the facet, as normal forces on it,
+     h_i = height grad N_i . T, less what is across the facet, along the normal, where that is of
+     an edge or vertex. */
+  const vec3 e1 = minus(t.b, t.a), e2 = minus(t.c, t.a);
+  const vec3 in_plane = along(force, -dot(force, facet_normal) / dot(normal, facet_normal), normal);
+  const double scale = height / dot(facet_normal, cross(e1, e2));
+  /* grad N_b = (e2 x n)/2A and grad N_c = (n x e1)/2A */
+  const double hb = scale * dot(in_plane, cross(e2, facet_normal));
+  const double hc = scale * dot(in_plane, cross(facet_normal, e1));
   const int32_t *v = s->vertices;
   add_to(f, v[0], along(times(-hb - hc, normal), -w.x, force));
   add_to(f, v[1], along(times(hb, normal), -w.y, force));

@@ -20,6 +20,8 @@ REMEMBERED = (
     "stiffness",
     "largest_depth",
     "softer",
+    "facing",
+    "height",
     "stick_point",
     "shear",
     "slip",

@@ -32,7 +32,7 @@ class SurfaceLayers(Stateful):
         self.compliance_of_edge = edge_compliances(own, x, of_mesh)
         #: :class:`~mufe_fenicsx.contact.surface.points.Points` of the surface.
         self.bulge = facet_bulges(own, x[own.nodes])
-        if self.kinematic:
+        if self.kinematic or settings.points == "nodes":
             self.bulge[:] = 0.0
         self.points = surface_points(settings.points, mesh, own, x, *layers, *depths, self.bulge)
         #: Tangential over normal stiffness of points, shape (num_points,).
