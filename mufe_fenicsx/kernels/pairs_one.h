@@ -159,10 +159,10 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   const double old_energy = was_closed ? energy_of(s, was) : 0.0;
   const vec3 old_force = along(old_shear, s->normal_force, old_normal);
   const vec3 old_foot = mean(old_weights, old.a, old.b, old.c);
-  const vec3 way = along(minus(point, old_foot), -old_height, old_facing);
+  const vec3 beneath = along(point, -old_height, old_facing), way = minus(beneath, old_foot);
   if (depth <= 0.0) {
     if (s->closed) {
-      const vec3 spring = minus(point, mean(s->stick_point, old.a, old.b, old.c));
+      const vec3 spring = minus(beneath, mean(s->stick_point, old.a, old.b, old.c));
       const double lost = lost_at_opening(old_shear, across(spring, old_normal));
       /* It left over an edge where it did not move out as far as it was deep. */
       if (passed || dot(way, old_normal) < STRAIGHT * was)
@@ -187,12 +187,12 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     s->stick_point = w;
   } else if (passed) {
     /* Another facet: the spring keeps its length and turns with the normal. */
-    vec3 spring = minus(point, mean(s->stick_point, old.a, old.b, old.c));
+    vec3 spring = minus(beneath, mean(s->stick_point, old.a, old.b, old.c));
     spring = across(spring, old_normal);
     vec3 turned = across(spring, smooth);
     double now2 = dot(turned, turned);
     double keep = now2 > 0.0 ? sqrt(dot(spring, spring) / now2) : 0.0;
-    s->stick_point = stick_point_of(times(keep, turned), foot, normal, facet_normal, t);
+    s->stick_point = stick_point_of(times(keep, turned), foot, smooth, facet_normal, t);
   }
   if (depth > s->largest_depth) {
     double sunk = depth / finer_depth(m, s, k);
@@ -204,7 +204,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   const double kn = s->stiffness, kt = kn * s->ratio;
   const double N = steep * normal_force(kn, s->softer, depth, s->largest_depth);
   s->normal_force = N;
-  vec3 spring = minus(point, mean(s->stick_point, t.a, t.b, t.c));
+  vec3 spring = minus(foot, mean(s->stick_point, t.a, t.b, t.c));
   const friction_type mu = friction_of(m, c, s);
   const slip_type found =
       slip(&spring, smooth, kt, s->sliding, mu.held * N, mu.kinetic * N, old_shear);
@@ -214,7 +214,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   s->work += found.lost;
   c->dissipated += found.lost;
   /* The stick point that leaves just this much of the spring. */
-  if (s->sliding) s->stick_point = stick_point_of(spring, foot, normal, facet_normal, t);
+  if (s->sliding) s->stick_point = stick_point_of(spring, foot, smooth, facet_normal, t);
   vec3 shear = times(-kt, spring);
   s->shear = shear;
   const vec3 force = along(shear, N, smooth);
