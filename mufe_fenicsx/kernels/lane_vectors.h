@@ -48,6 +48,16 @@ INLINE v4 row_of(const double *rows, int64_t n) {
 
 /* Four numbers of each lane, from ``address[i]`` + ``offset`` numbers on, as vectors, and back where
    ``lanes`` has a bit. */
+/* Numbers of single precision that lie two in a place of one of double. */
+typedef float half_vec __attribute__((vector_size(4 * LANES)));
+typedef int32_t half_mask __attribute__((vector_size(4 * LANES)));
+INLINE vec first_of(vec two) {
+  return __builtin_convertvector((half_vec)__builtin_convertvector((mask)two, half_mask), vec);
+}
+INLINE vec second_of(vec two) {
+  return __builtin_convertvector((half_vec)__builtin_convertvector((mask)two >> 32, half_mask), vec);
+}
+
 INLINE void load_four(vec r[4], double *const *address, int offset) {
 #pragma GCC unroll 4
   for (int j = 0; j < 4; j++) {

@@ -67,7 +67,7 @@ void mufe_add_pair_forces(const pairs_type *m, call_type *c, int64_t num) {
         before[k] = look(m, pair[k], c->range, point_of(m->state + pair[k], m->x));
         looked |= 1u << k;
       }
-    if (TOGETHER && 0) left = add_lanes(m, c, pair, left, &dissipated, &looked, before);
+    if (TOGETHER) left = add_lanes(m, c, pair, left, &dissipated, &looked, before);
     for (; left; left &= left - 1, num_rest++) {
       const int k = __builtin_ctz(left);
       const int64_t first = m->first[pair[k]];

@@ -32,7 +32,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
     for (int k = 0; k < 3; k++) node[k][i] = s->corner[k], node[3 + k][i] = s->vertices[k];
     next_check[i] = m->next_check[pair[i]], bound[i] = m->bounds[s->bound_row];
   }
-  vec head[4], second[4], third[4], fourth[4], fifth[4], sixth[4], seventh[4], last[4];
+  vec packed[4], place[4], head[4], second[4], third[4], fourth[4], fifth[4], sixth[4], seventh[4], last[4];
   load_four(head, rows, 0);
   load_four(second, rows, IN_ROW(area) - 1);
   load_four(third, rows, IN_ROW(gap));
@@ -41,6 +41,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   load_four(sixth, rows, IN_ROW(stick_point));
   load_four(seventh, rows, IN_ROW(shear));
   load_four(last, rows, IN_ROW(corner_weight));
+  load_four(packed, rows, IN_ROW(bulge));
   const mask word = (mask)head[1];
   const vec area = second[1], recess = second[2], ratio = second[3];
   const vec offset = third[1], kn = third[2], largest_depth = sixth[3];
@@ -57,7 +58,19 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   const vec over_twice = square_root(inverse);
   const lanes3 n = scaled(over_twice, across_both(ab, ac));
   const vec height = product(difference(point, mean_of(w, a, b, d)), n);
-  const vec g = height + recess, distance = where(height < 0.0, -height, height);
+  /* Between smooth surfaces, not facets: as of bulge_at in pairs.h. */
+  const vec q_ab = first_of(packed[0]), q_bc = second_of(packed[0]), q_ca = first_of(packed[1]);
+  const lanes3 sunk = {second_of(packed[1]), first_of(packed[2]), second_of(packed[2])};
+  const vec softer = first_of(packed[3]);
+  const vec by_a = q_ab * wb + q_ca * wc - sunk.x, by_b = q_ab * w.x + q_bc * wc - sunk.y;
+  const vec by_c = q_bc * wb + q_ca * w.x - sunk.z;
+  const vec bulge = q_ab * w.x * wb + q_bc * wb * wc + q_ca * wc * w.x - product(sunk, w);
+  const lanes3 grad_b = scaled(over_twice, across_both(ac, n));
+  const lanes3 grad_c = scaled(over_twice, across_both(n, ab));
+  const lanes3 steepest = moved_along(moved_along(n, by_a - by_b, grad_b), by_a - by_c, grad_c);
+  const vec steep = square_root(product(steepest, steepest));
+  const lanes3 smooth = scaled(1.0 / steep, steepest);
+  const vec g = height + recess - bulge, distance = where(height < 0.0, -height, height);
 
   /* Which of them are done here: for the others nothing has been changed yet. */
   const vec depth = offset - g;
@@ -82,8 +95,9 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   can &= ~changed;
 
   /* Normal force, and friction of the spring between the point and its stick point. */
-  const vec kt = kn * ratio, N = kn * depth;
-  lanes3 spring = difference(point, mean_of((lanes3){sixth[0], sixth[1], sixth[2]}, a, b, d));
+  const vec kt = kn * ratio, N = steep * kn * over_stiffness_each(depth, softer);
+  const lanes3 stick = {sixth[0], sixth[1], sixth[2]};
+  lanes3 spring = mean_of(difference(w, stick), a, b, d);
   vec held = all(c->friction), kinetic = all(c->friction_kinetic);
   if (m->friction)
 #pragma GCC unroll 8
@@ -92,20 +106,20 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
       held[i] = mu.held, kinetic[i] = mu.kinetic;
     }
   const slips_type found =
-      slip_each(&spring, n, kt, FLAG(word, sliding), held * N, kinetic * N,
+      slip_each(&spring, smooth, kt, FLAG(word, sliding), held * N, kinetic * N,
            (lanes3){seventh[0], seventh[1], seventh[2]});
   const mask sliding = found.sliding;
-  const lanes3 to_anchor = difference(ap, moved_along(spring, height, n));
+  const lanes3 foot = moved_along(ap, -height, n);
+  const vec shift = product(spring, n) / product(smooth, n);
+  const lanes3 to_anchor = difference(foot, moved_along(spring, -shift, smooth));
   const vec along_ab = product(to_anchor, ab), along_ac = product(to_anchor, ac);
   const vec anchor_b = (ac2 * along_ab - abac * along_ac) * inverse;
   const vec anchor_c = (ab2 * along_ac - abac * along_ab) * inverse;
   const lanes3 shear = scaled(-kt, spring);
-  const lanes3 force = moved_along(shear, N, n);
+  const lanes3 force = moved_along(shear, N, smooth), in_plane = moved_along(force, -product(force, n), n);
 
-  /* Couple height x friction as normal forces on the facet, h_i = height grad N_i . T. */
-  const vec scale = height * over_twice;
-  const vec hb = scale * product(shear, across_both(ac, n));
-  const vec hc = scale * product(shear, across_both(n, ab));
+  /* Couple of the height and the force in the facet: h_i = height grad N_i . T. */
+  const vec hb = height * product(in_plane, grad_b), hc = height * product(in_plane, grad_c);
   v4 on[6][LANES];
   for (int k = 0; k < 3; k++) to_memory(on[k], scaled(last[k], force));
   to_memory(on[3], moved_along(scaled(-hb - hc, n), -w.x, force));
@@ -115,7 +129,8 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   vec dissipates = found.lost;
   third[0] = g, third[3] = N;
   fourth[0] = w.x, fourth[1] = w.y, fourth[2] = w.z, fourth[3] += found.slipped;
-  fifth[0] = n.x, fifth[1] = n.y, fifth[2] = n.z, fifth[3] += found.lost;
+  fifth[0] = smooth.x, fifth[1] = smooth.y, fifth[2] = smooth.z, fifth[3] += found.lost;
+  place[0] = n.x, place[1] = n.y, place[2] = n.z, place[3] = height;
   sixth[0] = where(sliding, 1.0 - anchor_b - anchor_c, sixth[0]);
   sixth[1] = where(sliding, anchor_b, sixth[1]), sixth[2] = where(sliding, anchor_c, sixth[2]);
   seventh[0] = shear.x, seventh[1] = shear.y, seventh[2] = shear.z;
@@ -124,6 +139,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   store_four(fifth, rows, IN_ROW(normal), can);
   store_four(sixth, rows, IN_ROW(stick_point), can);
   store_four(seventh, rows, IN_ROW(shear), can);
+  store_four(place, rows, IN_ROW(facing), can);
   const unsigned slides = bits(sliding);
 #pragma GCC unroll 8
   for (int i = 0; i < LANES; i++) {
