@@ -19,6 +19,12 @@ def over_stiffness(d, m):
 
 
 @numba.njit(cache=True)
+def slope_over_stiffness(d, m):
+    """Derivative of :func:`over_stiffness` by the depth, at most 1."""
+    return 1.0 - 8.0 * SOFTER * m * m * d / (d + m) ** 3 if m > 0.0 else 1.0
+
+
+@numba.njit(cache=True)
 def normal_force(stiffness, depth, largest_depth, m=0.0):
     """Force of a normal spring [N], which grows no more beyond the largest depth."""
     return stiffness * over_stiffness(min(depth, largest_depth), m)

@@ -16,7 +16,14 @@ import numba
 import numpy as np
 
 from .closest import EDGE, INTERIOR, VERTEX, closest_point, facet_normal, project
-from .contact_law import friction_of, law_slope, left_by_slip, normal_force, stored_energy
+from .contact_law import (
+    friction_of,
+    law_slope,
+    left_by_slip,
+    normal_force,
+    slope_over_stiffness,
+    stored_energy,
+)
 from .edge_springs import at_place, in_series, push_along
 
 #: Step of the differences over the size of a contact.
@@ -70,7 +77,8 @@ def _foot(X, feature):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset, recess, largest, stick_point):
+def _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset, recess, largest, stick_point,
+             bulge, softer):  # fmt: skip
     """Forces F (6, 3) on the nodes of a contact at positions X (6, 3), the point at X[6].
 
     ``fixed``: normal where the point lies on an edge or a vertex, zero elsewhere; ``mu``: the
@@ -92,29 +100,50 @@ def _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset, recess, lar
     else:
         height = side * math.sqrt(rx * rx + ry * ry + rz * rz)
         nx, ny, nz = rx / height, ry / height, rz / height
-    N = normal_force(kn, offset - height - recess, largest)
-    sx = X[6, 0] - stick_point[0] * X[3, 0] - stick_point[1] * X[4, 0] - stick_point[2] * X[5, 0]
-    sy = X[6, 1] - stick_point[0] * X[3, 1] - stick_point[1] * X[4, 1] - stick_point[2] * X[5, 1]
-    sz = X[6, 2] - stick_point[0] * X[3, 2] - stick_point[1] * X[4, 2] - stick_point[2] * X[5, 2]
-    along = sx * nx + sy * ny + sz * nz
-    sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
-    if mu >= 0.0:
-        keep = left_by_slip(kt * math.sqrt(sx * sx + sy * sy + sz * sz), mu * N)
-        sx, sy, sz = keep * sx, keep * sy, keep * sz
-    tx, ty, tz = -kt * sx, -kt * sy, -kt * sz
-    fx, fy, fz = N * nx + tx, N * ny + ty, N * nz + tz
-    for m in range(3):
-        F[m, 0], F[m, 1], F[m, 2] = weight[m] * fx, weight[m] * fy, weight[m] * fz
-    # The couple of height and friction, borne by the facet.
+    # The smooth surface over the facet: its height at the foot, and its slope (kernels/pairs.h).
     e1x, e1y, e1z = X[4, 0] - X[3, 0], X[4, 1] - X[3, 1], X[4, 2] - X[3, 2]
     e2x, e2y, e2z = X[5, 0] - X[3, 0], X[5, 1] - X[3, 1], X[5, 2] - X[3, 2]
     twice = ux * (e1y * e2z - e1z * e2y) + uy * (e1z * e2x - e1x * e2z)
     twice += uz * (e1x * e2y - e1y * e2x)
-    tilt = (tx * ux + ty * uy + tz * uz) / (nx * ux + ny * uy + nz * uz)
-    tx, ty, tz = tx - tilt * nx, ty - tilt * ny, tz - tilt * nz
-    cx, cy, cz = e2y * uz - e2z * uy, e2z * ux - e2x * uz, e2x * uy - e2y * ux
-    hb = height / twice * (tx * cx + ty * cy + tz * cz)
+    bx, by, bz = e2y * uz - e2z * uy, e2z * ux - e2x * uz, e2x * uy - e2y * ux
     cx, cy, cz = uy * e1z - uz * e1y, uz * e1x - ux * e1z, ux * e1y - uy * e1x
+    ab, bc, ca = bulge[0], bulge[1], bulge[2]
+    by_a, by_b = ab * wb + ca * wc - bulge[3], ab * wa + bc * wc - bulge[4]
+    by_c = bc * wb + ca * wa - bulge[5]
+    z = ab * wa * wb + bc * wb * wc + ca * wc * wa
+    z -= bulge[3] * wa + bulge[4] * wb + bulge[5] * wc
+    if feature == INTERIOR:
+        rise_b, rise_c = (by_b - by_a) / twice, (by_c - by_a) / twice
+        gx, gy, gz = rise_b * bx + rise_c * cx, rise_b * by + rise_c * cy, rise_b * bz + rise_c * cz
+    elif feature >= EDGE:
+        i, j = feature - EDGE, (feature - EDGE + 1) % 3
+        lx, ly, lz = X[3 + j, 0] - X[3 + i, 0], X[3 + j, 1] - X[3 + i, 1], X[3 + j, 2] - X[3 + i, 2]
+        slopes = (by_a, by_b, by_c)
+        rise = (slopes[j] - slopes[i]) / (lx * lx + ly * ly + lz * lz)
+        gx, gy, gz = rise * lx, rise * ly, rise * lz
+    else:
+        gx = gy = gz = 0.0
+    hx, hy, hz = nx - gx, ny - gy, nz - gz
+    steep = math.sqrt(hx * hx + hy * hy + hz * hz)
+    hx, hy, hz = hx / steep, hy / steep, hz / steep
+    N = steep * normal_force(kn, offset - height - recess + z, largest, softer)
+    va, vb, vc = wa - stick_point[0], wb - stick_point[1], wc - stick_point[2]
+    sx = va * X[3, 0] + vb * X[4, 0] + vc * X[5, 0]
+    sy = va * X[3, 1] + vb * X[4, 1] + vc * X[5, 1]
+    sz = va * X[3, 2] + vb * X[4, 2] + vc * X[5, 2]
+    along = sx * hx + sy * hy + sz * hz
+    sx, sy, sz = sx - along * hx, sy - along * hy, sz - along * hz
+    if mu >= 0.0:
+        keep = left_by_slip(kt * math.sqrt(sx * sx + sy * sy + sz * sz), mu * N)
+        sx, sy, sz = keep * sx, keep * sy, keep * sz
+    tx, ty, tz = -kt * sx, -kt * sy, -kt * sz
+    fx, fy, fz = N * hx + tx, N * hy + ty, N * hz + tz
+    for m in range(3):
+        F[m, 0], F[m, 1], F[m, 2] = weight[m] * fx, weight[m] * fy, weight[m] * fz
+    # The couple of the height and the force in the facet, borne by the facet.
+    tilt = (fx * ux + fy * uy + fz * uz) / (nx * ux + ny * uy + nz * uz)
+    tx, ty, tz = fx - tilt * nx, fy - tilt * ny, fz - tilt * nz
+    hb = height / twice * (tx * bx + ty * by + tz * bz)
     hc = height / twice * (tx * cx + ty * cy + tz * cz)
     ha = -hb - hc
     F[3, 0], F[3, 1], F[3, 2] = ha * nx - wa * fx, ha * ny - wa * fy, ha * nz - wa * fz
@@ -136,7 +165,7 @@ def pair_tangent(
     rows, columns, blocks, x, num_before, corner, corner_weight, node, candidate, closest, closed,
     closed0, weights, normal, gap, offset, stiffness, stick_point, shear, slip, slip0,
     normal_force, sliding, facets, area, recess, ratio_of_node, friction, friction_row,
-    largest_depth,
+    largest_depth, facing, height_of, bulge, softer,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed pairs, in turn, as blocks of two nodes.
 
@@ -171,11 +200,11 @@ def pair_tangent(
         off = abs(wa - weights[p, 0]) + abs(wb - weights[p, 1]) + abs(wc - weights[p, 2])
         if off > SAME:  # the plane of a facet that it came through beside a sharp edge
             feature = INTERIOR
-        height = gap[p] - recess[n]
+        height = height_of[p]
         size = math.sqrt(area[n])
         on_it = feature != INTERIOR and abs(height) <= 1e-8 * size
         for m in range(3):
-            fixed[m] = normal[p, m] if on_it else 0.0
+            fixed[m] = facing[p, m] if on_it else 0.0
         kn = stiffness[p]
         kt = kn * ratio_of_node[n] if closed0[p] else 0.0
         mu, short = -1.0, math.inf
@@ -191,8 +220,8 @@ def pair_tangent(
                 for m in range(3):
                     spring[m] = -trial / (limit * kt) * shear[p, m]
                 a0, a1, a2 = _anchor_of(
-                    spring[0], spring[1], spring[2], X[6, 0] - height * normal[p, 0],
-                    X[6, 1] - height * normal[p, 1], X[6, 2] - height * normal[p, 2],
+                    spring[0], spring[1], spring[2], X[6, 0] - height * facing[p, 0],
+                    X[6, 1] - height * facing[p, 1], X[6, 2] - height * facing[p, 2],
                     normal[p, 0], normal[p, 1], normal[p, 2], X, 3, 4, 5,
                 )  # fmt: skip
             else:
@@ -209,10 +238,10 @@ def pair_tangent(
                     before = X[j, k]
                     X[j, k] = before + step
                     _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset[p], recess[n],
-                             largest_depth[p], begin)  # fmt: skip
+                             largest_depth[p], begin, bulge[p], softer[p])  # fmt: skip
                     X[j, k] = before - step
                     _of_pair(G, X, weight, feature, side, fixed, kn, kt, mu, offset[p], recess[n],
-                             largest_depth[p], begin)  # fmt: skip
+                             largest_depth[p], begin, bulge[p], softer[p])  # fmt: skip
                     X[j, k] = before
                 for i in range(6):
                     b = count + 6 * i + j
@@ -323,7 +352,7 @@ def edge_tangent(
 def wall_tangent(
     rows, columns, blocks, num_before, corner, corner_weight, node, wall, closed, closed0, normal,
     curvature, axis, shear, slip, slip0, normal_force, sliding, layer, area, ratio,
-    friction_kinetic,
+    friction_kinetic, depth, softer,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed pairs with walls, in turn, as blocks.
 
@@ -354,7 +383,7 @@ def wall_tangent(
             left = left_by_slip(limit + kt * (slip[p] - slip0[p]), limit)
             if limit > 0.0:
                 e[:] = shear[p] / limit
-        law_slope(K, normal[p], e, kn, kt, mu, left)
+        law_slope(K, normal[p], e, kn * slope_over_stiffness(depth[p], softer[p]), kt, mu, left)
         turning = normal_force[p] * curvature[p]
         if turning != 0.0:
             for m in range(3):

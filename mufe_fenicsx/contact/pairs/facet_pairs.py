@@ -48,7 +48,7 @@ class Pairs(Stateful):
         self.closest = np.full(num_pairs, -1, dtype=np.int64)
         self.state = rows(num_pairs, ROW)
         column(self.state, "node")[:] = node
-        for name in (*REMEMBERED, "work", "known", "other_next_check", "vertices", "sharp"):
+        for name in (*REMEMBERED, "work", "known", "other_next_check", "vertices", "sharp", "bulge"):
             setattr(self, name, column(self.state, name))
         self.gap[:] = np.inf
         self.forces = None  #: kernels.pairs.PairForces, once they are wanted

@@ -77,7 +77,7 @@ class ContactTangent:
             *parts[0], x, before, *g.corners(), p.node, p.candidate, p.closest, p.closed, closed,
             p.weights, p.normal, p.gap, p.offset, p.stiffness, p.stick_point, p.shear, p.slip, slip,
             p.normal_force, p.sliding, g.facets, c.points.area, c.points.recess, ratio,
-            friction, p.friction_row, p.largest_depth,
+            friction, p.friction_row, p.largest_depth, p.facing, p.height, p.bulge, p.softer,
         )  # fmt: skip
         q = e.pairs
         edge_tangent(
@@ -92,6 +92,6 @@ class ContactTangent:
             *w.normals_and_curvature(c.points.places(x[before:], v.node), v.wall), w.normal,
             v.shear, v.slip,
             wall_slip, v.normal_force, v.sliding, c.points.layer, c.points.area, ratio,
-            w.friction_kinetic,
+            w.friction_kinetic, v.offset - v.gap, v.softer,
         )  # fmt: skip
         return rows, columns, blocks
