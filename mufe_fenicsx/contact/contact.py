@@ -67,6 +67,12 @@ class Contact(Stateful):
         self.friction = settings.pair_friction.table(settings.friction_kinetic, mesh.labels.size)
         self.layers = SurfaceLayers(mesh, own, x, grains, settings)
         self.points = self.layers.points
+        smooth, places = self.layers.smooth, (own.facets, x[own.nodes])
+        rise, slope = 2.0 * smooth.highest(), smooth.steepest(*places)
+        rise, slope = self.comm.allreduce(np.array([rise, slope]), op=MPI.MAX)
+        #: By how much smooth surfaces bring facets nearer, or gaps jump across sharp edges [m], and
+        #: how much faster than points gaps go at most.
+        self._smooth = float(rise), math.hypot(1.0, slope)
         #: The first of the bodies that are tools; None: there are none.
         self.first_tool = mesh.first_tool if mesh.tools else None
         area = own.facet_area[own.grain_of_facet < mesh.first_tool]
@@ -112,7 +118,7 @@ class Contact(Stateful):
         self.ghosts.moving = None
         gathered = np.empty((self.own.nodes.size, 3))
         gather_rows(gathered, x, self.own.nodes)
-        reach = max(self.motion.skin, ahead) + 1.1 * self._deepest()
+        reach = max(self.motion.skin, ahead) + 1.1 * self._deepest() + self._smooth[0]
         old, old_walls, old_edges = self.pairs, self.walls.pairs, self.edges.pairs
         wait = 0.0
         if old is not None:
@@ -165,9 +171,8 @@ class Contact(Stateful):
         """
         layers, self.searched = self.layers, positions
         self.surface, ghosts = exchange_surface(
-            self.comm, self.own, layers.of_facet, layers.depth_of_facet, layers.compliance_of_edge, layers.bulge,
-            positions, reach + overlap,
-        )  # fmt: skip
+            self.comm, self.own, layers, positions, reach + overlap
+        )
         self.own = self.surface.part_of(self.own)
         self.ghosts.renew(self.surface, ghosts, positions)
         neighbours, num_walls = self.surface.neighbours, len(self.walls.walls)
@@ -292,7 +297,8 @@ class Contact(Stateful):
                 p.node, p.first, p.candidate,
                 ghosts.facets, s.neighbour, ghosts.ring_offset, ghosts.ring, self.edges.beside,
                 points.layer, s.layer_of_facet, points.area, points.facet_area, s.area_of_facet,
-                points.depth, s.depth_of_facet, points.bend, s.bulge_of_facet, points.recess, layers.ratio, ghosts.around,
+                points.depth, s.depth_of_facet, s.bulge_of_facet, points.curvature,
+                s.curvature_of_facet, *self._smooth, points.recess, layers.ratio, ghosts.around,
                 points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),
                 self.friction.coefficients, p.friction_row,
             )  # fmt: skip

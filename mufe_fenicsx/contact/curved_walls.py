@@ -26,6 +26,8 @@ class CurvedWalls(Stateful):
         self.pressing = np.zeros(len(walls))  #: sum of this rank's normal forces on each [N]
         self.side = np.sign(self.radius)  #: 1 with the grains inside, -1 outside, 0 of a plane
         self.any = bool(self.side.any())
+        #: Curvature of each at the start, positive with the grains inside [1/m].
+        self.bend = np.divide(self.side, np.abs(self.radius), where=self.side != 0.0, out=0.0 * self.side)
         self._sag = None  # of points in facets that lie on a curved wall at the start [m]
 
     def measure_sag(self, walls, x, nodes, corner):
@@ -40,7 +42,7 @@ class CurvedWalls(Stateful):
         """
         if not self.any or corner is None:
             return
-        self._sag = np.zeros((len(x), len(walls)))
+        self._sag = np.full((len(x), len(walls)), np.nan)
         edge = np.linalg.norm(nodes[corner[:, 1]] - nodes[corner[:, 0]], axis=1)
         for w in np.flatnonzero(self.side):
             apart = np.abs(walls[w].gap(nodes))[corner].max(axis=1)
@@ -48,7 +50,7 @@ class CurvedWalls(Stateful):
             self._sag[on, w] = walls[w].gap(x[on])
 
     def sag_of(self, point, wall):
-        """That of pairs [m], shape (num,); None where no wall is curved. Local."""
+        """That of pairs [m], NaN of others, shape (num,); None without curved walls. Local."""
         return None if self._sag is None else self._sag[point, wall]
 
     def move(self, dt):

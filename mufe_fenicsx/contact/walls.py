@@ -27,6 +27,7 @@ from .laws import kinetic_of
 from .mirrors import nodes_on_mirrors
 from .near_walls import NearWalls
 from .pairs.wall_pairs import REMEMBERED, WallPairs
+from .surface.bulges import against_walls
 
 #: Part α of the force that a servo lacks which one step may change: stable below 1 at the longest
 #: step that contacts allow, and below 2 at short ones (theory.servo).
@@ -339,13 +340,17 @@ class Walls(Stateful):
         p = self.pairs
         p.forces = WallForces(
             p.state, p.next_check, p.motion_bounds.bounds, p.motion_bounds.of, p.node, p.wall,
-            layer, points.area, points.softer, points.recess, ratio, *corners, x, f, self.force, self.torque,
+            layer, points.area, points.recess, ratio, *corners, x, f, self.force, self.torque,
             self.curved.pressing, self.point, self.normal, self.velocity, self.curved.radius,
             self.friction, self.friction_kinetic,
         )  # fmt: skip
-        sag = self.curved.sag_of(p.node, p.wall)
+        p.softer[:] = against_walls(
+            points.curvature[p.node], points.facet_area[p.node], self.curved.bend[p.wall],
+            self.normal[p.wall].any(axis=1),
+        )  # fmt: skip
+        sag, recess = self.curved.sag_of(p.node, p.wall), column(p.state, "recess", COLUMNS)
         if sag is not None:
-            column(p.state, "recess", COLUMNS)[:] -= sag
+            recess[:] = np.where(np.isfinite(sag), -sag, recess)
 
     def add_forces(self, accept, ahead=0.0):
         """Add wall forces to those bound; returns the friction's dissipation [J], accepted pairs.

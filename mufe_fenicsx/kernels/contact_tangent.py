@@ -127,12 +127,11 @@ def _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset, recess, lar
     steep = math.sqrt(hx * hx + hy * hy + hz * hz)
     hx, hy, hz = hx / steep, hy / steep, hz / steep
     N = steep * normal_force(kn, offset - height - recess + z, largest, softer)
-    va, vb, vc = wa - stick_point[0], wb - stick_point[1], wc - stick_point[2]
-    sx = va * X[3, 0] + vb * X[4, 0] + vc * X[5, 0]
-    sy = va * X[3, 1] + vb * X[4, 1] + vc * X[5, 1]
-    sz = va * X[3, 2] + vb * X[4, 2] + vc * X[5, 2]
-    along = sx * hx + sy * hy + sz * hz
-    sx, sy, sz = sx - along * hx, sy - along * hy, sz - along * hz
+    sx = X[6, 0] - stick_point[0] * X[3, 0] - stick_point[1] * X[4, 0] - stick_point[2] * X[5, 0]
+    sy = X[6, 1] - stick_point[0] * X[3, 1] - stick_point[1] * X[4, 1] - stick_point[2] * X[5, 1]
+    sz = X[6, 2] - stick_point[0] * X[3, 2] - stick_point[1] * X[4, 2] - stick_point[2] * X[5, 2]
+    along = sx * nx + sy * ny + sz * nz
+    sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
     if mu >= 0.0:
         keep = left_by_slip(kt * math.sqrt(sx * sx + sy * sy + sz * sz), mu * N)
         sx, sy, sz = keep * sx, keep * sy, keep * sz
@@ -222,7 +221,7 @@ def pair_tangent(
                 a0, a1, a2 = _anchor_of(
                     spring[0], spring[1], spring[2], X[6, 0] - height * facing[p, 0],
                     X[6, 1] - height * facing[p, 1], X[6, 2] - height * facing[p, 2],
-                    normal[p, 0], normal[p, 1], normal[p, 2], X, 3, 4, 5,
+                    facing[p, 0], facing[p, 1], facing[p, 2], X, 3, 4, 5,
                 )  # fmt: skip
             else:
                 mu = 0.0

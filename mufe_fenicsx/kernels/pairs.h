@@ -53,7 +53,7 @@ typedef struct {
   const uint8_t *sharp;
   const double *layer_of_node, *layer_of_facet;
   const double *area_at_node, *area_of_facet, *depth_of_node, *depth_of_facet;
-  const double *bend_of_point, *bulge_of_facet; /* three, and six numbers each */
+  const double *bulge_of_facet, *curvature_of_point, *curvature_of_facet; /* six, two numbers */
   const int32_t *around;
   double *x, *f;
   const double *friction; /* static and kinetic of pairs of materials; none: one for all */
@@ -65,6 +65,8 @@ enum { ALL_PAIRS, EARLY_PAIRS, OTHER_PAIRS };
 /* What a call is given and finds, see kernels/pairs.py. */
 typedef struct {
   double friction, friction_kinetic, range;
+  double rise, steepest; /* of smooth surfaces over facets: by how much gaps may jump at sharp edges,
+                            and how much faster than points they go at most */
   int64_t accept, part, num_others;
   double dissipated, switched, num_accepted, deepest, sunk;
   int64_t sunken;
@@ -98,32 +100,17 @@ INLINE double stiffness_of(const pairs_type *m, const state_type *s, int64_t k) 
          (m->layer_of_node[s->node] + m->layer_of_facet[facet]);
 }
 
-/* m of the law, XI h² √(κ₁κ₂), with the curvatures κ of the gap: those of both surfaces add. They
-   are known along the edges of a facet: 2 q is the curvature times the square of the length. h is
-   the mean edge, weighted by the compliance that each side has. 0 where it is not convex. */
+/* m of the law, XI h² √det, with the determinant of the curvature of the gap, to which both sides
+   add: det K₁ + det K₂ + ½ tr K₁ tr K₂, the mean over how they may be turned against each other;
+   0 where it is not convex. h is the mean edge, weighted by the compliance that each side has. */
 #define XI 0.104
-INLINE double softer_of(const pairs_type *m, const state_type *s, int64_t k, triangle t) {
+INLINE double softer_of(const pairs_type *m, const state_type *s, int64_t k) {
   const int32_t facet = m->candidate[k];
-  const double *own = m->bend_of_point + 3 * (int64_t)s->node;
-  const double *other = m->bulge_of_facet + 6 * (int64_t)facet;
-  if (s->num_around) return 0.0;
-  const vec3 a = at(m->x, s->corner[0]), b = at(m->x, s->corner[1]), c = at(m->x, s->corner[2]);
-  const vec3 e[3] = {minus(b, a), minus(c, b), minus(a, c)};
-  const vec3 u = minus(t.b, t.a), v = minus(t.c, t.a);
-  const double uu = dot(u, u), vv = dot(v, v), uv = dot(u, v), scale = 1.0 / (uu * vv - uv * uv);
-  double along_edge[3];
-  for (int i = 0; i < 3; i++) {
-    const double eu = dot(e[i], u), ev = dot(e[i], v);
-    const double p = (vv * eu - uv * ev) * scale, q = (uu * ev - uv * eu) * scale;
-    along_edge[i] = 2.0 * (own[i] + p * p * other[0] + q * q * other[2] +
-                           p * q * (other[0] + other[2] - other[1]));
-  }
-  const double s1 = along_edge[0], s2 = along_edge[2];
-  const double s12 = 0.5 * (s1 + s2 - along_edge[1]);
-  const vec3 twice_area = cross(e[0], e[2]);
-  const double det = (s1 * s2 - s12 * s12) / dot(twice_area, twice_area);
-  if (!(det > 0.0) || !(s1 + s2 > 0.0)) return 0.0;
-  const double per_area = 4.0 / 1.7320508075688772;
+  const double *own = m->curvature_of_point + 2 * (int64_t)s->node;
+  const double *other = m->curvature_of_facet + 2 * (int64_t)facet;
+  const double det = own[0] + other[0] + 0.5 * own[1] * other[1];
+  if (s->num_around || !(det > 0.0 && own[1] + other[1] > 0.0)) return 0.0;
+  const double per_area = 4.0 / 1.7320508075688772; /* h² of an equilateral triangle */
   const double h1 = sqrt(per_area * m->area_at_node[s->node]);
   const double h2 = sqrt(per_area * m->area_of_facet[facet]);
   const double l1 = m->layer_of_node[s->node], l2 = m->layer_of_facet[facet];

@@ -32,7 +32,8 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
     for (int k = 0; k < 3; k++) node[k][i] = s->corner[k], node[3 + k][i] = s->vertices[k];
     next_check[i] = m->next_check[pair[i]], bound[i] = m->bounds[s->bound_row];
   }
-  vec packed[4], place[4], head[4], second[4], third[4], fourth[4], fifth[4], sixth[4], seventh[4], last[4];
+  vec head[4], second[4], third[4], fourth[4], fifth[4], sixth[4], seventh[4], last[4];
+  vec packed[4], place[4];
   load_four(head, rows, 0);
   load_four(second, rows, IN_ROW(area) - 1);
   load_four(third, rows, IN_ROW(gap));
@@ -94,10 +95,9 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   }
   can &= ~changed;
 
-  /* Normal force, and friction of the spring between the point and its stick point. */
+  /* Normal force, on the smooth surface, and friction, along the facet. */
   const vec kt = kn * ratio, N = steep * kn * over_stiffness_each(depth, softer);
-  const lanes3 stick = {sixth[0], sixth[1], sixth[2]};
-  lanes3 spring = mean_of(difference(w, stick), a, b, d);
+  lanes3 spring = difference(point, mean_of((lanes3){sixth[0], sixth[1], sixth[2]}, a, b, d));
   vec held = all(c->friction), kinetic = all(c->friction_kinetic);
   if (m->friction)
 #pragma GCC unroll 8
@@ -106,17 +106,16 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
       held[i] = mu.held, kinetic[i] = mu.kinetic;
     }
   const slips_type found =
-      slip_each(&spring, smooth, kt, FLAG(word, sliding), held * N, kinetic * N,
+      slip_each(&spring, n, kt, FLAG(word, sliding), held * N, kinetic * N,
            (lanes3){seventh[0], seventh[1], seventh[2]});
   const mask sliding = found.sliding;
-  const lanes3 foot = moved_along(ap, -height, n);
-  const vec shift = product(spring, n) / product(smooth, n);
-  const lanes3 to_anchor = difference(foot, moved_along(spring, -shift, smooth));
+  const lanes3 to_anchor = difference(ap, moved_along(spring, height, n));
   const vec along_ab = product(to_anchor, ab), along_ac = product(to_anchor, ac);
   const vec anchor_b = (ac2 * along_ab - abac * along_ac) * inverse;
   const vec anchor_c = (ab2 * along_ac - abac * along_ab) * inverse;
   const lanes3 shear = scaled(-kt, spring);
-  const lanes3 force = moved_along(shear, N, smooth), in_plane = moved_along(force, -product(force, n), n);
+  const lanes3 force = moved_along(shear, N, smooth);
+  const lanes3 in_plane = moved_along(force, -product(force, n), n);
 
   /* Couple of the height and the force in the facet: h_i = height grad N_i . T. */
   const vec hb = height * product(in_plane, grad_b), hc = height * product(in_plane, grad_c);

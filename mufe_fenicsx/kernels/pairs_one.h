@@ -124,7 +124,8 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   const double bulge = bulge_at(s, w, t, facet_normal, !beside ? feature : INTERIOR, &slope);
   g += s->recess - bulge;
   const double old_height = s->height;
-  const vec3 old_facing = s->facing, old_normal = s->normal, old_weights = s->weights, old_shear = s->shear;
+  const vec3 old_facing = s->facing, old_normal = s->normal;
+  const vec3 old_weights = s->weights, old_shear = s->shear;
   const double old_gap = s->gap, old_offset = s->offset, was = old_offset - old_gap;
   s->weights = w;
   /* The normal of the smooth surface, and by how much faster the gap grows along it. */
@@ -163,7 +164,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   if (depth <= 0.0) {
     if (s->closed) {
       const vec3 spring = minus(beneath, mean(s->stick_point, old.a, old.b, old.c));
-      const double lost = lost_at_opening(old_shear, across(spring, old_normal));
+      const double lost = lost_at_opening(old_shear, across(spring, old_facing));
       /* It left over an edge where it did not move out as far as it was deep. */
       if (passed || dot(way, old_normal) < STRAIGHT * was)
         c->switched += old_energy - lost - 0.5 * dot(old_force, way);
@@ -173,7 +174,8 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
       s->normal_force = 0.0;
       s->shear = (vec3){0.0, 0.0, 0.0};
     }
-    m->next_check[p] = bound + least(most(g, 0.0), c->range);
+    const double away = s->sharp ? g - c->rise : g;
+    m->next_check[p] = bound + least(most(away, 0.0) / c->steepest, c->range);
     return;
   }
 
@@ -181,18 +183,18 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   if (!was_closed || before != k) {
     s->stiffness = stiffness_of(m, s, k);
     s->largest_depth = largest_depth_of(m, s, k);
-    s->softer = softer_of(m, s, k, t);
+    s->softer = softer_of(m, s, k);
   }
   if (!was_closed) {
     s->stick_point = w;
   } else if (passed) {
     /* Another facet: the spring keeps its length and turns with the normal. */
     vec3 spring = minus(beneath, mean(s->stick_point, old.a, old.b, old.c));
-    spring = across(spring, old_normal);
-    vec3 turned = across(spring, smooth);
+    spring = across(spring, old_facing);
+    vec3 turned = across(spring, normal);
     double now2 = dot(turned, turned);
     double keep = now2 > 0.0 ? sqrt(dot(spring, spring) / now2) : 0.0;
-    s->stick_point = stick_point_of(times(keep, turned), foot, smooth, facet_normal, t);
+    s->stick_point = stick_point_of(times(keep, turned), foot, normal, facet_normal, t);
   }
   if (depth > s->largest_depth) {
     double sunk = depth / finer_depth(m, s, k);
@@ -200,21 +202,21 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   }
   m->next_check[p] = bound;
 
-  /* Normal force, and friction of the spring between the node and its stick point. */
+  /* Normal force, on the smooth surface, and friction, along the facet. */
   const double kn = s->stiffness, kt = kn * s->ratio;
   const double N = steep * normal_force(kn, s->softer, depth, s->largest_depth);
   s->normal_force = N;
-  vec3 spring = minus(foot, mean(s->stick_point, t.a, t.b, t.c));
+  vec3 spring = minus(point, mean(s->stick_point, t.a, t.b, t.c));
   const friction_type mu = friction_of(m, c, s);
   const slip_type found =
-      slip(&spring, smooth, kt, s->sliding, mu.held * N, mu.kinetic * N, old_shear);
+      slip(&spring, normal, kt, s->sliding, mu.held * N, mu.kinetic * N, old_shear);
   s->closed = 1;
   s->sliding = found.sliding;
   s->slip += found.slipped;
   s->work += found.lost;
   c->dissipated += found.lost;
   /* The stick point that leaves just this much of the spring. */
-  if (s->sliding) s->stick_point = stick_point_of(spring, foot, smooth, facet_normal, t);
+  if (s->sliding) s->stick_point = stick_point_of(spring, foot, normal, facet_normal, t);
   vec3 shear = times(-kt, spring);
   s->shear = shear;
   const vec3 force = along(shear, N, smooth);

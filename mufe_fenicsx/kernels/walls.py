@@ -226,6 +226,7 @@ class WallForces:
         state: A row of each pair, shape (num_pairs, ROW), with the columns
             stick_point: Stick point relative to ``point`` [m];
             stiffness: Area over layer [N/m], set here;
+            softer: Length m of the law [m];
             shear: Friction on the node [N];
             gap, offset: Gap and its offset [m];
             slip: Accumulated slip [m];
@@ -252,7 +253,7 @@ class WallForces:
             weights that are not those of ``LEAD``.
     """
 
-    def __init__(self, state, next_check, bounds, bound_row, node, wall, layer, area, softer, recess, ratio,
+    def __init__(self, state, next_check, bounds, bound_row, node, wall, layer, area, recess, ratio,
                  corner, corner_weight, x, f, wall_force, wall_torque, pressing, point, normal,
                  velocity, radius, friction, friction_kinetic):  # fmt: skip
         real, short = np.float64, np.int32
@@ -263,7 +264,7 @@ class WallForces:
         scratch = np.empty(node.size + 1, short)
         if len(point) > 1 << WALL_BITS:
             raise ValueError(f"walls = {len(point)}, expected at most {1 << WALL_BITS}")
-        of_points = {"stiffness": area / layer, "softer": softer, "recess": recess, "ratio": ratio}
+        of_points = {"stiffness": area / layer, "recess": recess, "ratio": ratio}
         fill_rows(state, node, of_points, COLUMNS)
         corners, lead = _leading(*corners_of(node, corner, corner_weight))
         column(state, "corner", COLUMNS)[:] = corners

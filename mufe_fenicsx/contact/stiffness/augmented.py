@@ -1,11 +1,12 @@
 """Exact gaps by augmented Lagrangian: normal forces that springs need not be pressed for.
 
-A closed contact carries N = λ + k d, d its depth and k its layer's stiffness. After an equilibrium
+A closed contact carries N = λ + k d, d its depth and k its layer's stiffness (or another law of d).
+After an equilibrium
 is found, λ becomes N and the next one is looked for, until no depth is left (Uzawa's method; J. C.
 Simo, T. A. Laursen, Comput. Struct. 42, 1992, 97-116). The layer then sets how fast depths go, a
 factor of about three each time, and no longer how deep a contact is.
 
-λ acts as a lift λ/k of the pair's offset, so that forces and tangents are those of any contact. It
+λ acts as a lift of the pair's offset, the depth at which the law has the force λ, so that forces and tangents are those of any contact. It
 is there within an increment only: between increments offsets are what they were without, and
 the normal forces, which every pair remembers, are the next multipliers.
 
@@ -16,6 +17,8 @@ edges keep their layer, and so does friction while it sticks.
 
 import numpy as np
 from mpi4py import MPI
+
+from ...kernels.contact_law import depths_of
 
 
 class Augmentation:
@@ -30,18 +33,24 @@ class Augmentation:
         self._lift = None
 
     def _parts(self):
-        """Pairs with facets and with walls, each with its stiffnesses [N/m]."""
+        """Pairs with facets and with walls, each with its stiffnesses [N/m].
+
+        And the part of normal forces that works along the gap, which goes along facets.
+        """
         contact, points, walls = self.contact, self.contact.points, self.contact.walls.pairs
         of_walls = points.area[walls.node] / points.layer[walls.node]
-        return (contact.pairs, contact.pairs.stiffness), (walls, of_walls)
+        pairs = contact.pairs
+        straight = np.einsum("pi,pi->p", pairs.facing, pairs.normal)
+        return (pairs, pairs.stiffness, straight), (walls, of_walls, np.ones(of_walls.size))
 
     def begin_increment(self):
         """The normal forces of closed pairs become multipliers, before a mark is made. Local."""
         self._lift, self._next_check = [], []
-        for pairs, stiffness in self._parts():
+        for pairs, stiffness, straight in self._parts():
             on = np.flatnonzero(pairs.closed)
             lift = np.zeros(pairs.node.size)
-            lift[on] = pairs.normal_force[on] / stiffness[on]
+            along_gap = (pairs.normal_force * straight)[on]
+            lift[on] = depths_of(along_gap / stiffness[on], pairs.softer[on])
             pairs.offset += lift
             self._lift.append(lift)
             self._next_check.append(pairs.next_check.copy())
@@ -49,7 +58,7 @@ class Augmentation:
     def depth(self):
         """Largest distance of a closed pair from its gap in the last evaluation [m]. Collective."""
         worst = 0.0
-        for (pairs, _), lift in zip(self._parts(), self._lift, strict=True):
+        for (pairs, *_), lift in zip(self._parts(), self._lift, strict=True):
             off = (pairs.offset - lift - pairs.gap)[pairs.closed]
             worst = max(worst, float(np.abs(off).max(initial=0.0)))
         return self.contact.comm.allreduce(worst, op=MPI.MAX)
@@ -60,7 +69,7 @@ class Augmentation:
         Args:
             mark: :class:`~.rewind.ContactMark` that evaluations start from.
         """
-        for k, (pairs, _) in enumerate(self._parts()):
+        for k, (pairs, *_) in enumerate(self._parts()):
             old, next_check = self._lift[k], self._next_check[k]
             new = np.zeros_like(old)
             on = pairs.closed
@@ -84,7 +93,7 @@ class Augmentation:
         """
         self._lower()
         taken = 0.0
-        for k, (pairs, stiffness) in enumerate(self._parts()):
+        for k, (pairs, stiffness, straight) in enumerate(self._parts()):
             depths = [
                 np.where(closed, pairs.offset - gap, 0.0)
                 for closed, gap in (
@@ -93,16 +102,16 @@ class Augmentation:
                 )
             ]
             normal_force = 0.5 * (mark.of_points("normal_force")[k] + pairs.normal_force)
-            taken += normal_force @ (depths[1] - depths[0])
+            taken += (normal_force * straight) @ (depths[1] - depths[0])
             taken -= 0.5 * stiffness @ (depths[1] ** 2 - depths[0] ** 2)
         return float(taken)
 
     def _lower(self):
-        for (pairs, _), lift in zip(self._parts(), self._lift, strict=True):
+        for (pairs, *_), lift in zip(self._parts(), self._lift, strict=True):
             pairs.offset -= lift
 
     def cancel(self):
         """Back to before :meth:`begin_increment`, once the mark is restored. Local."""
-        for (pairs, _), next_check in zip(self._parts(), self._next_check, strict=True):
+        for (pairs, *_), next_check in zip(self._parts(), self._next_check, strict=True):
             pairs.next_check[:] = next_check
         self._lower()

@@ -3,7 +3,7 @@
 from ...state import Stateful
 from ..laws import LAYERS, inertial_layers, largest_depths, replace_layers
 from ..pairs.edge_pairs import edge_compliances
-from ..surface.bulges import facet_bulges
+from ..surface.bulges import bulges_of, no_bulges
 from ..surface.points import surface_points
 
 
@@ -30,11 +30,11 @@ class SurfaceLayers(Stateful):
         of_mesh = None if self.kinematic else grains.edge_compliance
         #: Of sharp edges, relative, of both ends [m/N], shape (num_facets, 3).
         self.compliance_of_edge = edge_compliances(own, x, of_mesh)
+        faceted = self.kinematic or settings.points == "nodes"
+        #: The smooth surface over the facets, :class:`~mufe_fenicsx.contact.surface.bulges.Bulges`.
+        self.smooth = no_bulges(own) if faceted else bulges_of(own, x[own.nodes])
         #: :class:`~mufe_fenicsx.contact.surface.points.Points` of the surface.
-        self.bulge = facet_bulges(own, x[own.nodes])
-        if self.kinematic or settings.points == "nodes":
-            self.bulge[:] = 0.0
-        self.points = surface_points(settings.points, mesh, own, x, *layers, *depths, self.bulge)
+        self.points = surface_points(settings.points, mesh, own, x, *layers, *depths, self.smooth)
         #: Tangential over normal stiffness of points, shape (num_points,).
         self.ratio = grains.tangential_ratio[self.points.local_grain]
 

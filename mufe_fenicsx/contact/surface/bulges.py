@@ -11,14 +11,55 @@ the facets enclose. The normal of a node is the sum of those of its facets, each
 there, over the facets that no sharp edge parts from each other. Where all are flat, q and o vanish.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
-#: As in contact_law.h.
+#: As in kernels/pairs.h.
 XI = 0.104
+#: Part of an edge below which a height is rounding.
+NONE = 1e-12
 
 
-def facet_bulges(own, x):
-    """Numbers q_ab, q_bc, q_ca and o_a, o_b, o_c of own facets [m], shape (num_facets, 6). Local.
+@dataclass(frozen=True)
+class Bulges:
+    """The smooth surface over own facets."""
+
+    bulge: np.ndarray  #: q_ab, q_bc, q_ca, o_a, o_b, o_c of facets [m], shape (num_facets, 6)
+    #: Determinant [1/m²] and trace [1/m] of the curvature, of a convex surface positive,
+    curvature: np.ndarray  #: shape (num_facets, 2)
+
+    def highest(self):
+        """Largest height over a facet, or depth below one, at least [m]. Local."""
+        q, o = self.bulge[:, :3], self.bulge[:, 3:]
+        rise = np.abs(q).max(axis=1, initial=0.0) / 3 + np.abs(o).max(axis=1, initial=0.0)
+        return float(rise.max(initial=0.0))
+
+    def steepest(self, facets, x):
+        """Slope of the surface against its facets at most. Local.
+
+        Args:
+            facets, x: Of :func:`bulges_of`.
+        """
+        q, o = self.bulge[:, :3], self.bulge[:, 3:]
+        u, v = x[facets[:, 1]] - x[facets[:, 0]], x[facets[:, 2]] - x[facets[:, 0]]
+        uu, vv, uv = (np.einsum("fi,fi->f", *of) for of in ((u, u), (v, v), (u, v)))
+        largest = 0.0
+        for w in np.eye(3):
+            by = q * np.roll(w, -1) + np.roll(q * w, 1, axis=1) - o
+            b, c = by[:, 1] - by[:, 0], by[:, 2] - by[:, 0]
+            square = (b * b * vv - 2 * b * c * uv + c * c * uu) / (uu * vv - uv * uv)
+            largest = max(largest, float(square.max(initial=0.0)))
+        return float(np.sqrt(largest))
+
+
+def no_bulges(own):
+    """Facets that are what they are: no smooth surface over them. Local."""
+    return Bulges(np.zeros((len(own.facets), 6)), np.zeros((len(own.facets), 2)))
+
+
+def bulges_of(own, x):
+    """The smooth surface over own facets. Local.
 
     Args:
         own: :class:`~.surface.OwnSurface`.
@@ -29,7 +70,7 @@ def facet_bulges(own, x):
 
     facets, num = own.facets, len(own.facets)
     if not num:
-        return np.zeros((0, 6))
+        return no_bulges(own)
     corner = x[facets]
     area_vector = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     normal = area_vector / np.linalg.norm(area_vector, axis=1, keepdims=True)
@@ -56,9 +97,21 @@ def facet_bulges(own, x):
     total /= np.linalg.norm(total, axis=1, keepdims=True)
     at_corner = total[group]
     q = 0.5 * np.einsum("fki,fki->fk", np.roll(at_corner, -1, axis=1) - at_corner, to_next)
+    q[np.abs(q) < NONE * np.sqrt(own.facet_area)[:, None]] = 0.0
     weight = np.bincount(group.ravel(), np.repeat(own.facet_area, 3), count)
     mean = np.bincount(group.ravel(), np.repeat(own.facet_area * q.sum(axis=1) / 12, 3), count)
-    return np.hstack([q, (mean / weight)[group]])
+    return Bulges(np.hstack([q, (mean / weight)[group]]), _curvature(q, to_next, to_last))
+
+
+def _curvature(q, to_next, to_last):
+    """Determinant and trace of the curvature of facets, shape (num_facets, 2)."""
+    u, v = to_next[:, 0], to_last[:, 0]
+    uu, vv, uv = (np.einsum("fi,fi->f", *of) for of in ((u, u), (v, v), (u, v)))
+    k_uu, k_vv = 2.0 * q[:, 0], 2.0 * q[:, 2]
+    k_uv = 0.5 * (k_uu + k_vv - 2.0 * q[:, 1])
+    det = k_uu * k_vv - k_uv**2
+    trace = k_uu * vv - 2.0 * k_uv * uv + k_vv * uu
+    return np.stack([det, trace], axis=1) / (uu * vv - uv**2)[:, None]
 
 
 def _mirror(own, group, total):
@@ -80,16 +133,20 @@ def height(bulge, w):
     return (bulge[:, :3] * w * np.roll(w, -1, axis=1)).sum(axis=1) - (bulge[:, 3:] * w).sum(axis=1)
 
 
-def against_plane(bulge, area):
-    """Length m of the contact law of facets against a plane [m], shape (num_facets,).
+def against_walls(curvature, area, bend, cylinder):
+    """Length m of the contact law of points with walls [m], shape (num,).
 
-    XI h² √(κ₁κ₂) with the curvatures κ of the surface, 0 where it is not convex; see contact_law.h.
+    XI h² √det with the determinant of the curvature of the gap, as in kernels/pairs.h.
 
     Args:
-        bulge: Of :func:`facet_bulges`.
-        area: Of the facets [m²], shape (num_facets,).
+        curvature: Determinant and trace of the surface, shape (num, 2).
+        area: Of the facets [m²], shape (num,).
+        bend: Curvature of the walls, positive where the sample is inside [1/m], shape (num,).
+        cylinder: Whether it is that across an axis alone, shape (num,).
     """
-    ab, bc, ca = 2.0 * bulge[:, :3].T
-    det = (ab * ca - 0.25 * (ab + ca - bc) ** 2) / (4.0 * area**2)
-    convex = (det > 0.0) & (ab + ca > 0.0)
+    det, trace = curvature.T
+    det = det - 0.5 * trace * bend * np.where(cylinder, 1.0, 2.0)
+    det += np.where(cylinder, 0.0, bend**2)
+    trace = trace - bend * np.where(cylinder, 1.0, 2.0)
+    convex = (det > 0.0) & (trace > 0.0)
     return XI * 4.0 / np.sqrt(3.0) * area * np.sqrt(np.where(convex, det, 0.0))

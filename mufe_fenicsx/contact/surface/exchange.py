@@ -13,7 +13,7 @@ from .surface import neighbours, rings
 #: Tag of the messages between neighbour ranks.
 TAG = 71
 #: Numbers that tell a facet to another rank.
-NUMBERS = 17
+NUMBERS = 19
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,7 @@ class Surface:
     sharp_edge: np.ndarray  #: whether the edges 0-1, 1-2, 2-0 are sharp, shape (num_facets, 3)
     compliance_of_edge: np.ndarray  #: of sharp ones, relative, of both ends [m/N], (num_facets, 3)
     bulge_of_facet: np.ndarray  #: as of surface.bulges [m], shape (num_facets, 6)
+    curvature_of_facet: np.ndarray  #: as of surface.bulges, shape (num_facets, 2)
     use: np.ndarray  #: False for facets that only complete a ring, shape (num_facets,)
     neighbour: np.ndarray  #: as in kernels.closest, shape (num_facets, 3)
     ring_offset: np.ndarray  #: compressed rows of the facets around each node
@@ -105,7 +106,7 @@ class SurfaceVector(SurfaceArray):
             self.vector.destroy()
 
 
-def exchange_surface(comm, own, layer_of_facet, depth_of_facet, compliance_of_edge, bulge, x, reach):
+def exchange_surface(comm, own, layers, x, reach):
     """Fetch the facets of other ranks that lie within ``reach`` of this rank's surface. Collective.
 
     Ranks whose boxes overlap, grown by ``reach``, tell each other which cells of a grid their
@@ -117,9 +118,7 @@ def exchange_surface(comm, own, layer_of_facet, depth_of_facet, compliance_of_ed
     Args:
         comm: MPI communicator.
         own: :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
-        layer_of_facet: Compliance of own facets [m/Pa], shape (num_facets,).
-        depth_of_facet: Their parts in the largest depth of pairs [m], shape (num_facets,).
-        compliance_of_edge: Of own sharp edges, as of :class:`Surface`, shape (num_facets, 3).
+        layers: :class:`~mufe_fenicsx.contact.stiffness.layers.SurfaceLayers` of own facets.
         x: Positions of own surface nodes [m], shape (num_nodes, 3).
         reach: Distance [m].
 
@@ -133,12 +132,13 @@ def exchange_surface(comm, own, layer_of_facet, depth_of_facet, compliance_of_ed
         facets=own.facets,
         global_facet=first_facet + np.arange(num_facets),
         grain_of_facet=own.grain_of_facet,
-        layer_of_facet=np.array(layer_of_facet),
+        layer_of_facet=np.array(layers.of_facet),
         area_of_facet=own.facet_area,
-        depth_of_facet=depth_of_facet,
+        depth_of_facet=layers.depth_of_facet,
         sharp_edge=own.sharp_edge,
-        compliance_of_edge=compliance_of_edge,
-        bulge_of_facet=bulge,
+        compliance_of_edge=layers.compliance_of_edge,
+        bulge_of_facet=layers.smooth.bulge,
+        curvature_of_facet=layers.smooth.curvature,
         use=np.ones(num_facets, dtype=bool),
         neighbour=own.neighbour,
         ring_offset=own.ring_offset,
@@ -186,7 +186,10 @@ def _with_far(surface, far, num_own):
         compliance_of_edge=np.concatenate(
             [s.compliance_of_edge, far[:, 8:11].copy().view(np.float64)]
         ),
-        bulge_of_facet=np.concatenate([s.bulge_of_facet, far[:, 11:].copy().view(np.float64)]),
+        bulge_of_facet=np.concatenate([s.bulge_of_facet, far[:, 11:17].copy().view(np.float64)]),
+        curvature_of_facet=np.concatenate(
+            [s.curvature_of_facet, far[:, 17:].copy().view(np.float64)]
+        ),
         use=np.concatenate([s.use, flags[:, 0].astype(bool)]),
         neighbour=np.vstack([s.neighbour, neighbour]),
         ring_offset=np.concatenate([s.ring_offset, s.ring_offset[-1] + offset[1:]]),
@@ -267,7 +270,10 @@ def _packed(surface, near, num_nodes, first_node):
     rows[:, 3] = s.global_facet[send]
     rows[:, 4] = 16 * s.grain_of_facet[send].astype(np.int64) + near[send]
     rows[:, 4] += s.sharp_edge[send] @ np.array([2, 4, 8])
-    numbers = s.layer_of_facet, s.area_of_facet, s.depth_of_facet, *s.compliance_of_edge.T, *s.bulge_of_facet.T
+    numbers = (
+        s.layer_of_facet, s.area_of_facet, s.depth_of_facet, *s.compliance_of_edge.T,
+        *s.bulge_of_facet.T, *s.curvature_of_facet.T,
+    )  # fmt: skip
     for k, values in enumerate(numbers):
         rows[:, 5 + k] = values[send].astype(np.float64).view(np.int64)
     return rows

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import InputError
 from ..laws import edge_of_area
-from .bulges import against_plane, height
+from .bulges import height
 
 #: Barycentric coordinates of the quadrature points of a facet, of equal weight.
 RULES = {
@@ -46,8 +46,8 @@ class Points:
     #: Nodes around each point that is a node: surface nodes, int32, one after another;
     around: np.ndarray
     around_of: np.ndarray  #: the first there and how many, int32, shape (num_points, 2)
-    bend: np.ndarray  #: q of its facet (surface.bulges) [m], none at vertices, (num_points, 3)
-    softer: np.ndarray  #: m of the law against a plane [m], shape (num_points,)
+    #: Of the smooth surface there, as of surface.bulges.Bulges; none at vertices, (num_points, 2)
+    curvature: np.ndarray
     recess: np.ndarray  #: depth at which contact begins [m], shape (num_points,)
     num_vertices: int = 0  #: points at sharp vertices beside those of the facets
 
@@ -111,7 +111,7 @@ class Points:
         return at_nodes
 
 
-def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, bulge):
+def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, smooth):
     """Points of a surface. Local.
 
     Args:
@@ -121,6 +121,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, bul
         x: Reference positions of the mesh's nodes [m], shape (num_nodes, 3).
         node_layer, layer: Compliance of the layer of nodes and of facets [m/Pa].
         node_depth, depth: Their parts in the largest depth of pairs [m].
+        smooth: :class:`~.bulges.Bulges` of the own facets; of no use where points are nodes.
 
     Raises:
         InputError: There is no such kind.
@@ -143,8 +144,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, bul
             ring=None,
             around=around,
             around_of=around_of,
-            bend=np.zeros((own.area.size, 3)),
-            softer=np.zeros(own.area.size),
+            curvature=np.zeros((own.area.size, 2)),
             recess=np.zeros(own.area.size),
         )
     rule = RULES[kind]
@@ -173,11 +173,10 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, bul
         ring=np.concatenate([facets, *around]).astype(own.ring.dtype),
         around=neighbours,
         around_of=np.concatenate([np.zeros((facets.size, 2), np.int32), neighbours_of]),
-        bend=both(bulge[:, :3], np.zeros((own.nodes.size, 3))),
-        softer=both(against_plane(bulge, own.facet_area), np.zeros(own.nodes.size)),
+        curvature=both(smooth.curvature, np.zeros((own.nodes.size, 2))),
         recess=np.concatenate(
             [
-                np.stack([-height(bulge, w) for w in rule], axis=1).ravel(),
+                np.stack([-height(smooth.bulge, w) for w in rule], axis=1).ravel(),
                 RECESS * edge_of_area(own.whole_area, 2)[vertex],
             ]
         ),
