@@ -214,8 +214,7 @@ class Walls(Stateful):
     def gaps_of_pairs(self, x):
         """Gaps of all pairs where points of contact are at ``x``, (num_points, 3) [m]. Local."""
         p = self.pairs
-        sag = self.curved.sag_of(p.node, p.wall)
-        return self.gaps(x[p.node], p.wall)[0] - (0.0 if sag is None else sag)
+        return self.gaps(x[p.node], p.wall)[0] + p.recess
 
     def normals_and_curvature(self, x, wall):
         """Normals of walls at places, (num, 3), and their curvature [1/m], shape (num,). Local.

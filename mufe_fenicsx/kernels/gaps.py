@@ -8,8 +8,10 @@ from .closest import INTERIOR, closest_point, pseudo_normal
 
 
 @numba.njit(cache=True, error_model="numpy")
-def find_gaps(gap, normal, x, node, first, candidate, facets, neighbour, ring_offset, ring):
-    """Signed distance of each pair's node from the other grain's candidates, and its direction.
+def find_gaps(
+    gap, normal, x, node, first, candidate, facets, bulge, neighbour, ring_offset, ring
+):  # fmt: skip
+    """Distance of each pair's point over the smooth surface of the other grain, and its direction.
 
     Closest feature first, then the side by its pseudo-normal, as in
     :class:`~mufe_fenicsx.kernels.pairs.PairForces`.
@@ -20,6 +22,7 @@ def find_gaps(gap, normal, x, node, first, candidate, facets, neighbour, ring_of
             the node to the closest point where it is inside, shape (num_pairs, 3).
         x: Positions [m], shape (num_nodes_with_ghosts, 3).
         node, first, candidate: Pairs, as in kernels.search.
+        bulge: Of the facets, as of contact.surface.bulges [m], shape (num_facets, 6).
         facets, neighbour, ring_offset, ring: Surface, as in kernels.closest.
     """
     for p in range(node.size):
@@ -27,6 +30,7 @@ def find_gaps(gap, normal, x, node, first, candidate, facets, neighbour, ring_of
         px, py, pz = x[n, 0], x[n, 1], x[n, 2]
         best, t, feature = math.inf, -1, 0
         rx, ry, rz = 0.0, 0.0, 0.0
+        va, vb, vc = 0.0, 0.0, 0.0
         for k in range(first[p], first[p + 1]):
             f = candidate[k]
             a, b, c = facets[f, 0], facets[f, 1], facets[f, 2]
@@ -37,10 +41,13 @@ def find_gaps(gap, normal, x, node, first, candidate, facets, neighbour, ring_of
             square = dx * dx + dy * dy + dz * dz
             if square < best:
                 best, t, feature, rx, ry, rz = square, f, touched, dx, dy, dz
+                va, vb, vc = wa, wb, wc
         d = math.sqrt(best)
         nx, ny, nz = pseudo_normal(x, facets, t, feature, neighbour, ring_offset, ring)
         g = d if rx * nx + ry * ny + rz * nz >= 0.0 else -d
-        gap[p] = g
+        q = bulge[t]
+        gap[p] = g - q[0] * va * vb - q[1] * vb * vc - q[2] * vc * va
+        gap[p] += q[3] * va + q[4] * vb + q[5] * vc
         if feature != INTERIOR:
             a, b = facets[t, 0], facets[t, 1]
             edge = (

@@ -84,7 +84,9 @@ def test_a_turned_scene_has_the_same_forces_and_balance():
     ring = {"name": "ring", "point": ROW, "normal": UP, "radius": 3 * RADIUS, "growth_rate": -0.5}
     forces = []
     for turn in (np.eye(3), rotation_of(np.array([0.4, -1.1, 0.7]))):
-        s = row_of_balls([ring, *PLANES], turn, friction=0.3, damping=2e4)
+        s = row_of_balls(
+            [ring, *PLANES], turn, friction=0.3, damping=2e4, time_step_factor=0.4
+        )
         while s.state.t < 4e-4:
             s.step()
         forces.append(s.wall_forces())
@@ -93,7 +95,8 @@ def test_a_turned_scene_has_the_same_forces_and_balance():
         assert abs(energies["residual"]) < 1e-3 * energies["work"]
     assert forces[0].min() > 0.05
     # The time step looks at a box around the points near a wall, which turns with the scene: steps
-    # differ by 2 %, and with them what of the load has arrived, here of waves that still run.
+    # differ by 2 %, and with them what of the load has arrived, here of waves that still run. The
+    # least force, 1 % of the largest, differs by 4 % at twice the step, by 0.7 % at this one.
     np.testing.assert_allclose(forces[1], forces[0], rtol=0.02)
 
 

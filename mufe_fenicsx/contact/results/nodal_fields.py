@@ -73,6 +73,7 @@ def _nearest(contact):
     """Gaps of own surface nodes to what is nearest to the points around them [m], inf for none."""
     points, p, walls = contact.points, contact.pairs, contact.walls
     w, gap = walls.pairs, np.full(contact.own.nodes.size, np.inf)
+    contact.bind()
     contact.ghosts.place_points()
 
     def take(pairs, some, distance):
@@ -101,7 +102,7 @@ def _gaps(contact, some):
     node, first = p.node[some], p.first[some.start : some.stop + 1]
     gap, normal = np.empty(node.size), np.empty((node.size, 3))
     find_gaps(
-        gap, normal, g.positions.array, node, first, p.candidate, g.facets,
+        gap, normal, g.positions.array, node, first, p.candidate, g.facets, s.bulge_of_facet,
         s.neighbour, g.ring_offset, g.ring,
     )  # fmt: skip
-    return gap, normal
+    return gap + contact.points.recess[node], normal

@@ -31,6 +31,12 @@ class Augmentation:
     def __init__(self, contact):
         self.contact = contact
         self._lift = None
+        # Springs as stiff as can be: small contacts are softer, but here depths go altogether.
+        layers, points, surface = contact.layers, contact.points, contact.surface
+        for of in (layers.smooth.curvature, points.curvature, surface.curvature_of_facet):
+            of[:] = 0.0
+        for pairs in (contact.pairs, contact.walls.pairs):
+            pairs.softer[:] = 0.0
 
     def _parts(self):
         """Pairs with facets and with walls, each with its stiffnesses [N/m].
