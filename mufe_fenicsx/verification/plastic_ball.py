@@ -57,6 +57,15 @@ class Course:
         return float(approach.mean()), float(force.mean()), float(force.sum() / area.sum())
 
 
+def slope_of(growth, elements_per_radius):
+    """Growth of the element size with the distance from a contact.
+
+    ``growth`` at 2.5 elements per radius. Meshes with more are finer everywhere in proportion; those
+    with fewer are nearly uniform, as the meshes of whole samples are, where contacts are so small.
+    """
+    return growth * min(2.5 / elements_per_radius, elements_per_radius / 2.5)
+
+
 def press_ball(
     comm,
     material,
@@ -84,7 +93,7 @@ def press_ball(
         approach: Way of the plane from the first touch [m].
         contact_radius: For which the mesh is made [m].
         elements_per_radius: That radius over the length of edges there.
-        growth: Growth of the element size with the distance, times elements_per_radius / 2.5.
+        growth: Growth of the element size with the distance, for :func:`slope_of`.
         element: One of solid.ELEMENTS.
         periods: Duration over the period of a shear wave between pole and base.
         records: Number of records.
@@ -97,7 +106,7 @@ def press_ball(
         :class:`Course`.
     """
     h = contact_radius / elements_per_radius
-    slope = growth * 2.5 / elements_per_radius
+    slope = slope_of(growth, elements_per_radius)
     points, cells = half_ball(RADIUS, h, slope, (0.0, 0.0, 1.0), contact_radius, 0.4 * RADIUS)
     # The pole is a node: it is moved off the axis by a part of an element.
     tilt = turn([0.37 * h / RADIUS, -0.21 * h / RADIUS, 0])

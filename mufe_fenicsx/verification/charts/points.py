@@ -23,7 +23,7 @@ from ..hertz_bodies import hertz_at, whole_contact
 from ..impact import QUARTZ, impact_theory, normal_impact
 from ..mindlin import shear_balls
 from ..packing import angular_grains
-from ..plastic_ball import RADIUS, press_ball
+from ..plastic_ball import RADIUS, press_ball, slope_of
 from ..plastic_sphere import mean_pressure
 from ..polyhedra import SAMPLE, polyhedral_grains
 from ..reference import load, perfect_name
@@ -85,7 +85,7 @@ def hertz_point(
         comm: MPI communicator.
         elements_per_radius: Contact radius at the end over the length of edges there; of
             composites, of their parts.
-        growth: Growth of the element size with the distance, times 2.5/elements_per_radius.
+        growth: Growth of the element size with the distance, for plastic_ball.slope_of.
         element, law, integrator, time_step: The choices.
         added_mass: Most mass that is added for a longer time step, over that of the body.
         loading: Duration over three periods of the ball.
@@ -135,7 +135,7 @@ def mindlin_point(
     Args:
         comm: MPI communicator.
         elements_per_radius: Contact radius over the length of edges there.
-        growth: Growth of the element size with the distance, times 2.5/elements_per_radius.
+        growth: Growth of the element size with the distance, for plastic_ball.slope_of.
         element, law, integrator, time_step: The choices.
         added_mass: Most mass that is added for a longer time step, over that of the bodies.
         loading: Duration of half a cycle over six periods of a cap.
@@ -145,7 +145,7 @@ def mindlin_point(
     friction, ratio = 0.3, 0.8
     s = shear_balls(
         comm, elements_per_radius, a_over_R, nu, friction, ratio,
-        growth * 2.5 / elements_per_radius, PERIODS["mindlin"] * loading, integrator,
+        slope_of(growth, elements_per_radius), PERIODS["mindlin"] * loading, integrator,
         varying=(), added_mass=0.0, element=element, **options_of(law, time_step, added_mass),
     )  # fmt: skip
     away = np.abs(s.force - s.theory).mean()
@@ -174,7 +174,7 @@ def impact_point(
     Args:
         comm: MPI communicator.
         elements_per_radius: Contact radius over the length of edges there.
-        growth: Growth of the element size with the distance, times 2.5/elements_per_radius.
+        growth: Growth of the element size with the distance, for plastic_ball.slope_of.
         element, law, fidelity, time_step: The choices.
         added_mass: Most mass that is added for a longer time step, over that of the balls.
         speed: Against the plane [m/s].
@@ -182,7 +182,7 @@ def impact_point(
     """
     material = QUARTZ if fidelity == "elastic" else Rigid(QUARTZ.E, QUARTZ.nu, QUARTZ.rho)
     found = normal_impact(
-        comm, speed, elements_per_radius, growth * 2.5 / elements_per_radius, material,
+        comm, speed, elements_per_radius, slope_of(growth, elements_per_radius), material,
         element=element, **options_of(law, time_step, added_mass),
     )  # fmt: skip
     peaks = found.force.max(axis=0), found.approach.max(axis=0)
