@@ -67,12 +67,13 @@ class Contact(Stateful):
         self.friction = settings.pair_friction.table(settings.friction_kinetic, mesh.labels.size)
         self.layers = SurfaceLayers(mesh, own, x, grains, settings)
         self.points = self.layers.points
-        smooth, places = self.layers.smooth, (own.facets, x[own.nodes])
-        rise, slope = 2.0 * smooth.highest(), smooth.steepest(*places)
-        rise, slope = self.comm.allreduce(np.array([rise, slope]), op=MPI.MAX)
+        smooth = self.layers.smooth
+        most = np.array([2.0 * smooth.highest(), smooth.steepest(own.facets, x[own.nodes])])
+        self.comm.Allreduce(MPI.IN_PLACE, most, op=MPI.MAX)
+        rise, slope = most.tolist()
         #: By how much smooth surfaces bring facets nearer, or gaps jump across sharp edges [m], and
         #: how much faster than points gaps go at most.
-        self._smooth = float(rise), math.hypot(1.0, slope)
+        self._smooth = rise, math.hypot(1.0, slope)
         #: The first of the bodies that are tools; None: there are none.
         self.first_tool = mesh.first_tool if mesh.tools else None
         area = own.facet_area[own.grain_of_facet < mesh.first_tool]

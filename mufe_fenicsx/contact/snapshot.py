@@ -272,6 +272,7 @@ def restore_contact(contact, mesh, tables, everything_moves):
     known = np.flatnonzero(pairs.known)
     facet = pairs.candidate[pairs.closest[known]]
     pairs.vertices[known], pairs.sharp[known] = ghosts.facets[facet], contact.edges.beside[facet]
+    pairs.bulge[known] = contact.surface.bulge_of_facet[facet]
     walls.pairs = _wall_pairs(contact, names, tables.pop("wall_pairs"))
     _set_edge_pairs(contact, names, tables.pop("edge_pairs"))
 

@@ -90,6 +90,8 @@ class Pairs(Stateful):
         source = source[new]
         copy_rows(self.state, new, old.state, source)
         self.known[new], self.work[new] = False, 0.0  # the ledger has the work
+        for of_closest in (self.vertices, self.sharp, self.bulge):
+            of_closest[new] = 0
         # A pair whose check was due may have closed by the motion since, and no other.
         self.next_check[new] = np.minimum(old.next_check[source], bound[new] + wait)
         known = old.closest_facet[source] >= 0
