@@ -8,12 +8,15 @@ nodes a, b, c at ``x``, and the barycentric coordinates w of a point, its height
 2 q_ab is the curvature along the edge times the square of its length. The offset o of a node is the
 mean of (q_ab + q_bc + q_ca)/12 over its facets, by area: the surface then encloses the volume that
 the facets enclose. The normal of a node is the sum of those of its facets, each times its angle
-there, over the facets that no sharp edge parts from each other. Where all are flat, q and o vanish.
+there, over the facets that no edge parts where the surface turns by more than ``SHARP_EDGE``, in or
+out. Where all are flat, q and o vanish.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+
+from .surface import SHARP_EDGE
 
 #: As in kernels/pairs.h.
 XI = 0.104
@@ -80,7 +83,8 @@ def bulges_of(own, x):
     cosine /= np.linalg.norm(to_next, axis=2) * np.linalg.norm(to_last, axis=2)
     angle = np.arccos(np.clip(cosine, -1.0, 1.0))
     # Corners of facets at a node belong together where the edge between these is not sharp.
-    facet, edge = np.nonzero((own.neighbour >= 0) & ~own.sharp_edge)
+    turn = np.einsum("fi,fki->fk", normal, normal[own.neighbour])
+    facet, edge = np.nonzero((own.neighbour >= 0) & (turn >= np.cos(SHARP_EDGE)))
     other = own.neighbour[facet, edge]
     pairs = []
     for end in (edge, (edge + 1) % 3):
