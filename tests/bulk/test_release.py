@@ -25,7 +25,7 @@ def balls(margin, material=Auto, velocity=None):
     options = {} if material is J2 else {"margin": margin}
     return build(
         MPI.COMM_WORLD, bodies, material(**ROCK, **options), (0, 0, 0), (0, 0, 0), axes="",
-        walls=[low, top], friction=0.4, velocity=velocity,
+        walls=[low, top], friction=0.4, velocity=velocity, time_step_factor=0.4,
     )  # fmt: skip
 
 
@@ -74,7 +74,8 @@ def test_only_loaded_grains_deform_and_answer_as_j2_does():
             forces.append(s.wall_forces().mean())
         force.append(np.mean(forces[-50:]))
         e = s.energies()
-        # Bodies that begin to deform in the middle of a step leave a part of one step's work.
+        # Bodies that begin to deform in the middle of a step leave a part of one step's work;
+        # trapezoids of springs that are not linear 1.5e-4 at twice the step.
         assert abs(e["residual"]) < 1e-4 * e["work"]
     mesh = auto.mesh
     labels = auto.comm.allgather(mesh.labels[mesh.grains[auto.solid.grains]])

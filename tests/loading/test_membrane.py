@@ -131,7 +131,8 @@ def test_the_servo_measures_the_grains_alone():
     energies = s.energies()
     assert energies["elastic"] + energies["contact"] > 5.0 * energy
     density = s.mass_of_grains() / volume
-    assert density * SOFT.E < servo.impedance**2 < density * 3 * bulk
+    # Stresses that are not uniform store more: some per cent.
+    assert 0.95 * density * SOFT.E < servo.impedance**2 < density * 3 * bulk
 
 
 def test_a_checkpoint_keeps_what_is_glued_and_pressed():
