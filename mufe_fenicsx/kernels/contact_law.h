@@ -10,13 +10,13 @@
    more, 4 b m d²/(d + m)². ``m`` is XI h²/R, of a flat contact 0. Beyond the largest depth it
    grows no more. Written once for one pair and for lanes of them. */
 #define SOFTER 0.47
-#define NORMAL_LAW(name, real)                                \
-  INLINE real name(real d, real m) {                          \
-    const real part = d / (d + m);                            \
-    return d - 4.0 * SOFTER * m * part * part;                \
-  }
-NORMAL_LAW(over_stiffness, double)
-NORMAL_LAW(over_stiffness_each, vec)
+#define NORMAL_LAW(name, share, real)                         \
+  INLINE real share(real d, real m) {                         \
+    return 1.0 - 4.0 * SOFTER * m * d / ((d + m) * (d + m));  \
+  }                                                           \
+  INLINE real name(real d, real m) { return d * share(d, m); }
+NORMAL_LAW(over_stiffness, share_of_stiffness, double)
+NORMAL_LAW(over_stiffness_each, share_of_stiffness_each, vec)
 INLINE double normal_force(double stiffness, double m, double depth, double largest_depth) {
   return stiffness * over_stiffness(least(depth, largest_depth), m);
 }

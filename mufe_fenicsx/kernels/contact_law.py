@@ -20,6 +20,12 @@ def over_stiffness(d, m):
 
 
 @numba.njit(cache=True)
+def share_of_stiffness(d, m):
+    """Normal force over stiffness and depth; of friction's spring the same share is there."""
+    return 1.0 - 4.0 * SOFTER * m * d / (d + m) ** 2 if m > 0.0 else 1.0
+
+
+@numba.njit(cache=True)
 def slope_over_stiffness(d, m):
     """Derivative of :func:`over_stiffness` by the depth, at most 1."""
     return 1.0 - 8.0 * SOFTER * m * m * d / (d + m) ** 3 if m > 0.0 else 1.0

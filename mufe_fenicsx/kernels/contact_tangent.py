@@ -21,6 +21,7 @@ from .contact_law import (
     law_slope,
     left_by_slip,
     normal_force,
+    share_of_stiffness,
     slope_over_stiffness,
     stored_energy,
 )
@@ -206,6 +207,7 @@ def pair_tangent(
             fixed[m] = facing[p, m] if on_it else 0.0
         kn = stiffness[p]
         kt = kn * ratio_of_node[n] if closed0[p] else 0.0
+        kt *= share_of_stiffness(min(offset[p] - gap[p], largest_depth[p]), softer[p])
         mu, short = -1.0, math.inf
         if feature != INTERIOR and not on_it:
             short = abs(height)
@@ -374,6 +376,7 @@ def wall_tangent(
         _take_corners(at, weight, n, corner, corner_weight)
         kn = area[n] / layer[n]
         kt = kn * ratio[n] if closed0[p] else 0.0
+        kt *= share_of_stiffness(depth[p], softer[p])
         mu, left = 0.0, 1.0
         e[:] = 0.0
         if sliding[p] and closed0[p]:

@@ -5,7 +5,7 @@ import ctypes
 import numba
 import numpy as np
 
-from .contact_law import spring_energy, stored_energy
+from .contact_law import share_of_stiffness, spring_energy, stored_energy
 from .native import Pointers, aligned, load
 from .points import corners_of
 
@@ -217,5 +217,6 @@ def pair_energy(gap, offset, closed, stiffness, softer, shear, node, ratio_of_no
         if closed[p]:
             count += 1
             energy += stored_energy(stiffness[p], offset[p] - gap[p], largest_depth[p], softer[p])
-            energy += spring_energy(shear[p], stiffness[p] * ratio_of_node[node[p]])
+            share = share_of_stiffness(min(offset[p] - gap[p], largest_depth[p]), softer[p])
+            energy += spring_energy(shear[p], share * stiffness[p] * ratio_of_node[node[p]])
     return energy, count

@@ -96,7 +96,8 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   can &= ~changed;
 
   /* Normal force, on the smooth surface, and friction, along the facet. */
-  const vec kt = kn * ratio, N = steep * kn * over_stiffness_each(depth, softer);
+  const vec share = kn * share_of_stiffness_each(depth, softer);
+  const vec kt = share * ratio, N = steep * share * depth;
   lanes3 spring = difference(point, mean_of((lanes3){sixth[0], sixth[1], sixth[2]}, a, b, d));
   vec held = all(c->friction), kinetic = all(c->friction_kinetic);
   if (m->friction)

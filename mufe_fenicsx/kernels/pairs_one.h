@@ -67,10 +67,15 @@ static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double li
   return best;
 }
 
+/* Stiffness of friction's spring: as much of the layer's as of the normal one's is there. */
+INLINE double tangential_stiffness(const state_type *s, double depth) {
+  return s->stiffness * s->ratio * share_of_stiffness(least(depth, s->largest_depth), s->softer);
+}
+
 /* Energy of the springs of a closed pair, normal and tangential. */
 INLINE double energy_of(const state_type *s, double depth) {
   return stored_energy(s->stiffness, s->softer, depth, s->largest_depth) +
-         dot(s->shear, s->shear) / (2.0 * s->stiffness * s->ratio);
+         dot(s->shear, s->shear) / (2.0 * tangential_stiffness(s, depth));
 }
 
 /* Forces of the pair p, which has been looked at where ``looked``, ``before`` being the candidate
@@ -203,7 +208,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   m->next_check[p] = bound;
 
   /* Normal force, on the smooth surface, and friction, along the facet. */
-  const double kn = s->stiffness, kt = kn * s->ratio;
+  const double kn = s->stiffness, kt = tangential_stiffness(s, depth);
   const double N = steep * normal_force(kn, s->softer, depth, s->largest_depth);
   s->normal_force = N;
   vec3 spring = minus(point, mean(s->stick_point, t.a, t.b, t.c));

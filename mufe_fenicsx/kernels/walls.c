@@ -117,7 +117,8 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
     s->closed = 1;
     s->stick_point = r;
   }
-  const double kn = s->stiffness, kt = kn * s->ratio, N = kn * over_stiffness(depth, s->softer);
+  const double share = s->stiffness * share_of_stiffness(depth, s->softer);
+  const double kt = share * s->ratio, N = share * depth;
   s->normal_force = N;
   vec3 spring = minus(r, s->stick_point);
   const slip_type found = slip(&spring, normal, kt, s->sliding, wall->friction * N,
@@ -189,7 +190,8 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
   const mask closed = FLAG(flags, closed), in_front = ~closed & (g >= 0.0) & (depth <= 0.0);
   const unsigned can = wanted & bits(closed & (depth > 0.0)), open = wanted & bits(in_front);
 
-  const vec kn = spring_row[2], kt = kn * head[3], N = kn * over_stiffness_each(depth, law[0]);
+  const vec share = spring_row[2] * share_of_stiffness_each(depth, law[0]);
+  const vec kt = share * head[3], N = share * depth;
   const lanes3 stick_point = {stick_point_row[0], stick_point_row[1], stick_point_row[2]};
   lanes3 spring = difference(r, stick_point);
   const slips_type found =

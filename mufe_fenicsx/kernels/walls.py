@@ -6,7 +6,7 @@ import math
 import numba
 import numpy as np
 
-from .contact_law import spring_energy, stored_energy
+from .contact_law import share_of_stiffness, spring_energy, stored_energy
 from .native import Pointers, address, aligned, load
 from .pairs import column, fill_rows
 from .points import corners_of
@@ -308,7 +308,8 @@ def wall_energy(gap, offset, closed, softer, shear, node, layer, area, ratio):
             kn = area[node[p]] / layer[node[p]]
             depth = offset[p] - gap[p]
             energy += stored_energy(kn, depth, math.inf, softer[p])
-            energy += spring_energy(shear[p], kn * ratio[node[p]])
+            kt = kn * ratio[node[p]] * share_of_stiffness(depth, softer[p])
+            energy += spring_energy(shear[p], kt)
     return energy, count
 
 

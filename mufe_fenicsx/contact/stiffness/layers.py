@@ -1,5 +1,7 @@
 """How stiff this rank's surface is in contact: layers, depths, compliance of edges."""
 
+import numpy as np
+
 from ...state import Stateful
 from ..laws import LAYERS, inertial_layers, largest_depths, replace_layers
 from ..pairs.edge_pairs import edge_compliances
@@ -33,6 +35,8 @@ class SurfaceLayers(Stateful):
         faceted = self.kinematic or settings.points == "nodes"
         #: The smooth surface over the facets, :class:`~mufe_fenicsx.contact.surface.bulges.Bulges`.
         self.smooth = no_bulges(own) if faceted else bulges_of(own, x[own.nodes])
+        if grains.rigid_layer is not None:  # layers of rigid grains stand for all that yields
+            self.smooth.curvature[~np.isnan(grains.rigid_layer[own.local_grain_of_facet])] = 0.0
         #: :class:`~mufe_fenicsx.contact.surface.points.Points` of the surface.
         self.points = surface_points(settings.points, mesh, own, x, *layers, *depths, self.smooth)
         #: Tangential over normal stiffness of points, shape (num_points,).
