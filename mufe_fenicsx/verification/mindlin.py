@@ -208,7 +208,6 @@ def _stick_radius(s, friction):
     p = s.contact.pairs
     on = np.flatnonzero(p.closed)
     shear = np.linalg.norm(p.shear[on], axis=1)
-    normal = p.stiffness[on] * (p.offset[on] - p.gap[on])
-    stuck = on[shear < 0.98 * friction * normal]
+    stuck = on[shear < 0.98 * friction * p.normal_force[on]]
     area = s.comm.allreduce(s.contact.points.area[p.node[stuck]].sum())
     return math.sqrt(0.5 * area / math.pi)
