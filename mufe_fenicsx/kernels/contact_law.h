@@ -10,13 +10,17 @@
    more, 4 b m d²/(d + m)². ``m`` is XI h²/R, of a flat contact 0. Beyond the largest depth it
    grows no more. Written once for one pair and for lanes of them. */
 #define SOFTER 0.47
-#define NORMAL_LAW(name, share, real)                         \
-  INLINE real share(real d, real m) {                         \
-    return 1.0 - 4.0 * SOFTER * m * d / ((d + m) * (d + m));  \
-  }                                                           \
-  INLINE real name(real d, real m) { return d * share(d, m); }
-NORMAL_LAW(over_stiffness, share_of_stiffness, double)
-NORMAL_LAW(over_stiffness_each, share_of_stiffness_each, vec)
+#define NORMAL_LAW(name, share, slope, real)                                       \
+  INLINE real share(real d, real m) {                                              \
+    return 1.0 - 4.0 * SOFTER * m * d / ((d + m) * (d + m));                       \
+  }                                                                                \
+  INLINE real name(real d, real m) { return d * share(d, m); }                     \
+  /* The derivative of that share. */                                              \
+  INLINE real slope(real d, real m) {                                              \
+    return 4.0 * SOFTER * m * (d - m) / ((d + m) * (d + m) * (d + m));             \
+  }
+NORMAL_LAW(over_stiffness, share_of_stiffness, slope_of_share, double)
+NORMAL_LAW(over_stiffness_each, share_of_stiffness_each, slope_of_share_each, vec)
 INLINE double normal_force(double stiffness, double m, double depth, double largest_depth) {
   return stiffness * over_stiffness(least(depth, largest_depth), m);
 }
@@ -27,6 +31,19 @@ INLINE double stored_energy(double stiffness, double m, double depth, double lar
   return stiffness * (0.5 * d * d - 4.0 * SOFTER * less) +
          normal_force(stiffness, m, d, largest_depth) * (depth - d);
 }
+
+/* Friction's spring softens with the depth as the normal one does, so its energy ½ kt u² lowers the
+   normal force to N + ½ kt' u², with the derivative kt' of kt by the depth. Friction that slips is
+   μ times that: T = μ (N + ½ kt' T²/kt²), where 2 μ² kt' N < kt², which all but μ > 1.2 fulfil. */
+#define LIMIT(name, real, root, larger)                                                      \
+  INLINE real name(real mu, real N, real kt, real slope) {                                   \
+    const real square = 1.0 - 2.0 * mu * mu * slope * N / (kt * kt);                         \
+    return 2.0 * mu * N / (1.0 + root(larger(square)));                                      \
+  }
+INLINE double not_negative(double a) { return a > 0.0 ? a : 0.0; }
+INLINE vec not_negative_each(vec a) { return where(a > 0.0, a, all(0.0)); }
+LIMIT(limit_of_friction, double, sqrt, not_negative)
+LIMIT(limit_of_friction_each, vec, square_root, not_negative_each)
 
 /* Coulomb's law, written once for one pair and for lanes of them: whether a spring slips, the part
    of it that is left, the distance that slipped and the energy of that.

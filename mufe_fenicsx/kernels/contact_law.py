@@ -32,6 +32,23 @@ def slope_over_stiffness(d, m):
 
 
 @numba.njit(cache=True)
+def slope_of_share(d, m):
+    """Derivative of :func:`share_of_stiffness` by the depth [1/m]."""
+    return 4.0 * SOFTER * m * (d - m) / (d + m) ** 3 if m > 0.0 else 0.0
+
+
+@numba.njit(cache=True)
+def limit_of_friction(mu, N, kt, slope):
+    """Friction of a contact that slips [N]: μ times the normal force, which it lowers itself.
+
+    The energy ½ kt u² of friction's spring, whose stiffness has the derivative ``slope`` by the
+    depth, makes the normal force N + ½ slope u². Where kt is 0 there is no friction yet.
+    """
+    square = 1.0 - 2.0 * mu * mu * slope * N / (kt * kt) if kt > 0.0 else 1.0
+    return 2.0 * mu * N / (1.0 + math.sqrt(max(square, 0.0)))
+
+
+@numba.njit(cache=True)
 def depths_of(over, m):
     """Depths at which :func:`over_stiffness` has the values ``over`` [m], shape (num,).
 
@@ -107,14 +124,29 @@ def lost_in_slip(shear, stiffness, part, dx, dy, dz):
 
 
 @numba.njit(cache=True)
-def law_slope(K, n, e, kn, kt, mu, left):
+def pressing_force(kn, kt, d, m, spring, mu):
+    """Normal force at a depth [N], with what friction's spring of a given length adds to it.
+
+    ``kt``: of the spring where the contact is flat; ``mu``: of a contact that slips, whose spring is
+    as long as its friction makes it, negative for one that sticks.
+    """
+    N, slope = kn * over_stiffness(d, m), kt * slope_of_share(d, m)
+    if mu >= 0.0:
+        stiffness = kt * share_of_stiffness(d, m)
+        spring = limit_of_friction(mu, N, stiffness, slope) / stiffness if stiffness > 0.0 else 0.0
+    return N + 0.5 * slope * spring * spring
+
+
+@numba.njit(cache=True)
+def law_slope(K, n, e, kn, kt, mu, left, c):
     """Minus the derivative of a contact's force by the place of its point, in place.
 
-    kn n nᵀ + μ kn e nᵀ + left kt (1 - n nᵀ - e eᵀ) with the direction e of friction; without slip
-    μ and e are zero, and the part ``left`` of the spring is one.
+    kn n nᵀ + μ kn e nᵀ + left kt (1 - n nᵀ - e eᵀ) - n cᵀ - c nᵀ with the direction e of friction;
+    without slip μ and e are zero, and the part ``left`` of the spring is one. c is the spring times
+    the derivative of its stiffness by the depth, zero with slip.
     """
     for i in range(3):
         for j in range(3):
             nn = n[i] * n[j]
             K[i, j] = kn * nn + kt * left * ((1.0 if i == j else 0.0) - nn - e[i] * e[j])
-            K[i, j] += mu * kn * e[i] * n[j]
+            K[i, j] += mu * kn * e[i] * n[j] - n[i] * c[j] - c[i] * n[j]

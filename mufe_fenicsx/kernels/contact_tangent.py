@@ -7,7 +7,7 @@ and whether it slips. Positions are taken relative to one of the nodes, and cent
 ``STEP`` of the size of a contact leave some 1e-9 of the stiffness, by truncation and by rounding.
 Friction of a contact that slips has the direction of its spring, and beside an edge or a vertex the
 normal has that of the way to it: steps are ``NEAR`` of these lengths at most.
-Walls are planes; their derivative is written out.
+Walls are planes; their derivative is written out but for that of the normal force by the depth.
 """
 
 import math
@@ -20,9 +20,11 @@ from .contact_law import (
     friction_of,
     law_slope,
     left_by_slip,
+    limit_of_friction,
     normal_force,
+    pressing_force,
     share_of_stiffness,
-    slope_over_stiffness,
+    slope_of_share,
     stored_energy,
 )
 from .edge_springs import at_place, in_series, push_along
@@ -127,15 +129,20 @@ def _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset, recess, lar
     hx, hy, hz = nx - gx, ny - gy, nz - gz
     steep = math.sqrt(hx * hx + hy * hy + hz * hz)
     hx, hy, hz = hx / steep, hy / steep, hz / steep
-    N = steep * normal_force(kn, offset - height - recess + z, largest, softer)
+    depth = offset - height - recess + z
+    N = steep * normal_force(kn, depth, largest, softer)
+    slope = steep * kt * slope_of_share(depth, softer) if depth < largest else 0.0
+    kt *= share_of_stiffness(min(depth, largest), softer)
     sx = X[6, 0] - stick_point[0] * X[3, 0] - stick_point[1] * X[4, 0] - stick_point[2] * X[5, 0]
     sy = X[6, 1] - stick_point[0] * X[3, 1] - stick_point[1] * X[4, 1] - stick_point[2] * X[5, 1]
     sz = X[6, 2] - stick_point[0] * X[3, 2] - stick_point[1] * X[4, 2] - stick_point[2] * X[5, 2]
     along = sx * nx + sy * ny + sz * nz
     sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
     if mu >= 0.0:
-        keep = left_by_slip(kt * math.sqrt(sx * sx + sy * sy + sz * sz), mu * N)
+        limit = limit_of_friction(mu, N, kt, slope)
+        keep = left_by_slip(kt * math.sqrt(sx * sx + sy * sy + sz * sz), limit)
         sx, sy, sz = keep * sx, keep * sy, keep * sz
+    N += 0.5 * slope * (sx * sx + sy * sy + sz * sz)
     tx, ty, tz = -kt * sx, -kt * sy, -kt * sz
     fx, fy, fz = N * hx + tx, N * hy + ty, N * hz + tz
     for m in range(3):
@@ -207,7 +214,6 @@ def pair_tangent(
             fixed[m] = facing[p, m] if on_it else 0.0
         kn = stiffness[p]
         kt = kn * ratio_of_node[n] if closed0[p] else 0.0
-        kt *= share_of_stiffness(min(offset[p] - gap[p], largest_depth[p]), softer[p])
         mu, short = -1.0, math.inf
         if feature != INTERIOR and not on_it:
             short = abs(height)
@@ -216,10 +222,11 @@ def pair_tangent(
             mu = friction_of(friction, friction_row, p)[1]
             limit = mu * normal_force[p]
             if limit > 0.0:  # back to the spring before the slip
-                trial = limit + kt * (slip[p] - slip0[p])
-                short = min(short, trial / kt)
+                share = share_of_stiffness(min(offset[p] - gap[p], largest_depth[p]), softer[p])
+                length = limit / (kt * share) + slip[p] - slip0[p]
+                short = min(short, length)
                 for m in range(3):
-                    spring[m] = -trial / (limit * kt) * shear[p, m]
+                    spring[m] = -length / limit * shear[p, m]
                 a0, a1, a2 = _anchor_of(
                     spring[0], spring[1], spring[2], X[6, 0] - height * facing[p, 0],
                     X[6, 1] - height * facing[p, 1], X[6, 2] - height * facing[p, 2],
@@ -366,7 +373,7 @@ def wall_tangent(
         curvature: κ of the wall there, negative where grains are outside [1/m], (num_pairs,).
         axis: Normals or axes of the walls, shape (num_walls, 3).
     """
-    K, e = np.zeros((3, 3)), np.zeros(3)
+    K, e, c = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
     at, weight = np.empty(3, np.int32), np.zeros(3)
     count = 0
     for p in range(node.size):
@@ -376,16 +383,23 @@ def wall_tangent(
         _take_corners(at, weight, n, corner, corner_weight)
         kn = area[n] / layer[n]
         kt = kn * ratio[n] if closed0[p] else 0.0
-        kt *= share_of_stiffness(depth[p], softer[p])
-        mu, left = 0.0, 1.0
-        e[:] = 0.0
+        flat_kt, d, m = kt, depth[p], softer[p]
+        kt *= share_of_stiffness(d, m)
+        mu, left, spring = -1.0, 1.0, 0.0
+        e[:], c[:] = 0.0, 0.0
         if sliding[p] and closed0[p]:
             mu = friction_kinetic[w]
             limit = mu * normal_force[p]
             left = left_by_slip(limit + kt * (slip[p] - slip0[p]), limit)
             if limit > 0.0:
                 e[:] = shear[p] / limit
-        law_slope(K, normal[p], e, kn * slope_over_stiffness(depth[p], softer[p]), kt, mu, left)
+        elif closed0[p]:
+            c[:] = -flat_kt * slope_of_share(d, m) / kt * shear[p]
+            spring = math.sqrt(shear[p, 0] ** 2 + shear[p, 1] ** 2 + shear[p, 2] ** 2) / kt
+        step = STEP * d
+        more = pressing_force(kn, flat_kt, d + step, m, spring, mu)
+        less = pressing_force(kn, flat_kt, d - step, m, spring, mu)
+        law_slope(K, normal[p], e, (more - less) / (2.0 * step), kt, max(mu, 0.0), left, c)
         turning = normal_force[p] * curvature[p]
         if turning != 0.0:
             for m in range(3):

@@ -97,7 +97,8 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
 
   /* Normal force, on the smooth surface, and friction, along the facet. */
   const vec share = kn * share_of_stiffness_each(depth, softer);
-  const vec kt = share * ratio, N = steep * share * depth;
+  const vec kt = share * ratio, kt_slope = steep * kn * ratio * slope_of_share_each(depth, softer);
+  vec N = steep * share * depth;
   lanes3 spring = difference(point, mean_of((lanes3){sixth[0], sixth[1], sixth[2]}, a, b, d));
   vec held = all(c->friction), kinetic = all(c->friction_kinetic);
   if (m->friction)
@@ -107,8 +108,10 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
       held[i] = mu.held, kinetic[i] = mu.kinetic;
     }
   const slips_type found =
-      slip_each(&spring, n, kt, FLAG(word, sliding), held * N, kinetic * N,
-           (lanes3){seventh[0], seventh[1], seventh[2]});
+      slip_each(&spring, n, kt, FLAG(word, sliding), limit_of_friction_each(held, N, kt, kt_slope),
+                limit_of_friction_each(kinetic, N, kt, kt_slope),
+                (lanes3){seventh[0], seventh[1], seventh[2]});
+  N += 0.5 * kt_slope * product(spring, spring);
   const mask sliding = found.sliding;
   const lanes3 to_anchor = difference(ap, moved_along(spring, height, n));
   const vec along_ab = product(to_anchor, ab), along_ac = product(to_anchor, ac);

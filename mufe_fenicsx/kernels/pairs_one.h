@@ -72,6 +72,11 @@ INLINE double tangential_stiffness(const state_type *s, double depth) {
   return s->stiffness * s->ratio * share_of_stiffness(least(depth, s->largest_depth), s->softer);
 }
 
+/* Its derivative by the depth. */
+INLINE double tangential_slope(const state_type *s, double depth) {
+  return depth < s->largest_depth ? s->stiffness * s->ratio * slope_of_share(depth, s->softer) : 0.0;
+}
+
 /* Energy of the springs of a closed pair, normal and tangential. */
 INLINE double energy_of(const state_type *s, double depth) {
   return stored_energy(s->stiffness, s->softer, depth, s->largest_depth) +
@@ -209,12 +214,15 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
 
   /* Normal force, on the smooth surface, and friction, along the facet. */
   const double kn = s->stiffness, kt = tangential_stiffness(s, depth);
-  const double N = steep * normal_force(kn, s->softer, depth, s->largest_depth);
-  s->normal_force = N;
+  const double kt_slope = steep * tangential_slope(s, depth);
+  double N = steep * normal_force(kn, s->softer, depth, s->largest_depth);
   vec3 spring = minus(point, mean(s->stick_point, t.a, t.b, t.c));
   const friction_type mu = friction_of(m, c, s);
   const slip_type found =
-      slip(&spring, normal, kt, s->sliding, mu.held * N, mu.kinetic * N, old_shear);
+      slip(&spring, normal, kt, s->sliding, limit_of_friction(mu.held, N, kt, kt_slope),
+           limit_of_friction(mu.kinetic, N, kt, kt_slope), old_shear);
+  N += 0.5 * kt_slope * dot(spring, spring);
+  s->normal_force = N;
   s->closed = 1;
   s->sliding = found.sliding;
   s->slip += found.slipped;

@@ -118,11 +118,15 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
     s->stick_point = r;
   }
   const double share = s->stiffness * share_of_stiffness(depth, s->softer);
-  const double kt = share * s->ratio, N = share * depth;
-  s->normal_force = N;
+  const double kt = share * s->ratio;
+  const double kt_slope = s->stiffness * s->ratio * slope_of_share(depth, s->softer);
+  double N = share * depth;
   vec3 spring = minus(r, s->stick_point);
-  const slip_type found = slip(&spring, normal, kt, s->sliding, wall->friction * N,
-                                       wall->friction_kinetic * N, s->shear);
+  const slip_type found =
+      slip(&spring, normal, kt, s->sliding, limit_of_friction(wall->friction, N, kt, kt_slope),
+           limit_of_friction(wall->friction_kinetic, N, kt, kt_slope), s->shear);
+  N += 0.5 * kt_slope * dot(spring, spring);
+  s->normal_force = N;
   s->sliding = found.sliding;
   s->slip += found.slipped;
   s->work += found.lost;
@@ -191,12 +195,16 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
   const unsigned can = wanted & bits(closed & (depth > 0.0)), open = wanted & bits(in_front);
 
   const vec share = spring_row[2] * share_of_stiffness_each(depth, law[0]);
-  const vec kt = share * head[3], N = share * depth;
+  const vec kt = share * head[3];
+  const vec kt_slope = spring_row[2] * head[3] * slope_of_share_each(depth, law[0]);
+  vec N = share * depth;
   const lanes3 stick_point = {stick_point_row[0], stick_point_row[1], stick_point_row[2]};
   lanes3 spring = difference(r, stick_point);
   const slips_type found =
-      slip_each(&spring, n, kt, FLAG(flags, sliding), wall[3] * N, place[3] * N,
-           (lanes3){shear_row[0], shear_row[1], shear_row[2]});
+      slip_each(&spring, n, kt, FLAG(flags, sliding), limit_of_friction_each(wall[3], N, kt, kt_slope),
+                limit_of_friction_each(place[3], N, kt, kt_slope),
+                (lanes3){shear_row[0], shear_row[1], shear_row[2]});
+  N += 0.5 * kt_slope * product(spring, spring);
   const mask sliding = found.sliding;
   const lanes3 new_stick_point = where_each(sliding, difference(r, spring), stick_point);
   const lanes3 shear = scaled(-kt, spring), force = moved_along(shear, N, n);
