@@ -61,7 +61,7 @@ from mufe_fenicsx.verification.patch import press_blocks
 from mufe_fenicsx.verification.pressed import turn
 
 COMM = MPI.COMM_SELF
-POINTS = ("nodes", "facets", "facets3")
+POINTS = ("nodes", "facets", "facets4")
 COMPLIANCES = (0.02, 0.05, 0.1, 0.25, 0.5)
 LAWS = (*({"law": "matched", "compliance": c} for c in COMPLIANCES), {"law": "kinematic"})
 #: Bricks along the edges of the two blocks.
@@ -183,8 +183,8 @@ def draw(rows, path, elements_per_radius):
 
     from mufe_fenicsx.report.style import BLUE, GREEN, PAGE, RC, RED, new_figure, panel_letter
 
-    looks = {"nodes": (RED, "s"), "facets": (BLUE, "o"), "facets3": (GREEN, "^")}
-    names = {"nodes": "nodes", "facets": "facets, 1 point", "facets3": "facets, 3 points"}
+    looks = {"nodes": (RED, "s"), "facets": (BLUE, "o"), "facets4": (GREEN, "^")}
+    names = {"nodes": "nodes", "facets": "facets, 1 point", "facets4": "facets, 4 points"}
     n = elements_per_radius
     panels = (
         ("hertz", "hertz_force_error", f"Hertz, a/h = {n:g}: error of force [%]", False),

@@ -100,8 +100,8 @@ class Contact:
     points: str = setting(
         "facets",
         "",
-        'where it acts: centroids of "facets", "facets3" (three) or "nodes"',
-        allowed=("facets", "facets3", "nodes"),
+        'where it acts: centroids of "facets", "facets4" (four) or "nodes"',
+        allowed=("facets", "facets4", "nodes"),
     )
     law: str = setting(
         "matched",

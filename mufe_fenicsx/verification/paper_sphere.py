@@ -19,6 +19,8 @@ PARTS = np.linspace(0.4, 1.0, 7)
 #: Tolerance of the axisymmetric reference at one element per contact radius, falling as 1/n. Forces
 #: are above it, the more the smaller the contact and the lower the yield: by 0.1 to 0.23 /n.
 REFERENCE = 0.25
+#: Points of facets that flow has flattened stand off by this part of h²/R: they keep their curvature.
+OFF = 1 / 24
 
 
 @case("paper-sphere", num_bodies=1)
@@ -64,9 +66,12 @@ def paper_sphere(
         converged = reference_forces(courses[0], elements_per_radius, Y)
         if converged is not None:
             worst = np.argmax(np.abs(coarse / converged - 1))
+            # The force of a contact that flows is in proportion to the approach.
+            off = OFF * contact_edge(approach, elements_per_radius) ** 2 / RADIUS
+            tolerance = REFERENCE / elements_per_radius + off / (PARTS[worst] * approach * RADIUS)
             results[
                 name + f"force at {PARTS[worst]:.1f} of the approach, axisymmetric, the worst [N]"
-            ] = compare(coarse[worst], converged[worst], REFERENCE / elements_per_radius)
+            ] = compare(coarse[worst], converged[worst], tolerance)
         if before is not None:
             # No tolerance: an order.
             above = max(0.0, float((1 - before / coarse).max()))
@@ -86,10 +91,15 @@ def force_curve(comm, Y, elements_per_radius, approach, periods=40.0, **options)
     """
     material = J2(E, NU, RHO, ((0.0, Y), (UNTIL, Y + HARDENING)))
     n = elements_per_radius
-    # Between the elastic radius √(Rδ) and that without hardening, 1.5 times as large: measured.
-    a = RADIUS * math.sqrt(2.0 * approach)
     way = approach * RADIUS * (1 + 0.5 / n) ** 2
+    a = n * contact_edge(approach, n)
     return press_ball(comm, material, way, a, n, periods=periods, **options)
+
+
+def contact_edge(approach, elements_per_radius):
+    """Length of edges in the contact [m]: its radius at the end over ``elements_per_radius``."""
+    # Between the elastic radius √(Rδ) and that without hardening, 1.5 times as large: measured.
+    return RADIUS * math.sqrt(2.0 * approach) / elements_per_radius
 
 
 def forces(course, elements_per_radius):

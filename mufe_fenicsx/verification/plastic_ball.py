@@ -16,6 +16,8 @@ from .pressed import FRAME, turn
 #: Towards the pole; nothing is aligned with the axes of space.
 AXIS = FRAME[:, 2]
 RADIUS = 1e-3
+#: Where the axis meets the facets, in edges from a node; the first where one place is enough.
+PHASES = ((0.37, -0.21), (-0.41, -0.26), (0.3, 0.08), (-0.41, -0.07), (-0.36, 0.23))
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,7 @@ def press_ball(
     watch_yield=False,
     increments=None,
     added_mass=ADDED,
+    phase=PHASES[0],
     **options,
 ):
     """Press a plane into the pole of a half ball by ``approach`` and record. Collective, one rank.
@@ -100,6 +103,7 @@ def press_ball(
         watch_yield: Look for the first plastic strain at each step.
         increments: Number of static increments; None for time steps.
         added_mass: By which small elements are slowed down, over that of the body.
+        phase: By how many edges the pole, a node, is off the axis, along both tangents.
         options: Of :class:`~mufe_fenicsx.explicit.simulation.Simulation`.
 
     Returns:
@@ -108,8 +112,7 @@ def press_ball(
     h = contact_radius / elements_per_radius
     slope = slope_of(growth, elements_per_radius)
     points, cells = half_ball(RADIUS, h, slope, (0.0, 0.0, 1.0), contact_radius, 0.4 * RADIUS)
-    # The pole is a node: it is moved off the axis by a part of an element.
-    tilt = turn([0.37 * h / RADIUS, -0.21 * h / RADIUS, 0])
+    tilt = turn([phase[0] * h / RADIUS, phase[1] * h / RADIUS, 0])
     turned = points @ (FRAME @ tilt).T
     top = float((turned @ AXIS).max())
     base = FRAME @ tilt[:, 2]

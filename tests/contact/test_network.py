@@ -137,7 +137,7 @@ def meeting_balls(comm):
     return network_of(s), pressed, grown and grown.contacts
 
 
-@pytest.mark.parametrize("kind", ["nodes", "facets", "facets3"])
+@pytest.mark.parametrize("kind", ["nodes", "facets", "facets4"])
 def test_stretch_of_facets_around_points(kind):
     """Turned and grown by a tenth: 1.21 times the area, at sharp vertices too."""
     mesh = distribute(MPI.COMM_SELF, [ridge(3)])

@@ -57,7 +57,7 @@ def patches_of(comm, points="facets"):
     return find_patches(s.contact, s.mesh, x)
 
 
-@pytest.mark.parametrize("points", ["facets", "facets3", "nodes"])
+@pytest.mark.parametrize("points", ["facets", "facets4", "nodes"])
 def test_two_bumps_are_two_patches_of_known_radius(points):
     """A paraboloid that reaches a²/2R through a plane meets it in a circle of radius a."""
     p = patches_of(MPI.COMM_SELF, points)

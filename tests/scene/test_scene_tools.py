@@ -95,7 +95,7 @@ def test_every_key_is_documented():
     "name, words",
     [
         ("oedometer.speed", ["of the top platen", "10 mm/s", "> 0", "has to be given"]),
-        ("contact.points", ['"facets" or "facets3" or "nodes"', "left out: facets"]),
+        ("contact.points", ['"facets" or "facets4" or "nodes"', "left out: facets"]),
         ("solver.time_step_factor", ["> 0 and < 1", "left out: 0.9"]),
         ("contact.pairs", ["NAME-NAME in either order", "[contact.pairs.NAME]"]),
         ("contact.pairs.a-b.friction_kinetic", ["while they slip"]),

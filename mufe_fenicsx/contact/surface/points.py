@@ -17,7 +17,7 @@ from .bulges import height
 #: Barycentric coordinates of the quadrature points of a facet, of equal weight.
 RULES = {
     "facets": np.full((1, 3), 1 / 3),
-    "facets3": np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6,
+    "facets4": np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6,
 }
 KINDS = ("nodes", *RULES)
 #: A vertex is sharp where facets around it turn by more [rad]: between smoother ones a
@@ -115,7 +115,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, smo
     """Points of a surface. Local.
 
     Args:
-        kind: One of ``KINDS``: the nodes, or one or three points of each facet.
+        kind: One of ``KINDS``: the nodes, or one or four points of each facet.
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         own: Its :class:`~mufe_fenicsx.contact.surface.surface.OwnSurface`.
         x: Reference positions of the mesh's nodes [m], shape (num_nodes, 3).

@@ -8,12 +8,14 @@ import numpy as np
 from ...scene import MassScaling
 from ..case import compare
 
-#: Laws of contact by name: layer matched to the mesh, a stiff penalty, kinematic; at nodes.
+#: Laws of contact by name: layer matched to the mesh, a stiff penalty, kinematic; at nodes, or at
+#: four points a facet.
 LAWS = {
     "matched": {},
     "stiff": {"compliance": 0.02},
     "kinematic": {"law": "kinematic"},
     "nodes": {"points": "nodes"},
+    "four": {"points": "facets4"},
 }
 TimeStep = Literal["assembled", "element"]
 #: From this part of the approach on, where the contact has half of its elements, errors count.
