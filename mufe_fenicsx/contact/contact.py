@@ -70,10 +70,10 @@ class Contact(Stateful):
         smooth = self.layers.smooth
         most = np.array([2.0 * smooth.highest(), smooth.steepest(own.facets, x[own.nodes])])
         self.comm.Allreduce(MPI.IN_PLACE, most, op=MPI.MAX)
-        rise, slope = most.tolist()
-        #: By how much smooth surfaces bring facets nearer, or gaps jump across sharp edges [m], and
-        #: how much faster than points gaps go at most.
-        self._smooth = rise, math.hypot(1.0, slope)
+        #: By how much smooth surfaces bring facets nearer [m].
+        self._rise = float(most[0])
+        #: How much faster than points their gaps go at most.
+        self._steepest = math.hypot(1.0, most[1])
         #: The first of the bodies that are tools; None: there are none.
         self.first_tool = mesh.first_tool if mesh.tools else None
         area = own.facet_area[own.grain_of_facet < mesh.first_tool]
@@ -119,7 +119,7 @@ class Contact(Stateful):
         self.ghosts.moving = None
         gathered = np.empty((self.own.nodes.size, 3))
         gather_rows(gathered, x, self.own.nodes)
-        reach = max(self.motion.skin, ahead) + 1.1 * self._deepest() + self._smooth[0]
+        reach = max(self.motion.skin, ahead) + 1.1 * self._deepest() + self._rise
         old, old_walls, old_edges = self.pairs, self.walls.pairs, self.edges.pairs
         wait = 0.0
         if old is not None:
@@ -299,7 +299,7 @@ class Contact(Stateful):
                 ghosts.facets, s.neighbour, ghosts.ring_offset, ghosts.ring, self.edges.beside,
                 points.layer, s.layer_of_facet, points.area, points.facet_area, s.area_of_facet,
                 points.depth, s.depth_of_facet, s.bulge_of_facet, points.curvature,
-                s.curvature_of_facet, *self._smooth, points.recess, layers.ratio, ghosts.around,
+                s.curvature_of_facet, self._steepest, points.recess, layers.ratio, ghosts.around,
                 points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),
                 self.friction.coefficients, p.friction_row,
             )  # fmt: skip

@@ -65,8 +65,7 @@ enum { ALL_PAIRS, EARLY_PAIRS, OTHER_PAIRS };
 /* What a call is given and finds, see kernels/pairs.py. */
 typedef struct {
   double friction, friction_kinetic, range;
-  double rise, steepest; /* of smooth surfaces over facets: by how much gaps may jump at sharp edges,
-                            and how much faster than points they go at most */
+  double steepest; /* how much faster than points gaps of smooth surfaces go at most */
   int64_t accept, part, num_others;
   double dissipated, switched, num_accepted, deepest, sunk;
   int64_t sunken;

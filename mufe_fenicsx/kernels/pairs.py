@@ -54,7 +54,7 @@ class _Call(ctypes.Structure):
     """What a call is given and finds, as in pairs.h."""
 
     _fields_ = [
-        *((name, ctypes.c_double) for name in ("friction", "friction_kinetic", "range", "rise", "steepest")),
+        *((name, ctypes.c_double) for name in ("friction", "friction_kinetic", "range", "steepest")),
         *((name, ctypes.c_int64) for name in ("accept", "part", "num_others")),
         *((name, ctypes.c_double) for name in ("dissipated", "switched", "accepted", "deepest")),
         ("sunk", ctypes.c_double),
@@ -150,12 +150,12 @@ class PairForces:
     def __init__(self, state, next_check, candidate_next_check, bounds, bound_row, closest, node,
                  first, candidate, facets, neighbour, ring_offset, ring, sharp, layer_of_node,
                  layer_of_facet, area, area_at_node, area_of_facet, depth_of_node, depth_of_facet,
-                 bulge_of_facet, curvature_of_point, curvature_of_facet, rise, steepest, recess,
+                 bulge_of_facet, curvature_of_point, curvature_of_facet, steepest, recess,
                  ratio_of_node, around, around_of, corner, corner_weight, x, f, early, friction,
                  friction_row):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
-        self._found = _Call(rise=rise, steepest=steepest)
+        self._found = _Call(steepest=steepest)
         scratch, seen = np.empty(2 * (node.size + 1), short), np.empty(node.size, short)
         of_points = {
             "area": area, "recess": recess, "ratio": ratio_of_node, "around": around_of,

@@ -184,8 +184,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
       s->normal_force = 0.0;
       s->shear = (vec3){0.0, 0.0, 0.0};
     }
-    const double away = s->sharp ? g - c->rise : g;
-    m->next_check[p] = bound + least(most(away, 0.0) / c->steepest, c->range);
+    m->next_check[p] = bound + least(most(g, 0.0) / c->steepest, c->range);
     return;
   }
 

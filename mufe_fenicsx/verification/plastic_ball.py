@@ -31,7 +31,7 @@ class Course:
     strain: np.ndarray  #: largest plastic strain
     force_at_yield: float  #: when the first element below the surface yields [N]; nan if none does
     kinetic: float  #: largest kinetic energy over the work done, in the second half of the way
-    residual: float  #: of the energy balance over the work, at the end
+    residual: float  #: of the energy balance over the work, at the end; nan without work
     seconds: float  #: wall time without making the mesh
     processor_s: float  #: the same in time of the processor
     simulation: Simulation
@@ -153,8 +153,8 @@ def press_ball(
         base_force = -float(s.walls.force[1 - plane] @ s.walls.normal[1 - plane])
         way = _way(s, plane, top)
         rows.append((way, force, base_force, contact_area(s, plane), float(strain.max())))
-        if way > 0.5 * approach:
-            e = s.energies()
+        e = s.energies()
+        if way > 0.5 * approach and e["work"] > 0:
             kinetic = max(kinetic, e["kinetic"] / e["work"])
 
     drive(s, {"plane": -approach * AXIS}, duration, at_step=record)
@@ -164,7 +164,7 @@ def press_ball(
         *columns,
         force_at_yield=force_at_yield,
         kinetic=kinetic,
-        residual=abs(e["residual"] / e["work"]),
+        residual=abs(e["residual"] / e["work"]) if e["work"] else math.nan,
         seconds=time.perf_counter() - started,
         processor_s=time.process_time() - began,
         simulation=s,

@@ -7,7 +7,8 @@ nodes a, b, c at ``x``, and the barycentric coordinates w of a point, its height
 
 2 q_ab is the curvature along the edge times the square of its length. The offset o of a node is the
 mean of (q_ab + q_bc + q_ca)/12 over its facets, by area: the surface then encloses the volume that
-the facets enclose. The normal of a node is the sum of those of its facets, each times its angle
+the facets enclose. At the ends of sharp edges o vanishes, as q does along them, so that the surface
+has no jumps. The normal of a node is the sum of those of its facets, each times its angle
 there, over the facets that no edge parts where the surface turns by more than ``SHARP_EDGE``, in or
 out. Where all are flat, q and o vanish.
 """
@@ -102,8 +103,13 @@ def bulges_of(own, x):
     at_corner = total[group]
     q = 0.5 * np.einsum("fki,fki->fk", np.roll(at_corner, -1, axis=1) - at_corner, to_next)
     q[np.abs(q) < NONE * np.sqrt(own.facet_area)[:, None]] = 0.0
+    # Both sides of a sharp edge meet at it: nothing stands above it, nor above its ends.
+    q[(own.neighbour >= 0) & (turn < np.cos(SHARP_EDGE))] = 0.0
     weight = np.bincount(group.ravel(), np.repeat(own.facet_area, 3), count)
     mean = np.bincount(group.ravel(), np.repeat(own.facet_area * q.sum(axis=1) / 12, 3), count)
+    node = np.empty(count, np.int64)
+    node[group] = facets
+    mean[np.bincount(node)[node] > 1] = 0.0
     return Bulges(np.hstack([q, (mean / weight)[group]]), _curvature(q, to_next, to_last))
 
 

@@ -5,6 +5,7 @@ The cases are those of `mufe verify`; ``demos/stability.py`` draws what they mea
 
 from ..case import by_name
 from . import (
+    between_points,
     friction,
     incompressible,
     inversion,
@@ -25,6 +26,7 @@ from . import (
 STABILITY = by_name(
     time_step.time_step,
     penalty.penalty,
+    between_points.between_points,
     friction.friction_limits,
     speed.loading_speed,
     speed.added_mass,
