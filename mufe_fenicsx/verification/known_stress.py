@@ -17,6 +17,7 @@ from ..bulk.solid import ELEMENTS
 from ..explicit.simulation import Simulation
 from ..run.from_bodies import build
 from .case import case, compare
+from .charts.answers import lines_of, options_of, work_of
 from .charts.points import LAWS, Law, TimeStep
 from .fidelity import FIDELITIES
 from .known_sample import DIAMETER, State, known_sample
@@ -25,6 +26,8 @@ from .known_sample import DIAMETER, State, known_sample
 APART = 0.04
 #: Strain of the box, along each edge, beyond that as packed from which on it is pressed.
 CONFINED = 0.01
+#: At which top and bottom approach each other [m/s].
+SPEED = 2.5
 #: Of grains in the test; walls are smooth.
 FRICTION = 0.23
 #: Where stresses are told, and half of the range of strain that they are the mean of.
@@ -102,7 +105,7 @@ def known_stress(
     law: Law = "matched",
     fidelity: Literal["elastic", "j2"] = "j2",
     time_step: TimeStep = "assembled",
-    speed=2.5,
+    speed=SPEED,
 ):
     """Grains of known shape, the same body on every mesh, compressed: stress at two strains.
 
@@ -145,3 +148,43 @@ def known_stress(
         ),
         "time of the processor [s]": compare(course.processor_s, 0.0, math.inf, scale=1.0),
     }, [s]
+
+
+@case("sample-point", num_bodies=20)
+def sample_point(
+    comm,
+    elements_per_diameter=10.0,
+    element: Literal[*ELEMENTS] = "averaged",
+    law: Law = "matched",
+    fidelity: Literal["elastic", "j2"] = "j2",
+    time_step: TimeStep = "assembled",
+    added_mass=0.0,
+    loading=1.0,
+    mesh=1,
+    accuracy=0.05,
+):
+    """Twenty interlocked grains of known shape: mean error of the stress at two strains, and cost.
+
+    The error is that of `known-sample` against the stress that meshes go to.
+
+    Args:
+        comm: MPI communicator of one rank.
+        elements_per_diameter: Mean diameter of grains over the length of edges.
+        element, law, fidelity, time_step: The choices.
+        added_mass: Most mass that is added for a longer time step, over that of all grains.
+        loading: Duration over that at the speed of `known-sample`.
+        mesh: Seed of the meshes.
+        accuracy: Error that is wanted.
+    """
+    known = known_sample()
+    bodies = known.bodies(DIAMETER / elements_per_diameter, APART, mesh=mesh)
+    course = press(
+        comm, known, bodies, FIDELITIES[fidelity], STRAINS[-1] + AROUND, SPEED / loading,
+        element=element, **options_of(law, time_step, added_mass),
+    )  # fmt: skip
+    errors = [
+        abs(course.stress_at(strain) / limit - 1)
+        for strain, limit in zip(STRAINS, LIMITS[fidelity], strict=True)
+    ]
+    work = work_of(course.simulation)
+    return lines_of(float(np.mean(errors)), accuracy, course.processor_s, work), [course.simulation]

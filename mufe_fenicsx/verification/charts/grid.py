@@ -42,6 +42,7 @@ SIZE = {
     ),
     **dict.fromkeys(("oedometer", "jammed"), "element_size"),
     "membrane": "ends_over_t",
+    "sample": "elements_per_diameter",
 }
 
 #: For each case: sizes of the main lines, of the others, and of the finest ones of `--full`;
@@ -94,6 +95,9 @@ CHARTS = {
     ),
     "membrane": (
         (2.0, 1.0, 0.5), (), (0.25,), (OURS, "plain P1", "one layer", "mass 1 %", "mass 5 %"), (),
+    ),
+    "sample": (
+        (5.0, 7.0, 10.0), (5.0, 7.0, 10.0, 14.0), (14.0,), (SEED, "plain P1"), (OURS, "elastic"),
     ),
 }  # fmt: skip
 
