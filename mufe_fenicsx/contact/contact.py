@@ -15,6 +15,7 @@ from .pairs.facet_pairs import search_pairs
 from .pairs.relative_motion import RelativeMotion
 from .results.dissipation import Dissipation
 from .results.edge_contacts import new_slip
+from .strength import Strengths
 from .start.checks import check_stiffness, check_surface, check_walls
 from .start.overlap import Overlaps
 from .stiffness.layers import SurfaceLayers
@@ -66,6 +67,7 @@ class Contact(Stateful):
         check_stiffness(mesh, grains.modulus)
         self.friction = settings.pair_friction.table(settings.friction_kinetic, mesh.labels.size)
         self.layers = SurfaceLayers(mesh, own, x, grains, settings)
+        self.strengths = Strengths(mesh, grains.yield_tables)
         self.points = self.layers.points
         smooth = self.layers.smooth
         most = np.array([2.0 * smooth.highest(), smooth.steepest(own.facets, x[own.nodes])])
@@ -146,7 +148,8 @@ class Contact(Stateful):
         """Depth of the deepest closed pair [m]. Collective."""
         depth = self.edges.deepest()
         if self.pairs is not None and self.pairs.gap.size:
-            depth = max(depth, -self.pairs.gap[np.isfinite(self.pairs.gap)].min(initial=0.0))
+            gap = self.pairs.gap - self.pairs.dent
+            depth = max(depth, -gap[np.isfinite(gap)].min(initial=0.0))
         return self.comm.allreduce(depth, op=MPI.MAX)
 
     def _overlaps_at_start(self):
@@ -301,10 +304,13 @@ class Contact(Stateful):
                 points.depth, s.depth_of_facet, s.bulge_of_facet, points.curvature,
                 s.curvature_of_facet, *self._smooth, points.recess, layers.ratio, ghosts.around,
                 points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),
-                self.friction.coefficients, p.friction_row,
+                self.friction.coefficients, p.friction_row, self.strengths.tables,
+                self.strengths.offsets(points.grain_of_point[p.node], p.grain), p.dent,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
-            self.walls.bind(forces, x, ghosts.corners(), points.layer, points, layers.ratio)
+            self.walls.bind(
+                forces, x, ghosts.corners(), points.layer, points, layers.ratio, self.strengths
+            )
 
     def _early_pairs(self):
         """Pairs with grains of other ranks, whose forces travel while the others are found."""
@@ -341,6 +347,7 @@ class Contact(Stateful):
         ghosts.end_reverse()
         ghosts.hand_on(f)
         self.dissipation.total += pairs[0] + edges[0] + walls[0]
+        self.dissipation.flowed += pairs[5] + walls[2]
         if not layers.kinematic:  # whose springs hold no energy
             self.dissipation.switched += pairs[1] + edges[1]
         if accept:

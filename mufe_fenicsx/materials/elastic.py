@@ -79,6 +79,13 @@ class IsotropicSolid:
 class Elastic(IsotropicSolid):
     """Linear elasticity without a yield stress."""
 
+    def yield_table(self) -> np.ndarray | None:
+        """Plastic strains and yield stresses [Pa] of von Mises, shape (2, num_points), or None.
+
+        They limit the pressure of contacts smaller than an element.
+        """
+        return None
+
     def parameters(self) -> np.ndarray:
         """Those of kernels.hardening: one point, the yield stress is infinite."""
         return np.array([np.inf, 1.0, 0.0, np.inf])
