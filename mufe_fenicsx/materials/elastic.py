@@ -74,17 +74,17 @@ class IsotropicSolid:
         """Speed of compression waves √(M/ρ) [m/s]."""
         return math.sqrt(self.constrained_modulus / self.rho)
 
-
-@dataclass(frozen=True)
-class Elastic(IsotropicSolid):
-    """Linear elasticity without a yield stress."""
-
     def yield_table(self) -> np.ndarray | None:
         """Plastic strains and yield stresses [Pa] of von Mises, shape (2, num_points), or None.
 
         They limit the pressure of contacts smaller than an element.
         """
         return None
+
+
+@dataclass(frozen=True)
+class Elastic(IsotropicSolid):
+    """Linear elasticity without a yield stress."""
 
     def parameters(self) -> np.ndarray:
         """Those of kernels.hardening: one point, the yield stress is infinite."""
