@@ -305,7 +305,7 @@ class Contact(Stateful):
                 s.curvature_of_facet, *self._smooth, points.recess, layers.ratio, ghosts.around,
                 points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),
                 self.friction.coefficients, p.friction_row, self.strengths.tables,
-                self.strengths.offsets(points.grain_of_point[p.node], p.grain), p.dent,
+                self.strengths.offsets(points.grain_of_point[p.node], p.grain), p.dent, p.slope_left,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(

@@ -63,12 +63,9 @@ static double flow(const strength_type *of, int64_t p, double m, double h, doubl
                    double depth, double *limit) {
   double low = 0.0, above = depth - *limit;
   double high = least(above, largest_dent(m) - b);
-  double at_high = yield_depth(of, p, m, h, layers, b + high);
-  double below = depth - high - at_high;
-  if (!isfinite(at_high) || below >= 0.0) {
-    *limit = at_high;
-    return high;
-  }
+  *limit = yield_depth(of, p, m, h, layers, b + high);
+  double below = depth - high - *limit;
+  if (!isfinite(*limit) || below >= 0.0) return high;
   for (int i = 0; i < 60 && high - low > 1e-14 * depth; i++) {
     const double trial = high - below * (high - low) / (below - above);
     *limit = yield_depth(of, p, m, h, layers, b + trial);
@@ -82,6 +79,16 @@ static double flow(const strength_type *of, int64_t p, double m, double h, doubl
   }
   *limit = yield_depth(of, p, m, h, layers, b + high);
   return high;
+}
+
+/* Part of the law's slope that is left while the dent b of the pair p deepens: r/(1 + r), r being
+   the slope of the yield depth by the dent. */
+static double slope_left(const strength_type *of, int64_t p, double m, double h, double layers,
+                         double b, double limit) {
+  if (!isfinite(limit)) return 1.0;
+  const double less = (1.0 - 1e-6) * b;
+  const double r = (limit - yield_depth(of, p, m, h, layers, less)) / (b - less);
+  return r / (1.0 + r);
 }
 
 #endif

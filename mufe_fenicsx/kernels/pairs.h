@@ -61,6 +61,7 @@ typedef struct {
   strength_type strength;
   double *dent;                  /* depths of the pairs' dents, which add to the recess of */
   const double *recess_of_point; /* their points */
+  double *slope_left;            /* of the law where the dent deepens, for tangents */
 } pairs_type;
 
 /* Parts of the pairs, in the order of kernels/pairs.py. */

@@ -146,6 +146,7 @@ class PairForces:
         friction_row: The row there of each pair, int32; of size 0: the first of all.
         strengths, strength_offset: Of both bodies of each pair, as of contact.strength.
         dent: Depths of dents, which add to the recess of the pairs [m], shape (num_pairs,).
+        slope_left: Part of the law's slope that is left while a dent deepens, set then, the same.
 
     Raises:
         ValueError: An array is of another type, or not contiguous.
@@ -156,7 +157,8 @@ class PairForces:
                  layer_of_facet, area, area_at_node, area_of_facet, depth_of_node, depth_of_facet,
                  bulge_of_facet, curvature_of_point, curvature_of_facet, rise, steepest, recess,
                  ratio_of_node, around, around_of, corner, corner_weight, x, f, early, friction,
-                 friction_row, strengths, strength_offset, dent):  # fmt: skip
+                 friction_row, strengths, strength_offset, dent,
+                 slope_left):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
         self._found = _Call(rise=rise, steepest=steepest)
@@ -184,7 +186,7 @@ class PairForces:
             (around, short),
             (x, real), (f, real), (friction, real) if friction_row.size else None,
             (strengths, real) if strengths.size else None, (strength_offset, short), (dent, real),
-            (recess, real),
+            (recess, real), (slope_left, real),
         )  # fmt: skip
         pointer = ctypes.c_void_p
         self._call = load("pairs").mufe_add_pair_forces

@@ -97,6 +97,8 @@ INLINE double deepen(const pairs_type *m, call_type *c, int64_t p, int64_t k, do
                              m->dent[p], depth, &limit);
   s->yield_depth = (float)limit;
   m->dent[p] += deeper;
+  m->slope_left[p] = slope_left(&m->strength, p, s->softer, edge_of(m, s, k), layers_of(m, s, k),
+                                m->dent[p], limit);
   s->recess = m->recess_of_point[s->node] + m->dent[p];
   const double before = was > 0.0 ? normal_force(s->stiffness, s->softer, was, s->largest_depth) : 0.0;
   const double now = normal_force(s->stiffness, s->softer, depth - deeper, s->largest_depth);

@@ -19,7 +19,7 @@ typedef struct {
   vec3 shear;
   double work;
   double softer, dent, yield_depth, edge; /* m of the law; as in kernels/flow.h */
-  double layer, unused[3];
+  double layer, slope_left, unused[2]; /* of the law where the dent deepens, for tangents */
 } state_type;
 
 #define WALL_BITS 14
@@ -125,6 +125,8 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
   if (depth > s->yield_depth) {
     deeper = flow(&m->strength, p, s->softer, s->edge, s->layer, s->dent, depth, &s->yield_depth);
     s->dent += deeper, depth -= deeper, s->gap += deeper;
+    s->slope_left =
+        slope_left(&m->strength, p, s->softer, s->edge, s->layer, s->dent, s->yield_depth);
   }
   const double share = s->stiffness * share_of_stiffness(depth, s->softer);
   const double kt = share * s->ratio;

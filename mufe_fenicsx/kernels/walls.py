@@ -33,6 +33,7 @@ COLUMNS = {
     "yield_depth": (np.float64, 18),
     "edge": (np.float64, 19),
     "layer": (np.float64, 20),
+    "slope_left": (np.float64, 21),
 }
 #: Weights that one corner of a point can have, in the order of walls.c; the others share the rest.
 LEAD = (1.0, 1 / 3, 2 / 3)
@@ -233,6 +234,7 @@ class WallForces:
             softer: Length m of the law [m];
             dent: Depth of the dent, which adds to the recess [m];
             yield_depth: Depth from which on it deepens [m];
+            slope_left: Part of the law's slope that is left while it does;
             edge, layer: Of the facet around [m, m/Pa], set here;
             shear: Friction on the node [N];
             gap, offset: Gap and its offset [m];

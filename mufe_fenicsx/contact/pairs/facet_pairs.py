@@ -48,6 +48,7 @@ class Pairs(Stateful):
         self.candidate_next_check = np.full(candidate.size, -np.inf, dtype=np.float32)
         self.closest = np.full(num_pairs, -1, dtype=np.int64)
         self.state = rows(num_pairs, ROW)
+        self.slope_left = np.ones(num_pairs)  #: of the law while a dent deepens
         self.dent = np.zeros(num_pairs)  #: depth of the dent, which adds to the recess [m]
         column(self.state, "node")[:] = node
         for name in (*REMEMBERED, "work", "known", "other_next_check", "vertices", "sharp", "bulge"):

@@ -79,7 +79,7 @@ class ContactTangent:
             p.weights, p.normal, p.gap, p.offset, p.stiffness, p.stick_point, p.shear, p.slip, slip,
             p.normal_force, p.sliding, g.facets, c.points.area, c.points.recess, ratio,
             friction, p.friction_row, p.largest_depth, p.facing, p.height, p.bulge, p.softer,
-            p.dent, dent,
+            p.dent, np.where(p.dent > dent, p.slope_left, 1.0),
         )  # fmt: skip
         q = e.pairs
         edge_tangent(
@@ -94,6 +94,7 @@ class ContactTangent:
             *w.normals_and_curvature(c.points.places(x[before:], v.node), v.wall), w.normal,
             v.shear, v.slip,
             wall_slip, v.normal_force, v.sliding, c.points.layer, c.points.area, ratio,
-            w.friction_kinetic, v.offset - v.gap, v.softer, v.dent > wall_dent,
+            w.friction_kinetic, v.offset - v.gap, v.softer,
+            np.where(v.dent > wall_dent, v.slope_left, 1.0),
         )  # fmt: skip
         return rows, columns, blocks
