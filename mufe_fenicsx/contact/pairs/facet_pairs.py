@@ -36,7 +36,7 @@ class Pairs(Stateful):
 
     STATE = {"here": ("next_check", "candidate_next_check", "closest", "state", "dent", "bounds")}
     #: What a checkpoint keeps of each pair.
-    KEPT = (*REMEMBERED, "dent", "next_check", "work", "known", "other_next_check")
+    KEPT = (*REMEMBERED, "dent", "slope_left", "next_check", "work", "known", "other_next_check")
 
     def __init__(self, node, grain, first, candidate, grain_of_point, bound):
         num_pairs = node.size

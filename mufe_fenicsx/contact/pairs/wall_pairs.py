@@ -10,7 +10,7 @@ from .motion_bounds import WALLS, MotionBounds
 #: What a pair keeps when the pairs are searched anew.
 REMEMBERED = (
     *("gap", "offset", "closed", "stick_point", "shear", "slip", "normal_force", "sliding"),
-    *("dent", "yield_depth"),
+    *("dent", "yield_depth", "slope_left"),
 )
 
 
@@ -28,7 +28,7 @@ class WallPairs(Stateful):
         self.motion_bounds = MotionBounds(grain_of_point[node], walls, bound)
         self.next_check = np.full(n, bound)
         self.state = rows(n, ROW)
-        for name in (*REMEMBERED, "work", "stiffness", "softer", "recess", "slope_left"):
+        for name in (*REMEMBERED, "work", "stiffness", "softer", "recess"):
             setattr(self, name, column(self.state, name, COLUMNS))
         self.gap[:] = np.inf
         self.forces = None  #: kernels.walls.WallForces, once they are wanted
