@@ -15,7 +15,6 @@ from .pairs.facet_pairs import search_pairs
 from .pairs.relative_motion import RelativeMotion
 from .results.dissipation import Dissipation
 from .results.edge_contacts import new_slip
-from .strength import Strengths
 from .start.checks import check_stiffness, check_surface, check_walls
 from .start.overlap import Overlaps
 from .stiffness.layers import SurfaceLayers
@@ -67,7 +66,6 @@ class Contact(Stateful):
         check_stiffness(mesh, grains.modulus)
         self.friction = settings.pair_friction.table(settings.friction_kinetic, mesh.labels.size)
         self.layers = SurfaceLayers(mesh, own, x, grains, settings)
-        self.strengths = Strengths(mesh, grains.yield_tables)
         self.points = self.layers.points
         smooth = self.layers.smooth
         most = np.array([2.0 * smooth.highest(), smooth.steepest(own.facets, x[own.nodes])])
@@ -304,12 +302,13 @@ class Contact(Stateful):
                 points.depth, s.depth_of_facet, s.bulge_of_facet, points.curvature,
                 s.curvature_of_facet, *self._smooth, points.recess, layers.ratio, ghosts.around,
                 points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),
-                self.friction.coefficients, p.friction_row, self.strengths.tables,
-                self.strengths.offsets(points.grain_of_point[p.node], p.grain), p.dent, p.slope_left,
+                self.friction.coefficients, p.friction_row, layers.strengths.tables,
+                layers.strengths.offsets(points.grain_of_point[p.node], p.grain), p.dent,
+                p.slope_left,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(
-                forces, x, ghosts.corners(), points.layer, points, layers.ratio, self.strengths
+                forces, x, ghosts.corners(), points.layer, points, layers.ratio, layers.strengths
             )
 
     def _early_pairs(self):

@@ -335,7 +335,7 @@ class Walls(Stateful):
             corners: Nodes and weights of points in facets, kernels.points.
             layer, ratio: As of :class:`~mufe_fenicsx.kernels.walls.WallForces`.
             points: :class:`~mufe_fenicsx.contact.surface.points.Points`.
-            strengths: :class:`~mufe_fenicsx.contact.strength.Strengths`.
+            strengths: :class:`~mufe_fenicsx.contact.stiffness.strength.Strengths`.
         """
         p = self.pairs
         p.forces = WallForces(

@@ -144,7 +144,7 @@ class PairForces:
         friction: Static and kinetic coefficients, shape (n, 2): a pair has to overcome the one to
             slip, and has the other while it slips, until a step in which it sticks.
         friction_row: The row there of each pair, int32; of size 0: the first of all.
-        strengths, strength_offset: Of both bodies of each pair, as of contact.strength.
+        strengths, strength_offset: Of both bodies of each pair, as of contact.stiffness.strength.
         dent: Depths of dents, which add to the recess of the pairs [m], shape (num_pairs,).
         slope_left: Part of the law's slope that is left while a dent deepens, set then, the same.
 

@@ -97,8 +97,9 @@ def test_unloading_is_elastic_and_a_dent_remains():
     assert COMM.allreduce(np.count_nonzero(on)) >= 4
     assert COMM.allreduce(p.normal_force.sum()) < 0.9 * COMM.allreduce(force.sum())
     depth = p.offset - p.gap
-    elastic = [k * over_stiffness(d, m) for k, d, m in zip(p.stiffness, depth, p.softer, strict=True)]
-    np.testing.assert_allclose(p.normal_force[on], np.array(elastic)[on], rtol=1e-12)
+    law = zip(p.stiffness, depth, p.softer, strict=True)
+    elastic = np.array([k * over_stiffness(d, m) for k, d, m in law])
+    np.testing.assert_allclose(p.normal_force[on], elastic[on], rtol=1e-12)
 
 
 def of_points(s):
@@ -108,7 +109,7 @@ def of_points(s):
 
 @pytest.mark.mpi
 def test_reloading_meets_the_dent():
-    """Static increments down, a little back and down again: tolerance: the bulk flows on by as much."""
+    """Static increments down, a little back and down; tolerance: the bulk flows on by as much."""
     s = pressed(1, [PERFECT], speed=0.06 * RADIUS, increment=1.0, tolerance=1e-9)
     s.step()
     dent, forces, work = of_points(s), s.wall_forces(), s.energies()["plastic"]

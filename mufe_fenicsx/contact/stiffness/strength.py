@@ -29,7 +29,7 @@ class Strengths:
         self.tables = np.array([number for row in rows for number in row], dtype=float)
 
     def offsets(self, grain, partner=None):
-        """Places of both bodies' tables, -1 without one, int32, shape (num, 2); none yields: (0, 2).
+        """Places of both bodies' tables, -1 without one, int32, (num, 2); none yields: (0, 2).
 
         Args:
             grain, partner: Global indices of grains, shape (num,); None: walls.
