@@ -146,7 +146,8 @@ class Contact(Stateful):
         """Depth of the deepest closed pair [m]. Collective."""
         depth = self.edges.deepest()
         if self.pairs is not None and self.pairs.gap.size:
-            depth = max(depth, -self.pairs.gap[np.isfinite(self.pairs.gap)].min(initial=0.0))
+            gap = self.pairs.gap - self.pairs.dent
+            depth = max(depth, -gap[np.isfinite(gap)].min(initial=0.0))
         return self.comm.allreduce(depth, op=MPI.MAX)
 
     def _overlaps_at_start(self):
@@ -301,10 +302,14 @@ class Contact(Stateful):
                 points.depth, s.depth_of_facet, s.bulge_of_facet, points.curvature,
                 s.curvature_of_facet, self._steepest, points.recess, layers.ratio, ghosts.around,
                 points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),
-                self.friction.coefficients, p.friction_row,
+                self.friction.coefficients, p.friction_row, layers.strengths.tables,
+                layers.strengths.offsets(points.grain_of_point[p.node], p.grain), p.dent,
+                p.slope_left,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
-            self.walls.bind(forces, x, ghosts.corners(), points.layer, points, layers.ratio)
+            self.walls.bind(
+                forces, x, ghosts.corners(), points.layer, points, layers.ratio, layers.strengths
+            )
 
     def _early_pairs(self):
         """Pairs with grains of other ranks, whose forces travel while the others are found."""
@@ -341,6 +346,7 @@ class Contact(Stateful):
         ghosts.end_reverse()
         ghosts.hand_on(f)
         self.dissipation.total += pairs[0] + edges[0] + walls[0]
+        self.dissipation.flowed += pairs[5] + walls[2]
         if not layers.kinematic:  # whose springs hold no energy
             self.dissipation.switched += pairs[1] + edges[1]
         if accept:

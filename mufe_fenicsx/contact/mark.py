@@ -38,8 +38,7 @@ class ContactMark:
 
     def of_points(self, name):
         """An array of pairs with facets and of those with walls then, which may be changed."""
-        if name in self._pairs:
-            return self._pairs[name], self._walls[name]
-        return (
-            column(self._pairs["state"], name), column(self._walls["state"], name, OF_WALLS)
-        )  # fmt: skip
+        return tuple(
+            kept[name] if name in kept else column(kept["state"], name, *columns)
+            for kept, columns in ((self._pairs, ()), (self._walls, (OF_WALLS,)))
+        )

@@ -69,3 +69,6 @@ class ContactGrains:
     #: Gives what a mesh lacks of compliance between the ends of its sharp edges, called as
     #: :meth:`~mufe_fenicsx.bulk.solid.Solid.edge_compliance`; None: nothing.
     edge_compliance: Callable | None = None
+    #: Plastic strains and yield stresses [Pa] of grains, shape (2, num_points) each, None for those
+    #: that do not yield, shape (num_grains,); empty: none does.
+    yield_tables: tuple = ()

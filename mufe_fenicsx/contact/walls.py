@@ -214,7 +214,7 @@ class Walls(Stateful):
     def gaps_of_pairs(self, x):
         """Gaps of all pairs where points of contact are at ``x``, (num_points, 3) [m]. Local."""
         p = self.pairs
-        return self.gaps(x[p.node], p.wall)[0] + p.recess
+        return self.gaps(x[p.node], p.wall)[0] + p.recess + p.dent
 
     def normals_and_curvature(self, x, wall):
         """Normals of walls at places, (num, 3), and their curvature [1/m], shape (num,). Local.
@@ -327,7 +327,7 @@ class Walls(Stateful):
             pairs.next_check[:] = pairs.motion_bounds.now
         self.pairs = pairs
 
-    def bind(self, f, x, corners, layer, points, ratio):
+    def bind(self, f, x, corners, layer, points, ratio, strengths):
         """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
 
         Args:
@@ -335,13 +335,15 @@ class Walls(Stateful):
             corners: Nodes and weights of points in facets, kernels.points.
             layer, ratio: As of :class:`~mufe_fenicsx.kernels.walls.WallForces`.
             points: :class:`~mufe_fenicsx.contact.surface.points.Points`.
+            strengths: :class:`~mufe_fenicsx.contact.stiffness.strength.Strengths`.
         """
         p = self.pairs
         p.forces = WallForces(
             p.state, p.next_check, p.motion_bounds.bounds, p.motion_bounds.of, p.node, p.wall,
-            layer, points.area, points.recess, ratio, *corners, x, f, self.force, self.torque,
+            layer, points.area, points.facet_area, points.recess, ratio, *corners, x, f, self.force, self.torque,
             self.curved.pressing, self.point, self.normal, self.velocity, self.curved.radius,
-            self.friction, self.friction_kinetic,
+            self.friction, self.friction_kinetic, strengths.tables,
+            strengths.offsets(points.grain_of_point[p.node]),
         )  # fmt: skip
         p.softer[:] = against_walls(
             points.curvature[p.node], points.facet_area[p.node], self.curved.bend[p.wall],
@@ -352,7 +354,10 @@ class Walls(Stateful):
             recess[:] = np.where(np.isfinite(sag), -sag, recess)
 
     def add_forces(self, accept, ahead=0.0):
-        """Add wall forces to those bound; returns the friction's dissipation [J], accepted pairs.
+        """Add wall forces to those bound.
+
+        Returns:
+            Friction's dissipation [J], accepted pairs, energy that dents took [J].
 
         Args:
             accept: Whether what overlaps now is not in contact.

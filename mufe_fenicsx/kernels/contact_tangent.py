@@ -81,11 +81,12 @@ def _foot(X, feature):
 
 @numba.njit(cache=True, error_model="numpy")
 def _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset, recess, largest, stick_point,
-             bulge, softer):  # fmt: skip
+             bulge, softer, left):  # fmt: skip
     """Forces F (6, 3) on the nodes of a contact at positions X (6, 3), the point at X[6].
 
     ``fixed``: normal where the point lies on an edge or a vertex, zero elsewhere; ``mu``: the
-    coefficient of a contact that slips, negative for one that sticks.
+    coefficient of a contact that slips, negative for one that sticks; ``left``: part of the law's
+    slope and the depth from which on.
     """
     for m in range(3):
         X[6, m] = weight[0] * X[0, m] + weight[1] * X[1, m] + weight[2] * X[2, m]
@@ -130,6 +131,7 @@ def _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset, recess, lar
     steep = math.sqrt(hx * hx + hy * hy + hz * hz)
     hx, hy, hz = hx / steep, hy / steep, hz / steep
     depth = offset - height - recess + z
+    depth = left[1] + left[0] * (depth - left[1])
     N = steep * normal_force(kn, depth, largest, softer)
     slope = steep * kt * slope_of_share(depth, softer) if depth < largest else 0.0
     kt *= share_of_stiffness(min(depth, largest), softer)
@@ -172,7 +174,7 @@ def pair_tangent(
     rows, columns, blocks, x, num_before, corner, corner_weight, node, candidate, closest, closed,
     closed0, weights, normal, gap, offset, stiffness, stick_point, shear, slip, slip0,
     normal_force, sliding, facets, area, recess, ratio_of_node, friction, friction_row,
-    largest_depth, facing, height_of, bulge, softer,
+    largest_depth, facing, height_of, bulge, softer, dent, slope_left,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed pairs, in turn, as blocks of two nodes.
 
@@ -185,6 +187,7 @@ def pair_tangent(
             that were not are now, without friction yet.
         slip, slip0: Accumulated slip [m] after that evaluation and before the increment,
             shape (num_pairs,).
+        slope_left: Part of the law's slope, 1 where no dent deepens, shape (num_pairs,).
         others: As of :class:`~.pairs.PairForces`.
     """
     X, F, G = np.zeros((7, 3)), np.zeros((6, 3)), np.zeros((6, 3))
@@ -235,6 +238,7 @@ def pair_tangent(
             else:
                 mu = 0.0
         begin = (a0, a1, a2)
+        left = (slope_left[p], offset[p] - gap[p])
         side = 1.0 if height >= 0.0 else -1.0
         step = max(min(STEP * size, NEAR * short), LEAST * size)
         for j in range(6):
@@ -245,11 +249,13 @@ def pair_tangent(
                 else:
                     before = X[j, k]
                     X[j, k] = before + step
-                    _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset[p], recess[n],
-                             largest_depth[p], begin, bulge[p], softer[p])  # fmt: skip
+                    _of_pair(F, X, weight, feature, side, fixed, kn, kt, mu, offset[p],
+                             recess[n] + dent[p], largest_depth[p], begin, bulge[p], softer[p],
+                             left)  # fmt: skip
                     X[j, k] = before - step
-                    _of_pair(G, X, weight, feature, side, fixed, kn, kt, mu, offset[p], recess[n],
-                             largest_depth[p], begin, bulge[p], softer[p])  # fmt: skip
+                    _of_pair(G, X, weight, feature, side, fixed, kn, kt, mu, offset[p],
+                             recess[n] + dent[p], largest_depth[p], begin, bulge[p], softer[p],
+                             left)  # fmt: skip
                     X[j, k] = before
                 for i in range(6):
                     b = count + 6 * i + j
@@ -360,7 +366,7 @@ def edge_tangent(
 def wall_tangent(
     rows, columns, blocks, num_before, corner, corner_weight, node, wall, closed, closed0, normal,
     curvature, axis, shear, slip, slip0, normal_force, sliding, layer, area, ratio,
-    friction_kinetic, depth, softer,
+    friction_kinetic, depth, softer, slope_left,
 ):  # fmt: skip
     """Minus the derivative of the forces of all closed pairs with walls, in turn, as blocks.
 
@@ -399,7 +405,8 @@ def wall_tangent(
         step = STEP * d
         more = pressing_force(kn, flat_kt, d + step, m, spring, mu)
         less = pressing_force(kn, flat_kt, d - step, m, spring, mu)
-        law_slope(K, normal[p], e, (more - less) / (2.0 * step), kt, max(mu, 0.0), left, c)
+        slope = slope_left[p] * (more - less) / (2.0 * step)
+        law_slope(K, normal[p], e, slope, kt, max(mu, 0.0), left, c)
         turning = normal_force[p] * curvature[p]
         if turning != 0.0:
             for m in range(3):

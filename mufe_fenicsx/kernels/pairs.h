@@ -4,6 +4,7 @@
 #ifndef PAIRS_H
 #define PAIRS_H
 
+#include "flow.h"
 #include "surface.h"
 
 #define FACING 0.342 /* sine of the angle a node around may lie below such a plane: 20 degrees */
@@ -32,7 +33,7 @@ typedef struct {
   int32_t friction; /* the row of the pair of materials, where there are some */
   float bulge[6]; /* of the facet: q_ab q_bc q_ca, o_a o_b o_c of surface/bulges.py */
   float softer;   /* m of the law */
-  float unused;
+  float yield_depth; /* from which on a dent deepens, none: infinity */
   vec3 facing; /* normal from facet to point, where ``normal`` is that of the smooth surface */
   double height; /* of the point over the facet, along it */
 } state_type;
@@ -57,6 +58,10 @@ typedef struct {
   const int32_t *around;
   double *x, *f;
   const double *friction; /* static and kinetic of pairs of materials; none: one for all */
+  strength_type strength;
+  double *dent;                  /* depths of the pairs' dents, which add to the recess of */
+  const double *recess_of_point; /* their points */
+  double *slope_left;            /* of the law where the dent deepens, for tangents */
 } pairs_type;
 
 /* Parts of the pairs, in the order of kernels/pairs.py. */
@@ -67,7 +72,7 @@ typedef struct {
   double friction, friction_kinetic, range;
   double steepest; /* how much faster than points gaps of smooth surfaces go at most */
   int64_t accept, part, num_others;
-  double dissipated, switched, num_accepted, deepest, sunk;
+  double dissipated, switched, num_accepted, deepest, sunk, flowed;
   int64_t sunken;
 } call_type;
 
@@ -99,21 +104,26 @@ INLINE double stiffness_of(const pairs_type *m, const state_type *s, int64_t k) 
          (m->layer_of_node[s->node] + m->layer_of_facet[facet]);
 }
 
+/* Mean edge of the pair of a point and a candidate, weighted by the compliance of each side. */
+INLINE double edge_of(const pairs_type *m, const state_type *s, int64_t k) {
+  const int32_t facet = m->candidate[k];
+  const double per_area = 4.0 / 1.7320508075688772; /* h² of an equilateral triangle */
+  const double h1 = sqrt(per_area * m->area_at_node[s->node]);
+  const double h2 = sqrt(per_area * m->area_of_facet[facet]);
+  const double l1 = m->layer_of_node[s->node], l2 = m->layer_of_facet[facet];
+  return (l1 + l2) / (l1 / h1 + l2 / h2);
+}
+
 /* m of the law, XI h² √det, with the determinant of the curvature of the gap, to which both sides
    add: det K₁ + det K₂ + ½ tr K₁ tr K₂, the mean over how they may be turned against each other;
-   0 where it is not convex. h is the mean edge, weighted by the compliance that each side has. */
-#define XI 0.104
+   0 where it is not convex. */
 INLINE double softer_of(const pairs_type *m, const state_type *s, int64_t k) {
   const int32_t facet = m->candidate[k];
   const double *own = m->curvature_of_point + 2 * (int64_t)s->node;
   const double *other = m->curvature_of_facet + 2 * (int64_t)facet;
   const double det = own[0] + other[0] + 0.5 * own[1] * other[1];
   if (s->num_around || !(det > 0.0 && own[1] + other[1] > 0.0)) return 0.0;
-  const double per_area = 4.0 / 1.7320508075688772; /* h² of an equilateral triangle */
-  const double h1 = sqrt(per_area * m->area_at_node[s->node]);
-  const double h2 = sqrt(per_area * m->area_of_facet[facet]);
-  const double l1 = m->layer_of_node[s->node], l2 = m->layer_of_facet[facet];
-  const double h = (l1 + l2) / (l1 / h1 + l2 / h2);
+  const double h = edge_of(m, s, k);
   return XI * h * h * sqrt(det);
 }
 

@@ -41,6 +41,7 @@ COLUMNS = {
     "friction": (np.int32, 63),
     "bulge": (np.float32, slice(64, 70)),
     "softer": (np.float32, 70),
+    "yield_depth": (np.float32, 71),
     "facing": (np.float64, slice(36, 39)),
     "height": (np.float64, 39),
 }
@@ -58,6 +59,7 @@ class _Call(ctypes.Structure):
         *((name, ctypes.c_int64) for name in ("accept", "part", "num_others")),
         *((name, ctypes.c_double) for name in ("dissipated", "switched", "accepted", "deepest")),
         ("sunk", ctypes.c_double),
+        ("flowed", ctypes.c_double),
         ("sunken", ctypes.c_int64),
     ]
 
@@ -142,6 +144,9 @@ class PairForces:
         friction: Static and kinetic coefficients, shape (n, 2): a pair has to overcome the one to
             slip, and has the other while it slips, until a step in which it sticks.
         friction_row: The row there of each pair, int32; of size 0: the first of all.
+        strengths, strength_offset: Of both bodies of each pair, as of contact.stiffness.strength.
+        dent: Depths of dents, which add to the recess of the pairs [m], shape (num_pairs,).
+        slope_left: Part of the law's slope that is left while a dent deepens, set then, the same.
 
     Raises:
         ValueError: An array is of another type, or not contiguous.
@@ -152,7 +157,8 @@ class PairForces:
                  layer_of_facet, area, area_at_node, area_of_facet, depth_of_node, depth_of_facet,
                  bulge_of_facet, curvature_of_point, curvature_of_facet, steepest, recess,
                  ratio_of_node, around, around_of, corner, corner_weight, x, f, early, friction,
-                 friction_row):  # fmt: skip
+                 friction_row, strengths, strength_offset, dent,
+                 slope_left):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
         self._found = _Call(steepest=steepest)
@@ -161,6 +167,7 @@ class PairForces:
             "area": area, "recess": recess, "ratio": ratio_of_node, "around": around_of,
         }  # fmt: skip
         fill_rows(state, node, of_points)
+        column(state, "recess")[:] += dent
         nodes, weight = corners_of(node, corner, corner_weight)
         column(state, "corner")[:], column(state, "corner_weight")[:] = nodes, weight
         column(state, "bound_row")[:] = bound_row
@@ -178,6 +185,8 @@ class PairForces:
             (bulge_of_facet, real), (curvature_of_point, real), (curvature_of_facet, real),
             (around, short),
             (x, real), (f, real), (friction, real) if friction_row.size else None,
+            (strengths, real) if strengths.size else None, (strength_offset, short), (dent, real),
+            (recess, real), (slope_left, real),
         )  # fmt: skip
         pointer = ctypes.c_void_p
         self._call = load("pairs").mufe_add_pair_forces
@@ -193,9 +202,10 @@ class PairForces:
             between: Called once the early pairs have their forces; without any, at the end.
 
         Returns:
-            Energy dissipated [J]; energy that springs lost where pairs passed to other facets [J];
+            Energy dissipated by friction [J]; energy that springs lost where pairs passed to other facets [J];
             number of accepted pairs; their largest depth [m]; of pairs beyond their largest depth
-            the largest one over the lesser part of both sides in it, and its pair, -1 if none.
+            the largest one over the lesser part of both sides in it, and its pair, -1 if none;
+            energy that dents took [J].
         """
         c = self._found
         c.range, c.accept = longest, accept
@@ -206,7 +216,7 @@ class PairForces:
         if self._any_early:
             c.part = OTHERS
             self._call(table, call, num)
-        return c.dissipated, c.switched, int(c.accepted), c.deepest, (c.sunk, c.sunken)
+        return c.dissipated, c.switched, int(c.accepted), c.deepest, (c.sunk, c.sunken), c.flowed
 
 
 @numba.njit(cache=True)

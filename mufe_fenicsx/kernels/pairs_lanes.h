@@ -62,7 +62,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   /* Between smooth surfaces, not facets: as of bulge_at in pairs.h. */
   const vec q_ab = first_of(packed[0]), q_bc = second_of(packed[0]), q_ca = first_of(packed[1]);
   const lanes3 sunk = {second_of(packed[1]), first_of(packed[2]), second_of(packed[2])};
-  const vec softer = first_of(packed[3]);
+  const vec softer = first_of(packed[3]), yields = second_of(packed[3]);
   const vec by_a = q_ab * wb + q_ca * wc - sunk.x, by_b = q_ab * w.x + q_bc * wc - sunk.y;
   const vec by_c = q_bc * wb + q_ca * w.x - sunk.z;
   const vec bulge = q_ab * w.x * wb + q_bc * wb * wc + q_ca * wc * w.x - product(sunk, w);
@@ -85,7 +85,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   corners |= is_node;
   mask turned_away = FLAG(word, sharp) & (height < BESIDE * square_root(area)) & corners;
   const vec moved = bound - next_check, change = where(g < third[0], third[0] - g, g - third[0]);
-  mask stays = FLAG(word, closed) & (~is_node | (change <= moved)) & (depth > 0.0) & (depth <= largest_depth);
+  mask stays = FLAG(word, closed) & (~is_node | (change <= moved)) & (depth > 0.0) & (depth <= largest_depth) & (depth <= yields);
   unsigned can = wanted & ~changed & bits(inside & stays & ~turned_away);
   for (unsigned near = can & ~*looked & ~bits(far); near; near &= near - 1) {
     const int i = __builtin_ctz(near);

@@ -83,6 +83,29 @@ INLINE double energy_of(const state_type *s, double depth) {
          dot(s->shear, s->shear) / (2.0 * tangential_stiffness(s, depth));
 }
 
+/* What a pair has to flow: its mean edge, and the compliance of both its layers. */
+INLINE double layers_of(const pairs_type *m, const state_type *s, int64_t k) {
+  return m->layer_of_node[s->node] + m->layer_of_facet[m->candidate[k]];
+}
+
+/* The dent of the pair p takes what its depth is beyond that of flow; by how much. */
+INLINE double deepen(const pairs_type *m, call_type *c, int64_t p, int64_t k, double was,
+                     double depth) {
+  state_type *s = m->state + p;
+  double limit = s->yield_depth;
+  const double deeper = flow(&m->strength, p, s->softer, edge_of(m, s, k), layers_of(m, s, k),
+                             m->dent[p], depth, &limit);
+  s->yield_depth = (float)limit;
+  m->dent[p] += deeper;
+  m->slope_left[p] = slope_left(&m->strength, p, s->softer, edge_of(m, s, k), layers_of(m, s, k),
+                                m->dent[p], limit);
+  s->recess = m->recess_of_point[s->node] + m->dent[p];
+  const double before = was > 0.0 ? normal_force(s->stiffness, s->softer, was, s->largest_depth) : 0.0;
+  const double now = normal_force(s->stiffness, s->softer, depth - deeper, s->largest_depth);
+  c->flowed += 0.5 * (before + now) * deeper;
+  return deeper;
+}
+
 /* Forces of the pair p, which has been looked at where ``looked``, ``before`` being the candidate
    that was closest in the last step. The normal force of a point in a facet is that of its
    place; a vertex that comes in from the side, past a sharp edge, carries from the depth on at
@@ -193,6 +216,14 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     s->stiffness = stiffness_of(m, s, k);
     s->largest_depth = largest_depth_of(m, s, k);
     s->softer = softer_of(m, s, k);
+    s->yield_depth = (float)yield_depth(&m->strength, p, s->softer, edge_of(m, s, k),
+                                        layers_of(m, s, k), m->dent[p]);
+  }
+  const double flowed = c->flowed;
+  if (depth > s->yield_depth) {
+    const double deeper = deepen(m, c, p, k, was_closed ? was : 0.0, depth);
+    depth -= deeper, g += deeper;
+    s->gap = g;
   }
   if (!was_closed) {
     s->stick_point = w;
@@ -237,7 +268,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   const int known = isfinite(old_gap);
   const int came_in = !was_closed && !(known && -dot(way, smooth) >= STRAIGHT * depth);
   if ((was_closed && (passed || s->offset != old_offset)) || came_in)
-    c->switched += old_energy - energy_of(s, depth) - found.lost -
+    c->switched += old_energy - energy_of(s, depth) - found.lost - (c->flowed - flowed) -
                    (known ? 0.5 * dot(plus(old_force, force), way) : 0.0);
   for (int corner = 0; corner < 3; corner++)
     add_to(f, s->corner[corner], times((&s->corner_weight.x)[corner], force));

@@ -3,6 +3,7 @@
 
 #include "contact_law.h"
 #include "due.h"
+#include "flow.h"
 
 /* What a pair keeps, three cache lines in rows of four numbers; the stick point from ``point`` of the
    wall. ``corner``: nodes around a point in a facet, or thrice the node; the first has a weight of
@@ -17,7 +18,8 @@ typedef struct {
   double slip;
   vec3 shear;
   double work;
-  double softer, unused[7]; /* m of the law */
+  double softer, dent, yield_depth, edge; /* m of the law; as in kernels/flow.h */
+  double layer, slope_left, unused[2]; /* of the law where the dent deepens, for tangents */
 } state_type;
 
 #define WALL_BITS 14
@@ -51,6 +53,7 @@ typedef struct {
   const double *x;
   double *f, *wall_force, *wall_torque, *pressing;
   const double *point, *axis, *velocity, *radius, *friction, *friction_kinetic;
+  strength_type strength;
 } walls_type;
 
 /* Ask for what the pairs after the i-th of the list need; from i = -FAR_AHEAD on. */
@@ -90,7 +93,7 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
   const vec3 point = mean(weights, at(m->x, c[0]), at(m->x, c[1]), at(m->x, c[2]));
   const vec3 r = minus(point, wall->point);
   vec3 normal;
-  const double g = gap_to(wall, r, &normal) + s->recess;
+  double g = gap_to(wall, r, &normal) + s->recess + s->dent;
   s->gap = g;
   if (!s->closed) {
     if (s->offset < 0.0) s->offset = least(most(s->offset, g), 0.0);
@@ -99,7 +102,7 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
       s->offset = g;
     }
   }
-  const double depth = s->offset - g;
+  double depth = s->offset - g;
   if (depth <= 0.0) {
     if (s->closed) {
       double lost = lost_at_opening(s->shear, across(minus(r, s->stick_point), normal));
@@ -116,11 +119,20 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
   if (!s->closed) {
     s->closed = 1;
     s->stick_point = r;
+    s->yield_depth = yield_depth(&m->strength, p, s->softer, s->edge, s->layer, s->dent);
+  }
+  double deeper = 0.0;
+  if (depth > s->yield_depth) {
+    deeper = flow(&m->strength, p, s->softer, s->edge, s->layer, s->dent, depth, &s->yield_depth);
+    s->dent += deeper, depth -= deeper, s->gap += deeper;
+    s->slope_left =
+        slope_left(&m->strength, p, s->softer, s->edge, s->layer, s->dent, s->yield_depth);
   }
   const double share = s->stiffness * share_of_stiffness(depth, s->softer);
   const double kt = share * s->ratio;
   const double kt_slope = s->stiffness * s->ratio * slope_of_share(depth, s->softer);
   double N = share * depth;
+  totals[2] += 0.5 * (s->normal_force + N) * deeper;
   vec3 spring = minus(r, s->stick_point);
   const slip_type found =
       slip(&spring, normal, kt, s->sliding, limit_of_friction(wall->friction, N, kt, kt_slope),
@@ -190,9 +202,9 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
     n = where_each(is_plane, axis, scaled(-side / longest, away));
     distance = where(is_plane, distance, R - side * length);
   }
-  const vec g = distance + head[2], depth = spring_row[1] - g;
+  const vec g = distance + head[2] + law[1], depth = spring_row[1] - g;
   const mask closed = FLAG(flags, closed), in_front = ~closed & (g >= 0.0) & (depth <= 0.0);
-  const unsigned can = wanted & bits(closed & (depth > 0.0)), open = wanted & bits(in_front);
+  const unsigned can = wanted & bits(closed & (depth > 0.0) & (depth <= law[2])), open = wanted & bits(in_front);
 
   const vec share = spring_row[2] * share_of_stiffness_each(depth, law[0]);
   const vec kt = share * head[3];
@@ -252,7 +264,8 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
   return wanted & ~(can | open);
 }
 
-/* See kernels/walls.py; ``totals``: energy dissipated, accepted pairs. */
+/* See kernels/walls.py; ``totals``: energy dissipated by friction, accepted pairs,
+   energy that dents took. */
 void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int64_t num_pairs,
                           int64_t num_walls, int64_t accept) {
   int any_curved = 0;
@@ -262,7 +275,7 @@ void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int
     m->walls[w] = (wall_type){at(m->axis, w), m->friction[w], point, m->friction_kinetic[w],
                               m->radius[w], {0.0}, {{0.0}}, {{0.0}}, {0.0}};
   }
-  totals[0] = totals[1] = 0.0;
+  totals[0] = totals[1] = totals[2] = 0.0;
   vec dissipated = all(0.0);
   const int64_t num_due = find_due(m->scratch, m->next_check, m->bounds, m->bound_row, num_pairs);
   for (int64_t i = -FAR_AHEAD; i < num_due; i += LANES) {

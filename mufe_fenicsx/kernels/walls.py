@@ -29,6 +29,11 @@ COLUMNS = {
     "shear": (np.float64, slice(12, 15)),
     "work": (np.float64, 15),
     "softer": (np.float64, 16),
+    "dent": (np.float64, 17),
+    "yield_depth": (np.float64, 18),
+    "edge": (np.float64, 19),
+    "layer": (np.float64, 20),
+    "slope_left": (np.float64, 21),
 }
 #: Weights that one corner of a point can have, in the order of walls.c; the others share the rest.
 LEAD = (1.0, 1 / 3, 2 / 3)
@@ -227,6 +232,10 @@ class WallForces:
             stick_point: Stick point relative to ``point`` [m];
             stiffness: Area over layer [N/m], set here;
             softer: Length m of the law [m];
+            dent: Depth of the dent, which adds to the recess [m];
+            yield_depth: Depth from which on it deepens [m];
+            slope_left: Part of the law's slope that is left while it does;
+            edge, layer: Of the facet around [m, m/Pa], set here;
             shear: Friction on the node [N];
             gap, offset: Gap and its offset [m];
             slip: Accumulated slip [m];
@@ -236,7 +245,7 @@ class WallForces:
         next_check, bounds, bound_row: As of PairForces, (num_pairs,) but for ``bounds``.
         node, wall: The pairs, int32, shape (num_pairs,).
         layer: Compliance c h/E* of the nodes [m/Pa], shape (num_nodes,).
-        area: Areas that the nodes stand for [m²], shape (num_nodes,).
+        area, facet_area: Areas that the nodes stand for, and of facets there [m²], (num_nodes,).
         recess: How far the nodes lie behind the surface that carries contact [m], (num_nodes,).
         ratio: Tangential over normal stiffness, shape (num_nodes,).
         corner, corner_weight, x, f: As of PairForces.
@@ -247,24 +256,30 @@ class WallForces:
         radius: As of :func:`gap_to_wall` [m], shape (num_walls,).
         friction: Coefficients of friction that a pair has to overcome, shape (num_walls,).
         friction_kinetic: Coefficients while it slips; until a step in which it sticks.
+        strengths, strength_offset: As of PairForces.
 
     Raises:
         ValueError: An array is of another type, or not contiguous; too many walls; a point with
             weights that are not those of ``LEAD``.
     """
 
-    def __init__(self, state, next_check, bounds, bound_row, node, wall, layer, area, recess, ratio,
+    def __init__(self, state, next_check, bounds, bound_row, node, wall, layer, area, facet_area,
+                 recess, ratio,
                  corner, corner_weight, x, f, wall_force, wall_torque, pressing, point, normal,
-                 velocity, radius, friction, friction_kinetic):  # fmt: skip
+                 velocity, radius, friction, friction_kinetic, strengths,
+                 strength_offset):  # fmt: skip
         real, short = np.float64, np.int32
         self._num_pairs = node.size
-        self._totals = np.zeros(2)
+        self._totals = np.zeros(3)
         self._totals_at = address(self._totals)
         self._num_walls = len(point)
         scratch = np.empty(node.size + 1, short)
         if len(point) > 1 << WALL_BITS:
             raise ValueError(f"walls = {len(point)}, expected at most {1 << WALL_BITS}")
-        of_points = {"stiffness": area / layer, "recess": recess, "ratio": ratio}
+        edge = np.sqrt(4.0 / math.sqrt(3.0) * facet_area)
+        of_points = {
+            "stiffness": area / layer, "recess": recess, "ratio": ratio, "edge": edge, "layer": layer,
+        }  # fmt: skip
         fill_rows(state, node, of_points, COLUMNS)
         corners, lead = _leading(*corners_of(node, corner, corner_weight))
         column(state, "corner", COLUMNS)[:] = corners
@@ -274,6 +289,7 @@ class WallForces:
             (aligned(WALL * len(point)), real), (x, real), (f, real), (wall_force, real),
             (wall_torque, real), (pressing, real), (point, real), (normal, real),
             (velocity, real), (radius, real), (friction, real), (friction_kinetic, real),
+            (strengths, real) if strengths.size else None, (strength_offset, short),
         )  # fmt: skip
         pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
         self._call = load("walls").mufe_add_wall_forces
@@ -288,14 +304,14 @@ class WallForces:
             ahead: How much later than the planes the positions are [s].
 
         Returns:
-            Energy dissipated by friction [J]; number of accepted pairs.
+            Energy dissipated by friction [J]; number of accepted pairs; energy that dents took [J].
         """
         totals = self._totals
         self._call(
             self._pointers.table, self._totals_at, ahead, self._num_pairs, self._num_walls, accept,
         )  # fmt: skip
-        dissipated, accepted = totals.tolist()
-        return dissipated, int(accepted)
+        dissipated, accepted, flowed = totals.tolist()
+        return dissipated, int(accepted), flowed
 
 
 @numba.njit(cache=True)

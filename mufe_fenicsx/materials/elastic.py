@@ -74,6 +74,13 @@ class IsotropicSolid:
         """Speed of compression waves √(M/ρ) [m/s]."""
         return math.sqrt(self.constrained_modulus / self.rho)
 
+    def yield_table(self) -> np.ndarray | None:
+        """Plastic strains and yield stresses [Pa] of von Mises, shape (2, num_points), or None.
+
+        They limit the pressure of contacts smaller than an element.
+        """
+        return None
+
 
 @dataclass(frozen=True)
 class Elastic(IsotropicSolid):

@@ -70,6 +70,10 @@ class J2(IsotropicSolid):
         """Where the computation has to stop."""
         return self.yield_stress[-1][0] if self.beyond == "stop" else math.inf
 
+    def yield_table(self) -> np.ndarray:
+        """Plastic strains and yield stresses [Pa], shape (2, num_points)."""
+        return self.parameters()[2:].reshape(2, -1)
+
     def parameters(self) -> np.ndarray:
         """Those of kernels.hardening: least yield stress, number of points, table."""
         points = list(self.yield_stress)

@@ -177,12 +177,10 @@ def _way(s, plane, top):
 
 
 def contact_area(s, wall):
-    """Area [m²] around the nodes that carry more than half of the mean pressure. Local.
+    """Area [m²] of the disc on which an even pressure has the second moment of this one. Local.
 
-    Forces of facets are brought to nodes, for yielding bodies leave the pressure on
-    single facets open: there are two for each node, and half of them carry nothing. The mean is
-    weighted by force, so that it is that of the inner nodes. A node in the edge of the
-    contact counts whole or not at all, and right in the mean over many places of the edge.
+    That is 2π times the mean square of the distance from the middle, weighted by force. Forces of
+    points are brought to the nodes, which the body feels.
     """
     pairs, points, own = s.walls.pairs, s.contact.points, s.contact.own
     on = np.flatnonzero(pairs.wall == wall)
@@ -192,14 +190,7 @@ def contact_area(s, wall):
     total = force.sum()
     if total == 0.0:
         return 0.0
-    corner = s.state.x[own.nodes[own.facets]]
-    edges = corner[:, 1:] - corner[:, :1]
-    third = np.abs(np.cross(edges[:, 0], edges[:, 1]) @ s.walls.normal[wall]) / 6
-    area = np.zeros(own.nodes.size)
-    for nodes in own.facets.T:
-        np.add.at(area, nodes, third)
-    loaded = force > 0
-    pressure = np.zeros(own.nodes.size)
-    pressure[loaded] = force[loaded] / area[loaded]
-    mean = force @ pressure / total
-    return float(area[pressure > 0.5 * mean].sum())
+    x = s.state.x[own.nodes]
+    away = x - force @ x / total
+    away -= np.outer(away @ s.walls.normal[wall], s.walls.normal[wall])
+    return float(2.0 * math.pi * (force @ np.einsum("ij,ij->i", away, away)) / total)

@@ -20,6 +20,7 @@ REMEMBERED = (
     "stiffness",
     "largest_depth",
     "softer",
+    "yield_depth",
     "facing",
     "height",
     "stick_point",
@@ -33,9 +34,9 @@ REMEMBERED = (
 class Pairs(Stateful):
     """Node-grain pairs of one rank, found by :func:`search_pairs`. Arrays as in kernels.pairs."""
 
-    STATE = {"here": ("next_check", "candidate_next_check", "closest", "state", "bounds")}
+    STATE = {"here": ("next_check", "candidate_next_check", "closest", "state", "dent", "bounds")}
     #: What a checkpoint keeps of each pair.
-    KEPT = (*REMEMBERED, "next_check", "work", "known", "other_next_check")
+    KEPT = (*REMEMBERED, "dent", "slope_left", "next_check", "work", "known", "other_next_check")
 
     def __init__(self, node, grain, first, candidate, grain_of_point, bound):
         num_pairs = node.size
@@ -47,6 +48,8 @@ class Pairs(Stateful):
         self.candidate_next_check = np.full(candidate.size, -np.inf, dtype=np.float32)
         self.closest = np.full(num_pairs, -1, dtype=np.int64)
         self.state = rows(num_pairs, ROW)
+        self.slope_left = np.ones(num_pairs)  #: of the law while a dent deepens
+        self.dent = np.zeros(num_pairs)  #: depth of the dent, which adds to the recess [m]
         column(self.state, "node")[:] = node
         for name in (*REMEMBERED, "work", "known", "other_next_check", "vertices", "sharp", "bulge"):
             setattr(self, name, column(self.state, name))
@@ -89,6 +92,7 @@ class Pairs(Stateful):
         new = np.flatnonzero(source >= 0)
         source = source[new]
         copy_rows(self.state, new, old.state, source)
+        self.dent[new] = old.dent[source]
         self.known[new], self.work[new] = False, 0.0  # the ledger has the work
         for of_closest in (self.vertices, self.sharp, self.bulge):
             of_closest[new] = 0

@@ -8,7 +8,10 @@ from ...state import Stateful
 from .motion_bounds import WALLS, MotionBounds
 
 #: What a pair keeps when the pairs are searched anew.
-REMEMBERED = ("gap", "offset", "closed", "stick_point", "shear", "slip", "normal_force", "sliding")
+REMEMBERED = (
+    *("gap", "offset", "closed", "stick_point", "shear", "slip", "normal_force", "sliding"),
+    *("dent", "yield_depth", "slope_left"),
+)
 
 
 class WallPairs(Stateful):

@@ -1,4 +1,4 @@
-"""How stiff this rank's surface is in contact: layers, depths, compliance of edges."""
+"""How stiff this rank's surface is in contact: layers, depths, compliance of edges, strengths."""
 
 import numpy as np
 
@@ -7,10 +7,11 @@ from ..laws import LAYERS, inertial_layers, largest_depths, replace_layers
 from ..pairs.edge_pairs import edge_compliances
 from ..surface.bulges import bulges_of, no_bulges
 from ..surface.points import surface_points
+from .strength import Strengths
 
 
 class SurfaceLayers(Stateful):
-    """Layers of points and facets that make the springs of pairs. Local.
+    """Layers of points and facets that make the springs of pairs. Collective.
 
     Args:
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
@@ -39,6 +40,8 @@ class SurfaceLayers(Stateful):
             self.smooth.curvature[~np.isnan(grains.rigid_layer[own.local_grain_of_facet])] = 0.0
         #: :class:`~mufe_fenicsx.contact.surface.points.Points` of the surface.
         self.points = surface_points(settings.points, mesh, own, x, *layers, *depths, self.smooth)
+        #: Of all grains, :class:`~mufe_fenicsx.contact.stiffness.strength.Strengths`.
+        self.strengths = Strengths(mesh, grains.yield_tables)
         #: Tangential over normal stiffness of points, shape (num_points,).
         self.ratio = grains.tangential_ratio[self.points.local_grain]
 

@@ -71,6 +71,7 @@ class ContactTangent:
         parts = [
             (rows[a:b], columns[a:b], blocks[a:b]) for a, b in zip(end - counts, end, strict=True)
         ]
+        dent, wall_dent = mark.of_points("dent")
         g, friction, ratio = c.ghosts, c.friction.coefficients, c.layers.ratio
         x, before = g.positions.array, g.num_before
         pair_tangent(
@@ -78,6 +79,7 @@ class ContactTangent:
             p.weights, p.normal, p.gap, p.offset, p.stiffness, p.stick_point, p.shear, p.slip, slip,
             p.normal_force, p.sliding, g.facets, c.points.area, c.points.recess, ratio,
             friction, p.friction_row, p.largest_depth, p.facing, p.height, p.bulge, p.softer,
+            p.dent, np.where(p.dent > dent, p.slope_left, 1.0),
         )  # fmt: skip
         q = e.pairs
         edge_tangent(
@@ -93,5 +95,6 @@ class ContactTangent:
             v.shear, v.slip,
             wall_slip, v.normal_force, v.sliding, c.points.layer, c.points.area, ratio,
             w.friction_kinetic, v.offset - v.gap, v.softer,
+            np.where(v.dent > wall_dent, v.slope_left, 1.0),
         )  # fmt: skip
         return rows, columns, blocks

@@ -61,9 +61,18 @@ class Course:
         return np.exp(cubic(np.log(wanted)))
 
     def mean(self, delta):
-        """Mean force over E R² and mean pressure over E at approaches over R."""
-        force, radius = self.at(delta), self.at(delta, "radius")
-        return float(force.mean()), float(force.sum() / (math.pi * radius**2).sum())
+        """Mean force over E R² and mean pressure over E at approaches over R.
+
+        The pressure is on the disc on which an even one has the same second moment: of a
+        half-ellipsoid with the radius a that is 2a²/5, of a disc half of its square.
+        """
+        force, area = self.at(delta), 0.8 * math.pi * self.at(delta, "moment_radius") ** 2
+        return float(force.mean()), float(force.sum() / area.sum())
+
+    def edge_over_disc(self, delta):
+        """Radius of the contact's edge over that of this disc, mean over approaches over R."""
+        disc = math.sqrt(0.8) * self.at(delta, "moment_radius")
+        return float((self.at(delta, "radius") / disc).mean())
 
     def mean_pressure(self):
         """Force over the area within the edge, over E."""
