@@ -86,6 +86,7 @@ class GrainMesh:
     grain_of_node: np.ndarray  #: local grain of each node, int32, shape (num_nodes,)
     facets: np.ndarray  #: nodes of boundary facets, outward, int32, shape (num_facets, 3)
     grain_of_facet: np.ndarray  #: local grain of each facet, shape (num_facets,)
+    cell_of_facet: np.ndarray  #: row of ``cells`` beneath each facet, int32, shape (num_facets,)
     family: int = 1  #: rows of ``cells`` that make one composite element; families are whole
     cylinder: np.ndarray | None = None  #: that cut the grains: x, y, radius [m], shape (3,)
     sleeves: tuple[str, ...] = ()  #: names of bodies after the grains in ``labels``, around them
@@ -269,7 +270,7 @@ def create_grain_mesh(
     nodes = np.argsort(grain_of_node, kind="stable").astype(np.int32)
     node_offset = np.searchsorted(grain_of_node[nodes], np.arange(grains.size + 1))
 
-    facets, grain_of_facet = _boundary(dofs, cell_offset)
+    facets, grain_of_facet, cell_of_facet = _boundary(dofs, cell_offset)
     _check_elements(comm, x, dofs, cell_offset, facets, grain_of_facet, np.asarray(labels)[grains])
     return GrainMesh(
         mesh=domain,
@@ -286,6 +287,7 @@ def create_grain_mesh(
         grain_of_node=grain_of_node,
         facets=facets,
         grain_of_facet=grain_of_facet,
+        cell_of_facet=cell_of_facet,
         family=family,
         sleeves=tuple(sleeves),
         tools=tuple(tools),
@@ -395,12 +397,12 @@ def _order(grain_of_cell, original, family):
 
 
 def _boundary(cells, cell_offset):
-    """Boundary facets with outward orientation, and their grains.
+    """Boundary facets with outward orientation, their grains and the cells beneath.
 
     Found grain by grain from the cells: the facets of the DOLFINx topology would stay in
     memory, 80 bytes a cell, and nothing else needs them.
     """
-    found, count = [], []
+    found, beneath, count = [], [], []
     for first, end in pairwise(cell_offset):
         faces = cells[first:end][:, FACETS].reshape(-1, 3)
         key = np.sort(faces, axis=1)
@@ -410,6 +412,9 @@ def _boundary(cells, cell_offset):
         single = np.ones(len(faces), dtype=bool)
         single[1:] &= ~same
         single[:-1] &= ~same
-        found.append(faces[np.sort(order[single])])
-        count.append(len(found[-1]))
-    return np.concatenate(found), np.repeat(np.arange(len(count), dtype=np.int32), count)
+        outer = np.sort(order[single])
+        found.append(faces[outer])
+        beneath.append((first + outer // 4).astype(np.int32))
+        count.append(outer.size)
+    grain = np.repeat(np.arange(len(count), dtype=np.int32), count)
+    return np.concatenate(found), grain, np.concatenate(beneath)

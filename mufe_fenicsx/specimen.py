@@ -88,11 +88,17 @@ class Specimen(Stateful):
         if mass_factor is not None:
             solid.mass *= mass_factor
         self.walls = Walls(walls)
+        # Displacement, velocity and force live in PETSc-backed DOLFINx functions.
+        self.u, self.v, self.force = (fem.Function(mesh.V) for _ in range(3))
+        self.f = self.force.x.array.reshape(-1, 3)
+        self.state = initial_state(
+            mesh.x, mesh.num_cells, self.u.x.array.reshape(-1, 3), self.v.x.array.reshape(-1, 3)
+        )
         settings = _settings_of_contact(contact).with_tools(mesh.first_tool, tools)
         grains = ContactGrains(
             solid.contact_modulus, solid.tangential_ratio, solid.mass,
             self.rigid.layers(materials), solid.edge_compliance,
-            tuple(material.yield_table() for material in materials),
+            tuple(material.yield_table() for material in materials), self.state.plastic_strain,
         )  # fmt: skip
         self.contact = Contact(mesh, mesh.x, self.walls, grains, settings)
         kinematic = self.contact.layers.kinematic
@@ -107,12 +113,6 @@ class Specimen(Stateful):
         constraints = self.bonded, self.mirrors, self.rigid, self.tools
         self.terms = [solid, *(term for term in constraints if term.any)]
         self.free_mass = self.bonded.free_mass(solid.mass)
-        # Displacement, velocity and force live in PETSc-backed DOLFINx functions.
-        self.u, self.v, self.force = (fem.Function(mesh.V) for _ in range(3))
-        self.f = self.force.x.array.reshape(-1, 3)
-        self.state = initial_state(
-            mesh.x, mesh.num_cells, self.u.x.array.reshape(-1, 3), self.v.x.array.reshape(-1, 3)
-        )
         self._begin_motion(velocity)
         self.damping = _not_negative("damping", damping)
         self.initial_kinetic = 0.0

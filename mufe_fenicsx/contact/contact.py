@@ -66,6 +66,10 @@ class Contact(Stateful):
         check_stiffness(mesh, grains.modulus)
         self.friction = settings.pair_friction.table(settings.friction_kinetic, mesh.labels.size)
         self.layers = SurfaceLayers(mesh, own, x, grains, settings)
+        #: Plastic strain of the cells, shape (num_cells,).
+        self.strain = grains.plastic_strain
+        if self.strain is None:
+            self.strain = np.zeros(mesh.num_cells)
         self.points = self.layers.points
         smooth = self.layers.smooth
         most = np.array([2.0 * smooth.highest(), smooth.steepest(own.facets, x[own.nodes])])
@@ -303,12 +307,14 @@ class Contact(Stateful):
                 s.curvature_of_facet, self._steepest, points.recess, layers.ratio, ghosts.around,
                 points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),
                 self.friction.coefficients, p.friction_row, layers.strengths.tables,
-                layers.strengths.offsets(points.grain_of_point[p.node], p.grain), p.dent,
+                layers.strengths.offsets(points.grain_of_point[p.node], p.grain), self.strain,
+                points.cell[p.node], p.dent,
                 p.slope_left,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(
-                forces, x, ghosts.corners(), points.layer, points, layers.ratio, layers.strengths
+                forces, x, ghosts.corners(), points.layer, points, layers.ratio, layers.strengths,
+                self.strain,
             )
 
     def _early_pairs(self):

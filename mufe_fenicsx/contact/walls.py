@@ -27,7 +27,7 @@ from .laws import kinetic_of
 from .mirrors import nodes_on_mirrors
 from .near_walls import NearWalls
 from .pairs.wall_pairs import REMEMBERED, WallPairs
-from .surface.bulges import against_walls
+from .surface.bulges import against_walls, bend_at_walls
 
 #: Part α of the force that a servo lacks which one step may change: stable below 1 at the longest
 #: step that contacts allow, and below 2 at short ones (theory.servo).
@@ -327,7 +327,7 @@ class Walls(Stateful):
             pairs.next_check[:] = pairs.motion_bounds.now
         self.pairs = pairs
 
-    def bind(self, f, x, corners, layer, points, ratio, strengths):
+    def bind(self, f, x, corners, layer, points, ratio, strengths, strain):
         """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
 
         Args:
@@ -336,6 +336,7 @@ class Walls(Stateful):
             layer, ratio: As of :class:`~mufe_fenicsx.kernels.walls.WallForces`.
             points: :class:`~mufe_fenicsx.contact.surface.points.Points`.
             strengths: :class:`~mufe_fenicsx.contact.stiffness.strength.Strengths`.
+            strain: Plastic strain of the cells, shape (num_cells,).
         """
         p = self.pairs
         p.forces = WallForces(
@@ -343,12 +344,12 @@ class Walls(Stateful):
             layer, points.area, points.facet_area, points.recess, ratio, *corners, x, f, self.force, self.torque,
             self.curved.pressing, self.point, self.normal, self.velocity, self.curved.radius,
             self.friction, self.friction_kinetic, strengths.tables,
-            strengths.offsets(points.grain_of_point[p.node]),
+            strengths.offsets(points.grain_of_point[p.node]), strain, points.cell[p.node],
         )  # fmt: skip
-        p.softer[:] = against_walls(
-            points.curvature[p.node], points.facet_area[p.node], self.curved.bend[p.wall],
-            self.normal[p.wall].any(axis=1),
-        )  # fmt: skip
+        curvature, bend = points.curvature[p.node], self.curved.bend[p.wall]
+        cylinder = self.normal[p.wall].any(axis=1)
+        p.softer[:] = against_walls(curvature, points.facet_area[p.node], bend, cylinder)
+        p.bend[:] = bend_at_walls(curvature, bend, cylinder)
         sag, recess = self.curved.sag_of(p.node, p.wall), column(p.state, "recess", COLUMNS)
         if sag is not None:
             recess[:] = np.where(np.isfinite(sag), -sag, recess)

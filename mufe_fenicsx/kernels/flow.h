@@ -7,15 +7,27 @@
 #include "contact_law.h"
 #include <stdint.h>
 
-#define PUNCH 3.6  /* largest pressure under a flat round punch over the yield stress */
-#define TABOR 0.2  /* strain that stands for a round contact, over its radius over that of the body */
+/* Mean pressure of a round contact that flows, over the yield stress at a strain that stands for it,
+   and that strain over the radius of the contact over that of the body (Tabor 1951). */
+#define MEAN_PRESSURE 2.8
+#define TABOR 0.2
 
 /* Yield stresses of the materials: at an offset the number n of points, n plastic strains and n
-   stresses. ``offset``: of both bodies of a pair, -1 where one does not flow. */
+   stresses. ``offset``: of both bodies of a pair, the own one first, -1 where one does not flow.
+   ``strain``: of all cells; ``cell``: that beneath the point of a pair. */
 typedef struct {
   const double *tables;
   const int32_t *offset;
+  const double *strain;
+  const int32_t *cell;
 } strength_type;
+
+/* What a pair has to flow: its place, m of the law, mean edge, compliance of both layers, and mean
+   curvature of the gap. */
+typedef struct {
+  int64_t pair;
+  double m, edge, layers, bend;
+} flowing_type;
 
 /* Yield stress at a plastic strain, constant beyond the table. */
 INLINE double yield_stress_at(const double *table, double strain) {
@@ -39,36 +51,41 @@ static double depth_of(double over, double m) {
   return d;
 }
 
-/* Largest dent: that with the radius of its circle h/√2, b = h²/4R. ``m`` is XI h²/R. */
-INLINE double largest_dent(double m) { return m / (4.0 * XI); }
+/* Largest dent, with the radius of its circle h/√2: what is wider is for the elements beneath. */
+INLINE double largest_dent(flowing_type q) { return 0.25 * q.edge * q.edge * q.bend; }
 
-/* Depth of the pair p at which it flows with the dent b. ``layers``: compliance of both sides;
-   ``h``: edge. A dent of this depth is as wide as a circle of the radius √(2 R b). */
-static double yield_depth(const strength_type *of, int64_t p, double m, double h, double layers,
-                          double b) {
-  if (!of->tables || !(m > 0.0) || b >= largest_dent(m)) return INFINITY;
-  const double strain = TABOR * sqrt(8.0 * b * largest_dent(m)) / h;
+/* Depth at which a pair flows with the dent b, whose circle has the radius a = √(2 R b), R = 1/bend.
+   Bodies that are alike have half of the dent each, and the strain of the cell beneath in common; of
+   others' cells nothing is known. */
+static double yield_depth(const strength_type *of, flowing_type q, double b) {
+  if (!of->tables || !(b < largest_dent(q))) return INFINITY;
+  const int32_t *offset = of->offset + 2 * q.pair;
+  const int alike = offset[0] == offset[1];
+  const double of_dent = (alike ? 0.5 : 1.0) * TABOR * sqrt(2.0 * b * q.bend);
   double weaker = INFINITY;
   for (int side = 0; side < 2; side++) {
-    const int32_t offset = of->offset[2 * p + side];
-    if (offset >= 0) weaker = least(weaker, yield_stress_at(of->tables + offset, strain));
+    if (offset[side] < 0) continue;
+    const double beneath = side == 0 || alike ? of->strain[of->cell[q.pair]] : 0.0;
+    weaker = least(weaker, yield_stress_at(of->tables + offset[side], beneath + of_dent));
   }
-  return isfinite(weaker) ? depth_of(PUNCH * weaker * layers, m) : INFINITY;
+  return isfinite(weaker) ? depth_of(MEAN_PRESSURE * weaker * q.layers, q.m) : INFINITY;
 }
 
-/* By how much a dent b of the pair p deepens at a depth beyond ``limit``, its yield depth, which is
-   set anew: depth - deeper = yield_depth(b + deeper), or until the dent is the largest one. The left
-   side falls and the right side rises with ``deeper``: the false position, Illinois' way. */
-static double flow(const strength_type *of, int64_t p, double m, double h, double layers, double b,
-                   double depth, double *limit) {
+/* By how much the dent b of a pair deepens at a depth: by nothing up to ``limit``, its yield depth,
+   which is set anew; beyond, depth - deeper = yield_depth(b + deeper), or until the dent is the
+   largest one. The left side falls and the right side rises with ``deeper``: the false position,
+   Illinois' way. */
+static double flow(const strength_type *of, flowing_type q, double b, double depth, double *limit) {
+  *limit = yield_depth(of, q, b);
   double low = 0.0, above = depth - *limit;
-  double high = least(above, largest_dent(m) - b);
-  *limit = yield_depth(of, p, m, h, layers, b + high);
+  if (above <= 0.0) return 0.0;
+  double high = least(above, largest_dent(q) - b);
+  *limit = yield_depth(of, q, b + high);
   double below = depth - high - *limit;
   if (!isfinite(*limit) || below >= 0.0) return high;
   for (int i = 0; i < 60 && high - low > 1e-14 * depth; i++) {
     const double trial = high - below * (high - low) / (below - above);
-    *limit = yield_depth(of, p, m, h, layers, b + trial);
+    *limit = yield_depth(of, q, b + trial);
     const double over = depth - trial - *limit;
     if (fabs(over) <= 1e-14 * depth) return trial;
     if (over > 0.0) {
@@ -77,17 +94,16 @@ static double flow(const strength_type *of, int64_t p, double m, double h, doubl
       high = trial, below = over, above *= 0.5;
     }
   }
-  *limit = yield_depth(of, p, m, h, layers, b + high);
+  *limit = yield_depth(of, q, b + high);
   return high;
 }
 
-/* Part of the law's slope that is left while the dent b of the pair p deepens: r/(1 + r), r being
-   the slope of the yield depth by the dent. */
-static double slope_left(const strength_type *of, int64_t p, double m, double h, double layers,
-                         double b, double limit) {
-  if (!isfinite(limit)) return 1.0;
+/* Part of the law's slope that is left while the dent b of a pair deepens: r/(1 + r), r being the
+   slope of the yield depth by the dent. */
+static double slope_left(const strength_type *of, flowing_type q, double b, double limit) {
+  if (!isfinite(limit) || !(b > 0.0)) return 1.0;
   const double less = (1.0 - 1e-6) * b;
-  const double r = (limit - yield_depth(of, p, m, h, layers, less)) / (b - less);
+  const double r = (limit - yield_depth(of, q, less)) / (b - less);
   return r / (1.0 + r);
 }
 

@@ -54,7 +54,7 @@ typedef struct {
   const uint8_t *sharp;
   const double *layer_of_node, *layer_of_facet;
   const double *area_at_node, *area_of_facet, *depth_of_node, *depth_of_facet;
-  const double *bulge_of_facet, *curvature_of_point, *curvature_of_facet; /* six, two numbers */
+  const double *bulge_of_facet, *curvature_of_point, *curvature_of_facet; /* six, three */
   const int32_t *around;
   double *x, *f;
   const double *friction; /* static and kinetic of pairs of materials; none: one for all */
@@ -119,8 +119,8 @@ INLINE double edge_of(const pairs_type *m, const state_type *s, int64_t k) {
    0 where it is not convex. */
 INLINE double softer_of(const pairs_type *m, const state_type *s, int64_t k) {
   const int32_t facet = m->candidate[k];
-  const double *own = m->curvature_of_point + 2 * (int64_t)s->node;
-  const double *other = m->curvature_of_facet + 2 * (int64_t)facet;
+  const double *own = m->curvature_of_point + 3 * (int64_t)s->node;
+  const double *other = m->curvature_of_facet + 3 * (int64_t)facet;
   const double det = own[0] + other[0] + 0.5 * own[1] * other[1];
   if (s->num_around || !(det > 0.0 && own[1] + other[1] > 0.0)) return 0.0;
   const double h = edge_of(m, s, k);

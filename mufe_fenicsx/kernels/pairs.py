@@ -145,6 +145,8 @@ class PairForces:
             slip, and has the other while it slips, until a step in which it sticks.
         friction_row: The row there of each pair, int32; of size 0: the first of all.
         strengths, strength_offset: Of both bodies of each pair, as of contact.stiffness.strength.
+        strain: Plastic strain of all cells, shape (num_cells,).
+        cell: That beneath the point of each pair, int32, shape (num_pairs,).
         dent: Depths of dents, which add to the recess of the pairs [m], shape (num_pairs,).
         slope_left: Part of the law's slope that is left while a dent deepens, set then, the same.
 
@@ -157,7 +159,7 @@ class PairForces:
                  layer_of_facet, area, area_at_node, area_of_facet, depth_of_node, depth_of_facet,
                  bulge_of_facet, curvature_of_point, curvature_of_facet, steepest, recess,
                  ratio_of_node, around, around_of, corner, corner_weight, x, f, early, friction,
-                 friction_row, strengths, strength_offset, dent,
+                 friction_row, strengths, strength_offset, strain, cell, dent,
                  slope_left):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
@@ -185,7 +187,8 @@ class PairForces:
             (bulge_of_facet, real), (curvature_of_point, real), (curvature_of_facet, real),
             (around, short),
             (x, real), (f, real), (friction, real) if friction_row.size else None,
-            (strengths, real) if strengths.size else None, (strength_offset, short), (dent, real),
+            (strengths, real) if strengths.size else None, (strength_offset, short), (strain, real),
+            (cell, short), (dent, real),
             (recess, real), (slope_left, real),
         )  # fmt: skip
         pointer = ctypes.c_void_p

@@ -83,22 +83,27 @@ INLINE double energy_of(const state_type *s, double depth) {
          dot(s->shear, s->shear) / (2.0 * tangential_stiffness(s, depth));
 }
 
-/* What a pair has to flow: its mean edge, and the compliance of both its layers. */
-INLINE double layers_of(const pairs_type *m, const state_type *s, int64_t k) {
-  return m->layer_of_node[s->node] + m->layer_of_facet[m->candidate[k]];
+/* What the pair p has to flow; both sides add to the curvature of the gap. */
+INLINE flowing_type flowing(const pairs_type *m, int64_t p, int64_t k) {
+  const state_type *s = m->state + p;
+  const int32_t facet = m->candidate[k];
+  const double bend = m->curvature_of_point[3 * (int64_t)s->node + 2] +
+                      m->curvature_of_facet[3 * (int64_t)facet + 2];
+  return (flowing_type){p, s->softer, edge_of(m, s, k),
+                        m->layer_of_node[s->node] + m->layer_of_facet[facet], bend};
 }
 
 /* The dent of the pair p takes what its depth is beyond that of flow; by how much. */
 INLINE double deepen(const pairs_type *m, call_type *c, int64_t p, int64_t k, double was,
                      double depth) {
   state_type *s = m->state + p;
-  double limit = s->yield_depth;
-  const double deeper = flow(&m->strength, p, s->softer, edge_of(m, s, k), layers_of(m, s, k),
-                             m->dent[p], depth, &limit);
+  const flowing_type q = flowing(m, p, k);
+  double limit;
+  const double deeper = flow(&m->strength, q, m->dent[p], depth, &limit);
   s->yield_depth = (float)limit;
+  if (deeper == 0.0) return 0.0;
   m->dent[p] += deeper;
-  m->slope_left[p] = slope_left(&m->strength, p, s->softer, edge_of(m, s, k), layers_of(m, s, k),
-                                m->dent[p], limit);
+  m->slope_left[p] = slope_left(&m->strength, q, m->dent[p], limit);
   s->recess = m->recess_of_point[s->node] + m->dent[p];
   const double before = was > 0.0 ? normal_force(s->stiffness, s->softer, was, s->largest_depth) : 0.0;
   const double now = normal_force(s->stiffness, s->softer, depth - deeper, s->largest_depth);
@@ -216,8 +221,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     s->stiffness = stiffness_of(m, s, k);
     s->largest_depth = largest_depth_of(m, s, k);
     s->softer = softer_of(m, s, k);
-    s->yield_depth = (float)yield_depth(&m->strength, p, s->softer, edge_of(m, s, k),
-                                        layers_of(m, s, k), m->dent[p]);
+    s->yield_depth = (float)yield_depth(&m->strength, flowing(m, p, k), m->dent[p]);
   }
   const double flowed = c->flowed;
   if (depth > s->yield_depth) {

@@ -19,7 +19,7 @@ typedef struct {
   vec3 shear;
   double work;
   double softer, dent, yield_depth, edge; /* m of the law; as in kernels/flow.h */
-  double layer, slope_left, unused[2]; /* of the law where the dent deepens, for tangents */
+  double layer, slope_left, bend, unused; /* of the law where the dent deepens, for tangents */
 } state_type;
 
 #define WALL_BITS 14
@@ -82,6 +82,11 @@ INLINE double gap_to(const wall_type *wall, vec3 r, vec3 *normal) {
   return R - side * distance;
 }
 
+/* What the pair p has to flow. */
+INLINE flowing_type flowing(const state_type *s, int64_t p) {
+  return (flowing_type){p, s->softer, s->edge, s->layer, s->bend};
+}
+
 /* One pair: all that can happen to it. */
 static void add_one(const walls_type *m, double *totals, int64_t p, int64_t accept) {
   state_type *s = m->state + p;
@@ -119,14 +124,14 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
   if (!s->closed) {
     s->closed = 1;
     s->stick_point = r;
-    s->yield_depth = yield_depth(&m->strength, p, s->softer, s->edge, s->layer, s->dent);
+    s->yield_depth = yield_depth(&m->strength, flowing(s, p), s->dent);
   }
   double deeper = 0.0;
   if (depth > s->yield_depth) {
-    deeper = flow(&m->strength, p, s->softer, s->edge, s->layer, s->dent, depth, &s->yield_depth);
+    const flowing_type q = flowing(s, p);
+    deeper = flow(&m->strength, q, s->dent, depth, &s->yield_depth);
     s->dent += deeper, depth -= deeper, s->gap += deeper;
-    s->slope_left =
-        slope_left(&m->strength, p, s->softer, s->edge, s->layer, s->dent, s->yield_depth);
+    if (deeper > 0.0) s->slope_left = slope_left(&m->strength, q, s->dent, s->yield_depth);
   }
   const double share = s->stiffness * share_of_stiffness(depth, s->softer);
   const double kt = share * s->ratio;

@@ -34,6 +34,7 @@ COLUMNS = {
     "edge": (np.float64, 19),
     "layer": (np.float64, 20),
     "slope_left": (np.float64, 21),
+    "bend": (np.float64, 22),
 }
 #: Weights that one corner of a point can have, in the order of walls.c; the others share the rest.
 LEAD = (1.0, 1 / 3, 2 / 3)
@@ -256,7 +257,7 @@ class WallForces:
         radius: As of :func:`gap_to_wall` [m], shape (num_walls,).
         friction: Coefficients of friction that a pair has to overcome, shape (num_walls,).
         friction_kinetic: Coefficients while it slips; until a step in which it sticks.
-        strengths, strength_offset: As of PairForces.
+        strengths, strength_offset, strain, cell: As of PairForces.
 
     Raises:
         ValueError: An array is of another type, or not contiguous; too many walls; a point with
@@ -267,7 +268,7 @@ class WallForces:
                  recess, ratio,
                  corner, corner_weight, x, f, wall_force, wall_torque, pressing, point, normal,
                  velocity, radius, friction, friction_kinetic, strengths,
-                 strength_offset):  # fmt: skip
+                 strength_offset, strain, cell):  # fmt: skip
         real, short = np.float64, np.int32
         self._num_pairs = node.size
         self._totals = np.zeros(3)
@@ -289,7 +290,8 @@ class WallForces:
             (aligned(WALL * len(point)), real), (x, real), (f, real), (wall_force, real),
             (wall_torque, real), (pressing, real), (point, real), (normal, real),
             (velocity, real), (radius, real), (friction, real), (friction_kinetic, real),
-            (strengths, real) if strengths.size else None, (strength_offset, short),
+            (strengths, real) if strengths.size else None, (strength_offset, short), (strain, real),
+            (cell, short),
         )  # fmt: skip
         pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
         self._call = load("walls").mufe_add_wall_forces

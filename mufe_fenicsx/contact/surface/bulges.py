@@ -30,8 +30,9 @@ class Bulges:
     """The smooth surface over own facets."""
 
     bulge: np.ndarray  #: q_ab, q_bc, q_ca, o_a, o_b, o_c of facets [m], shape (num_facets, 6)
-    #: Determinant [1/m²] and trace [1/m] of the curvature, of a convex surface positive,
-    curvature: np.ndarray  #: shape (num_facets, 2)
+    #: Determinant [1/m²] and trace [1/m] of the curvature, of a convex surface positive; and the
+    #: mean curvature [1/m] across sharp edges too,
+    curvature: np.ndarray  #: shape (num_facets, 3)
 
     def highest(self):
         """Largest height over a facet, or depth below one, at least [m]. Local."""
@@ -59,7 +60,7 @@ class Bulges:
 
 def no_bulges(own):
     """Facets that are what they are: no smooth surface over them. Local."""
-    return Bulges(np.zeros((len(own.facets), 6)), np.zeros((len(own.facets), 2)))
+    return Bulges(np.zeros((len(own.facets), 6)), np.zeros((len(own.facets), 3)))
 
 
 def bulges_of(own, x):
@@ -99,29 +100,37 @@ def bulges_of(own, x):
     total = np.zeros((count, 3))
     np.add.at(total, group, angle[:, :, None] * normal[:, None, :])
     _mirror(own, group, total)
+    node = np.empty(count, np.int64)
+    node[group] = facets
+    of_node = np.zeros((len(own.nodes), 3))
+    np.add.at(of_node, node, total)
+    of_node /= np.maximum(np.linalg.norm(of_node, axis=1, keepdims=True), NONE)
     total /= np.linalg.norm(total, axis=1, keepdims=True)
-    at_corner = total[group]
-    q = 0.5 * np.einsum("fki,fki->fk", np.roll(at_corner, -1, axis=1) - at_corner, to_next)
+    q, bent = (_rises(normals, to_next) for normals in (total[group], of_node[facets]))
     q[np.abs(q) < NONE * np.sqrt(own.facet_area)[:, None]] = 0.0
     # Both sides of a sharp edge meet at it: nothing stands above it, nor above its ends.
     q[(own.neighbour >= 0) & (turn < np.cos(SHARP_EDGE))] = 0.0
     weight = np.bincount(group.ravel(), np.repeat(own.facet_area, 3), count)
     mean = np.bincount(group.ravel(), np.repeat(own.facet_area * q.sum(axis=1) / 12, 3), count)
-    node = np.empty(count, np.int64)
-    node[group] = facets
     mean[np.bincount(node)[node] > 1] = 0.0
-    return Bulges(np.hstack([q, (mean / weight)[group]]), _curvature(q, to_next, to_last))
+    curvature = [*_curvature(q, to_next, to_last), 0.5 * _curvature(bent, to_next, to_last)[1]]
+    return Bulges(np.hstack([q, (mean / weight)[group]]), np.stack(curvature, axis=1))
+
+
+def _rises(normals, to_next):
+    """q of the edges of facets with normals at their corners, shape (num_facets, 3)."""
+    return 0.5 * np.einsum("fki,fki->fk", np.roll(normals, -1, axis=1) - normals, to_next)
 
 
 def _curvature(q, to_next, to_last):
-    """Determinant and trace of the curvature of facets, shape (num_facets, 2)."""
+    """Determinant and trace of the curvature of facets, each of shape (num_facets,)."""
     u, v = to_next[:, 0], to_last[:, 0]
     uu, vv, uv = (np.einsum("fi,fi->f", *of) for of in ((u, u), (v, v), (u, v)))
     k_uu, k_vv = 2.0 * q[:, 0], 2.0 * q[:, 2]
     k_uv = 0.5 * (k_uu + k_vv - 2.0 * q[:, 1])
     det = k_uu * k_vv - k_uv**2
     trace = k_uu * vv - 2.0 * k_uv * uv + k_vv * uu
-    return np.stack([det, trace], axis=1) / (uu * vv - uv**2)[:, None]
+    return det / (uu * vv - uv**2), trace / (uu * vv - uv**2)
 
 
 def _mirror(own, group, total):
@@ -149,14 +158,19 @@ def against_walls(curvature, area, bend, cylinder):
     XI h² √det with the determinant of the curvature of the gap, as in kernels/pairs.h.
 
     Args:
-        curvature: Determinant and trace of the surface, shape (num, 2).
+        curvature: Of the surface, as of :class:`Bulges`, shape (num, 3).
         area: Of the facets [m²], shape (num,).
         bend: Curvature of the walls, positive where the sample is inside [1/m], shape (num,).
         cylinder: Whether it is that across an axis alone, shape (num,).
     """
-    det, trace = curvature.T
+    det, trace, _ = curvature.T
     det = det - 0.5 * trace * bend * np.where(cylinder, 1.0, 2.0)
     det += np.where(cylinder, 0.0, bend**2)
     trace = trace - bend * np.where(cylinder, 1.0, 2.0)
     convex = (det > 0.0) & (trace > 0.0)
     return XI * 4.0 / np.sqrt(3.0) * area * np.sqrt(np.where(convex, det, 0.0))
+
+
+def bend_at_walls(curvature, bend, cylinder):
+    """Mean curvature of the gaps of points and walls [1/m]; arguments as of :func:`against_walls`."""
+    return curvature[:, 2] - bend * np.where(cylinder, 0.5, 1.0)

@@ -13,7 +13,7 @@ from .surface import neighbours, rings
 #: Tag of the messages between neighbour ranks.
 TAG = 71
 #: Numbers that tell a facet to another rank.
-NUMBERS = 19
+NUMBERS = 20
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Surface:
     sharp_edge: np.ndarray  #: whether the edges 0-1, 1-2, 2-0 are sharp, shape (num_facets, 3)
     compliance_of_edge: np.ndarray  #: of sharp ones, relative, of both ends [m/N], (num_facets, 3)
     bulge_of_facet: np.ndarray  #: as of surface.bulges [m], shape (num_facets, 6)
-    curvature_of_facet: np.ndarray  #: as of surface.bulges, shape (num_facets, 2)
+    curvature_of_facet: np.ndarray  #: as of surface.bulges, shape (num_facets, 3)
     use: np.ndarray  #: False for facets that only complete a ring, shape (num_facets,)
     neighbour: np.ndarray  #: as in kernels.closest, shape (num_facets, 3)
     ring_offset: np.ndarray  #: compressed rows of the facets around each node

@@ -46,8 +46,9 @@ class Points:
     #: Nodes around each point that is a node: surface nodes, int32, one after another;
     around: np.ndarray
     around_of: np.ndarray  #: the first there and how many, int32, shape (num_points, 2)
-    #: Of the smooth surface there, as of surface.bulges.Bulges; none at vertices, (num_points, 2)
-    curvature: np.ndarray
+    #: Of the surface there, as of surface.bulges.Bulges; vertices have the last number alone,
+    curvature: np.ndarray  #: shape (num_points, 3)
+    cell: np.ndarray  #: of the mesh, beneath the point, int32, shape (num_points,)
     recess: np.ndarray  #: depth at which contact begins [m], shape (num_points,)
     num_vertices: int = 0  #: points at sharp vertices beside those of the facets
 
@@ -129,6 +130,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, smo
     if kind not in KINDS:
         raise InputError(f"points of contact = {kind}, expected one of {', '.join(KINDS)}")
     node_grain, facet_grain = mesh.grain_of_node[own.nodes], own.local_grain_of_facet
+    cell_at_node = own.cell_of_facet[own.ring[own.ring_offset[:-1]]]  # of one of the facets around
     if kind == "nodes":
         around, around_of = nodes_around(own, np.arange(own.nodes.size))
         return Points(
@@ -144,7 +146,8 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, smo
             ring=None,
             around=around,
             around_of=around_of,
-            curvature=np.zeros((own.area.size, 2)),
+            curvature=np.zeros((own.area.size, 3)),
+            cell=cell_at_node,
             recess=np.zeros(own.area.size),
         )
     rule = RULES[kind]
@@ -173,7 +176,8 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, smo
         ring=np.concatenate([facets, *around]).astype(own.ring.dtype),
         around=neighbours,
         around_of=np.concatenate([np.zeros((facets.size, 2), np.int32), neighbours_of]),
-        curvature=both(smooth.curvature, np.zeros((own.nodes.size, 2))),
+        curvature=both(smooth.curvature, _bend_of_nodes(own, smooth)),
+        cell=both(own.cell_of_facet, cell_at_node),
         recess=np.concatenate(
             [
                 np.stack([-height(smooth.bulge, w) for w in rule], axis=1).ravel(),
@@ -182,6 +186,13 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, smo
         ),
         num_vertices=vertex.size,
     )
+
+
+def _bend_of_nodes(own, smooth):
+    """Curvature of surface nodes: nothing, nothing, the mean of the facets around, (num, 3)."""
+    facet, count = own.facets.ravel(), np.diff(own.ring_offset)
+    total = np.bincount(facet, np.repeat(smooth.curvature[:, 2], 3), own.nodes.size)
+    return np.stack([np.zeros(own.nodes.size)] * 2 + [total / np.maximum(count, 1)], axis=1)
 
 
 def nodes_around(own, nodes):

@@ -31,6 +31,7 @@ class OwnSurface:
     ring_offset: np.ndarray  #: as returned by :func:`rings`
     ring: np.ndarray
     local_grain_of_facet: np.ndarray  #: local index of the grain, shape (num_facets,)
+    cell_of_facet: np.ndarray  #: of the mesh, beneath the facet, int32, shape (num_facets,)
     whole_area: np.ndarray  #: nodal areas with those beyond mirrors [m²], shape (num_nodes,)
     mirror: np.ndarray  #: wall that an edge without a neighbour lies on, -1 for none
     mirror_normal: np.ndarray  #: unit normals of all walls, shape (num_walls, 3)
@@ -69,6 +70,7 @@ def own_surface(mesh, x, on_mirror=None, mirror_normal=None):
         ring_offset=ring_offset,
         ring=ring,
         local_grain_of_facet=local_grain,
+        cell_of_facet=mesh.cell_of_facet[outside],
         # Each of k mirrors at right angles doubles what is around a node.
         whole_area=area * 2.0 ** on_mirror[nodes].sum(axis=1),
         mirror=_mirrors_at_edges(on_mirror[of_mesh], across),
