@@ -17,15 +17,16 @@ typedef struct {
   const int32_t *offset;
 } strength_type;
 
-/* Yield stress at a plastic strain, constant beyond the table. */
-INLINE double yield_stress_at(const double *table, double strain) {
+#define CLOSE 1e-10 /* part of a depth to which it is found */
+
+/* Yield stress at a plastic strain, constant beyond the table, and its slope. */
+INLINE double yield_stress_at(const double *table, double strain, double *slope) {
   const int32_t last = (int32_t)table[0] - 1;
   const double *strains = table + 1, *stresses = strains + last + 1;
   int32_t k = 0;
   while (k < last && strain >= strains[k + 1]) k++;
-  if (k == last) return stresses[last];
-  const double part = (strain - strains[k]) / (strains[k + 1] - strains[k]);
-  return stresses[k] + part * (stresses[k + 1] - stresses[k]);
+  *slope = k == last ? 0.0 : (stresses[k + 1] - stresses[k]) / (strains[k + 1] - strains[k]);
+  return stresses[k] + *slope * (strain - strains[k]);
 }
 
 /* The depth at which the law has a force over stiffness: Newton's method, as in contact_law.py. */
@@ -34,7 +35,7 @@ static double depth_of(double over, double m) {
   for (int i = 0; i < 50; i++) {
     const double change = (over - over_stiffness(d, m)) / slope_over_stiffness(d, m);
     d += change;
-    if (fabs(change) <= 1e-14 * d) break;
+    if (fabs(change) <= 1e-3 * CLOSE * d) break;
   }
   return d;
 }
@@ -43,52 +44,55 @@ static double depth_of(double over, double m) {
 INLINE double largest_dent(double m) { return m / (4.0 * XI); }
 
 /* Depth of the pair p at which it flows with the dent b. ``layers``: compliance of both sides;
-   ``h``: edge. A dent of this depth is as wide as a circle of the radius √(2 R b). */
+   ``h``: edge. A dent of this depth is as wide as a circle of the radius √(2 R b).
+   ``slope``: its derivative by b. */
 static double yield_depth(const strength_type *of, int64_t p, double m, double h, double layers,
-                          double b) {
+                          double b, double *slope) {
+  *slope = 0.0;
   if (!of->tables || !(m > 0.0) || b >= largest_dent(m)) return INFINITY;
   const double strain = TABOR * sqrt(8.0 * b * largest_dent(m)) / h;
-  double weaker = INFINITY;
+  double weaker = INFINITY, by_strain = 0.0;
   for (int side = 0; side < 2; side++) {
     const int32_t offset = of->offset[2 * p + side];
-    if (offset >= 0) weaker = least(weaker, yield_stress_at(of->tables + offset, strain));
+    if (offset < 0) continue;
+    double slope_of_side;
+    const double Y = yield_stress_at(of->tables + offset, strain, &slope_of_side);
+    if (Y < weaker) weaker = Y, by_strain = slope_of_side;
   }
-  return isfinite(weaker) ? depth_of(PUNCH * weaker * layers, m) : INFINITY;
+  if (!isfinite(weaker)) return INFINITY;
+  const double d = depth_of(PUNCH * weaker * layers, m);
+  if (b > 0.0)
+    *slope = PUNCH * by_strain * strain / (2.0 * b) * layers / slope_over_stiffness(d, m);
+  return d;
 }
 
 /* By how much a dent b of the pair p deepens at a depth beyond ``limit``, its yield depth, which is
    set anew: depth - deeper = yield_depth(b + deeper), or until the dent is the largest one. The left
-   side falls and the right side rises with ``deeper``: the false position, Illinois' way. */
+   side falls and the right side rises with ``deeper``: the false position, Illinois' way.
+   ``left``: part of the law's slope that is left meanwhile, r/(1 + r), r being that of the limit. */
 static double flow(const strength_type *of, int64_t p, double m, double h, double layers, double b,
-                   double depth, double *limit) {
-  double low = 0.0, above = depth - *limit;
-  double high = least(above, largest_dent(m) - b);
-  *limit = yield_depth(of, p, m, h, layers, b + high);
+                   double depth, double *limit, double *left) {
+  double low = 0.0, above = depth - *limit, r;
+  double high = least(above, largest_dent(m) - b), deeper = high;
+  *limit = yield_depth(of, p, m, h, layers, b + high, &r);
   double below = depth - high - *limit;
-  if (!isfinite(*limit) || below >= 0.0) return high;
-  for (int i = 0; i < 60 && high - low > 1e-14 * depth; i++) {
-    const double trial = high - below * (high - low) / (below - above);
-    *limit = yield_depth(of, p, m, h, layers, b + trial);
-    const double over = depth - trial - *limit;
-    if (fabs(over) <= 1e-14 * depth) return trial;
+  if (!isfinite(*limit) || below >= 0.0) {
+    *left = isfinite(*limit) ? r / (1.0 + r) : 1.0;
+    return high;
+  }
+  for (int i = 0; i < 60; i++) {
+    deeper = high - below * (high - low) / (below - above);
+    *limit = yield_depth(of, p, m, h, layers, b + deeper, &r);
+    const double over = depth - deeper - *limit;
+    if (fabs(over) <= CLOSE * depth) break;
     if (over > 0.0) {
-      low = trial, above = over, below *= 0.5;
+      low = deeper, above = over, below *= 0.5;
     } else {
-      high = trial, below = over, above *= 0.5;
+      high = deeper, below = over, above *= 0.5;
     }
   }
-  *limit = yield_depth(of, p, m, h, layers, b + high);
-  return high;
-}
-
-/* Part of the law's slope that is left while the dent b of the pair p deepens: r/(1 + r), r being
-   the slope of the yield depth by the dent. */
-static double slope_left(const strength_type *of, int64_t p, double m, double h, double layers,
-                         double b, double limit) {
-  if (!isfinite(limit)) return 1.0;
-  const double less = (1.0 - 1e-6) * b;
-  const double r = (limit - yield_depth(of, p, m, h, layers, less)) / (b - less);
-  return r / (1.0 + r);
+  *left = r / (1.0 + r);
+  return deeper;
 }
 
 #endif

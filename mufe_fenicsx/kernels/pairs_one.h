@@ -94,11 +94,9 @@ INLINE double deepen(const pairs_type *m, call_type *c, int64_t p, int64_t k, do
   state_type *s = m->state + p;
   double limit = s->yield_depth;
   const double deeper = flow(&m->strength, p, s->softer, edge_of(m, s, k), layers_of(m, s, k),
-                             m->dent[p], depth, &limit);
+                             m->dent[p], depth, &limit, m->slope_left + p);
   s->yield_depth = (float)limit;
   m->dent[p] += deeper;
-  m->slope_left[p] = slope_left(&m->strength, p, s->softer, edge_of(m, s, k), layers_of(m, s, k),
-                                m->dent[p], limit);
   s->recess = m->recess_of_point[s->node] + m->dent[p];
   const double before = was > 0.0 ? normal_force(s->stiffness, s->softer, was, s->largest_depth) : 0.0;
   const double now = normal_force(s->stiffness, s->softer, depth - deeper, s->largest_depth);
@@ -217,8 +215,9 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     s->stiffness = stiffness_of(m, s, k);
     s->largest_depth = largest_depth_of(m, s, k);
     s->softer = softer_of(m, s, k);
+    double slope;
     s->yield_depth = (float)yield_depth(&m->strength, p, s->softer, edge_of(m, s, k),
-                                        layers_of(m, s, k), m->dent[p]);
+                                        layers_of(m, s, k), m->dent[p], &slope);
   }
   const double flowed = c->flowed;
   if (depth > s->yield_depth) {

@@ -119,14 +119,14 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
   if (!s->closed) {
     s->closed = 1;
     s->stick_point = r;
-    s->yield_depth = yield_depth(&m->strength, p, s->softer, s->edge, s->layer, s->dent);
+    double slope;
+    s->yield_depth = yield_depth(&m->strength, p, s->softer, s->edge, s->layer, s->dent, &slope);
   }
   double deeper = 0.0;
   if (depth > s->yield_depth) {
-    deeper = flow(&m->strength, p, s->softer, s->edge, s->layer, s->dent, depth, &s->yield_depth);
+    deeper = flow(&m->strength, p, s->softer, s->edge, s->layer, s->dent, depth, &s->yield_depth,
+                  &s->slope_left);
     s->dent += deeper, depth -= deeper, s->gap += deeper;
-    s->slope_left =
-        slope_left(&m->strength, p, s->softer, s->edge, s->layer, s->dent, s->yield_depth);
   }
   const double share = s->stiffness * share_of_stiffness(depth, s->softer);
   const double kt = share * s->ratio;
