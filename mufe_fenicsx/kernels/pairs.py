@@ -205,8 +205,8 @@ class PairForces:
         Returns:
             Energy dissipated by friction [J]; energy that springs lost where pairs passed to other
             facets [J]; number of accepted pairs; their largest depth [m]; of pairs beyond their
-            largest depth the largest one over the lesser part of both sides in it, and its pair, -1 if none;
-            energy that dents took [J].
+            largest depth the largest one over the lesser part of both sides in it, and its pair,
+            -1 if none; energy that dents took [J].
         """
         c = self._found
         c.range, c.accept = longest, accept
