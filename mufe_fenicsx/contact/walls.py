@@ -341,9 +341,9 @@ class Walls(Stateful):
         p = self.pairs
         p.forces = WallForces(
             p.state, p.next_check, p.motion_bounds.bounds, p.motion_bounds.of, p.node, p.wall,
-            layer, points.area, points.facet_area, points.recess, ratio, *corners, x, f, self.force, self.torque,
-            self.curved.pressing, self.point, self.normal, self.velocity, self.curved.radius,
-            self.friction, self.friction_kinetic, strengths.tables,
+            layer, points.area, points.facet_area, points.recess, ratio, *corners, x, f,
+            self.force, self.torque, self.curved.pressing, self.point, self.normal, self.velocity,
+            self.curved.radius, self.friction, self.friction_kinetic, strengths.tables,
             strengths.offsets(points.grain_of_point[p.node]), strain, points.cell[p.node],
         )  # fmt: skip
         curvature, bend = points.curvature[p.node], self.curved.bend[p.wall]

@@ -11,6 +11,7 @@
    and that strain over the radius of the contact over that of the body (Tabor 1951). */
 #define MEAN_PRESSURE 2.8
 #define TABOR 0.2
+#define CLOSE 1e-10 /* part of a depth to which it is found */
 
 /* Yield stresses of the materials: at an offset the number n of points, n plastic strains and n
    stresses. ``offset``: of both bodies of a pair, the own one first, -1 where one does not flow.
@@ -22,31 +23,31 @@ typedef struct {
   const int32_t *cell;
 } strength_type;
 
-/* What a pair has to flow: its place, m of the law, mean edge, compliance of both layers, and mean
-   curvature of the gap. */
+/* What a pair has to flow: its place, whether its point is a vertex, m of the law, mean edge,
+   compliance of both layers, and mean curvature of the gap. */
 typedef struct {
   int64_t pair;
+  int is_tip;
   double m, edge, layers, bend;
 } flowing_type;
 
-/* Yield stress at a plastic strain, constant beyond the table. */
-INLINE double yield_stress_at(const double *table, double strain) {
+/* Yield stress at a plastic strain, constant beyond the table, and its slope. */
+INLINE double yield_stress_at(const double *table, double strain, double *slope) {
   const int32_t last = (int32_t)table[0] - 1;
   const double *strains = table + 1, *stresses = strains + last + 1;
   int32_t k = 0;
   while (k < last && strain >= strains[k + 1]) k++;
-  if (k == last) return stresses[last];
-  const double part = (strain - strains[k]) / (strains[k + 1] - strains[k]);
-  return stresses[k] + part * (stresses[k + 1] - stresses[k]);
+  *slope = k == last ? 0.0 : (stresses[k + 1] - stresses[k]) / (strains[k + 1] - strains[k]);
+  return stresses[k] + *slope * (strain - strains[k]);
 }
 
 /* The depth at which the law has a force over stiffness: Newton's method, as in contact_law.py. */
 static double depth_of(double over, double m) {
   double d = over;
-  for (int i = 0; i < 50; i++) {
+  for (int i = 0; i < 50 && d > 0.0; i++) {
     const double change = (over - over_stiffness(d, m)) / slope_over_stiffness(d, m);
     d += change;
-    if (fabs(change) <= 1e-14 * d) break;
+    if (fabs(change) <= 1e-3 * CLOSE * d) break;
   }
   return d;
 }
@@ -54,57 +55,70 @@ static double depth_of(double over, double m) {
 /* Largest dent, with the radius of its circle h/√2: what is wider is for the elements beneath. */
 INLINE double largest_dent(flowing_type q) { return 0.25 * q.edge * q.edge * q.bend; }
 
+/* Part of the area of a vertex in its tip: as deep as b, a part of the largest dent, it has grown as
+   the square, by 4/3 at 2/3, where the centroids around touch. From there on facets carry. */
+INLINE double tip(double b, double *slope) {
+  *slope = b < 2.0 / 3.0 ? 6.0 * b : b < 1.0 ? -4.0 : 0.0;
+  return b < 2.0 / 3.0 ? 3.0 * b * b : b < 1.0 ? 4.0 * (1.0 - b) : 0.0;
+}
+
 /* Depth at which a pair flows with the dent b, whose circle has the radius a = √(2 R b), R = 1/bend.
    Bodies that are alike have half of the dent each, and the strain of the cell beneath in common; of
-   others' cells nothing is known. */
-static double yield_depth(const strength_type *of, flowing_type q, double b) {
-  if (!of->tables || !(b < largest_dent(q))) return INFINITY;
+   others' cells nothing is known. ``slope``: its derivative by b. */
+static double yield_depth(const strength_type *of, flowing_type q, double b, double *slope) {
+  const double most_dent = largest_dent(q);
+  *slope = 0.0;
+  if (!of->tables || !(q.is_tip ? most_dent > 0.0 : b < most_dent)) return INFINITY;
   const int32_t *offset = of->offset + 2 * q.pair;
   const int alike = offset[0] == offset[1];
   const double of_dent = (alike ? 0.5 : 1.0) * TABOR * sqrt(2.0 * b * q.bend);
-  double weaker = INFINITY;
+  double weaker = INFINITY, by_strain = 0.0;
   for (int side = 0; side < 2; side++) {
     if (offset[side] < 0) continue;
     const double beneath = side == 0 || alike ? of->strain[of->cell[q.pair]] : 0.0;
-    weaker = least(weaker, yield_stress_at(of->tables + offset[side], beneath + of_dent));
+    double slope_of_side;
+    const double Y =
+        yield_stress_at(of->tables + offset[side], beneath + of_dent, &slope_of_side);
+    if (Y < weaker) weaker = Y, by_strain = slope_of_side;
   }
-  return isfinite(weaker) ? depth_of(MEAN_PRESSURE * weaker * q.layers, q.m) : INFINITY;
+  if (!isfinite(weaker)) return INFINITY;
+  double part = 1.0, by_dent = 0.0;
+  if (q.is_tip) part = tip(b / most_dent, &by_dent);
+  const double d = depth_of(MEAN_PRESSURE * part * weaker * q.layers, q.m);
+  if (b > 0.0)
+    *slope = MEAN_PRESSURE * q.layers / slope_over_stiffness(d, q.m) *
+             (part * by_strain * of_dent / (2.0 * b) + by_dent / most_dent * weaker);
+  return d;
 }
 
 /* By how much the dent b of a pair deepens at a depth: by nothing up to ``limit``, its yield depth,
    which is set anew; beyond, depth - deeper = yield_depth(b + deeper), or until the dent is the
-   largest one. The left side falls and the right side rises with ``deeper``: the false position,
-   Illinois' way. */
-static double flow(const strength_type *of, flowing_type q, double b, double depth, double *limit) {
-  *limit = yield_depth(of, q, b);
+   largest one. The left side falls and the right side mostly rises with ``deeper``: the false
+   position, Illinois' way. ``left``: part of the law's slope that is left meanwhile, r/(1 + r), r
+   being that of the limit. */
+static double flow(const strength_type *of, flowing_type q, double b, double depth, double *limit,
+                   double *left) {
+  double r;
+  *limit = yield_depth(of, q, b, &r);
   double low = 0.0, above = depth - *limit;
   if (above <= 0.0) return 0.0;
-  double high = least(above, largest_dent(q) - b);
-  *limit = yield_depth(of, q, b + high);
+  double high = q.is_tip ? above : least(above, largest_dent(q) - b), deeper = high;
+  *limit = yield_depth(of, q, b + high, &r);
   double below = depth - high - *limit;
-  if (!isfinite(*limit) || below >= 0.0) return high;
-  for (int i = 0; i < 60 && high - low > 1e-14 * depth; i++) {
-    const double trial = high - below * (high - low) / (below - above);
-    *limit = yield_depth(of, q, b + trial);
-    const double over = depth - trial - *limit;
-    if (fabs(over) <= 1e-14 * depth) return trial;
-    if (over > 0.0) {
-      low = trial, above = over, below *= 0.5;
-    } else {
-      high = trial, below = over, above *= 0.5;
+  if (isfinite(*limit) && below < 0.0)
+    for (int i = 0; i < 60; i++) {
+      deeper = high - below * (high - low) / (below - above);
+      *limit = yield_depth(of, q, b + deeper, &r);
+      const double over = depth - deeper - *limit;
+      if (fabs(over) <= CLOSE * depth) break;
+      if (over > 0.0) {
+        low = deeper, above = over, below *= 0.5;
+      } else {
+        high = deeper, below = over, above *= 0.5;
+      }
     }
-  }
-  *limit = yield_depth(of, q, b + high);
-  return high;
-}
-
-/* Part of the law's slope that is left while the dent b of a pair deepens: r/(1 + r), r being the
-   slope of the yield depth by the dent. */
-static double slope_left(const strength_type *of, flowing_type q, double b, double limit) {
-  if (!isfinite(limit) || !(b > 0.0)) return 1.0;
-  const double less = (1.0 - 1e-6) * b;
-  const double r = (limit - yield_depth(of, q, less)) / (b - less);
-  return r / (1.0 + r);
+  *left = !isfinite(*limit) ? 1.0 : r > 0.0 ? r / (1.0 + r) : 0.0;
+  return deeper;
 }
 
 #endif

@@ -55,7 +55,8 @@ class _Call(ctypes.Structure):
     """What a call is given and finds, as in pairs.h."""
 
     _fields_ = [
-        *((name, ctypes.c_double) for name in ("friction", "friction_kinetic", "range", "steepest")),
+        *((name, ctypes.c_double) for name in ("friction", "friction_kinetic", "range")),
+        ("steepest", ctypes.c_double),
         *((name, ctypes.c_int64) for name in ("accept", "part", "num_others")),
         *((name, ctypes.c_double) for name in ("dissipated", "switched", "accepted", "deepest")),
         ("sunk", ctypes.c_double),
@@ -205,10 +206,10 @@ class PairForces:
             between: Called once the early pairs have their forces; without any, at the end.
 
         Returns:
-            Energy dissipated by friction [J]; energy that springs lost where pairs passed to other facets [J];
-            number of accepted pairs; their largest depth [m]; of pairs beyond their largest depth
-            the largest one over the lesser part of both sides in it, and its pair, -1 if none;
-            energy that dents took [J].
+            Energy dissipated by friction [J]; energy that springs lost where pairs passed to other
+            facets [J]; number of accepted pairs; their largest depth [m]; of pairs beyond their
+            largest depth the largest one over the lesser part of both sides in it, and its pair,
+            -1 if none; energy that dents took [J].
         """
         c = self._found
         c.range, c.accept = longest, accept

@@ -89,7 +89,7 @@ INLINE flowing_type flowing(const pairs_type *m, int64_t p, int64_t k) {
   const int32_t facet = m->candidate[k];
   const double bend = m->curvature_of_point[3 * (int64_t)s->node + 2] +
                       m->curvature_of_facet[3 * (int64_t)facet + 2];
-  return (flowing_type){p, s->softer, edge_of(m, s, k),
+  return (flowing_type){p, s->num_around > 0, s->softer, edge_of(m, s, k),
                         m->layer_of_node[s->node] + m->layer_of_facet[facet], bend};
 }
 
@@ -99,11 +99,10 @@ INLINE double deepen(const pairs_type *m, call_type *c, int64_t p, int64_t k, do
   state_type *s = m->state + p;
   const flowing_type q = flowing(m, p, k);
   double limit;
-  const double deeper = flow(&m->strength, q, m->dent[p], depth, &limit);
+  const double deeper = flow(&m->strength, q, m->dent[p], depth, &limit, m->slope_left + p);
   s->yield_depth = (float)limit;
   if (deeper == 0.0) return 0.0;
   m->dent[p] += deeper;
-  m->slope_left[p] = slope_left(&m->strength, q, m->dent[p], limit);
   s->recess = m->recess_of_point[s->node] + m->dent[p];
   const double before = was > 0.0 ? normal_force(s->stiffness, s->softer, was, s->largest_depth) : 0.0;
   const double now = normal_force(s->stiffness, s->softer, depth - deeper, s->largest_depth);
@@ -221,7 +220,8 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     s->stiffness = stiffness_of(m, s, k);
     s->largest_depth = largest_depth_of(m, s, k);
     s->softer = softer_of(m, s, k);
-    s->yield_depth = (float)yield_depth(&m->strength, flowing(m, p, k), m->dent[p]);
+    double slope;
+    s->yield_depth = (float)yield_depth(&m->strength, flowing(m, p, k), m->dent[p], &slope);
   }
   const double flowed = c->flowed;
   if (depth > s->yield_depth) {

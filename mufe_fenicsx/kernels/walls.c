@@ -84,7 +84,7 @@ INLINE double gap_to(const wall_type *wall, vec3 r, vec3 *normal) {
 
 /* What the pair p has to flow. */
 INLINE flowing_type flowing(const state_type *s, int64_t p) {
-  return (flowing_type){p, s->softer, s->edge, s->layer, s->bend};
+  return (flowing_type){p, lead_of(s) == 1.0, s->softer, s->edge, s->layer, s->bend};
 }
 
 /* One pair: all that can happen to it. */
@@ -124,14 +124,13 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
   if (!s->closed) {
     s->closed = 1;
     s->stick_point = r;
-    s->yield_depth = yield_depth(&m->strength, flowing(s, p), s->dent);
+    double slope;
+    s->yield_depth = yield_depth(&m->strength, flowing(s, p), s->dent, &slope);
   }
   double deeper = 0.0;
   if (depth > s->yield_depth) {
-    const flowing_type q = flowing(s, p);
-    deeper = flow(&m->strength, q, s->dent, depth, &s->yield_depth);
+    deeper = flow(&m->strength, flowing(s, p), s->dent, depth, &s->yield_depth, &s->slope_left);
     s->dent += deeper, depth -= deeper, s->gap += deeper;
-    if (deeper > 0.0) s->slope_left = slope_left(&m->strength, q, s->dent, s->yield_depth);
   }
   const double share = s->stiffness * share_of_stiffness(depth, s->softer);
   const double kt = share * s->ratio;

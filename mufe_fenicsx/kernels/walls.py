@@ -279,7 +279,8 @@ class WallForces:
             raise ValueError(f"walls = {len(point)}, expected at most {1 << WALL_BITS}")
         edge = np.sqrt(4.0 / math.sqrt(3.0) * facet_area)
         of_points = {
-            "stiffness": area / layer, "recess": recess, "ratio": ratio, "edge": edge, "layer": layer,
+            "stiffness": area / layer, "recess": recess, "ratio": ratio, "edge": edge,
+            "layer": layer,
         }  # fmt: skip
         fill_rows(state, node, of_points, COLUMNS)
         corners, lead = _leading(*corners_of(node, corner, corner_weight))

@@ -62,8 +62,8 @@ class Course:
 def slope_of(growth, elements_per_radius):
     """Growth of the element size with the distance from a contact.
 
-    ``growth`` at 2.5 elements per radius. Meshes with more are finer everywhere in proportion; those
-    with fewer are nearly uniform, as the meshes of whole samples are, where contacts are so small.
+    ``growth`` at 2.5 elements per radius. Meshes with more are finer everywhere in proportion;
+    those with fewer are nearly uniform, as those of whole samples, where contacts are so small.
     """
     return growth * min(2.5 / elements_per_radius, elements_per_radius / 2.5)
 

@@ -20,13 +20,13 @@ PERFECT, HARDENING = ((0.0, Y),), ((0.0, Y), (0.05, 4 * Y))
 
 
 def pressed(axis, tables, comm=COMM, speed=0.4, **options):
-    """Two balls along x between two planes across ``axis``, which come in.
+    """Three balls along x between two planes across ``axis``, which come in.
 
     Along x and y a ball ends in a facet, along z in a node.
     """
-    mesh = packed_spheres(comm, (2, 1, 1))
+    mesh = packed_spheres(comm, (3, 1, 1))
     along = np.eye(3)[axis]
-    size = 4 * RADIUS if axis == 0 else 2 * RADIUS
+    size = 6 * RADIUS if axis == 0 else 2 * RADIUS
     walls = [
         Wall(name, place * along, side * along, velocity=side * speed * along)
         for name, place, side in (("low", 0.0, 1.0), ("top", size, -1.0))

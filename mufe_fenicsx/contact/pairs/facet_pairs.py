@@ -51,7 +51,8 @@ class Pairs(Stateful):
         self.slope_left = np.ones(num_pairs)  #: of the law while a dent deepens
         self.dent = np.zeros(num_pairs)  #: depth of the dent, which adds to the recess [m]
         column(self.state, "node")[:] = node
-        for name in (*REMEMBERED, "work", "known", "other_next_check", "vertices", "sharp", "bulge"):
+        more = ("work", "known", "other_next_check", "vertices", "sharp", "bulge")
+        for name in (*REMEMBERED, *more):
             setattr(self, name, column(self.state, name))
         self.gap[:] = np.inf
         self.forces = None  #: kernels.pairs.PairForces, once they are wanted
