@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from mufe_fenicsx.contact.surface.bulges import XI
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.kernels.contact_law import over_stiffness
 from mufe_fenicsx.materials.j2 import J2
@@ -12,9 +11,9 @@ from mufe_fenicsx.run.from_bodies import simulate
 from tests.bodies import RADIUS, packed_spheres
 
 COMM = MPI.COMM_WORLD
-#: Largest pressure under a flat round punch over the yield stress (Shield 1955), and the strain
-#: that stands for a round contact over its radius over that of the body (Tabor 1951).
-PUNCH, TABOR = 3.6, 0.2
+#: Mean pressure of a round contact over the yield stress, and the strain that stands for it over its
+#: radius over that of the body (Tabor 1951).
+MEAN, TABOR = 2.8, 0.2
 Y = 1e6
 PERFECT, HARDENING = ((0.0, Y),), ((0.0, Y), (0.05, 4 * Y))
 
@@ -45,15 +44,14 @@ def yield_stress(strain, table):
     return np.interp(strain, *np.transpose(table))
 
 
-def largest(softer):
-    """Largest dent h²/4R, where m = XI h²/R."""
-    return softer / (4 * XI)
+def beneath(s, pairs):
+    """Plastic strain of the cells beneath the points of pairs."""
+    return s.state.plastic_strain[s.contact.points.cell[pairs.node]]
 
 
-def limit(dent, softer, facet_area, table):
-    """Pressure at which a dent deepens: its circle has the radius √(2 R b)."""
-    h = np.sqrt(4 / np.sqrt(3) * facet_area)
-    return PUNCH * yield_stress(TABOR * np.sqrt(8 * dent * largest(softer)) / h, table)
+def limit(dent, bend, strain, table):
+    """Pressure at which a dent deepens: its circle has the radius √(2 R b), 1/R = bend."""
+    return MEAN * yield_stress(strain + TABOR * np.sqrt(2 * dent * bend), table)
 
 
 @pytest.mark.mpi
@@ -64,13 +62,15 @@ def test_points_on_walls_carry_what_their_dents_bear(table):
     run(s, 1.5e-4)
     p, points = s.walls.pairs, s.contact.points
     area = points.area[p.node]
-    bears = area * limit(p.dent, p.softer, points.facet_area[p.node], table)
-    dented = p.dent > 0
+    bears = area * limit(p.dent, p.bend, beneath(s, p), table)
+    dented = (p.dent > 0) & (p.node < len(s.contact.own.facets))
     assert COMM.allreduce(np.count_nonzero(dented)) >= 4
-    assert (p.dent <= largest(p.softer)).all() and p.dent.max(initial=1e-3) > 1e-4 * RADIUS
-    # Where friction is none; tolerance: of the false position, 1e-14, times rounding of areas.
+    most = 0.25 * p.edge**2 * p.bend
+    assert (p.dent[dented] <= most[dented]).all() and p.dent.max(initial=1e-3) > 1e-4 * RADIUS
+    # Where friction is none; tolerance: of the false position, 1e-10.
     assert (p.normal_force[dented] <= bears[dented] * (1 + 1e-9)).all()
-    loading = dented & p.closed & (p.normal_force > 0.999999 * bears)
+    # The strain beneath is that of one step later.
+    loading = dented & p.closed & (p.normal_force > 0.999 * bears)
     assert COMM.allreduce(np.count_nonzero(loading)) >= 4
     e = s.energies()
     assert abs(e["residual"]) < 1e-3 * e["work"]
@@ -78,7 +78,7 @@ def test_points_on_walls_carry_what_their_dents_bear(table):
     taken = COMM.allreduce(s.contact.dissipation.flowed)
     assert taken > 0.05 * e["work"]
     if table is PERFECT:  # a dent begins within a step, of 1 % of it
-        assert taken == pytest.approx(COMM.allreduce(bears @ p.dent), rel=0.01)
+        assert taken == pytest.approx(COMM.allreduce(bears[dented] @ p.dent[dented]), rel=0.01)
 
 
 @pytest.mark.mpi
@@ -131,12 +131,12 @@ def test_between_grains_the_weaker_one_yields():
     run(s, 2.6e-4)
     p = s.contact.pairs
     at = np.flatnonzero(p.closed & (p.dent > 0))
-    bears = s.contact.areas(at) * PUNCH * Y
+    at = at[p.node[at] < len(s.contact.own.facets)]
+    bears = s.contact.areas(at) * MEAN * Y
     # Along the gap; tolerance: yield depths are of single precision.
     force = p.normal_force[at] * np.einsum("pi,pi->p", p.facing[at], p.normal[at])
     assert (force <= (1 + 1e-6) * bears).all()
     assert COMM.allreduce(np.count_nonzero(force > 0.999 * bears)) >= 2
-    assert (p.dent[at] <= 1.000001 * largest(p.softer[at])).all()
     e = s.energies()
     assert abs(e["residual"]) < 1e-3 * e["work"]
 
@@ -152,3 +152,27 @@ def test_all_ranks_and_one_find_the_same(axis):
         found.append([*s.wall_forces(), comm.allreduce(s.contact.dissipation.flowed)])
     assert found[0][-1] > 0.0
     np.testing.assert_allclose(found[0], found[1], rtol=1e-8)
+
+
+def test_a_tip_bears_on_the_area_that_the_facets_around_miss():
+    """A vertex of coarse balls: 2.8 Y times 3 r² of its area at the dent r of the largest one, 4/3 at
+    2/3 of that; then facets carry, and from the largest dent on it bears nothing."""
+    mesh = packed_spheres(MPI.COMM_SELF, (1, 1, 1), h=0.8 * RADIUS)
+    walls = [
+        Wall("low", np.zeros(3), np.eye(3)[2]),
+        Wall("top", 2 * RADIUS * np.eye(3)[2], -np.eye(3)[2], velocity=-0.4 * np.eye(3)[2]),
+    ]
+    material = J2(1e9, 0.15, 2650.0, PERFECT)
+    s = simulate(mesh, [material], walls, damping=5e4)
+    seen = []
+    while s.state.t < 1.1e-3:
+        s.step()
+        p, points = s.walls.pairs, s.contact.points
+        tips = p.closed & (p.node >= len(s.contact.own.facets)) & (p.dent > 0)
+        r = p.dent[tips] / (0.25 * p.edge[tips] ** 2 * p.bend[tips])
+        part = np.interp(r, [2 / 3, 1], [4 / 3, 0]) * np.where(r < 2 / 3, 2.25 * r**2, 1)
+        bears = MEAN * Y * points.area[p.node[tips]] * part
+        # Tolerance: of the false position, 1e-10 of a depth that may be far above the limit.
+        assert (p.normal_force[tips] <= bears * (1 + 1e-6) + 1e-9).all()
+        seen += r.tolist()
+    assert min(seen) < 0.5 and max(seen) > 0.9

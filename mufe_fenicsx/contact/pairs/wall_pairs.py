@@ -28,7 +28,7 @@ class WallPairs(Stateful):
         self.motion_bounds = MotionBounds(grain_of_point[node], walls, bound)
         self.next_check = np.full(n, bound)
         self.state = rows(n, ROW)
-        for name in (*REMEMBERED, "work", "stiffness", "softer", "bend", "recess"):
+        for name in (*REMEMBERED, "work", "stiffness", "softer", "bend", "edge", "recess"):
             setattr(self, name, column(self.state, name, COLUMNS))
         self.gap[:] = np.inf
         self.forces = None  #: kernels.walls.WallForces, once they are wanted
