@@ -7,8 +7,8 @@ nodes a, b, c at ``x``, and the barycentric coordinates w of a point, its height
 
 2 q_ab is the curvature along the edge times the square of its length. The offset o of a node is the
 mean of (q_ab + q_bc + q_ca)/12 over its facets, by area: the surface then encloses the volume that
-the facets enclose. At the ends of sharp edges o vanishes, as q does along them, so that the surface
-has no jumps. The normal of a node is the sum of those of its facets, each times its angle
+the facets enclose. At the ends of sharp edges o vanishes, as q does along all edges that end there,
+so that the surface has no jumps. The normal of a node is the sum of those of its facets, each times its angle
 there, over the facets that no edge parts where the surface turns by more than ``SHARP_EDGE``, in or
 out. Where all are flat, q and o vanish.
 """
@@ -108,11 +108,15 @@ def bulges_of(own, x):
     total /= np.linalg.norm(total, axis=1, keepdims=True)
     q, bent = (_rises(normals, to_next) for normals in (total[group], of_node[facets]))
     q[np.abs(q) < NONE * np.sqrt(own.facet_area)[:, None]] = 0.0
-    # Both sides of a sharp edge meet at it: nothing stands above it, nor above its ends.
-    q[(own.neighbour >= 0) & (turn < np.cos(SHARP_EDGE))] = 0.0
+    # Nothing stands above sharp edges, nor above others that end there.
+    facet, edge = np.nonzero((own.neighbour >= 0) & (turn < np.cos(SHARP_EDGE)))
+    at_sharp = np.zeros(len(own.nodes), bool)
+    at_sharp[facets[facet, edge]] = at_sharp[facets[facet, (edge + 1) % 3]] = True
+    corners = at_sharp[facets]
+    q[corners | np.roll(corners, -1, axis=1)] = 0.0
     weight = np.bincount(group.ravel(), np.repeat(own.facet_area, 3), count)
     mean = np.bincount(group.ravel(), np.repeat(own.facet_area * q.sum(axis=1) / 12, 3), count)
-    mean[np.bincount(node)[node] > 1] = 0.0
+    mean[at_sharp[node]] = 0.0
     curvature = [*_curvature(q, to_next, to_last), 0.5 * _curvature(bent, to_next, to_last)[1]]
     return Bulges(np.hstack([q, (mean / weight)[group]]), np.stack(curvature, axis=1))
 

@@ -36,7 +36,10 @@ def surface_gaps(points, triangles, grain_of_node, reach):
     order = np.argsort(triangles.ravel(), kind="stable")
     offset = np.concatenate([[0], np.cumsum(np.bincount(triangles.ravel(), minlength=n))])
     across = _across(triangles, n)
-    find_gaps(gap, normal, points, node, first, found[1], triangles, across, offset, order // 3)
+    faceted = np.zeros((len(triangles), 6))
+    find_gaps(
+        gap, normal, points, node, first, found[1], triangles, faceted, across, offset, order // 3
+    )
     return node, gap, normal
 
 
