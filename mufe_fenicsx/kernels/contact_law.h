@@ -10,19 +10,20 @@
    more, 4 b m d²/(d + m)². ``m`` is XI h²/R, of a flat contact 0. Beyond the largest depth it
    grows no more. Written once for one pair and for lanes of them. */
 #define SOFTER 0.47
+#define NOTHING 1e-300 /* keeps a flat contact of no depth from 0/0 */
 #define XI 0.104
 #define NORMAL_LAW(name, share, slope, real)                                       \
   INLINE real share(real d, real m) {                                              \
-    return 1.0 - 4.0 * SOFTER * m * d / ((d + m) * (d + m));                       \
+    return 1.0 - 4.0 * SOFTER * m * d / ((d + m) * (d + m) + NOTHING);             \
   }                                                                                \
   INLINE real name(real d, real m) { return d * share(d, m); }                     \
   /* The derivative of that share. */                                              \
   INLINE real slope(real d, real m) {                                              \
-    return 4.0 * SOFTER * m * (d - m) / ((d + m) * (d + m) * (d + m));             \
+    return 4.0 * SOFTER * m * (d - m) / ((d + m) * (d + m) * (d + m) + NOTHING);             \
   }
 NORMAL_LAW(over_stiffness, share_of_stiffness, slope_of_share, double)
 INLINE double slope_over_stiffness(double d, double m) {
-  return 1.0 - 8.0 * SOFTER * m * m * d / ((d + m) * (d + m) * (d + m));
+  return 1.0 - 8.0 * SOFTER * m * m * d / ((d + m) * (d + m) * (d + m) + NOTHING);
 }
 NORMAL_LAW(over_stiffness_each, share_of_stiffness_each, slope_of_share_each, vec)
 INLINE double normal_force(double stiffness, double m, double depth, double largest_depth) {

@@ -115,7 +115,8 @@ def test_time_steps_of_a_quarter_are_those_of_the_ball(points):
 
 
 def test_static_increments_of_a_quarter_are_those_of_the_ball():
-    """The same at rest; tolerance: surfaces between nodes are of single precision, 6e-8."""
+    """The same at rest; tolerance: surfaces between nodes are of single precision, 6e-8 of
+    heights that are some times as large as displacements."""
     options = {"increment": 1.0, "tolerance": 1e-10, "stabilisation": 0.0}
     part, ball = (pressed_ball(one, **options) for one in (True, False))
     for s in (part, ball):
@@ -125,11 +126,11 @@ def test_static_increments_of_a_quarter_are_those_of_the_ball():
         assert s.num_failed == 0
     of_part, of_ball = forces(part), forces(ball)
     scale = of_ball["plane"][2]
-    np.testing.assert_allclose(4 * of_part["plane"][2], scale, rtol=2e-7)
-    np.testing.assert_allclose(of_ball["base"][2], -scale, rtol=2e-7)
-    check_displacements(part, ball, 2e-7)
+    np.testing.assert_allclose(4 * of_part["plane"][2], scale, rtol=5e-7)
+    np.testing.assert_allclose(of_ball["base"][2], -scale, rtol=5e-7)
+    check_displacements(part, ball, 5e-7)
     # All that holds the quarter, the cut faces too, is in balance.
-    np.testing.assert_allclose(sum(of_part.values()), 0.0, atol=2e-7 * scale)
+    np.testing.assert_allclose(sum(of_part.values()), 0.0, atol=5e-7 * scale)
 
 
 @pytest.mark.mpi
