@@ -251,7 +251,6 @@ def create_grain_mesh(
         raise RuntimeError(
             f"ghosts = {V.dofmap.index_map.num_ghosts}, expected a grain on one rank"
         )
-
     original = domain.topology.original_cell_index - first_cell
     grain_of_cell = cell_grain[original]
     cell_order = _order(grain_of_cell, original, family)

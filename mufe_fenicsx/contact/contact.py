@@ -66,18 +66,7 @@ class Contact(Stateful):
         check_stiffness(mesh, grains.modulus)
         self.friction = settings.pair_friction.table(settings.friction_kinetic, mesh.labels.size)
         self.layers = SurfaceLayers(mesh, own, x, grains, settings)
-        #: Plastic strain of the cells, shape (num_cells,).
-        self.strain = grains.plastic_strain
-        if self.strain is None:
-            self.strain = np.zeros(mesh.num_cells)
         self.points = self.layers.points
-        smooth = self.layers.smooth
-        most = np.array([2.0 * smooth.highest(), smooth.steepest(own.facets, x[own.nodes])])
-        self.comm.Allreduce(MPI.IN_PLACE, most, op=MPI.MAX)
-        #: By how much smooth surfaces bring facets nearer [m].
-        self._rise = float(most[0])
-        #: How much faster than points their gaps go at most.
-        self._steepest = math.hypot(1.0, most[1])
         #: The first of the bodies that are tools; None: there are none.
         self.first_tool = mesh.first_tool if mesh.tools else None
         area = own.facet_area[own.grain_of_facet < mesh.first_tool]
@@ -123,7 +112,7 @@ class Contact(Stateful):
         self.ghosts.moving = None
         gathered = np.empty((self.own.nodes.size, 3))
         gather_rows(gathered, x, self.own.nodes)
-        reach = max(self.motion.skin, ahead) + 1.1 * self._deepest() + self._rise
+        reach = max(self.motion.skin, ahead) + 1.1 * self._deepest() + self.layers.rise
         old, old_walls, old_edges = self.pairs, self.walls.pairs, self.edges.pairs
         wait = 0.0
         if old is not None:
@@ -304,17 +293,17 @@ class Contact(Stateful):
                 ghosts.facets, s.neighbour, ghosts.ring_offset, ghosts.ring, self.edges.beside,
                 points.layer, s.layer_of_facet, points.area, points.facet_area, s.area_of_facet,
                 points.depth, s.depth_of_facet, s.bulge_of_facet, points.curvature,
-                s.curvature_of_facet, self._steepest, points.recess, layers.ratio, ghosts.around,
+                s.curvature_of_facet, layers.steepest, points.recess, layers.ratio, ghosts.around,
                 points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),
                 self.friction.coefficients, p.friction_row, layers.strengths.tables,
-                layers.strengths.offsets(points.grain_of_point[p.node], p.grain), self.strain,
+                layers.strengths.offsets(points.grain_of_point[p.node], p.grain), layers.plastic_strain,
                 points.cell[p.node], p.dent,
                 p.slope_left,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(
                 forces, x, ghosts.corners(), points.layer, points, layers.ratio, layers.strengths,
-                self.strain,
+                layers.plastic_strain,
             )
 
     def _early_pairs(self):

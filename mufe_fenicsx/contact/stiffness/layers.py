@@ -1,6 +1,9 @@
 """How stiff this rank's surface is in contact: layers, depths, compliance of edges, strengths."""
 
+import math
+
 import numpy as np
+from mpi4py import MPI
 
 from ...state import Stateful
 from ..laws import LAYERS, inertial_layers, largest_depths, replace_layers
@@ -36,6 +39,13 @@ class SurfaceLayers(Stateful):
         faceted = self.kinematic or settings.points == "nodes"
         #: The smooth surface over the facets, :class:`~mufe_fenicsx.contact.surface.bulges.Bulges`.
         self.smooth = no_bulges(own) if faceted else bulges_of(own, x[own.nodes])
+        #: By how much smooth surfaces bring facets nearer [m], and how much faster than points their
+        #: gaps go at most, on all ranks.
+        self.rise, self.steepest = self._bounds(mesh.comm, own, x)
+        #: Of the cells; none of a mesh that nothing is known of, shape (num_cells,).
+        self.plastic_strain = grains.plastic_strain
+        if self.plastic_strain is None:
+            self.plastic_strain = np.zeros(mesh.num_cells)
         if grains.rigid_layer is not None:  # layers of rigid grains stand for all that yields
             self.smooth.curvature[~np.isnan(grains.rigid_layer[own.local_grain_of_facet])] = 0.0
         #: :class:`~mufe_fenicsx.contact.surface.points.Points` of the surface.
@@ -44,6 +54,13 @@ class SurfaceLayers(Stateful):
         self.strengths = Strengths(mesh, grains.yield_tables)
         #: Tangential over normal stiffness of points, shape (num_points,).
         self.ratio = grains.tangential_ratio[self.points.local_grain]
+
+    def _bounds(self, comm, own, x):
+        """Fields ``rise`` and ``steepest``. Collective."""
+        slope = self.smooth.steepest(own.facets, x[own.nodes])
+        most = np.array([2.0 * self.smooth.highest(), slope])
+        comm.Allreduce(MPI.IN_PLACE, most, op=MPI.MAX)
+        return float(most[0]), math.hypot(1.0, most[1])
 
     def _layers(self, mesh, own, grains, settings):
         """Compliance of nodes and of facets [m/Pa]; of kinematic ones for a step of 1 s."""
