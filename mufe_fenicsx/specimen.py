@@ -98,7 +98,7 @@ class Specimen(Stateful):
         grains = ContactGrains(
             solid.contact_modulus, solid.tangential_ratio, solid.mass,
             self.rigid.layers(materials), solid.edge_compliance,
-            tuple(material.yield_table() for material in materials), self.state.plastic_strain,
+            tuple(material.yield_table() for material in materials), (self.state.plastic_strain, self.state.plastic_work),
         )  # fmt: skip
         self.contact = Contact(mesh, mesh.x, self.walls, grains, settings)
         kinematic = self.contact.layers.kinematic
@@ -323,7 +323,7 @@ class Specimen(Stateful):
         local = {
             "kinetic": kinetic,
             "elastic": self.solid.elastic_energy(self.state).sum(),
-            "plastic": self.state.plastic_work.sum() + self.contact.dissipation.flowed,
+            "plastic": self.state.plastic_work.sum(),
             "friction": self.contact.dissipation.total,
             "switching": self.contact.dissipation.switched,
             "contact": contact,

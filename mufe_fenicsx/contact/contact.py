@@ -296,14 +296,14 @@ class Contact(Stateful):
                 s.curvature_of_facet, layers.steepest, points.recess, layers.ratio, ghosts.around,
                 points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),
                 self.friction.coefficients, p.friction_row, layers.strengths.tables,
-                layers.strengths.offsets(points.grain_of_point[p.node], p.grain), layers.plastic_strain,
+                layers.strengths.offsets(points.grain_of_point[p.node], p.grain), *layers.plastic,
                 points.cell[p.node], p.dent,
                 p.slope_left,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(
                 forces, x, ghosts.corners(), points.layer, points, layers.ratio, layers.strengths,
-                layers.plastic_strain,
+                *layers.plastic,
             )
 
     def _early_pairs(self):
@@ -341,7 +341,6 @@ class Contact(Stateful):
         ghosts.end_reverse()
         ghosts.hand_on(f)
         self.dissipation.total += pairs[0] + edges[0] + walls[0]
-        self.dissipation.flowed += pairs[5] + walls[2]
         if not layers.kinematic:  # whose springs hold no energy
             self.dissipation.switched += pairs[1] + edges[1]
         if accept:

@@ -327,7 +327,7 @@ class Walls(Stateful):
             pairs.next_check[:] = pairs.motion_bounds.now
         self.pairs = pairs
 
-    def bind(self, f, x, corners, layer, points, ratio, strengths, strain):
+    def bind(self, f, x, corners, layer, points, ratio, strengths, strain, work):
         """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
 
         Args:
@@ -336,7 +336,7 @@ class Walls(Stateful):
             layer, ratio: As of :class:`~mufe_fenicsx.kernels.walls.WallForces`.
             points: :class:`~mufe_fenicsx.contact.surface.points.Points`.
             strengths: :class:`~mufe_fenicsx.contact.stiffness.strength.Strengths`.
-            strain: Plastic strain of the cells, shape (num_cells,).
+            strain, work: Plastic ones of the cells, shape (num_cells,).
         """
         p = self.pairs
         p.forces = WallForces(
@@ -344,7 +344,7 @@ class Walls(Stateful):
             layer, points.area, points.facet_area, points.recess, ratio, *corners, x, f,
             self.force, self.torque, self.curved.pressing, self.point, self.normal, self.velocity,
             self.curved.radius, self.friction, self.friction_kinetic, strengths.tables,
-            strengths.offsets(points.grain_of_point[p.node]), strain, points.cell[p.node],
+            strengths.offsets(points.grain_of_point[p.node]), strain, work, points.cell[p.node],
         )  # fmt: skip
         curvature, bend = points.curvature[p.node], self.curved.bend[p.wall]
         cylinder = self.normal[p.wall].any(axis=1)
@@ -358,7 +358,7 @@ class Walls(Stateful):
         """Add wall forces to those bound.
 
         Returns:
-            Friction's dissipation [J], accepted pairs, energy that dents took [J].
+            Friction's dissipation [J], accepted pairs.
 
         Args:
             accept: Whether what overlaps now is not in contact.

@@ -15,11 +15,12 @@
 
 /* Yield stresses of the materials: at an offset the number n of points, n plastic strains and n
    stresses. ``offset``: of both bodies of a pair, the own one first, -1 where one does not flow.
-   ``strain``: of all cells; ``cell``: that beneath the point of a pair. */
+   ``strain``, ``work``: plastic ones of all cells; ``cell``: that beneath the point of a pair. */
 typedef struct {
   const double *tables;
   const int32_t *offset;
   const double *strain;
+  double *work;
   const int32_t *cell;
 } strength_type;
 

@@ -50,7 +50,7 @@ void mufe_add_pair_forces(const pairs_type *m, call_type *c, int64_t num) {
   const int64_t num_due = list_due(m, c, &list, num);
   int64_t num_rest = 0; /* they take the places of those that have been done */
   if (c->part != OTHER_PAIRS) {
-    c->dissipated = c->switched = c->flowed = c->num_accepted = c->deepest = c->sunk = 0.0;
+    c->dissipated = c->switched = c->num_accepted = c->deepest = c->sunk = 0.0;
     c->sunken = -1;
   }
   vec dissipated = all(0.0);

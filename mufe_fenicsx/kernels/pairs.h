@@ -72,7 +72,7 @@ typedef struct {
   double friction, friction_kinetic, range;
   double steepest; /* how much faster than points gaps of smooth surfaces go at most */
   int64_t accept, part, num_others;
-  double dissipated, switched, num_accepted, deepest, sunk, flowed;
+  double dissipated, switched, num_accepted, deepest, sunk;
   int64_t sunken;
 } call_type;
 

@@ -60,7 +60,6 @@ class _Call(ctypes.Structure):
         *((name, ctypes.c_int64) for name in ("accept", "part", "num_others")),
         *((name, ctypes.c_double) for name in ("dissipated", "switched", "accepted", "deepest")),
         ("sunk", ctypes.c_double),
-        ("flowed", ctypes.c_double),
         ("sunken", ctypes.c_int64),
     ]
 
@@ -146,7 +145,7 @@ class PairForces:
             slip, and has the other while it slips, until a step in which it sticks.
         friction_row: The row there of each pair, int32; of size 0: the first of all.
         strengths, strength_offset: Of both bodies of each pair, as of contact.stiffness.strength.
-        strain: Plastic strain of all cells, shape (num_cells,).
+        strain, work: Plastic strain and work [J] of all cells, shape (num_cells,).
         cell: That beneath the point of each pair, int32, shape (num_pairs,).
         dent: Depths of dents, which add to the recess of the pairs [m], shape (num_pairs,).
         slope_left: Part of the law's slope that is left while a dent deepens, set then, the same.
@@ -160,7 +159,7 @@ class PairForces:
                  layer_of_facet, area, area_at_node, area_of_facet, depth_of_node, depth_of_facet,
                  bulge_of_facet, curvature_of_point, curvature_of_facet, steepest, recess,
                  ratio_of_node, around, around_of, corner, corner_weight, x, f, early, friction,
-                 friction_row, strengths, strength_offset, strain, cell, dent,
+                 friction_row, strengths, strength_offset, strain, work, cell, dent,
                  slope_left):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
@@ -189,7 +188,7 @@ class PairForces:
             (around, short),
             (x, real), (f, real), (friction, real) if friction_row.size else None,
             (strengths, real) if strengths.size else None, (strength_offset, short), (strain, real),
-            (cell, short), (dent, real),
+            (work, real), (cell, short), (dent, real),
             (recess, real), (slope_left, real),
         )  # fmt: skip
         pointer = ctypes.c_void_p
@@ -209,7 +208,7 @@ class PairForces:
             Energy dissipated by friction [J]; energy that springs lost where pairs passed to other
             facets [J]; number of accepted pairs; their largest depth [m]; of pairs beyond their
             largest depth the largest one over the lesser part of both sides in it, and its pair,
-            -1 if none; energy that dents took [J].
+            -1 if none.
         """
         c = self._found
         c.range, c.accept = longest, accept
@@ -220,7 +219,7 @@ class PairForces:
         if self._any_early:
             c.part = OTHERS
             self._call(table, call, num)
-        return c.dissipated, c.switched, int(c.accepted), c.deepest, (c.sunk, c.sunken), c.flowed
+        return c.dissipated, c.switched, int(c.accepted), c.deepest, (c.sunk, c.sunken)
 
 
 @numba.njit(cache=True)

@@ -93,9 +93,10 @@ INLINE flowing_type flowing(const pairs_type *m, int64_t p, int64_t k) {
                         m->layer_of_node[s->node] + m->layer_of_facet[facet], bend};
 }
 
-/* The dent of the pair p takes what its depth is beyond that of flow; by how much. */
-INLINE double deepen(const pairs_type *m, call_type *c, int64_t p, int64_t k, double was,
-                     double depth) {
+/* The dent of the pair p takes what its depth is beyond that of flow; by how much. ``work``: what
+   that takes, as plastic work of the cell beneath. */
+INLINE double deepen(const pairs_type *m, int64_t p, int64_t k, double was, double depth,
+                     double *work) {
   state_type *s = m->state + p;
   const flowing_type q = flowing(m, p, k);
   double limit;
@@ -106,7 +107,8 @@ INLINE double deepen(const pairs_type *m, call_type *c, int64_t p, int64_t k, do
   s->recess = m->recess_of_point[s->node] + m->dent[p];
   const double before = was > 0.0 ? normal_force(s->stiffness, s->softer, was, s->largest_depth) : 0.0;
   const double now = normal_force(s->stiffness, s->softer, depth - deeper, s->largest_depth);
-  c->flowed += 0.5 * (before + now) * deeper;
+  *work = 0.5 * (before + now) * deeper;
+  m->strength.work[m->strength.cell[p]] += *work;
   return deeper;
 }
 
@@ -223,9 +225,9 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     double slope;
     s->yield_depth = (float)yield_depth(&m->strength, flowing(m, p, k), m->dent[p], &slope);
   }
-  const double flowed = c->flowed;
+  double flowed = 0.0;
   if (depth > s->yield_depth) {
-    const double deeper = deepen(m, c, p, k, was_closed ? was : 0.0, depth);
+    const double deeper = deepen(m, p, k, was_closed ? was : 0.0, depth, &flowed);
     depth -= deeper, g += deeper;
     s->gap = g;
   }
@@ -272,7 +274,7 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   const int known = isfinite(old_gap);
   const int came_in = !was_closed && !(known && -dot(way, smooth) >= STRAIGHT * depth);
   if ((was_closed && (passed || s->offset != old_offset)) || came_in)
-    c->switched += old_energy - energy_of(s, depth) - found.lost - (c->flowed - flowed) -
+    c->switched += old_energy - energy_of(s, depth) - found.lost - flowed -
                    (known ? 0.5 * dot(plus(old_force, force), way) : 0.0);
   for (int corner = 0; corner < 3; corner++)
     add_to(f, s->corner[corner], times((&s->corner_weight.x)[corner], force));

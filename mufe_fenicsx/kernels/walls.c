@@ -136,7 +136,7 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
   const double kt = share * s->ratio;
   const double kt_slope = s->stiffness * s->ratio * slope_of_share(depth, s->softer);
   double N = share * depth;
-  totals[2] += 0.5 * (s->normal_force + N) * deeper;
+  if (deeper > 0.0) m->strength.work[m->strength.cell[p]] += 0.5 * (s->normal_force + N) * deeper;
   vec3 spring = minus(r, s->stick_point);
   const slip_type found =
       slip(&spring, normal, kt, s->sliding, limit_of_friction(wall->friction, N, kt, kt_slope),
@@ -268,8 +268,7 @@ INLINE unsigned add_lanes(const walls_type *m, const int32_t *pair, unsigned wan
   return wanted & ~(can | open);
 }
 
-/* See kernels/walls.py; ``totals``: energy dissipated by friction, accepted pairs,
-   energy that dents took. */
+/* See kernels/walls.py; ``totals``: energy dissipated by friction, accepted pairs. */
 void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int64_t num_pairs,
                           int64_t num_walls, int64_t accept) {
   int any_curved = 0;
@@ -279,7 +278,7 @@ void mufe_add_wall_forces(const walls_type *m, double *totals, double ahead, int
     m->walls[w] = (wall_type){at(m->axis, w), m->friction[w], point, m->friction_kinetic[w],
                               m->radius[w], {0.0}, {{0.0}}, {{0.0}}, {0.0}};
   }
-  totals[0] = totals[1] = totals[2] = 0.0;
+  totals[0] = totals[1] = 0.0;
   vec dissipated = all(0.0);
   const int64_t num_due = find_due(m->scratch, m->next_check, m->bounds, m->bound_row, num_pairs);
   for (int64_t i = -FAR_AHEAD; i < num_due; i += LANES) {

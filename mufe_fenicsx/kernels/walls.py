@@ -257,7 +257,7 @@ class WallForces:
         radius: As of :func:`gap_to_wall` [m], shape (num_walls,).
         friction: Coefficients of friction that a pair has to overcome, shape (num_walls,).
         friction_kinetic: Coefficients while it slips; until a step in which it sticks.
-        strengths, strength_offset, strain, cell: As of PairForces.
+        strengths, strength_offset, strain, work, cell: As of PairForces.
 
     Raises:
         ValueError: An array is of another type, or not contiguous; too many walls; a point with
@@ -268,10 +268,10 @@ class WallForces:
                  recess, ratio,
                  corner, corner_weight, x, f, wall_force, wall_torque, pressing, point, normal,
                  velocity, radius, friction, friction_kinetic, strengths,
-                 strength_offset, strain, cell):  # fmt: skip
+                 strength_offset, strain, work, cell):  # fmt: skip
         real, short = np.float64, np.int32
         self._num_pairs = node.size
-        self._totals = np.zeros(3)
+        self._totals = np.zeros(2)
         self._totals_at = address(self._totals)
         self._num_walls = len(point)
         scratch = np.empty(node.size + 1, short)
@@ -292,7 +292,7 @@ class WallForces:
             (wall_torque, real), (pressing, real), (point, real), (normal, real),
             (velocity, real), (radius, real), (friction, real), (friction_kinetic, real),
             (strengths, real) if strengths.size else None, (strength_offset, short), (strain, real),
-            (cell, short),
+            (work, real), (cell, short),
         )  # fmt: skip
         pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
         self._call = load("walls").mufe_add_wall_forces
@@ -307,14 +307,14 @@ class WallForces:
             ahead: How much later than the planes the positions are [s].
 
         Returns:
-            Energy dissipated by friction [J]; number of accepted pairs; energy that dents took [J].
+            Energy dissipated by friction [J]; number of accepted pairs.
         """
         totals = self._totals
         self._call(
             self._pointers.table, self._totals_at, ahead, self._num_pairs, self._num_walls, accept,
         )  # fmt: skip
-        dissipated, accepted, flowed = totals.tolist()
-        return dissipated, int(accepted), flowed
+        dissipated, accepted = totals.tolist()
+        return dissipated, int(accepted)
 
 
 @numba.njit(cache=True)

@@ -18,14 +18,13 @@ class Dissipation(Stateful):
         num_grains: Grains on all ranks; a wall is the partner ``num_grains`` + its number.
     """
 
-    STATE = {"sum": ("total", "switched", "flowed")}
+    STATE = {"sum": ("total", "switched")}
 
     def __init__(self, grain_of_point, num_grains):
         self.total = 0.0  #: by friction on this rank so far [J]
         #: Energy that springs lost so far where pairs passed to other facets and edges [J]: less
         #: than none where a point came under an edge; on this rank.
         self.switched = 0.0
-        self.flowed = 0.0  #: energy that dents of this rank took so far, as plastic work does [J]
         self.num_grains = int(num_grains)
         self.grain = np.empty(0, dtype=np.int64)  #: grain of each account
         self.partner = np.empty(0, dtype=np.int64)  #: the other grain, or the wall

@@ -42,10 +42,8 @@ class SurfaceLayers(Stateful):
         #: By how much smooth surfaces bring facets nearer [m], and how much faster than points their
         #: gaps go at most, on all ranks.
         self.rise, self.steepest = self._bounds(mesh.comm, own, x)
-        #: Of the cells; none of a mesh that nothing is known of, shape (num_cells,).
-        self.plastic_strain = grains.plastic_strain
-        if self.plastic_strain is None:
-            self.plastic_strain = np.zeros(mesh.num_cells)
+        #: Plastic strain and work of the cells, shape (num_cells,); zeros where nothing is known.
+        self.plastic = grains.plastic or (np.zeros(mesh.num_cells), np.zeros(mesh.num_cells))
         if grains.rigid_layer is not None:  # layers of rigid grains stand for all that yields
             self.smooth.curvature[~np.isnan(grains.rigid_layer[own.local_grain_of_facet])] = 0.0
         #: :class:`~mufe_fenicsx.contact.surface.points.Points` of the surface.
