@@ -154,7 +154,8 @@ def costs(size):
         found[name] = []
         for periods, increments in runs:
             c = press(COMM, "hertz", size.elements, periods, increments)
-            assert c.approach[-1] > 0.99 * BALLS["hertz"][1] * RADIUS
+            # It begins at the highest node, which stands h²/8R above the ball.
+            assert c.approach[-1] > 0.98 * BALLS["hertz"][1] * RADIUS
             theory = hertz.hertz_force(c.approach[-1], RADIUS, modulus)
             number = periods if increments is None else increments
             found[name].append((c.seconds, float(c.force[-1] / theory), number))

@@ -92,8 +92,9 @@ def test_grains_pass_a_funnel(folder):
     energies, carried = s.energies(), s.tools.forces()[0, 2]
     assert abs(energies["residual"]) < 1e-3 * abs(energies["energy_gravity"])
     assert carried == 0.0, "the funnel is empty"
-    lost = energies["kinetic"] + energies["damping"] + energies["friction"]
-    assert lost == pytest.approx(-energies["energy_gravity"], rel=5e-3)
+    # Springs lose and gain energy where points pass edges of the funnel.
+    lost = sum(energies[name] for name in ("kinetic", "damping", "friction", "switching"))
+    assert lost == pytest.approx(-energies["energy_gravity"], rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["rough", "smooth"])
