@@ -9,32 +9,33 @@ import numba
 import numpy as np
 
 #: As in contact_law.h.
-SOFTER = 0.47
-
-
-@numba.njit(cache=True)
-def over_stiffness(d, m):
-    """Normal force over stiffness at a depth [m]: less than it where a contact is small."""
-    part = d / (d + m) if m > 0.0 else 1.0
-    return d - 4.0 * SOFTER * m * part * part
+SOFTER = 1.69
 
 
 @numba.njit(cache=True)
 def share_of_stiffness(d, m):
     """Normal force over stiffness and depth; of friction's spring the same share is there."""
-    return 1.0 - 4.0 * SOFTER * m * d / (d + m) ** 2 if m > 0.0 else 1.0
+    return 1.0 - SOFTER * m * m * d / (m + 0.5 * d) ** 3 if m > 0.0 else 1.0
+
+
+@numba.njit(cache=True)
+def over_stiffness(d, m):
+    """Normal force over stiffness at a depth [m]: less than it where a contact is small."""
+    return d * share_of_stiffness(d, m)
 
 
 @numba.njit(cache=True)
 def slope_over_stiffness(d, m):
-    """Derivative of :func:`over_stiffness` by the depth, at most 1."""
-    return 1.0 - 8.0 * SOFTER * m * m * d / (d + m) ** 3 if m > 0.0 else 1.0
+    """Derivative of :func:`over_stiffness` by the depth, 0.4 to 1.05."""
+    if m <= 0.0:
+        return 1.0
+    return 1.0 - SOFTER * m * m * d * (2.0 * m - 0.5 * d) / (m + 0.5 * d) ** 4
 
 
 @numba.njit(cache=True)
 def slope_of_share(d, m):
     """Derivative of :func:`share_of_stiffness` by the depth [1/m]."""
-    return 4.0 * SOFTER * m * (d - m) / (d + m) ** 3 if m > 0.0 else 0.0
+    return SOFTER * m * m * (d - m) / (m + 0.5 * d) ** 4 if m > 0.0 else 0.0
 
 
 @numba.njit(cache=True)
@@ -52,7 +53,7 @@ def limit_of_friction(mu, N, kt, slope):
 def depths_of(over, m):
     """Depths at which :func:`over_stiffness` has the values ``over`` [m], shape (num,).
 
-    Newton's method: the slope is 0.44 to 1, and a step that is too long is in the convex part.
+    Newton's method: the slope is 0.4 to 1.05.
     """
     depth = np.empty(over.size)
     for p in range(over.size):
@@ -78,8 +79,9 @@ def stored_energy(stiffness, depth, largest_depth, m=0.0):
     d = min(depth, largest_depth)
     less = 0.0
     if m > 0.0:
-        less = m * (d - 2.0 * m * math.log1p(d / m) + d / (1.0 + d / m))
-    energy = stiffness * (0.5 * d * d - 4.0 * SOFTER * less)
+        u = 1.0 + 0.5 * d / m
+        less = m * m * (8.0 * math.log(u) + 16.0 / u - 4.0 / (u * u) - 12.0)
+    energy = stiffness * (0.5 * d * d - SOFTER * less)
     return energy + stiffness * over_stiffness(d, m) * (depth - d)
 
 
