@@ -302,7 +302,13 @@ class Contact(Stateful):
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(
-                forces, x, ghosts.corners(), points.layer, points, layers.ratio, layers.strengths,
+                forces,
+                x,
+                ghosts.corners(),
+                points.layer,
+                points,
+                layers.ratio,
+                layers.strengths,
                 *layers.plastic,
             )
 

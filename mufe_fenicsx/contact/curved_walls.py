@@ -27,7 +27,9 @@ class CurvedWalls(Stateful):
         self.side = np.sign(self.radius)  #: 1 with the grains inside, -1 outside, 0 of a plane
         self.any = bool(self.side.any())
         #: Curvature of each at the start, positive with the grains inside [1/m].
-        self.bend = np.divide(self.side, np.abs(self.radius), where=self.side != 0.0, out=0.0 * self.side)
+        self.bend = np.divide(
+            self.side, np.abs(self.radius), where=self.side != 0.0, out=0.0 * self.side
+        )
         self._sag = None  # of points in facets that lie on a curved wall at the start [m]
 
     def measure_sag(self, walls, x, nodes, corner):

@@ -84,9 +84,7 @@ def test_a_turned_scene_has_the_same_forces_and_balance():
     ring = {"name": "ring", "point": ROW, "normal": UP, "radius": 3 * RADIUS, "growth_rate": -0.5}
     forces = []
     for turn in (np.eye(3), rotation_of(np.array([0.4, -1.1, 0.7]))):
-        s = row_of_balls(
-            [ring, *PLANES], turn, friction=0.3, damping=2e4, time_step_factor=0.4
-        )
+        s = row_of_balls([ring, *PLANES], turn, friction=0.3, damping=2e4, time_step_factor=0.4)
         while s.state.t < 4e-4:
             s.step()
         forces.append(s.wall_forces())
