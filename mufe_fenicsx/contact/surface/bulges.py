@@ -35,9 +35,9 @@ class Bulges:
     curvature: np.ndarray  #: shape (num_facets, 3)
 
     def highest(self):
-        """Largest height over a facet, or depth below one, at least [m]. Local."""
+        """No height over a facet is larger [m], as w_a w_b + w_b w_c + w_c w_a <= 1/3. Local."""
         q, o = self.bulge[:, :3], self.bulge[:, 3:]
-        rise = np.abs(q).max(axis=1, initial=0.0) / 3 + np.abs(o).max(axis=1, initial=0.0)
+        rise = q.max(axis=1, initial=0.0) / 3 - o.min(axis=1, initial=np.inf)
         return float(rise.max(initial=0.0))
 
     def steepest(self, facets, x):
