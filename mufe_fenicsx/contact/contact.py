@@ -19,6 +19,7 @@ from .start.checks import check_stiffness, check_surface, check_walls
 from .start.overlap import Overlaps
 from .stiffness.layers import SurfaceLayers
 from .surface.active_nodes import nodes_of_pairs
+from .surface.bulges import highest
 from .surface.exchange import exchange_surface
 from .surface.ghosts import Ghosts
 from .surface.points import RECESS
@@ -112,7 +113,7 @@ class Contact(Stateful):
         self.ghosts.moving = None
         gathered = np.empty((self.own.nodes.size, 3))
         gather_rows(gathered, x, self.own.nodes)
-        reach = max(self.motion.skin, ahead) + 1.1 * self._deepest() + self.layers.rise
+        reach = max(self.motion.skin, ahead) + 1.1 * self._deepest()
         old, old_walls, old_edges = self.pairs, self.walls.pairs, self.edges.pairs
         wait = 0.0
         if old is not None:
@@ -161,12 +162,12 @@ class Contact(Stateful):
 
         Args:
             positions: Of own surface nodes [m], shape (num_nodes, 3).
-            reach: Distance [m].
+            reach: Distance of smooth surfaces [m].
             overlap: Largest depth that is looked for beyond it [m].
         """
         layers, self.searched = self.layers, positions
         self.surface, ghosts = exchange_surface(
-            self.comm, self.own, layers, positions, reach + overlap
+            self.comm, self.own, layers, positions, reach + overlap + layers.rise
         )
         self.own = self.surface.part_of(self.own)
         self.ghosts.renew(self.surface, ghosts, positions)
@@ -174,14 +175,15 @@ class Contact(Stateful):
         self.motion.renew(reach, overlap, neighbours, num_walls, positions)
 
     def _search_facets(self, reach, wait):
-        """Find pairs of points and facets, within ``reach`` of each facet [m]. Local.
+        """Find pairs of points and facets, within ``reach`` of each smooth one [m]. Local.
 
         What is beyond the reach of the last search cannot be met for a motion ``wait`` [m].
         """
         old, points = self.pairs, self.points
         self.pairs = search_pairs(
             self.ghosts.positions.array, points.num_points, points.grain_of_point,
-            self.ghosts.facets, self.surface, reach, self.motion.bound,
+            self.ghosts.facets, self.surface, reach + highest(self.surface.bulge_of_facet),
+            np.maximum(-points.recess, 0.0), self.motion.bound,
             points.depth if self.self_contact else None, self.first_tool,
         )  # fmt: skip
         if old is not None:
@@ -199,10 +201,11 @@ class Contact(Stateful):
         whole_reach = reach + motion.overlap
         self.edges.search(of_nodes, len(nodes), self.surface, whole_reach, motion.bound)
         self.walls.search(
-            of_points, nodes, points.corner, points.grain_of_point, reach, motion.bound,
+            of_points, nodes, points.corner, points.grain_of_point, reach + self.layers.rise,
+            motion.bound,
             self._tools() if self.walls.pairs is None else None,
         )  # fmt: skip
-        self.walls.near.enclose(self.comm, self.walls, of_points, reach)
+        self.walls.near.enclose(self.comm, self.walls, of_points, reach + self.layers.rise)
 
     def _tools(self):
         """Which own nodes, and which points, are of tools; None where there are none."""

@@ -43,9 +43,9 @@ def sort_into_cells(x, num_nodes, low, size, shape):
 
 
 @numba.njit(cache=True)
-def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, size, shape,
+def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, stands, low, size, shape,
                     cell_offset, cell_nodes):  # fmt: skip
-    """All facets of another grain within their ``reach`` of a node.
+    """All facets of another grain within their ``reach`` and that of a node.
 
     Args:
         x: Positions [m], shape (num_nodes_with_ghosts, 3).
@@ -54,6 +54,7 @@ def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, s
         grain_of_facet: Their grains, shape (num_facets,).
         use: Whether a facet may be touched, shape (num_facets,).
         reach: Largest distance of each facet [m], shape (num_facets,).
+        stands: What each node adds to that [m], at least 0, shape (num_nodes,).
         low, size, shape, cell_offset, cell_nodes: As in :func:`sort_into_cells`.
 
     Returns:
@@ -68,7 +69,9 @@ def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, s
     num_found = 0
     # In the order of the cells: nodes of one are read one after another.
     place, grain = np.empty((num_nodes, 3)), np.empty(num_nodes, np.int32)
+    most = 0.0
     for k in range(num_nodes):
+        most = max(most, stands[k])
         grain[k] = grain_of_node[cell_nodes[k]]
         for i in range(3):
             place[k, i] = x[cell_nodes[k], i]
@@ -78,10 +81,10 @@ def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, s
         if not use[f]:
             continue
         a, b, c = facets[f, 0], facets[f, 1], facets[f, 2]
-        empty = False
+        empty, farthest = False, reach[f] + most
         for i in range(3):
-            lowest[i] = min(x[a, i], x[b, i], x[c, i]) - reach[f]
-            highest[i] = max(x[a, i], x[b, i], x[c, i]) + reach[f]
+            lowest[i] = min(x[a, i], x[b, i], x[c, i]) - farthest
+            highest[i] = max(x[a, i], x[b, i], x[c, i]) + farthest
             begin[i] = max(math.floor((lowest[i] - low[i]) / size), 0)
             end[i] = min(math.floor((highest[i] - low[i]) / size), shape[i] - 1) + 1
             empty = empty or begin[i] >= end[i]
@@ -103,7 +106,7 @@ def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, low, s
                     dx = px - wa * x[a, 0] - wb * x[b, 0] - wc * x[c, 0]
                     dy = py - wa * x[a, 1] - wb * x[b, 1] - wc * x[c, 1]
                     dz = pz - wa * x[a, 2] - wb * x[b, 2] - wc * x[c, 2]
-                    if dx * dx + dy * dy + dz * dz > reach[f] * reach[f]:
+                    if dx * dx + dy * dy + dz * dz > (reach[f] + stands[n]) ** 2:
                         continue
                     if num_found == capacity:
                         capacity *= 2

@@ -105,8 +105,8 @@ def _near(s, reach):
     grain_of_facet = np.ascontiguousarray(own[triangles[:, 0]])
     use = np.ones(len(triangles), dtype=bool)
     offset, facet = find_candidates(
-        points, own, triangles, grain_of_facet, use, np.full(len(triangles), reach), low, cell,
-        shape, *cells,
+        points, own, triangles, grain_of_facet, use, np.full(len(triangles), reach),
+        np.zeros(own.size), low, cell, shape, *cells,
     )  # fmt: skip
     node = np.repeat(on_surface, np.diff(offset))
     return node, facet[: len(node)]

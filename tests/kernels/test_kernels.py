@@ -395,21 +395,22 @@ def test_candidates_against_all_pairs():
     grain_of_node = rng.integers(0, 4, num_nodes).astype(np.int32)
     grain_of_facet = rng.integers(0, 4, num_facets).astype(np.int32)
     use = rng.random(num_facets) < 0.8
+    stands = np.where(rng.random(num_nodes) < 0.5, 0.0, 0.05)
 
     low, size = x[:num_nodes].min(axis=0), 0.21
     shape = tuple((np.ptp(x[:num_nodes], axis=0) / size).astype(np.int64) + 1)
     cell_offset, cell_nodes = sort_into_cells(x, num_nodes, low, size, shape)
     np.testing.assert_array_equal(np.sort(cell_nodes), np.arange(num_nodes))
     offset, found = find_candidates(
-        x, grain_of_node, facets, grain_of_facet, use, np.full(len(facets), reach), low, size,
-        shape, cell_offset, cell_nodes,
+        x, grain_of_node, facets, grain_of_facet, use, np.full(len(facets), reach), stands, low,
+        size, shape, cell_offset, cell_nodes,
     )  # fmt: skip
 
     twin = set()
     for n in range(num_nodes):
         for f in np.flatnonzero(use & (grain_of_facet != grain_of_node[n])):
             *w, _ = closest_point(*x[n], x, *facets[f])
-            if np.linalg.norm(x[n] - np.array(w) @ x[facets[f]]) <= reach:
+            if np.linalg.norm(x[n] - np.array(w) @ x[facets[f]]) <= reach + stands[n]:
                 twin.add((n, int(f)))
     pairs = {(n, int(f)) for n in range(num_nodes) for f in found[offset[n] : offset[n + 1]]}
     assert pairs == twin and found.size == len(pairs) > 100

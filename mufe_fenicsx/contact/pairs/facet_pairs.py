@@ -123,6 +123,7 @@ def search_pairs(
     facets,
     surface,
     reach,
+    stands,
     bound,
     depth_of_point=None,
     first_tool=None,
@@ -140,6 +141,7 @@ def search_pairs(
         facets: Vertices as rows of ``x``, shape (num_facets, 3).
         surface: :class:`~mufe_fenicsx.contact.surface.exchange.Surface`.
         reach: Distance of each facet [m], shape (num_facets,).
+        stands: What points add to it [m], at least 0, shape (num_points,).
         bound: Of all relative motion so far [m].
         depth_of_point: For contact of grains with themselves too, parts of points in the largest
             depth of pairs [m], shape (num_points,); None for contact between grains alone.
@@ -149,7 +151,8 @@ def search_pairs(
     low, high = box_around(x[:num_points])
     span = high - low
     # Cells no smaller than a facet with its reach, no more of them than points.
-    size = max(extent + reach.mean(), np.cbrt(np.prod(span + extent) / max(num_points, 1)))
+    farthest = reach + stands.max(initial=0.0)
+    size = max(extent + farthest.mean(), np.cbrt(np.prod(span + extent) / max(num_points, 1)))
     shape = tuple((span / size).astype(np.int64) + 1)
     offset, nodes = sort_into_cells(x, num_points, low, size, shape)
     grains = surface.grain_of_facet
@@ -161,6 +164,7 @@ def search_pairs(
         surface.grain_of_facet,
         surface.use,
         reach,
+        stands,
         low,
         size,
         shape,
@@ -170,8 +174,8 @@ def search_pairs(
     if depth_of_point is not None:
         node, facet = find_self_candidates(
             x, grain_of_point, surface.facets, surface.grain_of_facet, surface.ring_offset,
-            surface.ring, reach, depth_of_point, surface.depth_of_facet, low, size, shape, offset,
-            nodes,
+            surface.ring, farthest, depth_of_point, surface.depth_of_facet, low, size, shape,
+            offset, nodes,
         )  # fmt: skip
         node = np.concatenate([np.repeat(np.arange(num_points), np.diff(first)), node])
         candidate = np.concatenate([candidate, facet])

@@ -8,7 +8,7 @@ from mpi4py import MPI
 from ...state import Stateful
 from ..laws import LAYERS, inertial_layers, largest_depths, replace_layers
 from ..pairs.edge_pairs import edge_compliances
-from ..surface.bulges import bulges_of, no_bulges
+from ..surface.bulges import bulges_of, highest, no_bulges
 from ..surface.points import surface_points
 from .strength import Strengths
 
@@ -56,7 +56,7 @@ class SurfaceLayers(Stateful):
     def _bounds(self, comm, own, x):
         """Fields ``rise`` and ``steepest``. Collective."""
         slope = self.smooth.steepest(own.facets, x[own.nodes])
-        most = np.array([2.0 * self.smooth.highest(), slope])
+        most = np.array([2.0 * highest(self.smooth.bulge).max(initial=0.0), slope])
         comm.Allreduce(MPI.IN_PLACE, most, op=MPI.MAX)
         return float(most[0]), math.hypot(1.0, most[1])
 

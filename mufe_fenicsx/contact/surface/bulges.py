@@ -34,12 +34,6 @@ class Bulges:
     #: mean curvature [1/m] across sharp edges too,
     curvature: np.ndarray  #: shape (num_facets, 3)
 
-    def highest(self):
-        """No height over a facet is larger [m], as w_a w_b + w_b w_c + w_c w_a <= 1/3. Local."""
-        q, o = self.bulge[:, :3], self.bulge[:, 3:]
-        rise = q.max(axis=1, initial=0.0) / 3 - o.min(axis=1, initial=np.inf)
-        return float(rise.max(initial=0.0))
-
     def steepest(self, facets, x):
         """Slope of the surface against its facets at most. Local.
 
@@ -145,11 +139,21 @@ def _mirror(own, group, total):
         total[at] -= np.outer(total[at] @ m, m)
 
 
+def highest(bulge):
+    """Heights over facets are no larger [m], as w_a w_b + w_b w_c + w_c w_a <= 1/3, shape (n,).
+
+    Args:
+        bulge: As of :class:`Bulges`, shape (n, 6).
+    """
+    q, o = bulge[:, :3], bulge[:, 3:]
+    return np.maximum(np.maximum(q.max(axis=1), 0.0) / 3 - o.min(axis=1), 0.0)
+
+
 def height(bulge, w):
     """Height of the surface over facets [m], shape (n,).
 
     Args:
-        bulge: Of :func:`facet_bulges`, shape (n, 6).
+        bulge: As of :class:`Bulges`, shape (n, 6).
         w: Barycentric coordinates, shape (n, 3) or (3,).
     """
     w = np.broadcast_to(w, (len(bulge), 3))

@@ -28,8 +28,8 @@ def surface_gaps(points, triangles, grain_of_node, reach):
     cells = sort_into_cells(points, n, low, cell, shape)
     use = np.ones(len(triangles), dtype=bool)
     found = find_candidates(
-        points, grain_of_node, triangles, grain_of_facet, use, np.full(len(triangles), reach), low,
-        cell, shape, *cells,
+        points, grain_of_node, triangles, grain_of_facet, use, np.full(len(triangles), reach),
+        np.zeros(n), low, cell, shape, *cells,
     )  # fmt: skip
     node, _, first = group_by_grain(*found, grain_of_facet)
     gap, normal = np.empty(len(node)), np.empty((len(node), 3))
