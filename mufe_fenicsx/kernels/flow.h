@@ -11,7 +11,8 @@
    and that strain over the radius of the contact over that of the body (Tabor 1951). */
 #define MEAN_PRESSURE 2.8
 #define TABOR 0.2
-#define CLOSE 1e-10 /* part of a depth to which it is found */
+#define CLOSE 1e-10   /* part of a depth to which it is found */
+#define SINGLE 1.2e-7 /* part that rounding to single precision takes */
 
 /* Yield stresses of the materials: at an offset the number n of points, n plastic strains and n
    stresses. ``offset``: of both bodies of a pair, the own one first, -1 where one does not flow.
@@ -63,62 +64,76 @@ INLINE double tip(double b, double *slope) {
   return b < 2.0 / 3.0 ? 3.0 * b * b : b < 1.0 ? 4.0 * (1.0 - b) : 0.0;
 }
 
-/* Depth at which a pair flows with the dent b, whose circle has the radius a = √(2 R b), R = 1/bend.
-   Bodies that are alike have half of the dent each, and the strain of the cell beneath in common; of
-   others' cells nothing is known. ``slope``: its derivative by b. */
-static double yield_depth(const strength_type *of, flowing_type q, double b, double *slope) {
+/* What a pair bears with the dent b, as a force over stiffness. The circle of the dent has the radius
+   a = √(2 R b), R = 1/bend. Bodies that are alike have half of it each, and the strain of the cell
+   beneath in common; of others' cells nothing is known. ``slope``: its derivative by b. Infinite
+   where nothing flows. */
+static double borne(const strength_type *of, flowing_type q, double b, double *slope) {
   const double most_dent = largest_dent(q);
   *slope = 0.0;
-  if (!of->tables || !(q.is_tip ? most_dent > 0.0 : b < most_dent)) return INFINITY;
+  if (!of->tables || !(most_dent > 0.0)) return INFINITY;
   const int32_t *offset = of->offset + 2 * q.pair;
   const int alike = offset[0] == offset[1];
   const double of_dent = (alike ? 0.5 : 1.0) * TABOR * sqrt(2.0 * b * q.bend);
   double weaker = INFINITY, by_strain = 0.0;
-  for (int side = 0; side < 2; side++) {
+  for (int side = 0; side < (alike ? 1 : 2); side++) {
     if (offset[side] < 0) continue;
-    const double beneath = side == 0 || alike ? of->strain[of->cell[q.pair]] : 0.0;
+    const double beneath = side == 0 ? of->strain[of->cell[q.pair]] : 0.0;
     double slope_of_side;
-    const double Y =
-        yield_stress_at(of->tables + offset[side], beneath + of_dent, &slope_of_side);
+    const double Y = yield_stress_at(of->tables + offset[side], beneath + of_dent, &slope_of_side);
     if (Y < weaker) weaker = Y, by_strain = slope_of_side;
   }
   if (!isfinite(weaker)) return INFINITY;
   double part = 1.0, by_dent = 0.0;
   if (q.is_tip) part = tip(b / most_dent, &by_dent);
-  const double d = depth_of(MEAN_PRESSURE * part * weaker * q.layers, q.m);
+  const double scale = MEAN_PRESSURE * q.layers;
   if (b > 0.0)
-    *slope = MEAN_PRESSURE * q.layers / slope_over_stiffness(d, q.m) *
-             (part * by_strain * of_dent / (2.0 * b) + by_dent / most_dent * weaker);
-  return d;
+    *slope = scale * (part * by_strain * of_dent / (2.0 * b) + by_dent / most_dent * weaker);
+  return scale * part * weaker;
 }
 
-/* By how much the dent b of a pair deepens at a depth: by nothing up to ``limit``, its yield depth,
-   which is set anew; beyond, depth - deeper = yield_depth(b + deeper), or until the dent is the
-   largest one. The left side falls and the right side mostly rises with ``deeper``: the false
-   position, Illinois' way. ``left``: part of the law's slope that is left meanwhile, r/(1 + r), r
-   being that of the limit. */
+/* Depth at which a pair flows with the dent b; the largest one flows no more. */
+static double yield_depth(const strength_type *of, flowing_type q, double b) {
+  double slope;
+  if (!q.is_tip && b >= largest_dent(q)) return INFINITY;
+  const double force = borne(of, q, b, &slope);
+  return isfinite(force) ? depth_of(force, q.m) : INFINITY;
+}
+
+/* By how much the dent b of a pair deepens at a depth: until the law has, at the depth d that is
+   left, what the pair bears with the dent b + depth - d. ``limit``: the yield depth, set anew. Newton's
+   method from there, within bounds. A tip that bears less with more of a dent keeps its force.
+   ``left``: part of the law's slope that is left meanwhile. */
 static double flow(const strength_type *of, flowing_type q, double b, double depth, double *limit,
                    double *left) {
-  double r;
-  *limit = yield_depth(of, q, b, &r);
-  double low = 0.0, above = depth - *limit;
-  if (above <= 0.0) return 0.0;
-  double high = q.is_tip ? above : least(above, largest_dent(q) - b), deeper = high;
-  *limit = yield_depth(of, q, b + high, &r);
-  double below = depth - high - *limit;
-  if (isfinite(*limit) && below < 0.0)
+  double slope, low = (1.0 - SINGLE) * *limit, high = depth, d = low;
+  if (over_stiffness(depth, q.m) <= borne(of, q, b, &slope)) {
+    *limit = depth; /* the cell beneath has hardened */
+    return 0.0;
+  }
+  double over = over_stiffness(low, q.m) - borne(of, q, b + depth - low, &slope);
+  if (over >= 0.0) {
+    *left = 0.0;
+    *limit = yield_depth(of, q, b + depth - low);
+  } else {
+    double rise = slope_over_stiffness(low, q.m) + slope;
     for (int i = 0; i < 60; i++) {
-      deeper = high - below * (high - low) / (below - above);
-      *limit = yield_depth(of, q, b + deeper, &r);
-      const double over = depth - deeper - *limit;
-      if (fabs(over) <= CLOSE * depth) break;
-      if (over > 0.0) {
-        low = deeper, above = over, below *= 0.5;
-      } else {
-        high = deeper, below = over, above *= 0.5;
-      }
+      const double last = d, next = d - over / rise;
+      d = low < next && next < high ? next : 0.5 * (low + high);
+      over = over_stiffness(d, q.m) - borne(of, q, b + depth - d, &slope);
+      rise = slope_over_stiffness(d, q.m) + slope;
+      if (fabs(d - last) <= CLOSE * depth) break;
+      *(over < 0.0 ? &low : &high) = d;
     }
-  *left = !isfinite(*limit) ? 1.0 : r > 0.0 ? r / (1.0 + r) : 0.0;
+    *left = most(slope, 0.0) / rise;
+    *limit = d;
+  }
+  const double wider = largest_dent(q) - b, deeper = depth - d;
+  if (!q.is_tip && deeper >= wider) {
+    *left = 1.0;
+    *limit = INFINITY;
+    return wider;
+  }
   return deeper;
 }
 

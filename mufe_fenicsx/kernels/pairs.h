@@ -207,4 +207,33 @@ static int64_t look(const pairs_type *m, int64_t p, double range, vec3 point) {
   return before;
 }
 
+/* What the pair p has to flow; both sides add to the curvature of the gap. */
+INLINE flowing_type flowing(const pairs_type *m, int64_t p, int64_t k) {
+  const state_type *s = m->state + p;
+  const int32_t facet = m->candidate[k];
+  const double bend = m->curvature_of_point[3 * (int64_t)s->node + 2] +
+                      m->curvature_of_facet[3 * (int64_t)facet + 2];
+  return (flowing_type){p, s->num_around > 0, s->softer, edge_of(m, s, k),
+                        m->layer_of_node[s->node] + m->layer_of_facet[facet], bend};
+}
+
+/* The dent of the pair p takes what its depth is beyond that of flow; by how much. ``work``: what
+   that takes, as plastic work of the cell beneath. */
+INLINE double deepen(const pairs_type *m, int64_t p, int64_t k, double was, double depth,
+                     double *work) {
+  state_type *s = m->state + p;
+  const flowing_type q = flowing(m, p, k);
+  double limit = s->yield_depth;
+  const double deeper = flow(&m->strength, q, m->dent[p], depth, &limit, m->slope_left + p);
+  s->yield_depth = (float)limit;
+  if (deeper == 0.0) return 0.0;
+  m->dent[p] += deeper;
+  s->recess = m->recess_of_point[s->node] + m->dent[p];
+  const double before = was > 0.0 ? normal_force(s->stiffness, s->softer, was, s->largest_depth) : 0.0;
+  const double now = normal_force(s->stiffness, s->softer, depth - deeper, s->largest_depth);
+  *work = 0.5 * (before + now) * deeper;
+  m->strength.work[m->strength.cell[p]] += *work;
+  return deeper;
+}
+
 #endif

@@ -71,10 +71,11 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   const lanes3 steepest = moved_along(moved_along(n, by_a - by_b, grad_b), by_a - by_c, grad_c);
   const vec steep = square_root(product(steepest, steepest));
   const lanes3 smooth = scaled(1.0 / steep, steepest);
-  const vec g = height + recess - bulge, distance = where(height < 0.0, -height, height);
+  const vec distance = where(height < 0.0, -height, height);
+  vec g = height + recess - bulge;
 
   /* Which of them are done here: for the others nothing has been changed yet. */
-  const vec depth = offset - g;
+  vec depth = offset - g;
   mask inside = (va > 0.0) & (vb > 0.0) & (vc > 0.0);
   mask far = head[0] - bound >= distance;
   mask corners = below_each(pa, point, n) | below_each(pb, point, n) | below_each(pc, point, n);
@@ -85,7 +86,7 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   corners |= is_node;
   mask turned_away = FLAG(word, sharp) & (height < BESIDE * square_root(area)) & corners;
   const vec moved = bound - next_check, change = where(g < third[0], third[0] - g, g - third[0]);
-  mask stays = FLAG(word, closed) & (~is_node | (change <= moved)) & (depth > 0.0) & (depth <= largest_depth) & (depth <= yields);
+  mask stays = FLAG(word, closed) & (~is_node | (change <= moved)) & (depth > 0.0) & (depth <= largest_depth);
   unsigned can = wanted & ~changed & bits(inside & stays & ~turned_away);
   for (unsigned near = can & ~*looked & ~bits(far); near; near &= near - 1) {
     const int i = __builtin_ctz(near);
@@ -94,6 +95,13 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
     changed |= (unsigned)(before[i] != m->closest[pair[i]]) << i;
   }
   can &= ~changed;
+  const vec was = offset - third[0];
+  for (unsigned deeper = can & bits(depth > yields); deeper; deeper &= deeper - 1) {
+    const int i = __builtin_ctz(deeper);
+    double flowed;
+    const double dent = deepen(m, pair[i], m->closest[pair[i]], was[i], depth[i], &flowed);
+    depth[i] -= dent, g[i] += dent;
+  }
 
   /* Normal force, on the smooth surface, and friction, along the facet. */
   const vec share = kn * share_of_stiffness_each(depth, softer);

@@ -124,8 +124,7 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
   if (!s->closed) {
     s->closed = 1;
     s->stick_point = r;
-    double slope;
-    s->yield_depth = yield_depth(&m->strength, flowing(s, p), s->dent, &slope);
+    s->yield_depth = yield_depth(&m->strength, flowing(s, p), s->dent);
   }
   double deeper = 0.0;
   if (depth > s->yield_depth) {

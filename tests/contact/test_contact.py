@@ -206,8 +206,9 @@ def test_smooth_contact_dissipates_nothing():
         assert COMM.allreduce(s.contact.dissipation.total) == 0.0
         worsts.append(worst)
     # Points that meet and part within a step leave a residual that goes away with the step, but
-    # not smoothly: 2.0e-4, 1.0e-4 and 0.5e-4 with steps of 22, 19 and 10 ns all the way.
-    assert worsts[0] < 3e-4
+    # not smoothly: 3.0e-4, 0.6e-4 and 0.4e-4 with FACTOR, a half and a quarter of it; half as much
+    # again for other roundings.
+    assert worsts[0] < 4.5e-4
     assert worsts[1] < 0.5 * worsts[0]
 
 

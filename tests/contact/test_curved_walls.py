@@ -80,22 +80,22 @@ def test_a_wall_with_little_curvature_is_a_plane(side):
 
 @pytest.mark.mpi
 def test_a_turned_scene_has_the_same_forces_and_balance():
-    """A ring that shrinks around three balls, between planes, however it lies."""
+    """A ring that shrinks around three balls, between planes that approach, however it lies."""
     ring = {"name": "ring", "point": ROW, "normal": UP, "radius": 3 * RADIUS, "growth_rate": -0.5}
+    planes = [plane | {"velocity": 0.2 * plane["normal"]} for plane in PLANES]
     forces = []
     for turn in (np.eye(3), rotation_of(np.array([0.4, -1.1, 0.7]))):
-        s = row_of_balls([ring, *PLANES], turn, friction=0.3, damping=2e4, time_step_factor=0.4)
+        s = row_of_balls([ring, *planes], turn, friction=0.3, damping=2e4, time_step_factor=0.4)
         while s.state.t < 4e-4:
             s.step()
         forces.append(s.wall_forces())
         energies = s.energies()
         # A wave of 1 % of the load has 1e-4 of its energy.
         assert abs(energies["residual"]) < 1e-3 * energies["work"]
-    assert forces[0].min() > 0.05
+    assert forces[0].min() > 1.0
     # The time step looks at a box around the points near a wall, which turns with the scene: steps
-    # differ by 2 %, and with them what of the load has arrived, here of waves that still run. The
-    # least force, 1 % of the largest, differs by 4 % at twice the step, by 0.7 % at this one.
-    np.testing.assert_allclose(forces[1], forces[0], rtol=0.02)
+    # differ by 0.1 %, and with them what of the load has arrived, 2e-4 of the forces.
+    np.testing.assert_allclose(forces[1], forces[0], rtol=2e-3)
 
 
 def test_a_ring_under_a_servo_holds_its_force():
