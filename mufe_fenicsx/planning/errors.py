@@ -4,8 +4,9 @@ The forces in a packing are off by what its mesh does at the contacts, by the in
 loading, by added mass, and by grains that do not deform. The error of a plan is their sum: signs
 are not known beforehand.
 
-- Mesh: that of a single contact in the table, of a ball that flows or of an elastic one, over the
-  elements per contact radius.
+- Mesh: that of the stress of twenty interlocked grains of known shape (`sample` in the table), over
+  the elements per contact radius. Laws of contact and elements that are not there have that of the
+  default one times the ratio of their errors at single contacts.
 - Inertia: kinetic over internal energy of a linear sample is k = (T/s)²/3 at the time s since its
   first load, T the time of a wave through it; its platens differ by 3k/2 of the force, their
   mean by half of that (speed_control). The mean over a course of the time t = r T, weighted by
@@ -20,14 +21,15 @@ import math
 from dataclasses import dataclass
 
 from ..analysis.evidence import distance, read_points, usable
-from ..analysis.evidence.mesh_errors import between, error_at, falling, select, size
+from ..analysis.evidence.mesh_errors import between, error_at, falling, order_of, select, size
 from ..errors import InputError
+from ..materials.sand import SAND
 
-OEDOMETER, TOOL = "oedometer", "tool"
+OEDOMETER, TOOL, SAMPLE = "oedometer", "tool", "sample"
 #: Grains of its sample.
 GRAINS = 20
-#: Beyond the finest mesh of the table errors are taken to fall with the size of elements, up to so
-#: many times as many elements per radius.
+#: Beyond the finest mesh of the table errors are taken to fall with the order of the two finest, up
+#: to so many times as many elements per radius.
 BEYOND = 2.0
 #: Speed of waves through a loaded packing over that of its rock: measured 0.07 to 0.09 in tests of
 #: sand between strains of 0.01 and 0.1 (travel_time of [quasi_static] in run.json).
@@ -38,6 +40,8 @@ FASTEST = 3.0
 #: demonstration, which yields, 0.08 to 0.12 between strains of 0.01 and 0.1; of elastic grains
 #: that of balls under this mean stress [Pa].
 PLASTIC_RADIUS, STRESS = 0.1, 10e6
+#: Mean stress of the elastic grains of known shape [Pa], which are of the sand's E and ν.
+KNOWN_STRESS = 250e6
 #: Contacts of a grain, each with its own patch of fine elements.
 CONTACTS = 7
 
@@ -65,10 +69,11 @@ class Errors:
     fidelities: dict  #: model of the grains -> error against j2
     path: float  #: distance of two tests of ``GRAINS`` that differ in rounding
     tools: tuple = ()  #: as ``mesh``, of an elastic grain under a smooth tool; () where not known
+    order: float = 1.0  #: of ``mesh`` beyond the finest
 
     def of_mesh(self, n):
         """Error at n elements per contact radius; inf where that is coarser than any known."""
-        return error_at(self.mesh, n)
+        return error_at(self.mesh, n, self.order)
 
     def of_tool(self, n):
         """Error of the force on a smooth tool at n elements per contact radius; inf: not known."""
@@ -115,14 +120,16 @@ def time_for(error):
 
 
 def contact_radius(material):
-    """Radius of a typical contact over the diameter of its grain, a guess.
+    """Radius of a typical contact over the diameter of its grain, a guess."""
+    return PLASTIC_RADIUS if hasattr(material, "yield_stress") else elastic_radius(material)
 
-    Of elastic balls of the diameter d under the stress σ: a = (3 F R/4E*)^(1/3) with F = σ d²,
-    R = d/4 and E* of two like bodies.
+
+def elastic_radius(material, stress=STRESS):
+    """The same of elastic balls of the diameter d under the stress σ.
+
+    a = (3 F R/4E*)^(1/3) with F = σ d², R = d/4 and E* of two like bodies.
     """
-    if hasattr(material, "yield_stress"):
-        return PLASTIC_RADIUS
-    return (3 * STRESS / (8 * material.contact_modulus)) ** (1 / 3)
+    return (3 * stress / (8 * material.contact_modulus)) ** (1 / 3)
 
 
 def sample_errors(points=None, element="averaged", law="matched", yields=True):
@@ -134,18 +141,17 @@ def sample_errors(points=None, element="averaged", law="matched", yields=True):
     points = read_points() if points is None else points
     case = "plastic-sphere" if yields else "hertz"
     own = usable(points, case)
-    base, mesh = select(own), select(own, element=element)
+    base, mesh = select(own), falling(_of_samples(points, element, yields))
     if len(mesh) < 2 or not base:
         raise InputError(
-            f'solver.element = "{element}", expected one of which the table of points has meshes '
-            f"of {case}: run `mufe chart {case}`"
+            f'solver.element = "{element}", expected one of which the table of points has {case} '
+            f"and {SAMPLE}: run `mufe chart {case} {SAMPLE}`"
         )
-    factor = 1.0
     if law != "matched":
-        pairs = list(_beside(select(own, law=law), base))
-        if not pairs:
+        factor = _ratio(own, law=law)
+        if factor is None:
             raise InputError(f'law of contact "{law}", expected one of which the table has {case}')
-        factor = max(p.error / q.error for p, q in pairs)
+        mesh = tuple((n, factor * error) for n, error in mesh)
     masses = {0.0: (0.0, 1.0)}
     for added in ("0.01", "0.05"):
         pairs = list(_beside(select(own, added_mass=added), base))
@@ -162,7 +168,7 @@ def sample_errors(points=None, element="averaged", law="matched", yields=True):
             fidelities[name] = max(distance(p.curve, q.curve) for p, q in pairs)
     others = [p for p in grains if "time_step_factor" in p.parameters]
     return Errors(
-        mesh=falling((size(p), factor * p.error) for p in mesh),
+        mesh=mesh,
         cells=tuple(sorted((size(p), p.num_cells) for p in base)),
         masses=masses,
         fidelities=fidelities,
@@ -170,7 +176,26 @@ def sample_errors(points=None, element="averaged", law="matched", yields=True):
             (distance(p.curve, q.curve) for p, q in _beside(others, select(grains))), default=0.0
         ),
         tools=falling((size(p), p.error) for p in select(usable(points, TOOL), element=element)),
+        order=order_of(mesh),
     )
+
+
+def _of_samples(points, element, yields):
+    """(elements per contact radius, error) of the sample of known shape."""
+    case, fidelity = ("plastic-sphere", "j2") if yields else ("hertz", "elastic")
+    radius = PLASTIC_RADIUS if yields else elastic_radius(SAND, KNOWN_STRESS)
+    known = usable(points, SAMPLE)
+    own = select(known, fidelity=fidelity, element=element)
+    factor = 1.0
+    if not own:
+        own, factor = select(known, fidelity=fidelity), _ratio(usable(points, case), element=element)
+    return [(radius * size(p), factor * p.error) for p in own if factor is not None]
+
+
+def _ratio(points, **choice):
+    """Largest error of a choice over that of the default on the same mesh; None: not known."""
+    pairs = _beside(select(points, **choice), select(points))
+    return max((p.error / q.error for p, q in pairs), default=None)
 
 
 def _beside(points, others):

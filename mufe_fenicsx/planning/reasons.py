@@ -78,7 +78,7 @@ def unknown(scene, errors, elements):
     if elements > errors.mesh[-1][0]:
         known.append(
             "errors of so fine a mesh: beyond the finest one measured they are taken to fall with "
-            "the length of edges"
+            f"the power {errors.order:.2g} of the length of edges"
         )
     course = course_of(scene)
     if scene.tools:

@@ -64,13 +64,20 @@ def test_errors_follow_from_the_table(table):
     assert errors.of_mesh(1.0) == pytest.approx(0.08)
     # Half-way in logarithms between 8 and 2 %.
     assert errors.of_mesh(math.sqrt(2)) == pytest.approx(0.04)
-    assert errors.of_mesh(4.0) == pytest.approx(0.01)  # beyond: with the length of edges
-    assert math.isinf(errors.of_mesh(0.4)) and math.isinf(errors.elements_for(0.009))
+    # Beyond, and that far twice, with the order of the two finest.
+    assert errors.of_mesh(4.0) == pytest.approx(0.005)
+    assert math.isinf(errors.of_mesh(0.4)) and math.isinf(errors.elements_for(0.0049))
     assert errors.elements_for(0.04) == pytest.approx(math.sqrt(2), rel=1e-6)
     assert errors.masses[0.01] == pytest.approx((0.005, 1.0))
     assert errors.fidelities["rigid"] == pytest.approx(0.5)
     assert errors.of_path(4 * GRAINS) == pytest.approx(0.001)
     assert sample_errors(table, "p1").of_mesh(1.0) == pytest.approx(0.3)
+
+
+def test_errors_of_samples_that_are_not_known_grow_as_those_of_single_contacts(table):
+    """Plain tets: 0.6/0.32, 0.3/0.08 and 0.15/0.02 times the error, of which the largest counts."""
+    contacts = [p for p in table if p.case != "sample" or "element" not in p.parameters]
+    assert sample_errors(contacts, "p1").of_mesh(1.0) == pytest.approx(0.08 * 7.5)
 
 
 def test_meshes_for_a_contact(table):

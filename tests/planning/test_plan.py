@@ -9,12 +9,19 @@ from mpi4py import MPI
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.materials.rigid import Rigid
+from mufe_fenicsx.materials.sand import SAND
 from mufe_fenicsx.planning.choice import follow, plan_scene
 from mufe_fenicsx.planning.cost import (
     loading_time,
 )
 from mufe_fenicsx.planning.course import course_of, wave_speed
-from mufe_fenicsx.planning.errors import of_loading, sample_errors, time_for
+from mufe_fenicsx.planning.errors import (
+    KNOWN_STRESS,
+    elastic_radius,
+    of_loading,
+    sample_errors,
+    time_for,
+)
 from mufe_fenicsx.planning.present import present_state
 from mufe_fenicsx.planning.run import planned_scene
 from mufe_fenicsx.planning.text import lines_of_present
@@ -22,7 +29,7 @@ from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, MassScaling, Oedometer, Output, Scene, Solver, load_scene
 from mufe_fenicsx.scene.stages import Axis
 from tests.bodies import RADIUS, packed_grains
-from tests.planning.samples import J2_ROCK, ROCK, sample, scene, staged
+from tests.planning.samples import J2_ROCK, ROCK, point, sample, scene, staged
 
 
 def test_a_plan_keeps_what_it_promises_and_finer_is_never_cheaper(table):
@@ -87,7 +94,7 @@ def test_what_cannot_be_reached_is_refused_with_what_would(table):
         plan_scene(scene(Rigid(**ROCK)), sample(1), 0.05, table + hertz_table(table))
     with pytest.raises(InputError, match=r"and not 1 \(error about 0.08\).*mesh.size = "):
         plan_scene(scene(), sample(1), 0.05, table, keep_mesh=True)
-    with pytest.raises(InputError, match=r"accuracy = 0.004, expected more than 0.014"):
+    with pytest.raises(InputError, match=r"accuracy = 0.004, expected more than 0.0071"):
         plan_scene(scene(), sample(1), 0.004, table)
     with pytest.raises(InputError, match=r"added = 0.5, expected at most 0.01"):
         plan_scene(scene(mass_scaling=MassScaling(0.5)), sample(1), 0.1, table)
@@ -97,7 +104,14 @@ def test_what_cannot_be_reached_is_refused_with_what_would(table):
 
 def hertz_table(table):
     """The same errors for elastic contacts."""
-    return [replace(p, case="hertz") for p in table if p.case == "plastic-sphere"]
+    n_of_edges = elastic_radius(SAND, KNOWN_STRESS)
+    return [
+        *(replace(p, case="hertz") for p in table if p.case == "plastic-sphere"),
+        *(
+            point(e, 1.0, "sample", elements_per_diameter=n / n_of_edges, fidelity="elastic")
+            for e, n in ((0.32, 0.5), (0.08, 1.0), (0.02, 2.0))
+        ),
+    ]
 
 
 def test_a_plan_of_a_test_by_stages_sets_its_speed_and_judges_stated_ones(table):

@@ -76,7 +76,11 @@ def test_a_test_that_tools_load_takes_the_time_of_its_stages(folder):
 def test_a_plan_says_the_error_of_a_smooth_tool(folder):
     """Half-way in logarithms between 12 and 3 % of two meshes; nothing without such points."""
     scene = load_scene(folder / "scene.toml")
-    base = [point(e, 1.0, "hertz", elements_per_radius=n) for e, n in ((0.2, 1.0), (0.1, 2.0))]
+    base = [
+        point(0.1, 1.0, "hertz", elements_per_radius=1.0),
+        *(point(e, 1.0, "sample", elements_per_diameter=n, fidelity="elastic")
+          for e, n in ((0.2, 10.0), (0.1, 20.0))),
+    ]  # fmt: skip
     tool = [point(e, 1.0, "tool", elements_per_radius=n) for e, n in ((0.12, 1.0), (0.03, 2.0))]
     for points, said in ((base + tool, "smooth tools are 6 % off"), (base, "no error is known")):
         errors = sample_errors(points, yields=False)

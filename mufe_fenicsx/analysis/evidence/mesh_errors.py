@@ -31,19 +31,32 @@ def falling(pairs):
     return tuple(reversed(found))
 
 
-def error_at(pairs, n):
+def order_of(pairs):
+    """Order of the two finest, no less than 1, no more than 2, that of surfaces and of elements.
+
+    Args:
+        pairs: (size, error), errors falling.
+    """
+    if len(pairs) < 2 or not pairs[-1][1] > 0:
+        return 1.0
+    (coarse, more), (fine, less) = pairs[-2:]
+    return min(max(math.log(more / less) / math.log(fine / coarse), 1.0), 2.0)
+
+
+def error_at(pairs, n, order=1.0):
     """Error at n elements per contact radius; inf where that is coarser than any known.
 
-    Beyond the finest it falls with the size of elements.
+    Beyond the finest it falls with that order of the size of elements.
 
     Args:
         pairs: (elements per contact radius, error), errors falling.
         n: Elements per contact radius.
+        order: 1 or above.
     """
     (coarse, _), (fine, least) = pairs[0], pairs[-1]
     if n < coarse * (1 - 1e-9):
         return math.inf
-    return least * fine / n if n >= fine else between(pairs, n)
+    return least * (fine / n) ** order if n >= fine else between(pairs, n)
 
 
 def mesh_errors(case, points=None):
@@ -67,4 +80,5 @@ def select(points, **wanted):
 def size(point):
     """Its parameter of the mesh."""
     own = point.parameters
-    return float(own.get("elements_per_radius", own.get("element_size", "nan")))
+    names = "elements_per_radius", "element_size", "elements_per_diameter"
+    return float(next((own[name] for name in names if name in own), "nan"))
