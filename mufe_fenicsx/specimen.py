@@ -98,7 +98,8 @@ class Specimen(Stateful):
         grains = ContactGrains(
             solid.contact_modulus, solid.tangential_ratio, solid.mass,
             self.rigid.layers(materials), solid.edge_compliance,
-            tuple(material.yield_table() for material in materials), (self.state.plastic_strain, self.state.plastic_work),
+            tuple(material.yield_table() for material in materials),
+            (self.state.plastic_strain, self.state.plastic_work),
         )  # fmt: skip
         self.contact = Contact(mesh, mesh.x, self.walls, grains, settings)
         kinematic = self.contact.layers.kinematic

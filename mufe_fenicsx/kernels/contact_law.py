@@ -75,7 +75,7 @@ def normal_force(stiffness, depth, largest_depth, m=0.0):
 
 @numba.njit(cache=True)
 def stored_energy(stiffness, depth, largest_depth, m=0.0):
-    """Energy of a normal spring whose force grows no more beyond the largest depth [J]: its work."""
+    """Energy of a normal spring whose force grows no more beyond the largest depth [J]."""
     d = min(depth, largest_depth)
     less = 0.0
     if m > 0.0:
@@ -129,8 +129,8 @@ def lost_in_slip(shear, stiffness, part, dx, dy, dz):
 def pressing_force(kn, kt, d, m, spring, mu):
     """Normal force at a depth [N], with what friction's spring of a given length adds to it.
 
-    ``kt``: of the spring where the contact is flat; ``mu``: of a contact that slips, whose spring is
-    as long as its friction makes it, negative for one that sticks.
+    ``kt``: of the spring where the contact is flat; ``mu``: of a contact that slips, whose spring
+    is as long as its friction makes it, negative for one that sticks.
     """
     N, slope = kn * over_stiffness(d, m), kt * slope_of_share(d, m)
     if mu >= 0.0:

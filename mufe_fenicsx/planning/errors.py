@@ -188,7 +188,10 @@ def _of_samples(points, element, yields):
     own = select(known, fidelity=fidelity, element=element)
     factor = 1.0
     if not own:
-        own, factor = select(known, fidelity=fidelity), _ratio(usable(points, case), element=element)
+        own, factor = (
+            select(known, fidelity=fidelity),
+            _ratio(usable(points, case), element=element),
+        )
     return [(radius * size(p), factor * p.error) for p in own if factor is not None]
 
 

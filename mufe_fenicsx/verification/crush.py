@@ -21,12 +21,11 @@ def crush(comm, strain=0.5, far=0.95, element_size=0.3, speed=5.0):
     """A yielding ball between two platens, to half of its height and on to where its mesh ends.
 
     To ``strain`` the answer is right: energy balance, volume, forces and, between smooth
-    platens, the mean stress, which has no lateral part (virial theorem), so that F H / V, with H between the
-    points that touch, is
-    at most the mean of the flow stress, and near it once the ball is a disc (0.93 at a strain of
-    0.5; the force is 414.1 N, and 413.3 N with elements of 0.2 R). On the way to ``far``
-    either that goes on, as between smooth platens, or the run stops and names the grain, the
-    element and a cure, as between rough ones at 0.76, where the rim folds onto the platens.
+    platens, the mean stress, which has no lateral part (virial theorem), so that F H / V, with H
+    between the points that touch, is at most the mean of the flow stress, and near it once the
+    ball is a disc. On the way to ``far`` either that goes on, as between smooth platens, or the run
+    stops and names the grain, the element and a cure, as between rough ones, where the rim folds
+    onto the platens.
 
     Args:
         comm: MPI communicator.

@@ -19,7 +19,7 @@ PARTS = np.linspace(0.4, 1.0, 7)
 #: Tolerance of the axisymmetric reference at one element per contact radius, falling as 1/n. Forces
 #: are above it, the more the smaller the contact and the lower the yield: by 0.1 to 0.23 /n.
 REFERENCE = 0.25
-#: Points of facets that flow has flattened stand off by this part of h²/R: they keep their curvature.
+#: Points of facets that flow has flattened keep their curvature: they stand off this part of h²/R.
 OFF = 1 / 24
 
 

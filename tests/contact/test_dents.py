@@ -11,8 +11,8 @@ from mufe_fenicsx.run.from_bodies import simulate
 from tests.bodies import RADIUS, packed_spheres
 
 COMM = MPI.COMM_WORLD
-#: Mean pressure of a round contact over the yield stress, and the strain that stands for it over its
-#: radius over that of the body (Tabor 1951).
+#: Mean pressure of a round contact over the yield stress, and the strain that stands for it over
+#: its radius over that of the body (Tabor 1951).
 MEAN, TABOR = 2.8, 0.2
 Y = 1e6
 PERFECT, HARDENING = ((0.0, Y),), ((0.0, Y), (0.05, 4 * Y))

@@ -115,8 +115,10 @@ def test_time_steps_of_a_quarter_are_those_of_the_ball(points):
 
 
 def test_static_increments_of_a_quarter_are_those_of_the_ball():
-    """The same at rest; tolerance: surfaces between nodes are of single precision, 6e-8 of
-    heights that are some times as large as displacements."""
+    """The same at rest, to the single precision of surfaces between nodes.
+
+    It is 6e-8 of heights that are some times as large as displacements.
+    """
     options = {"increment": 1.0, "tolerance": 1e-10, "stabilisation": 0.0}
     part, ball = (pressed_ball(one, **options) for one in (True, False))
     for s in (part, ball):

@@ -70,8 +70,9 @@ def test_forces_are_the_slope_of_the_potential():
 
 @pytest.mark.mpi
 def test_pressure_that_comes_at_once_is_in_the_energy_balance():
-    """Balls that swing under it, and under another one from then on; too far apart for contact, whose
-    springs change the time step.
+    """Balls that swing under it, and under another one from then on.
+
+    They are too far apart for contact, whose springs change the time step.
     """
     mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=0.5)
     s = simulation_of(mesh, ROCK, time_step_factor=0.45)

@@ -1,14 +1,14 @@
 """Exact gaps by augmented Lagrangian: normal forces that springs need not be pressed for.
 
 A closed contact carries N = λ + k d, d its depth and k its layer's stiffness (or another law of d).
-After an equilibrium
-is found, λ becomes N and the next one is looked for, until no depth is left (Uzawa's method; J. C.
-Simo, T. A. Laursen, Comput. Struct. 42, 1992, 97-116). The layer then sets how fast depths go, a
-factor of about three each time, and no longer how deep a contact is.
+After an equilibrium is found, λ becomes N and the next one is looked for, until no depth is left
+(Uzawa's method; J. C. Simo, T. A. Laursen, Comput. Struct. 42, 1992, 97-116). The layer then sets
+how fast depths go, a factor of about three each time, and no longer how deep a contact is.
 
-λ acts as a lift of the pair's offset, the depth at which the law has the force λ, so that forces and tangents are those of any contact. It
-is there within an increment only: between increments offsets are what they were without, and
-the normal forces, which every pair remembers, are the next multipliers.
+λ acts as a lift of the pair's offset, the depth at which the law has the force λ, so that forces
+and tangents are those of any contact. It is there within an increment only: between increments
+offsets are what they were without, and the normal forces, which every pair remembers, are the next
+multipliers.
 
 Contact between grains is looked at from both sides: where curved surfaces with other meshes
 meet, gaps cannot vanish at all points, and a small tolerance is not reached. Crossings of sharp

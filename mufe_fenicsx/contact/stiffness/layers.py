@@ -39,8 +39,8 @@ class SurfaceLayers(Stateful):
         faceted = self.kinematic or settings.points == "nodes"
         #: The smooth surface over the facets, :class:`~mufe_fenicsx.contact.surface.bulges.Bulges`.
         self.smooth = no_bulges(own) if faceted else bulges_of(own, x[own.nodes])
-        #: By how much smooth surfaces bring facets nearer [m], and how much faster than points their
-        #: gaps go at most, on all ranks.
+        #: By how much smooth surfaces bring facets nearer [m], and how much faster than points
+        #: their gaps go at most, on all ranks.
         self.rise, self.steepest = self._bounds(mesh.comm, own, x)
         #: Plastic strain and work of the cells, shape (num_cells,); zeros where nothing is known.
         self.plastic = grains.plastic or (np.zeros(mesh.num_cells), np.zeros(mesh.num_cells))

@@ -3,14 +3,15 @@
 Between the nodes of a facet the surface is a parabola. With the normals m of the surface at the
 nodes a, b, c at ``x``, and the barycentric coordinates w of a point, its height over the facet is
 
-    z(w) = q_ab w_a w_b + q_bc w_b w_c + q_ca w_c w_a - Σ o_v w_v ,  q_ab = ½ (m_b - m_a)·(x_b - x_a) .
+    z(w) = q_ab w_a w_b + q_bc w_b w_c + q_ca w_c w_a - Σ o_v w_v ,
+    q_ab = ½ (m_b - m_a)·(x_b - x_a) .
 
 2 q_ab is the curvature along the edge times the square of its length. The offset o of a node is the
 mean of (q_ab + q_bc + q_ca)/12 over its facets, by area: the surface then encloses the volume that
 the facets enclose. At the ends of sharp edges o vanishes, as q does along all edges that end there,
-so that the surface has no jumps. The normal of a node is the sum of those of its facets, each times its angle
-there, over the facets that no edge parts where the surface turns by more than ``SHARP_EDGE``, in or
-out. Where all are flat, q and o vanish.
+so that the surface has no jumps. The normal of a node is the sum of those of its facets, each times
+its angle there, over the facets that no edge parts where the surface turns by more than
+``SHARP_EDGE``, in or out. Where all are flat, q and o vanish.
 """
 
 from dataclasses import dataclass
@@ -180,5 +181,5 @@ def against_walls(curvature, area, bend, cylinder):
 
 
 def bend_at_walls(curvature, bend, cylinder):
-    """Mean curvature of the gaps of points and walls [1/m]; arguments as of :func:`against_walls`."""
+    """Mean curvature of the gaps of points and walls [1/m]; args as of :func:`against_walls`."""
     return curvature[:, 2] - bend * np.where(cylinder, 0.5, 1.0)
