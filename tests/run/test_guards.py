@@ -185,7 +185,7 @@ def test_an_edge_of_a_tool_longer_than_facets_of_grains_is_named_and_not_tried_a
 
     Facets half as long as those of the grains leave 0.4 %, far below the limit of 10 %.
     """
-    with pytest.raises(SolverError, match=r"edge of tool blade, where its facets are 50[01]") as end:
+    with pytest.raises(SolverError, match=r"of tool blade, where its facets are 50[01]") as end:
         lowered_blade(4)
     assert not isinstance(end.value, UnstableError)
     assert "came from nowhere" in str(end.value) and "finer surface" in str(end.value)
