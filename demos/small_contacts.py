@@ -11,9 +11,9 @@ nodes of the facet, and on the facet across.
 **A layer that knows the curvature.** With the depth d, the mean radius R = √(R₁ R₂) of the gap
 x²/2R₁ + y²/2R₂, and c h/E* the layers of both sides together,
 
-    p = E*/(c h) · d ψ(ξ),  ξ = d R/h²,  ψ(ξ) = 1 - 4 b ξ ξ₀/(ξ + ξ₀)²,
+    p = E*/(c h) · d ψ(ξ),  ξ = d R/h²,  ψ(ξ) = 1 - 1.69 ξ₀² ξ/(ξ₀ + ξ/2)³,
 
-b = 0.47, ξ₀ = 0.104. ξ is all that a local law can depend on: pressures scale as E* h/R and depths
+ξ₀ = 0.104, as in the program. ξ is all that a local law can depend on: pressures scale as E* h/R and depths
 as h²/R. Flat contacts (R to infinity) keep the layer as it is, ψ = 1. The law is one of the depth
 alone, so it keeps an energy, needs no patch and looks at no neighbour.
 
@@ -21,15 +21,15 @@ Found, error of the force [%], mean and standard deviation over meshes and place
 
     contact        law           n =     0.3    0.45     0.6    0.75     0.9    1.15     1.5       2
     ball on plane  layer, 1 part     +17 ±61 +28 ±21  +27 ±5  +20 ±2  +15 ±3   +9 ±1   +5 ±1   +2 ±0
-    ball on plane  ψ, 4 parts          -1 ±6   +0 ±4   +1 ±2   +1 ±2   +0 ±1   -1 ±1   -2 ±0   -2 ±0
+    ball on plane  ψ, 4 parts          -2 ±6   -1 ±4   -0 ±2   +0 ±2   +0 ±1   -1 ±1   -1 ±0   -2 ±0
     two balls      layer, 1 part     +32 ±32 +29 ±11  +23 ±3  +16 ±2  +12 ±2   +7 ±1   +4 ±0   +1 ±0
-    two balls      layer, 9 parts     +28 ±4  +25 ±3  +19 ±2  +13 ±1  +10 ±1   +6 ±0   +3 ±0   +1 ±0
-    two balls      ψ, 1 part          +0 ±23   +3 ±7   +3 ±3   +3 ±2   +2 ±1   +0 ±1   -1 ±0   -2 ±0
-    two balls      ψ, 4 parts          -1 ±4   +0 ±2   +1 ±1   +1 ±1   -0 ±1   -1 ±0   -2 ±0   -2 ±0
-    two balls      ψ, 9 parts          -1 ±3   +1 ±2   +0 ±1   +0 ±1   -0 ±1   -1 ±0   -2 ±0   -2 ±0
-    meshes 1:1.5   ψ, 4 parts          -0 ±5   +0 ±3   +0 ±2   +1 ±1   +0 ±1   -1 ±0   -2 ±0   -2 ±0
-    moduli 10:1    ψ, 4 parts          -0 ±4   +1 ±2   +2 ±1   +1 ±1   +0 ±1   -1 ±0   -2 ±0   -2 ±0
-    ellipse, R 1:3 ψ, 4 parts          -3 ±5   -0 ±2   +0 ±1   +0 ±1   +0 ±1   -1 ±1   -2 ±0   -2 ±0
+    two balls      layer, 9 parts     +28 ±4  +25 ±3  +18 ±2  +13 ±1  +10 ±1   +6 ±0   +3 ±0   +1 ±0
+    two balls      ψ, 1 part          -1 ±23   +1 ±7   +2 ±3   +2 ±2   +2 ±1   +0 ±1   -1 ±0   -1 ±0
+    two balls      ψ, 4 parts          -2 ±4   -2 ±2   -0 ±1   +0 ±1   -0 ±1   -1 ±0   -2 ±0   -2 ±0
+    two balls      ψ, 9 parts          -2 ±3   -1 ±2   -1 ±1   -0 ±1   -1 ±1   -1 ±0   -2 ±0   -2 ±0
+    meshes 1:1.5   ψ, 4 parts          -2 ±5   -2 ±3   -1 ±2   -0 ±1   -0 ±1   -1 ±0   -2 ±0   -2 ±0
+    moduli 10:1    ψ, 4 parts          -2 ±4   -1 ±2   +1 ±1   +1 ±1   +0 ±1   -1 ±0   -2 ±0   -2 ±0
+    ellipse, R 1:3 ψ, 4 parts          -4 ±4   -2 ±2   -1 ±2   -0 ±1   -0 ±1   -1 ±1   -1 ±0   -1 ±0
 
 What this says:
 
@@ -40,7 +40,6 @@ What this says:
   moduli together; ellipses have the same.
 - Nowhere is p(d) steeper than with the layer alone: time steps stay.
 
-Not in the program, whose facets are flat: curvatures of grains would have to come from the image.
 Limits: small strain, forces along the normal, convex surfaces; of whole balls only what is near.
 
     python demos/small_contacts.py            two minutes
@@ -57,6 +56,8 @@ import numpy as np
 from mpi4py import MPI
 
 from mufe_fenicsx.contact.laws import COMPLIANCE
+from mufe_fenicsx.contact.surface.bulges import XI
+from mufe_fenicsx.kernels.contact_law import SOFTER
 from mufe_fenicsx.theory.hertz import elliptic_contact
 from mufe_fenicsx.verification.hertz_bodies import RADIUS, E, make, whole_contact
 from mufe_fenicsx.verification.pressed import AXIS, FRAME, Pressed
@@ -64,7 +65,6 @@ from mufe_fenicsx.verification.pressed import AXIS, FRAME, Pressed
 NU, A_OVER_R, FINEST, GROWTH = 0.15, 0.01, 2.5, 0.3
 #: Elements per contact radius.
 N = (0.3, 0.45, 0.6, 0.75, 0.9, 1.15, 1.5, 2.0)
-B, XI0 = 0.47, 0.104
 #: Second mesh over the first, its modulus over the first, and R1/R2 of the gap.
 PAIRS = {
     "ball on plane": None,
@@ -224,8 +224,8 @@ def law(depth, h, curved):
     on, slope, psi = depth > 0, 1.0, 1.0
     if curved:
         xi = np.maximum(depth, 0.0) / h**2
-        psi = 1 - 4 * B * XI0 * xi / (xi + XI0) ** 2
-        slope = 1 - 8 * B * XI0**2 * xi / (xi + XI0) ** 3
+        psi = 1 - SOFTER * XI**2 * xi / (XI + 0.5 * xi) ** 3
+        slope = 1 - SOFTER * XI**2 * xi * (2 * XI - 0.5 * xi) / (XI + 0.5 * xi) ** 4
     return np.where(on, depth * psi, 0.0) / (COMPLIANCE * h), np.where(on, slope, 0.0) / (
         COMPLIANCE * h
     )
