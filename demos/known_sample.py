@@ -16,12 +16,15 @@ mesh (J. Fluids Eng. 116, 1994), and what the scatter of meshes makes of σ₀. 
 monotone in h, or changes more the finer the meshes, there is no order and no limit. Small
 differences of three meshes make p uncertain: what the two finest go to with p = 2, the order of
 surfaces and of linear elements, stands beside it. The answer is the mean of that from above and
-from below.
+from below. Of other samples it tells what `mufe plan` says of their errors, beside what they are
+against the limit of second order of their two finest meshes.
 
     python demos/known_sample.py FOLDER                             an hour of a processor
     python demos/known_sample.py FOLDER --sizes 5 7 --repeats 1     minutes
     python demos/known_sample.py FOLDER --draw                      the figure and the table alone
     python demos/known_sample.py FOLDER --pack 20 interlocked 1     store a packing, minutes
+    python demos/known_sample.py FOLDER --sample 20 interlocked 2 --sizes 7 10 14 --repeats 1 \\
+        --methods default                                           predicted and actual errors
 """
 
 import argparse
@@ -38,6 +41,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.optimize import brentq
 
+from mufe_fenicsx.planning.errors import PLASTIC_RADIUS, elastic_radius, sample_errors
 from mufe_fenicsx.report import style
 from mufe_fenicsx.verification.fidelity import FIDELITIES
 from mufe_fenicsx.verification.known_sample import (
@@ -191,6 +195,31 @@ def table(rows):
     return lines
 
 
+def predictions(rows):
+    """Lines of text: the error that a plan says of each mesh but the finest, beside the actual one.
+
+    Both are means over the strains; the actual one is that from the limit of second order.
+    """
+    lines = []
+    for fidelity in sorted({r["fidelity"] for r in rows}):
+        courses = [means(rows, fidelity, "default", strain) for strain in STRAINS]
+        if min(len(course) for course in courses) < 2:
+            continue
+        limits = [limit_of_second_order(*np.array([m[:2] for m in course]).T) for course in courses]
+        material = FIDELITIES[fidelity]
+        errors = sample_errors(yields=fidelity == "j2")
+        radius = PLASTIC_RADIUS if fidelity == "j2" else elastic_radius(material, np.mean(limits))
+        for at_strains in zip(*(course[:-1] for course in courses), strict=True):
+            n = radius / at_strains[0][0]
+            parts = [m[1] / limit - 1 for m, limit in zip(at_strains, limits, strict=True)]
+            actual, said = float(np.mean(np.abs(parts))), errors.of_mesh(n)
+            lines.append(
+                f"{fidelity}, {n:.2f} elements per contact radius: predicted {100 * said:.1f} %, "
+                f"actual {100 * actual:.1f} %, their ratio {said / actual:.2f}"
+            )
+    return lines
+
+
 def draw(rows, path):
     """Stress at both strains over h, and what it goes to."""
     fidelities = sorted({r["fidelity"] for r in rows})
@@ -285,7 +314,7 @@ def main():
                     writer.writerows(rows)
                 print(*row.values(), flush=True)
     rows = [r for r in rows if (r["sample"], r["speed"]) == (name, given.speed)]
-    print(*table(rows), sep="\n")
+    print(*table(rows), *predictions(rows), sep="\n")
     draw(rows, given.folder / "known_sample.png")
 
 
