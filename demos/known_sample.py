@@ -23,8 +23,8 @@ against the limit of second order of their two finest meshes.
     python demos/known_sample.py FOLDER --sizes 5 7 --repeats 1     minutes
     python demos/known_sample.py FOLDER --draw                      the figure and the table alone
     python demos/known_sample.py FOLDER --pack 20 interlocked 1     store a packing, minutes
-    python demos/known_sample.py FOLDER --sample 20 interlocked 2 --sizes 7 10 14 --repeats 1 \\
-        --methods default                                           predicted and actual errors
+    python demos/known_sample.py FOLDER --sample 20 with-room 1 --methods default
+                                                                    predicted and actual errors
 """
 
 import argparse
