@@ -14,8 +14,8 @@ x²/2R₁ + y²/2R₂, and c h/E* the layers of both sides together,
     p = E*/(c h) · d ψ(ξ),  ξ = d R/h²,  ψ(ξ) = 1 - 1.69 ξ₀² ξ/(ξ₀ + ξ/2)³,
 
 ξ₀ = 0.104, as in the program. ξ is all that a local law can depend on: pressures scale as E* h/R
-and depths as h²/R. Flat contacts (R to infinity) keep the layer as it is, ψ = 1. The law is one of the
-depth alone, so it keeps an energy, needs no patch and looks at no neighbour.
+and depths as h²/R. Flat contacts (R to infinity) keep the layer as it is, ψ = 1. The law is one of
+the depth alone, so it keeps an energy, needs no patch and looks at no neighbour.
 
 Found, error of the force [%], mean and standard deviation over meshes and places of the contact:
 
