@@ -17,7 +17,7 @@ from .hertz import hertz, hertz_convergence
 from .hertz_stress import hertz_stress
 from .impact import impact
 from .integrators import integrators
-from .known_stress import known_stress, sample_point
+from .known_stress import known_stress
 from .material_point import material_point
 from .membrane import balloon, membrane_correction, membrane_specimen, membrane_tube
 from .mindlin import mindlin
@@ -74,7 +74,6 @@ CASES = (
         packing,
         packed_spheres,
         known_stress,
-        sample_point,
         impact,
         oblique_impact,
         mindlin,

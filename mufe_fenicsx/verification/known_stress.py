@@ -17,8 +17,7 @@ from ..bulk.solid import ELEMENTS
 from ..explicit.simulation import Simulation
 from ..run.from_bodies import build
 from .case import case, compare
-from .charts.answers import lines_of, options_of, work_of
-from .charts.points import LAWS, Law, TimeStep
+from .charts.answers import LAWS, Law, TimeStep, lines_of, options_of, work_of
 from .fidelity import FIDELITIES
 from .known_sample import DIAMETER, State, known_sample
 

@@ -17,6 +17,7 @@ LAWS = {
     "nodes": {"points": "nodes"},
     "four": {"points": "facets4"},
 }
+Law = Literal[*LAWS]
 TimeStep = Literal["assembled", "element"]
 #: From this part of the approach on, where the contact has half of its elements, errors count.
 FROM = 0.25

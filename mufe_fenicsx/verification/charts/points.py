@@ -21,20 +21,20 @@ from ..case import by_name, case, compare
 from ..fidelity import FIDELITIES, compress
 from ..hertz_bodies import hertz_at, whole_contact
 from ..impact import QUARTZ, impact_theory, normal_impact
+from ..known_stress import sample_point
 from ..mindlin import shear_balls
 from ..packing import angular_grains
 from ..plastic_ball import PHASES, RADIUS, press_ball, slope_of
 from ..plastic_sphere import mean_pressure
 from ..polyhedra import SAMPLE, polyhedral_grains
 from ..reference import load, perfect_name
-from .answers import LAWS, TimeStep, course_error, lines_of, options_of, work_of
+from .answers import LAWS, Law, TimeStep, course_error, lines_of, options_of, work_of
 from .bounds import BOUNDS
 
 E, RHO = 100e9, 2650.0
 #: Exact gaps, by static increments alone, and the largest distance from them, over an edge.
 AUGMENTED, GAP_TOLERANCE = "augmented", 1e-3
 Element = Literal[*ELEMENTS]
-Law = Literal[*LAWS]
 #: Duration of loading = 1, over the period of the body; increments of a static or implicit test.
 PERIODS = {"hertz": 3.0, "mindlin": 6.0, "plastic-sphere": 10.0}
 INCREMENTS = {"hertz": 10, "plastic-sphere": 20}
@@ -413,5 +413,6 @@ def press_polyhedra(
 
 
 POINTS = BOUNDS | by_name(
-    hertz_point, mindlin_point, impact_point, plastic_sphere_point, oedometer_point, jammed_point
-)
+    hertz_point, mindlin_point, impact_point, plastic_sphere_point, oedometer_point, jammed_point,
+    sample_point,
+)  # fmt: skip
