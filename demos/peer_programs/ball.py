@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from mufe_fenicsx.geometry.bodies.half_ball import half_ball
+from mufe_fenicsx.verification.plastic_ball import slope_of
 
 E, NU, RADIUS, GROWTH = 100e9, 0.15, 1e-3, 0.3
 #: Corners of the faces of a tetrahedron, S1 to S4 of CalculiX.
@@ -44,7 +45,7 @@ def make_ball(elements_per_radius, a_over_R, approach, yield_stress=np.inf):
     """The :class:`Ball` of a case with the mesh that it has there."""
     a = a_over_R * RADIUS
     h = a / elements_per_radius
-    slope = GROWTH * 2.5 / elements_per_radius
+    slope = slope_of(GROWTH, elements_per_radius)
     points, cells = half_ball(RADIUS, h, slope, (0.0, 0.0, 1.0), a, 0.4 * RADIUS)
     top = float(points[:, 2].max())
     facets = np.sort(cells[:, FACES].reshape(-1, 3), axis=1)
