@@ -21,6 +21,7 @@ from ..case import by_name, case
 from ..curved_walls import AXIS, UP, Hollow
 from ..hertz_bodies import RADIUS, RHO, E, hertz_at, whole_contact
 from ..membrane import BLOWN_UP, deflected
+from ..plastic_ball import slope_of
 from ..pressed import turn
 from .answers import TimeStep, course_error, lines_of, options_of, work_of
 
@@ -51,7 +52,7 @@ def cylinder_wall_point(
     Args:
         comm: MPI communicator.
         elements_per_radius: Contact radius √(ab) at the end over the length of edges there.
-        growth: Growth of the element size with the distance, times 2.5/elements_per_radius.
+        growth: Growth of the element size with the distance, for plastic_ball.slope_of.
         element, integrator, time_step: The choices.
         added_mass: Most mass that is added for a longer time step, over that of the body.
         a_over_R: Contact radius at the end over that of the ball.
@@ -96,7 +97,7 @@ def tool_point(
     Args:
         comm: MPI communicator.
         elements_per_radius: Contact radius at the end over the length of edges there.
-        growth: Growth of the element size with the distance, times 2.5/elements_per_radius.
+        growth: Growth of the element size with the distance, for plastic_ball.slope_of.
         element, integrator, time_step: The choices.
         added_mass: Most mass that is added for a longer time step, over that of the body.
         a_over_R: Contact radius at the end over that of the balls.
@@ -106,7 +107,7 @@ def tool_point(
     a = a_over_R * RADIUS
     way = 2 * a**2 / RADIUS
     ball, base = _ball(a, elements_per_radius, growth)
-    size, slope = TOOL_SIZE * a / elements_per_radius, growth * 2.5 / elements_per_radius
+    size, slope = TOOL_SIZE * a / elements_per_radius, slope_of(growth, elements_per_radius)
     points, cells = half_ball(RADIUS, size, slope, -UP, a, 0.4 * RADIUS)
     # The pole of either stands out of its ball.
     points = points + (ball[0][:, 2].max() - points[:, 2].min()) * UP
@@ -130,7 +131,7 @@ def tool_point(
 
 def _ball(a, elements_per_radius, growth):
     """Half a ball whose pole is up and no node is on the axis, and what its base is glued to."""
-    h, slope = a / elements_per_radius, growth * 2.5 / elements_per_radius
+    h, slope = a / elements_per_radius, slope_of(growth, elements_per_radius)
     points, cells = half_ball(RADIUS, h, slope, UP, a, 0.4 * RADIUS)
     tilt = turn([0.37 * h / RADIUS, -0.21 * h / RADIUS, 0])
     return (points @ tilt.T, cells), Wall("base", np.zeros(3), tilt[:, 2], bonded=True)
