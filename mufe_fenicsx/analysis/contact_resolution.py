@@ -12,7 +12,7 @@ import numpy as np
 
 #: Elements per contact radius below which a contact is coarse: the force between two balls is
 #: off by more than 10 % there (`mufe verify hertz-point`, `mufe verify plastic-sphere-point`).
-COARSE = 1.0
+COARSE = 0.75
 #: Ends of the classes that tables of contacts have, in elements per contact radius.
 CLASSES = (0.0, 0.5, 1.0, 2.0, np.inf)
 #: Mean pressure of a contact that flows, over the yield stress (Johnson 1985, section 6.3).
