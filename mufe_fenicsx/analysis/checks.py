@@ -242,7 +242,7 @@ def check_contacts(history, found, which):
         "where it is elastic"
     )
     text = (
-        f"Normal force in contacts of fewer than {COARSE:g} element per contact radius: "
+        f"Normal force in contacts of fewer than {COARSE:g} elements per contact radius: "
         f"{ratio(found.coarse)} of all, target {100 * COARSE_FORCE:g}%; {verdict}. A tenth of the "
         f"force has fewer than {found.tenth:.2f}, half of it {found.half:.2f}, nine tenths "
         f"{found.nine_tenths:.2f} ({which}). A single contact of {found.half:.2f} is off by "
