@@ -13,6 +13,7 @@ from .grid import OURS, SEED
 #: Colour, mark and line of each line of the chart.
 LOOKS = {
     OURS: (style.BLUE, "o", "-"),
+    "four points": (style.GREEN, "o", "--"),
     SEED: (style.RED, "s", "-"),
     "plain P1": (style.RED, "s", ":"),
     "composite": (style.GREEN, "^", "-"),
@@ -95,7 +96,7 @@ def _draw_lines(axis, points, case, cost):
         some = [p for p in own if p.series == name and math.isfinite(getattr(p, cost))]
         if not some:
             continue
-        some.sort(key=lambda p: p.num_cells)
+        some.sort(key=lambda p: getattr(p, cost))
         x, y = [getattr(p, cost) for p in some], [100 * p.error for p in some]
         axis.plot(x, y, color=colour, marker=mark, linestyle=line, markersize=3.5,
                   linewidth=0.9, label=name)  # fmt: skip
