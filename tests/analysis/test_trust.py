@@ -73,10 +73,10 @@ def test_forces_of_an_unloaded_sample_are_not_compared():
 
 
 def test_contacts_count_by_their_force():
-    """Forces 1, 5, 3, 1 of ten at n = 0.4, 0.8, 1.6, 3.2."""
-    n, force = [3.2, 0.8, 0.4, 1.6], [1.0, 5.0, 1.0, 3.0]
+    """Forces 1, 5, 3, 1 of ten at n = 0.4, 0.5, 1.6, 3.2."""
+    n, force = [3.2, 0.5, 0.4, 1.6], [1.0, 5.0, 1.0, 3.0]
     found = contact_resolution(n, force)
-    assert (found.tenth, found.half, found.nine_tenths) == (0.4, 0.8, 1.6)
+    assert (found.tenth, found.half, found.nine_tenths) == (0.4, 0.5, 1.6)
     assert found.coarse == pytest.approx(0.6, rel=ROUND_OFF) and found.num_patches == 4
     assert contact_resolution([3.0], [0.0]) is None and contact_resolution([], []) is None
     assert contact_resolution([2.0, 9.0], [1.0, -8.0]).half == 2.0  # what pulls carries nothing
