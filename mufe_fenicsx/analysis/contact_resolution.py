@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Elements per contact radius below which a contact is coarse: where all contacts are, the stress of
-#: grains that yield is off by more than 15 % (`mufe verify sample-point`).
+#: Elements per contact radius below which a contact is coarse: where all contacts are, the stress
+#: of grains that yield is off by more than 15 % (`mufe verify sample-point`).
 COARSE = 0.6
 #: Ends of the classes that tables of contacts have, in elements per contact radius.
 CLASSES = (0.0, 0.5, 1.0, 2.0, np.inf)
