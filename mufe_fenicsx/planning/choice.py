@@ -24,7 +24,8 @@ from .reasons import driver, out_of_reach, stage_too_fast, too_simple, unknown
 #: What the table calls a law of contact, by what a scene says.
 LAWS = {"matched": {"law": "matched"}, "kinematic": {"law": "kinematic"},
         "stiff": {"law": "matched", "compliance": 0.02},
-        "nodes": {"law": "matched", "points": "nodes"}}  # fmt: skip
+        "nodes": {"law": "matched", "points": "nodes"},
+        "four": {"law": "matched", "points": "facets4"}}  # fmt: skip
 #: Parts into which the allowed error is cut in the search for the cheapest plan.
 CUTS = 40
 #: Grains that are meshed finer than they need be are kept up to this cost over the least.

@@ -266,8 +266,8 @@ def draw_energies(source):
         f"Elastic, plastic and kinetic energy of (a) grain {label} ({source.chosen[label]}) and "
         f"(b) the whole sample (Fig. 7 {PAPER})",
         "Lines of (b) are the run's history. Points are computed from the fields of the stored "
-        "states, without added mass: circles of (b) are their sum over all grains and should lie "
-        "on the lines.",
+        "states, without added mass and dents: circles of (b) are their sum over all grains. They "
+        "lie on the lines, those of plastic energy below by the work of dents.",
         tables,
         "wide",
     )
