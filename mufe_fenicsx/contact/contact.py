@@ -202,8 +202,7 @@ class Contact(Stateful):
         self.edges.search(of_nodes, len(nodes), self.surface, whole_reach, motion.bound)
         self.walls.search(
             of_points, nodes, points.corner, points.grain_of_point, reach + self.layers.rise,
-            motion.bound,
-            self._tools() if self.walls.pairs is None else None,
+            motion.bound, self._tools() if self.walls.pairs is None else None,
         )  # fmt: skip
         self.walls.near.enclose(self.comm, self.walls, of_points, reach + self.layers.rise)
 
@@ -305,15 +304,9 @@ class Contact(Stateful):
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(
-                forces,
-                x,
-                ghosts.corners(),
-                points.layer,
-                points,
-                layers.ratio,
-                layers.strengths,
+                forces, x, ghosts.corners(), points.layer, points, layers.ratio, layers.strengths,
                 *layers.plastic,
-            )
+            )  # fmt: skip
 
     def _early_pairs(self):
         """Pairs with grains of other ranks, whose forces travel while the others are found."""

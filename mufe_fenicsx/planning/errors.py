@@ -169,7 +169,7 @@ def sample_errors(points=None, element="averaged", law="matched", yields=True):
     others = [p for p in grains if "time_step_factor" in p.parameters]
     return Errors(
         mesh=mesh,
-        cells=tuple(sorted((size(p), p.num_cells) for p in base)),
+        cells=_rising((size(p), p.num_cells) for p in base),
         masses=masses,
         fidelities=fidelities,
         path=max(
@@ -199,6 +199,18 @@ def _ratio(points, **choice):
     """Largest error of a choice over that of the default on the same mesh; None: not known."""
     pairs = _beside(select(points, **choice), select(points))
     return max((p.error / q.error for p, q in pairs), default=None)
+
+
+def _rising(pairs):
+    """(size, number) pairs from coarse to fine, each number at most that of all finer ones.
+
+    Nearly uniform meshes of coarse contacts have more tetrahedra than patches need.
+    """
+    least, found = math.inf, []
+    for n, number in sorted(pairs, reverse=True):
+        least = min(least, number)
+        found.append((n, least))
+    return tuple(reversed(found))
 
 
 def _beside(points, others):

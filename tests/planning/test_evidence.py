@@ -97,3 +97,13 @@ def test_the_stored_table_repeats():
     (answer,) = run_cases(["impact-point"], given, MPI.COMM_SELF)
     # Different processors round differently; impacts of rigid balls do not amplify that.
     assert answer["results"]["error"]["computed"] == pytest.approx(point.error, rel=1e-3)
+
+
+def test_a_coarser_patch_needs_no_more_tetrahedra_than_a_finer_one(table):
+    """The mesh of a coarse contact is nearly uniform, and has more than a patch does."""
+    coarse = [
+        replace(p, num_cells=5000) if p.parameters.get("elements_per_radius") == "1" else p
+        for p in table
+    ]
+    errors = sample_errors(coarse)
+    assert errors.cells_of_contact(1.0) == errors.cells_of_contact(2.0) == 2000
