@@ -25,9 +25,12 @@ DEPTHS = (5.0, 20.0, 100.0)
 #: The most that the contact area of a plastic ball grows beyond πRδ, without hardening:
 #: measured 2.1 to 2.6. Only a mesh is made by it.
 LARGEST_SPREAD = 2.6
-#: Tolerances of the axisymmetric reference, in force and mean pressure: at 2.5 elements per radius
-#: forces are within 3 % of it. Forces that are brought to nodes reach beyond the contact.
-REFERENCE, PRESSURE = 0.05, 0.08
+#: Tolerances of the axisymmetric reference: of the plateau's force, which is the target at 2.5
+#: elements per radius, of the curves' force, and of the mean pressure.
+FORCE, REFERENCE, PRESSURE = 0.03, 0.05, 0.08
+#: How well the area of a contact is known, times n²: an even pressure brought to nodes has an area
+#: larger by h²/2a² of it than one that acts at centroids. Half of this goes to each side.
+AREA = 0.25
 
 
 @case("plastic-sphere", num_bodies=1)
@@ -44,8 +47,8 @@ def plastic_sphere(
 ):
     """A ball of a plastic material under a plane: mean pressure, force over approach, onset.
 
-    - plateau: mean pressure over yield stress without hardening, against that of a fine mesh:
-      what an element that locks gets wrong. The contact is fully plastic from about
+    - plateau: force without hardening, and mean pressure over yield stress against that of a
+      fine mesh: what an element that locks gets wrong. The contact is fully plastic from about
       E* a/YR = 50 on; for E/Y = 100 it is not.
     - curves: force at δ/δc = 5, 20, 100 against Jackson & Green 2005, and Ghaednia et al. 2019
       with hardening, at twice the elements per radius.
@@ -98,8 +101,8 @@ def _plateau(comm, nu, ratio, n, finest, a_over_R, options):
     }  # fmt: skip
     pressure = {key: value for key, (value, _) in computed.items()}
     courses = [course for _, course in computed.values()]
-    # The target of the method, at 2.5 elements.
-    results[name + "mean pressure over Y"] = compare(pressure[""], pressure["fine"], 0.03)
+    tolerance = max(0.03, AREA / n**2)
+    results[name + "mean pressure over Y"] = compare(pressure[""], pressure["fine"], tolerance)
     stored = load().get(perfect_name(ratio, nu))
     window = computed[""][1].window(n) / RADIUS
     if stored and stored.covers(window):
@@ -108,7 +111,7 @@ def _plateau(comm, nu, ratio, n, finest, a_over_R, options):
             pressure[""], converged * ratio, PRESSURE
         )
         results[name + "force, axisymmetric [N]"] = compare(
-            computed[""][1].mean(n)[1], force * E * RADIUS**2, REFERENCE
+            computed[""][1].mean(n)[1], force * E * RADIUS**2, FORCE
         )
     # No target: it locks, and the more the stiffer it is; this shows how far.
     results[name + "the same of plain P1"] = compare(pressure["plain"], pressure["fine"], 10.0)
