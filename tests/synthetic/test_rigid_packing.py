@@ -1,11 +1,13 @@
 """Rigid grains are packed by the laws of contact, friction and weight, as theory has them."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import SolverError
+from mufe_fenicsx.synthetic.rigid_packing import ways
 from mufe_fenicsx.synthetic.rigid_packing.assembly import Assembly
 from mufe_fenicsx.synthetic.rigid_packing.bodies import bodies_at
 from mufe_fenicsx.synthetic.rigid_packing.contacts import DAMPING
@@ -205,6 +207,22 @@ def test_a_void_ratio_is_reached_and_one_that_cannot_be_is_an_error():
     assembly.friction = 0.0  # grains slide until they are as dense as they become at random
     with pytest.raises(SolverError, match=r"void ratio 0.4 was not reached: .* at rest at 0.[56]"):
         reach_void_ratio(assembly, 0.4, HARD)
+
+
+@pytest.mark.parametrize("below, falls", [(1.0012, 0.051), (1.05, 0.016)])
+def test_grains_that_fall_together_are_stopped_between_tries(monkeypatch, below, falls):
+    """A packing that is stopped below a void ratio falls together, by little or by much."""
+
+    def stopped(assembly, aim, *_):
+        assembly.void_ratio = aim if aim > below else aim - falls
+
+    monkeypatch.setattr(ways, "_loosen", stopped)
+    monkeypatch.setattr(ways, "rest", lambda *_: True)
+    start = SimpleNamespace(
+        void_ratio=1.03, friction=1.0, wall_friction=0.5, still=lambda: None,
+        bodies=SimpleNamespace(shapes=None),
+    )  # fmt: skip
+    assert reach_void_ratio(start, 1.0).void_ratio == pytest.approx(1.0, abs=ways.TOLERANCE)
 
 
 def test_a_heap_rests_on_the_floor_with_its_weight():

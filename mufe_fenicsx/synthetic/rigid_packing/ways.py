@@ -27,7 +27,7 @@ NEAR = 0.05
 #: Steps in a row at rest that end a packing; between two looks at that.
 CALM, LOOK = 200, 20
 #: Rate at which the logarithm of friction falls on the way to a void ratio, and tries.
-LOOSEN, TRIES = 1e-3, 4
+LOOSEN, TRIES = 1e-3, 8
 #: Friction below this counts as none.
 LEAST_FRICTION = 1e-3
 #: Part of the pressure that grains have to bear in a container that is held.
@@ -98,7 +98,8 @@ def reach_void_ratio(assembly, void_ratio, pressure=PRESSURE):
     Under the pressure the packing gives way where friction falls. At the wanted void ratio grains
     are stopped, have their first friction again, and come to rest in the container as it is, or
     under the pressure where they would bear no tenth of it. A packing of few grains may fall
-    together by more than the tolerance there; then it is tried anew, stopped so much earlier.
+    together by more than the tolerance there; then it is tried anew, stopped so much earlier, or
+    half way between the tries that came to rest on both sides.
 
     Returns:
         :class:`~.assembly.Assembly` at the void ratio; that given is used up.
@@ -112,7 +113,7 @@ def reach_void_ratio(assembly, void_ratio, pressure=PRESSURE):
             f"grains bear from {assembly.void_ratio:.4g} down, expected that or less"
             + ("" if assembly.friction >= 1 else ", or more friction")
         )
-    aim = void_ratio
+    aim, low, high = void_ratio, -math.inf, assembly.void_ratio
     for _ in range(TRIES):
         shapes = assembly.bodies.shapes  # which do not change
         now = copy.deepcopy(assembly, {id(shapes): shapes})
@@ -123,7 +124,10 @@ def reach_void_ratio(assembly, void_ratio, pressure=PRESSURE):
             hold(now, pressure)
         if abs(now.void_ratio - void_ratio) <= TOLERANCE:
             return now
+        low, high = (aim, high) if now.void_ratio < void_ratio else (low, aim)
         aim += void_ratio - now.void_ratio
+        if not low < aim < high:
+            aim = 0.5 * (low + high)
     raise SolverError(
         f"void ratio {void_ratio:.4g} was not reached: grains came to rest at "
         f"{now.void_ratio:.4g}, expected within {TOLERANCE}; another --seed may do"
