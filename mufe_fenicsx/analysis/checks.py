@@ -233,7 +233,7 @@ def check_contacts(history, found, which):
     row, since, place = _since(history, coarseness, -COARSE)
     passed = found.coarse <= COARSE_FORCE and row is not None and course(history)[row] <= UNTRUSTED
     if passed:
-        verdict = "contacts are resolved"
+        verdict = "fine enough for the stress of a sample"
     elif found.coarse <= COARSE_FORCE and row is not None:
         verdict = "but only late in the test: refine the surfaces of the grains"
     else:
