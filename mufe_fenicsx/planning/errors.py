@@ -4,9 +4,9 @@ The forces in a packing are off by what its mesh does at the contacts, by the in
 loading, by added mass, and by grains that do not deform. The error of a plan is their sum: signs
 are not known beforehand.
 
-- Mesh: that of the stress of twenty interlocked grains of known shape (`sample` in the table), over
-  the elements per contact radius. Laws of contact and elements that are not there have that of the
-  default one times the ratio of their errors at single contacts.
+- Mesh: that of the stress of twenty interlocked grains of known shape (`sample` in the table), the
+  mean over several such samples, over the elements per contact radius. Laws of contact and elements
+  that are not there have that of the default times the ratio of their errors at single contacts.
 - Inertia: kinetic over internal energy of a linear sample is k = (T/s)²/3 at the time s since its
   first load, T the time of a wave through it; its platens differ by 3k/2 of the force, their
   mean by half of that (speed_control). The mean over a course of the time t = r T, weighted by
@@ -19,6 +19,7 @@ is told apart from it (``path``).
 
 import math
 from dataclasses import dataclass
+from statistics import mean
 
 from ..analysis.evidence import distance, read_points, usable
 from ..analysis.evidence.mesh_errors import between, error_at, falling, order_of, select, size
@@ -181,7 +182,7 @@ def sample_errors(points=None, element="averaged", law="matched", yields=True):
 
 
 def _of_samples(points, element, yields):
-    """(elements per contact radius, error) of the sample of known shape."""
+    """(elements per contact radius, error) of grains of known shape, means over their samples."""
     case, fidelity = ("plastic-sphere", "j2") if yields else ("hertz", "elastic")
     radius = PLASTIC_RADIUS if yields else elastic_radius(SAND, KNOWN_STRESS)
     known = usable(points, SAMPLE)
@@ -192,7 +193,10 @@ def _of_samples(points, element, yields):
             select(known, fidelity=fidelity),
             _ratio(usable(points, case), element=element),
         )
-    return [(radius * size(p), factor * p.error) for p in own if factor is not None]
+    if factor is None:
+        return []
+    by_size = {n: [p.error for p in own if size(p) == n] for n in sorted(map(size, own))}
+    return [(radius * n, factor * mean(errors)) for n, errors in by_size.items()]
 
 
 def _ratio(points, **choice):

@@ -37,6 +37,8 @@ LOOKS = {
     "auto": (style.GREEN, "d", "--"),
     "another rounding": (style.GREY, ".", "-"),
     "one layer": (style.GREEN, "^", "--"),
+    "sample 2": (style.BLUE, "^", "--"),
+    "sample 3": (style.BLUE, "v", ":"),
 }
 #: Errors beyond this are not drawn: they would leave no room for the others.
 LARGEST = 1.5

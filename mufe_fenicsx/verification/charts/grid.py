@@ -33,6 +33,8 @@ LINES = {
     "auto": {"fidelity": "auto"},
     "another rounding": {"time_step_factor": 0.85},
     "one layer": {"layers": 1},
+    "sample 2": {"sample": 2},
+    "sample 3": {"sample": 3},
 }
 #: The parameter that sets the mesh.
 SIZE = {
@@ -97,7 +99,8 @@ CHARTS = {
         (2.0, 1.0, 0.5), (), (0.25,), (OURS, "plain P1", "one layer", "mass 1 %", "mass 5 %"), (),
     ),
     "sample": (
-        (5.0, 7.0, 10.0), (5.0, 7.0, 10.0, 14.0), (14.0,), (SEED, "plain P1"), (OURS, "elastic"),
+        (5.0, 7.0, 10.0), (5.0, 7.0, 10.0, 14.0), (14.0,), (SEED, "plain P1"),
+        (OURS, "elastic", "sample 2", "sample 3"),
     ),
 }  # fmt: skip
 
