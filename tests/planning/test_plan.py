@@ -89,6 +89,15 @@ def test_a_test_as_it_stands_tells_its_error(table):
     assert "known from 3 times on; known are mesh 8 %" in text
 
 
+def test_several_samples_of_known_shape_count_with_their_mean(table):
+    more = [
+        replace(p, error=3 * p.error, command=p.command + " --set sample=2")
+        for p in table
+        if p.case == "sample"
+    ]
+    assert sample_errors(table + more).of_mesh(1.0) == pytest.approx(2 * 0.08, rel=1e-12)
+
+
 def test_what_cannot_be_reached_is_refused_with_what_would(table):
     with pytest.raises(InputError, match=r'500 grains rigid.*"j2" would do'):
         plan_scene(scene(Rigid(**ROCK)), sample(1), 0.05, table + hertz_table(table))
