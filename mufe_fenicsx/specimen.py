@@ -99,7 +99,7 @@ class Specimen(Stateful):
             solid.contact_modulus, solid.tangential_ratio, solid.mass,
             self.rigid.layers(materials), solid.edge_compliance,
             tuple(material.yield_table() for material in materials),
-            (self.state.plastic_strain, self.state.plastic_work),
+            self.state.plastic_strain,
         )  # fmt: skip
         self.contact = Contact(mesh, mesh.x, self.walls, grains, settings)
         kinematic = self.contact.layers.kinematic
@@ -318,13 +318,14 @@ class Specimen(Stateful):
         Returns:
             dict with kinetic, elastic, plastic, friction, switching, contact and damping;
             ``energy_NAME`` of each added term that has an energy, since the start; ``work`` of the
-            walls; and ``residual``, what none explains.
+            walls; ``residual``, what none explains; and ``plastic_dents``, a part of plastic.
         """
         contact, num_contacts = self.contact.energy()
+        dents = self.contact.dents.work.sum()
         local = {
             "kinetic": kinetic,
             "elastic": self.solid.elastic_energy(self.state).sum(),
-            "plastic": self.state.plastic_work.sum(),
+            "plastic": self.state.plastic_work.sum() + dents,
             "friction": self.contact.dissipation.total,
             "switching": self.contact.dissipation.switched,
             "contact": contact,
@@ -334,10 +335,12 @@ class Specimen(Stateful):
             if not np.isnan(first):
                 local[f"energy_{term.name}"] = term.energy(self.state) - first
         local["work"] = self.walls.work + self.tools.work
-        *values, number = self.comm.allreduce(np.array([*local.values(), num_contacts]))
+        local_sums = np.array([*local.values(), dents, num_contacts])
+        *values, dents, number = self.comm.allreduce(local_sums)
         work = values[-1]
         total = dict(zip(local, values, strict=True))
         total["residual"] = self.initial_kinetic + work - np.sum(values[:-1])
+        total["plastic_dents"] = dents
         return total, int(number)
 
     def num_active_grains(self):

@@ -69,7 +69,7 @@ class State(Stateful):
     a: np.ndarray  #: accelerations [m/s²], shape (num_nodes, 3)
     deviator: np.ndarray  #: J times that of Cauchy stress [Pa], xx yy zz xy yz xz, (num_cells, 6)
     plastic_strain: np.ndarray  #: equivalent plastic strain, shape (num_cells,)
-    plastic_work: np.ndarray  #: plastic work [J], shape (num_cells,)
+    plastic_work: np.ndarray  #: plastic work of tetrahedra, without dents [J], shape (num_cells,)
 
 
 def initial_state(x, num_cells, u=None, v=None):

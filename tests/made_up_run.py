@@ -55,6 +55,7 @@ def fake_history(num_rows=200, strain=0.1, area=1e-6, height=1e-3):
     h = {name: share_of * work for name, share_of in share.items()}
     h["plastic"] = np.where(e > 0.005, 0.78 * (work - np.interp(0.005, e, work)), 0.0)
     h["elastic"] = work * 0.9 - h["plastic"]
+    h["plastic_dents"] = 0.4 * h["plastic"]
     h |= {
         "step": 50 * np.arange(e.size),
         "time": 1e-6 * np.arange(e.size),

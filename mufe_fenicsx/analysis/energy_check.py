@@ -49,6 +49,14 @@ def _over_work(values, history):
     return np.divide(np.abs(values), work, out=np.full(work.shape, np.nan), where=work > 0)
 
 
+def dents_share(history):
+    """Part of the plastic dissipation in dents at the last row; nan where it is not known."""
+    known = "plastic_dents" in history and len(history["plastic"])
+    if not known or not history["plastic"][-1] > 0:
+        return np.nan
+    return float(history["plastic_dents"][-1] / history["plastic"][-1])
+
+
 def friction_share(history):
     """Frictional over plastic dissipation at the last row; nan without plastic dissipation."""
     if not len(history["plastic"]) or not history["plastic"][-1] > 0:

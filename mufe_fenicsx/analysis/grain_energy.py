@@ -17,7 +17,7 @@ class GrainEnergy:
 
     labels: np.ndarray
     elastic: np.ndarray
-    plastic: np.ndarray  #: dissipated so far
+    plastic: np.ndarray  #: dissipated so far, with dents where the work of cells was given
     kinetic: np.ndarray
 
 
@@ -44,14 +44,15 @@ def grain_energy(
     material,
     element="averaged",
     family=1,
+    work=None,
 ):
     """Energies of grains of one material.
 
     Elastic: s:s/4G of the deviator and K (J ln J - J + 1) of the volume ratio J, which an element
-    takes as its own, as the mean at its nodes ("averaged") or that of its family. Plastic:
-    the flow stress follows the table, so the work dissipated by a volume is the area under
-    the table up to its plastic strain. Kinetic: with a quarter of the mass of a
-    tetrahedron at each of its nodes, without added mass.
+    takes as its own, as the mean at its nodes ("averaged") or that of its family. Plastic: the
+    work that was kept of each cell. Without it, the area under the table up to the plastic
+    strain, which the flow stress follows: this has no dents. Kinetic: with a quarter of the
+    mass of a tetrahedron at each of its nodes, without added mass.
 
     Args:
         reference, points: Nodes then and now [m], shape (num_nodes, 3).
@@ -63,6 +64,7 @@ def grain_energy(
         material: :class:`GrainMaterial`.
         element: "averaged", "p1" or "composite", as of the run.
         family: So many tetrahedra in turn are one composite element.
+        work: Plastic work of the cells, with dents [J], shape (num_cells,), or None.
 
     Returns:
         :class:`GrainEnergy`, grains in the order of their labels.
@@ -91,10 +93,10 @@ def grain_energy(
         first = np.repeat(before.reshape(-1, size).sum(axis=1), size)
         ratio = np.repeat(now.reshape(-1, size).sum(axis=1), size) / first
         elastic += total(before * K * volume_energy(ratio))
-    work = np.zeros(len(before))
-    if material.yield_stress:
-        of_volume = plastic_work(plastic_strain, material.yield_stress, material.beyond)
-        work = before * of_volume
+    if work is None and material.yield_stress:
+        work = before * plastic_work(plastic_strain, material.yield_stress, material.beyond)
+    elif work is None:
+        work = np.zeros(len(before))
     speed2 = np.full(len(before), np.nan)
     if velocity is not None:
         speed2 = np.einsum("ni,ni->n", velocity, velocity)[cells].mean(axis=1)

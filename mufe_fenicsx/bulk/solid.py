@@ -217,7 +217,7 @@ class Solid(ForceTerm):
         return energy
 
     def plastic_energy(self, state):
-        """Plastic work of each grain so far [J], shape (num_grains,). Local."""
+        """Plastic work of each grain's cells so far [J], shape (num_grains,). Local."""
         return np.add.reduceat(state.plastic_work, self.mesh.cell_offset[:-1])
 
     def mean_stress(self, cells=slice(None)):

@@ -13,6 +13,7 @@ from .mirrors import nodes_on_mirrors
 from .pairs.edge_pairs import EdgeContact
 from .pairs.facet_pairs import search_pairs
 from .pairs.relative_motion import RelativeMotion
+from .results.dents import Dents
 from .results.dissipation import Dissipation
 from .results.edge_contacts import new_slip
 from .start.checks import check_stiffness, check_surface, check_walls
@@ -49,6 +50,7 @@ class Contact(Stateful):
         pairs: Points and facets, :class:`~mufe_fenicsx.contact.pairs.facet_pairs.Pairs`.
         edges: Crossing edges, :class:`~mufe_fenicsx.contact.pairs.edge_pairs.EdgeContact`.
         dissipation: :class:`~mufe_fenicsx.contact.results.dissipation.Dissipation`.
+        dents: :class:`~mufe_fenicsx.contact.results.dents.Dents`.
         overlaps: :class:`~mufe_fenicsx.contact.start.overlap.Overlaps`.
         edge: Mean facet edge of all ranks [m].
         searched: Positions of own surface nodes at the last search [m], shape (num_nodes, 3).
@@ -83,6 +85,7 @@ class Contact(Stateful):
         recess = RECESS if self.ghosts.num_before else 0.0
         self.edges = EdgeContact(node_ratio, recess, self.friction, self.first_tool)
         self.dissipation = Dissipation(self.points.grain_of_point, mesh.labels.size)
+        self.dents = Dents(mesh.num_cells, self.layers.strengths.any)
         self.overlaps = Overlaps()
         self.num_searches = 0
         self.pairs = self.surface = None
@@ -99,6 +102,7 @@ class Contact(Stateful):
             "layers": self.layers,
             "dissipation": self.dissipation,
             "overlaps": self.overlaps,
+            **({"dents": self.dents} if self.dents.any else {}),
         }
 
     # --- search ---------------------------------------------------------------------------
@@ -298,14 +302,13 @@ class Contact(Stateful):
                 s.curvature_of_facet, layers.steepest, points.recess, layers.ratio, ghosts.around,
                 points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),
                 self.friction.coefficients, p.friction_row, layers.strengths.tables,
-                layers.strengths.offsets(points.grain_of_point[p.node], p.grain), *layers.plastic,
-                points.cell[p.node], p.dent,
-                p.slope_left,
+                layers.strengths.offsets(points.grain_of_point[p.node], p.grain),
+                layers.plastic_strain, self.dents.work, points.cell[p.node], p.dent, p.slope_left,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(
                 forces, x, ghosts.corners(), points.layer, points, layers.ratio, layers.strengths,
-                *layers.plastic,
+                layers.plastic_strain, self.dents.work,
             )  # fmt: skip
 
     def _early_pairs(self):

@@ -72,6 +72,5 @@ class ContactGrains:
     #: Plastic strains and yield stresses [Pa] of grains, shape (2, num_points) each, None for those
     #: that do not yield, shape (num_grains,); empty: none does.
     yield_tables: tuple = ()
-    #: Plastic strain and work [J] of the cells, whose arrays stay, shape (num_cells,) each; dents
-    #: add to the work. None: no grain yields.
-    plastic: tuple[np.ndarray, np.ndarray] | None = None
+    #: Plastic strain of the cells, whose array stays, shape (num_cells,); None: no grain yields.
+    plastic_strain: np.ndarray | None = None

@@ -336,7 +336,7 @@ class Walls(Stateful):
             layer, ratio: As of :class:`~mufe_fenicsx.kernels.walls.WallForces`.
             points: :class:`~mufe_fenicsx.contact.surface.points.Points`.
             strengths: :class:`~mufe_fenicsx.contact.stiffness.strength.Strengths`.
-            strain, work: Plastic ones of the cells, shape (num_cells,).
+            strain, work: As of :class:`~mufe_fenicsx.kernels.walls.WallForces`.
         """
         p = self.pairs
         p.forces = WallForces(

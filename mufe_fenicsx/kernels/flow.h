@@ -16,7 +16,8 @@
 
 /* Yield stresses of the materials: at an offset the number n of points, n plastic strains and n
    stresses. ``offset``: of both bodies of a pair, the own one first, -1 where one does not flow.
-   ``strain``, ``work``: plastic ones of all cells; ``cell``: that beneath the point of a pair. */
+   ``strain``: plastic one of all cells, ``work``: that of dents over them; ``cell``: that beneath the
+   point of a pair. */
 typedef struct {
   const double *tables;
   const int32_t *offset;

@@ -218,7 +218,7 @@ INLINE flowing_type flowing(const pairs_type *m, int64_t p, int64_t k) {
 }
 
 /* The dent of the pair p takes what its depth is beyond that of flow; by how much. ``work``: what
-   that takes, as plastic work of the cell beneath. */
+   that takes, kept at the cell beneath. */
 INLINE double deepen(const pairs_type *m, int64_t p, int64_t k, double was, double depth,
                      double *work) {
   state_type *s = m->state + p;

@@ -145,7 +145,8 @@ class PairForces:
             slip, and has the other while it slips, until a step in which it sticks.
         friction_row: The row there of each pair, int32; of size 0: the first of all.
         strengths, strength_offset: Of both bodies of each pair, as of contact.stiffness.strength.
-        strain, work: Plastic strain and work [J] of all cells, shape (num_cells,).
+        strain: Plastic one of all cells, shape (num_cells,).
+        work: Plastic work of the dents beneath which they are [J], the same; empty without tables.
         cell: That beneath the point of each pair, int32, shape (num_pairs,).
         dent: Depths of dents, which add to the recess of the pairs [m], shape (num_pairs,).
         slope_left: Part of the law's slope that is left while a dent deepens, set then, the same.

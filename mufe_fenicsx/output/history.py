@@ -19,6 +19,7 @@ AFTER = (
     "kinetic",
     "elastic",
     "plastic",
+    "plastic_dents",
     "friction",
     "switching",
     "contact",
@@ -50,7 +51,7 @@ def history_columns(container):
 COLUMNS = history_columns(BOX)
 #: Those that runs of earlier versions lack.
 NEWER_COLUMNS = (
-    *("length_x", "length_y", "switching"),
+    *("length_x", "length_y", "switching", "plastic_dents"),
     *("elements_per_radius", "elements_per_radius_tenth"),
     *("unbalanced_x", "unbalanced_y", "unbalanced_z"),
 )

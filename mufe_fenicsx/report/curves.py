@@ -22,6 +22,8 @@ DYNAMIC = (
 )
 #: Energies below this part of the work are not drawn; the data have them.
 SEEN = 1e-6
+#: Dents below this part of the plastic dissipation are not drawn; the data have them.
+SEEN_DENTS = 0.01
 #: Stages of a test that turns back that have an arrow.
 ARROWS = 8
 #: label, colour and line of each energy.
@@ -267,9 +269,15 @@ def draw_dissipation(source):
     least = SEEN * history["work"].max()
     names = ("plastic", "friction", "damping")
     shown = {name: history[name] for name in names if history[name].max() > least}
-    lines = {"plastic": "-", "friction": "--", "damping": "-."}
+    lines = {"plastic": "-", "friction": "--", "damping": "-.", "plastic_dents": ":"}
+    looks = {name: (name, ENERGIES[name][1]) for name in names}
+    in_dents = energy_check.dents_share(history)
+    if in_dents >= SEEN_DENTS:
+        shown["plastic_dents"] = history["plastic_dents"]
+        looks["plastic_dents"] = "plastic, in dents", style.RED
     for name, values in shown.items():
-        look = {"color": ENERGIES[name][1], "label": name}
+        label, colour = looks[name]
+        look = {"color": colour, "label": label}
         left.plot(strain, values / factor, lines[name], **look)
         positive = values > 0
         right.plot(strain[positive], values[positive] / factor, lines[name], **look)
@@ -284,9 +292,14 @@ def draw_dissipation(source):
         for axis in (left, right):
             axis.text(0.5, 0.5, "nothing was dissipated", transform=axis.transAxes, ha="center")
     columns = {"strain [-]": history["strain"]}
-    columns |= {f"{name} [J]": history[name] for name in ("plastic", "friction", "damping")}
+    columns |= {f"{name} [J]": history[name] for name in lines if name in history}
     share = energy_check.friction_share(history)
     at_end = f" Here it is {share:.1%} of it at the end." if np.isfinite(share) else ""
+    if in_dents >= SEEN_DENTS:
+        at_end += (
+            f" Dents, which flow under contacts smaller than an element, have {in_dents:.1%} of "
+            "the plastic one at the end."
+        )
     return Drawing(
         "dissipation",
         figure,

@@ -365,14 +365,15 @@ class Source:
             dict ``state``, ``time``, ``strain``, ``yielded`` (share of the grains) and
             ``plastic_volume`` (share of the volume), shape (num_states,); and, where all grains
             are of one known material, ``labels`` and ``energy``, dict elastic, plastic,
-            kinetic -> [J], shape (num_states, num_grains).
+            kinetic -> [J], shape (num_states, num_grains); and ``without_work``, whether a state
+            has no plastic work, so that its plastic energy has no dents.
         """
         try:
             material = self.material
         except InputError:
             material = None
         found = {"state": [], "time": [], "strain": [], "yielded": [], "plastic_volume": []}
-        energies = []
+        energies, without_work = [], False
         for index in self.run.states.index:
             state = self.run.state(index)
             yields = state.plastic_strain > 0
@@ -384,7 +385,11 @@ class Source:
             found["yielded"].append(np.unique(state.grain[yields]).size / labels.size)
             found["plastic_volume"].append(volume[yields].sum() / volume.sum())
             if material is not None:
-                velocity = state.field("velocity") if "velocity" in state.fields else None
+                velocity, work = (
+                    state.field(name) if name in state.fields else None
+                    for name in ("velocity", "plastic_work")
+                )
+                without_work |= work is None
                 energies.append(
                     grain_energy.grain_energy(
                         state.reference,
@@ -397,11 +402,13 @@ class Source:
                         grain_energy.GrainMaterial(**material),
                         element=self.summary.get("element", "averaged"),
                         family=self.summary.get("family", 1),
+                        work=work,
                     )
                 )
         result = {name: np.array(values) for name, values in found.items()}
         if energies:
             result["labels"] = energies[0].labels
+            result["without_work"] = without_work
             result["energy"] = {
                 name: np.array([getattr(e, name) for e in energies])
                 for name in ("elastic", "plastic", "kinetic")

@@ -13,6 +13,7 @@ from mufe_fenicsx.analysis.rows import is_constrained, loading_rows, tool_load
 from mufe_fenicsx.container import container_of_history
 from mufe_fenicsx.geometry.measure import tet_volumes
 from mufe_fenicsx.output.run_folder import regular
+from mufe_fenicsx.report.curves import SEEN_DENTS
 from mufe_fenicsx.report.style import listed, number, quantity
 
 
@@ -96,6 +97,9 @@ def largest_values(history, last):
             ]
             share = energy_check.friction_share(history)
             rows.append(("Frictional over plastic dissipation", number(share), "at the end"))
+            share = energy_check.dents_share(history)
+            if share >= SEEN_DENTS:
+                rows.append(("Plastic dissipation in dents over all", number(share), "at the end"))
             rows.append(_at("Closed contact points", history, "num_contacts", None, loading))
             rows.append(_at("Grains in contact", history, "num_active_grains", None, loading))
     if last is not None:

@@ -165,6 +165,11 @@ class Recorder:
         sim, state = self.simulation, self.simulation.state
         sim.complete()
         solid, num_cells, nodes = sim.solid, sim.mesh.num_shown_cells, sim.mesh.shown_nodes
+        dents = sim.contact.dents
+
+        def work(rows):
+            return state.plastic_work[rows] + dents.work[rows]
+
         at_nodes = {
             "displacement": state.u,
             "velocity": state.v,
@@ -183,6 +188,7 @@ class Recorder:
                 ),
                 "pressure": Computed((num_cells,), lambda rows: -solid.mean_stress(rows)),
                 "plastic_strain": state.plastic_strain[:num_cells],
+                **({"plastic_work": Computed((num_cells,), work)} if dents.any else {}),
             },
         )
         strength = surface_strength(solid, sim.contact.own, state.plastic_strain)

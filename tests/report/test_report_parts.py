@@ -6,9 +6,11 @@ from scipy.spatial.transform import Rotation
 
 from mufe_fenicsx.analysis import mesh_quality
 from mufe_fenicsx.output import fields
-from mufe_fenicsx.report import chains, motion, parts, run_names, style
+from mufe_fenicsx.output.history import HistoryWriter
+from mufe_fenicsx.report import chains, curves, motion, parts, run_names, style
 from mufe_fenicsx.report.sample import boundary_faces
 from mufe_fenicsx.report.source import Source
+from mufe_fenicsx.report.summary import largest_values
 from tests.made_up_run import SCENE, ball, fake_history, write_history
 
 from mpi4py import MPI  # isort: skip  (after the package, which may bring MPI)
@@ -89,6 +91,26 @@ def test_runs_are_named_by_what_differs(tmp_path):
     assert run_names.name_runs([Source(s.folder) for s in sources]) == ["run0", "run1"]
     (tmp_path / "run1" / "scene.toml").unlink()
     assert run_names.name_runs([Source(s.folder) for s in sources]) == ["run0", "run1"]
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.4, True), (0.009, False), (None, False)])
+def test_dents_are_told_where_they_dissipate(tmp_path, share, said):
+    """From a hundredth of the plastic dissipation on; None: a history of an earlier version."""
+    h = fake_history(40)
+    dents = h.pop("plastic_dents")
+    if share is not None:
+        h["plastic_dents"] = share * h["plastic"]
+    assert dents.any()
+    with HistoryWriter(tmp_path / "history.csv", tuple(h)) as writer:
+        for i in range(len(h["step"])):
+            writer.append({k: str(v[i]) if k == "stage" else v[i] for k, v in h.items()})
+    source = Source(tmp_path)
+    drawing = curves.draw_dissipation(source)
+    labels = [line.get_label() for line in drawing.figure.axes[0].lines]
+    assert ("plastic, in dents" in labels) == said == ("Dents" in drawing.how)
+    assert ("plastic_dents [J]" in drawing.tables[""]) == (share is not None)
+    rows = {name: value for name, value, _ in largest_values(source.history, None)}
+    assert rows.get("Plastic dissipation in dents over all") == (str(share) if said else None)
 
 
 def test_displacement_by_rotation_is_that_of_the_nodes(tmp_path):

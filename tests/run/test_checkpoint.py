@@ -122,6 +122,9 @@ def test_resumed_runs_give_the_same_bytes(folder, monkeypatch):
     if COMM.rank == 0:
         assert files(folder / "parts") == files(folder / "whole")
         assert last_step(folder / "whole") == last_step(folder / "parts")
+        # Those of dents too: rows of the first half come before the last stop.
+        dents = read_history(folder / "whole" / "history.csv")["plastic_dents"]
+        assert dents[-1] > dents[dents.size // 2] > 0.0
     for one, other in zip(*(arrays(folder / name) for name in ("whole", "parts")), strict=True):
         assert one == other
     assert parts["stages"] == whole["stages"] and parts["contact"] == whole["contact"]

@@ -42,8 +42,9 @@ class SurfaceLayers(Stateful):
         #: By how much smooth surfaces bring facets nearer [m], and how much faster than points
         #: their gaps go at most, on all ranks.
         self.rise, self.steepest = self._bounds(mesh.comm, own, x)
-        #: Plastic strain and work of the cells, shape (num_cells,); zeros where nothing is known.
-        self.plastic = grains.plastic or (np.zeros(mesh.num_cells), np.zeros(mesh.num_cells))
+        known = grains.plastic_strain is not None
+        #: Plastic strain of the cells, shape (num_cells,); zeros where nothing is known.
+        self.plastic_strain = grains.plastic_strain if known else np.zeros(mesh.num_cells)
         if grains.rigid_layer is not None:  # layers of rigid grains stand for all that yields
             self.smooth.curvature[~np.isnan(grains.rigid_layer[own.local_grain_of_facet])] = 0.0
         #: :class:`~mufe_fenicsx.contact.surface.points.Points` of the surface.

@@ -27,6 +27,7 @@ class Strengths:
             self._offset[mesh.grains] = [offset.get(values, -1) for values in own]
         mesh.comm.Allreduce(MPI.IN_PLACE, self._offset, op=MPI.MAX)
         self.tables = np.array([number for row in rows for number in row], dtype=float)
+        self.any = bool(rows)  #: whether some grain yields, on all ranks
 
     def offsets(self, grain, partner=None):
         """Places of both bodies' tables, -1 without one, int32, (num, 2); none yields: (0, 2).
@@ -34,7 +35,7 @@ class Strengths:
         Args:
             grain, partner: Global indices of grains, shape (num,); None: walls.
         """
-        if not self.tables.size:
+        if not self.any:
             return np.empty((0, 2), dtype=np.int32)
         both = np.full((grain.size, 2), -1, dtype=np.int32)
         both[:, 0] = self._offset[grain]
