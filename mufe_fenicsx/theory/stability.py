@@ -1,6 +1,7 @@
 """How far explicit and static increments go: limits in closed form, each with its source."""
 
 import numpy as np
+from scipy.optimize import brentq
 
 
 def growth_per_step(omega_dt):
@@ -240,3 +241,59 @@ def drag_error(stabilisation, contact_modulus, modulus, increments):
         increments: n [-].
     """
     return 0.5 * stabilisation * contact_modulus / (increments * modulus)
+
+
+def force_of_three(apart, share=1.0):
+    """Force of one of three like contacts over that of one alone at the same approach.
+
+    A half-space moves by P/(π E* r) at the distance r of a force P (Boussinesq). With Hertz's
+    approach of one contact, two others at the distance s move it by
+
+        p^(2/3) + g 8/(3π) (a/s) p = 1,   p = P/P₁ .
+
+    Args:
+        apart: s over the radius a of a contact alone.
+        share: g, of the motion that a mesh has.
+
+    Source: K. L. Johnson, Contact Mechanics, 1985, eqs (3.22a) and (4.22)-(4.23).
+    """
+    by_others = share * 8 / (3 * np.pi * apart)
+    return float(brentq(lambda p: p ** (2 / 3) + by_others * p - 1, 0.0, 1.0))
+
+
+def apart_for(error, apart, reach):
+    """Distance over the edge h at which three contacts carry too much by the part ``error``.
+
+    The mesh of a facet moves as one: others on it move a contact no more than it moves itself,
+    P/(π E* s₀), so that g = s/s₀ below s₀.
+
+    Args:
+        error: Of the force.
+        apart: As of :func:`force_of_three`.
+        reach: s₀/h.
+    """
+    p = (1 + error) * force_of_three(apart)
+    share = (1 - p ** (2 / 3)) / p * 3 * np.pi * apart / 8
+    return reach * share
+
+
+def force_by_edge(from_edge):
+    """Force of a ball on a like quarter-space over that on a half-space, at the same approach.
+
+    A second load beyond the side at the same distance x leaves no shear on it. It moves the contact
+    by P/(π E'* 2x), with E'* = 2 E* of one body. The pressure that both leave on the side is not
+    taken off, which makes the quarter-space too stiff.
+
+        p^(2/3) + a/(3π x) p = 1
+
+    Args:
+        from_edge: x over the radius a of the contact on a half-space.
+    """
+    by_image = 1 / (3 * np.pi * from_edge)
+    return float(brentq(lambda p: p ** (2 / 3) + by_image * p - 1, 0.0, 1.0))
+
+
+def from_edge_for(error):
+    """x/a at which the part ``error`` of the force of :func:`force_by_edge` is missing."""
+    p = 1 - error
+    return p / (3 * np.pi * (1 - p ** (2 / 3)))

@@ -58,6 +58,8 @@ CHEAP = [
     ("mindlin", {"elements_per_radius": 2, "growth": 0.4, "periods": 12}, ""),
     ("torsion", {"elements_per_radius": 2.5, "growth": 0.4, "periods": 16}, ""),
     ("rolling", {"elements_per_radius": 2, "periods": 12}, "slow"),
+    ("stability-close-contacts", {}, "slow"),
+    ("stability-edge", {}, "slow"),
     ("rigid-top", {"turns": 20}, ""),
     ("rigid-rolling", {}, ""),
     ("rigid-impact", {}, ""),

@@ -11,6 +11,8 @@ from mpi4py import MPI
 
 from mufe_fenicsx.theory import stability as theory
 from mufe_fenicsx.verification.stability import (
+    close_contacts,
+    edge,
     friction,
     inversion,
     newton,
@@ -156,3 +158,35 @@ def test_a_light_sleeve_sets_the_step_of_the_program():
     # The estimate is within 1e-3 of 2/ω.
     assert light / latex == pytest.approx(0.5, rel=5e-3) and just == pytest.approx(latex, rel=5e-3)
     assert sleeve.density_limit(COMM, 5) == pytest.approx(density, rel=0.03)  # five bisections
+
+
+def test_the_force_of_three_contacts_is_that_of_hertz_and_boussinesq():
+    """At the approach 1 with E* = R = 1: what Hertz leaves is 2 P/(π s)."""
+    s, alone = 3.0, 4 / 3
+    force = alone * theory.force_of_three(s)
+    assert (0.75 * force) ** (2 / 3) + 2 * force / (math.pi * s) == pytest.approx(1.0, abs=1e-12)
+    # With its share of the motion the force is 5 % larger, as asked for.
+    share = theory.apart_for(0.05, s, 1.0)
+    larger = theory.force_of_three(s, share) / theory.force_of_three(s)
+    assert larger == pytest.approx(1.05, abs=1e-12)
+    assert theory.force_by_edge(theory.from_edge_for(0.05)) == pytest.approx(0.95, abs=1e-12)
+
+
+def test_contacts_on_one_facet_move_each_other_less_than_those_of_several():
+    """Tips 0.3 and 1 edge apart; a mesh moves a contact by others no more than by itself."""
+    near, far = (
+        close_contacts.share_of_interplay(COMM, close_contacts.APART * close_contacts.A / over, at)
+        for over, at in ((0.3, np.zeros(2)), (1.0, np.zeros(2)))
+    )
+    reach = close_contacts.reach_of_point(COMM, close_contacts.APART * close_contacts.A / 0.3)
+    # Places on the mesh scatter by a tenth.
+    assert near[0] == pytest.approx(0.3 / reach, abs=0.15)
+    assert far[0] == pytest.approx(1.0, abs=0.15)
+
+
+def test_an_edge_takes_half_of_a_contact_from_coarse_meshes_too():
+    fine, coarse = (edge.forces(COMM, 0.0, n)[0][0] for n in (2.5, 1.0))
+    within = edge.forces(COMM, edge.WITHIN, 1.0)[0][0]
+    # Half of the pressure is missing, and the approach of the other half is less.
+    assert 0.5 < fine / within < 0.65
+    assert coarse == pytest.approx(fine, rel=0.05)

@@ -6,6 +6,8 @@ The cases are those of `mufe verify`; ``demos/stability.py`` draws what they mea
 from ..case import by_name
 from . import (
     between_points,
+    close_contacts,
+    edge,
     friction,
     incompressible,
     inversion,
@@ -27,6 +29,8 @@ STABILITY = by_name(
     time_step.time_step,
     penalty.penalty,
     between_points.between_points,
+    close_contacts.close_contacts,
+    edge.edge,
     friction.friction_limits,
     speed.loading_speed,
     speed.added_mass,
