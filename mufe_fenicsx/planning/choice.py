@@ -49,6 +49,7 @@ class Plan:
     element: str  #: one of solid.ELEMENTS
     fidelity: dict  #: model -> labels of grains
     settings: dict  #: "table.key" -> value, where it is another than the scene's
+    time: float  #: of loading over that of a wave through the sample; inf: tools load
     driver: str  #: which requirement the cost comes from
     path: float  #: by how much two such tests part that differ in rounding alone [-]
     unknown: tuple = field(default=())  #: what the plan cannot know, sentences
@@ -109,6 +110,7 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
         element=element,
         fidelity=fidelity,
         settings=_settings(scene, law, best.speed, best.mass),
+        time=best.time if course_of(scene).presses else math.inf,
         driver=driver(scene, sample, errors, best),
         path=errors.of_path(len(sample.labels)),
         unknown=unknown(scene, errors, best.elements),

@@ -21,6 +21,7 @@ import math
 from dataclasses import dataclass
 from statistics import mean
 
+from ..analysis import quasi_static
 from ..analysis.evidence import distance, read_points, usable
 from ..analysis.evidence.mesh_errors import between, error_at, falling, order_of, select, size
 from ..errors import InputError
@@ -105,6 +106,18 @@ class Errors:
 def of_loading(time):
     """Error of inertia at a time of loading over that of a wave; inf below ``FASTEST``."""
     return 0.5 * math.log(time) / time**2 if time >= FASTEST * (1 - 1e-9) else math.inf
+
+
+def quasi_static_from(time):
+    """Part of the course from which on inertia meets the report's checks; above 1: nowhere.
+
+    Kinetic over internal energy is k = (T/s)²/3, the platens' difference 3k/2 of the load.
+
+    Args:
+        time: Of loading over that of a wave, T.
+    """
+    k = min(quasi_static.KINETIC, quasi_static.UNBALANCED / 1.5)
+    return 1 / math.sqrt(3 * k) / time
 
 
 def time_for(error):

@@ -84,7 +84,7 @@ def _beyond(parts, errors, elements, time, added):
     coarsest, error = errors.mesh[0]
     reasons = {
         "mesh": f"the mesh has {elements:.2g} elements per contact radius, and with "
-        f"{coarsest:.2g}, the coarsest measured, forces are {100 * error:.2g} % off",
+        f"{coarsest:.2g}, the coarsest measured, forces are {100 * error:.2g} % off: here by more",
         "loading": f"loading takes {time:.2g} times as long as a wave takes through the sample, "
         f"and errors are known from {FASTEST:g} times on",
         "mass": f"{added:.2g} of the mass is added, and errors are measured up to "

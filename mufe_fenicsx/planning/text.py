@@ -3,6 +3,8 @@
 import math
 from dataclasses import asdict
 
+from .errors import quasi_static_from
+
 
 def lines(plan, cost):
     """Lines that tell a plan and its cost; ``cost`` may be None."""
@@ -22,6 +24,7 @@ def lines(plan, cost):
             f"{plan.tets:.0f} tetrahedra a grain: {grains}",
         ),
         *((key, _value(value)) for key, value in plan.settings.items()),
+        *_of_checks(plan.time),
         *_of_cost(cost),
         ("what costs most", plan.driver),
     ]
@@ -40,6 +43,7 @@ def lines_of_present(present, cost):
         ),
         ("contact", f"law {present.law}"),
         ("loading", _loading(present)),
+        *_of_checks(present.time),
         *_of_cost(cost),
     ]
     return _written(rows, present.unknown)
@@ -53,6 +57,17 @@ def _loading(present):
         f"{present.speed:.3g} m/s: {present.time:.3g} times as long as a wave takes through the "
         "sample"
     )
+
+
+def _of_checks(time):
+    """A row of from where on the report will trust the test, none where tools load it."""
+    if math.isinf(time):
+        return []
+    part = quasi_static_from(time)
+    text = f"inertia is within the report's targets from {percent(part)} of the strain on"
+    if part >= 1:
+        text = "so fast that the report will trust no part of the test: ask for a smaller error"
+    return [("checks", text)]
 
 
 def _of_errors(found, beyond=()):

@@ -358,8 +358,8 @@ def draw_monitors(source):
         "over the load, (c) energy residual over work",
         "Dark curves are the mean (a) and the root mean square (b) over half the travel time of a "
         "wave through the sample, (c) has single rows; pale curves are single rows, which shake "
-        "where a grain slips. The checks apply where the target is solid, beyond half of the "
-        f"largest strain. {DYNAMIC}",
+        "where a grain slips. The checks apply where the target is solid, beyond a tenth of the "
+        f"test. {DYNAMIC}",
         {"": columns},
         "wide",
     )

@@ -24,7 +24,7 @@ from mufe_fenicsx.planning.errors import (
 )
 from mufe_fenicsx.planning.present import present_state
 from mufe_fenicsx.planning.run import planned_scene
-from mufe_fenicsx.planning.text import lines_of_present
+from mufe_fenicsx.planning.text import lines, lines_of_present
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, MassScaling, Oedometer, Output, Scene, Solver, load_scene
 from mufe_fenicsx.scene.stages import Axis
@@ -76,17 +76,21 @@ def test_a_test_as_it_stands_tells_its_error(table):
     plan = plan_scene(slow, sample(1.0), found.error * 1.0001, table, keep_mesh=True)
     assert plan.parts["mesh"] == found.parts["mesh"]
     assert plan.parts["loading"] == pytest.approx(found.parts["loading"], rel=1e-2)
+    # 3k/2 = (T/t)²/2 is 3 % from t = 4.08 T on.
+    assert "targets from 41 % of the strain on" in "\n".join(lines_of_present(found, None))
+    assert "targets from 41 % of the strain on" in "\n".join(lines(plan, None))
     coarse = present_state(scene(Rigid(**ROCK)), sample(0.1), table + hertz_table(table))
     assert math.isinf(coarse.error) and coarse.parts["fidelity"] == pytest.approx(0.5)
     text = "\n".join(lines_of_present(coarse, None))
     assert (
         "expected error  not known, as the mesh has 0.033 elements per contact radius, and with "
-        "0.5, the coarsest measured, forces are 32 % off; known are loading 0.077 %"
+        "0.5, the coarsest measured, forces are 32 % off: here by more; known are loading 0.077 %"
     ) in text
     fast = replace(scene(), oedometer=Oedometer(0.1, 0.1 * wave / 2.0), mass_scaling=None)
     text = "\n".join(lines_of_present(present_state(fast, sample(1.0), table), None))
     assert "as loading takes 2 times as long as a wave takes through the sample, and" in text
     assert "known from 3 times on; known are mesh 8 %" in text
+    assert "the report will trust no part of the test" in text
 
 
 def test_several_samples_of_known_shape_count_with_their_mean(table):
