@@ -321,7 +321,7 @@ class Specimen(Stateful):
             walls; ``residual``, what none explains; and ``plastic_dents``, a part of plastic.
         """
         contact, num_contacts = self.contact.energy()
-        dents = self.contact.dents.work.sum()
+        dents = self.contact.dissipation.dents.work.sum()
         local = {
             "kinetic": kinetic,
             "elastic": self.solid.elastic_energy(self.state).sum(),

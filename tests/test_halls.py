@@ -28,6 +28,7 @@ EXCEPTIONS = {
     "verification/charts/points.py:mindlin_point": _OPTIONS,
     "verification/charts/points.py:plastic_sphere_point": _OPTIONS,
     "verification/known_stress.py:known_stress": _OPTIONS,
+    "verification/known_stress.py:sample_point": _OPTIONS,
     "verification/mindlin.py:shear_balls": _SCRIPT,
     "verification/overlap.py:overlap": _SCRIPT,
     "verification/plastic_ball.py:press_ball": _SCRIPT + ", with the options of all its cases",

@@ -42,8 +42,7 @@ def grain_energy(
     plastic_strain,
     velocity,
     material,
-    element="averaged",
-    family=1,
+    element=("averaged", 1),
     work=None,
 ):
     """Energies of grains of one material.
@@ -62,8 +61,8 @@ def grain_energy(
         plastic_strain: Equivalent plastic strain [-], shape (num_cells,).
         velocity: Of nodes [m/s], shape (num_nodes, 3), or None: kinetic energy is nan.
         material: :class:`GrainMaterial`.
-        element: "averaged", "p1" or "composite", as of the run.
-        family: So many tetrahedra in turn are one composite element.
+        element: "averaged", "p1" or "composite", as of the run; and how many tetrahedra in turn are
+            one composite element.
         work: Plastic work of the cells, with dents [J], shape (num_cells,), or None.
 
     Returns:
@@ -83,6 +82,7 @@ def grain_energy(
     square -= stress[:, :3].sum(axis=1) ** 2 / 3
     # s is the Cauchy deviator; what belongs to the first volume is that of J s.
     elastic = total(now**2 / before * square / (4 * G))
+    element, family = element
     if element == "averaged":
         ratio = _ratio_at_nodes(cells, before, now, len(reference))
         density = (K * volume_energy(ratio))[cells].mean(axis=1)

@@ -50,7 +50,6 @@ class Contact(Stateful):
         pairs: Points and facets, :class:`~mufe_fenicsx.contact.pairs.facet_pairs.Pairs`.
         edges: Crossing edges, :class:`~mufe_fenicsx.contact.pairs.edge_pairs.EdgeContact`.
         dissipation: :class:`~mufe_fenicsx.contact.results.dissipation.Dissipation`.
-        dents: :class:`~mufe_fenicsx.contact.results.dents.Dents`.
         overlaps: :class:`~mufe_fenicsx.contact.start.overlap.Overlaps`.
         edge: Mean facet edge of all ranks [m].
         searched: Positions of own surface nodes at the last search [m], shape (num_nodes, 3).
@@ -85,7 +84,7 @@ class Contact(Stateful):
         recess = RECESS if self.ghosts.num_before else 0.0
         self.edges = EdgeContact(node_ratio, recess, self.friction, self.first_tool)
         self.dissipation = Dissipation(self.points.grain_of_point, mesh.labels.size)
-        self.dents = Dents(mesh.num_cells, self.layers.strengths.any)
+        self.dissipation.dents = Dents(mesh.num_cells, self.layers.strengths.any)
         self.overlaps = Overlaps()
         self.num_searches = 0
         self.pairs = self.surface = None
@@ -96,13 +95,14 @@ class Contact(Stateful):
     @property
     def parts(self):
         """All that steps change, :class:`~mufe_fenicsx.state.Stateful` by name, but pairs."""
+        dents = self.dissipation.dents
         return {
             "contact": self,
             "contact_motion": self.motion,
             "layers": self.layers,
             "dissipation": self.dissipation,
             "overlaps": self.overlaps,
-            **({"dents": self.dents} if self.dents.any else {}),
+            **({"dents": dents} if dents.any else {}),
         }
 
     # --- search ---------------------------------------------------------------------------
@@ -303,12 +303,13 @@ class Contact(Stateful):
                 points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),
                 self.friction.coefficients, p.friction_row, layers.strengths.tables,
                 layers.strengths.offsets(points.grain_of_point[p.node], p.grain),
-                layers.plastic_strain, self.dents.work, points.cell[p.node], p.dent, p.slope_left,
+                layers.plastic_strain, self.dissipation.dents.work, points.cell[p.node], p.dent,
+                p.slope_left,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(
                 forces, x, ghosts.corners(), points.layer, points, layers.ratio, layers.strengths,
-                layers.plastic_strain, self.dents.work,
+                layers.plastic_strain, self.dissipation.dents.work,
             )  # fmt: skip
 
     def _early_pairs(self):

@@ -400,8 +400,10 @@ class Source:
                         state.plastic_strain,
                         velocity,
                         grain_energy.GrainMaterial(**material),
-                        element=self.summary.get("element", "averaged"),
-                        family=self.summary.get("family", 1),
+                        element=(
+                            self.summary.get("element", "averaged"),
+                            self.summary.get("family", 1),
+                        ),
                         work=work,
                     )
                 )

@@ -165,7 +165,7 @@ class Recorder:
         sim, state = self.simulation, self.simulation.state
         sim.complete()
         solid, num_cells, nodes = sim.solid, sim.mesh.num_shown_cells, sim.mesh.shown_nodes
-        dents = sim.contact.dents
+        dents = sim.contact.dissipation.dents
 
         def work(rows):
             return state.plastic_work[rows] + dents.work[rows]

@@ -37,7 +37,7 @@ def _compress(comm, *setting):
     s, worst = press_four_balls(comm, SAND, *setting)
     e = s.energies()
     elastic, plastic = s.solid.elastic_energy(s.state), s.solid.plastic_energy(s.state)
-    plastic += s.contact.dents.of_grains(s.mesh)
+    plastic += s.contact.dissipation.dents.of_grains(s.mesh)
     least = min(comm.allgather(min(elastic.min(), plastic.min(), s.contact.dissipation.total)))
     stored = comm.allreduce(np.array([elastic.sum(), plastic.sum()]))
     results = {

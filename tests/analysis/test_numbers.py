@@ -160,7 +160,8 @@ def test_energies_of_a_bar_under_even_stress():
     for element in ("averaged", "p1", "composite"):
         found = grain_energy.grain_energy(
             points, moved, cells, np.full(len(cells), 5), stress, strain, velocity,
-            grain_energy.GrainMaterial(E, nu, 2000.0, [[0.0, 1e7], [0.05, 1.1e8]]), element, 6,
+            grain_energy.GrainMaterial(E, nu, 2000.0, [[0.0, 1e7], [0.05, 1.1e8]]),
+            (element, 6),
         )  # fmt: skip
         # Small strain, but for terms of the next order in σ/E.
         assert found.elastic == pytest.approx(sigma**2 / (2 * E) * V, rel=5 * abs(sigma) / E)

@@ -29,6 +29,7 @@ class Dissipation(Stateful):
         self.grain = np.empty(0, dtype=np.int64)  #: grain of each account
         self.partner = np.empty(0, dtype=np.int64)  #: the other grain, or the wall
         self.work = np.empty(0)  #: friction work of their points and crossings so far [J]
+        self.dents = None  #: :class:`~.dents.Dents`, once it is known whether some body yields
         self._grain_of_point = grain_of_point
         #: slip of each point by pairs that were dropped [m]
         self.slip_of_dropped = np.zeros(grain_of_point.size)
