@@ -17,7 +17,7 @@ class GrainEnergy:
 
     labels: np.ndarray
     elastic: np.ndarray
-    plastic: np.ndarray  #: dissipated so far, with dents where the work of cells was given
+    plastic: np.ndarray  #: dissipated so far
     kinetic: np.ndarray
 
 
@@ -28,9 +28,6 @@ class GrainMaterial:
     E: float  #: Young's modulus [Pa]
     nu: float  #: Poisson's ratio [-]
     rho: float  #: density [kg/m³]
-    #: Points (plastic strain [-], stress [Pa]), or None: grains do not yield.
-    yield_stress: list | None = None
-    beyond: str = "flat"  #: after the last point the table is "flat", or goes on with its "slope"
 
 
 def grain_energy(
@@ -39,31 +36,28 @@ def grain_energy(
     cells,
     grain_of_cell,
     stress,
-    plastic_strain,
+    work,
     velocity,
     material,
-    element=("averaged", 1),
-    work=None,
+    element="averaged",
+    family=1,
 ):
     """Energies of grains of one material.
 
     Elastic: s:s/4G of the deviator and K (J ln J - J + 1) of the volume ratio J, which an element
-    takes as its own, as the mean at its nodes ("averaged") or that of its family. Plastic: the
-    work that was kept of each cell. Without it, the area under the table up to the plastic
-    strain, which the flow stress follows: this has no dents. Kinetic: with a quarter of the
-    mass of a tetrahedron at each of its nodes, without added mass.
+    takes as its own, as the mean at its nodes ("averaged") or that of its family. Kinetic: with a
+    quarter of the mass of a tetrahedron at each of its nodes, without added mass.
 
     Args:
         reference, points: Nodes then and now [m], shape (num_nodes, 3).
         cells: Nodes of the tetrahedra, shape (num_cells, 4).
         grain_of_cell: Label of each cell's grain, shape (num_cells,).
         stress: Cauchy stress xx, yy, zz, xy, yz, xz [Pa], shape (num_cells, 6).
-        plastic_strain: Equivalent plastic strain [-], shape (num_cells,).
+        work: Plastic work of the cells [J], shape (num_cells,).
         velocity: Of nodes [m/s], shape (num_nodes, 3), or None: kinetic energy is nan.
         material: :class:`GrainMaterial`.
-        element: "averaged", "p1" or "composite", as of the run; and how many tetrahedra in turn are
-            one composite element.
-        work: Plastic work of the cells, with dents [J], shape (num_cells,), or None.
+        element: "averaged", "p1" or "composite", as of the run.
+        family: So many tetrahedra in turn are one composite element.
 
     Returns:
         :class:`GrainEnergy`, grains in the order of their labels.
@@ -82,7 +76,6 @@ def grain_energy(
     square -= stress[:, :3].sum(axis=1) ** 2 / 3
     # s is the Cauchy deviator; what belongs to the first volume is that of J s.
     elastic = total(now**2 / before * square / (4 * G))
-    element, family = element
     if element == "averaged":
         ratio = _ratio_at_nodes(cells, before, now, len(reference))
         density = (K * volume_energy(ratio))[cells].mean(axis=1)
@@ -93,10 +86,6 @@ def grain_energy(
         first = np.repeat(before.reshape(-1, size).sum(axis=1), size)
         ratio = np.repeat(now.reshape(-1, size).sum(axis=1), size) / first
         elastic += total(before * K * volume_energy(ratio))
-    if work is None and material.yield_stress:
-        work = before * plastic_work(plastic_strain, material.yield_stress, material.beyond)
-    elif work is None:
-        work = np.zeros(len(before))
     speed2 = np.full(len(before), np.nan)
     if velocity is not None:
         speed2 = np.einsum("ni,ni->n", velocity, velocity)[cells].mean(axis=1)

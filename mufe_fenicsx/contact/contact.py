@@ -83,8 +83,8 @@ class Contact(Stateful):
         # As of sharp vertices: edges that end a flat contact add nothing to it.
         recess = RECESS if self.ghosts.num_before else 0.0
         self.edges = EdgeContact(node_ratio, recess, self.friction, self.first_tool)
-        self.dissipation = Dissipation(self.points.grain_of_point, mesh.labels.size)
-        self.dissipation.dents = Dents(mesh.num_cells, self.layers.strengths.any)
+        dents = Dents(mesh.num_cells, self.layers.strengths.any)
+        self.dissipation = Dissipation(self.points.grain_of_point, mesh.labels.size, dents)
         self.overlaps = Overlaps()
         self.num_searches = 0
         self.pairs = self.surface = None

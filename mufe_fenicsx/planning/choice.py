@@ -16,6 +16,7 @@ from .errors import (
     checked_accuracy,
     contact_radius,
     of_loading,
+    quasi_static_from,
     sample_errors,
     time_for,
 )
@@ -49,7 +50,7 @@ class Plan:
     element: str  #: one of solid.ELEMENTS
     fidelity: dict  #: model -> labels of grains
     settings: dict  #: "table.key" -> value, where it is another than the scene's
-    time: float  #: of loading over that of a wave through the sample; inf: tools load
+    quasi_static_from: float  #: part of the strain, as of :func:`~.errors.quasi_static_from`
     driver: str  #: which requirement the cost comes from
     path: float  #: by how much two such tests part that differ in rounding alone [-]
     unknown: tuple = field(default=())  #: what the plan cannot know, sentences
@@ -110,7 +111,7 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
         element=element,
         fidelity=fidelity,
         settings=_settings(scene, law, best.speed, best.mass),
-        time=best.time if course_of(scene).presses else math.inf,
+        quasi_static_from=quasi_static_from(scene, course_of(scene).presses, best.time),
         driver=driver(scene, sample, errors, best),
         path=errors.of_path(len(sample.labels)),
         unknown=unknown(scene, errors, best.elements),

@@ -108,14 +108,19 @@ def of_loading(time):
     return 0.5 * math.log(time) / time**2 if time >= FASTEST * (1 - 1e-9) else math.inf
 
 
-def quasi_static_from(time):
-    """Part of the course from which on inertia meets the report's checks; above 1: nowhere.
+def quasi_static_from(scene, presses, time):
+    """Part of the course from which on inertia meets the report's checks; 1 or above: nowhere.
 
-    Kinetic over internal energy is k = (T/s)²/3, the platens' difference 3k/2 of the load.
+    Kinetic over internal energy is k = (T/s)²/3, the platens' difference 3k/2 of the load. Not
+    known, nan, where tools load the sample, or targets lead the speed.
 
     Args:
+        scene: :class:`~mufe_fenicsx.scene.Scene`.
+        presses: Whether walls load the sample.
         time: Of loading over that of a wave, T.
     """
+    if scene.quasi_static is not None or not presses:
+        return math.nan
     k = min(quasi_static.KINETIC, quasi_static.UNBALANCED / 1.5)
     return 1 / math.sqrt(3 * k) / time
 

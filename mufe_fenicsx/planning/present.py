@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from ..analysis.evidence import read_points
 from .choice import fidelity_of, law_of
 from .course import course_of, wave_speed
-from .errors import FASTEST, contact_radius, of_loading, sample_errors
+from .errors import FASTEST, contact_radius, of_loading, quasi_static_from, sample_errors
 from .reasons import unknown
 
 
@@ -24,6 +24,7 @@ class Present:
     fidelity: dict  #: model -> labels of grains
     speed: float  #: of loading [m/s]
     time: float  #: of loading over that of a wave through the sample
+    quasi_static_from: float  #: part of the strain, as of :func:`~.errors.quasi_static_from`
     path: float  #: by how much two such tests part that differ in rounding alone [-]
     beyond: tuple = field(default=())  #: why parts are infinite, in words
     unknown: tuple = field(default=())  #: what is not known beforehand, sentences
@@ -73,6 +74,7 @@ def present_state(scene, sample, points=None):
         fidelity=fidelity,
         speed=course.speed,
         time=time,
+        quasi_static_from=quasi_static_from(scene, course.presses, time),
         path=errors.of_path(len(sample.labels)),
         beyond=_beyond(parts, errors, elements, time, added),
         unknown=unknown(scene, errors, elements),

@@ -3,8 +3,6 @@
 import math
 from dataclasses import asdict
 
-from .errors import quasi_static_from
-
 
 def lines(plan, cost):
     """Lines that tell a plan and its cost; ``cost`` may be None."""
@@ -24,7 +22,7 @@ def lines(plan, cost):
             f"{plan.tets:.0f} tetrahedra a grain: {grains}",
         ),
         *((key, _value(value)) for key, value in plan.settings.items()),
-        *_of_checks(plan.time),
+        *_of_checks(plan.quasi_static_from),
         *_of_cost(cost),
         ("what costs most", plan.driver),
     ]
@@ -43,7 +41,7 @@ def lines_of_present(present, cost):
         ),
         ("contact", f"law {present.law}"),
         ("loading", _loading(present)),
-        *_of_checks(present.time),
+        *_of_checks(present.quasi_static_from),
         *_of_cost(cost),
     ]
     return _written(rows, present.unknown)
@@ -59,11 +57,10 @@ def _loading(present):
     )
 
 
-def _of_checks(time):
-    """A row of from where on the report will trust the test, none where tools load it."""
-    if math.isinf(time):
+def _of_checks(part):
+    """A row of the part of the strain from which on the report will trust the test; nan: none."""
+    if math.isnan(part):
         return []
-    part = quasi_static_from(time)
     text = f"inertia is within the report's targets from {percent(part)} of the strain on"
     if part >= 1:
         text = "so fast that the report will trust no part of the test: ask for a smaller error"

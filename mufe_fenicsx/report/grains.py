@@ -232,7 +232,7 @@ LOOKS = {
 
 def draw_energies(source):
     """Energies of the most loaded grain beside those of the whole sample."""
-    material = source.material  # that of all grains, or why not
+    source.material  # noqa: B018  that of all grains, or why not
     course, history = source.course, source.loading
     label = next(iter(source.chosen))
     at = int(np.searchsorted(course["labels"], label))
@@ -261,7 +261,7 @@ def draw_energies(source):
     for i, axis in enumerate(axes):
         style.panel_letter(axis, i)
     lie = " They lie on the lines."
-    if material["yield_stress"] and course["without_work"]:
+    if course["without_work"]:
         lie = (
             " They lie on the lines, but those of plastic energy below by the work of dents, which "
             "states of earlier versions do not have."

@@ -385,11 +385,16 @@ class Source:
             found["yielded"].append(np.unique(state.grain[yields]).size / labels.size)
             found["plastic_volume"].append(volume[yields].sum() / volume.sum())
             if material is not None:
-                velocity, work = (
-                    state.field(name) if name in state.fields else None
-                    for name in ("velocity", "plastic_work")
-                )
-                without_work |= work is None
+                velocity = state.field("velocity") if "velocity" in state.fields else None
+                if "plastic_work" in state.fields:
+                    work = state.field("plastic_work")
+                elif table := material["yield_stress"]:  # a state of an earlier version
+                    without_work = True
+                    work = volume * grain_energy.plastic_work(
+                        state.plastic_strain, table, material["beyond"]
+                    )
+                else:
+                    work = np.zeros(len(volume))
                 energies.append(
                     grain_energy.grain_energy(
                         state.reference,
@@ -397,14 +402,11 @@ class Source:
                         state.cells,
                         state.grain,
                         state.stress,
-                        state.plastic_strain,
+                        work,
                         velocity,
-                        grain_energy.GrainMaterial(**material),
-                        element=(
-                            self.summary.get("element", "averaged"),
-                            self.summary.get("family", 1),
-                        ),
-                        work=work,
+                        grain_energy.GrainMaterial(*(material[k] for k in ("E", "nu", "rho"))),
+                        element=self.summary.get("element", "averaged"),
+                        family=self.summary.get("family", 1),
                     )
                 )
         result = {name: np.array(values) for name, values in found.items()}

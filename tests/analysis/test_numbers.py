@@ -153,15 +153,15 @@ def test_energies_of_a_bar_under_even_stress():
     volume = mesh_quality.mesh_quality(points, cells).volume
     E, nu, sigma = 1e9, 0.3, -3e4
     stress = np.tile([0, 0, sigma, 0, 0, 0], (len(cells), 1))
-    strain = np.full(len(cells), 0.06)
+    table = [[0.0, 1e7], [0.05, 1.1e8]]
+    work = volume * grain_energy.plastic_work(np.full(len(cells), 0.06), table)
     velocity = np.tile([0.0, 3.0, 4.0], (len(points), 1))
     moved = points * (1 + sigma / E * np.array([-nu, -nu, 1]))
     V = volume.sum()
     for element in ("averaged", "p1", "composite"):
         found = grain_energy.grain_energy(
-            points, moved, cells, np.full(len(cells), 5), stress, strain, velocity,
-            grain_energy.GrainMaterial(E, nu, 2000.0, [[0.0, 1e7], [0.05, 1.1e8]]),
-            (element, 6),
+            points, moved, cells, np.full(len(cells), 5), stress, work, velocity,
+            grain_energy.GrainMaterial(E, nu, 2000.0), element, 6,
         )  # fmt: skip
         # Small strain, but for terms of the next order in σ/E.
         assert found.elastic == pytest.approx(sigma**2 / (2 * E) * V, rel=5 * abs(sigma) / E)
@@ -169,7 +169,7 @@ def test_energies_of_a_bar_under_even_stress():
     assert found.plastic == pytest.approx((0.05 * 6e7 + 0.01 * 1.1e8) * V, rel=ROUND_OFF)
     assert found.kinetic == pytest.approx(0.5 * 2000 * 25 * V, rel=ROUND_OFF)
     x = np.array([0.0, 0.02, 0.05, 0.07])
-    slope = grain_energy.plastic_work(x, [[0.0, 1e7], [0.05, 1.1e8]], "slope")
+    slope = grain_energy.plastic_work(x, table, "slope")
     assert slope == pytest.approx(1e7 * x + 1e9 * x**2, rel=ROUND_OFF)
 
 

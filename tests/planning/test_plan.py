@@ -26,7 +26,16 @@ from mufe_fenicsx.planning.present import present_state
 from mufe_fenicsx.planning.run import planned_scene
 from mufe_fenicsx.planning.text import lines, lines_of_present
 from mufe_fenicsx.run.run import run_scene
-from mufe_fenicsx.scene import Contact, MassScaling, Oedometer, Output, Scene, Solver, load_scene
+from mufe_fenicsx.scene import (
+    Contact,
+    MassScaling,
+    Oedometer,
+    Output,
+    QuasiStatic,
+    Scene,
+    Solver,
+    load_scene,
+)
 from mufe_fenicsx.scene.stages import Axis
 from tests.bodies import RADIUS, packed_grains
 from tests.planning.samples import J2_ROCK, ROCK, point, sample, scene, staged
@@ -91,6 +100,9 @@ def test_a_test_as_it_stands_tells_its_error(table):
     assert "as loading takes 2 times as long as a wave takes through the sample, and" in text
     assert "known from 3 times on; known are mesh 8 %" in text
     assert "the report will trust no part of the test" in text
+    # Targets lead the speed: nothing is known of where they are met.
+    led = replace(slow, quasi_static=QuasiStatic(kinetic=0.01))
+    assert "checks" not in "\n".join(lines_of_present(present_state(led, sample(1.0), table), None))
 
 
 def test_several_samples_of_known_shape_count_with_their_mean(table):

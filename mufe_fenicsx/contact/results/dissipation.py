@@ -16,11 +16,12 @@ class Dissipation(Stateful):
     Args:
         grain_of_point: Global grain of each point of contact of this rank, shape (num_points,).
         num_grains: Grains on all ranks; a wall is the partner ``num_grains`` + its number.
+        dents: :class:`~.dents.Dents`, which keep what they dissipate themselves.
     """
 
     STATE = {"sum": ("total", "switched")}
 
-    def __init__(self, grain_of_point, num_grains):
+    def __init__(self, grain_of_point, num_grains, dents):
         self.total = 0.0  #: by friction on this rank so far [J]
         #: Energy that springs lost so far where pairs passed to other facets and edges [J]: less
         #: than none where a point came under an edge; on this rank.
@@ -29,7 +30,7 @@ class Dissipation(Stateful):
         self.grain = np.empty(0, dtype=np.int64)  #: grain of each account
         self.partner = np.empty(0, dtype=np.int64)  #: the other grain, or the wall
         self.work = np.empty(0)  #: friction work of their points and crossings so far [J]
-        self.dents = None  #: :class:`~.dents.Dents`, once it is known whether some body yields
+        self.dents = dents
         self._grain_of_point = grain_of_point
         #: slip of each point by pairs that were dropped [m]
         self.slip_of_dropped = np.zeros(grain_of_point.size)

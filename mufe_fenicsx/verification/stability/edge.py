@@ -48,7 +48,8 @@ def forces(comm, from_edge, elements_per_radius, num_places=1):
 
 def coarsest(scatter, error):
     """Elements per radius at which the ``scatter`` at :data:`SCATTERS` falls to ``error``."""
-    return float(np.interp(-error, -np.maximum.accumulate(scatter[::-1])[::-1], SCATTERS))
+    rising = np.maximum.accumulate(scatter[::-1])  # from fine to coarse
+    return float(np.interp(error, rising, SCATTERS[::-1]))
 
 
 @case("stability-edge", num_bodies=2)
