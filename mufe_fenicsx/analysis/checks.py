@@ -207,8 +207,8 @@ def check_trust(history, mass=None):
             by_time = turns_back(history) or tool_load(history) is not None
             before = "time" if by_time else "strain"
             text = (
-                f"Trusted from {where(history, trust.row)} on. The {ratio(trust.share)} of the "
-                f"{before} before is dynamic: {ratios}."
+                f"Trusted from {where(history, trust.row)} on. Before, in {ratio(trust.share)} of "
+                f"the {before}, {100 * trust.missed:.3g}% of the rows are dynamic: {ratios}."
             )
     text += f" Targets: {targets}."
     passed = not failed and trust.share <= UNTRUSTED

@@ -106,6 +106,7 @@ class Trust:
     share: float  #: part of the loading before that row, see :func:`~.rows.course`; 1: all
     kinetic: float  #: largest ratio of the energies before it, as judged; nan: nothing is before
     unbalanced: float  #: the same of the forces
+    missed: float  #: part of the rows before it with a ratio where one is beyond its limit
 
 
 def trusted_from(history, mass=None):
@@ -128,13 +129,15 @@ def trusted_from(history, mass=None):
     unbalanced[force < UNLOADED * np.maximum.accumulate(force)] = np.nan
     with np.errstate(invalid="ignore"):
         missed = np.flatnonzero((kinetic > KINETIC) | (unbalanced > UNBALANCED))
-    first = missed[-1] + 1 if missed.size else 0
+    first = int(missed[-1]) + 1 if missed.size else 0
+    known = np.isfinite(kinetic) | np.isfinite(unbalanced)
+    dynamic = missed.size / max(int(known[:first].sum()), 1)
     loaded = force >= UNLOADED * max(force.max(initial=0.0), 0.0)
-    if not (loaded & (np.isfinite(kinetic) | np.isfinite(unbalanced)))[first:].any():
-        return Trust(None, 1.0, largest(kinetic), largest(unbalanced))
+    if not (loaded & known)[first:].any():
+        return Trust(None, 1.0, largest(kinetic), largest(unbalanced), dynamic)
     row = int(rows[first])
     before = largest(kinetic[:first]), largest(unbalanced[:first])
-    return Trust(row, float(course(history)[row]), *before)
+    return Trust(row, float(course(history)[row]), *before, dynamic)
 
 
 def mean_of_recent(values, time, window):

@@ -110,7 +110,12 @@ def run(
         after=after,
     )
     measured = result.get("profile")
-    printer.summary({name: value for name, value in result.items() if name != "profile"})
+    fine = result.get("contact_resolution")
+    printer.summary(
+        {name: value for name, value in result.items() if name != "profile"}
+        | {"elements_per_radius": fine and fine["half"]}
+        | {"all_hold_from": result["holds_from"]["all"]}
+    )
     if measured:
         from ..run.profile import profile_rows
 

@@ -20,7 +20,18 @@ def test_a_test_that_is_quasi_static_from_the_start():
     history = fake_history()
     trust = trusted_from(history)
     assert history["strain"][trust.row] == 0.0 and trust.share == 0.0
-    assert np.isnan(trust.kinetic)  # there is nothing before
+    assert np.isnan(trust.kinetic) and trust.missed == 0.0  # there is nothing before
+
+
+def test_one_late_slip_is_told_from_a_dynamic_test():
+    """Nothing before it is trusted, but one row of those is dynamic."""
+    history = fake_history()
+    slip = 3 * len(history["step"]) // 4
+    set_kinetic(history, np.where(np.arange(len(history["step"])) == slip, 2 * KINETIC, 0.0))
+    trust = trusted_from(history)
+    loaded = (history["stage"] != "seating") & (history["elastic"] + history["plastic"] > 0)
+    before = np.count_nonzero(loaded[: slip + 1])
+    assert trust.row == slip + 1 and trust.missed == pytest.approx(1 / before, rel=ROUND_OFF)
 
 
 def test_a_dynamic_first_half_is_found():
