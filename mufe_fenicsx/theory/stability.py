@@ -297,3 +297,29 @@ def from_edge_for(error):
     """x/a at which the part ``error`` of the force of :func:`force_by_edge` is missing."""
     p = 1 - error
     return p / (3 * np.pi * (1 - p ** (2 / 3)))
+
+
+def scatter_of_rough_force(unevenness, elements_per_radius, conformity):
+    """Scatter of the force of a contact on surfaces that are uneven by points, over the force.
+
+    Each of N points of the contact has a gap that is off by s by chance. Of P ∝ d^(3/2), d = a²/R',
+    that leaves
+
+        (3/2) s/(d √N_e),   N_e = N (mean p)²/(mean p²) = 8/9 N
+
+    by the ellipsoid of pressures. Facets of the edge h and the area √3 h²/4 on both sides have
+    N = 2 π a²/(√3 h²/4) points. All is the first order in s: no point opens.
+
+    Args:
+        unevenness: s R/h² of the gap, R the radius of the surfaces [-].
+        elements_per_radius: a/h [-].
+        conformity: R'/R, 1/R' being the curvature of the gap [-].
+    """
+    points = 8 / 9 * 8 * np.pi / np.sqrt(3) * elements_per_radius**2
+    off = unevenness * conformity / elements_per_radius**2
+    return 1.5 * off / np.sqrt(points)
+
+
+def conformity_for(error, unevenness, elements_per_radius):
+    """R'/R at which :func:`scatter_of_rough_force` is ``error``."""
+    return error / scatter_of_rough_force(unevenness, elements_per_radius, 1.0)

@@ -60,6 +60,7 @@ CHEAP = [
     ("rolling", {"elements_per_radius": 2, "periods": 12}, "slow"),
     ("stability-close-contacts", {}, "slow"),
     ("stability-edge", {}, "slow"),
+    ("stability-conforming", {}, "slow"),
     ("rigid-top", {"turns": 20}, ""),
     ("rigid-rolling", {}, ""),
     ("rigid-impact", {}, ""),

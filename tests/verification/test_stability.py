@@ -172,6 +172,20 @@ def test_the_force_of_three_contacts_is_that_of_hertz_and_boussinesq():
     assert theory.force_by_edge(theory.from_edge_for(0.05)) == pytest.approx(0.95, abs=1e-12)
 
 
+def test_uneven_gaps_scatter_forces_as_independent_points_do():
+    """Σ w g of points with random gaps g of 1 and the weights w of Hertz's pressure."""
+    n, rng = 3.0, np.random.default_rng(1)
+    count = round(8 * np.pi / math.sqrt(3) * n**2)  # of facets with the edge 1/n on both sides
+    weight = np.sqrt(1 - (np.arange(count) + 0.5) / count)  # even in r²
+    weight /= weight.sum()
+    sums = rng.standard_normal((20000, count)) @ weight
+    # An unevenness n² s of gaps that are 1 deep is s.
+    found = theory.scatter_of_rough_force(n**2, n, 1.0)
+    assert found == pytest.approx(1.5 * sums.std(), rel=0.02)  # 4 of 1/√(2 × 20000)
+    limit = theory.conformity_for(0.05, 0.01, n)
+    assert theory.scatter_of_rough_force(0.01, n, limit) == pytest.approx(0.05, rel=1e-12)
+
+
 def test_contacts_on_one_facet_move_each_other_less_than_those_of_several():
     """Tips 0.3 and 1 edge apart; a mesh moves a contact by others no more than by itself."""
     near, far = (

@@ -7,6 +7,7 @@ from ..case import by_name
 from . import (
     between_points,
     close_contacts,
+    conforming,
     edge,
     friction,
     incompressible,
@@ -31,6 +32,7 @@ STABILITY = by_name(
     between_points.between_points,
     close_contacts.close_contacts,
     edge.edge,
+    conforming.conforming,
     friction.friction_limits,
     speed.loading_speed,
     speed.added_mass,

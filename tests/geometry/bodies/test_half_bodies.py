@@ -6,6 +6,7 @@ import pytest
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.half_cylinder import half_cylinder
 from mufe_fenicsx.geometry.bodies.half_ellipsoid import half_ellipsoid
+from mufe_fenicsx.geometry.bodies.hollow import DEPTH, HALF_WIDTH, HEIGHT, hollow
 
 H, GROWTH, FINE = 0.02, 0.3, 0.04
 
@@ -62,7 +63,25 @@ def test_half_cylinder_that_is_fine_along_its_line():
         assert H < edges_near(points, cells, [x, 0.0, 1.0]) < 1.35 * H
 
 
+def test_a_hollow_has_its_volume_and_its_lowest_point():
+    points, cells = hollow(1.0, H, GROWTH, FINE)
+    V = volumes(points, cells)
+    cap = np.pi * DEPTH**2 * (1 - DEPTH / 3)
+    assert V.min() > 0
+    # The facets of the hollow enclose its volume, but for the next order of h, R/2 at the rim.
+    assert V.sum() == pytest.approx(4 * HALF_WIDTH**2 * (HEIGHT + DEPTH) - cap, abs=0.02 * cap)
+    assert points[:, 2].min() == 0.0
+    near = np.abs(np.linalg.norm(points - [0, 0, HEIGHT + 1], axis=1) - 1) < H**2 / 2
+    lowest = points[near & (np.hypot(points[:, 0], points[:, 1]) < FINE)]
+    # Nodes lie behind the sphere, so that facets cut through it.
+    outside = np.linalg.norm(lowest - [0, 0, HEIGHT + 1], axis=1) - 1
+    assert len(lowest) > 10 and outside.min() > 0 and outside.max() < H**2 / 4
+    assert H < edges_near(points, cells, [0, 0, HEIGHT]) < 1.35 * H
+
+
 def test_bad_sizes_are_refused():
+    with pytest.raises(InputError, match="radius of hollow = -1"):
+        hollow(-1.0, H, GROWTH, FINE)
     with pytest.raises(InputError, match="length of half cylinder = 0"):
         half_cylinder(1.0, 0.0, H)
     with pytest.raises(InputError, match="semi-axis of half ellipsoid = -1"):
