@@ -4,7 +4,7 @@ A checkpoint is the folder ``checkpoints/step-000012345`` of a run: a file ``ran
 each rank with the tables of its grains, and ``manifest.json`` with what all ranks have in
 common, sizes and checksums of these files. It is written beside under another name, brought to
 the disk, and then renamed: a folder without that name's end ``.part`` is complete. The last two
-are kept.
+are kept, and those that a retry may go back to.
 
 Tables have a column ``grain``: any number of ranks can read them, each the rows of its grains.
 """
@@ -51,9 +51,14 @@ class CheckpointWriter:
     def __init__(self, comm, folder):
         self.comm, self.folder = comm, Path(folder) / "checkpoints"
         self.last = None  #: folder of the last one, if any
+        self._held = ""  # name of the newest of those that stay
+
+    def hold(self, checkpoint):
+        """Keep a :class:`Checkpoint` and those before it for the rest of this run; None: none."""
+        self._held = "" if checkpoint is None else checkpoint.path.name
 
     def write(self, step, tables, own, header):
-        """Write one, and remove all but the last two.
+        """Write one, and remove all but the last two and those held.
 
         Args:
             step: Number of time steps so far.
@@ -102,7 +107,8 @@ class CheckpointWriter:
             shutil.rmtree(path)
         os.rename(part, path)
         _sync_folder(self.folder)
-        for old in sorted(_folders(self.folder))[:-NUM_KEPT]:
+        free = sorted(p for p in _folders(self.folder) if p.name > self._held)
+        for old in free[:-NUM_KEPT]:
             _remove(old)
 
     def remove_after(self, checkpoint):

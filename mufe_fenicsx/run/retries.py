@@ -61,6 +61,8 @@ class Recovery:
         elif self._used is not None:
             found = find_checkpoint(self.comm, self.folder, before=self._used)
         self._used, self._failed_at = found, max(time, self._failed_at)
+        # The trouble may be older still: what lies before stays until then.
+        checkpoints.hold(found)
         step = found.header["step"] if found else 0
         self.done.append(
             {

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from mufe_fenicsx.errors import SolverError
 from mufe_fenicsx.explicit.simulation import Simulation
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.output.checkpoint import CheckpointWriter
 from mufe_fenicsx.output.fields import read_states
 from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.run.retries import Recovery
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene, Solver
 from tests.bodies import RADIUS, packed_grains
@@ -112,6 +115,35 @@ def test_results_after_a_retry_from_the_start_are_those_that_a_resume_counts(fol
     assert whole["finished"] and whole["retries"][0]["from_step"] == 0
     run(folder, "parts", given, max_steps=whole["num_steps"] - 5)
     assert run(folder, "parts", given, resume=True)["num_steps"] == whole["num_steps"]
+
+
+@pytest.mark.mpi
+def test_a_retry_that_fails_earlier_goes_back_to_the_checkpoint_before(folder):
+    """However many were written since it began."""
+    checkpoints = CheckpointWriter(COMM, folder)
+    recovery = Recovery(COMM, folder, Solver(retries=3), quiet=True)
+
+    def write(*steps):
+        for step in steps:
+            table = {"grain": np.empty(0, dtype=int)}
+            checkpoints.write(step, {"nodes": table}, {}, {})
+
+    def fail(time):
+        state = SimpleNamespace(t=time, num_steps=round(10 * time))
+        found = recovery.answer("it grows", SimpleNamespace(state=state), checkpoints).checkpoint
+        checkpoints.remove_after(found)
+        return found and found.header["step"]
+
+    write(10, 20, 30)
+    assert fail(3.5) == 30
+    write(31, 32, 33)
+    assert fail(3.4) == 20
+    write(21, 22, 23)
+    assert fail(2.4) is None
+    write(1, 2, 3)
+    COMM.Barrier()
+    names = sorted(path.name for path in (folder / "checkpoints").iterdir())
+    assert names == ["step-000000002", "step-000000003"]
 
 
 @pytest.mark.mpi
