@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...contact.surface.bulges import bulges_of, height
+from ...contact.surface.bulges import height
 from ...geometry.bodies.half_ball import half_ball
 from ...geometry.bodies.hollow import HEIGHT, hollow
 from ...materials.elastic import Elastic
@@ -57,7 +57,7 @@ def unevenness(both, conformity):
     own, mesh, x = s.contact.own, s.mesh, s.mesh.x
     facets = own.nodes[own.facets]
     middle = x[facets].mean(axis=1) @ FRAME
-    off = height(bulges_of(own, x[own.nodes]).bulge, np.full(3, 1 / 3))
+    off = height(s.contact.layers.smooth.bulge, np.full(3, 1 / 3))
     near = np.linalg.norm(middle, axis=1) < A
     of_ball = mesh.grains[mesh.grain_of_node[facets[:, 0]]] == 1
     square = 0.0
