@@ -27,11 +27,12 @@ typedef struct {
 } strength_type;
 
 /* What a pair has to flow: its place, whether its point is a vertex, m of the law, mean edge,
-   compliance of both layers, and mean curvature of the gap. */
+   compliance of both layers, mean curvature of the gap, and area of the facet around the point over
+   that of the reference, to which the stiffness belongs. */
 typedef struct {
   int64_t pair;
   int is_tip;
-  double m, edge, layers, bend;
+  double m, edge, layers, bend, stretch;
 } flowing_type;
 
 /* Yield stress at a plastic strain, constant beyond the table, and its slope. */
@@ -53,6 +54,13 @@ static double depth_of(double over, double m) {
     if (fabs(change) <= 1e-3 * CLOSE * d) break;
   }
   return d;
+}
+
+/* Area of the facet around a point over that of the reference; of a vertex 1. */
+INLINE double stretch_of(const int32_t *corner, int is_tip, const double *x, double reference) {
+  if (is_tip) return 1.0;
+  const vec3 a = at(x, corner[0]), e1 = minus(at(x, corner[1]), a), e2 = minus(at(x, corner[2]), a);
+  return 0.5 * length(cross(e1, e2)) / reference;
 }
 
 /* Largest dent, with the radius of its circle h/√2: what is wider is for the elements beneath. */
@@ -87,7 +95,7 @@ static double borne(const strength_type *of, flowing_type q, double b, double *s
   if (!isfinite(weaker)) return INFINITY;
   double part = 1.0, by_dent = 0.0;
   if (q.is_tip) part = tip(b / most_dent, &by_dent);
-  const double scale = MEAN_PRESSURE * q.layers;
+  const double scale = MEAN_PRESSURE * q.layers * q.stretch;
   if (b > 0.0)
     *slope = scale * (part * by_strain * of_dent / (2.0 * b) + by_dent / most_dent * weaker);
   return scale * part * weaker;

