@@ -45,7 +45,8 @@ def grain_energy(
     """Energies of grains of one material.
 
     Elastic: s:s/4G of the deviator and K (J ln J - J + 1) of the volume ratio J, which an element
-    takes as its own, as the mean at its nodes ("averaged") or that of its family. Kinetic: with a
+    takes as its own, as the mean at its nodes ("averaged") or that of its family; in these two
+    G (ln J)^4/4 of its own besides (kernels.solid). Kinetic: with a
     quarter of the mass of a tetrahedron at each of its nodes, without added mass.
 
     Args:
@@ -76,6 +77,8 @@ def grain_energy(
     square -= stress[:, :3].sum(axis=1) ** 2 / 3
     # s is the Cauchy deviator; what belongs to the first volume is that of J s.
     elastic = total(now**2 / before * square / (4 * G))
+    if element != "p1":
+        elastic += total(0.25 * G * before * np.log(now / before) ** 4)
     if element == "averaged":
         ratio = _ratio_at_nodes(cells, before, now, len(reference))
         density = (K * volume_energy(ratio))[cells].mean(axis=1)

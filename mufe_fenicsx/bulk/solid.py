@@ -83,8 +83,7 @@ class Solid(ForceTerm):
         self.mass = lumped_mass(mesh, np.array([m.rho for m in materials]))
 
         x = mesh.x
-        edges = x[mesh.cells[:, 1:]] - x[mesh.cells[:, :1]]
-        self.volume0 = np.linalg.det(edges) / 6
+        self.volume0 = np.empty(mesh.num_cells)
         self.pressure = np.zeros(max(mesh.num_nodes, mesh.num_cells))
         _compile_once(mesh.comm)
         self.kernel = InternalForces(
@@ -211,7 +210,7 @@ class Solid(ForceTerm):
         elastic_energy(
             energy, state.deviator, state.x, m.cells, self.volume0, self.grains, m.cell_offset,
             m.nodes, m.node_offset, self.kernel.node_volume0, volume, self.bulk,
-            self.hyperelastic.quadratic_shear, ELEMENTS[self.element],
+            self.shear, self.hyperelastic.quadratic_shear, ELEMENTS[self.element],
         )  # fmt: skip
         self.hyperelastic.add_energy(energy, state.x)
         return energy

@@ -4,14 +4,15 @@ The forces are those of the time steps, kernels.solid: deviator t of the Kirchho
 midpoint increment with rotation and radial return, mean stress p = K ln J of nodes, elements or
 composites. Written in the reference configuration, for one increment from u0 to u,
 
-    r(u; v) = ∫ (t + J p I) F⁻ᵀ : grad v dX,    F = I + grad u,  J = det F,
+    r(u; v) = ∫ (t + (J p + G (ln J)³) I) F⁻ᵀ : grad v dX,    F = I + grad u,  J = det F,
     L = grad(u - u0) (I + grad (u0 + u)/2)⁻¹,   h = G dev sym L,   Q = skew L / 2,
     R = I + 2/(1 + |q|²) (Q + Q Q),             t_trial = R (t0 + h) Rᵀ + h,
     t = (1 - 3 G dp/m) t_trial,                 m = √(3/2 t_trial : t_trial),
 
-q the axial vector of Q. UFL differentiates this, which gives the consistent tangent (J. C. Simo,
-R. L. Taylor, Comput. Methods Appl. Mech. Eng. 48, 1985, 101-118) with all derivatives of the
-rotation. dp is a line in m and p through the increment that the law gave, with the law's slopes.
+q the axial vector of Q; plain elements have no (ln J)³. UFL differentiates this, which gives the
+consistent tangent (J. C. Simo, R. L. Taylor, Comput. Methods Appl. Mech. Eng. 48, 1985, 101-118)
+with all derivatives of the rotation. dp is a line in m and p through the increment that the law
+gave, with the law's slopes.
 
 A neo-Hookean grain has t = G J^(-2/3) dev F Fᵀ instead (kernels.neo_hooke).
 
@@ -85,7 +86,7 @@ class SolidTangent:
         weight = ufl.TestFunction(volumes)
 
         def forces(v):
-            return _internal_work(v, u, u0, self._law) * ufl.dx
+            return _internal_work(v, u, u0, self._law, solid.element != "p1") * ufl.dx
 
         J = ufl.det(ufl.Identity(3) + ufl.grad(u))
         self.residual = compiled_form(forces(test))
@@ -206,12 +207,13 @@ def _values_of(matrix, form):
     return _local_rows(matrix)[2]
 
 
-def _internal_work(v, u, u0, of):
-    """(t + J p I) F⁻ᵀ : grad v, with the names of the module's docstring.
+def _internal_work(v, u, u0, of, stabilised):
+    """(t + (J p + G (ln J)³) I) F⁻ᵀ : grad v, with the names of the module's docstring.
 
     Args:
         v, u, u0: Test function, displacement now and at the start of the increment.
         of: :class:`_Increment`.
+        stabilised: Whether there is (ln J)³.
     """
     one, grad, s, shear = ufl.Identity(3), ufl.grad, of.stress, of.shear
     F = one + grad(u)
@@ -226,4 +228,6 @@ def _internal_work(v, u, u0, of):
     if of.neo_hookean is not None:
         of_stretch = shear * ufl.det(F) ** (-2.0 / 3.0) * ufl.dev(F * F.T)
         t = (1.0 - of.neo_hookean) * t + of.neo_hookean * of_stretch
-    return ufl.inner((t + ufl.det(F) * of.mean * one) * ufl.inv(F).T, grad(v))
+    J = ufl.det(F)
+    mean = J * of.mean + (shear * ufl.ln(J) ** 3 if stabilised else 0.0)
+    return ufl.inner((t + mean * one) * ufl.inv(F).T, grad(v))

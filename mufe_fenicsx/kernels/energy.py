@@ -39,15 +39,18 @@ def _volume_energy(J):
 
 @numba.njit(cache=True)
 def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nodes, node_offset,
-                   node_volume0, volume, bulk, shear, element):  # fmt: skip
+                   node_volume0, volume, bulk, shear, quadratic_shear, element):  # fmt: skip
     """Elastic energy of each grain [J], in place.
 
-    t:t/4G over the first volume, t = J s, and K (J ln J - J + 1), J as the ``element`` takes it.
+    t:t/4G over the first volume, t = J s, and K (J ln J - J + 1), J as the ``element`` takes it;
+    where it takes that of several tetrahedra, G (ln J)^4/4 of each one besides.
 
     Args:
         energy: Result, shape (num_grains,).
         deviator: Deviator of the Kirchhoff stress [Pa], shape (num_cells, 6).
         volume: Current volumes around nodes [m³], shape (num_nodes,).
+        quadratic_shear: G of t:t/4G [Pa], inf where the deviator stores energy in another way,
+            shape (num_grains,).
         others: As in :func:`~mufe_fenicsx.kernels.solid.add_internal_forces`.
     """
     for g in grains:
@@ -63,7 +66,9 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
                 )
             s = deviator[e]
             ss = s[0] ** 2 + s[1] ** 2 + s[2] ** 2 + 2.0 * (s[3] ** 2 + s[4] ** 2 + s[5] ** 2)
-            total += volume0[e] * ss / (4.0 * shear[g])
+            total += volume0[e] * ss / (4.0 * quadratic_shear[g])
+            if element != PLAIN:
+                total += 0.25 * volume0[e] * shear[g] * math.log(det / (6.0 * volume0[e])) ** 4
             if element == COMPOSITE:
                 now += det / 6.0
                 before += volume0[e]

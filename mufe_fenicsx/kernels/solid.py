@@ -24,6 +24,13 @@ volume of the elements around it, and an element takes the mean of its four
 nodes (J. Bonet, A. J. Burton, Commun. Numer. Methods Eng. 14, 1998, 437-449).
 These forces derive from the energy sum_a V_a K (J_a ln J_a - J_a + 1).
 
+A mean does not see how an element shares its volume with its neighbours. The deviator resists that,
+but where it flows an element can shrink to nothing while the volumes at its nodes stay. So elements
+that have a mean carry the mean stress G (ln J)^3/J of their own J besides, from the energy
+sum V G (ln J)^4/4. It is nothing at small strains, where a stiffness like that of M. A. Puso, J.
+Solberg (Int. J. Numer. Methods Eng. 67, 2006, 841-867) would lock, and without bound towards J = 0.
+What the flow stress Y can do to an element ends at ln J = (Y/G)^(1/3).
+
 In a composite tetrahedron J is that of its ``PARTS`` linear ones together, which stand one
 after the other (Y. Guo, M. Ortiz, T. Belytschko, E. A. Repetto, Int. J. Numer. Methods Eng. 47,
 2000, 287-316; P. Thoutireddy, J. F. Molinari, E. A. Repetto, M. Ortiz, 53, 2002, 1337-1351):
@@ -84,7 +91,7 @@ class InternalForces:
 
     Args:
         cells: Nodes of the elements, those of a grain together, int32, shape (num_cells, 4).
-        volume0: First volumes of the elements [m³], shape (num_cells,).
+        volume0: Written: first volumes of the elements [m³], shape (num_cells,).
         cell_offset: First element of each grain, int64, shape (num_grains + 1,).
         first_node, num_nodes: First node of each grain, whose nodes are numbered in a row, and
             their number, shape (num_grains,).
@@ -114,8 +121,9 @@ class InternalForces:
                 (aligned(SCRATCH * largest + BESIDES), real), (pressure, real),
             )
         ]  # fmt: skip
-        if arrays[-1] is not pressure:
-            raise ValueError(f"pressure: {pressure.dtype}, expected contiguous float64")
+        for name, array, at in (("volume0", volume0, 1), ("pressure", pressure, -1)):
+            if arrays[at] is not array:
+                raise ValueError(f"{name}: {array.dtype}, expected contiguous float64")
         self._pointers = Pointers(*((array, array.dtype) for array in arrays))
         self._model = self._pointers.table
         self._row, self._element = parameters.shape[1], element
@@ -126,6 +134,9 @@ class InternalForces:
         self._volumes, self._num_grains = library.mufe_nodal_volumes, first_node.size
         self._volumes.argtypes = [pointer, pointer, pointer, integer]
         self._volumes.restype = None
+        of_elements = library.mufe_volumes
+        of_elements.argtypes, of_elements.restype = self._volumes.argtypes, None
+        of_elements(self._model, address(volume0), self._at_first, self._num_grains)
         self.nodal_volumes(self.node_volume0, x)
         self._stiffness = load("tets_stiffness").mufe_add_stiffness
         self._stiffness.argtypes = [*[pointer] * 5, integer, integer]

@@ -261,6 +261,10 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element, int
 
   /* Forces on nodes b, c, d: Cauchy stress times gradient times volume. */
   vec share = (1.0 / 6.0) * volume0 / volume, p = (1.0 / 6.0) * mean;
+  if (element != PLAIN) {
+    const vec strain = logarithm(volume / volume0);
+    p += share * g->shear * strain * strain * strain;
+  }
   sxx = share * sxx + p, syy = share * syy + p, szz = share * szz + p;
   sxy *= share, syz *= share, sxz *= share;
   vec f1x = sxx * h1x + sxy * h1y + sxz * h1z, f1y = sxy * h1x + syy * h1y + syz * h1z;
@@ -329,6 +333,11 @@ INLINE vec six_volumes(const grain_type *g, int64_t e, int count) {
          e1[2] * (e2[0] * e3[1] - e2[1] * e3[0]);
 }
 
+/* Positions of a grain's nodes, packed. */
+INLINE void pack(node_type *node, const double *x, int64_t num_nodes) {
+  for (int64_t n = 0; n < num_nodes; n++, x += 3) node[n].x = (v4){x[0], x[1], x[2], 0.0};
+}
+
 /* Volumes around the nodes of a grain, the first of which is ``first``. */
 INLINE void nodal_volumes(const grain_type *g, int64_t num_cells, double *volume,
                           int64_t num_nodes, int64_t first) {
@@ -388,14 +397,29 @@ INLINE void composite_pressure(const grain_type *g, int64_t num_cells) {
   }
 }
 
+/* Volumes of all elements, by the same products as in each step: at rest their ratio is one. */
+void mufe_volumes(const model_type *m, double *volume, const double *x, int64_t num_grains) {
+  node_type *node = (node_type *)m->scratch;
+  for (int64_t i = 0; i < num_grains; i++) {
+    const int64_t first = m->first_node[i], begin = m->cell_offset[i];
+    const int64_t num_cells = m->cell_offset[i + 1] - begin;
+    pack(node, x + 3 * first, m->num_nodes[i]);
+    const grain_type grain = {.node = node - first, .cells = m->cells + 4 * begin};
+    for (int64_t e = 0; e < num_cells; e += LANES) {
+      const int count = num_cells - e < LANES ? (int)(num_cells - e) : LANES;
+      const vec found = (1.0 / 6.0) * six_volumes(&grain, e, count);
+      for (int k = 0; k < count; k++) volume[begin + e + k] = found[k];
+    }
+  }
+}
+
 /* Volumes around all nodes, by the same sums as in each step: at rest their ratio is one. */
 void mufe_nodal_volumes(const model_type *m, double *volume, const double *x, int64_t num_grains) {
   node_type *node = (node_type *)m->scratch;
   for (int64_t i = 0; i < num_grains; i++) {
     const int64_t first = m->first_node[i], num_nodes = m->num_nodes[i];
     const int64_t begin = m->cell_offset[i], count = m->cell_offset[i + 1] - begin;
-    const double *xn = x + 3 * first;
-    for (int64_t n = 0; n < num_nodes; n++, xn += 3) node[n].x = (v4){xn[0], xn[1], xn[2], 0.0};
+    pack(node, x + 3 * first, num_nodes);
     const grain_type grain = {.node = node - first, .cells = m->cells + 4 * begin};
     nodal_volumes(&grain, count, volume + first, num_nodes, first);
   }

@@ -73,6 +73,13 @@ INLINE void resist(const grain_type *g, int64_t e, int count, int element, doubl
     for (int i = 0; i < LANES; i++) p[i] = g->volume0[e + (i < count ? i : count - 1)];
     p = g->bulk * trace / (6.0 * p);
   }
+  if (element != PLAIN) {
+    vec J;
+    for (int i = 0; i < LANES; i++) J[i] = g->volume0[e + (i < count ? i : count - 1)];
+    J = det / (6.0 * J);
+    const vec strain = logarithm(J);
+    p += 3.0 * g->shear * strain * strain / J * trace / det;
+  }
   vec G = (1.0 / 3.0) * g->shear / det;
   vec diagonal = (1.0 / 6.0) * p - (1.0 / 3.0) * G * trace;
   vec txx = G * l[0][0] + diagonal, tyy = G * l[1][1] + diagonal, tzz = G * l[2][2] + diagonal;
