@@ -219,25 +219,35 @@ class Solid(ForceTerm):
         """Plastic work of each grain's cells so far [J], shape (num_grains,). Local."""
         return np.add.reduceat(state.plastic_work, self.mesh.cell_offset[:-1])
 
-    def mean_stress(self, cells=slice(None)):
-        """Mean Cauchy stress of ``cells`` [Pa], tension positive, shape (num_cells,). Local."""
+    def shared_mean_stress(self, cells=slice(None)):
+        """That of nodes or composites, which ``cells`` share [Pa], shape (num_cells,). Local."""
         if self.element == "averaged":
             return self.pressure[self.mesh.cells[cells]].mean(axis=1)
         return self.pressure[: self.mesh.num_cells][cells].copy()
+
+    def mean_stress(self, state, cells=slice(None)):
+        """Mean Cauchy stress of ``cells`` [Pa], tension positive, shape (num_cells,). Local."""
+        mean = self.shared_mean_stress(cells)
+        if self.element == "p1":
+            return mean
+        J = self._volume_ratio(state, cells)
+        return mean + self.shear[self.mesh.grain_of_cell[cells]] * np.log(J) ** 3 / J
+
+    def _volume_ratio(self, state, cells):
+        x = state.x[self.mesh.cells[cells]]
+        return np.linalg.det(x[:, 1:] - x[:, :1]) / (6 * self.volume0[cells])
 
     def deviator(self, state, cells=slice(None)):
         """Deviator of the Cauchy stress of ``cells`` [Pa], xx yy zz xy yz xz. Local.
 
         Shape (num_cells, 6).
         """
-        x = state.x[self.mesh.cells[cells]]
-        J = np.linalg.det(x[:, 1:] - x[:, :1]) / (6 * self.volume0[cells])
-        return state.deviator[cells] / J[:, None]
+        return state.deviator[cells] / self._volume_ratio(state, cells)[:, None]
 
     def stress(self, state, cells=slice(None)):
         """Cauchy stress of ``cells`` [Pa], xx yy zz xy yz xz, shape (num_cells, 6). Local."""
         stress = self.deviator(state, cells)
-        stress[:, :3] += self.mean_stress(cells)[:, None]
+        stress[:, :3] += self.mean_stress(state, cells)[:, None]
         return stress
 
     def failure(self, state, worst, inverted=-1):

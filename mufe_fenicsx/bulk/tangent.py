@@ -148,7 +148,7 @@ class SolidTangent:
         increment = state.plastic_strain - strain0
         shear = solid.shear[mesh.grain_of_cell]
         trial = von_mises(state.deviator) + 3.0 * shear * increment
-        mean = solid.mean_stress()
+        mean = solid.shared_mean_stress()
         by_trial, by_mean = np.zeros(mesh.num_cells), np.zeros(mesh.num_cells)
         for law, grains in solid.laws:
             slopes = law_slopes if law is plastic_increment else law_slopes_of(law)

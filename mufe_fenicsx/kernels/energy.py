@@ -4,7 +4,7 @@ import math
 
 import numba
 
-from .solid import AVERAGED, COMPOSITE, PARTS, PLAIN
+from .solid import AVERAGED, COMPOSITE, PARTS, PLAIN, cofactors
 
 
 @numba.njit(cache=True)
@@ -37,6 +37,12 @@ def _volume_energy(J):
     return J * math.log1p(d) - d
 
 
+@numba.njit(cache=True, inline="always")
+def _volume(x, cell):
+    """Volume of a tetrahedron [m³]."""
+    return cofactors(x, cell[0], cell[1], cell[2], cell[3])[9] / 6.0
+
+
 @numba.njit(cache=True)
 def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nodes, node_offset,
                    node_volume0, volume, bulk, shear, quadratic_shear, element):  # fmt: skip
@@ -56,27 +62,20 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
     for g in grains:
         total = now = before = 0.0
         for e in range(cell_offset[g], cell_offset[g + 1]):
-            a = cells[e, 0]
-            det = 0.0
-            for i in range(3):
-                j, k = (i + 1) % 3, (i + 2) % 3
-                det += (x[cells[e, 1], i] - x[a, i]) * (
-                    (x[cells[e, 2], j] - x[a, j]) * (x[cells[e, 3], k] - x[a, k])
-                    - (x[cells[e, 2], k] - x[a, k]) * (x[cells[e, 3], j] - x[a, j])
-                )
+            volume_of_cell = _volume(x, cells[e])
             s = deviator[e]
             ss = s[0] ** 2 + s[1] ** 2 + s[2] ** 2 + 2.0 * (s[3] ** 2 + s[4] ** 2 + s[5] ** 2)
             total += volume0[e] * ss / (4.0 * quadratic_shear[g])
             if element != PLAIN:
-                total += 0.25 * volume0[e] * shear[g] * math.log(det / (6.0 * volume0[e])) ** 4
+                total += 0.25 * volume0[e] * shear[g] * math.log(volume_of_cell / volume0[e]) ** 4
             if element == COMPOSITE:
-                now += det / 6.0
+                now += volume_of_cell
                 before += volume0[e]
                 if (e + 1 - cell_offset[g]) % PARTS == 0:
                     total += before * bulk[g] * _volume_energy(now / before)
                     now = before = 0.0
             elif element == PLAIN:
-                total += volume0[e] * bulk[g] * _volume_energy(det / (6.0 * volume0[e]))
+                total += volume0[e] * bulk[g] * _volume_energy(volume_of_cell / volume0[e])
         if element == AVERAGED:
             for i in range(node_offset[g], node_offset[g + 1]):
                 n = nodes[i]
@@ -85,23 +84,27 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
 
 
 @numba.njit(cache=True)
-def add_normal_stresses(total, deviator, pressure, averaged, cells, volume0, grains, cell_offset):
+def add_normal_stresses(
+    total, deviator, pressure, element, x, cells, volume0, shear, grains, cell_offset
+):
     """Add Σ σ V of the elements of some grains, xx yy zz [J], to ``total``, shape (3,), in place.
 
     Args:
         deviator: Deviator of the Kirchhoff stress [Pa], shape (num_cells, 6).
-        pressure: Mean stress of nodes where ``averaged``, else of elements [Pa].
-        averaged: Whether an element takes the mean of its nodes.
+        pressure: Mean stress of nodes where ``AVERAGED``, else of elements [Pa].
+        element, x, shear: As in :func:`elastic_energy`.
         cells, volume0, grains, cell_offset: As in :func:`elastic_energy`. Mean stresses act on the
             first volumes, which are those of now but for the strain of volume.
     """
     for g in grains:
         for e in range(cell_offset[g], cell_offset[g + 1]):
-            if averaged:
+            if element == AVERAGED:
                 mean = 0.0
                 for i in range(4):
                     mean += 0.25 * pressure[cells[e, i]]
             else:
                 mean = pressure[e]
+            if element != PLAIN:
+                mean += shear[g] * math.log(_volume(x, cells[e]) / volume0[e]) ** 3
             for i in range(3):
                 total[i] += volume0[e] * (deviator[e, i] + mean)

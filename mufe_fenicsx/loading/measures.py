@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from ..bulk.solid import ELEMENTS
 from ..container import CYLINDER, container_of
 from ..kernels.energy import add_normal_stresses
 
@@ -154,8 +155,8 @@ class MembraneMeasures(WallMeasures):
             return np.array([min(float(stress[0]), along), along])
         m, solid, total = sim.mesh, sim.solid, np.zeros(3)
         add_normal_stresses(
-            total, sim.state.deviator, solid.pressure, solid.element == "averaged", m.cells,
-            solid.volume0, np.flatnonzero(m.is_of_sample), m.cell_offset,
+            total, sim.state.deviator, solid.pressure, ELEMENTS[solid.element], sim.state.x,
+            m.cells, solid.volume0, solid.shear, np.flatnonzero(m.is_of_sample), m.cell_offset,
         )  # fmt: skip
         total = sim.comm.allreduce(total) / -float(self.container.volume(self.lengths()))
         return np.array([0.5 * (total[0] + total[1]), total[2]])

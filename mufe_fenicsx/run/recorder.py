@@ -186,7 +186,7 @@ class Recorder:
                 "von_mises": Computed(
                     (num_cells,), lambda rows: von_mises(solid.deviator(state, rows))
                 ),
-                "pressure": Computed((num_cells,), lambda rows: -solid.mean_stress(rows)),
+                "pressure": Computed((num_cells,), lambda rows: -solid.mean_stress(state, rows)),
                 "plastic_strain": state.plastic_strain[:num_cells],
                 **({"plastic_work": Computed((num_cells,), work)} if dents.any else {}),
             },

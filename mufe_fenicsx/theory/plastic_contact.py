@@ -14,6 +14,8 @@ closed form; the formulas here are fits to axisymmetric finite elements:
   Jackson and Green with another fit of the mean pressure, 1 to 3 % from it.
 """
 
+import math
+
 import numpy as np
 
 #: Over δ/δc of onset: up to here Jackson and Green take the contact for elastic.
@@ -138,3 +140,23 @@ def _plastic_force(d, C, H):
     """Force over that of onset; H is the mean pressure of full plasticity over Y."""
     elastic = np.exp(-0.25 * d ** (5 / 12)) * d**1.5
     return elastic + 4 * H / C * (1 - np.exp(-(d ** (5 / 9)) / 25)) * d
+
+
+def forged_disc(volume, friction):
+    """Mean pressure on a thin, perfectly plastic disc between rough platens, over its yield stress.
+
+    Equilibrium of a ring, dp/dr = -2 τ/h, with p = Y at the rim and the friction τ = μ p, at most
+    the shear strength Y/√3 (E. Siebel, Stahl und Eisen 43, 1923, 1295-1298).
+
+    Args:
+        volume: Of the disc over its height cubed [-].
+        friction: μ of the platens [-].
+    """
+    radius = math.sqrt(volume / math.pi)
+    r = np.linspace(0.0, radius, 2001)
+    sticks = 1.0 / math.sqrt(3.0)
+    # Where friction slips, within x of the rim, p grows as an exponential, and then as a line.
+    x = radius - r
+    slips = math.log(max(sticks / friction, 1.0)) / (2.0 * friction) if friction else math.inf
+    p = np.exp(2.0 * friction * np.minimum(x, slips)) + 2.0 * sticks * np.maximum(x - slips, 0.0)
+    return float(2.0 * np.trapezoid(p * r, r) / radius**2)

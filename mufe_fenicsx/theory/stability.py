@@ -152,6 +152,15 @@ def necking_strain(first_yield, hardening):
     return max(1.0 - first_yield / hardening, 0.0) if hardening > 0 else 0.0
 
 
+def shared_volume(flow_stress, shear_modulus):
+    """|ln J| of an element that shares its volume with neighbours, as far as flow can drive it.
+
+    Its own mean stress G (ln J)³ resists (kernels.solid); stresses that drive it are of the order
+    of the flow stress Y: (Y/G)^(1/3).
+    """
+    return (flow_stress / shear_modulus) ** (1 / 3)
+
+
 def uniaxial_strain(stretch):
     """Pressure over E of a body with ν = 0 squeezed to λ of its length, by the program's law [-].
 
