@@ -46,7 +46,7 @@ def grain_energy(
 
     Elastic: s:s/4G of the deviator and K (J ln J - J + 1) of the volume ratio J, which an element
     takes as its own, as the mean at its nodes ("averaged") or that of its family; in these two
-    G (ln J)^4/4 of its own besides (kernels.solid). Kinetic: with a
+    G (ln J)^4/4 of its own besides, which counts where it flows (kernels.solid). Kinetic: with a
     quarter of the mass of a tetrahedron at each of its nodes, without added mass.
 
     Args:

@@ -75,9 +75,11 @@ class Solid(ForceTerm):
         self.materials = materials
         self.bulk = np.array([m.bulk_modulus for m in materials])
         self.shear = np.array([m.shear_modulus for m in materials])
+        flows = [element != "p1" and np.isfinite(m.parameters()[0]) for m in materials]
+        #: G of what keeps each element's own volume, shape (num_grains,).
+        self.own = np.where(np.array(flows, dtype=bool), self.shear, 0.0)
         self.wave_speed = np.array([m.wave_speed for m in materials])
         self.contact_modulus = np.array([m.contact_modulus for m in materials])
-        self.tangential_ratio = np.array([2 * (1 - m.nu) / (2 - m.nu) for m in materials])
         self.parameters = _rows([m.parameters() for m in materials])
         self.largest_plastic_strain = np.array([m.largest_plastic_strain for m in materials])
         self.mass = lumped_mass(mesh, np.array([m.rho for m in materials]))
@@ -88,8 +90,8 @@ class Solid(ForceTerm):
         _compile_once(mesh.comm)
         self.kernel = InternalForces(
             mesh.cells, self.volume0, mesh.cell_offset, mesh.nodes[mesh.node_offset[:-1]],
-            np.diff(mesh.node_offset), self.bulk, self.shear, self.parameters, self.pressure,
-            ELEMENTS[element], x,
+            np.diff(mesh.node_offset), self.bulk, self.shear, self.own, self.parameters,
+            self.pressure, ELEMENTS[element], x,
         )  # fmt: skip
         self.inverted = -1  #: an element of this rank that turned inside out, or -1
         #: Grains that deform now or later, shape (num_deformable,).
@@ -97,6 +99,11 @@ class Solid(ForceTerm):
         self.first_time_step = self.element_time_step(x)
         self.hyperelastic = NeoHookeanGrains(self, [m.hyperelastic for m in materials])
         self.set_deforming(np.flatnonzero([not isinstance(m, Rigid | Auto) for m in materials]))
+
+    @property
+    def tangential_ratio(self):
+        """Tangential over normal stiffness of contacts of the grains (Mindlin), (num_grains,)."""
+        return np.array([2 * (1 - m.nu) / (2 - m.nu) for m in self.materials])
 
     def state_dict(self):
         """Pressure of the nodes, or of the tetrahedra, as the element has it."""
@@ -210,7 +217,7 @@ class Solid(ForceTerm):
         elastic_energy(
             energy, state.deviator, state.x, m.cells, self.volume0, self.grains, m.cell_offset,
             m.nodes, m.node_offset, self.kernel.node_volume0, volume, self.bulk,
-            self.shear, self.hyperelastic.quadratic_shear, ELEMENTS[self.element],
+            self.hyperelastic.quadratic_shear, self.own, ELEMENTS[self.element],
         )  # fmt: skip
         self.hyperelastic.add_energy(energy, state.x)
         return energy
@@ -227,11 +234,8 @@ class Solid(ForceTerm):
 
     def mean_stress(self, state, cells=slice(None)):
         """Mean Cauchy stress of ``cells`` [Pa], tension positive, shape (num_cells,). Local."""
-        mean = self.shared_mean_stress(cells)
-        if self.element == "p1":
-            return mean
-        J = self._volume_ratio(state, cells)
-        return mean + self.shear[self.mesh.grain_of_cell[cells]] * np.log(J) ** 3 / J
+        J, own = self._volume_ratio(state, cells), self.own[self.mesh.grain_of_cell[cells]]
+        return self.shared_mean_stress(cells) + own * np.log(J) ** 3 / J
 
     def _volume_ratio(self, state, cells):
         x = state.x[self.mesh.cells[cells]]

@@ -9,10 +9,10 @@ composites. Written in the reference configuration, for one increment from u0 to
     R = I + 2/(1 + |q|²) (Q + Q Q),             t_trial = R (t0 + h) Rᵀ + h,
     t = (1 - 3 G dp/m) t_trial,                 m = √(3/2 t_trial : t_trial),
 
-q the axial vector of Q; plain elements have no (ln J)³. UFL differentiates this, which gives the
-consistent tangent (J. C. Simo, R. L. Taylor, Comput. Methods Appl. Mech. Eng. 48, 1985, 101-118)
-with all derivatives of the rotation. dp is a line in m and p through the increment that the law
-gave, with the law's slopes.
+q the axial vector of Q; (ln J)³ is of grains that can flow, but for plain elements. UFL
+differentiates this, which gives the consistent tangent (J. C. Simo, R. L. Taylor, Comput. Methods
+Appl. Mech. Eng. 48, 1985, 101-118) with all derivatives of the rotation. dp is a line in m and p
+through the increment that the law gave, with the law's slopes.
 
 A neo-Hookean grain has t = G J^(-2/3) dev F Fᵀ instead (kernels.neo_hooke).
 
@@ -45,6 +45,7 @@ class _Increment(NamedTuple):
 
     stress: fem.Function  #: deviator at its start [Pa], xx yy zz xy yz xz
     shear: fem.Function  #: modulus [Pa]
+    own: fem.Function  #: G of (ln J)³ [Pa]
     increment: fem.Function  #: of the plastic strain
     trial: fem.Function  #: von Mises stress without flow [Pa]
     by_trial: fem.Function  #: derivative of the increment by that [1/Pa]
@@ -75,18 +76,19 @@ class SolidTangent:
         self._averaged = solid.element == "averaged"
         volumes = fem.functionspace(mesh.mesh, ("Lagrange", 1)) if self._averaged else cells
         stress = fem.Function(fem.functionspace(mesh.mesh, ("DG", 0, (6,))))
-        spaces = [cells] * 5 + [volumes] * 2
+        spaces = [cells] * 6 + [volumes] * 2
         rubber = None
         if mesh.comm.allreduce(solid.hyperelastic.grains.size):
             is_rubber = np.isin(mesh.grain_of_cell, solid.hyperelastic.grains)
             rubber = mesh.cell_function(is_rubber.astype(float))
         self._law = _Increment(stress, *(fem.Function(space) for space in spaces), rubber)
-        self._law.shear.x.array[mesh.cell_order] = solid.shear[mesh.grain_of_cell]
+        for function, modulus in ((self._law.shear, solid.shear), (self._law.own, solid.own)):
+            function.x.array[mesh.cell_order] = modulus[mesh.grain_of_cell]
         test, step = ufl.TestFunction(mesh.V), ufl.TrialFunction(mesh.V)
         weight = ufl.TestFunction(volumes)
 
         def forces(v):
-            return _internal_work(v, u, u0, self._law, solid.element != "p1") * ufl.dx
+            return _internal_work(v, u, u0, self._law) * ufl.dx
 
         J = ufl.det(ufl.Identity(3) + ufl.grad(u))
         self.residual = compiled_form(forces(test))
@@ -207,13 +209,12 @@ def _values_of(matrix, form):
     return _local_rows(matrix)[2]
 
 
-def _internal_work(v, u, u0, of, stabilised):
+def _internal_work(v, u, u0, of):
     """(t + (J p + G (ln J)³) I) F⁻ᵀ : grad v, with the names of the module's docstring.
 
     Args:
         v, u, u0: Test function, displacement now and at the start of the increment.
         of: :class:`_Increment`.
-        stabilised: Whether there is (ln J)³.
     """
     one, grad, s, shear = ufl.Identity(3), ufl.grad, of.stress, of.shear
     F = one + grad(u)
@@ -229,5 +230,5 @@ def _internal_work(v, u, u0, of, stabilised):
         of_stretch = shear * ufl.det(F) ** (-2.0 / 3.0) * ufl.dev(F * F.T)
         t = (1.0 - of.neo_hookean) * t + of.neo_hookean * of_stretch
     J = ufl.det(F)
-    mean = J * of.mean + (shear * ufl.ln(J) ** 3 if stabilised else 0.0)
+    mean = J * of.mean + of.own * ufl.ln(J) ** 3
     return ufl.inner((t + mean * one) * ufl.inv(F).T, grad(v))

@@ -45,18 +45,18 @@ def _volume(x, cell):
 
 @numba.njit(cache=True)
 def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nodes, node_offset,
-                   node_volume0, volume, bulk, shear, quadratic_shear, element):  # fmt: skip
+                   node_volume0, volume, bulk, shear, own, element):  # fmt: skip
     """Elastic energy of each grain [J], in place.
 
     t:t/4G over the first volume, t = J s, and K (J ln J - J + 1), J as the ``element`` takes it;
-    where it takes that of several tetrahedra, G (ln J)^4/4 of each one besides.
+    and G (ln J)^4/4 of the J of each tetrahedron.
 
     Args:
         energy: Result, shape (num_grains,).
         deviator: Deviator of the Kirchhoff stress [Pa], shape (num_cells, 6).
         volume: Current volumes around nodes [m³], shape (num_nodes,).
-        quadratic_shear: G of t:t/4G [Pa], inf where the deviator stores energy in another way,
-            shape (num_grains,).
+        shear: G of t:t/4G [Pa], inf where the deviator stores energy in another way, (num_grains,).
+        own: G of (ln J)^4 [Pa], shape (num_grains,).
         others: As in :func:`~mufe_fenicsx.kernels.solid.add_internal_forces`.
     """
     for g in grains:
@@ -65,9 +65,9 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
             volume_of_cell = _volume(x, cells[e])
             s = deviator[e]
             ss = s[0] ** 2 + s[1] ** 2 + s[2] ** 2 + 2.0 * (s[3] ** 2 + s[4] ** 2 + s[5] ** 2)
-            total += volume0[e] * ss / (4.0 * quadratic_shear[g])
-            if element != PLAIN:
-                total += 0.25 * volume0[e] * shear[g] * math.log(volume_of_cell / volume0[e]) ** 4
+            total += volume0[e] * ss / (4.0 * shear[g])
+            if own[g] > 0.0:
+                total += 0.25 * volume0[e] * own[g] * math.log(volume_of_cell / volume0[e]) ** 4
             if element == COMPOSITE:
                 now += volume_of_cell
                 before += volume0[e]
@@ -85,14 +85,14 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
 
 @numba.njit(cache=True)
 def add_normal_stresses(
-    total, deviator, pressure, element, x, cells, volume0, shear, grains, cell_offset
+    total, deviator, pressure, element, x, cells, volume0, own, grains, cell_offset
 ):
     """Add Σ σ V of the elements of some grains, xx yy zz [J], to ``total``, shape (3,), in place.
 
     Args:
         deviator: Deviator of the Kirchhoff stress [Pa], shape (num_cells, 6).
         pressure: Mean stress of nodes where ``AVERAGED``, else of elements [Pa].
-        element, x, shear: As in :func:`elastic_energy`.
+        element, x, own: As in :func:`elastic_energy`.
         cells, volume0, grains, cell_offset: As in :func:`elastic_energy`. Mean stresses act on the
             first volumes, which are those of now but for the strain of volume.
     """
@@ -104,7 +104,7 @@ def add_normal_stresses(
                     mean += 0.25 * pressure[cells[e, i]]
             else:
                 mean = pressure[e]
-            if element != PLAIN:
-                mean += shear[g] * math.log(_volume(x, cells[e]) / volume0[e]) ** 3
+            if own[g] > 0.0:
+                mean += own[g] * math.log(_volume(x, cells[e]) / volume0[e]) ** 3
             for i in range(3):
                 total[i] += volume0[e] * (deviator[e, i] + mean)

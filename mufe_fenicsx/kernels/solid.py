@@ -26,10 +26,10 @@ These forces derive from the energy sum_a V_a K (J_a ln J_a - J_a + 1).
 
 A mean does not see how an element shares its volume with its neighbours. The deviator resists that,
 but where it flows an element can shrink to nothing while the volumes at its nodes stay. So elements
-that have a mean carry the mean stress G (ln J)^3/J of their own J besides, from the energy
-sum V G (ln J)^4/4. It is nothing at small strains, where a stiffness like that of M. A. Puso, J.
-Solberg (Int. J. Numer. Methods Eng. 67, 2006, 841-867) would lock, and without bound towards J = 0.
-What the flow stress Y can do to an element ends at ln J = (Y/G)^(1/3).
+that have a mean, of materials that can flow, carry the mean stress G (ln J)^3/J of their own J
+besides, from the energy sum V G (ln J)^4/4. It is nothing at small strains, where a stiffness like
+that of M. A. Puso, J. Solberg (Int. J. Numer. Methods Eng. 67, 2006, 841-867) would lock, and
+without bound towards J = 0. What the flow stress Y can do to an element ends at ln J = (Y/G)^(1/3).
 
 In a composite tetrahedron J is that of its ``PARTS`` linear ones together, which stand one
 after the other (Y. Guo, M. Ortiz, T. Belytschko, E. A. Repetto, Int. J. Numer. Methods Eng. 47,
@@ -96,6 +96,7 @@ class InternalForces:
         first_node, num_nodes: First node of each grain, whose nodes are numbered in a row, and
             their number, shape (num_grains,).
         bulk, shear: Moduli of the grains [Pa], shape (num_grains,).
+        own: The G of (ln J)^3, 0 of grains without it [Pa], shape (num_grains,).
         parameters: Of the plastic law of all grains, shape (num_grains, m); the first is the least
             von Mises stress of t at which the material can yield [Pa].
         pressure: Written at each call: mean stress of nodes (of elements unless ``AVERAGED``)
@@ -107,8 +108,8 @@ class InternalForces:
         node_volume0: First volumes around the nodes [m³], shape (num_nodes,).
     """
 
-    def __init__(self, cells, volume0, cell_offset, first_node, num_nodes, bulk, shear, parameters,
-                 pressure, element, x):  # fmt: skip
+    def __init__(self, cells, volume0, cell_offset, first_node, num_nodes, bulk, shear, own,
+                 parameters, pressure, element, x):  # fmt: skip
         real, whole = np.float64, np.int64
         self.node_volume0 = np.empty(x.shape[0])
         largest = int(num_nodes.max(initial=0))
@@ -117,7 +118,7 @@ class InternalForces:
             for array, dtype in (
                 (cells, np.int32), (volume0, real), (cell_offset, whole), (first_node, whole),
                 (num_nodes, whole), (self.node_volume0, real), (bulk, real), (shear, real),
-                (parameters, real), (np.empty(2 * parameters.shape[1] + 2), real),
+                (own, real), (parameters, real), (np.empty(2 * parameters.shape[1] + 2), real),
                 (aligned(SCRATCH * largest + BESIDES), real), (pressure, real),
             )
         ]  # fmt: skip

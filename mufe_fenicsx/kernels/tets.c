@@ -261,9 +261,9 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element, int
 
   /* Forces on nodes b, c, d: Cauchy stress times gradient times volume. */
   vec share = (1.0 / 6.0) * volume0 / volume, p = (1.0 / 6.0) * mean;
-  if (element != PLAIN) {
+  if (element != PLAIN && !stretch) {
     const vec strain = logarithm(volume / volume0);
-    p += share * g->shear * strain * strain * strain;
+    p += share * g->own * strain * strain * strain;
   }
   sxx = share * sxx + p, syy = share * syy + p, szz = share * szz + p;
   sxy *= share, syz *= share, sxz *= share;
@@ -481,6 +481,7 @@ int64_t mufe_add_internal_forces(const model_type *m, double *f, double *deviato
                               .dt = dt,
                               .bulk = m->bulk[i],
                               .shear = m->shear[i],
+                              .own = m->own[i],
                               .parameters = table,
                               .segments = m->segments,
                               .law = law};

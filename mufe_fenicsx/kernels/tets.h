@@ -23,7 +23,7 @@ typedef struct {
   const int32_t *cells;  /* of the first element */
   double *deviator, *strain, *work, *pressure; /* of the first element */
   const double *volume0;
-  double dt, bulk, shear;
+  double dt, bulk, shear, own; /* own: resists the element's own volume */
   const double *parameters; /* of the law */
   const double *segments;   /* slope of each segment of the table, then 1/(3 G + slope) */
   law_type law;
@@ -37,7 +37,7 @@ typedef struct {
   const int32_t *cells;
   const double *volume0;
   const int64_t *cell_offset, *first_node, *num_nodes;
-  const double *node_volume0, *bulk, *shear, *parameters;
+  const double *node_volume0, *bulk, *shear, *own, *parameters;
   double *segments, *scratch, *pressure;
 } model_type;
 

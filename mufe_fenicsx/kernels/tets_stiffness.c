@@ -78,7 +78,7 @@ INLINE void resist(const grain_type *g, int64_t e, int count, int element, doubl
     for (int i = 0; i < LANES; i++) J[i] = g->volume0[e + (i < count ? i : count - 1)];
     J = det / (6.0 * J);
     const vec strain = logarithm(J);
-    p += 3.0 * g->shear * strain * strain / J * trace / det;
+    p += 3.0 * g->own * strain * strain / J * trace / det;
   }
   vec G = (1.0 / 3.0) * g->shear / det;
   vec diagonal = (1.0 / 6.0) * p - (1.0 / 3.0) * G * trace;
@@ -154,7 +154,8 @@ void mufe_add_stiffness(const model_type *m, double *y, const double *q, const d
                               .cells = m->cells + 4 * begin,
                               .volume0 = m->volume0 + begin,
                               .bulk = m->bulk[i],
-                              .shear = m->shear[i]};
+                              .shear = m->shear[i],
+                              .own = m->own[i]};
     if (element == AVERAGED) {
       double *change = (double *)(force + num_nodes);
       averaged_pressure(&grain, count, node, m->node_volume0 + first, change, num_nodes, first);

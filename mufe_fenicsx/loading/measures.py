@@ -156,7 +156,7 @@ class MembraneMeasures(WallMeasures):
         m, solid, total = sim.mesh, sim.solid, np.zeros(3)
         add_normal_stresses(
             total, sim.state.deviator, solid.pressure, ELEMENTS[solid.element], sim.state.x,
-            m.cells, solid.volume0, solid.shear, np.flatnonzero(m.is_of_sample), m.cell_offset,
+            m.cells, solid.volume0, solid.own, np.flatnonzero(m.is_of_sample), m.cell_offset,
         )  # fmt: skip
         total = sim.comm.allreduce(total) / -float(self.container.volume(self.lengths()))
         return np.array([0.5 * (total[0] + total[1]), total[2]])

@@ -42,7 +42,7 @@ def test_the_forms_take_a_step_as_the_kernel_does():
     cells, grain = np.array([[0, 1, 2, 3]], dtype=np.int32), np.zeros(1, dtype=np.int64)
     kernel = InternalForces(
         cells, np.full(1, 1 / 6), np.array([0, 1]), grain, np.array([4]),
-        np.array([material.bulk_modulus]), np.array([material.shear_modulus]),
+        np.array([material.bulk_modulus]), np.array([material.shear_modulus]), np.zeros(1),
         material.parameters()[None, :], np.zeros(4), PLAIN, x,
     )  # fmt: skip
     deviator, strain = np.zeros((1, 6)), np.zeros(1)
