@@ -8,6 +8,7 @@ from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.kernels.contact_law import over_stiffness
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.run.from_bodies import simulate
+from mufe_fenicsx.verification.stability import plastic
 from tests.bodies import RADIUS, packed_spheres
 
 COMM = MPI.COMM_WORLD
@@ -205,3 +206,12 @@ def test_a_tip_bears_on_the_area_that_the_facets_around_miss():
         assert (p.normal_force[tips] <= bears * (1 + 1e-6) + 1e-9).all()
         seen += r.tolist()
     assert min(seen) < 0.01 and max(seen) > 0.5  # then the elements flow
+
+
+def test_the_pressure_is_that_on_facets_as_they_are():
+    """A perfectly plastic cube flattened to a quarter: 4 Y on its first faces, Y on the present."""
+    found = plastic.flatten(MPI.COMM_SELF, strain=0.75, passages=60.0)
+    assert found.strain[-1] > 0.7
+    # Waves of a fast platen, and layers that are thick beside the cube; dents began at 2.8 Y.
+    np.testing.assert_allclose(found.stress[found.strain > 0.3], 1.0, atol=0.15)
+    assert found.dents[-1] < 1e-3
