@@ -8,7 +8,7 @@ from ..errors import InputError
 from ..kernels.compiled_forms import compiled_form
 from ..kernels.edge_compliance import add_edge_compliance, cells_around, largest_patch
 from ..kernels.element_step import add_nodal_stiffness, element_time_step
-from ..kernels.energy import elastic_energy
+from ..kernels.energy import add_normal_stresses, elastic_energy
 from ..kernels.native import SOURCES, load
 from ..kernels.solid import (
     AVERAGED,
@@ -253,6 +253,15 @@ class Solid(ForceTerm):
         stress = self.deviator(state, cells)
         stress[:, :3] += self.mean_stress(state, cells)[:, None]
         return stress
+
+    def normal_stresses(self, state, grains):
+        """Σ σ V of the elements of some ``grains``, xx yy zz [J], shape (3,). Local."""
+        total, m = np.zeros(3), self.mesh
+        add_normal_stresses(
+            total, state.deviator, self.pressure, ELEMENTS[self.element], state.x, m.cells,
+            self.volume0, self.own, grains, m.cell_offset,
+        )  # fmt: skip
+        return total
 
     def failure(self, state, worst, inverted=-1):
         """What went wrong in an element of this rank, or None. Local.

@@ -4,9 +4,7 @@ import math
 
 import numpy as np
 
-from ..bulk.solid import ELEMENTS
 from ..container import CYLINDER, container_of
-from ..kernels.energy import add_normal_stresses
 
 
 class WallMeasures:
@@ -153,11 +151,7 @@ class MembraneMeasures(WallMeasures):
         if sim.specimen.any_rigid:
             along = max(float(stress[1]), 0.0)
             return np.array([min(float(stress[0]), along), along])
-        m, solid, total = sim.mesh, sim.solid, np.zeros(3)
-        add_normal_stresses(
-            total, sim.state.deviator, solid.pressure, ELEMENTS[solid.element], sim.state.x,
-            m.cells, solid.volume0, solid.own, np.flatnonzero(m.is_of_sample), m.cell_offset,
-        )  # fmt: skip
+        total = sim.solid.normal_stresses(sim.state, np.flatnonzero(sim.mesh.is_of_sample))
         total = sim.comm.allreduce(total) / -float(self.container.volume(self.lengths()))
         return np.array([0.5 * (total[0] + total[1]), total[2]])
 
