@@ -46,7 +46,8 @@ def grain_energy(
 
     Elastic: s:s/4G of the deviator and K (J ln J - J + 1) of the volume ratio J, which an element
     takes as its own, as the mean at its nodes ("averaged") or that of its family; in these two
-    G (ln J)^4/4 of its own besides, which counts where it flows (kernels.solid). Kinetic: with a
+    G (e^4/4 + e^5/5 + ...), e = 1 - 1/J, of its own besides, which counts where it flows
+    (kernels.solid). Kinetic: with a
     quarter of the mass of a tetrahedron at each of its nodes, without added mass.
 
     Args:
@@ -78,7 +79,8 @@ def grain_energy(
     # s is the Cauchy deviator; what belongs to the first volume is that of J s.
     elastic = total(now**2 / before * square / (4 * G))
     if element != "p1":
-        elastic += total(0.25 * G * before * np.log(now / before) ** 4)
+        e = 1 - before / now
+        elastic += total(G * before * (-np.log1p(-e) - e - e**2 / 2 - e**3 / 3))
     if element == "averaged":
         ratio = _ratio_at_nodes(cells, before, now, len(reference))
         density = (K * volume_energy(ratio))[cells].mean(axis=1)

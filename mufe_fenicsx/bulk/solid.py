@@ -235,7 +235,7 @@ class Solid(ForceTerm):
     def mean_stress(self, state, cells=slice(None)):
         """Mean Cauchy stress of ``cells`` [Pa], tension positive, shape (num_cells,). Local."""
         J, own = self._volume_ratio(state, cells), self.own[self.mesh.grain_of_cell[cells]]
-        return self.shared_mean_stress(cells) + own * np.log(J) ** 3 / J
+        return self.shared_mean_stress(cells) + own * (1 - 1 / J) ** 3 / J
 
     def _volume_ratio(self, state, cells):
         x = state.x[self.mesh.cells[cells]]

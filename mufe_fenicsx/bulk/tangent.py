@@ -4,12 +4,12 @@ The forces are those of the time steps, kernels.solid: deviator t of the Kirchho
 midpoint increment with rotation and radial return, mean stress p = K ln J of nodes, elements or
 composites. Written in the reference configuration, for one increment from u0 to u,
 
-    r(u; v) = ∫ (t + (J p + G (ln J)³) I) F⁻ᵀ : grad v dX,    F = I + grad u,  J = det F,
+    r(u; v) = ∫ (t + (J p + G e³) I) F⁻ᵀ : grad v dX,    F = I + grad u,  J = det F,
     L = grad(u - u0) (I + grad (u0 + u)/2)⁻¹,   h = G dev sym L,   Q = skew L / 2,
     R = I + 2/(1 + |q|²) (Q + Q Q),             t_trial = R (t0 + h) Rᵀ + h,
     t = (1 - 3 G dp/m) t_trial,                 m = √(3/2 t_trial : t_trial),
 
-q the axial vector of Q; (ln J)³ is of grains that can flow, but for plain elements. UFL
+q the axial vector of Q; e = 1 - 1/J is of grains that can flow, but for plain elements. UFL
 differentiates this, which gives the consistent tangent (J. C. Simo, R. L. Taylor, Comput. Methods
 Appl. Mech. Eng. 48, 1985, 101-118) with all derivatives of the rotation. dp is a line in m and p
 through the increment that the law gave, with the law's slopes.
@@ -45,7 +45,7 @@ class _Increment(NamedTuple):
 
     stress: fem.Function  #: deviator at its start [Pa], xx yy zz xy yz xz
     shear: fem.Function  #: modulus [Pa]
-    own: fem.Function  #: G of (ln J)³ [Pa]
+    own: fem.Function  #: G of e³ [Pa]
     increment: fem.Function  #: of the plastic strain
     trial: fem.Function  #: von Mises stress without flow [Pa]
     by_trial: fem.Function  #: derivative of the increment by that [1/Pa]
@@ -210,7 +210,7 @@ def _values_of(matrix, form):
 
 
 def _internal_work(v, u, u0, of):
-    """(t + (J p + G (ln J)³) I) F⁻ᵀ : grad v, with the names of the module's docstring.
+    """(t + (J p + G e³) I) F⁻ᵀ : grad v, with the names of the module's docstring.
 
     Args:
         v, u, u0: Test function, displacement now and at the start of the increment.
@@ -230,5 +230,5 @@ def _internal_work(v, u, u0, of):
         of_stretch = shear * ufl.det(F) ** (-2.0 / 3.0) * ufl.dev(F * F.T)
         t = (1.0 - of.neo_hookean) * t + of.neo_hookean * of_stretch
     J = ufl.det(F)
-    mean = J * of.mean + of.own * ufl.ln(J) ** 3
+    mean = J * of.mean + of.own * (1.0 - 1.0 / J) ** 3
     return ufl.inner((t + mean * one) * ufl.inv(F).T, grad(v))

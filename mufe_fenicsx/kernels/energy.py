@@ -38,6 +38,12 @@ def _volume_energy(J):
 
 
 @numba.njit(cache=True, inline="always")
+def _own_energy(e):
+    """e⁴/4 + e⁵/5 + ...: -ln(1 - e) without its first three terms."""
+    return -math.log1p(-e) - e * (1.0 + e * (0.5 + e / 3.0))
+
+
+@numba.njit(cache=True, inline="always")
 def _volume(x, cell):
     """Volume of a tetrahedron [m³]."""
     return cofactors(x, cell[0], cell[1], cell[2], cell[3])[9] / 6.0
@@ -49,14 +55,14 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
     """Elastic energy of each grain [J], in place.
 
     t:t/4G over the first volume, t = J s, and K (J ln J - J + 1), J as the ``element`` takes it;
-    and G (ln J)^4/4 of the J of each tetrahedron.
+    and G (e^4/4 + e^5/5 + ...), e = 1 - 1/J, of the J of each tetrahedron.
 
     Args:
         energy: Result, shape (num_grains,).
         deviator: Deviator of the Kirchhoff stress [Pa], shape (num_cells, 6).
         volume: Current volumes around nodes [m³], shape (num_nodes,).
         shear: G of t:t/4G [Pa], inf where the deviator stores energy in another way, (num_grains,).
-        own: G of (ln J)^4 [Pa], shape (num_grains,).
+        own: G of e^4 [Pa], shape (num_grains,).
         others: As in :func:`~mufe_fenicsx.kernels.solid.add_internal_forces`.
     """
     for g in grains:
@@ -67,7 +73,7 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
             ss = s[0] ** 2 + s[1] ** 2 + s[2] ** 2 + 2.0 * (s[3] ** 2 + s[4] ** 2 + s[5] ** 2)
             total += volume0[e] * ss / (4.0 * shear[g])
             if own[g] > 0.0:
-                total += 0.25 * volume0[e] * own[g] * math.log(volume_of_cell / volume0[e]) ** 4
+                total += volume0[e] * own[g] * _own_energy(1.0 - volume0[e] / volume_of_cell)
             if element == COMPOSITE:
                 now += volume_of_cell
                 before += volume0[e]
@@ -105,6 +111,6 @@ def add_normal_stresses(
             else:
                 mean = pressure[e]
             if own[g] > 0.0:
-                mean += own[g] * math.log(_volume(x, cells[e]) / volume0[e]) ** 3
+                mean += own[g] * (1.0 - volume0[e] / _volume(x, cells[e])) ** 3
             for i in range(3):
                 total[i] += volume0[e] * (deviator[e, i] + mean)

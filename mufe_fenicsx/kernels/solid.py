@@ -26,10 +26,11 @@ These forces derive from the energy sum_a V_a K (J_a ln J_a - J_a + 1).
 
 A mean does not see how an element shares its volume with its neighbours. The deviator resists that,
 but where it flows an element can shrink to nothing while the volumes at its nodes stay. So elements
-that have a mean, of materials that can flow, carry the mean stress G (ln J)^3/J of their own J
-besides, from the energy sum V G (ln J)^4/4. It is nothing at small strains, where a stiffness like
-that of M. A. Puso, J. Solberg (Int. J. Numer. Methods Eng. 67, 2006, 841-867) would lock, and
-without bound towards J = 0. What the flow stress Y can do to an element ends at ln J = (Y/G)^(1/3).
+that have a mean, of materials that can flow, carry the mean stress G e^3/J of their own e = 1 - 1/J
+besides, from the energy sum V G (e^4/4 + e^5/5 + ...). It is nothing at small strains, where a
+stiffness like that of M. A. Puso, J. Solberg (Int. J. Numer. Methods Eng. 67, 2006, 841-867) would
+lock, and without bound towards J = 0. What the flow stress Y can do to an element ends at about
+e = (Y/G)^(1/3).
 
 In a composite tetrahedron J is that of its ``PARTS`` linear ones together, which stand one
 after the other (Y. Guo, M. Ortiz, T. Belytschko, E. A. Repetto, Int. J. Numer. Methods Eng. 47,
@@ -96,7 +97,7 @@ class InternalForces:
         first_node, num_nodes: First node of each grain, whose nodes are numbered in a row, and
             their number, shape (num_grains,).
         bulk, shear: Moduli of the grains [Pa], shape (num_grains,).
-        own: The G of (ln J)^3, 0 of grains without it [Pa], shape (num_grains,).
+        own: The G of (1 - 1/J)^3, 0 of grains without it [Pa], shape (num_grains,).
         parameters: Of the plastic law of all grains, shape (num_grains, m); the first is the least
             von Mises stress of t at which the material can yield [Pa].
         pressure: Written at each call: mean stress of nodes (of elements unless ``AVERAGED``)

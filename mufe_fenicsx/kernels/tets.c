@@ -260,10 +260,11 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element, int
   if (count < LANES) memcpy(stress, tail, 6 * count * sizeof(double));
 
   /* Forces on nodes b, c, d: Cauchy stress times gradient times volume. */
-  vec share = (1.0 / 6.0) * volume0 / volume, p = (1.0 / 6.0) * mean;
-  if (element != PLAIN && !stretch) {
-    const vec strain = logarithm(volume / volume0);
-    p += share * g->own * strain * strain * strain;
+  const vec ratio = volume0 / volume;
+  vec share = (1.0 / 6.0) * ratio, p = (1.0 / 6.0) * mean;
+  if (element != PLAIN && !stretch && g->own > 0.0) {
+    const vec grown = 1.0 - ratio;
+    p += share * (g->own * grown * grown * grown);
   }
   sxx = share * sxx + p, syy = share * syy + p, szz = share * szz + p;
   sxy *= share, syz *= share, sxz *= share;

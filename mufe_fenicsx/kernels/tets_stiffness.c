@@ -74,11 +74,11 @@ INLINE void resist(const grain_type *g, int64_t e, int count, int element, doubl
     p = g->bulk * trace / (6.0 * p);
   }
   if (element != PLAIN) {
-    vec J;
-    for (int i = 0; i < LANES; i++) J[i] = g->volume0[e + (i < count ? i : count - 1)];
-    J = det / (6.0 * J);
-    const vec strain = logarithm(J);
-    p += 3.0 * g->own * strain * strain / J * trace / det;
+    vec ratio;
+    for (int i = 0; i < LANES; i++) ratio[i] = g->volume0[e + (i < count ? i : count - 1)];
+    ratio *= 6.0 / det;
+    const vec grown = (1.0 - ratio) * ratio;
+    p += 3.0 * g->own * grown * grown * trace / det;
   }
   vec G = (1.0 / 3.0) * g->shear / det;
   vec diagonal = (1.0 / 6.0) * p - (1.0 / 3.0) * G * trace;

@@ -122,7 +122,7 @@ class MaterialPoints:
         """Cauchy stress [Pa], shape (n, 3, 3)."""
         J = np.linalg.det(self.F)[:, None, None]
         # Averaged elements that can flow have a mean stress of their own volume besides.
-        p = self.K[:, None, None] * np.log(J) + self.G[:, None, None] * np.log(J) ** 3 / J
+        p = self.K[:, None, None] * np.log(J) + self.G[:, None, None] * (1 - 1 / J) ** 3 / J
         return self.deviator / J + p * np.eye(3)
 
 
