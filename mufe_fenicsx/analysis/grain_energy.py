@@ -47,8 +47,8 @@ def grain_energy(
     Elastic: s:s/4G of the deviator and K (J ln J - J + 1) of the volume ratio J, which an element
     takes as its own, as the mean at its nodes ("averaged") or that of its family; in these two
     G (e^4/4 + e^5/5 + ...), e = 1 - 1/J, of its own besides, which counts where it flows
-    (kernels.solid). Kinetic: with a
-    quarter of the mass of a tetrahedron at each of its nodes, without added mass.
+    (kernels.solid). Kinetic: with a quarter of the mass of a tetrahedron at each of its nodes,
+    without added mass.
 
     Args:
         reference, points: Nodes then and now [m], shape (num_nodes, 3).

@@ -11,6 +11,7 @@
    and that strain over the radius of the contact over that of the body (Tabor 1951). */
 #define MEAN_PRESSURE 2.8
 #define TABOR 0.2
+#define TRIANGLE 0.43301270189221932 /* area of an equilateral triangle over its edge squared */
 #define CLOSE 1e-10   /* part of a depth to which it is found */
 #define SINGLE 1.2e-7 /* part that rounding to single precision takes */
 
@@ -56,7 +57,8 @@ static double depth_of(double over, double m) {
   return d;
 }
 
-/* Area of the facet around a point over that of the reference; of a vertex 1. */
+/* Area of the facet around a point over that of the reference; of a vertex 1, since it carries no
+   more once the facets around do. */
 INLINE double stretch_of(const int32_t *corner, int is_tip, const double *x, double reference) {
   if (is_tip) return 1.0;
   const vec3 a = at(x, corner[0]), e1 = minus(at(x, corner[1]), a), e2 = minus(at(x, corner[2]), a);

@@ -85,7 +85,7 @@ INLINE double gap_to(const wall_type *wall, vec3 r, vec3 *normal) {
 /* What the pair p has to flow. */
 INLINE flowing_type flowing(const walls_type *m, const state_type *s, int64_t p) {
   const int is_tip = lead_of(s) == 1.0;
-  const double reference = 0.25 * 1.7320508075688772 * s->edge * s->edge;
+  const double reference = TRIANGLE * s->edge * s->edge;
   return (flowing_type){p, is_tip, s->softer, s->edge, s->layer, s->bend,
                         stretch_of(s->corner, is_tip, m->x, reference)};
 }
