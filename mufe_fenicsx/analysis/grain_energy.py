@@ -28,6 +28,7 @@ class GrainMaterial:
     E: float  #: Young's modulus [Pa]
     nu: float  #: Poisson's ratio [-]
     rho: float  #: density [kg/m³]
+    flows: bool  #: it yields, so that elements keep a volume of their own (kernels.solid)
 
 
 def grain_energy(
@@ -45,10 +46,9 @@ def grain_energy(
     """Energies of grains of one material.
 
     Elastic: s:s/4G of the deviator and K (J ln J - J + 1) of the volume ratio J, which an element
-    takes as its own, as the mean at its nodes ("averaged") or that of its family; in these two
-    G (e^4/4 + e^5/5 + ...), e = 1 - 1/J, of its own besides, which counts where it flows
-    (kernels.solid). Kinetic: with a quarter of the mass of a tetrahedron at each of its nodes,
-    without added mass.
+    takes as its own, as the mean at its nodes ("averaged") or that of its family; in these two,
+    of a material that flows, G (e^4/4 + e^5/5 + ...), e = 1 - 1/J, of its own besides. Kinetic:
+    with a quarter of the mass of a tetrahedron at each of its nodes, without added mass.
 
     Args:
         reference, points: Nodes then and now [m], shape (num_nodes, 3).
@@ -78,7 +78,7 @@ def grain_energy(
     square -= stress[:, :3].sum(axis=1) ** 2 / 3
     # s is the Cauchy deviator; what belongs to the first volume is that of J s.
     elastic = total(now**2 / before * square / (4 * G))
-    if element != "p1":
+    if material.flows and element != "p1":
         e = 1 - before / now
         elastic += total(G * before * (-np.log1p(-e) - e - e**2 / 2 - e**3 / 3))
     if element == "averaged":

@@ -404,7 +404,10 @@ class Source:
                         state.stress,
                         work,
                         velocity,
-                        grain_energy.GrainMaterial(*(material[k] for k in ("E", "nu", "rho"))),
+                        grain_energy.GrainMaterial(
+                            *(material[name] for name in ("E", "nu", "rho")),
+                            flows=bool(material["yield_stress"]),
+                        ),
                         element=self.summary.get("element", "averaged"),
                         family=self.summary.get("family", 1),
                     )

@@ -161,7 +161,7 @@ def test_energies_of_a_bar_under_even_stress():
     for element in ("averaged", "p1", "composite"):
         found = grain_energy.grain_energy(
             points, moved, cells, np.full(len(cells), 5), stress, work, velocity,
-            grain_energy.GrainMaterial(E, nu, 2000.0), element, 6,
+            grain_energy.GrainMaterial(E, nu, 2000.0, flows=True), element, 6,
         )  # fmt: skip
         # Small strain, but for terms of the next order in σ/E.
         assert found.elastic == pytest.approx(sigma**2 / (2 * E) * V, rel=5 * abs(sigma) / E)
@@ -171,6 +171,27 @@ def test_energies_of_a_bar_under_even_stress():
     x = np.array([0.0, 0.02, 0.05, 0.07])
     slope = grain_energy.plastic_work(x, table, "slope")
     assert slope == pytest.approx(1e7 * x + 1e9 * x**2, rel=ROUND_OFF)
+
+
+def test_only_what_flows_has_the_energy_of_its_elements_own_volume():
+    """A ball at half its volume, without deviator: K (J ln J - J + 1), and that of e = -1."""
+    points, cells = ball(2, 1.0, np.random.default_rng(0))
+    V = mesh_quality.mesh_quality(points, cells).volume.sum()
+    E, nu, J, e = 1e9, 0.3, 0.5, -1.0
+    K, G = E / (3 * (1 - 2 * nu)), E / (2 * (1 + nu))
+    even = np.tile([-1e8, -1e8, -1e8, 0, 0, 0], (len(cells), 1))
+    shared = K * (J * np.log(J) - J + 1) * V
+    own = G * (-np.log(1 - e) - e - e**2 / 2 - e**3 / 3) * V
+    for element, flows, expected in (
+        ("averaged", False, shared),
+        ("averaged", True, shared + own),
+        ("p1", True, shared),
+    ):
+        found = grain_energy.grain_energy(
+            points, J ** (1 / 3) * points, cells, np.ones(len(cells), int), even,
+            np.zeros(len(cells)), None, grain_energy.GrainMaterial(E, nu, 2000.0, flows), element,
+        )  # fmt: skip
+        assert found.elastic == pytest.approx(expected, rel=ROUND_OFF)
 
 
 def test_checkerboard_is_one_where_neighbours_alternate_and_small_where_smooth():
