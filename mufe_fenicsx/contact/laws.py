@@ -62,7 +62,9 @@ def register_law(name, layers):
     """Let scene files say ``contact.law = name`` for layers of one's own.
 
     A pair of a point and a facet that overlap by d carries the pressure d/(l1 + l2), l1 the layer
-    of the point's side and l2 that of the facet's. Energies, friction and the time step follow.
+    of the point's side and l2 that of the facet's. As with "matched" the overlap is that of smooth
+    surfaces, less the dent; a deep contact of few points is softer. Energies, friction and the
+    time step follow.
 
     Args:
         name: Its name in scene files.
