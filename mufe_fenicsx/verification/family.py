@@ -6,6 +6,7 @@ nodes and tetrahedra a grain as the paper's 630, fine at the surface and coarser
 members are cut out of the labels and meshed to the same size of elements.
 """
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,6 +29,8 @@ UNIFORMITY = 1.95
 LEAST_VOXELS, LEAST_THICKNESS = 650, 4
 #: Wanted length of edges at the surface [m], and of those inside over it.
 SIZE, INNER = 12.8e-6, 2.0
+#: For a grain [s], for busy machines too.
+TIME_LIMIT = 3600.0
 
 
 def member(cache, number, size=SIZE):
@@ -39,7 +42,8 @@ def member(cache, number, size=SIZE):
         size: Wanted length of edges at the surface [m].
 
     Raises:
-        InputError: There is no such member.
+        InputError: There is no such member, or a grain could not be meshed: it would be another
+            sample.
     """
     from ..geometry.pipeline import mesh_labels
     from ..geometry.settings import MeshSettings
@@ -50,8 +54,13 @@ def member(cache, number, size=SIZE):
     if not (folder / "grains").exists():
         folder.mkdir(parents=True, exist_ok=True)
         labels = _labels(Path(cache), number, folder)
-        settings = MeshSettings(size=size, inner_size=INNER, keep_largest_piece=True)
-        mesh_labels(labels, settings, folder / "grains")
+        settings = MeshSettings(
+            size=size, inner_size=INNER, keep_largest_piece=True, time_limit=TIME_LIMIT
+        )
+        made = mesh_labels(labels, settings, folder / "grains")
+        if made["failed"]:
+            shutil.rmtree(folder / "grains")
+            raise InputError(f"grain {made['failed'][0]}: {made['reasons'][0]}, expected its mesh")
     return folder.resolve()
 
 
