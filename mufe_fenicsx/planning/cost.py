@@ -288,7 +288,8 @@ def loading_time(scene, height):
         return height * (o.ramp * float(np.mean(slowness)) + (o.strain - o.ramp) / o.speed)
     found, wait = 0.0, course.presses * SETTLED * height / wave_speed(scene)
     for part in course.parts:
-        if part.way > 0.0 and scene.quasi_static is not None and part.stated is None:
+        led = scene.quasi_static is not None and math.isfinite(part.level)
+        if part.way > 0.0 and led and part.stated is None:
             begin = max(part.level - part.way, 0.0)
             found += _adapted_time(scene, height, begin, begin + part.way, course.speed)
         elif part.way > 0.0:

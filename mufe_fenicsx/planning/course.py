@@ -30,7 +30,10 @@ HOLE = 0.6
 
 @dataclass(frozen=True)
 class Part:
-    """A stage of loading after the sample is seated."""
+    """A stage of loading after the sample is seated.
+
+    Where a stage unloads, its ``level`` is that of its beginning; inf where nothing is loaded.
+    """
 
     name: str
     way: float  #: largest change of strain along an axis
@@ -114,13 +117,14 @@ def course_of(scene):
         sheared, rate = _shear_after(stage, shear)
         way = max(float(np.abs(new_strain - strain).max()), abs(sheared - shear))
         way = max([way, *(path.way for path in paths.values())])
+        # Where it unloads, inertia counts over the load that it begins with.
+        largest = max(float(stress.max()), float(new_stress.max()))
         stress, strain, shear = new_stress, new_strain, sheared
         if number <= seated:
             seating_stress, seating_speed = float(stress.max()), _speed(stage) or loading.speed
             strain = 0.0 * strain if number == seated else strain
             continue
         until = None if stage.until is None else stage.until.time
-        largest = float(stress.max())
         level = largest / modulus
         if largest > 0.0 and _is_led_by_stress(stage):
             density, wave = SOLID * scene.material.rho, wave_speed(scene)
@@ -129,11 +133,13 @@ def course_of(scene):
         slows = bool(paths) or any(axis.strain is not None for axis in stage.axes.values())
         slows |= any(move.leads for move in stage.along.values())
         moves = way > 0.0
+        loads = moves and level > 0.0
         parts.append(
-            Part(stage.name, way, level if moves else math.inf, _speed(stage) if moves else None,
+            Part(stage.name, way, level if loads else math.inf, _speed(stage) if moves else None,
                  stage.hold + (until or 0.0) * (not moves), slows, rate)
         )  # fmt: skip
     loaded = [part for part in parts if part.way > 0.0]
+    presses = any(math.isfinite(part.level) for part in parts)
     if not loaded and seated < 0 and scene.tools:
         return Course("loading.speed", loading.speed, loading.ramp, 1e-6, 0.0, loading.speed,
                       tuple(parts), presses=False)  # fmt: skip
@@ -142,7 +148,7 @@ def course_of(scene):
         parts = [Part(scene.stages[-1].name, level, level, None, 0.0, False)]
         furthest = level
     return Course("loading.speed", loading.speed, loading.ramp, furthest or 1e-6, seating_stress,
-                  seating_speed, tuple(parts))  # fmt: skip
+                  seating_speed, tuple(parts), presses or not loaded)  # fmt: skip
 
 
 def _paths(motion, container):

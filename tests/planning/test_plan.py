@@ -37,6 +37,7 @@ from mufe_fenicsx.scene import (
     load_scene,
 )
 from mufe_fenicsx.scene.stages import Axis
+from mufe_fenicsx.synthetic.starter_scenes import KINDS
 from tests.bodies import RADIUS, packed_grains
 from tests.planning.samples import J2_ROCK, ROCK, point, sample, scene, staged
 
@@ -181,3 +182,15 @@ def test_a_run_follows_its_plan_and_tells_what_was_predicted(tmp_path_factory):
     # The plan of the planned scene is itself: a run that goes on finds the same.
     again, _ = planned_scene(stored, folder / "grains", comm, measure=False)
     assert again == stored
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_known_of_each_new_scene(kind, tmp_path):
+    """Of tests that unload to nothing, and of stages that load nothing, too."""
+    path = tmp_path / "scene.toml"
+    path.write_text(KINDS[kind][0], encoding="utf-8")
+    scene = load_scene(path)
+    found, course = present_state(scene, sample(2)), course_of(scene)
+    assert all(part.level > 0 for part in course.parts)
+    if course.presses:
+        assert 0 < found.time < math.inf and found.quasi_static_from > 0
