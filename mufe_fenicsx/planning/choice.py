@@ -19,6 +19,7 @@ from .errors import (
     quasi_static_from,
     sample_errors,
     time_for,
+    time_for_trust,
 )
 from .reasons import driver, out_of_reach, stage_too_fast, too_simple, unknown
 
@@ -89,9 +90,9 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
     if not plans:
         raise InputError(out_of_reach(scene, accuracy, fixed, errors, sample, keep_mesh))
     # What a stage states itself is kept, and has to do.
-    slow = [plan for plan in plans if not course_of(scene).too_fast(wave_speed(scene), plan.time)]
+    slow = [plan for plan in plans if not course_of(scene).too_fast(wave_speed(scene), plan.least)]
     if not slow:
-        raise InputError(stage_too_fast(scene, accuracy, min(plan.time for plan in plans)))
+        raise InputError(stage_too_fast(scene, accuracy, min(plan.least for plan in plans)))
     plans = slow
     best = min(plans, key=lambda plan: plan.cost)
     as_they_are = [plan for plan in plans if plan.size == sample.size]
@@ -191,6 +192,7 @@ class _Choice:
     inner_size: float
     tets: float
     time: float  #: of loading over that of a wave
+    least: float  #: that time for the error alone
     speed: float  #: of the platen [m/s]
     mass: float  #: added
 
@@ -212,17 +214,18 @@ def _plans(scene, sample, errors, left, keep_mesh):
             if of_mesh >= rest:
                 continue
             if scene.quasi_static is None:
-                time = time_for(rest - of_mesh)
+                least = time_for(rest - of_mesh)
+                time = max(least, time_for_trust())
             else:
                 # The speed follows what it does to the sample: k = (T/t)²/3.
-                time = max(1 / math.sqrt(3 * scene.quasi_static.kinetic), FASTEST)
+                least = time = max(1 / math.sqrt(3 * scene.quasi_static.kinetic), FASTEST)
             inertia = of_loading(time) if course.presses else 0.0
             if of_mesh + inertia > rest * (1 + 1e-9):
                 continue
             parts = {"mesh": of_mesh, "loading": inertia, "mass": of_mass}
             speed = course.level * wave / time
             cost = tets / size * time / gain
-            yield _Choice(cost, parts, n, size, inner, tets, time, speed, mass)
+            yield _Choice(cost, parts, n, size, inner, tets, time, least, speed, mass)
 
 
 def _settings(scene, law, speed, mass):

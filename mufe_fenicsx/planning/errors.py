@@ -38,6 +38,8 @@ BEYOND = 2.0
 PACKING = 0.08
 #: Least time of loading over that of a wave: before, the sum above says nothing.
 FASTEST = 3.0
+#: Part of the course from which on inertia meets the report's checks in a plan.
+LOADED = 0.5
 #: Contact radius over the diameter of grains: mean weighted by force in the sand of the
 #: demonstration, which yields, 0.08 to 0.12 between strains of 0.01 and 0.1; of elastic grains
 #: that of balls under this mean stress [Pa].
@@ -121,8 +123,18 @@ def quasi_static_from(scene, presses, time):
     """
     if scene.quasi_static is not None or not presses:
         return math.nan
+    return _quasi_static_after() / time
+
+
+def time_for_trust():
+    """Least time of loading, over that of a wave: inertia meets the checks in the loaded half."""
+    return _quasi_static_after() / LOADED
+
+
+def _quasi_static_after():
+    """Time since the first load, over that of a wave, from which inertia meets the checks."""
     k = min(quasi_static.KINETIC, quasi_static.UNBALANCED / 1.5)
-    return 1 / math.sqrt(3 * k) / time
+    return 1 / math.sqrt(3 * k)
 
 
 def time_for(error):

@@ -194,3 +194,10 @@ def test_what_is_known_of_each_new_scene(kind, tmp_path):
     assert all(part.level > 0 for part in course.parts)
     if course.presses:
         assert 0 < found.time < math.inf and found.quasi_static_from > 0
+
+
+@pytest.mark.parametrize("accuracy", [0.3, 0.1, 0.05])
+def test_plans_are_quasi_static_in_the_loaded_half(accuracy, table):
+    """However large the error that is allowed: k = (T/t)²/3 is 2 % at half of r ≥ 8.16 waves."""
+    plan = plan_scene(scene(), sample(1.0), accuracy, table)
+    assert plan.quasi_static_from <= 0.5 * (1 + 1e-9)
