@@ -250,9 +250,10 @@ def _separation(separation):
             f"gaps up to {quantity(separation['close_gaps'], 'm')} were closed, which took the "
             f"area of contacts from {_area(before) or 0} to {_area(after) or 0}; "
         )
+    inside = separation.get("overlap_nodes", np.nan)
+    depth = f", at most {quantity(separation.get('max_depth'), 'm')} deep" if inside else ""
     return (
-        f"{number(separation.get('overlap_nodes', np.nan))} nodes were inside a neighbour, "
-        f"at most {quantity(separation.get('max_depth'), 'm')} deep; {closed}"
+        f"{number(inside)} nodes were inside a neighbour{depth}; {closed}"
         f"moving surfaces changed the volume of solids by "
         f"{'an unknown share' if change is None else number(100 * change) + ' %'}"
     )
