@@ -49,9 +49,9 @@ class J2(IsotropicSolid):
             raise InputError(
                 f"yield_stress[0][0] = {points[0][0]}, expected plastic strain 0 at the first point"
             )
-        if points[0][1] >= self.E:
+        if points[0][1] > self.E:
             raise InputError(
-                f"yield_stress[0][1] = {points[0][1]:g} Pa, expected below E = {self.E:g} Pa"
+                f"yield_stress[0][1] = {points[0][1]:g} Pa, expected at most E = {self.E:g} Pa"
             )
         before, least = -math.inf, 0.0
         for i, (strain, stress) in enumerate(points):

@@ -50,7 +50,7 @@ BAD = [
     ("E = 100e9", "E = 0", "material.E = 0.0, expected a stiffness > 0"),
     ("E = 100e9", "E = -1.0", "material.E = -1.0, expected a stiffness > 0"),
     ("E = 100e9", "E = inf", "material.E = inf, expected a stress"),
-    ("E = 100e9", "E = 100.0", "material.yield_stress[0][1] = 1e+07 Pa, expected below E = 100"),
+    ("E = 100e9", "E = 100.0", "material.yield_stress[0][1] = 1e+07 Pa, expected at most E = 100"),
     ("rho = 2650", "rho = 0", "material.rho = 0.0, expected a density > 0"),
     (
         "[0.05, 110e6]",
