@@ -29,9 +29,11 @@ def everywhere(error):
 def test_plans_are_near_the_front_of_what_is_within_everywhere(case):
     """The cheapest point within the accuracy in the table and at all parameters that are known.
 
-    A plan that knows none of them can do no better but by luck. 1.5 times is what it may cost.
+    An error that grows again on a finer mesh counts as that: it was small by chance. A plan that
+    knows no parameters can do no better but by luck. 1.5 times is what it may cost.
     """
-    own, elsewhere = evidence.usable(evidence.read_points(), case), evidence.read_elsewhere()
+    own = evidence.usable(evidence.read_points(), case)
+    elsewhere = settled(own, evidence.read_elsewhere())
 
     def largest(point):
         known = elsewhere.get(point.command, {"": {0.0: math.inf}})
