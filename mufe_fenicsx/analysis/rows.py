@@ -9,6 +9,8 @@ SEATING = "seating"
 #: Columns with the lengths across the sample, and with what shears it.
 WIDTHS = ("length_x", "length_y", "diameter", "inner_diameter")
 SHEARED = ("gamma_xz", "gamma_tz", "twist")
+#: Part of the largest strain, or force, beyond which a sample is loaded.
+LOADED = 0.5
 
 
 def loading_rows(history):
@@ -35,7 +37,7 @@ def loaded_rows(history):
     if not loading.any():
         return loading
     strain = np.abs(history["strain"])
-    return loading & (strain > 0.5 * strain[loading].max())
+    return loading & (strain > LOADED * strain[loading].max())
 
 
 #: Change of a length, over it, below which walls rest.
@@ -88,7 +90,7 @@ def counted_rows(history):
     if tool_load(history) is None:
         return rows
     force = load(history)
-    return rows & (force > 0.5 * np.max(force, where=rows, initial=0.0))
+    return rows & (force > LOADED * np.max(force, where=rows, initial=0.0))
 
 
 def _rests(history, name):

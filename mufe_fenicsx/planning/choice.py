@@ -16,10 +16,10 @@ from .errors import (
     checked_accuracy,
     contact_radius,
     of_loading,
+    planned_time,
     quasi_static_from,
     sample_errors,
     time_for,
-    time_for_trust,
 )
 from .reasons import driver, out_of_reach, stage_too_fast, too_simple, unknown
 
@@ -215,7 +215,7 @@ def _plans(scene, sample, errors, left, keep_mesh):
                 continue
             if scene.quasi_static is None:
                 least = time_for(rest - of_mesh)
-                time = max(least, time_for_trust())
+                time = planned_time(rest - of_mesh)
             else:
                 # The speed follows what it does to the sample: k = (T/t)²/3.
                 least = time = max(1 / math.sqrt(3 * scene.quasi_static.kinetic), FASTEST)

@@ -139,7 +139,6 @@ def course_of(scene):
                  stage.hold + (until or 0.0) * (not moves), slows, rate)
         )  # fmt: skip
     loaded = [part for part in parts if part.way > 0.0]
-    presses = any(math.isfinite(part.level) for part in parts)
     if not loaded and seated < 0 and scene.tools:
         return Course("loading.speed", loading.speed, loading.ramp, 1e-6, 0.0, loading.speed,
                       tuple(parts), presses=False)  # fmt: skip
@@ -147,8 +146,9 @@ def course_of(scene):
         level = max(seating_stress / modulus, 1e-6)
         parts = [Part(scene.stages[-1].name, level, level, None, 0.0, False)]
         furthest = level
+    presses = any(math.isfinite(part.level) for part in parts)
     return Course("loading.speed", loading.speed, loading.ramp, furthest or 1e-6, seating_stress,
-                  seating_speed, tuple(parts), presses or not loaded)  # fmt: skip
+                  seating_speed, tuple(parts), presses)  # fmt: skip
 
 
 def _paths(motion, container):

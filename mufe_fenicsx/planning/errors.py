@@ -24,6 +24,7 @@ from statistics import mean
 from ..analysis import quasi_static
 from ..analysis.evidence import distance, read_points, usable
 from ..analysis.evidence.mesh_errors import between, error_at, falling, order_of, select, size
+from ..analysis.rows import LOADED
 from ..errors import InputError
 from ..materials.sand import SAND
 
@@ -38,8 +39,6 @@ BEYOND = 2.0
 PACKING = 0.08
 #: Least time of loading over that of a wave: before, the sum above says nothing.
 FASTEST = 3.0
-#: Part of the course from which on inertia meets the report's checks in a plan.
-LOADED = 0.5
 #: Contact radius over the diameter of grains: mean weighted by force in the sand of the
 #: demonstration, which yields, 0.08 to 0.12 between strains of 0.01 and 0.1; of elastic grains
 #: that of balls under this mean stress [Pa].
@@ -126,11 +125,6 @@ def quasi_static_from(scene, presses, time):
     return _quasi_static_after() / time
 
 
-def time_for_trust():
-    """Least time of loading, over that of a wave: inertia meets the checks in the loaded half."""
-    return _quasi_static_after() / LOADED
-
-
 def _quasi_static_after():
     """Time since the first load, over that of a wave, from which inertia meets the checks."""
     k = min(quasi_static.KINETIC, quasi_static.UNBALANCED / 1.5)
@@ -148,6 +142,11 @@ def time_for(error):
         middle = math.sqrt(low * high)
         low, high = (low, middle) if of_loading(middle) <= error else (middle, high)
     return high
+
+
+def planned_time(error):
+    """Time of loading that a plan takes for an error: inertia meets the checks where loaded."""
+    return max(time_for(error), _quasi_static_after() / LOADED)
 
 
 def contact_radius(material):

@@ -6,7 +6,7 @@ from dataclasses import replace
 from ..scene import Solver
 from .cost import LATE, SHORTER
 from .course import course_of, wave_speed
-from .errors import BEYOND, contact_radius, time_for
+from .errors import BEYOND, contact_radius, planned_time
 
 
 def driver(scene, sample, errors, best):
@@ -15,10 +15,10 @@ def driver(scene, sample, errors, best):
     size, _, tets = sample.mesh_for(n, contact_radius(scene.material), errors)
     left = {"the mesh at contacts": min(tets / size / (best.tets / best.size), 1.0)}
     if course_of(scene).presses:
-        left["the time of loading"] = time_for(2 * best.parts["loading"]) / best.time
+        left["the time of loading"] = planned_time(2 * best.parts["loading"]) / best.time
     name = min(left, key=left.get)
     if left[name] > 0.99:
-        return "none: the coarsest mesh and the fastest loading that are known do"
+        return "none: the coarsest mesh and the fastest loading that plans have do"
     return f"{name}: twice its error would leave {left[name]:.2f} of the cost"
 
 

@@ -48,9 +48,9 @@ def lines_of_present(present, cost):
 
 
 def _loading(present):
-    """How fast walls load the sample, as long as a wave takes; of tools nothing is known."""
+    """How fast walls load the sample, as long as a wave takes; of what else does, nothing."""
     if math.isinf(present.time):
-        return "by tools, at the speeds that the scene gives them"
+        return "not by walls; tools go at the speeds that the scene gives them"
     return (
         f"{present.speed:.3g} m/s: {present.time:.3g} times as long as a wave takes through the "
         "sample"

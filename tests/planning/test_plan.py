@@ -196,8 +196,10 @@ def test_what_is_known_of_each_new_scene(kind, tmp_path):
         assert 0 < found.time < math.inf and found.quasi_static_from > 0
 
 
-@pytest.mark.parametrize("accuracy", [0.3, 0.1, 0.05])
+@pytest.mark.parametrize("accuracy", [0.5, 0.1, 0.05])
 def test_plans_are_quasi_static_in_the_loaded_half(accuracy, table):
     """However large the error that is allowed: k = (T/t)²/3 is 2 % at half of r ≥ 8.16 waves."""
     plan = plan_scene(scene(), sample(1.0), accuracy, table)
     assert plan.quasi_static_from <= 0.5 * (1 + 1e-9)
+    if accuracy == 0.5:  # the coarsest mesh; a larger error would change nothing
+        assert plan.quasi_static_from == pytest.approx(0.5) and plan.driver.startswith("none")
