@@ -211,7 +211,7 @@ def draw_split(source):
     style.scale_bar(axes[0], 2 * camera.half_height * aspect)
     left, right = lower.subplots(ncols=2, width_ratios=[2, 1])
     _draw_spread(left, parts)
-    _draw_heights(right, parts)
+    _draw_heights(right, parts, source.start.box(source.start))
     return Drawing(
         "displacement-split",
         figure,
@@ -250,8 +250,10 @@ def _draw_spread(axis, parts):
     style.panel_letter(axis, 3)
 
 
-def _draw_heights(axis, parts):
-    factor, unit = style.unit_of(parts["centre z [m]"], "m")
-    axis.plot(parts["rotation [degrees]"], parts["centre z [m]"] / factor, ".", markersize=3)
-    axis.set(xlabel="Rotation: °", ylabel=f"z: {unit}", xlim=(0, None))
+def _draw_heights(axis, parts, box):
+    """Rotation over the height of a grain's centre in the box at the start."""
+    height, top = parts["centre z [m]"] - box[0, 2], np.ptp(box[:, 2])
+    factor, unit = style.unit_of([top], "m")
+    axis.plot(parts["rotation [degrees]"], height / factor, ".", markersize=3)
+    axis.set(xlabel="Rotation: °", ylabel=f"z: {unit}", xlim=(0, None), ylim=(0, top / factor))
     style.panel_letter(axis, 4)
