@@ -235,7 +235,7 @@ def check_contacts(history, found, which):
     if passed:
         verdict = "fine enough for the stress of a sample"
     elif found.coarse <= COARSE_FORCE and row is not None:
-        verdict = "met only late in the test: refine the surfaces of the grains"
+        verdict = "but only after the first tenth: refine the surfaces of the grains"
     else:
         verdict = "the mesh decides on the stiffness of contacts: refine the surfaces of the grains"
     errors = (
