@@ -20,8 +20,12 @@ CHECKED = {
     "kinetic": "Kinetic over internal energy",
     "platens": "Unbalanced force over load",
     "residual": "Energy residual over work",
+    "overlap": "Overlap over volume of grains",
     "load": "Stress lost over stress added",
 }
+
+#: How lines look as far as a test is dynamic, and what captions say of it.
+FAINT, DYNAMIC = 0.3, "Lines are faint as far as a test is dynamic. "
 
 
 def _lines(sources, names):
@@ -31,6 +35,14 @@ def _lines(sources, names):
         yield source, name, look
 
 
+def _plot(axis, source, x, y, look):
+    """A line over the rows of the loading, faint as far as the test is dynamic."""
+    last = source.last_dynamic
+    start = 0 if last is None else last + 1
+    axis.plot(x[start:], y[start:], **look)
+    axis.plot(x[: start + 1], y[: start + 1], **look | {"label": None, "alpha": FAINT})
+
+
 def draw_stress_strain(sources, names):
     """Stress-strain curves and e-log σ' curves."""
     figure, (left, right) = style.new_figure(style.PAGE, 3.0, ncols=2)
@@ -38,7 +50,7 @@ def draw_stress_strain(sources, names):
     tables = {}
     for source, name, look in _lines(sources, names):
         history = source.loading
-        left.plot(100 * history["strain"], history["stress"] / factor, **look)
+        _plot(left, source, 100 * history["strain"], history["stress"] / factor, look)
         tables[_file(name)] = {
             "strain [-]": history["strain"],
             "vertical stress [Pa]": history["stress"],
@@ -49,8 +61,8 @@ def draw_stress_strain(sources, names):
             continue
         curves = curves[(curves["stage"] != "seating")]
         tables[_file(name)]["void ratio [-]"] = curves["void_ratio"].to_numpy()
-        curves = curves[curves["stress"] > 0]
-        right.plot(curves["stress"] / factor, curves["void_ratio"], **look)
+        stress = curves["stress"].where(curves["stress"] > 0).to_numpy()
+        _plot(right, source, stress / factor, curves["void_ratio"].to_numpy(), look)
     left.set(xlabel=STRAIN, ylabel=f"{STRESS}: {unit}")
     left.set_ylim(bottom=0)
     strain = np.concatenate([100 * source.loading["strain"] for source in sources])
@@ -64,7 +76,7 @@ def draw_stress_strain(sources, names):
         figure,
         f"Runs compared: (a) vertical stress against strain (Figs 9, 10 {PAPER}), (b) compression "
         "curves e–log σ′",
-        "Stress is the mean force of both platens over the cross-section. "
+        f"Stress is the mean force of both platens over the cross-section. {DYNAMIC}"
         f"{_where_strain_begins(sources)}",
         tables,
         "wide",
@@ -82,7 +94,7 @@ def draw_forces(sources, names):
     for source, name, look in _lines(sources, names):
         history = source.loading
         travel = stress_strain.displacement(history, source.reference_height)
-        axis.plot(travel / scale, history["force_z_max"] / factor, **look)
+        _plot(axis, source, travel / scale, history["force_z_max"] / factor, look)
         tables[_file(name)] = {"displacement [m]": travel, "force [N]": history["force_z_max"]}
     axis.set(xlabel=f"Displacement of top platen: {unit_u}", ylabel=f"Force: {unit}")
     axis.set_ylim(bottom=0)
@@ -97,7 +109,7 @@ def draw_forces(sources, names):
         figure,
         f"Runs compared: force on the top platen against its displacement (as Fig. 8 {PAPER})",
         "For one ball between platens and several yield stresses this is their figure. "
-        f"{_where_strain_begins(sources)}",
+        f"{DYNAMIC}{_where_strain_begins(sources)}",
         tables,
     )
 
