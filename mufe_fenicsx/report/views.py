@@ -15,6 +15,8 @@ from mufe_fenicsx.report.tools import tool_surfaces
 FROM = (1.0, -1.35, 0.75)  #: the corner that the sample is seen from
 EDGE = 30.0  #: angle of edges of tools that are drawn [degrees]
 VON_MISES = "von Mises stress"
+#: Of a figure with its colour bar and the label of that [inch].
+LEAST_HEIGHT = 1.9
 
 
 def stress_limit(states):
@@ -36,7 +38,8 @@ def three_in_a_row(corners, width=640):
     up = np.cross(FROM, right) / np.linalg.norm(FROM)
     aspect = float(np.clip(np.ptp(corners @ right) / np.ptp(corners @ up), 0.4, 2.5))
     # The colour bar takes a tenth of the page, the letters a line.
-    return aspect, (width, round(width / aspect)), 0.3 * style.PAGE / aspect + 0.45
+    height = max(0.3 * style.PAGE / aspect + 0.45, LEAST_HEIGHT)
+    return aspect, (width, round(width / aspect)), height
 
 
 def draw_stress_3d(source):
@@ -110,7 +113,9 @@ def draw_cut(source):
 
     size = np.ptp(box, axis=0)
     width = 1.3 * style.COLUMN
-    figure, axis = style.new_figure(width, 0.5 + (width - 1.3) * size[2] / size[across])
+    # The colour bar has room for its label beside a flat sample too.
+    height = max(0.5 + (width - 1.3) * size[2] / size[across], LEAST_HEIGHT)
+    figure, axis = style.new_figure(width, height)
     faces = polygons(cut.faces)
     values = np.asarray(cut.cell_data["von_mises"])
     axis.add_collection(cut_collection([plane(cut.points[f]) for f in faces], values, limit))
