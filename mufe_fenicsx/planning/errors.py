@@ -19,11 +19,18 @@ is told apart from it (``path``).
 
 import math
 from dataclasses import dataclass
-from statistics import mean
 
 from ..analysis import quasi_static
 from ..analysis.evidence import distance, read_points, usable
-from ..analysis.evidence.mesh_errors import between, error_at, falling, order_of, select, size
+from ..analysis.evidence.mesh_errors import (
+    between,
+    error_at,
+    falling,
+    known_samples,
+    order_of,
+    select,
+    size,
+)
 from ..analysis.rows import LOADED
 from ..errors import InputError
 from ..materials.sand import SAND
@@ -171,7 +178,7 @@ def sample_errors(points=None, element="averaged", law="matched", yields=True):
     points = read_points() if points is None else points
     case = "plastic-sphere" if yields else "hertz"
     own = usable(points, case)
-    base, mesh = select(own), falling(_of_samples(points, element, yields))
+    base, mesh = select(own), _of_samples(points, element, yields)
     if len(mesh) < 2 or not base:
         raise InputError(
             f'solver.element = "{element}", expected one of which the table of points has {case} '
@@ -214,18 +221,13 @@ def _of_samples(points, element, yields):
     """(elements per contact radius, error) of grains of known shape, means over their samples."""
     case, fidelity = ("plastic-sphere", "j2") if yields else ("hertz", "elastic")
     radius = PLASTIC_RADIUS if yields else elastic_radius(SAND, KNOWN_STRESS)
-    known = usable(points, SAMPLE)
-    own = select(known, fidelity=fidelity, element=element)
-    factor = 1.0
+    own, factor = known_samples(points, element, fidelity), 1.0
     if not own:
-        own, factor = (
-            select(known, fidelity=fidelity),
-            _ratio(usable(points, case), element=element),
-        )
+        own = known_samples(points, fidelity=fidelity)
+        factor = _ratio(usable(points, case), element=element)
     if factor is None:
-        return []
-    by_size = {n: [p.error for p in own if size(p) == n] for n in sorted(map(size, own))}
-    return [(radius * n, factor * mean(errors)) for n, errors in by_size.items()]
+        return ()
+    return tuple((radius * n, factor * error) for n, error in own)
 
 
 def _ratio(points, **choice):

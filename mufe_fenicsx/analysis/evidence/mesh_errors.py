@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from statistics import mean
 
 from . import read_points, usable
 
@@ -68,6 +69,22 @@ def mesh_errors(case, points=None):
     """
     points = read_points() if points is None else points
     return falling((size(p), p.error) for p in select(usable(points, case), element="averaged"))
+
+
+def known_samples(points=None, element="averaged", fidelity="j2"):
+    """(edges per diameter of grains, error of the stress) of grains of known shape, falling.
+
+    Means over several samples; () where the table has none.
+
+    Args:
+        points: Those of a table; None: the stored one.
+        element: Of the mesh.
+        fidelity: "j2" of grains that yield, or "elastic".
+    """
+    known = usable(read_points() if points is None else points, "sample")
+    own = select(known, fidelity=fidelity, element=element)
+    sizes = sorted({size(p) for p in own})
+    return falling((n, mean(p.error for p in own if size(p) == n)) for n in sizes)
 
 
 def select(points, **wanted):
