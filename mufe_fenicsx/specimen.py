@@ -10,7 +10,6 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from .analysis.contact_resolution import of_patches
 from .bulk.rigid import RigidGrains, check_rigid
 from .bulk.solid import Solid
 from .bulk.tools import Tools, tool_solids
@@ -359,15 +358,13 @@ class Specimen(Stateful):
         num_grains = self.mesh.num_sample_grains
         return 2.0 * num_active_pairs(self.contact, num_grains) / num_grains
 
-    def contact_resolution(self):
-        """Elements per contact radius of all patches by force. Collective: one gather.
+    def contact_patches(self):
+        """Patches of contact now. Collective: one gather.
 
         Returns:
-            :class:`~mufe_fenicsx.analysis.contact_resolution.Resolution` on rank 0, None on the
-            others, and where nothing is in contact.
+            :class:`~mufe_fenicsx.contact.results.patches.Patches` on rank 0, None on the others.
         """
-        found = find_patches(self.contact, self.mesh, self.state.x)
-        return None if found is None else of_patches(found)
+        return find_patches(self.contact, self.mesh, self.state.x)
 
 
 def _what_is_wrong(mesh, materials, velocity, mass_factor):
@@ -503,6 +500,6 @@ class OfSpecimen(Stateful):
         """Mean number of neighbours that press on a grain, walls left out. Collective."""
         return self.specimen.mean_active_contacts()
 
-    def contact_resolution(self):
-        """Elements per contact radius of all patches by force, on rank 0. Collective."""
-        return self.specimen.contact_resolution()
+    def contact_patches(self):
+        """Patches of contact now, on rank 0. Collective."""
+        return self.specimen.contact_patches()

@@ -76,6 +76,7 @@ def fake_history(num_rows=200, strain=0.1, area=1e-6, height=1e-3):
         "num_active_contacts": 3 + 40 * e,
         "elements_per_radius": 1.2 + 10 * x,
         "elements_per_radius_tenth": 0.8 + 5 * x,
+        "overlap": 0.05 * x,
         "length_x": np.full(e.size, area**0.5),
         "length_y": np.full(e.size, area**0.5),
     }

@@ -46,7 +46,7 @@ def lattice_network(force, counts=(2, 2, 3), D=2e-4, n=1.5):
         a=a, b=b, num_points=np.full(num, 30), area=area, area_deformed=1.1 * area,
         edge=np.sqrt(area / np.pi) / n, elements_per_radius=np.full(num, n),
         elements_across=np.full(num, 2 * n), normal_force=np.full(num, force),
-        force_share=1 / np.where(between, between.sum(), (~between).sum()),
+        overlap=1e-5 * area, force_share=1 / np.where(between, between.sum(), (~between).sum()),
         yield_stress=np.full(num, 1e8), between_grains=between,
     )  # fmt: skip
     walls = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"]

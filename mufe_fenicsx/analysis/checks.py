@@ -11,7 +11,7 @@ import numpy as np
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.analysis.contact_resolution import COARSE
-from mufe_fenicsx.analysis.evidence.mesh_errors import error_at, mesh_errors
+from mufe_fenicsx.analysis.evidence.mesh_errors import error_at, known_samples, mesh_errors
 from mufe_fenicsx.analysis.rows import (
     counted_rows,
     course,
@@ -29,6 +29,7 @@ TARGETS = {
     "tool": quasi_static.UNBALANCED,
     "residual": 0.001,
     "switching": 0.01,
+    "overlap": 0.01,
     "load": 0.5,
 }
 #: Why forces of an older run between rough walls say nothing.
@@ -103,6 +104,11 @@ WORDS = {
         "the facets of the mesh have no effect",
         "contacts slide over sharp edges or very uneven facets: mesh them finer or more evenly",
     ),
+    "overlap": (
+        "Volume where grains overlap each other or walls, over that of the grains",
+        "the void ratio is that of their outlines",
+        "pores stay open that grains should fill, and the stress is too low: mesh the grains finer",
+    ),
     "load": (
         "Vertical stress lost while the sample was compressed, over what the stage had added",
         "the sample carries its load",
@@ -131,6 +137,8 @@ def check_run(history, mass=None, contacts=None):
         "residual": energy_check.residual_ratio(history),
         "switching": energy_check.switching_ratio(history),
     }
+    if "overlap" in history:
+        values["overlap"] = np.asarray(history["overlap"], dtype=float)
     if not led:
         values["load"] = stress_strain.lost_load(history)
     fault = faults(history)
@@ -217,7 +225,7 @@ def check_trust(history, mass=None):
     return Check("trusted", UNTRUSTED, share, math.nan, passed, text, since, failed, row)
 
 
-def check_contacts(history, found, which):
+def check_contacts(history, found, which, edges=None):
     """Whether facets resolve the contacts: the :class:`Check` named "contacts".
 
     It asks for half of the force in patches of COARSE elements per contact radius or more.
@@ -226,6 +234,7 @@ def check_contacts(history, found, which):
         history: dict column -> array, with the median of each row.
         found: :class:`~mufe_fenicsx.analysis.contact_resolution.Resolution`.
         which: Contacts of what, and when, in words.
+        edges: A diameter of grains, by which the error of the sample's stress is known; or None.
     """
     force = load(history)
     unloaded = force < quasi_static.UNLOADED * np.maximum.accumulate(force)
@@ -233,30 +242,40 @@ def check_contacts(history, found, which):
     row, since, place = _since(history, coarseness, -COARSE)
     passed = found.coarse <= COARSE_FORCE and row is not None and course(history)[row] <= UNTRUSTED
     if passed:
-        verdict = "fine enough for the stress of a sample"
+        verdict = "contacts are resolved"
     elif found.coarse <= COARSE_FORCE and row is not None:
         verdict = "but only after the first tenth: refine the surfaces of the grains"
     else:
         verdict = "the mesh decides on the stiffness of contacts: refine the surfaces of the grains"
-    errors = (
-        f"{_error('plastic-sphere', found.half)} where it flows and {_error('hertz', found.half)} "
-        "where it is elastic"
-    )
     text = (
         f"Normal force in contacts of fewer than {COARSE:g} elements per contact radius: "
         f"{ratio(found.coarse)} of all, target {100 * COARSE_FORCE:g}%; {verdict}. A tenth of the "
         f"force has fewer than {found.tenth:.2f}, half of it {found.half:.2f}, nine tenths "
-        f"{found.nine_tenths:.2f} ({which}). A single contact of {found.half:.2f} is off by "
-        f"{errors}. {place}"
+        f"{found.nine_tenths:.2f} ({which}). {_errors(found.half, edges)} {place}"
     )
     return Check(
         "contacts", COARSE_FORCE, found.coarse, math.nan, bool(passed), text, since, row=row
     )
 
 
-def _error(case, n):
-    """Error of a contact with n elements per radius by the stored points, in words."""
-    known = mesh_errors(case)
+def _errors(n, edges):
+    """What contacts of n elements per radius and grains of so many edges are off by, in words."""
+    text = (
+        f"A single contact of {n:.2f} is off by {_error(mesh_errors('plastic-sphere'), n)} where "
+        f"it flows and {_error(mesh_errors('hertz'), n)} where it is elastic."
+    )
+    if edges is None:
+        return text
+    flows, elastic = (_error(known_samples(fidelity=name), edges) for name in ("j2", "elastic"))
+    return (
+        f"{text} With {edges:.1f} edges a diameter the stress of twenty grains of known shape is "
+        f"off by {flows} where they flow and {elastic} where they are elastic, at strains of 0.01 "
+        "to 0.05."
+    )
+
+
+def _error(known, n):
+    """Error at n by stored points, in words."""
     error = error_at(known, n)
     return f"{error:.0%}" if math.isfinite(error) else f"more than {known[0][1]:.0%}"
 

@@ -25,6 +25,7 @@ ROWS = (
     ("num_active_contacts", "contacts of a grain, mean", "", 1, ".2f"),
     ("elements_per_radius", "elements per contact radius, median by force", "", 1, ".2f"),
     ("elements_per_radius_tenth", "the same, a tenth of the force has fewer", "", 1, ".2f"),
+    ("overlap", "overlap / volume of the grains", "%", 100, ".3f"),
     ("speed", "speed of the platen", "m/s", 1, ".3g"),
     ("dt", "time step", "ns", 1e9, ".3g"),
     ("step", "steps", "", 1, ".0f"),

@@ -81,8 +81,11 @@ PATCH_COLUMNS = (
     "elements_across",  # where the patch is narrowest
     "normal_force",  # sum of those at its points [N]
     "force_share",  # of all patches between grains, or of all with walls
+    "overlap",  # volume within both bodies [m³]
     "yield_stress",  # reached in the elements there [Pa], of the softer side; 0: none yields
 )
+#: Those that runs of earlier versions lack.
+NEWER_PATCH_COLUMNS = ("overlap",)
 
 
 class ContactWriter:
@@ -176,6 +179,7 @@ def patch_rows(network):
         p.elements_across,
         p.normal_force,
         p.force_share,
+        p.overlap,
         np.where(np.isfinite(p.yield_stress), p.yield_stress, 0.0),
     ]
     return _rows(columns)
@@ -316,7 +320,7 @@ def read_patches(run_folder, index):
     """
     path = Path(run_folder) / "contacts" / f"patches_{index:04d}.csv"
     patches = read_history(path)
-    absent = [name for name in PATCH_COLUMNS if name not in patches]
+    absent = [name for name in PATCH_COLUMNS if name not in {*patches, *NEWER_PATCH_COLUMNS}]
     if absent:
         raise InputError(f"{path} has no column {', '.join(absent)}")
     _check(path, patches, PATCH_COLUMNS, ("grain_a", "grain_b", "num_points"), "wall")

@@ -33,6 +33,7 @@ AFTER = (
     "num_active_contacts",
     "elements_per_radius",
     "elements_per_radius_tenth",
+    "overlap",
     *(f"unbalanced_{axis}" for axis in "xyz"),
 )
 
@@ -52,7 +53,7 @@ COLUMNS = history_columns(BOX)
 #: Those that runs of earlier versions lack.
 NEWER_COLUMNS = (
     *("length_x", "length_y", "switching", "plastic_dents"),
-    *("elements_per_radius", "elements_per_radius_tenth"),
+    *("elements_per_radius", "elements_per_radius_tenth", "overlap"),
     *("unbalanced_x", "unbalanced_y", "unbalanced_z"),
 )
 TEXT_COLUMNS = ("stage", "wall")

@@ -8,6 +8,7 @@ from mufe_fenicsx.analysis import grain_energy, inertia, kinematics
 from mufe_fenicsx.analysis.checks import check_run
 from mufe_fenicsx.analysis.contact_resolution import classes_of_contacts, contact_resolution
 from mufe_fenicsx.analysis.grain_stress import unstressed
+from mufe_fenicsx.analysis.mesh_quality import edges_per_diameter
 from mufe_fenicsx.analysis.quasi_static import knows_balance, platens_alone, trusted_from
 from mufe_fenicsx.analysis.rows import loading_rows, tool_load, turns_back
 from mufe_fenicsx.container import container_of_history
@@ -273,7 +274,15 @@ class Source:
         if history is None:
             return []
         known = "elements_per_radius" in history
-        return check_run(history, self.mass, self.get("resolution") if known else None)
+        resolution = self.get("resolution") if known else None
+        contacts = resolution and (*resolution, self.get("edges_per_diameter"))
+        return check_run(history, self.mass, contacts)
+
+    @cached_property
+    def edges_per_diameter(self):
+        """Of the grains in the reference configuration."""
+        state = self.end
+        return edges_per_diameter(state.reference, state.cells, len(np.unique(state.grain)))
 
     @cached_property
     def trust(self):

@@ -284,7 +284,7 @@ def _last_row(history):
         for name in (
             *("step", "time", "dt", "stage", "strain", "height", "speed", "stress"),
             *("force_z_max", "force_z_min", "num_contacts", "num_active_contacts"),
-            *("elements_per_radius", "elements_per_radius_tenth"),
+            *("elements_per_radius", "elements_per_radius_tenth", "overlap"),
         )
         if name in values
     }

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from ..analysis.checks import check_run, holds_from
+from ..analysis.contact_resolution import of_patches
 from ..output.history import read_history
 from ..output.run_folder import on_first_rank
 
@@ -20,9 +21,10 @@ def judged(simulation, folder, mass):
         Resolution`, None without a contact; and ``holds_from``, the strain from which on each
         check holds to the end, None where it does not.
     """
-    found = simulation.contact_resolution()
+    patches = simulation.contact_patches()
 
     def judge():
+        found = of_patches(patches)
         history = read_history(Path(folder) / "history.csv")
         contacts = found and (found, "contacts between grains, at the end")
         return {

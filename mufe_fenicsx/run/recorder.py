@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from ..analysis.contact_resolution import of_patches
 from ..bulk.solid import von_mises
 from ..bulk.strength import surface_strength
 from ..contact.results.network import find_network
@@ -33,6 +34,8 @@ class Recorder:
         kept = kept or {}
         self.simulation, self.loading, self.lock = simulation, loading, lock
         self.container = loading.measures.container
+        solid = simulation.solid.volume0[: mesh.num_sample_cells].sum()
+        self._solid_volume = mesh.comm.allreduce(float(solid))
         self.guard = EnergyGuard(simulation, energy_limit)
         self.history = HistoryWriter(
             folder / "history.csv",
@@ -107,7 +110,7 @@ class Recorder:
         forces, energies = loading.measures.forces(), sim.energies()
         active = sim.num_active_grains()
         added, largest = sim.scaling.shares() if sim.scaling else (0.0, 0.0)
-        fine = sim.contact_resolution()
+        fine, overlap = self._contacts()
         row = {
             "step": sim.state.num_steps,
             "time": sim.state.t,
@@ -125,6 +128,7 @@ class Recorder:
             # Only rank 0, which writes, has it; without a contact there is none.
             "elements_per_radius": fine.half if fine else 0.0,
             "elements_per_radius_tenth": fine.tenth if fine else 0.0,
+            "overlap": overlap,
         }
         lengths, container = loading.measures.lengths(), self.container
         row.update(zip(container.widths, lengths[:-1], strict=True))
@@ -139,6 +143,13 @@ class Recorder:
         self._row_step = sim.state.num_steps
         self.check_energy(energies)
         return energies
+
+    def _contacts(self):
+        """Resolution of contacts or None, and overlap over the grains' volume. Collective."""
+        patches = self.simulation.contact_patches()
+        if patches is None:
+            return None, 0.0
+        return of_patches(patches), float(patches.overlap.sum()) / self._solid_volume
 
     def vertical_stress(self, forces=None):
         """Mean of those on the bottom and on the top [Pa]. Collective without the forces [N]."""

@@ -115,6 +115,26 @@ def test_a_stage_that_gives_way_has_lost_its_load():
     assert [c.passed for c in checks.check_run(h) if c.name == "load"] == [False]
 
 
+def test_overlap_beyond_a_hundredth_of_the_grains_is_noticed():
+    """From strain 0.06 of 0.1 on too much: outlines cross, and the void ratio is not theirs."""
+    h = fake_history()
+    assert {c.name: c for c in checks.check_run(h)}["overlap"].grade == "pass"
+    h["overlap"] = np.where(h["strain"] < 0.06, 0.0, 0.011)
+    check = {c.name: c for c in checks.check_run(h)}["overlap"]
+    assert check.grade == "warn" and check.largest == 0.011 and np.isnan(check.since)
+    del h["overlap"]  # a run of earlier versions
+    assert "overlap" not in {c.name for c in checks.check_run(h)}
+
+
+def test_edges_per_diameter_of_tetrahedra():
+    """A regular one of the edge 1 has the volume 1/(6√2), and a ball of it the diameter D."""
+    points = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(8)
+    D = np.cbrt(1 / (np.pi * np.sqrt(2)))
+    two = np.vstack([points, points + 3]), np.array([[0, 1, 3, 2], [4, 5, 7, 6]])
+    found = mesh_quality.edges_per_diameter(*two, 2)
+    assert found == pytest.approx(D, rel=ROUND_OFF)
+
+
 def test_ratios_without_load_are_not_known():
     h = {k: np.zeros(2) for k in ("kinetic", "elastic", "plastic", "force_z_max", "force_z_min")}
     assert np.isnan(quasi_static.kinetic_ratio(h)).all()

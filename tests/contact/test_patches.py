@@ -71,6 +71,9 @@ def test_two_bumps_are_two_patches_of_known_radius(points):
         n = a / EDGE
         assert p.elements_per_radius[k] == pytest.approx(n, rel=0.5 * bricks**-0.5)
         assert p.elements_across[k] == pytest.approx(2 * n, rel=bricks**-0.5)
+    for k, (R, _, a) in ((0, BUMPS[0]), (1, BUMPS[1]), (3, BUMPS[0])):
+        # The cap of a paraboloid; its depth vanishes at the rim, where points count whole or not.
+        assert p.overlap[k] == pytest.approx(np.pi * a**4 / (4 * R), rel=(BRICK / a) ** 2)
     if points != "nodes":  # those on the rim of a face have the area of its sides as well
         assert p.area[2] == pytest.approx(2.0, rel=1e-12)
         assert p.edge[2] == pytest.approx(EDGE, rel=1e-12)
@@ -97,7 +100,8 @@ def test_patches_are_the_same_on_all_ranks():
     alone = on_first_ranks(COMM, 1, patches_of)
     for name in ("a", "b", "num_points", "between_grains"):
         assert np.array_equal(getattr(found, name), getattr(alone, name)), name
-    for name in ("area", "area_deformed", "edge", "elements_per_radius", "normal_force"):
+    names = "area", "area_deformed", "edge", "elements_per_radius", "normal_force", "overlap"
+    for name in names:
         # Round-off of sums of a thousand terms.
         assert getattr(found, name) == pytest.approx(getattr(alone, name), rel=1e-12), name
     # Differences of squares of places, 1 against 0.1.

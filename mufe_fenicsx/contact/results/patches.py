@@ -34,6 +34,7 @@ class Patches:
     elements_across: np.ndarray  #: where it is narrowest
     normal_force: np.ndarray  #: sum of its points [N]
     force_share: np.ndarray  #: of the force of all between grains, or of all with walls
+    overlap: np.ndarray  #: volume that is within both surfaces, at facets [m³]
     #: Reached in the elements of its facets [Pa], the lower one of both sides; inf: none yields.
     yield_stress: np.ndarray
     between_grains: np.ndarray  #: whether b is a grain
@@ -44,7 +45,8 @@ _COUNT, _AREA, _DEFORMED, _FORCE, _EDGE = range(5)
 _PLACE, _MOMENT = slice(5, 8), slice(8, 17)
 #: Area of each side whose yield stress is known, and that area times the stress.
 _KNOWN, _STRENGTH = slice(17, 19), slice(19, 21)
-_NUM_COLUMNS = 21
+_OVERLAP = 21
+_NUM_COLUMNS = 22
 
 
 def find_patches(contact, mesh, x, strength=None):
@@ -157,6 +159,9 @@ def _terms_of_points(contact, mesh, x, strength, pairs, on, area):
     terms[:, _AREA] = area
     terms[:, _DEFORMED] = area * points.stretch(own, x, node)
     terms[:, _FORCE] = pairs.normal_force[on]
+    # Sharp vertices stand on the area of the facets around.
+    counts = node < points.num_points - points.num_vertices
+    terms[:, _OVERLAP] = counts * terms[:, _DEFORMED] * (pairs.dent - pairs.gap)[on]
     facet, begin, count = _facets_around(contact, node)
 
     def mean(values):
@@ -264,6 +269,7 @@ def _patches(pair, sums, num_grains):
         elements_across=4.0 * np.sqrt(narrow + edge**2 / 24.0) / edge,
         normal_force=force,
         force_share=share,
+        overlap=sums[:, _OVERLAP],
         yield_stress=each.min(axis=1),
         between_grains=between,
     )
