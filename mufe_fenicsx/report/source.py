@@ -281,8 +281,8 @@ class Source:
     @cached_property
     def edges_per_diameter(self):
         """Of the grains in the reference configuration."""
-        state = self.end
-        return edges_per_diameter(state.reference, state.cells, len(np.unique(state.grain)))
+        state, num_grains = self.end, self.end.grain_means[0].size
+        return edges_per_diameter(state.reference, state.cells, state.faces[0], num_grains)
 
     @cached_property
     def trust(self):

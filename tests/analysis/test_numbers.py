@@ -131,7 +131,8 @@ def test_edges_per_diameter_of_tetrahedra():
     points = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(8)
     D = np.cbrt(1 / (np.pi * np.sqrt(2)))
     two = np.vstack([points, points + 3]), np.array([[0, 1, 3, 2], [4, 5, 7, 6]])
-    found = mesh_quality.edges_per_diameter(*two, 2)
+    facets = np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3], [4, 5, 6], [4, 6, 7]])
+    found = mesh_quality.edges_per_diameter(*two, facets, 2)
     assert found == pytest.approx(D, rel=ROUND_OFF)
 
 
