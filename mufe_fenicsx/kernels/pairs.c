@@ -5,7 +5,24 @@
 #include "pairs_lanes.h"
 #include "pairs_one.h"
 
+#define FLOWED 0.999      /* part of its yield depth that a pair has that flowed */
 #define NOT_SEEN INT32_MIN /* among the candidates of a pair: it was not looked at in this step */
+
+/* Ask for what a pair needs to flow, if it has flowed in the last step. */
+INLINE void fetch_flow(const pairs_type *m, int32_t p) {
+  const state_type *s = m->state + p;
+  if (!s->closed || s->offset - s->gap < FLOWED * s->yield_depth) return;
+  const int64_t node = s->node, facet = m->candidate[m->closest[p]], cell = m->strength.cell[p];
+  FETCH(m->curvature_of_point + 3 * node + 2);
+  FETCH(m->curvature_of_facet + 3 * facet + 2);
+  FETCH(m->layer_of_node + node);
+  FETCH(m->layer_of_facet + facet);
+  FETCH(m->area_at_node + node);
+  FETCH(m->area_of_facet + facet);
+  FETCH(m->recess_of_point + node);
+  FETCH(m->strength.strain + cell);
+  FETCH(m->strength.work + cell);
+}
 
 /* Ask for what the pairs after the i-th of the list need; from i = -FAR_AHEAD on. */
 INLINE void fetch_ahead(const pairs_type *m, const int32_t *list, int64_t i, int64_t num_due) {
@@ -26,6 +43,7 @@ INLINE void fetch_ahead(const pairs_type *m, const int32_t *list, int64_t i, int
   if (i + AHEAD / 2 >= 0 && i + AHEAD / 2 < num_due) {
     const state_type *s = m->state + list[i + AHEAD / 2];
     for (int32_t k = 0; k < s->num_around; k++) FETCH(m->x + 3 * (int64_t)m->around[s->around + k]);
+    if (m->strength.tables) fetch_flow(m, list[i + AHEAD / 2]);
   }
 }
 
