@@ -107,7 +107,7 @@ WORDS = {
     "overlap": (
         "Volume where grains overlap each other or walls, over that of the grains",
         "the void ratio is that of their outlines",
-        "pores stay open that grains should fill, and the stress is too low: mesh the grains finer",
+        "pores stay open that grains should fill, which softens the sample: mesh the grains finer",
     ),
     "load": (
         "Vertical stress lost while the sample was compressed, over what the stage had added",
@@ -228,7 +228,8 @@ def check_trust(history, mass=None):
 def check_contacts(history, found, which, edges=None):
     """Whether facets resolve the contacts: the :class:`Check` named "contacts".
 
-    It asks for half of the force in patches of COARSE elements per contact radius or more.
+    It asks for half of the force in patches of COARSE elements per contact radius or more, and for
+    grains no coarser than any whose error is known.
 
     Args:
         history: dict column -> array, with the median of each row.
@@ -240,9 +241,13 @@ def check_contacts(history, found, which, edges=None):
     unloaded = force < quasi_static.UNLOADED * np.maximum.accumulate(force)
     coarseness = np.where(unloaded, math.nan, -history["elements_per_radius"])
     row, since, place = _since(history, coarseness, -COARSE)
+    if edges is not None and math.isinf(error_at(known_samples(), edges)):
+        row, since, place = None, math.nan, ""
     passed = found.coarse <= COARSE_FORCE and row is not None and course(history)[row] <= UNTRUSTED
     if passed:
         verdict = "contacts are resolved"
+    elif not place:
+        verdict = "grains are coarser than any whose error is known: refine their surfaces"
     elif found.coarse <= COARSE_FORCE and row is not None:
         verdict = "but only after the first tenth: refine the surfaces of the grains"
     else:
@@ -252,7 +257,7 @@ def check_contacts(history, found, which, edges=None):
         f"{ratio(found.coarse)} of all, target {100 * COARSE_FORCE:g}%; {verdict}. A tenth of the "
         f"force has fewer than {found.tenth:.2f}, half of it {found.half:.2f}, nine tenths "
         f"{found.nine_tenths:.2f} ({which}). {_errors(found.half, edges)} {place}"
-    )
+    ).rstrip()
     return Check(
         "contacts", COARSE_FORCE, found.coarse, math.nan, bool(passed), text, since, row=row
     )
@@ -366,7 +371,16 @@ def _since(history, values, target):
     rows = np.flatnonzero(counted_rows(history))
     missed = np.flatnonzero(~(values[rows] <= target) & ~np.isnan(values[rows]))
     if not rows.size or (missed.size and missed[-1] == len(rows) - 1):
-        return None, math.nan, "Not met at the end."
+        met = np.setdiff1d(np.arange(rows.size), missed)
+        return (
+            None,
+            math.nan,
+            (
+                f"Not met at the end: last at {where(history, rows[met[-1]])}."
+                if met.size
+                else "Met nowhere."
+            ),
+        )
     row = int(rows[missed[-1] + 1] if missed.size else rows[0])
     place = f"Met from {where(history, row)} on, to the end." if missed.size else "Met in all rows."
     return row, float(history["strain"][row]), place

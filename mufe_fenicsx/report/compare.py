@@ -24,6 +24,8 @@ CHECKED = {
     "load": "Stress lost over stress added",
 }
 
+#: Parts of the strain at which stresses are compared.
+PARTS = (0.25, 0.5, 0.75, 0.98)
 #: How lines look as far as a test is dynamic, and what captions say of it.
 FAINT, DYNAMIC = 0.3, "Lines are faint as far as a test is dynamic. "
 
@@ -301,6 +303,13 @@ def tables(sources, names):
         since = checks["trusted"].since
         trusted = f"strain {since:.4f}" if np.isfinite(since) else "nowhere"
         checked.append((name, trusted, *_reached(checks)))
+    first, *others = sources
+    ratios = [
+        (name, *_ratios(source, first, "strain"), *_ratios(source, first, "height"))
+        for source, name in zip(others, names[1:], strict=True)
+        if not (source.turns_back or first.turns_back)
+    ]
+    at = [style.percent(part) for part in PARTS]
     found = differences(sources)
     scenes = [(key, *(value_text(key, v) for v in values)) for key, values in found.items()]
     return [
@@ -310,8 +319,35 @@ def tables(sources, names):
             checked,
             ("Run", "Trusted from", *CHECKED.values()),
         ),
+        (
+            f"Stress over that of {names[0]}, at parts of the strains and heights of both",
+            ratios,
+            ("Run", *(f"Same {what}, {p}" for what in ("strain", "height") for p in at)),
+        ),
         ("What differs in their scenes", scenes, ("Key", *names)),
     ]
+
+
+def _ratios(source, other, column):
+    """Mean stress over that of another run at the same strains, or heights, in words."""
+    a, b = source.loading, other.loading
+    low, high = (max(h[column].min() for h in (a, b)), min(h[column].max() for h in (a, b)))
+    if not high > low:
+        return ["–"] * len(PARTS)
+    start, end = (low, high) if column == "strain" else (high, low)
+    found = []
+    for part in PARTS:
+        near = [
+            np.abs(h[column] - (start + part * (end - start))) <= HALF_WINDOW * (high - low)
+            for h in (a, b)
+        ]
+        known = all(rows.any() for rows in near)
+        found.append(
+            style.number(a["stress"][near[0]].mean() / b["stress"][near[1]].mean(), 3)
+            if known
+            else "–"
+        )
+    return found
 
 
 def _reached(checks):

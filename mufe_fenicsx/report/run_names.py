@@ -12,6 +12,7 @@ MOST, LONGEST = 2, 60
 #: Keys whose values have a unit, by their last word.
 UNITS = {"E": "Pa", "speed": "m/s", "size": "m", "seating_stress": "Pa", "seating_speed": "m/s"}
 YIELD = "material.yield_stress"
+MESH, TETRAHEDRA = "mesh.", "tetrahedra"
 
 
 def name_runs(sources):
@@ -41,7 +42,7 @@ def name_runs(sources):
 
 
 def differences(sources):
-    """What differs in the scenes of runs; empty where one has no scene.
+    """What differs in the scenes of runs, and in meshes; empty where one has no scene.
 
     Args:
         sources: List of :class:`mufe_fenicsx.report.source.Source`.
@@ -55,7 +56,11 @@ def differences(sources):
         return {}
     keys = dict.fromkeys(key for scene in scenes for key in scene)
     found = {key: [scene.get(key) for scene in scenes] for key in keys}
-    return {key: values for key, values in found.items() if len(set(map(str, values))) > 1}
+    found[TETRAHEDRA] = [source.summary.get("num_cells") for source in sources]
+    found = {key: values for key, values in found.items() if len(set(map(str, values))) > 1}
+    if any(key.startswith(MESH) for key in found):  # says it already
+        found.pop(TETRAHEDRA, None)
+    return found
 
 
 def _flat(table, before=""):

@@ -280,7 +280,9 @@ class Source:
 
     @cached_property
     def edges_per_diameter(self):
-        """Of the grains in the reference configuration."""
+        """Of the grains in the reference configuration; of earlier runs measured here."""
+        if self.summary.get("edges_per_diameter"):
+            return self.summary["edges_per_diameter"]
         state, num_grains = self.end, self.end.grain_means[0].size
         return edges_per_diameter(state.reference, state.cells, state.faces[0], num_grains)
 

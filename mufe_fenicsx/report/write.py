@@ -122,6 +122,7 @@ class _Report:
                     "passed": c.passed,
                     "grade": c.grade,
                     "since": _plain(c.since),
+                    "text": c.text,
                 }
                 for c in checks
             ],

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from ..contact.laws import edge_of_area
 from ..contact.surface.surface import SHARP_EDGE
 from ..units import with_unit
 
@@ -14,18 +15,24 @@ MOST_SHARP = 0.5
 SMOOTH = 0.45
 
 
+def mean_edge_and_radius(simulation):
+    """Edge of the mean facet, and radius of a ball of the grains' mean volume [m]. Collective."""
+    mesh, own = simulation.mesh, simulation.contact.own
+    area = own.facet_area[own.grain_of_facet < mesh.num_sample_grains]
+    volume = simulation.solid.volume0[: mesh.num_sample_cells].sum()
+    area, number, volume = simulation.comm.allreduce(np.array([area.sum(), area.size, volume]))
+    radius = math.cbrt(3 / (4 * math.pi) * volume / mesh.num_sample_grains)
+    return float(edge_of_area(area, number)), radius
+
+
 def warning_of_coarse_meshes(simulation):
     """A line where most edges of the sample's grains are sharp, or None. Collective."""
     mesh, own = simulation.mesh, simulation.contact.own
-    grains = own.grain_of_facet < mesh.num_sample_grains
-    sharp, area = own.sharp_edge[grains], own.facet_area[grains]
-    volume = simulation.solid.volume0[: mesh.num_sample_cells].sum()
-    here = np.array([sharp.sum(), sharp.size, area.sum(), volume])
-    num_sharp, num_edges, area, volume = simulation.comm.allreduce(here)
+    sharp = own.sharp_edge[own.grain_of_facet < mesh.num_sample_grains]
+    num_sharp, num_edges = simulation.comm.allreduce(np.array([sharp.sum(), sharp.size]))
     if num_sharp <= MOST_SHARP * num_edges:
         return None
-    edge = math.sqrt(4 / math.sqrt(3) * 3 * area / num_edges)
-    radius = math.cbrt(3 / (4 * math.pi) * volume / mesh.num_sample_grains)
+    edge, radius = mean_edge_and_radius(simulation)
     return (
         f"warning: {num_sharp / num_edges:.0%} of the edges of grains turn by more than "
         f"{math.degrees(SHARP_EDGE):g}°, expected at most {MOST_SHARP:.0%}: each is searched for "

@@ -29,7 +29,7 @@ friction = 0.5
 
 [solver]
 time_step_factor = 0.45   # coarse balls on the edges of the box
-damping = "200 ms^-1"     # stills what the load shakes when it comes; counted as damping
+damping = "200 ms^-1"     # 1/ms: stills what the load shakes when it comes; counted as damping
 
 [loading]                 # the walls stand around the box and do nothing
 speed = "1 m/s"

@@ -95,7 +95,10 @@ def test_checks_say_from_where_on_and_are_not_green_on_faults():
     h["kinetic"][-1] = 0.06 * (h["elastic"] + h["plastic"])[-1]
     assert found["load"].text.endswith("Met in all rows.")
     found = {check.name: check for check in checks.check_run(h)}
-    assert "Not met at the end." in found["kinetic"].text and found["trusted"].grade == "fail"
+    assert (
+        "Not met at the end: last at strain" in found["kinetic"].text
+        and found["trusted"].grade == "fail"
+    )
     for name, value, words in (("kinetic", -1.0, "kinetic energy is below zero in 1 of"),
                                ("elastic", np.nan, "elastic is not a number in 1 of")):  # fmt: skip
         wrong = fake_history()

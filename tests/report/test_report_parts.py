@@ -1,5 +1,7 @@
 """What the figures of a report are made of, against exact cases."""
 
+import json
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -7,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from mufe_fenicsx.analysis import mesh_quality
 from mufe_fenicsx.output import fields
 from mufe_fenicsx.output.history import HistoryWriter
-from mufe_fenicsx.report import chains, curves, motion, parts, run_names, style
+from mufe_fenicsx.report import chains, compare, curves, motion, parts, run_names, style
 from mufe_fenicsx.report.sample import boundary_faces
 from mufe_fenicsx.report.source import Source
 from mufe_fenicsx.report.summary import largest_values
@@ -91,6 +93,31 @@ def test_runs_are_named_by_what_differs(tmp_path):
     assert run_names.name_runs([Source(s.folder) for s in sources]) == ["run0", "run1"]
     (tmp_path / "run1" / "scene.toml").unlink()
     assert run_names.name_runs([Source(s.folder) for s in sources]) == ["run0", "run1"]
+
+
+def test_runs_on_two_meshes_are_compared_at_the_same_strain_and_height(tmp_path):
+    """One is twice as stiff, and begins 2 % lower; its grains have more tetrahedra."""
+    sources = []
+    for k, (cells, factor, height) in enumerate(((100, 1.0, 1e-3), (200, 2.0, 0.98e-3))):
+        folder = tmp_path / f"run{k}"
+        folder.mkdir()
+        h = fake_history(2000, height=height)
+        h["stress"] = factor * 1e8 * h["strain"].clip(0)
+        write_history(folder, h)
+        (folder / "scene.toml").write_text(SCENE)
+        (folder / "run.json").write_text(json.dumps({"num_cells": cells}))
+        sources.append(Source(folder))
+    names = run_names.name_runs(sources)
+    assert names == ["tetrahedra 100", "tetrahedra 200"]
+    title, rows, columns = compare.tables(sources, names)[2]
+    assert "tetrahedra 100" in title and columns[0] == "Run"
+    name, *ratios = rows[0]
+    # Heights in common: 0.98 mm to 0.9 mm, where the strains are 0.02 to 0.1 and 0 to 0.0816.
+    parts = np.array(compare.PARTS)
+    there = 0.98 - parts * 0.08
+    expected = [2.0] * len(parts) + list(2 * (1 - there / 0.98) / (1 - there))
+    # Three digits, and rows that lie a little beside the place.
+    assert name == names[1] and np.array(ratios, float) == pytest.approx(expected, rel=0.01)
 
 
 @pytest.mark.parametrize(("share", "said"), [(0.4, True), (0.009, False), (None, False)])

@@ -120,7 +120,7 @@ def test_run_writes_what_it_did(folder, grains):
     expected = contact_resolution(*(patches[name][kind] for name in names))
     assert found["half"] == history["elements_per_radius"][-1] == pytest.approx(expected.half)
     assert found["tenth"] == history["elements_per_radius_tenth"][-1] > 0
-    checks = check_run(history, summary["mass"], (expected, ""))
+    checks = check_run(history, summary["mass"], (expected, "", summary["edges_per_diameter"]))
     assert summary["holds_from"] == holds_from(checks) == result["holds_from"]
 
 

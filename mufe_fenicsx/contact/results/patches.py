@@ -34,7 +34,7 @@ class Patches:
     elements_across: np.ndarray  #: where it is narrowest
     normal_force: np.ndarray  #: sum of its points [N]
     force_share: np.ndarray  #: of the force of all between grains, or of all with walls
-    overlap: np.ndarray  #: volume that is within both surfaces, at facets [m³]
+    overlap: np.ndarray  #: volume within both bodies, beneath facets whose points are closed [m³]
     #: Reached in the elements of its facets [Pa], the lower one of both sides; inf: none yields.
     yield_stress: np.ndarray
     between_grains: np.ndarray  #: whether b is a grain
@@ -105,13 +105,19 @@ def _terms(contact, mesh, x, strength):
     num_bodies = contact.dissipation.num_grains
     on, at = np.flatnonzero(p.closed), np.flatnonzero(w.closed)
     opposite = contact.surface.facets[p.candidate[p.closest[on]]]
+    corners = x[contact.own.nodes[points.carriers(p.node[on])[0]]]
+    over = _over_planes(
+        corners, contact.ghosts.positions.array[contact.ghosts.num_before :][opposite]
+    )
+    at_walls = x[contact.own.nodes[points.carriers(w.node[at])[0]]]
+    off = np.stack([contact.walls.gaps(at_walls[:, k], w.wall[at])[0] for k in range(3)], axis=1)
     crossings = closed_crossings(contact)
     grain = points.grain_of_point
     groups = (
         (grain[p.node[on]], p.grain[on], np.hstack([points.carriers(p.node[on])[0], opposite]),
-         _terms_of_points(contact, mesh, x, strength, p, on, contact.areas(on))),
+         _terms_of_points(contact, mesh, x, strength, p, on, contact.areas(on), over)),
         (grain[w.node[at]], w.wall[at] + num_bodies, points.carriers(w.node[at])[0],
-         _terms_of_points(contact, mesh, x, strength, w, at, points.area[w.node[at]])),
+         _terms_of_points(contact, mesh, x, strength, w, at, points.area[w.node[at]], off)),
         (crossings.grain, crossings.partner, crossings.nodes,
          _terms_of_crossings(crossings)),
     )  # fmt: skip
@@ -149,8 +155,33 @@ def _links_of_nodes(points, pair, node):
     return np.repeat(pair, count, axis=0)[both], vertices
 
 
-def _terms_of_points(contact, mesh, x, strength, pairs, on, area):
-    """Terms of the sums for pairs ``on``, whose own side is the first."""
+def _over_planes(corners, facets):
+    """Heights of points over the planes of facets, each (num, 3, 3) [m], shape (num, 3)."""
+    a, b, c = facets.transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    return np.einsum("nki,ni->nk", corners - a[:, None], normal)
+
+
+def mean_depth(gaps):
+    """Mean over a triangle of what lies below zero of a linear field, shape (num,).
+
+    Args:
+        gaps: At its corners [m], shape (num, 3).
+    """
+    low, middle, high = np.sort(gaps, axis=1).T
+    mean = np.where(high <= 0.0, -gaps.mean(axis=1), 0.0)
+    # A corner below zero cuts a pyramid from the prism, and so does one above.
+    one, two = (low < 0.0) & (middle >= 0.0), (middle < 0.0) & (high > 0.0)
+    cut = -(low**3), 3.0 * (middle - low) * (high - low)
+    np.divide(*cut, out=mean, where=one)
+    rest = high**3, 3.0 * (high - low) * (high - middle)
+    above = np.divide(*rest, out=np.zeros_like(mean), where=two)
+    return np.where(two, above - gaps.mean(axis=1), mean)
+
+
+def _terms_of_points(contact, mesh, x, strength, pairs, on, area, gaps):
+    """Terms of the sums for pairs ``on``, whose own side is the first; ``gaps``: at its corners."""
     own, points = contact.own, contact.points
     node = pairs.node[on]
     place = contact.ghosts.positions.array[node]
@@ -161,7 +192,7 @@ def _terms_of_points(contact, mesh, x, strength, pairs, on, area):
     terms[:, _FORCE] = pairs.normal_force[on]
     # Sharp vertices stand on the area of the facets around.
     counts = node < points.num_points - points.num_vertices
-    terms[:, _OVERLAP] = counts * terms[:, _DEFORMED] * (pairs.dent - pairs.gap)[on]
+    terms[:, _OVERLAP] = counts * terms[:, _DEFORMED] * mean_depth(gaps)
     facet, begin, count = _facets_around(contact, node)
 
     def mean(values):
