@@ -107,7 +107,7 @@ seating_speed = "0.6 m/s" # above that of single impacts at this speed
 
 DAMPED = """
 [solver]
-damping = "{} ms^-1"     # 1/ms: stills few grains that rattle between their contacts; counted as damping
+damping = "{} ms^-1"     # 1/ms: stills grains that rattle between contacts; counted as damping
 """
 
 STAGED = """

@@ -7,7 +7,7 @@ from mpi4py import MPI
 from mufe_fenicsx.analysis.contact_resolution import of_patches
 from mufe_fenicsx.bulk.strength import surface_strength
 from mufe_fenicsx.contact.results.network import find_network
-from mufe_fenicsx.contact.results.patches import find_patches
+from mufe_fenicsx.contact.results.patches import find_patches, mean_depth
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.geometry.bodies.shapes import box, sphere_near_contact
 from mufe_fenicsx.materials.elastic import Elastic
@@ -80,6 +80,15 @@ def test_two_bumps_are_two_patches_of_known_radius(points):
         # A face of 2 by 1 is 1 across, where it is narrowest: 4 √(1/12) in elements.
         assert p.elements_across[2] == pytest.approx(4 * np.sqrt(1 / 12) / EDGE, rel=5e-3)
     assert p.force_share[[0, 1, 3]].sum() == pytest.approx(1.0, rel=1e-12) and p.force_share[2] == 1
+
+
+def test_mean_depth_of_a_triangle_that_a_plane_cuts():
+    """One corner 3 beneath, others 0 and 3 over: a third of 3 over a half of the triangle."""
+    assert mean_depth(np.array([[-3.0, 0.0, 3.0]])) == pytest.approx([0.5], rel=1e-14)
+    gaps = np.random.default_rng(0).normal(size=(100, 3))
+    # What lies below less what lies above is the mean.
+    assert mean_depth(gaps) - mean_depth(-gaps) == pytest.approx(-gaps.mean(axis=1), abs=1e-14)
+    assert list(mean_depth(np.array([[-1.0] * 3, [0.0] * 3, [0.0, 0.0, 2.0]]))) == [1.0, 0.0, 0.0]
 
 
 def test_bumps_nearer_than_a_facet_are_one_patch():
