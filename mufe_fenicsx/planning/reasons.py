@@ -107,6 +107,10 @@ def unknown(scene, errors, elements):
             "how far the platen travels until the sample is seated: until a chain of grains that "
             "neither turn nor slip makes the bottom feel it"
         )
+        known.append(
+            "slips between grains, which are dynamic at any speed: where grains are few, a late one "
+            "moves the strain from which the report trusts the test"
+        )
     if scene.loading is not None and course.presses:
         known.append(
             "strains that stresses make, and stresses that strains make: those of a linear sample "
