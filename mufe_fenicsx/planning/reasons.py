@@ -108,8 +108,8 @@ def unknown(scene, errors, elements):
             "neither turn nor slip makes the bottom feel it"
         )
         known.append(
-            "slips between grains, which are dynamic at any speed: where grains are few, a late one "
-            "moves the strain from which the report trusts the test"
+            "slips between grains, which are dynamic at any speed: where grains are few, a late "
+            "one moves the strain from which the report trusts the test"
         )
     if scene.loading is not None and course.presses:
         known.append(
