@@ -153,6 +153,7 @@ def write_run(folder, counts=(2, 2, 3), n=3, num_states=3, finished=True):
             "num_ranks": 2,
             "num_grains": len(parts),
             "num_cells": len(cells),
+            "edges_per_diameter": 10.0,
             "num_nodes": len(points),
             "finished": finished,
             "stop_reason": "strain reached" if finished else "interrupted",

@@ -59,6 +59,17 @@ def test_coarse_contacts_are_said(tmp_path):
     # By the stored points between one and two elements per radius.
     assert re.search(r"of 1.50 is off by 4% where it flows and 2% where it is elastic", page)
     assert re.search(r"1 to 2</td><td>8</td><td>100.0%", page)  # of each four columns two contacts
+    assert (
+        "With 10.0 edges a diameter the stress of twenty grains of known shape is off by 8%" in page
+    )
+    text = (tmp_path / "run.json").read_text()
+    (tmp_path / "run.json").write_text(
+        text.replace('"edges_per_diameter": 10', '"edges_per_diameter": 4')
+    )
+    found = {c["name"]: c for c in write_report(tmp_path, only=["forces"])["checks"]}
+    assert found["contacts"]["grade"] == found["all"]["grade"] == "warn"
+    assert "grains are coarser than any whose error is known" in found["contacts"]["text"]
+    (tmp_path / "run.json").write_text(text)
     for path in (tmp_path / "contacts").glob("patches_*.csv"):
         path.write_text(path.read_text().replace(",1.5,", ",0.5,"))
     h["elements_per_radius"] = 0.1 + 8 * np.maximum(h["strain"], 0)  # 0.6 at a strain of 0.0625
