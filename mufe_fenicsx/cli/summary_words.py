@@ -79,6 +79,7 @@ _OF_RUNS = {
     "time_step": ("time step", "s"),
     "element_time_step": ("time step that elements alone allow", "s"),
     "peak_memory_bytes": ("memory at its peak", "bytes"),
+    "edges_per_diameter": ("edges a diameter of grains", ""),
     "elements_per_radius": ("elements per contact radius, half of the force has fewer", ""),
     "all_hold_from": ("strain from which all checks of the report hold", ""),
 }
