@@ -65,6 +65,15 @@ def out_of_reach(scene, accuracy, fixed, errors, sample, keep_mesh):
     )
 
 
+#: What walls that load grains may meet.
+SEATING_AND_SLIPS = (
+    "how far the platen travels until the sample is seated: until a chain of grains that neither "
+    "turn nor slip makes the bottom feel it",
+    "slips between grains, which are dynamic at any speed: where grains are few, a late one moves "
+    "the strain from which the report trusts the test",
+)
+
+
 def unknown(scene, errors, elements):
     """What is not known beforehand, with so many elements per radius of a contact."""
     known = [
@@ -103,14 +112,7 @@ def unknown(scene, errors, elements):
             "and 49 loose balls at 20 kPa took more than 2.5 times the planned seating"
         )
     if course.presses:
-        known.append(
-            "how far the platen travels until the sample is seated: until a chain of grains that "
-            "neither turn nor slip makes the bottom feel it"
-        )
-        known.append(
-            "slips between grains, which are dynamic at any speed: where grains are few, a late "
-            "one moves the strain from which the report trusts the test"
-        )
+        known += SEATING_AND_SLIPS
     if scene.loading is not None and course.presses:
         known.append(
             "strains that stresses make, and stresses that strains make: those of a linear sample "
