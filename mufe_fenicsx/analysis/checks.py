@@ -371,16 +371,9 @@ def _since(history, values, target):
     rows = np.flatnonzero(counted_rows(history))
     missed = np.flatnonzero(~(values[rows] <= target) & ~np.isnan(values[rows]))
     if not rows.size or (missed.size and missed[-1] == len(rows) - 1):
-        met = np.setdiff1d(np.arange(rows.size), missed)
-        return (
-            None,
-            math.nan,
-            (
-                f"Not met at the end: last at {where(history, rows[met[-1]])}."
-                if met.size
-                else "Met nowhere."
-            ),
-        )
+        met = np.delete(rows, missed)
+        last = f": last at {where(history, met[-1])}" if met.size else ""
+        return None, math.nan, f"Not met at the end{last}."
     row = int(rows[missed[-1] + 1] if missed.size else rows[0])
     place = f"Met from {where(history, row)} on, to the end." if missed.size else "Met in all rows."
     return row, float(history["strain"][row]), place

@@ -132,7 +132,9 @@ def draw_parameter(sources, names):
     if not last > 0:
         raise InputError("their vertical strain does not grow")
     strains = last * np.arange(1, 5) / 4
-    stress = np.array([_stress_at(source.loading, strains, last) for source in sources])[order]
+    stress = np.array(
+        [_stress_at(*_course(source.loading, "strain"), strains, last) for source in sources]
+    )[order]
     values = np.array(values)[order]
     unit = "Pa" if key == YIELD else UNITS.get(key.rsplit(".", 1)[-1], "")
     scale, prefixed = style.unit_of(values, unit) if unit else (1.0, "–")
@@ -168,15 +170,21 @@ def _number_of(key, value):
     return float(value) if is_number else None
 
 
-def _stress_at(history, strains, last):
-    """Mean stress about strains, where the loading first comes by [Pa]."""
-    strain = history["strain"]
-    first = strain == np.maximum.accumulate(strain)
-    near = np.abs(strain[None, first] - strains[:, None]) <= HALF_WINDOW * last
-    stress = history["stress"][first]
+def _stress_at(way, stress, places, size):
+    """Mean stress about places on a way, where the loading first comes by [Pa].
+
+    Args:
+        way: What grows with the loading, such as strain, shape (num_rows,).
+        stress: [Pa], the same.
+        places: On that way, shape (num_places,).
+        size: Of what means are taken over a part of.
+    """
+    first = way == np.maximum.accumulate(way)
+    near = np.abs(way[None, first] - places[:, None]) <= HALF_WINDOW * size
+    stress = stress[first]
     return [
-        stress[rows].mean() if rows.any() else np.interp(at, strain[first], stress)
-        for at, rows in zip(strains, near, strict=True)
+        stress[rows].mean() if rows.any() else np.interp(at, way[first], stress)
+        for at, rows in zip(places, near, strict=True)
     ]
 
 
@@ -307,7 +315,6 @@ def tables(sources, names):
     ratios = [
         (name, *_ratios(source, first, "strain"), *_ratios(source, first, "height"))
         for source, name in zip(others, names[1:], strict=True)
-        if not (source.turns_back or first.turns_back)
     ]
     at = [style.percent(part) for part in PARTS]
     found = differences(sources)
@@ -324,30 +331,24 @@ def tables(sources, names):
             ratios,
             ("Run", *(f"Same {what}, {p}" for what in ("strain", "height") for p in at)),
         ),
-        ("What differs in their scenes", scenes, ("Key", *names)),
+        ("What differs in their scenes and meshes", scenes, ("Key", *names)),
     ]
 
 
+def _course(history, column):
+    """Strain, or how far the top is down from where heights begin, and stress [Pa]."""
+    return (-1.0 if column == "height" else 1.0) * history[column], history["stress"]
+
+
 def _ratios(source, other, column):
-    """Mean stress over that of another run at the same strains, or heights, in words."""
-    a, b = source.loading, other.loading
-    low, high = (max(h[column].min() for h in (a, b)), min(h[column].max() for h in (a, b)))
-    if not high > low:
+    """Stress over that of another run at parts of the strains, or heights, of both, as texts."""
+    runs = [_course(each.loading, column) for each in (source, other)]
+    start, end = max(way.min() for way, _ in runs), min(way.max() for way, _ in runs)
+    if not end > start:
         return ["–"] * len(PARTS)
-    start, end = (low, high) if column == "strain" else (high, low)
-    found = []
-    for part in PARTS:
-        near = [
-            np.abs(h[column] - (start + part * (end - start))) <= HALF_WINDOW * (high - low)
-            for h in (a, b)
-        ]
-        known = all(rows.any() for rows in near)
-        found.append(
-            style.number(a["stress"][near[0]].mean() / b["stress"][near[1]].mean(), 3)
-            if known
-            else "–"
-        )
-    return found
+    places = start + np.array(PARTS) * (end - start)
+    stress = [np.array(_stress_at(*run, places, end - start)) for run in runs]
+    return [style.number(ratio, 3) for ratio in stress[0] / stress[1]]
 
 
 def _reached(checks):

@@ -8,7 +8,6 @@ from mufe_fenicsx.analysis import grain_energy, inertia, kinematics
 from mufe_fenicsx.analysis.checks import check_run
 from mufe_fenicsx.analysis.contact_resolution import classes_of_contacts, contact_resolution
 from mufe_fenicsx.analysis.grain_stress import unstressed
-from mufe_fenicsx.analysis.mesh_quality import edges_per_diameter
 from mufe_fenicsx.analysis.quasi_static import knows_balance, platens_alone, trusted_from
 from mufe_fenicsx.analysis.rows import loading_rows, tool_load, turns_back
 from mufe_fenicsx.container import container_of_history
@@ -275,16 +274,8 @@ class Source:
             return []
         known = "elements_per_radius" in history
         resolution = self.get("resolution") if known else None
-        contacts = resolution and (*resolution, self.get("edges_per_diameter"))
+        contacts = resolution and (*resolution, self.summary.get("edges_per_diameter"))
         return check_run(history, self.mass, contacts)
-
-    @cached_property
-    def edges_per_diameter(self):
-        """Of the grains in the reference configuration; of earlier runs measured here."""
-        if self.summary.get("edges_per_diameter"):
-            return self.summary["edges_per_diameter"]
-        state, num_grains = self.end, self.end.grain_means[0].size
-        return edges_per_diameter(state.reference, state.cells, state.faces[0], num_grains)
 
     @cached_property
     def trust(self):

@@ -24,7 +24,7 @@ from ..output.run_folder import (
 )
 from ..output.run_lock import LostFolder, RunLock
 from ..scene import Scene, scene_to_toml
-from .coarse_meshes import warning_of_coarse_meshes
+from .coarse_meshes import mean_edge_and_radius, warning_of_coarse_meshes
 from .from_scene import (
     find_bounds,
     load_mesh,
@@ -174,6 +174,8 @@ class TestRun:
         say(comm, warning_of_coarse_meshes(self.simulation), self.options.quiet)
         summary["first_height"] = float(self.loading.first_height)
         summary["mass"] = self.simulation.mass_of_grains()
+        edge, radius = mean_edge_and_radius(self.simulation)
+        summary["edges_per_diameter"] = 2.0 * radius / edge
         summary["strain_definition"] = self.loading.strain_definition
         summary["setup_s"] = time.perf_counter() - self.started
         if resumed:
@@ -209,7 +211,7 @@ class TestRun:
                 )
             ),
         }
-        summary |= judged(self.simulation, self.place.folder, summary["mass"])
+        summary |= judged(self.simulation, self.place.folder, summary)
         if self.profile is not None:
             summary["profile"] = self.profile.summary()
         if self.options.after is not None:

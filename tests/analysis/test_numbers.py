@@ -95,10 +95,8 @@ def test_checks_say_from_where_on_and_are_not_green_on_faults():
     h["kinetic"][-1] = 0.06 * (h["elastic"] + h["plastic"])[-1]
     assert found["load"].text.endswith("Met in all rows.")
     found = {check.name: check for check in checks.check_run(h)}
-    assert (
-        "Not met at the end: last at strain" in found["kinetic"].text
-        and found["trusted"].grade == "fail"
-    )
+    assert "Not met at the end: last at strain" in found["kinetic"].text
+    assert found["trusted"].grade == "fail"
     for name, value, words in (("kinetic", -1.0, "kinetic energy is below zero in 1 of"),
                                ("elastic", np.nan, "elastic is not a number in 1 of")):  # fmt: skip
         wrong = fake_history()
@@ -127,16 +125,6 @@ def test_overlap_beyond_a_hundredth_of_the_grains_is_noticed():
     assert check.grade == "warn" and check.largest == 0.011 and np.isnan(check.since)
     del h["overlap"]  # a run of earlier versions
     assert "overlap" not in {c.name for c in checks.check_run(h)}
-
-
-def test_edges_per_diameter_of_tetrahedra():
-    """A regular one of the edge 1 has the volume 1/(6√2), and a ball of it the diameter D."""
-    points = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(8)
-    D = np.cbrt(1 / (np.pi * np.sqrt(2)))
-    two = np.vstack([points, points + 3]), np.array([[0, 1, 3, 2], [4, 5, 7, 6]])
-    facets = np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3], [4, 5, 6], [4, 6, 7]])
-    found = mesh_quality.edges_per_diameter(*two, facets, 2)
-    assert found == pytest.approx(D, rel=ROUND_OFF)
 
 
 def test_ratios_without_load_are_not_known():

@@ -105,18 +105,17 @@ def _terms(contact, mesh, x, strength):
     num_bodies = contact.dissipation.num_grains
     on, at = np.flatnonzero(p.closed), np.flatnonzero(w.closed)
     opposite = contact.surface.facets[p.candidate[p.closest[on]]]
-    corners = x[contact.own.nodes[points.carriers(p.node[on])[0]]]
-    over = _over_planes(
-        corners, contact.ghosts.positions.array[contact.ghosts.num_before :][opposite]
-    )
-    at_walls = x[contact.own.nodes[points.carriers(w.node[at])[0]]]
-    off = np.stack([contact.walls.gaps(at_walls[:, k], w.wall[at])[0] for k in range(3)], axis=1)
+    corners, corners_at = (points.carriers(node)[0] for node in (p.node[on], w.node[at]))
+    surface, own = contact.ghosts.positions.array[contact.ghosts.num_before :], contact.own.nodes
+    over = _over_planes(x[own[corners]], surface[opposite])
+    off = [contact.walls.gaps(x[own[corner]], w.wall[at])[0] for corner in corners_at.T]
+    off = np.stack(off, axis=1)
     crossings = closed_crossings(contact)
     grain = points.grain_of_point
     groups = (
-        (grain[p.node[on]], p.grain[on], np.hstack([points.carriers(p.node[on])[0], opposite]),
+        (grain[p.node[on]], p.grain[on], np.hstack([corners, opposite]),
          _terms_of_points(contact, mesh, x, strength, p, on, contact.areas(on), over)),
-        (grain[w.node[at]], w.wall[at] + num_bodies, points.carriers(w.node[at])[0],
+        (grain[w.node[at]], w.wall[at] + num_bodies, corners_at,
          _terms_of_points(contact, mesh, x, strength, w, at, points.area[w.node[at]], off)),
         (crossings.grain, crossings.partner, crossings.nodes,
          _terms_of_crossings(crossings)),
