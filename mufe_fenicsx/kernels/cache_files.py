@@ -8,7 +8,9 @@ import contextlib
 import hashlib
 import io
 import os
+import re
 import tempfile
+from functools import cache
 from pathlib import Path
 
 from numba.core import caching
@@ -60,12 +62,55 @@ def read_sealed(path):
         return None
 
 
+#: How a file of a folder of loops names another one of it.
+_IMPORT = re.compile(r"^\s*from \.(\w*) import (\(.*?\)|[^(\n]*)", re.MULTILINE | re.DOTALL)
+
+
+@cache
+def stamp(folder, module):
+    """What the loops of a module are made of: its source, and that of all that it imports.
+
+    A compiled loop has the loops that it calls within it, and numba looks at its own file alone.
+
+    Args:
+        folder: That of the sources.
+        module: Name of a file in it; of any other name, all files of the folder count.
+
+    Returns:
+        A checksum.
+    """
+    sources = _sources(folder)
+    found, waiting = set(), [module] if module in sources else list(sources)
+    while waiting:
+        name = waiting.pop()
+        if name in found or name not in sources:
+            continue
+        found.add(name)
+        for parent, names in _IMPORT.findall(sources[name]):
+            waiting += [parent] if parent else re.findall(r"\w+", names)
+    whole = hashlib.blake2b(digest_size=16)
+    for name in sorted(found):
+        whole.update(f"{name}\0{sources[name]}\0".encode())
+    return whole.hexdigest()
+
+
+@cache
+def _sources(folder):
+    return {path.stem: path.read_text(encoding="utf-8") for path in Path(folder).glob("*.py")}
+
+
 class SealedCacheFile(caching.IndexDataCacheFile):
     """Index and compiled loops of a function, as numba keeps them, each file sealed.
 
-    The index names the version of numba and the state of the source; its keys name the processor.
-    Where nothing can be written, loops are compiled and not kept.
+    The index names the version of numba and the state of the source and of the loops that it may
+    call; its keys name the processor. Where nothing can be written, loops are compiled and not
+    kept.
     """
+
+    def __init__(self, cache_path, filename_base, source_stamp):
+        module = filename_base.partition(".")[0]
+        own = stamp(str(Path(__file__).parent), module)
+        super().__init__(cache_path, filename_base, (source_stamp, own))
 
     def _load_index(self):
         return {} if read_sealed(self._index_path) is None else super()._load_index()

@@ -12,7 +12,7 @@ import pytest
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.kernels import compiled_forms as forms
 from mufe_fenicsx.kernels import native
-from mufe_fenicsx.kernels.cache_files import SealedCacheFile, read_sealed, seal, write_sealed
+from mufe_fenicsx.kernels.cache_files import SealedCacheFile, read_sealed, seal, stamp, write_sealed
 from mufe_fenicsx.machine.mpi_launcher import environment_without_launcher
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -107,6 +107,28 @@ def test_what_numba_kept_heals(tmp_path):
             assert cache.load("key") is None
     assert SealedCacheFile(str(tmp_path), "loop", ("stamp", 2)).load("key") is None
     SealedCacheFile("/proc/nowhere", "loop", 1).save("key", 1)  # not kept, and no error
+
+
+def test_a_loop_is_compiled_anew_where_one_that_it_calls_has_changed(tmp_path):
+    """Of a <- b <- c and d: what is changed makes those anew that import it, and no others."""
+    sources = {
+        "a": "x = 1\n",
+        "b": "from .a import (\n    x,\n)\n",
+        "c": "import numba\n\nfrom . import b\n",
+        "d": "# from .a import x\n",
+    }
+
+    def stamps(name, changed):
+        folder = tmp_path / name
+        folder.mkdir()
+        for module, text in (sources | changed).items():
+            (folder / f"{module}.py").write_text(text)
+        return {module: stamp(str(folder), module) for module in (*sources, "of a user")}
+
+    before = stamps("before", {})
+    assert stamps("same", {}) == before and len(set(before.values())) == 5
+    after = stamps("after", {"a": "x = 2\n"})
+    assert {m for m in before if after[m] != before[m]} == {"a", "b", "c", "of a user"}
 
 
 def test_a_sealed_file_is_there_whole_or_not_at_all(tmp_path, monkeypatch):
