@@ -60,7 +60,7 @@ def load(name, *more_options):
     read = [source, *sorted(source.parent.glob("*.h"))]
     state = [*(path.read_text(encoding="utf-8") for path in read), *options, _processor()]
     key = hashlib.sha256("\0".join(state).encode()).hexdigest()[:20]
-    library = _cache_folder() / f"{name}-{key}.so"
+    library = cache_folder() / f"{name}-{key}.so"
     made_for = json.dumps({"library": f"{name}-{key}", "processor": _processor()}).encode()
     found = _opened(library, made_for)
     if found is not None:
@@ -123,8 +123,8 @@ def _processor():
     return f"{llvmlite.binding.get_host_cpu_name()} {features}"
 
 
-def _cache_folder():
-    """The user's own."""
+def cache_folder():
+    """The user's own folder of what the program compiles; it is made."""
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = base / "mufe_fenicsx"
     with contextlib.suppress(OSError):

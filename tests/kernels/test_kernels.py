@@ -99,7 +99,7 @@ def test_kernel_with_four_lanes_and_with_a_law_from_outside(element, change, mon
 
 def test_without_a_compiler_there_is_one_clear_line(monkeypatch, tmp_path):
     monkeypatch.setenv("CC", "no-such-compiler")
-    monkeypatch.setattr(native, "_cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(native, "cache_folder", lambda: tmp_path)
     native.load.cache_clear()
     with pytest.raises(InputError, match="C compiler = none in PATH, expected GCC or clang"):
         Solid(one_body(*box((1.0, 1.0, 1.0), (1, 1, 1))), [STEEL])
