@@ -280,7 +280,7 @@ def test_a_wave_that_meets_a_servo_wall_does_not_come_back():
 
 
 def scene(**changes):
-    """Three balls on top of each other: seating, isotropic, sheared until a stress is passed."""
+    """Two balls on top of each other: seating, isotropic, sheared until a stress is passed."""
     stages = (
         Stage(zero=True, xyz=Axis(stress=1e6)),
         Stage("isotropic", xyz=Axis(stress=5e6), hold=2e-6),
@@ -299,7 +299,7 @@ def scene(**changes):
 
 @pytest.fixture
 def folder(tmp_path_factory):
-    return shared_folder(tmp_path_factory, grains=((1, 1, 3), 0.6))
+    return shared_folder(tmp_path_factory, grains=((1, 1, 2), 0.9))
 
 
 def test_a_run_by_stages_reaches_its_stresses_and_resumes_to_the_same_bits(folder):
