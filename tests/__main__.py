@@ -34,6 +34,9 @@ ORDER = ("skipped", "passed", "failed")
 OF_PHASES = ("passed", "skipped", "failed")
 
 
+#: What marks a test for several ranks: no other file is read there, which takes each rank seconds.
+MARK = "mark.mpi"
+
 #: A rank of MPICH that waits sleeps: beside other programs, messages among three ranks on two
 #: cores take a third of the processor's time and half of the time. Another MPI ignores this.
 SLEEPING = {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1"}
@@ -82,17 +85,19 @@ def as_rank(folder, marks, arguments):
     """Run pytest on this rank of several, started by `python -m mpi4py`."""
     from mpi4py import MPI
 
-    status = _run_pytest(MPI.COMM_WORLD.rank, folder, marks, arguments, [])
+    files = [path for path in sorted(TESTS.rglob("test_*.py")) if MARK in path.read_text("utf-8")]
+    status = _run_pytest(MPI.COMM_WORLD.rank, folder, files, marks, arguments, [])
     MPI.COMM_WORLD.Barrier()  # a rank that ends with another status than 0 ends the others too
     return status
 
 
 def as_worker(number, folder, marks, arguments):
     """Run the tests that no other worker has begun, every other worker from the end."""
-    return _run_pytest(number, folder, marks, arguments, [Sharing(folder, number % 2 == 1)])
+    sharing = Sharing(folder, number % 2 == 1)
+    return _run_pytest(number, folder, [TESTS], marks, arguments, [sharing])
 
 
-def _run_pytest(rank, folder, marks, arguments, plugins):
+def _run_pytest(rank, folder, tests, marks, arguments, plugins):
     """Run pytest; only rank 0 prints, the others into a file of ``folder``."""
     if rank != 0:
         log = os.open(folder / f"rank{rank}.txt", os.O_WRONLY | os.O_CREAT)
@@ -100,7 +105,7 @@ def _run_pytest(rank, folder, marks, arguments, plugins):
         os.dup2(log, sys.stderr.fileno())
     status = pytest.main(
         [
-            str(TESTS),
+            *map(str, tests),
             f"--rootdir={TESTS.parent}",
             f"--override-ini=faulthandler_timeout={TEST_SECONDS}",
             # Ranks share no cache and no numbered temporary folders.
