@@ -7,9 +7,10 @@ from mpi4py import MPI
 from mufe_fenicsx.bulk.tools import Tool, ToolPath
 from mufe_fenicsx.contact.walls import Wall, rotation_of
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import box, cylinder
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.run.from_bodies import build
+from tests.bodies import cylinder
 
 COMM = MPI.COMM_WORLD
 ROCK = Elastic(1e9, 0.2, 2500.0)

@@ -6,12 +6,12 @@ from mpi4py import MPI
 
 from mufe_fenicsx.contact.walls import Wall, rotation_of
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import box, cylinder
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.run.from_bodies import drive, settle
 from mufe_fenicsx.verification.case import on_first_ranks
-from tests.bodies import simulation_of
+from tests.bodies import cylinder, simulation_of
 
 SIZE = 1e-3
 STRAIN = 1e-5

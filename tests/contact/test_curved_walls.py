@@ -6,11 +6,10 @@ from mpi4py import MPI
 
 from mufe_fenicsx.contact.walls import Wall, rotation_of
 from mufe_fenicsx.errors import InputError, SolverError
-from mufe_fenicsx.geometry.bodies.shapes import cylinder, sphere
 from mufe_fenicsx.kernels.walls import gaps_to_walls
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.run.from_bodies import build, simulate
-from tests.bodies import RADIUS, packed_spheres
+from tests.bodies import RADIUS, cylinder, packed_spheres, sphere
 
 COMM = MPI.COMM_WORLD
 SOFT = Elastic(1e9, 0.15, 2650.0)

@@ -8,11 +8,12 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.explicit.simulation import Simulation
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.verification.sliding_normal import ridge
 from mufe_fenicsx.verification.tets import feature_up, rotation
+from tests.bodies import sphere
 
 QUARTZ = Elastic(100e9, 0.15, 2650.0)
 TURN = rotation([1.0, 2.0, -0.7], 1.1)

@@ -11,11 +11,12 @@ from mufe_fenicsx.contact.friction import PairFriction
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.explicit.simulation import Simulation
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.implicit.simulation import ImplicitSimulation
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.run.from_bodies import distribute
 from mufe_fenicsx.verification.tets import rotation
+from tests.bodies import sphere
 from tests.contact.test_edge_contacts import NUM_PAIRS, Ridges
 
 COMM = MPI.COMM_WORLD

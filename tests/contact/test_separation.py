@@ -116,6 +116,7 @@ def test_wider_gaps_than_a_mesh_can_close_are_refused():
         separate(mesh, 0.3, close_gaps=4e-4)
 
 
+@pytest.mark.slow
 def test_gaps_of_a_label_image_are_closed(tmp_path):
     """Grains from a voxel image: contacts grow many times, elements and time step stay sound."""
     from mufe_fenicsx.bulk.solid import Solid

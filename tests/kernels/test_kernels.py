@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from mufe_fenicsx.bulk.solid import ELEMENTS, Solid, von_mises
 from mufe_fenicsx.contact.surface.surface import neighbours, rings
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.tets.refine import split
 from mufe_fenicsx.kernels import native
 from mufe_fenicsx.kernels import solid as kernels
@@ -29,6 +29,7 @@ from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.state import initial_state
+from tests.bodies import sphere
 
 STEEL = Elastic(200e9, 0.3, 7800.0)
 

@@ -10,7 +10,6 @@ from mufe_fenicsx.contact.results.network import find_network
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.container import CYLINDER
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import cylinder
 from mufe_fenicsx.geometry.bodies.sleeve import sleeve
 from mufe_fenicsx.loading.measures import MembraneMeasures
 from mufe_fenicsx.loading.membrane import Membrane
@@ -19,6 +18,7 @@ from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.neo_hookean import NeoHookean
 from mufe_fenicsx.run.from_bodies import build
 from mufe_fenicsx.run.snapshot import restore, snapshot
+from tests.bodies import cylinder
 
 R, H, T = 2e-3, 3e-3, 0.3e-3
 UP = np.array([0.0, 0.0, 1.0])

@@ -11,7 +11,7 @@ from mufe_fenicsx.analysis.macro import triaxial_curves
 from mufe_fenicsx.contact.walls import SERVO_GAIN, Wall
 from mufe_fenicsx.container import CYLINDER, Bounds
 from mufe_fenicsx.errors import InputError, SolverError
-from mufe_fenicsx.geometry.bodies.shapes import box, cylinder
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.loading.stages import StagedLoading
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
@@ -29,7 +29,7 @@ from mufe_fenicsx.scene import (
 )
 from mufe_fenicsx.scene.stages import Axis, Loading, Stage, Until, named
 from mufe_fenicsx.theory.servo import absorbing_gain, stable_gain
-from tests.bodies import RADIUS
+from tests.bodies import RADIUS, cylinder
 from tests.checkpoints import arrays
 from tests.loading.staged import (
     SIZE,
