@@ -63,7 +63,6 @@ def test_nothing_jumps_when_a_grain_begins_to_deform():
     assert np.allclose(momenta_after, momenta, rtol=0, atol=1e-12 * np.abs(momenta).max())
 
 
-@pytest.mark.mpi
 def test_only_loaded_grains_deform_and_answer_as_j2_does():
     auto, full = balls(SOON), balls(None, J2)
     force = []

@@ -109,7 +109,6 @@ def test_bounds_of_grains_that_move_together():
     assert (advance < 0.01 * (contact.motion.bound - bound)).all()
 
 
-@pytest.mark.mpi
 def test_the_time_step_is_found_before_a_bound_shows_more_than_was_expected():
     """A ball flies into three others at rest, which were not expected to move as far as it does."""
     mesh = packed_spheres(COMM, (4, 1, 1), gap=0.002)
@@ -127,8 +126,7 @@ def test_the_time_step_is_found_before_a_bound_shows_more_than_was_expected():
     assert early > 0
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("drift", [0.0, 60.0])
+@pytest.mark.parametrize("drift", [0.0, pytest.param(60.0, marks=pytest.mark.mpi)])
 def test_what_is_known_of_pairs_after_a_search(drift):
     """Open pairs are no nearer than their bound says; those it has to count have a facet."""
     s = collision()
@@ -185,7 +183,6 @@ def test_momentum_angular_momentum_and_dissipation_of_a_collision():
     assert len(counts) > 3
 
 
-@pytest.mark.mpi
 def test_smooth_contact_dissipates_nothing():
     """Balls meet and part: the scheme keeps its energy, the better the shorter the step."""
     worsts = []
@@ -244,7 +241,6 @@ def row_of_blocks(overlap, **options):
     )
 
 
-@pytest.mark.mpi
 def test_overlap_at_the_start_releases_nothing():
     """Blocks that start 2 % deep in each other and in the walls stay at rest, exactly."""
     s = row_of_blocks(0.02 * RADIUS, wall_friction={"x_min": FRICTION, "x_max": FRICTION})
@@ -264,7 +260,6 @@ def test_overlap_at_the_start_releases_nothing():
     assert abs(e["residual"]) < 1e-3 * e["work"]
 
 
-@pytest.mark.mpi
 def test_compressed_row_carries_the_same_force_throughout():
     """Newton's third law through three blocks and two walls, damped to rest."""
     s = row_of_blocks(0.0, damping=3e6)

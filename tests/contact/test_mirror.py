@@ -133,7 +133,6 @@ def test_static_increments_of_a_quarter_are_those_of_the_ball():
     np.testing.assert_allclose(sum(of_part.values()), 0.0, atol=5e-7 * scale)
 
 
-@pytest.mark.mpi
 def test_two_balls_cut_by_mirrors_press_as_a_quarter_of_them():
     """Facets meet facets beside the mirrors; the upper base is glued to a platen and cut as well.
 

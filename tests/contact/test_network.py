@@ -81,7 +81,6 @@ def test_contact_forces_give_each_grain_its_acceleration():
     assert network.num_active().sum() == 2 * num_pairs
 
 
-@pytest.mark.mpi
 def test_contact_of_two_balls():
     """By symmetry: normal along the line of centres, centroid half-way, no torque.
 
@@ -185,7 +184,6 @@ def settled():
     return s
 
 
-@pytest.mark.mpi
 def test_stress_of_branch_vectors_is_that_of_the_walls(settled):
     """Love and Weber: Σ force ⊗ branch over the volume is the stress that the walls feel."""
     s = settled
@@ -208,7 +206,6 @@ def test_stress_of_branch_vectors_is_that_of_the_walls(settled):
         assert abs(stress[axis, axis] - mean) < small + moving
 
 
-@pytest.mark.mpi
 def test_files_hold_the_network(settled, tmp_path_factory):
     import pyvista
 

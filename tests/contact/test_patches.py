@@ -136,7 +136,6 @@ def meeting_balls(comm):
     return network and (network.contacts, network.patches, of_patches(network.patches))
 
 
-@pytest.mark.mpi
 def test_patch_of_two_balls_is_that_of_hertz():
     """a³ = 3 F R*/(4 E*) (Johnson 1985, eq. 4.22), in edges of the mesh that was asked for."""
     contacts, p, resolution = on_first_ranks(COMM, 2, meeting_balls)

@@ -139,7 +139,6 @@ def test_tangent_of_contact_is_the_derivative_of_its_forces(points, friction):
     assert COMM.allreduce(error, op=MPI.MAX) < 1e-6 * COMM.allreduce(abs(slope).max(), op=MPI.MAX)
 
 
-@pytest.mark.mpi
 def test_newtons_method_is_quadratic_and_finds_equilibrium():
     """The last error is of the order of the square of the one before; platens carry the same."""
     sim = sheared_cubes()

@@ -68,7 +68,6 @@ def test_forces_are_the_slope_of_the_potential():
             assert slope == pytest.approx(-f[node, i], rel=1e-6, abs=1e-9 * np.abs(f).max())
 
 
-@pytest.mark.mpi
 def test_pressure_that_comes_at_once_is_in_the_energy_balance():
     """Balls that swing under it, and under another one from then on.
 

@@ -1,7 +1,6 @@
 """The cases of `mufe verify`, in their cheap versions.
 
-A grain lives on one rank: one case of a single grain runs on several ranks too, whose answer all
-receive, and a few of several grains, each with another kind of contact. `make verify` has all.
+`make verify` has all of them on several ranks.
 """
 
 import json
@@ -24,10 +23,9 @@ def run(name, **parameters):
     return answer
 
 
-#: Cases and parameters that make them cheap; "mpi": several ranks too; "slow": in `make verify`.
+#: Cases and parameters that make them cheap; "slow": in `make verify`.
 CHEAP = [
-    ("column", {}, "mpi"),
-    ("patch", {}, "mpi"),
+    ("patch", {}, ""),
     ("spin", {"turns": 1}, ""),
     ("sliding-block", {"slip": "2e-6"}, ""),
     ("sliding-facets", {"facets": 0.5}, "slow"),
@@ -65,12 +63,12 @@ CHEAP = [
     ("rigid-top", {"turns": 20, "steps_per_turn": 40}, ""),
     ("rigid-rolling", {"element_size": 0.2}, ""),
     ("rigid-impact", {}, ""),
-    ("rigid-mix", {"strain": 0.01}, "mpi"),
+    ("rigid-mix", {"strain": 0.01}, ""),
     ("feature-pairs", {"num_random": 8, "slow": 0.02, "rounds": 1}, "slow"),
     ("fidelity", {"layers": 2, "strain": 0.004}, "slow"),
     ("known-sample", {}, "slow"),
     *(("free-sphere", {"elements_per_radius": 3, "element": e}, "") for e in ELEMENTS),
-    ("bar-impact", {"divisions": 20}, "mpi"),
+    ("bar-impact", {"divisions": 20}, ""),
     ("bar-impact", {"divisions": 10, "integrator": "implicit"}, "slow"),  # no energy is gained
     ("material-point", {"paths": 60, "steps_per_leg": 60}, ""),
     ("plastic-sphere", {"what": "curves", "elements_per_radius": 1.5}, "slow"),
@@ -139,7 +137,6 @@ def test_every_case_of_the_command_line_says_what_it_is():
         assert function.__doc__.splitlines()[0]
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     "names, parameters, expected",
     [
