@@ -157,7 +157,7 @@ def test_the_command_line_loads_nothing_heavy():
 
 def test_a_scene_is_read_without_the_libraries_of_a_run():
     """But numpy, and pint where a scene has units."""
-    heavy = "scipy numba dolfinx petsc4py gmsh skimage pyvista matplotlib h5py rich".split()
+    heavy = "scipy.sparse numba dolfinx petsc4py gmsh skimage pyvista matplotlib h5py rich".split()
     said, loaded = said_and_loaded(["scene", str(PACKAGE.parent / "demos" / "first.toml")], heavy)
     assert "seating_stress = 1" in said
     assert loaded == []
