@@ -9,7 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mufe_fenicsx.machine import doing
+
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+@pytest.fixture(autouse=True, scope="session")
+def no_lines_by_the_clock():
+    """Lines that a command prints every ten seconds come in tests of them alone."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(doing, "SECONDS_BETWEEN_LINES", 3600.0)
+        yield
 
 
 @pytest.fixture

@@ -2,7 +2,8 @@
 
 A line such as `<!-- test: slow -->` before a block says how it is treated:
 
-    slow              a reader waits for minutes: its `mufe run` get `--max-steps`
+    slow              a reader waits for minutes: its `mufe run` get `--max-steps`, its `mufe pack`
+                      few grains, and one process does what `mpirun` is to share among several
     needs PROGRAM     it runs where that program is installed, and is listed elsewhere
     as FILE           of TOML: it is a whole scene, kept as FILE; of Python: all Python of the page
                       up to here becomes FILE
@@ -14,6 +15,7 @@ runs pages with slow blocks once more, with all steps and figures. Slurm's `sbat
 """
 
 import contextlib
+import functools
 import itertools
 import os
 import re
@@ -37,6 +39,8 @@ SHELL, PYTHON, TOML = ("sh", "bash", "shell"), ("python",), ("toml",)
 SHOWN = ("", "text", "csv", "json", "c")
 #: Steps of a run in a block that is slow.
 FEW_STEPS = 400
+#: Grains of a packing in a block that is slow.
+FEW_GRAINS = 8
 #: Figures of a report of one run; the tests of the report draw all of them.
 FEW_FIGURES = ("--only", "stress-strain")
 #: `mufe` in a pipe or a substitution, or with its output sent elsewhere.
@@ -154,13 +158,19 @@ def commands_in(text):
     return [found for found in words if found]
 
 
+@functools.cache
+def command_group():
+    """`mufe` as the library that reads its arguments has it."""
+    return typer.main.get_command(app)
+
+
 def check_mufe(words):
     """See that a `mufe` command has these options and arguments; nothing is run.
 
     Raises:
         click's UsageError: it has not.
     """
-    group = typer.main.get_command(app)
+    group = command_group()
     name, *arguments = words
     if name.startswith("-"):  # options of the program itself
         group.make_context("mufe", words, resilient_parsing=True)
@@ -234,6 +244,8 @@ class Reader:
         written = set()
         for words in commands:
             self._make_room(mufe_part(words))
+            if self.few and words[0] == "mpirun" and "mufe" in words:
+                words = words[words.index("mufe") :]
             if words[0] == "mufe":
                 folder = words[words.index("-o") + 1] if "-o" in words else None
                 if "--resume" in words and folder not in written:  # of a test that was stopped
@@ -264,6 +276,9 @@ class Reader:
         """`mufe` in this process, which has its libraries loaded."""
         if self.few and arguments[0] == "run" and "--max-steps" not in arguments:
             arguments = [*arguments, "--max-steps", str(FEW_STEPS)]
+        if self.few and arguments[0] == "pack":
+            at = arguments.index("--count") + 1
+            arguments = [*arguments[:at], str(FEW_GRAINS), *arguments[at + 1 :]]
         status = self._status(arguments)
         assert not status, f"mufe {shlex.join(arguments)} ended with status {status}"
 

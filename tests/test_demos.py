@@ -3,7 +3,6 @@
 import csv
 import importlib.util
 import itertools
-import os
 import runpy
 import subprocess
 import sys
@@ -35,6 +34,24 @@ def test_a_demo_says_what_it_does(name, monkeypatch, capsys):
         runpy.run_path(program, run_name="__main__")
     assert not end.value.code
     assert "usage" in capsys.readouterr().out
+
+
+@pytest.fixture
+def demo(monkeypatch, capsys):
+    """Run a demo as a program, in this process; gives what it prints."""
+
+    def run(name, *arguments):
+        program = str(DEMOS / f"{name}.py")
+        monkeypatch.setattr(sys, "argv", [program, *map(str, arguments)])
+        monkeypatch.syspath_prepend(DEMOS)
+        capsys.readouterr()
+        try:
+            runpy.run_path(program, run_name="__main__")
+        except SystemExit as end:
+            assert not end.code, end.code
+        return capsys.readouterr().out
+
+    return run
 
 
 @pytest.mark.slow
@@ -69,14 +86,12 @@ def test_the_first_run(tmp_path):
     assert f"{tmp_path / 'report.html'}" in done.stdout
 
 
-def test_balls_without_the_other_programs(tmp_path):
+def test_balls_without_the_other_programs(tmp_path, demo, monkeypatch):
     """Ours are computed, decks are written, and the demo says what is not there."""
-    command = [sys.executable, DEMOS / "peers.py", tmp_path, "--sizes", "1", "--cases", "hertz"]
-    environment = {**os.environ, "PATH": str(tmp_path)}
-    done = subprocess.run(command, capture_output=True, text=True, env=environment)
-    assert done.returncode == 0, done.stderr
+    monkeypatch.setenv("PATH", str(tmp_path))
+    out = demo("peers", tmp_path, "--sizes", "1", "--cases", "hertz")
     for name in ("Akantu", "Kratos", "ccx", "yade"):
-        assert f"{name} is not" in done.stdout
+        assert f"{name} is not" in out
     with (tmp_path / "peers.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["program"] for row in rows] == ["ours, 5 % of mass", "ours, static"]
@@ -151,39 +166,29 @@ def test_contacts_smaller_than_an_element():
             assert means[0] > 0.15, (pair, means)
 
 
-def test_two_spheres(tmp_path):
+def test_two_spheres(tmp_path, demo, monkeypatch):
     """The demo compares its forces with Hertz's itself."""
-    command = [sys.executable, DEMOS / "two_spheres.py", "--figure", tmp_path / "curve.png"]
-    environment = {**os.environ, "MPLBACKEND": "Agg"}
-    done = subprocess.run(command, capture_output=True, text=True, env=environment)
-    assert done.returncode == 0, done.stderr
-    assert len(done.stdout.splitlines()) == 11  # a head and ten increments
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    out = demo("two_spheres", "--figure", tmp_path / "curve.png")
+    assert len(out.splitlines()) == 11  # a head and ten increments
     assert (tmp_path / "curve.png").stat().st_size > 10_000
 
 
-def test_an_analysis_of_ones_own(tmp_path):
+def test_an_analysis_of_ones_own(tmp_path, demo):
     """The demo presses balls, and checks the stress of their contacts against the walls itself."""
-    command = [sys.executable, DEMOS / "own_analysis.py", tmp_path]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert "missing" not in done.stdout and "in force chains" in done.stdout
+    out = demo("own_analysis", tmp_path)
+    assert "missing" not in out and "in force chains" in out
     assert (tmp_path / "own_analysis.csv").read_text().count("\n") == 10  # a head and 9 grains
     assert (tmp_path / "own_analysis.png").stat().st_size > 20_000
 
 
-def test_the_page_on_segmentation(tmp_path):
+def test_the_page_on_segmentation(tmp_path, demo):
     """A small image of eight balls that touch: the page has its three figures."""
     grey = np.full((36, 36, 36), 60.0)
     z, y, x = np.indices(grey.shape) % 18 - 8.5
     grey[z * z + y * y + x * x < 8.9**2] = 180.0
     np.save(tmp_path / "balls.npy", grey + np.random.default_rng(3).normal(0, 8, grey.shape))
-    done = subprocess.run(
-        [sys.executable, DEMOS / "segmentation.py", tmp_path / "page", "--quick", "--image",
-         tmp_path / "balls.npy"],
-        capture_output=True,
-        text=True,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    demo("segmentation", tmp_path / "page", "--quick", "--image", tmp_path / "balls.npy")
     page = (tmp_path / "page" / "segmentation.html").read_text(encoding="utf-8")
     assert page.count("<img") == 3 and "balls.npy" in page
 

@@ -28,6 +28,7 @@ from tests.docs_pages import (
     Reader,
     blocks_of,
     check_mufe,
+    command_group,
     commands_in,
     mufe_part,
     pages,
@@ -60,10 +61,10 @@ SMALLER = {
 def write_half_balls(folder):
     """Scenes of two half balls between planes: static, and by time steps to a smaller strain."""
     (low, cells), (top, cells2) = (
-        half_ball(1e-4, 3e-5, direction=(0, 0, side), growth=0.5) for side in (1, -1)
+        half_ball(1e-4, 5e-5, direction=(0, 0, side), growth=0.5) for side in (1, -1)
     )
     top[:, 2] += low[:, 2].max() - top[:, 2].min()
-    save_grains(folder / "halves", Grains.from_list([1, 2], [(low, cells), (top, cells2)], 3e-5))
+    save_grains(folder / "halves", Grains.from_list([1, 2], [(low, cells), (top, cells2)], 5e-5))
     for name, strain, integrator in (
         ("scene.toml", 0.005, "static"),
         ("settle.toml", 0.002, "explicit"),
@@ -210,11 +211,7 @@ def test_commands_within_sentences():
 
 
 def check_options(words, options):
-    import typer
-
-    from mufe_fenicsx.cli.main import app
-
-    command = typer.main.get_command(app)
+    command = command_group()
     for name in words:
         if not hasattr(command, "commands"):
             break

@@ -31,7 +31,7 @@ FROM_THE_DOOR = {"__init__": {"machine"}, "__main__": {"cli"}}
 #: Geometry prepares grains without the solver's libraries.
 SOLVER_LIBRARIES = {"dolfinx", "dolfinx_solver", "mpi4py", "petsc4py", "ufl", "basix"}
 #: Names of other libraries that begin with an underscore.
-FOREIGN = {"_cpp_object"}
+FOREIGN = {"_cpp_object", "_current_frames"}
 
 
 def sources():
@@ -149,10 +149,30 @@ def test_geometry_needs_no_solver_library():
 
 def test_the_command_line_loads_nothing_heavy():
     """`mufe --help` answers at once: no library of more than some milliseconds is loaded."""
-    heavy = "numpy scipy numba dolfinx gmsh skimage pyvista matplotlib pint h5py".split()
-    code = f"import sys, mufe_fenicsx.cli.main; print([m for m in {heavy} if m in sys.modules])"
+    heavy = "numpy scipy numba dolfinx gmsh skimage pyvista matplotlib pint h5py rich".split()
+    said, loaded = said_and_loaded(["--help"], heavy)
+    assert "oedometer" in said.lower() or "mufe" in said
+    assert loaded == []
+
+
+def test_a_scene_is_read_without_the_libraries_of_a_run():
+    """But numpy, and pint where a scene has units."""
+    heavy = "scipy.sparse numba dolfinx petsc4py gmsh skimage pyvista matplotlib h5py rich".split()
+    said, loaded = said_and_loaded(["scene", str(PACKAGE.parent / "demos" / "first.toml")], heavy)
+    assert "seating_stress = 1" in said
+    assert loaded == []
+
+
+def said_and_loaded(arguments, names):
+    """Standard output of a `mufe` of its own, and which of the libraries it has loaded."""
+    code = (
+        "import atexit, sys; from mufe_fenicsx.cli.main import main; "
+        f"atexit.register(lambda: print([m for m in {names} if m in sys.modules])); "
+        f"main({arguments})"
+    )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
+    *said, loaded = found.stdout.splitlines()
+    return "\n".join(said), ast.literal_eval(loaded)
 
 
 @pytest.mark.parametrize("name", ["run.run", "verification.cases", "verification.finite_body"])

@@ -9,6 +9,7 @@ from ..kernels.compiled_forms import compiled_form
 from ..kernels.edge_compliance import add_edge_compliance, cells_around, largest_patch
 from ..kernels.element_step import add_nodal_stiffness, element_time_step
 from ..kernels.energy import add_normal_stresses, elastic_energy
+from ..kernels.hardening import plastic_increment
 from ..kernels.native import SOURCES, load
 from ..kernels.solid import (
     AVERAGED,
@@ -123,7 +124,7 @@ class Solid(ForceTerm):
             grains: Local indices, increasing, shape (num_deforming,).
         """
         self.grains = grains  #: grains that deform, shape (num_deforming,)
-        increments = [m.plastic_increment for m in self.materials]
+        increments = [m.plastic_increment or plastic_increment for m in self.materials]
         self.laws = _laws(self.hyperelastic.others(grains), increments)
 
     def begin_forces(self, f, state, dt):

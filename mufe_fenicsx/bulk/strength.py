@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from ..kernels.hardening import plastic_increment
-
 
 def surface_strength(solid, own, plastic_strain):
     """Yield stress of J σ reached in the elements under facets [Pa], shape (num_facets,). Local.
@@ -18,7 +16,7 @@ def surface_strength(solid, own, plastic_strain):
     found = np.full(len(own.facets), np.inf)
     for k in np.unique(own.local_grain_of_facet):
         law = solid.materials[k]
-        if law.plastic_increment is plastic_increment and np.isfinite(law.parameters()[0]):
+        if law.plastic_increment is None and np.isfinite(law.parameters()[0]):
             of_grain = own.local_grain_of_facet == k
             strain, stress = np.asarray(law.parameters())[2:].reshape(2, -1)
             cell = own.cell_of_facet[of_grain]

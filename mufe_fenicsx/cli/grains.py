@@ -10,6 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..geometry.settings import MeshSettings, SegmentSettings
+from ..machine.doing import Doing
 from .app import Json, Overwrite, SceneOption, app, serial_only
 from .arguments import (
     merged_settings,
@@ -51,10 +52,11 @@ def segment(
     if in_scene is not None:
         in_scene = in_scene.separated_by(given["separation"])
     settings = merged_settings(SegmentSettings, in_scene, given)
-    from ..geometry.pipeline import segment_image
+    with Doing("segmenting"):
+        from ..geometry.pipeline import segment_image
 
-    path = image_path(in_scene.file if image is None else image)
-    result = segment_image(path, settings, output, truth=truth, overwrite=overwrite)
+        path = image_path(in_scene.file if image is None else image)
+        result = segment_image(path, settings, output, truth=truth, overwrite=overwrite)
     printer.summary(result)
     if result["compared"]:
         printer.say("", f"against {truth}:")
@@ -89,9 +91,9 @@ def mesh(
 
     in_scene = load_scene(scene).mesh if scene is not None else None
     settings = merged_settings(MeshSettings, in_scene, given)
-    from ..geometry.pipeline import mesh_labels
-
     with progress_bar("meshing") as progress:
+        from ..geometry.pipeline import mesh_labels
+
         result = mesh_labels(labels, settings, output, overwrite=overwrite, progress=progress)
     printer.summary(result)
     if result["renumbered"]:
@@ -166,12 +168,14 @@ def shapes(
     """Size and form of each grain: lengths, sphericity, inertia, orientation, size distribution."""
     serial_only("shapes")
     printer = Printer(json)
-    from ..geometry.form.shape_table import write_shapes
     from ..units import to_si
 
     size = None if voxel_size is None else to_si(number_or_text(voxel_size), "m", "--voxel-size")
     output = Path(f"{source.stem}-shapes") if output is None else output
-    result = write_shapes(source, output, voxel_size=size, key=key, overwrite=overwrite)
+    with Doing("measuring shapes"):
+        from ..geometry.form.shape_table import write_shapes
+
+        result = write_shapes(source, output, voxel_size=size, key=key, overwrite=overwrite)
     printer.summary(result)
     printer.write_json(result)
 

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError
+from ..machine.doing import Doing
 from . import chart as _chart  # noqa: F401
 from . import export as _export  # noqa: F401
 from . import grains as _grains  # noqa: F401
@@ -77,8 +78,7 @@ def run(
     """Run the test of a scene; also under mpirun."""
     comm = world()
     printer = Printer(json, comm.rank)
-    from ..run.from_scene import read_scene
-    from ..run.run import run_scene
+    from ..run.scene_file import read_scene
 
     loaded = read_scene(comm, scene)
     grains = loaded.sample.grains if grains is None else grains
@@ -89,26 +89,17 @@ def run(
     output = Path("runs") / scene.stem if output is None else output
     if resume and overwrite:
         raise InputError("--overwrite beside --resume, expected one of them")
-    after = None
-    if loaded.accuracy is not None:
-        from ..planning.run import planned_scene
-
-        loaded, after = planned_scene(loaded, grains, comm, measure=not resume)
-    result = run_scene(
-        loaded,
-        grains,
-        output,
-        comm,
-        overwrite=overwrite,
-        max_steps=max_steps,
+    options = {
+        "overwrite": overwrite,
+        "max_steps": max_steps,
         # JSON on standard output stands alone there.
-        quiet=quiet or json == "-",
-        command=["mufe", *sys.argv[1:]],
-        resume=resume,
-        accept_loss=accept_loss,
-        profile=profile,
-        after=after,
-    )
+        "quiet": quiet or json == "-",
+        "command": ["mufe", *sys.argv[1:]],
+        "resume": resume,
+        "accept_loss": accept_loss,
+        "profile": profile,
+    }
+    result = _run_told(loaded, grains, output, comm, options)
     measured = result.get("profile")
     fine = result.get("contact_resolution")
     printer.summary(
@@ -121,6 +112,25 @@ def run(
 
         printer.table(*profile_rows(measured))
     printer.write_json(result)
+
+
+def _run_told(scene, grains, output, comm, options):
+    """Run a test, and say so before the libraries of the computation are loaded. Collective."""
+    wanted = comm.rank == 0 and not options["quiet"]
+    if wanted:
+        title = scene.title or "a test without title"
+        print(f"mufe: {title}; grains {grains}, results in {output}", file=sys.stderr, flush=True)
+    after = None
+    with Doing("loading libraries", wanted) as doing:
+        from ..run.run import run_scene
+
+        if scene.accuracy is not None:
+            from ..planning.run import planned_scene
+
+            doing.what = "planning the test"
+            measure = not options["resume"]
+            scene, after = planned_scene(scene, grains, comm, measure=measure)
+        return run_scene(scene, grains, output, comm, **options, after=after)
 
 
 @app.command()
@@ -152,9 +162,10 @@ def report(
     serial_only("report")
     printer = Printer(json)
     points = [place(text) for text in point or ()]
-    from ..report import write_report
+    with Doing("drawing the report"):
+        from ..report import write_report
 
-    result = write_report(folders, output, grain, points, only, skip, processes=0)
+        result = write_report(folders, output, grain, points, only, skip, processes=0)
     printer.say(*(f"not in the report: {sentence}" for sentence in result["missing"]))
     printer.say(f"report: {result['report']}")
     printer.write_json(result)
@@ -176,7 +187,8 @@ def verify(
         _list(printer, known_cases())
         return 0
     names = known_names(cases or CASES, known_cases())
-    results = run_cases(names, parameters(changes), comm)
+    with Doing(f"verifying {', '.join(names)}", comm.rank == 0):
+        results = run_cases(names, parameters(changes), comm)
     rows = []
     for result in results:
         for name, row in result["results"].items():
@@ -206,7 +218,8 @@ def bench(
         _list(printer, BENCHMARKS)
         return 0
     names = known_names(cases or USUAL, BENCHMARKS)
-    results = run_benchmarks(names, parameters(changes), comm)
+    with Doing(f"measuring {', '.join(names)}", comm.rank == 0):
+        results = run_benchmarks(names, parameters(changes), comm)
     rows = []
     for result in results:
         case = result.get("case", "")

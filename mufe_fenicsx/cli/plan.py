@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError
+from ..machine.doing import Doing
 from .app import Json, app, world
 from .arguments import parameters
 from .terminal import Printer
@@ -49,18 +50,20 @@ def plan(
     if changes:
         raise InputError(f"--set {changes[0]} with a scene file, expected one with a case alone")
     from ..planning.text import as_dict, lines, lines_of_present
-    from ..run.from_scene import read_scene
+    from ..run.scene_file import read_scene
 
     loaded = read_scene(comm, Path(scene))
     grains = loaded.sample.grains if grains is None else grains
     from ..planning.run import make_plan, present
 
     if accuracy is None and loaded.accuracy is None:
-        found, cost = present(loaded, grains, comm)
+        with Doing("measuring this machine", comm.rank == 0):
+            found, cost = present(loaded, grains, comm)
         printer.say(*lines_of_present(found, cost))
         printer.write_json(as_dict(found, cost))
         return
-    made, cost = make_plan(loaded, grains, comm, accuracy)
+    with Doing("planning", comm.rank == 0):
+        made, cost = make_plan(loaded, grains, comm, accuracy)
     printer.say(*lines(made, cost))
     printer.write_json(as_dict(made, cost))
 

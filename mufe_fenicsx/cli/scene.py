@@ -45,13 +45,10 @@ def scene(
 
         text = "\n".join(explained(explain)) + "\n"
     else:
-        from ..loading.measured_paths import read_motions
-        from ..run.scene_tools import read_tools
         from ..scene import load_scene, scene_to_toml
 
         loaded = load_scene(file)
-        read_motions(loaded.stages, loaded.container.kind)
-        read_tools(loaded)
+        _read_files_of(loaded)
         text = scene_to_toml(loaded)
     if output is None:
         Printer().say(text.rstrip("\n"))
@@ -60,6 +57,18 @@ def scene(
 
     with new_files(output, overwrite=overwrite) as folder:
         (folder / output.name).write_text(text, encoding="utf-8")
+
+
+def _read_files_of(scene):
+    """Read the motions and tools that a scene names, where it names any, to check them."""
+    if scene.stages:
+        from ..loading.measured_paths import read_motions
+
+        read_motions(scene.stages, scene.container.kind)
+    if scene.tools:
+        from ..run.scene_tools import read_tools
+
+        read_tools(scene)
 
 
 @app.command()

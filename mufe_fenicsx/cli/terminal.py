@@ -4,15 +4,13 @@ import json
 import math
 import os
 import sys
-import time
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from ..errors import InputError
+from ..machine.doing import Doing
 from .summary_words import described
-
-#: Without a terminal, progress is told so often [s].
-SECONDS_BETWEEN_LINES = 10.0
 
 
 class Printer:
@@ -113,7 +111,8 @@ def plain(value):
 def progress_bar(title):
     """A function (done, total, text) that draws a bar; lines now and then without a terminal."""
     if not sys.stderr.isatty():
-        yield _ProgressLines(title)
+        with Doing(title) as doing:
+            yield partial(_tell, doing, title)
         return
     from rich.console import Console
     from rich.progress import (
@@ -138,26 +137,10 @@ def progress_bar(title):
         )
 
 
-class _ProgressLines:
-    """Lines on standard error for a pipe or a file, some seconds apart.
-
-    Args:
-        title: What is done.
-    """
-
-    def __init__(self, title):
-        self.title = title
-        self.start = self.last = time.monotonic()
-
-    def __call__(self, done, total, text=""):
-        """Print how much is done, of the total if one is known, if the last line is old enough."""
-        now = time.monotonic()
-        if now - self.last < SECONDS_BETWEEN_LINES:
-            return
-        self.last = now
-        part = "step {}" if total is None else "{} of {}"
-        line = f"{self.title}: {part.format(done, total)} after {now - self.start:.0f} s  {text}"
-        print(line.rstrip(), file=sys.stderr, flush=True)
+def _tell(doing, title, done, total, text=""):
+    """Say how much is done, of the total if one is known."""
+    part = f"step {done}" if total is None else f"{done} of {total}"
+    doing.what = f"{title}: {part} {text}".rstrip()
 
 
 def number(value):

@@ -18,7 +18,6 @@ from typing import ClassVar
 import numpy as np
 
 from ..errors import finite_array
-from ..kernels.hardening import plastic_increment
 from ..units import REQUIRED, check_keys, setting
 
 
@@ -30,8 +29,8 @@ class IsotropicSolid:
         InputError: E or rho is not a finite number > 0, or nu outside ]-1, 0.5[.
     """
 
-    #: Compiled law of plastic flow.
-    plastic_increment: ClassVar = staticmethod(plastic_increment)
+    #: Compiled law of plastic flow; None: that of kernels.hardening. A scene is read without it.
+    plastic_increment: ClassVar = None
     #: Whether the deviator follows from the deformation, not from its rate: kernels.neo_hooke.
     hyperelastic: ClassVar[bool] = False
 

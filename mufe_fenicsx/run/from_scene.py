@@ -17,19 +17,9 @@ from ..loading.measures import MembraneMeasures
 from ..loading.membrane import Membrane
 from ..mesh import create_grain_mesh, partition_grains
 from ..output.run_folder import on_first_rank
-from ..scene import load_scene
 
 #: Part of the radius by which grains may reach through a cylinder that the scene states.
 OUTSIDE = 1e-6
-
-
-def read_scene(comm, path):
-    """The scene in the file ``path``, read by rank 0 alone. Collective.
-
-    Raises:
-        InputError: The file cannot be read, or holds what a scene must not.
-    """
-    return comm.bcast(on_first_rank(comm, lambda: load_scene(path)))
 
 
 def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None, tools=(), around=None):

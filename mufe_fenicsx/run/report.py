@@ -4,6 +4,7 @@ import time
 from pathlib import Path
 
 from ..errors import InputError, raise_together
+from ..machine.doing import Doing
 from ..machine.mpi_launcher import forget_launcher
 from .run_place import say
 
@@ -27,15 +28,16 @@ def draw_report(comm, folder, quiet):
     """
     message = None
     if comm.rank == 0:
-        # Only here: a run does without the libraries of pictures.
-        from ..report import write_report
-
         say(comm, "the test has ended; drawing its report", quiet)
         forget_launcher()
-        try:
-            write_report(folder, processes=0)
-        except (InputError, OSError) as error:
-            message = str(error)
+        with Doing("drawing the report", not quiet):
+            # Only here: a run does without the libraries of pictures.
+            from ..report import write_report
+
+            try:
+                write_report(folder, processes=0)
+            except (InputError, OSError) as error:
+                message = str(error)
     drawn = comm.Ibarrier()
     while not drawn.Test():
         time.sleep(PAUSE)

@@ -13,6 +13,7 @@ from ..contact.mirrors import check_mirrors
 from ..errors import InputError, Interrupted, SolverError, UnstableError
 from ..loading.oedometer import OedometerLoading
 from ..loading.stages import StagedLoading
+from ..machine.doing import Doing
 from ..machine.memory import peak_memory, return_freed_arrays
 from ..output.checkpoint import CheckpointWriter, find_checkpoint, read_tables, written_by
 from ..output.run_folder import (
@@ -79,8 +80,9 @@ def run_scene(
     lock = RunLock(comm, output_folder)
     try:
         folders = Path(grains_folder), Path(output_folder)
-        test, checkpoint = _prepare(scene, *folders, lock, started, options)
-        result = test.run(checkpoint)
+        with Doing("setting up", options.says(comm)) as doing:
+            test, checkpoint = _prepare(scene, *folders, lock, started, options)
+            result = test.run(checkpoint, doing)
     finally:
         lock.free()
     if scene.output.report and result["finished"]:
@@ -167,9 +169,15 @@ class TestRun:
             "balanced_at_steps": [],
         }
 
-    def run(self, checkpoint):
-        """March to the end, with retries; returns the summary."""
+    def run(self, checkpoint, doing):
+        """March to the end, with retries; returns the summary.
+
+        Args:
+            checkpoint: :class:`~.output.checkpoint.Checkpoint` to go on from, or None.
+            doing: :class:`~.machine.doing.Doing`, where stages of the program are told.
+        """
         comm, summary, resumed = self.comm, self.summary, checkpoint is not None
+        doing.what = f"setting up {_size(summary)}"
         self.begin(checkpoint, self.place)
         say(comm, warning_of_coarse_meshes(self.simulation), self.options.quiet)
         summary["first_height"] = float(self.loading.first_height)
@@ -188,6 +196,7 @@ class TestRun:
         # A signal between two marches, while all begins anew, is not lost.
         with Interruption(comm, self.scene.output.checkpoint) as interruption:
             error = self.march(interruption, resumed)
+        doing.what = "writing the summary"
         if error is not None:
             summary["stop_reason"] = str(error)
         if isinstance(error, SolverError):
@@ -396,6 +405,11 @@ class TestRun:
 def _note_of_membrane(mesh):
     """What run.json says of a sleeve: its label in the fields; None without one."""
     return {"label": mesh.labels_of_sleeves[0]} if mesh.sleeves else None
+
+
+def _size(summary):
+    """Grains, nodes and elements in words."""
+    return "{num_grains} grains, {num_nodes} nodes, {num_cells} elements".format(**summary)
 
 
 def _partition(checkpoint, comm):

@@ -21,6 +21,10 @@ class RunOptions:
     #: Function of the last summary; what it returns, a dict, is added to it.
     after: Callable | None = None
 
+    def says(self, comm):
+        """Whether this rank prints how the run goes on."""
+        return comm.rank == 0 and not self.quiet
+
     @classmethod
     def of(cls, **options):
         """The options of these names.

@@ -4,7 +4,6 @@ import os
 import re
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,14 +12,10 @@ from mufe_fenicsx.machine.mpi_launcher import find_mpirun
 
 #: Longest time for a command that has nothing to do [s]; one that hangs is ended then.
 PATIENCE = 600
+#: The first line of a run.
+ANNOUNCED = re.compile("mufe: .*; grains .*, results in .*")
 #: Variables by which a process of its own finds the package.
 FROM_HERE = {"PYTHONPATH": str(Path(__file__).parents[2])}
-
-
-def mufe(*arguments, cwd, num_ranks=None):
-    """Run `mufe` on one or more ranks and return the finished process."""
-    command = [sys.executable, "-m", "mufe_fenicsx", *map(str, arguments)]
-    return run(command, cwd, num_ranks)
 
 
 def run(command, cwd, num_ranks=None):
@@ -50,9 +45,14 @@ def run(command, cwd, num_ranks=None):
     return subprocess.CompletedProcess(command, process.returncode, out, err)
 
 
+def complaints(err):
+    """Lines of standard error but the one by which a run says what it is about to do."""
+    return [line for line in err.splitlines() if not ANNOUNCED.fullmatch(line)]
+
+
 def assert_refused(result, said, folder, files):
     """Status 2 after one line that says it, and ``folder`` holds ``files`` and nothing else."""
-    lines = result.stderr.splitlines()
+    lines = complaints(result.stderr)
     assert result.returncode == 2, result.stderr
     assert len(lines) == 1 and lines[0].startswith("mufe: "), result.stderr
     assert said in lines[0]

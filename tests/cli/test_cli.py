@@ -1,12 +1,16 @@
 """The command line: what a user can do wrong ends in one line, status 2, and no output.
 
-Where ranks or the state of a process matter, a command is a process of its own, as a
+Where several ranks or the state of a process matter, a command is a process of its own, as a
 user would start it; elsewhere the test calls `main`, which is quicker.
 """
 
 import json
+import os
+import resource
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import meshio
@@ -15,14 +19,14 @@ import pytest
 
 import mufe_fenicsx.geometry.grains as grain_files
 from mufe_fenicsx import __version__
-from mufe_fenicsx.cli import terminal
 from mufe_fenicsx.cli.arguments import known_names, parameters
 from mufe_fenicsx.cli.main import main
 from mufe_fenicsx.cli.terminal import Printer, plain, progress_bar
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.machine import doing
 from mufe_fenicsx.machine.mpi_launcher import environment_without_launcher
 from mufe_fenicsx.run.demo import demo_commands, demo_scene
-from tests.cli.commands import FROM_HERE, assert_refused, mufe, run
+from tests.cli.commands import FROM_HERE, assert_refused, complaints, run
 
 SCENE = """
 [material]
@@ -174,30 +178,72 @@ def test_grains_that_are_not_there(inputs, mufe_here):
         assert_refused(result, said, work, [])
 
 
-@pytest.mark.parametrize("scene, said", [RUN[0], ("scene.toml", "none")])
-def test_what_cannot_be_used_is_said_by_one_rank(inputs, scene, said):
-    """A scene, which all ranks read, and grains that are not there."""
-    folder, work = inputs
-    result = mufe("run", folder / scene, "--grains", "none", cwd=work, num_ranks=2)
-    assert_refused(result, said, work, [])
-
-
-def test_more_ranks_than_grains(inputs):
-    folder, work = inputs
-    arguments = ("run", folder / "scene.toml", "--grains", folder / "grains", "-o", "results")
-    result = mufe(*arguments, cwd=work, num_ranks=3)
-    assert_refused(result, "number of ranks = 3, expected at most", work, [])
-
-
-@pytest.mark.parametrize("num_ranks", [None, 2])
-def test_output_folder_that_is_not_empty(inputs, num_ranks):
+def test_output_folder_that_is_not_empty(inputs, mufe_here):
     folder, work = inputs
     (work / "results").mkdir()
     (work / "results" / "mine.txt").write_text("keep")
     arguments = ("run", folder / "scene.toml", "--grains", folder / "grains", "-o", "results")
-    result = mufe(*arguments, cwd=work, num_ranks=num_ranks)
+    result = mufe_here(*arguments, cwd=work)
     assert_refused(result, "expected a new one, or --overwrite to replace", work, ["results"])
     assert [path.name for path in (work / "results").iterdir()] == ["mine.txt"]
+
+
+ON_TWO_RANKS = {
+    "a scene, which all ranks read": ("run unknown.toml --grains grains", RUN[0][1]),
+    "grains that are not there": ("run scene.toml --grains none", "none"),
+    "more ranks than grains": ("run scene.toml --grains one", "number of ranks = 2, expected at m"),
+    "a folder with other files": (
+        "run scene.toml --grains grains -o results", "expected a new one, or --overwrite to replace"
+    ),
+    **{
+        f"mufe {command}": (f"{command} {words}", f"mufe {command} on 2 ranks, expected one")
+        for command, words in (
+            ("segment", "a.tif -o x.tif"), ("mesh", "a.tif -o new"), ("report", "results"),
+            ("demo", ""),
+        )
+    },
+}  # fmt: skip
+
+#: Calls `main` on each rank for one line of arguments after the other; what each said is kept.
+EACH_BY_ALL = """
+import contextlib, io, json, pathlib, sys
+from mufe_fenicsx.cli.main import main
+from mpi4py import MPI
+
+said = []
+for line in json.loads(sys.argv[1]):
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main(line.split())
+        except SystemExit as end:
+            status = end.code
+    said.append([status, out.getvalue(), err.getvalue()])
+pathlib.Path(f"said-{MPI.COMM_WORLD.rank}.json").write_text(json.dumps(said))
+"""
+
+
+def test_what_cannot_be_used_is_said_by_one_of_two_ranks(inputs):
+    """Both end with status 2, rank 0 after its line, the other without a word."""
+    folder, work = inputs
+    tetrahedron = two_tetrahedra().grain(0)
+    one_grain = grain_files.Grains.from_list([1], [tetrahedron], 1e-4)
+    grain_files.save_grains(folder / "one", one_grain)
+    (folder / "results").mkdir()
+    (folder / "results" / "mine.txt").write_text("keep")
+    before = sorted(path.name for path in folder.iterdir())
+    lines = json.dumps([line for line, _ in ON_TWO_RANKS.values()])
+    result = run([sys.executable, "-c", EACH_BY_ALL, lines], folder, num_ranks=2)
+    assert result.returncode == 0, result.stderr
+    zero, one = (json.loads((folder / f"said-{rank}.json").read_text()) for rank in range(2))
+    for (what, (_, said)), first, other in zip(ON_TWO_RANKS.items(), zero, one, strict=True):
+        assert first[:2] == [2, ""] and other == [2, "", ""], what
+        (line,) = complaints(first[2])
+        assert line.startswith("mufe: ") and said in line, what
+    left = {"said-0.json", "said-1.json"}
+    assert sorted({path.name for path in folder.iterdir()} - left) == before
+    assert [path.name for path in (folder / "results").iterdir()] == ["mine.txt"]
+    assert not list(work.iterdir())
 
 
 def test_output_below_a_file(inputs, mufe_here):
@@ -209,18 +255,24 @@ def test_output_below_a_file(inputs, mufe_here):
     assert_refused(mufe_here("demo", "-o", ".", cwd=work), "not empty", work, ["file"])
 
 
-def test_disk_that_is_full(inputs):
+def test_disk_that_is_full(inputs, monkeypatch, capsys):
     """No file may grow beyond 100 bytes: as on a full disk, writing fails half-way."""
     folder, work = inputs
     np.save(folder / "grains.npy", two_boxes())
+    monkeypatch.chdir(work)
     arguments = ["segment", str(folder / "grains.npy"), "-o", "out.tif", "--voxel-size", "5 um"]
-    program = (
-        "import resource, signal, mufe_fenicsx.cli.main\n"
-        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
-        f"mufe_fenicsx.cli.main.main({arguments})"
-    )
-    assert_refused(run([sys.executable, "-c", program], work), "File too large", work, [])
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    told = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+        with pytest.raises(SystemExit) as end:
+            main(arguments)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, told)
+    out, err = capsys.readouterr()  # in memory, for files are short here
+    result = subprocess.CompletedProcess(arguments, end.value.code, out, err)
+    assert_refused(result, "File too large", work, [])
 
 
 USAGE = [
@@ -249,18 +301,6 @@ def test_wrong_use(tmp_path, mufe_here, arguments, said):
     assert_refused(mufe_here(*arguments, cwd=tmp_path), said, tmp_path, [])
 
 
-@pytest.mark.parametrize("command", ["segment", "mesh", "report", "demo"])
-def test_serial_command_on_two_ranks(tmp_path, command):
-    arguments = {
-        "segment": ("a.tif", "-o", "x.tif"),
-        "mesh": ("a.tif", "-o", "grains"),
-        "report": ("results",),
-        "demo": (),
-    }[command]
-    result = mufe(command, *arguments, cwd=tmp_path, num_ranks=2)
-    assert_refused(result, f"mufe {command} on 2 ranks, expected one", tmp_path, [])
-
-
 @pytest.mark.parametrize("arguments", [("-h",), ("run", "-h")])
 def test_short_help(tmp_path, mufe_here, arguments):
     result = mufe_here(*arguments, cwd=tmp_path)
@@ -284,12 +324,12 @@ def test_shells_complete_commands_and_options(tmp_path, mufe_here, monkeypatch, 
     assert (result.returncode, result.stdout.split()) == (0, [ends])
 
 
-def test_json_stands_alone_on_standard_output(inputs):
+def test_json_stands_alone_on_standard_output(inputs, mufe_here):
     """Two boxes of 8 voxels a side; what people read goes to standard error."""
     folder, work = inputs
     np.save(folder / "grains.npy", two_boxes())
     options = ("--voxel-size", "5 um", "--filter", "none", "--json", "-")
-    result = mufe("segment", folder / "grains.npy", "-o", "out.tif", *options, cwd=work)
+    result = mufe_here("segment", folder / "grains.npy", "-o", "out.tif", *options, cwd=work)
     assert result.returncode == 0, result.stderr
     values = json.loads(result.stdout)
     assert values["num_grains"] == 2
@@ -316,27 +356,29 @@ def test_summaries_are_in_words_with_units(capsys):
 
 
 def test_progress_without_a_terminal_is_told_in_lines(capsys, monkeypatch):
-    monkeypatch.setattr(terminal, "SECONDS_BETWEEN_LINES", 0.0)
+    monkeypatch.setattr(doing, "SECONDS_BETWEEN_LINES", 0.05)
     with progress_bar("meshing") as progress:
         progress(1, 20)
+        time.sleep(0.2)
         progress(50, None, "void ratio 0.9")
-    assert capsys.readouterr().err == (
-        "meshing: 1 of 20 after 0 s\nmeshing: step 50 after 0 s  void ratio 0.9\n"
-    )
-    monkeypatch.setattr(terminal, "SECONDS_BETWEEN_LINES", 100.0)
+        time.sleep(0.2)
+    lines = capsys.readouterr().err.splitlines()
+    first, last = "mufe: meshing: 1 of 20, ", "mufe: meshing: step 50 void ratio 0.9, after 0 s"
+    assert lines[0].startswith(first) and lines[-1] == last
+    monkeypatch.setattr(doing, "SECONDS_BETWEEN_LINES", 100.0)
     with progress_bar("meshing") as progress:
         progress(1, 20)
     assert capsys.readouterr().err == ""
 
 
-def test_workers_of_a_launched_process(inputs):
+def test_workers_of_a_launched_process(inputs, mufe_here, monkeypatch):
     """`mpirun -n 1` and SLURM mark their process; its workers must not inherit that."""
     folder, work = inputs
-    np.savez(folder / "grains.npz", labels=(two_boxes() > 100) * (1 + (np.arange(24) > 11)))
-    options = ("--voxel-size", "5 um", "--size", "10 um", "--processes", "2", "--json", "-")
-    result = mufe("mesh", folder / "grains.npz", "-o", "grains", *options, cwd=work, num_ranks=1)
-    assert result.returncode == 0, result.stderr
-    assert json.loads(result.stdout)["num_grains"] == 2
+    for name in ("PMI_RANK", "PMI_SIZE", "PMI_FD"):
+        monkeypatch.setenv(name, "1")
+    result = mufe_here("mesh", folder / "no_grain.npy", "-o", "grains", cwd=work)
+    assert result.returncode == 2
+    assert not [name for name in os.environ if name.startswith("PMI_")]
 
 
 def test_options_come_before_the_scene(inputs, mufe_here):

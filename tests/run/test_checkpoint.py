@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.cli.main import main
 from mufe_fenicsx.contact.snapshot import find_rows
 from mufe_fenicsx.errors import InputError, Interrupted
 from mufe_fenicsx.geometry.grains import save_grains
@@ -301,21 +302,48 @@ def test_sixty_kills_leave_the_same_bytes(folder, serial, num_ranks):
     assert len(killed) >= 20 and (sum(killed) >= 5 or num_ranks == 1)
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGUSR1, signal.SIGHUP])
-def test_a_signal_ends_all_ranks_after_a_checkpoint(folder, serial, number):
-    if number == signal.SIGTERM and "Open MPI" in MPI.Get_library_version():
+def test_a_signal_ends_all_ranks_after_a_checkpoint(folder, serial):
+    if "Open MPI" in MPI.Get_library_version():
         pytest.skip("the launcher of Open MPI kills its ranks on SIGTERM")
     # Slow enough for the signal to get there.
-    num_ranks = 1 if number == signal.SIGHUP else 2  # by which MPICH's launcher itself ends
-    process = start(folder, "out", num_ranks, strain=0.1, speed=0.5)
+    process = start(folder, "out", 2, strain=0.1, speed=0.5)
     wait_for_checkpoint(process, folder / "out")
-    process.send_signal(number)
+    process.send_signal(signal.SIGTERM)
     _, error = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 128 + number
-    step = last_step(folder / "out")
+    check_stopped_run(folder / "out", process.returncode, error, signal.SIGTERM)
+
+
+@pytest.mark.parametrize("number", [signal.SIGUSR1, signal.SIGHUP])
+def test_a_signal_ends_a_run_after_a_checkpoint(folder, serial, monkeypatch, capfd, number):
+    """In this process: `mufe run` hears it after its first state."""
+    (folder / "scene.toml").write_text(scene_to_toml(scene(checkpoint_steps=20)))
+    write_state = Recorder.write_state
+
+    def interrupt(recorder):
+        write_state(recorder)
+        monkeypatch.setattr(Recorder, "write_state", write_state)
+        signal.raise_signal(number)
+
+    monkeypatch.setattr(Recorder, "write_state", interrupt)
+    monkeypatch.setattr(interruption, "LATENCY", 1e-3)
+    arguments = ["run", "scene.toml", "--grains", "grains", "-o", "out", "--quiet"]
+    monkeypatch.chdir(folder)
+    before = signal.signal(number, lambda *_: None)  # nohup would have it ignored
+    try:
+        with pytest.raises(SystemExit) as end:
+            main(arguments)
+    finally:
+        signal.signal(number, before)
+    check_stopped_run(folder / "out", end.value.code, capfd.readouterr().err, number)
+
+
+def check_stopped_run(run_folder, status, error, number):
+    """A run that ended on a signal: its status, its line, its last checkpoint and its summary."""
+    assert status == 128 + number
+    step = last_step(run_folder)
     lines = [line for line in error.splitlines() if line.startswith("mufe: ")]
     assert len(lines) == 1 and f"{number.name} at step {step}," in lines[0], error
-    summary = json.loads((folder / "out" / "run.json").read_text())
+    summary = json.loads((run_folder / "run.json").read_text())
     assert summary["num_steps"] == step and number.name in summary["stop_reason"]
 
 

@@ -12,7 +12,7 @@ from mufe_fenicsx.run import time_loop as march
 from mufe_fenicsx.run.rebalance import better_partition, imbalance, work_of_grains
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Oedometer, Output, Scene
-from tests.bodies import packed_grains
+from tests.bodies import RADIUS, packed_grains
 
 COMM = MPI.COMM_WORLD
 
@@ -22,7 +22,7 @@ def folder(tmp_path_factory):
     """A folder that all ranks share, with 3 x 2 x 1 spheres."""
     folder = COMM.bcast(tmp_path_factory.mktemp("balance") if COMM.rank == 0 else None)
     if COMM.rank == 0:
-        save_grains(folder / "grains", packed_grains((3, 2, 1)))
+        save_grains(folder / "grains", packed_grains((3, 2, 1), h=0.7 * RADIUS))
     COMM.Barrier()
     return folder
 

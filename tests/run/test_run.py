@@ -22,7 +22,7 @@ from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.run.from_scene import load_mesh
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Oedometer, Output, Sample, Scene, Solver, load_scene
-from tests.bodies import packed_grains
+from tests.bodies import RADIUS, packed_grains
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def grains(folder):
     """2 x 2 x 1 spheres, as `mufe mesh` would store them."""
     comm = MPI.COMM_WORLD
     if comm.rank == 0:
-        save_grains(folder / "grains", packed_grains((2, 2, 1)))
+        save_grains(folder / "grains", packed_grains((2, 2, 1), h=0.7 * RADIUS))
     comm.Barrier()
     return folder / "grains"
 

@@ -101,10 +101,10 @@ def _test(comm, folder, grains, in_cell):
         load_mesh,
         make_membrane,
         make_simulation,
-        read_scene,
         separate_surfaces,
         sleeve_of,
     )
+    from ...run.scene_file import read_scene
     from ...synthetic.starter_scenes import IN_MEMBRANE
 
     text, _ = IN_MEMBRANE["triaxial"]

@@ -76,7 +76,8 @@ def demo(comm, *, grains, scene=None):
     from ...contact.separation import separate
     from ...explicit.simulation import Simulation
     from ...run.demo import demo_scene
-    from ...run.from_scene import find_bounds, load_mesh, make_walls, read_scene
+    from ...run.from_scene import find_bounds, load_mesh, make_walls
+    from ...run.scene_file import read_scene
 
     scene = read_scene(comm, scene or demo_scene())
     mesh = load_mesh(comm, grains)
@@ -101,7 +102,8 @@ def resumed(comm, *, run):
         run: Run folder with a checkpoint.
     """
     from ...output.checkpoint import find_checkpoint, read_tables
-    from ...run.from_scene import find_bounds, load_mesh, make_simulation, read_scene
+    from ...run.from_scene import find_bounds, load_mesh, make_simulation
+    from ...run.scene_file import read_scene
     from ...run.snapshot import restore, restore_reference
 
     scene = read_scene(comm, Path(run) / "scene.toml")

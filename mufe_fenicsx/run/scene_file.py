@@ -1,0 +1,13 @@
+"""The scene file of a test, for all ranks."""
+
+from ..output.run_folder import on_first_rank
+from ..scene import load_scene
+
+
+def read_scene(comm, path):
+    """The scene in the file ``path``, read by rank 0 alone. Collective.
+
+    Raises:
+        InputError: The file cannot be read, or holds what a scene must not.
+    """
+    return comm.bcast(on_first_rank(comm, lambda: load_scene(path)))
