@@ -168,7 +168,6 @@ def report(
         load_ahead("mufe_fenicsx.report.parts")  # before this process loads the same
         from ..report import write_report
 
-
         result = write_report(folders, output, grain, points, only, skip, processes=0)
     printer.say(*(f"not in the report: {sentence}" for sentence in result["missing"]))
     printer.say(f"report: {result['report']}")
