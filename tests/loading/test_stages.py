@@ -312,7 +312,8 @@ def test_a_run_by_stages_reaches_its_stresses_and_resumes_to_the_same_bits(folde
     for axis in "xyz":
         stress, strain = history[f"stress_{axis}"][last], history[f"strain_{axis}"][last]
         assert stress[-1] == pytest.approx(5e6, rel=0.05) and strain[-1] > 0
-    # Held while z is pressed; the deviator ends the stage, where walls brake over a part of it.
+    # Held while z is pressed, but for the waves of two balls, twice the tolerance; the deviator
+    # ends the stage, where walls brake over a part of it.
     x, y, z = (history[f"stress_{axis}"][-1] for axis in "xyz")
     assert [x, y] == pytest.approx([5e6] * 2, rel=0.1) and 4.9e6 < z - 0.5 * (x + y) < 6e6
     assert np.all(history["stress"] == history["stress_z"])
