@@ -28,7 +28,7 @@ def run(name, **parameters):
 CHEAP = [
     ("column", {}, "mpi"),
     ("patch", {}, "mpi"),
-    ("spin", {"turns": 1}, ""),
+    ("spin", {"turns": 5}, ""),
     ("sliding-block", {"slip": "2e-6"}, ""),
     ("sliding-facets", {"facets": 0.5}, "slow"),
     ("energy", {"strain": 0.01}, ""),
