@@ -14,7 +14,7 @@ RADIUS = 1e-3
 
 
 def meshed_once(make):
-    """Such a maker of bodies, which meshes equal ones once in a process and gives copies of them."""
+    """Such a maker of bodies, which meshes equal ones once in a process and gives copies."""
     kept = functools.cache(make)
 
     def body(*args, **options):
