@@ -192,7 +192,7 @@ def test_what_is_no_wall_is_named(changed, message):
 def test_increments_hold_a_force_on_a_curved_wall(axis):
     """A ring around a cylinder, and a hollow sphere around a ball, find their radius."""
     body = (
-        cylinder(RADIUS, 0.5 * RADIUS, 0.3 * RADIUS) if axis.any() else sphere(RADIUS, RADIUS / 3)
+        cylinder(RADIUS, 0.5 * RADIUS, 0.3 * RADIUS) if axis.any() else sphere(RADIUS, RADIUS / 2)
     )
     middle = np.zeros(3)
     wall = Wall("wall", middle, axis, radius=1.001 * RADIUS, target=5.0, speed=0.01 * RADIUS)

@@ -344,7 +344,12 @@ def test_a_run_in_a_cylinder_resumes_to_the_same_bits(folder):
         Stage("shear", r=Axis(stress=2e6), z=Axis(strain=0.005)),
     )
     given = scene(container=ContainerSettings("cylinder"), stages=program)
-    whole = run(folder, "round", given)
+    # Stopped while the servo goes to its pressure: the same a little farther on as without a stop.
+    run(folder, "round", given, max_steps=300)
+    run(folder, "round", given, max_steps=400, resume=True)
+    run(folder, "begin", given, max_steps=400)
+    assert arrays(folder / "round") == arrays(folder / "begin")
+    whole = run(folder, "round", given, resume=True)
     history = read_history(folder / "round" / "history.csv")
     assert whole["finished"] and whole["container"]["radius"] == pytest.approx(RADIUS, rel=0.01)
     D, H = history["diameter"], history["height"]
@@ -355,11 +360,6 @@ def test_a_run_in_a_cylinder_resumes_to_the_same_bits(folder):
     shear = history["stage"] == "shear"  # strains count from its start
     volume, shrunk = (D**2 * H)[shear], triaxial_curves(history)["strain_volume"][shear]
     assert shrunk == pytest.approx(1 - volume / volume[0], abs=1e-3 * np.ptp(shrunk))
-
-    run(folder, "round-parts", given, max_steps=whole["stages"][1]["step"] + 50)
-    parts = run(folder, "round-parts", given, resume=True)
-    assert parts["num_steps"] == whole["num_steps"]
-    assert arrays(folder / "round-parts") == arrays(folder / "round")
 
 
 # --- the tables ---------------------------------------------------------------------------

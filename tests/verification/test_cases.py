@@ -28,7 +28,7 @@ def run(name, **parameters):
 CHEAP = [
     ("column", {}, "mpi"),
     ("patch", {}, "mpi"),
-    ("spin", {"turns": 5}, ""),
+    ("spin", {"turns": 5}, "slow"),
     ("sliding-block", {"slip": "2e-6"}, ""),
     ("sliding-facets", {"facets": 0.5}, "slow"),
     ("energy", {"strain": 0.01}, ""),
@@ -42,7 +42,7 @@ CHEAP = [
     ("hertz-convergence", {}, "slow"),
     ("hertz-stress", {"elements_per_radius": 2.5}, "slow"),
     ("curved-walls", {}, "slow"),
-    ("confined-cylinder", {}, ""),
+    ("confined-cylinder", {}, "slow"),
     ("undrained-elastic", {"elements": 3}, "slow"),
     ("tube-in-torsion", {"layers": 4}, ""),
     ("sheared-box", {"divisions": 4}, ""),
