@@ -160,13 +160,13 @@ def test_a_sleeve_as_thick_as_the_sample_is_refused(folder, tmp_path):
 @pytest.mark.mpi
 def test_ranks_agree(folder):
     comm = MPI.COMM_WORLD
-    run(folder, "together", comm, max_steps=40)
+    run(folder, "together", comm, max_steps=20)
     if comm.rank:
         return
-    run(folder, "alone", MPI.COMM_SELF, max_steps=40)
+    run(folder, "alone", MPI.COMM_SELF, max_steps=20)
     histories = [read_history(folder / name / "history.csv") for name in ("together", "alone")]
     for name in ("diameter", "cell_pressure", "stress_z", "membrane_force", "elastic"):
-        # Sums in another order: rounding, which forty steps do not let grow much.
+        # Sums in another order: rounding, which twenty steps do not let grow much.
         np.testing.assert_allclose(
             histories[0][name], histories[1][name], rtol=1e-8, atol=1e-12, err_msg=name
         )
