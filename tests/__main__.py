@@ -1,11 +1,14 @@
-"""`python -m tests`: all tests on one rank, then those marked mpi on three ranks.
+"""`python -m tests`: all tests on one rank, and those marked mpi on three ranks.
 
-Two processes share the tests on one rank: they start at both ends of the list and go on until
-they meet, so that both end together whatever the tests take. Further arguments go to pytest.
-The last line adds up both runs; a test that fails on any rank has failed. Exit status 1 if one
-did, if a rank hung, or if none ran.
+First one process fills the caches of what is compiled. Then there is work for two cores: one has a
+process with the tests on one rank, the other has the three ranks, and a second such process when
+these have ended. Both processes start at an end of the list and go on until they meet.
+
+Further arguments go to pytest. What failed is shown when all has ended. The last line adds up: a
+test that fails on any rank has failed. Exit status 1 if one did, if a rank hung, or if none ran.
 """
 
+import contextlib
 import hashlib
 import json
 import os
@@ -15,64 +18,66 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
 NUM_RANKS = 3
-NUM_WORKERS = 2
 TESTS = Path(__file__).resolve().parent
+ROOT = TESTS.parent
 
 #: A test that takes longer shows where each thread stands [s]; a run in which none ends for so long
 #: hangs, and is ended: a busy machine is slow, but goes on.
 TEST_SECONDS = 240
 STILL_SECONDS = 1200
+#: How often it is said how far the tests are [s].
+SAID_SECONDS = 15
 
 #: Outcomes on several ranks, and of the phases of a test on one, the worst last: a test that is
 #: skipped still passes its end.
 ORDER = ("skipped", "passed", "failed")
 OF_PHASES = ("passed", "skipped", "failed")
 
-
 #: A rank of MPICH that waits sleeps: beside other programs, messages among three ranks on two
 #: cores take a third of the processor's time and half of the time. Another MPI ignores this.
 SLEEPING = {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1"}
 
+#: Seconds for which a process waits for a form that another one compiles, on a busy machine; and
+#: the age from which on a source without a library was left by a program that was killed.
+FORM_SECONDS = 120
+
 
 def main(arguments):
     """Run both and return the exit status."""
-    python = [sys.executable, "-m"]
     with tempfile.TemporaryDirectory() as scratch:
-        folders = [Path(scratch, "one"), Path(scratch, "three")]
+        one, three = folders = [Path(scratch, "one"), Path(scratch, "three")]
         for folder in folders:
             folder.mkdir()
         environment = {**os.environ, "OMP_NUM_THREADS": "1", **SLEEPING}
-        ones = [
-            [*python, "tests", "--as-worker", str(number), str(folders[0]), "not slow", *arguments]
-            for number in range(NUM_WORKERS)
+        environment |= _shared_forms(Path(scratch))
+        _compile_once(Path(scratch), environment)
+        python = [sys.executable, "-m"]
+        workers = [
+            [*python, "tests", "--as-worker", str(number), str(one), "not slow", *arguments]
+            for number in range(2)
         ]
-        own = [environment | _own_forms(Path(scratch, f"w{n}")) for n in range(NUM_WORKERS)]
-        three = [*python, "mpi4py", "-m", "tests", "--as-rank", str(folders[1])]
-        three += ["mpi and not slow", *arguments]
-        print(f"== on one rank, in {NUM_WORKERS} processes: output of the first", flush=True)
-        ended_well = [_run(ones, own, folders[0])]
-        print(f"\n== marked mpi, on {NUM_RANKS} ranks: output of rank 0", flush=True)
+        ranks = [*python, "mpi4py", "-m", "tests", "--as-rank", str(three)]
+        ranks += ["mpi and not slow", *arguments]
         mpirun = _mpirun()
         if mpirun is None:
             print("no mpirun beside Python or on PATH: tests on several ranks cannot run")
-        ended_well.append(
-            mpirun is not None
-            and _run([[mpirun, "-n", str(NUM_RANKS), *three]], own[:1], folders[1])
-        )
+            lines = [[workers[0]], [workers[1]]]
+        else:
+            lines = [[workers[0]], [[mpirun, "-n", str(NUM_RANKS), *ranks], workers[1]]]
+        ended_well = _run(lines, environment, folders)
         outcomes = [_outcomes(folder) for folder in folders]
-        for ok, outcome, folder in zip(ended_well, outcomes, folders, strict=True):
-            if not ok or "failed" in outcome.values():
-                _show_others(folder)
-
-    counts = {kind: sum(list(o.values()).count(kind) for o in outcomes) for kind in ORDER}
-    for ok, outcome in zip(ended_well, outcomes, strict=True):
-        if not ok and "failed" not in outcome.values():
-            counts["failed"] += 1  # a rank that crashed or hung names no test
+        failed = not ended_well or any("failed" in found.values() for found in outcomes)
+        if failed:
+            _show_outputs(folders)
+    counts = Counter(kind for found in outcomes for kind in found.values())
+    if failed or mpirun is None:  # a process that crashed or hung names no test
+        counts["failed"] = max(1, counts["failed"])
     passed, failed, skipped = (counts[kind] for kind in ("passed", "failed", "skipped"))
     print(f"\n{passed} passed, {failed} failed, {skipped} skipped", flush=True)
     return 1 if failed or not passed else 0
@@ -88,32 +93,42 @@ def as_rank(folder, marks, arguments):
 
 
 def as_worker(number, folder, marks, arguments):
-    """Run the tests that no other worker has begun, every other worker from the end."""
-    return _run_pytest(number, folder, marks, arguments, [Sharing(folder, number % 2 == 1)])
+    """Run the tests that the other worker has not begun; the second begins at the end."""
+    return _run_pytest(number, folder, marks, arguments, [Sharing(folder, number == 1)])
 
 
-def _run_pytest(rank, folder, marks, arguments, plugins):
-    """Run pytest; only rank 0 prints, the others into a file of ``folder``."""
-    if rank != 0:
-        log = os.open(folder / f"rank{rank}.txt", os.O_WRONLY | os.O_CREAT)
-        os.dup2(log, sys.stdout.fileno())
-        os.dup2(log, sys.stderr.fileno())
+def _run_pytest(number, folder, marks, arguments, plugins):
+    """Run pytest; what it prints goes into a file of ``folder``."""
+    log = os.open(_log(folder, number), os.O_WRONLY | os.O_CREAT)
+    os.dup2(log, sys.stdout.fileno())
+    os.dup2(log, sys.stderr.fileno())
     status = pytest.main(
         [
-            str(TESTS),
-            f"--rootdir={TESTS.parent}",
+            *map(str, _files(marks)),
+            f"--rootdir={ROOT}",
             f"--override-ini=faulthandler_timeout={TEST_SECONDS}",
             # Ranks share no cache and no numbered temporary folders.
             "-p",
             "no:cacheprovider",
-            f"--basetemp={folder / f'temp{rank}'}",
+            f"--basetemp={folder / f'temp{number}'}",
             "-m",
             marks,
             *arguments,
         ],
-        plugins=[Outcomes(folder / f"rank{rank}.outcomes"), *plugins],
+        plugins=[Outcomes(folder / f"{number}.outcomes"), *plugins],
     )
     return 0 if status == pytest.ExitCode.NO_TESTS_COLLECTED else int(status)
+
+
+def _files(marks):
+    """Where such tests may be: of those marked mpi, only the files that name the mark are read."""
+    if not marks.startswith("mpi"):
+        return [TESTS]
+    return [p for p in sorted(TESTS.rglob("test_*.py")) if "mark.mpi" in p.read_text("utf-8")]
+
+
+def _log(folder, number):
+    return folder / f"{number}.txt"
 
 
 class Outcomes:
@@ -162,15 +177,35 @@ class Sharing:
         return None
 
 
-def _own_forms(folder):
-    """Variables by which DOLFINx keeps what it compiles in a folder of this run.
+def _shared_forms(scratch):
+    """Variables by which DOLFINx keeps what it compiles for tests in one folder, and waits longer.
 
-    It waits 10 s for a form that another process compiles, or was killed at, and then fails.
+    By itself it waits 10 s for a form that another process compiles, or was killed at, and fails.
     """
-    options = folder / "dolfinx" / "dolfinx_jit_options.json"
-    options.parent.mkdir(parents=True)
-    options.write_text(json.dumps({"cache_dir": str(folder / "forms")}), encoding="utf-8")
-    return {"XDG_CONFIG_HOME": str(folder)}
+    from mufe_fenicsx.kernels.native import cache_folder
+
+    forms = cache_folder() / "forms_of_tests"
+    forms.mkdir(exist_ok=True)
+    for source in forms.glob("*.c"):
+        with contextlib.suppress(OSError):
+            made = source.with_suffix(".c.cached").exists()
+            if not made and time.time() - source.stat().st_mtime > FORM_SECONDS:
+                source.unlink()
+    options = scratch / "dolfinx" / "dolfinx_jit_options.json"
+    options.parent.mkdir()
+    wanted = {"cache_dir": str(forms), "timeout": FORM_SECONDS}
+    options.write_text(json.dumps(wanted), encoding="utf-8")
+    return {"XDG_CONFIG_HOME": str(scratch)}
+
+
+def _compile_once(scratch, environment):
+    """Fill the caches by a short run, so that processes that start together find them filled."""
+    print("== compiling what is not compiled yet", flush=True)
+    command = [sys.executable, "-m", "mufe_fenicsx", "run", ROOT / "demos" / "first.toml"]
+    command += ["-o", scratch / "first", "--max-steps", "20", "--quiet"]
+    subprocess.run(
+        command, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+    )
 
 
 def _mpirun():
@@ -179,38 +214,67 @@ def _mpirun():
     return str(beside) if beside.exists() else shutil.which("mpirun")
 
 
-def _run(commands, environments, folder):
-    """Whether all ended with status 0; where no test ends any more, all are killed."""
-    processes = [
-        subprocess.Popen(
-            command,
-            cwd=TESTS.parent,
-            env=environment,
-            start_new_session=True,
-            stdin=subprocess.DEVNULL,
-        )
-        for command, environment in zip(commands, environments, strict=True)
-    ]
+def _run(lines, environment, folders):
+    """Whether all commands ended with status 0; where no test ends any more, all are killed.
+
+    Args:
+        lines: Of commands, one of each line after the other.
+        environment: Their variables.
+        folders: Of their outcomes.
+    """
+    waiting = [list(line) for line in lines]
+    running, ended_well = [None] * len(lines), True
+    since = said = time.monotonic()
+    size, told = 0, set()
+    print(f"== tests on one rank, beside those marked mpi on {NUM_RANKS}", flush=True)
     try:
-        written, since = 0, time.monotonic()
-        while any(process.poll() is None for process in processes):
-            time.sleep(0.5)
-            now = sum(path.stat().st_size for path in folder.glob("*.outcomes"))
-            if now != written:
-                written, since = now, time.monotonic()
-            elif time.monotonic() - since > STILL_SECONDS:
+        while any(waiting) or any(running):
+            for k, process in enumerate(running):
+                if process is not None and process.poll() is not None:
+                    ended_well &= process.returncode == 0
+                    if process.returncode < 0:  # pytest says itself what failed
+                        how = signal.Signals(-process.returncode).name
+                        print(f"a process was ended by {how}: {process.args}", flush=True)
+                    running[k] = None
+                if running[k] is None and waiting[k]:
+                    running[k] = _start(waiting[k].pop(0), environment)
+            time.sleep(0.2)
+            now, before, size = time.monotonic(), size, _size(folders)
+            if size != before:
+                since = now
+            elif now - since > STILL_SECONDS:
                 print(f"no test has ended for {STILL_SECONDS} s: a rank hangs", flush=True)
                 return False
-        for number, process in enumerate(processes):
-            if process.returncode < 0:  # pytest says itself what failed
-                how = signal.Signals(-process.returncode).name
-                print(f"process {number} was ended by {how}", flush=True)
-        return not any(process.returncode for process in processes)
+            if now - said > SAID_SECONDS:
+                said = now
+                _say(folders, told)
+        return ended_well
     finally:
-        for process in processes:
-            if process.poll() is None:
+        for process in running:
+            if process is not None and process.poll() is None:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
+
+
+def _start(command, environment):
+    return subprocess.Popen(
+        command, cwd=ROOT, env=environment, start_new_session=True, stdin=subprocess.DEVNULL
+    )
+
+
+def _size(folders):
+    """Bytes of all outcomes."""
+    return sum(path.stat().st_size for folder in folders for path in folder.glob("*.outcomes"))
+
+
+def _say(folders, told):
+    """Say how many tests have ended so far, and once of each that it has failed."""
+    found = [_outcomes(folder) for folder in folders]
+    print(f"{len(found[0])} on one rank, {len(found[1])} on {NUM_RANKS}", flush=True)
+    failed = {name for each in found for name, kind in each.items() if kind == "failed"}
+    for name in sorted(failed - told):
+        print(f"failed: {name}", flush=True)
+    told |= failed
 
 
 def _outcomes(folder):
@@ -226,13 +290,15 @@ def _outcomes(folder):
     return outcomes
 
 
-def _show_others(folder):
-    for path in sorted(folder.glob("*.outcomes")):
-        names = [line.split("\t", 1)[1] for line in path.read_text("utf-8").splitlines()]
-        print(f"{path.stem} ended after {names[-1] if names else 'no test'}", flush=True)
-    for path in sorted(folder.glob("rank*.txt")):
-        print(f"\n== output of {path.stem}", flush=True)
-        print(path.read_text(errors="replace"), flush=True)
+def _show_outputs(folders):
+    """What the processes printed, and where each ended."""
+    for folder in folders:
+        for path in sorted(folder.glob("*.outcomes")):
+            names = [line.split("\t", 1)[1] for line in path.read_text("utf-8").splitlines()]
+            last = names[-1] if names else "no test"
+            print(f"\n== {folder.name}: process {path.stem}, last test {last}", flush=True)
+            log = _log(folder, path.stem)
+            print(log.read_text(errors="replace") if log.exists() else "nothing", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,35 @@
 """Bodies that several tests use."""
 
+import functools
+
 import numpy as np
 
 from mufe_fenicsx.explicit.simulation import Simulation
-from mufe_fenicsx.geometry.bodies.shapes import sphere
+from mufe_fenicsx.geometry.bodies import half_ball as half_balls
+from mufe_fenicsx.geometry.bodies import shapes
 from mufe_fenicsx.geometry.grains import Grains
 from mufe_fenicsx.mesh import create_grain_mesh, partition_grains
 
 RADIUS = 1e-3
+
+
+def meshed_once(make):
+    """Such a maker of bodies, which meshes equal ones once in a process; arrays are read-only."""
+
+    @functools.cache
+    def body(*args, **options):
+        parts = make(*args, **options)
+        for part in parts:
+            part.flags.writeable = False
+        return parts
+
+    return body
+
+
+sphere = meshed_once(shapes.sphere)
+cylinder = meshed_once(shapes.cylinder)
+sphere_near_contact = meshed_once(shapes.sphere_near_contact)
+half_ball = meshed_once(half_balls.half_ball)
 
 
 def sphere_centres(counts, gap=0.0):

@@ -36,6 +36,22 @@ def shared_data():
 
 
 @pytest.fixture
+def no_workers(monkeypatch):
+    """Grains are meshed in this process: a worker takes 3 s to load what it needs."""
+    from mufe_fenicsx.geometry.tets import mesher
+
+    def run_here(function, jobs, processes=0, progress=None, **_):
+        results = []
+        for job in jobs:
+            results.append(function(job))
+            if progress:
+                progress(len(results))
+        return results
+
+    monkeypatch.setattr(mesher, "run_jobs", run_here)
+
+
+@pytest.fixture
 def by_spam(tmp_path):
     """What a program that calls spam makes of labels; the test is skipped without that package.
 

@@ -15,6 +15,8 @@ from pathlib import Path
 
 from numba.core import caching
 
+from .turns import end_turn, take_turn
+
 #: Stands between the content and its checksum.
 SIGN = b"\nmufe blake2b "
 _LENGTH = len(SIGN) + 2 * 32
@@ -104,13 +106,34 @@ class SealedCacheFile(caching.IndexDataCacheFile):
 
     The index names the version of numba and the state of the source and of the loops that it may
     call; its keys name the processor. Where nothing can be written, loops are compiled and not
-    kept.
+    kept. One process after the other compiles a function.
     """
 
     def __init__(self, cache_path, filename_base, source_stamp):
         module = filename_base.partition(".")[0]
         own = stamp(str(Path(__file__).parent), module)
         super().__init__(cache_path, filename_base, (source_stamp, own))
+
+    def load(self, key):
+        """What is kept; None, and it is this process's turn to compile, where nothing is."""
+        found = super().load(key)
+        if found is None:
+            take_turn(self._index_path)  # until it is saved
+            found = super().load(key)
+            if found is not None:
+                end_turn(self._index_path)
+        return found
+
+    def save(self, key, data):
+        """Keep it, and let others have their turn."""
+        try:
+            super().save(key, data)
+        finally:
+            end_turn(self._index_path)
+
+    def is_empty(self):
+        """Whether nothing of the present source is kept."""
+        return not self._load_index()
 
     def _load_index(self):
         return {} if read_sealed(self._index_path) is None else super()._load_index()

@@ -74,7 +74,7 @@ def normal_force(stiffness, depth, largest_depth, m=0.0):
 
 
 @numba.njit(cache=True)
-def stored_energy(stiffness, depth, largest_depth, m=0.0):
+def stored_energy(stiffness, depth, largest_depth, m):
     """Energy of a normal spring whose force grows no more beyond the largest depth [J]."""
     d = min(depth, largest_depth)
     less = 0.0

@@ -291,7 +291,7 @@ def _of_edges(F, X, side, law, state):
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         keep = left_by_slip(ratio * length, mu * normal_force(1.0, depth, largest))
         ds, dt, dx, dy, dz = keep * ds, keep * dt, keep * dx, keep * dy, keep * dz
-    stored = stored_energy(1.0, depth, largest) + 0.5 * ratio * (dx * dx + dy * dy + dz * dz)
+    stored = stored_energy(1.0, depth, largest, 0.0) + 0.5 * ratio * (dx * dx + dy * dy + dz * dz)
     q, r, along = push_along(X, FIRST, SECOND, by_s * stored, by_t * stored)
     h0, h1 = gap * (q - kt * ds), gap * (r + kt * dt)
     ps, pt = s + ds, t + dt

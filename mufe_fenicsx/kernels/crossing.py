@@ -84,6 +84,11 @@ def crossing(x, ends, beyond, i, j):
 
 
 @numba.njit(cache=True)
+def _point(x, n):
+    return x[n, 0], x[n, 1], x[n, 2]
+
+
+@numba.njit(cache=True)
 def _volume(a, b, c, d):
     """Six times the volume of a tetrahedron."""
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -106,7 +111,7 @@ def _pierces(a, b, c, d, e):
 @numba.njit(cache=True)
 def _reach(x, ends, share, i):
     """Ends of an edge, a little farther where it goes on as another one."""
-    a, b = x[ends[i, 0]], x[ends[i, 1]]
+    a, b = _point(x, ends[i, 0]), _point(x, ends[i, 1])
     along = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
     before, after = END * (share[i, 0] == 1.0), END * (share[i, 1] == 1.0)
     return (
@@ -125,5 +130,6 @@ def piercings(x, ends, beyond, share, i, j):
     (a, b), (c, d) = _reach(x, ends, share, i), _reach(x, ends, share, j)
     count = 0
     for m in range(2):
-        count += _pierces(a, b, c, d, x[beyond[j, m]]) + _pierces(c, d, a, b, x[beyond[i, m]])
+        count += _pierces(a, b, c, d, _point(x, beyond[j, m]))
+        count += _pierces(c, d, a, b, _point(x, beyond[i, m]))
     return count

@@ -38,7 +38,7 @@ FREE = 1e-9
 
 
 @numba.njit(cache=True)
-def _free_nodes(free, place, a, b, cells, offset, around, neighbours=True):
+def _free_nodes(free, place, a, b, cells, offset, around, neighbours):
     """Nodes of all tetrahedra around a and b, these two last, and their places; their number."""
     count = 0
     for end in (a, b):
@@ -84,7 +84,7 @@ def largest_patch(place, free, ends, cells, offset, around, averaged):
     """
     most, most_volumes = 0, 0
     for e in range(ends.shape[0]):
-        count = _free_nodes(free, place, ends[e, 0], ends[e, 1], cells, offset, around)
+        count = _free_nodes(free, place, ends[e, 0], ends[e, 1], cells, offset, around, True)
         num_cells = 0
         for i in range(count):
             place[free[i]] = -1

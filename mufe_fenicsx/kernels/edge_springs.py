@@ -110,7 +110,7 @@ def edge_energy(gap, offset, recess, closed, stiffness, shear, first, ratio, lar
         if closed[p]:
             count += 1
             depth = offset[p] - gap[p] - recess[p]
-            energy += stored_energy(stiffness[p], depth, largest_depth[p])
+            energy += stored_energy(stiffness[p], depth, largest_depth[p], 0.0)
             energy += spring_energy(shear[p], stiffness[p] * ratio[first[p]])
     return energy, count
 
@@ -168,7 +168,7 @@ def areas_and_pushes(area_of, along, on, x, place, depth, largest_depth, stiffne
         even, fade = at_place(i, j, s, t, area, layer, share)
         area_of[k] = fade * even * (layer[i] + layer[j])
         kn, by_s, by_t = in_series(even, fade, s, t, compliance[i], compliance[j])
-        stored = stored_energy(1.0, depth[k], largest_depth[p])
+        stored = stored_energy(1.0, depth[k], largest_depth[p], 0.0)
         stored += spring_energy(shear[p], kn * ratio[i]) / kn
         q, r, Q = push_along(x, ends[i], ends[j], by_s * stored, by_t * stored)
         along[k, 0], along[k, 1], along[k, 2], along[k, 3], along[k, 4] = q, r, Q[0], Q[1], Q[2]

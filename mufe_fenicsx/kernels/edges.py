@@ -177,7 +177,7 @@ def add_edge_forces(
             depth = max(offset[p] - gap[p] - recess[p], 0.0)
             i, j = first[p], second[p]
             kn, _, _ = crossing_stiffness(i, j, s, t, area, layer, share, compliance)
-            switched -= stored_energy(kn, depth, largest_depth[p])
+            switched -= stored_energy(kn, depth, largest_depth[p], 0.0)
             ds, dt = stick_point[q, 0] - place[q, 0], stick_point[q, 1] - place[q, 1]
             ds, dt = _turned_spring(x, ends, normal, ds, dt, first, second, q, p)
             stick_point[p, 0], stick_point[p, 1] = place[p, 0] + ds, place[p, 1] + dt
@@ -203,7 +203,8 @@ def add_edge_forces(
                     dissipated += released
                     work[p] += released
                 else:  # it left sideways
-                    switched += stored_energy(carried, depth, largest_depth[p]) + carried * half
+                    stored = stored_energy(carried, depth, largest_depth[p], 0.0)
+                    switched += stored + carried * half
                 closed[p] = False
                 shear[p, 0] = shear[p, 1] = shear[p, 2] = 0.0
                 next_check[p] = bound + (max(gap[p], 0.0) if outside[p] <= 0.0 else 0.0)
@@ -212,7 +213,7 @@ def add_edge_forces(
         s, t = place[p, 0], place[p, 1]
         kn, by_s, by_t = crossing_stiffness(i, j, s, t, area, layer, share, compliance)
         if closed[p]:
-            switched += stored_energy(carried - kn, depth, largest_depth[p])
+            switched += stored_energy(carried - kn, depth, largest_depth[p], 0.0)
             switched += (carried - kn) * half
         else:
             switched -= kn * half
@@ -233,7 +234,7 @@ def add_edge_forces(
         # Couple: T = -kt (ds u - dt v), so h = -kt g ds on the first edge, kt g dt on the second.
         h0, h1 = -kt * gap[p] * ds, kt * gap[p] * dt
         # The same of the force along the edges, towards where the spring is softer.
-        stored = stored_energy(1.0, depth, largest_depth[p]) + half
+        stored = stored_energy(1.0, depth, largest_depth[p], 0.0) + half
         q, r, along = push_along(x, ends[i], ends[j], by_s * stored, by_t * stored)
         h0, h1 = h0 + gap[p] * q, h1 + gap[p] * r
         a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]

@@ -3,6 +3,7 @@
 import math
 
 import numba
+import numpy as np
 
 from .closest import INTERIOR, closest_point, pseudo_normal
 
@@ -28,7 +29,8 @@ def find_gaps(
     for p in range(node.size):
         n = node[p]
         px, py, pz = x[n, 0], x[n, 1], x[n, 2]
-        best, t, feature = math.inf, -1, 0
+        # Integers of one type throughout: `pseudo_normal` is compiled once.
+        best, t, feature = math.inf, np.int64(-1), np.int64(INTERIOR)
         rx, ry, rz = 0.0, 0.0, 0.0
         va, vb, vc = 0.0, 0.0, 0.0
         for k in range(first[p], first[p + 1]):

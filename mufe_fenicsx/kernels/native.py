@@ -22,6 +22,7 @@ import numpy as np
 
 from ..errors import InputError
 from .cache_files import read_sealed, write_sealed
+from .turns import end_turn, take_turn
 
 #: What there is to load, with options of its own.
 SOURCES = {
@@ -35,7 +36,6 @@ SOURCES = {
 #: Not one that changes results between two runs on one processor.
 OPTIONS = (
     "-O2",
-    "-g",
     "-march=native",
     "-ffp-contract=fast",
     "-fno-math-errno",
@@ -55,19 +55,42 @@ def load(name, *more_options):
     Raises:
         InputError: There is no C compiler, or it fails.
     """
-    source = Path(__file__).with_name(f"{name}.c")
     options = [*OPTIONS, *SOURCES[name], *more_options]
+    library, made_for = _place(name, options)
+    found = _opened(library, made_for)
+    if found is None:
+        take_turn(library)
+        try:
+            found = _opened(library, made_for) or _made(_source(name), options, library, made_for)
+        finally:
+            end_turn(library)
+    return found
+
+
+def are_kept():
+    """Whether the libraries of all sources have been made."""
+    return all(_place(name, [*OPTIONS, *SOURCES[name]])[0].exists() for name in SOURCES)
+
+
+def _source(name):
+    return Path(__file__).with_name(f"{name}.c")
+
+
+def _place(name, options):
+    """File of a library, and what it says at its end that it was made for."""
+    source = _source(name)
     read = [source, *sorted(source.parent.glob("*.h"))]
     state = [*(path.read_text(encoding="utf-8") for path in read), *options, _processor()]
     key = hashlib.sha256("\0".join(state).encode()).hexdigest()[:20]
-    library = _cache_folder() / f"{name}-{key}.so"
     made_for = json.dumps({"library": f"{name}-{key}", "processor": _processor()}).encode()
-    found = _opened(library, made_for)
-    if found is not None:
-        return found
-    code = _compiled(source, options) + _NOTE + made_for
+    return cache_folder() / f"{name}-{key}.so", made_for
+
+
+def _made(source, options, library, made_for):
+    """A library that is compiled, and kept where that is possible."""
+    code, found = _compiled(source, options) + _NOTE + made_for, None
     try:
-        # Processes that start together each make one; the last to rename it wins, all are alike.
+        # Where processes make one each, the last to rename it wins: all are alike.
         write_sealed(library, code)
         found = _opened(library, made_for)
     except OSError:  # a disk that is full: it is kept for this process alone
@@ -123,8 +146,8 @@ def _processor():
     return f"{llvmlite.binding.get_host_cpu_name()} {features}"
 
 
-def _cache_folder():
-    """The user's own."""
+def cache_folder():
+    """The user's own folder of what the program compiles; it is made."""
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = base / "mufe_fenicsx"
     with contextlib.suppress(OSError):

@@ -230,7 +230,8 @@ def pair_energy(gap, offset, closed, stiffness, softer, shear, node, ratio_of_no
     for p in range(node.size):
         if closed[p]:
             count += 1
-            energy += stored_energy(stiffness[p], offset[p] - gap[p], largest_depth[p], softer[p])
-            share = share_of_stiffness(min(offset[p] - gap[p], largest_depth[p]), softer[p])
+            depth, m = offset[p] - gap[p], np.float64(softer[p])
+            energy += stored_energy(stiffness[p], depth, largest_depth[p], m)
+            share = share_of_stiffness(min(depth, largest_depth[p]), m)
             energy += spring_energy(shear[p], share * stiffness[p] * ratio_of_node[node[p]])
     return energy, count

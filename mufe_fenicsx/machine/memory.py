@@ -80,6 +80,16 @@ def _together(comm, own, files, shared):
     return total
 
 
+def is_first_on_machine(comm):
+    """Whether this is the first rank of its machine. Collective."""
+    from mpi4py import MPI
+
+    machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    first = machine.rank == 0
+    machine.Free()
+    return first
+
+
 def free_memory():
     """What this process may still take [bytes]. Local.
 

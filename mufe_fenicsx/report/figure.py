@@ -3,9 +3,11 @@
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pandas
+from fontTools import subset
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.run_folder import reason, regular, write_atomically
@@ -57,6 +59,17 @@ class Picture:
         return self.image, self.caption, f"{self.how}{files}", self.shape
 
 
+class PlacedLetters(subset.Options):
+    """Fonts inside a PDF without the tables by which text is set, which is done by then.
+
+    To cut these down to the letters of a figure takes longer than to draw it.
+    """
+
+    def __init__(self, **options):
+        super().__init__(**options)
+        self.drop_tables = [*self.drop_tables, "GDEF", "GPOS", "GSUB", "kern", "MATH"]
+
+
 def save(drawing, folder):
     """Write PNG, PDF and CSV of a drawing into a folder; returns the :class:`Picture`."""
     image = folder / f"{drawing.name}.png"
@@ -65,8 +78,9 @@ def save(drawing, folder):
     vector = None
     if drawing.vector:
         vector = folder / f"{drawing.name}.pdf"
-        # Without the date the same run gives the same file.
-        drawing.figure.savefig(vector, metadata={"CreationDate": None})
+        with patch.object(subset, "Options", PlacedLetters):
+            # Without the date the same run gives the same file.
+            drawing.figure.savefig(vector, metadata={"CreationDate": None})
     data = save_tables(drawing.name, drawing.tables, folder)
     return Picture(drawing.name, drawing.caption, drawing.how, drawing.shape, image, vector, data)
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 import matplotlib
 
 from mufe_fenicsx.errors import InputError, shortened
-from mufe_fenicsx.geometry.tets.workers import WorkerError, run_jobs
+from mufe_fenicsx.geometry.tets.workers import WorkerError, load_ahead, run_jobs
 from mufe_fenicsx.machine.memory import free_memory
 from mufe_fenicsx.report import (
     animation,
@@ -157,6 +157,7 @@ def draw_parts(source, wanted, figures, processes):
         if processes == 1:
             found = [_draw_all(source, job) for job in jobs()]
         else:
+            load_ahead(__name__)
             found = run_jobs(draw_job, jobs(), min(processes, len(groups)))
     finally:
         source.end_probe()

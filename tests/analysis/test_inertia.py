@@ -5,8 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mufe_fenicsx.analysis.inertia import grain_inertia, unphysical
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.measure import tet_volumes
+from tests.bodies import sphere
 
 TURN = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
 FAR = np.array([30.0, -20.0, 50.0])
@@ -70,6 +71,7 @@ numpy.savez(sys.argv[2], moments=moments[1], axis=axes[1, 6:9])
 """
 
 
+@pytest.mark.slow
 def test_inertia_agrees_with_that_of_voxels_by_spam(by_spam):
     """An ellipsoid as a mesh, and as voxels a 28th of its longest half-axis wide."""
     half = np.array([28.0, 18.0, 13.0])

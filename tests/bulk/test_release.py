@@ -5,10 +5,10 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.contact.walls import Wall
-from mufe_fenicsx.geometry.bodies.shapes import sphere
 from mufe_fenicsx.materials.auto import Auto
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.run.from_bodies import build
+from tests.bodies import sphere
 
 ROCK = {"E": 1e9, "nu": 0.15, "rho": 2650.0, "yield_stress": ((0.0, 10e6), (0.05, 110e6))}
 #: Stays rigid under the load of these tests, and does not.
@@ -63,7 +63,6 @@ def test_nothing_jumps_when_a_grain_begins_to_deform():
     assert np.allclose(momenta_after, momenta, rtol=0, atol=1e-12 * np.abs(momenta).max())
 
 
-@pytest.mark.mpi
 def test_only_loaded_grains_deform_and_answer_as_j2_does():
     auto, full = balls(SOON), balls(None, J2)
     force = []

@@ -7,11 +7,12 @@ from mpi4py import MPI
 from mufe_fenicsx.bulk.mass_properties import mass_properties, point_properties, quaternion_of
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.kernels.rigid import set_axes
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.run.from_bodies import build
+from tests.bodies import sphere
 
 ROCK = {"E": 1e9, "nu": 0.15, "rho": 2650.0}
 

@@ -7,9 +7,10 @@ from mpi4py import MPI
 from mufe_fenicsx.bulk.tools import Tool, ToolPath
 from mufe_fenicsx.contact.walls import Wall, rotation_of
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import box, cylinder
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.run.from_bodies import build
+from tests.bodies import cylinder
 
 COMM = MPI.COMM_WORLD
 ROCK = Elastic(1e9, 0.2, 2500.0)
@@ -35,7 +36,6 @@ def far(tool):
     return tool[0] + np.array([0.0, 0.0, 5 * EDGE]), tool[1]
 
 
-@pytest.mark.mpi
 def test_told_motion_is_followed_about_a_point():
     """V and ω about a point off the body; the splitting of turns is off by (ω Δt)² alone."""
     point, velocity, omega = (
@@ -139,7 +139,6 @@ def test_a_free_turn_has_the_moment_about_its_axis():
     assert moved == pytest.approx(energies["work"], rel=1e-3)
 
 
-@pytest.mark.mpi
 def test_tools_meet_neither_walls_nor_each_other():
     """Two tools that cross each other and a wall carry nothing; nodes on a glued floor go along."""
     glued = Wall("floor", np.zeros(3), np.eye(3)[2], bonded=True)
@@ -156,7 +155,6 @@ def test_tools_meet_neither_walls_nor_each_other():
     assert s.num_active_grains() == 0 and s.mean_active_contacts() == 0
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("increment", [None, 1e-3], ids=["steps", "increments"])
 def test_friction_of_a_tool_is_its_own(increment):
     """A plate presses, then drags with its own coefficient, not with that of the grains."""

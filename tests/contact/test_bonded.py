@@ -6,12 +6,12 @@ from mpi4py import MPI
 
 from mufe_fenicsx.contact.walls import Wall, rotation_of
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import box, cylinder
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.run.from_bodies import drive, settle
 from mufe_fenicsx.verification.case import on_first_ranks
-from tests.bodies import simulation_of
+from tests.bodies import cylinder, simulation_of
 
 SIZE = 1e-3
 STRAIN = 1e-5
@@ -35,7 +35,6 @@ def loads(s):
     return s.walls.loads(s.comm)
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("direction", [UP, -UP, np.array([0.6, 0.8, 0.0])])
 def test_glued_bar_in_tension_compression_and_shear(direction):
     """ν = 0: F = E A ε where it is stretched, and no strain but the one prescribed."""
@@ -69,7 +68,6 @@ def test_glued_bar_in_tension_compression_and_shear(direction):
     assert abs(energies["residual"]) < 1e-3 * energies["work"]
 
 
-@pytest.mark.mpi
 def test_glued_shaft_is_twisted():
     """T = G J θ/L of a round bar, whose ends stay plane whether glued or not."""
     radius, length, twist = SIZE, SIZE, 1e-4
@@ -100,7 +98,6 @@ def test_glued_shaft_is_twisted():
     assert abs(errors[1]) < abs(errors[0]) / 2.5
 
 
-@pytest.mark.mpi
 def test_turning_wall_swings_its_body_around():
     """Held at one end only, the body follows a full turn about an oblique axis and stays whole."""
     material = Elastic(100e9, 0.2, 2650.0)
@@ -125,7 +122,6 @@ def test_turning_wall_swings_its_body_around():
     assert abs(energies["residual"]) < 1e-3 * work
 
 
-@pytest.mark.mpi
 def test_rough_wall_that_turns_below_a_block():
     """Friction turns with it: the torque is the sum of μ p r over the nodes."""
     material = Elastic(100e9, 0.0, 2650.0)

@@ -10,8 +10,9 @@ from mufe_fenicsx.contact.snapshot import contact_tables
 from mufe_fenicsx.contact.surface.active_nodes import nodes_of_pairs
 from mufe_fenicsx.contact.surface.occupancy import Cells, occupied_cells
 from mufe_fenicsx.contact.walls import Walls
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.run.from_bodies import distribute
+from tests.bodies import sphere
 
 
 def test_cells_find_all_boxes_within_reach_and_none_a_cell_farther_away():

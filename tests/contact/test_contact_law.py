@@ -9,10 +9,11 @@ from mpi4py import MPI
 
 from mufe_fenicsx.contact.walls import rotation_of
 from mufe_fenicsx.explicit.simulation import Simulation
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.verification.sliding_normal import WIDE, H, frustum
+from tests.bodies import sphere
 
 QUARTZ = Elastic(100e9, 0.15, 2650.0)
 DEPTH = 0.008 * H

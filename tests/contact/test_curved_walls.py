@@ -6,11 +6,10 @@ from mpi4py import MPI
 
 from mufe_fenicsx.contact.walls import Wall, rotation_of
 from mufe_fenicsx.errors import InputError, SolverError
-from mufe_fenicsx.geometry.bodies.shapes import cylinder, sphere
 from mufe_fenicsx.kernels.walls import gaps_to_walls
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.run.from_bodies import build, simulate
-from tests.bodies import RADIUS, packed_spheres
+from tests.bodies import RADIUS, cylinder, packed_spheres, sphere
 
 COMM = MPI.COMM_WORLD
 SOFT = Elastic(1e9, 0.15, 2650.0)
@@ -58,7 +57,6 @@ def row_of_balls(walls, turn=None, **options):
     return simulate(mesh, [SOFT] * mesh.num_grains, walls, **options)
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_wall_with_little_curvature_is_a_plane(side):
     """A radius of 1e7 balls changes the gap by R/1e7 over a ball, 1e-5 of the depth."""
@@ -78,7 +76,6 @@ def test_a_wall_with_little_curvature_is_a_plane(side):
     np.testing.assert_allclose(forces[1:], [forces[0]] * 2, rtol=3e-5)
 
 
-@pytest.mark.mpi
 def test_a_turned_scene_has_the_same_forces_and_balance():
     """A ring that shrinks around three balls, between planes that approach, however it lies."""
     ring = {"name": "ring", "point": ROW, "normal": UP, "radius": 3 * RADIUS, "growth_rate": -0.5}

@@ -180,7 +180,6 @@ def test_crossing_edges_are_in_the_contact_table_and_in_the_nodal_fields():
     assert ridges.by_grain(fields["contact_slip"]) == pytest.approx(slip, rel=1e-9)
 
 
-@pytest.mark.mpi
 def test_work_and_slip_of_crossings_outlive_them():
     """Past nodes of both ridges, whose vertices then carry as well, and apart again."""
     ridges = Ridges(gap=0.01)

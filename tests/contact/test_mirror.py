@@ -7,16 +7,14 @@ from scipy.spatial import cKDTree
 
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.half_ball import half_ball
 from mufe_fenicsx.geometry.bodies.mirror_image import with_image
-from mufe_fenicsx.geometry.bodies.shapes import sphere
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.run.from_bodies import distribute, simulate
 from mufe_fenicsx.scene import load_scene, scene_to_toml
 from mufe_fenicsx.verification.case import on_first_ranks
 from mufe_fenicsx.verification.pressed import FRAME
-from tests.bodies import simulation_of
+from tests.bodies import half_ball, simulation_of, sphere
 from tests.scene.scene_files import SMALLEST, scene_file
 
 COMM = MPI.COMM_WORLD
@@ -135,7 +133,6 @@ def test_static_increments_of_a_quarter_are_those_of_the_ball():
     np.testing.assert_allclose(sum(of_part.values()), 0.0, atol=5e-7 * scale)
 
 
-@pytest.mark.mpi
 def test_two_balls_cut_by_mirrors_press_as_a_quarter_of_them():
     """Facets meet facets beside the mirrors; the upper base is glued to a platen and cut as well.
 

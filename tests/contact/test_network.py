@@ -10,13 +10,12 @@ from mufe_fenicsx.contact.results.network import find_network, num_active_pairs
 from mufe_fenicsx.contact.results.nodal_fields import nodal_contact
 from mufe_fenicsx.contact.separation import separate
 from mufe_fenicsx.contact.walls import Wall
-from mufe_fenicsx.geometry.bodies.shapes import sphere_near_contact
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.output.contacts import CONTACT_COLUMNS, ContactWriter, read_contacts
 from mufe_fenicsx.run.from_bodies import build, distribute, drive, settle
 from mufe_fenicsx.verification.case import on_first_ranks
 from mufe_fenicsx.verification.sliding_normal import ridge
-from tests.bodies import RADIUS, packed_spheres, simulation_of
+from tests.bodies import RADIUS, packed_spheres, simulation_of, sphere_near_contact
 
 COMM = MPI.COMM_WORLD
 QUARTZ = Elastic(100e9, 0.15, 2650.0)
@@ -82,7 +81,6 @@ def test_contact_forces_give_each_grain_its_acceleration():
     assert network.num_active().sum() == 2 * num_pairs
 
 
-@pytest.mark.mpi
 def test_contact_of_two_balls():
     """By symmetry: normal along the line of centres, centroid half-way, no torque.
 
@@ -118,8 +116,8 @@ def meeting_balls(comm):
     And its contacts where all nodes are at 1.1 times their reference positions.
     """
     axis, h = np.array([0.48, -0.6, 0.64]), 0.02 * RADIUS
-    lower = sphere_near_contact(RADIUS, h, 0.35, axis, 4 * h)
-    points, cells = sphere_near_contact(RADIUS, 1.3 * h, 0.35, -axis, 4 * h)
+    lower = sphere_near_contact(RADIUS, h, 0.35, tuple(axis), 4 * h)
+    points, cells = sphere_near_contact(RADIUS, 1.3 * h, 0.35, tuple(-axis), 4 * h)
     upper = points + (2 + 1e-6) * RADIUS * axis, cells
     speed, depth = 20.0, 5e-3 * RADIUS
     s = build(
@@ -186,7 +184,6 @@ def settled():
     return s
 
 
-@pytest.mark.mpi
 def test_stress_of_branch_vectors_is_that_of_the_walls(settled):
     """Love and Weber: Σ force ⊗ branch over the volume is the stress that the walls feel."""
     s = settled
@@ -209,7 +206,6 @@ def test_stress_of_branch_vectors_is_that_of_the_walls(settled):
         assert abs(stress[axis, axis] - mean) < small + moving
 
 
-@pytest.mark.mpi
 def test_files_hold_the_network(settled, tmp_path_factory):
     import pyvista
 

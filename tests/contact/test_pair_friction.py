@@ -11,11 +11,12 @@ from mufe_fenicsx.contact.friction import PairFriction
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.explicit.simulation import Simulation
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.implicit.simulation import ImplicitSimulation
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.run.from_bodies import distribute
 from mufe_fenicsx.verification.tets import rotation
+from tests.bodies import sphere
 from tests.contact.test_edge_contacts import NUM_PAIRS, Ridges
 
 COMM = MPI.COMM_WORLD
@@ -71,8 +72,7 @@ def check_slip(ratios, expected, step):
         assert static - step < ratio[:first].max() <= static * (1 + 1e-9)
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("points", ["facets", "nodes"])
+@pytest.mark.parametrize("points", [pytest.param("facets", marks=pytest.mark.mpi), "nodes"])
 def test_blocks_slip_at_the_coefficients_of_their_pairs(points):
     """Three materials on one: two pairs, and one that the table does not name."""
     blocks = Blocks(points)
@@ -82,7 +82,6 @@ def test_blocks_slip_at_the_coefficients_of_their_pairs(points):
     check_slip(ratios, EXPECTED, 0.032)
 
 
-@pytest.mark.mpi
 def test_walls_keep_their_own_coefficients():
     wall = Wall("plane", np.zeros(3), UP, 0.45, friction_kinetic=0.25)
     blocks = Blocks("facets", [wall])
@@ -110,7 +109,6 @@ def test_edges_slip_at_the_coefficients_of_their_pairs():
     check_slip(ratios, EXPECTED, 0.04)
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("spectral_radius", [None, 0.5])
 def test_increments_slip_at_the_coefficients_of_their_pairs(spectral_radius):
     """Two stacks pressed and sheared by one platen, by static and by implicit increments."""

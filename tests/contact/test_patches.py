@@ -9,12 +9,12 @@ from mufe_fenicsx.bulk.strength import surface_strength
 from mufe_fenicsx.contact.results.network import find_network
 from mufe_fenicsx.contact.results.patches import find_patches, mean_depth
 from mufe_fenicsx.contact.walls import Wall
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere_near_contact
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.run.from_bodies import build, distribute
 from mufe_fenicsx.verification.case import on_first_ranks
-from tests.bodies import RADIUS, simulation_of
+from tests.bodies import RADIUS, simulation_of, sphere_near_contact
 
 COMM = MPI.COMM_WORLD
 QUARTZ = Elastic(100e9, 0.15, 2650.0)
@@ -57,7 +57,9 @@ def patches_of(comm, points="facets"):
     return find_patches(s.contact, s.mesh, x)
 
 
-@pytest.mark.parametrize("points", ["facets", "facets4", "nodes"])
+@pytest.mark.parametrize(
+    "points", ["facets", pytest.param("facets4", marks=pytest.mark.slow), "nodes"]
+)
 def test_two_bumps_are_two_patches_of_known_radius(points):
     """A paraboloid that reaches a²/2R through a plane meets it in a circle of radius a."""
     p = patches_of(MPI.COMM_SELF, points)
@@ -120,8 +122,8 @@ def test_patches_are_the_same_on_all_ranks():
 def meeting_balls(comm):
     """Two balls that run into each other: contacts, patches, resolution."""
     axis, h = np.array([0.48, -0.6, 0.64]), 0.02 * RADIUS
-    lower = sphere_near_contact(RADIUS, h, 0.35, axis, 4 * h)
-    points, cells = sphere_near_contact(RADIUS, h, 0.35, -axis, 4 * h)
+    lower = sphere_near_contact(RADIUS, h, 0.35, tuple(axis), 4 * h)
+    points, cells = sphere_near_contact(RADIUS, h, 0.35, tuple(-axis), 4 * h)
     speed, depth = 20.0, 5e-3 * RADIUS
     s = build(
         comm, [lower, (points + (2 + 1e-6) * RADIUS * axis, cells)], QUARTZ, np.zeros(3),
@@ -134,7 +136,6 @@ def meeting_balls(comm):
     return network and (network.contacts, network.patches, of_patches(network.patches))
 
 
-@pytest.mark.mpi
 def test_patch_of_two_balls_is_that_of_hertz():
     """a³ = 3 F R*/(4 E*) (Johnson 1985, eq. 4.22), in edges of the mesh that was asked for."""
     contacts, p, resolution = on_first_ranks(COMM, 2, meeting_balls)

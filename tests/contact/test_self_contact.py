@@ -35,7 +35,7 @@ def horseshoe():
     return points, cells, middle, double[middle]
 
 
-@pytest.mark.parametrize("self_contact", [False, True])
+@pytest.mark.parametrize("self_contact", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_horseshoe_closes_on_itself(self_contact):
     """Pressed until its slit would be closed three times: the arms meet, or pass each other."""
     points, cells, lower, upper = horseshoe()

@@ -39,7 +39,6 @@ def test_overlapping_spheres_are_parted_and_release_no_energy():
     assert max(energies["kinetic"], energies["elastic"], energies["contact"]) < 1e-12 * scale
 
 
-@pytest.mark.mpi
 def test_overlap_that_stays_becomes_an_offset_and_releases_no_energy():
     mesh = packed_spheres(COMM, (3, 1, 1), gap=-0.12)
     sim = simulation_of(mesh, SOFT)
@@ -88,7 +87,6 @@ def closed_blocks(comm):
         assert -network.contacts.normal[0] @ turn[:, 2] > 0.9
 
 
-@pytest.mark.mpi
 def test_gap_between_balls_is_closed_to_a_disc():
     """g(r) = g₀ + r²/R up to G: a disc of radius √(R (G - g₀)) touches, and nothing overlaps."""
     h = 0.12 * RADIUS
@@ -112,13 +110,13 @@ def test_gap_between_balls_is_closed_to_a_disc():
     assert sim.energies()["kinetic"] == 0.0
 
 
-@pytest.mark.mpi
 def test_wider_gaps_than_a_mesh_can_close_are_refused():
     mesh = packed_spheres(COMM, (3, 1, 1), gap=0.1)
     with pytest.raises(InputError, match=r"sample\.close_gaps = 0\.0004 m, expected at most 0\.6"):
         separate(mesh, 0.3, close_gaps=4e-4)
 
 
+@pytest.mark.slow
 def test_gaps_of_a_label_image_are_closed(tmp_path):
     """Grains from a voxel image: contacts grow many times, elements and time step stay sound."""
     from mufe_fenicsx.bulk.solid import Solid

@@ -11,9 +11,10 @@ from mpi4py import MPI
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.explicit.simulation import Simulation
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.run.from_bodies import distribute
+from tests.bodies import sphere
 
 COMM = MPI.COMM_SELF
 QUARTZ = Elastic(100e9, 0.15, 2650.0)

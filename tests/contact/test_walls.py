@@ -9,7 +9,6 @@ from mufe_fenicsx.materials.elastic import Elastic
 from tests.bodies import RADIUS, packed_spheres, simulation_of
 
 
-@pytest.mark.mpi
 def test_servo_holds_its_force_and_its_work_is_in_the_balance():
     """Three balls side by side under a servo come to rest at the target force."""
     mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=0.2)
@@ -62,8 +61,7 @@ def test_servo_on_a_stiff_sample_does_not_chatter():
         assert np.abs(forces - alone).max() < 1e-9 * target
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("spin", [0.0, 2e4])
+@pytest.mark.parametrize("spin", [pytest.param(0.0, marks=pytest.mark.mpi), 2e4])
 def test_open_pairs_are_no_nearer_to_walls_than_their_bounds_say(spin):
     """Balls fly along a wall at rest and towards one that comes nearer, stretched and sheared."""
     mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=0.02)
@@ -107,7 +105,6 @@ def test_open_pairs_are_no_nearer_to_walls_than_their_bounds_say(spin):
         assert np.median(advance[1]) == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.mpi
 def test_a_wall_that_nothing_is_near_carries_nothing():
     """Where a step has no pairs to look at, forces of before are gone all the same."""
     mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=2.0)

@@ -66,8 +66,9 @@ def test_a_node_that_is_not_finite_is_noticed(at):
     assert moved == np.inf
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("friction, damping", [(0.3, 0.0), (0.0, 1e4)])
+@pytest.mark.parametrize(
+    "friction, damping", [pytest.param(0.3, 0.0, marks=pytest.mark.mpi), (0.0, 1e4)]
+)
 def test_steps_that_leave_nodes_behind_bring_the_same_bits(friction, damping):
     """By the one pass through a collision, now and then by two, and by two throughout."""
     found = []

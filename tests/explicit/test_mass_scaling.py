@@ -67,7 +67,6 @@ def test_springs_of_contact_are_bounded_node_by_node():
     assert 0.25 * largest < rate**2 <= largest * (1 + 1e-9)
 
 
-@pytest.mark.mpi
 def test_nodes_that_walls_hold_get_the_mass_that_their_springs_want():
     s = held_blocks(mass_scaling=MassScaling(0.05, 1.0))
     scaling, nodes = s.scaling, s.contact.own.nodes
@@ -83,7 +82,6 @@ def test_nodes_that_walls_hold_get_the_mass_that_their_springs_want():
     assert scaling.shares()[0] <= 0.05
 
 
-@pytest.mark.mpi
 def test_the_reported_gain_is_the_stable_limit():
     """0.9 of the limit keeps the energy, 1.1 of it blows up: it is the limit of what steps."""
     for factor in (0.9, 1.1):
@@ -107,7 +105,6 @@ def test_the_reported_gain_is_the_stable_limit():
                     sim.step()
 
 
-@pytest.mark.mpi
 def test_a_bar_swings_slower_by_the_root_of_its_mass_at_most():
     """First longitudinal period of a free bar, 2L/c: later by at most sqrt(1 + a), and not sooner.
 

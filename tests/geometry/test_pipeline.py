@@ -99,7 +99,7 @@ def test_nothing_is_left_when_the_disk_is_full(tmp_path, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == ["image.npy"]
 
 
-def test_a_size_that_fits_no_grain_is_refused(tmp_path, monkeypatch):
+def test_a_size_that_fits_no_grain_is_refused(tmp_path, monkeypatch, no_workers):
     write_labels(tmp_path / "labels.tif", two_balls(), 1e-5)
 
     def refused(size, said):

@@ -149,8 +149,8 @@ def test_a_short_step_is_no_solution():
         def solve(self, b, x):
             pass
 
-        def getConvergedReason(self):
-            return PETSc.SNES.ConvergedReason.CONVERGED_SNORM_RELATIVE
+        def __init__(self, reason):
+            self.getConvergedReason = lambda: reason
 
         def getIterationNumber(self):
             return 0
@@ -162,4 +162,6 @@ def test_a_short_step_is_no_solution():
             return 0.0, 0.0, 0.0, 40
 
     solver = newton(Springs(1.0, [1.0, 0.0, 2.0], [0.5, 9.0, -0.5]))
-    assert solver._solve(Ended(), np.zeros((1, 3))) is None
+    reasons, guess = PETSc.SNES.ConvergedReason, np.array([[0.1, 0.2, 0.3]])
+    assert solver._solve(Ended(reasons.CONVERGED_SNORM_RELATIVE), guess) is None
+    assert np.array_equal(solver._solve(Ended(reasons.CONVERGED_FNORM_RELATIVE), guess), guess)

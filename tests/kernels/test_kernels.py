@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from mufe_fenicsx.bulk.solid import ELEMENTS, Solid, von_mises
 from mufe_fenicsx.contact.surface.surface import neighbours, rings
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.tets.refine import split
 from mufe_fenicsx.kernels import native
 from mufe_fenicsx.kernels import solid as kernels
@@ -29,6 +29,7 @@ from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.state import initial_state
+from tests.bodies import sphere
 
 STEEL = Elastic(200e9, 0.3, 7800.0)
 
@@ -99,7 +100,7 @@ def test_kernel_with_four_lanes_and_with_a_law_from_outside(element, change, mon
 
 def test_without_a_compiler_there_is_one_clear_line(monkeypatch, tmp_path):
     monkeypatch.setenv("CC", "no-such-compiler")
-    monkeypatch.setattr(native, "_cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(native, "cache_folder", lambda: tmp_path)
     native.load.cache_clear()
     with pytest.raises(InputError, match="C compiler = none in PATH, expected GCC or clang"):
         Solid(one_body(*box((1.0, 1.0, 1.0), (1, 1, 1))), [STEEL])

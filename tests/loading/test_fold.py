@@ -45,6 +45,7 @@ def num_crossings(y, facets):
     return count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("self_contact", [True, False])
 def test_a_slack_sleeve_that_folds_does_not_pass_through_itself(self_contact):
     """An empty sleeve buckles under its cell and is shortened by 70 %: its walls meet and fold.

@@ -10,13 +10,14 @@ from mpi4py import MPI
 from mufe_fenicsx.bulk.tools import Tool
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.auto import Auto
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.run.from_bodies import build
 from mufe_fenicsx.scene import load_scene, scene_to_toml
 from mufe_fenicsx.state import ForceTerm
+from tests.bodies import sphere
 from tests.run.test_run import small_scene
 
 COMM = MPI.COMM_SELF

@@ -10,7 +10,6 @@ from mufe_fenicsx.contact.results.network import find_network
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.container import CYLINDER
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import cylinder
 from mufe_fenicsx.geometry.bodies.sleeve import sleeve
 from mufe_fenicsx.loading.measures import MembraneMeasures
 from mufe_fenicsx.loading.membrane import Membrane
@@ -19,6 +18,7 @@ from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.neo_hookean import NeoHookean
 from mufe_fenicsx.run.from_bodies import build
 from mufe_fenicsx.run.snapshot import restore, snapshot
+from tests.bodies import cylinder
 
 R, H, T = 2e-3, 3e-3, 0.3e-3
 UP = np.array([0.0, 0.0, 1.0])
@@ -36,7 +36,6 @@ def sample(comm, gap=0.02 * R, glued=(2,), **options):
     return build(comm, bodies, [SOFT, LATEX], [0] * 3, [0] * 3, "", walls=walls, **options)
 
 
-@pytest.mark.mpi
 def test_a_sample_in_a_membrane_and_its_energies():
     """Pressure that comes at once presses it on; a top that comes down adds work, and shares."""
     s = sample(MPI.COMM_WORLD if MPI.COMM_WORLD.size < 3 else MPI.COMM_SELF, damping=2e4)
@@ -97,7 +96,6 @@ def test_a_rim_that_moves_along_is_in_the_potential():
     assert cell.energy(state) - before == pytest.approx(-work, rel=1e-5)
 
 
-@pytest.mark.mpi
 def test_the_servo_measures_the_grains_alone():
     """ρ c from energy and stress of the cylinder alone: its sleeve, in a gap, stores more.
 

@@ -7,9 +7,9 @@ from mpi4py import MPI
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.container import CYLINDER, Bounds
 from mufe_fenicsx.errors import SolverError
-from mufe_fenicsx.geometry.bodies.shapes import cylinder
 from mufe_fenicsx.run.from_bodies import build
 from mufe_fenicsx.scene.stages import Axis, Stage, Until
+from tests.bodies import cylinder
 from tests.loading.staged import (
     RAMP,
     SIZE,

@@ -6,13 +6,13 @@ from mpi4py import MPI
 
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.kernels.pressure import enclosed_volume
 from mufe_fenicsx.loading.pressure import Pressure
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.run.from_bodies import build
-from tests.bodies import RADIUS, packed_spheres, simulation_of
+from tests.bodies import RADIUS, packed_spheres, simulation_of, sphere
 
 COMM = MPI.COMM_SELF
 ROCK = Elastic(1e9, 0.2, 2500.0)
@@ -68,7 +68,6 @@ def test_forces_are_the_slope_of_the_potential():
             assert slope == pytest.approx(-f[node, i], rel=1e-6, abs=1e-9 * np.abs(f).max())
 
 
-@pytest.mark.mpi
 def test_pressure_that_comes_at_once_is_in_the_energy_balance():
     """Balls that swing under it, and under another one from then on.
 

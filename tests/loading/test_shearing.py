@@ -249,7 +249,7 @@ def scene(**changes):
 
 @pytest.fixture
 def folder(tmp_path_factory):
-    return shared_folder(tmp_path_factory, grains=((1, 1, 3), 0.6), ring=((2, 2, 1), 1.0))
+    return shared_folder(tmp_path_factory, grains=((1, 1, 2), 0.9), ring=((2, 2, 1), 1.0))
 
 
 def test_a_sheared_run_resumes_to_the_same_history(folder):

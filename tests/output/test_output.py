@@ -89,7 +89,6 @@ def test_state_returns_unchanged(folder):
     COMM.barrier()
 
 
-@pytest.mark.mpi
 def test_series_lists_the_states(folder):
     write_states(folder, 3)
     COMM.barrier()
@@ -128,7 +127,6 @@ def test_full_disk_stops_all_ranks(folder):
     COMM.barrier()
 
 
-@pytest.mark.mpi
 def test_wrong_shape_stops_all_ranks(folder):
     writer = write_states(folder, 0)
     point, cell = rank_data(COMM.rank, 0)
@@ -191,7 +189,6 @@ def test_history_names_a_wrong_column(tmp_path):
             writer.append(row(0, wrok=1.0))
 
 
-@pytest.mark.mpi
 def test_run_folder_that_is_not_empty_is_refused(folder):
     run = folder / "a" / "run"
     lock = RunLock(COMM, run)
@@ -240,7 +237,6 @@ def test_nothing_outside_of_a_run_folder_is_deleted(tmp_path, where):
     assert not (run / "run.json").is_symlink() and sorted(os.listdir(outside)) == names
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("name", ["file", "file/run", "/proc/run"])
 def test_run_folder_that_cannot_be_written_is_refused(folder, name):
     if COMM.rank == 0:

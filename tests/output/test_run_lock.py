@@ -44,7 +44,6 @@ def run(folder, **options):
     return run_scene(scene, folder / "grains", folder / "out", COMM, quiet=True, **options)
 
 
-@pytest.mark.mpi
 def test_a_folder_that_is_being_written_is_refused_and_stays_as_it_is(folder, monkeypatch):
     """A second run begins while the first one writes a state: with --overwrite, and to resume."""
     seen, write_state = [], Recorder.write_state
@@ -66,7 +65,6 @@ def test_a_folder_that_is_being_written_is_refused_and_stays_as_it_is(folder, mo
     assert run(folder, overwrite=True)["finished"]
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("what", ["taken", "deleted"])
 def test_a_run_that_lost_its_folder_ends_and_writes_nothing(folder, monkeypatch, what):
     """As one that was stopped while another took its folder over."""

@@ -383,7 +383,6 @@ def test_a_run_killed_between_its_last_checkpoint_and_its_summary_only_has_to_en
     assert COMM.rank or files(folder / "out") == before
 
 
-@pytest.mark.mpi
 def test_damage_is_found_and_the_one_before_used(folder, capfd):
     run(folder, "out", max_steps=20)
     run(folder, "out", max_steps=30, resume=True)
@@ -451,7 +450,6 @@ def test_results_that_are_gone_are_named_and_left_out_only_if_told(folder, seria
         run(folder, "out", resume=True, max_steps=230)  # and are counted so
 
 
-@pytest.mark.mpi
 def test_a_checkpoint_of_something_else_is_refused(folder, monkeypatch):
     with pytest.raises(
         InputError, match=r"no checkpoint in .*, expected .* from: --overwrite begins"
@@ -510,7 +508,6 @@ def test_a_finished_test_is_prolonged_to_the_same_bytes(folder):
         assert one == other
 
 
-@pytest.mark.mpi
 def test_a_full_disk_leaves_the_last_checkpoint(folder, monkeypatch):
     def full(path, size, room=checkpoints.try_room):
         if "step-000000040" in str(path):

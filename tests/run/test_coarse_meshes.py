@@ -37,7 +37,6 @@ def test_cubes_of_two_facets_a_face_are_coarse_and_of_eight_are_not():
     assert warning(box((SIZE,) * 3, (2, 2, 2)), tools=[tool]) is None
 
 
-@pytest.mark.mpi
 def test_a_ball_is_smooth_up_to_the_edges_that_the_line_asks_for():
     """Facets of edges h turn by 0.6 h/R in the mean: by 20° at h = 0.58 R."""
     points, cells = sphere(SIZE, 0.7 * SIZE)

@@ -34,14 +34,12 @@ def squeezed(material, strain, steps_per_check=20):
     return s
 
 
-@pytest.mark.mpi
 def test_a_table_that_must_not_be_left_stops_the_computation():
     with pytest.raises(SolverError, match=r"grain 1 .*plastic strain of .* ends at 0.05"):
         squeezed(J2(100e9, 0.15, 2650.0, TABLE, beyond="stop"), 0.2)
     assert squeezed(J2(100e9, 0.15, 2650.0, TABLE, beyond="flat"), 0.2).state.num_steps
 
 
-@pytest.mark.mpi
 def test_a_crushed_element_is_named():
     with pytest.raises(SolverError, match=r"element of grain \d+ .*(lost its volume|collapsed)"):
         squeezed(Elastic(100e9, 0.15, 2650.0), 1.2)

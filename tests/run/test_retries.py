@@ -92,7 +92,6 @@ def test_after_a_retry_the_run_is_the_one_with_the_short_step_from_there(
     assert more["retries"] == result["retries"]
 
 
-@pytest.mark.mpi
 def test_a_step_beyond_the_limit_of_stability_is_found_and_halved(folder):
     """At 1.3 of the limit it blows up from round-off; the end is that of the stable run.
 
@@ -117,7 +116,6 @@ def test_results_after_a_retry_from_the_start_are_those_that_a_resume_counts(fol
     assert run(folder, "parts", given, resume=True)["num_steps"] == whole["num_steps"]
 
 
-@pytest.mark.mpi
 def test_a_retry_that_fails_earlier_goes_back_to_the_checkpoint_before(folder):
     """However many were written since it began."""
     checkpoints = CheckpointWriter(COMM, folder)
@@ -146,7 +144,6 @@ def test_a_retry_that_fails_earlier_goes_back_to_the_checkpoint_before(folder):
     assert names == ["step-000000002", "step-000000003"]
 
 
-@pytest.mark.mpi
 def test_when_retries_are_used_up_it_stops_and_says_so(folder):
     """No step closes the balance to 1e-9."""
     with pytest.raises(SolverError, match=r"(nowhere|missing).* \(after 2 retries down to 0.25 ti"):

@@ -52,7 +52,6 @@ def small_scene(**changes):
     )
 
 
-@pytest.mark.mpi
 def test_run_splits_the_grains_for_composites(folder, grains):
     comm, out = MPI.COMM_WORLD, folder / "out"
     given = comm.allreduce(load_mesh(comm, grains).num_cells)
@@ -124,7 +123,6 @@ def test_run_writes_what_it_did(folder, grains):
     assert summary["holds_from"] == holds_from(checks) == result["holds_from"]
 
 
-@pytest.mark.mpi
 def test_a_scene_asks_for_a_report(folder, grains, monkeypatch):
     """When the test has ended, by rank 0 alone; what it cannot write is an error of all ranks."""
     comm, out = MPI.COMM_WORLD, folder / "out"
@@ -149,7 +147,6 @@ def test_a_scene_asks_for_a_report(folder, grains, monkeypatch):
     assert "report" not in cut and not (folder / "cut" / "report.html").exists()
 
 
-@pytest.mark.mpi
 def test_a_run_ends_with_one_row_of_its_last_step(folder, grains):
     """Whether a row of that step is due or not, and when the run is resumed to it."""
     comm, scene = MPI.COMM_WORLD, small_scene()
@@ -165,7 +162,6 @@ def test_a_run_ends_with_one_row_of_its_last_step(folder, grains):
         assert steps(last, resume=True) == [0, due, due + 1][: last - due + 2]
 
 
-@pytest.mark.mpi
 def test_seating_that_never_ends_stops_with_what_it_has(folder, grains):
     out = folder / "out"
     with pytest.raises(SolverError, match="seating"):
@@ -176,7 +172,6 @@ def test_seating_that_never_ends_stops_with_what_it_has(folder, grains):
     assert len(read_history(out / "history.csv")["step"]) > 1
 
 
-@pytest.mark.mpi
 def test_a_balance_that_does_not_close_stops_with_state_and_history(folder, grains):
     """No time step is that exact: the limit is far below what central differences conserve."""
     out, scene = folder / "out", small_scene()
@@ -192,7 +187,6 @@ def test_a_balance_that_does_not_close_stops_with_state_and_history(folder, grai
     assert states[-1]["time"] == history["time"][-1]
 
 
-@pytest.mark.mpi
 def test_unusable_folders_are_refused_together(folder, grains):
     comm = MPI.COMM_WORLD
     with pytest.raises(InputError, match="nowhere"):

@@ -222,7 +222,6 @@ def test_run_json_of_a_run_without_tools_says_nothing(folder):
     on_first(COMM, alone)
 
 
-@pytest.mark.mpi
 def test_a_run_goes_on_with_the_files_of_its_tools_alone(folder):
     """Another surface or path, or one that is gone, is said in a line; the first ones do."""
     run(folder, "out", max_steps=5)

@@ -77,7 +77,6 @@ def test_ranks_without_rows_take_part():
         assert highest(rows, stiff, mass) == pytest.approx(rate, rel=1e-12)
 
 
-@pytest.mark.mpi
 def test_assembled_step_is_larger_than_the_element_bound_and_stable():
     """A free body that starts with random velocities keeps its energy at 0.9 of the limit."""
     mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=0.5)
@@ -91,7 +90,6 @@ def test_assembled_step_is_larger_than_the_element_bound_and_stable():
     assert abs(sim.energies()["residual"]) < 1e-5 * sim.initial_kinetic
 
 
-@pytest.mark.mpi
 def test_beyond_the_assembled_limit_it_blows_up():
     """1.1 times the limit of stability is unstable: the limit is sharp, not merely safe."""
     mesh = packed_spheres(MPI.COMM_WORLD, (3, 1, 1), gap=0.5)

@@ -29,10 +29,15 @@ def test_contact_and_ball_in_series_are_the_whole_ball_on_a_plane():
     ("case", "parameters"),
     [
         ("cylinder-wall-point", {"elements_per_radius": "2", "added_mass": "0.01"}),
-        ("tool-point", {"elements_per_radius": "1.5", "integrator": "static"}),
-        ("membrane-point", {"ends_over_t": "1", "layers": "1"}),
+        pytest.param(
+            "tool-point", {"elements_per_radius": "1.5", "integrator": "static"},
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "membrane-point", {"ends_over_t": "1", "layers": "1"}, marks=pytest.mark.slow
+        ),
     ],
-)
+)  # fmt: skip
 def test_points_repeat_their_rows(case, parameters):
     """Each error is that of the stored table."""
     (answer,) = run_cases([case], parameters, MPI.COMM_SELF)
@@ -42,9 +47,9 @@ def test_points_repeat_their_rows(case, parameters):
     assert answer["num_cells"] >= row.num_cells and answer["num_steps"] == row.num_steps
 
 
-def test_cases_stand_side_by_side(tmp_path):
+@pytest.mark.parametrize("cases", [CASES, pytest.param(tuple(CHARTS), marks=pytest.mark.slow)])
+def test_cases_stand_side_by_side(cases, tmp_path):
     """Two costs each, three abreast; all of them too."""
-    assert [p.name for p in draw_side_by_side(read_points(), CASES, tmp_path)] == [
-        "cases.png", "cases.pdf",
-    ]  # fmt: skip
-    assert all(p.stat().st_size for p in draw_side_by_side(read_points(), tuple(CHARTS), tmp_path))
+    found = draw_side_by_side(read_points(), cases, tmp_path)
+    assert [p.name for p in found] == ["cases.png", "cases.pdf"]
+    assert all(p.stat().st_size for p in found)

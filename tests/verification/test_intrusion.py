@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import pyvista
 
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.verification.intrusion import find_intrusion, is_inside, what_is_missing
+from tests.bodies import sphere
 
 
 @pytest.fixture

@@ -84,7 +84,7 @@ def test_bodies_that_pass_through_each_other_are_noticed():
     assert not slow.message and slow.after == pytest.approx(-1.0, abs=0.15)
 
 
-@pytest.mark.parametrize("compliance", [0.25, 1.0])
+@pytest.mark.parametrize("compliance", [pytest.param(0.25, marks=pytest.mark.slow), 1.0])
 def test_bars_between_mirrors_sink_into_each_other_where_fronts_outdo_the_layers(compliance):
     """Plane waves: 5 % to both sides of the speed at which they are half an edge deep."""
     speed = tunnelling.stops_theory(compliance)
@@ -102,6 +102,7 @@ def test_a_grain_swallowed_by_a_far_larger_neighbour_is_noticed():
     assert not unequal.press(COMM, 0.93 * ratio, 1e-2).message
 
 
+@pytest.mark.slow
 def test_a_sliding_block_flutters_at_the_rate_of_its_eigenvalues():
     """Stick springs across the slip relax: without that the rate would be 4 % higher."""
     (row,), _ = friction.flutter(COMM, (0.25,))
@@ -119,6 +120,7 @@ def test_static_increments_slide_at_a_friction_of_2():
     assert len(s.report) == 21
 
 
+@pytest.mark.slow
 def test_a_packing_at_rest_stays_at_rest():
     """Energies and forces wander by rounding: less than ε a step, and some ε E h per wall."""
     found = resting.rest(COMM, 1000, 10)
@@ -127,6 +129,7 @@ def test_a_packing_at_rest_stays_at_rest():
     assert found.force.max() < 1e-8 and found.kinetic.max() < 1e-16
 
 
+@pytest.mark.slow
 def test_a_strut_locks_where_theory_says():
     """Static increments: it slips below the critical friction and sticks for good above."""
     critical = newton.Strut(COMM, 0.3, -1.0).critical
@@ -137,12 +140,14 @@ def test_a_strut_locks_where_theory_says():
     assert below.normal == pytest.approx(below.theory, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_soft_tetrahedron_inverts_where_its_motion_has_the_energy_of_its_volume():
     (row,), _ = inversion.inversion_map(COMM, (0.3,), trials=5)
     # Bisection to 3 %, flow of a yield stress of 1e-6 E.
     assert row.measured == pytest.approx(row.theory, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_sleeve_becomes_oval_at_the_pressure_of_a_thin_ring():
     """By meshes whose edges halve; by one layer of a scene's edges, 4.6 times as late."""
     coarse, fine = (sleeve.buckling(COMM, *mesh)[0] for mesh in ((1, 2.0), (2, 1.0)))
@@ -151,6 +156,7 @@ def test_a_sleeve_becomes_oval_at_the_pressure_of_a_thin_ring():
     assert coarse.limit == pytest.approx(4.6, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_light_sleeve_sets_the_step_of_the_program():
     """With the root of its density, below that at which both bodies allow the same step."""
     density = sleeve.density_theory(COMM)
@@ -186,6 +192,7 @@ def test_uneven_gaps_scatter_forces_as_independent_points_do():
     assert theory.scatter_of_rough_force(0.01, n, limit) == pytest.approx(0.05, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_contacts_on_one_facet_move_each_other_less_than_those_of_several():
     """Tips 0.3 and 1 edge apart; a mesh moves a contact by others no more than by itself."""
     near, far = (
@@ -198,6 +205,7 @@ def test_contacts_on_one_facet_move_each_other_less_than_those_of_several():
     assert far[0] == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.slow
 def test_an_edge_takes_half_of_a_contact_from_coarse_meshes_too():
     fine, coarse = (edge.forces(COMM, 0.0, n)[0][0] for n in (2.5, 1.0))
     within = edge.forces(COMM, edge.WITHIN, 1.0)[0][0]

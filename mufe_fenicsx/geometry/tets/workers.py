@@ -6,7 +6,12 @@ import os
 import sys
 import time
 import types
+from multiprocessing import forkserver
 from multiprocessing.connection import wait
+
+#: Workers are copies of one process that does nothing else: a copy of this one would have the
+#: state of gmsh, VTK and MPI half-way.
+_PROCESSES = multiprocessing.get_context("forkserver")
 
 
 class WorkerError(RuntimeError):
@@ -77,14 +82,26 @@ def run_jobs(function, jobs, processes=0, progress=None, *, limit=None, again=No
             worker.stop()
 
 
+def load_ahead(module):
+    """Begin to load a module for the workers, beside what this process does meanwhile.
+
+    It is loaded once, by the process that all workers are copies of. Where there is one already,
+    and it loaded something else, workers load what they need.
+
+    Args:
+        module: Its full name. To import it starts no threads.
+    """
+    _PROCESSES.set_forkserver_preload([module])
+    with _no_main_module():
+        forkserver.ensure_running()
+
+
 class _Worker:
     """A process and the job that it runs."""
 
     def __init__(self, function):
-        # "spawn": a fork would inherit gmsh's, VTK's and MPI's state half-way.
-        context = multiprocessing.get_context("spawn")
-        self.connection, other = context.Pipe()
-        self.process = context.Process(target=_serve, args=(function, other), daemon=True)
+        self.connection, other = _PROCESSES.Pipe()
+        self.process = _PROCESSES.Process(target=_serve, args=(function, other), daemon=True)
         with _no_main_module():
             self.process.start()
         other.close()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.form.shape import (
     describe,
     inertia_of,
@@ -20,6 +20,7 @@ from mufe_fenicsx.geometry.form.shape import (
 )
 from mufe_fenicsx.geometry.form.shape_table import write_shapes
 from mufe_fenicsx.geometry.grains import Grains
+from tests.bodies import sphere
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -102,6 +103,7 @@ numpy.savez(sys.argv[2], volumes=spam.label.volumes(labels), moments=moments,
 """
 
 
+@pytest.mark.slow
 def test_numbers_of_labels_agree_with_spam(by_spam):
     labels = np.zeros((40, 60, 60), np.uint32)
     z, y, x = np.indices(labels.shape)

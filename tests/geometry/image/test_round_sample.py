@@ -62,7 +62,7 @@ def test_the_circle_of_the_field_of_view_is_found():
         field_circle(square, "scan")
 
 
-@pytest.mark.parametrize("mould", [250, 120])
+@pytest.mark.parametrize("mould", [pytest.param(250, marks=pytest.mark.slow), 120])
 def test_grains_in_a_mould_are_whole(tmp_path, mould):
     """They keep their volume, at the wall too, and the mould leaves no trace in the histogram."""
     labels, grey = made(mould, FIELD)

@@ -37,7 +37,7 @@ def test_basins_and_merges_are_those_of_itk(number):
 @pytest.mark.parametrize("name", ["snow", "carbonate sand"])
 @pytest.mark.parametrize("smoothing", [0.0, 1.0])
 def test_real_images_are_cut_as_by_itk(name, smoothing):
-    pytest.importorskip("itk", reason="ITK, of the extra test, is not installed")
+    pytest.importorskip("itk", reason="needs the package itk-segmentation")
     if not DATA.is_dir():
         pytest.skip(f"no {DATA}")
     if name == "snow":

@@ -7,7 +7,6 @@ import scipy.ndimage
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import measure
-from mufe_fenicsx.geometry.bodies.shapes import sphere
 from mufe_fenicsx.geometry.image.labels import fill_cavities, largest_piece
 from mufe_fenicsx.geometry.pieces import piece_of_cell
 from mufe_fenicsx.geometry.pipeline import volume_warnings
@@ -16,6 +15,7 @@ from mufe_fenicsx.geometry.surface.given_surfaces import read_bodies
 from mufe_fenicsx.geometry.tets.jobs import shared_jobs, surface_jobs, voxel_jobs
 from mufe_fenicsx.geometry.tets.mesher import mesh_one
 from mufe_fenicsx.kernels.topology import body_defect
+from tests.bodies import sphere
 from tests.geometry.scenes import ball
 
 N, MIDDLE = (25, 25, 25), (12, 12, 12)

@@ -6,12 +6,12 @@ import pytest
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import measure
-from mufe_fenicsx.geometry.bodies.shapes import sphere
 from mufe_fenicsx.geometry.pipeline import mesh_labels
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.surface.given_surfaces import read_bodies
 from mufe_fenicsx.geometry.tets.jobs import surface_jobs
 from mufe_fenicsx.geometry.tets.mesher import mesh_one
+from tests.bodies import sphere
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def test_one_file_of_many_bodies(tmp_path, ball, name):
     assert bodies[0][1].min() > 3.0 > bodies[1][1].max()
 
 
-def test_the_file_of_each_grain_is_kept_with_its_mesh(tmp_path, ball):
+def test_the_file_of_each_grain_is_kept_with_its_mesh(tmp_path, ball, no_workers):
     points, triangles = ball
     (tmp_path / "sand").mkdir()
     meshio.write_points_cells(tmp_path / "sand" / "quartz.stl", points, [("triangle", triangles)])

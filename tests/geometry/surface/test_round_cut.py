@@ -120,7 +120,7 @@ def test_both_sides_of_a_cut_fill_the_cylinder():
     assert area / S**2 == pytest.approx(2 * np.pi * 24.5 * 12 / 4, rel=0.01)
 
 
-def test_a_cylinder_is_cut_out_of_any_labels(tmp_path):
+def test_a_cylinder_is_cut_out_of_any_labels(tmp_path, no_workers):
     labels = ball(SHAPE, off_axis(15.0, 38.0), RADIUS) + 2 * ball(SHAPE, (15.0, 48.0, 40.0), 8.0)
     labels = labels.astype(np.int32)
     labels[ball(SHAPE, (12.0, 8.0, 10.0), 7.0)] = 3  # beyond it altogether

@@ -5,11 +5,11 @@ import pytest
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import measure
-from mufe_fenicsx.geometry.bodies.shapes import sphere
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.surface.edge_sizes import curvature
 from mufe_fenicsx.geometry.tets.jobs import surface_jobs, voxel_jobs
 from mufe_fenicsx.geometry.tets.mesher import mesh_one
+from tests.bodies import sphere
 from tests.geometry.scenes import positions, two_balls
 
 S = 1e-5  # voxel size [m]

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import box, sphere
+from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.grains import Grains
 from mufe_fenicsx.geometry.tets.foreign_meshes import FORMATS, export_grains, import_grains
+from tests.bodies import sphere
 
 
 def three_grains():

@@ -85,7 +85,7 @@ def test_slanted_faces_do_not_overlap():
     assert deepest_overlap(first, second) < 0.05 * H
 
 
-def test_a_grain_that_is_too_small_is_named():
+def test_a_grain_that_is_too_small_is_named(no_workers):
     labels = two_balls()
     labels[1:4, 1:4, 1:4] = 7
     meshes = mesh_grains(voxel_jobs(labels, S, MeshSettings(size=H)), processes=1)

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from mufe_fenicsx.geometry.bodies.shapes import sphere
 from mufe_fenicsx.geometry.measure import smallest_altitudes, tet_volumes
 from mufe_fenicsx.geometry.tets.refine import split
+from tests.bodies import sphere
 
 
 def test_parts_are_eighths_that_fit_each_other():

@@ -1,0 +1,280 @@
+"""What the tests catch: `python -m tests.mutations OUTPUT.csv [--before TREE]`.
+
+One line of the package at a time is changed in a copy of this tree: a sign, a factor, an index, a
+number by one. The tests run until one fails. With `--before`, another checkout, lines that stand in
+both are taken; what this suite misses is tried against the other one too, where its files differ.
+
+Rows stand in the output as they are found; numbers that have one are not tried again.
+"""
+
+import argparse
+import ast
+import csv
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = "mufe_fenicsx"
+KINDS = ("sign", "factor", "index", "off by one")
+#: Folders with the laws and loops have more lines tried than the others.
+WEIGHTS = {"kernels": 4, "contact": 3, "bulk": 2, "explicit": 2, "implicit": 2, "loading": 2}
+#: Cases of verification are tests themselves.
+LEFT_OUT = {"verification"}
+#: A suite that takes longer hangs, which is noticed [s].
+LIMIT = 1800
+COLUMNS = ("number", "place", "kind", "before", "after", "caught_by", "caught_before_by")
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """A change of one line."""
+
+    file: str  #: relative to the root
+    line: int  #: its number, from 0
+    kind: str
+    before: str
+    after: str
+
+    @property
+    def room(self):
+        """Folder of the package."""
+        parts = Path(self.file).parts
+        return parts[1] if len(parts) > 2 else ""
+
+    def apply(self, tree):
+        """Change the line in a tree, wherever it stands there; a function that restores it."""
+        path = tree / self.file
+        text = path.read_text(encoding="utf-8")
+        lines = text.split("\n")
+        lines[lines.index(self.before)] = self.after
+        path.write_text("\n".join(lines), encoding="utf-8")
+        return lambda: path.write_text(text, encoding="utf-8")
+
+
+def mutations_of(path, text):
+    """All changes of a file that are tried."""
+    lines = text.split("\n")
+    found = _in_python(text) if path.endswith(".py") else _in_c(lines)
+    for line, start, end, kind, new in found:
+        before = lines[line]
+        if lines.count(before) == 1:  # found again in the other tree
+            yield Mutation(path, line, kind, before, before[:start] + new + before[end:])
+
+
+def _in_python(text):
+    """(line, first column, last column, kind, new text) of each place."""
+    lines = text.split("\n")
+    subscripts = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Subscript):
+            subscripts |= {id(n) for n in ast.walk(node.slice) if isinstance(n, ast.Constant)}
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
+            left, right = node.left, node.right
+            texts = any(isinstance(n, ast.Constant | ast.JoinedStr) and not _number(n)
+                        for n in (left, right))  # fmt: skip
+            if left.end_lineno == right.lineno and not texts:
+                between = lines[right.lineno - 1][left.end_col_offset : right.col_offset]
+                sign = "+" if isinstance(node.op, ast.Add) else "-"
+                at = left.end_col_offset + between.index(sign)
+                yield right.lineno - 1, at, at + 1, "sign", "-" if sign == "+" else "+"
+        if _number(node):
+            place = node.lineno - 1, node.col_offset, node.end_col_offset
+            if isinstance(node.value, float) and node.value:
+                yield *place, "factor", repr(2.0 * node.value)
+            elif isinstance(node.value, int):
+                yield *place, "off by one", str(node.value + 1)
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Subscript):
+            for n in ast.walk(node.slice):
+                if _number(n) and isinstance(n.value, int):
+                    new = str(n.value - 1 if n.value else 1)
+                    yield n.lineno - 1, n.col_offset, n.end_col_offset, "index", new
+
+
+def _number(node):
+    kind = getattr(node, "value", None)
+    return isinstance(node, ast.Constant) and isinstance(kind, int | float) and kind not in (
+        True, False)  # fmt: skip
+
+
+def _in_c(lines):
+    """The same of C, by its signs alone."""
+    patterns = (
+        ("sign", re.compile(r"(?<=[\w)\]] )[+-](?= [\w(])"), lambda s: "-" if s == "+" else "+"),
+        ("factor", re.compile(r"\b\d+\.\d+\b"), lambda s: repr(2.0 * float(s) or 1.0)),
+        ("index", re.compile(r"(?<=\[)\d(?=\])"), lambda s: str((int(s) + 1) % 3)),
+        ("off by one", re.compile(r"(?<= )<=?(?= )"), lambda s: "<=" if s == "<" else "<"),
+    )
+    comment = False
+    for number, line in enumerate(lines):
+        comment = comment or line.lstrip().startswith("/*")
+        if not comment and not line.lstrip().startswith(("//", "#")):
+            code = line.partition("//")[0].partition("/*")[0]
+            for kind, pattern, new in patterns:
+                for match in pattern.finditer(code):
+                    yield number, match.start(), match.end(), kind, new(match[0])
+        comment = comment and "*/" not in line
+
+
+def choose(trees, count, seed):
+    """That many changes across folders and kinds, the same for the same seed and trees."""
+    by_room = {}
+    for path in sorted((trees[0] / PACKAGE).rglob("*")):
+        name = str(path.relative_to(trees[0]))
+        if path.suffix not in (".py", ".c", ".h") or not all((t / name).exists() for t in trees):
+            continue
+        others = [(t / name).read_text(encoding="utf-8").split("\n") for t in trees[1:]]
+        for found in mutations_of(name, path.read_text(encoding="utf-8")):
+            if found.room not in LEFT_OUT | {""} and all(found.before in o for o in others):
+                by_room.setdefault(found.room, []).append(found)
+    dice, chosen, lines = random.Random(seed), [], set()
+    rooms = [room for room in sorted(by_room) for _ in range(WEIGHTS.get(room, 1))]
+    while len(chosen) < count:
+        dice.shuffle(rooms)
+        for room in rooms[: count - len(chosen)]:
+            kind = KINDS[len(chosen) % len(KINDS)]
+            some = [m for m in by_room[room] if m.kind == kind] or by_room[room]
+            found = dice.choice(some)
+            if (found.file, found.line) not in lines:
+                lines.add((found.file, found.line))
+                chosen.append(found)
+    return chosen
+
+
+def files_for(tree, mutation, left_out=()):
+    """Files of tests, those first that are near to a change."""
+    module = Path(mutation.file).stem
+    files = [p for p in sorted((tree / "tests").rglob("test_*.py"))
+             if str(p.relative_to(tree)) not in left_out]  # fmt: skip
+
+    def distance(path):
+        here = mutation.room in path.parts
+        named = re.search(rf"\b{module}\b", path.read_text(encoding="utf-8")) is not None
+        return 2 - here - named
+
+    return [str(p.relative_to(tree)) for p in sorted(files, key=distance)]
+
+
+def caught_by(tree, mutation, left_out=()):
+    """First test that fails in a tree with a change; "" if none does."""
+    restore = mutation.apply(tree)
+    python = [sys.executable, "-m"]
+    options = ["-x", "-q", "-p", "no:cacheprovider", "-o", "addopts="]
+    files = files_for(tree, mutation, left_out)
+    marked = [f for f in files if "mark.mpi" in (tree / f).read_text(encoding="utf-8")]
+    mpirun = [str(Path(sys.executable).with_name("mpirun")), "-n", "3", *python, "mpi4py"]
+    try:
+        return _first_failure(tree, [*python, "pytest", *options, "-m", "not slow", *files]) or (
+            _first_failure(
+                tree, [*mpirun, "-m", "pytest", *options, "-m", "mpi and not slow", *marked]
+            )
+        )
+    finally:
+        restore()
+
+
+def _first_failure(tree, command):
+    environment = {**os.environ, "PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1"}
+    environment |= {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1"}
+    with tempfile.TemporaryFile("w+") as output:
+        try:
+            done = subprocess.run(
+                command, cwd=tree, env=environment, stdout=output, stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL, timeout=LIMIT,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            return "none ends"
+        if done.returncode in (0, 5):  # 5: no test is left
+            return ""
+        output.seek(0)
+        text = output.read()
+    named = re.search(r"^(?:FAILED|ERROR) (\S+)", text, re.MULTILINE)
+    return named[1] if named else f"status {done.returncode}"
+
+
+def copy_of(tree, folder):
+    """What git knows of a tree, with its compiled loops, in a folder."""
+    names = subprocess.run(
+        ["git", "ls-files"], cwd=tree, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    loops = [str(p.relative_to(tree)) for p in (tree / PACKAGE).rglob("*.nb[ic]")]
+    for name in [*names, *loops]:
+        to = folder / name
+        to.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(tree / name, to)
+    return folder
+
+
+def main(arguments):
+    """Try all that have no row yet; a line for each, and the sums."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("output", type=Path)
+    parser.add_argument("--before", type=Path)
+    parser.add_argument("--count", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--processes", type=int, default=2)
+    asked = parser.parse_args(arguments)
+    trees = [ROOT] if asked.before is None else [ROOT, asked.before.resolve()]
+    chosen = choose(trees, asked.count, asked.seed)
+    rows = list(csv.DictReader(asked.output.open())) if asked.output.exists() else []
+    left = [k for k in range(len(chosen)) if str(k) not in {row["number"] for row in rows}]
+    same = set()
+    if len(trees) == 2:
+        for path in (ROOT / "tests").rglob("test_*.py"):
+            name = str(path.relative_to(ROOT))
+            other = trees[1] / name
+            if other.exists() and other.read_bytes() == path.read_bytes():
+                same.add(name)
+    lock = Lock()
+
+    with tempfile.TemporaryDirectory() as scratch:
+        free = []
+        for k in range(asked.processes):
+            places = [Path(scratch, f"{k}-{n}", "tree") for n in range(len(trees))]
+            free.append([copy_of(tree, to) for tree, to in zip(trees, places, strict=True)])
+            for place in places:  # real data lies beside a tree
+                if (ROOT.parent / "shared").exists():
+                    (place.parent / "shared").symlink_to((ROOT.parent / "shared").resolve())
+
+        def attempt(number):
+            with lock:
+                copies = free.pop()
+            mutation = chosen[number]
+            found = [caught_by(copies[0], mutation)]
+            if len(copies) == 2:
+                found.append("" if found[0] else caught_by(copies[1], mutation, same))
+            row = dict(
+                zip(COLUMNS, (
+                    number, f"{mutation.file}:{mutation.line + 1}", mutation.kind,
+                    mutation.before.strip(), mutation.after.strip(), *found, "",
+                ), strict=False)
+            )  # fmt: skip
+            with lock:
+                free.append(copies)
+                rows.append(row)
+                with asked.output.open("w", newline="", encoding="utf-8") as file:
+                    writer = csv.DictWriter(file, COLUMNS)
+                    writer.writeheader()
+                    writer.writerows(sorted(rows, key=lambda row: int(row["number"])))
+                print(*row.values(), sep=" | ", flush=True)
+
+        with ThreadPoolExecutor(asked.processes) as pool:
+            list(pool.map(attempt, left))
+    caught = sum(bool(row["caught_by"]) for row in rows)
+    before = sum(bool(row["caught_before_by"]) for row in rows)
+    print(f"{caught} of {len(rows)} caught; of the others {before} by the suite before")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
