@@ -28,7 +28,7 @@ class Doing:
     """
 
     _stack = []
-    _ended = threading.Event()
+    _teller, _ended = None, threading.Event()
 
     def __init__(self, what, wanted=True):
         self.what, self.wanted = what, wanted
@@ -37,15 +37,17 @@ class Doing:
         self.started = time.monotonic()
         self._stack.append(self)
         if len(self._stack) == 1:
-            Doing._ended = threading.Event()
-            arguments = (Doing._ended, threading.get_ident())
-            threading.Thread(target=_tell, args=arguments, daemon=True).start()
+            self._ended.clear()
+            arguments = (self._ended, threading.get_ident())
+            Doing._teller = threading.Thread(target=_tell, args=arguments, daemon=True)
+            self._teller.start()
         return self
 
     def __exit__(self, *_):
         self._stack.remove(self)
         if not self._stack:
             self._ended.set()
+            self._teller.join()
 
     @classmethod
     def innermost(cls):

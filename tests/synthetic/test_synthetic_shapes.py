@@ -118,12 +118,7 @@ print(*[hashlib.md5(a.tobytes()).hexdigest() for a in (*vars(grains).values(), p
 """
     found = set()
     # OpenBLAS takes the kernels of the processor that it is told; others pass it over.
-    for threads, kernels in (
-        ("1", "Haswell"),
-        ("2", "Haswell"),
-        ("3", "Nehalem"),
-        ("1", "Nehalem"),
-    ):
+    for threads, kernels in (("1", "Haswell"), ("3", "Nehalem")):
         more = {"OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads}
         environment = {**os.environ, **more, "OPENBLAS_CORETYPE": kernels}
         command = [sys.executable, "-c", code]
