@@ -143,7 +143,7 @@ def draw_parts(source, wanted, figures, processes):
     """
     wanted = {*wanted, VIEW, TABLES}
     groups = [names for group in GROUPS if (names := tuple(n for n in group if n in wanted))]
-    if source.run.stored_states:
+    if RENDERED & wanted and source.run.stored_states:
         source.start_probe()
 
     def jobs():

@@ -4,7 +4,6 @@ import time
 from pathlib import Path
 
 from ..errors import InputError, raise_together
-from ..geometry.tets.workers import load_ahead
 from ..machine.mpi_launcher import forget_launcher
 from .run_place import say
 
@@ -28,12 +27,11 @@ def draw_report(comm, folder, quiet):
     """
     message = None
     if comm.rank == 0:
-        say(comm, "the test has ended; drawing its report", quiet)
-        forget_launcher()
-        load_ahead("mufe_fenicsx.report.parts")  # before this process loads the same
         # Only here: a run does without the libraries of pictures.
         from ..report import write_report
 
+        say(comm, "the test has ended; drawing its report", quiet)
+        forget_launcher()
         try:
             write_report(folder, processes=0)
         except (InputError, OSError) as error:
