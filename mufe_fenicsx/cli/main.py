@@ -155,7 +155,7 @@ def report(
     if len(folders) == 1 and folders[0].is_dir():
         from ..geometry.tets.workers import load_ahead
 
-        load_ahead("mufe_fenicsx.report.parts")  # while this process loads the same
+        load_ahead("mufe_fenicsx.report.ahead")  # while this process loads much the same
     from ..report import write_report
 
     result = write_report(folders, output, grain, points, only, skip, processes=0)

@@ -157,7 +157,7 @@ def draw_parts(source, wanted, figures, processes):
         if processes == 1:
             found = [_draw_all(source, job) for job in jobs()]
         else:
-            load_ahead(__name__)
+            load_ahead("mufe_fenicsx.report.ahead")
             found = run_jobs(draw_job, jobs(), min(processes, len(groups)))
     finally:
         source.end_probe()
