@@ -47,7 +47,7 @@ def test_slopes_are_the_derivatives(m):
 
 def test_a_flat_contact_is_a_linear_spring():
     assert contact_law.over_stiffness(0.7, 0.0) == 0.7
-    assert contact_law.stored_energy(3.0, 0.7, 1.0) == pytest.approx(1.5 * 0.7**2, rel=1e-14)
+    assert contact_law.stored_energy(3.0, 0.7, 1.0, 0.0) == pytest.approx(1.5 * 0.7**2, rel=1e-14)
 
 
 def test_slipping_friction_is_the_coefficient_times_a_normal_force_that_it_changes_itself():
