@@ -30,7 +30,7 @@ from mufe_fenicsx.output.history import HistoryWriter
 from mufe_fenicsx.output.run_lock import LostFolder, RunLock
 from mufe_fenicsx.output.tools import ToolWriter
 from mufe_fenicsx.planning.run import make_plan, present
-from mufe_fenicsx.run import from_scene, resume_check, scene_tools
+from mufe_fenicsx.run import from_scene, resume_check, scene_file, scene_tools
 from mufe_fenicsx.run.report import draw_report
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import load_scene
@@ -300,8 +300,8 @@ CASES = {
         FIRST, lambda _: make_plan(None, None, COMM), "planning.run.read_sample", ERROR),
     "planning/run.py present": Case(
         FIRST, lambda _: present(None, None, COMM), "planning.run.read_sample", ERROR),
-    "run/from_scene.py read_scene": Case(
-        FIRST, lambda folder: from_scene.read_scene(COMM, folder / "none.toml"), says="none.toml"),
+    "run/scene_file.py read_scene": Case(
+        FIRST, lambda folder: scene_file.read_scene(COMM, folder / "none.toml"), says="none.toml"),
     "run/from_scene.py load_mesh": Case(
         FIRST, lambda folder: from_scene.load_mesh(COMM, folder / "none"), says="none"),
     "run/from_scene.py _together": Case(LAST, new_run, "run.from_scene.load_grains", ERROR),

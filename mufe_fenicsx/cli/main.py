@@ -162,10 +162,11 @@ def report(
     serial_only("report")
     printer = Printer(json)
     points = [place(text) for text in point or ()]
-    from ..geometry.tets.workers import load_ahead
-
     with Doing("drawing the report"):
-        load_ahead("mufe_fenicsx.report.parts")  # before this process loads the same
+        if len(folders) == 1 and folders[0].is_dir():
+            from ..geometry.tets.workers import load_ahead
+
+            load_ahead("mufe_fenicsx.report.ahead")  # while this process loads much the same
         from ..report import write_report
 
         result = write_report(folders, output, grain, points, only, skip, processes=0)

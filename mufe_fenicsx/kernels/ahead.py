@@ -8,6 +8,7 @@ itself what is missing.
 
 import atexit
 import contextlib
+import gc
 import importlib
 import os
 import re
@@ -19,6 +20,7 @@ from threading import Thread
 
 import numba
 
+from .cache_files import SealedCacheFile
 from .native import SOURCES, are_kept, load
 
 #: Loops by their modules, and types of their arguments: d and f are floating-point numbers of 8 and
@@ -101,7 +103,8 @@ def _end(process):
 
 
 def _is_absent(name):
-    return _loop(name)._cache._cache_file.is_empty()
+    _loop(name)
+    return SealedCacheFile.files[name].is_empty()
 
 
 def _loop(name):
@@ -125,6 +128,7 @@ def _type_of(word):
 
 def _compile_all():
     """The second process: sources at once, loops in their order, while the first one lives."""
+    gc.disable()  # numba leaves little behind, and it ends soon
     first = os.getppid()
     sources = [Thread(target=_load, args=(name,)) for name in SOURCES]
     for source in sources:

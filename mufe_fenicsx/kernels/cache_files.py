@@ -109,7 +109,11 @@ class SealedCacheFile(caching.IndexDataCacheFile):
     kept. One process after the other compiles a function.
     """
 
+    #: Of each function, by its module and name.
+    files = {}
+
     def __init__(self, cache_path, filename_base, source_stamp):
+        self.files[filename_base.partition("-")[0]] = self
         module = filename_base.partition(".")[0]
         own = stamp(str(Path(__file__).parent), module)
         super().__init__(cache_path, filename_base, (source_stamp, own))

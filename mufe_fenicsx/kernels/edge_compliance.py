@@ -105,7 +105,10 @@ def _assemble(
     Places of the nodes are forgotten.
     """
     size, num_volumes = 3 * count, 0
-    K[:size, :size] = 0.0
+    # Loops, as in rows.resized: slices on the left of "=" take long to compile.
+    for i in range(size):
+        for j in range(i + 1):
+            K[i, j] = 0.0
     for i in range(count):
         for entry in range(offset[free[i]], offset[free[i] + 1]):
             c = around[entry]
@@ -135,7 +138,8 @@ def _assemble(
                 if place_of_volume[number] < 0:
                     place_of_volume[number] = num_volumes
                     volumes[num_volumes] = number
-                    B[num_volumes, :size] = 0.0
+                    for j in range(size):
+                        B[num_volumes, j] = 0.0
                     num_volumes += 1
                 part = 1.0 / 24.0 if averaged else 1.0 / 6.0
                 for p in range(4):

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from .closest import facet_normal
-from .rows import grown
+from .rows import resized
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -52,6 +52,13 @@ def _third(facets, f, a, b):
 
 
 @numba.njit(cache=True)
+def _is_listed(neighbour, number, sharp, f, k):
+    """Whether an edge is sharp, and this facet the one of its two with the lower number."""
+    o = neighbour[f, k]
+    return sharp[f, k] and o >= 0 and number[o] >= number[f]
+
+
+@numba.njit(cache=True)
 def list_sharp_edges(facets, neighbour, number, sharp):
     """Sharp edges, each once.
 
@@ -67,22 +74,26 @@ def list_sharp_edges(facets, neighbour, number, sharp):
         number first; key, three times that number plus the place of the edge in that facet,
         shape (num_edges,). In the order of the first facets.
     """
-    capacity = np.count_nonzero(sharp)
-    ends, beyond = np.empty((capacity, 2), np.int32), np.empty((capacity, 2), np.int32)
-    sides, key = np.empty((capacity, 2), np.int32), np.empty(capacity, np.int64)
     count = 0
     for f in range(facets.shape[0]):
         for k in range(3):
-            o = neighbour[f, k]
-            if not sharp[f, k] or o < 0 or number[o] < number[f]:
+            if _is_listed(neighbour, number, sharp, f, k):
+                count += 1
+    ends, beyond = np.empty((count, 2), np.int32), np.empty((count, 2), np.int32)
+    sides, key = np.empty((count, 2), np.int32), np.empty(count, np.int64)
+    count = 0
+    for f in range(facets.shape[0]):
+        for k in range(3):
+            if not _is_listed(neighbour, number, sharp, f, k):
                 continue
+            o = neighbour[f, k]
             a, b = facets[f, k], facets[f, (k + 1) % 3]
             ends[count, 0], ends[count, 1] = a, b
             beyond[count, 0], beyond[count, 1] = facets[f, (k + 2) % 3], _third(facets, o, a, b)
             sides[count, 0], sides[count, 1] = f, o
             key[count] = 3 * number[f] + k
             count += 1
-    return ends[:count].copy(), beyond[:count].copy(), sides[:count].copy(), key[:count].copy()
+    return ends, beyond, sides, key
 
 
 @numba.njit(cache=True)
@@ -224,7 +235,7 @@ def find_edge_pairs(x, ends, grain, num_own, reach, low, size, shape, cell_offse
                             continue
                         if count == capacity:
                             capacity *= 2
-                            own, other = grown(own, capacity), grown(other, capacity)
+                            own, other = resized(own, capacity), resized(other, capacity)
                         own[count], other[count] = o, e
                         count += 1
-    return own[:count].copy(), other[:count].copy()
+    return resized(own, count), resized(other, count)

@@ -5,14 +5,14 @@ import numpy as np
 
 
 @numba.njit(cache=True)
-def grown(values, size):
-    """Copy of an array with room for ``size`` entries.
+def resized(values, size):
+    """Copy of an array with ``size`` entries: fewer, or room for more.
 
     A loop, for numba compiles a slice on the left of "=" for two seconds: it may have to say in
     words that shapes differ.
     """
     out = np.empty(size, values.dtype)
-    for k in range(values.size):
+    for k in range(min(values.size, size)):
         out[k] = values[k]
     return out
 

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from .closest import closest_point
-from .rows import grown
+from .rows import resized
 
 
 @numba.njit(cache=True)
@@ -110,8 +110,8 @@ def find_candidates(x, grain_of_node, facets, grain_of_facet, use, reach, stands
                         continue
                     if num_found == capacity:
                         capacity *= 2
-                        found_node = grown(found_node, capacity)
-                        found_facet = grown(found_facet, capacity)
+                        found_node = resized(found_node, capacity)
+                        found_facet = resized(found_facet, capacity)
                     found_node[num_found] = n
                     found_facet[num_found] = f
                     num_found += 1

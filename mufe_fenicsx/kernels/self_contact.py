@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from .closest import closest_point, facet_normal
-from .rows import grown
+from .rows import resized
 
 #: Largest cosine of the angle between the outward normals of surfaces that face each other.
 OPPOSED = -0.3
@@ -99,7 +99,7 @@ def find_self_candidates(x, grain_of_node, facets, grain_of_facet, ring_offset, 
                         has_facing[n] = True
                     if count == capacity:
                         capacity *= 2
-                        node, facet = grown(node, capacity), grown(facet, capacity)
+                        node, facet = resized(node, capacity), grown(facet, capacity)
                     node[count], facet[count] = n, f
                     count += 1
     kept = 0

@@ -143,7 +143,7 @@ def draw_parts(source, wanted, figures, processes):
     """
     wanted = {*wanted, VIEW, TABLES}
     groups = [names for group in GROUPS if (names := tuple(n for n in group if n in wanted))]
-    if source.run.stored_states:
+    if RENDERED & wanted and source.run.stored_states:
         source.start_probe()
 
     def jobs():
@@ -157,7 +157,7 @@ def draw_parts(source, wanted, figures, processes):
         if processes == 1:
             found = [_draw_all(source, job) for job in jobs()]
         else:
-            load_ahead(__name__)
+            load_ahead("mufe_fenicsx.report.ahead")
             found = run_jobs(draw_job, jobs(), min(processes, len(groups)))
     finally:
         source.end_probe()

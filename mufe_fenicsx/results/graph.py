@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import networkx
-
 from ..errors import InputError
 
 
@@ -22,6 +20,8 @@ def contact_graph(run, number=-1):
     Raises:
         InputError: The state or its contacts are not stored.
     """
+    import networkx  # only here: no report needs it
+
     graph = networkx.Graph()
     for row in run.grains(number).to_dict("records"):
         graph.add_node(int(row.pop("grain")), kind="grain", **row)
@@ -43,6 +43,8 @@ def write_graphml(run, path, number=-1):
     Raises:
         InputError: As of :func:`contact_graph`, or the file cannot be written.
     """
+    import networkx
+
     graph = contact_graph(run, number)
     try:
         networkx.write_graphml_xml(graph, Path(path))

@@ -4,8 +4,8 @@ import csv
 import tomllib
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import networkx
 import numpy as np
 import pandas
 from numpy.typing import ArrayLike
@@ -23,6 +23,9 @@ from . import contact_tables, grain_tables, graph, localisation, sample_tables
 from .columns import check_finite, exact_csv
 from .rows import run_rows
 from .state import State
+
+if TYPE_CHECKING:
+    import networkx
 
 #: By one of these a folder is known as that of a run.
 SIGNS = ("run.json", "history.csv", "fields")
@@ -264,7 +267,7 @@ class Run:
         """
         return contact_tables.network(self)
 
-    def graph(self, number: int = -1) -> networkx.Graph:
+    def graph(self, number: int = -1) -> "networkx.Graph":
         """Grains, walls and active contacts of a stored state, a networkx.Graph.
 
         See :func:`mufe_fenicsx.results.graph.contact_graph`.

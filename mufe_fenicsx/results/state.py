@@ -50,10 +50,15 @@ class State:
         return *renumbered(cells.reshape(-1, 4)[chosen]), chosen
 
     @cached_property
+    def _shapes(self):
+        """Of the arrays in the file, dict name -> shape."""
+        return read_arrays(self._folder, self.index)
+
+    @cached_property
     def fields(self) -> dict[str, tuple[int, ...]]:
         """Names of the fields, dict name -> shape; :meth:`field` reads one."""
-        shapes, found = read_arrays(self._folder, self.index), {}
-        for key, shape in shapes.items():
+        found = {}
+        for key, shape in self._shapes.items():
             kind, _, name = key.partition("/")
             if kind in ("PointData", "CellData"):
                 found[name] = shape
@@ -68,9 +73,8 @@ class State:
         Raises:
             InputError: There is none, or it cannot be read.
         """
-        shapes = read_arrays(self._folder, self.index)
         for place in ("PointData", "CellData"):
-            if f"{place}/{name}" in shapes:
+            if f"{place}/{name}" in self._shapes:
                 return self._array(f"{place}/{name}")
         raise InputError(
             f"state {self.index} has no field {name}, expected one of {', '.join(self.fields)}"

@@ -4,7 +4,6 @@ import time
 from pathlib import Path
 
 from ..errors import InputError, raise_together
-from ..geometry.tets.workers import load_ahead
 from ..machine.doing import Doing
 from ..machine.mpi_launcher import forget_launcher
 from .run_place import say
@@ -32,7 +31,6 @@ def draw_report(comm, folder, quiet):
         say(comm, "the test has ended; drawing its report", quiet)
         forget_launcher()
         with Doing("drawing the report", not quiet):
-            load_ahead("mufe_fenicsx.report.parts")  # before this process loads the same
             # Only here: a run does without the libraries of pictures.
             from ..report import write_report
 

@@ -151,7 +151,7 @@ def test_nodes_that_contact_does_not_read_need_not_follow():
     Nor need the soft ball's velocities be known at the end of each step.
     """
     comm = MPI.COMM_WORLD
-    ball, brick = sphere(1e-3, 0.4e-3), box((2e-3, 2e-3, 1e-3), (4, 4, 2), (-1e-3, -1e-3, -1e-3))
+    ball, brick = sphere(1e-3, 0.6e-3), box((2e-3, 2e-3, 1e-3), (4, 4, 2), (-1e-3, -1e-3, -1e-3))
     turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
     bodies = [

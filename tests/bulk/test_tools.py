@@ -76,7 +76,6 @@ def test_a_path_ends_where_it_says():
     assert s.rigid.velocity[-1].tolist() == [0, 0, 0]
 
 
-@pytest.mark.mpi
 def test_a_dead_load_is_carried_and_its_work_counted():
     """A plate that is free along z lies down on both cubes and presses them with its load."""
     load, mass = 20.0, DENSITY * SIZE.prod()
@@ -195,6 +194,20 @@ def test_steps_and_increments_find_the_same_force():
     # Two cubes: E A δ/L, less what two contact layers c h/E* on each take.
     assert forces[0] == pytest.approx(forces[1], rel=5e-3)
     assert 0.7 < forces[1] / (2 * ROCK.E * EDGE * down) < 1.0
+
+
+@pytest.mark.mpi
+@pytest.mark.skipif(COMM.size == 1, reason="compares several ranks with one")
+def test_an_increment_on_several_ranks_is_that_on_one():
+    """A plate on one rank presses cubes of others; to what is left by Newton's method, 1e-6."""
+    down, found = 3e-7, []
+    for comm in (COMM, MPI.COMM_SELF):
+        path = ToolPath([0, 1.0], [np.zeros(6), [0, 0, -down, 0, 0, 0]])
+        s = blocks(comm, [Tool("plate", *PLATE, path=path, friction=0.3)], increment=1.0)
+        s.step()
+        found.append([s.tools.forces()[0, 2], s.wall_forces()[0], s.energies()["work"]])
+    assert found[1][0] > 0.1
+    assert found[0] == pytest.approx(found[1], rel=1e-5)
 
 
 @pytest.mark.parametrize(

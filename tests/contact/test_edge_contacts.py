@@ -142,7 +142,7 @@ def test_crossing_edges_are_in_the_contact_table_and_in_the_nodal_fields():
     ridges = Ridges(gap=0.01)
     contact = ridges.contact
     forces = ridges.move([0, 0, -0.02], 20)[-1:]
-    before, steps, vector = contact.num_searches, 200, np.array([0.17, -0.17, 0.0])
+    before, steps, vector = contact.num_searches, 100, np.array([0.17, -0.17, 0.0])
     for _ in range(steps):
         forces = np.vstack([forces, ridges.move(vector / steps, 1)])
         assert not contact.pairs.closed.any()

@@ -105,9 +105,18 @@ def sheared_cubes(friction=0.1, **options):
     return sim
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("points", ["facets", "nodes"])
-@pytest.mark.parametrize("friction", [0.1, PairFriction(0.9, "abc", {("b", "a"): (0.1, 0.095)})])
+OF_PAIRS = PairFriction(0.9, "abc", {("b", "a"): (0.1, 0.095)})
+
+
+@pytest.mark.parametrize(
+    ("points", "friction"),
+    [
+        ("facets", 0.1),
+        ("nodes", 0.1),
+        pytest.param("facets", OF_PAIRS, marks=pytest.mark.mpi),
+        ("nodes", OF_PAIRS),
+    ],
+)
 def test_tangent_of_contact_is_the_derivative_of_its_forces(points, friction):
     """Sticking and slipping, on a wall and between grains, at an odd state in the fourth increment.
 
@@ -234,7 +243,6 @@ def test_free_grains_are_held_and_do_not_change_the_answer():
     np.testing.assert_allclose(forces, forces[0], rtol=1e-3)
 
 
-@pytest.mark.mpi
 def test_other_solvers_find_the_answer_of_the_direct_one():
     """The same forces within Newton's tolerance, of balls that yield."""
     forces = []

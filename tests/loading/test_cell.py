@@ -119,6 +119,7 @@ def test_the_cell_goes_to_its_pressure_and_a_run_that_stops_goes_on(folder):
         np.testing.assert_array_equal(values[:num_rows], begin[name][:num_rows], err_msg=name)
 
 
+@pytest.mark.slow
 def test_mean_stress_and_ratio_are_kept_by_the_cell(tmp_path):
     """p and eta beside a strain of z: the pressure follows what the platens carry."""
     save_grains(tmp_path / "grains", packed_grains((2, 2, 2), h=0.7 * RADIUS))
@@ -159,13 +160,13 @@ def test_a_sleeve_as_thick_as_the_sample_is_refused(folder, tmp_path):
 @pytest.mark.mpi
 def test_ranks_agree(folder):
     comm = MPI.COMM_WORLD
-    run(folder, "together", comm, max_steps=40)
+    run(folder, "together", comm, max_steps=20)
     if comm.rank:
         return
-    run(folder, "alone", MPI.COMM_SELF, max_steps=40)
+    run(folder, "alone", MPI.COMM_SELF, max_steps=20)
     histories = [read_history(folder / name / "history.csv") for name in ("together", "alone")]
     for name in ("diameter", "cell_pressure", "stress_z", "membrane_force", "elastic"):
-        # Sums in another order: rounding, which forty steps do not let grow much.
+        # Sums in another order: rounding, which twenty steps do not let grow much.
         np.testing.assert_allclose(
             histories[0][name], histories[1][name], rtol=1e-8, atol=1e-12, err_msg=name
         )

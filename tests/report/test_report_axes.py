@@ -6,10 +6,10 @@ import pytest
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.history import COLUMNS
-from mufe_fenicsx.report import curves, style
+from mufe_fenicsx.report import curves, motion, style
 from mufe_fenicsx.report.animation import _write_mp4
 from mufe_fenicsx.report.axes import without_spikes
-from mufe_fenicsx.report.parts import FIGURES, RENDERED
+from mufe_fenicsx.report.parts import FIGURES
 from mufe_fenicsx.report.source import Source
 from tests.made_up_run import fake_history, write_history, write_whole_run
 from tests.report.test_report_stages import STAGED, staged_history, write_staged_run
@@ -29,6 +29,16 @@ NO_LEGEND = {
 def look():
     with matplotlib.rc_context(style.RC):
         yield
+
+
+@pytest.fixture
+def blank(monkeypatch):
+    """Pictures of bodies are white: legends are beside them whatever they show."""
+
+    def white(layers, camera, size, outline=None):
+        return np.full((*size[::-1], 3), 255, np.uint8)
+
+    monkeypatch.setattr(motion, "render", white)
 
 
 def draw(folder, history, figure):
@@ -53,13 +63,16 @@ def sources(tmp_path_factory):
     shear |= {name: 1e-3 * history_of_shear["strain"] for name in of_tool}
     columns = (*COLUMNS, *STAGED, *shear)
     write_staged_run(sheared, history_of_shear | shear, [0, 0, 0], columns=columns)
-    return Source(whole), Source(staged), Source(sheared)
+    found = Source(whole), Source(staged), Source(sheared)
+    for source in found:
+        source.no_pictures = None  # there is nothing to be tried, see `blank`
+    return found
 
 
 @pytest.mark.parametrize(
     "name", [name for name, _, draw in FIGURES if draw and name not in NO_LEGEND]
 )
-def test_no_legend_lies_on_an_axis(look, sources, name):
+def test_no_legend_lies_on_an_axis(look, blank, sources, name):
     """Legends are beside all axes and inside of the picture, whatever is drawn there."""
     draw = next(draw for known, _, draw in FIGURES if known == name)
     drawn = 0
@@ -67,7 +80,7 @@ def test_no_legend_lies_on_an_axis(look, sources, name):
         try:
             figure = draw(source).figure
         except InputError:
-            continue  # not of this test, or no pictures on this machine
+            continue  # not of this test
         figure.draw_without_rendering()
         found = [*figure.legends, *(a.get_legend() for a in figure.axes if a.get_legend())]
         for box in (legend.get_window_extent() for legend in found):
@@ -77,7 +90,7 @@ def test_no_legend_lies_on_an_axis(look, sources, name):
             low, high = figure.bbox.min - 1, figure.bbox.max + 1  # a pixel
             assert (box.min >= low).all() and (box.max <= high).all()
             drawn += 1
-    assert drawn or name in RENDERED
+    assert drawn
 
 
 def test_a_single_value_does_not_flatten_the_rest(look, tmp_path):

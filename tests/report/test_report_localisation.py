@@ -114,6 +114,7 @@ def test_even_strain_in_a_box_has_no_band(tmp_path):
     assert (drawing.tables[""]["strain zz [-]"] == table["strain_zz"]).all()
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_few_grains_have_a_word_instead(tmp_path):
     write_run(tmp_path, (2, 2, 3), 1, 3)
     with pytest.raises(InputError, match="12 grains with neighbours, expected 60 or more"):

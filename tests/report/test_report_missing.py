@@ -13,6 +13,8 @@ from mufe_fenicsx.report import list_figures, write_report
 from mufe_fenicsx.results.columns import exact_csv
 from tests.made_up_run import SCENE, fake_history, write_history, write_run, write_whole_run
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 
 def test_missed_target_is_said(tmp_path):
     h = fake_history()
@@ -181,6 +183,7 @@ def test_only_states(tmp_path):
 
 def test_without_graphics(tmp_path, monkeypatch):
     """Where nothing can be rendered the page says so and shows the rest."""
+    monkeypatch.setattr("mufe_fenicsx.report.source.start_probe", lambda: None)
     monkeypatch.setattr("mufe_fenicsx.report.source.cannot_render", lambda probe: "no driver")
     write_run(tmp_path, (1, 1, 2), 2, 2)
     write_report(tmp_path, only=["stress-cut", "stress-3d", "chosen-grains", "animation"])

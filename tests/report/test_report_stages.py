@@ -111,6 +111,7 @@ def test_the_page_has_volumes_between_the_walls_of_that_time(tmp_path):
     assert "Cross-section at the start" in dict(summary.run_rows({"area": area}))
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_deviator_mean_stress_and_volume_of_known_stresses(tmp_path):
     """x = 2, y = 3, z = 7 and then 1 MPa: q = √21 and -√3 MPa, p = 4 and 2 MPa; sides give way."""
     h = staged_history((0.0, 0.02, 0.03, 0.05))

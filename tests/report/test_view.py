@@ -173,6 +173,7 @@ def test_nodes_in_another_order_are_found():
         same_nodes((points, cells, grain), (moved, cells[[1, 0, 2]], grain))
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_report_of_a_run_that_goes_on(tmp_path):
     """A row half written, a state whose contacts are not there yet, run.json of the start."""
     write_run(tmp_path, (1, 1, 2), 2, 2)

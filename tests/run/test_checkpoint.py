@@ -46,6 +46,7 @@ from mufe_fenicsx.scene import (
 )
 from tests.bodies import RADIUS, packed_grains
 from tests.checkpoints import arrays
+from tests.ranks import on_first
 
 COMM = MPI.COMM_WORLD
 ROCK = (100e9, 0.15, 2650.0)
@@ -71,9 +72,24 @@ def scene(strain=0.008, speed=20.0, **output):
     )
 
 
+#: With coefficients of pairs of materials and many checkpoints.
+OFTEN = scene(checkpoint_steps=40)
+PAIRS = {"material-late": Pair(0.5, 0.15), "hard-material": Pair(0.1)}
+OFTEN = replace(
+    OFTEN,
+    contact=replace(OFTEN.contact, pairs=PAIRS),
+    oedometer=replace(OFTEN.oedometer, strain=0.004, ramp=0.002),
+)
+FIRST_STOP = 100
+
+
 @pytest.fixture
 def folder(tmp_path_factory):
     """A folder that all ranks share, with the grains: two layers of spheres."""
+    return _shared(tmp_path_factory)
+
+
+def _shared(tmp_path_factory):
     path = COMM.bcast(tmp_path_factory.mktemp("keep") if COMM.rank == 0 else None)
     if COMM.rank == 0:
         save_grains(path / "grains", packed_grains((2, 2, 2), h=0.7 * RADIUS))
@@ -92,17 +108,24 @@ def files(path):
     return {str(p.relative_to(path)): p.read_bytes() for p in names if p.name != "run.json"}
 
 
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory):
+    """A folder with a run that was not stopped, one that was twice, and a copy of its first part.
+
+    Before and after grains begin to deform; all kinds of contact are there.
+    """
+    path = _shared(tmp_path_factory)
+    run(path, "whole", scene=OFTEN)
+    run(path, "parts", scene=OFTEN, max_steps=FIRST_STOP)
+    on_first(COMM, lambda: shutil.copytree(path / "parts", path / "other"))
+    run(path, "parts", scene=OFTEN, max_steps=145, resume=True)
+    return path
+
+
 @pytest.mark.mpi
-def test_resumed_runs_give_the_same_bytes(folder, monkeypatch):
-    """Stopped before and after grains begin to deform, then by a signal that one rank receives."""
+def test_resumed_runs_give_the_same_bytes(stopped, monkeypatch):
+    """Stopped at two steps, then by a signal that one rank receives."""
     handler = signal.getsignal(signal.SIGINT)  # ignored where tests run in the background
-    often = scene(checkpoint_steps=40)
-    pairs = {"material-late": Pair(0.5, 0.15), "hard-material": Pair(0.1)}
-    often = replace(often, contact=replace(often.contact, pairs=pairs))
-    whole = run(folder, "whole", scene=often)
-    assert whole["finished"]
-    run(folder, "parts", scene=often, max_steps=100)
-    run(folder, "parts", scene=often, max_steps=145, resume=True)
     write_state = Recorder.write_state
 
     def interrupt(recorder):
@@ -112,25 +135,27 @@ def test_resumed_runs_give_the_same_bytes(folder, monkeypatch):
 
     monkeypatch.setattr(Recorder, "write_state", interrupt)
     monkeypatch.setattr(interruption, "LATENCY", 1e-3)
-    with pytest.raises(Interrupted, match="stopped by SIGINT") as stopped:
-        run(folder, "parts", scene=often, resume=True)
-    assert stopped.value.signal == signal.SIGINT
+    with pytest.raises(Interrupted, match="stopped by SIGINT") as ended:
+        run(stopped, "parts", scene=OFTEN, resume=True)
+    assert ended.value.signal == signal.SIGINT
     assert signal.getsignal(signal.SIGINT) is handler
     monkeypatch.undo()
-    parts = run(folder, "parts", scene=often, resume=True)
-    assert parts["finished"] and parts["resumed_at_steps"][:2] == [100, 145]
+    parts = run(stopped, "parts", scene=OFTEN, resume=True)
+    assert parts["finished"] and parts["resumed_at_steps"][:2] == [FIRST_STOP, 145]
     assert len(parts["resumed_at_steps"]) == 3
+    whole = json.loads((stopped / "whole" / "run.json").read_text())
+    assert whole["finished"]
     if COMM.rank == 0:
-        assert files(folder / "parts") == files(folder / "whole")
-        assert last_step(folder / "whole") == last_step(folder / "parts")
+        assert files(stopped / "parts") == files(stopped / "whole")
+        assert last_step(stopped / "whole") == last_step(stopped / "parts")
         # Those of dents too: rows of the first half come before the last stop.
-        dents = read_history(folder / "whole" / "history.csv")["plastic_dents"]
+        dents = read_history(stopped / "whole" / "history.csv")["plastic_dents"]
         assert dents[-1] > dents[dents.size // 2] > 0.0
-    for one, other in zip(*(arrays(folder / name) for name in ("whole", "parts")), strict=True):
+    for one, other in zip(*(arrays(stopped / name) for name in ("whole", "parts")), strict=True):
         assert one == other
     assert parts["stages"] == whole["stages"] and parts["contact"] == whole["contact"]
     with pytest.raises(InputError, match="is finished"):
-        run(folder, "parts", scene=often, resume=True)
+        run(stopped, "parts", scene=OFTEN, resume=True)
 
 
 @pytest.fixture
@@ -347,7 +372,6 @@ def check_stopped_run(run_folder, status, error, number):
     assert summary["num_steps"] == step and number.name in summary["stop_reason"]
 
 
-@pytest.mark.mpi
 def test_a_signal_is_heard_while_all_begins_anew(folder, monkeypatch):
     """It comes between the checkpoint that new shares of the work begin from and their start."""
     begin_again = run_module.TestRun.begin_again
@@ -526,31 +550,18 @@ def test_a_full_disk_leaves_the_last_checkpoint(folder, monkeypatch):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("before", ["one", "several"])
-def test_another_number_of_ranks_goes_on(folder, before):
-    """Grains, contacts and sums find their new ranks: forces differ by rounding alone.
+@pytest.mark.skipif(COMM.size == 1, reason="needs several ranks")
+def test_another_number_of_ranks_goes_on(stopped):
+    """Several, one and several again: forces differ by rounding alone from those of several.
 
-    The bound is that of sums in another order, 1e-16, which hundreds of steps amplify.
+    Grains, contacts and sums find their new ranks. The bound is that of sums in another order,
+    1e-16, which hundreds of steps amplify.
     """
-    if COMM.size == 1:
-        pytest.skip("needs several ranks")
-
-    def on(which, name, **options):
-        if which == "several" or COMM.rank == 0:
-            comm = COMM if which == "several" else MPI.COMM_SELF
-            run_scene(scene(), folder / "grains", folder / name, comm, quiet=True, **options)
-        COMM.Barrier()
-
-    # Before grains begin to deform, and after; all kinds of contact are there.
-    step, after = (120, "several") if before == "one" else (200, "one")
-    on(before, "same", max_steps=step)
-    if COMM.rank == 0:
-        shutil.copytree(folder / "same", folder / "other")
-    COMM.Barrier()
-    on(before, "same", resume=True)
-    on(after, "other", resume=True)
-    if COMM.rank == 0:
-        check_alike(folder / "same", folder / "other", after=step)
+    given = OFTEN, stopped / "grains", stopped / "other"
+    options = {"resume": True, "quiet": True}
+    on_first(COMM, lambda: run_scene(*given, MPI.COMM_SELF, max_steps=150, **options))
+    run_scene(*given, COMM, **options)
+    on_first(COMM, lambda: check_alike(stopped / "whole", stopped / "other", after=150))
 
 
 def check_alike(same, other, after):

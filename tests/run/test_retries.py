@@ -51,6 +51,7 @@ def run(folder, name, given, **options):
     return run_scene(given, folder / "grains", folder / name, COMM, **{"quiet": True, **options})
 
 
+@pytest.mark.mpi
 def test_after_a_retry_the_run_is_the_one_with_the_short_step_from_there(
     folder, monkeypatch, capfd
 ):

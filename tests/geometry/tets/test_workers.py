@@ -65,6 +65,29 @@ def test_a_script_needs_no_guard_around_work_in_workers(tmp_path):
     assert done.stdout == "[2.0, 3.0]\n"
 
 
+def test_a_module_that_is_loaded_ahead_is_loaded_once_for_all_workers(tmp_path):
+    """By this process and by the one that workers are copies of."""
+    (tmp_path / "counted.py").write_text(
+        "from pathlib import Path\n"
+        "with Path(__file__).with_name('loads').open('a') as file: file.write('x')\n"
+        "def half(number): return number / 2\n",
+        encoding="utf-8",
+    )
+    program = (
+        "import counted\n"
+        "from mufe_fenicsx.geometry.tets.workers import load_ahead, run_jobs\n"
+        "load_ahead('counted')\n"
+        "print(run_jobs(counted.half, [2.0, 4.0, 6.0], 3))\n"
+    )
+    places = os.pathsep.join([str(tmp_path), *sys.path])
+    done = subprocess.run(
+        [sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": places},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout == "[1.0, 2.0, 3.0]\n"
+    assert (tmp_path / "loads").read_text() == "xx"
+
+
 def test_workers_that_cannot_even_start_are_no_reason_to_try_every_job(tmp_path, monkeypatch):
     module = tmp_path / "absent_in_workers.py"
     module.write_text(
