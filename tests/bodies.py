@@ -14,14 +14,11 @@ RADIUS = 1e-3
 
 
 def meshed_once(make):
-    """Such a maker of bodies, which meshes equal ones once in a process; arrays are read-only."""
+    """Such a maker of bodies, which meshes equal ones once in a process and gives copies."""
+    kept = functools.cache(make)
 
-    @functools.cache
     def body(*args, **options):
-        parts = make(*args, **options)
-        for part in parts:
-            part.flags.writeable = False
-        return parts
+        return tuple(part.copy() for part in kept(*args, **options))
 
     return body
 

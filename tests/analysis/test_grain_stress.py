@@ -97,5 +97,9 @@ def test_yield_away_from_contacts_and_none():
     plastic = (middle[:, 2] < -0.9) * 1e-3
     found = yield_place(points, cells, plastic, 0 * pressure)
     assert not found.under_contact and np.isnan(found.edge_distance)
-    assert found.depth < 0.25 and len(boundary_triangles(cells)) == 6 * 2 * 16
+    # The first cell with a face on the base: its middle is a quarter of its height above.
+    assert (
+        found.depth == pytest.approx(1 / 16, rel=ROUND_OFF)
+        and len(boundary_triangles(cells)) == 6 * 2 * 16
+    )
     assert yield_place(points, cells, 0 * plastic, pressure) is None

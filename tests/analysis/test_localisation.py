@@ -130,12 +130,13 @@ def test_a_band_is_found_with_its_place_and_width(degrees):
     band = find_band(x, found.strain_deviator, found.volume[0], D)
     assert band.share > ENOUGH
     assert np.degrees(np.arccos(abs(band.normal @ normal))) < 5
-    # Half a grain for the place. A grain's cells reach to its neighbours, so that edges blur.
-    assert abs((band.middle - place) @ normal) < 0.5 * D
+    # The place is a mean over hundreds of grains. A grain's cells reach to its neighbours, so that
+    # edges blur, and of three grains across the outer ones share their strain with those beside.
+    assert abs((band.middle - place) @ normal) < 0.1 * D
     assert band.width == pytest.approx(width, abs=D)
     assert band.inclination == pytest.approx(degrees, abs=5)
     peak = 2 / np.sqrt(3) * np.arcsinh(0.2)
-    assert band.strain[0] == pytest.approx(peak, rel=0.3) and band.strain[1] < 0.1 * peak
+    assert 0.7 * peak < band.strain[0] < 0.9 * peak and band.strain[1] < 0.1 * peak
     assert spread(found.strain_deviator, found.volume[0]) > 1
 
 
@@ -151,7 +152,8 @@ def test_no_band_in_even_strain_with_random_motion(counts, most, noise):
         found = grain_strain(cells, x, now + noise * D * rng.normal(size=x.shape))
         band = find_band(x, found.strain_deviator, found.volume[0], D)
         assert band.share < most < ENOUGH
-        assert spread(found.strain_deviator, found.volume[0]) < 0.6
+        # Motion at random of a tenth of a diameter is twice the strain: measured 0.52 and 0.24.
+        assert spread(found.strain_deviator, found.volume[0]) < (0.3 if noise < 0.1 else 0.6)
     even = grain_strain(cells, x, now)
     assert find_band(x, even.strain_deviator, even.volume[0], D) is None
 

@@ -5,10 +5,10 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.bulk.mass_properties import mass_properties, point_properties, quaternion_of
-from mufe_fenicsx.contact.walls import Wall
+from mufe_fenicsx.contact.walls import Wall, rotation_of
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
-from mufe_fenicsx.kernels.rigid import set_axes
+from mufe_fenicsx.kernels.rigid import set_axes, set_spin
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.run.from_bodies import build
@@ -203,3 +203,11 @@ def on_ranks(comm, bodies, materials):
         comm, bodies, materials, (0, 0, 0), (0, 0, 0), axes="", friction=0.4, damping=1e3,
         velocity=lambda x, grain: -3e4 * (centre[grain] - centre.mean(axis=0)),
     )  # fmt: skip
+
+
+def test_a_body_turns_at_its_momentum_over_its_moments():
+    """ω = R diag(1/I) Rᵀ L, of three different moments about axes that have turned."""
+    axes = rotation_of(np.array([0.4, -1.1, 0.7]))
+    momentum, inertia, spin = np.array([0.3, 0.9, -0.5]), np.array([1.0, 2.0, 5.0]), np.empty(3)
+    set_spin(spin, momentum, axes, inertia)
+    assert spin == pytest.approx(axes @ (axes.T @ momentum / inertia), rel=1e-13)

@@ -39,7 +39,8 @@ def test_depths_go_and_the_force_is_that_of_stiff_layers():
     rigid, soft = pressed(compliance=2.5e-5), pressed()
     exact, again = (pressed(n, gap_tolerance=1e-6) for n in (1, 3))
     force = [s.wall_forces()[0] for s in (rigid, soft, exact, again)]
-    assert force[1] < 0.99 * force[0]
+    # The usual layers take a quarter of this force: recorded.
+    assert force[1] == pytest.approx(0.77 * force[0], rel=0.01)
     assert force[2] == pytest.approx(force[0], rel=3e-4)
     # Multipliers go on from increment to increment.
     assert force[3] == pytest.approx(force[2], rel=3e-4)

@@ -83,7 +83,8 @@ def test_pairs_one_by_one_and_in_four_lanes(option, points, radius, monkeypatch)
         for _ in range(200):
             s.step()
         sums = np.array([s.contact.dissipation.total, s.contact.energy()[0], s.walls.work])
-        found.append((s.force.x.array.copy(), s.state.v.copy(), s.walls.force.copy(), sums))
+        walls = np.concatenate([s.walls.force, s.walls.torque])
+        found.append((s.force.x.array.copy(), s.state.v.copy(), walls, sums))
         for pairs in (s.contact.pairs, s.walls.pairs):
             assert (pairs.closed & pairs.sliding).any() and (pairs.closed & ~pairs.sliding).any()
     for one, two in zip(*found, strict=True):

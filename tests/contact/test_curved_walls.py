@@ -108,7 +108,7 @@ def test_a_ring_under_a_servo_holds_its_force():
 
 
 def test_a_ring_that_spins_presses_alike_and_drags():
-    """Without friction nothing changes; with it the torque is at most μ N R."""
+    """Without friction nothing changes; with it the torque is at most μ N R, against the spin."""
     forces, torque = [], []
     for spin, friction in ((0.0, 0.0), (200.0, 0.0), (200.0, 0.2)):
         ring = {"name": "ring", "point": ROW, "normal": UP, "radius": 3 * RADIUS,
@@ -122,7 +122,7 @@ def test_a_ring_that_spins_presses_alike_and_drags():
     # A wall that turns is looked at in each step, and steps differ a little.
     assert forces[1] == pytest.approx(forces[0], rel=0.01)
     assert abs(torque[1]) < 1e-9 * forces[1] * RADIUS
-    assert 0.0 < abs(torque[2]) <= 0.2 * forces[2] * s.walls.curved.radius[0] * (1 + 1e-6)
+    assert 0.0 < -torque[2] <= 0.2 * forces[2] * s.walls.curved.radius[0] * (1 + 1e-6)
 
 
 def test_increments_are_steps_at_rest():
@@ -158,7 +158,10 @@ def test_facets_on_the_wall_are_part_of_it():
     pairs = s.walls.pairs
     near = (pairs.wall == 0) & (pairs.gap < 1e-3 * RADIUS)  # not those inside the end faces
     assert near.sum() > 50 and pairs.closed[near].all()
-    assert s.wall_forces()[0] > 0.0
+    # In-plane strain of 1e-6 between planes: σ = 2 (λ + G) ε, of which layers take some per cents.
+    E, nu = SOFT.E, SOFT.nu
+    force = 1e-6 * E / ((1 + nu) * (1 - 2 * nu)) * np.pi * RADIUS**2
+    assert 0.9 * force < s.wall_forces()[0] < force
 
 
 @pytest.mark.parametrize(
@@ -187,7 +190,7 @@ def test_what_is_no_wall_is_named(changed, message):
 def test_increments_hold_a_force_on_a_curved_wall(axis):
     """A ring around a cylinder, and a hollow sphere around a ball, find their radius."""
     body = (
-        cylinder(RADIUS, 0.5 * RADIUS, 0.3 * RADIUS) if axis.any() else sphere(RADIUS, RADIUS / 3)
+        cylinder(RADIUS, 0.5 * RADIUS, 0.3 * RADIUS) if axis.any() else sphere(RADIUS, RADIUS / 2)
     )
     middle = np.zeros(3)
     wall = Wall("wall", middle, axis, radius=1.001 * RADIUS, target=5.0, speed=0.01 * RADIUS)

@@ -58,5 +58,8 @@ def test_the_container_is_the_cylinder_that_cut_the_grains():
     assert bounds(radius=1.5e-3).radius == 1.5e-3
     with pytest.raises(InputError, match=r"container.radius = 0.0009, expected at least 0.001"):
         bounds(radius=0.9e-3)
-    mesh.cylinder = None  # the smallest circle around what they cover
-    assert bounds().radius < 0.95 * CYLINDER[2]
+    mesh.cylinder = (
+        None  # the smallest circle around what they cover: less than half, so by its chord
+    )
+    widest = max(np.linalg.norm(x[:, :2] - place, axis=1).max() for place in x[:, :2])
+    assert bounds().radius == pytest.approx(0.5 * widest, rel=1e-9)

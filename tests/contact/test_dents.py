@@ -106,10 +106,11 @@ def test_work_of_dents_is_that_of_their_forces_along_them():
         deeper, now = dents_and_forces()
         work += 0.5 * (force + now) @ (deeper - dent)
         dent, force = deeper, now
-    assert of_patches(s.contact_patches()).half == pytest.approx(0.7, abs=0.1)
+    assert of_patches(s.contact_patches()).half == pytest.approx(0.7, abs=0.02)
     e = s.energies()
     assert e["plastic_dents"] == pytest.approx(work, rel=1e-12)
-    assert 0.1 * e["plastic"] < work < 0.9 * e["plastic"]
+    # Of all plastic work an eighth: recorded. The rest is that of the elements.
+    assert work == pytest.approx(e["plastic"] / 8, rel=0.05)
 
 
 def test_unloading_is_elastic_and_a_dent_remains():
@@ -125,7 +126,8 @@ def test_unloading_is_elastic_and_a_dent_remains():
     assert (p.dent >= dent).all()
     on = p.closed & (dent > 0)
     assert COMM.allreduce(np.count_nonzero(on)) >= 4
-    assert COMM.allreduce(p.normal_force.sum()) < 0.9 * COMM.allreduce(force.sum())
+    # Unloaded by a quarter: forces are elsewhere on the law.
+    assert COMM.allreduce(p.normal_force.sum()) < 0.8 * COMM.allreduce(force.sum())
     depth = p.offset - p.gap
     law = zip(p.stiffness, depth, p.softer, strict=True)
     elastic = np.array([k * over_stiffness(d, m) for k, d, m in law])

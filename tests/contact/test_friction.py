@@ -167,7 +167,7 @@ def test_friction_work_across_many_facets():
     for k in range(20):
         m.go(-4e-3 * SIZE * (k + 1) / 20 * UP)
     start, rubbed, residual = m.place, m.contact.dissipation.total, m.residual()
-    num_steps, step = 2000, 1e-4 * SIZE
+    num_steps, step = 4000, 1e-4 * SIZE
     angle, place, expected, crossed, facet = 0.3, np.zeros(2), 0.0, 0, None
     normal = (FRAME @ m.force)[2]
     for k in range(num_steps):

@@ -1,9 +1,11 @@
 """The time step of single elements (`assembled = False`) bounds that of the assembled system."""
 
 import numpy as np
+import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx import Elastic, box, build
+from mufe_fenicsx.kernels.element_step import element_steps
 
 MATERIAL = Elastic(100e9, 0.15, 2650.0)
 EDGE = 1e-3
@@ -29,3 +31,14 @@ def test_step_of_elements_counts_contact_and_is_the_shorter_one():
     for apart in (False, True):
         assert 0 < steps[False, apart] <= steps[True, apart]
     assert steps[False, False] < steps[False, True]
+
+
+def test_step_of_an_element_is_that_of_its_four_altitudes():
+    """Δt = 1/(c √Σ 1/h²), of uneven tetrahedra."""
+    rng, speed = np.random.default_rng(3), 7.0
+    for _ in range(5):
+        x = rng.standard_normal((4, 3))
+        gradients = np.linalg.inv(np.column_stack([np.ones(4), x]))[1:]  # |∇N| = 1/h
+        expected = 1.0 / (speed * np.sqrt((gradients**2).sum()))
+        found = element_steps(x, np.array([[0, 1, 2, 3]], np.int32), np.array([speed]))
+        assert found[0] == pytest.approx(expected, rel=1e-12)

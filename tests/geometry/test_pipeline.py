@@ -15,7 +15,7 @@ from mufe_fenicsx.machine import memory
 from tests.geometry.scenes import grey_packing, two_balls
 
 
-def test_an_image_becomes_grain_meshes(tmp_path):
+def test_an_image_becomes_grain_meshes(tmp_path, no_workers):
     np.save(tmp_path / "image.npy", grey_packing())
     labels_path, folder = tmp_path / "labels.tif", tmp_path / "grains"
     found = pipeline.segment_image(

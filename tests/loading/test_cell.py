@@ -119,6 +119,7 @@ def test_the_cell_goes_to_its_pressure_and_a_run_that_stops_goes_on(folder):
         np.testing.assert_array_equal(values[:num_rows], begin[name][:num_rows], err_msg=name)
 
 
+@pytest.mark.slow
 def test_mean_stress_and_ratio_are_kept_by_the_cell(tmp_path):
     """p and eta beside a strain of z: the pressure follows what the platens carry."""
     save_grains(tmp_path / "grains", packed_grains((2, 2, 2), h=0.7 * RADIUS))

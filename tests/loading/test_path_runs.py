@@ -51,7 +51,7 @@ def test_what_cycles_must_not_be(stages, words):
 
 @pytest.fixture
 def folder(tmp_path_factory):
-    path = shared_folder(tmp_path_factory, grains=((1, 1, 3), 0.6))
+    path = shared_folder(tmp_path_factory, grains=((1, 1, 2), 0.9))
     if COMM.rank == 0:
         (path / "motion.csv").write_text("time, strain_z\n0, 0\n1, 1e-3\n2, 1.5e-3\n")
     COMM.Barrier()

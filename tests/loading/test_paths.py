@@ -113,6 +113,7 @@ def test_an_elastic_body_has_a_vertical_effective_path_and_a_third_of_the_deviat
     assert not found["open"][3].any()
 
 
+@pytest.mark.slow
 def test_sand_that_liquefies_goes_on_without_stress_and_comes_back():
     """A cube pulled apart at constant volume leaves its platens: no stress, no error, and back."""
     pull = -4 * PRESSURE / STUFF.E
@@ -157,7 +158,7 @@ def test_a_path_of_p_and_q_is_that_of_its_two_stresses_to_the_bit():
     assert Stage("a", q=q, eta=q / p).stresses == pytest.approx(Stage("a", p=p, q=q).stresses)
 
 
-@pytest.mark.parametrize("make", [block, bar])
+@pytest.mark.parametrize("make", [block, pytest.param(bar, marks=pytest.mark.slow)])
 def test_shear_at_constant_mean_stress(make):
     """p stays within its tolerance all the way; an elastic body then keeps its volume too."""
     strain = 1e-3

@@ -249,7 +249,7 @@ def scene(**changes):
 
 @pytest.fixture
 def folder(tmp_path_factory):
-    return shared_folder(tmp_path_factory, grains=((1, 1, 3), 0.6), ring=((2, 2, 1), 1.0))
+    return shared_folder(tmp_path_factory, grains=((1, 1, 2), 0.9), ring=((2, 2, 1), 1.0))
 
 
 def test_a_sheared_run_resumes_to_the_same_history(folder):
@@ -280,6 +280,7 @@ def test_a_ring_of_grains_is_turned_in_a_hollow_cylinder(folder):
     whole = run(folder, "ring-run", given, "ring")
     kept, history = whole["container"], read_history(folder / "ring-run" / "history.csv")
     assert kept["radius"] == pytest.approx(RADIUS * (1 + math.sqrt(2)), rel=0.02)
+    # Facets with edges as long as the radius lie up to an eighth of it within the ball.
     assert kept["inner_radius"] == pytest.approx(RADIUS * (math.sqrt(2) - 1), rel=0.2)
     turned = history["stage"] == "turn"
     assert history["twist"][turned][-1] == pytest.approx(0.02, abs=1e-9)

@@ -280,7 +280,7 @@ def test_a_wave_that_meets_a_servo_wall_does_not_come_back():
 
 
 def scene(**changes):
-    """Three balls on top of each other: seating, isotropic, sheared until a stress is passed."""
+    """Two balls on top of each other: seating, isotropic, sheared until a stress is passed."""
     stages = (
         Stage(zero=True, xyz=Axis(stress=1e6)),
         Stage("isotropic", xyz=Axis(stress=5e6), hold=2e-6),
@@ -299,7 +299,7 @@ def scene(**changes):
 
 @pytest.fixture
 def folder(tmp_path_factory):
-    return shared_folder(tmp_path_factory, grains=((1, 1, 3), 0.6))
+    return shared_folder(tmp_path_factory, grains=((1, 1, 2), 0.9))
 
 
 def test_a_run_by_stages_reaches_its_stresses_and_resumes_to_the_same_bits(folder):
@@ -312,7 +312,8 @@ def test_a_run_by_stages_reaches_its_stresses_and_resumes_to_the_same_bits(folde
     for axis in "xyz":
         stress, strain = history[f"stress_{axis}"][last], history[f"strain_{axis}"][last]
         assert stress[-1] == pytest.approx(5e6, rel=0.05) and strain[-1] > 0
-    # Held while z is pressed; the deviator ends the stage, where walls brake over a part of it.
+    # Held while z is pressed, but for the waves of two balls, twice the tolerance; the deviator
+    # ends the stage, where walls brake over a part of it.
     x, y, z = (history[f"stress_{axis}"][-1] for axis in "xyz")
     assert [x, y] == pytest.approx([5e6] * 2, rel=0.1) and 4.9e6 < z - 0.5 * (x + y) < 6e6
     assert np.all(history["stress"] == history["stress_z"])
@@ -340,10 +341,15 @@ def test_a_run_in_a_cylinder_resumes_to_the_same_bits(folder):
     """Its side holds a pressure while the platens go on: by force, area, diameter, volume."""
     program = (
         Stage(zero=True, rz=Axis(stress=2e6)),
-        Stage("shear", r=Axis(stress=2e6), z=Axis(strain=0.02)),
+        Stage("shear", r=Axis(stress=2e6), z=Axis(strain=0.005)),
     )
     given = scene(container=ContainerSettings("cylinder"), stages=program)
-    whole = run(folder, "round", given)
+    # Stopped while the servo goes to its pressure: the same a little farther on as without a stop.
+    run(folder, "round", given, max_steps=300)
+    run(folder, "round", given, max_steps=400, resume=True)
+    run(folder, "begin", given, max_steps=400)
+    assert arrays(folder / "round") == arrays(folder / "begin")
+    whole = run(folder, "round", given, resume=True)
     history = read_history(folder / "round" / "history.csv")
     assert whole["finished"] and whole["container"]["radius"] == pytest.approx(RADIUS, rel=0.01)
     D, H = history["diameter"], history["height"]
@@ -354,11 +360,6 @@ def test_a_run_in_a_cylinder_resumes_to_the_same_bits(folder):
     shear = history["stage"] == "shear"  # strains count from its start
     volume, shrunk = (D**2 * H)[shear], triaxial_curves(history)["strain_volume"][shear]
     assert shrunk == pytest.approx(1 - volume / volume[0], abs=1e-3 * np.ptp(shrunk))
-
-    run(folder, "round-parts", given, max_steps=whole["stages"][1]["step"] + 50)
-    parts = run(folder, "round-parts", given, resume=True)
-    assert parts["num_steps"] == whole["num_steps"]
-    assert arrays(folder / "round-parts") == arrays(folder / "round")
 
 
 # --- the tables ---------------------------------------------------------------------------

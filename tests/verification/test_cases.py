@@ -26,7 +26,7 @@ def run(name, **parameters):
 #: Cases and parameters that make them cheap; "slow": in `make verify`.
 CHEAP = [
     ("patch", {}, ""),
-    ("spin", {"turns": 1}, ""),
+    ("spin", {"turns": 5}, "slow"),
     ("sliding-block", {"slip": "2e-6"}, ""),
     ("sliding-facets", {"facets": 0.5}, "slow"),
     ("energy", {"strain": 0.01}, ""),
@@ -40,7 +40,7 @@ CHEAP = [
     ("hertz-convergence", {}, "slow"),
     ("hertz-stress", {"elements_per_radius": 2.5}, "slow"),
     ("curved-walls", {}, "slow"),
-    ("confined-cylinder", {}, ""),
+    ("confined-cylinder", {}, "slow"),
     ("undrained-elastic", {"elements": 3}, "slow"),
     ("tube-in-torsion", {"layers": 4}, ""),
     ("sheared-box", {"divisions": 4}, ""),

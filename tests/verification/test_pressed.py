@@ -26,7 +26,9 @@ def test_increments_and_time_steps_find_the_same_state():
     assert forces[0] == pytest.approx(theory.force, rel=0.06)
 
 
-@pytest.mark.parametrize("element, coarser", [("averaged", 1.0), ("composite", 2.0)])
+@pytest.mark.parametrize("element, coarser", [
+    ("averaged", 1.0), pytest.param("composite", 2.0, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_a_small_contact_is_in_balance(element, coarser):
     """A contact of a hundredth of the mean facet: what presses is what the base holds.
 

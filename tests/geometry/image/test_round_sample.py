@@ -30,7 +30,9 @@ def made(mould=None, field=None, lean=(0.0, 0.0)):
 
 
 # Levels of a steel, a quartz, a plastic and an air-like mould; grains have 160, voids 80.
-@pytest.mark.parametrize(("mould", "lean"), [(250, 0.0), (160, 0.12), (120, 0.0), (30, 0.0)])
+@pytest.mark.parametrize(("mould", "lean"), [
+    pytest.param(250, 0.0, marks=pytest.mark.slow), (160, 0.12), (120, 0.0), (30, 0.0),
+])  # fmt: skip
 def test_the_wall_of_a_mould_is_found(mould, lean):
     _, grey = made(mould, FIELD, (lean, 0.0))
     found, line = mould_circle(grey, FIELD, "scan")
