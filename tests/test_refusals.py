@@ -137,8 +137,8 @@ def shared(tmp_path_factory):
 
 
 @pytest.fixture
-def folder(shared, tmp_path):
-    """A new folder of all ranks beside :func:`shared`."""
+def folder(tmp_path):
+    """A new folder of all ranks."""
     return COMM.bcast(tmp_path)
 
 
@@ -216,6 +216,10 @@ def check_results(folder):
 
 def new_run(shared):
     run(shared, f"run-{len(list(shared.iterdir()))}")
+
+
+def resumed_run(shared):
+    run(shared, "stopped", resume=True)
 
 
 class Case(NamedTuple):
@@ -316,7 +320,7 @@ CASES = {
     "run/resume_check.py check_results": Case(
         FIRST, check_results, "run.resume_check.lost_results", ([WRONG], 0.1, None)),
     "run/run.py _prepare": Case(
-        FIRST, lambda shared: run(shared, "stopped", resume=True), "run.run.check_inside", ERROR),
+        FIRST, resumed_run, "run.run.check_inside", ERROR),
     "run/run.py TestRun.run 1": Case(FIRST, new_run, "run.run.write_run_json", ERROR),
     "run/run.py TestRun.run 2": Case(FIRST, new_run, "run.run.write_run_json", ERROR, before=1),
     "run/run_place.py RunPlace.open": Case(
@@ -340,16 +344,15 @@ def test_each_place_that_raises_together_has_a_case():
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("name", CASES)
-def test_what_one_rank_cannot_do_is_refused_by_all(name, shared, folder, monkeypatch):
+def test_what_one_rank_cannot_do_is_refused_by_all(name, folder, request, monkeypatch):
     """The same error, from the same place: not from one that the others come to later."""
     case = CASES[name]
+    if case.action in (new_run, resumed_run):
+        folder = request.getfixturevalue("shared")
     if case.fails:
         function = f"mufe_fenicsx.{case.fails}"
         failing(monkeypatch, function, case.how, case.rank, COMM, case.before)
-    of_runs = case.action is new_run or case.fails == "run.run.check_inside"
-    traceback = refused(
-        COMM, lambda: case.action(shared if of_runs else folder), InputError, case.says
-    )
+    traceback = refused(COMM, lambda: case.action(folder), InputError, case.says)
     assert sites()[name].is_in(traceback)
 
 

@@ -31,7 +31,7 @@ def run(folder, name, **options):
     scene = Scene(
         material=J2(100e9, 0.15, 2650.0, ((0.0, 10e6), (0.05, 110e6))),
         contact=Contact(friction=0.23),
-        oedometer=Oedometer(strain=0.01, speed=20.0, seating_stress=1e4),
+        oedometer=Oedometer(strain=0.006, speed=20.0, seating_stress=1e4),
         output=Output(fields=3, history=21),
     )
     return run_scene(scene, folder / "grains", folder / name, COMM, quiet=True, **options)

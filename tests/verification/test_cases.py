@@ -106,6 +106,12 @@ def test_case(name, parameters):
     run(name, **parameters)
 
 
+@pytest.mark.mpi
+def test_the_answer_of_a_case_is_known_to_all_ranks():
+    """Of one grain, which lives on one of them."""
+    run("column")
+
+
 @pytest.mark.slow
 def test_segmentation():
     """Without meshes or steps: labels of an image, of the least size that has grains enough."""
