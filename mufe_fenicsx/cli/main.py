@@ -77,6 +77,11 @@ def run(
     """Run the test of a scene; also under mpirun."""
     comm = world()
     printer = Printer(json, comm.rank)
+    from ..kernels.ahead import compile_ahead
+    from ..machine.memory import is_first_on_machine
+
+    if is_first_on_machine(comm):
+        compile_ahead()  # while the libraries of a run are loaded
     from ..run.from_scene import read_scene
     from ..run.run import run_scene
 
