@@ -230,8 +230,7 @@ def pair_energy(gap, offset, closed, stiffness, softer, shear, node, ratio_of_no
     for p in range(node.size):
         if closed[p]:
             count += 1
-            depth, m = offset[p] - gap[p], np.float64(softer[p])
-            energy += stored_energy(stiffness[p], depth, largest_depth[p], m)
-            share = share_of_stiffness(min(depth, largest_depth[p]), m)
+            energy += stored_energy(stiffness[p], offset[p] - gap[p], largest_depth[p], softer[p])
+            share = share_of_stiffness(min(offset[p] - gap[p], largest_depth[p]), softer[p])
             energy += spring_energy(shear[p], share * stiffness[p] * ratio_of_node[node[p]])
     return energy, count

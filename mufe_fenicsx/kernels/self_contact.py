@@ -99,7 +99,7 @@ def find_self_candidates(x, grain_of_node, facets, grain_of_facet, ring_offset, 
                         has_facing[n] = True
                     if count == capacity:
                         capacity *= 2
-                        node, facet = resized(node, capacity), grown(facet, capacity)
+                        node, facet = resized(node, capacity), resized(facet, capacity)
                     node[count], facet[count] = n, f
                     count += 1
     kept = 0

@@ -11,11 +11,10 @@ from mpi4py import MPI
 
 from ..contact.mirrors import check_mirrors
 from ..errors import InputError, Interrupted, SolverError, UnstableError
-from ..kernels.ahead import compile_ahead
 from ..loading.oedometer import OedometerLoading
 from ..loading.stages import StagedLoading
 from ..machine.doing import Doing
-from ..machine.memory import is_first_on_machine, peak_memory, return_freed_arrays
+from ..machine.memory import peak_memory, return_freed_arrays
 from ..output.checkpoint import CheckpointWriter, find_checkpoint, read_tables, written_by
 from ..output.run_folder import (
     check_inside,
@@ -77,8 +76,6 @@ def run_scene(
     """
     return_freed_arrays()
     started = time.perf_counter()
-    if is_first_on_machine(comm):
-        compile_ahead()
     options = RunOptions.of(**options)
     lock = RunLock(comm, output_folder)
     try:
