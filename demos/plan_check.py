@@ -118,7 +118,7 @@ def test(scene, grains, out, answer):
     from mpi4py import MPI
 
     from mufe_fenicsx.planning.run import planned_scene
-    from mufe_fenicsx.run.from_scene import read_scene
+    from mufe_fenicsx.run.scene_file import read_scene
     from mufe_fenicsx.run.run import run_scene
 
     comm = MPI.COMM_WORLD

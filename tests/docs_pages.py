@@ -4,6 +4,7 @@ A line such as `<!-- test: slow -->` before a block says how it is treated:
 
     slow              a reader waits for minutes: its `mufe run` get `--max-steps`, its `mufe pack`
                       few grains, and one process does what `mpirun` is to share among several
+    later             only `make verify` runs it; its `mufe` commands are still read
     needs PROGRAM     it runs where that program is installed, and is listed elsewhere
     as FILE           of TOML: it is a whole scene, kept as FILE; of Python: all Python of the page
                       up to here becomes FILE
@@ -75,6 +76,7 @@ class Block:
     language: str
     text: str
     slow: bool = False
+    later: bool = False  #: than `make test`
     needs: tuple = ()  #: programs
     file: str = ""  #: that it becomes
     excuse: str | None = None  #: why it is never run
@@ -103,15 +105,15 @@ def marks_of(text):
     found = {}
     for mark in filter(None, text.split(";")):
         name, _, value = mark.strip().partition(" ")
-        if name == "slow" and not value:
-            found["slow"] = True
+        if name in ("slow", "later") and not value:
+            found[name] = True
         elif name == "needs" and value:
             found["needs"] = tuple(value.split(", "))
         elif name == "as" and value:
             found["file"] = value
         else:
             raise ValueError(
-                f'mark "{mark}", expected slow, needs PROGRAM, as FILE or not run: REASON'
+                f'mark "{mark}", expected slow, later, needs PROGRAM, as FILE or not run: REASON'
             )
     return found
 
