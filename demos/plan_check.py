@@ -118,8 +118,8 @@ def test(scene, grains, out, answer):
     from mpi4py import MPI
 
     from mufe_fenicsx.planning.run import planned_scene
-    from mufe_fenicsx.run.scene_file import read_scene
     from mufe_fenicsx.run.run import run_scene
+    from mufe_fenicsx.run.scene_file import read_scene
 
     comm = MPI.COMM_WORLD
     given = read_scene(comm, Path(scene))

@@ -24,8 +24,8 @@ from mufe_fenicsx.geometry.grains import Grains, save_grains
 from mufe_fenicsx.materials.sand import scene_table
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.planning.run import make_plan, planned_scene
-from mufe_fenicsx.run.scene_file import read_scene
 from mufe_fenicsx.run.run import run_scene
+from mufe_fenicsx.run.scene_file import read_scene
 from mufe_fenicsx.verification.charts.points import FRICTION, PARTS, STRAIN, jammed_column
 from mufe_fenicsx.verification.polyhedra import polyhedral_grains
 
