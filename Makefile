@@ -57,7 +57,6 @@ UV := $(shell command -v uv || echo $(BIN)/uv)
 define install
 	@echo "installing mufe_fenicsx[$(1)] in $(VENV)"
 	@$(UV) pip install --python $(BIN)/python -e '.[$(1)]' || $(BIN)/python -m pip install -e '.[$(1)]'
-	@touch $@
 endef
 , := ,
 
@@ -66,15 +65,21 @@ $(RUNS): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	@command -v uv >/dev/null || $(BIN)/python -m pip install --quiet --disable-pip-version-check uv || true
 	$(call install,dolfinx)
+# What runs and reports load is kept as bytecode, also where Python is told not to.
+	@env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -c "import mufe_fenicsx.run.run, mufe_fenicsx.report.write, mufe_fenicsx.report.ahead"
+	@touch $@
 
 $(DEMO): $(RUNS)
 	$(call install,dolfinx$(,)demo)
+	@touch $@
 
 $(TEST): $(DEMO)
 	$(call install,dolfinx$(,)demo$(,)test)
+	@touch $@
 
 $(DOCS): $(RUNS)
 	$(call install,dolfinx$(,)docs)
+	@touch $@
 
 clean:
 	rm -rf $(VENV) demo-output

@@ -56,6 +56,7 @@ def main(arguments):
             folder.mkdir()
         environment = {**os.environ, "OMP_NUM_THREADS": "1", **SLEEPING}
         environment |= _shared_forms(Path(scratch))
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # each process would compile all tests
         _compile_once(Path(scratch), environment)
         python = [sys.executable, "-m"]
         workers = [
