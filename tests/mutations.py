@@ -1,8 +1,10 @@
 """What the tests catch: `python -m tests.mutations OUTPUT.csv [--before TREE]`.
 
 One line of the package at a time is changed in a copy of this tree: a sign, a factor, an index, a
-number by one. The tests run until one fails. With `--before`, another checkout, lines that stand in
-both are taken; what this suite misses is tried against the other one too, where its files differ.
+number by one. Then the files of tests run that pass through it, which one run of all finds out at
+first, until a test fails. Of lines in compiled loops, and of constants, all files count. With
+`--before`, another checkout, lines that stand in both are taken; what this suite misses is tried
+against files of the same names there, where they differ.
 
 Rows stand in the output as they are found; numbers that have one are not tried again.
 """
@@ -10,6 +12,7 @@ Rows stand in the output as they are found; numbers that have one are not tried 
 import argparse
 import ast
 import csv
+import json
 import os
 import random
 import re
@@ -153,23 +156,42 @@ def choose(trees, count, seed):
     return chosen
 
 
-def files_for(tree, mutation, left_out=()):
-    """Files of tests, those first that are near to a change."""
+def find_reached(chosen, folder):
+    """{number of a change: files of tests that pass through its line}, by one run of all tests."""
+    lines = {}
+    for mutation in chosen:
+        lines.setdefault(str(ROOT / mutation.file), []).append(mutation.line + 1)
+    wanted = folder / "lines.json"
+    wanted.write_text(json.dumps(lines), encoding="utf-8")
+    environment = os.environ | {"REACHED_LINES": str(wanted), "REACHED_TO": str(folder)}
+    command = [sys.executable, "-m", "tests", "-p", "tests.reached"]
+    subprocess.run(command, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL)
+    found = {}
+    for path in set(folder.glob("*.json")) - {wanted}:
+        for file, line, test in json.loads(path.read_text(encoding="utf-8")):
+            found.setdefault((file, line), set()).add(test)
+    return {
+        number: sorted(found.get((str(ROOT / m.file), m.line + 1), ()))
+        for number, m in enumerate(chosen)
+    }
+
+
+def files_for(tree, mutation, reached):
+    """Files of tests for a change, those first that are near to it."""
     module = Path(mutation.file).stem
-    files = [p for p in sorted((tree / "tests").rglob("test_*.py"))
-             if str(p.relative_to(tree)) not in left_out]  # fmt: skip
+    everything = sorted(str(p.relative_to(tree)) for p in (tree / "tests").rglob("test_*.py"))
+    files = [name for name in everything if not reached or name in reached]
 
-    def distance(path):
-        here = mutation.room in path.parts
-        named = re.search(rf"\b{module}\b", path.read_text(encoding="utf-8")) is not None
-        return 2 - here - named
+    def distance(name):
+        here = mutation.room in Path(name).parts
+        text = (tree / name).read_text(encoding="utf-8")
+        return 2 - here - (re.search(rf"\b{module}\b", text) is not None)
 
-    return [str(p.relative_to(tree)) for p in sorted(files, key=distance)]
+    return sorted(files, key=distance)
 
 
-def caught_by(tree, mutation, left_out=()):
+def caught_by(tree, mutation, files):
     """First test that fails in a tree with a change, and passes without; "" if none does."""
-    files = files_for(tree, mutation, left_out)
     marked = [f for f in files if "mark.mpi" in (tree / f).read_text(encoding="utf-8")]
     python = [sys.executable, "-m"]
     mpirun = [str(Path(sys.executable).with_name("mpirun")), "-n", "3", *python, "mpi4py", "-m"]
@@ -224,6 +246,11 @@ def copy_of(tree, folder):
     return folder
 
 
+def _differs(name, trees):
+    first, second = (tree / name for tree in trees)
+    return not first.exists() or first.read_bytes() != second.read_bytes()
+
+
 def main(arguments):
     """Try all that have no row yet; a line for each, and the sums."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -237,13 +264,11 @@ def main(arguments):
     chosen = choose(trees, asked.count, asked.seed)
     rows = list(csv.DictReader(asked.output.open())) if asked.output.exists() else []
     left = [k for k in range(len(chosen)) if str(k) not in {row["number"] for row in rows}]
-    same = set()
-    if len(trees) == 2:
-        for path in (ROOT / "tests").rglob("test_*.py"):
-            name = str(path.relative_to(ROOT))
-            other = trees[1] / name
-            if other.exists() and other.read_bytes() == path.read_bytes():
-                same.add(name)
+    stored = asked.output.with_suffix(".json")
+    if not stored.exists():
+        with tempfile.TemporaryDirectory() as folder:
+            stored.write_text(json.dumps(find_reached(chosen, Path(folder))), encoding="utf-8")
+    reached = json.loads(stored.read_text(encoding="utf-8"))
     lock = Lock()
 
     with tempfile.TemporaryDirectory() as scratch:
@@ -259,9 +284,11 @@ def main(arguments):
             with lock:
                 copies = free.pop()
             mutation = chosen[number]
-            found = [caught_by(copies[0], mutation)]
-            if len(copies) == 2:
-                found.append("" if found[0] else caught_by(copies[1], mutation, same))
+            files = [files_for(copy, mutation, reached[str(number)]) for copy in copies]
+            found = [caught_by(copies[0], mutation, files[0])]
+            if len(copies) == 2 and not found[0]:
+                other = [f for f in files[1] if _differs(f, copies)]
+                found.append(caught_by(copies[1], mutation, other))
             row = dict(
                 zip(COLUMNS, (
                     number, f"{mutation.file}:{mutation.line + 1}", mutation.kind,
