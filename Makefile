@@ -10,7 +10,7 @@ DEMO := $(VENV)/.installed-demo
 TEST := $(VENV)/.installed-test
 DOCS := $(VENV)/.installed-docs
 
-.PHONY: first demo test test-debian verify bench gallery notebooks docs lint clean
+.PHONY: first demo tools test test-debian verify bench gallery notebooks docs lint clean
 
 first: $(RUNS)
 	$(BIN)/mufe run demos/first.toml --overwrite
@@ -18,6 +18,9 @@ first: $(RUNS)
 
 demo: $(DEMO)
 	$(BIN)/mufe demo --output demo-output --overwrite
+
+# What `make test` installs, without the tests.
+tools: $(TEST)
 
 test: $(TEST)
 	$(BIN)/python -m tests

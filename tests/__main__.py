@@ -50,6 +50,9 @@ FORM_SECONDS = 120
 
 def main(arguments):
     """Run both and return the exit status."""
+    if {"-h", "--help"} & set(arguments):
+        print(__doc__)
+        return 0
     with tempfile.TemporaryDirectory() as scratch:
         one, three = folders = [Path(scratch, "one"), Path(scratch, "three")]
         for folder in folders:
@@ -73,12 +76,15 @@ def main(arguments):
             lines = [[workers[0]], [[mpirun, "-n", str(NUM_RANKS), *ranks], workers[1]]]
         ended_well = _run(lines, environment, folders)
         outcomes = [_outcomes(folder) for folder in folders]
-        failed = not ended_well or any("failed" in found.values() for found in outcomes)
-        if failed:
+        failed = sorted({name for each in outcomes for name in each if each[name] == "failed"})
+        if failed or not ended_well:
             _show_outputs(folders)
+            print("", *(f"failed: {name}" for name in failed), sep="\n")
     counts = Counter(kind for found in outcomes for kind in found.values())
-    if failed or mpirun is None:  # a process that crashed or hung names no test
+    if not ended_well or mpirun is None:  # a process that crashed or hung names no test
         counts["failed"] = max(1, counts["failed"])
+    if not counts:
+        print("no test matches")
     passed, failed, skipped = (counts[kind] for kind in ("passed", "failed", "skipped"))
     print(f"\n{passed} passed, {failed} failed, {skipped} skipped", flush=True)
     return 1 if failed or not passed else 0
@@ -138,6 +144,10 @@ class Outcomes:
     def __init__(self, path):
         self._path = path
         path.touch()
+
+    def pytest_collection_finish(self, session):
+        """The number of tests, for who waits."""
+        self._path.with_suffix(".number").write_text(str(len(session.items)))
 
     def pytest_runtest_logreport(self, report):
         """One line for each phase of a test."""
@@ -200,8 +210,12 @@ def _shared_forms(scratch):
 
 
 def _compile_once(scratch, environment):
-    """Fill the caches by a short run, so that processes that start together find them filled."""
-    print("== compiling what is not compiled yet", flush=True)
+    """Fill empty caches by a short run: processes that start together find them filled."""
+    from mufe_fenicsx.kernels.ahead import is_kept
+
+    if is_kept():
+        return
+    print("== compiling", flush=True)
     command = [sys.executable, "-m", "mufe_fenicsx", "run", ROOT / "demos" / "first.toml"]
     command += ["-o", scratch / "first", "--max-steps", "20", "--quiet"]
     subprocess.run(
@@ -271,11 +285,17 @@ def _size(folders):
 def _say(folders, told):
     """Say how many tests have ended so far, and once of each that it has failed."""
     found = [_outcomes(folder) for folder in folders]
-    print(f"{len(found[0])} on one rank, {len(found[1])} on {NUM_RANKS}", flush=True)
+    one, three = (f"{len(o)} of {_number(f)}" for o, f in zip(found, folders, strict=True))
+    print(f"{one} tests on one rank, {three} on {NUM_RANKS}", flush=True)
     failed = {name for each in found for name, kind in each.items() if kind == "failed"}
     for name in sorted(failed - told):
         print(f"failed: {name}", flush=True)
     told |= failed
+
+
+def _number(folder):
+    """Of tests to run, as soon as a process has read them all."""
+    return max((int(p.read_text() or 0) for p in folder.glob("*.number")), default="?")
 
 
 def _outcomes(folder):
@@ -292,14 +312,16 @@ def _outcomes(folder):
 
 
 def _show_outputs(folders):
-    """What the processes printed, and where each ended."""
-    for folder in folders:
-        for path in sorted(folder.glob("*.outcomes")):
-            names = [line.split("\t", 1)[1] for line in path.read_text("utf-8").splitlines()]
-            last = names[-1] if names else "no test"
-            print(f"\n== {folder.name}: process {path.stem}, last test {last}", flush=True)
-            log = _log(folder, path.stem)
-            print(log.read_text(errors="replace") if log.exists() else "nothing", flush=True)
+    """What the processes printed in which tests failed; if none, all, one of which has crashed."""
+    paths = [path for folder in folders for path in sorted(folder.glob("*.outcomes"))]
+    lines = {path: path.read_text(encoding="utf-8").splitlines() for path in paths}
+    with_failures = [path for path in paths if any(x.startswith("failed") for x in lines[path])]
+    for path in with_failures or paths:
+        last = lines[path][-1].split("\t", 1)[1] if lines[path] else "no test"
+        name = f"{path.parent.name}, process {path.stem}"
+        print(f"\n== {name}, last test {last}", flush=True)
+        log = _log(path.parent, path.stem)
+        print(log.read_text(errors="replace") if log.exists() else "nothing", flush=True)
 
 
 if __name__ == "__main__":

@@ -77,7 +77,7 @@ _OF_RUNS = {
     "wall_s": ("time in all", "s"),
     "time": ("simulated time", "s"),
     "time_step": ("time step", "s"),
-    "element_time_step": ("time step that elements alone allow", "s"),
+    "element_time_step": ("least time step of single elements, a bound from below", "s"),
     "peak_memory_bytes": ("memory at its peak", "bytes"),
     "edges_per_diameter": ("edges a diameter of grains", ""),
     "elements_per_radius": ("elements per contact radius, half of the force has fewer", ""),

@@ -12,8 +12,11 @@ import gc
 import importlib
 import os
 import re
+import shutil
+import signal
 import subprocess
 import sys
+import tempfile
 from functools import cache
 from pathlib import Path
 from threading import Thread
@@ -81,25 +84,34 @@ def compile_ahead():
     Returns:
         The process, or None where all is kept, or no process can begin.
     """
-    if numba.config.DISABLE_JIT or (are_kept() and not any(map(_is_absent, LOOPS))):
+    if numba.config.DISABLE_JIT or is_kept():
         return None
     folders = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, folders))}
     nothing = subprocess.DEVNULL
     try:
+        scratch = tempfile.mkdtemp(prefix="mufe_fenicsx-")
         process = subprocess.Popen(  # noqa: S603  this Python and our own words, no shell
-            [sys.executable, "-m", __name__], env=environment, stdin=nothing, stdout=nothing,
-            stderr=nothing,
+            [sys.executable, "-m", __name__], env=environment | {"TMPDIR": scratch},
+            stdin=nothing, stdout=nothing, stderr=nothing, start_new_session=True,
         )  # fmt: skip
-    except OSError:  # too many processes: the run compiles alone
+    except OSError:  # too many processes, a full disk: the run compiles alone
         return None
-    atexit.register(_end, process)
+    atexit.register(_end, process, scratch)
     return process
 
 
-def _end(process):
-    process.kill()
+def is_kept():
+    """Whether all that is listed here has been compiled."""
+    return are_kept() and not any(map(_is_absent, LOOPS))
+
+
+def _end(process, scratch):
+    """End the process, the compilers that it started, and what they left."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
     process.wait()
+    shutil.rmtree(scratch, ignore_errors=True)
 
 
 def _is_absent(name):

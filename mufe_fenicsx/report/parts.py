@@ -9,6 +9,7 @@ import matplotlib
 
 from mufe_fenicsx.errors import InputError, shortened
 from mufe_fenicsx.geometry.tets.workers import WorkerError, load_ahead, run_jobs
+from mufe_fenicsx.machine.doing import Doing
 from mufe_fenicsx.machine.memory import free_memory
 from mufe_fenicsx.report import (
     animation,
@@ -158,7 +159,7 @@ def draw_parts(source, wanted, figures, processes):
             found = [_draw_all(source, job) for job in jobs()]
         else:
             load_ahead("mufe_fenicsx.report.ahead")
-            found = run_jobs(draw_job, jobs(), min(processes, len(groups)))
+            found = run_jobs(draw_job, jobs(), min(processes, len(groups)), _told(len(groups)))
     finally:
         source.end_probe()
     parts = {}
@@ -167,6 +168,18 @@ def draw_parts(source, wanted, figures, processes):
             result = [Part(name, None, (str(result),)) for name in names]
         parts |= {part.name: part for part in result}
     return parts
+
+
+def _told(number):
+    """What says in the lines of a report how many of so many parts are drawn; None without them."""
+    doing = Doing.innermost()
+    if doing is None:
+        return None
+
+    def tell(done):
+        doing.what = f"drawing the report, {done} of {number} parts"
+
+    return tell
 
 
 def draw_job(job):

@@ -38,6 +38,9 @@ def draw_report(comm, folder, quiet):
                 write_report(folder, processes=0)
             except (InputError, OSError) as error:
                 message = str(error)
+            except KeyboardInterrupt:
+                say(comm, f"the run is complete; mufe report {folder} draws its report", quiet)
+                raise
     drawn = comm.Ibarrier()
     while not drawn.Test():
         time.sleep(PAUSE)

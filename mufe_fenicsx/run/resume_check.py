@@ -11,10 +11,19 @@ from .run_place import say
 
 
 def grains_checksum(comm, grains_folder):
-    """Checksum of the file of grains. Collective."""
-    path = Path(grains_folder)
+    """Checksum of the file of grains. Collective.
+
+    Raises:
+        InputError: There is none.
+    """
+    return comm.bcast(on_first_rank(comm, lambda: _checksum_of_grains(Path(grains_folder))))
+
+
+def _checksum_of_grains(path):
     file = path / "grains.h5" if path.is_dir() else path
-    return comm.bcast(on_first_rank(comm, lambda: file_checksum(file)))
+    if not file.exists():
+        raise InputError(f"grains = {path} has no grains, expected a folder that `mufe mesh` wrote")
+    return file_checksum(file)
 
 
 #: Keys of a scene that may differ where a run goes on, beside when the test ends; tables that

@@ -113,6 +113,12 @@ def test_a_second_process_that_is_killed_does_no_harm(empty):
     native.load.cache_clear()
 
 
+def _scratch_of(process):
+    """Folder for what compilers leave half-made, of which the environment of the process tells."""
+    told = Path(f"/proc/{process.pid}/environ").read_text().split("\0")
+    return [Path(line.partition("=")[2]) for line in told if line.startswith("TMPDIR=")]
+
+
 def test_the_second_process_makes_sources_and_loops(empty, monkeypatch):
     """Of both the first that it can have: it goes on with the others until it is ended."""
     process = ahead.compile_ahead()
@@ -124,8 +130,9 @@ def test_the_second_process_makes_sources_and_loops(empty, monkeypatch):
             if any(n.startswith(name) and n.endswith(wanted[name]) for n in names):
                 del wanted[name]
         time.sleep(0.05)
-    ahead._end(process)
-    assert not wanted
+    (scratch,) = _scratch_of(process)
+    ahead._end(process, scratch)
+    assert not wanted and not scratch.exists()
     with pytest.raises(ProcessLookupError):  # not even a zombie is left
         os.kill(process.pid, 0)
 
