@@ -11,6 +11,7 @@ Rows stand in the output as they are found; numbers that have one are not tried 
 
 import argparse
 import ast
+import contextlib
 import csv
 import json
 import os
@@ -35,6 +36,8 @@ LEFT_OUT = {"verification"}
 OPTIONS = ("-x", "-q", "-p", "no:cacheprovider", "-o", "addopts=")
 #: A suite that takes longer hangs, which is noticed [s].
 LIMIT = 900
+#: In the column of the suite before, where that was not asked.
+NOT_TRIED = "not tried"
 COLUMNS = ("number", "place", "kind", "before", "after", "caught_by", "caught_before_by")
 
 
@@ -280,34 +283,52 @@ def main(arguments):
                 if (ROOT.parent / "shared").exists():
                     (place.parent / "shared").symlink_to((ROOT.parent / "shared").resolve())
 
-        def attempt(number):
+        def write():
+            with asked.output.open("w", newline="", encoding="utf-8") as file:
+                writer = csv.DictWriter(file, COLUMNS)
+                writer.writeheader()
+                writer.writerows(sorted(rows, key=lambda row: int(row["number"])))
+
+        @contextlib.contextmanager
+        def a_place():
             with lock:
                 copies = free.pop()
+            try:
+                yield copies
+            finally:
+                with lock:
+                    free.append(copies)
+
+        def attempt(number):
             mutation = chosen[number]
-            files = [files_for(copy, mutation, reached[str(number)]) for copy in copies]
-            found = [caught_by(copies[0], mutation, files[0])]
-            if len(copies) == 2 and not found[0]:
-                other = [f for f in files[1] if _differs(f, copies)]
-                found.append(caught_by(copies[1], mutation, other))
-            row = dict(
-                zip(COLUMNS, (
-                    number, f"{mutation.file}:{mutation.line + 1}", mutation.kind,
-                    mutation.before.strip(), mutation.after.strip(), *found, "",
-                ), strict=False)
-            )  # fmt: skip
+            with a_place() as copies:
+                files = files_for(copies[0], mutation, reached[str(number)])
+                found = caught_by(copies[0], mutation, files)
+            place, texts = f"{mutation.file}:{mutation.line + 1}", (mutation.before, mutation.after)
+            values = number, place, mutation.kind, *(t.strip() for t in texts), found
+            row = dict(zip(COLUMNS, (*map(str, values), NOT_TRIED * (not found)), strict=True))
             with lock:
-                free.append(copies)
                 rows.append(row)
-                with asked.output.open("w", newline="", encoding="utf-8") as file:
-                    writer = csv.DictWriter(file, COLUMNS)
-                    writer.writeheader()
-                    writer.writerows(sorted(rows, key=lambda row: int(row["number"])))
+                write()
+                print(*row.values(), sep=" | ", flush=True)
+
+        def attempt_before(row):
+            mutation = chosen[int(row["number"])]
+            with a_place() as copies:
+                files = files_for(copies[1], mutation, reached[row["number"]])
+                found = caught_by(copies[1], mutation, [f for f in files if _differs(f, copies)])
+            with lock:
+                row["caught_before_by"] = found
+                write()
                 print(*row.values(), sep=" | ", flush=True)
 
         with ThreadPoolExecutor(asked.processes) as pool:
             list(pool.map(attempt, left))
+            if len(trees) == 2:
+                missed = [row for row in rows if row["caught_before_by"] == NOT_TRIED]
+                list(pool.map(attempt_before, missed))
     caught = sum(bool(row["caught_by"]) for row in rows)
-    before = sum(bool(row["caught_before_by"]) for row in rows)
+    before = sum(row["caught_before_by"] not in ("", NOT_TRIED) for row in rows)
     print(f"{caught} of {len(rows)} caught; of the others {before} by the suite before")
 
 
