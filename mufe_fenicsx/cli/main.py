@@ -22,7 +22,7 @@ from . import scene as _scene  # noqa: F401
 from . import watch as _watch  # noqa: F401
 from .app import Json, Overwrite, app, serial_only, world
 from .arguments import known_names, parameters, place
-from .exit_status import FAILED, run_to_exit
+from .exit_status import FAILED, INTERRUPTED, run_to_exit
 from .terminal import Printer, number
 
 #: Variable by which a shell asks for completions (`mufe --install-completion`).
@@ -278,6 +278,8 @@ def _dispatch(arguments):
         command = context.command_path if context is not None else "mufe"
         message = error.format_message().rstrip(".")
         raise InputError(f"{message}. See {command} --help.") from None
+    if status == INTERRUPTED:  # typer has taken the interrupt for a status
+        raise KeyboardInterrupt
     return status if isinstance(status, int) else 0
 
 

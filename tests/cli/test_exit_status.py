@@ -1,8 +1,14 @@
 """How a program on several ranks ends that fails on one, or on all."""
 
 import sys
+from pathlib import Path
 
+import pytest
+
+from mufe_fenicsx.cli.main import main
 from tests.cli.commands import assert_refused, run
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def ending(body):
@@ -51,3 +57,15 @@ def test_computation_that_fails_has_status_1(tmp_path):
 def test_full_file_system_is_one_line(tmp_path):
     result = run(ending("raise OSError(28, 'No space left on device', 'history.csv')"), tmp_path)
     assert_refused(result, "mufe: history.csv: No space left on device", tmp_path, [])
+
+
+def test_an_interrupt_is_told(monkeypatch, capsys):
+    """Also where the library of the command line has made a status of it."""
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mufe_fenicsx.cli.main._run_told", interrupted)
+    with pytest.raises(SystemExit) as end:
+        main(["run", str(ROOT / "demos" / "first.toml")])
+    assert end.value.code == 130 and capsys.readouterr().err == "mufe: interrupted\n"
