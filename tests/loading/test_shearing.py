@@ -73,7 +73,7 @@ def test_an_elastic_cube_in_simple_shear():
     sim, loading = within(
         BOX, bounds, box((SIZE,) * 3, (2, 2, 2)), program, compliance=0.02, damping=1e6
     )
-    shape, beside = [], []
+    shape, beside, mises = [], [], []
 
     def watch():
         walls = sim.walls
@@ -87,6 +87,11 @@ def test_an_elastic_cube_in_simple_shear():
         shape.extend(np.abs(walls.normal[:2] @ edge) / SIZE)
         if loading.stage == "shear":
             beside[:] = [0.5 * (walls.force[0, 2] - walls.force[1, 2]) / SIZE**2]
+            stress = loading.gauges.axis_stress(sim.wall_forces())
+            mises[:] = [loading.gauges.values(stress, 0.0)["deviator"]]
+            tensor = np.diag(stress) + loading.shearing.stress * np.eye(3)[[2, 1, 0]] * [1, 0, 1]
+            tensor -= np.trace(tensor) / 3.0 * np.eye(3)
+            mises.append(np.sqrt(1.5 * (tensor**2).sum()))
 
     ends = march(sim, loading, watch)
     end = ends["shear"]
@@ -95,6 +100,7 @@ def test_an_elastic_cube_in_simple_shear():
     # Contact acts within facets, and leaves edges free: `mufe verify sheared-box` has finer ones.
     assert 0.88 < end["shear_xz"] / (G * gamma) < 1.0
     assert beside[0] == pytest.approx(end["shear_xz"], rel=0.02)
+    assert mises[0] == pytest.approx(mises[1], rel=1e-12) and mises[0] > end["shear_xz"]
     assert end["stress_x"] == pytest.approx(PRESSURE, rel=0.01)
     assert max(shape) < 1e-9  # but for a step that changes as it begins
     # Back by `until`: walls brake over the ramp beyond it, and nothing is lost.
