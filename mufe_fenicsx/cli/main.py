@@ -196,7 +196,7 @@ def verify(
         _list(printer, known_cases())
         return 0
     names = known_names(cases or CASES, known_cases())
-    with Doing(f"verifying {', '.join(names)}", comm.rank == 0):
+    with Doing(f"verifying {_counted(names)}", comm.rank == 0):
         results = run_cases(names, parameters(changes), comm)
     rows = []
     for result in results:
@@ -227,7 +227,7 @@ def bench(
         _list(printer, BENCHMARKS)
         return 0
     names = known_names(cases or USUAL, BENCHMARKS)
-    with Doing(f"measuring {', '.join(names)}", comm.rank == 0):
+    with Doing(f"measuring {_counted(names)}", comm.rank == 0):
         results = run_benchmarks(names, parameters(changes), comm)
     rows = []
     for result in results:
@@ -281,6 +281,12 @@ def _dispatch(arguments):
     if status == INTERRUPTED:  # typer has taken the interrupt for a status
         raise KeyboardInterrupt
     return status if isinstance(status, int) else 0
+
+
+def _counted(names):
+    """The name of a case, or how many there are."""
+    names = list(names)
+    return names[0] if len(names) == 1 else f"{len(names)} cases"
 
 
 def _list(printer, cases):
