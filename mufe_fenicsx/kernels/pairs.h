@@ -219,23 +219,47 @@ INLINE flowing_type flowing(const pairs_type *m, int64_t p, int64_t k) {
                         stretch_of(s->corner, is_tip, m->x, m->area_at_node[s->node])};
 }
 
-/* The dent of the pair p takes what its depth is beyond that of flow; by how much. ``work``: what
-   that takes, kept at the cell beneath. */
-INLINE double deepen(const pairs_type *m, int64_t p, int64_t k, double was, double depth,
-                     double *work) {
+/* Stiffness of friction's spring: as much of the layer's as of the normal one's is there. */
+INLINE double tangential_stiffness(const state_type *s, double depth) {
+  return s->stiffness * s->ratio * share_of_stiffness(least(depth, s->largest_depth), s->softer);
+}
+
+/* Its derivative by the depth. */
+INLINE double tangential_slope(const state_type *s, double depth) {
+  return depth < s->largest_depth ? s->stiffness * s->ratio * slope_of_share(depth, s->softer) : 0.0;
+}
+
+/* The force along the depth, of both springs: the derivative of their energy. */
+INLINE double force_along_depth(const state_type *s, double depth, double square_of_spring) {
+  return normal_force(s->stiffness, s->softer, depth, s->largest_depth) +
+         0.5 * tangential_slope(s, depth) * square_of_spring;
+}
+
+/* The dent of the pair p takes what its depth is beyond that of flow; by how much. */
+INLINE double deepen(const pairs_type *m, int64_t p, int64_t k, double depth) {
   state_type *s = m->state + p;
   const flowing_type q = flowing(m, p, k);
   double limit = s->yield_depth;
   const double deeper = flow(&m->strength, q, m->dent[p], depth, &limit, m->slope_left + p);
   s->yield_depth = (float)limit;
-  if (deeper == 0.0) return 0.0;
   m->dent[p] += deeper;
   s->recess = m->recess_of_point[s->node] + m->dent[p];
-  const double before = was > 0.0 ? normal_force(s->stiffness, s->softer, was, s->largest_depth) : 0.0;
-  const double now = normal_force(s->stiffness, s->softer, depth - deeper, s->largest_depth);
-  *work = 0.5 * (before + now) * deeper;
-  m->strength.work[m->strength.cell[p]] += *work;
   return deeper;
+}
+
+/* What that took, kept at the cell beneath: the mean of the force along the depth before, at the
+   friction ``shear``, and now, at a spring. */
+INLINE double work_of_dent(const pairs_type *m, int64_t p, double deeper, double was, vec3 shear,
+                           double depth, double square_of_spring) {
+  const state_type *s = m->state + p;
+  double before = 0.0;
+  if (was > 0.0) {
+    const double kt = tangential_stiffness(s, was);
+    before = force_along_depth(s, was, dot(shear, shear) / (kt * kt));
+  }
+  const double work = 0.5 * (before + force_along_depth(s, depth, square_of_spring)) * deeper;
+  m->strength.work[m->strength.cell[p]] += work;
+  return work;
 }
 
 #endif

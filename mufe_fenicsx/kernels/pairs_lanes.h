@@ -96,12 +96,13 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
   }
   can &= ~changed;
   const vec was = offset - third[0];
-  for (unsigned deeper = can & bits(depth > yields); deeper; deeper &= deeper - 1) {
-    const int i = __builtin_ctz(deeper);
-    double flowed;
-    const double dent = deepen(m, pair[i], m->closest[pair[i]], was[i], depth[i], &flowed);
-    depth[i] -= dent, g[i] += dent;
+  const unsigned flows = can & bits(depth > yields);
+  vec deeper = all(0.0);
+  for (unsigned left = flows; left; left &= left - 1) {
+    const int i = __builtin_ctz(left);
+    deeper[i] = deepen(m, pair[i], m->closest[pair[i]], depth[i]);
   }
+  depth -= deeper, g += deeper;
 
   /* Normal force, on the smooth surface, and friction, along the facet. */
   const vec share = kn * share_of_stiffness_each(depth, softer);
@@ -119,7 +120,14 @@ INLINE unsigned add_lanes(const pairs_type *m, call_type *c, const int32_t *pair
       slip_each(&spring, n, kt, FLAG(word, sliding), limit_of_friction_each(held, N, kt, kt_slope),
                 limit_of_friction_each(kinetic, N, kt, kt_slope),
                 (lanes3){seventh[0], seventh[1], seventh[2]});
-  N += 0.5 * kt_slope * product(spring, spring);
+  const vec left_of_spring = product(spring, spring);
+  N += 0.5 * kt_slope * left_of_spring;
+  for (unsigned left = flows; left; left &= left - 1) {
+    const int i = __builtin_ctz(left);
+    if (deeper[i] > 0.0)
+      work_of_dent(m, pair[i], deeper[i], was[i], m->state[pair[i]].shear, depth[i],
+                   left_of_spring[i]);
+  }
   const mask sliding = found.sliding;
   const lanes3 to_anchor = difference(ap, moved_along(spring, height, n));
   const vec along_ab = product(to_anchor, ab), along_ac = product(to_anchor, ac);

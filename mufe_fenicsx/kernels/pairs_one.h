@@ -67,16 +67,6 @@ static int64_t find_facing(const pairs_type *m, int64_t p, vec3 point, double li
   return best;
 }
 
-/* Stiffness of friction's spring: as much of the layer's as of the normal one's is there. */
-INLINE double tangential_stiffness(const state_type *s, double depth) {
-  return s->stiffness * s->ratio * share_of_stiffness(least(depth, s->largest_depth), s->softer);
-}
-
-/* Its derivative by the depth. */
-INLINE double tangential_slope(const state_type *s, double depth) {
-  return depth < s->largest_depth ? s->stiffness * s->ratio * slope_of_share(depth, s->softer) : 0.0;
-}
-
 /* Energy of the springs of a closed pair, normal and tangential. */
 INLINE double energy_of(const state_type *s, double depth) {
   return stored_energy(s->stiffness, s->softer, depth, s->largest_depth) +
@@ -195,9 +185,9 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
     s->softer = softer_of(m, s, k);
     s->yield_depth = (float)yield_depth(&m->strength, flowing(m, p, k), m->dent[p]);
   }
-  double flowed = 0.0;
+  double deeper = 0.0;
   if (depth > s->yield_depth) {
-    const double deeper = deepen(m, p, k, was_closed ? was : 0.0, depth, &flowed);
+    deeper = deepen(m, p, k, depth);
     depth -= deeper, g += deeper;
     s->gap = g;
   }
@@ -227,7 +217,10 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   const slip_type found =
       slip(&spring, normal, kt, s->sliding, limit_of_friction(mu.held, N, kt, kt_slope),
            limit_of_friction(mu.kinetic, N, kt, kt_slope), old_shear);
-  N += 0.5 * kt_slope * dot(spring, spring);
+  const double left = dot(spring, spring);
+  const double flowed =
+      deeper > 0.0 ? work_of_dent(m, p, deeper, was_closed ? was : 0.0, old_shear, depth, left) : 0.0;
+  N += 0.5 * kt_slope * left;
   s->normal_force = N;
   s->closed = 1;
   s->sliding = found.sliding;

@@ -138,12 +138,12 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
   const double kt = share * s->ratio;
   const double kt_slope = s->stiffness * s->ratio * slope_of_share(depth, s->softer);
   double N = share * depth;
-  if (deeper > 0.0) m->strength.work[m->strength.cell[p]] += 0.5 * (s->normal_force + N) * deeper;
   vec3 spring = minus(r, s->stick_point);
   const slip_type found =
       slip(&spring, normal, kt, s->sliding, limit_of_friction(wall->friction, N, kt, kt_slope),
            limit_of_friction(wall->friction_kinetic, N, kt, kt_slope), s->shear);
   N += 0.5 * kt_slope * dot(spring, spring);
+  if (deeper > 0.0) m->strength.work[m->strength.cell[p]] += 0.5 * (s->normal_force + N) * deeper;
   s->normal_force = N;
   s->sliding = found.sliding;
   s->slip += found.slipped;
