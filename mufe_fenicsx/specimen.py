@@ -62,7 +62,7 @@ class Specimen(Stateful):
         tools: :class:`~mufe_fenicsx.bulk.tools.Tools`.
     """
 
-    STATE = {"nodes": ("f",), "common": ("initial_kinetic",), "sum": ("first_energies", "damped")}
+    STATE = {"nodes": ("f",), "common": ("initial_kinetic",), "sum": ("first_energies", "damped", "redefined")}
 
     def __init__(
         self,
@@ -118,6 +118,9 @@ class Specimen(Stateful):
         self.initial_kinetic = 0.0
         #: Energy that damping, stabilisation and changes of added mass took on this rank [J].
         self.damped = 0.0
+        #: Growth of this rank's kinetic energy where its definition changed, by time step, damping
+        #: or a grain that begins to deform [J].
+        self.redefined = 0.0
         self.first_energies = np.empty(0)  #: of the added terms, on this rank [J]
         if gravity is not None:
             weight = self.bonded.free_mass(weighed)
@@ -334,11 +337,11 @@ class Specimen(Stateful):
             if not np.isnan(first):
                 local[f"energy_{term.name}"] = term.energy(self.state) - first
         local["work"] = self.walls.work + self.tools.work
-        local_sums = np.array([*local.values(), dents, num_contacts])
-        *values, dents, number = self.comm.allreduce(local_sums)
+        local_sums = np.array([*local.values(), self.redefined, dents, num_contacts])
+        *values, redefined, dents, number = self.comm.allreduce(local_sums)
         work = values[-1]
         total = dict(zip(local, values, strict=True))
-        total["residual"] = self.initial_kinetic + work - np.sum(values[:-1])
+        total["residual"] = self.initial_kinetic + redefined + work - np.sum(values[:-1])
         total["plastic_dents"] = dents
         return total, int(number)
 

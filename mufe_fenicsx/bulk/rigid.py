@@ -276,12 +276,12 @@ class RigidGrains(ForceTerm):
             self.inertia, self.told, dt, damping,
         )  # fmt: skip
 
-    def kinetic_energy(self, dt):
-        """Kinetic energy of the rigid grains after a step of ``dt`` [J]. Local."""
+    def kinetic_energy(self, dt, damping=0.0):
+        """Kinetic energy of the rigid grains by steps of ``dt`` [s] with damping [1/s], [J]. Local."""
         energy = np.empty(self.num_grains)
         kernels.kinetic_energies(
             energy, self.velocity, self.momentum, self.force, self.torque, self.axes,
-            self.mass, self.inertia, self.told, dt,
+            self.mass, self.inertia, self.told, dt, damping,
         )  # fmt: skip
         return float(energy.sum())
 

@@ -20,13 +20,14 @@ class Motion(Stateful):
         specimen: :class:`~mufe_fenicsx.specimen.Specimen`.
     """
 
-    STATE = {"common": ("field",), "largest": ("fastest",), "sum": ("powers",)}
+    STATE = {"common": ("field", "damping"), "largest": ("fastest",), "sum": ("powers",)}
 
     def __init__(self, specimen):
         self._specimen = specimen
         self.may_wait = False  #: whether the second half of this step's kick is to wait
         self._kick_waits = False
         self._kick_and_drift = KickAndDrift()
+        self.damping = 0.0  #: that of the last step [1/s]
         self.largest = 0.0  #: largest motion of a node or a wall in this step [m]
         self.fastest = 0.0  #: speed of a wall or of a tool that is led, so far [m/s]
         #: Of the damping of deformable grains and of rigid ones at the end of the last step [W].
@@ -53,7 +54,7 @@ class Motion(Stateful):
     def drift(self, dt):
         """Half a kick, and the motion over a step ``dt`` [s]."""
         sp, s = self._specimen, self._specimen.state
-        damping = sp.damping
+        damping = self.damping
         x0, runs = sp.mesh.x, sp.rigid.lists.runs
         if self._kick_waits:
             self._kick_waits = False
@@ -85,7 +86,7 @@ class Motion(Stateful):
     def kick(self, dt):
         """Half a kick at the end of the step."""
         self._kick_waits = True
-        self._book(1, self._specimen.rigid.kick(dt, self._specimen.damping), dt)
+        self._book(1, self._specimen.rigid.kick(dt, self.damping), dt)
         if self.may_wait:
             self._specimen.bonded.give_velocity(self._specimen.state.v)
         else:
@@ -99,7 +100,7 @@ class Motion(Stateful):
         sp, s = self._specimen, self._specimen.state
         sp.bonded.take_velocity(s.v)
         damped = accelerate_and_half_kick(
-            s.a, s.v, sp.f, sp.solid.mass, sp.rigid.lists.runs, s.dt, self._specimen.damping
+            s.a, s.v, sp.f, sp.solid.mass, sp.rigid.lists.runs, s.dt, self.damping
         )
         self._book(0, damped, s.dt)
         sp.bonded.give_velocity(s.v)
@@ -119,6 +120,23 @@ class Motion(Stateful):
     def kinetic_energy(self):
         """Kinetic energy of this rank's grains [J]."""
         self.finish_kick()
+        return sum(self._kinetic_energies(self._specimen.state.dt, self.damping))
+
+    def _kinetic_energies(self, dt, damping):
+        """That of deformable grains and of rigid ones."""
         sp, s = self._specimen, self._specimen.state
-        deformable = kinetic_energy(s.v, s.a, s.dt, sp.free_mass, sp.rigid.lists.runs)
-        return deformable + sp.rigid.kinetic_energy(s.dt)
+        runs = sp.rigid.lists.runs
+        deformable = kinetic_energy(s.v, s.a, dt, damping, sp.free_mass, runs)
+        return deformable, sp.rigid.kinetic_energy(dt, damping)
+
+    def begin_steps(self, dt, damping):
+        """Go on by steps of another length [s] or damping [1/s].
+
+        Returns:
+            Growth of the kinetic energy by this alone, as that of central differences has both in
+            it [J]. The first step begins with it from rest under a force.
+        """
+        before = self.kinetic_energy()
+        self._specimen.state.dt, self.damping = dt, damping
+        self.powers[:] = 2.0 * damping * np.array(self._kinetic_energies(0.0, 0.0))
+        return self.kinetic_energy() - before

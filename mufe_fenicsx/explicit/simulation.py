@@ -22,8 +22,7 @@ from .motion import Motion
 from .stable_step import StableStep
 from .step_schedule import Refresh
 
-#: Largest damping times step. At 2 a step would leave no velocity to damp, and the kinetic energy
-#: of a node that falls at its final speed, m/2 v² (1 - (damping step)²/4), would be none.
+#: Largest damping times step. At 2 a step would leave no velocity to damp.
 MOST_DAMPED = 1.0
 #: The limit is found early where single elements ask for this part of their step then.
 SHORTER = 0.98
@@ -126,6 +125,8 @@ class Simulation(OfSpecimen):
             of_elements = self.check()
             if self.stable.of_elements(of_elements) < SHORTER * self.dt_element:
                 self.update_time_step(of_elements=of_elements)
+        if (self.dt, self.damping) != (self.state.dt, self.motion.damping):
+            self.specimen.redefined += self.motion.begin_steps(self.dt, self.damping)
         self.motion.may_wait = not everywhere
         central_difference(self.state, self.dt, self.motion.drift, self._forces, self.motion.kick)
         if everywhere:
@@ -163,20 +164,21 @@ class Simulation(OfSpecimen):
     def _release_loaded(self):
         """Let grains deform that carry more than they may as rigid ones. Local.
 
-        Contact, places, velocities and kinetic energy stay as they are, and so does the time
+        Contact, places and velocities stay as they are, and so does the time
         step: contact layer, lumped masses and limit are those of the deformable grain already.
         """
         specimen, rigid = self.specimen, self.specimen.rigid
         which = self.watch.loaded(specimen.f)
         if not which.any():
             return
-        s = self.state
+        s, before = self.state, self.kinetic_energy()
         self.complete()
         s.a[rigid.lists.nodes[np.repeat(which, np.diff(rigid.lists.offset))]] = 0.0
         near = rigid.followed  # other nodes carry no force
         nodes = near.nodes[np.repeat(which, np.diff(near.offset))]
         s.a[nodes] = specimen.f[nodes] / specimen.solid.mass[nodes, None]
         self._let_deform(which)
+        specimen.redefined += self.kinetic_energy() - before
         self.contact.follow_all(s.x)
 
     def deform_all_but(self, still_rigid):
