@@ -62,7 +62,11 @@ class Specimen(Stateful):
         tools: :class:`~mufe_fenicsx.bulk.tools.Tools`.
     """
 
-    STATE = {"nodes": ("f",), "common": ("initial_kinetic",), "sum": ("first_energies", "damped", "redefined")}
+    STATE = {
+        "nodes": ("f",),
+        "common": ("initial_kinetic",),
+        "sum": ("first_energies", "damped", "redefined"),
+    }
 
     def __init__(
         self,

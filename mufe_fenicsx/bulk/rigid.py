@@ -277,7 +277,7 @@ class RigidGrains(ForceTerm):
         )  # fmt: skip
 
     def kinetic_energy(self, dt, damping=0.0):
-        """Kinetic energy of the rigid grains by steps of ``dt`` [s] with damping [1/s], [J]. Local."""
+        """Kinetic energy [J] of the rigid grains by steps of ``dt`` [s]; damping [1/s]. Local."""
         energy = np.empty(self.num_grains)
         kernels.kinetic_energies(
             energy, self.velocity, self.momentum, self.force, self.torque, self.axes,

@@ -303,13 +303,13 @@ class Contact(Stateful):
                 points.around_of, *ghosts.corners(), x, forces, self._early_pairs(),
                 self.friction.coefficients, p.friction_row, layers.strengths.tables,
                 layers.strengths.offsets(points.grain_of_point[p.node], p.grain),
-                layers.plastic_strain, self.dissipation.dents.work, points.cell[p.node], p.dent,
-                p.slope_left,
+                layers.plastic_strain, self.dissipation.dents.work, points.cell[p.node],
+                layers.dents, p.grain.astype(np.int32), p.dent, p.slope_left,
             )  # fmt: skip
         if self.walls.pairs.forces is None:
             self.walls.bind(
                 forces, x, ghosts.corners(), points.layer, points, layers.ratio, layers.strengths,
-                layers.plastic_strain, self.dissipation.dents.work,
+                layers.plastic_strain, self.dissipation.dents.work, layers.dents,
             )  # fmt: skip
 
     def _early_pairs(self):

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import InputError
 from .pairs.facet_pairs import Pairs
 from .pairs.wall_pairs import WallPairs
+from .stiffness.layers import DENTS
 
 #: Bits of the number of a surface node in the name of a facet.
 BITS = 21
@@ -198,6 +199,7 @@ def contact_tables(contact, mesh):
             **names.points(everything),
             "layer": contact.points.layer,
             "slip": done.slip_of_dropped,
+            **{name: getattr(contact.layers, name) for name in DENTS},
         },
         "pairs": {
             **names.points(p.node),
@@ -259,6 +261,8 @@ def restore_contact(contact, mesh, tables, everything_moves):
     points = tables.pop("points")
     rows = names.rows_of_points(points)
     contact.points.layer[rows], done.slip_of_dropped[rows] = points["layer"], points["slip"]
+    for name in DENTS:
+        getattr(contact.layers, name)[rows] = points[name]
     del facets, points, known, rows, names
     accounts = tables.pop("accounts")
     by_pair = np.lexsort((accounts["partner"], accounts["grain"]))

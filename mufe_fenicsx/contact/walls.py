@@ -327,7 +327,7 @@ class Walls(Stateful):
             pairs.next_check[:] = pairs.motion_bounds.now
         self.pairs = pairs
 
-    def bind(self, f, x, corners, layer, points, ratio, strengths, strain, work):
+    def bind(self, f, x, corners, layer, points, ratio, strengths, strain, work, dents):
         """Let the kernel know the arrays of new pairs; afterwards they stay where they are. Local.
 
         Args:
@@ -336,7 +336,7 @@ class Walls(Stateful):
             layer, ratio: As of :class:`~mufe_fenicsx.kernels.walls.WallForces`.
             points: :class:`~mufe_fenicsx.contact.surface.points.Points`.
             strengths: :class:`~mufe_fenicsx.contact.stiffness.strength.Strengths`.
-            strain, work: As of :class:`~mufe_fenicsx.kernels.walls.WallForces`.
+            strain, work, dents: As of :class:`~mufe_fenicsx.kernels.walls.WallForces`.
         """
         p = self.pairs
         p.forces = WallForces(
@@ -345,6 +345,7 @@ class Walls(Stateful):
             self.force, self.torque, self.curved.pressing, self.point, self.normal, self.velocity,
             self.curved.radius, self.friction, self.friction_kinetic, strengths.tables,
             strengths.offsets(points.grain_of_point[p.node]), strain, work, points.cell[p.node],
+            dents,
         )  # fmt: skip
         curvature, bend = points.curvature[p.node], self.curved.bend[p.wall]
         cylinder = self.normal[p.wall].any(axis=1)

@@ -18,13 +18,17 @@
 /* Yield stresses of the materials: at an offset the number n of points, n plastic strains and n
    stresses. ``offset``: of both bodies of a pair, the own one first, -1 where one does not flow.
    ``strain``: plastic one of all cells, ``work``: that of dents over them; ``cell``: that beneath the
-   point of a pair. */
+   point of a pair. What points keep of dents when pairs go: ``dent``, that in their own surface, for
+   whoever comes next, and ``beyond``, that in the surface of the grain ``met``. ``point`` and
+   ``partner``: of pairs, the latter none of walls, which do not yield. */
 typedef struct {
   const double *tables;
   const int32_t *offset;
   const double *strain;
   double *work;
-  const int32_t *cell;
+  const int32_t *cell, *point, *partner;
+  double *dent, *beyond;
+  int32_t *met;
 } strength_type;
 
 /* What a pair has to flow: its place, whether its point is a vertex, m of the law, mean edge,
@@ -75,32 +79,44 @@ INLINE double tip(double b, double *slope) {
   return b < 2.0 / 3.0 ? 3.0 * b * b : b < 1.0 ? 4.0 * (1.0 - b) : 0.0;
 }
 
-/* What a pair bears with the dent b, as a force over stiffness. The circle of the dent has the radius
-   a = √(2 R b), R = 1/bend. Bodies that are alike have half of it each, and the strain of the cell
-   beneath in common; of others' cells nothing is known. ``slope``: its derivative by b. Infinite
-   where nothing flows. */
+/* The body of a pair that yields: its yield stress, infinite where none does, the slope of that by
+   the plastic strain, which the dent adds ``strain`` to, and the part of the dent in the own body. */
+typedef struct {
+  double Y, slope, strain, own_part;
+} weaker_type;
+
+/* The circle of the dent b has the radius a = √(2 R b), R = 1/bend. Bodies that are alike have half
+   of it each, and the strain of the cell beneath in common; of others' cells nothing is known. */
+static weaker_type weaker_body(const strength_type *of, flowing_type q, double b) {
+  const int32_t *offset = of->offset + 2 * q.pair;
+  const int alike = offset[0] == offset[1];
+  const double strain = (alike ? 0.5 : 1.0) * TABOR * sqrt(2.0 * b * q.bend);
+  weaker_type weaker = {INFINITY, 0.0, strain, 0.0};
+  for (int side = 0; side < (alike ? 1 : 2); side++) {
+    if (offset[side] < 0) continue;
+    const double beneath = side == 0 ? of->strain[of->cell[q.pair]] : 0.0;
+    double slope;
+    const double Y = yield_stress_at(of->tables + offset[side], beneath + strain, &slope);
+    if (Y < weaker.Y) weaker = (weaker_type){Y, slope, strain, alike ? 0.5 : side == 0};
+  }
+  return weaker;
+}
+
+/* What a pair bears with the dent b, as a force over stiffness. ``slope``: its derivative by b.
+   Infinite where nothing flows. */
 static double borne(const strength_type *of, flowing_type q, double b, double *slope) {
   const double most_dent = largest_dent(q);
   *slope = 0.0;
   if (!of->tables || !(most_dent > 0.0)) return INFINITY;
-  const int32_t *offset = of->offset + 2 * q.pair;
-  const int alike = offset[0] == offset[1];
-  const double of_dent = (alike ? 0.5 : 1.0) * TABOR * sqrt(2.0 * b * q.bend);
-  double weaker = INFINITY, by_strain = 0.0;
-  for (int side = 0; side < (alike ? 1 : 2); side++) {
-    if (offset[side] < 0) continue;
-    const double beneath = side == 0 ? of->strain[of->cell[q.pair]] : 0.0;
-    double slope_of_side;
-    const double Y = yield_stress_at(of->tables + offset[side], beneath + of_dent, &slope_of_side);
-    if (Y < weaker) weaker = Y, by_strain = slope_of_side;
-  }
-  if (!isfinite(weaker)) return INFINITY;
+  const weaker_type weaker = weaker_body(of, q, b);
+  if (!isfinite(weaker.Y)) return INFINITY;
   double part = 1.0, by_dent = 0.0;
   if (q.is_tip) part = tip(b / most_dent, &by_dent);
   const double scale = MEAN_PRESSURE * q.layers * q.stretch;
   if (b > 0.0)
-    *slope = scale * (part * by_strain * of_dent / (2.0 * b) + by_dent / most_dent * weaker);
-  return scale * part * weaker;
+    *slope = scale * (part * weaker.slope * weaker.strain / (2.0 * b) +
+                      by_dent / most_dent * weaker.Y);
+  return scale * part * weaker.Y;
 }
 
 /* Depth at which a pair flows with the dent b; the largest one flows no more. */
@@ -109,6 +125,21 @@ static double yield_depth(const strength_type *of, flowing_type q, double b) {
   if (!q.is_tip && b >= largest_dent(q)) return INFINITY;
   const double force = borne(of, q, b, &slope);
   return isfinite(force) ? depth_of(force, q.m) : INFINITY;
+}
+
+/* The dent that a pair finds where it closes, from those before it. */
+INLINE double kept_dent(const strength_type *of, int64_t pair) {
+  const int32_t i = of->point[pair];
+  return of->dent[i] + (of->partner && of->met[i] == of->partner[pair] ? of->beyond[i] : 0.0);
+}
+
+/* Both bodies of a pair take their parts of what its dent deepens by. */
+INLINE void keep_dent(const strength_type *of, int64_t pair, double own_part, double deeper) {
+  const int32_t i = of->point[pair];
+  of->dent[i] += own_part * deeper;
+  if (own_part == 1.0) return;
+  if (of->met[i] != of->partner[pair]) of->met[i] = of->partner[pair], of->beyond[i] = 0.0;
+  of->beyond[i] += (1.0 - own_part) * deeper;
 }
 
 /* By how much the dent b of a pair deepens at a depth: until the law has, at the depth d that is
@@ -139,12 +170,14 @@ static double flow(const strength_type *of, flowing_type q, double b, double dep
     *left = most(slope, 0.0) / rise;
     *limit = d;
   }
-  const double wider = largest_dent(q) - b, deeper = depth - d;
+  const double wider = largest_dent(q) - b;
+  double deeper = depth - d;
   if (!q.is_tip && deeper >= wider) {
     *left = 1.0;
     *limit = INFINITY;
-    return wider;
+    deeper = wider;
   }
+  keep_dent(of, q.pair, weaker_body(of, q, b).own_part, deeper);
   return deeper;
 }
 

@@ -235,6 +235,13 @@ INLINE double force_along_depth(const state_type *s, double depth, double square
          0.5 * tangential_slope(s, depth) * square_of_spring;
 }
 
+/* Set the dent of a pair, which adds to its recess. */
+INLINE void set_dent(const pairs_type *m, int64_t p, double dent) {
+  state_type *s = m->state + p;
+  m->dent[p] = dent;
+  s->recess = m->recess_of_point[s->node] + dent;
+}
+
 /* The dent of the pair p takes what its depth is beyond that of flow; by how much. */
 INLINE double deepen(const pairs_type *m, int64_t p, int64_t k, double depth) {
   state_type *s = m->state + p;
@@ -242,8 +249,7 @@ INLINE double deepen(const pairs_type *m, int64_t p, int64_t k, double depth) {
   double limit = s->yield_depth;
   const double deeper = flow(&m->strength, q, m->dent[p], depth, &limit, m->slope_left + p);
   s->yield_depth = (float)limit;
-  m->dent[p] += deeper;
-  s->recess = m->recess_of_point[s->node] + m->dent[p];
+  set_dent(m, p, m->dent[p] + deeper);
   return deeper;
 }
 

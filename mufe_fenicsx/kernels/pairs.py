@@ -87,6 +87,11 @@ def fill_rows(state, node, of_points, columns=COLUMNS):
         column(state, name, columns)[:] = values[node]
 
 
+def of_dents(dents):
+    """Pointers to what points keep of dents."""
+    return zip(dents, (np.float64, np.float64, np.int32), strict=True)
+
+
 class PairForces:
     """Finds the gaps of all pairs and adds the forces of the closed ones; local.
 
@@ -148,6 +153,9 @@ class PairForces:
         strain: Plastic one of all cells, shape (num_cells,).
         work: Plastic work of the dents beneath which they are [J], the same; empty without tables.
         cell: That beneath the point of each pair, int32, shape (num_pairs,).
+        dents: What points keep of dents: depths in their own surface and in that of another grain
+            [m], float64, and this grain, int32, shape (num_nodes,).
+        partner: The other grain of each pair, int32.
         dent: Depths of dents, which add to the recess of the pairs [m], shape (num_pairs,).
         slope_left: Part of the law's slope that is left while a dent deepens, set then, the same.
 
@@ -160,8 +168,8 @@ class PairForces:
                  layer_of_facet, area, area_at_node, area_of_facet, depth_of_node, depth_of_facet,
                  bulge_of_facet, curvature_of_point, curvature_of_facet, steepest, recess,
                  ratio_of_node, around, around_of, corner, corner_weight, x, f, early, friction,
-                 friction_row, strengths, strength_offset, strain, work, cell, dent,
-                 slope_left):  # fmt: skip
+                 friction_row, strengths, strength_offset, strain, work, cell, dents, partner,
+                 dent, slope_left):  # fmt: skip
         real, short, long, flag = np.float64, np.int32, np.int64, np.bool_
         self._num_pairs = node.size
         self._found = _Call(steepest=steepest)
@@ -189,8 +197,8 @@ class PairForces:
             (around, short),
             (x, real), (f, real), (friction, real) if friction_row.size else None,
             (strengths, real) if strengths.size else None, (strength_offset, short), (strain, real),
-            (work, real), (cell, short), (dent, real),
-            (recess, real), (slope_left, real),
+            (work, real), (cell, short), (node, short), (partner, short),
+            *of_dents(dents), (dent, real), (recess, real), (slope_left, real),
         )  # fmt: skip
         pointer = ctypes.c_void_p
         self._call = load("pairs").mufe_add_pair_forces

@@ -123,6 +123,10 @@ static void add_one(const pairs_type *m, call_type *c, int64_t p, int looked, in
   vec3 slope;
   const double bulge = bulge_at(s, w, t, facet_normal, !beside ? feature : INTERIOR, &slope);
   g += s->recess - bulge;
+  if (m->strength.tables && !s->closed && g < s->offset) {
+    const double more = kept_dent(&m->strength, p) - m->dent[p];
+    if (more > 0.0) set_dent(m, p, m->dent[p] + more), g += more;
+  }
   const double old_height = s->height;
   const vec3 old_facing = s->facing, old_normal = s->normal;
   const vec3 old_weights = s->weights, old_shear = s->shear;

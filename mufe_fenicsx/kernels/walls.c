@@ -101,7 +101,10 @@ static void add_one(const walls_type *m, double *totals, int64_t p, int64_t acce
   const vec3 point = mean(weights, at(m->x, c[0]), at(m->x, c[1]), at(m->x, c[2]));
   const vec3 r = minus(point, wall->point);
   vec3 normal;
-  double g = gap_to(wall, r, &normal) + s->recess + s->dent;
+  double g = gap_to(wall, r, &normal) + s->recess;
+  if (m->strength.tables && !s->closed && g + s->dent < s->offset)
+    s->dent = most(s->dent, kept_dent(&m->strength, p));
+  g += s->dent;
   s->gap = g;
   if (!s->closed) {
     if (s->offset < 0.0) s->offset = least(most(s->offset, g), 0.0);

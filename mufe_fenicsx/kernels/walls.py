@@ -8,7 +8,7 @@ import numpy as np
 
 from .contact_law import share_of_stiffness, spring_energy, stored_energy
 from .native import Pointers, address, aligned, load
-from .pairs import column, fill_rows
+from .pairs import column, fill_rows, of_dents
 from .points import corners_of
 
 #: What a pair keeps, as in kernels.pairs; the rest of the row is as in walls.c.
@@ -257,7 +257,7 @@ class WallForces:
         radius: As of :func:`gap_to_wall` [m], shape (num_walls,).
         friction: Coefficients of friction that a pair has to overcome, shape (num_walls,).
         friction_kinetic: Coefficients while it slips; until a step in which it sticks.
-        strengths, strength_offset, strain, work, cell: As of PairForces.
+        strengths, strength_offset, strain, work, cell, dents: As of PairForces.
 
     Raises:
         ValueError: An array is of another type, or not contiguous; too many walls; a point with
@@ -268,7 +268,7 @@ class WallForces:
                  recess, ratio,
                  corner, corner_weight, x, f, wall_force, wall_torque, pressing, point, normal,
                  velocity, radius, friction, friction_kinetic, strengths,
-                 strength_offset, strain, work, cell):  # fmt: skip
+                 strength_offset, strain, work, cell, dents):  # fmt: skip
         real, short = np.float64, np.int32
         self._num_pairs = node.size
         self._totals = np.zeros(2)
@@ -292,7 +292,7 @@ class WallForces:
             (wall_torque, real), (pressing, real), (point, real), (normal, real),
             (velocity, real), (radius, real), (friction, real), (friction_kinetic, real),
             (strengths, real) if strengths.size else None, (strength_offset, short), (strain, real),
-            (work, real), (cell, short),
+            (work, real), (cell, short), (node, short), None, *of_dents(dents),
         )  # fmt: skip
         pointer, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
         self._call = load("walls").mufe_add_wall_forces

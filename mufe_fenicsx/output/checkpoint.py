@@ -22,7 +22,7 @@ import numpy as np
 from mufe_fenicsx.errors import InputError, raise_together
 from mufe_fenicsx.output.run_folder import attempt, plain, reason, regular, try_room
 
-FORMAT, VERSION = "mufe checkpoint", 13
+FORMAT, VERSION = "mufe checkpoint", 14
 MANIFEST = "manifest.json"
 #: Checkpoints that stay.
 NUM_KEPT = 2

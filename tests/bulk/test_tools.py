@@ -100,7 +100,7 @@ def test_a_dead_load_is_carried_and_its_work_counted():
 
 
 def test_the_account_of_damping_is_exact():
-    """A dead load that begins at once on a body that falls freely, with c Δt = 0.04; to rounding."""
+    """A dead load that begins at once on a body that falls freely, c Δt = 0.04; to rounding."""
     plate = Tool("plate", *far(PLATE), free=("z",), force=(0, 0, -20.0), density=DENSITY)
     s = blocks(MPI.COMM_SELF, [plate], walls=(), damping=2e5)
     s.dt, s.update_time_step = 2e-7, lambda **_: None

@@ -8,7 +8,8 @@ from mufe_fenicsx.analysis.contact_resolution import of_patches
 from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.kernels.contact_law import over_stiffness
 from mufe_fenicsx.materials.j2 import J2
-from mufe_fenicsx.run.from_bodies import simulate
+from mufe_fenicsx.run.from_bodies import distribute, drive, simulate
+from mufe_fenicsx.verification.half_balls import UP, HalfBalls
 from mufe_fenicsx.verification.stability import plastic
 from tests.bodies import RADIUS, packed_spheres
 
@@ -153,6 +154,35 @@ def test_reloading_meets_the_dent():
     np.testing.assert_allclose(of_points(s), dent, rtol=1e-3)
     np.testing.assert_allclose(s.wall_forces(), forces, rtol=1e-3)
     assert s.energies()["plastic"] == pytest.approx(work, rel=1e-3)
+
+
+@pytest.mark.parametrize("by", ["ball", "plane", "another plane"])
+def test_a_dent_is_met_again_however_far_it_was(by):
+    """Pressed, 0.3 R away, where no pair is known any more, and pressed again, at n = 0.7.
+
+    Forgotten dents took 1.9 times the work. Tolerances: the mesh beneath flows on by that much.
+    """
+    bodies = HalfBalls(RADIUS, 0.5 * RADIUS, 0.1 * RADIUS, 0.14 * RADIUS, 0.35)
+    (low, ball), (base, top) = bodies.make()
+    again = "another" if by == "another plane" else "top"
+    if by == "ball":
+        mesh, walls = distribute(MPI.COMM_SELF, [low, ball]), [base, top]
+    else:
+        mesh, walls = distribute(MPI.COMM_SELF, [low]), [base, Wall("top", 0.0 * UP, -UP)]
+        walls += [Wall("another", 0.3 * RADIUS * UP, -UP)] * (again == "another")
+    materials = [J2(1e9, 0.15, 2650.0, PERFECT)] * mesh.num_grains
+    s = simulate(mesh, materials, walls, increment=1.0, tolerance=1e-9)
+    way, far = 0.01 * RADIUS, 0.3 * RADIUS
+
+    def taken_and_force():
+        return s.energies()["plastic_dents"], np.linalg.norm(s.walls.loads(s.comm)[0][0])
+
+    drive(s, {"top": -way * UP}, 6.0)
+    once, force = taken_and_force()
+    drive(s, {"top": far * UP}, 3.0)
+    drive(s, {again: -(far if again == "top" else far + way) * UP}, 24.0)
+    twice, found = taken_and_force()
+    assert 0 < twice < 1.01 * once and found == pytest.approx(force, rel=0.03)
 
 
 def test_between_grains_the_weaker_one_yields():

@@ -12,6 +12,9 @@ from ..surface.bulges import bulges_of, highest, no_bulges
 from ..surface.points import surface_points
 from .strength import Strengths
 
+#: What points keep of dents.
+DENTS = ("dent", "beyond", "met")
+
 
 class SurfaceLayers(Stateful):
     """Layers of points and facets that make the springs of pairs. Collective.
@@ -24,7 +27,7 @@ class SurfaceLayers(Stateful):
         settings: :class:`~mufe_fenicsx.contact.settings.ContactSettings`.
     """
 
-    STATE = {"common": ("step",)}
+    STATE = {"common": ("step",), "here": DENTS}
 
     def __init__(self, mesh, own, x, grains, settings):
         self.kinematic = settings.kinematic
@@ -51,6 +54,10 @@ class SurfaceLayers(Stateful):
         self.points = surface_points(settings.points, mesh, own, x, *layers, *depths, self.smooth)
         #: Of all grains, :class:`~mufe_fenicsx.contact.stiffness.strength.Strengths`.
         self.strengths = Strengths(mesh, grains.yield_tables)
+        #: Depth of the dents at points [m], in their own surface and beyond it in that of the grain
+        #: that they ``met``, a global index; shape (num_points,).
+        self.dent, self.beyond = np.zeros((2, self.points.num_points))
+        self.met = np.full(self.points.num_points, -1, dtype=np.int32)
         #: Tangential over normal stiffness of points, shape (num_points,).
         self.ratio = grains.tangential_ratio[self.points.local_grain]
 
@@ -88,6 +95,11 @@ class SurfaceLayers(Stateful):
             surface.layer_of_facet[:] *= factor
             for pairs in of_pairs:
                 pairs.stiffness /= factor
+
+    @property
+    def dents(self):
+        """What points keep of dents, as in kernels.pairs."""
+        return self.dent, self.beyond, self.met
 
     @property
     def ahead(self):
