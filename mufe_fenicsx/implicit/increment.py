@@ -89,7 +89,7 @@ class IncrementEquations:
             self._tangent = own = SolidTangent(s.solid, s.u, self._u0)
             self.system = LinearSystem(mesh, own.offset, own.columns, "mufe_", solver, petsc)
         self._stiffness = self._share_of_stiffness()
-        self.drag = drag_time * self._stiffness
+        self.drag = drag_time * self._share_of_hold()
         self.drag[led] = 0.0
         self.start = self.mark = self._dt = None
         self.wall_move = self.reach = self.too_far = 0.0
@@ -213,3 +213,13 @@ class IncrementEquations:
         mass = np.bincount(mesh.grain_of_node, solid.mass, mesh.num_grains)
         stiffness = solid.contact_modulus * np.cbrt(volume)
         return (stiffness / mass)[mesh.grain_of_node] * solid.mass
+
+    def _share_of_hold(self):
+        """The same with the least E* of all grains, which holds the others; 0 of glued ones."""
+        mesh, modulus = self._specimen.mesh, self._specimen.solid.contact_modulus
+        of_bodies = ~mesh.is_tool
+        least = modulus[of_bodies].min(initial=math.inf)
+        least = self.comm.allreduce(least, op=MPI.MIN)
+        hold = least / modulus
+        hold[mesh.grain_of_node[self._specimen.bonded.nodes]] = 0.0
+        return hold[mesh.grain_of_node] * self._stiffness

@@ -11,8 +11,9 @@ Static increments leave inertia out. What no contact holds would then float, and
 
     F = -c ΔU/Δt,   c = s E* V^(1/3) Δt_first m/M,
 
-on a node of mass m of a grain of mass M and volume V, s the ``stabilisation``. Over the first
-step Δt_first it is a spring of s times about the stiffness of the grain, and it grows as steps
+on a node of mass m of a grain of mass M and volume V, s the ``stabilisation``, E* the least of all
+grains; glued grains have none. Over the first step Δt_first it is a spring of s times about the
+stiffness of the softest grain, and it grows as steps
 shrink: where a grain snaps to another place, shorter steps follow it as if through a viscous fluid.
 Its work counts as damping.
 """

@@ -1,5 +1,7 @@
 """Implicit and static increments: tangents, orders, equilibria, and what they refuse."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -241,6 +243,21 @@ def test_free_grains_are_held_and_do_not_change_the_answer():
     # About 1e9 Pa over 0.81 m², strain 0.01.
     assert forces[0] > 5e6
     np.testing.assert_allclose(forces, forces[0], rtol=1e-3)
+
+
+@pytest.mark.parametrize("glued", [False, True])
+def test_the_drag_of_a_stiff_grain_on_a_soft_one_is_small(glued):
+    """E in the ratio 1000: both platens carry the same; with the stiff grain's modulus to 1e-3."""
+    walls = [Wall("low", np.zeros(3), UP, bonded=glued), Wall("top", 2 * UP, -UP, bonded=glued)]
+    soft = replace(STEEL, E=1e-3 * STEEL.E)
+    mesh = stacked()
+    materials = [(soft, STEEL, soft)[g] for g in mesh.grains]
+    sim = ImplicitSimulation(mesh, materials, walls, first_step=1.0, largest_step=1.0)
+    sim.walls.velocity[1] = [0.0, 0.0, -0.01]
+    sim.step()
+    low, top = sim.wall_forces()
+    # The third cube is held by its drag, which no platen feels.
+    assert top == pytest.approx(low, rel=0.0 if glued else 2e-6, abs=1e-9 * low)
 
 
 def test_other_solvers_find_the_answer_of_the_direct_one():
