@@ -64,8 +64,7 @@ class Specimen(Stateful):
 
     STATE = {
         "nodes": ("f",),
-        "common": ("initial_kinetic",),
-        "sum": ("first_energies", "damped", "redefined"),
+        "sum": ("initial_kinetic", "first_energies", "damped"),
     }
 
     def __init__(
@@ -119,12 +118,10 @@ class Specimen(Stateful):
         self.free_mass = self.bonded.free_mass(solid.mass)
         self._begin_motion(velocity)
         self.damping = _not_negative("damping", damping)
+        #: At the start on this rank, and its growth where its definition changed since [J].
         self.initial_kinetic = 0.0
         #: Energy that damping, stabilisation and changes of added mass took on this rank [J].
         self.damped = 0.0
-        #: Growth of this rank's kinetic energy where its definition changed, by time step, damping
-        #: or a grain that begins to deform [J].
-        self.redefined = 0.0
         self.first_energies = np.empty(0)  #: of the added terms, on this rank [J]
         if gravity is not None:
             weight = self.bonded.free_mass(weighed)
@@ -341,11 +338,11 @@ class Specimen(Stateful):
             if not np.isnan(first):
                 local[f"energy_{term.name}"] = term.energy(self.state) - first
         local["work"] = self.walls.work + self.tools.work
-        local_sums = np.array([*local.values(), self.redefined, dents, num_contacts])
-        *values, redefined, dents, number = self.comm.allreduce(local_sums)
+        local_sums = np.array([*local.values(), self.initial_kinetic, dents, num_contacts])
+        *values, initial, dents, number = self.comm.allreduce(local_sums)
         work = values[-1]
         total = dict(zip(local, values, strict=True))
-        total["residual"] = self.initial_kinetic + redefined + work - np.sum(values[:-1])
+        total["residual"] = initial + work - np.sum(values[:-1])
         total["plastic_dents"] = dents
         return total, int(number)
 
@@ -452,8 +449,8 @@ class OfSpecimen(Stateful):
 
     @property
     def initial_kinetic(self):
-        """Kinetic energy at the start [J]."""
-        return self.specimen.initial_kinetic
+        """Kinetic energy at the start [J]. Collective."""
+        return self.comm.allreduce(self.specimen.initial_kinetic)
 
     def add_term(self, term):
         """Let a force of one's own act from now on, as :meth:`Specimen.add_term`. Collective."""

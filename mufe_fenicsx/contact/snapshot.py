@@ -227,11 +227,7 @@ def contact_tables(contact, mesh):
             "second": ends[e.second],
             **{name: getattr(e, name) for name in e.KEPT},
         },
-        "accounts": {
-            "grain": done.grain,
-            "partner": done.partner,
-            "work": done.work,
-        },
+        "accounts": {"grain": done.grain, "partner": done.partner, "work": done.work},
     }
 
 

@@ -80,7 +80,7 @@ class Simulation(OfSpecimen):
         s, soft = self.state, specimen.rigid.lists.soft
         s.a[soft] = (specimen.f / specimen.solid.mass[:, None])[soft]
         self.update_time_step()
-        specimen.initial_kinetic = self.comm.allreduce(self.kinetic_energy())
+        specimen.initial_kinetic = self.kinetic_energy()
 
     @property
     def parts(self):
@@ -126,7 +126,7 @@ class Simulation(OfSpecimen):
             if self.stable.of_elements(of_elements) < SHORTER * self.dt_element:
                 self.update_time_step(of_elements=of_elements)
         if (self.dt, self.damping) != (self.state.dt, self.motion.damping):
-            self.specimen.redefined += self.motion.begin_steps(self.dt, self.damping)
+            self.specimen.initial_kinetic += self.motion.begin_steps(self.dt, self.damping)
         self.motion.may_wait = not everywhere
         central_difference(self.state, self.dt, self.motion.drift, self._forces, self.motion.kick)
         if everywhere:
@@ -178,7 +178,7 @@ class Simulation(OfSpecimen):
         nodes = near.nodes[np.repeat(which, np.diff(near.offset))]
         s.a[nodes] = specimen.f[nodes] / specimen.solid.mass[nodes, None]
         self._let_deform(which)
-        specimen.redefined += self.kinetic_energy() - before
+        specimen.initial_kinetic += self.kinetic_energy() - before
         self.contact.follow_all(s.x)
 
     def deform_all_but(self, still_rigid):

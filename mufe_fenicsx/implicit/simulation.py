@@ -108,7 +108,7 @@ class ImplicitSimulation(OfSpecimen):
         self.dt = float(self.settings.first_step)
         own = specimen.solid.element_time_step(self.state.x)
         self.dt_element = self.comm.allreduce(own, op=MPI.MIN)
-        specimen.initial_kinetic = self.comm.allreduce(self.kinetic_energy())
+        specimen.initial_kinetic = self.kinetic_energy()
         self.equations = IncrementEquations(
             specimen, self.method, self.settings.drag_time, self.held,
             self.settings.linear_solver or solver_by_size(mesh), self.settings.petsc,

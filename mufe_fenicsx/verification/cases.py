@@ -4,6 +4,7 @@ import inspect
 import typing
 
 from ..errors import InputError, nearest_name
+from .again import closed_loop, pressed_again
 from .bar_impact import bar_impact
 from .case import by_name
 from .column import column
@@ -54,6 +55,8 @@ CASES = (
         sliding_normal,
         sliding_graded,
         sliding_ridges,
+        closed_loop,
+        pressed_again,
         energy,
         hertz,
         hertz_convergence,

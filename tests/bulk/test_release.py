@@ -39,7 +39,7 @@ def balance(s):
     mv = s.solid.mass[:, None] * s.state.v
     local = np.concatenate([mv.sum(axis=0), np.cross(s.state.x, mv).sum(axis=0)])
     e = s.energies()
-    kinetic = e["kinetic"] - s.comm.allreduce(s.specimen.redefined)
+    kinetic = e["kinetic"] - s.initial_kinetic
     energies = np.array([kinetic, e["contact"], e["elastic"], e["residual"]])
     return energies, s.comm.allreduce(local)
 
