@@ -114,6 +114,16 @@ def lengths(text):
     return [number_or_text(part.strip()) for part in text.split(",")]
 
 
+def voxel_edges(text):
+    """Edge of voxels [m], or three (z, y, x), of a text such as "5 um"; None where that is None."""
+    from ..units import to_si
+
+    found = lengths(text)
+    if isinstance(found, list):
+        return tuple(to_si(part, "m", "--voxel-size") for part in found)
+    return None if found is None else to_si(found, "m", "--voxel-size")
+
+
 def place(text):
     """A place [m] of a text "x,y,z", numbers in m or with units: "0.1 mm,0.2 mm,50 um"."""
     from ..units import to_si

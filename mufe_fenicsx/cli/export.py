@@ -11,7 +11,7 @@ from typer.core import TyperGroup
 
 from ..errors import InputError
 from .app import Json, Overwrite, app, serial_only, world
-from .arguments import lengths, number_or_text
+from .arguments import number_or_text, voxel_edges
 from .terminal import Printer, progress_bar
 
 
@@ -235,15 +235,8 @@ def calculix(
 def _labels(path, voxel_size, key):
     """Labels and the edge of a voxel [m]."""
     from ..geometry.image.label_files import read_labels
-    from ..units import to_si
 
-    size = lengths(voxel_size)
-    if size is not None:
-        size = [
-            to_si(part, "m", "--voxel-size") for part in (size if type(size) is list else [size])
-        ]
-        size = size[0] if len(size) == 1 else tuple(size)
-    return read_labels(path, voxel_size=size, key=key)
+    return read_labels(path, voxel_size=voxel_edges(voxel_size), key=key)
 
 
 def _done(printer, result):

@@ -16,6 +16,7 @@ from .arguments import (
     merged_settings,
     number_or_text,
     parameters,
+    voxel_edges,
     whole_numbers,
     with_settings,
 )
@@ -98,6 +99,7 @@ def mesh(
     printer.summary(result)
     if result["renumbered"]:
         printer.say("labels are numbered anew; labels.csv says what they were (label_in_file)")
+    printer.say(*_first_lines("", result["notices"]))
     printer.say(*(f"repaired {notice}" for notice in result["repaired"]))
     printer.say(*_first_lines("filled", result["filled"]))
     printer.say(*_first_lines("warning:", result["warnings"]))
@@ -159,7 +161,8 @@ def shapes(
         typer.Option("--output", "-o", metavar="DIR", help="Folder for shapes.csv and shapes.png."),
     ] = None,
     voxel_size: Annotated[
-        str | None, typer.Option(help='Of labels that do not state it, such as "5 um".')
+        str | None,
+        typer.Option(help='Of labels that do not state it, "5 um", or three: z,y,x.'),
     ] = None,
     key: Annotated[str | None, typer.Option(help="Name of the labels in an .npz file.")] = None,
     overwrite: Overwrite = False,
@@ -168,15 +171,14 @@ def shapes(
     """Size and form of each grain: lengths, sphericity, inertia, orientation, size distribution."""
     serial_only("shapes")
     printer = Printer(json)
-    from ..units import to_si
-
-    size = None if voxel_size is None else to_si(number_or_text(voxel_size), "m", "--voxel-size")
+    size = voxel_edges(voxel_size)
     output = Path(f"{source.stem}-shapes") if output is None else output
     with Doing("measuring shapes"):
         from ..geometry.form.shape_table import write_shapes
 
         result = write_shapes(source, output, voxel_size=size, key=key, overwrite=overwrite)
     printer.summary(result)
+    printer.say(*result["notices"])
     printer.write_json(result)
 
 
@@ -215,7 +217,7 @@ def _first_lines(what, lines, num_lines=10):
     """The first lines, each after what it is, and how many follow."""
     more = len(lines) - num_lines
     rest = [f"{what} {more} other grains, see quality.csv or --json"] if more > 0 else []
-    return [f"{what} {line}" for line in lines[:num_lines]] + rest
+    return [line.strip() for line in [f"{what} {line}" for line in lines[:num_lines]] + rest]
 
 
 def _failed_grains(result, num_reasons=10):

@@ -241,6 +241,10 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
             given.box,
             given.cylinder and (given.cylinder.x, given.cylinder.y, given.cylinder.radius),
         )
+        for mesh in done:  # against the labels as they were given
+            whole = mesh.quality["voxel_volume_m3"] + given.trimmed.get(mesh.label, 0.0)
+            mesh.quality["volume_ratio"] *= mesh.quality["voxel_volume_m3"] / whole
+            mesh.quality["voxel_volume_m3"] = whole
         rows = [mesh.quality for mesh in meshes]
         save_grains(folder, grains)
         write_table(folder / "quality.csv", rows, QUALITY)
@@ -251,7 +255,8 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         "num_grains": grains.num_grains,
         "failed": [mesh.label for mesh in failed],
         "reasons": [mesh.quality["reason"] for mesh in failed],
-        "trimmed": given.trimmed,
+        "trimmed": list(given.trimmed),
+        "notices": given.notices,
         "repaired": given.repaired,
         "filled": given.filled,
         "warnings": volume_warnings(done),
@@ -272,7 +277,8 @@ class _Given:
     table: list  #: rows of labels.csv
     voxel_size: float | None = None  #: of labels [m]; None: surfaces
     renumbered: bool = False  #: whether labels of the file are other ones
-    trimmed: list = field(default_factory=list)  #: what was left out of labels
+    trimmed: dict = field(default_factory=dict)  #: volume that was left out, by label [m³]
+    notices: list = field(default_factory=list)  #: lines on what was done to the file's labels
     repaired: list = field(default_factory=list)  #: what was mended of surfaces
     filled: list = field(default_factory=list)  #: cavities that were filled, in words
     cylinder: Cylinder | None = None  #: that cuts the grains [m]
@@ -302,7 +308,7 @@ def _given_surfaces(path, settings):
 
 def _given_labels(path, settings):
     """:class:`_Given` by a label image."""
-    filled, numbers = [], []
+    filled, numbers, notices = [], [], []
     labels, voxel_size = read_labels(
         path,
         voxel_size=settings.voxel_size,
@@ -311,6 +317,7 @@ def _given_labels(path, settings):
         dtype=settings.dtype,
         axes=settings.axes,
         numbers=numbers,
+        notices=notices,
     )
     cylinder = _cylinder(path, settings, labels.shape, voxel_size)
     cut, inside, left_out = None, None, 0
@@ -318,9 +325,10 @@ def _given_labels(path, settings):
         cut = cylinder.scaled(1 / voxel_size)
         inside = cut.inside(labels.shape)
         labels, left_out = cut_labels(labels, cut)
-    labels, trimmed = labelling.checked_labels(
+    labels, left = labelling.checked_labels(
         labels, keep_largest_piece=settings.keep_largest_piece, source=str(path)
     )
+    notices += labelling.left_out_lines(left, labels)
     largest = None if settings.fill_cavities else settings.least_cavity / voxel_size**3
     cavities = labelling.fill_cavities(labels, largest)
     table = grain_table(labels, voxel_size, inside)
@@ -343,8 +351,9 @@ def _given_labels(path, settings):
         table,
         voxel_size,
         bool(numbers),
-        trimmed,
+        {grain: sum(sizes) * voxel_size**3 for grain, (sizes, _) in left.items()},
         filled=filled,
+        notices=notices,
         cylinder=cylinder,
         left_out=left_out,
     )

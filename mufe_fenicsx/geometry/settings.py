@@ -38,7 +38,9 @@ class SegmentSettings:
         None, "", 'type of a raw file\'s voxels, such as "<u2"; ">" is big endian'
     )
     key: str | None = setting(None, "", "name of the array in an .npz or .h5 file")
-    axes: str = setting("zyx", "", "order of the axes in the file, slowest first")
+    axes: str | None = setting(
+        None, "", 'order of the axes in the file, slowest first; None: as it states, or "zyx"'
+    )
     crop: tuple | None = setting(
         None,
         "",
@@ -285,7 +287,9 @@ class MeshSettings:
         None, "", 'type of a raw file\'s voxels, such as "<u2"; ">" is big endian'
     )
     key: str | None = setting(None, "", "name of the labels in an .npz or .h5 file")
-    axes: str = setting("zyx", "", "order of the axes in the file, slowest first")
+    axes: str | None = setting(
+        None, "", 'order of the axes in the file, slowest first; None: as it states, or "zyx"'
+    )
     cylinder_middle: tuple | None = setting(
         None, "m", "x and y of its axis; None: as the labels state it, or the middle",
         shape=(2,), form="x,y",
@@ -354,7 +358,8 @@ def _require_voxels(settings):
 
         number_type(settings.dtype)
     order = 'an order of z, y and x such as "zyx"'
-    require(sorted(settings.axes) == ["x", "y", "z"], "axes", repr(settings.axes), order)
+    axes = settings.axes
+    require(axes is None or sorted(axes) == ["x", "y", "z"], "axes", repr(axes), order)
 
 
 def _require_crop(crop):

@@ -32,10 +32,13 @@ def write_shapes(source, output, *, voxel_size=None, key=None, overwrite=False):
     source, output = Path(source), Path(output)
     if not source.exists():
         raise InputError(f"{source} does not exist, expected a folder of grains or labels")
+    notices = []
     if source.is_dir() and (source / "grains.h5").is_file():
         rows = shapes_of_meshes(load_grains(source))
     else:
-        rows = shapes_of_labels(*read_labels(source, voxel_size=voxel_size, key=key))
+        rows = shapes_of_labels(
+            *read_labels(source, voxel_size=voxel_size, key=key, notices=notices)
+        )
     names = ("shapes.csv", "shapes.png")
     made = not output.exists()
     try:
@@ -62,6 +65,7 @@ def write_shapes(source, output, *, voxel_size=None, key=None, overwrite=False):
             for name in ("elongation", "flatness", "sphericity", "convexity")
         },
         "lengths": LENGTHS,
+        "notices": notices,
         "table": str(output / names[0]),
         "figure": str(output / names[1]),
     }

@@ -1,6 +1,7 @@
 """Arrays in the files of NumPy and HDF5."""
 
 import itertools
+import json
 import math
 import zipfile
 from pathlib import Path
@@ -146,6 +147,7 @@ class _DataSet:
     def __init__(self, data, path):
         self.data, self.path = data, path
         self.shape, self.dtype = data.shape, data.dtype
+        self.letters = _letters(data)
 
     def __getitem__(self, where):
         self._check_written(where)
@@ -176,6 +178,19 @@ class _DataSet:
                     f"data set {data.name} of {self.path} lacks the chunk at {corner}, expected "
                     "all that is read to have been written"
                 )
+
+
+def _letters(data):
+    """What a data set calls its axes, by vigra's axistags or HDF5's labels of dimensions, or ""."""
+    try:
+        tags = json.loads(data.attrs.get("axistags", "{}")).get("axes", [])
+        found = [str(tag["key"]) for tag in tags]
+    except (ValueError, TypeError, KeyError, AttributeError):
+        found = []
+    if not found:
+        found = [dimension.label for dimension in data.dims]
+    right = len(found) == len(data.shape) and all(len(name) == 1 for name in found)
+    return "".join(found).lower() if right else ""
 
 
 def _num_axes(shape):

@@ -18,7 +18,7 @@ RIM_SLICES, LEAST_SLICES = 32, 8
 SAMPLE = 10**6
 
 
-def field_of_view(image, mask=None, *, source="image", axes="zyx", crop=None):
+def field_of_view(image, mask=None, *, source="image", axes=None, crop=None):
     """Voxels that were measured, and a line that says so.
 
     Args:

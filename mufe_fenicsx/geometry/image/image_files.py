@@ -17,7 +17,7 @@ from ...machine.memory import check_room
 from .array_file import open_hdf5, open_numpy
 from .itk_file import ITK, open_itk
 from .raw_file import open_raw
-from .stored_image import Stored, check_regular
+from .stored_image import Stored, check_regular, errors_of_readers
 from .tiff_file import TIFF, open_slices, open_tiff
 
 NUMPY, RAW = (".npy", ".npz"), (".raw", ".bin")
@@ -25,7 +25,7 @@ HDF5 = (".h5", ".hdf5", ".nxs")
 AVIZO = (".am", ".amiramesh", ".hx")
 
 
-def read_image(path, *, shape=None, dtype=None, key=None, axes="zyx", crop=None):
+def read_image(path, *, shape=None, dtype=None, key=None, axes=None, crop=None):
     """Read an image, or a part of it; see `read_with_size`. Returns the voxels alone."""
     return read_with_size(path, shape=shape, dtype=dtype, key=key, axes=axes, crop=crop)[0]
 
@@ -36,7 +36,7 @@ def read_with_size(
     shape=None,
     dtype=None,
     key=None,
-    axes="zyx",
+    axes=None,
     crop=None,
     grey=False,
     gaps=False,
@@ -51,7 +51,8 @@ def read_with_size(
         dtype: Type of a raw file's voxels, as NumPy writes it: "<u2", big endian ">u2".
         key: Name of the array in a .npz or .h5 file that holds several; number of the series in
             a TIFF that does.
-        axes: Order of the axes in the file, slowest first: "zyx", or "xyz" and so on.
+        axes: Order of the axes in the file, slowest first: "zyx", or "xyz" and so on. None: as
+            the file states it, else "zyx".
         crop: ((z0, z1), (y0, y1), (x0, x1)), ends excluded. Of uncompressed TIFF, .npy,
             .h5 and raw files no more than that is read.
         grey: Turn the levels round where a TIFF states that its zeros are white.
@@ -59,7 +60,8 @@ def read_with_size(
         notices: A list to which lines are added on what was done to make one image of the file.
 
     Returns:
-        The image, shape (z, y, x); and the voxel size (z, y, x) that the file states [m], or None.
+        The image, shape (z, y, x); and the voxel size (z, y, x) that the file states [m], a text
+        where what it states is no length along each axis, or None.
 
     Raises:
         InputError: there is no such file, it cannot be read, some of its bytes are missing, it
@@ -68,19 +70,22 @@ def read_with_size(
     """
     path = Path(path)
     notices = [] if notices is None else notices
-    if sorted(axes) != ["x", "y", "z"]:
+    if axes is not None and sorted(axes) != ["x", "y", "z"]:
         raise InputError(f'axes = "{axes}", expected an order of z, y and x such as "zyx"')
-    with _errors_of_readers(path):
+    with errors_of_readers(path):
         if not path.exists():
             raise InputError(f"no image {path}, expected a file or a folder of TIFF slices")
         if not path.is_dir():
             check_regular(path, path)
         with _opened(path, shape, dtype, key) as stored:
+            axes = stored.order(axes, path)
             order = [axes.index(axis) for axis in "zyx"]
             ranges = _ranges(path, stored, order, crop)
             part = stored.voxels[tuple(slice(*ranges["zyx".index(axis)]) for axis in axes)]
             image = np.ascontiguousarray(np.transpose(part, order))
-            size = stored.voxel_size and tuple(stored.voxel_size[k] for k in order)
+            size = stored.voxel_size
+            if isinstance(size, tuple):
+                size = tuple(size[k] for k in order)
             notices.extend(stored.notices)
             if grey and stored.white_is_zero:
                 image = inverted(image)
@@ -116,18 +121,13 @@ def natural_order(path):
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", Path(path).name)]
 
 
-@contextmanager
-def _errors_of_readers(path):
-    """What libraries raise on files that are damaged, of dozens of kinds, as InputError."""
-    try:
-        yield
-    except InputError:
-        raise
-    except MemoryError as error:
-        raise InputError(f"image {path} cannot be read: the memory is full") from error
-    except Exception as error:
-        text = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"image {path} cannot be read: {text[:300]}") from error
+def files_in(folder, endings):
+    """Files of a folder with these endings, in natural order.
+
+    Hidden ones are left out: macOS puts a "._slice1.tif" beside each slice1.tif.
+    """
+    files = [f for f in Path(folder).iterdir() if f.suffix.lower() in endings]
+    return sorted((f for f in files if not f.name.startswith(".")), key=natural_order)
 
 
 @contextmanager
@@ -135,8 +135,7 @@ def _opened(path, shape, dtype, key):
     """Context in which an image is open as `Stored`."""
     name = path.name.lower()
     if path.is_dir():
-        slices = [f for f in path.iterdir() if f.suffix.lower() in TIFF]
-        yield open_slices(path, sorted(slices, key=natural_order))
+        yield open_slices(path, files_in(path, TIFF))
     elif name.endswith(TIFF):
         with tifffile.TiffFile(path) as file:
             yield open_tiff(file, path, key)

@@ -21,11 +21,12 @@ def open_itk(path):
     """
     header = read_header(path)
     voxels = three_axes(_ItkVoxels(path, header))
-    size = None
-    if header.spacing is not None:
-        size = header.spacing[::-1]
+    size = header.spacing
+    if isinstance(size, tuple):
+        size = size[::-1]
         size = tuple(size[axis] for axis in getattr(voxels, "kept", range(len(size))))
-    return Stored(voxels, size, whole=header.encoding != "raw")
+    lines = tuple(f"{path} states that {line}" for line in header.lines)
+    return Stored(voxels, size, whole=header.encoding != "raw", notices=lines)
 
 
 class _ItkVoxels:
@@ -34,6 +35,7 @@ class _ItkVoxels:
     def __init__(self, path, header):
         self.path, self.header = path, header
         self.shape, self.dtype = header.sizes[::-1], np.dtype(header.dtype)
+        self.letters = header.letters[::-1]
 
     def __getitem__(self, where):
         check_bytes(self.path, self.header)

@@ -9,16 +9,18 @@ https://nifti.nimh.nih.gov/nifti-1.
 
 import bz2
 import gzip
+import itertools
 import math
 import struct
 import zlib
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.spatial.transform
 
 from ...errors import InputError
 from .stored_image import check_regular
-from .voxel_size import UNITS
+from .voxel_size import metres
 
 #: Longest header that is read [bytes], and the block in which bytes are counted.
 LONGEST, BLOCK = 2**20, 2**20
@@ -55,8 +57,48 @@ class Header:
     dtype: str
     files: list  #: (path, first byte, or None: its end, bytes of voxels that belong there)
     encoding: str = "raw"  #: or "gzip", "zlib", "bzip2", "text"
-    spacing: tuple | None = None  #: lengths of voxels [m], if stated
+    spacing: tuple | str | None = None  #: lengths of voxels [m], if stated, or what is stated
     exact: bool = field(default=False)  #: the file of voxels holds nothing else
+    letters: str = ""  #: of the directions that axes run along, "" where none are stated
+    lines: tuple = ()  #: on directions that are taken otherwise
+
+    def run_along(self, directions, path):
+        """Take a direction for each axis, a vector (x, y, z), or None of one that has none.
+
+        Axes that run along z, y, x instead of x, y, z are said by ``letters``; those that run
+        backwards, or at an angle, by ``lines``.
+
+        Raises:
+            InputError: they are not at right angles to each other: voxels are no bricks.
+        """
+        given = [k for k, vector in enumerate(directions) if vector is not None]
+        if len(given) != 3 or len(directions) != len(self.sizes):
+            return
+        D = np.array([directions[k] for k in given], dtype=float)
+        lengths = np.linalg.norm(D, axis=1)
+        if not (np.isfinite(D).all() and D.shape == (3, 3) and lengths.all()):
+            return
+        D /= lengths[:, None]
+        if np.abs(D @ D.T - np.eye(3)).max() > 1e-3:
+            raise InputError(
+                f"image {path} has axes that are not at right angles to each other "
+                f"({_vectors(D)}), expected an image resampled to bricks"
+            )
+        order = max(itertools.permutations(range(3)), key=lambda p: np.abs(D[range(3), p]).sum())
+        letters = ["?"] * len(self.sizes)
+        for k, axis in zip(given, order, strict=True):
+            letters[k] = "xyz"[axis]
+        self.letters = "".join(letters)
+        along = D[range(3), order]
+        back = sorted("xyz"[axis] for axis, cosine in zip(order, along, strict=True) if cosine < 0)
+        if back not in ([], ["x", "y"]):  # both: half a turn about z, by which conventions differ
+            self.lines += (f"{' and '.join(back)} run backwards: taken as stored",)
+        if np.abs(along).min() < math.cos(math.radians(1)):
+            self.lines += (f"axes run along {_vectors(D)}: taken along the voxels",)
+
+
+def _vectors(D):
+    return ", ".join("(" + ", ".join(f"{x:.3g}" for x in row) + ")" for row in D)
 
 
 def read_header(path):
@@ -188,10 +230,20 @@ def _meta(path):
     spacing = None
     for key in ("ElementSpacing", "ElementSize"):
         if key in values and spacing is None:
-            unit = UNITS.get(values.get("DistanceUnits", "mm").strip())
+            unit = values.get("DistanceUnits", "mm")
             spacing = _known([float(word) for word in values[key].split()], [unit] * len(sizes),
                              "DistanceUnits" in values)  # fmt: skip
-    return Header(sizes, dtype, files, encoding, spacing, exact)
+    header = Header(sizes, dtype, files, encoding, spacing, exact)
+    for key in ("TransformMatrix", "Orientation", "Rotation"):
+        if len(matrix := [float(word) for word in values.get(key, "").split()]) == 9:
+            header.run_along([matrix[k : k + 3] for k in (0, 3, 6)], path)
+            break
+    else:
+        names = values.get("AnatomicalOrientation", "").upper()
+        sides = [side for name in names for side in range(3) if name in ("RL", "AP", "IS")[side]]
+        if len(names) == 3 and sorted(sides) == [0, 1, 2]:
+            header.run_along(np.eye(3)[sides], path)
+    return header
 
 
 # --- NRRD ---------------------------------------------------------------------------------
@@ -242,18 +294,30 @@ def _nrrd(path):
                 begin, end, step = map(int, words[1:4])
                 names = [words[0] % k for k in range(begin, end + 1, step)]
         files = [(path.parent / name, start, total // len(names)) for name in names]
-    return Header(sizes, dtype, files, encoding, _nrrd_spacing(values, len(sizes)))
+    vectors = _nrrd_vectors(values)
+    spacing = _nrrd_spacing(values, vectors, len(sizes))
+    header = Header(sizes, dtype, files, encoding, spacing)
+    names = [name.strip().lower() for name in _quoted(values.get("labels", ""))]
+    if vectors is not None:
+        header.run_along([vector or None for vector in vectors], path)
+    elif len(names) == len(sizes) and all(len(name) == 1 for name in names):
+        header.letters = "".join(names)
+    return header
 
 
-def _nrrd_spacing(values, num_axes):
-    """Lengths of voxels [m], or None."""
+def _nrrd_vectors(values):
+    """Vectors along the axes; [] of one without a direction; None where there are none."""
+    if "space directions" not in values:
+        return None
+    vectors = values["space directions"].replace("none", "()").split(")")[:-1]
+    return [[float(x) for x in vector.strip(" (").split(",") if x] for vector in vectors]
+
+
+def _nrrd_spacing(values, vectors, num_axes):
+    """Lengths of voxels [m], a text, or None."""
     stated = [part.strip().strip('"').strip() for part in _quoted(values.get("units", ""))]
-    if "space directions" in values:
-        vectors = values["space directions"].replace("none", "()").split(")")[:-1]
-        lengths = [
-            math.hypot(*(float(x) for x in vector.strip(" (").split(",") if x)) or math.nan
-            for vector in vectors
-        ]
+    if vectors is not None:
+        lengths = [math.hypot(*vector) or math.nan for vector in vectors]
         if "space units" in values:
             stated = [part.strip().strip('"').strip() for part in _quoted(values["space units"])]
             # Units are those of the space, which has no axis for what has no direction.
@@ -267,8 +331,8 @@ def _nrrd_spacing(values, num_axes):
         return None
     stated = [text for text in stated if text] and stated
     if not stated:
-        return _known(lengths, [1e-3] * num_axes, False)
-    return _known(lengths, [UNITS.get(text) for text in stated], True)
+        return _known(lengths, ["mm"] * num_axes, False)
+    return _known(lengths, stated, True)
 
 
 def _quoted(text):
@@ -313,21 +377,46 @@ def _nifti(path):
     if min(sizes) < 1:
         raise InputError(f"image {path} has shape {sizes[::-1]}, expected (z, y, x)")
     total = math.prod(sizes) * np.dtype(NIFTI_TYPES[code]).itemsize
-    known = {1: 1.0, 2: 1e-3, 3: 1e-6}.get(unit & 7)
+    known = {1: "m", 2: "mm", 3: "um"}.get(unit & 7, "")
     spacing = _known([abs(x) for x in pixdim[1 : 1 + dim[0]]], [known] * dim[0], (unit & 7) != 2)
     encoding = "gzip" if packed else "raw"
     start, expected = (0, first + total) if packed else (first, total)
-    return Header(sizes, NIFTI_TYPES[code], [(path, start, expected)], encoding, spacing)
+    header = Header(sizes, NIFTI_TYPES[code], [(path, start, expected)], encoding, spacing)
+    none = [None] * (dim[0] - 3)
+    if kind == 348:
+        codes = struct.unpack(f"{order}2h", data[252:256])
+        quaternion, rows = struct.unpack(f"{order}3f", data[256:268]), data[280:328]
+        rows = np.frombuffer(rows, f"{order}f4").reshape(3, 4)
+    else:
+        codes = struct.unpack(f"{order}2i", data[344:352])
+        quaternion, rows = struct.unpack(f"{order}3d", data[352:376]), data[400:496]
+        rows = np.frombuffer(rows, f"{order}f8").reshape(3, 4)
+    if codes[1] > 0:
+        header.run_along([*rows[:, :3].T, *none], path)
+    elif codes[0] > 0:
+        header.run_along([*_turned(quaternion, pixdim[0]), *none], path)
+    return header
+
+
+def _turned(bcd, hand):
+    """Directions of the axes by the quaternion of a NIfTI header; a negative hand turns z round."""
+    a = math.sqrt(max(0.0, 1.0 - sum(x * x for x in bcd)))
+    matrix = scipy.spatial.transform.Rotation.from_quat([*bcd, a]).as_matrix()
+    return (matrix * [1, 1, -1 if hand < 0 else 1]).T
 
 
 def _known(lengths, units, stated):
-    """Lengths in metres; None where a unit is not known, or programs wrote one for "no spacing".
+    """Lengths in metres; a text where a unit is not known; None where one was "no spacing".
 
     Args:
         lengths: Along each axis; those along further axes may be anything.
-        units: Metres a unit, or None.
+        units: Their units by name; "" of axes that have none.
         stated: Whether the file names the unit itself.
     """
-    if len(lengths) != len(units) or None in units[:3] or not (stated or set(lengths[:3]) != {1.0}):
+    if len(lengths) != len(units) or not (stated or set(lengths[:3]) != {1.0}):
         return None
-    return tuple(x * (1e-3 if u is None else u) for x, u in zip(lengths, units, strict=True))
+    factors = [metres(unit) for unit in units]
+    if None in factors[:3]:
+        words = (f"{x:.6g} {u}".strip() for x, u in zip(lengths[:3], units[:3], strict=True))
+        return " x ".join(words) if any(units[:3]) else None
+    return tuple(x * (1e-3 if f is None else f) for x, f in zip(lengths, factors, strict=True))

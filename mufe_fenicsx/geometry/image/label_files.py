@@ -12,7 +12,7 @@ from ...errors import InputError
 from .array_file import array_names
 from .image import to_cubes
 from .image_files import read_with_size
-from .labels import plain_labels
+from .labels import background_line, plain_labels
 from .tiff_file import TIFF
 from .voxel_size import known_voxel_size, own_description, own_voxel_size
 
@@ -55,7 +55,15 @@ def write_labels(path, labels, voxel_size, cylinder=None):
 
 
 def read_labels(
-    path, *, voxel_size=None, key=None, shape=None, dtype=None, axes="zyx", numbers=None
+    path,
+    *,
+    voxel_size=None,
+    key=None,
+    shape=None,
+    dtype=None,
+    axes=None,
+    numbers=None,
+    notices=None,
 ):
     """Read labels and their voxel size.
 
@@ -64,7 +72,7 @@ def read_labels(
             with an array "labels". Fiji writes labels as floating point numbers: those are taken
             if they are whole.
         voxel_size: Voxel size of a file that does not state it [m], or three (z, y, x).
-        key, shape, dtype, axes: See `image_files.read_with_size`.
+        key, shape, dtype, axes, notices: See `image_files.read_with_size`.
         numbers: See `labels.plain_labels`.
 
     Returns:
@@ -75,15 +83,19 @@ def read_labels(
     """
     path = Path(path)
     key = labels_key(path) if key is None else key
-    labels, stated = read_with_size(path, shape=shape, dtype=dtype, key=key, axes=axes)
+    labels, stated = read_with_size(
+        path, shape=shape, dtype=dtype, key=key, axes=axes, notices=notices
+    )
     size = known_voxel_size(voxel_size, stated, path)
     own = _own_voxel_size(path)
     if own is not None and abs(max(size) / own - 1) + abs(min(size) / own - 1) > 1e-9:
         raise InputError(
             f"voxel_size = {voxel_size} m, but {path} states {own} m, expected one of them only"
         )
-    labels, edge = to_cubes(plain_labels(labels, path, numbers), size, labels=True)
-    return labels, edge
+    labels = plain_labels(labels, path, numbers)
+    if notices is not None and (line := background_line(labels, path)):
+        notices.append(line)
+    return to_cubes(labels, size, labels=True)
 
 
 def grain_table(labels, voxel_size, inside=None):

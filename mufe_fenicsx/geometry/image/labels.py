@@ -3,11 +3,15 @@
 Labels are integers of shape (z, y, x): 0 is void, grains are positive.
 """
 
+import functools
+
 import numpy as np
 import scipy.ndimage
 
 from ...errors import InputError
 
+#: Part of a grain from which a piece of it is no crumb.
+A_GRAIN = 0.2
 #: Largest label: tables by label have a row for each number up to it.
 LARGEST = 2**24
 
@@ -143,7 +147,8 @@ def checked_labels(labels, *, keep_largest_piece=False, source="labels"):
         source: Name of the labels in messages.
 
     Returns:
-        labels; and the labels of the grains from which pieces were taken.
+        labels; and a dictionary by label of grains from which pieces were taken: sizes of those,
+        the largest first, and whether the grain lies on opposite faces of the image.
 
     Raises:
         InputError: labels are not three-dimensional, not integers, negative,
@@ -161,7 +166,7 @@ def checked_labels(labels, *, keep_largest_piece=False, source="labels"):
             f"{source}: {len(grains)} labels, and {differ:.0%} of neighbouring voxels above 0 "
             "differ, expected grains of many voxels; these look like grey levels"
         )
-    trimmed = []
+    left_out = {}
     for grain, where in grains_in(labels):
         mask = labels[where] == grain
         numbered, sizes = pieces(mask)
@@ -174,14 +179,50 @@ def checked_labels(labels, *, keep_largest_piece=False, source="labels"):
                 )
             mask = numbered == 1 + np.argmax(sizes)
             labels[where][(numbered > 0) & ~mask] = 0
-            trimmed.append(int(grain))
+            opposite = any(
+                s.start == 0 and s.stop == n for s, n in zip(where, labels.shape, strict=True)
+            )
+            left_out[grain] = np.sort(sizes)[-2::-1].tolist(), opposite
         if not is_thick(mask):
             size = " x ".join(str(n) for n in mask.shape)
             raise InputError(
                 f"{source}: grain {grain} of {mask.sum()} voxels within {size} is thinner than "
                 "2 voxels, expected room for a cube of 2 x 2 x 2 voxels"
             )
-    return labels, trimmed
+    return labels, left_out
+
+
+def left_out_lines(left_out, labels):
+    """A line for each grain from which `checked_labels` took pieces, the largest loss first."""
+    kept, lines = np.bincount(labels.ravel()), []
+    for grain, (sizes, opposite) in sorted(left_out.items(), key=lambda item: -sum(item[1][0])):
+        whole = kept[grain] + sum(sizes)
+        line = (
+            f"grain {grain}: {len(sizes)} pieces of {_few(sizes)} voxels left out, "
+            f"{sum(sizes) / whole:.2g} of its volume"
+        )
+        if opposite:
+            line += "; they lie on opposite faces: was the image periodic?"
+        elif sizes[0] > A_GRAIN * whole:
+            line += "; as large as grains: has the number been used twice?"
+        lines.append(line)
+    return lines
+
+
+def background_line(labels, source):
+    """A line that warns of a label that surrounds the others, as if voids had a number; or None."""
+    ends = [np.unique(labels.take(end, axis=axis)) for axis in range(3) for end in (0, -1)]
+    found = [n for n in functools.reduce(np.intersect1d, ends).tolist() if n > 0]
+    others = np.setdiff1d(np.unique(labels), [0, *found])
+    for label in found if len(others) > 0 else ():
+        around = scipy.ndimage.binary_dilation(labels == label)
+        touched = np.intersect1d(np.unique(labels[around]), others)
+        if len(touched) >= 0.9 * len(others):
+            return (
+                f"{source}: label {label} is on all six faces of the image and surrounds "
+                f"{len(touched)} of {len(others)} other labels: is it the void, which is 0 here?"
+            )
+    return None
 
 
 def grains_in(labels):

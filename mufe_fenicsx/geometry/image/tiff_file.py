@@ -8,7 +8,7 @@ import numpy as np
 import tifffile
 
 from ...errors import InputError
-from .stored_image import Stored, check_regular, only_one, three_axes
+from .stored_image import Stored, check_regular, errors_of_readers, only_one, three_axes
 from .voxel_size import tiff_voxel_size
 
 # What is wrong with a file is said in our own line.
@@ -72,6 +72,7 @@ class _Series:
         self.series, self.path = series, path
         self.size = file.filehandle.size
         self.shape, self.dtype = tuple(int(n) for n in series.shape), series.dtype
+        self.letters = series.axes
         colour = series.axes.find("S")
         # tifffile itself writes three or four slices as planes of colours, and says their shape.
         slices = colour == 0 and file.is_shaped
@@ -137,13 +138,13 @@ class _Slice:
     def __init__(self, path, folder):
         check_regular(path, folder)
         self.path = path
-        with tifffile.TiffFile(path) as file:
+        with errors_of_readers(path), tifffile.TiffFile(path) as file:
             part = open_tiff(file, path)
             self.shape, self.dtype = part.shape, part.voxels.dtype
-            self.white_is_zero = part.white_is_zero
+            self.white_is_zero, self.voxel_size = part.white_is_zero, part.voxel_size
 
     def __getitem__(self, where):
-        with tifffile.TiffFile(self.path) as file:
+        with errors_of_readers(self.path), tifffile.TiffFile(self.path) as file:
             return open_tiff(file, self.path).voxels[where]
 
 
@@ -173,7 +174,10 @@ def open_slices(folder, names):
                 f"{part.white_is_zero}, expected {first.dtype}, {first.white_is_zero} as the "
                 f"first slice, {first.path.name}"
             )
-    return Stored(_Stacked(slices), white_is_zero=first.white_is_zero)
+    size = first.voxel_size
+    if isinstance(size, tuple):  # the distance of slices is none that a slice may state
+        size = f"nothing along z, {size[1]:.6g} m along y, {size[2]:.6g} m along x"
+    return Stored(_Stacked(slices), size, first.white_is_zero)
 
 
 def _white_is_zero(series):

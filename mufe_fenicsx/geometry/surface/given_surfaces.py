@@ -9,7 +9,7 @@ import pyvista
 from ...errors import InputError
 from ...kernels.topology import cut_at_pinches, surface_pinch
 from ..image.array_file import array_names, read_arrays
-from ..image.image_files import natural_order
+from ..image.image_files import files_in
 from ..measure import compact, surface_defect, surface_volume
 from ..tets.foreign import SOLID, counted, read_foreign
 from .remesh import closed, collapse_short_edges, flip_long_edges, oriented, remesh, with_cavities
@@ -50,9 +50,7 @@ def read_bodies(path, scale=1.0, notices=None, least_cavity=0.0, origins=None):
     if not scale > 0:
         raise InputError(f"scale = {scale}, expected > 0 metres a unit of length")
     if path.is_dir():
-        files = sorted(
-            (f for f in path.iterdir() if f.suffix.lower() in FORMATS), key=natural_order
-        )
+        files = files_in(path, FORMATS)
         if not files:
             raise InputError(f"folder {path} holds no {', '.join(FORMATS)}, expected surfaces")
         surfaces = []
@@ -100,7 +98,7 @@ def has_bodies(path):
     """True if a file or folder looks like surfaces rather than labels."""
     path = Path(path)
     if path.is_dir():
-        return any(f.suffix.lower() in FORMATS for f in path.iterdir())
+        return bool(files_in(path, FORMATS))
     if path.suffix.lower() in FORMATS and path.is_file():
         return True
     return {"vertices", "faces", "grain_of_face"} <= array_names(path)

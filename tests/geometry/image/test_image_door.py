@@ -330,7 +330,11 @@ DIRECTIONS = "space directions: (5,0,0) (0,6,0) (0,0,7)"
         (nrrd, ("spacings: 5 6 7", 'units: "um" "um" "um"'), 1e-6),
         (nrrd, ("space dimension: 3", DIRECTIONS, 'space units: "microns" "um" "µm"'), 1e-6),
         (nrrd, ("space: left-posterior-superior", DIRECTIONS), 1e-3),
-        (nrrd, ("spacings: 5 6 7", 'units: "pixel" "pixel" "pixel"'), None),
+        (
+            nrrd,
+            ("spacings: 5 6 7", 'units: "pixel" "pixel" "pixel"'),
+            "5 pixel x 6 pixel x 7 pixel",
+        ),
         (nrrd, ("spacings: 1 1 1",), None),
         (meta, (), None),
         (meta, ("ElementSpacing = 5 6 7",), 1e-3),
@@ -343,8 +347,8 @@ def test_units_of_voxels(tmp_path, make, lines, size):
     path = make(tmp_path, *lines)
     found, stated = read_with_size(path)
     assert np.array_equal(found, IMAGE)
-    expected = None if size is None else tuple(n * size for n in (7, 6, 5))
-    assert stated == (None if expected is None else pytest.approx(expected, rel=1e-12))
+    expected = tuple(n * size for n in (7, 6, 5)) if isinstance(size, float) else None
+    assert stated == (size if expected is None else pytest.approx(expected, rel=1e-12))
 
 
 @pytest.mark.parametrize(("code", "metre"), [(0, None), (1, 1.0), (2, 1e-3), (3, 1e-6)])

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 import scipy.ndimage
 
+from mufe_fenicsx.cli.main import main
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.image.label_files import grain_table, read_labels, write_labels
-from mufe_fenicsx.geometry.image.labels import checked_labels, fill_pores
+from mufe_fenicsx.geometry.image.labels import background_line, checked_labels, fill_pores
 from mufe_fenicsx.geometry.image.segmentation import distance_map, distance_to_void, separate_grains
-from mufe_fenicsx.geometry.settings import SegmentSettings
+from mufe_fenicsx.geometry.pipeline import mesh_labels
+from mufe_fenicsx.geometry.settings import MeshSettings, SegmentSettings
 from tests.geometry.scenes import ball, two_balls
 
 
@@ -153,5 +155,58 @@ def test_labels_of_fiji_are_floating_point_numbers():
 
 
 def test_largest_piece_is_kept_on_request():
-    labels, trimmed = checked_labels(changed(2, np.s_[1:4, 1:4, 1:4]), keep_largest_piece=True)
-    assert np.array_equal(labels, two_balls()) and trimmed == [2]
+    labels, left = checked_labels(changed(2, np.s_[1:4, 1:4, 1:4]), keep_largest_piece=True)
+    assert np.array_equal(labels, two_balls()) and left == {2: ([27], False)}
+
+
+def three_balls(*centres):
+    """Balls of 9 voxels on a line along x, with the labels 1, 2, 1."""
+    z, y, x = np.ogrid[:24, :24, :67]
+    labels = np.zeros((24, 24, 67), dtype=np.int32)
+    for centre, label in zip(centres, (1, 2, 1), strict=True):
+        labels[(z - 12) ** 2 + (y - 12) ** 2 + (x - centre) ** 2 < 81] = label
+    return labels
+
+
+@pytest.mark.parametrize(
+    ("centres", "hint"),
+    [
+        ((12.5, 32.5, 54.5), "as large as grains: has the number been used twice?"),
+        ((3, 32.5, 63), "they lie on opposite faces: was the image periodic?"),
+    ],
+)
+def test_pieces_left_out_are_told(tmp_path, no_workers, centres, hint):
+    """Half of a number used twice was gone, and the volume of all meshes 0.99996 of that given."""
+    np.save(tmp_path / "a.npy", three_balls(*centres))
+    made = mesh_labels(
+        tmp_path / "a.npy",
+        MeshSettings(size=5e-5, voxel_size=1e-5, keep_largest_piece=True),
+        tmp_path / "grains",
+    )
+    (line,) = made["notices"]
+    assert line.startswith("grain 1: 1 pieces of ") and line.endswith(hint)
+    assert made["smallest_volume_ratio"] == pytest.approx(0.5, abs=0.03)
+    assert made["volume_ratio"] < 0.75 and made["warnings"][0].startswith("grain 1: the mesh has")
+
+
+def test_voids_with_a_number_are_told(capfd, tmp_path):
+    labels = two_balls() + 1
+    assert "label 1 is on all six faces of the image and surrounds 2 of 2" in background_line(
+        labels, "a"
+    )
+    assert (
+        background_line(two_balls(), "a") is background_line(np.ones((4, 4, 4), int), "a") is None
+    )
+    np.save(tmp_path / "a.npy", labels)
+    with pytest.raises(SystemExit):
+        main(
+            [
+                "shapes",
+                str(tmp_path / "a.npy"),
+                "-o",
+                str(tmp_path / "s"),
+                "--voxel-size",
+                "2 um,1 um,1 um",
+            ]
+        )
+    assert "is it the void, which is 0 here?" in capfd.readouterr().out
