@@ -182,11 +182,10 @@ class Tools(ForceTerm):
         n = len(own)
         self.rates = np.array([tool.rates for tool in own]).reshape(n, 6)
         self.applied = np.array([tool.applied for tool in own]).reshape(n, 6)
-        #: Where a change of rates and applied loads came from and goes to, when it began and how
-        #: long it takes [s].
-        self.change = np.hstack(
-            [self.rates, self.applied, self.rates, self.applied, np.zeros((n, 2))]
-        )
+        #: Of rates and applied loads: where a change came from and goes to, when it began and how
+        #: long it takes [s]; four times twelve columns.
+        told = [self.rates, self.applied]
+        self.change = np.hstack([*told, *told, np.zeros((n, 24))])
         self._applied_next = self.applied.copy()
         #: Of grains on tools, and all loads on them but the applied ones.
         self.reaction, self.loads = np.zeros((2, n, 6))
@@ -224,39 +223,35 @@ class Tools(ForceTerm):
         """Arrays that steps change, with a row for each tool of this rank."""
         return self.reaction, self.loads, self.rates, self.applied, self.change
 
-    def set_motion(self, name, t, rates=None, applied=None, ramp=0.0):
+    def set_motion(self, name, t, rates=(None,) * 6, applied=(None,) * 6, ramp=0.0):
         """Change what a tool is told from the time ``t`` on, smoothly. Local.
 
         Args:
             name: Of the tool.
             t: Now [s].
-            rates: Velocity [m/s] and rate of turning [rad/s], shape (6,); None: as before.
-            applied: Force [N] and torque [N m] on what is free, shape (6,); None: as before.
+            rates: Velocity [m/s] and rate of turning [rad/s], six values; None where one goes on.
+            applied: Force [N] and torque [N m] on what is free, likewise.
             ramp: Time that it takes [s].
         """
         for k in np.flatnonzero(self.numbers == self.names.index(name)):
-            now = self.rates[k], self.applied[k]
-            goal = [n if g is None else g for n, g in zip(now, (rates, applied), strict=True)]
-            self.change[k] = np.concatenate([*now, *goal, (t, ramp)])
+            now, change = [*self.rates[k], *self.applied[k]], self.change[k].reshape(4, 12)
+            for column, goal in enumerate((*rates, *applied)):
+                if goal is not None:
+                    change[:, column] = now[column], goal, t, ramp
 
     def _changes(self, t):
         """Whether a change of this rank's tools is not over at the time ``t``."""
-        return bool((self.change[:, 24] + self.change[:, 25] >= t).any())
+        return bool((self.change[:, 24:36] + self.change[:, 36:] >= t).any())
 
     def _follow_change(self, t, dt):
         """Rates of the step from ``t`` on, and applied loads at its end."""
-        begin, goal, (start, ramp) = (
-            self.change[:, :12],
-            self.change[:, 12:24],
-            self.change[:, 24:].T,
-        )
+        begin, goal, start, ramp = np.split(self.change, 4, axis=1)
         for at, columns, out in (
             (t + 0.5 * dt, slice(6), self.rates),
             (t + dt, slice(6, 12), self._applied_next),
         ):
-            s = np.clip((at - start) / np.maximum(ramp, 1e-300), 0.0, 1.0)
-            s = (s * s * (3.0 - 2.0 * s))[:, None]
-            out[:] = begin[:, columns] + s * (goal - begin)[:, columns]
+            s = np.clip((at - start) / np.maximum(ramp, 1e-300), 0.0, 1.0)[:, columns]
+            out[:] = begin[:, columns] + s * s * (3.0 - 2.0 * s) * (goal - begin)[:, columns]
 
     def borne_nodes(self):
         """Nodes of this rank's tools that bearings hold, without weight. Local."""

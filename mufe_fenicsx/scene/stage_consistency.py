@@ -124,12 +124,12 @@ def _check_tools_of_stages(scene):
                 known = ", ".join(tools) or "none: there is no [[tool]]"
                 raise InputError(f"{where} is no tool, expected {known}")
             tool = tools[name]
-            if tool.path is not None and motion.rates is not None:
+            if tool.path is not None and any(rate is not None for rate in motion.rates):
                 raise InputError(f"{where} has a velocity, expected none: path leads that tool")
             for values, free, what in (
                 (motion.rates, False, "a motion along {}, expected none of what is free"),
                 (motion.loads, True, "a load along {}, expected none of what is told"),
             ):
-                for freedom, value in zip(FREEDOMS, values or (), strict=False):
+                for freedom, value in zip(FREEDOMS, values, strict=True):
                     if value and (freedom in tool.freedoms) != free:
                         raise InputError(f"{where} has {what.format(freedom)}")

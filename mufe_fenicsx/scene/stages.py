@@ -150,19 +150,18 @@ class ToolMotion:
 
     @property
     def rates(self):
-        """Velocity and rate of turning, (6,); None where both go on."""
+        """Velocity and rate of turning, (6,); None of what goes on."""
         return _six(self.velocity, self.angular_velocity)
 
     @property
     def loads(self):
-        """Force and torque, (6,); None where both go on."""
+        """Force and torque, (6,); None of what goes on."""
         return _six(self.force, self.torque)
 
 
-def _six(first, second):
-    """Two vectors in a row, zero where one is None; None where both are."""
-    none = (0.0, 0.0, 0.0)
-    return None if first is None and second is None else (*(first or none), *(second or none))
+def _six(*vectors):
+    """Two vectors in a row, each of three times None where it is None."""
+    return tuple(value for vector in vectors for value in vector or (None,) * 3)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.run.from_bodies import build
+from mufe_fenicsx.scene.stages import ToolMotion
 from tests.bodies import cylinder
 
 COMM = MPI.COMM_WORLD
@@ -61,6 +62,35 @@ def test_told_motion_is_followed_about_a_point():
     assert np.allclose(s.state.v[own], speeds, rtol=0, atol=1e-5)
     energies = s.energies()
     assert abs(energies["work"]) < 1e-20 and energies["kinetic"] < 1e-15
+
+
+def test_what_a_stage_leaves_out_of_a_tool_goes_on():
+    """A turn had ended where the next stage gave a velocity, a force where it gave a torque."""
+    free = ("x", "y", "z", "rx", "ry", "rz")
+    s = blocks(
+        MPI.COMM_SELF,
+        [
+            Tool("led", *far(PLATE), angular_velocity=(0, 0, 4)),
+            Tool("free", *far(far(PLATE)), free=free, force=(0, 0, 2)),
+        ],
+    )
+    nothing, ramp = ToolMotion(), 1e-6
+    led, loose = np.argsort(s.tools.numbers)
+    stages = [
+        {"led": ToolMotion((1, 2, 3)), "free": ToolMotion(torque=(0, 0, 1e-6))},
+        {"led": ToolMotion(angular_velocity=(0, 0, 5), ramp=ramp), "free": nothing},
+        {"led": ToolMotion(velocity=(2, 2, 2)), "free": ToolMotion(force=(0, 1, 0))},
+    ]
+    for k, stage in enumerate(stages):  # each lasts for half of the ramp
+        for name, motion in stage.items():
+            s.tools.set_motion(name, 0.5 * k * ramp, motion.rates, motion.loads, motion.ramp)
+        s.tools._follow_change(0.5 * (k + 1) * ramp, 0.0)
+    # The turn began to change with the second stage; half of its ramp is over with the third.
+    s.tools._follow_change(ramp, 0.0)
+    assert s.tools.rates[led].tolist() == [1, 2, 3, 0, 0, pytest.approx(4.5)]
+    s.tools._follow_change(2 * ramp, 0.0)
+    assert s.tools.rates[led].tolist() == [2, 2, 2, 0, 0, 5]
+    assert s.tools._applied_next[loose].tolist() == [0, 1, 0, 0, 0, 1e-6]
 
 
 def test_a_path_ends_where_it_says():
