@@ -13,7 +13,7 @@ from .imaging import grey_image, voxelise
 from .packing import pack
 from .picture import draw_scan
 from .scene_text import scene_text
-from .shapes import make_grains, sizes
+from .shapes import make_grains, sizes, sizes_by_mass
 from .triangulated import icosphere
 from .truth import CONTACTS, contact_rows, grain_rows
 
@@ -144,19 +144,16 @@ def _numbers(settings, packing, voxels, labels, rows, contacts, **more):
         if row["gap_m"] <= TOLERANCE * settings.voxel_size
     ]
     overlaps = np.array([max(-row["gap_m"], 0.0) for row in contacts])
-    volume = packing.grains.volume
+    d50, uniformity = sizes_by_mass(packing.grains.diameter)
     whole = np.array([row["whole_volume_m3"] for row in rows])
-    by_size = np.argsort(packing.grains.diameter)
-    share = np.cumsum(volume[by_size]) / volume.sum()
-    d10, d50, d60 = np.interp([0.1, 0.5, 0.6], share, packing.grains.diameter[by_size])
     return {
         "shape": list(labels.shape),
         "voxel_size": settings.voxel_size,
         "num_packed_grains": packing.grains.num_grains,
         "num_grains": n,
         "num_border_grains": n - len(inside),
-        "d50": float(d50),
-        "uniformity": float(d60 / d10),
+        "d50": d50,
+        "uniformity": uniformity,
         "mean_elongation": float(np.mean([row["elongation"] for row in rows])),
         "mean_flatness": float(np.mean([row["flatness"] for row in rows])),
         "mean_whole_diameter": float(np.cbrt(6 / np.pi * whole).mean()),

@@ -59,15 +59,26 @@ class RadialGrains:
 def sizes(rng, n, d50, uniformity):
     """Diameters [m] of n grains, log-normal with median ``d50`` by mass and d60/d10 given.
 
-    By number the median of ln d lies 3 sigma² lower (Hatch and Choate 1929). Tails beyond 2.5 sigma
-    of the distribution by number are drawn again.
+    By number the median of ln d lies 3 sigma² lower (Hatch and Choate 1929). Sizes end at 2.5 sigma
+    from the median by mass. Each stands for an n-th part of all grains by the root of their mean
+    cube, so that few grains have the mass of the large ones too. Their order is chance.
     """
     sigma = np.log(uniformity) / (scipy.special.ndtri(0.6) - scipy.special.ndtri(0.1))
-    # Stratified: n sizes follow the distribution as closely as n can.
-    u = (rng.permutation(n) + rng.random(n)) / n
-    low, high = scipy.special.ndtr([-2.5, 2.5])
-    z = scipy.special.ndtri(low + u * (high - low))
-    return d50 * np.exp(sigma * z - 3 * sigma**2)
+    # Deviates by number; those by mass are 3 sigma lower.
+    low, high = 3 * sigma + np.array([-2.5, 2.5])
+    share = np.linspace(*scipy.special.ndtr([low, high]), n + 1)
+    z = scipy.special.ndtri(share)
+    z[[0, -1]] = low, high
+    cube = np.diff(scipy.special.ndtr(z - 3 * sigma)) / np.diff(share)
+    return rng.permutation(d50 * np.exp(-1.5 * sigma**2) * np.cbrt(cube))
+
+
+def sizes_by_mass(diameters):
+    """Of grains: d50 [m] and uniformity d60/d10, half of each grain on both sides of its size."""
+    d = np.sort(diameters)
+    mass = d**3
+    d10, d50, d60 = np.interp([0.1, 0.5, 0.6], (np.cumsum(mass) - 0.5 * mass) / mass.sum(), d)
+    return float(d50), float(d60 / d10)
 
 
 def make_grains(rng, diameters, elongation, flatness, roughness, falloff, max_degree):

@@ -43,8 +43,8 @@ def test_grains_have_the_volumes_and_the_void_ratio_that_are_told(packed):
     contacts = sum(int(row["contacts"]) for row in rows)
     assert contacts / 12 == pytest.approx(told["coordination_number"])
     # Vertices of coarse meshes stand out of the box: facets give the ball's volume back.
-    assert grains.points.min() > -0.06 * told["mean_diameter"]
-    assert (grains.points < grains.box[1] + 0.06 * told["mean_diameter"]).all()
+    assert grains.points.min() > -0.08 * told["mean_diameter"]
+    assert (grains.points < grains.box[1] + 0.08 * told["mean_diameter"]).all()
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def test_given_meshes_are_turned_and_scaled(tmp_path):
         (("--count", "5", "--void-ratio", "0.6", "--way", "gravity"), "--void-ratio = 0.6, exp"),
         (("--spheres", "--count", "5", "--void-ratio", "0.1"), "--void-ratio = 0.1, expected 0.2"),
         (("--spheres", "--box", "1 um,1 um,1 um"), "box = 1 µm,1 µm,1 µm, expected room for"),
-        (("--spheres", "--box", "2,2,3"), "expected room for 2 to 1e+06 grains, which is for 6.4"),
+        (("--spheres", "--box", "2,2,3"), "expected room for 2 to 1e+06 grains, which is for 6.1"),
         (("--spheres", "--cylinder", "2 um,4 um"), "cylinder = 2 µm,4 µm, expected room"),
         (
             ("--spheres", "--cylinder", "2 mm,4 mm", "--box", "1 mm,1 mm,1 mm"),
@@ -115,7 +115,7 @@ def test_given_meshes_are_turned_and_scaled(tmp_path):
         (("--spheres", "--cylinder", "1 mm"), "expected a list of 2 numbers (diameter,height)"),
         (("--spheres", "--count", "5", "--d50", "300"), "--d50 = 300.0, expected 1e-07 <= d50"),
         (("--spheres", "--count", "5", "--element-size", "1 m"), "element_size = 1.0, expected 1."),
-        (("--spheres", "--count", "5", "--voxel-size", "1 nm"), "voxel_size = 1e-09, expected 2."),
+        (("--spheres", "--count", "5", "--voxel-size", "1 nm"), "voxel_size = 1e-09, expected 3."),
         (
             ("--spheres", "--count", "9", "--way", "gravity", "--box", "0.1 mm,1 mm,1 mm"),
             "base of the container 0.0001 m, expected more than the largest grain",

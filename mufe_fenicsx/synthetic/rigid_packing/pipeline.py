@@ -12,6 +12,7 @@ from ...kernels.packed_surfaces import label_voxels
 from ...materials.sand import scene_table
 from ...scene.schema import schema_text
 from ...units import require
+from ..shapes import sizes_by_mass
 from ..starter_scenes import DAMPED, HEAD, OEDOMETER, OUTPUT, SCHEMA_FILE
 from .assembly import Assembly
 from .container import BOX, CYLINDER
@@ -72,10 +73,13 @@ def pack(source, settings, output_folder, *, spheres=False, overwrite=False, pro
         draw_packing(folder / "packing.png", assembly, draw.unit)
     edges = (assembly.container.high - assembly.container.low) * draw.unit
     size_taken = settings.size_taken(edges)
+    d50, uniformity = sizes_by_mass(draw.size)
     return {
         **{name: value for name, value in numbers.items() if value == value},  # without nan
         "friction_at_start": settings.first_friction,
         "mean_diameter": draw.unit,
+        "d50": d50,
+        "uniformity": uniformity,
         "container": assembly.container.kind,
         "container_x": float(edges[0]),
         "container_y": float(edges[1]),

@@ -17,7 +17,7 @@ from ...geometry.tets.mesher import mesh_grains
 from ...scene.shipped import SHIPPED, shipped_mesh
 from ...units import lengths_text, require
 from ..settings import LARGEST_SIZE, SynthesisSettings
-from ..shapes import make_grains, sizes
+from ..shapes import make_grains, sizes, sizes_by_mass
 from ..triangulated import icosphere
 from .settings import FORM, MOST_GRAINS
 from .shapes import ball, in_own_frame, make_shapes
@@ -105,11 +105,9 @@ def _distribution(settings, table):
     usual = SynthesisSettings()
     d50, uniformity = usual.d50, usual.uniformity
     if table is not None:
-        diameter = np.sort(table["equivalent_diameter_m"])
-        share = np.cumsum(diameter**3) / (diameter**3).sum()
-        d10, d50, d60 = np.interp([0.1, 0.5, 0.6], share, diameter)
-        uniformity = min(3.0, d60 / d10)
-    return settings.d50 or float(d50), settings.uniformity or float(uniformity)
+        d50, uniformity = sizes_by_mass(table["equivalent_diameter_m"])
+        uniformity = min(3.0, uniformity)
+    return settings.d50 or d50, settings.uniformity or uniformity
 
 
 def _count(settings, mean_cube):
