@@ -29,8 +29,9 @@ a wall for long, and without a load of their own. Where ``until`` is passed wall
 ``ramp``.
 
 Rows of the history fall due by the ways that a stage has come, one for each of what leads it:
-s, the changes of lengths that go at a speed, the values of ``until``, and time where it only
-waits. Each grows alone, so that rows are nowhere farther apart than one interval of each.
+s, the changes of lengths that go at a speed, the values of ``until``, and time where it waits and
+nobody knows for how long. Each grows alone, so that rows are nowhere farther apart than one
+interval of each.
 
 The axes are those of the container: x, y, z of a box; r, along which the length is the diameter,
 and z of a cylinder; o and i, of its outer and inner diameter, and z of a hollow one. What shears a
@@ -345,7 +346,8 @@ class StagedLoading(Stateful):
             for a, task in enumerate(self.tasks)
             if task.free
         ]
-        until = t if self._now.led_until is None else self._now.led_until
+        led = self._now.hold_from if "time" in self._given else self._now.led_until
+        until = t if led is None else led
         # Rows are as near at first as before it waits, and as many each time that it has waited
         # e times as long: few grains may rattle for long.
         wait = max(self.program[self.index].hold, SETTLED * self.servo.travel_time)

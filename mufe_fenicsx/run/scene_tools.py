@@ -7,7 +7,7 @@ from ..bulk.tools import Tool, ToolPath
 from ..contact.walls import rotation_of
 from ..errors import InputError
 from ..output.checkpoint import file_checksum
-from ..output.history import read_history
+from ..output.measured import TIME, read_measured
 from ..output.run_folder import on_first_rank
 from ..scene.tools import FREEDOMS
 
@@ -60,25 +60,19 @@ def _tool(table):
 
 
 def read_path(path):
-    """The motion of a tool from a CSV file: time [s], x, y, z [m], rx, ry, rz [rad].
+    """The motion of a tool from a CSV file: time, x, y, z and rx, ry, rz; see `read_measured`.
 
     Columns that are absent are zero.
 
     Raises:
         InputError: It cannot be read, has no such columns, or is no path.
     """
-    columns = read_history(path)
-    known = ("time", *FREEDOMS)
-    wrong = [name for name in columns if name not in known]
-    if wrong or "time" not in columns:
-        raise InputError(f"{path} has columns {', '.join(columns)}, expected {', '.join(known)}")
-    time = columns["time"]
-    place = [columns.get(name, np.zeros(time.size)) for name in FREEDOMS]
-    for name, values in columns.items():
-        if values.dtype.kind not in "if":
-            raise InputError(f"{path} has a {name} that is no number, expected numbers in SI units")
+    units = dict(zip(FREEDOMS, ("m",) * 3 + ("rad",) * 3, strict=True))
+    measured = read_measured(path, {TIME: "s", **units})
+    rest = np.zeros(measured.time.size)
+    place = np.column_stack([measured.columns.get(name, rest) for name in FREEDOMS])
     try:
-        return ToolPath(time.astype(float), np.column_stack(place).astype(float))
+        return ToolPath(measured.time, place)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

@@ -48,7 +48,7 @@ class Tool:
         None, "m", "what it turns about, at the start; None: its centre of mass", shape=(3,)
     )
     path: Path | None = setting(
-        None, "", "CSV file with columns time, x, y, z, rx, ry, rz in SI units; no velocities then"
+        None, "", "CSV file with columns time, x, y, z, rx, ry, rz; no velocities then"
     )
     free: str = setting("", "", 'what is not told: some of "x y z rx ry rz"; "": nothing')
     force: tuple[float, float, float] = setting(

@@ -203,6 +203,17 @@ def test_rows_are_evenly_apart_where_a_value_of_until_stands_still():
     assert len(rows) < 30
 
 
+def test_a_stage_of_time_has_the_rows_that_are_asked_for():
+    """It had those of a wait as well, as if nobody knew its end: 385 for 60."""
+    sim = cube(1)
+    rest = Stage("rest", until=Until(time=1000 * sim.dt), hold=100 * sim.dt)
+    loading = loading_of(sim, (rest,), 1.0)
+    interval = loading.interval(61)
+    rows = [interval * math.floor(loading.course / interval) for _ in steps(sim, loading)]
+    # 60 of the time, and a tenth of that for the hold by either of both ways.
+    assert 60 <= len(set(rows)) <= 75
+
+
 def test_speed_follows_quasi_static_targets():
     """A cube loaded slower than it needs be by its first speed: as fast as the targets allow."""
     target = QuasiStatic(kinetic=0.01, unbalanced=0.05, slowest=1e-3, fastest=5.0)

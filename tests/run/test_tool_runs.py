@@ -16,7 +16,7 @@ from mufe_fenicsx.output.fields import read_state
 from mufe_fenicsx.output.history import read_history
 from mufe_fenicsx.run.opened import open_run
 from mufe_fenicsx.run.run import run_scene
-from mufe_fenicsx.run.scene_tools import read_tools
+from mufe_fenicsx.run.scene_tools import read_path, read_tools
 from mufe_fenicsx.scene import load_scene, scene_to_toml
 from tests.plates import ROCK, write_plate_and_spheres
 from tests.ranks import on_first
@@ -197,14 +197,24 @@ def test_what_a_scene_with_tools_cannot_say(folder, old, new, message):
 
 def test_paths_that_are_none(folder):
     for text, message in (
-        ("time,q\n0,0\n1,1\n", "has columns time, q, expected time, x, y, z"),
-        ("time,x\n0,a\n1,1\n", "has a x that is no number"),
-        ("time,x\n0,0\n0,1\n", "expected two or more that increase"),
+        ("time,q\n0,0\n1,1\n", '"q" is not a known column, expected one of time, x, y'),
+        ("time,x\n0,a\n1,1\n", 'x = "a", expected a finite number'),
+        ("time,x\n0,0\n0,1\n", "line 3: time = 0, expected more than 0"),
+        ("time,x\n1,1\n2,1\n", "first row of a path = .*, expected zeros"),
     ):
         on_first(COMM, lambda text=text: (folder / "path.csv").write_text(text))
         with pytest.raises(InputError, match=message):
             run(folder, "wrong")
         COMM.Barrier()
+
+
+def test_a_path_is_written_as_what_stages_follow(tmp_path):
+    """Comments and units had been refused, and a last line without its end lost."""
+    path = tmp_path / "path.csv"
+    path.write_text("# a test\ntime [ms], x [mm], rz [deg]\n0, 0, 0\n\n2, 1, 90")
+    found = read_path(path)
+    assert found.time.tolist() == [0, 2e-3]
+    assert found.at(1.0) == pytest.approx([1e-3, 0, 0, 0, 0, np.pi / 2])
 
 
 def test_run_json_of_a_run_without_tools_says_nothing(folder):

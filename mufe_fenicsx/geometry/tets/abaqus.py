@@ -68,12 +68,13 @@ def read_abaqus(path):
     bodies = reader.instances
     if not bodies:
         used = [part for part in reader.parts.values() if part.tets or part.others]
-        if used:
+        if len(used) + bool(reader.flat.tets or reader.flat.others) > 1:
             raise InputError(
-                f"{path}: part {used[0].name} without an *Instance, expected an assembly of "
-                "instances or a file without parts"
+                f"{path}: {len(used)} parts ({used[0].name}, …) without an *Instance, expected an "
+                "assembly of instances, one part, or a file without parts"
             )
-        bodies = [Instance("", reader.flat, np.zeros(3), np.zeros(7))]
+        # One part alone is the mesh: programs that mesh write no assembly.
+        bodies = [Instance("", [*used, reader.flat][0], np.zeros(3), np.zeros(7))]
     elif reader.flat.tets:
         raise InputError(
             f"{path}: elements outside of parts beside {len(bodies)} instances, expected either"

@@ -88,6 +88,13 @@ def test_a_flat_file_and_what_it_includes(tmp_path):
         import_grains(tmp_path / "loop.inp")
 
 
+def test_one_part_without_an_assembly_is_the_mesh(tmp_path):
+    """As Neper writes it; it had been refused."""
+    part = ASSEMBLY[ASSEMBLY.index("*Part") : ASSEMBLY.index("*Part, name=Large")]
+    (tmp_path / "a.inp").write_text(part.replace("*End", "*Elset, elset=poly1\n 1\n*End"))
+    assert import_grains(tmp_path / "a.inp", labels="poly").volumes == pytest.approx([1 / 6])
+
+
 @pytest.mark.parametrize(
     "old, new, said",
     [
@@ -102,7 +109,7 @@ def test_a_flat_file_and_what_it_includes(tmp_path):
         ("1., 7., 90.", "1., 0., 90.", "an axis of length 0"),
         (" 1, 0., 0., 0.", " 1, 0., x, 0.", r"\.inp: line 4: \*Node: .*x'.*, expected numbers"),
         ("*Step", "*Ngen\n 1, 9, 1\n*Step", "NGEN is not followed"),
-        ("*Assembly", "*Step\n*Assembly", "part Small without an .Instance"),
+        ("*Assembly", "*Step\n*Assembly", r"2 parts \(Small, …\) without an .Instance"),
         ("*Node\n 4", "*Node, system=C\n 4", "expected Cartesian"),
     ],
 )
