@@ -120,6 +120,10 @@ def test_given_meshes_are_turned_and_scaled(tmp_path):
             ("--spheres", "--count", "9", "--way", "gravity", "--box", "0.1 mm,1 mm,1 mm"),
             "base of the container 0.0001 m, expected more than the largest grain",
         ),
+        (
+            ("--spheres", "--count", "10", "--cylinder", "0.1 mm,10 mm", "--uniformity", "1"),
+            "cylinder = 100 µm,10 mm: 144.2 µm wide around 10 grains, expected more",
+        ),
         (("meshes:none", "--count", "5"), 'SOURCE = "meshes:none", expected'),
     ],
 )

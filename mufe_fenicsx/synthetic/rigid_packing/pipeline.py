@@ -11,7 +11,7 @@ from ...geometry.image.label_files import write_labels, write_table
 from ...kernels.packed_surfaces import label_voxels
 from ...materials.sand import scene_table
 from ...scene.schema import schema_text
-from ...units import require
+from ...units import lengths_text, require, with_unit
 from ..shapes import sizes_by_mass
 from ..starter_scenes import DAMPED, HEAD, OEDOMETER, OUTPUT, SCHEMA_FILE
 from .assembly import Assembly
@@ -19,7 +19,7 @@ from .container import BOX, CYLINDER
 from .measures import measured
 from .picture import draw_packing
 from .settings import GRAVITY, MOST_VOXELS
-from .sources import draw_grains, meshes_of, shapes_of
+from .sources import SOLID_FRACTION, draw_grains, meshes_of, shapes_of
 from .start import column, fits, loose
 from .ways import compress, reach_void_ratio, settle
 
@@ -126,12 +126,30 @@ def packed(draw, settings, rng, progress=None):
         assembly = Assembly(bodies, container, **more, progress=shown)
         settle(assembly)
         return assembly
+    if settings.container is not None:
+        _require_room(shapes, draw, edges, settings)
     bodies, container = loose(shapes, draw.shape, size, rng, kind, edges)
     assembly = Assembly(bodies, container, **more, progress=shown)
     compress(assembly)
     if settings.void_ratio is not None:
         assembly = reach_void_ratio(assembly, settings.void_ratio)
     return assembly
+
+
+def _require_room(shapes, draw, edges, settings):
+    """Raise InputError where a container of these proportions ends narrower than a grain."""
+    part = np.pi / 4 if settings.cylinder is not None else 1.0
+    solid = np.pi / 6 * (draw.size**3).sum()
+    least = (edges * np.cbrt(solid / SOLID_FRACTION / part / np.prod(edges * draw.unit))).min()
+    thin = [2 * np.linalg.norm(points, axis=1).min() for points, _ in shapes.surfaces]
+    thickest = float((np.array(thin)[draw.shape] * draw.size).max())
+    if least * draw.unit < thickest:
+        name, lengths = settings.container
+        raise InputError(
+            f"{name} = {lengths_text(lengths)}: {with_unit(least * draw.unit, 'm')} wide around "
+            f"{len(draw.size)} grains, expected more than the thickest of them, "
+            f"{with_unit(thickest, 'm')}"
+        )
 
 
 def _in_space(assembly, b, points):
