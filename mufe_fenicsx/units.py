@@ -186,6 +186,7 @@ class Key:
     limits: dict = field(default_factory=dict)  #: of a number, by the names of `BOUNDS`
     expected: str = ""  #: what the limits ask for, in words; "": as `BOUNDS` say it
     plausible: tuple = ()  #: least and largest value in a scene file; (): those of the unit
+    usual: tuple = ()  #: least and largest that nobody wonders at; beyond them a line is said
     allowed: tuple | Callable = ()  #: texts, if not any, or a function that returns them
     words: tuple = ()  #: texts that a path may be as well
     shape: tuple = ()  #: sizes of an array, -1 any; with a unit it has fractions

@@ -51,8 +51,10 @@ def plan(
         raise InputError(f"--set {changes[0]} with a scene file, expected one with a case alone")
     from ..planning.text import as_dict, lines, lines_of_present
     from ..run.scene_file import read_scene
+    from ..scene.usual import unusual
 
     loaded = read_scene(comm, Path(scene))
+    printer.say(*unusual(loaded))
     grains = loaded.sample.grains if grains is None else grains
     from ..planning.run import make_plan, present
 

@@ -46,9 +46,12 @@ def scene(
         text = "\n".join(explained(explain)) + "\n"
     else:
         from ..scene import load_scene, scene_to_toml
+        from ..scene.usual import unusual
 
         loaded = load_scene(file)
         _read_files_of(loaded)
+        for line in unusual(loaded):
+            typer.echo(f"mufe: {line}", err=True)
         text = scene_to_toml(loaded)
     if output is None:
         Printer().say(text.rstrip("\n"))

@@ -20,6 +20,9 @@ import numpy as np
 from ..errors import finite_array
 from ..units import REQUIRED, check_keys, setting
 
+#: Stiffness [Pa] and density [kg/m³] of solids, from gels to diamond and from foam to gold.
+USUAL_E, USUAL_RHO = (1e4, 1.5e12), (10.0, 3e4)
+
 
 @dataclass(frozen=True)
 class IsotropicSolid:
@@ -34,9 +37,13 @@ class IsotropicSolid:
     #: Whether the deviator follows from the deformation, not from its rate: kernels.neo_hooke.
     hyperelastic: ClassVar[bool] = False
 
-    E: float = setting(REQUIRED, "Pa", "Young's modulus", gt=0, expected="a stiffness > 0 Pa")
+    E: float = setting(
+        REQUIRED, "Pa", "Young's modulus", gt=0, expected="a stiffness > 0 Pa", usual=USUAL_E
+    )
     nu: float = setting(REQUIRED, "-", "Poisson's ratio", gt=-1, lt=0.5, plausible=(-0.99, 0.4999))
-    rho: float = setting(REQUIRED, "kg/m^3", "density", gt=0, expected="a density > 0 kg/m³")
+    rho: float = setting(
+        REQUIRED, "kg/m^3", "density", gt=0, expected="a density > 0 kg/m³", usual=USUAL_RHO
+    )
 
     def __post_init__(self):
         check_keys(self)

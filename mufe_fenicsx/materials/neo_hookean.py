@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..units import setting
-from .elastic import IsotropicSolid
+from .elastic import USUAL_E, USUAL_RHO, IsotropicSolid
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,13 @@ class NeoHookean(IsotropicSolid):
 
     hyperelastic: ClassVar[bool] = True
 
-    E: float = setting(1.4e6, "Pa", "Young's modulus", gt=0, expected="a stiffness > 0 Pa")
+    E: float = setting(
+        1.4e6, "Pa", "Young's modulus", gt=0, expected="a stiffness > 0 Pa", usual=USUAL_E
+    )
     nu: float = setting(0.49, "-", "Poisson's ratio", gt=-1, lt=0.5, plausible=(-0.99, 0.4999))
-    rho: float = setting(950.0, "kg/m^3", "density", gt=0, expected="a density > 0 kg/m³")
+    rho: float = setting(
+        950.0, "kg/m^3", "density", gt=0, expected="a density > 0 kg/m³", usual=USUAL_RHO
+    )
 
     @property
     def contact_modulus(self) -> float:

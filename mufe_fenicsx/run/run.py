@@ -25,6 +25,7 @@ from ..output.run_folder import (
 )
 from ..output.run_lock import LostFolder, RunLock
 from ..scene import Scene, scene_to_toml
+from ..scene.usual import unusual
 from .coarse_meshes import mean_edge_and_radius, warning_of_coarse_meshes
 from .from_scene import (
     find_bounds,
@@ -179,7 +180,8 @@ class TestRun:
         comm, summary, resumed = self.comm, self.summary, checkpoint is not None
         doing.what = f"setting up {_size(summary)}"
         self.begin(checkpoint, self.place)
-        say(comm, warning_of_coarse_meshes(self.simulation), self.options.quiet)
+        for line in (*unusual(self.scene), warning_of_coarse_meshes(self.simulation)):
+            say(comm, line, self.options.quiet)
         summary["first_height"] = float(self.loading.first_height)
         summary["mass"] = self.simulation.mass_of_grains()
         edge, radius = mean_edge_and_radius(self.simulation)

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from ..materials.elastic import USUAL_E, USUAL_RHO
 from ..materials.neo_hookean import NeoHookean
 from ..units import check_keys, setting
 
@@ -18,12 +19,16 @@ class MembraneSettings:
     """
 
     thickness: float = setting(0.3e-3, "m", "of its wall", gt=0)
-    E: float = setting(1.4e6, "Pa", "Young's modulus of the rubber", gt=0)
+    E: float = setting(1.4e6, "Pa", "Young's modulus of the rubber", gt=0, usual=USUAL_E)
     nu: float = setting(
         0.49, "-", "Poisson's ratio of the rubber", gt=0, lt=0.5, plausible=(0.01, 0.4999)
     )
     rho: float = setting(
-        950.0, "kg/m^3", "its density; a light one follows the cell's pressure sooner", gt=0
+        950.0,
+        "kg/m^3",
+        "its density; a light one follows the cell's pressure sooner",
+        gt=0,
+        usual=USUAL_RHO,
     )
     size: float | None = setting(
         None, "m", "length of its edges; None: twice the thickness, or less where it is narrow",

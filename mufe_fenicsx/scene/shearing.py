@@ -1,5 +1,6 @@
 """`shear` and `turn` of a stage: walls that move along themselves."""
 
+import math
 from dataclasses import dataclass
 
 from ..errors import InputError
@@ -53,7 +54,12 @@ class Turn(Along):
     """
 
     angle: float | None = setting(
-        None, "rad", "to reach, since the start of the test; then the platen rests", gt=-1e4, lt=1e4
+        None,
+        "rad",
+        "to reach, since the start of the test; then the platen rests",
+        gt=-1e4,
+        lt=1e4,
+        usual=(0.0, 2.0 * math.pi),
     )
     rate: float | None = setting(None, "rad/s", "alone, all stage long; else at most")
     wall: str = setting("top", "", 'platen that turns: "top" or "bottom"', allowed=TURNING)

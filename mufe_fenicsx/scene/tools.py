@@ -1,10 +1,12 @@
 """[[tool]] of a scene: rigid bodies whose motion is told, that hold a force, or are free."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..container import WALLS
 from ..errors import InputError
+from ..materials.elastic import USUAL_RHO
 from ..units import REQUIRED, check_keys, require, setting
 from .tables import PLAUSIBLE_FRICTION
 
@@ -27,7 +29,11 @@ class Tool:
         None, "m", "of the sheet behind an open surface; None: it is closed", gt=0
     )
     turned: tuple[float, float, float] = setting(
-        (0.0, 0.0, 0.0), "rad", "turn of the surface about the origin of its file", shape=(3,)
+        (0.0, 0.0, 0.0),
+        "rad",
+        "turn of the surface about the origin of its file",
+        shape=(3,),
+        usual=(0.0, 2.0 * math.pi),
     )
     position: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0), "m", "where that origin is then", shape=(3,)
@@ -57,7 +63,9 @@ class Tool:
     torque: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0), "N*m", "about what is free to turn", shape=(3,)
     )
-    density: float = setting(7850.0, "kg/m^3", "of the body, where it is free", gt=0)
+    density: float = setting(
+        7850.0, "kg/m^3", "of the body, where it is free", gt=0, usual=USUAL_RHO
+    )
 
     def __post_init__(self):
         check_keys(self)

@@ -14,6 +14,7 @@ from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.materials.scatter import Scatter
 from mufe_fenicsx.run.demo import demo_scene
 from mufe_fenicsx.scene import Scene, image_path, load_scene, scene_to_toml
+from mufe_fenicsx.scene.usual import unusual
 from tests.scene.scene_files import FULL, SMALLEST, WITH_PAIRS, message_of, scene_file
 
 
@@ -188,3 +189,16 @@ def test_packaged_image_that_is_not_installed(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(InputError, match="spam, which is not installed"):
         image_path("spam:snow")
+
+
+def test_numbers_without_their_units_are_told(tmp_path):
+    """All but those of the full scene were taken for pascals, kg/m³ and radians without a word."""
+    assert unusual(load_scene(scene_file(tmp_path, FULL))) == []
+    turn = '[container]\nshape = "cylinder"\n[loading]\nspeed = 1\n[[stage]]\nturn.angle = 90\n'
+    text = SMALLEST[: SMALLEST.index("[oedometer]")] + "wall_friction = 0.3\n" + turn
+    scene = load_scene(scene_file(tmp_path, text))
+    scene = dataclasses.replace(scene, material=Elastic(70.0, 0.2, 2.65))
+    assert [line.split(",")[0] for line in unusual(scene)] == [
+        "material.E = 70 Pa", "material.rho = 2.65 kg/m³", "stages[1].turn.angle = 90 rad",
+    ]  # fmt: skip
+    assert unusual(scene)[0].endswith("usual is 10 kPa to 1500 GPa: has a unit been left out?")
