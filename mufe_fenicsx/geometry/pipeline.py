@@ -40,6 +40,9 @@ from .tets.work import check_work
 
 #: Part of a grain's volume by which its mesh may be off without a warning.
 VOLUME_OFF = 0.02
+#: Distance of half of the surface from that given over the mean thickness, 2V/A, likewise: plates
+#: of three voxels may have their volume and be two thirds too thick.
+THICKNESS_OFF = 0.1
 #: Of the table of contacts, which may have no rows.
 CONTACT_COLUMNS = ("label_a", "label_b", "area_m2", "neck_ratio", "doubt")
 
@@ -259,7 +262,7 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         "notices": given.notices,
         "repaired": given.repaired,
         "filled": given.filled,
-        "warnings": volume_warnings(done),
+        "warnings": warnings_of(done),
         "renumbered": given.renumbered,
         **_cylinder_numbers(given, done),
         **_quality(done, grains, settings.size, given.voxel_size),
@@ -420,14 +423,21 @@ def _quality(meshes, grains, size, voxel_size):
     }
 
 
-def volume_warnings(meshes):
-    """A line for each grain whose mesh has another volume than what was given."""
+def warnings_of(meshes):
+    """A line for each grain whose mesh has another volume, or thickness, than what was given."""
     off = [mesh.quality for mesh in meshes if abs(mesh.quality["volume_ratio"] - 1) > VOLUME_OFF]
     off.sort(key=lambda row: -abs(row["volume_ratio"] - 1))
+    thin = {mesh.label: mesh.quality["distance_median_m"] / mesh.quality["thickness_m"]
+            for mesh in meshes}  # fmt: skip
+    thin = sorted((item for item in thin.items() if item[1] > THICKNESS_OFF), key=lambda i: -i[1])
     return [
         f"grain {row['label']}: the mesh has {row['volume_ratio']:.3f} of the volume that was "
         f"given, expected within {VOLUME_OFF:.0%}: take a smaller size, or part it at thin necks"
         for row in off
+    ] + [
+        f"grain {label}: half of its surface is off that given by more than {part:.0%} of its mean "
+        f"thickness, expected {THICKNESS_OFF:.0%}: take a smaller size"
+        for label, part in thin
     ]
 
 

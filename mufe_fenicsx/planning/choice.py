@@ -115,7 +115,7 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
         quasi_static_from=quasi_static_from(scene, course_of(scene).presses, best.time),
         driver=driver(scene, sample, errors, best),
         path=errors.of_path(len(sample.labels)),
-        unknown=unknown(scene, errors, best.elements),
+        unknown=unknown(scene, errors, best.elements, sample.slender),
     )
 
 

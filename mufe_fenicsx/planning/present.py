@@ -77,7 +77,7 @@ def present_state(scene, sample, points=None):
         quasi_static_from=quasi_static_from(scene, course.presses, time),
         path=errors.of_path(len(sample.labels)),
         beyond=_beyond(parts, errors, elements, time, added),
-        unknown=unknown(scene, errors, elements),
+        unknown=unknown(scene, errors, elements, sample.slender),
     )
 
 

@@ -3,9 +3,16 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..errors import InputError
 from ..geometry.grains import load_grains, read_grain_table
 from .errors import CONTACTS
+
+#: Thickness over length below which a grain is a plate or a needle, and edges through it from which
+#: it bends well: a cantilever of 8 thicknesses goes down by 0.34, 0.67, 0.81, 0.88 and 0.94 of what
+#: beam theory says with 1, 2, 3, 4 and 6 edges (element = "averaged").
+SLENDER, THROUGH = 0.35, 4
 
 
 @dataclass(frozen=True)
@@ -17,6 +24,7 @@ class Sample:
     num_cells: int
     size: float  #: wanted length of edges [m]
     diameter: float  #: of a ball of the grains' mean volume [m]
+    slender: int = 0  #: grains that bend, with fewer than `THROUGH` edges through their thickness
 
     @property
     def tets(self):
@@ -57,7 +65,19 @@ def read_sample(folder):
         )
     labels, num_cells, _, _ = read_grain_table(folder)
     grains = load_grains(folder)
+    slender = sum(
+        thickness < min(SLENDER * length, THROUGH * grains.element_size)
+        for thickness, length in (_extents(grains.grain(g)[0]) for g in range(grains.num_grains))
+    )
     diameter = (6 / math.pi * float(grains.volumes.mean())) ** (1 / 3)
     return Sample(
-        str(folder), tuple(labels.tolist()), int(num_cells.sum()), grains.element_size, diameter
-    )
+        str(folder), tuple(labels.tolist()), int(num_cells.sum()), grains.element_size, diameter,
+        int(slender),
+    )  # fmt: skip
+
+
+def _extents(points):
+    """Least and largest extent of a grain along its principal axes [m]."""
+    away = points - points.mean(axis=0)
+    along = np.ptp(away @ np.linalg.eigh(away.T @ away)[1], axis=0)
+    return float(along.min()), float(along.max())

@@ -188,3 +188,16 @@ def test_another_separation_drops_what_only_the_old_one_uses():
 def test_settings_out_of_range_are_refused(make, message):
     with pytest.raises(InputError, match=message):
         make()
+
+
+@pytest.mark.parametrize(("thickness", "size"), [(3, 3e-5), (3, 1.5e-5), (8, 3e-5)])
+def test_a_plate_that_became_too_thick_is_told(tmp_path, no_workers, thickness, size):
+    """Three voxels, edges as long: a plate of 4.8 voxels, whose volume is right to 0.5 %."""
+    np.save(tmp_path / "a.npy", np.pad(np.ones((thickness, 30, 30), dtype=np.int32), 6))
+    made = pipeline.mesh_labels(
+        tmp_path / "a.npy", MeshSettings(size=size, voxel_size=1e-5), tmp_path / "grains"
+    )
+    assert made["volume_ratio"] == pytest.approx(1, abs=0.006)
+    height = np.ptp(load_grains(tmp_path / "grains").points[:, 2])
+    told = [line for line in made["warnings"] if "of its mean thickness, expected 10%" in line]
+    assert bool(told) == (height > 1.3 * thickness * 1e-5)

@@ -14,6 +14,7 @@ QUALITY = (
     "volume_m3",
     "voxel_volume_m3",
     "volume_ratio",
+    "thickness_m",
     "min_dihedral_deg",
     "mean_dihedral_deg",
     "min_surface_angle_deg",
@@ -35,6 +36,7 @@ def measured_row(label, given_volume, points, cells, h):
     surface = measure.boundary_triangles(cells)
     angles = measure.smallest_dihedral_angles(points, cells)
     volume = measure.tet_volumes(points, cells).sum()
+    area = measure.surface_area(points, surface)
     return quality_row(
         label,
         "ok",
@@ -44,6 +46,7 @@ def measured_row(label, given_volume, points, cells, h):
         volume_m3=float(volume),
         voxel_volume_m3=float(given_volume),
         volume_ratio=float(volume / given_volume),
+        thickness_m=float(2 * volume / area),
         min_dihedral_deg=float(angles.min()),
         mean_dihedral_deg=float(angles.mean()),
         min_surface_angle_deg=measure.smallest_angle(points, surface),

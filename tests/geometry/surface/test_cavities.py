@@ -9,7 +9,7 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import measure
 from mufe_fenicsx.geometry.image.labels import fill_cavities, largest_piece
 from mufe_fenicsx.geometry.pieces import piece_of_cell
-from mufe_fenicsx.geometry.pipeline import volume_warnings
+from mufe_fenicsx.geometry.pipeline import warnings_of
 from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.surface.given_surfaces import read_bodies
 from mufe_fenicsx.geometry.tets.jobs import shared_jobs, surface_jobs, voxel_jobs
@@ -207,7 +207,7 @@ def test_lost_volume_is_a_warning_that_names_the_grain():
     meshes = [mesh_one(job) for job in surface_jobs(bodies, MeshSettings(size=0.9))]
     ratio = meshes[1].quality["volume_ratio"]
     assert ratio < 0.98
-    assert volume_warnings(meshes) == [
+    assert warnings_of(meshes) == [
         f"grain 2: the mesh has {ratio:.3f} of the volume that was given, expected within 2%: take "
         "a smaller size, or part it at thin necks"
     ]
