@@ -12,6 +12,7 @@ import numpy as np
 from ...errors import InputError
 from ...machine.memory import check_room
 from .stored_image import Stored, check_regular, only_one, three_axes
+from .voxel_size import metres
 
 
 def open_numpy(path, key=None):
@@ -137,7 +138,7 @@ def open_hdf5(file, path, key=None):
     if size is not None and np.size(size) == 3 and np.issubdtype(np.asarray(size).dtype, np.number):
         size = tuple(1e-6 * float(s) for s in np.ravel(size))
     else:
-        size = None
+        size = _steps(_scales(data)) if len(data.shape) == 3 else None
     return Stored(three_axes(_DataSet(data, path)), size)
 
 
@@ -180,8 +181,36 @@ class _DataSet:
                 )
 
 
+def _scales(data):
+    """Data sets along the axes of another in its group, by NeXus or EMD (dim1 …)."""
+    names = np.ravel(data.parent.attrs.get("axes", []))
+    if len(names) != len(data.shape):
+        names = [f"dim{k}" for k in range(1, len(data.shape) + 1)]
+    names = [n.decode() if isinstance(n, bytes) else str(n) for n in names]
+    found = [data.parent.get(name) for name in names]
+    sizes = zip(found, data.shape, strict=True)
+    right = all(isinstance(one, h5py.Dataset) and one.shape == (size,) for one, size in sizes)
+    return found if right else []
+
+
+def _steps(scales):
+    """Lengths of voxels [m] by the places along axes, a text where they have no unit, or None."""
+    lengths, words = [], []
+    for scale in scales:
+        place = scale[()] if scale.dtype.kind in "iuf" else np.zeros(0)
+        step = np.diff(place.astype(float))
+        if len(step) == 0 or not np.allclose(step, step[0], rtol=1e-3) or step[0] == 0:
+            return None
+        unit = scale.attrs.get("units", "")
+        unit = unit.decode() if isinstance(unit, bytes) else str(unit)
+        factor = metres(unit.strip("[]").replace("_", ""))
+        lengths.append(factor and abs(float(step[0])) * factor)
+        words.append(f"{abs(step[0]):.6g} {unit}".strip())
+    return (tuple(lengths) if all(lengths) else " x ".join(words)) if lengths else None
+
+
 def _letters(data):
-    """What a data set calls its axes, by vigra's axistags or HDF5's labels of dimensions, or ""."""
+    """What a data set calls its axes, in the ways of vigra, HDF5, NeXus and EMD, or ""."""
     try:
         tags = json.loads(data.attrs.get("axistags", "{}")).get("axes", [])
         found = [str(tag["key"]) for tag in tags]
@@ -189,6 +218,10 @@ def _letters(data):
         found = []
     if not found:
         found = [dimension.label for dimension in data.dims]
+    if not any(found):
+        scales = _scales(data)
+        found = [scale.attrs.get("name", scale.name.rpartition("/")[2]) for scale in scales]
+        found = [name.decode() if isinstance(name, bytes) else str(name) for name in found]
     right = len(found) == len(data.shape) and all(len(name) == 1 for name in found)
     return "".join(found).lower() if right else ""
 

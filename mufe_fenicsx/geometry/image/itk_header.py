@@ -92,7 +92,7 @@ class Header:
         along = D[range(3), order]
         back = sorted("xyz"[axis] for axis, cosine in zip(order, along, strict=True) if cosine < 0)
         if back not in ([], ["x", "y"]):  # both: half a turn about z, by which conventions differ
-            self.lines += (f"{' and '.join(back)} run backwards: taken as stored",)
+            self.lines += (f"voxels run backwards along {' and '.join(back)}: taken as stored",)
         if np.abs(along).min() < math.cos(math.radians(1)):
             self.lines += (f"axes run along {_vectors(D)}: taken along the voxels",)
 

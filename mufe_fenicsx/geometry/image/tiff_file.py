@@ -2,6 +2,7 @@
 
 import logging
 import math
+import re
 from collections import Counter
 
 import numpy as np
@@ -177,7 +178,40 @@ def open_slices(folder, names):
     size = first.voxel_size
     if isinstance(size, tuple):  # the distance of slices is none that a slice may state
         size = f"nothing along z, {size[1]:.6g} m along y, {size[2]:.6g} m along x"
-    return Stored(_Stacked(slices), size, first.white_is_zero)
+    return Stored(
+        _Stacked(slices), size, first.white_is_zero, notices=_doubts_about_names(folder, names)
+    )
+
+
+def _doubts_about_names(folder, names):
+    """Lines on slices that their numbers say are missing, and on files that are named otherwise."""
+    forms = Counter(re.sub(r"\d+", "#", name.name) for name in names)
+    usual, _ = forms.most_common(1)[0]
+    numbers = [
+        [int(n) for n in re.findall(r"\d+", name.name)]
+        for name in names
+        if re.sub(r"\d+", "#", name.name) == usual
+    ]
+    lines = []
+    others = [name.name for name in names if re.sub(r"\d+", "#", name.name) != usual]
+    if others and len(others) < len(names) / 2:
+        lines.append(
+            f"{folder}: {len(others)} of {len(names)} slices have other names than the rest, such "
+            f"as {others[0]}: taken as slices too"
+        )
+    table = np.array(numbers)
+    varying = [column for column in table.T if len(set(column.tolist())) > 1]
+    if len(varying) == 1:
+        steps = np.diff(varying[0])
+        step = Counter(steps.tolist()).most_common(1)[0][0]
+        gaps = np.flatnonzero(steps != step)
+        if len(gaps):
+            before, after = varying[0][gaps[0]], varying[0][gaps[0] + 1]
+            lines.append(
+                f"{folder}: {len(gaps)} gaps in the numbers of slices, the first between "
+                f"{before} and {after}: taken as neighbours"
+            )
+    return tuple(lines)
 
 
 def _white_is_zero(series):

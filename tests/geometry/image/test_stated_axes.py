@@ -1,6 +1,7 @@
 """What files say of their axes and lengths is heeded, or named in a line."""
 
 import json
+import re
 
 import h5py
 import numpy as np
@@ -31,6 +32,26 @@ def labels_of_dimensions(path):
             dimension.label = label
 
 
+def emd(path):
+    """As tomviz writes it; NeXus has names of the same in an attribute."""
+    with h5py.File(path, "w") as file:
+        group = file.create_group("data/tomography")
+        group["data"] = TURNED
+        for k, name in enumerate("xyz"):
+            scale = group.create_dataset(f"dim{k + 1}", data=np.arange(TURNED.shape[k]) * 5.0)
+            scale.attrs.update(name=name, units="[n_m]")
+
+
+def nexus(path):
+    with h5py.File(path, "w") as file:
+        group = file.create_group("entry")
+        group["data"] = TURNED
+        group.attrs["axes"] = list("xyz")
+        for k, name in enumerate("xyz"):
+            scale = group.create_dataset(name, data=2.0 * np.arange(TURNED.shape[k]))
+            scale.attrs["units"] = "um"
+
+
 def itk(path):
     """Voxels whose fastest axis runs along z."""
     image = SimpleITK.GetImageFromArray(TURNED)
@@ -55,7 +76,8 @@ def letters_of_sides(path):
 @pytest.mark.parametrize(
     ("name", "write"),
     [
-        ("a.h5", tags_of_vigra), ("b.h5", labels_of_dimensions), ("a.nrrd", itk), ("a.mha", itk),
+        ("a.h5", tags_of_vigra), ("b.h5", labels_of_dimensions), ("c.h5", emd),
+        ("a.nxs", nexus), ("a.nrrd", itk), ("a.mha", itk),
         ("a.nii.gz", itk), ("a.tif", shaped), ("b.nrrd", nrrd_labels), ("b.mha", letters_of_sides),
     ],
 )  # fmt: skip
@@ -69,6 +91,9 @@ def test_axes_are_in_the_order_that_the_file_states(tmp_path, name, write):
     found, _ = read_with_size(path, axes="zyx", notices=notices)
     assert np.array_equal(found, TURNED)
     assert notices[0].endswith('taken as "zyx"')
+    size = {emd: (5e-9,) * 3, nexus: (2e-6,) * 3}.get(write)
+    if size:
+        assert read_with_size(path)[1] == pytest.approx(size)
     part = read_image(path, crop=((0, 2), (0, 5), (1, 7)))
     assert np.array_equal(part, IMAGE[:2, :, 1:])
 
@@ -76,10 +101,14 @@ def test_axes_are_in_the_order_that_the_file_states(tmp_path, name, write):
 @pytest.mark.parametrize(
     ("make", "lines", "said"),
     [
-        (nrrd, ("space dimension: 3", "space directions: (5,0,0) (0,6,0) (0,0,-7)"), "z run back"),
+        (
+            nrrd,
+            ("space dimension: 3", "space directions: (5,0,0) (0,6,0) (0,0,-7)"),
+            "backwards along z: t",
+        ),
         (nrrd, ("space dimension: 3", "space directions: (-5,0,0) (0,-6,0) (0,0,7)"), None),
         (nrrd, ("space dimension: 3", "space directions: (4,3,0) (-3,4,0) (0,0,5)"), "axes run"),
-        (meta, ("TransformMatrix = 1 0 0 0 -1 0 0 0 1",), "y run backwards: taken as stored"),
+        (meta, ("TransformMatrix = 1 0 0 0 -1 0 0 0 1",), "backwards along y: taken as stored"),
         (meta, ("AnatomicalOrientation = RAI",), None),
     ],
 )
@@ -168,3 +197,22 @@ def test_hidden_files_are_no_slices_and_errors_name_the_slice(tmp_path):
     (tmp_path / "s3.tif").write_bytes(b"no TIFF")
     with pytest.raises(InputError, match=r"s3\.tif cannot be read: not a TIFF file"):
         read_image(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ([f"rec_{k:04d}.tif" for k in (1, 2, 3, 5, 6, 9)], "2 gaps in the numbers .* 3 and 5"),
+        (
+            [*(f"{k}.tif" for k in range(5)), "rec_spr.tif"],
+            "1 of 6 slices have other names .* rec_",
+        ),
+        ([f"a{k}b7.tif" for k in range(0, 12, 2)], None),
+    ],
+)
+def test_names_of_slices_that_do_not_fit_are_told(tmp_path, names, said):
+    for name, part in zip(names, IMAGE, strict=True):
+        tifffile.imwrite(tmp_path / name, part)
+    notices = []
+    assert len(read_with_size(tmp_path, notices=notices)[0]) == 6
+    assert [bool(re.search(said, line)) for line in notices] == [True] if said else not notices
