@@ -42,7 +42,7 @@ from .tets.work import check_work
 VOLUME_OFF = 0.02
 #: Distance of half of the surface from that given over the mean thickness, 2V/A, likewise: plates
 #: of three voxels may have their volume and be two thirds too thick.
-THICKNESS_OFF = 0.1
+THICKNESS_OFF = 0.15
 #: Of the table of contacts, which may have no rows.
 CONTACT_COLUMNS = ("label_a", "label_b", "area_m2", "neck_ratio", "doubt")
 
@@ -183,7 +183,7 @@ def _grey_image(path, settings, truth):
         notices=notices,
     )
     size = known_voxel_size(settings.voxel_size, stated, path)
-    true = None if truth is None else true_labels(truth, raw.shape, size, settings)
+    true = None if truth is None else true_labels(truth, raw.shape, size, settings, notices)
     inside, line = field_of_view(
         raw, settings.mask, source=str(path), axes=settings.axes, crop=settings.crop
     )

@@ -199,5 +199,18 @@ def test_a_plate_that_became_too_thick_is_told(tmp_path, no_workers, thickness, 
     )
     assert made["volume_ratio"] == pytest.approx(1, abs=0.006)
     height = np.ptp(load_grains(tmp_path / "grains").points[:, 2])
-    told = [line for line in made["warnings"] if "of its mean thickness, expected 10%" in line]
+    told = [line for line in made["warnings"] if "of its mean thickness, expected 15%" in line]
     assert bool(told) == (height > 1.3 * thickness * 1e-5)
+
+
+def test_true_labels_of_other_voxels_are_told(tmp_path):
+    np.save(tmp_path / "image.npy", grey_packing())
+    settings = SegmentSettings(voxel_size=1e-5)
+    pipeline.segment_image(tmp_path / "image.npy", settings, tmp_path / "a.tif")
+    labels, _ = read_labels(tmp_path / "a.tif")
+    write_labels(tmp_path / "true.tif", labels, 2e-5)
+    found = pipeline.segment_image(
+        tmp_path / "image.npy", settings, tmp_path / "b.tif", truth=tmp_path / "true.tif"
+    )
+    assert found["compared"]["matched_share"] == 1.0
+    assert "true.tif state voxels of 20 µm x 20 µm x 20 µm, the image" in found["notices"][0]

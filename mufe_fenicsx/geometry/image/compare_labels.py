@@ -4,27 +4,11 @@ import numpy as np
 import scipy.ndimage
 
 from ...errors import InputError
+from ...units import with_unit
 from .image import to_cubes
 from .image_files import check_crop, read_with_size
 from .label_files import labels_key
-from .labels import plain_labels
-
-
-def touching_labels(labels):
-    """Pairs of labels (a, b), a < b, that share faces of voxels, and how many they share.
-
-    Args:
-        labels: 0 void, grains from 1, shape (z, y, x).
-    """
-    keys, base = [], int(labels.max()) + 1
-    for axis in range(3):
-        a = np.moveaxis(labels, axis, 0)
-        low, high = a[:-1].ravel().astype(np.int64), a[1:].ravel().astype(np.int64)
-        meet = (low != high) & (low > 0) & (high > 0)
-        low, high = low[meet], high[meet]
-        keys.append(np.minimum(low, high) * base + np.maximum(low, high))
-    pairs, count = np.unique(np.concatenate(keys), return_counts=True)
-    return {(int(p // base), int(p % base)): int(c) for p, c in zip(pairs, count, strict=True)}
+from .labels import plain_labels, touching_labels
 
 
 def matched_grains(found, true, overlap=0.5):
@@ -128,7 +112,7 @@ def compare_labels(found, true, *, min_voxels=0, min_faces=1, true_contacts=None
     }
 
 
-def true_labels(path, shape, voxel_size, settings):
+def true_labels(path, shape, voxel_size, settings, notices):
     """Labels to hold a segmentation against, of the image or of its part, on cubes.
 
     Args:
@@ -136,11 +120,18 @@ def true_labels(path, shape, voxel_size, settings):
         shape: Voxels of the image as it was read, (z, y, x).
         voxel_size: Of the image, (z, y, x) [m].
         settings: `SegmentSettings` of the image; its order of axes is that of the labels, too.
+        notices: A list to which a line is added where the file states voxels of another size.
 
     Raises:
         InputError: the file cannot be read, or has another size.
     """
-    true, _ = read_with_size(path, key=labels_key(path), axes=settings.axes)
+    true, size = read_with_size(path, key=labels_key(path), axes=settings.axes, notices=notices)
+    if isinstance(size, tuple) and not np.allclose(size, voxel_size, rtol=1e-3, atol=0):
+        stated = " x ".join(with_unit(edge, "m") for edge in size)
+        notices.append(
+            f"true labels {path} state voxels of {stated}, the image has others: taken as the "
+            "image's"
+        )
     whole = true.shape
     if settings.crop is not None and whole != tuple(shape):
         ranges = check_crop(settings.crop, whole)

@@ -12,7 +12,7 @@ from ...errors import InputError
 from .array_file import array_names
 from .image import to_cubes
 from .image_files import read_with_size
-from .labels import background_line, plain_labels
+from .labels import doubts_about, plain_labels
 from .tiff_file import TIFF
 from .voxel_size import known_voxel_size, own_description, own_voxel_size
 
@@ -93,8 +93,8 @@ def read_labels(
             f"voxel_size = {voxel_size} m, but {path} states {own} m, expected one of them only"
         )
     labels = plain_labels(labels, path, numbers)
-    if notices is not None and (line := background_line(labels, path)):
-        notices.append(line)
+    if notices is not None:
+        notices += doubts_about(labels, path)
     return to_cubes(labels, size, labels=True)
 
 

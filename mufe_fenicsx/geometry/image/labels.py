@@ -12,6 +12,8 @@ from ...errors import InputError
 
 #: Part of a grain from which a piece of it is no crumb.
 A_GRAIN = 0.2
+#: Pairs that touch over those a voxel apart, below which lines were left between grains.
+PARTED = 0.1
 #: Largest label: tables by label have a row for each number up to it.
 LARGEST = 2**24
 
@@ -174,8 +176,7 @@ def checked_labels(labels, *, keep_largest_piece=False, source="labels"):
             if not keep_largest_piece:
                 raise InputError(
                     f"{source}: grain {grain} is in {len(sizes)} pieces of "
-                    f"{_few(np.sort(sizes)[::-1])} voxels, expected one; "
-                    "or ask to keep the largest piece"
+                    f"{_few(np.sort(sizes)[::-1])} voxels, expected one{_use(sizes)}"
                 )
             mask = numbered == 1 + np.argmax(sizes)
             labels[where][(numbered > 0) & ~mask] = 0
@@ -209,7 +210,48 @@ def left_out_lines(left_out, labels):
     return lines
 
 
-def background_line(labels, source):
+def _use(sizes):
+    """What to do about pieces of these sizes: crumbs may be left out, grains not."""
+    if np.sort(sizes)[-2] > A_GRAIN * sizes.sum():
+        return ": has the number been used twice, or is this a mask, which `mufe segment` parts?"
+    return "; or ask to keep the largest piece"
+
+
+def doubts_about(labels, source):
+    """Lines on labels that are plain, and hardly meant: of void, a mask, with watershed lines."""
+    lines = [] if (line := _background(labels, source)) is None else [line]
+    found = np.unique(labels)
+    if np.count_nonzero(found) == 1:
+        lines.append(f"{source}: one label, one grain; a mask of many is parted by `mufe segment`")
+    touching, parted = (touching_labels(labels, apart) for apart in (1, 2))
+    if len(parted) and len(touching) < PARTED * len(parted):
+        lines.append(
+            f"{source}: {len(parted)} pairs of labels are one voxel of void apart, and "
+            f"{len(touching)} touch: lines of a watershed keep grains from contact"
+        )
+    return lines
+
+
+def touching_labels(labels, apart=1):
+    """Pairs of labels that share faces of voxels, or so many apart, with void between them.
+
+    Returns:
+        Dictionary {(a, b), a < b: number of such voxels}.
+    """
+    keys, base = [np.zeros(0, dtype=np.int64)], int(labels.max(initial=0)) + 1
+    for axis in range(3):
+        along = np.moveaxis(labels, axis, 0)
+        low, high = along[:-apart], along[apart:]
+        meet = (low != high) & (low > 0) & (high > 0)
+        for between in range(1, apart):
+            meet &= along[between : between - apart] == 0
+        low, high = low[meet].astype(np.int64), high[meet].astype(np.int64)
+        keys.append(np.minimum(low, high) * base + np.maximum(low, high))
+    pairs, count = np.unique(np.concatenate(keys), return_counts=True)
+    return {(int(p // base), int(p % base)): int(c) for p, c in zip(pairs, count, strict=True)}
+
+
+def _background(labels, source):
     """A line that warns of a label that surrounds the others, as if voids had a number; or None."""
     ends = [np.unique(labels.take(end, axis=axis)) for axis in range(3) for end in (0, -1)]
     found = [n for n in functools.reduce(np.intersect1d, ends).tolist() if n > 0]

@@ -7,7 +7,7 @@ import scipy.ndimage
 from mufe_fenicsx.cli.main import main
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.image.label_files import grain_table, read_labels, write_labels
-from mufe_fenicsx.geometry.image.labels import background_line, checked_labels, fill_pores
+from mufe_fenicsx.geometry.image.labels import checked_labels, fill_pores
 from mufe_fenicsx.geometry.image.segmentation import distance_map, distance_to_void, separate_grains
 from mufe_fenicsx.geometry.pipeline import mesh_labels
 from mufe_fenicsx.geometry.settings import MeshSettings, SegmentSettings
@@ -189,24 +189,34 @@ def test_pieces_left_out_are_told(tmp_path, no_workers, centres, hint):
     assert made["volume_ratio"] < 0.75 and made["warnings"][0].startswith("grain 1: the mesh has")
 
 
-def test_voids_with_a_number_are_told(capfd, tmp_path):
-    labels = two_balls() + 1
-    assert "label 1 is on all six faces of the image and surrounds 2 of 2" in background_line(
-        labels, "a"
-    )
-    assert (
-        background_line(two_balls(), "a") is background_line(np.ones((4, 4, 4), int), "a") is None
-    )
+def with_lines():
+    labels = two_balls()
+    labels[:, :, 22] = 0
+    return labels
+
+
+@pytest.mark.parametrize(
+    ("labels", "said"),
+    [
+        (two_balls() + 1, "label 1 is on all six faces of the image and surrounds 2 of 2"),
+        (two_balls() > 0, "one label, one grain; a mask of many is parted by `mufe segment`"),
+        (with_lines(), "1 pairs of labels are one voxel of void apart, and 0 touch"),
+        (two_balls(), None),
+    ],
+)
+def test_labels_that_are_hardly_meant_are_told(capfd, tmp_path, labels, said):
+    """Voids with a number, masks, watershed lines: grains of another kind without a word."""
     np.save(tmp_path / "a.npy", labels)
+    words = ["-o", str(tmp_path / "s"), "--voxel-size", "2 um,1 um,1 um"]
     with pytest.raises(SystemExit):
-        main(
-            [
-                "shapes",
-                str(tmp_path / "a.npy"),
-                "-o",
-                str(tmp_path / "s"),
-                "--voxel-size",
-                "2 um,1 um,1 um",
-            ]
-        )
-    assert "is it the void, which is 0 here?" in capfd.readouterr().out
+        main(["shapes", str(tmp_path / "a.npy"), *words])
+    lines = [line for line in capfd.readouterr().out.splitlines() if line.startswith(str(tmp_path))]
+    assert [said in line for line in lines] == [True] if said else not lines
+
+
+def test_pieces_as_large_as_grains_are_no_crumbs():
+    """A number used twice, or wrapped at 255: the largest piece would be half of the grains."""
+    with pytest.raises(InputError, match="expected one: has the number been used twice, or is"):
+        checked_labels(three_balls(12.5, 32.5, 54.5))
+    with pytest.raises(InputError, match="expected one; or ask to keep the largest piece"):
+        checked_labels(changed(2, np.s_[1:4, 1:4, 1:4]))
