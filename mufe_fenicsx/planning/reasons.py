@@ -97,12 +97,7 @@ def unknown(scene, errors, elements, slender=0):
             "errors of so fine a mesh: beyond the finest one measured they are taken to fall with "
             f"the power {errors.order:.2g} of the length of edges"
         )
-    if slender:
-        known.append(
-            f"how {slender} plates and needles bend that have fewer than {THROUGH} edges through "
-            "their thickness: beams bend by 0.34, 0.67, 0.81 and 0.88 of what they should with 1, "
-            "2, 3 and 4"
-        )
+    known += _of_bending(slender)
     course = course_of(scene)
     if scene.tools:
         off = errors.of_tool(elements)
@@ -146,6 +141,14 @@ def unknown(scene, errors, elements, slender=0):
     if scene.solver != replace(Solver(), element=scene.solver.element):
         known.append("what settings in [solver] other than the default do to the error")
     return tuple(known)
+
+
+def _of_bending(slender):
+    """What is not known of so many slender grains, a list."""
+    return [
+        f"how {slender} plates and needles bend that have fewer than {THROUGH} edges through their "
+        "thickness: beams bend by 0.34, 0.67, 0.81 and 0.88 of what they should with 1, 2, 3 and 4"
+    ] * bool(slender)
 
 
 def _um(length):
