@@ -323,14 +323,16 @@ def _given_labels(path, settings):
         notices=notices,
     )
     cylinder = _cylinder(path, settings, labels.shape, voxel_size)
-    cut, inside, left_out = None, None, 0
+    cut, inside, left_out, lost = None, None, 0, {}
     if cylinder is not None:
         cut = cylinder.scaled(1 / voxel_size)
         inside = cut.inside(labels.shape)
-        labels, left_out = cut_labels(labels, cut)
+        labels, left_out = cut_labels(labels, cut, lost)
     labels, left = labelling.checked_labels(
         labels, keep_largest_piece=settings.keep_largest_piece, source=str(path)
     )
+    present = set(np.unique(labels).tolist())
+    left = {label: lost[label] for label in lost if label in present} | left
     notices += labelling.left_out_lines(left, labels)
     largest = None if settings.fill_cavities else settings.least_cavity / voxel_size**3
     cavities = labelling.fill_cavities(labels, largest)

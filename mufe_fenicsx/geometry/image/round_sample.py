@@ -10,7 +10,7 @@ from ..settings import CUT, DROP, FIELD, GIVEN, MOULD, WHOLE
 from .circles import field_circle, mould_circle
 from .cylinder import Cylinder
 from .field_of_view import filled
-from .labels import is_thick, largest_piece
+from .labels import is_thick, pieces
 from .segmentation import sound_grains
 
 #: Voxels within a wall whose levels the wall changes too: the blur of the image.
@@ -61,7 +61,7 @@ class RoundSample:
         return labels, inside, {"solid_fraction": float(solid), "rim_grains_left_out": int(dropped)}
 
 
-def cut_labels(labels, cylinder):
+def cut_labels(labels, cylinder, lost=None):
     """Labels within a cylinder alone, of each grain the largest piece; and how many are left out.
 
     Left out are grains of which a sheet of a voxel is left. Labels keep their numbers.
@@ -69,6 +69,8 @@ def cut_labels(labels, cylinder):
     Args:
         labels: Integers, (z, y, x).
         cylinder: `Cylinder`, upright, in voxels.
+        lost: A dictionary, to which sizes of other pieces are added, as by
+            `labels.checked_labels`.
     """
     inside, labels = cylinder.inside(labels.shape), labels.astype(np.int32)
     result = np.where(inside, labels, 0)
@@ -80,7 +82,10 @@ def cut_labels(labels, cylinder):
         if where is None:
             continue
         mine = result[where] == label
-        kept = largest_piece(mine)
+        numbered, sizes = pieces(mine)
+        kept = numbered == 1 + np.argmax(sizes)
+        if lost is not None and len(sizes) > 1:
+            lost[int(label)] = np.sort(sizes)[-2::-1].tolist(), False
         if not is_thick(kept):
             left_out += 1
             kept = np.zeros_like(mine)

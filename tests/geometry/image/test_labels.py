@@ -189,6 +189,16 @@ def test_pieces_left_out_are_told(tmp_path, no_workers, centres, hint):
     assert made["volume_ratio"] < 0.75 and made["warnings"][0].startswith("grain 1: the mesh has")
 
 
+def test_pieces_that_a_cylinder_leaves_are_told(tmp_path, no_workers):
+    """A number used twice, at the rim of a round sample: its other ball was gone without a word."""
+    labels = np.pad(three_balls(12.5, 32.5, 50.5), ((0, 0), (20, 23), (0, 0)))
+    np.save(tmp_path / "a.npy", labels)
+    settings = MeshSettings(size=5e-5, voxel_size=1e-5, cylinder_radius=2.4e-4)
+    made = mesh_labels(tmp_path / "a.npy", settings, tmp_path / "grains")
+    (line,) = made["notices"]
+    assert line.startswith("grain 1: 1 pieces of ") and made["smallest_volume_ratio"] < 0.7
+
+
 def with_lines():
     labels = two_balls()
     labels[:, :, 22] = 0

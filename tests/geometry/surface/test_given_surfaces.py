@@ -121,6 +121,13 @@ def test_broken_files_are_refused(tmp_path, name):
         read_bodies(tmp_path)
 
 
+def test_hidden_files_are_no_surfaces(tmp_path, ball):
+    points, triangles = ball
+    meshio.write_points_cells(tmp_path / "a.stl", points, [("triangle", triangles)])
+    (tmp_path / "._a.stl").write_bytes(b"\0\5\x16\7")
+    assert len(read_bodies(tmp_path)) == 1
+
+
 def test_a_body_is_meshed_anew(ball):
     points, triangles = ball
     (job,) = surface_jobs([(1, points, triangles)], MeshSettings(size=0.7))
