@@ -26,7 +26,7 @@ FEW = (24, 5)
 #: The same where side walls give way: of 24 balls chains of a few carry all, and the load is lost
 #: where one of them buckles. Of 8 packings tried that with most solids, 0.52.
 MANY = (60, 7)
-#: The same of which those in an upright cylinder are taken, 49 of them, and proportions of the box.
+#: The same of which those in an upright cylinder are taken, 46 of them, and proportions of the box.
 TRIMMED, TALL = (120, 7), (1.0, 1.0, 1.4)
 #: Depth of contacts at which their packing is done, over D50.
 DEPTH = 2e-3

@@ -1,6 +1,6 @@
 """The benchmark scene: a sand as that of Nadimi & Fonseca (2018), and smaller parts of it.
 
-400 × 400 × 200 voxels of 5 µm, d50 = 300 µm by mass, packed without friction, then imaged and
+400 × 400 × 200 voxels of 5 µm, d50 = 281 µm by mass, packed without friction, then imaged and
 segmented like a scan; 634 grains, those cut by the image's border included. Meshed to about as many
 nodes and tetrahedra a grain as the paper's 630, fine at the surface and coarser inside. Smaller
 members are cut out of the labels and meshed to the same size of elements.
@@ -23,8 +23,8 @@ MEMBERS = {
     200: (200, 215, 215),
     630: (200, 400, 400),
 }
-#: d60/d10 by mass: with it the sample has about as many grains as the paper's.
-UNIFORMITY = 1.95
+#: d50 [m] and d60/d10 by mass: with them the sample has about as many grains as the paper's.
+D50, UNIFORMITY = 281e-6, 1.97
 #: What is left of a grain by the cut is kept from so many voxels on, and this thickness [voxels].
 LEAST_VOXELS, LEAST_THICKNESS = 650, 4
 #: Wanted length of edges at the surface [m], and of those inside over it.
@@ -104,7 +104,7 @@ def _labels(cache, number, folder):
 
     scan = _scan(cache)
     if not scan.exists():
-        synthesize(SynthesisSettings(shape=MEMBERS[630], uniformity=UNIFORMITY), scan)
+        synthesize(SynthesisSettings(shape=MEMBERS[630], d50=D50, uniformity=UNIFORMITY), scan)
     whole = scan / "labels.tif"
     if not whole.exists():
         settings = load_scene(scan / "scene.toml").image
