@@ -1,7 +1,7 @@
 """The benchmark scene: a sand as that of Nadimi & Fonseca (2018), and smaller parts of it.
 
 400 × 400 × 200 voxels of 5 µm, d50 = 281 µm by mass, packed without friction, then imaged and
-segmented like a scan; 634 grains, those cut by the image's border included. Meshed to about as many
+segmented like a scan; 617 grains, those cut by the image's border included. Meshed to about as many
 nodes and tetrahedra a grain as the paper's 630, fine at the surface and coarser inside. Smaller
 members are cut out of the labels and meshed to the same size of elements.
 """
