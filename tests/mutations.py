@@ -18,6 +18,7 @@ import os
 import random
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -34,8 +35,8 @@ WEIGHTS = {"kernels": 4, "contact": 3, "bulk": 2, "explicit": 2, "implicit": 2, 
 #: Cases of verification are tests themselves.
 LEFT_OUT = {"verification"}
 OPTIONS = ("-x", "-q", "-p", "no:cacheprovider", "-o", "addopts=")
-#: A suite that takes longer hangs, which is noticed [s].
-LIMIT = 900
+#: A test that takes longer hangs, which is noticed [s].
+LIMIT = 300
 #: In the column of the suite before, where that was not asked.
 NOT_TRIED = "not tried"
 COLUMNS = ("number", "place", "kind", "before", "after", "caught_by", "caught_before_by")
@@ -221,19 +222,25 @@ def _first_failure(tree, command):
     environment = {**os.environ, "PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1"}
     environment |= {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1"}
     with tempfile.TemporaryFile("w+") as output:
-        try:
-            done = subprocess.run(
-                command, cwd=tree, env=environment, stdout=output, stderr=subprocess.STDOUT,
-                stdin=subprocess.DEVNULL, timeout=LIMIT,
-            )  # fmt: skip
-        except subprocess.TimeoutExpired:
-            return "none ends"
-        if done.returncode in (0, 5):  # 5: no test is left
+        running = subprocess.Popen(
+            command, cwd=tree, env=environment, stdout=output, stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL, start_new_session=True,
+        )  # fmt: skip
+        told = -1
+        while running.poll() is None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                running.wait(LIMIT)
+            told, before = os.fstat(output.fileno()).st_size, told
+            if running.returncode is None and told == before:
+                os.killpg(running.pid, signal.SIGKILL)
+                running.wait()
+                return "none ends"
+        if running.returncode in (0, 5):  # 5: no test is left
             return ""
         output.seek(0)
         text = output.read()
     named = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - |$)", text, re.MULTILINE)
-    return named[1] if named else f"status {done.returncode}"
+    return named[1] if named else f"status {running.returncode}"
 
 
 def copy_of(tree, folder):
