@@ -20,7 +20,8 @@ import h5py
 import numpy as np
 
 from mufe_fenicsx.errors import InputError, raise_together
-from mufe_fenicsx.output.run_folder import attempt, plain, reason, regular, try_room
+from mufe_fenicsx.machine.files import own_folder, reason, regular
+from mufe_fenicsx.output.run_folder import attempt, plain, try_room
 
 FORMAT, VERSION = "mufe checkpoint", 14
 MANIFEST = "manifest.json"
@@ -324,7 +325,7 @@ def _folders(folder):
 
 
 def _new_folder(part):
-    part.parent.mkdir(exist_ok=True)
+    own_folder(part.parent)
     if part.exists():
         shutil.rmtree(part)
     part.mkdir()

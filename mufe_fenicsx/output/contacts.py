@@ -19,7 +19,6 @@ Format of the lines: VTK documentation, "VTKHDF file format", PolyData, version 
 import csv
 import io
 import json
-import os
 from pathlib import Path
 
 import h5py
@@ -27,13 +26,9 @@ import numpy as np
 
 from mufe_fenicsx.container import WALLS
 from mufe_fenicsx.errors import InputError, raise_together
+from mufe_fenicsx.machine.files import own_folder, reason, replacing, write_atomically
 from mufe_fenicsx.output.history import read_history
-from mufe_fenicsx.output.run_folder import (
-    read_run_json,
-    reason,
-    remove_states_after,
-    write_atomically,
-)
+from mufe_fenicsx.output.run_folder import read_run_json, remove_states_after
 
 SERIES = "states.vtkhdf.series"
 
@@ -104,7 +99,7 @@ class ContactWriter:
         self.comm = comm
         self.folder = Path(folder) / "contacts"
         self._states = list(kept)
-        self._on_first_rank(lambda: self.folder.mkdir(exist_ok=True))
+        self._on_first_rank(lambda: own_folder(self.folder))
         message = None
         if comm.rank == 0:
             message = remove_states_after(self.folder, self._states, "*.vtkhdf", "*.csv")
@@ -268,30 +263,24 @@ def write_poly_data(path, time, points, cells, cell_data, point_data):
         cells: "Lines" or "Polygons" -> points of each, shape (num_cells, k).
         cell_data, point_data: Name -> values, a row a cell or point.
     """
-    part = path.with_name(path.name + ".part")
-    try:
-        with h5py.File(part, "w") as file:
-            group = file.create_group("VTKHDF")
-            group.attrs["Version"] = np.array([2, 0], dtype=np.int64)
-            group.attrs.create("Type", "PolyData", dtype=h5py.string_dtype("ascii", 8))
-            group["NumberOfPoints"] = [points.shape[0]]
-            group["Points"] = points
-            for kind in ("Vertices", "Lines", "Polygons", "Strips"):
-                of = cells.get(kind, np.empty((0, 2), np.int64))
-                listed = group.create_group(kind)
-                listed["NumberOfCells"] = [len(of)]
-                listed["NumberOfConnectivityIds"] = [of.size]
-                listed["Connectivity"] = of.ravel().astype(np.int64)
-                listed["Offsets"] = of.shape[1] * np.arange(len(of) + 1, dtype=np.int64)
-            for name, values in cell_data.items():
-                group[f"CellData/{name}"] = values
-            for name, values in point_data.items():
-                group[f"PointData/{name}"] = values
-            group["FieldData/TimeValue"] = [time]
-        os.replace(part, path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+    with replacing(path) as part, h5py.File(part, "w") as file:
+        group = file.create_group("VTKHDF")
+        group.attrs["Version"] = np.array([2, 0], dtype=np.int64)
+        group.attrs.create("Type", "PolyData", dtype=h5py.string_dtype("ascii", 8))
+        group["NumberOfPoints"] = [points.shape[0]]
+        group["Points"] = points
+        for kind in ("Vertices", "Lines", "Polygons", "Strips"):
+            of = cells.get(kind, np.empty((0, 2), np.int64))
+            listed = group.create_group(kind)
+            listed["NumberOfCells"] = [len(of)]
+            listed["NumberOfConnectivityIds"] = [of.size]
+            listed["Connectivity"] = of.ravel().astype(np.int64)
+            listed["Offsets"] = of.shape[1] * np.arange(len(of) + 1, dtype=np.int64)
+        for name, values in cell_data.items():
+            group[f"CellData/{name}"] = values
+        for name, values in point_data.items():
+            group[f"PointData/{name}"] = values
+        group["FieldData/TimeValue"] = [time]
 
 
 def tool_names(run_folder):

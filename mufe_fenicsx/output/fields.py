@@ -17,14 +17,19 @@ import h5py
 import numpy as np
 
 from mufe_fenicsx.errors import InputError, raise_together, shortened
+from mufe_fenicsx.machine.files import (
+    new_part,
+    open_plain,
+    own_folder,
+    reason,
+    regular,
+    write_atomically,
+)
 from mufe_fenicsx.output.run_folder import (
     attempt,
     on_first_rank,
-    reason,
-    regular,
     remove_states_after,
     try_room,
-    write_atomically,
 )
 
 VTK_TETRA = 10
@@ -78,7 +83,7 @@ class FieldWriter:
             raise_together(comm, message)
         if comm.rank == 0:
             try:
-                self.folder.mkdir(exist_ok=True)
+                own_folder(self.folder)
             except OSError as error:
                 message = f"folder {self.folder} cannot be created ({reason(error)})"
         raise_together(comm, message)
@@ -159,20 +164,21 @@ class FieldWriter:
     def _write_file(self, name, arrays, small, links):
         """Write arrays [(name, values, rows)] of all ranks, and small ones of rank 0."""
         path = self.folder / name
-        part = self.folder / (name + ".part")
         message = _wrong_shape(arrays)
         raise_together(self.comm, message)
 
-        layout = None
+        part, layout = None, None
         if self.comm.rank == 0:
             size = sum(r.total * v.itemsize * math.prod(v.shape[1:]) for _, v, r in arrays)
-            message, _ = attempt(path, lambda: try_room(part, size))
+            message, part = attempt(path, lambda: new_part(path))
+            if message is None:
+                message, _ = attempt(path, lambda: try_room(part, size))
             if message is None:
                 message, layout = attempt(
                     path, lambda: _lay_out(part, arrays, small, self._mesh, links)
                 )
         self._raise_together(message, part)
-        layout = self.comm.bcast(layout)
+        part, layout = self.comm.bcast((part, layout))
         message, _ = attempt(path, lambda: _write_rows(part, arrays, layout))
         self._raise_together(message, part)
         if self.comm.rank == 0:
@@ -184,7 +190,7 @@ class FieldWriter:
         try:
             raise_together(self.comm, message)
         except InputError:
-            if self.comm.rank == 0:
+            if part is not None and self.comm.rank == 0:
                 part.unlink(missing_ok=True)
             raise
 
@@ -260,7 +266,7 @@ def _lay_out(path, arrays, small, mesh, links):
 
 def _write_rows(path, arrays, layout):
     """Write this rank's rows into the room that the file reserves for them."""
-    file = os.open(path, os.O_WRONLY)
+    file = open_plain(path, os.O_WRONLY)
     try:
         for (_, values, rows), start in zip(arrays, layout, strict=True):
             at = start + rows.first * values.itemsize * math.prod(values.shape[1:])

@@ -10,7 +10,7 @@ import numpy as np
 
 from mufe_fenicsx.container import BOX, CONTAINERS
 from mufe_fenicsx.errors import InputError, raise_together
-from mufe_fenicsx.output.run_folder import reason, regular
+from mufe_fenicsx.machine.files import open_plain, reason, regular
 
 #: Columns of history.csv before the forces on the walls, and after them; SI units.
 BEFORE = ("step", "time", "dt", "stage", "strain", "height", "speed")
@@ -134,7 +134,7 @@ class HistoryWriter:
     def _open(self):
         # Unbuffered: a row is one system call, and closing has nothing left to fail on.
         if self._kept is not None:
-            self._file = open(self.path, "r+b", buffering=0)
+            self._file = os.fdopen(open_plain(self.path, os.O_RDWR), "r+b", buffering=0)
             if self._file.seek(0, os.SEEK_END) < self._kept:
                 raise OSError(f"it has lost rows that the checkpoint counts, {self._kept} bytes")
             self._file.seek(0)
@@ -144,7 +144,9 @@ class HistoryWriter:
             self._file.truncate(self._kept)
             self._file.seek(self._kept)
             return
-        self._file = open(self.path, "wb", buffering=0)
+        self.path.unlink(missing_ok=True)
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+        self._file = os.fdopen(open_plain(self.path, flags), "wb", buffering=0)
         self._write(self.columns)
 
     def _append(self, row):

@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from mufe_fenicsx.errors import InputError, nearest_name, shown
-from mufe_fenicsx.output.run_folder import reason, regular
+from mufe_fenicsx.machine.files import reason, regular
 from mufe_fenicsx.units import to_si
 
 TIME = "time"

@@ -8,8 +8,8 @@ import zlib
 from pathlib import Path
 
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.machine.files import regular
 from mufe_fenicsx.output.checkpoint import file_checksum
-from mufe_fenicsx.output.run_folder import regular
 
 HISTORY = "history.csv"
 

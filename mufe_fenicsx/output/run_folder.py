@@ -1,7 +1,6 @@
 """The folder of one run: its creation, run.json and versions."""
 
 import contextlib
-import errno
 import importlib
 import importlib.metadata
 import json
@@ -13,12 +12,19 @@ from pathlib import Path
 
 import mufe_fenicsx
 from mufe_fenicsx.errors import InputError, raise_together, shortened
+from mufe_fenicsx.machine.files import (
+    open_plain,
+    parts_of,
+    reason,
+    regular,
+    write_atomically,
+)
 from mufe_fenicsx.output.run_kinds import sorted_out
 
 #: Made by whoever writes into a run folder, and gone when that ends (:mod:`.run_lock`).
 LOCK = "run.lock"
 
-#: What a run and its report write into their folder; only this is ever deleted.
+#: What a run and its report write into their folder; only this, and parts of it, is ever deleted.
 OWN_FILES = (
     "scene.toml",
     "run.json",
@@ -32,7 +38,6 @@ OWN_FILES = (
     "paraview/*.vtp",
     "paraview/*.vtp.series",
     "fields/*.vtkhdf",
-    "fields/*.part",
     "fields/mesh.h5",
     "fields/states.vtkhdf.series",
     "figures/*.png",
@@ -42,10 +47,8 @@ OWN_FILES = (
     "figures/index.json",
     "contacts/*.csv",
     "contacts/*.vtkhdf",
-    "contacts/*.part",
     "contacts/states.vtkhdf.series",
     "tools/*.vtkhdf",
-    "tools/*.part",
     "tools/states.vtkhdf.series",
     "fields/mesh_*.h5",
     "retries.log",
@@ -73,23 +76,6 @@ def on_first_rank(comm, action):
             message = str(error)
     raise_together(comm, message)
     return found
-
-
-def regular(path):
-    """A path, as it is, of a file, a link to one or nothing.
-
-    Raises:
-        OSError: It is something else: a pipe would be waited for.
-    """
-    path = Path(path)
-    if path.exists() and not path.is_file():
-        raise OSError(errno.EINVAL, "is no plain file", str(path))
-    return path
-
-
-def reason(error):
-    """Short text of an OSError or of an HDF5 error, without the path."""
-    return (getattr(error, "strerror", None) or str(error)).splitlines()[0]
 
 
 def attempt(path, action):
@@ -276,32 +262,13 @@ def _prepare(folder, overwrite):
 def _remove_own_files(folder):
     inside = folder.resolve()
     for pattern in OWN_FILES:
-        for path in folder.glob(pattern):
+        for path in [*folder.glob(pattern), *folder.glob(parts_of(pattern))]:
             if path.parent.resolve().is_relative_to(inside) and not path.is_dir():
                 path.unlink()
     folders = [folder / name for name in OWN_FOLDERS]
     for path in [*folder.glob("checkpoints/step-*"), *folders]:
         if path.is_dir() and not path.is_symlink() and not any(path.iterdir()):
             path.rmdir()
-
-
-def write_atomically(path, text):
-    """Write a small text file so that readers see the old or the new one, never a part.
-
-    Raises:
-        InputError: It cannot be written.
-    """
-    path = Path(path)
-    part = path.with_name(path.name + ".part")
-    try:
-        with part.open("w", encoding="utf-8", errors="backslashreplace") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise InputError(f"{path} cannot be written ({reason(error)})") from error
 
 
 def append_line(comm, path, line, show=False):
@@ -315,7 +282,10 @@ def append_line(comm, path, line, show=False):
         if show:
             print(f"mufe: {line}", file=sys.stderr, flush=True)
         try:
-            with Path(path).open("a", encoding="utf-8") as file:
+            flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT
+            with open(
+                path, "a", encoding="utf-8", opener=lambda p, _: open_plain(p, flags)
+            ) as file:
                 file.write(line + "\n")
         except OSError as error:
             message = f"{path} cannot be written ({reason(error)})"

@@ -23,7 +23,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ..errors import InputError, raise_together
-from .run_folder import LOCK, reason, regular
+from ..machine.files import reason, regular
+from .run_folder import LOCK
 
 #: A holder touches its file this often [s].
 BEAT = 20.0
@@ -118,7 +119,8 @@ class RunLock:
         content = {"token": token, "host": socket.gethostname(), "machine": _machine(),
                    "process": os.getpid(), "started": _start_of(os.getpid()),
                    "time": datetime.now(UTC).isoformat(timespec="seconds")}  # fmt: skip
-        own.write_text(json.dumps(content) + "\n", encoding="utf-8")
+        with own.open("x", encoding="utf-8") as file:
+            file.write(json.dumps(content) + "\n")
         try:
             os.link(own, self.path)
         except FileExistsError:
@@ -146,7 +148,7 @@ class RunLock:
     def _silence(self):
         """How long the lock was not touched [s], by the clock of the file system."""
         probe = self.path.with_name(f"{LOCK}.{secrets.token_hex(8)}")
-        probe.touch()
+        probe.touch(exist_ok=False)
         try:
             return probe.stat().st_mtime - self.path.stat().st_mtime
         except FileNotFoundError:
@@ -159,7 +161,7 @@ class RunLock:
             if token != self._token or self._lost() is not None:
                 return
             with contextlib.suppress(OSError):
-                os.utime(self.path)
+                os.utime(self.path, follow_symlinks=False)
 
     def _lost(self):
         """Why the folder is no longer this run's, or None."""

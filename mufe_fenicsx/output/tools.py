@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from mufe_fenicsx.errors import raise_together
+from mufe_fenicsx.machine.files import own_folder, write_atomically
 from mufe_fenicsx.output.contacts import write_poly_data
-from mufe_fenicsx.output.run_folder import attempt, remove_states_after, write_atomically
+from mufe_fenicsx.output.run_folder import attempt, remove_states_after
 
 SERIES = "states.vtkhdf.series"
 
@@ -37,7 +38,7 @@ class ToolWriter:
         self._tool = mesh.grains[mesh.grain_of_facet[mine]] - mesh.first_tool
         message = None
         if self.comm.rank == 0:
-            message, _ = attempt(self.folder, lambda: self.folder.mkdir(exist_ok=True))
+            message, _ = attempt(self.folder, lambda: own_folder(self.folder))
             message = message or remove_states_after(self.folder, self._states, "*.vtkhdf")
         raise_together(self.comm, message)
 

@@ -10,6 +10,7 @@ from PIL import Image
 
 from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.machine.files import replacing
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.curves import STRAIN, STRESS, draw_branches
 from mufe_fenicsx.report.figure import Picture, save_tables
@@ -137,7 +138,8 @@ def _write_gif(frames, path):
         for frame in frames
     ]
     times = [1000 // RATE] * (len(images) - 1) + [LAST]
-    images[0].save(path, save_all=True, append_images=images[1:], duration=times, loop=0)
+    with replacing(path) as part:
+        images[0].save(part, "GIF", save_all=True, append_images=images[1:], duration=times, loop=0)
 
 
 def _write_mp4(frames, path):
@@ -148,12 +150,13 @@ def _write_mp4(frames, path):
     height, width = (n // 2 * 2 for n in frames[0].shape[:2])  # H.264 takes even numbers
     command = [program, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
     command += ["-s", f"{width}x{height}", "-r", str(RATE), "-i", "-"]
-    command += ["-pix_fmt", "yuv420p", str(path)]
+    command += ["-pix_fmt", "yuv420p", "-f", "mp4"]
     data = b"".join(np.ascontiguousarray(f[:height, :width]).tobytes() for f in frames)
-    done = subprocess.run(  # noqa: S603  words of our own, no shell
-        command, input=data, capture_output=True
-    )
-    if done.returncode != 0:
-        path.unlink(missing_ok=True)
+    try:
+        with replacing(path) as part:
+            subprocess.run(  # noqa: S603  words of our own, no shell
+                [*command, str(part)], input=data, capture_output=True, check=True
+            )
+    except subprocess.CalledProcessError:
         return None
     return path

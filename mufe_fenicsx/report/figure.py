@@ -10,7 +10,7 @@ import pandas
 from fontTools import subset
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.output.run_folder import reason, regular, write_atomically
+from mufe_fenicsx.machine.files import reason, regular, replacing, write_atomically
 
 #: Lists what is in the folder of figures.
 INDEX = "index.json"
@@ -73,14 +73,15 @@ class PlacedLetters(subset.Options):
 def save(drawing, folder):
     """Write PNG, PDF and CSV of a drawing into a folder; returns the :class:`Picture`."""
     image = folder / f"{drawing.name}.png"
-    drawing.figure.savefig(image)
+    with replacing(image) as part:
+        drawing.figure.savefig(part, format="png")
     drawing.figure.set_layout_engine("none")  # as it was laid out for the PNG
     vector = None
     if drawing.vector:
         vector = folder / f"{drawing.name}.pdf"
-        with patch.object(subset, "Options", PlacedLetters):
+        with replacing(vector) as part, patch.object(subset, "Options", PlacedLetters):
             # Without the date the same run gives the same file.
-            drawing.figure.savefig(vector, metadata={"CreationDate": None})
+            drawing.figure.savefig(part, format="pdf", metadata={"CreationDate": None})
     data = save_tables(drawing.name, drawing.tables, folder)
     return Picture(drawing.name, drawing.caption, drawing.how, drawing.shape, image, vector, data)
 
@@ -91,7 +92,8 @@ def save_tables(name, tables, folder):
     for panel, columns in tables.items():
         path = folder / (f"{name}-{panel}.csv" if panel else f"{name}.csv")
         columns = {key: np.asarray(values) for key, values in columns.items()}
-        pandas.DataFrame(columns).to_csv(path, index=False)
+        with replacing(path) as part:
+            pandas.DataFrame(columns).to_csv(part, index=False)
         paths.append(path)
     return tuple(paths)
 

@@ -4,6 +4,8 @@ import base64
 from html import escape
 from pathlib import Path
 
+from mufe_fenicsx.machine.files import replacing
+
 CSS = """
 :root { color-scheme: light; }
 body { font: 15px/1.5 Georgia, "Times New Roman", serif; color: #1a1a1a; background: #fff;
@@ -88,10 +90,8 @@ def write_page(path, title, lead, checks, missing, figures, tables, footer, view
         "" if view is None else view.program,
         "</body>\n</html>\n",
     ]
-    path = Path(path)
-    part = path.with_name(path.name + ".part")
-    part.write_text("\n".join(parts), encoding="utf-8")
-    part.replace(path)
+    with replacing(path) as part:
+        part.write_text("\n".join(parts), encoding="utf-8")
 
 
 def _check(check):

@@ -5,6 +5,7 @@ Written into a run folder: ``paraview/contacts_0003.vtp`` of each stored state, 
 ``paraview/grains_0003.vtp`` and ``paraview/grains.vtp.series`` with the strain around each grain.
 """
 
+import errno
 import json
 import pprint
 from importlib.resources import files
@@ -12,9 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pyvista
+from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.output.run_folder import reason, write_atomically
+from mufe_fenicsx.machine.files import own_folder, reason, replacing, write_atomically
 from mufe_fenicsx.report import style
 from mufe_fenicsx.results.localisation import Places, strain_table
 
@@ -57,7 +60,7 @@ def write_paraview(run):
         raise InputError(f"{run.path / 'fields'} has no stored states, expected some to show")
     folder = run.path / FOLDER
     try:
-        folder.mkdir(exist_ok=True)
+        own_folder(folder)
     except OSError as error:
         raise InputError(f"{folder} cannot be created ({reason(error)})") from error
     listed = []
@@ -113,7 +116,10 @@ def contact_lines(run, number):
     for name, kind in NUMBERS.items():
         found.cell_data[name] = table[name].to_numpy().astype(kind)
     for name in VECTORS:
-        found.cell_data[name] = table[[f"{name}_{axis}" for axis in "xyz"]].to_numpy(dtype=float)
+        values = table[[f"{name}_{axis}" for axis in "xyz"]].to_numpy(dtype=float)
+        array = numpy_to_vtk(values, deep=True)  # pyvista takes none without rows
+        array.SetName(name)
+        found.GetCellData().AddArray(array)
     ends = table[["grain_a", "grain_b"]].to_numpy().ravel()
     found.point_data["grain"] = ends.astype(np.int32)
     return found
@@ -164,10 +170,13 @@ def _write_series(path, listed):
 
 
 def _save(lines, path):
-    part = path.with_name(f"part-{path.name}")
+    writer = vtkXMLPolyDataWriter()
+    writer.SetInputData(lines)
     try:
-        lines.save(part)
-        part.replace(path)
+        with replacing(path) as part:
+            writer.SetFileName(str(part))
+            if not writer.Write():
+                raise OSError(errno.EIO, "VTK did not write it whole")
     except OSError as error:
         raise InputError(f"{path} cannot be written ({reason(error)})") from error
 

@@ -12,7 +12,7 @@ from mufe_fenicsx.analysis.macro import inner_lengths
 from mufe_fenicsx.analysis.rows import is_constrained, loading_rows, tool_load
 from mufe_fenicsx.container import container_of_history
 from mufe_fenicsx.geometry.measure import tet_volumes
-from mufe_fenicsx.output.run_folder import regular
+from mufe_fenicsx.machine.files import regular
 from mufe_fenicsx.report.curves import SEEN_DENTS
 from mufe_fenicsx.report.style import listed, number, quantity
 

@@ -11,7 +11,7 @@ from mufe_fenicsx.analysis.cycles import find_cycles
 from mufe_fenicsx.analysis.probes import find_cells
 from mufe_fenicsx.analysis.rows import branches, tool_load, tool_names
 from mufe_fenicsx.errors import InputError, nearest_name
-from mufe_fenicsx.output.run_folder import reason
+from mufe_fenicsx.machine.files import own_folder, reason
 from mufe_fenicsx.report import compare, cyclic, localisation, shearing, style, tools, triaxial
 from mufe_fenicsx.report.figure import remove_listed, save, write_index
 from mufe_fenicsx.report.page import write_page
@@ -96,8 +96,7 @@ class _Report:
     def write(self):
         try:
             self.output.mkdir(parents=True, exist_ok=True)
-            self.figures = self.output / "figures"
-            self.figures.mkdir(exist_ok=True)
+            self.figures = own_folder(self.output / "figures")
             remove_listed(self.figures)
             with matplotlib.rc_context(style.RC):
                 self._draw()
@@ -107,7 +106,8 @@ class _Report:
             checks = self._write_page()
         except OSError as error:
             raise InputError(
-                f"report in {self.output} cannot be written ({reason(error)})"
+                f"report in {self.output} cannot be written "
+                f"({error.filename or 'a file'}: {reason(error)})"
             ) from error
         return {
             "report": str(self.output / "report.html"),

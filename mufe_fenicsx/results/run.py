@@ -14,11 +14,12 @@ from ..analysis.macro import inner_lengths
 from ..container import Container, container_of_history
 from ..errors import InputError, shortened
 from ..geometry.measure import renumbered, tet_volumes
+from ..machine.files import reason, regular
 from ..machine.notebook import html_table
 from ..output.contacts import CONTACT_COLUMNS, contact_files, read_contacts, read_patches
 from ..output.fields import MESH, read_arrays, read_states
 from ..output.history import history_columns, read_history
-from ..output.run_folder import read_run_json, reason, regular, wrong_entries
+from ..output.run_folder import read_run_json, wrong_entries
 from . import contact_tables, grain_tables, graph, localisation, sample_tables
 from .columns import check_finite, exact_csv
 from .rows import run_rows

@@ -224,7 +224,7 @@ class Watch:
         return max(float((target - values["strain"]) * steps / strain / speed - since), 0.0)
 
     def _scene(self):
-        from ..output.run_folder import regular
+        from ..machine.files import regular
 
         return tomllib.loads(regular(self.folder / "scene.toml").read_text(encoding="utf-8"))
 

@@ -4,11 +4,11 @@ import csv
 import sys
 
 from ..errors import InputError
+from ..machine.files import parts_of, replacing, write_atomically
 from ..output.run_folder import (
     abandon_run_folder,
     create_run_folder,
     on_first_rank,
-    write_atomically,
 )
 
 #: Tables of `mufe mesh` that stay with the run.
@@ -46,10 +46,14 @@ class RunPlace:
 
     def _write_inputs(self):
         """Keep the scene with the run, and in a new one the tables of the grains."""
+        for name in ("scene.toml", "run.json"):  # of a run that was killed
+            for part in self.folder.glob(parts_of(name)):
+                part.unlink()
         write_atomically(self.folder / "scene.toml", self._scene_text)
         for name in () if self._options.resume else TABLES:
             if (self._tables / name).is_file():
-                (self.folder / name).write_bytes((self._tables / name).read_bytes())
+                with replacing(self.folder / name) as part:
+                    part.write_bytes((self._tables / name).read_bytes())
 
     def abandon(self):
         """Leave nothing of a new run."""

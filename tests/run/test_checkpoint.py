@@ -267,6 +267,8 @@ def copy_before_changes(monkeypatch, run_folder, copies):
     def first(change):
         def changed(*arguments, **options):
             frame = sys._getframe(1)
+            while Path(frame.f_code.co_filename).stem in ("files", "contextlib"):  # on behalf of
+                frame = frame.f_back
             source = Path(frame.f_code.co_filename)
             known = any(run_folder.glob("checkpoints/step-*[0-9]"))
             if known and source.is_relative_to(PACKAGE) and source.stem != "run_lock":
@@ -301,7 +303,7 @@ def test_a_run_killed_before_any_change_of_its_files_goes_on_to_the_same_bytes(
             within = max(copies.glob("checkpoint-*"), key=lambda path: path.stat().st_mtime)
             shutil.copytree(within, folder / "two")
     killed = sorted(path.name for path in copies.iterdir())
-    changing = {"checkpoint", "contacts", "fields", "history", "run_folder"}
+    changing = {"checkpoint", "contacts", "fields", "history", "run_folder", "run_place"}
     assert {name.partition("-")[0] for name in killed} == changing
     for name in killed:
         shutil.rmtree(folder / "parts", ignore_errors=True)
