@@ -104,6 +104,7 @@ class ForceTerm(Stateful):
     """
 
     name = ""  #: of the term, in messages and in the energy balance
+    mesh = None  #: :class:`~mufe_fenicsx.mesh.GrainMesh` whose nodes it means; None: of any
 
     def begin_forces(self, f, state, dt):
         """First half: send what others need, add what needs no other rank. May be collective."""

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from decimal import Decimal
 
-from .errors import InputError, shown
+from .errors import InputError, check_fields, shown
 
 #: SI unit -> what a number with it is, and an example of how to write it.
 QUANTITIES = {
@@ -295,6 +295,7 @@ def keys_of(cls):
 
 def check_keys(settings):
     """Raise InputError unless each of some settings that is not None is what its key allows."""
+    check_fields(settings)
     for item in fields(settings):
         value = getattr(settings, item.name)
         if "key" in item.metadata and value is not None:

@@ -21,7 +21,16 @@ import numpy as np
 
 from ..contact.laws import kinetic_of
 from ..contact.walls import rotation_of
-from ..errors import InputError, finite_array, raise_together, shown
+from ..errors import (
+    InputError,
+    body_of,
+    check_fields,
+    finite_array,
+    finite_number,
+    raise_together,
+    shortened,
+    shown,
+)
 from ..kernels import tools as kernels
 from ..kernels.topology import body_defect
 from ..materials.rigid import ToolSolid
@@ -44,7 +53,7 @@ class ToolPath:
     place: np.ndarray  #: way from the start [m] and turn since then [rad], shape (num_rows, 6)
 
     def __post_init__(self):
-        time = finite_array("time of a path", self.time, (len(self.time),))
+        time = finite_array("time of a path", self.time, (np.size(self.time),))
         place = finite_array("row of a path", self.place, (len(time), 6))
         if len(time) < 2 or not (np.diff(time) > 0).all() or time[0] < 0:
             raise InputError(
@@ -89,14 +98,18 @@ class Tool:
     density: float = 7850.0  #: of the body, where it is free [kg/m³]
 
     def __post_init__(self):
-        for name in ("velocity", "angular_velocity", "force", "torque"):
-            finite_array(f"{name} of tool {self.name}", getattr(self, name), (3,))
-        if self.point is not None:
-            finite_array(f"point of tool {self.name}", self.point, (3,))
+        check_fields(self, f" of tool {shortened(self.name)}")
+        for name in ("velocity", "angular_velocity", "force", "torque", "point"):
+            value = getattr(self, name)
+            if value is not None or name != "point":
+                value = finite_array(f"{name} of tool {self.name}", value, (3,))
+                object.__setattr__(self, name, tuple(value.tolist()))
         kinetic_of(self.friction, self.friction_kinetic, f"of tool {self.name}")
-        if not 0.0 < self.density < math.inf:
-            raise InputError(f"density of tool {self.name} = {self.density}, expected > 0 kg/m³")
-        defect = body_defect(np.asarray(self.cells), len(self.points))
+        finite_number(f"density of tool {self.name}", self.density, gt=0, unit="kg/m³")
+        points, cells = body_of(f"tool {self.name}", (self.points, self.cells))
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "cells", cells)
+        defect = body_defect(cells, len(points))
         if defect:
             raise InputError(f"tool {self.name} has {defect}, expected one body")
         unknown = [f for f in self.free if f not in FREEDOMS]

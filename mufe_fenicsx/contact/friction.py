@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, finite_number
 from .laws import kinetic_of
 
 
@@ -32,7 +32,7 @@ class PairFriction:
     """
 
     def __init__(self, friction, materials=(), pairs=None):
-        self.friction, pairs = float(friction), pairs or {}
+        self.friction, pairs = finite_number("friction", friction, ge=0), pairs or {}
         names = list(dict.fromkeys(materials))
         number = {name: n for n, name in enumerate(names)}
         self._material = np.array([number[name] for name in materials], dtype=np.int32)

@@ -18,11 +18,9 @@ at rest an overlap remains wherever force over mass varies from node to node
 (``demos/normal_laws.py``).
 """
 
-import math
-
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, finite_number
 
 KINEMATIC = "kinematic"
 #: c of the layer, for tetrahedra with averaged pressure and contact at facets.
@@ -141,12 +139,12 @@ def kinetic_of(static, kinetic, where):
     Raises:
         InputError: Not 0 <= kinetic <= static, or static not a finite number.
     """
-    if not 0 <= static < math.inf:
-        raise InputError(f"friction {where} = {static}, expected >= 0")
+    static = finite_number(f"friction {where}", static, ge=0)
     if kinetic is None:
         return static
+    kinetic = finite_number(f"kinetic friction {where}", kinetic)
     if not 0 <= kinetic <= static:
         raise InputError(
             f"kinetic friction {where} = {kinetic}, expected 0 <= kinetic <= friction = {static}"
         )
-    return float(kinetic)
+    return kinetic

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, check_fields
 from .friction import PairFriction
 from .laws import COMPLIANCE, KINEMATIC, law_names
 from .start.checks import check_law
@@ -28,6 +28,7 @@ class ContactSettings:
     self_contact: bool = False  #: nodes of a grain also meet facets of the same grain across a void
 
     def __post_init__(self):
+        check_fields(self)
         check_law(self.pair_friction.friction, self.compliance)
         if self.self_contact and self.points != "nodes":
             raise InputError(

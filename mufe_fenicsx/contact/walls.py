@@ -7,7 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from ..errors import InputError, finite_array, nearest_name, shown
+from ..errors import (
+    InputError,
+    check_fields,
+    finite_array,
+    finite_number,
+    nearest_name,
+    shortened,
+    shown,
+)
 from ..kernels.bonded import turn_rows
 from ..kernels.motion import advance, work_of
 from ..kernels.pairs import column
@@ -71,12 +79,11 @@ class Wall:
     growth_rate: float = 0.0  #: of the distance between a curved wall and its axis [m/s]
 
     def __post_init__(self):
+        check_fields(self, f" of wall {shortened(self.name)}")
         for name in ("point", "normal", "velocity", "angular_velocity"):
             value = getattr(self, name)
-            if value is not None:
-                finite_array(f"{name} of wall {self.name}", value, (3,))
-        for name in ("radius", "growth_rate"):
-            finite_array(f"{name} of wall {self.name}", getattr(self, name), ())
+            if value is not None or name in ("point", "normal"):
+                setattr(self, name, finite_array(f"{name} of wall {self.name}", value, (3,)))
         length = float(np.linalg.norm(self.normal))
         if not abs(length - 1) < 1e-9 and not (self.radius and length == 0.0):
             raise InputError(f"length of the normal of wall {self.name} = {length}, expected 1")
@@ -85,10 +92,13 @@ class Wall:
                 f"growth_rate of wall {self.name} = {self.growth_rate}, expected none of a plane "
                 "or a glued wall"
             )
-        if self.target is not None and not 0.0 < self.speed < math.inf:
-            raise InputError(
-                f"speed of wall {self.name} = {self.speed}, expected > 0 m/s where it holds a force"
-            )
+        if self.target is not None:
+            finite_number(f"target of wall {self.name}", self.target, gt=0, unit="N")
+            if self.speed <= 0.0:
+                raise InputError(
+                    f"speed of wall {self.name} = {self.speed}, expected > 0 m/s where it holds a "
+                    "force"
+                )
         kinetic_of(self.friction, self.friction_kinetic, f"of wall {self.name}")
         if self.mirror:
             for name, value in (("friction", self.friction), ("velocity", self.velocity),

@@ -11,7 +11,7 @@ from ..bulk.release import LoadWatch
 from ..contact.pairs.motion_bounds import linear_field
 from ..contact.stiffness.springs import list_springs
 from ..contact.walls import Wall
-from ..errors import InputError
+from ..errors import InputError, checked, finite_number
 from ..materials.elastic import IsotropicSolid
 from ..mesh import GrainMesh
 from ..solvers.central_difference import central_difference
@@ -48,6 +48,7 @@ class Simulation(OfSpecimen):
     static = False  #: whether increments leave inertia out; steps in time do not
     increments = False  #: whether a step is an increment that takes Newton's method
 
+    @checked
     def __init__(
         self,
         mesh: GrainMesh,
@@ -60,6 +61,8 @@ class Simulation(OfSpecimen):
         mass_scaling: Any = None,
         **options: Any,
     ):
+        time_step_factor = finite_number("time_step_factor", time_step_factor, gt=0, le=1)
+        finite_number("refresh", refresh, ge=1, unit="steps")
         specimen = Specimen(mesh, materials, walls, **options)
         super().__init__(specimen)
         if specimen.any_rigid and not assembled:

@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
+from ..errors import InputError, checked
 from .grain_file import BLOCK, FORMAT, VERSION, GrainFile, write_checksum
 from .measure import centroid_of, tet_volumes
 
@@ -122,6 +122,7 @@ class Grains:
         return grains
 
 
+@checked
 def save_grains(folder: str | Path, grains: Grains) -> None:
     """Write `grains.h5` and `grains.xdmf` into a folder, which is made if it is not there.
 
@@ -154,6 +155,7 @@ def save_grains(folder: str | Path, grains: Grains) -> None:
         raise InputError(f"folder {folder} cannot be written: {_one_line(error)}") from error
 
 
+@checked
 def load_grains(
     folder_or_h5: str | Path, which: ArrayLike | None = None, compare: bool = True
 ) -> Grains:

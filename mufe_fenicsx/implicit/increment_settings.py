@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields
 
-from ..errors import InputError
+from ..errors import InputError, check_fields
 from ..solvers.generalised_alpha import GeneralisedAlpha
 
 
@@ -27,6 +27,7 @@ class IncrementSettings:
     max_augmentations: int = 30  #: times that multipliers are renewed in an increment, at most
 
     def __post_init__(self):
+        check_fields(self)
         if not 0 < self.smallest <= self.first_step <= self.largest:
             raise InputError(
                 f"first_step = {self.first_step} s, expected 0 < smallest_step = {self.smallest} "

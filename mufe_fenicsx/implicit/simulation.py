@@ -27,7 +27,7 @@ from mpi4py import MPI
 
 from ..contact.mark import ContactMark
 from ..contact.walls import Wall
-from ..errors import InputError, SolverError
+from ..errors import InputError, SolverError, checked
 from ..materials.elastic import IsotropicSolid
 from ..mesh import GrainMesh
 from ..solvers.newton import Newton
@@ -81,6 +81,7 @@ class ImplicitSimulation(OfSpecimen):
     increments = True
     scaling = None  #: increments need no added mass
 
+    @checked
     def __init__(
         self,
         mesh: GrainMesh,

@@ -27,7 +27,7 @@ class Gravity(ForceTerm):
 
     def __init__(self, mesh, mass, g, rigid):
         self.g = finite_array("gravity", g, (3,))
-        self._mass, self._rigid = mass, rigid
+        self.mesh, self._mass, self._rigid = mesh, mass, rigid
         self._mass_of_grain = np.bincount(mesh.grain_of_node, mass, mesh.num_grains)
 
     def add_forces(self, f, state, dt):

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..errors import InputError, finite_array
+from ..errors import InputError, finite_array, shown
 from ..kernels.pressure import subtract_drag, volume_beside
+from ..mesh import GrainMesh
 from ..state import ForceTerm
 from .pressure import Pressure
 
@@ -80,7 +81,9 @@ class Membrane:
     def __init__(
         self, simulation: Any, label: int, pressure: float = 0.0, damping: float = 0.0
     ) -> None:
-        mesh = simulation.mesh
+        mesh = getattr(simulation, "mesh", None)
+        if not isinstance(mesh, GrainMesh):
+            raise InputError(f"simulation = {shown(simulation)}, expected one such as of build")
         self.simulation, self.label = simulation, int(label)
         sleeves = mesh.labels_of_sleeves
         if label not in sleeves:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError, finite_array
+from ..errors import InputError, checked, finite_array
 from ..kernels.pressure import add_pressure, enclosed_volume, swept_rate
 from ..mesh import GrainMesh
 from ..state import ForceTerm
@@ -35,6 +35,7 @@ class Pressure(ForceTerm):
 
     STATE = {"common": ("_pressure",), "sum": ("_potential", "_volume")}
 
+    @checked
     def __init__(
         self,
         mesh: GrainMesh,
@@ -44,7 +45,7 @@ class Pressure(ForceTerm):
         name: str = "pressure",
         origin: ArrayLike | None = None,
     ):
-        self.name = name
+        self.name, self.mesh = name, mesh
         chosen = np.ones(len(mesh.facets), dtype=bool)
         if labels is not None:
             unknown = sorted(set(labels) - set(mesh.labels.tolist()))
@@ -56,7 +57,13 @@ class Pressure(ForceTerm):
             a, b, c = (mesh.x[mesh.facets[:, i]] for i in range(3))
             normal = np.cross(b - a, c - a)
             normal /= np.linalg.norm(normal, axis=1)[:, None]
-            chosen &= np.asarray(where((a + b + c) / 3, normal), dtype=bool)
+            some = np.asarray(where((a + b + c) / 3, normal))
+            if some.shape != chosen.shape or some.dtype != bool:
+                raise InputError(
+                    f"where of the pressure {name} gives {some.dtype} of shape {some.shape}, "
+                    f"expected true or false for each facet, shape {chosen.shape}"
+                )
+            chosen &= some
         self.facets = np.ascontiguousarray(mesh.facets[chosen])
         if not mesh.comm.allreduce(len(self.facets)):
             raise InputError(f"facets under the pressure {name} = 0, expected at least one")

@@ -17,7 +17,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..errors import finite_array
 from ..units import REQUIRED, check_keys, setting
 
 #: Stiffness [Pa] and density [kg/m³] of solids, from gels to diamond and from foam to gold.
@@ -47,8 +46,6 @@ class IsotropicSolid:
 
     def __post_init__(self):
         check_keys(self)
-        for name in ("E", "nu", "rho"):
-            finite_array(name, getattr(self, name), ())
 
     @property
     def largest_plastic_strain(self) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..bulk.tools import Tool
 from ..contact.walls import Wall
-from ..errors import InputError, finite_array, nearest_name, shown
+from ..errors import InputError, body_of, checked, finite_array, finite_number, nearest_name, shown
 from ..explicit.simulation import Simulation
 from ..geometry.tets.refine import PARTS, split
 from ..implicit.simulation import ImplicitSimulation
@@ -23,6 +23,7 @@ OF_STEPS = ("assembled", "time_step_factor", "refresh", "mass_scaling")
 Body = tuple[np.ndarray, np.ndarray]
 
 
+@checked
 def build(
     comm: MPI.Intracomm,
     bodies: list[Body],
@@ -56,6 +57,11 @@ def build(
         InputError: A name of a wall, letter of ``axes``, shape or option that is not known; a
             value that is not finite.
     """
+    bodies = _checked(bodies)
+    for what, cls, given in (("wall", Wall, walls), ("tool", Tool, options.get("tools", ()))):
+        for one in given:
+            if not isinstance(one, cls):
+                raise InputError(f"{what} = {shown(one)}, expected a {cls.__name__}")
     friction, planes = wall_friction or {}, axis_planes(low, high, axes)
     for name in friction:
         if name not in planes:
@@ -71,6 +77,8 @@ def build(
     if velocity is not None:
         options["velocity"] = velocity(mesh.x, mesh.grains[mesh.grain_of_node])
     materials = material if isinstance(material, list) else [material] * len(bodies)
+    if len(materials) != len(bodies):
+        raise InputError(f"materials = {len(materials)}, expected one, or one of each body")
     own = [materials[g] for g in mesh.grains[~mesh.is_tool]]
     return simulate(mesh, own, walls, increment, **options)
 
@@ -135,8 +143,9 @@ def simulate(
     return ImplicitSimulation(mesh, materials, walls, **options)
 
 
+@checked
 def drive(
-    simulation: Simulation,
+    simulation: Simulation | ImplicitSimulation,
     moves: Mapping[str, ArrayLike],
     duration: float,
     at_step: Callable[[], object] | None = None,
@@ -151,11 +160,11 @@ def drive(
         at_step: Called after each step, without arguments.
         turns: Rotation vectors about their points [rad] by the name of the wall, shape (3,).
     """
-    walls = simulation.walls
+    walls, duration = simulation.walls, finite_number("duration", duration, gt=0, unit="s")
     start, end = simulation.state.t, simulation.state.t + duration
-    target = {walls.number_of(name): np.asarray(move, float) for name, move in moves.items()}
+    target = _of_walls(walls, "move", moves)
     target = {i: (move, walls.point[i] + move) for i, move in target.items()}
-    turns = {walls.number_of(name): np.asarray(t, float) for name, t in (turns or {}).items()}
+    turns = _of_walls(walls, "turn", turns or {})
     turned = 0.0  # part of the turns
     while (t := simulation.state.t) < end:
         # The mean over the coming step: few increments go as far as many.
@@ -185,7 +194,30 @@ def drive(
         walls.angular_velocity[i] = 0.0
 
 
-def settle(simulation: Simulation, ratio: float, max_steps: int = 20000, every: int = 50) -> float:
+def _of_walls(walls, what, given):
+    """Number of a wall -> vector, from the vectors by name."""
+    return {
+        walls.number_of(name): finite_array(f"{what} of wall {name}", vector, (3,))
+        for name, vector in given.items()
+    }
+
+
+def _checked(bodies):
+    """The bodies, each a pair of arrays."""
+    if not len(bodies):
+        raise InputError(
+            f"bodies = {shown(bodies)}, expected a list of pairs of nodes and tetrahedra"
+        )
+    return [body_of(f"body {k}", body) for k, body in enumerate(bodies, start=1)]
+
+
+@checked
+def settle(
+    simulation: Simulation | ImplicitSimulation,
+    ratio: float,
+    max_steps: int = 20000,
+    every: int = 50,
+) -> float:
     """Step until kinetic energy is below ``ratio`` times the stored one. Collective.
 
     Returns:

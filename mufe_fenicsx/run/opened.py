@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from .. import results
-from ..errors import InputError, shown
+from ..errors import InputError, checked, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,6 +52,7 @@ class Run(results.Run):
                 raise InputError(f"figure {name}: {damaged(error)}") from error
 
 
+@checked
 def open_run(path: str | Path) -> Run:
     """What a run folder holds; finished, running or killed. ``path``: that of `mufe run -o`."""
     return Run(path)

@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..contact.mirrors import check_mirrors
-from ..errors import InputError, Interrupted, SolverError, UnstableError
+from ..errors import InputError, Interrupted, SolverError, UnstableError, checked
 from ..loading.oedometer import OedometerLoading
 from ..loading.stages import StagedLoading
 from ..machine.doing import Doing
@@ -51,6 +51,7 @@ from .snapshot import restore, restore_reference, snapshot
 from .time_loop import march
 
 
+@checked
 def run_scene(
     scene: Scene,
     grains_folder: str | Path,

@@ -5,7 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from ..container import WALLS
-from ..errors import InputError, shortened, shown
+from ..errors import InputError, checked, shortened, shown
 from ..materials.j2 import J2
 from ..materials.scatter import SCATTERED, Scatter
 from ..units import keys_of
@@ -21,6 +21,7 @@ from .values import build, convert, convert_array, unknown_key
 LARGEST = 10_000_000
 
 
+@checked
 def load_scene(path: str | Path) -> Scene:
     """Read a scene file. Relative paths in it stay in its folder; absolute ones lead anywhere.
 

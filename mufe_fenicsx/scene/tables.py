@@ -218,7 +218,11 @@ class Wall:
 
     velocity: float = setting(0.0, "m/s", "along the normal that points into the sample")
     stress: float | None = setting(
-        None, "Pa", "mean pressure that a servo holds", ge=0, expected=">= 0 Pa (compression)"
+        None,
+        "Pa",
+        "mean pressure that a servo holds",
+        gt=0,
+        expected="> 0 Pa (compression): a side that stages hold may have 0 Pa",
     )
     speed: float | None = setting(
         None, "m/s",

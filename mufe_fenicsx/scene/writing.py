@@ -7,11 +7,13 @@ from dataclasses import fields
 from decimal import Decimal
 from pathlib import Path
 
+from ..errors import checked
 from ..units import keys_of
 from .catalogue import MODELS
 from .scene import Scene
 
 
+@checked
 def scene_to_toml(scene: Scene) -> str:
     """The scene as TOML with every default written out: loading it gives it back."""
     lines = [f"title = {_toml(scene.title)}"]

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...errors import InputError
+from ...errors import InputError, checked
 from ..tets.gmsh_model import gmsh_model
 from .bulge import bulged_ball
 from .contact_mesh import (
@@ -16,6 +16,7 @@ from .contact_mesh import (
 )
 
 
+@checked
 def half_ball(
     radius: float,
     h_contact: float,

@@ -4,11 +4,14 @@ All cells are positively oriented and every node belongs to a cell.
 """
 
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...errors import checked, finite_array
+from ...machine.memory import check_room
 from ..measure import positively_oriented
 from ..tets.gmsh_model import gmsh_model
 from .bulge import bulged_ball
@@ -22,6 +25,7 @@ from .contact_mesh import (
 )
 
 
+@checked
 def box(
     lengths: Sequence[float],
     divisions: Sequence[int],
@@ -34,8 +38,11 @@ def box(
         divisions: Bricks along x, y, z.
         origin: The corner with the smallest coordinates [m].
     """
+    for name, values in (("lengths", lengths), ("divisions", divisions), ("origin", origin)):
+        finite_array(f"{name} of box", values, (3,))
     require_positive("edge of box", *lengths)
     require_positive("divisions of box", *divisions)
+    check_room(1000 * math.prod(divisions), f"divisions of box = {list(divisions)}")
     n = np.asarray(divisions, dtype=np.int64)
     axes = [
         np.linspace(o, o + length, k + 1) for o, length, k in zip(origin, lengths, n, strict=True)
@@ -52,6 +59,7 @@ def box(
     return points, positively_oriented(points, cells)
 
 
+@checked
 def tetrahedron(edge: float) -> tuple[np.ndarray, np.ndarray]:
     """One regular tetrahedron of the given edge [m], its centre at the origin."""
     require_positive("edge of tetrahedron", edge)
@@ -60,6 +68,7 @@ def tetrahedron(edge: float) -> tuple[np.ndarray, np.ndarray]:
     return points, positively_oriented(points, np.array([[0, 1, 2, 3]]))
 
 
+@checked
 def sphere(
     radius: float, h: float, centre: ArrayLike = (0.0, 0.0, 0.0)
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -73,6 +82,7 @@ def sphere(
     return points * radius + np.asarray(centre), cells
 
 
+@checked
 def cylinder(radius: float, height: float, h: float) -> tuple[np.ndarray, np.ndarray]:
     """An upright cylinder on z = 0 around the z axis, edges of length ``h`` [m]."""
     require_positive("radius of cylinder", radius)
@@ -85,6 +95,7 @@ def cylinder(radius: float, height: float, h: float) -> tuple[np.ndarray, np.nda
     return points * radius, cells
 
 
+@checked
 def sphere_near_contact(
     radius: float,
     h_contact: float,

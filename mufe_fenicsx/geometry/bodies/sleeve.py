@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, checked
 from ..measure import positively_oriented
 from .contact_mesh import require_positive
 
@@ -15,6 +15,7 @@ FEWEST = 20
 GROWTH = 0.2
 
 
+@checked
 def sleeve(
     radius: float,
     thickness: float,
@@ -86,6 +87,7 @@ def _levels(height, h, at_ends):
     return np.interp(np.arange(up + 1) * rings[-1] / up, rings, z)
 
 
+@checked
 def sleeve_around(
     radius: float, thickness: float, height: float, h: float, layers: int = 1
 ) -> tuple[np.ndarray, np.ndarray]:
