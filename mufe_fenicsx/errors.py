@@ -177,8 +177,12 @@ def _taken(name, value, hint):
             return value
     if float in kinds or int in kinds:
         return _number(name, value, float in kinds)
-    words = [WORDS.get(kind, "a list" if kind in LISTS else f"a {kind.__name__}") for kind in kinds]
+    words = [WORDS.get(kind, "a list" if kind in LISTS else _with_article(kind)) for kind in kinds]
     raise InputError(f"{name} = {shown(value)}, expected {' or '.join(dict.fromkeys(words))}")
+
+
+def _with_article(kind):
+    return f"a{'n' * kind.__name__.startswith(tuple('AEIOU'))} {kind.__name__}"
 
 
 #: Annotations of several values in a row.

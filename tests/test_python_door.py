@@ -56,7 +56,7 @@ NONSENSE = [
     (lambda s: build([(POINTS * np.nan, CELLS)]), "nodes of body 1 = array of shape (8, 3), 24"),
     (lambda s: build(material="steel"), 'material = "steel", expected a'),
     (lambda s: build(material=[GLASS] * 2), "materials = 2, expected one, or one of each body"),
-    (lambda s: build(comm=None), "comm = None, expected a Intracomm"),
+    (lambda s: build(comm=None), "comm = None, expected an Intracomm"),
     (lambda s: build(walls=[3]), "wall = 3, expected a Wall"),
     (lambda s: build(tools=[3]), "tool = 3, expected a Tool"),
     (lambda s: build(velocity=3), "velocity = 3, expected a function"),
@@ -70,7 +70,7 @@ NONSENSE = [
     (lambda s: mufe.drive(s, {"z_max": UP}, 0), "duration = 0.0, expected > 0 s"),
     (lambda s: mufe.drive(s, [1], 1e-6), "moves = [1], expected a table by names"),
     (lambda s: mufe.settle(s, "x"), 'ratio = "x", expected a finite number'),
-    (lambda s: mufe.settle(None, 1), "simulation = None, expected a Simulation or a Implicit"),
+    (lambda s: mufe.settle(None, 1), "simulation = None, expected a Simulation or an Implicit"),
     (lambda s: mufe.Pressure(None, 1e4), "mesh = None, expected a GrainMesh"),
     (lambda s: mufe.Pressure(s.mesh, 1e4, where=3), "where = 3, expected a function"),
     (

@@ -8,6 +8,11 @@ longer than steps, end there to ``SEATED`` of that stress, and where the strain 
 reached.
 """
 
+import math
+
+import numpy as np
+from mpi4py import MPI
+
 from ..container import BOTTOM, TOP
 from ..errors import SolverError
 from ..state import Stateful
@@ -30,6 +35,8 @@ SEATED = 0.01
 EXACT = 1e-9
 #: Part of the work of the walls that damping takes where it is what a test fails by.
 OVERDAMPED = 0.5
+#: Speed of a wall over that of waves in the grains, from which on these do not follow it.
+TOO_FAST = 0.05
 
 
 def smooth_step(s):
@@ -38,8 +45,13 @@ def smooth_step(s):
     return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
 
 
-def overdamped(simulation):
-    """What to do about damping where that takes most of the work; empty where not. Collective."""
+def hindrance(simulation):
+    """What to do about walls or damping that keep grains from following; "" if none. Collective."""
+    speed = float(np.linalg.norm(simulation.walls.velocity, axis=1).max(initial=0.0))
+    wave = float(simulation.solid.wave_speed.min(initial=math.inf))
+    part = speed / simulation.comm.allreduce(wave, op=MPI.MIN)
+    if part > TOO_FAST:
+        return f"walls move at {part:.0%} of the speed of waves in the grains: load more slowly"
     energies = simulation.energies()
     damped, work = energies["damping"], energies["work"]
     if not 0.0 < OVERDAMPED * work < damped:
@@ -201,7 +213,7 @@ class OedometerLoading(Stateful):
                 wall.target = stress * areas[i]
         if self.stage == SEATING:
             if self.progress > LARGEST_SEATING:
-                what = overdamped(self.simulation) or (
+                what = hindrance(self.simulation) or (
                     "lower oedometer.seating_stress, or check that the sample fills its walls"
                 )
                 raise SolverError(

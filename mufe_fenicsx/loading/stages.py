@@ -48,7 +48,7 @@ from ..state import Stateful
 from .gauges import Gauges, WallMeans
 from .measured_paths import measured_paths, read_motions
 from .measures import WallMeasures
-from .oedometer import overdamped
+from .oedometer import hindrance
 from .pace import Paces
 from .present_stage import PresentStage
 from .shearing import shearing_of
@@ -447,7 +447,7 @@ class StagedLoading(Stateful):
         for a, task in enumerate(self.tasks):
             change = 1.0 - lengths[a] / self._now.length0[a]
             if task.free and abs(change) > limit:
-                what = overdamped(self.simulation) or (
+                what = hindrance(self.simulation) or (
                     "see that the sample fills its walls and can carry what is asked"
                 )
                 raise SolverError(

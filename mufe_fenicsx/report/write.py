@@ -181,7 +181,11 @@ class _RunReport(_Report):
         self.missing += [*self.tables.missing, *self.view.missing]
         title = run.get("title") or f"Test in {self.folder.resolve().name}"
         lead = self._lead(run, history)
-        self._page(title, lead, checks, self.tables.content or [], self.view.content)
+        tables = self.tables.content or []
+        if run.get("unusual"):
+            rows = [row for row in run["unusual"] if len(row) == 3]
+            tables = [("Unusual values", rows, ("Quantity", "Value", "Usual")), *tables]
+        self._page(title, lead, checks, tables, self.view.content)
         return checks
 
     def _lead(self, run, history):

@@ -159,7 +159,7 @@ def make_walls(scene, bounds, sleeves=()):
                 friction_kinetic=settings.friction_kinetic,
                 target=None if settings.stress is None else settings.stress * area,
                 speed=settings.speed or 0.0,
-                mirror=settings.mirror,
+                mirror=bool(settings.mirror),
                 bonded=tuple(sleeves) or False,
                 **moves,
             )

@@ -10,13 +10,16 @@ from ..bulk.solid import von_mises
 from ..bulk.strength import surface_strength
 from ..contact.results.network import find_network
 from ..contact.results.nodal_fields import nodal_contact
-from ..errors import InputError, raise_together
+from ..errors import InputError, SolverError, raise_together
 from ..output.contacts import ContactWriter
 from ..output.fields import Computed, FieldWriter
 from ..output.history import HistoryWriter, history_columns
 from ..output.record import ResultRecord
 from ..output.tools import ToolWriter
 from .energy_guard import EnergyGuard
+
+#: Volume in which grains overlap over theirs, from which on a test means nothing.
+MOST_OVERLAP = 0.2
 
 
 class Recorder:
@@ -140,6 +143,7 @@ class Recorder:
             row.update(sim.tools.row())
         row.update(loading.row(forces))
         self.history.append(row)
+        self._check_overlap(overlap)
         self._row_step = sim.state.num_steps
         self.check_energy(energies)
         return energies
@@ -149,7 +153,18 @@ class Recorder:
         patches = self.simulation.contact_patches()
         if patches is None:
             return None, 0.0
-        return of_patches(patches), float(patches.overlap.sum()) / self._solid_volume
+        overlap = float(patches.overlap.sum()) / self._solid_volume
+        return of_patches(patches), overlap
+
+    def _check_overlap(self, overlap):
+        """Raise SolverError where grains lie in each other. Collective."""
+        overlap = self.simulation.comm.bcast(overlap)  # only rank 0 has it
+        if overlap > MOST_OVERLAP:
+            raise SolverError(
+                f"grains lie in each other by {overlap:.0%} of their volume at strain "
+                f"{self.loading.strain:.4f}, expected at most {MOST_OVERLAP:.0%}: they have no "
+                "room left, and contact no longer keeps them apart; end the test before"
+            )
 
     def vertical_stress(self, forces=None):
         """Mean of those on the bottom and on the top [Pa]. Collective without the forces [N]."""

@@ -49,6 +49,7 @@ from .scene_tools import check_sizes, checksums_of_files, make_tools
 from .signals import Interruption
 from .snapshot import restore, restore_reference, snapshot
 from .time_loop import march
+from .unusual import unusual
 
 
 @checked
@@ -181,11 +182,11 @@ class TestRun:
         comm, summary, resumed = self.comm, self.summary, checkpoint is not None
         doing.what = f"setting up {_size(summary)}"
         self.begin(checkpoint, self.place)
-        for line in (*unusual(self.scene), warning_of_coarse_meshes(self.simulation)):
-            say(comm, line, self.options.quiet)
+        say(comm, warning_of_coarse_meshes(self.simulation), self.options.quiet)
+        edge, radius = mean_edge_and_radius(self.simulation)
+        self._tell_unusual(2.0 * radius)
         summary["first_height"] = float(self.loading.first_height)
         summary["mass"] = self.simulation.mass_of_grains()
-        edge, radius = mean_edge_and_radius(self.simulation)
         summary["edges_per_diameter"] = 2.0 * radius / edge
         summary["strain_definition"] = self.loading.strain_definition
         summary["setup_s"] = time.perf_counter() - self.started
@@ -200,10 +201,32 @@ class TestRun:
         with Interruption(comm, self.scene.output.checkpoint) as interruption:
             error = self.march(interruption, resumed)
         doing.what = "writing the summary"
-        if error is not None:
-            summary["stop_reason"] = str(error)
-        if isinstance(error, SolverError):
-            self.recorder.write_state()
+        if error is None:
+            return self._end()
+        # Whatever comes of the rest, the first error is kept and told.
+        summary["stop_reason"] = str(error)
+        begun["stop_reason"] = str(error)
+        on_first_rank(comm, lambda: write_run_json(self.place.folder, begun))
+        try:
+            if isinstance(error, SolverError) and self._is_finite():
+                self.recorder.write_state()
+            self._end()
+        except LostFolder:
+            raise
+        except Exception as failure:
+            say(comm, str(error), quiet=False)
+            raise (error if comm.size == 1 else failure) from failure
+        raise error
+
+    def _is_finite(self):
+        """Whether the motion of all ranks is: of another no state can be written. Collective."""
+        state = self.simulation.state
+        finite = bool(np.isfinite(state.x).all() and np.isfinite(state.v).all())
+        return self.comm.allreduce(finite, op=MPI.LAND)
+
+    def _end(self):
+        """Write and return the summary of what was computed. Collective."""
+        comm, summary = self.comm, self.summary
         stress = float(self.recorder.vertical_stress())
         summary["stress"] = stress if math.isfinite(stress) else None
         summary = self.now(peak_memory(comm))
@@ -231,9 +254,22 @@ class TestRun:
         self.place.lock.check()
         on_first_rank(comm, lambda: write_run_json(self.place.folder, summary))
         comm.Barrier()  # every rank finds complete files when this returns
-        if error is not None:
-            raise error
         return summary
+
+    def _tell_unusual(self, diameter):
+        """Say which values nobody means, and keep that for the report. Collective."""
+        found = unusual(self.scene, diameter, self.loading.first_height, self._reach())
+        for name, value, usual in found:
+            say(self.comm, f"warning: {name} = {value}, usual is {usual}", self.options.quiet)
+        self.summary["unusual"] = found
+
+    def _reach(self):
+        """Radius of the container over that of the outermost nodes of grains. Collective."""
+        if not self.bounds.radius:
+            return 1.0
+        x = self.mesh.x[self.mesh.sample_nodes, :2] - self.bounds.centre
+        farthest = float(np.linalg.norm(x, axis=1).max(initial=0.0))
+        return self.bounds.radius / self.comm.allreduce(farthest, op=MPI.MAX)
 
     def march(self, interruption, resumed):
         """March to the end, again after each failure that has an answer; the error, or None."""

@@ -32,6 +32,24 @@ def check(scene):
     _check_mirrors(scene)
     _check_rigid(scene)
     _check_walls(scene)
+    _check_speeds(scene)
+
+
+def _check_speeds(scene):
+    """Raise InputError where walls are as fast as waves in the grains: no sample follows."""
+    materials = [scene.material, *(group.material for group in scene.materials.values())]
+    wave = min(material.wave_speed for material in materials)
+    speeds = [(f"walls.{name}.{word}", getattr(wall, word))
+              for name, wall in scene.walls.items() for word in ("velocity", "speed")]  # fmt: skip
+    for table, names in (("oedometer", ("speed", "seating_speed")), ("loading", ("speed",))):
+        settings = getattr(scene, table)
+        speeds += [(f"{table}.{word}", getattr(settings, word)) for word in names if settings]
+    for name, speed in speeds:
+        if speed is not None and abs(speed) >= wave:
+            raise InputError(
+                f"{name} = {speed:g} m/s, expected less than the speed of waves in the grains, "
+                f"{wave:.3g} m/s"
+            )
 
 
 def _check_test(scene):

@@ -222,7 +222,7 @@ class Wall:
         "Pa",
         "mean pressure that a servo holds",
         gt=0,
-        expected="> 0 Pa (compression): a side that stages hold may have 0 Pa",
+        expected="> 0 Pa (compression)",
     )
     speed: float | None = setting(
         None, "m/s",

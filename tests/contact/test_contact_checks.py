@@ -23,7 +23,7 @@ def wall(height):
     "walls, options, expected",
     [
         ([], {"friction": -0.1}, r"friction = -0.1, expected >= 0"),
-        ([], {"friction": np.nan}, r"friction = nan, expected >= 0"),
+        ([], {"friction": np.nan}, r"friction = nan, expected a finite number"),
         ([], {"compliance": 0.0}, r"compliance = 0.0, expected > 0"),
         ([wall(RADIUS)], {}, r"wall z_min is 0.001 m inside the sample"),
     ],

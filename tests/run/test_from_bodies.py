@@ -67,7 +67,7 @@ CASES = [
     ),
     (
         lambda: build(MPI.COMM_SELF, [TET], None, [0] * 3, [1] * 3),
-        "material = None, expected one such as Elastic(E=70e9, nu=0.2, rho=2500)",
+        "material = None, expected an IsotropicSolid or a list",
     ),
     (
         lambda: Elastic(E="70 GPa", nu=0.2, rho=2500.0),

@@ -19,7 +19,9 @@ from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.output.contacts import read_contacts, read_patches
 from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.run import run as run_module
 from mufe_fenicsx.run.from_scene import load_mesh
+from mufe_fenicsx.run.recorder import Recorder
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import Contact, Oedometer, Output, Sample, Scene, Solver, load_scene
 from tests.bodies import RADIUS, packed_grains
@@ -185,6 +187,38 @@ def test_a_balance_that_does_not_close_stops_with_state_and_history(folder, grai
     assert abs(history["residual"][-1]) > 1e-9 * history["work"][-1]
     assert read_state(out, len(states) - 1).n_cells == summary["num_cells"]
     assert states[-1]["time"] == history["time"][-1]
+
+
+def test_a_last_state_that_cannot_be_written_does_not_hide_the_first_error(
+    folder, grains, monkeypatch
+):
+    """Of a motion that is not finite there is no state; the cause is told and kept."""
+
+    def march(simulation, *_):
+        simulation.state.x[:] = simulation.state.v[:] = np.nan
+        raise SolverError("the first error")
+
+    monkeypatch.setattr(run_module, "march", march)
+    with pytest.raises(SolverError, match="the first error"):
+        run_scene(small_scene(), grains, folder / "out", MPI.COMM_WORLD, quiet=True)
+    assert "the first error" in json.loads((folder / "out/run.json").read_text())["stop_reason"]
+
+
+@pytest.mark.parametrize(("where", "name"), [(Recorder, "write_state"), (run_module, "judged")])
+def test_a_failure_at_the_end_does_not_hide_the_first_error(tmp_path, monkeypatch, where, name):
+    """Whatever it is."""
+    save_grains(tmp_path / "grains", packed_grains((2, 1, 1), h=RADIUS))
+
+    def fail(of, *_):
+        if where is run_module or of.simulation.state.num_steps > 1:
+            raise KeyError("something else")
+
+    monkeypatch.setattr(where, name, fail)
+    scene = replace(small_scene(), solver=Solver(energy_limit=1e-12, retries=0))
+    scene = replace(scene, output=Output(fields=2, history=2))
+    with pytest.raises(SolverError, match="energy_limit = 1e-12"):
+        run_scene(scene, tmp_path / "grains", tmp_path / "out", MPI.COMM_SELF, quiet=True)
+    assert "energy_limit" in json.loads((tmp_path / "out/run.json").read_text())["stop_reason"]
 
 
 def test_unusable_folders_are_refused_together(folder, grains):

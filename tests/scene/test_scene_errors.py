@@ -36,7 +36,9 @@ BAD = {
     ],
     "speed = 0.1\n": [("", "walls.x_max.speed is missing")],
     'velocity = "-1 mm/s"': [
-        ("stress = -5.0\nspeed = 1", "walls.y_min.stress = -5.0, expected >= 0"),
+        ("stress = -5.0\nspeed = 1", "walls.y_min.stress = -5.0, expected > 0 Pa"),
+        ("stress = 0.0\nspeed = 1", "walls.y_min.stress = 0.0, expected > 0 Pa (compression)"),
+        ('velocity = "10 km/s"', "walls.y_min.velocity = 10000 m/s, expected less than the"),
     ],
     "nu = 0.15": [
         ("nu = 0.5", "material.nu = 0.5, expected -1 < nu < 0.5"),

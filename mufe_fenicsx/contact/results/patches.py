@@ -282,7 +282,7 @@ def _patches(pair, sums, num_grains):
     moment = sums[:, _MOMENT].reshape(-1, 3, 3) / area[:, None, None]
     moment -= mean[:, :, None] * mean[:, None]
     # The smallest is that across the plane of the patch.
-    narrow = np.maximum(np.linalg.eigvalsh(moment)[:, 1], 0.0) if len(area) else area
+    narrow = np.maximum(np.linalg.eigvalsh(np.nan_to_num(moment))[:, 1], 0.0) if len(area) else area
     between, share = pair[:, 1] < num_grains, np.zeros(len(area))
     for kind in (between, ~between):
         share[kind] = force[kind] / (force[kind].sum() or 1.0)

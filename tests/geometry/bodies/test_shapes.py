@@ -93,7 +93,7 @@ def test_half_ball_has_a_fine_pole_and_a_flat_base(height):
 def test_sizes_have_to_be_positive():
     with pytest.raises(InputError, match="radius of sphere = -1"):
         shapes.sphere(-1, 0.1)
-    with pytest.raises(InputError, match="element size = nan"):
+    with pytest.raises(InputError, match="h = nan"):
         shapes.sphere(1, float("nan"))
     with pytest.raises(InputError, match="height of half ball"):
         half_ball(1.0, 0.1, height=1.5)

@@ -1,0 +1,90 @@
+"""Values that can be computed and that nobody means are named, with what is usual."""
+
+from dataclasses import replace
+
+import pytest
+
+from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.materials.j2 import J2
+from mufe_fenicsx.run.unusual import unusual
+from mufe_fenicsx.scene import (
+    Contact,
+    ContainerSettings,
+    Group,
+    Loading,
+    Oedometer,
+    Scene,
+    Solver,
+    Stage,
+    Wall,
+)
+from mufe_fenicsx.scene.membrane import MembraneSettings
+from mufe_fenicsx.scene.stages import Axis
+
+ROCK = J2(100e9, 0.15, 2650.0, ((0.0, 10e6),))
+USUAL = Scene(material=ROCK, contact=Contact(friction=0.3), oedometer=Oedometer(0.1, 2.0))
+STAGES = replace(
+    USUAL, oedometer=None, loading=Loading(speed=2.0), stages=(Stage(z=Axis(strain=0.1)),)
+)
+SIZES = {"diameter": 1e-4, "height": 1e-3, "reach": 1.0}
+
+
+def material(**changes):
+    return replace(USUAL, material=replace(ROCK, **changes))
+
+
+def staged(**axis):
+    return replace(STAGES, stages=(Stage(z=Axis(**axis)),))
+
+
+CASES = [
+    (material(E=5e5, yield_stress=((0.0, 1.0),)), {}, "material.E", "500 kPa"),
+    (material(rho=1e-3), {}, "material.rho", "0.001 kg/m³"),
+    (material(nu=0.499), {}, "material.nu, with plasticity,", "0.499"),
+    (
+        replace(USUAL, materials={"soft": Group((1,), Elastic(1e5, 0.15, 1.0))}), {},
+        "materials.soft.E over material.E", "1e-06",
+    ),
+    (replace(USUAL, contact=Contact(friction=50.0)), {}, "contact.friction", "50"),
+    (replace(USUAL, contact=Contact(0.3, wall_friction=1e3)), {}, "contact.wall_friction", "1000"),
+    (
+        replace(
+            STAGES, membrane=MembraneSettings(E=1e12), container=ContainerSettings("cylinder"), walls={}
+        ),
+        {}, "membrane.E over the least of grains", "10",
+    ),
+    (replace(USUAL, oedometer=Oedometer(0.9, 2.0)), {}, "oedometer.strain", "0.9"),
+    (staged(strain=0.9), {}, "stage stage 1, z.strain", "0.9"),
+    (replace(USUAL, solver=Solver(damping=1e18)), {}, "solver.damping times the travel", ""),
+    (USUAL, {"diameter": 3.0}, "mean diameter of the grains", "3 m"),
+    (USUAL, {"diameter": 2e-9}, "mean diameter of the grains", "2 nm"),
+    (USUAL, {"reach": 250.0}, "container.radius over that of the sample", "250"),
+    (
+        replace(USUAL, oedometer=Oedometer(0.1, 2.0, ramp=0.09)), {},
+        "oedometer.ramp over oedometer.strain", "0.9",
+    ),
+    (
+        replace(STAGES, loading=Loading(2.0, ramp=0.9)), {},
+        "loading.ramp over the largest strain of a stage", "9",
+    ),
+    (
+        replace(USUAL, walls={"x_max": Wall(stress=1e-6, speed=1.0)}), {},
+        "walls.x_max.stress", "1 µPa",
+    ),
+    (staged(stress=1e10), {}, "stage stage 1, z.stress", "10 GPa"),
+    (
+        replace(USUAL, oedometer=Oedometer(0.1, 600.0)), {}, "oedometer.speed over that of waves",
+        "0.09",
+    ),
+]  # fmt: skip
+
+
+def test_usual_values_are_told_nothing_of():
+    for scene in (USUAL, STAGES):
+        assert unusual(scene, **SIZES) == []
+
+
+@pytest.mark.parametrize(("scene", "sizes", "name", "value"), CASES, ids=[c[2] for c in CASES])
+def test_unusual_values_are_named(scene, sizes, name, value):
+    found = unusual(scene, **(SIZES | sizes))
+    assert any(n.startswith(name) and v.startswith(value) and u for n, v, u in found), found
