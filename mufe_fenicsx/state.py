@@ -36,7 +36,10 @@ class Stateful:
                     now[...] = np.reshape(value, now.shape)
                 else:
                     single = isinstance(value, np.ndarray | np.generic)
-                    setattr(self, name, value.item() if single else value)
+                    value = value.item() if single else value
+                    if isinstance(now, int | float) and not isinstance(value, int | float | None):
+                        raise TypeError(f"{name} is a {type(value).__name__}, expected a number")
+                    setattr(self, name, value)
 
 
 def copied(kept):

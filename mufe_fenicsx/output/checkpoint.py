@@ -19,7 +19,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from mufe_fenicsx.errors import InputError, raise_together
+from mufe_fenicsx.errors import InputError, raise_together, shown
 from mufe_fenicsx.machine.files import own_folder, reason, regular
 from mufe_fenicsx.output.run_folder import attempt, plain, try_room
 
@@ -175,28 +175,39 @@ def _read_manifest(path):
         kind = manifest["format"], manifest["version"]
     except OSError as error:
         return None, f"{MANIFEST}: {reason(error)}"
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         return None, f"{MANIFEST} is torn"
     if kind != (FORMAT, VERSION):
         raise InputError(
-            f"format of checkpoint {path} is {kind[0]} {kind[1]}, expected {FORMAT} {VERSION}: "
-            "continue it with the version of the program that wrote it"
+            f"format of checkpoint {path} is {shown(kind[0])} {shown(kind[1])}, expected {FORMAT} "
+            f"{VERSION}: continue it with the version of the program that wrote it"
         )
     content = manifest.get("content")
     if not isinstance(content, dict) or manifest.get("checksum") != _checksum(
         _dump(content).encode()
     ):
         return None, f"{MANIFEST} has changed"
-    for file in content["files"]:
+    names = [f"rank-{rank:04d}.h5" for rank in range(len(_files_of(content)))]
+    if not names or content.get("num_ranks") != len(names):
+        return None, f"{MANIFEST} does not list one file of each rank"
+    for name, file in zip(names, _files_of(content), strict=True):
+        if not isinstance(file, dict) or file.get("name") != name:
+            return None, f"{MANIFEST} does not list {name}"
         try:
-            if (path / file["name"]).stat().st_size != file["size"]:
-                return None, f"{file['name']} is torn"
-            with regular(path / file["name"]).open("rb") as stream:
-                if _checksum(stream) != file["checksum"]:
-                    return None, f"{file['name']} has changed"
+            if (path / name).stat().st_size != file.get("size"):
+                return None, f"{name} is torn"
+            with regular(path / name).open("rb") as stream:
+                if _checksum(stream) != file.get("checksum"):
+                    return None, f"{name} has changed"
         except OSError as error:
-            return None, f"{file['name']}: {reason(error)}"
+            return None, f"{name}: {reason(error)}"
     return content, None
+
+
+def _files_of(content):
+    """What a manifest lists of files, a list."""
+    files = content.get("files")
+    return files if isinstance(files, list) else []
 
 
 def read_tables(comm, checkpoint, grains, rank_of_grain, only=None):
@@ -222,7 +233,7 @@ def read_tables(comm, checkpoint, grains, rank_of_grain, only=None):
         files = [checkpoint.path / f"rank-{r:04d}.h5" for r in ranks]
         parts = [_read_part(path, grains, same, only) for path in files]
         result = parts[0] if same else _joined(parts, comm.rank)
-    except (OSError, KeyError, RuntimeError) as error:
+    except Exception as error:  # whatever a file raises that no run wrote
         message = f"checkpoint {checkpoint.path} cannot be read ({reason(error)})"
     raise_together(comm, message)
     return result
@@ -241,6 +252,8 @@ def _read_part(path, grains, everything, only):
             group = file["tables"][name]
             keep = slice(None) if everything else np.isin(group["grain"][:], grains)
             columns = ("grain", only[1]) if only else group
+            if len({len(group[column]) for column in columns}) > 1:
+                raise ValueError(f"columns of table {name} have different lengths")
             tables[name] = {column: group[column][:][keep] for column in columns}
         own = {name: values[()] for name, values in file["own"].items()}
     return tables, own

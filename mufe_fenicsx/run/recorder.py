@@ -2,6 +2,7 @@
 
 import copy
 import math
+import operator
 
 import numpy as np
 
@@ -52,7 +53,7 @@ class Recorder:
             kept=kept.get("history"),
             rows=kept.get("history_rows"),
         )
-        self.num_states = kept.get("num_states", 0)
+        self.num_states = operator.index(kept.get("num_states", 0))
         cells = slice(mesh.num_shown_cells)
         self.fields = FieldWriter(
             mesh.comm, folder, mesh.x[mesh.shown_nodes],
@@ -67,7 +68,8 @@ class Recorder:
             self._note([f"fields/{self.fields.mesh}"])
         self._history_interval = loading.interval(output.history)
         self._field_interval = loading.state_interval(output.fields)
-        self._stage, self._next_row, self._next_state = kept.get("next", (None, 0.0, 0.0))
+        self._stage, *following = kept.get("next", (None, 0.0, 0.0))
+        self._next_row, self._next_state = map(float, following)
         self._row_step = kept.get("row_step")  # of the last row, None before the first
 
     def state_dict(self):

@@ -1,9 +1,10 @@
 """Whether a checkpoint belongs to the scene and the grains that a run is to go on with."""
 
 import tomllib
+from contextlib import contextmanager
 from pathlib import Path
 
-from ..errors import InputError, raise_together, shown
+from ..errors import InputError, Interrupted, SolverError, raise_together, shortened, shown
 from ..output.checkpoint import file_checksum
 from ..output.record import lost_results
 from ..output.run_folder import on_first_rank, read_run_json
@@ -48,36 +49,82 @@ MAY_CHANGE = ", ".join(
 )
 
 
+#: Entries that a checkpoint has, and their types.
+ENTRIES = {
+    **dict.fromkeys(("scene", "grains"), str),
+    **dict.fromkeys(("tools", "state", "loading", "recorder"), dict),
+    **dict.fromkeys(("written_by", "rank_of_grain", "retries"), list),
+    **dict.fromkeys(("resumed_at_steps", "balanced_at_steps"), list),
+    **dict.fromkeys(("step", "strain", "wall_s", "setup_s"), float | int),
+    "separation": dict | None,
+}
+
+
+@contextmanager
+def reading(checkpoint):
+    """Whatever the use of a checkpoint raises that no run wrote becomes an InputError. Local."""
+    try:
+        yield
+    except (InputError, SolverError, Interrupted):
+        raise
+    except Exception as error:
+        if checkpoint is None:
+            raise
+        said = shortened(f"{type(error).__name__}: {error}")
+        raise InputError(
+            f"checkpoint {checkpoint.path} holds what no run wrote ({said}), expected one that "
+            "`mufe run` wrote: --overwrite begins again"
+        ) from error
+
+
+def check_entries(comm, checkpoint):
+    """See that a checkpoint has its entries. Collective.
+
+    Raises:
+        InputError: One is missing, or of another type; on all ranks.
+    """
+    message = None
+    for name, kind in ENTRIES.items():
+        if name not in checkpoint.header or not isinstance(checkpoint.header[name], kind):
+            message = f"{name} of checkpoint {checkpoint.path} is missing or of another type"
+            message += ", expected what `mufe run` wrote: --overwrite begins again"
+    raise_together(comm, message)
+
+
 def check_origin(comm, checkpoint, identity, folder, quiet):
     """See that a checkpoint belongs to this scene and these grains, and that there is more to do.
 
     Raises:
         InputError: It does not; on all ranks.
     """
-    message = None
-    if comm.rank == 0:
-        for notice in checkpoint.notices:
-            say(comm, notice, quiet)
-        header = checkpoint.header
-        changed = _first_difference(header["scene"], identity["scene"])
-        if changed:
-            message = (
-                f"{changed}, expected the value of checkpoint {checkpoint.path}: a run that goes "
-                f"on may only change {MAY_CHANGE}"
-            )
-        elif header["grains"] != identity["grains"]:
-            message = (
-                f"grains of checkpoint {checkpoint.path} are others than those given, "
-                "expected the grains that the run began with"
-            )
-        elif header["tools"] != identity["tools"]:
-            message = _other_file(header["tools"], identity["tools"], checkpoint.path)
-        else:
-            try:
-                message = _nothing_to_do(header, identity["scene"], folder)
-            except InputError as error:
-                message = str(error)
-    raise_together(comm, message)
+    check_entries(comm, checkpoint)
+    for notice in checkpoint.notices:
+        say(comm, notice, quiet)
+
+    def look():
+        with reading(checkpoint):
+            return _other_origin(checkpoint, identity, folder)
+
+    raise_together(comm, on_first_rank(comm, look))
+
+
+def _other_origin(checkpoint, identity, folder):
+    """What keeps a run from going on, or None."""
+    header = checkpoint.header
+    changed = _first_difference(header["scene"], identity["scene"])
+    if changed:
+        return (
+            f"{changed}, expected the value of checkpoint {checkpoint.path}: a run that goes "
+            f"on may only change {MAY_CHANGE}"
+        )
+    if header["grains"] != identity["grains"]:
+        return (
+            f"grains of checkpoint {checkpoint.path} are others than those given, "
+            "expected the grains that the run began with"
+        )
+    if header["tools"] != identity["tools"]:
+        return _other_file(header["tools"], identity["tools"], checkpoint.path)
+    return _nothing_to_do(header, identity["scene"], folder)
 
 
 def _other_file(then, now, path):
@@ -92,8 +139,9 @@ def _other_file(then, now, path):
 def check_results(comm, checkpoint, folder, accept_loss, quiet):
     """See that results are as the checkpoint counts them, or leave out what is not. Collective."""
     message, left = None, None
+    found = on_first_rank(comm, lambda: _lost(checkpoint, folder))
     if comm.rank == 0:
-        lines, strain, left = lost_results(folder, checkpoint.header["recorder"])
+        lines, strain, left = found
         if lines:
             more = f" and {len(lines) - 3} more" if len(lines) > 3 else ""
             message = (
@@ -106,6 +154,11 @@ def check_results(comm, checkpoint, folder, accept_loss, quiet):
         message += "; expected them as they were written, or --accept-loss to go on without them"
     raise_together(comm, None if accept_loss else message)
     checkpoint.header["recorder"] = comm.bcast(left)
+
+
+def _lost(checkpoint, folder):
+    with reading(checkpoint):
+        return lost_results(folder, checkpoint.header["recorder"])
 
 
 def integrator_of(scene):

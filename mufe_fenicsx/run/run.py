@@ -41,7 +41,13 @@ from .profile import Profile
 from .rebalance import better_partition
 from .recorder import Recorder
 from .report import draw_report
-from .resume_check import check_origin, check_results, grains_checksum, integrator_of
+from .resume_check import (
+    check_origin,
+    check_results,
+    grains_checksum,
+    integrator_of,
+    reading,
+)
 from .retries import Recovery
 from .run_options import RunOptions
 from .run_place import RunPlace, say
@@ -111,19 +117,22 @@ def _prepare(scene, grains_folder, folder, lock, started, options):
     else:
         lock.look()
         check_run_folder(comm, folder, options.overwrite)
-    partition = checkpoint and _partition(checkpoint, comm)
+    with reading(checkpoint):
+        partition = checkpoint and _partition(checkpoint, comm)
     load = partial(
         load_mesh, comm, grains_folder, scene.solver.element, tools=make_tools(comm, scene),
         around=sleeve_of(scene),
     )  # fmt: skip
-    mesh = load(partition)
+    with reading((partition is not None and checkpoint) or None):
+        mesh = load(partition)
     check_sizes(mesh, load.keywords["tools"])
     sample = mesh.labels[: mesh.num_sample_grains]
     scene.materials_of(sample, sample)
     check_mirrors(comm, make_walls(scene, find_bounds(scene, mesh)), mesh.x)
     if checkpoint is not None:
         separation = checkpoint.header["separation"]
-        _take_reference(checkpoint, mesh)
+        with reading(checkpoint):
+            _take_reference(checkpoint, mesh)
     else:
         separation = separate_surfaces(mesh, scene.sample)
         separation = separation and separation.as_dict()
@@ -319,23 +328,19 @@ class TestRun:
         self.loading = self.make_loading(make_membrane(scene, self.simulation, self.bounds))
         recorder, same_ranks = self.first_kept, True
         if checkpoint is not None:
-            header = checkpoint.header
-            restore(self.simulation, *_read(checkpoint, self.mesh), header["state"])
-            if len(header["retries"]) < len(self.recovery.done):
-                self.simulation.update_time_step()
-            if integrator_of(header["scene"]) != scene.solver.integrator:
-                self.simulation.take_over()
-            self.loading.load_state_dict(header["loading"])
-            recorder = header["recorder"]
-            same_ranks = written_by(checkpoint, self.comm.size, self.mesh.rank_of_grain)
+            with reading(checkpoint):
+                self._restore(checkpoint)
+                recorder = checkpoint.header["recorder"]
+                same_ranks = written_by(checkpoint, self.comm.size, self.mesh.rank_of_grain)
         if place is not None:
             place.open()
         try:
             self.checkpoints.remove_after(checkpoint)
-            self.recorder = Recorder(
-                self.place.folder, self.simulation, self.loading, scene.output,
-                scene.solver.energy_limit, recorder, same_ranks, self.place.lock,
-            )  # fmt: skip
+            with reading(checkpoint):
+                self.recorder = Recorder(
+                    self.place.folder, self.simulation, self.loading, scene.output,
+                    scene.solver.energy_limit, recorder, same_ranks, self.place.lock,
+                )  # fmt: skip
         except InputError:
             if place is not None:
                 place.abandon()
@@ -346,6 +351,16 @@ class TestRun:
             self.recorder.after_step = after_step
         if self.first_kept is None and checkpoint is None:
             self.first_kept = self.recorder.state_dict()
+
+    def _restore(self, checkpoint):
+        """Bring simulation and loading to the state of a checkpoint. Collective."""
+        header = checkpoint.header
+        restore(self.simulation, *_read(checkpoint, self.mesh), header["state"])
+        if len(header["retries"]) < len(self.recovery.done):
+            self.simulation.update_time_step()
+        if integrator_of(header["scene"]) != self.scene.solver.integrator:
+            self.simulation.take_over()
+        self.loading.load_state_dict(header["loading"])
 
     def make_loading(self, measures=None):
         """What moves the walls of the present simulation, at its start. Collective.

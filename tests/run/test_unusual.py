@@ -49,7 +49,8 @@ CASES = [
     (replace(USUAL, contact=Contact(0.3, wall_friction=1e3)), {}, "contact.wall_friction", "1000"),
     (
         replace(
-            STAGES, membrane=MembraneSettings(E=1e12), container=ContainerSettings("cylinder"), walls={}
+            STAGES, membrane=MembraneSettings(E=1e12), walls={},
+            container=ContainerSettings("cylinder"),
         ),
         {}, "membrane.E over the least of grains", "10",
     ),
