@@ -3,7 +3,7 @@
 import os
 import shutil
 import tempfile
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..errors import InputError
@@ -23,7 +23,7 @@ def new_folder(path, *, overwrite=False, marker=None):
     """
     path = Path(path).absolute()
     check_place(path)
-    if path.is_dir() and any(path.iterdir()):
+    if not path.is_symlink() and path.is_dir() and any(path.iterdir()):
         known = marker is None or (path / marker).exists()
         if not overwrite:
             more = ", or --overwrite" if known else ""
@@ -33,8 +33,9 @@ def new_folder(path, *, overwrite=False, marker=None):
                 f"output folder {path} is not empty and holds no {marker}, "
                 "expected a folder that may be replaced"
             )
-    elif path.exists() and not path.is_dir():
-        raise InputError(f"output folder {path} is a file, expected a folder")
+    elif path.is_symlink() or (path.exists() and not path.is_dir()):
+        what = "symbolic link" if path.is_symlink() else "file"
+        raise InputError(f"output folder {path} is a {what}, expected a folder")
     with _temporary(path.parent) as temporary:
         yield temporary
         with written(path):
@@ -69,7 +70,9 @@ def check_place(path):
     """Raise InputError unless something can be written at a path, before any work is done."""
     parent = Path(path).absolute().parent
     with written(path):
-        parent.mkdir(parents=True, exist_ok=True)
+        parent = next(folder for folder in (parent, *parent.parents) if folder.exists())
+    if not parent.is_dir():
+        raise InputError(f"output {path} cannot be written: {parent} is a file, expected a folder")
     if not os.access(parent, os.W_OK | os.X_OK):
         raise InputError(f"output {path} cannot be written: no permission in {parent}")
 
@@ -86,9 +89,11 @@ def written(path):
 
 @contextmanager
 def _temporary(parent):
-    with written(parent):
-        temporary = Path(tempfile.mkdtemp(dir=parent, prefix=".mufe-"))
+    temporary, made = None, [folder for folder in (parent, *parent.parents) if not folder.exists()]
     try:
+        with written(parent):
+            parent.mkdir(parents=True, exist_ok=True)
+            temporary = Path(tempfile.mkdtemp(dir=parent, prefix=".mufe-"))
         # mkdtemp lets nobody else read; what is renamed gets the usual rights.
         mask = os.umask(0)
         os.umask(mask)
@@ -96,4 +101,8 @@ def _temporary(parent):
         with written(parent):
             yield temporary
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+        with suppress(OSError):  # those that hold something stay
+            for folder in made:
+                folder.rmdir()

@@ -19,7 +19,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from mufe_fenicsx.errors import InputError, raise_together, shown
+from mufe_fenicsx.errors import InputError, raise_together, shortened
 from mufe_fenicsx.machine.files import own_folder, reason, regular
 from mufe_fenicsx.output.run_folder import attempt, plain, try_room
 
@@ -178,9 +178,10 @@ def _read_manifest(path):
     except (ValueError, KeyError, TypeError, RecursionError):
         return None, f"{MANIFEST} is torn"
     if kind != (FORMAT, VERSION):
+        found = " ".join(map(shortened, kind))
         raise InputError(
-            f"format of checkpoint {path} is {shown(kind[0])} {shown(kind[1])}, expected {FORMAT} "
-            f"{VERSION}: continue it with the version of the program that wrote it"
+            f"format of checkpoint {path} is {found}, expected {FORMAT} {VERSION}: continue "
+            "it with the version of the program that wrote it"
         )
     content = manifest.get("content")
     if not isinstance(content, dict) or manifest.get("checksum") != _checksum(

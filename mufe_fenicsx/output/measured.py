@@ -27,9 +27,11 @@ import numpy as np
 
 from mufe_fenicsx.errors import InputError, nearest_name, shown
 from mufe_fenicsx.machine.files import reason, regular
-from mufe_fenicsx.units import to_si
+from mufe_fenicsx.units import PLAUSIBLE, to_si
 
 TIME = "time"
+#: Shortest step of time over all of it, and largest number of a table: their curve is finite.
+STEP, MOST = 1e-12, 1e100
 #: Bytes of a file.
 LARGEST = 100_000_000
 _NAME = re.compile(r"\s*(\w+)\s*(?:\[\s*([^\]]*?)\s*\])?\s*")
@@ -121,6 +123,13 @@ def read_measured(path: str | Path, units: Mapping[str, str]) -> Measured:
             f"{path}, line {rows[late[0] + 2][0]}: time = {now:g}, expected more than {before:g}, "
             "that of the row before"
         )
+    whole, (shortest, longest) = time[-1] - time[0], PLAUSIBLE["s"]
+    if not shortest <= whole <= longest or np.diff(time).min() < STEP * whole:
+        raise InputError(
+            f"{path}: time = {time[0]:g} to {time[-1]:g} s in steps of {np.diff(time).min():g} s "
+            f"and more, expected {shortest:g} to {longest:g} s in all, in steps of {STEP:g} of it "
+            "and more"
+        )
     return Measured(path, time, found, zlib.crc32(data))
 
 
@@ -160,7 +169,7 @@ def _numbers(path, number, row, names):
             value = float(cell)
         except ValueError:
             value = math.nan
-        if not math.isfinite(value):
+        if not abs(value) <= MOST:
             raise InputError(f"{where}: {name} = {shown(cell.strip())}, expected a finite number")
         found.append(value)
     return found

@@ -218,9 +218,11 @@ def ascii_line(text):
 
 def busy(folder, lock):
     """The line that refuses a folder which another run writes."""
+    said = holder(lock) if lock else f"its {LOCK} is torn and does not say which"
     return (
-        f"run folder {folder} is being written by another run ({holder(lock)}), "
-        f"expected one that has ended; {LOCK} says so"
+        f"run folder {folder} is being written by another run ({said}), expected one that has "
+        f"ended; where it has, delete {Path(folder) / LOCK}, or wait: from another machine, or "
+        f"torn, it counts as left behind {SILENCE / 60:g} minutes after it was touched last"
     )
 
 

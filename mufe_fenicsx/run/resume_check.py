@@ -232,8 +232,12 @@ def _difference(old, new, prefix=""):
 def _flat(table, prefix=""):
     flat = {}
     for key, value in table.items():
+        tables = isinstance(value, list) and value and all(isinstance(v, dict) for v in value)
         if isinstance(value, dict):
             flat |= _flat(value, f"{prefix}{key}.")
+        elif tables and key != STAGES:
+            for number, table in enumerate(value, start=1):
+                flat |= _flat(table, f"{prefix}{key}[{number}].")
         else:
             flat[prefix + key] = value
     return flat

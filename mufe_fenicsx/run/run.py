@@ -1,6 +1,7 @@
 """A test from a scene to a run folder."""
 
 import math
+import shutil
 import time
 from functools import partial
 from pathlib import Path
@@ -15,7 +16,7 @@ from ..loading.oedometer import OedometerLoading
 from ..loading.stages import StagedLoading
 from ..machine.doing import Doing
 from ..machine.memory import peak_memory, return_freed_arrays
-from ..output.checkpoint import CheckpointWriter, find_checkpoint, read_tables, written_by
+from ..output.checkpoint import NUM_KEPT, CheckpointWriter, find_checkpoint, read_tables, written_by
 from ..output.run_folder import (
     check_inside,
     check_run_folder,
@@ -204,6 +205,8 @@ class TestRun:
             before = checkpoint.header["resumed_at_steps"]
             summary["resumed_at_steps"] = [*before, checkpoint.header["step"]]
             summary["balanced_at_steps"] = checkpoint.header["balanced_at_steps"]
+        if not resumed:
+            self._check_disk()
         begun = self.now()  # collective where there are tools
         on_first_rank(comm, lambda: write_run_json(self.place.folder, begun))
         # A signal between two marches, while all begins anew, is not lost.
@@ -264,6 +267,28 @@ class TestRun:
         on_first_rank(comm, lambda: write_run_json(self.place.folder, summary))
         comm.Barrier()  # every rank finds complete files when this returns
         return summary
+
+    def _check_disk(self):
+        """Raise InputError unless two checkpoints and the next one have room. Collective."""
+        tables, own, _ = snapshot(self.simulation)
+        columns = [values for table in tables.values() for values in table.values()]
+        size = sum(values.nbytes for values in [*columns, *own.values()])
+        needed = (NUM_KEPT + 1) * self.comm.allreduce(size)
+
+        def look():
+            free = shutil.disk_usage(self.place.folder).free
+            if free < needed:
+                raise InputError(
+                    f"free room in {self.place.folder} = {free / 1e6:.3g} MB, expected at least "
+                    f"{needed / 1e6:.3g} MB, for {NUM_KEPT} checkpoints and the next one"
+                )
+
+        try:
+            on_first_rank(self.comm, look)
+        except InputError:
+            self.recorder.history.close()
+            self.place.abandon()
+            raise
 
     def _tell_unusual(self, diameter):
         """Say which values nobody means, and keep that for the report. Collective."""

@@ -85,6 +85,10 @@ def checksums_of_files(comm, scene):
     """
 
     def read():
+        if scene.tools:
+            from ..geometry.tets.foreign import check_size  # what others need not wait for
+        for table in scene.tools:
+            _named(table, lambda table=table: check_size(table.surface))
         return {
             f"{what} of tool {table.name}": _named(table, lambda path=path: file_checksum(path))
             for table in scene.tools

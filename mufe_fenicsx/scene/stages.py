@@ -19,6 +19,10 @@ MOVING = ("both", "min", "max")
 MOST_CYCLES = 10_000
 
 
+#: Stages of a test, each cycle counted.
+MOST_STAGES = 10_000
+
+
 @dataclass(frozen=True)
 class Loading:
     """[loading]: what all stages of a test have in common."""
@@ -367,6 +371,12 @@ def _in_cycles(stages):
         if any(one.zero for one in cycle):
             raise InputError(f"{where} = {stage.repeat}, expected no stage with zero = true in it")
         found += stages[after:first] + cycle
+        num = len(found) + (stage.repeat - 1) * len(cycle)
+        if num > MOST_STAGES:
+            raise InputError(
+                f"{where} = {stage.repeat} of {len(cycle)} stages, expected at most {MOST_STAGES} "
+                "stages in all"
+            )
         for k in range(2, stage.repeat + 1):
             found += [replace(one, name=f"{one.name} {k}") for one in cycle]
         after = number + 1

@@ -61,6 +61,9 @@ def test_curves_go_through_rows_without_overshoot():
         ("1, 0.2", "1, abc", 'line 4: strain_x = "abc", expected a finite number'),
         ("1, 0.2, 1, 5", "1, 0.2, 1", "line 4 has 3 values, expected 4"),
         ("3, 0.15", "1, 0.15", "line 6: time = 1, expected more than 1, that of the row before"),
+        ("3, 0.15", "2e300, 0.15", 'line 6: time = "2e300", expected a finite number'),
+        ("4, 0.3", "1e90, 0.3", "s and more, expected 1e-18 to 1e+10 s in all, in steps of"),
+        ("1, 0.2", "1e-15, 0.2", "in steps of 6e-14 s and more, expected"),
     ],
 )
 def test_what_a_file_to_follow_must_not_be(tmp_path, old, new, words):

@@ -125,8 +125,18 @@ def test_a_lock_of_another_machine_is_stale_when_it_was_not_touched(tmp_path):
         lock_of(tmp_path, age=run_lock.SILENCE - 60).take()
     assert "is stale" in lock_of(tmp_path, age=run_lock.SILENCE + 60).take()
     (tmp_path / LOCK).write_text("")  # damaged, just now
-    with pytest.raises(InputError, match="process unknown"):
+    with pytest.raises(InputError, match="is torn and does not say"):
         RunLock(MPI.COMM_SELF, tmp_path).take()
+
+
+def test_a_torn_lock_says_what_to_do(tmp_path):
+    """Which file to delete, when that is safe, and how long to wait otherwise."""
+    (tmp_path / "run.lock").write_text("{")
+    with pytest.raises(InputError) as caught:
+        RunLock(MPI.COMM_SELF, tmp_path).look()
+    assert "its run.lock is torn and does not say which" in str(caught.value)
+    assert f"where it has, delete {tmp_path}/run.lock, or wait" in str(caught.value)
+    assert "10 minutes after it was touched last" in str(caught.value)
 
 
 def test_one_of_many_takes_a_stale_lock(tmp_path):

@@ -12,11 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import InputError
+from ...machine.doing import Doing
 from ..measure import compact, positively_oriented, surface_defect
 from ..surface.given_surfaces import FORMATS, read_triangles, welded
 from ..surface.remesh import oriented
 from ..surface.shells import shells
 from ..tets.fill import DELAUNAY, GMSH, fill
+
+#: Facets of the surface of a tool: as fine as grains, few tools have more than some thousands.
+MOST_FACETS = 100_000
 
 
 def read_tool(path, scale=1.0, thickness=None):
@@ -37,6 +41,14 @@ def read_tool(path, scale=1.0, thickness=None):
     if Path(path).suffix.lower() not in FORMATS:
         raise InputError(f"surface {path}, expected a file of {', '.join(FORMATS)}")
     points, triangles = read_triangles(path, [])
+    if len(triangles) > MOST_FACETS:
+        raise InputError(
+            f"surface {path} has {len(triangles)} facets, expected at most {MOST_FACETS}: thin "
+            "them out, to the size of the facets of grains"
+        )
+    doing = Doing.innermost()
+    if doing is not None:
+        doing.what = f"making a body of the {len(triangles)} facets of {path}"
     return tool_body(points * scale, triangles, thickness, f"surface {path}")
 
 

@@ -123,7 +123,9 @@ def plain_labels(labels, source="labels", numbers=None):
     if labels.ndim != 3:
         raise InputError(f"{source}: {labels.ndim} axes, expected 3: (z, y, x)")
     labels = whole_numbers(labels, source)
-    if labels.dtype.kind not in "biu":
+    if labels.dtype.kind == "b":  # a mask: one grain
+        labels = labels.astype(np.uint8)
+    if labels.dtype.kind not in "iu":
         raise InputError(f"{source}: type of labels is {labels.dtype}, expected integers")
     if labels.dtype.kind == "i" and labels.min(initial=0) < 0:
         raise InputError(f"{source}: smallest label is {labels.min()}, expected 0 or more")

@@ -14,6 +14,7 @@ import meshio
 import numpy as np
 
 from ...errors import InputError
+from ...machine.memory import check_room
 from ..image.stored_image import check_regular
 from .abaqus import read_abaqus
 from .gmsh_model import gmsh_model
@@ -31,6 +32,8 @@ NUMBERED = {
 #: Time of computing that meshio may take [s], and that for each byte: several of its readers look
 #: for the end of a file that was cut for ever.
 PATIENCE, SECONDS_PER_BYTE = 3.0, 1e-5
+#: Memory that a file takes as it is read, over its size.
+ROOM = 4
 #: Kinds of cells in three dimensions.
 SOLID = re.compile(r"tetra|hexa|wedge|pyramid|polyhedron|VTK_.*TETRA|VTK_.*HEXA")
 
@@ -92,6 +95,12 @@ def write_surface(path, points, triangles):
     meshio.write_points_cells(path, points, [("triangle", np.asarray(triangles))])
 
 
+def check_size(path, what="surface"):
+    """Raise InputError unless there is memory for what a file may hold."""
+    if Path(path).is_file():
+        check_room(ROOM * Path(path).stat().st_size, f"{what} {path}")
+
+
 def read_foreign(path, what="mesh", expected="a format of meshio"):
     """A mesh by meshio, whose failures become one line.
 
@@ -104,6 +113,7 @@ def read_foreign(path, what="mesh", expected="a format of meshio"):
     """
     path = Path(path)
     check_regular(path, path, what)
+    check_size(path, what)
     nowhere = io.StringIO()  # meshio prints beside what it raises
     try:
         with (

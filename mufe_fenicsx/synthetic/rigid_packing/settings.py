@@ -7,7 +7,7 @@ from ...units import check_keys, lengths_text, require, setting
 from ..settings import LARGEST_SIZE, LEAST_SIZE
 
 #: Most grains of a packing.
-MOST_GRAINS = 1_000_000
+MOST_GRAINS = 50_000
 #: Element size over the mean diameter: with the largest a grain is a few tetrahedra.
 LEAST_ELEMENT, LARGEST_ELEMENT = 0.005, 0.5
 #: Most voxels of labels.
