@@ -65,7 +65,7 @@ class Solid(ForceTerm):
 
     def __init__(self, mesh, materials, element="averaged"):
         self.mesh = mesh
-        if element not in ELEMENTS:
+        if not isinstance(element, str) or element not in ELEMENTS:
             raise InputError(f"element = {element}, expected one of {', '.join(ELEMENTS)}")
         if element == "composite" and mesh.family != PARTS:
             raise InputError(

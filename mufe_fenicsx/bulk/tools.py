@@ -53,7 +53,11 @@ class ToolPath:
     place: np.ndarray  #: way from the start [m] and turn since then [rad], shape (num_rows, 6)
 
     def __post_init__(self):
-        time = finite_array("time of a path", self.time, (np.size(self.time),))
+        time = finite_array(
+            "time of a path",
+            self.time,
+            (len(self.time) if isinstance(self.time, list | tuple | np.ndarray) else 1,),
+        )
         place = finite_array("row of a path", self.place, (len(time), 6))
         if len(time) < 2 or not (np.diff(time) > 0).all() or time[0] < 0:
             raise InputError(

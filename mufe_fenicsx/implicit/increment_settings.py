@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields
 
-from ..errors import InputError, check_fields
+from ..errors import InputError, check_fields, finite_number
 from ..solvers.generalised_alpha import GeneralisedAlpha
 
 
@@ -28,6 +28,9 @@ class IncrementSettings:
 
     def __post_init__(self):
         check_fields(self)
+        finite_number("tolerance", self.tolerance, gt=0, le=1)
+        for name in ("max_iterations", "max_augmentations"):
+            finite_number(name, getattr(self, name), ge=1, le=1e6)
         if not 0 < self.smallest <= self.first_step <= self.largest:
             raise InputError(
                 f"first_step = {self.first_step} s, expected 0 < smallest_step = {self.smallest} "

@@ -10,7 +10,16 @@ from numpy.typing import ArrayLike
 
 from ..bulk.tools import Tool
 from ..contact.walls import Wall
-from ..errors import InputError, body_of, checked, finite_array, finite_number, nearest_name, shown
+from ..errors import (
+    InputError,
+    body_of,
+    checked,
+    finite_array,
+    finite_number,
+    nearest_name,
+    shortened,
+    shown,
+)
 from ..explicit.simulation import Simulation
 from ..geometry.tets.refine import PARTS, split
 from ..implicit.simulation import ImplicitSimulation
@@ -19,6 +28,8 @@ from ..mesh import GrainMesh, create_grain_mesh, partition_grains
 
 #: Options that increments have no use for.
 OF_STEPS = ("assembled", "time_step_factor", "refresh", "mass_scaling")
+#: Steps that a computer takes in a life.
+MOST_STEPS = 1e9
 #: Nodes [m], shape (num_nodes, 3), and tetrahedra, shape (num_cells, 4).
 Body = tuple[np.ndarray, np.ndarray]
 
@@ -59,6 +70,8 @@ def build(
     """
     bodies = _checked(bodies)
     for what, cls, given in (("wall", Wall, walls), ("tool", Tool, options.get("tools", ()))):
+        if not isinstance(given, list | tuple):
+            raise InputError(f"{what}s = {shown(given)}, expected a list")
         for one in given:
             if not isinstance(one, cls):
                 raise InputError(f"{what} = {shown(one)}, expected a {cls.__name__}")
@@ -73,9 +86,20 @@ def build(
         for name, (point, normal) in planes.items()
     ] + list(walls)
     composite, tools = options.get("element") == "composite", options.get("tools", ())
-    mesh = distribute(comm, bodies, composite, tools, options.pop("sleeves", ()))
+    sleeves = options.pop("sleeves", ())
+    if (
+        not isinstance(sleeves, list | tuple)
+        or len(sleeves) >= len(bodies)
+        or not all(isinstance(name, str) for name in sleeves)
+    ):
+        raise InputError(f"sleeves = {shown(sleeves)}, expected names of the last bodies")
+    mesh = distribute(comm, bodies, composite, tools, sleeves)
     if velocity is not None:
-        options["velocity"] = velocity(mesh.x, mesh.grains[mesh.grain_of_node])
+        try:
+            options["velocity"] = velocity(mesh.x, mesh.grains[mesh.grain_of_node])
+        except Exception as error:  # whatever a user's own function raises
+            said = shortened(f"{type(error).__name__}: {error}")
+            raise InputError(f"velocity(x, grain) fails: {said}, expected speeds of x") from error
     materials = material if isinstance(material, list) else [material] * len(bodies)
     if len(materials) != len(bodies):
         raise InputError(f"materials = {len(materials)}, expected one, or one of each body")
@@ -161,6 +185,7 @@ def drive(
         turns: Rotation vectors about their points [rad] by the name of the wall, shape (3,).
     """
     walls, duration = simulation.walls, finite_number("duration", duration, gt=0, unit="s")
+    finite_number("steps of a drive", duration / simulation.dt, le=MOST_STEPS)
     start, end = simulation.state.t, simulation.state.t + duration
     target = _of_walls(walls, "move", moves)
     target = {i: (move, walls.point[i] + move) for i, move in target.items()}
@@ -223,6 +248,8 @@ def settle(
     Returns:
         The ratio reached.
     """
+    finite_number("max_steps", max_steps, ge=1, le=MOST_STEPS)
+    finite_number("every", every, ge=1)
     reached = math.inf
     for k in range(max_steps):
         simulation.step()

@@ -5,12 +5,17 @@ import numpy as np
 from ...errors import InputError
 from ..tets.gmsh_model import tetrahedra
 
+#: Least and largest length of a body [m], and number of its parts.
+LEAST, MOST = 1e-12, 1e6
+
 
 def require_positive(name, *values):
-    """Raise InputError unless all values are > 0."""
+    """Raise InputError unless all values are > 0, from LEAST to MOST."""
     for value in values:
         if not value > 0:
             raise InputError(f"{name} = {value}, expected > 0")
+        if not LEAST <= value <= MOST:
+            raise InputError(f"{name} = {value:g}, expected {LEAST:g} to {MOST:g}")
 
 
 def checked_contact(h_contact, growth, contact_radius, h_max):

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...errors import InputError, checked
+from ...errors import InputError, checked, finite_array
 from ..tets.gmsh_model import gmsh_model
 from .bulge import bulged_ball
 from .contact_mesh import (
@@ -51,6 +51,7 @@ def half_ball(
     Raises:
         InputError: A size is not > 0, or the height exceeds the radius.
     """
+    direction = finite_array("direction", direction, (3,))
     height = radius if height is None else height
     h_max = height / 3 if h_max is None else h_max
     require_positive("radius of half ball", radius)
