@@ -101,7 +101,7 @@ KINDS = {
     ),
     "membrane": _table(("label",), label=_count),
     "failed_grains": _list_of(_count),
-    "unusual": _list_of(_list_of(_text)),
+    "unusual": _list_of(_text),
     "stages": _list_of(_table(name=_text, step=_count, time=_number, strain=_number)),
     "retries": _list_of(_table(tuple(_STEPS), **_STEPS)),
     "resumed_at_steps": _list_of(_count),

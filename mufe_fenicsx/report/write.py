@@ -183,8 +183,11 @@ class _RunReport(_Report):
         lead = self._lead(run, history)
         tables = self.tables.content or []
         if run.get("unusual"):
-            rows = [row for row in run["unusual"] if len(row) == 3]
-            tables = [("Unusual values", rows, ("Quantity", "Value", "Usual")), *tables]
+            lines = [(line,) for line in run["unusual"]]
+            tables = [
+                ("Unusual values", lines, ("What the scene says, and what is usual",)),
+                *tables,
+            ]
         self._page(title, lead, checks, tables, self.view.content)
         return checks
 

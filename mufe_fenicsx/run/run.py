@@ -56,7 +56,7 @@ from .scene_tools import check_sizes, checksums_of_files, make_tools
 from .signals import Interruption
 from .snapshot import restore, restore_reference, snapshot
 from .time_loop import march
-from .unusual import unusual
+from .unusual import relations
 
 
 @checked
@@ -292,10 +292,10 @@ class TestRun:
 
     def _tell_unusual(self, diameter):
         """Say which values nobody means, and keep that for the report. Collective."""
-        found = unusual(self.scene, diameter, self.loading.first_height, self._reach())
-        for name, value, usual in found:
-            say(self.comm, f"warning: {name} = {value}, usual is {usual}", self.options.quiet)
-        self.summary["unusual"] = found
+        sizes = diameter, self.loading.first_height, self._reach()
+        self.summary["unusual"] = [*unusual(self.scene), *relations(self.scene, *sizes)]
+        for line in self.summary["unusual"]:
+            say(self.comm, line, self.options.quiet)
 
     def _reach(self):
         """Radius of the container over that of the outermost nodes of grains. Collective."""

@@ -1,4 +1,4 @@
-"""Values of a scene that can be computed and that nobody means: a line each at the start of a run.
+"""What nobody means of a test, beyond single values (scene.usual): a line each as a run starts.
 
 A line names the quantity, its value and what is usual. The bounds are wide, so that no sound test
 comes near them.
@@ -11,8 +11,6 @@ from ..units import with_unit
 
 #: Kind -> least and largest usual value, unit, and a reason.
 USUAL = {
-    "E": (1e6, 1e12, "Pa", "that of solids"),
-    "rho": (100.0, 25e3, "kg/m^3", "that of solids"),
     "nu": (-0.5, 0.45, "-", "elements lock near 0.5"),
     "friction": (0.0, 1.5, "-", "above, contacts hold like glue"),
     "stress": (1.0, 1e9, "Pa", "below, servos follow noise; above, grains flow as a whole"),
@@ -27,8 +25,8 @@ USUAL = {
 }
 
 
-def unusual(scene: Scene, diameter: float, height: float, reach: float) -> list[list[str]]:
-    """Quantity, value and what is usual, as texts, of what is unusual.
+def relations(scene: Scene, diameter: float, height: float, reach: float) -> list[str]:
+    """A line for each unusual value, ratio or size.
 
     Args:
         scene: The test.
@@ -41,7 +39,7 @@ def unusual(scene: Scene, diameter: float, height: float, reach: float) -> list[
         least, most, unit, why = USUAL[kind]
         if value is not None and value != 0.0 and not least <= value <= most:
             bounds = f"{with_unit(least, unit)} to {with_unit(most, unit)}"
-            found.append([name, with_unit(value, unit), f"{bounds}: {why}"])
+            found.append(f"{name} = {with_unit(value, unit)}, usual is {bounds}: {why}")
     return found
 
 
@@ -50,14 +48,11 @@ def _values(scene, diameter, height, reach):
     materials = {"material": scene.material}
     materials |= {f"materials.{name}": group.material for name, group in scene.materials.items()}
     for name, material in materials.items():
-        yield "E", f"{name}.E", material.E
-        yield "rho", f"{name}.rho", material.rho
         if material.yield_table() is not None:
             yield "nu", f"{name}.nu, with plasticity,", material.nu
     for name, material in list(materials.items())[1:]:
         yield "ratio", f"{name}.E over material.E", material.E / scene.material.E
     if scene.membrane is not None:
-        yield "rho", "membrane.rho", scene.membrane.rho
         softest = min(material.E for material in materials.values())
         yield "membrane", "membrane.E over the least of grains", scene.membrane.E / softest
     yield from _frictions(scene)

@@ -1,12 +1,14 @@
 """Values that can be computed and that nobody means are named, with what is usual."""
 
+import json
 from dataclasses import replace
 
 import pytest
 
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
-from mufe_fenicsx.run.unusual import unusual
+from mufe_fenicsx.report.write import write_report
+from mufe_fenicsx.run.unusual import relations
 from mufe_fenicsx.scene import (
     Contact,
     ContainerSettings,
@@ -20,6 +22,7 @@ from mufe_fenicsx.scene import (
 )
 from mufe_fenicsx.scene.membrane import MembraneSettings
 from mufe_fenicsx.scene.stages import Axis
+from tests.made_up_run import write_whole_run
 
 ROCK = J2(100e9, 0.15, 2650.0, ((0.0, 10e6),))
 USUAL = Scene(material=ROCK, contact=Contact(friction=0.3), oedometer=Oedometer(0.1, 2.0))
@@ -38,8 +41,6 @@ def staged(**axis):
 
 
 CASES = [
-    (material(E=5e5, yield_stress=((0.0, 1.0),)), {}, "material.E", "500 kPa"),
-    (material(rho=1e-3), {}, "material.rho", "0.001 kg/m³"),
     (material(nu=0.499), {}, "material.nu, with plasticity,", "0.499"),
     (
         replace(USUAL, materials={"soft": Group((1,), Elastic(1e5, 0.15, 1.0))}), {},
@@ -82,10 +83,19 @@ CASES = [
 
 def test_usual_values_are_told_nothing_of():
     for scene in (USUAL, STAGES):
-        assert unusual(scene, **SIZES) == []
+        assert relations(scene, **SIZES) == []
 
 
 @pytest.mark.parametrize(("scene", "sizes", "name", "value"), CASES, ids=[c[2] for c in CASES])
 def test_unusual_values_are_named(scene, sizes, name, value):
-    found = unusual(scene, **(SIZES | sizes))
-    assert any(n.startswith(name) and v.startswith(value) and u for n, v, u in found), found
+    found = relations(scene, **(SIZES | sizes))
+    assert any(line.startswith(name) and f" = {value}" in line for line in found), found
+    assert all(", usual is " in line for line in found)
+
+
+def test_unusual_values_stand_in_the_report(tmp_path):
+    write_whole_run(tmp_path, n=2)
+    path, line = tmp_path / "run.json", "contact.friction = 50, usual is 0 to 1.5"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"unusual": [line]}))
+    write_report(tmp_path, only=["stress-strain"])
+    assert f"<td>{line}</td>" in (tmp_path / "report.html").read_text()
