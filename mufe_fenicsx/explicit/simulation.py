@@ -24,6 +24,8 @@ from .step_schedule import Refresh
 
 #: Largest damping times step. At 2 a step would leave no velocity to damp.
 MOST_DAMPED = 1.0
+#: Largest time step over the limit of stability: beyond, energy comes from nowhere.
+LARGEST = 1.0
 #: The limit is found early where single elements ask for this part of their step then.
 SHORTER = 0.98
 
@@ -61,7 +63,7 @@ class Simulation(OfSpecimen):
         mass_scaling: Any = None,
         **options: Any,
     ):
-        time_step_factor = finite_number("time_step_factor", time_step_factor, gt=0, le=1)
+        time_step_factor = finite_number("time_step_factor", time_step_factor, gt=0, le=LARGEST)
         finite_number("refresh", refresh, ge=1, unit="steps")
         specimen = Specimen(mesh, materials, walls, **options)
         super().__init__(specimen)

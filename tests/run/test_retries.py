@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from mufe_fenicsx.cli.exit_status import FAILED, _status
 from mufe_fenicsx.errors import SolverError
+from mufe_fenicsx.explicit import simulation
 from mufe_fenicsx.explicit.simulation import Simulation
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.materials.elastic import Elastic
@@ -93,12 +94,13 @@ def test_after_a_retry_the_run_is_the_one_with_the_short_step_from_there(
     assert more["retries"] == result["retries"]
 
 
-def test_a_step_beyond_the_limit_of_stability_is_found_and_halved(folder):
+def test_a_step_beyond_the_limit_of_stability_is_found_and_halved(folder, monkeypatch):
     """At 1.3 of the limit it blows up from round-off; the end is that of the stable run.
 
     The path until the retry is not, so that rearrangements may differ, and so do the waves that
     fast loading of four spheres leaves, some percent from row to row: means of rows are compared.
     """
+    monkeypatch.setattr(simulation, "LARGEST", 1.3)
     result = run(folder, "wild", scene(1.3))
     tame = run(folder, "tame", scene(0.65))
     assert result["finished"] and result["retries"]
@@ -109,7 +111,8 @@ def test_a_step_beyond_the_limit_of_stability_is_found_and_halved(folder):
     assert np.all(np.diff(history["step"]) > 0) and not tame["retries"]
 
 
-def test_results_after_a_retry_from_the_start_are_those_that_a_resume_counts(folder):
+def test_results_after_a_retry_from_the_start_are_those_that_a_resume_counts(folder, monkeypatch):
+    monkeypatch.setattr(simulation, "LARGEST", 1.3)
     given = replace(scene(1.3), output=Output(fields=3, history=41))
     whole = run(folder, "whole", given)
     assert whole["finished"] and whole["retries"][0]["from_step"] == 0
