@@ -205,7 +205,10 @@ def check_origin(folder):
     """Of a scene with another coefficient."""
     old, new = ("[solver]\n[contact]\nfriction = 0.3\n" for _ in range(2))
     new = new.replace("0.3", "0.4")
-    found = checkpoint.Checkpoint(folder, COMM.size, {"scene": old})
+    kinds = {str: "", dict: {}, list: []}
+    header = {name: kinds.get(kind, 0) for name, kind in resume_check.ENTRIES.items()}
+    header |= {"scene": old, "separation": None}
+    found = checkpoint.Checkpoint(folder, COMM.size, header)
     resume_check.check_origin(COMM, found, {"scene": new}, folder, True)
 
 
@@ -321,8 +324,9 @@ CASES = {
         FIRST, check_results, "run.resume_check.lost_results", ([WRONG], 0.1, None)),
     "run/run.py _prepare": Case(
         FIRST, resumed_run, "run.run.check_inside", ERROR),
-    "run/run.py TestRun.run 1": Case(FIRST, new_run, "run.run.write_run_json", ERROR),
-    "run/run.py TestRun.run 2": Case(FIRST, new_run, "run.run.write_run_json", ERROR, before=1),
+    "run/run.py TestRun.run": Case(FIRST, new_run, "run.run.write_run_json", ERROR),
+    "run/run.py TestRun._check_disk": Case(FIRST, new_run, "run.run._free_room", ERROR),
+    "run/run.py TestRun._end": Case(FIRST, new_run, "run.run.write_run_json", ERROR, before=1),
     "run/run_place.py RunPlace.open": Case(
         FIRST, new_run, "run.run_place.RunPlace._write_inputs", ERROR),
     "run/run_place.py RunPlace.failed_grains": Case(

@@ -77,35 +77,33 @@ def reading(checkpoint):
         ) from error
 
 
-def check_entries(comm, checkpoint):
-    """See that a checkpoint has its entries. Collective.
-
-    Raises:
-        InputError: One is missing, or of another type; on all ranks.
-    """
-    message = None
-    for name, kind in ENTRIES.items():
-        if name not in checkpoint.header or not isinstance(checkpoint.header[name], kind):
-            message = f"{name} of checkpoint {checkpoint.path} is missing or of another type"
-            message += ", expected what `mufe run` wrote: --overwrite begins again"
-    raise_together(comm, message)
-
-
 def check_origin(comm, checkpoint, identity, folder, quiet):
     """See that a checkpoint belongs to this scene and these grains, and that there is more to do.
 
     Raises:
         InputError: It does not; on all ranks.
     """
-    check_entries(comm, checkpoint)
     for notice in checkpoint.notices:
         say(comm, notice, quiet)
 
     def look():
         with reading(checkpoint):
-            return _other_origin(checkpoint, identity, folder)
+            message = _wrong_entry(checkpoint) or _other_origin(checkpoint, identity, folder)
+        if message is not None:
+            raise InputError(message)
 
-    raise_together(comm, on_first_rank(comm, look))
+    on_first_rank(comm, look)
+
+
+def _wrong_entry(checkpoint):
+    """The line for an entry that is missing, or of another type, or None."""
+    for name, kind in ENTRIES.items():
+        if not isinstance(checkpoint.header.get(name, checkpoint), kind):
+            return (
+                f"{name} of checkpoint {checkpoint.path} is missing or of another type, expected "
+                "what `mufe run` wrote: --overwrite begins again"
+            )
+    return None
 
 
 def _other_origin(checkpoint, identity, folder):
@@ -138,27 +136,29 @@ def _other_file(then, now, path):
 
 def check_results(comm, checkpoint, folder, accept_loss, quiet):
     """See that results are as the checkpoint counts them, or leave out what is not. Collective."""
-    message, left = None, None
-    found = on_first_rank(comm, lambda: _lost(checkpoint, folder))
+    message, lost, left = None, None, None
     if comm.rank == 0:
-        lines, strain, left = found
-        if lines:
-            more = f" and {len(lines) - 3} more" if len(lines) > 3 else ""
-            message = (
-                f"results in {folder} are not those that checkpoint {checkpoint.path.name} "
-                f"counts, from strain {strain:.4g} on: {', '.join(lines[:3])}{more}"
-            )
+        try:
+            with reading(checkpoint):
+                lines, strain, left = lost_results(folder, checkpoint.header["recorder"])
+            lost = _words_of_lost(lines, strain, checkpoint, folder) if lines else None
+        except InputError as error:
+            message = str(error)
     if accept_loss:
-        say(comm, message and f"{message}; going on without them", quiet)
-    elif message is not None:
-        message += "; expected them as they were written, or --accept-loss to go on without them"
-    raise_together(comm, None if accept_loss else message)
+        say(comm, lost and f"{lost}; going on without them", quiet)
+    elif lost is not None:
+        message = f"{lost}; expected them as they were written, or --accept-loss to go on without "
+        message += "them"
+    raise_together(comm, message)
     checkpoint.header["recorder"] = comm.bcast(left)
 
 
-def _lost(checkpoint, folder):
-    with reading(checkpoint):
-        return lost_results(folder, checkpoint.header["recorder"])
+def _words_of_lost(lines, strain, checkpoint, folder):
+    more = f" and {len(lines) - 3} more" if len(lines) > 3 else ""
+    return (
+        f"results in {folder} are not those that checkpoint {checkpoint.path.name} "
+        f"counts, from strain {strain:.4g} on: {', '.join(lines[:3])}{more}"
+    )
 
 
 def integrator_of(scene):

@@ -3,6 +3,7 @@
 import math
 import shutil
 import time
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -218,7 +219,9 @@ class TestRun:
         # Whatever comes of the rest, the first error is kept and told.
         summary["stop_reason"] = str(error)
         begun["stop_reason"] = str(error)
-        on_first_rank(comm, lambda: write_run_json(self.place.folder, begun))
+        if comm.rank == 0:
+            with suppress(InputError):
+                write_run_json(self.place.folder, begun)
         try:
             if isinstance(error, SolverError) and self._is_finite():
                 self.recorder.write_state()
@@ -276,7 +279,7 @@ class TestRun:
         needed = (NUM_KEPT + 1) * self.comm.allreduce(size)
 
         def look():
-            free = shutil.disk_usage(self.place.folder).free
+            free = _free_room(self.place.folder)
             if free < needed:
                 raise InputError(
                     f"free room in {self.place.folder} = {free / 1e6:.3g} MB, expected at least "
@@ -479,6 +482,11 @@ class TestRun:
         if self.tools:
             found["tools"] = simulation.tools.summary()
         return found
+
+
+def _free_room(folder):
+    """Of the disk of a folder [bytes]."""
+    return shutil.disk_usage(folder).free
 
 
 def _note_of_membrane(mesh):
