@@ -148,7 +148,11 @@ def check_fields(settings: Any, owner: str = "") -> None:
             object.__setattr__(settings, field.name, value)
 
 
-_hints = functools.cache(typing.get_type_hints)
+@functools.cache
+def _hints(owner: Any) -> dict:
+    return typing.get_type_hints(owner)
+
+
 #: What messages expect of an argument, by its annotation.
 WORDS = {
     str: "a text",
@@ -240,9 +244,10 @@ def body_of(name: str, body: object) -> tuple["np.ndarray", "np.ndarray"]:
     import numpy as np
 
     wanted = "expected a pair of nodes, shape (n, 3), and tetrahedra, shape (m, 4)"
+    pair: Any = body
     try:
-        points, cells = body  # type: ignore[misc]
-        points, cells = np.asarray(points), np.asarray(cells)
+        given, tetrahedra = pair
+        points, cells = np.asarray(given), np.asarray(tetrahedra)
     except (TypeError, ValueError):
         raise InputError(f"{name} = {shortened(shown(body))}, {wanted}") from None
     found = f"{points.shape} and {cells.shape}"

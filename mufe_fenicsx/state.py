@@ -1,6 +1,7 @@
 """What changes with time: motion of nodes, history of material points; and what acts on them."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -107,7 +108,7 @@ class ForceTerm(Stateful):
     """
 
     name = ""  #: of the term, in messages and in the energy balance
-    mesh = None  #: :class:`~mufe_fenicsx.mesh.GrainMesh` whose nodes it means; None: of any
+    mesh: Any = None  #: :class:`~mufe_fenicsx.mesh.GrainMesh` whose nodes it means; None: of any
 
     def begin_forces(self, f, state, dt):
         """First half: send what others need, add what needs no other rank. May be collective."""
