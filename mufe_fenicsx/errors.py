@@ -140,7 +140,8 @@ def check_fields(settings: Any, owner: str = "") -> None:
         settings: The dataclass.
         owner: What messages add to the name of a field.
     """
-    hints = _hints(type(settings))
+    cls: Any = type(settings)
+    hints = _hints(cls)
     for field in dataclasses.fields(settings):
         value = getattr(settings, field.name)
         if value is not field.default:
