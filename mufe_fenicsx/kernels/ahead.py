@@ -60,8 +60,8 @@ LOOPS = {
     "walls.find_wall_candidates": "d2 b2 d2 d2 d1 d",
     "edge_search.find_edge_pairs": "d2 i2 i1 l d d1 d l*3 l1 i1",
     # After the set-up.
-    "energy.kinetic_energy": "d2 d2 d d1 l2",
-    "rigid.kinetic_energies": "d1 d2 d2 d2 d2 d3 d1 d2 b2 d",
+    "energy.kinetic_energy": "d2 d2 d d d1 l2",
+    "rigid.kinetic_energies": "d1 d2 d2 d2 d2 d3 d1 d2 b2 d d",
     "pairs.pair_energy": "d1s d1s b1s d1s f1s d2s i1 d1 d1s",
     "edge_springs.edge_energy": "d1 d1 d1 b1 d1 d2 i1 d1 d1",
     "walls.wall_energy": "d1s d1s b1s d1s d2s i1 d1 d1 d1",
