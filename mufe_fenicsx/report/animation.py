@@ -158,5 +158,6 @@ def _write_mp4(frames, path):
                 [*command, str(part)], input=data, capture_output=True, check=True
             )
     except subprocess.CalledProcessError:
+        path.unlink(missing_ok=True)  # of earlier pictures
         return None
     return path

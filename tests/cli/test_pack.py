@@ -105,7 +105,7 @@ def test_given_meshes_are_turned_and_scaled(tmp_path):
         (("--count", "5", "--void-ratio", "0.6", "--way", "gravity"), "--void-ratio = 0.6, exp"),
         (("--spheres", "--count", "5", "--void-ratio", "0.1"), "--void-ratio = 0.1, expected 0.2"),
         (("--spheres", "--box", "1 um,1 um,1 um"), "box = 1 µm,1 µm,1 µm, expected room for"),
-        (("--spheres", "--box", "2,2,3"), "expected room for 2 to 1e+06 grains, which is for 6.1"),
+        (("--spheres", "--box", "2,2,3"), "expected room for 2 to 5e+04 grains, which is for 6.1"),
         (("--spheres", "--cylinder", "2 um,4 um"), "cylinder = 2 µm,4 µm, expected room"),
         (
             ("--spheres", "--cylinder", "2 mm,4 mm", "--box", "1 mm,1 mm,1 mm"),

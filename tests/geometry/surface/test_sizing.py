@@ -99,7 +99,7 @@ def test_each_grain_takes_so_many_surface_nodes():
         ({"sizing": "fine"}, 'sizing = "fine", expected "uniform" or "curvature" or "contact"'),
         ({"smallest_size": 2.0}, "smallest_size = 2.0, expected a length in metres > 0 and <= "),
         ({"surface_nodes": 3}, "surface_nodes = 3, expected >= 20"),
-        ({"min_angle": 60}, "min_angle = 60, expected 0 <= min_angle <= 35"),
+        ({"min_angle": 60}, "min_angle = 60.0, expected 0 <= min_angle <= 35"),
     ],
 )
 def test_sizes_that_make_no_sense_are_refused(given, message):
