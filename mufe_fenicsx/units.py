@@ -125,7 +125,7 @@ def with_unit(value, unit):
     if unit in PREFIXED:
         factor, prefix = next((p for p in PREFIXES if abs(value) >= 0.99995 * p[0]), (1, ""))
     symbol = "" if unit == "-" else prefix + SYMBOLS.get(unit, unit)
-    return f"{value / factor:.4g} {symbol}".rstrip()
+    return f"{value / factor + 0.0:.4g} {symbol}".rstrip()  # + 0.0: no minus sign before 0
 
 
 def lengths_text(lengths):

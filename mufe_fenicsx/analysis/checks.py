@@ -10,17 +10,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
+from mufe_fenicsx.analysis.carriers import BRIDGED, FEW
 from mufe_fenicsx.analysis.contact_resolution import COARSE
 from mufe_fenicsx.analysis.evidence.mesh_errors import error_at, known_samples, mesh_errors
+from mufe_fenicsx.analysis.held import lack_of_stress
 from mufe_fenicsx.analysis.rows import (
     counted_rows,
     course,
     largest,
+    lasting,
     load,
     loading_rows,
     tool_load,
     turns_back,
 )
+from mufe_fenicsx.geometry.form.proportions import LEAST_HEIGHT, words_of_height
 
 #: Largest values allowed.
 TARGETS = {
@@ -31,6 +35,7 @@ TARGETS = {
     "switching": 0.01,
     "overlap": 0.01,
     "load": 0.5,
+    "held": 0.05,
 }
 #: Why forces of an older run between rough walls say nothing.
 NO_BALANCE = (
@@ -40,6 +45,8 @@ NO_BALANCE = (
 UNTRUSTED = 0.1
 #: Part of the normal force that coarse contacts may carry without a warning.
 COARSE_FORCE = 0.5
+#: Part of the normal force that contacts which the segmentation doubts may carry.
+DOUBTFUL = 0.25
 #: Energies that are never below zero, and the part of the largest work that is rounding.
 POSITIVE, ROUNDING = ("kinetic", "elastic", "plastic", "friction", "contact"), 1e-6
 
@@ -77,6 +84,25 @@ def ratio(value):
     return f"{value:.{1 - math.floor(math.log10(100 * value)) if small else 2}%}"
 
 
+#: Each check in a word or two.
+NAMES = {
+    "all": "all",
+    "trusted": "quasi-static",
+    "kinetic": "kinetic energy",
+    "platens": "unbalanced force",
+    "tool": "unbalanced force",
+    "residual": "energy residual",
+    "switching": "facet switching",
+    "overlap": "overlap",
+    "load": "lost load",
+    "held": "held stresses",
+    "contacts": "mesh of contacts",
+    "carriers": "grains that carry",
+    "bridges": "grains from wall to wall",
+    "height": "height",
+    "doubtful": "doubtful contacts",
+}
+
 #: What each target is about, and what follows where it is met and where it is not.
 WORDS = {
     "kinetic": (
@@ -109,6 +135,11 @@ WORDS = {
         "the void ratio is that of their outlines",
         "pores stay open that grains should fill, which softens the sample: mesh the grains finer",
     ),
+    "held": (
+        "Stress of walls that a servo leads, off what it is to be, over that",
+        "stresses are those asked for",
+        "the servo lags, and the path of stress is another one: lower the speed of loading",
+    ),
     "load": (
         "Vertical stress lost while the sample was compressed, over what the stage had added",
         "the sample carries its load",
@@ -117,7 +148,7 @@ WORDS = {
 }
 
 
-def check_run(history, mass=None, contacts=None):
+def check_run(history, mass=None, contacts=None, sample=None):
     """From where on all checks hold, the test is quasi-static, and its targets are met.
 
     Args:
@@ -125,6 +156,7 @@ def check_run(history, mass=None, contacts=None):
         mass: Of all grains [kg], by which it is known how long waves travel; None: single rows
             are judged.
         contacts: Arguments of :func:`check_contacts` after the history, or None.
+        sample: Arguments of :func:`check_sample` after the history, or None.
 
     Returns:
         List of Check: that of :func:`check_all` first, that of :func:`check_trust` next.
@@ -141,36 +173,48 @@ def check_run(history, mass=None, contacts=None):
         values["overlap"] = np.asarray(history["overlap"], dtype=float)
     if not led:
         values["load"] = stress_strain.lost_load(history)
+    lack = lack_of_stress(history)
+    if lack is not None:
+        time, window = history["time"], quasi_static.WINDOW * quasi_static.travel_time(history, mass)
+        values["held"] = np.abs(quasi_static.mean_of_recent(lack, time, window))
     fault = faults(history)
     targets = [_check(name, history, found, fault) for name, found in values.items()]
     found = [check_trust(history, mass), *targets]
     if contacts is not None:
         found.append(check_contacts(history, *contacts))
+    if sample is not None and not led:
+        found += check_sample(history, *sample)
     return [check_all(history, found), *found]
 
 
 def check_all(history, checks):
-    """From where on, to the end, all checks hold: the :class:`Check` named "all".
+    """From where on, to the end, all checks hold: the :class:`Check` named "all", the verdict.
 
     Its ``largest`` is the part of the test before, as of :func:`~.rows.course`.
     """
     open_at_end = [c.name for c in checks if c.row is None]
     failed = any(c.failed for c in checks)
     if open_at_end:
-        fault, names = faults(history), ", ".join(open_at_end)
-        text = f"Not all checks hold at the end of the test: {names}."
-        text = f"No check holds: {fault}." if fault else text
+        fault, names = faults(history), ", ".join(NAMES[name] for name in open_at_end)
+        text = f"Trust no part of the test: {fault or f'checks that do not hold at its end: {names}'}."
         return Check("all", UNTRUSTED, math.nan, math.nan, False, text, math.nan, failed)
     last = max(checks, key=lambda c: c.row)
     share = float(course(history)[last.row])
-    text = f"All checks hold from {_start(history)} on."
+    text = f"Trust it from {_start(history)} on: all checks hold."
     if share > 0:
         text = (
-            f"All checks hold from {where(history, last.row)} on, to the end; the last of them is "
-            f'"{last.name}". Before lie {ratio(share)} of the test.'
+            f"Trust it from {where(history, last.row)} on: all checks hold to the end, last of all "
+            f"that of {NAMES[last.name]}. Before lie {ratio(share)} of the test."
+        )
+    row, since = last.row, last.since
+    if share > 1 - UNTRUSTED:
+        row, since = None, math.nan
+        text = (
+            f"Trust no part of the test: all checks hold in its last {ratio(1 - share)} alone; "
+            f"last of all that of {NAMES[last.name]}."
         )
     passed = share <= UNTRUSTED
-    return Check("all", UNTRUSTED, share, math.nan, passed, text, last.since, failed, last.row)
+    return Check("all", UNTRUSTED, share, math.nan, passed, text, since, failed, row)
 
 
 def judged_rows(history):
@@ -178,9 +222,20 @@ def judged_rows(history):
     return np.nan_to_num(course(history), nan=-1.0) >= UNTRUSTED
 
 
-def holds_from(checks):
-    """Strain from which on each check holds to the end, dict name -> strain or None; for JSON."""
-    return {c.name: None if math.isnan(c.since) else c.since for c in checks}
+def holds_from(checks, history):
+    """Where each check begins to hold to the end, dict name -> place or None; for JSON.
+
+    The place is a strain; of a test by stages a dict with stage, strain and time [s].
+    """
+    return {c.name: None if c.row is None else _place(history, c.row) for c in checks}
+
+
+def _place(history, row):
+    strain = float(history["strain"][row])
+    if "strain_z" not in history:
+        return strain
+    at = {"stage": str(history["stage"][row]), "strain": strain}
+    return at | {"time": float(history["time"][row])}
 
 
 def check_trust(history, mass=None):
@@ -203,20 +258,21 @@ def check_trust(history, mass=None):
     ratios = _ratios(trust)
     failed, since = bool(fault) or trust.row is None, math.nan
     if fault:
-        text = f"Trusted nowhere: {fault}."
+        text = f"Quasi-static nowhere: {fault}."
     elif trust.row is None:
         dynamic = f"the test is dynamic to its end: {ratios}"
-        text = f"Trusted nowhere: {dynamic if ratios else _no_values(history)}."
+        text = f"Quasi-static nowhere: {dynamic if ratios else _no_values(history)}."
     else:
         since = float(history["strain"][trust.row])
         if trust.share == 0:
-            text = f"Trusted from {_start(history)} on."
+            text = f"Quasi-static from {_start(history)} on."
         else:
             by_time = turns_back(history) or tool_load(history) is not None
             before = "time" if by_time else "strain"
             text = (
-                f"Trusted from {where(history, trust.row)} on. Before, in {ratio(trust.share)} of "
-                f"the {before}, {100 * trust.missed:.3g}% of the rows are dynamic: {ratios}."
+                f"Quasi-static from {where(history, trust.row)} on. Before, in "
+                f"{ratio(trust.share)} of the {before}, {100 * trust.missed:.3g}% of the rows are "
+                f"dynamic{f': {ratios}' if ratios else ''}."
             )
     text += f" Targets: {targets}."
     passed = not failed and trust.share <= UNTRUSTED
@@ -261,6 +317,56 @@ def check_contacts(history, found, which, edges=None):
     return Check(
         "contacts", COARSE_FORCE, found.coarse, math.nan, bool(passed), text, since, row=row
     )
+
+
+def check_sample(history, carriers, diameters):
+    """Whether the grains are a sample: list of :class:`Check`; none of fewer than FEW grains.
+
+    Args:
+        history: dict column -> array.
+        carriers: :class:`~.carriers.Carriers` of the state under the largest load.
+        diameters: Height of the sample in median diameters of its grains.
+    """
+    c = carriers
+    if c.num_grains < FEW:
+        return []
+    grain = f"grain {c.heaviest}, which carries most, has {ratio(c.most)}"
+    need, many = (f"{n} grain{'s'[: n != 1]}" for n in (c.least, c.num_half))
+    labels = ", ".join(map(str, c.bridging[:FEW])) + (", …" if c.bridging[FEW:] else "")
+    parts = [
+        (
+            "carriers", c.least, c.num_half, c.num_half >= c.least,
+            f"Half of the load is in {many} of {c.num_grains}, target {need} or more: {grain}; "
+            f"{c.num_idle} are idle",
+        ),
+        (
+            "bridges", BRIDGED, c.bridged, c.bridged <= BRIDGED,
+            "Force between opposite walls through grains that touch both: "
+            f"{ratio(c.bridged)}, target {100 * BRIDGED:g}%; "
+            + (f"grains {labels}" if c.bridging else "no grain does"),
+        ),
+        (
+            "height", LEAST_HEIGHT, diameters, diameters >= LEAST_HEIGHT,
+            f"The sample is {diameters:.1f} median diameters high, target {LEAST_HEIGHT:g} or "
+            f"more; {words_of_height(diameters)}",
+        ),
+    ]  # fmt: skip
+    if c.doubtful is not None:
+        parts.append((
+            "doubtful", DOUBTFUL, c.doubtful, c.doubtful <= DOUBTFUL,
+            "Normal force through contacts that the segmentation doubts, wide necks that may cut "
+            f"one grain in two: {ratio(c.doubtful)} of all, target {100 * DOUBTFUL:g}%",
+        ))  # fmt: skip
+    rows = np.flatnonzero(counted_rows(history))
+    found = []
+    for name, target, value, passed, text in parts:
+        row = int(rows[0]) if passed and rows.size else None
+        since = math.nan if row is None else float(history["strain"][row])
+        more = "" if passed else ": the curve is not that of a packing"
+        found.append(
+            Check(name, target, float(value), math.nan, passed, f"{text}{more}.", since, row=row)
+        )
+    return found
 
 
 def _errors(n, edges):
@@ -347,13 +453,16 @@ def _check(name, history, values, fault):
     worst = largest(judged)
     finite = judged[np.isfinite(judged)]
     mean = float(finite.mean()) if finite.size else np.nan
-    passed = bool(finite.size) and worst <= target and not fault
+    missed = finite > target
+    passed = bool(finite.size) and not lasting(missed).any() and not fault
     if not finite.size:
         unknown = name in ("platens", "tool") and not quasi_static.knows_balance(history)
         why = f"not judged, as {NO_BALANCE}" if unknown else _no_values(history)
         return Check(name, target, worst, mean, False, f"{what}: {why}.")
     row, since, place = _since(history, values, target)
     words = good if passed else bad
+    if passed and missed.any():
+        words += f"; single rows, {missed.sum()} of them, are beyond it"
     if fault:
         words = f"the result is void where {fault}: lower solver.damping and the time step"
     text = (
@@ -366,11 +475,11 @@ def _check(name, history, values, fault):
 def _since(history, values, target):
     """Where a target is met from to the end: row or None, its strain or nan, and in words.
 
-    Rows without a value do not count.
+    Rows without a value do not count, nor does a single row, beyond the target or within it.
     """
-    rows = np.flatnonzero(counted_rows(history))
-    missed = np.flatnonzero(~(values[rows] <= target) & ~np.isnan(values[rows]))
-    if not rows.size or (missed.size and missed[-1] == len(rows) - 1):
+    rows = np.flatnonzero(counted_rows(history) & ~np.isnan(values))
+    missed = np.flatnonzero(lasting(values[rows] > target))
+    if not rows.size or (missed.size and missed[-1] >= len(rows) - 2):
         met = np.delete(rows, missed)
         last = f": last at {where(history, met[-1])}" if met.size else ""
         return None, math.nan, f"Not met at the end{last}."

@@ -143,7 +143,7 @@ def oedometer_curves(history, lengths, solid_volume, width=0.01):
     strain = np.asarray(history["strain"], dtype=float)
     positive = stress > 0
     modulus = np.full(strain.shape, np.nan)
-    for branch in branches(history):  # unloading has another slope at the same strain
+    for branch in branches(history, whole=True):  # unloading has another slope there
         rows = branch.rows
         modulus[rows] = moduli(strain[rows], stress[rows], width)
     side = container.three_stresses(stresses, lengths)[:, :2].mean(axis=1)

@@ -15,21 +15,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from mufe_fenicsx.analysis.macro import inner_lengths, wall_stresses
-from mufe_fenicsx.analysis.rows import counted_rows, course, largest, load, tool_load
+from mufe_fenicsx.analysis.rows import counted_rows, course, largest, lasting, load, tool_load
 from mufe_fenicsx.container import container_of_history
 
 #: Largest ratios of a quasi-static test: kinetic over internal energy, unbalanced force over load.
 KINETIC, UNBALANCED = 0.05, 0.03
 #: Load over the largest so far below which, as after unloading, the forces are not compared.
 UNLOADED = 0.1
+#: Load over the largest of all up to which nothing touches yet, and no ratio means anything.
+UNTOUCHED = 1e-3
 #: Time over T within which rows are taken together.
 WINDOW = 0.5
 
 
 def kinetic_ratio(history):
-    """Kinetic over internal (elastic + plastic) energy, shape (num_rows,); nan where that is 0."""
+    """Kinetic over internal (elastic + plastic) energy, shape (num_rows,).
+
+    nan where the latter is 0, and before the sample touches what loads it.
+    """
     internal = history["elastic"] + history["plastic"]
-    return _ratio(history["kinetic"], internal)
+    return np.where(_touched(history), _ratio(history["kinetic"], internal), np.nan)
 
 
 def force_difference(history):
@@ -45,6 +50,12 @@ def force_difference(history):
         return _ratio(np.abs(history["unbalanced_z"]), force)
     left = np.stack([history[f"unbalanced_{axis}"] for axis in "xyz"], axis=1)
     return _ratio(_ratio(np.abs(np.einsum("ri,ri->r", left, of_tool)), force), force)
+
+
+def _touched(history):
+    """Rows from the first load on, shape (num_rows,); before, ratios are those of rounding."""
+    force = np.maximum.accumulate(load(history))
+    return force > UNTOUCHED * max(force.max(initial=0.0), 0.0)
 
 
 def knows_balance(history):
@@ -104,7 +115,7 @@ class Trust:
 
     row: int | None  #: of the history; None: nowhere
     share: float  #: part of the loading before that row, see :func:`~.rows.course`; 1: all
-    kinetic: float  #: largest ratio of the energies before it, as judged; nan: nothing is before
+    kinetic: float  #: largest ratio of the energies before it under load, as judged; nan: none is
     unbalanced: float  #: the same of the forces
     missed: float  #: part of the rows before it with a ratio where one is beyond its limit
 
@@ -113,8 +124,8 @@ def trusted_from(history, mass=None):
     """The row from which on both ratios, as :func:`judged`, stay within their limits to the end.
 
     Rows in which a ratio does not exist, since nothing is loaded, do not count, nor do forces below
-    a tenth of the largest so far. Where no row that carries a tenth of the largest load is left,
-    nothing is trusted.
+    a tenth of the largest so far, nor a single row beyond a limit. Where no two rows that carry a
+    tenth of the largest load are left, nothing is quasi-static.
 
     Args:
         history: dict column -> array.
@@ -128,15 +139,17 @@ def trusted_from(history, mass=None):
     force = load(history)[rows]
     unbalanced[force < UNLOADED * np.maximum.accumulate(force)] = np.nan
     with np.errstate(invalid="ignore"):
-        missed = np.flatnonzero((kinetic > KINETIC) | (unbalanced > UNBALANCED))
-    first = int(missed[-1]) + 1 if missed.size else 0
+        missed = (kinetic > KINETIC) | (unbalanced > UNBALANCED)
     known = np.isfinite(kinetic) | np.isfinite(unbalanced)
+    missed[known] = lasting(missed[known])
+    missed = np.flatnonzero(missed)
+    first = int(missed[-1]) + 1 if missed.size else int(np.argmax(known)) if known.any() else 0
     dynamic = missed.size / max(int(known[:first].sum()), 1)
-    loaded = force >= UNLOADED * max(force.max(initial=0.0), 0.0)
-    if not (loaded & known)[first:].any():
-        return Trust(None, 1.0, largest(kinetic), largest(unbalanced), dynamic)
-    row = int(rows[first])
-    before = largest(kinetic[:first]), largest(unbalanced[:first])
+    loaded = known & (force >= UNLOADED * max(force.max(initial=0.0), 0.0))
+    if loaded[first:].sum() < min(2, loaded.sum()) or not loaded.any():
+        return Trust(None, 1.0, largest(kinetic[loaded]), largest(unbalanced[loaded]), dynamic)
+    row, before = int(rows[first]), np.flatnonzero(loaded[:first])
+    before = largest(kinetic[before]), largest(unbalanced[before])
     return Trust(row, float(course(history)[row]), *before, dynamic)
 
 

@@ -14,7 +14,7 @@ LOADED = 0.5
 
 
 def loading_rows(history):
-    """Rows of the loading stage: all that are not seating.
+    """Rows of the test: those after seating, and since strain was last set to zero.
 
     Args:
         history: dict column -> array, of :func:`mufe_fenicsx.output.history.read_history`.
@@ -22,7 +22,23 @@ def loading_rows(history):
     Returns:
         Boolean array, shape (num_rows,).
     """
-    return history["stage"] != SEATING
+    stage, reference = np.asarray(history["stage"]), _height_at_zero(history)
+    rows = stage != SEATING
+    if "strain_z" not in history:  # no stages
+        return rows
+    zeroed = rows[:-1] & (stage[1:] != stage[:-1])
+    zeroed &= np.abs(np.diff(reference)) > ZEROED * reference[1:]
+    rows[: int(np.flatnonzero(zeroed).max(initial=-1)) + 1] = False
+    return rows
+
+
+def lasting(missed):
+    """Those of some rows, boolean, that are not alone: a single row decides nothing."""
+    missed = np.asarray(missed, dtype=bool)
+    beside = np.zeros(missed.shape, dtype=bool)
+    beside[1:] |= missed[:-1]
+    beside[:-1] |= missed[1:]
+    return missed & beside
 
 
 def loaded_rows(history):
@@ -42,6 +58,14 @@ def loaded_rows(history):
 
 #: Change of a length, over it, below which walls rest.
 RESTS = 1e-9
+#: Change of the height at strain 0, over it, beyond which strain was set to zero between two rows:
+#: far above rounding, and far below a strain that curves show.
+ZEROED = 1e-9
+
+
+def _height_at_zero(history):
+    """Height at strain 0 as each row knows it [m], shape (num_rows,)."""
+    return np.asarray(history["height"]) / (1.0 - np.asarray(history["strain"]))
 
 
 def is_constrained(history):
@@ -102,9 +126,6 @@ def _rests(history, name):
 
 #: A stage whose strain falls by more than this part of the range of all strains unloads.
 TURN = 0.02
-#: Change of the height at strain 0, over it, beyond which strain was set to zero between two rows:
-#: far above rounding, and far below a strain that curves show.
-ZEROED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -117,20 +138,22 @@ class Branch:
     is_zeroed: bool = False  #: whether strain was set to zero between it and the stage before
 
 
-def branches(history):
-    """The stages after seating in turn, list of :class:`Branch`; none of a run that still seats.
+def branches(history, whole=False):
+    """The stages of the test in turn, list of :class:`Branch`; none of a run that still seats.
 
     A stage unloads if the vertical strain is smaller at its end than at its start, and reloads
     if it is larger, and a stage before it unloaded.
 
     Args:
         history: dict column -> array, its seating stage first, if there is one.
+        whole: Of all stages after seating, those before strain was set to zero too.
     """
     stage, strain = np.asarray(history["stage"]), np.asarray(history["strain"])
-    reference = np.asarray(history["height"]) / (1.0 - strain)
-    if not loading_rows(history).any():
+    reference = _height_at_zero(history)
+    rows = stage != SEATING if whole else loading_rows(history)
+    if not rows.any():
         return []
-    first = int(np.argmax(loading_rows(history)))
+    first = int(np.argmax(rows))
     starts = [k for k in range(first, len(stage)) if k == first or stage[k] != stage[k - 1]]
     scale = TURN * np.ptp(strain[first:])
     found, unloaded = [], False
@@ -143,6 +166,24 @@ def branches(history):
         unloaded |= kind == "unloading"
         found.append(Branch(str(stage[start]), kind, rows, bool(is_zeroed)))
     return found
+
+
+#: Change of strain, over that of the stage, below which a row waits.
+WAITS = 1e-3
+
+
+def waiting_rows(history):
+    """Rows at the ends of stages that wait for stresses at a strain that is reached, (num_rows,).
+
+    The first of each wait is none of them.
+    """
+    waits, strain = np.zeros(len(history["stage"]), dtype=bool), np.asarray(history["strain"])
+    for branch in branches(history) if "strain_z" in history else ():
+        own = strain[branch.rows]
+        off = np.abs(own - own[-1]) > WAITS * np.ptp(own)
+        if off.any():
+            waits[branch.rows][int(np.flatnonzero(off)[-1]) + 2 :] = True
+    return waits
 
 
 def turns_back(history):

@@ -105,13 +105,20 @@ def run(
     printer.summary(
         {name: value for name, value in result.items() if name != "profile"}
         | {"elements_per_radius": fine and fine["half"]}
-        | {"all_hold_from": result["holds_from"]["all"]}
+        | {"all_hold_from": _place(result["holds_from"]["all"])}
     )
     if measured:
         from ..run.profile import profile_rows
 
         printer.table(*profile_rows(measured))
     printer.write_json(result)
+
+
+def _place(found):
+    """Where all checks begin to hold, as run.json has it, in words."""
+    if isinstance(found, dict):
+        return f'{found["strain"]:.4g} of stage "{found["stage"]}"'
+    return "nowhere: read the checks of the report" if found is None else found
 
 
 def _run_told(scene, grains, output, comm, options):

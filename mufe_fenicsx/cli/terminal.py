@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..machine.doing import Doing
+from ..units import with_unit
 from .summary_words import described
 
 
@@ -55,8 +56,7 @@ class Printer:
         ]
         width = max((len(words) for words, _, _ in shown), default=0)
         for words, unit, value in shown:
-            plain = isinstance(value, bool) or not isinstance(value, int | float)
-            self.say(f"{words:{width}}  {_text(value)} {'' if plain else unit}".rstrip())
+            self.say(f"{words:{width}}  {_text(value, unit)}".rstrip())
 
     def table(self, columns, rows):
         """Print rows of texts under columns; a column whose name starts with ">" is flush right."""
@@ -146,17 +146,19 @@ def _tell(doing, title, done, total, text=""):
 def number(value):
     """A number in five digits; other values as text."""
     if isinstance(value, bool) or value is None:
-        return _text(value)
+        return _text(value, "")
     if isinstance(value, int | float) or hasattr(value, "dtype"):
         return f"{value:.5g}"
     return str(value)
 
 
-def _text(value):
+def _text(value, unit):
     if value is None:
         return "-"
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if unit == "bytes":
+        return f"{value / 1e6:.4g} MB"
     if isinstance(value, float):
-        return f"{value:.6g}"
-    return str(value)
+        return with_unit(value, unit)
+    return f"{value} {unit}" if isinstance(value, int) else str(value)

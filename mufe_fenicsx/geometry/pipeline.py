@@ -253,6 +253,7 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         write_table(folder / "quality.csv", rows, QUALITY)
         write_table(folder / "labels.csv", given.table)
         draw_quality(folder / "quality.png", rows, settings.size)
+        _keep_segmentation(folder, Path(labels_path), given)
     return {
         "grains": str(output_folder),
         "num_grains": grains.num_grains,
@@ -262,12 +263,28 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         "notices": given.notices,
         "repaired": given.repaired,
         "filled": given.filled,
-        "warnings": warnings_of(done),
+        "warnings": [*warnings_of(done), *_proportions(grains)],
         "renumbered": given.renumbered,
         **_cylinder_numbers(given, done),
         **_quality(done, grains, settings.size, given.voxel_size),
         "seconds": round(time.perf_counter() - start, 3),
     }
+
+
+def _keep_segmentation(folder, labels_path, given):
+    """Keep what `mufe segment` wrote beside labels whose numbers are those of the grains."""
+    if given.voxel_size is None or given.renumbered:
+        return
+    for ending, name in (("_contacts.csv", "label_contacts.csv"), (".png", "labels.png")):
+        path = labels_path.with_name(labels_path.stem + ending)
+        if labels_path.suffix.lower() in TIFF and path.is_file():
+            (folder / name).write_bytes(path.read_bytes())
+
+
+def _proportions(grains):
+    """Lines about grains that are no sample."""
+    low, high = grain_boxes(grains)
+    return warnings_of_proportions(grains.labels, low, high, grains.volumes)
 
 
 @dataclass

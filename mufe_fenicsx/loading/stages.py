@@ -122,7 +122,7 @@ class StagedLoading(Stateful):
     @property
     def columns(self):
         """Of history.csv beyond the usual ones."""
-        return self.gauges.columns
+        return (*self.gauges.columns, *(f"target_{axis}" for axis in self.container.axes))
 
     @property
     def strain(self):
@@ -219,7 +219,8 @@ class StagedLoading(Stateful):
         Args:
             forces: On the walls [N], shape (num_walls,).
         """
-        return self.gauges.row(forces)
+        targets = zip(self.container.axes, self._stresses_to_carry(), strict=True)
+        return self.gauges.row(forces) | {f"target_{a}": target or 0.0 for a, target in targets}
 
     def state_dict(self):
         """What a loading that goes on from here has to know, fit for JSON."""

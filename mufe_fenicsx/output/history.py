@@ -14,6 +14,7 @@ from mufe_fenicsx.machine.files import open_plain, reason, regular
 
 #: Columns of history.csv before the forces on the walls, and after them; SI units.
 BEFORE = ("step", "time", "dt", "stage", "strain", "height", "speed")
+VOIDS = ("void_ratio", "porosity", "void_ratio_inside", "void_ratio_error")
 AFTER = (
     "stress",
     "kinetic",
@@ -35,6 +36,7 @@ AFTER = (
     "elements_per_radius_tenth",
     "overlap",
     *(f"unbalanced_{axis}" for axis in "xyz"),
+    *VOIDS,
 )
 
 
@@ -55,6 +57,7 @@ NEWER_COLUMNS = (
     *("length_x", "length_y", "switching", "plastic_dents"),
     *("elements_per_radius", "elements_per_radius_tenth", "overlap"),
     *("unbalanced_x", "unbalanced_y", "unbalanced_z"),
+    *VOIDS,
 )
 TEXT_COLUMNS = ("stage", "wall")
 NUMBERS = {name for each in CONTAINERS.values() for name in history_columns(each)}

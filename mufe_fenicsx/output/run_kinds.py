@@ -2,6 +2,8 @@
 
 import math
 
+from mufe_fenicsx.output.history import VOIDS
+
 #: Text that a page can show.
 LONGEST_TEXT = 10_000
 
@@ -80,7 +82,8 @@ KINDS = {
     "strain_definition": _text,
     **_numbers(
         "area", "first_height", "reference_height", "setup_s", "wall_s", "time", "time_step",
-        "element_time_step", "strain", "stress", "peak_memory_bytes",
+        "element_time_step", "strain", "stress", "peak_memory_bytes", "mass", "added_mass",
+        "diameters", *VOIDS,
     ),
     "separation": _separation,
     "contact": _table(

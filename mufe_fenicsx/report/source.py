@@ -5,6 +5,7 @@ from functools import cached_property
 import numpy as np
 
 from mufe_fenicsx.analysis import grain_energy, inertia, kinematics
+from mufe_fenicsx.analysis.carriers import find_carriers
 from mufe_fenicsx.analysis.checks import check_run
 from mufe_fenicsx.analysis.contact_resolution import classes_of_contacts, contact_resolution
 from mufe_fenicsx.analysis.grain_stress import unstressed
@@ -12,6 +13,7 @@ from mufe_fenicsx.analysis.quasi_static import knows_balance, platens_alone, tru
 from mufe_fenicsx.analysis.rows import loading_rows, tool_load, turns_back
 from mufe_fenicsx.container import container_of_history
 from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.geometry.form.proportions import median_diameter
 from mufe_fenicsx.geometry.measure import tet_volumes
 from mufe_fenicsx.output.fields import read_arrays, read_states
 from mufe_fenicsx.output.history import NEWER_COLUMNS, history_columns, read_history
@@ -126,9 +128,9 @@ class Source:
 
     @cached_property
     def mass(self):
-        """Mass of all grains [kg]; None where it is not known."""
+        """Mass of all grains, with what was added [kg]; None where it is not known."""
         if self.summary.get("mass"):
-            return self.summary["mass"]
+            return self.summary["mass"] + self.summary.get("added_mass", 0.0)
         try:  # of a run of earlier versions
             return float(self.run.grains(0)["mass"].sum())
         except (InputError, KeyError):
@@ -275,7 +277,27 @@ class Source:
         known = "elements_per_radius" in history
         resolution = self.get("resolution") if known else None
         contacts = resolution and (*resolution, self.summary.get("edges_per_diameter"))
-        return check_run(history, self.mass, contacts)
+        sample = None
+        if self.get("carriers") is not None and len(history["height"]):
+            sample = self.carriers, self.diameters
+        return check_run(history, self.mass, contacts, sample)
+
+    @cached_property
+    def carriers(self):
+        """Who carries the load in the stored state whose contacts carry most; None: nobody."""
+        tables = {i: self.run.contacts(i) for i in self.contact_states}
+        index = max(tables, key=lambda i: tables[i]["normal_force"].sum())
+        return find_carriers(tables[index], self.run.grains(index), self.run.doubted)
+
+    @property
+    def diameters(self):
+        """Height of the sample at strain 0 in median diameters of its grains."""
+        return self.reference_height / self.median_diameter
+
+    @cached_property
+    def median_diameter(self):
+        """Diameter that half of the volume of the grains is finer than [m]."""
+        return median_diameter(self.inertia.mass)  # for unit density: volumes
 
     @cached_property
     def trust(self):

@@ -138,6 +138,7 @@ def number(value, digits=3):
     """A number with some significant digits and no exponent where it is a handy one."""
     if value is None or not np.isfinite(value):
         return "not known"
+    value = value + 0  # no minus sign before 0
     if value == int(value) and 10**digits <= abs(value) < 1e12:
         text = f"{int(value):,}".replace(",", "\u202f")
     elif value != 0 and not 1e-4 <= abs(value) < 1e6:

@@ -28,6 +28,8 @@ from .state import State
 if TYPE_CHECKING:
     import networkx
 
+#: Table of the pairs of grains that `mufe segment` saw to touch.
+LABEL_CONTACTS = "label_contacts"
 #: By one of these a folder is known as that of a run.
 SIGNS = ("run.json", "history.csv", "fields")
 
@@ -195,6 +197,17 @@ class Run:
             raise InputError(f"{path} cannot be read ({reason(error)})") from error
         except ValueError as error:  # pandas' errors of parsing, and torn text
             raise InputError(f"{path} is not a table ({reason(error)})") from error
+
+    @property
+    def doubted(self) -> list[tuple[int, int]] | None:
+        """Pairs of labels whose contact `mufe segment` doubts; None where that is not known."""
+        if not (self.path / f"{LABEL_CONTACTS}.csv").is_file():
+            return None
+        table = self.table(LABEL_CONTACTS)
+        if not {"label_a", "label_b", "doubt"} <= set(table):
+            return None
+        doubts = table[table["doubt"].notna() & (table["doubt"].astype(str) != "")]
+        return list(zip(doubts["label_a"].tolist(), doubts["label_b"].tolist(), strict=True))
 
     # --- the box and its content ----------------------------------------------------------
 

@@ -7,11 +7,13 @@ import operator
 import numpy as np
 
 from ..analysis.contact_resolution import of_patches
+from ..analysis.voids import Voids
 from ..bulk.solid import von_mises
 from ..bulk.strength import surface_strength
 from ..contact.results.network import find_network
 from ..contact.results.nodal_fields import nodal_contact
 from ..errors import InputError, SolverError, raise_together
+from ..geometry.form.proportions import median_diameter
 from ..output.contacts import ContactWriter
 from ..output.fields import Computed, FieldWriter
 from ..output.history import HistoryWriter, history_columns
@@ -38,8 +40,14 @@ class Recorder:
         kept = kept or {}
         self.simulation, self.loading, self.lock = simulation, loading, lock
         self.container = loading.measures.container
-        solid = simulation.solid.volume0[: mesh.num_sample_cells].sum()
-        self._solid_volume = mesh.comm.allreduce(float(solid))
+        cells = slice(mesh.num_sample_cells)
+        volume = simulation.solid.volume0[cells]
+        #: Volumes of all grains at the start [m³], shape (num_grains,).
+        self.volumes = mesh.comm.allreduce(
+            np.bincount(mesh.grains[mesh.grain_of_cell[cells]], volume, mesh.num_sample_grains)
+        )
+        diameter = median_diameter(self.volumes)
+        self.voids = Voids(mesh.comm, self.container, mesh.cells[cells], volume, diameter)
         self.guard = EnergyGuard(simulation, energy_limit)
         self.history = HistoryWriter(
             folder / "history.csv",
@@ -141,6 +149,7 @@ class Recorder:
         unbalanced = sim.unbalanced_force()
         row.update({f"unbalanced_{a}": f for a, f in zip("xyz", unbalanced, strict=True)})
         row.update(energies)
+        row.update(self.voids.row(sim.state.x, lengths))
         if self.tools is not None:
             row.update(sim.tools.row())
         row.update(loading.row(forces))
@@ -155,7 +164,7 @@ class Recorder:
         patches = self.simulation.contact_patches()
         if patches is None:
             return None, 0.0
-        overlap = float(patches.overlap.sum()) / self._solid_volume
+        overlap = float(patches.overlap.sum()) / self.voids.solid
         return of_patches(patches), overlap
 
     def _check_overlap(self, overlap):

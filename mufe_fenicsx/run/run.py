@@ -197,7 +197,7 @@ class TestRun:
         edge, radius = mean_edge_and_radius(self.simulation)
         self._tell_unusual(2.0 * radius)
         summary["first_height"] = float(self.loading.first_height)
-        summary["mass"] = self.simulation.mass_of_grains()
+        summary |= self.masses()
         summary["edges_per_diameter"] = 2.0 * radius / edge
         summary["strain_definition"] = self.loading.strain_definition
         summary["setup_s"] = time.perf_counter() - self.started
@@ -261,7 +261,10 @@ class TestRun:
                 )
             ),
         }
-        summary |= judged(self.simulation, self.place.folder, summary)
+        summary |= self.masses()
+        summary |= judged(
+            self.simulation, self.place.folder, summary, self.recorder.volumes
+        )
         if self.profile is not None:
             summary["profile"] = self.profile.summary()
         if self.options.after is not None:
@@ -461,6 +464,12 @@ class TestRun:
             **self.identity,
         }
         self.checkpoints.write(step, tables, own, header)
+
+    def masses(self):
+        """Mass of all grains, and what mass scaling has added to it [kg]. Collective."""
+        whole, scaling = self.simulation.mass_of_grains(), self.simulation.scaling
+        own = whole / (1.0 + (scaling.shares()[0] if scaling else 0.0))
+        return {"mass": own, "added_mass": whole - own}
 
     def now(self, memory=0):
         """The summary with what changes during a run."""

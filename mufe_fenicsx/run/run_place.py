@@ -12,7 +12,7 @@ from ..output.run_folder import (
 )
 
 #: Tables of `mufe mesh` that stay with the run.
-TABLES = ("quality.csv", "grains.csv", "labels.csv")
+TABLES = ("quality.csv", "grains.csv", "labels.csv", "label_contacts.csv", "labels.png")
 
 
 class RunPlace:

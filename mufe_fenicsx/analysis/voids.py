@@ -1,0 +1,94 @@
+"""Void ratio of a sample between its walls, and away from them, where these order no grains."""
+
+import numpy as np
+
+from mufe_fenicsx.analysis.grain_means import void_ratio
+from mufe_fenicsx.container import BOX
+from mufe_fenicsx.output.history import VOIDS
+
+#: Median diameters that the inner part keeps away from all walls.
+MARGIN = 0.5
+#: Parts of the inner one, whose spread tells the uncertainty.
+OCTANTS = 8
+
+
+class Voids:
+    """Void ratios of a sample as it goes on. Collective.
+
+    Args:
+        comm: MPI communicator.
+        container: :class:`~mufe_fenicsx.container.Container` of the sample.
+        cells: Of this rank's grains, shape (num_cells, 4).
+        volume: Their volumes at the start, which count as solid [m³], shape (num_cells,).
+        diameter: Median diameter of the grains [m].
+    """
+
+    def __init__(self, comm, container, cells, volume, diameter):
+        self.comm, self.container, self.cells, self.volume = comm, container, cells, volume
+        self.margin = MARGIN * diameter
+        self.solid = comm.allreduce(float(volume.sum()))  #: [m³]
+
+    def row(self, x, lengths):
+        """Columns of history.csv at positions ``x`` [m] and lengths of the sample [m]."""
+        outer = float(void_ratio(self.solid, self.container.volume(lengths)))
+        inner, error = self._inside(x, lengths)
+        porosity = outer / (1.0 + outer)
+        return dict(zip(VOIDS, (outer, porosity, inner, error), strict=True))
+
+    def _inside(self, x, lengths):
+        centre, comm = x[self.cells].mean(axis=1), self.comm
+        low, high = centre.min(axis=0, initial=np.inf), centre.max(axis=0, initial=-np.inf)
+        # All at once: the lowest corner, and the highest with its sign turned.
+        ends = comm.allreduce(np.append(low, -high), op=_least)
+        middle, hollow = 0.5 * (ends[:3] - ends[3:]), len(self.container.widths) == 2
+        is_round = self.container.shape != BOX.shape
+        shrunk = np.asarray(lengths) - 2.0 * self.margin
+        if is_round and hollow:
+            shrunk[1] = lengths[1] + 2.0 * self.margin
+        half = 0.5 * (shrunk[[0, 0, -1]] if is_round else shrunk)
+        hole = 0.5 * float(shrunk[1]) if is_round and hollow else 0.0
+        if (half <= 0.0).any() or hole >= half[0]:
+            return 0.0, 0.0
+        found = solid_of_octants(centre, self.volume, middle, half, is_round, hole)
+        return inner_void_ratio(comm.allreduce(found), float(self.container.volume(shrunk)))
+
+
+def _least(a, b):
+    return np.minimum(a, b)
+
+
+def solid_of_octants(centre, volume, middle, half, is_round, hole=0.0):
+    """Volume of cells by octants of an inner part of the sample [m³], shape (OCTANTS,).
+
+    Args:
+        centre: Centres of the cells [m], shape (num_cells, 3).
+        volume: Their volumes [m³], shape (num_cells,).
+        middle: Of the sample [m], shape (3,).
+        half: Half lengths of the inner part, radii of a round one [m], shape (3,).
+        is_round: Whether it is a cylinder.
+        hole: Radius of a hole in it [m].
+    """
+    away = centre - middle
+    if is_round:
+        radius = np.hypot(away[:, 0], away[:, 1])
+        inside = (radius < half[0]) & (radius >= hole) & (np.abs(away[:, 2]) < half[2])
+    else:
+        inside = (np.abs(away) < half).all(axis=1)
+    octant = (away[inside] >= 0) @ np.array([4, 2, 1])
+    return np.bincount(octant, volume[inside], OCTANTS)
+
+
+def inner_void_ratio(solids, inner_volume):
+    """Void ratio of the inner part and its standard error; zeros where it has no solid.
+
+    Args:
+        solids: Of :func:`solid_of_octants`, of all ranks.
+        inner_volume: Of the inner part [m³].
+    """
+    total = float(solids.sum())
+    if not (total > 0.0 and inner_volume > 0.0):
+        return 0.0, 0.0
+    part = solids * OCTANTS / inner_volume  # solid fraction of each
+    error = float(part.std(ddof=1) / np.sqrt(OCTANTS))
+    fraction = total / inner_volume
+    return float(void_ratio(total, inner_volume)), error / fraction**2
