@@ -18,8 +18,6 @@ IDLE = 0.01
 BRIDGED = 0.1
 #: Half of the load has to be in so many grains, or in this part of all where that is less.
 SHARERS, PART_OF_ALL = 3, 0.25
-#: With fewer grains nothing is said of a sample.
-FEW = 8
 
 
 @dataclass(frozen=True)

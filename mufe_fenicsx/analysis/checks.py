@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
-from mufe_fenicsx.analysis.carriers import BRIDGED, FEW
+from mufe_fenicsx.analysis.carriers import BRIDGED
 from mufe_fenicsx.analysis.contact_resolution import COARSE
 from mufe_fenicsx.analysis.evidence.mesh_errors import error_at, known_samples, mesh_errors
 from mufe_fenicsx.analysis.held import lack_of_stress
@@ -24,7 +24,7 @@ from mufe_fenicsx.analysis.rows import (
     tool_load,
     turns_back,
 )
-from mufe_fenicsx.geometry.form.proportions import LEAST_HEIGHT, words_of_height
+from mufe_fenicsx.geometry.form.proportions import FEW, LEAST_HEIGHT, words_of_height
 
 #: Largest values allowed.
 TARGETS = {
@@ -64,6 +64,7 @@ class Check:
     since: float = math.nan  #: vertical strain from which on it is met to the end; nan: not there
     failed: bool = False  #: nothing of the run can be used
     row: int | None = None  #: of the history, from which on it is met; None: not there
+    stage: str | None = None  #: of that row, in a test by stages
 
     @property
     def grade(self):
@@ -184,7 +185,14 @@ def check_run(history, mass=None, contacts=None, sample=None):
         found.append(check_contacts(history, *contacts))
     if sample is not None and not led:
         found += check_sample(history, *sample)
-    return [check_all(history, found), *found]
+    return [_staged(history, check) for check in (check_all(history, found), *found)]
+
+
+def _staged(history, check):
+    """A check with the stage from which on it is met."""
+    if check.row is None or "strain_z" not in history:
+        return check
+    return replace(check, stage=str(history["stage"][check.row]))
 
 
 def check_all(history, checks):
@@ -210,8 +218,8 @@ def check_all(history, checks):
     if share > 1 - UNTRUSTED:
         row, since = None, math.nan
         text = (
-            f"Trust no part of the test: all checks hold in its last {ratio(1 - share)} alone; "
-            f"last of all that of {NAMES[last.name]}."
+            "Trust no part of the test: all checks hold at its very end alone; last of all that of "
+            f"{NAMES[last.name]}."
         )
     passed = share <= UNTRUSTED
     return Check("all", UNTRUSTED, share, math.nan, passed, text, since, failed, row)

@@ -21,6 +21,7 @@ class ForceDistribution:
     mean: float  #: of the forces [N]; nan without forces
     edges: np.ndarray  #: of the bins of f/<f> [-], shape (num_bins + 1,)
     density: np.ndarray  #: P(f/<f>): its integral over the bins is 1, shape (num_bins,)
+    count: np.ndarray  #: forces in each bin, shape (num_bins,)
 
 
 def force_distribution(force, num_bins=20, largest=None):
@@ -38,11 +39,12 @@ def force_distribution(force, num_bins=20, largest=None):
     force = np.asarray(force, dtype=float)
     mean = force.mean() if force.size else np.nan
     if not mean > 0:
-        return ForceDistribution(np.nan, np.linspace(0, 1, num_bins + 1), np.full(num_bins, np.nan))
+        nothing = np.full(num_bins, np.nan), np.zeros(num_bins, dtype=int)
+        return ForceDistribution(np.nan, np.linspace(0, 1, num_bins + 1), *nothing)
     ratio = force / mean
     edges = np.linspace(min(0.0, ratio.min()), largest or ratio.max(), num_bins + 1)
     counts = np.histogram(ratio, edges)[0]
-    return ForceDistribution(float(mean), edges, counts / (force.size * np.diff(edges)))
+    return ForceDistribution(float(mean), edges, counts / (force.size * np.diff(edges)), counts)
 
 
 def strong_contacts(force):
@@ -147,13 +149,14 @@ class ForceChains:
         return int(self.chain.max(initial=-1)) + 1
 
 
-def force_chains(stress, centre, first, second, angle=45.0, least=3):
+def force_chains(stress, centre, first, second, angle=45.0, least=3, force=None):
     """Force chains as defined by Peters and others (2005).
 
     A grain may be part of one if its major (most compressive) principal stress is above the
-    mean of all grains. Two such grains in contact are linked if the line between their centres
-    is within ``angle`` of the direction of that stress in both. Chains are the sets of linked
-    grains, branches included, with at least ``least`` of them.
+    mean of all grains. Two such grains in contact are linked if what they pass on is within
+    ``angle`` of the direction of that stress in both. Peters takes the line between the centres of
+    balls; the force along it is taken here, as centres say little where grains are long or cut.
+    Chains are the sets of linked grains, branches included, with at least ``least`` of them.
 
     Args:
         stress: Mean stress of each grain, compression positive [Pa], shape (num_grains, 3, 3).
@@ -161,6 +164,7 @@ def force_chains(stress, centre, first, second, angle=45.0, least=3):
         first, second: Indices of the two grains of each active contact, shape (num_contacts,).
         angle: [degrees], 0 to 90.
         least: Grains that make a chain.
+        force: Of the contacts [N], shape (num_contacts, 3); None: along lines between centres.
 
     Returns:
         :class:`ForceChains`; chains in the order of their first grain.
@@ -181,7 +185,7 @@ def force_chains(stress, centre, first, second, angle=45.0, least=3):
     values, vectors = np.linalg.eigh(stress)
     major, direction = values[:, 2], vectors[:, :, 2]
     strong = major > major.mean() if n else np.zeros(0, dtype=bool)
-    line = centre[first] - centre[second]
+    line = centre[first] - centre[second] if force is None else np.asarray(force)
     length = np.linalg.norm(line, axis=1)
     links = strong[first] & strong[second]
     for end in (first, second):

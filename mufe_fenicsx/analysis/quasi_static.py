@@ -54,7 +54,7 @@ def force_difference(history):
 
 def _touched(history):
     """Rows from the first load on, shape (num_rows,); before, ratios are those of rounding."""
-    force = np.maximum.accumulate(load(history))
+    force = np.maximum.accumulate(np.asarray(load(history), dtype=float))
     return force > UNTOUCHED * max(force.max(initial=0.0), 0.0)
 
 

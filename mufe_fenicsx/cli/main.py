@@ -168,6 +168,9 @@ def report(
     skip: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Leave this figure out; repeatable.")
     ] = None,
+    chain_angle: Annotated[
+        float, typer.Option(help="Of force chains against the stress of their grains [degrees].")
+    ] = 45.0,
     json: Json = None,
 ):
     """Draw the figures of a run, or of several together, and write report.html beside them."""
@@ -181,7 +184,9 @@ def report(
             load_ahead("mufe_fenicsx.report.ahead")  # while this process loads much the same
         from ..report import write_report
 
-        result = write_report(folders, output, grain, points, only, skip, processes=0)
+        result = write_report(
+            folders, output, grain, points, only, skip, processes=0, chain_angle=chain_angle
+        )
     printer.say(*(f"not in the report: {sentence}" for sentence in result["missing"]))
     printer.say(f"report: {result['report']}")
     printer.write_json(result)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from .atomic_output import new_files, new_folder
+from .form.proportions import warnings_of_proportions
 from .grains import Grains, save_grains
 from .image import image as images
 from .image import labels as labelling
@@ -263,7 +264,7 @@ def mesh_labels(labels_path, settings, output_folder, *, progress=None, overwrit
         "notices": given.notices,
         "repaired": given.repaired,
         "filled": given.filled,
-        "warnings": [*warnings_of(done), *_proportions(grains)],
+        "warnings": [*warnings_of(done), *warnings_of_proportions(grains)],
         "renumbered": given.renumbered,
         **_cylinder_numbers(given, done),
         **_quality(done, grains, settings.size, given.voxel_size),
@@ -279,12 +280,6 @@ def _keep_segmentation(folder, labels_path, given):
         path = labels_path.with_name(labels_path.stem + ending)
         if labels_path.suffix.lower() in TIFF and path.is_file():
             (folder / name).write_bytes(path.read_bytes())
-
-
-def _proportions(grains):
-    """Lines about grains that are no sample."""
-    low, high = grain_boxes(grains)
-    return warnings_of_proportions(grains.labels, low, high, grains.volumes)
 
 
 @dataclass

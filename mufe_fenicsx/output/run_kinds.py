@@ -2,8 +2,6 @@
 
 import math
 
-from mufe_fenicsx.output.history import VOIDS
-
 #: Text that a page can show.
 LONGEST_TEXT = 10_000
 
@@ -83,7 +81,7 @@ KINDS = {
     **_numbers(
         "area", "first_height", "reference_height", "setup_s", "wall_s", "time", "time_step",
         "element_time_step", "strain", "stress", "peak_memory_bytes", "mass", "added_mass",
-        "diameters", *VOIDS,
+        "diameters", "void_ratio", "porosity", "void_ratio_inside", "void_ratio_error",
     ),
     "separation": _separation,
     "contact": _table(

@@ -22,6 +22,7 @@ from .errors import (
     time_for,
 )
 from .reasons import driver, out_of_reach, stage_too_fast, too_simple, unknown
+from .servo import lagging_servos
 
 #: What the table calls a law of contact, by what a scene says.
 LAWS = {"matched": {"law": "matched"}, "kinematic": {"law": "kinematic"},
@@ -55,6 +56,7 @@ class Plan:
     driver: str  #: which requirement the cost comes from
     path: float  #: by how much two such tests part that differ in rounding alone [-]
     unknown: tuple = field(default=())  #: what the plan cannot know, sentences
+    warnings: tuple = field(default=())  #: what the report will not accept, lines
 
 
 def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
@@ -116,6 +118,7 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
         driver=driver(scene, sample, errors, best),
         path=errors.of_path(len(sample.labels)),
         unknown=unknown(scene, errors, best.elements, sample.slender),
+        warnings=(*sample.warnings, *lagging_servos(scene)),
     )
 
 

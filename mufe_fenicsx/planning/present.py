@@ -8,6 +8,7 @@ from .choice import fidelity_of, law_of
 from .course import course_of, wave_speed
 from .errors import FASTEST, contact_radius, of_loading, quasi_static_from, sample_errors
 from .reasons import unknown
+from .servo import lagging_servos
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class Present:
     path: float  #: by how much two such tests part that differ in rounding alone [-]
     beyond: tuple = field(default=())  #: why parts are infinite, in words
     unknown: tuple = field(default=())  #: what is not known beforehand, sentences
+    warnings: tuple = field(default=())  #: what the report will not accept, lines
 
 
 def present_state(scene, sample, points=None):
@@ -78,6 +80,7 @@ def present_state(scene, sample, points=None):
         path=errors.of_path(len(sample.labels)),
         beyond=_beyond(parts, errors, elements, time, added),
         unknown=unknown(scene, errors, elements, sample.slender),
+        warnings=(*sample.warnings, *lagging_servos(scene)),
     )
 
 

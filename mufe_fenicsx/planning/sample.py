@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
+from ..geometry.form.proportions import warnings_of_proportions
 from ..geometry.grains import load_grains, read_grain_table
 from .errors import CONTACTS
 
@@ -25,6 +26,7 @@ class Sample:
     size: float  #: wanted length of edges [m]
     diameter: float  #: of a ball of the grains' mean volume [m]
     slender: int = 0  #: grains that bend, with fewer than `THROUGH` edges through their thickness
+    warnings: tuple = ()  #: why they are no sample, in lines
 
     @property
     def tets(self):
@@ -72,7 +74,7 @@ def read_sample(folder):
     diameter = (6 / math.pi * float(grains.volumes.mean())) ** (1 / 3)
     return Sample(
         str(folder), tuple(labels.tolist()), int(num_cells.sum()), grains.element_size, diameter,
-        int(slender),
+        int(slender), tuple(warnings_of_proportions(grains)),
     )  # fmt: skip
 
 

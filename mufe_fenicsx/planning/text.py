@@ -26,7 +26,7 @@ def lines(plan, cost):
         *_of_cost(cost),
         ("what costs most", plan.driver),
     ]
-    return _written(rows, plan.unknown)
+    return _written(rows, plan)
 
 
 def lines_of_present(present, cost):
@@ -44,7 +44,7 @@ def lines_of_present(present, cost):
         *_of_checks(present.quasi_static_from),
         *_of_cost(cost),
     ]
-    return _written(rows, present.unknown)
+    return _written(rows, present)
 
 
 def _loading(present):
@@ -111,12 +111,13 @@ def _of_cost(cost):
     ]  # fmt: skip
 
 
-def _written(rows, unknown):
+def _written(rows, found):
     width = max(len(name) for name, _ in rows)
     return [
         *(f"{name:{width}}  {text}" for name, text in rows),
+        *(f"warning: {text}" for text in found.warnings),
         "not known beforehand:",
-        *(f"- {text}" for text in unknown),
+        *(f"- {text}" for text in found.unknown),
     ]
 
 

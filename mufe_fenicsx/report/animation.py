@@ -99,7 +99,7 @@ class _Scene:
             curve = axes[0, 1]
             self.factor, unit = style.unit_of(history["stress"], "Pa")
             stress = history["stress"] / self.factor
-            draw_branches(curve, 100 * history["strain"], stress, branches(history))
+            draw_branches(curve, history["strain"], stress, branches(history))
             (self.dot,) = curve.plot([], [], "o", color=style.RED, markersize=5)
             curve.set(xlabel=STRAIN, ylabel=f"{STRESS}: {unit}")
         self.figure.set_dpi(DPI)
@@ -113,10 +113,10 @@ class _Scene:
     def picture(self, image, state):
         """RGB, shape (height, width, 3)."""
         self.image.set_data(image)
-        self.title.set_text(rf"$\varepsilon$ = {100 * state.strain:.2f} %")
+        self.title.set_text(rf"$\varepsilon$ = {style.strain(state.strain)}")
         if self.history is not None:
             now = np.interp(state.time, self.history["time"], self.history["stress"])
-            self.dot.set_data([100 * state.strain], [now / self.factor])
+            self.dot.set_data([state.strain], [now / self.factor])
         canvas = self.figure.canvas
         canvas.restore_region(self.still)
         for artist in self.changing:

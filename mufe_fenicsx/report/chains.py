@@ -58,16 +58,19 @@ def draw_force_chains(source):
     corners = np.concatenate([states[i].corners(source.start) for i in shown])
     aspect, pixels, height = three_in_a_row(corners)
     camera = Camera.around(corners, FROM, aspect)
-    num_panels = len(shown) + 1
-    figure, axes = style.new_figure(style.PAGE, height, ncols=num_panels, squeeze=False)
+    chains = source.contact_table(shown[-1])["chain"]
+    num_chains = int(chains[chains >= 0].nunique())
+    panels = [*shown, shown[-1]] if num_chains else shown  # none, and no panel of them
+    figure, axes = style.new_figure(style.PAGE, height, ncols=len(panels), squeeze=False)
     axes, tables = axes[0], {}
     volume = np.bincount(index_grains(source.end.grain)[1], source.end.volume)
     mean_radius = np.cbrt(3 * volume.mean() / (4 * np.pi))
-    for k, index in enumerate([*shown, shown[-1]]):
+    for k, index in enumerate(panels):
         state, table = states[index], source.contact_table(index)
         only_chains = k == len(shown)
         ghost = _ghost(state, camera, pixels, state.outline(source.start))
         start, end = _ends(table, source.run.grains(index))
+        place = vectors(table, "centroid")
         ratio = table["ratio"].to_numpy(dtype=float)
         if not only_chains:
             tables[f"state{index}"] = _columns(table, start, end)
@@ -77,30 +80,39 @@ def draw_force_chains(source):
         image = ghost
         if kept.any():
             radius = RADIUS * mean_radius * np.sqrt(np.minimum(ratio[kept], LARGEST))
-            points, quads = tubes(start[kept], end[kept], radius)
+            # By the point of contact: from centre to centre a tube may leave its grains.
+            halves = [(start, place), (place, end)]
+            halves = [(a[kept], b[kept], radius) for a, b in halves]
+            ends = [np.concatenate(each) for each in zip(*halves, strict=True)]
+            longer = np.linalg.norm(ends[1] - ends[0], axis=1) > 1e-6 * mean_radius  # not on walls
+            points, quads = tubes(*(each[longer] for each in ends))
             body = pyvista.PolyData.from_regular_faces(points, quads)
-            body.cell_data["ratio"] = np.repeat(ratio[kept], SIDES)
+            body.cell_data["ratio"] = np.repeat(np.tile(ratio[kept], 2)[longer], SIDES)
             layer = Layer(body, None, "ratio", style.CHAIN_MAP, (0, LARGEST))
             image = over(render([layer], camera, pixels), ghost)
         axes[k].imshow(image)
         axes[k].set_axis_off()
         style.panel_letter(axes[k], k)
-        strain = rf"$\varepsilon$ = {style.percent(state.strain)}"
+        strain = rf"$\varepsilon$ = {style.strain(state.strain)}"
         style.heading(axes[k], f"{strain}, chains" if only_chains else strain)
     style.scale_bar(axes[0], 2 * camera.half_height * aspect)
-    colour_bar(figure, axes, LARGEST, style.CHAIN_MAP, "Normal force over its mean, f/⟨f⟩: –", "")
-    chains = source.contact_table(shown[-1])["chain"]
-    num_chains = chains[chains >= 0].nunique()
-    last = "abc"[len(shown)]
+    colour_bar(figure, axes, LARGEST, style.CHAIN_MAP, "Normal force over its mean, f/⟨f⟩: –", "",
+               "max")  # fmt: skip
+    angle = source.run.chain_angle
+    of_chains = f"; ({'abc'[len(shown)]}) those within force chains only" if num_chains else ""
+    found = (
+        f"{num_chains} of at least three grains whose major stress is above the mean and within "
+        f"{angle:g}° of the contact force"
+        if num_chains
+        else f"none here, with an angle of {angle:g}°"
+    )
     return Drawing(
         "force-chains",
         figure,
-        "Contact forces inside the grains, from centre to centre, or to the wall; "
-        f"({last}) those within force chains only",
-        "Thickness grows with the square root of the normal force over its mean, between grains or "
-        "with walls. Force chains as defined by Peters et al. (2005): "
-        f"{num_chains} of at least three grains whose major stress is above the mean and points "
-        "along the line. Tubes are drawn over the grains.",
+        f"Contact forces inside the grains, from centre to contact to centre, or to the wall{of_chains}",
+        "Thickness grows with the square root of the normal force over the mean of those between "
+        f"grains. Force chains as defined by Peters et al. (2005): {found}. Tubes are drawn over "
+        "the grains.",
         tables,
         "wide",
         vector=False,

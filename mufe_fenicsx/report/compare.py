@@ -52,7 +52,7 @@ def draw_stress_strain(sources, names):
     tables = {}
     for source, name, look in _lines(sources, names):
         history = source.loading
-        _plot(left, source, 100 * history["strain"], history["stress"] / factor, look)
+        _plot(left, source, history["strain"], history["stress"] / factor, look)
         tables[_file(name)] = {
             "strain [-]": history["strain"],
             "vertical stress [Pa]": history["stress"],
@@ -67,7 +67,7 @@ def draw_stress_strain(sources, names):
         _plot(right, source, stress / factor, curves["void_ratio"].to_numpy(), look)
     left.set(xlabel=STRAIN, ylabel=f"{STRESS}: {unit}")
     left.set_ylim(bottom=0)
-    strain = np.concatenate([100 * source.loading["strain"] for source in sources])
+    strain = np.concatenate([source.loading["strain"] for source in sources])
     without_spikes(left, strain, np.concatenate([s.loading["stress"] for s in sources]) / factor)
     right.set_xscale("log")
     style.plain_log_ticks(right.xaxis)
@@ -145,7 +145,7 @@ def draw_parameter(sources, names):
         axis.plot(
             values / scale, stress[:, k] / factor, style.MARKERS[k] + style.LINES[k],
             color=style.SERIES[k], markersize=4,
-            label=rf"$\varepsilon$ = {style.percent(strain)}",
+            label=rf"$\varepsilon$ = {style.strain(strain)}",
         )  # fmt: skip
         columns[f"vertical stress at strain {strain:.4g} [Pa]"] = stress[:, k]
     name = "Yield stress" if key == YIELD else key
@@ -156,7 +156,7 @@ def draw_parameter(sources, names):
         "runs-parameter",
         figure,
         f"Runs compared: vertical stress at four strains against {name.lower()}",
-        f"Each point is the mean over {style.percent(2 * HALF_WINDOW * last)} of strain. "
+        f"Each point is the mean over {style.strain(2 * HALF_WINDOW * last)} of strain. "
         + ("The yield stress is that without plastic strain. " if key == YIELD else ""),
         {"": columns},
     )
@@ -196,7 +196,7 @@ def draw_energies(sources, names):
     tables = {}
     for source, name, look in _lines(sources, names):
         history = source.loading
-        strain, ratio = 100 * history["strain"], quasi_static.kinetic_ratio(history)
+        strain, ratio = history["strain"], quasi_static.kinetic_ratio(history)
         positive = ratio > 0
         axes[0].plot(strain[positive], 100 * ratio[positive], **look)
         axes[1].plot(strain, history["plastic"] / factor, **look)
@@ -237,7 +237,7 @@ def draw_networks(sources, names):
             network, force = source.network, between_grains(source, source.contact_states[-1])
         except InputError:
             continue
-        left.plot(100 * network["strain"], network["N_cA"], **look, marker="o", markersize=3)
+        left.plot(network["strain"], network["N_cA"], **look, marker="o", markersize=3)
         force = np.sort(force["normal_force"].to_numpy(float))
         share = np.arange(len(force), 0, -1) / len(force)
         right.step(force / force.mean(), share, **look, where="pre")
@@ -301,7 +301,7 @@ def tables(sources, names):
                 style.number(run.get("num_grains")),
                 style.number(run.get("num_cells")),
                 style.quantity(source.reference_height, "m", 4),
-                f"{100 * end:.3g} %",
+                style.strain(end),
                 style.quantity(history["stress"][-1], "Pa", 4),
                 style.quantity(modulus, "Pa"),
                 style.number(energy_check.friction_share(history)),

@@ -44,7 +44,7 @@ def draw_stress_strain(source):
     source.loading  # noqa: B018  there has to be some
     figure, axis = style.new_figure()
     factor, unit = style.unit_of(history["stress"], "Pa")
-    strain, stress = 100 * history["strain"], history["stress"] / factor
+    strain, stress = history["strain"], history["stress"] / factor
     if (~loading).any() and "strain_z" not in history:  # by stages strain starts anew after it
         axis.plot(
             strain[~loading], stress[~loading], color=style.GREY, linewidth=0.9, label="seating"
@@ -60,7 +60,7 @@ def draw_stress_strain(source):
     contacts = _contact_stress(source)
     if contacts is not None:
         axis.plot(
-            100 * contacts["strain"],
+            contacts["strain"],
             contacts["contact_zz"] / factor,
             "o",
             color=style.RED,
@@ -114,6 +114,16 @@ def shade_dynamic(axis, source, x, y, span=None):
     else:
         axis.plot(x, y, linewidth=5, solid_capstyle="butt", **look)
     return True
+
+
+def shade(source, *axes):
+    """:func:`shade_dynamic` in axes over what :meth:`Source.over` gives, all of their height."""
+    history = source.get("loading")
+    if history is None:
+        return
+    x, _ = source.over(history["strain"], history["time"])
+    for axis in axes:
+        shade_dynamic(axis, source, x, x, span=True)
 
 
 def _contact_stress(source):
@@ -195,6 +205,7 @@ def draw_forces(source):
             axis.plot(over, force / factor, "--" if i % 2 else "-", color=colour, label=label)
         axis.set(xlabel=label_x, ylabel=f"Normal force: {unit}")
         axis.set_ylim(bottom=min(0, *(1.05 * f.min() / factor for f in forces.values())))
+        shade_dynamic(axis, source, over, over, span=True)
         without_spikes(axis, over, *(force / factor for force in forces.values()))
     legends(left, right)
     style.panel_letter(left, 0)
@@ -243,6 +254,7 @@ def draw_energies(source):
     right.set_yscale("log")
     style.few_decades(right, [internal / factor, history["kinetic"] / factor])
     right.set(xlabel=over, ylabel=f"Energy: {unit}")
+    shade(source, left, right)
     legends(left, right)
     for i, axis in enumerate((left, right)):
         style.panel_letter(axis, i)
@@ -284,6 +296,7 @@ def draw_dissipation(source):
     for i, axis in enumerate((left, right)):
         axis.set(xlabel=over, ylabel=f"Dissipated energy: {unit}")
         style.panel_letter(axis, i)
+    shade(source, left, right)
     if any((values > 0).any() for values in shown.values()):
         right.set_yscale("log")
         style.few_decades(right, [values / factor for values in shown.values()])
@@ -375,7 +388,7 @@ def draw_compression(source):
     history = source.loading
     width = 0.2 * np.ptp(history["strain"])
     curves = source.run.curves(width)
-    curves = curves[curves["stage"] != "seating"].reset_index(drop=True)
+    curves = curves[loading_rows(source.history)].reset_index(drop=True)
     if not (curves["stress"] > 0).any():
         raise InputError("the walls were never loaded")
     parts = branches(history)
@@ -395,14 +408,15 @@ def draw_compression(source):
         (axes[1], curves["modulus"] / modulus, f"{slope}: {unit_m}"),
         (axes[2], curves["K0"], r"$K_{\mathrm{0}}$ = " + ratio if oedometer else ratio),
     ):
-        draw_branches(axis, curves["stress"] / factor, values, parts)
+        draw_branches(axis, curves["stress"] / factor, values, parts, "loading")
+        shaded = shade_dynamic(axis, source, curves["stress"] / factor, values, span=False)
         axis.set_xscale("log")
         style.plain_log_ticks(axis.xaxis)
         axis.set(xlabel=f"{STRESS}: {unit}", ylabel=label)
     for axis, values in ((axes[1], curves["modulus"] / modulus), (axes[2], curves["K0"])):
         axis.set_ylim(bottom=min(0, *axis.get_ylim()))
         without_spikes(axis, curves["stress"] / factor, values)
-    if source.turns_back:
+    if source.turns_back or shaded:
         shared_legend(axes[0])
     for i, axis in enumerate(axes):
         style.panel_letter(axis, i)

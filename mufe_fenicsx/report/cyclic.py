@@ -10,7 +10,7 @@ from mufe_fenicsx.analysis.cycles import find_cycles
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import shared_legend
-from mufe_fenicsx.report.curves import STRESS
+from mufe_fenicsx.report.curves import STRESS, shade_dynamic
 from mufe_fenicsx.report.figure import Drawing
 
 NAME = "cycles"
@@ -28,7 +28,7 @@ def draw_cycles(source):
     numbers = np.arange(1, len(cycles) + 1)
     colours = _colours(len(cycles))
     factor, unit = style.unit_of(history["stress"], "Pa")
-    strain, stress = 100 * history["strain"], history["stress"] / factor
+    strain, stress = history["strain"], history["stress"] / factor
     axes[0].plot(strain, stress, color="0.75", linewidth=0.7, label="whole test")
     for number, cycle, colour in zip(numbers, cycles, colours, strict=True):
         rows = slice(cycle.start, cycle.end + 1)
@@ -37,6 +37,7 @@ def draw_cycles(source):
         tips = [cycle.start, cycle.turn]
         axes[0].plot(strain[tips], stress[tips], "--", color=colour, linewidth=0.7)
     axes[0].plot([], [], "--", color=style.GREY, linewidth=0.7, label="secant")
+    shade_dynamic(axes[0], source, strain, stress, span=False)
     axes[0].set(xlabel=style.STRAIN, ylabel=f"{STRESS}: {unit}")
     stiffness = np.array([cycle.stiffness for cycle in cycles])
     damping = np.array([cycle.damping for cycle in cycles])

@@ -8,7 +8,7 @@ from mufe_fenicsx.analysis.inertia import grain_inertia, unphysical
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import shared_legend
-from mufe_fenicsx.report.curves import PAPER
+from mufe_fenicsx.report.curves import PAPER, shade
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.render import Camera, Layer, render
 from mufe_fenicsx.report.views import VON_MISES, colour_bar
@@ -39,7 +39,7 @@ def draw_chosen(source):
     source.need_rendering()
     if not end.has("contact_pressure"):
         raise InputError(f"state {end.index} has no field contact_pressure")
-    surfaces, limits = _surfaces(end, chosen)
+    surfaces, limits = _surfaces(source, chosen)
     maps = {
         "contact_pressure": _void_grey(style.PRESSURE_MAP),
         "von_mises": style.STRESS_MAP,
@@ -84,17 +84,18 @@ def draw_chosen(source):
         f"strain {end.strain:.3f} (Fig. 14 {PAPER})",
         f"{_how_chosen(source)} Each is seen towards its largest contact pressure; grey in the "
         "left column is free surface, lines are facets of the mesh. A resolved contact spans "
-        "several facets. Displacement counts from the reference configuration.",
+        f"several facets. Displacement counts from strain {source.start.strain:.3f}.",
         tables,
         "wide",
         vector=False,
     )
 
 
-def _surfaces(end, chosen):
+def _surfaces(source, chosen):
     """Surfaces of grains with what is drawn on them, by label; upper limits of the colours."""
+    end = source.end
     pressure = end.field("contact_pressure")
-    moved = np.linalg.norm(end.points - end.reference, axis=1)
+    moved = np.linalg.norm(end.points - source.at_zero, axis=1)
     surfaces = {label: end.surface(label) for label in chosen}
     for surface in surfaces.values():
         nodes = surface.point_data["node"]
@@ -170,10 +171,12 @@ def draw_course(source):
         columns = {"strain [-]": table["strain"], "time [s]": table["time"]}
         columns |= {"von Mises stress [Pa]": table["von_mises"]}
         columns |= {f"stress {e} [Pa]": table[f"stress_{e}"] for e in TENSOR}
-        columns |= {f"displacement {a} [m]": table[f"displacement_{a}"] for a in AXES}
+        moved = {a: table[f"displacement_{a}"].to_numpy() for a in AXES}
+        columns |= {f"displacement {a} [m]": own - own[0] for a, own in moved.items()}
         columns |= {"plastic strain [-]": table["plastic_strain"]}
         tables[name.replace(", ", "-").replace(" ", "-")] = columns
     over = source.over((), ())[1]
+    shade(source, *axes)
     axes[0].set(xlabel=over, ylabel=f"von Mises stress: {factors[0][1]}")
     axes[1].set(xlabel=over, ylabel=f"Displacement: {factors[1][1]}")
     for i, axis in enumerate(axes):
@@ -188,7 +191,8 @@ def draw_course(source):
         figure,
         "Evolution of (a) von Mises stress and (b) displacement of selected grains (means over the "
         f"volume, solid) and points (dashed) through the stored states (Fig. 15 {PAPER})",
-        f"Points move with the grain; in the reference configuration: {places}. "
+        "Displacement counts from the first stored state. Points move with the grain; in the "
+        f"reference configuration: {places}. "
         + (
             "The first is where the stress is largest at the end, the second the grain's middle."
             if "peak" in points
@@ -216,7 +220,8 @@ def _series(source):
 
 
 def _length(table):
-    return np.linalg.norm(table[[f"displacement_{a}" for a in AXES]].to_numpy(float), axis=1)
+    moved = table[[f"displacement_{a}" for a in AXES]].to_numpy(float)
+    return np.linalg.norm(moved - moved[0], axis=1)
 
 
 # --- energies of one grain --------------------------------------------------------------------
@@ -255,6 +260,7 @@ def draw_energies(source):
     ):
         _draw_energies(axis, along, values, at_states, points)
         axis.set_xlabel(over)
+    shade(source, *axes)
     shared_legend(axes[0])
     style.heading(axes[0], f"grain {label}")
     style.heading(axes[1], "whole sample")
@@ -377,7 +383,7 @@ def inertia_rows(columns):
         rows.append(
             (
                 words(label, columns["why"][i]),
-                style.percent(columns["strain [-]"][i]),
+                style.strain(columns["strain [-]"][i]),
                 _numbers(tensors[i] / scale),
                 _numbers(np.array(moments) / scale),
                 "; ".join(f"({_numbers(a)})" for a in axes),

@@ -17,8 +17,8 @@ from mufe_fenicsx.results.localisation import judge
 NAME = "localisation"
 #: Column of the table, what it is called, factor, and whether it has both signs.
 SHOWN = (
-    ("strain_deviator", r"Deviatoric strain, $\varepsilon_{\mathrm{q}}$: %", 100.0, False),
-    ("strain_volume", r"Volumetric strain, $\varepsilon_{\mathrm{vol}}$: %", 100.0, True),
+    ("strain_deviator", r"Deviatoric strain, $\varepsilon_{\mathrm{q}}$: –", 1.0, False),
+    ("strain_volume", r"Volumetric strain, $\varepsilon_{\mathrm{vol}}$: –", 1.0, True),
     ("excess", "Excess rotation: °", float(np.degrees(1.0)), False),
 )
 #: A band below this inclination has no direction; its section is that of x and z [degrees].

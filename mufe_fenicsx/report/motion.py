@@ -17,7 +17,7 @@ SLAB = 1.0
 
 
 def displacement_parts(source):
-    """Displacement of each grain to the last stored state, split by kind.
+    """Displacement of each grain from strain 0 to the last stored state, split by kind.
 
     The best rigid motion moves a place X of a grain by t + (R - 1)(X - X̄); what is left is the
     strain of the grain. The size of each part is its root mean square over the grain's volume.
@@ -34,7 +34,7 @@ def displacement_parts(source):
     deviator = strain - np.trace(strain, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
     return {
         "grain": motion.labels,
-        **{f"centre {a} [m]": form.centroid[:, i] for i, a in enumerate("xyz")},
+        **{f"centre {a} [m]": motion.centre[:, i] for i, a in enumerate("xyz")},
         **{f"translation {a} [m]": motion.translation[:, i] for i, a in enumerate("xyz")},
         "translation [m]": np.linalg.norm(motion.translation, axis=1),
         "by rotation [m]": np.sqrt(np.maximum(swept, 0) / form.mass),
@@ -59,7 +59,7 @@ def mean_motion(centre, translation, weight):
 def draw_arrows(source):
     """Displacement of grains near the middle plane, and what a linear field leaves of it."""
     form, motion, end = source.inertia, source.motion, source.end
-    centre, moved = form.centroid, motion.translation
+    centre, moved = motion.centre, motion.translation
     diameter = np.cbrt(6 * form.mass / np.pi)  # mass for unit density: volume
     box = end.box(source.start)
     away = np.abs(centre[:, 1] - 0.5 * (box[0, 1] + box[1, 1]))
@@ -99,8 +99,8 @@ def draw_arrows(source):
         "displacement-arrows",
         figure,
         "Displacement of grains near the middle plane, seen along y: (a) total, (b) "
-        f"non-affine part, up to strain {end.strain:.3f}",
-        "An arrow starts at the grain's centre in the reference configuration; circles have the "
+        f"non-affine part, from strain {source.start.strain:.3f} to {end.strain:.3f}",
+        "An arrow starts at the grain's centre in the first of both states; circles have the "
         "grain's volume. Colour is the length in space. The affine field, fitted to all grains "
         "by least squares, is the motion of a continuum; (b) is what rearrangement adds to it.",
         {"": columns},
@@ -176,7 +176,7 @@ def draw_split(source):
     shown = (
         ("translation [m]", "translation", "m", 1.0),
         ("rotation [degrees]", "rotation: °", "", 1.0),
-        ("shear strain [-]", "shear strain: %", "", 100.0),
+        ("shear strain [-]", "shear strain: –", "", 1.0),
     )
     source.need_rendering()
     corners = end.corners(source.start)
@@ -207,6 +207,7 @@ def draw_split(source):
             location="bottom",
             shrink=0.85,
             pad=0.03,
+            ticks=[0, 0.5 * limit, limit],
         )
     style.scale_bar(axes[0], 2 * camera.half_height * aspect)
     left, right = lower.subplots(ncols=2, width_ratios=[2, 1])
@@ -215,7 +216,7 @@ def draw_split(source):
     return Drawing(
         "displacement-split",
         figure,
-        f"Motion of the grains up to strain {end.strain:.3f}: (a) translation, (b) rotation, (c) "
+        f"Motion of the grains from strain {source.start.strain:.3f} to {end.strain:.3f}: (a) translation, (b) rotation, (c) "
         "mean shear strain; (d) displacement by each, root mean square over a grain; (e) rotation "
         "over height",
         "The rigid motion is that of least squares over a grain's nodes (Kabsch); the rest is its "

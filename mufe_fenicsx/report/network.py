@@ -8,12 +8,12 @@ from mufe_fenicsx.analysis.fabric import rose
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import legends, shared_legend
-from mufe_fenicsx.report.curves import PAPER
+from mufe_fenicsx.report.curves import PAPER, shade
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.results.columns import vectors
 
-#: Bins of the rose, and the largest f/<f> that is drawn.
-NUM_BINS, LARGEST = 24, 5.0
+#: Bins of the rose.
+NUM_BINS = 24
 
 
 def bins_for(force):
@@ -80,38 +80,41 @@ def draw_rose(source):
 
 
 def draw_force_distribution(source):
-    """P(f/<f>) of the normal forces, logarithmic, at up to three stages."""
+    """P(f/<f>) of the normal forces to the largest, logarithmic, at up to three stages."""
     figure, axis = style.new_figure()
-    tables = {}
-    middle = None
+    tables, largest = {}, 0.0
     for k, index in enumerate(source.contact_states):
         try:
             force = between_grains(source, index)["normal_force"].to_numpy(dtype=float)
         except InputError:
             continue  # before anything touches
-        found = force_distribution(force, bins_for(force), LARGEST)
+        found = force_distribution(force, bins_for(force))
         if not np.isfinite(found.mean):
             continue
         middle = 0.5 * (found.edges[1:] + found.edges[:-1])
-        some = found.density > 0
+        largest = max(largest, found.edges[-1])
         strain = source.strain_of(index)
         axis.plot(
-            middle[some],
-            found.density[some],
+            middle,
+            np.where(found.count > 0, found.density, np.nan),  # no line through empty bins
             style.MARKERS[k] + style.LINES[k],
             color=style.SERIES[k],
             markersize=3,
             linewidth=0.8,
-            label=rf"$\varepsilon$ = {style.percent(strain)}, ⟨f⟩ = "
-            f"{style.quantity(found.mean, 'N')}",
+            label=rf"$\varepsilon$ = {style.strain(strain)}, ⟨f⟩ = "
+            f"{style.quantity(found.mean, 'N')}, {len(force)} contacts",
         )
-        tables[f"state{index}"] = {"f/<f> [-]": middle, "P [-]": found.density}
-    if middle is None:
+        tables[f"state{index}"] = {
+            "f/<f> [-]": middle, "P [-]": found.density, "contacts [-]": found.count,
+        }  # fmt: skip
+    if not tables:
         raise InputError("no state has active contacts between grains")
-    x = np.linspace(0, LARGEST, 60)
+    x = np.linspace(0, largest, 60)
     axis.plot(x, np.exp(-x), "--", color=style.GREY, linewidth=0.9, label="exp(−f/⟨f⟩)")
     axis.axvline(1, color=style.GREY, linestyle=":", linewidth=0.8)
     axis.set_yscale("log")
+    least = min(np.min(t["P [-]"][t["contacts [-]"] > 0]) for t in tables.values())
+    axis.set_ylim(bottom=0.3 * least)
     axis.set(xlabel="Normal force over its mean, f/⟨f⟩: –", ylabel="Probability density: –")
     legends(axis)
     return Drawing(
@@ -119,7 +122,7 @@ def draw_force_distribution(source):
         figure,
         "Distribution of the normal forces between grains",
         "The grey line is the exponential tail of random packings; right of the dotted line is the "
-        "strong network.",
+        "strong network. Bins go to the largest force; lines break where a bin is empty.",
         tables,
     )
 
@@ -137,7 +140,7 @@ def draw_active_contacts(source):
     top = max(count.max(initial=0) for count in counts.values())
     edges = np.arange(-0.5, top + 1.5)
     for k, (index, count) in enumerate(counts.items()):
-        strain = style.percent(source.strain_of(index))
+        strain = style.strain(source.strain_of(index))
         left.stairs(
             np.histogram(count, edges)[0],
             edges,
@@ -162,6 +165,7 @@ def draw_active_contacts(source):
             markersize=3,
             label=label,
         )
+    shade(source, right)
     right.set(xlabel=over, ylabel="Coordination number, $Z$: –")
     right.set_ylim(bottom=0)
     legends(left, right)
@@ -214,6 +218,7 @@ def draw_ages(source):
             label=label,
         )
         table[f"share of {column} [-]"] = share
+    shade(source, axis)
     axis.set(xlabel=over, ylabel="Active since then or longer: %", ylim=(0, 102))
     legends(axis)
     return Drawing(

@@ -111,6 +111,7 @@ class Job:
     figures: object  #: folder
     grains: tuple | None  #: as of `write_report`
     points: tuple | None
+    chain_angle: float  #: [degrees]
     no_pictures: str | None  #: why nothing in space can be drawn
     states: list | None = None  #: that can be read; None: to be found out by reading them
 
@@ -184,7 +185,7 @@ def _told(number):
 
 def draw_job(job):
     """Draw what a job names, in a process of its own; list of :class:`Part`."""
-    source = _source(job.run, job.grains, job.points)
+    source = _source(job.run, job.grains, job.points, job.chain_angle)
     source.no_pictures = job.no_pictures
     if job.states is not None:
         source.run.stored_states = job.states
@@ -193,9 +194,9 @@ def draw_job(job):
 
 
 @lru_cache(maxsize=1)
-def _source(folder, grains, points):
+def _source(*arguments):
     """What the jobs of one process draw from."""
-    return Source(folder, grains, points)
+    return Source(*arguments)
 
 
 def _draw_all(source, job):
@@ -244,7 +245,7 @@ def _tables(name, source, figures):
     if last is not None and (why := localisation.too_few(len(last.grain_means[0]))):
         about.append(("Localisation", f"not drawn: {why}"))
     try:
-        tables = [("Largest values of the loading stage", largest_values(history, last))]
+        tables = [("Largest values of the loading stage", largest_values(history, last, last and source.get("at_zero")))]
     except DAMAGE as error:
         missing.append(f"No table of largest values: {damaged(error)}.")
         tables = []

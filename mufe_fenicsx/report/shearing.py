@@ -7,10 +7,11 @@ from mufe_fenicsx.analysis.rows import branches
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import shared_legend, without_spikes
+from mufe_fenicsx.report.curves import shade_dynamic
 from mufe_fenicsx.report.figure import Drawing
 
 NAME = "shear"
-GAMMA = r"Shear strain, $\gamma$"
+GAMMA = r"Shear strain, $\gamma$: –"
 #: What the letters after the names of columns mean.
 WHERE = {"xz": "of the top along x", "tz": "of platens that turn"}
 
@@ -35,13 +36,14 @@ def draw_shear(source):
     panels = (
         (gamma, tau / factor, GAMMA, label),
         (normal / across, tau / factor, rf"Vertical stress, $\sigma_z$: {unit_across}", label),
-        (gamma, 100 * volume, GAMMA, r"Volumetric strain, $\varepsilon_{\mathrm{vol}}$: %"),
+        (gamma, volume, GAMMA, r"Volumetric strain, $\varepsilon_{\mathrm{vol}}$: –"),
     )
     for i, (axis, (x, y, label_x, label_y)) in enumerate(zip(axes, panels, strict=True)):
         for number, part in enumerate(branches(history)):
             colour = style.SERIES[number % len(style.SERIES)]
             line = style.LINES[number // len(style.SERIES) % len(style.LINES)]
             axis.plot(x[part.rows], y[part.rows], line, color=colour, label=part.stage)
+        shade_dynamic(axis, source, x, y, span=False)
         axis.axhline(0, color=style.GREY, linewidth=0.5, zorder=0)
         axis.set(xlabel=label_x, ylabel=label_y)
         without_spikes(axis, x, y)

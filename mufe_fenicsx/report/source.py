@@ -1,6 +1,6 @@
 """What the figures of a run are drawn from, each thing read or computed once."""
 
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -41,9 +41,12 @@ class ReadableRun(Run):
     def _network(self, number):
         return self._once("network", number, super()._network)
 
+    chain_angle = 45.0  #: of force chains [degrees]
+
     def contact_table(self, number=-1):
         """Active contacts of a state, as `Run.contact_table`, read once."""
-        return self._once("contact table", number, super().contact_table)
+        read = partial(super().contact_table, angle=self.chain_angle)
+        return self._once("contact table", number, read)
 
     def _once(self, what, number, read):
         """What several figures need of a state, read once."""
@@ -70,24 +73,27 @@ class Source:
         folder: The run folder.
         grains: Labels of the grains that are shown one by one; None: three by their stress.
         points: Places whose course is shown [m], shape (num_points, 3); None: two by stress.
+        chain_angle: Of force chains [degrees].
 
     Raises:
         InputError: There is no run; from each attribute, that it cannot be had.
     """
 
-    def __init__(self, folder, grains=None, points=None):
+    def __init__(self, folder, grains=None, points=None, chain_angle=45.0):
         self.run = ReadableRun(folder)
+        self.run.chain_angle = chain_angle
         self.folder = self.run.path
         self._grains, self._points = grains, points
         self._probe = None
 
     @property
     def asked(self):
-        """Grains and points that were asked for, as tuples, None where none were."""
+        """Grains and points that were asked for, as tuples, None where none were, and the angle."""
         points = self._points
         return (
             tuple(self._grains) if self._grains else None,
             tuple(map(tuple, points)) if points is not None and len(points) else None,
+            self.run.chain_angle,
         )
 
     def get(self, name):
@@ -153,7 +159,7 @@ class Source:
             return False
 
     def over(self, strain, time):
-        """What curves are drawn over, and its label: strain [%], or time.
+        """What curves are drawn over, and its label: strain [-], or time.
 
         It is time where the strain turns back, and where tools load, as it stays zero there.
 
@@ -162,7 +168,7 @@ class Source:
             time: Of the same rows or states [s].
         """
         if not self.turns_back and tool_load(self.history) is None:
-            return 100 * np.asarray(strain), style.STRAIN
+            return np.asarray(strain), style.STRAIN
         factor, unit = style.unit_of(self.history["time"], "s")
         return np.asarray(time) / factor, f"Time: {unit}"
 
@@ -321,9 +327,14 @@ class Source:
 
     @cached_property
     def motion(self):
-        """Of the grains, from the reference configuration to the last state."""
+        """Of the grains, from strain 0, the first stored state, to the last one."""
         state = self.end
-        return kinematics.grain_motion(state.reference, state.points, state.cells, state.grain)
+        return kinematics.grain_motion(self.at_zero, state.points, state.cells, state.grain)
+
+    @cached_property
+    def at_zero(self):
+        """Nodes at strain 0, in the order of those of the last state [m], (num_nodes, 3)."""
+        return self.end.stored.points_of(self.start.stored)
 
     @cached_property
     def chosen(self):

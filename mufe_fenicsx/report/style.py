@@ -58,7 +58,7 @@ SERIES = (BLUE, RED, GREEN, ORANGE, PINK, SKY, BLACK, GREY)
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
-STRAIN = r"Vertical strain, $\varepsilon$: %"
+STRAIN = r"Vertical strain, $\varepsilon$: –"
 #: Line and colour of a stage in which strain grows, falls, and grows again.
 BRANCHES = {"loading": ("-", BLUE), "unloading": ("--", ORANGE), "reloading": ("-.", GREEN)}
 
@@ -161,9 +161,14 @@ def panel_letter(axis, index):
     axis.set_title(f"({'abcdefghijkl'[index]})", loc="left", fontweight="bold")
 
 
-def percent(strain):
-    """A strain in per cent, plain: "0 %" where it is below a hundredth of a per cent."""
-    return f"{round(100 * strain, 2) + 0.0:.3g} %"  # + 0.0: no minus sign before 0
+def strain(value):
+    """A strain as a plain number, "0" where it is below a ten-thousandth."""
+    return f"{round(value, 4) + 0.0:.4g}"  # + 0.0: no minus sign before 0
+
+
+def percent(part):
+    """A part in per cent, plain: "0 %" where it is below a hundredth of a per cent."""
+    return f"{round(100 * part, 2) + 0.0:.3g} %"  # + 0.0: no minus sign before 0
 
 
 def heading(axis, text):

@@ -59,12 +59,14 @@ def run_rows(run):
     return [(name, value) for name, value in rows if value]
 
 
-def largest_values(history, last):
+def largest_values(history, last, at_zero=None):
     """Rows (name, value, where) of the largest values.
 
     Args:
         history: dict column -> array with at least one row, or None.
         last: Last stored State, or None.
+        at_zero: Its nodes at strain 0 [m], shape (num_nodes, 3); None: in the reference
+            configuration.
     """
     rows = []
     if history is not None:
@@ -103,11 +105,11 @@ def largest_values(history, last):
             rows.append(_at("Closed contact points", history, "num_contacts", None, loading))
             rows.append(_at("Grains in contact", history, "num_active_grains", None, loading))
     if last is not None:
-        rows += _state_rows(last)
+        rows += _state_rows(last, at_zero)
     return rows
 
 
-def _state_rows(state):
+def _state_rows(state, at_zero):
     where = f"last stored state, strain {state.strain:.4f}"
     grain = state.grain[int(np.argmax(state.von_mises))]
     label, mean = state.most_loaded_grain()
@@ -124,8 +126,10 @@ def _state_rows(state):
     if state.has("contact_pressure"):
         pressure = state.field("contact_pressure").max()
         rows.append(("Contact pressure", quantity(pressure, "Pa"), where))
-    moved = np.linalg.norm(state.points - state.reference, axis=1).max()
-    rows.append(("Displacement", quantity(moved, "m"), where))
+    start = state.reference if at_zero is None else at_zero
+    moved = np.linalg.norm(state.points - start, axis=1).max()
+    since = "" if at_zero is None else " since strain 0"
+    rows.append((f"Displacement{since}", quantity(moved, "m"), where))
     return rows
 
 

@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mufe_fenicsx.analysis.same_nodes import same_nodes
 from mufe_fenicsx.container import CYLINDER, WALLS
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.packing import GRID_STEPS, Packer, to_bytes, to_grid
-from mufe_fenicsx.report.surfaces import NodeMeans, grain_surfaces, same_nodes, thinned
+from mufe_fenicsx.report.surfaces import NodeMeans, grain_surfaces, thinned
 from mufe_fenicsx.report.view_tables import PALETTE, pack_columns, pack_contacts
 
 #: Size that the packed data aim at [characters]; each node takes so many, once and a stage.

@@ -57,7 +57,7 @@ def draw_stress_3d(source):
         axis.imshow(render([layer], camera, pixels, _lines(source, state)))
         axis.set_axis_off()
         style.panel_letter(axis, i)
-        style.heading(axis, rf"$\varepsilon$ = {style.percent(state.strain)}")
+        style.heading(axis, rf"$\varepsilon$ = {style.strain(state.strain)}")
         columns[f"mean von Mises stress at strain {state.strain:.6g} [Pa]"] = state.grain_means[1]
     style.scale_bar(axes[0], 2 * camera.half_height * aspect)
     colour_bar(figure, axes, limit, style.STRESS_MAP, VON_MISES, "Pa", "max")
@@ -92,15 +92,20 @@ def _space(source):
 
 
 def draw_cut(source):
-    """Von Mises stress in the vertical plane through the middle of the sample, grains outlined."""
+    """Von Mises stress in the vertical plane through the most loaded grain, grains outlined."""
     end = source.end
     box = end.box(source.start)
     across, normal = 0, (0, 1, 0)
     middle = box.mean(axis=0)
     y = end.points[:, 1][end.cells]
+    label, mean = end.most_loaded_grain()
+    through = f"grain {label}, the most loaded" if mean > 0 else "the middle"
+    if mean > 0:
+        own = end.grain == label
+        middle[1] = end.volume[own] @ y[own].mean(axis=1) / end.volume[own].sum()
     crossed = (y.min(axis=1) <= middle[1]) & (y.max(axis=1) >= middle[1])
     if not crossed.any():
-        raise InputError("no grain reaches the plane through the middle")
+        raise InputError(f"no grain reaches the plane through {through}")
     cut = end.grid(crossed, von_mises=end.von_mises, grain=end.grain)
     cut = cut.slice(normal=normal, origin=middle)
     outline = end.surface().slice(normal=normal, origin=middle)
@@ -139,7 +144,7 @@ def draw_cut(source):
     return Drawing(
         "stress-cut",
         figure,
-        f"Von Mises stress in the vertical plane through the middle, strain {end.strain:.3f}",
+        f"Von Mises stress in the vertical plane through {through}, strain {end.strain:.3f}",
         f"Black lines are the surfaces of grains, the grey frame is {_space(source)}. "
         f"{'Orange lines are the tools. ' if tools is not None else ''}Force chains "
         "appear as bands of high stress from contact to contact. A stress that jumps between "

@@ -6,7 +6,7 @@ import matplotlib
 import numpy as np
 
 import mufe_fenicsx
-from mufe_fenicsx.analysis.checks import where, worst_of
+from mufe_fenicsx.analysis.checks import worst_of
 from mufe_fenicsx.analysis.cycles import find_cycles
 from mufe_fenicsx.analysis.probes import find_cells
 from mufe_fenicsx.analysis.rows import branches, tool_load, tool_names
@@ -29,7 +29,8 @@ FOOTER = (
 )
 
 
-def write_report(runs, output=None, grains=None, points=None, only=None, skip=None, *, processes=1):
+def write_report(runs, output=None, grains=None, points=None, only=None, skip=None, *, processes=1,
+                 chain_angle=45.0):
     """Write ``report.html``, and ``figures`` as PNG, PDF and CSV.
 
     Of one run: what happened in it. Of several: their curves over each other. A run that stopped
@@ -45,11 +46,12 @@ def write_report(runs, output=None, grains=None, points=None, only=None, skip=No
         processes: That draw one run's figures together; 0: as many as there are cores and
             memory for. A script that gives another number than 1 has to do so below
             ``if __name__ == "__main__":``.
+        chain_angle: Between force chains and the major stress of their grains at most [degrees].
 
     Returns:
         dict of plain values: ``report`` (path), ``figures`` (paths of the pictures), ``missing``
-        (sentences), ``checks`` (a dict name, target, largest, mean, passed, grade, since each;
-        that named "trusted" has the strain from which on the test is quasi-static as ``since``),
+        (sentences), ``checks`` (a dict name, target, largest, mean, passed, grade, since each, the
+        strain from which on it is met, and its stage; the first, named "all", is the verdict),
         ``passed`` (all checks).
 
     Raises:
@@ -59,7 +61,9 @@ def write_report(runs, output=None, grains=None, points=None, only=None, skip=No
     folders = [Path(runs)] if isinstance(runs, str | Path) else [Path(run) for run in runs]
     if len(folders) == 1:
         wanted = _wanted(only, skip, NAMES)
-        report = _RunReport(folders[0], output, grains, points, wanted, only, processes)
+        report = _RunReport(
+            folders[0], output, (grains, points, chain_angle), wanted, only, processes
+        )
     else:
         if grains or points:
             raise InputError("grains or points chosen for several runs, expected one run")
@@ -122,6 +126,7 @@ class _Report:
                     "passed": c.passed,
                     "grade": c.grade,
                     "since": _plain(c.since),
+                    "stage": c.stage,
                     "text": c.text,
                 }
                 for c in checks
@@ -146,8 +151,10 @@ class _Report:
 class _RunReport(_Report):
     """The report of one run."""
 
-    def __init__(self, folder, output, grains, points, wanted, only, processes):
-        self.source = Source(folder, grains, points)
+    def __init__(self, folder, output, asked, wanted, only, processes):
+        self.source, (grains, points, angle) = Source(folder, *asked), asked
+        if not 0 < angle <= 90:
+            raise InputError(f"chain_angle = {angle} degrees, expected 0 < angle <= 90")
         absent = _not_of_this_test(self.source)  # unless asked for, not said to lack
         wanted = [name for name in wanted if name not in absent or name in (only or ())]
         super().__init__(folder if output is None else output)
@@ -188,7 +195,9 @@ class _RunReport(_Report):
                 ("Unusual values", lines, ("What the scene says, and what is usual",)),
                 *tables,
             ]
-        self._page(title, lead, checks, tables, self.view.content)
+        # One verdict, the strictest, before all else.
+        verdict = checks[0].text if checks else ""
+        self._page(title, f"{lead} {verdict}".rstrip(), checks, tables, self.view.content)
         return checks
 
     def _lead(self, run, history):
@@ -205,9 +214,7 @@ class _RunReport(_Report):
         if history is not None:
             parts.append(f"vertical strain {history['strain'][-1]:.4g}")
             parts.append(f"vertical stress {style.quantity(history['stress'][-1], 'Pa', 4)}")
-        row = None if history is None else self.source.trust.row
-        begin = "" if row is None else f" Trusted from {where(history, row)} on."
-        return "; ".join(parts) + f" at the end.{begin}"
+        return "; ".join(parts) + " at the end."
 
 
 def _not_of_this_test(source):

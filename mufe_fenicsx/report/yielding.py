@@ -7,6 +7,7 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.measure import boundary_triangles
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import legends
+from mufe_fenicsx.report.curves import shade
 from mufe_fenicsx.report.figure import Drawing
 from mufe_fenicsx.report.sample import State
 from mufe_fenicsx.report.views import add_outline, colour_bar, cut_collection, polygons
@@ -37,6 +38,7 @@ def draw_yield(source):
             markersize=3,
             label=label,
         )
+    shade(source, left)
     left.set(xlabel=over, ylabel="Yielded: %", ylim=(0, 105))
     beyond = _draw_places(middle, table)
     tables = {
@@ -144,9 +146,9 @@ def _draw_cut(figure, axis, source, grain, index):
 
     values = np.asarray(cut.cell_data["plastic_strain"])
     faces = polygons(cut.faces)
-    limit = style.round_limit(100 * max(values.max(initial=0), plastic.max()))
+    limit = style.round_limit(max(values.max(initial=0), plastic.max()))
     shapes = [plane(cut.points[f]) for f in faces]
-    axis.add_collection(cut_collection(shapes, 100 * values, limit, "magma_r"))
+    axis.add_collection(cut_collection(shapes, values, limit, "magma_r"))
     add_outline(axis, [plane(outline.points[line]) for line in polygons(outline.lines)])
     axis.plot(0, 0, "x", color=style.BLUE, markersize=5)
     axis.autoscale_view()
@@ -158,7 +160,7 @@ def _draw_cut(figure, axis, source, grain, index):
         [axis],
         limit,
         "magma_r",
-        "plastic strain: %",
+        "plastic strain: –",
         "",
         ticks=[0, 0.5 * limit, limit],
         shrink=0.6,

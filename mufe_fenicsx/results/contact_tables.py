@@ -12,29 +12,33 @@ from .columns import STRESS, vectors
 from .grain_tables import grain_volumes
 
 
-def contact_table(run, number=-1):
+def contact_table(run, number=-1, angle=45.0):
     """Active contacts of a stored state with their part in the network.
 
-    The columns of the stored table, and ``ratio`` f/<f> of the normal force over the mean of its
-    kind (between grains, or with walls), ``strong`` (at least 1), ``mobilised`` (friction over
-    μ times the normal force), ``sliding``, and ``chain`` (both grains are linked in one; its
-    number, -1: none).
+    The columns of the stored table, and ``ratio`` f/<f> of the normal force over the mean of those
+    between grains (of those with walls where no grains touch), ``strong`` (at least 1),
+    ``mobilised`` (friction over μ times the normal force), ``sliding``, and ``chain`` (both grains
+    are linked in one; its number, -1: none).
+
+    Args:
+        run: :class:`~mufe_fenicsx.results.run.Run`.
+        number: Of the stored state; -1 is the last.
+        angle: Of force chains [degrees], as of
+            :func:`~mufe_fenicsx.analysis.contact_forces.force_chains`.
     """
     contacts, grains = run.contacts(number), run.grains(number)
     contacts = contacts[contacts["num_points"] > 0].reset_index(drop=True)
     force = contacts["normal_force"].to_numpy(dtype=float)
     wall = contacts["grain_b"].to_numpy() == 0
-    ratio = np.full(force.shape, np.nan)
-    for kind in (wall, ~wall):
-        if kind.any() and force[kind].mean() > 0:
-            ratio[kind] = force[kind] / force[kind].mean()
+    inner = force[~wall] if (~wall).any() else force
+    ratio = force / inner.mean() if inner.size and inner.mean() > 0 else np.full(force.shape, np.nan)
     contacts["ratio"], contacts["strong"] = ratio, ratio >= 1
     mobilised = contact_forces.mobilised_friction(
         vectors(contacts, "force"), vectors(contacts, "friction"), _friction(run, contacts)
     )
     contacts["mobilised"] = mobilised
     contacts["sliding"] = np.nan_to_num(mobilised) >= contact_forces.SLIDING
-    chains, first = _chains(run, number, contacts, grains)
+    chains, first = _chains(run, number, contacts, grains, angle)
     number_of_chain = np.full(force.shape, -1)
     number_of_chain[~wall] = np.where(chains.links, chains.chain[first], -1)
     contacts["chain"] = number_of_chain
@@ -71,7 +75,7 @@ def _kinetic(table):
     return float(table.get("friction_kinetic", table["friction"]))
 
 
-def _chains(run, number, active, grains):
+def _chains(run, number, active, grains, angle):
     """Force chains of a state, and the first grain of each active contact between grains."""
     labels = grains["grain"].to_numpy()
     wall = active["grain_b"].to_numpy() == 0
@@ -85,7 +89,9 @@ def _chains(run, number, active, grains):
     stress = contact_forces.contact_stress_of_grains(
         first, second, vectors(active, "force"), vectors(active, "centroid"), centre, volume
     )
-    chains = contact_forces.force_chains(stress, centre, first[~wall], second[~wall])
+    chains = contact_forces.force_chains(
+        stress, centre, first[~wall], second[~wall], angle, force=vectors(active, "force")[~wall]
+    )
     return chains, first[~wall]
 
 

@@ -19,7 +19,7 @@ def grain_volumes(state):
 def grain_table(run, number=-1):
     """Form, motion and stress of each grain at a stored state, a row a grain.
 
-    Columns: ``grain`` (label), ``volume`` [m³]; ``inertia_1`` … ``inertia_3``, principal moments in
+    Motion counts from strain 0, the first stored state. Columns: ``grain`` (label), ``volume`` [m³]; ``inertia_1`` … ``inertia_3``, principal moments in
     the reference configuration for unit density [m⁵]; ``translation_x`` …, ``rotation_x`` …
     (rotation vector [rad]), ``angle`` [rad], ``misfit`` [m] of the best rigid motion;
     ``volume_strain`` and ``shear_strain`` (√(2/3 e:e) of the deviator) of what it leaves;
@@ -30,7 +30,8 @@ def grain_table(run, number=-1):
     state = run.state(number)
     mesh = state.cells, state.grain
     form = inertia.grain_inertia(state.reference, *mesh)
-    motion = kinematics.grain_motion(state.reference, state.points, *mesh)
+    first = run.state(int(run.states.index[0]))
+    motion = kinematics.grain_motion(state.points_of(first), state.points, *mesh)
     found = grain_stress.grain_stress(
         state.stress, state.von_mises, state.plastic_strain, state.volume, state.grain
     )

@@ -295,12 +295,12 @@ class Run:
         """
         graph.write_graphml(self, path, number)
 
-    def contact_table(self, number: int = -1) -> pandas.DataFrame:
+    def contact_table(self, number: int = -1, angle: float = 45.0) -> pandas.DataFrame:
         """Active contacts with their part in the network, a DataFrame.
 
         See :func:`mufe_fenicsx.results.contact_tables.contact_table`.
         """
-        return contact_tables.contact_table(self, number)
+        return contact_tables.contact_table(self, number, angle)
 
     def contact_ages(self, number: int = -1) -> pandas.DataFrame:
         """Since when each active contact has been active, a DataFrame with a row a contact.

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..analysis.by_grain import index_grains
+from ..analysis.same_nodes import same_nodes
 from ..errors import InputError
 from ..geometry.measure import renumbered, tet_volumes
 from ..output.fields import read_arrays
@@ -104,6 +105,11 @@ class State:
     def points(self) -> np.ndarray:
         """Nodes now [m], shape (num_nodes, 3)."""
         return self.reference + self.displacement
+
+    def points_of(self, other: "State") -> np.ndarray:
+        """Nodes of another state of the run, in the order of these [m], shape (num_nodes, 3)."""
+        meshes = [(s.reference, s.cells, s.grain) for s in (self, other)]
+        return other.points[same_nodes(*meshes)]
 
     @cached_property
     def stress(self) -> np.ndarray:

@@ -40,7 +40,7 @@ def draw_scan(path, grey, labels, packing, which, voxel_size):
         right.imshow(colours[labels[middle]], **shown)
         height = (middle + 0.5) * voxel_size / unit
         for axis, title in ((left, "grey levels"), (right, "true labels")):
-            axis.set(xlabel=f"x [{name}]", ylabel=f"y [{name}]")
+            axis.set(xlabel=f"x: {name}", ylabel=f"y: {name}")
             axis.set_title(f"{title}, z = {height:.3g} {name}", fontsize=9)
             axis.spines[:].set_visible(True)
         if failure:
@@ -50,7 +50,7 @@ def draw_scan(path, grey, labels, packing, which, voxel_size):
         space.set_title(f"the {len(which)} grains of the image, whole", fontsize=9)
         space.axis("off")
         levels.hist(grey.ravel()[:: max(1, grey.size // 10**6)], bins=200, color="#33658a")
-        levels.set(xlabel="grey level [-]", ylabel="voxels in a bin (subset) [-]")
+        levels.set(xlabel="grey level: –", ylabel="voxels in a bin (subset): –")
         figure.savefig(path)
 
 

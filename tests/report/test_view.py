@@ -22,7 +22,7 @@ from mufe_fenicsx.report.packing import (
     unpack,
 )
 from mufe_fenicsx.report.page import write_page
-from mufe_fenicsx.report.surfaces import same_nodes
+from mufe_fenicsx.analysis.same_nodes import same_nodes
 from mufe_fenicsx.report.view import make_view
 from mufe_fenicsx.report.view_data import A_STAGE, ONCE, view_data
 from mufe_fenicsx.results import Run

@@ -10,6 +10,8 @@ LEAST_HEIGHT, ORDERED = 2.0, 5.0
 REACHES = 0.95
 #: So many grains are named.
 NAMED = 5
+#: With fewer grains nothing is said of a sample.
+FEW = 8
 
 
 def median_diameter(volumes):
@@ -41,17 +43,18 @@ def words_of_height(diameters):
     return f"{ORDERED:g} or more"
 
 
-def warnings_of_proportions(labels, low, high, volumes, few=8):
-    """Lines about a heap of grains that is no sample; none of fewer grains than ``few``.
+def warnings_of_proportions(grains):
+    """Lines about a heap of grains that is no sample; none of fewer than FEW.
 
     Args:
-        labels, low, high: As of :func:`bridges`.
-        volumes: Of the grains [m³], shape (num_grains,).
+        grains: :class:`~mufe_fenicsx.geometry.grains.Grains`.
     """
-    if len(labels) < few:
+    labels, starts = grains.labels, grains.node_offset[:-1]
+    if len(labels) < FEW:
         return []
-    box = np.array([np.min(low, axis=0), np.max(high, axis=0)])
-    diameters = float(np.ptp(box, axis=0)[2] / median_diameter(volumes))
+    low, high = (least.reduceat(grains.points, starts) for least in (np.minimum, np.maximum))
+    box = np.array([low.min(axis=0), high.max(axis=0)])
+    diameters = float(np.ptp(box, axis=0)[2] / median_diameter(grains.volumes))
     lines = [
         f"{'grain' if len(own) == 1 else 'grains'} {', '.join(map(str, own[:NAMED]))}"
         f"{f' and {len(own) - NAMED} more' if len(own) > NAMED else ''} "

@@ -31,7 +31,7 @@ def draw_shapes(path, rows):
             f"$d_{{50}}$ = {d50:.3g} {name}, $C_u$ = $d_{{60}}/d_{{10}}$ = {d60 / d10:.2f}",
             fontsize=9,
         )
-        sizes.set(xlabel=f"equivalent diameter [{name}]", ylabel="finer by mass [%]", ylim=(0, 100))
+        sizes.set(xlabel=f"equivalent diameter: {name}", ylabel="finer by mass: %", ylim=(0, 100))
 
         flatness, elongation = _columns(rows, "flatness", "elongation")
         zingg.plot(flatness, elongation, ".", color=BLUE, ms=4, alpha=0.7)
@@ -51,7 +51,7 @@ def draw_shapes(path, rows):
         bins = np.linspace(low, max(1.0, sphericity.max()), 25)
         form.hist(sphericity, bins, color=BLUE, alpha=0.7, label="sphericity")
         form.hist(convexity, bins, color=RED, alpha=0.5, label="convexity")
-        form.set(xlabel="sphericity, convexity [-]", ylabel="grains")
+        form.set(xlabel="sphericity, convexity: –", ylabel="grains")
         form.legend(frameon=False, fontsize=8)
         figure.supxlabel(LENGTHS.replace(">=", "≥"), fontsize=7, color="0.4")
         figure.savefig(path)

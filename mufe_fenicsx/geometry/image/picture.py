@@ -69,7 +69,7 @@ def draw_segmentation(path, grey, labels, voxel_size, inside=None, cylinder=None
             top.add_collection(LineCollection(lines, colors=RED, linewidths=0.9))
             bottom.imshow(colours[part_labels], **shown)
             for axis in (top, bottom):
-                axis.set(xlabel=f"{across} [{name}]", ylabel=f"{up} [{name}]")
+                axis.set(xlabel=f"{across}: {name}", ylabel=f"{up}: {name}")
                 axis.spines[:].set_visible(True)
             normal = "xyz".replace(across, "").replace(up, "")
             position = (middle["zyx".index(normal)] + 0.5) * size
@@ -114,9 +114,9 @@ def draw_quality(path, rows, h):
     rows = [row for row in rows if row["status"] == "ok"]
     unit, name = length_unit(h)
     panels = (
-        ("tets", "tetrahedra per grain [-]"),
-        ("volume_ratio", "mesh volume off that given [%]"),
-        ("min_altitude_over_h", "smallest altitude / $h$ [-]"),
+        ("tets", "tetrahedra per grain: –"),
+        ("volume_ratio", "mesh volume off that given: %"),
+        ("min_altitude_over_h", "smallest altitude / $h$: –"),
         ("min_dihedral_deg", "smallest dihedral angle [°]"),
     )
     with matplotlib.rc_context(STYLE):
@@ -142,7 +142,7 @@ def draw_quality(path, rows, h):
                 linewidth=0.4,
             )
             axis.axvline(values.mean(), color=RED, linewidth=1.2)
-            axis.set(xlabel=label, ylabel="grains [-]")
+            axis.set(xlabel=label, ylabel="grains: –")
             axis.xaxis.get_major_locator().set_params(nbins=5)
             axis.yaxis.get_major_locator().set_params(integer=True)
             low, mean, high = (

@@ -42,10 +42,10 @@ def draw_packing(path, assembly, unit):
         profile.axvline(assembly.solid_fraction, color=RED, lw=0.9, ls="--")
         profile.text(assembly.solid_fraction, 1.02, "mean", color=RED, ha="center",
                      transform=profile.get_xaxis_transform())  # fmt: skip
-        profile.set(xlabel="solid fraction [-]", ylabel=f"height z [{name}]", xlim=(0, 1))
+        profile.set(xlabel="solid fraction: –", ylabel=f"height z: {name}", xlim=(0, 1))
         bins = np.arange(count.max() + 2) - 0.5
         contacts.hist(count, bins=bins, color=BLUE, edgecolor="white", linewidth=0.5)
-        contacts.set(xlabel="contacts with other grains [-]", ylabel="grains [-]")
+        contacts.set(xlabel="contacts with other grains: –", ylabel="grains: –")
         for axis in (contacts.xaxis, contacts.yaxis):
             axis.get_major_locator().set_params(integer=True)
         figure.savefig(path)
