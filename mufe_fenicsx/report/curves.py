@@ -5,7 +5,13 @@ from matplotlib.ticker import FuncFormatter
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
 from mufe_fenicsx.analysis.checks import TARGETS, judged_rows
-from mufe_fenicsx.analysis.rows import branches, is_constrained, largest, loading_rows
+from mufe_fenicsx.analysis.rows import (
+    branches,
+    is_constrained,
+    largest,
+    loading_rows,
+    waiting_rows,
+)
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
 from mufe_fenicsx.report.axes import legends, shared_legend, without_spikes
@@ -49,7 +55,10 @@ def draw_stress_strain(source):
         axis.plot(
             strain[~loading], stress[~loading], color=style.GREY, linewidth=0.9, label="seating"
         )
-    draw_branches(axis, strain, stress, branches(history), "platens")
+    waits = waiting_rows(history)
+    draw_branches(axis, strain, np.where(waits, np.nan, stress), branches(history), "platens")
+    if waits.any():
+        axis.plot(strain[waits], stress[waits], ",", color=style.BLUE)
     tables = {
         "": {
             "strain [-]": history["strain"],
@@ -84,6 +93,8 @@ def draw_stress_strain(source):
         "Strain counts from the end of seating, so that gaps left by the segmentation do not count."
     )
     about += _about_branches(source)
+    if waits.any():
+        about += " Points without a line: the test waits for a stress at a strain that is reached."
     if shaded:
         about += f" {DYNAMIC}"
     if contacts is not None:

@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import EllipseCollection
 from matplotlib.colors import Normalize
+from matplotlib.ticker import MaxNLocator
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style
@@ -207,7 +208,7 @@ def draw_split(source):
             location="bottom",
             shrink=0.85,
             pad=0.03,
-            ticks=[0, 0.5 * limit, limit],
+            ticks=MaxNLocator(4),
         )
     style.scale_bar(axes[0], 2 * camera.half_height * aspect)
     left, right = lower.subplots(ncols=2, width_ratios=[2, 1])

@@ -21,6 +21,7 @@ from mufe_fenicsx.report import (
     localisation,
     motion,
     network,
+    parameters,
     shearing,
     style,
     tools,
@@ -28,6 +29,7 @@ from mufe_fenicsx.report import (
     views,
     yielding,
 )
+from mufe_fenicsx.output.run_folder import write_atomically
 from mufe_fenicsx.report.figure import save, save_tables
 from mufe_fenicsx.report.source import Source
 from mufe_fenicsx.report.summary import (
@@ -72,6 +74,9 @@ FIGURES = (
 NAMES = tuple(name for name, _, _ in FIGURES)
 #: What is no figure: the bodies that the page turns, and its tables.
 VIEW, TABLES = "view", "tables"
+
+#: Heading of the table of parameters, with the files for a paper.
+PARAMETERS = "Parameters (figures/parameters.csv, figures/parameters.tex)"
 
 #: What several processes take one by one: parts that need the same data, the longest first.
 GROUPS = (
@@ -251,6 +256,17 @@ def _tables(name, source, figures):
         tables = []
     if source.get("classes"):
         tables.append(contact_rows(source))
+    about_test = []
+    try:
+        about_test = parameters.parameter_rows(source)
+        if history is not None and "void_ratio" in history:
+            tables.append(parameters.void_rows(history))
+    except DAMAGE as error:
+        missing.append(f"No table of parameters: {damaged(error)}.")
+    if about_test:
+        save_tables(parameters.NAME, {"": parameters.to_csv(about_test)}, figures)
+        write_atomically(figures / f"{parameters.NAME}.tex", parameters.to_latex(about_test))
+        tables.insert(0, (PARAMETERS, about_test))
     try:
         columns = grains.table_of_inertia(source)
     except DAMAGE as error:

@@ -134,14 +134,14 @@ class _Report:
             "passed": bool(checks) and all(c.passed for c in checks),
         }
 
-    def _page(self, title, lead, checks, tables, view=None):
+    def _page(self, title, lead, checks, tables, view=None, more=()):
         write_page(
             self.output / "report.html",
             title,
             lead,
             checks,
             self.missing,
-            [picture.row for picture in self.pictures],
+            [*(picture.row for picture in self.pictures), *more],
             tables,
             FOOTER,
             view,
@@ -197,7 +197,8 @@ class _RunReport(_Report):
             ]
         # One verdict, the strictest, before all else.
         verdict = checks[0].text if checks else ""
-        self._page(title, f"{lead} {verdict}".rstrip(), checks, tables, self.view.content)
+        lead = f"{lead} {verdict}".rstrip()
+        self._page(title, lead, checks, tables, self.view.content, _scan(self.folder))
         return checks
 
     def _lead(self, run, history):
@@ -215,6 +216,15 @@ class _RunReport(_Report):
             parts.append(f"vertical strain {history['strain'][-1]:.4g}")
             parts.append(f"vertical stress {style.quantity(history['stress'][-1], 'Pa', 4)}")
         return "; ".join(parts) + " at the end."
+
+
+def _scan(folder):
+    """The picture of scan and labels that `mufe segment` drew, as rows of the page."""
+    picture = folder / "labels.png"
+    if not picture.is_file():
+        return []
+    about = "Slices of the image, and grains as they were told apart. File: labels.png."
+    return [(picture, "Scan and labels", about, "wide")]
 
 
 def _not_of_this_test(source):

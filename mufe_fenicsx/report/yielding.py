@@ -88,8 +88,9 @@ def _draw_places(axis, table):
     known = table[np.isfinite(table["contact_radius"])]
     depth = (known["depth"] / known["contact_radius"]).to_numpy()
     aside = (known["edge_distance"] / known["contact_radius"]).to_numpy()
+    near = (aside <= FAR) & (depth <= FAR)
     for k, (under, label) in enumerate(((True, "under a contact"), (False, "beside contacts"))):
-        those = (known["under_contact"] == under).to_numpy()
+        those = (known["under_contact"] == under).to_numpy() & near
         axis.plot(
             np.where(under, -1, 1) * aside[those],
             depth[those],
@@ -102,14 +103,14 @@ def _draw_places(axis, table):
         )
     axis.axvline(0, color=style.GREY, linewidth=0.8, linestyle=":")
     axis.axhline(HERTZ_DEPTH, color=style.GREY, linewidth=0.8, linestyle="--")
-    top = max(1.0, depth.max(initial=0.0))
-    far = float(min(aside.max(initial=1.0), FAR))
-    top = min(top, FAR)
-    beyond = int(((aside > FAR) | (depth > FAR)).sum())
+    top = max(1.0, depth[near].max(initial=0.0))
+    left = np.where(known["under_contact"], -1, 1) * aside
+    right = max(1.0, left[near].max(initial=0.0))
+    beyond = int((~near).sum())
     axis.set(
         xlabel="Outside contact / radius: –",
         ylabel="Depth / contact radius: –",
-        xlim=(-1.1, 1.05 * far),
+        xlim=(min(-1.1, 1.05 * left[near].min(initial=0.0)), 1.05 * right),
         ylim=(1.05 * top, -0.1 * top),
     )
     return beyond
