@@ -84,6 +84,9 @@ def fake_history(num_rows=200, strain=0.1, area=1e-6, height=1e-3):
         h[f"force_{name}"] = (0.3 + 0.02 * i) * force
     h |= {"unbalanced_x": 0 * force, "unbalanced_y": 0 * force}
     set_balance(h)
+    voids = 1.6 * (1 - e) - 1
+    h |= {"void_ratio": voids, "porosity": voids / (1 + voids)}
+    h |= {"void_ratio_inside": voids - 0.1, "void_ratio_error": np.full(e.size, 0.02)}
     h["residual"] = work - sum(h[name] for name in energy_check.ENERGIES)
     return {name: np.asarray(h[name]) for name in history.COLUMNS}
 

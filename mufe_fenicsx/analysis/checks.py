@@ -88,7 +88,7 @@ def ratio(value):
 #: Each check in a word or two.
 NAMES = {
     "all": "all",
-    "trusted": "quasi-static",
+    "trusted": "inertia",
     "kinetic": "kinetic energy",
     "platens": "unbalanced force",
     "tool": "unbalanced force",
@@ -211,15 +211,15 @@ def check_all(history, checks):
     text = f"Trust it from {_start(history)} on: all checks hold."
     if share > 0:
         text = (
-            f"Trust it from {where(history, last.row)} on: all checks hold to the end, last of all "
-            f"that of {NAMES[last.name]}. Before lie {ratio(share)} of the test."
+            f"Trust it from {where(history, last.row)} on: all checks hold to the end, that of "
+            f"{NAMES[last.name]} last. Before lie {ratio(share)} of the test."
         )
     row, since = last.row, last.since
     if share > 1 - UNTRUSTED:
         row, since = None, math.nan
         text = (
-            "Trust no part of the test: all checks hold at its very end alone; last of all that of "
-            f"{NAMES[last.name]}."
+            "Trust no part of the test: all checks hold at its very end alone, that of "
+            f"{NAMES[last.name]} last."
         )
     passed = share <= UNTRUSTED
     return Check("all", UNTRUSTED, share, math.nan, passed, text, since, failed, row)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mufe_fenicsx.analysis.grain_means import void_ratio
-from mufe_fenicsx.analysis.rows import branches
+from mufe_fenicsx.analysis.rows import branches, waiting_rows
 from mufe_fenicsx.analysis.stress_strain import tangent_modulus
 from mufe_fenicsx.container import container_of_history
 
@@ -243,8 +243,10 @@ def triaxial_strength(history, curves):
     """
     p, q, volume = (np.asarray(curves[name]) for name in ("p", "q", "strain_volume"))
     strain, best = np.asarray(history["strain_z"], dtype=float), None
+    waits = waiting_rows(history)
     for branch in branches(history):
         rows = np.arange(len(p))[branch.rows]
+        rows = rows[~waits[rows]]
         rows = rows[p[rows] > LOADED * p.max()]
         if not rows.size or np.ptp(strain[rows]) == 0:
             continue

@@ -34,7 +34,8 @@ class J2(IsotropicSolid):
     """
 
     yield_stress: tuple[tuple[float, float], ...] = setting(
-        REQUIRED, ("-", "Pa"), "plastic strain [-], yield stress of J σ [Pa]", shape=(-1, 2)
+        REQUIRED, ("-", "Pa"), "plastic strain [-], yield stress of J σ [Pa]; beyond the last point as `beyond` says",
+        shape=(-1, 2),
     )
     beyond: str = setting(
         "flat", "", 'the last point of the table: "flat", "slope" or "stop"', allowed=BEYOND

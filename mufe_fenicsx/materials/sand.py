@@ -14,7 +14,7 @@ model = "j2"              # elasto-plastic; or "elastic", "rigid", "auto"
 E = "100 GPa"
 nu = 0.15
 rho = "2650 kg/m^3"
-yield_stress = [[0.0, "{first}"], [0.05, "{last}"]]   # of J σ, at plastic strain
+yield_stress = [[0.0, "{first}"], [0.05, "{last}"]]   # of J σ, at plastic strain; flat beyond
 """
 
 

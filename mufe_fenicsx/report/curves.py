@@ -90,7 +90,8 @@ def draw_stress_strain(source):
     legends(axis)
     about = (
         "The line is the mean force of both platens over the cross-section, compression positive. "
-        "Strain counts from the end of seating, so that gaps left by the segmentation do not count."
+        "Strain counts from the end of seating, or from where stages set it to zero, so that gaps "
+        "left by the segmentation do not count."
     )
     about += _about_branches(source)
     if waits.any():

@@ -113,8 +113,17 @@ def _state_rows(state, at_zero):
     where = f"last stored state, strain {state.strain:.4f}"
     grain = state.grain[int(np.argmax(state.von_mises))]
     label, mean = state.most_loaded_grain()
+    # The law limits τ = J σ: with J of the element, so that σ may exceed the table by 1/J.
+    ratio = state.volume / tet_volumes(state.reference, state.cells)
+    limited = state.von_mises * ratio
+    worst = state.grain[int(np.argmax(limited))]
     rows = [
-        ("von Mises stress", quantity(state.von_mises.max(), "Pa"), f"grain {grain}, {where}"),
+        ("von Mises stress of σ", quantity(state.von_mises.max(), "Pa"), f"grain {grain}, {where}"),
+        (
+            "von Mises stress of Jσ, which yield_stress limits",
+            quantity(limited.max(), "Pa"),
+            f"grain {worst}, {where}",
+        ),
         ("von Mises stress, mean of a grain", quantity(mean, "Pa"), f"grain {label}, {where}"),
     ]
     if state.has("plastic_strain"):

@@ -68,7 +68,8 @@ def draw_stress_3d(source):
         f"Von Mises stress in the deformed grains at strain {strains} (Fig. 13 {PAPER})",
         "All views share the colour scale and the camera (parallel projection; the scale "
         f"bar holds for lengths across the view). Lines show {_space(source)}, and "
-        "sharp edges of tools. "
+        "sharp edges of tools. Where a grain's volume has fallen to the part J, σ may exceed the "
+        "yield stress, which limits Jσ. "
         "One per cent of the cells of a state may exceed the scale.",
         {"": columns},
         "wide",

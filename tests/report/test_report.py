@@ -53,7 +53,7 @@ def test_numbers_of_the_page_are_those_of_the_history(reported, reported_page):
     checks = {c["name"]: c for c in result["checks"]}
     assert checks["residual"]["largest"] == pytest.approx(0.0005, rel=1e-9)
     assert result["passed"]
-    assert page.count("✓ pass") == 9
+    assert page.count("✓ pass") == 12
     assert checks["trusted"]["since"] == 0.0 and checks["trusted"]["largest"] == 0.0
     # All contacts of the lattice have 1.5 elements per radius.
     assert "half of it 1.50, nine tenths 1.50" in page

@@ -41,14 +41,14 @@ def test_a_dynamic_first_half_is_said(tmp_path):
     assert grades == dict.fromkeys(["all", "trusted", "kinetic", "residual"], "warn")
     assert "contacts" not in {c["name"] for c in result["checks"]}  # there are no tables of them
     page = (tmp_path / "report.html").read_text()
-    assert "Trusted from strain 0.0503 on. Before, in 50.25% of the strain, 100% of the" in page
+    assert "Quasi-static from strain 0.0503 on. Before, in 50.25% of the strain, 100% of the" in page
     h["kinetic"] = 0.2 * (h["elastic"] + h["plastic"])
     write_history(tmp_path, h)
     failed = [
         c for c in write_report(tmp_path, only=["stress-strain"])["checks"] if c["grade"] == "fail"
     ]
     assert [c["name"] for c in failed] == ["all", "trusted"] and failed[1]["since"] is None
-    assert "Trusted nowhere" in (tmp_path / "report.html").read_text()
+    assert "Quasi-static nowhere" in (tmp_path / "report.html").read_text()
 
 
 def test_coarse_contacts_are_said(tmp_path):
@@ -82,7 +82,8 @@ def test_coarse_contacts_are_said(tmp_path):
     assert check["since"] == found["all"]["since"] == pytest.approx(0.0625, abs=0.1 / 199)
     assert found["all"]["grade"] == "warn"
     text = (tmp_path / "report.html").read_text()
-    assert "All checks hold from strain 0.06" in text and 'of them is "contacts"' in unescape(text)
+    lead = unescape(re.search(r'<p class="lead">(.*?)</p>', text)[1])
+    assert "Trust it from strain 0.06" in lead and "that of mesh of contacts last" in lead
     (tmp_path / "contacts" / "patches_0002.csv").write_text("grain_a\n1\n")
     result = write_report(tmp_path, only=["forces"])
     assert any(s.startswith("No check of contacts: ") for s in result["missing"])

@@ -76,7 +76,7 @@ def test_each_branch_has_its_line(tmp_path):
     assert set(drawn) == set(style.BRANCHES)
     for kind, (dashes, colour) in style.BRANCHES.items():
         assert drawn[kind].get_linestyle() == dashes and drawn[kind].get_color() == colour
-    assert drawn["unloading"].get_xdata()[[0, -1]] == pytest.approx([2, 1])
+    assert drawn["unloading"].get_xdata()[[0, -1]] == pytest.approx([0.02, 0.01])
     assert len(drawing.figure.axes[0].texts) == 3  # an arrow each
     # Over time what lies over each other in strain is apart.
     assert source.over([0.0], [1e-6])[1].startswith("Time")
