@@ -71,7 +71,10 @@ def find_carriers(contacts, grains, doubted=None):
     doubtful = None
     if doubted is not None and press[inner].sum() > 0:
         pairs = {frozenset(map(int, pair)) for pair in doubted}
-        known = [frozenset(pair) in pairs for pair in zip(a[inner].tolist(), b[inner].tolist())]
+        known = [
+            frozenset(pair) in pairs
+            for pair in zip(a[inner].tolist(), b[inner].tolist(), strict=True)
+        ]
         doubtful = float(press[inner][np.array(known, dtype=bool)].sum() / press[inner].sum())
     return Carriers(
         labels.size, int((load < IDLE * total / labels.size).sum()),

@@ -176,7 +176,10 @@ def check_run(history, mass=None, contacts=None, sample=None):
         values["load"] = stress_strain.lost_load(history)
     lack = lack_of_stress(history)
     if lack is not None:
-        time, window = history["time"], quasi_static.WINDOW * quasi_static.travel_time(history, mass)
+        time, window = (
+            history["time"],
+            quasi_static.WINDOW * quasi_static.travel_time(history, mass),
+        )
         values["held"] = np.abs(quasi_static.mean_of_recent(lack, time, window))
     fault = faults(history)
     targets = [_check(name, history, found, fault) for name, found in values.items()]
@@ -204,7 +207,9 @@ def check_all(history, checks):
     failed = any(c.failed for c in checks)
     if open_at_end:
         fault, names = faults(history), ", ".join(NAMES[name] for name in open_at_end)
-        text = f"Trust no part of the test: {fault or f'checks that do not hold at its end: {names}'}."
+        text = (
+            f"Trust no part of the test: {fault or f'checks that do not hold at its end: {names}'}."
+        )
         return Check("all", UNTRUSTED, math.nan, math.nan, False, text, math.nan, failed)
     last = max(checks, key=lambda c: c.row)
     share = float(course(history)[last.row])

@@ -34,7 +34,9 @@ class J2(IsotropicSolid):
     """
 
     yield_stress: tuple[tuple[float, float], ...] = setting(
-        REQUIRED, ("-", "Pa"), "plastic strain [-], yield stress of J σ [Pa]; beyond the last point as `beyond` says",
+        REQUIRED,
+        ("-", "Pa"),
+        "plastic strain [-], yield stress of J σ [Pa]; beyond the last point as `beyond` says",
         shape=(-1, 2),
     )
     beyond: str = setting(

@@ -70,7 +70,6 @@ def draw_force_chains(source):
         only_chains = k == len(shown)
         ghost = _ghost(state, camera, pixels, state.outline(source.start))
         start, end = _ends(table, source.run.grains(index))
-        place = vectors(table, "centroid")
         ratio = table["ratio"].to_numpy(dtype=float)
         if not only_chains:
             tables[f"state{index}"] = _columns(table, start, end)
@@ -79,15 +78,8 @@ def draw_force_chains(source):
             kept &= table["chain"].to_numpy() >= 0
         image = ghost
         if kept.any():
-            radius = RADIUS * mean_radius * np.sqrt(np.minimum(ratio[kept], LARGEST))
-            # By the point of contact: from centre to centre a tube may leave its grains.
-            halves = [(start, place), (place, end)]
-            halves = [(a[kept], b[kept], radius) for a, b in halves]
-            ends = [np.concatenate(each) for each in zip(*halves, strict=True)]
-            longer = np.linalg.norm(ends[1] - ends[0], axis=1) > 1e-6 * mean_radius  # not on walls
-            points, quads = tubes(*(each[longer] for each in ends))
-            body = pyvista.PolyData.from_regular_faces(points, quads)
-            body.cell_data["ratio"] = np.repeat(np.tile(ratio[kept], 2)[longer], SIDES)
+            lines = start[kept], vectors(table, "centroid")[kept], end[kept]
+            body = _tubes_of(*lines, ratio[kept], mean_radius)
             layer = Layer(body, None, "ratio", style.CHAIN_MAP, (0, LARGEST))
             image = over(render([layer], camera, pixels), ghost)
         axes[k].imshow(image)
@@ -98,18 +90,14 @@ def draw_force_chains(source):
     style.scale_bar(axes[0], 2 * camera.half_height * aspect)
     colour_bar(figure, axes, LARGEST, style.CHAIN_MAP, "Normal force over its mean, f/⟨f⟩: –", "",
                "max")  # fmt: skip
-    angle = source.run.chain_angle
     of_chains = f"; ({'abc'[len(shown)]}) those within force chains only" if num_chains else ""
-    found = (
-        f"{num_chains} of at least three grains whose major stress is above the mean and within "
-        f"{angle:g}° of the contact force"
-        if num_chains
-        else f"none here, with an angle of {angle:g}°"
-    )
+    found = f"{num_chains or 'none here,'} of at least three grains whose major stress is above "
+    found += f"the mean and within {source.run.chain_angle:g}° of the contact force"
     return Drawing(
         "force-chains",
         figure,
-        f"Contact forces inside the grains, from centre to contact to centre, or to the wall{of_chains}",
+        "Contact forces inside the grains, from centre to contact to centre, or to the wall"
+        f"{of_chains}",
         "Thickness grows with the square root of the normal force over the mean of those between "
         f"grains. Force chains as defined by Peters et al. (2005): {found}. Tubes are drawn over "
         "the grains.",
@@ -117,6 +105,20 @@ def draw_force_chains(source):
         "wide",
         vector=False,
     )
+
+
+def _tubes_of(start, place, end, ratio, mean_radius):
+    """Tubes from ``start`` to ``end`` by the place of contact, (num_contacts, 3) [m] each.
+
+    From centre to centre a tube may leave its grains.
+    """
+    radius = RADIUS * mean_radius * np.sqrt(np.minimum(ratio, LARGEST))
+    halves = (start, place, radius), (place, end, radius)
+    ends = [np.concatenate(each) for each in zip(*halves, strict=True)]
+    longer = np.linalg.norm(ends[1] - ends[0], axis=1) > 1e-6 * mean_radius  # not on walls
+    body = pyvista.PolyData.from_regular_faces(*tubes(*(each[longer] for each in ends)))
+    body.cell_data["ratio"] = np.repeat(np.tile(ratio, 2)[longer], SIDES)
+    return body
 
 
 def _ghost(state, camera, pixels, outline):

@@ -217,9 +217,9 @@ def draw_split(source):
     return Drawing(
         "displacement-split",
         figure,
-        f"Motion of the grains from strain {source.start.strain:.3f} to {end.strain:.3f}: (a) translation, (b) rotation, (c) "
-        "mean shear strain; (d) displacement by each, root mean square over a grain; (e) rotation "
-        "over height",
+        f"Motion of the grains from strain {source.start.strain:.3f} to {end.strain:.3f}: (a) "
+        "translation, (b) rotation, (c) mean shear strain; (d) displacement by each, root "
+        "mean square over a grain; (e) rotation over height",
         "The rigid motion is that of least squares over a grain's nodes (Kabsch); the rest is its "
         "strain. Two per cent of the grains may exceed a scale.",
         {"": parts},

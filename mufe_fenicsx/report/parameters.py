@@ -109,7 +109,9 @@ def _of_material(name, table):
     words = [str(table["model"])]
     for key, unit in (("E", "Pa"), ("nu", ""), ("rho", "kg/m^3")):
         if isinstance(table.get(key), int | float):
-            words.append(f"{ {'nu': 'ν', 'rho': 'ρ'}.get(key, key)} = {with_unit(table[key], unit)}")
+            words.append(
+                f"{ {'nu': 'ν', 'rho': 'ρ'}.get(key, key) } = {with_unit(table[key], unit)}"
+            )
     rows = [(name, ", ".join(words))]
     points = table.get("yield_stress")
     if points:
@@ -169,7 +171,9 @@ def _of_method(source, scene, run):
     if "damping" in solver:
         rows.append(("Mass damping", with_unit(solver["damping"], "s^-1")))
     if run.get("added_mass") and run.get("mass"):
-        rows.append(("Mass added by scaling", f"{run['added_mass'] / run['mass']:.2%} of the grains"))
+        rows.append(
+            ("Mass added by scaling", f"{run['added_mass'] / run['mass']:.2%} of the grains")
+        )
     return rows
 
 

@@ -11,6 +11,7 @@ from mufe_fenicsx.errors import InputError, shortened
 from mufe_fenicsx.geometry.tets.workers import WorkerError, load_ahead, run_jobs
 from mufe_fenicsx.machine.doing import Doing
 from mufe_fenicsx.machine.memory import free_memory
+from mufe_fenicsx.output.run_folder import write_atomically
 from mufe_fenicsx.report import (
     animation,
     chains,
@@ -29,7 +30,6 @@ from mufe_fenicsx.report import (
     views,
     yielding,
 )
-from mufe_fenicsx.output.run_folder import write_atomically
 from mufe_fenicsx.report.figure import save, save_tables
 from mufe_fenicsx.report.source import Source
 from mufe_fenicsx.report.summary import (
@@ -250,7 +250,12 @@ def _tables(name, source, figures):
     if last is not None and (why := localisation.too_few(len(last.grain_means[0]))):
         about.append(("Localisation", f"not drawn: {why}"))
     try:
-        tables = [("Largest values of the loading stage", largest_values(history, last, last and source.get("at_zero")))]
+        tables = [
+            (
+                "Largest values of the loading stage",
+                largest_values(history, last, last and source.get("at_zero")),
+            )
+        ]
     except DAMAGE as error:
         missing.append(f"No table of largest values: {damaged(error)}.")
         tables = []

@@ -6,7 +6,6 @@ import numpy as np
 import pyvista
 
 from mufe_fenicsx.analysis.by_grain import index_grains
-from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.measure import tet_volumes
 from mufe_fenicsx.report.sample import boundary_faces
 

@@ -93,19 +93,22 @@ def draw_triaxial(source):
         f"{BEFORE if whole is not None else ''}"
         f"{_strength(source, history, curves)}"
         f"{f' {DYNAMIC}' if shaded else ''}",
-        {
-            "": {
-                "strain [-]": history["strain"],
-                "q [Pa]": curves["q"],
-                "p [Pa]": curves["p"],
-                "volumetric strain [-]": curves["strain_volume"],
-                **_walls(history),
-                **_pores(history),
-                "stage": history["stage"],
-            }
-        },
+        {"": _data(history, curves)},
         "wide",
     )
+
+
+def _data(history, curves):
+    """Columns of the data beside the figure."""
+    return {
+        "strain [-]": history["strain"],
+        "q [Pa]": curves["q"],
+        "p [Pa]": curves["p"],
+        "volumetric strain [-]": curves["strain_volume"],
+        **_walls(history),
+        **_pores(history),
+        "stage": history["stage"],
+    }
 
 
 def _before(history):
@@ -128,7 +131,7 @@ def _draw_stages(axis, x, y, parts, colours, waits):
 
 def _draw_stresses(axis, source, strain, parts, waits):
     """Stress of the walls of each axis over the axial strain, dashed what a servo leads it to."""
-    history, walls = source.loading, _walls(source.loading)
+    walls = _walls(source.loading)
     factor, unit = style.unit_of(np.concatenate(list(walls.values())), "Pa")
     for k, (name, values) in enumerate(walls.items()):
         asked = name.endswith("asked for [Pa]")

@@ -36,11 +36,11 @@ COLUMNS = (
     Column("num_active_walls", "Active contacts with walls", coloured=False),
     Column("contact_area", "Contact area", fixed=(1e-12, "µm²")),
     Column("translation", "Displacement of the centroid since strain 0", "m"),
-    Column("translation_z", "Displacement of the centroid since strain 0, upwards", "m", signed=True),
-    Column("angle", "Rotation", fixed=(np.pi / 180, "°")),
     Column(
-        "volume_strain", "Volumetric strain, expansion positive", fixed=(1.0, ""), signed=True
+        "translation_z", "Displacement of the centroid since strain 0, upwards", "m", signed=True
     ),
+    Column("angle", "Rotation", fixed=(np.pi / 180, "°")),
+    Column("volume_strain", "Volumetric strain, expansion positive", fixed=(1.0, ""), signed=True),
     Column("shear_strain", "Shear strain, mean", fixed=(1.0, "")),
     Column("friction_work", "Frictional dissipation at its contacts", "J"),
 )

@@ -94,16 +94,11 @@ def _space(source):
 
 def draw_cut(source):
     """Von Mises stress in the vertical plane through the most loaded grain, grains outlined."""
-    end = source.end
-    box = end.box(source.start)
+    end, box = source.end, source.end.box(source.start)
     across, normal = 0, (0, 1, 0)
     middle = box.mean(axis=0)
     y = end.points[:, 1][end.cells]
-    label, mean = end.most_loaded_grain()
-    through = f"grain {label}, the most loaded" if mean > 0 else "the middle"
-    if mean > 0:
-        own = end.grain == label
-        middle[1] = end.volume[own] @ y[own].mean(axis=1) / end.volume[own].sum()
+    middle[1], through = _most_loaded(end, middle[1])
     crossed = (y.min(axis=1) <= middle[1]) & (y.max(axis=1) >= middle[1])
     if not crossed.any():
         raise InputError(f"no grain reaches the plane through {through}")
@@ -158,6 +153,16 @@ def draw_cut(source):
             }
         },
     )
+
+
+def _most_loaded(state, middle):
+    """Where along y the grain lies that carries most [m], in words too; else the middle."""
+    label, mean = state.most_loaded_grain()
+    if not mean > 0:
+        return middle, "the middle"
+    own = state.grain == label
+    y = state.points[:, 1][state.cells[own]].mean(axis=1)
+    return state.volume[own] @ y / state.volume[own].sum(), f"grain {label}, the most loaded"
 
 
 def cut_collection(shapes, values, limit, colours=style.STRESS_MAP):

@@ -29,8 +29,17 @@ FOOTER = (
 )
 
 
-def write_report(runs, output=None, grains=None, points=None, only=None, skip=None, *, processes=1,
-                 chain_angle=45.0):
+def write_report(
+    runs,
+    output=None,
+    grains=None,
+    points=None,
+    only=None,
+    skip=None,
+    *,
+    processes=1,
+    chain_angle=45.0,
+):
     """Write ``report.html``, and ``figures`` as PNG, PDF and CSV.
 
     Of one run: what happened in it. Of several: their curves over each other. A run that stopped

@@ -30,14 +30,8 @@ def draw_yield(source):
     left, middle, right = axes
     along, over = source.over(course["strain"], course["time"])
     for k, (name, label) in enumerate((("yielded", "grains"), ("plastic_volume", "volume"))):
-        left.plot(
-            along,
-            100 * course[name],
-            style.MARKERS[k] + style.LINES[k],
-            color=style.SERIES[k],
-            markersize=3,
-            label=label,
-        )
+        look = {"color": style.SERIES[k], "markersize": 3, "label": label}
+        left.plot(along, 100 * course[name], style.MARKERS[k] + style.LINES[k], **look)
     shade(source, left)
     left.set(xlabel=over, ylabel="Yielded: %", ylim=(0, 105))
     beyond = _draw_places(middle, table)

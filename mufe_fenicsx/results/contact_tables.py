@@ -31,7 +31,9 @@ def contact_table(run, number=-1, angle=45.0):
     force = contacts["normal_force"].to_numpy(dtype=float)
     wall = contacts["grain_b"].to_numpy() == 0
     inner = force[~wall] if (~wall).any() else force
-    ratio = force / inner.mean() if inner.size and inner.mean() > 0 else np.full(force.shape, np.nan)
+    ratio = (
+        force / inner.mean() if inner.size and inner.mean() > 0 else np.full(force.shape, np.nan)
+    )
     contacts["ratio"], contacts["strong"] = ratio, ratio >= 1
     mobilised = contact_forces.mobilised_friction(
         vectors(contacts, "force"), vectors(contacts, "friction"), _friction(run, contacts)

@@ -19,8 +19,9 @@ def grain_volumes(state):
 def grain_table(run, number=-1):
     """Form, motion and stress of each grain at a stored state, a row a grain.
 
-    Motion counts from strain 0, the first stored state. Columns: ``grain`` (label), ``volume`` [m³]; ``inertia_1`` … ``inertia_3``, principal moments in
-    the reference configuration for unit density [m⁵]; ``translation_x`` …, ``rotation_x`` …
+    Motion counts from strain 0, the first stored state. Columns: ``grain`` (label), ``volume``
+    [m³]; ``inertia_1`` … ``inertia_3``, principal moments in the reference configuration for unit
+    density [m⁵]; ``translation_x`` …, ``rotation_x`` …
     (rotation vector [rad]), ``angle`` [rad], ``misfit`` [m] of the best rigid motion;
     ``volume_strain`` and ``shear_strain`` (√(2/3 e:e) of the deviator) of what it leaves;
     ``stress_xx`` …, ``mean``, ``peak``, ``percentile_95`` of von Mises stress [Pa];

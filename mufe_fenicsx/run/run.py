@@ -262,9 +262,7 @@ class TestRun:
             ),
         }
         summary |= self.masses()
-        summary |= judged(
-            self.simulation, self.place.folder, summary, self.recorder.volumes
-        )
+        summary |= judged(self.simulation, self.place.folder, summary, self.recorder.volumes)
         if self.profile is not None:
             summary["profile"] = self.profile.summary()
         if self.options.after is not None:

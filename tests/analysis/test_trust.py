@@ -24,7 +24,7 @@ def test_a_test_that_is_quasi_static_from_the_start():
 
 
 def test_one_late_slip_is_told_from_a_dynamic_test():
-    """Nothing before it is trusted, but two rows of those are dynamic; one alone decides nothing."""
+    """Nothing before it is trusted, but two rows are dynamic; one alone decides nothing."""
     history = fake_history()
     row, slip = np.arange(len(history["step"])), 3 * len(history["step"]) // 4
     set_kinetic(history, np.where(row == slip, 2 * KINETIC, 0.0))
@@ -77,7 +77,10 @@ def test_where_strain_turns_back_time_tells_how_much_is_dynamic():
 def test_forces_of_an_unloaded_sample_are_not_compared():
     """One platen lets go first as the load ends: a ratio of 2, of no load."""
     history = fake_history()
-    history["force_z_max"][-2:], history["force_z_min"][-2:] = 0.0, 0.05 * history["force_z_min"][-3]
+    history["force_z_max"][-2:], history["force_z_min"][-2:] = (
+        0.0,
+        0.05 * history["force_z_min"][-3],
+    )
     set_balance(history)
     assert trusted_from(history).share == 0.0
     history["force_z_min"][-2:] *= 20

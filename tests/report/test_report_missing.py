@@ -41,7 +41,9 @@ def test_a_dynamic_first_half_is_said(tmp_path):
     assert grades == dict.fromkeys(["all", "trusted", "kinetic", "residual"], "warn")
     assert "contacts" not in {c["name"] for c in result["checks"]}  # there are no tables of them
     page = (tmp_path / "report.html").read_text()
-    assert "Quasi-static from strain 0.0503 on. Before, in 50.25% of the strain, 100% of the" in page
+    assert (
+        "Quasi-static from strain 0.0503 on. Before, in 50.25% of the strain, 100% of the" in page
+    )
     h["kinetic"] = 0.2 * (h["elastic"] + h["plastic"])
     write_history(tmp_path, h)
     failed = [

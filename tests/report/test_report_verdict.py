@@ -21,7 +21,7 @@ ROUND_OFF = 1e-12
 
 
 def tables(contacts, centres):
-    """Tables of contacts (grain a, grain b or wall, place, force on a along z [N]) and of grains."""
+    """Tables of contacts (grain a, grain b or wall, place, force on a [N]) and of grains."""
     names = ("grain_a", "grain_b", "wall", "num_points", "normal_force")
     found = {name: [] for name in names} | {f"{n}_{a}": [] for n in ("force", "centroid")
                                             for a in "xyz"}  # fmt: skip
@@ -39,12 +39,14 @@ def tables(contacts, centres):
 
 
 def heap(num_columns, height, idle=20):
-    """Columns of balls of the diameter 1 between platens, 1 N each, and balls that touch nothing."""
+    """Columns of balls of diameter 1 between platens, 1 N each, and balls that touch nothing."""
     contacts, centres = [], []
     for c in range(num_columns):
         first = 1 + c * height
         contacts.append((first, "z_min", (c, 0, 0), 1.0))
-        contacts += [(k, k + 1, (c, 0, k - first + 1), -1.0) for k in range(first, first + height - 1)]
+        contacts += [
+            (k, k + 1, (c, 0, k - first + 1), -1.0) for k in range(first, first + height - 1)
+        ]
         contacts.append((first + height - 1, "z_max", (c, 0, height), -1.0))
         centres += [(c, 0, k + 0.5) for k in range(height)]
     return tables(contacts, centres + [(9, 9, k) for k in range(idle)])
@@ -67,7 +69,12 @@ def test_a_grain_from_platen_to_platen_is_said():
     found = find_carriers(*heap(1, 1))
     assert found.bridging == (1,) and found.bridged == 1.0 and found.num_half == 1
     graded = {c.name: c for c in checks.check_run(h, sample=(found, 1.9))}
-    assert [c for c in graded if graded[c].grade != "pass"] == ["all", "carriers", "bridges", "height"]
+    assert [c for c in graded if graded[c].grade != "pass"] == [
+        "all",
+        "carriers",
+        "bridges",
+        "height",
+    ]
     assert graded["all"].text.startswith("Trust no part of the test")
     good = {c.name: c for c in checks.check_run(h, sample=(find_carriers(*heap(6, 3)), 6.0))}
     assert {c.grade for c in good.values()} == {"pass"}
@@ -88,7 +95,11 @@ def servo(off):
     done = h["strain"] / h["strain"].max()
     target = np.full(len(done), 5e6)
     h |= {f"target_{a}": target if a == "x" else 0 * target for a in "xyz"}
-    return h | {"stress_x": target * (1 + off * done), "stress_y": 0 * target, "stress_z": h["stress"]}
+    return h | {
+        "stress_x": target * (1 + off * done),
+        "stress_y": 0 * target,
+        "stress_z": h["stress"],
+    }
 
 
 def test_a_servo_that_lags_is_said():
@@ -106,7 +117,9 @@ def test_a_single_row_decides_nothing():
         h = fake_history()
         h["switching"][-count:] = 0.1 * h["work"].max()
         found = {c.name: c for c in checks.check_run(h)}["switching"]
-        assert found.passed == (since == 0.0) and checks.holds_from([found], h)["switching"] == since
+        assert (
+            found.passed == (since == 0.0) and checks.holds_from([found], h)["switching"] == since
+        )
 
 
 def test_where_checks_hold_names_its_stage():

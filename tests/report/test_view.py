@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from mufe_fenicsx.analysis.same_nodes import same_nodes
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.measure import tet_volumes
 from mufe_fenicsx.output.contacts import ContactWriter
@@ -22,7 +23,6 @@ from mufe_fenicsx.report.packing import (
     unpack,
 )
 from mufe_fenicsx.report.page import write_page
-from mufe_fenicsx.analysis.same_nodes import same_nodes
 from mufe_fenicsx.report.view import make_view
 from mufe_fenicsx.report.view_data import A_STAGE, ONCE, view_data
 from mufe_fenicsx.results import Run

@@ -1,4 +1,4 @@
-"""Is a heap of grains a sample? How many diameters high it is, and which grains bridge its walls."""
+"""Is a heap of grains a sample? How many diameters it is high, and which grains bridge walls."""
 
 import numpy as np
 
