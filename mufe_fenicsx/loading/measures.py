@@ -18,6 +18,7 @@ class WallMeasures:
     """
 
     columns = ()  #: of history.csv beyond those of the container
+    lags = True  #: whether walls move to carry a stress
 
     def __init__(self, simulation):
         self.simulation = simulation
@@ -97,6 +98,7 @@ class MembraneMeasures(WallMeasures):
     """
 
     columns = ("cell_pressure", "membrane_force")
+    lags = False
 
     def __init__(self, membrane, stiffness, correction):
         self.simulation, self.container = membrane.simulation, CYLINDER

@@ -94,6 +94,8 @@ class StagedLoading(Stateful):
         self.gauges = Gauges(self.measures, self.shearing)
         self.servo = Servo(simulation, self.measures)
         self.paces = Paces(simulation, self.container, settings, quasi_static)
+        if self.control is not None and self.measures.lags:
+            self.control.lack_of_held = self._lack_of_held
         #: Motions that stages follow: number of the stage -> :class:`~.output.measured.Measured`.
         self.motions = self._read_motions()
         zeros = [number for number, stage in enumerate(program) if stage.zero]
@@ -468,6 +470,15 @@ class StagedLoading(Stateful):
         """Of the axes, at what these carry in the mean [Pa]; None where that is free."""
         means = self.gauges.mean_stress()
         return [task.target(self._now.s, means) for task in self.tasks]
+
+    def _lack_of_held(self):
+        """What the stress of walls that hold one is off, over it, of the worst axis [-]."""
+        means, worst = self.gauges.mean_stress(), 0.0
+        for task in self.tasks:
+            target = task.target(self._now.s, means) if task.servo and not task.goes else None
+            if target:
+                worst = max(worst, abs(float(means[task.axis]) / target - 1.0))
+        return worst
 
     # --- walls ----------------------------------------------------------------------------
 

@@ -42,5 +42,5 @@ def _lag(name, speed, stress, material):
     return [
         f'stage "{name}": at {speed:g} m/s the servo that holds {stress / 1e6:g} MPa lags by about '
         f"{lag:.0%} of it, where the report allows {allowed:.0%}: a speed of "
-        f"{speed * allowed / lag:.2g} m/s would do"
+        f"{speed * allowed / lag:.2g} m/s would do, or [quasi_static], which keeps to it"
     ]

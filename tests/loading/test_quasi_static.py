@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from mufe_fenicsx.loading.quasi_static import AIM, QuasiStaticSpeed
+from mufe_fenicsx.loading.quasi_static import AIM, HELD, QuasiStaticSpeed
 from mufe_fenicsx.scene import QuasiStatic
 
 MASS, HEIGHT, STIFFNESS = 1.6e-6, 1e-3, 2e5
@@ -97,6 +97,14 @@ def test_a_rearrangement_slows_the_test_but_never_stops_it():
     column.burst = 0.0
     column.advance(0.3)
     assert column.control.speed > before and not column.control.falling
+
+
+def test_speed_is_what_a_servo_can_follow():
+    """A side that lags by 0.1 v/(1 m/s) of its stress keeps it to 4 % at 0.4 m/s, times 0.9."""
+    column = Column(QuasiStatic(kinetic=0.5, unbalanced=0.5, slowest=0.1, fastest=5.0), 2.0, 1e-5)
+    column.control.lack_of_held = lambda: 0.1 * column.control.speed
+    _t, _, speed, _, _ = column.advance(0.3)
+    assert speed[-1] == pytest.approx(AIM * HELD / 0.1, rel=0.02)
 
 
 def test_without_contact_the_platen_travels_freely():
