@@ -26,10 +26,11 @@ class Paces:
             platens = container.top, container.bottom
             self.control = QuasiStaticSpeed(simulation, quasi_static, *platens)
 
-    def begin(self, tasks, loaded):
-        """A stage begins; ``loaded``: the sample is seated."""
+    def begin(self, tasks, loaded, held):
+        """A stage begins; ``loaded``: the sample is seated; ``held``: speed that servos follow."""
         if self._is_controlled(loaded):
-            self.control.begin(self.settings.speed)
+            slowest = self.control.settings.slowest
+            self.control.begin(min(self.settings.speed, max(held, slowest)))
             self.control.acceleration = 0.0
             self.lead(tasks)
 

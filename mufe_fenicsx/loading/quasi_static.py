@@ -57,6 +57,8 @@ SMOOTHING = 0.25
 SHARE = 0.5
 #: l_target: the report allows a little more.
 HELD = 0.04
+#: Speed of the walls that hold a stress over that of those which load, a guess for the start.
+SIDE = 0.5
 #: Below this part of ``loaded`` targets grow no more.
 LEAST = 0.1
 
@@ -102,7 +104,7 @@ class QuasiStaticSpeed(Stateful):
         self.worst = [0.0, 0.0]  #: largest k and d since the strain ``loaded`` [-]
 
     def begin(self, speed):
-        """Start from a speed [m/s] that the platen has."""
+        """Start from a speed [m/s] of the platen."""
         self.speed, self._next = speed, self.simulation.state.t
 
     def __call__(self, strain):

@@ -51,6 +51,7 @@ from .measures import WallMeasures
 from .oedometer import hindrance
 from .pace import Paces
 from .present_stage import PresentStage
+from .quasi_static import HELD, SIDE
 from .shearing import shearing_of
 from .task_list import Start, tasks_of, walls_moved
 from .tasks import WallsNow
@@ -299,7 +300,7 @@ class StagedLoading(Stateful):
         gauges.shut([task.axis for task in self.tasks if task.keeps_volume], stress0)
         self._now.values0 = gauges.values(gauges.mean_stress(), state.t)
         self._updated, self._parts = -1, []
-        self.paces.begin(self.tasks, self.loaded)
+        self.paces.begin(self.tasks, self.loaded, self._speed_of_servos())
         self.stages.append(
             {
                 "name": self.stage,
@@ -473,12 +474,22 @@ class StagedLoading(Stateful):
 
     def _lack_of_held(self):
         """What the stress of walls that hold one is off, over it, of the worst axis [-]."""
-        means, worst = self.gauges.mean_stress(), 0.0
-        for task in self.tasks:
-            target = task.target(self._now.s, means) if task.servo and not task.goes else None
-            if target:
-                worst = max(worst, abs(float(means[task.axis]) / target - 1.0))
-        return worst
+        means = self.gauges.mean_stress()
+        off = (means[a] / target - 1.0 for a, target in self._held_stresses(means))
+        return float(max(map(abs, off), default=0.0))
+
+    def _held_stresses(self, means):
+        """(axis, stress [Pa]) of what servos hold in this stage, at mean stresses of the axes."""
+        held = [task for task in self.tasks if task.servo and not task.goes]
+        targets = ((task.axis, task.target(self._now.s, means)) for task in held)
+        return [(axis, target) for axis, target in targets if target]
+
+    def _speed_of_servos(self):
+        """Speed of loading at which these would be off by what is allowed [m/s]."""
+        if not (self.servo.impedance > 0.0 and self.measures.lags):
+            return math.inf
+        stresses = [target for _, target in self._held_stresses(self.gauges.mean_stress())]
+        return HELD * min(stresses, default=math.inf) / (SIDE * self.servo.impedance)
 
     # --- walls ----------------------------------------------------------------------------
 

@@ -5,10 +5,8 @@ shortened at the speed v press the walls beside them outwards at about v/2.
 """
 
 from ..analysis.checks import TARGETS
+from ..loading.quasi_static import SIDE
 from .course import SOLID, elastic_wave_speed
-
-#: Speed of the sides over that of the platens.
-SIDE = 0.5
 
 
 def lagging_servos(scene):
