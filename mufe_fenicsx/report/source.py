@@ -303,6 +303,8 @@ class Source:
     @cached_property
     def median_diameter(self):
         """Diameter that half of the volume of the grains is finer than [m]."""
+        if self.summary.get("diameters"):  # without a look at the mesh
+            return self.reference_height / self.summary["diameters"]
         return median_diameter(self.inertia.mass)  # for unit density: volumes
 
     @cached_property
