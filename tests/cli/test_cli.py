@@ -340,18 +340,20 @@ def test_json_stands_alone_on_standard_output(inputs, mufe_here):
 def test_summaries_are_in_words_with_units(capsys):
     Printer().summary(
         {"num_grains": 3, "element_size": 3e-5, "volume_ratio": 0.5, "wall_s": 2.0, "d10_m": 1e-4,
-         "time_step_without_worst": 1.05, "min_dihedral_deg": 15.0, "voxel_size": None}
+         "time_step_without_worst": 1.05, "min_dihedral_deg": 15.0, "voxel_size": None,
+         "stress": -0.0}
     )  # fmt: skip
     lines = [line.split("  ") for line in capsys.readouterr().out.splitlines()]
     assert [(words[0], words[-1].strip()) for words in lines] == [
         ("grains", "3"),
-        ("element size h", "3e-05 m"),
+        ("element size h", "30 µm"),
         ("volume of all meshes, over that given", "0.5"),
         ("time in all", "2 s"),
-        ("d10", "0.0001 m"),
+        ("d10", "100 µm"),
         ("time step without the flattest 0.1 % of tetrahedra, over now", "1.05"),
         ("angle between faces of a tetrahedron, smallest", "15 °"),
         ("voxel size", "-"),
+        ("vertical stress at the end", "0 Pa"),
     ]
 
 
