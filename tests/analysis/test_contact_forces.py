@@ -20,6 +20,7 @@ def test_distribution_of_exponential_forces():
     assert found.mean == pytest.approx(7, rel=1e-4)
     assert np.abs(found.density * width - share).max() < 2e-4
     whole = forces.force_distribution(f, 10)
+    assert whole.edges[-1] == f.max() / found.mean and whole.count.sum() == n
     assert whole.density @ np.diff(whole.edges) == pytest.approx(1, rel=ROUND_OFF)
     none = forces.force_distribution([], 5)
     assert np.isnan(none.mean) and none.edges.size == 6 and np.isnan(none.density).sum() == 5
@@ -77,6 +78,9 @@ def test_a_loaded_column_is_a_force_chain():
     assert found.chain.tolist() == [0] * 5 + [-1] * 7
     assert found.links.tolist() == [True] * 4 + [False] * 6
     assert found.major[:7] == pytest.approx(10) and np.abs(found.direction[:7, 2]).min() == 1
+    # What counts is the force: across the line between centres none is passed on.
+    across = np.tile([1.0, 0.0, 0.0], (10, 1))
+    assert forces.force_chains(stress, centre, first, second, force=across).num_chains == 0
     with pytest.raises(InputError, match="angle of force chains"):
         forces.force_chains(stress, centre, first, second, angle=0)
 
