@@ -36,7 +36,9 @@ def test_grains_that_bridge_their_box_are_named():
     (line,) = warnings_of_proportions(grains_of(*cubes(7), bar))
     assert line.startswith("grain 29 reaches from z_min to z_max")
     (line,) = warnings_of_proportions(grains_of(*cubes(2)))
-    assert "1.6 median diameters high; less than two" in line  # of boxes: 2 sides over 1.24, 1.6 diameters
+    assert (
+        "1.6 median diameters high; less than two" in line
+    )  # of boxes: 2 sides over 1.24, 1.6 diameters
     assert warnings_of_proportions(grains_of(*cubes(1), bar)) == []  # too few to be a sample
 
 
