@@ -91,6 +91,8 @@ def _chains(run, number, active, grains, angle):
     stress = contact_forces.contact_stress_of_grains(
         first, second, vectors(active, "force"), vectors(active, "centroid"), centre, volume
     )
+    if not np.isfinite(stress).all():
+        raise InputError(f"fault: contacts of state {state.index} have values that are not numbers")
     chains = contact_forces.force_chains(
         stress, centre, first[~wall], second[~wall], angle, force=vectors(active, "force")[~wall]
     )
