@@ -58,7 +58,7 @@ def test_volumes_of_meshes_are_told_in_per_cent(drawn, tmp_path):
     ]  # fmt: skip
     draw_quality(tmp_path / "quality.png", rows, 1e-5)
     axis = drawn[0].axes[1]
-    assert axis.get_xlabel() == "mesh volume off that given [%]"
+    assert axis.get_xlabel() == "mesh volume off that given: %"
     assert axis.get_title(loc="left") == "min -2, mean -0.333 (line), max 1"
     for row in rows:
         row["volume_ratio"] = 1 + 1e-15
