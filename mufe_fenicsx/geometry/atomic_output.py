@@ -2,11 +2,16 @@
 
 import os
 import shutil
+import signal
 import tempfile
+import threading
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..errors import InputError
+from ..errors import InputError, Interrupted
+
+#: Requests to end that leave nothing temporary.
+SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
 
 
 @contextmanager
@@ -88,6 +93,24 @@ def written(path):
 
 
 @contextmanager
+def _told_to_end():
+    """Requests to end raise `Interrupted` in the block, where nobody else waits for them."""
+
+    def end(number, _):
+        raise Interrupted(f"stopped by {signal.Signals(number).name}, nothing is left", number)
+
+    ours = threading.current_thread() is threading.main_thread()
+    numbers = [s for s in SIGNALS if ours and signal.getsignal(s) == signal.SIG_DFL]
+    for number in numbers:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
+
+
+@contextmanager
 def _temporary(parent):
     temporary, made = None, [folder for folder in (parent, *parent.parents) if not folder.exists()]
     try:
@@ -98,7 +121,7 @@ def _temporary(parent):
         mask = os.umask(0)
         os.umask(mask)
         temporary.chmod(0o777 & ~mask)
-        with written(parent):
+        with written(parent), _told_to_end():
             yield temporary
     finally:
         if temporary is not None:

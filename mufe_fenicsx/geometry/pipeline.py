@@ -1,6 +1,7 @@
 """The two steps of the command line: an image to labels, and labels to grain meshes."""
 
 import time
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -25,10 +26,11 @@ from .image.label_files import (
     write_labels,
     write_table,
 )
-from .image.picture import draw_quality, draw_segmentation
+from .image.picture import draw_quality, draw_refusal, draw_segmentation
 from .image.quality_flags import mark_doubts
 from .image.round_sample import cut_labels, round_sample
 from .image.segmentation import resampled_mask, segment
+from .image.threshold import NoThreshold
 from .image.tiff_file import TIFF
 from .image.voxel_size import known_voxel_size
 from .measure import area_on_cylinder, smallest_altitudes, surface_volume, worst_share_costs
@@ -67,7 +69,8 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
         of lines; compared, what `compare.compare_labels` says, or None.
 
     Raises:
-        InputError: the image cannot be used, or the output not be written.
+        InputError: the image cannot be used, or the output not be written. Where a threshold is
+            refused, a picture of its histogram and of a slice is left (_threshold.png).
     """
     start = time.perf_counter()
     output = Path(output)
@@ -75,16 +78,20 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
         raise InputError(f"output {output} ends in {output.suffix!r}, expected .tif")
     table, picture = output.with_suffix(".csv"), output.with_suffix(".png")
     contacts = output.with_name(f"{output.stem}_contacts.csv")
-    with new_files(output, table, contacts, picture, overwrite=overwrite) as folder:
+    with (
+        _pictured(output.with_name(f"{output.stem}_threshold.png")),
+        new_files(output, table, contacts, picture, overwrite=overwrite) as folder,
+    ):
         raw, inside, true, given = _grey_image(image_path, settings, truth)
         labels, grey, found, sample = _segmented(raw, inside, settings, given, image_path)
         level = found.pop("field")
         num_grains = int(labels.max())
         if num_grains < 1:
-            raise InputError(
+            raise NoThreshold(
                 f"image {image_path}: no grain of at least {settings.min_grain_voxels} voxels "
-                f"above the threshold {found['threshold']:g}, expected at least one"
-            )
+                f"above the threshold {found['threshold']:g}, expected at least one",
+                grey, level, found["threshold"],
+            )  # fmt: skip
         voxel_size = given["edge"] / settings.upsample
         cylinder = None if sample is None else sample.cylinder.scaled(given["edge"])
         rows = grain_table(labels, voxel_size, found.pop("rim", level))
@@ -128,6 +135,17 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
         "compared": compared,
         "seconds": round(time.perf_counter() - start, 3),
     }
+
+
+@contextmanager
+def _pictured(picture):
+    """What refuses a threshold in the block leaves a picture of what it was to part."""
+    try:
+        yield
+    except NoThreshold as refusal:
+        with new_files(picture, overwrite=True) as folder:
+            draw_refusal(folder / picture.name, refusal)
+        raise InputError(f"{refusal}; {picture} shows the histogram") from None
 
 
 def _segmented(raw, inside, settings, given, source):

@@ -2,15 +2,20 @@
 
 import csv
 import errno
+import signal
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
-from mufe_fenicsx.errors import InputError
+from mufe_fenicsx.errors import InputError, Interrupted
 from mufe_fenicsx.geometry import pipeline
+from mufe_fenicsx.geometry.atomic_output import SIGNALS, new_files, new_folder
 from mufe_fenicsx.geometry.grains import load_grains
 from mufe_fenicsx.geometry.image.label_files import read_labels, write_labels
-from mufe_fenicsx.geometry.settings import MeshSettings, SegmentSettings
+from mufe_fenicsx.geometry.image.picture import draw_refusal
+from mufe_fenicsx.geometry.image.threshold import NoThreshold, find_threshold
+from mufe_fenicsx.geometry.settings import METHODS, MeshSettings, SegmentSettings
 from mufe_fenicsx.machine import memory
 from tests.geometry.scenes import grey_packing, two_balls
 
@@ -84,6 +89,44 @@ def test_nothing_is_left_of_a_segmentation_that_failed(tmp_path, image):
             tmp_path / "image.npy", SegmentSettings(voxel_size=1e-5), tmp_path / "labels.tif"
         )
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("settings", [{"threshold": "gaussians"}, {"min_grain_voxels": 10**6}])
+def test_of_a_threshold_that_is_refused_a_picture_is_left(tmp_path, settings):
+    """The histogram, the levels of the other methods, and a slice; nothing else."""
+    noise = np.random.default_rng(0).normal(100, 10, (20, 20, 20))
+    np.save(tmp_path / "image.npy", noise if "threshold" in settings else grey_packing())
+    for _ in range(2):  # it is no reason to refuse the next trial
+        with pytest.raises(InputError, match=r"; .*labels_threshold.png shows the histogram"):
+            pipeline.segment_image(
+                tmp_path / "image.npy",
+                SegmentSettings(voxel_size=1e-5, **settings),
+                tmp_path / "new" / "labels.tif",
+            )
+        assert [p.name for p in (tmp_path / "new").iterdir()] == ["labels_threshold.png"]
+
+
+def test_a_refusal_shows_the_levels_of_all_methods_that_suit(tmp_path, monkeypatch):
+    figures = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path: figures.append(figure))
+    image = grey_packing().astype(float)
+    draw_refusal(tmp_path / "a.png", NoThreshold("", image, level=200.0))
+    legend = [text.get_text() for text in figures[0].axes[0].get_legend().get_texts()]
+    known = {method: find_threshold(image, method) for method in METHODS} | {"given": 200.0}
+    assert legend == [f'"{name}": {level:.6g}' for name, level in known.items()]
+    assert (figures[0].axes[1].images[0].get_array() == image[18]).all()
+
+
+@pytest.mark.parametrize("place", [new_folder, new_files])
+@pytest.mark.parametrize("number", SIGNALS)
+def test_nothing_is_left_when_something_ends_the_writing(tmp_path, place, number):
+    """No temporary folder, and none of the folders that were made around it."""
+    with pytest.raises(Interrupted, match="nothing is left") as caught:
+        with place(tmp_path / "some" / "where" / "out") as folder:
+            (folder / "half.txt").write_text("half")
+            signal.raise_signal(number)
+    assert caught.value.signal == number and not list(tmp_path.iterdir())
+    assert signal.getsignal(number) == signal.SIG_DFL
 
 
 def test_nothing_is_left_when_the_disk_is_full(tmp_path, monkeypatch):

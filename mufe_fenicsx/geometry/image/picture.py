@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from .compare_labels import touching_labels
+from .threshold import NUM_BINS, candidates
 
 STYLE = {
     "font.size": 9,
@@ -79,6 +80,33 @@ def draw_segmentation(path, grey, labels, voxel_size, inside=None, cylinder=None
                 # The image shows where the cylinder is; its labels fill their panel.
                 _frame(bottom, across + up, cylinder.scaled(1 / unit))
             top.set_title(f"{normal} = {position:.3g} {name}", fontsize=9)
+        figure.savefig(path)
+
+
+def draw_refusal(path, refusal):
+    """The histogram of an image whose threshold was refused, and its middle slice along z.
+
+    Args:
+        path: PNG file.
+        refusal: `threshold.NoThreshold`.
+    """
+    grey, inside = refusal.image, refusal.inside
+    values = grey.ravel() if inside is None else grey[inside]
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, 4.2), layout="constrained")
+        FigureCanvasAgg(figure)
+        left, right = figure.subplots(1, 2)
+        left.stairs(*np.histogram(values, NUM_BINS), fill=True, color=BLUE)
+        levels = candidates(values)
+        levels |= {} if refusal.level is None else {"given": refusal.level}
+        for (name, level), style in zip(levels.items(), ("-", "--", ":", "-."), strict=False):
+            left.axvline(level, color=RED, linestyle=style, label=f'"{name}": {level:.6g}')
+        left.set(xlabel="grey level", ylabel="voxels [-]", yscale="log")
+        left.legend(frameon=False) if levels else left.set_title("no method finds a threshold")
+        middle = len(grey) // 2
+        low, high = np.percentile(values, [0.5, 99.5])
+        right.imshow(grey[middle], cmap="gray", vmin=low, vmax=high, origin="lower")
+        right.set(xlabel="x [voxels]", ylabel="y [voxels]", title=f"z = {middle} voxels")
         figure.savefig(path)
 
 

@@ -7,12 +7,13 @@ import scipy.ndimage
 import skimage.morphology
 import skimage.segmentation
 
+from ...errors import InputError
 from ...machine.memory import check_room
 from .contact_faces import open_gaps
 from .field_of_view import filled
 from .image import resample, smooth
 from .labels import fill_pores, grains_in, is_thick, largest_piece
-from .threshold import doubt_about, find_threshold
+from .threshold import NoThreshold, doubt_about, find_threshold
 from .watershed import watershed
 
 #: Memory at the peak of a segmentation, for each voxel of the labels [bytes].
@@ -36,7 +37,8 @@ def segment(raw, settings, inside=None, closed=False):
         labels, or None), and what `separate_grains` found.
 
     Raises:
-        InputError: see `threshold.find_threshold` and `image.resample`; or the memory is too small.
+        NoThreshold: see `threshold.find_threshold`.
+        InputError: see `image.resample`; or the memory is too small.
     """
     if inside is not None and float(settings.upsample).is_integer():
         where = scipy.ndimage.find_objects(inside.view(np.uint8))[0]
@@ -57,7 +59,12 @@ def segment(raw, settings, inside=None, closed=False):
     if inside is not None:
         inside = resampled_mask(inside, settings.upsample, grey.shape)
         measured = grey[inside]
-    threshold = find_threshold(measured, settings.threshold)
+    try:
+        threshold = find_threshold(measured, settings.threshold)
+    except InputError as error:
+        if measured.min() == measured.max():
+            raise  # nothing to show
+        raise NoThreshold(str(error), grey, inside) from None
     warning, void, full = doubt_about(measured, threshold)
     num_measured = measured.size
     del measured

@@ -1,12 +1,14 @@
 """The grey level that parts grains from voids."""
 
+from contextlib import suppress
+
 import numpy as np
 import scipy.ndimage
 import scipy.optimize
 import skimage.filters
 
 from ...errors import InputError
-from ..settings import check_method
+from ..settings import METHODS, check_method
 
 NUM_BINS = 256
 
@@ -15,6 +17,30 @@ HIGHEST_VALLEY = 0.8
 
 #: Of the contrast of both phases: a threshold farther than this from Otsu's is reported.
 DISAGREEMENT = 0.1
+
+
+class NoThreshold(InputError):
+    """A threshold that is refused.
+
+    Args:
+        message: One line.
+        image: The filtered image that it was to part.
+        inside: True in the field of view; None: everywhere.
+        level: Of the threshold, where there is one.
+    """
+
+    def __init__(self, message, image, inside=None, level=None):
+        super().__init__(message)
+        self.image, self.inside, self.level = image, inside, level
+
+
+def candidates(image):
+    """Thresholds of all methods that suit a histogram: {method: level}."""
+    found = {}
+    for method in METHODS:
+        with suppress(InputError):
+            found[method] = find_threshold(image, method)
+    return found
 
 
 def find_threshold(image, method):
