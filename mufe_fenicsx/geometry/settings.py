@@ -259,6 +259,10 @@ class MeshSettings:
         "move free surfaces so that each grain keeps its voxels' volume",
         off="free-volume",
     )
+    volume_tolerance: float = setting(
+        0.2, "-", "part of a grain's volume by which its mesh may be off; others are refused",
+        gt=0, lt=1,
+    )  # fmt: skip
     processes: int = setting(0, "", "worker processes; 0: one a core", ge=0, plausible=(0, 4096))
     time_limit: float = setting(
         120.0,

@@ -53,6 +53,7 @@ class Job:
     good_altitude: float = GOOD_ALTITUDE  #: below it other settings are tried [h]
     attempts: tuple = field(default=ATTEMPTS)
     inner_size: float = 1.0  #: of edges inside, times those of the surface
+    volume_tolerance: float = 0.2  #: part of its volume by which a mesh may be off
 
     def otherwise(self):
         """The job for a new try after a worker hung or died: the first settings are left out."""
@@ -88,7 +89,7 @@ def voxel_jobs(labels, voxel_size, settings, cylinder=None):
             more,
             cylinder,
         )
-        yield Job(grain, sizing, settings.min_angle, inner_size=settings.inner_size)
+        yield _job(grain, sizing, settings)
 
 
 def beyond_rim(labels, cylinder, width):
@@ -124,4 +125,14 @@ def surface_jobs(bodies, settings):
         gaps = gaps_between([points for _, points, _ in bodies])
     for (label, points, triangles), gap in zip(bodies, gaps, strict=True):
         grain = SurfaceGrain(label, points, triangles, gap)
-        yield Job(grain, settings.lengths, settings.min_angle, inner_size=settings.inner_size)
+        yield _job(grain, settings.lengths, settings)
+
+
+def _job(grain, sizing, settings):
+    return Job(
+        grain,
+        sizing,
+        settings.min_angle,
+        inner_size=settings.inner_size,
+        volume_tolerance=settings.volume_tolerance,
+    )

@@ -109,15 +109,18 @@ def mesh_one(job):
         row = measured_row(
             grain.label, grain.volume, nodes, cells, (h if wanted else size) if uniform else None
         )
-        if not 0.5 < row["volume_ratio"] < 2:
-            reasons.append(f"the mesh has {row['volume_ratio']:.3g} of the volume of the grain")
+        if abs(row["volume_ratio"] - 1) > job.volume_tolerance:
+            reasons.append(
+                f"the mesh has {row['volume_ratio']:.3g} of the volume of the grain, expected "
+                f"within volume_tolerance = {job.volume_tolerance:g}: take a smaller size"
+            )
             continue
         if row["min_altitude_over_h"] < LEAST_ALTITUDE:
             reasons.append(f"the flattest element is {row['min_altitude_over_h']:.2g} h thick")
             continue
         good_altitude = min(job.good_altitude, GOOD_PART_OF_SLICE * thickness / h)
         score = min(row["min_altitude_over_h"] / good_altitude, 1) * min(
-            row["volume_ratio"] / good_volume, 1
+            min(row["volume_ratio"], 1 / row["volume_ratio"]) / good_volume, 1
         )
         if job.min_angle > 0:
             score *= min(row["min_surface_angle_deg"] / job.min_angle, 1)

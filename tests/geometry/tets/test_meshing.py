@@ -67,6 +67,19 @@ def test_smoothing_takes_what_theory_says():
     assert distance.mean() == pytest.approx(radius - 1 / radius, abs=0.015)
 
 
+@pytest.mark.parametrize(("tolerance", "ok"), [(None, False), (0.9, True)])
+def test_a_mesh_of_another_volume_is_refused_unless_told(tolerance, ok):
+    """Smoothing takes 3σ²/R² of a ball, here of 3.2 voxels, and long facets cut off more."""
+    voxels = ball((12, 12, 12), (6, 6, 6), 3.2).astype(np.int32)
+    told = {} if tolerance is None else {"volume_tolerance": tolerance}
+    (mesh,) = meshes_of(voxels, keep_volume=False, **told)
+    assert mesh.ok == ok
+    if ok:
+        assert mesh.quality["volume_ratio"] < 0.8
+    else:
+        assert "expected within volume_tolerance = 0.2: take a smaller" in mesh.quality["reason"]
+
+
 def test_touching_balls_do_not_overlap():
     first, second = meshes_of(two_balls())
     # Both surfaces lie on one level set there; what is left is the third order of the
