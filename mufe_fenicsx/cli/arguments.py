@@ -144,12 +144,17 @@ def number_or_text(text):
 
 def parameters(changes):
     """{"k": v} from texts "k=v"; a value that is a number becomes one."""
+    return {key: number_or_text(text) for key, text in stated_texts(changes).items()}
+
+
+def stated_texts(changes):
+    """{"k": "v"} from texts "k=v"."""
     result = {}
     for setting in changes or []:
         key, equals, value = setting.partition("=")
         if not (key.strip() and equals and value.strip()):
             raise InputError(f'--set "{setting}", expected name=value')
-        result[key.strip()] = number_or_text(value.strip())
+        result[key.strip()] = value.strip()
     return result
 
 

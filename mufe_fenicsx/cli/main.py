@@ -21,7 +21,7 @@ from . import plan as _plan  # noqa: F401
 from . import scene as _scene  # noqa: F401
 from . import watch as _watch  # noqa: F401
 from .app import Json, Overwrite, app, serial_only, world
-from .arguments import known_names, parameters, place
+from .arguments import known_names, parameters, place, stated_texts
 from .exit_status import FAILED, INTERRUPTED, run_to_exit
 from .terminal import Printer, number
 
@@ -58,6 +58,12 @@ def run(
             metavar="DIR", help="Folder that `mufe mesh` wrote; default: the scene's sample.grains."
         ),
     ] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="K=V", help='Change the scene, as loading.speed="0.5 m/s"; repeatable.'
+        ),
+    ] = None,
     max_steps: Annotated[
         int | None, typer.Option(min=1, help="Stop after so many time steps.")
     ] = None,
@@ -80,7 +86,7 @@ def run(
     printer = Printer(json, comm.rank)
     from ..run.scene_file import read_scene
 
-    loaded = read_scene(comm, scene)
+    loaded = read_scene(comm, scene, stated_texts(changes))
     grains = loaded.sample.grains if grains is None else grains
     if grains is None:
         raise InputError(

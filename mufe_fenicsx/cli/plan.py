@@ -9,7 +9,7 @@ import typer
 from ..errors import InputError
 from ..machine.doing import Doing
 from .app import Json, app, world
-from .arguments import parameters
+from .arguments import number_or_text, parameters, stated_texts
 from .terminal import Printer
 
 CASES = (
@@ -33,7 +33,15 @@ def plan(
     ] = None,
     changes: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="K=V", help="Parameter of a case, as speed=15; repeatable."),
+        typer.Option(
+            "--set",
+            metavar="K=V",
+            help="Change the scene, as loading.speed=0.5, or a parameter of a case; repeatable.",
+        ),
+    ] = None,
+    cost: Annotated[
+        str | None,
+        typer.Option(help='Wanted time of the run, "8 min": the least error that it buys here.'),
     ] = None,
     grains: Annotated[Path | None, typer.Option(metavar="DIR", help="As of `mufe run`.")] = None,
     json: Json = None,
@@ -45,19 +53,29 @@ def plan(
     comm = world()
     printer = Printer(json, comm.rank)
     if scene in CASES and not Path(scene).exists():
+        if cost is not None:
+            raise InputError(f"--cost {cost} with a case, expected one with a scene file")
         _plan_case(scene, accuracy, parameters(changes), printer)
         return
-    if changes:
-        raise InputError(f"--set {changes[0]} with a scene file, expected one with a case alone")
+    if cost is not None and accuracy is not None:
+        raise InputError("--cost beside --accuracy, expected one of them")
     from ..planning.text import as_dict, lines, lines_of_present
     from ..run.scene_file import read_scene
     from ..scene.usual import unusual
+    from ..units import to_si
 
-    loaded = read_scene(comm, Path(scene))
+    loaded = read_scene(comm, Path(scene), stated_texts(changes))
     printer.say(*unusual(loaded))
     grains = loaded.sample.grains if grains is None else grains
-    from ..planning.run import make_plan, present
+    from ..planning.run import make_plan, plan_within, present
 
+    if cost is not None:
+        seconds = to_si(number_or_text(cost), "s", "--cost")
+        with Doing("planning", comm.rank == 0):
+            made, predicted = plan_within(loaded, grains, comm, seconds)
+        printer.say(*lines(made, predicted))
+        printer.write_json(as_dict(made, predicted))
+        return
     if accuracy is None and loaded.accuracy is None:
         with Doing("measuring this machine", comm.rank == 0):
             found, cost = present(loaded, grains, comm)

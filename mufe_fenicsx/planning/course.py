@@ -1,8 +1,8 @@
 """How far, how high and how long a test loads its sample, as far as that is known beforehand.
 
 Of a test by stages strains that stresses make, and stresses that strains make, follow from a linear
-sample of the stiffness M = ρ c² along each axis, c a guess of the speed of waves through it and ρ
-the density of its rock times ``SOLID``. Sides that keep the volume go the other way as z, those
+sample of the stiffness M = ρ c² along each axis, c the speed of `wave_speed` and ρ the density of
+its rock times ``SOLID``. Sides that keep the volume go the other way as z, those
 that keep p or a ratio of stresses have the stress that this asks for.
 
 Inertia adds the stress ρ c v at the speed v. At a strain ε it is the part v/(c ε) of that which the
@@ -73,8 +73,26 @@ class Course:
 
 
 def wave_speed(scene):
-    """Speed of waves through the loaded sample [m/s], a guess from that of its rock."""
+    """Speed of waves through the loaded sample [m/s], a guess.
+
+    Of grains that yield a part of that of their rock; of elastic ones that of balls in contact
+    under the largest stress that stages ask for, where they ask for one.
+    """
+    stress = _largest_stress(scene.stages)
+    if stress > 0.0 and not hasattr(scene.material, "yield_stress"):
+        return elastic_wave_speed(scene.material, stress)
     return PACKING * scene.material.wave_speed
+
+
+def _largest_stress(stages):
+    """The largest stress that stages ask for, at their ends or on the way [Pa]; 0: none."""
+    found = [0.0]
+    for stage in stages:
+        found += [axis.stress for axis in stage.axes.values()]
+        found += [stage.p, *(stage.stresses or ())]
+        given = {} if stage.until is None else stage.until.given
+        found += [value for name, value in given.items() if "stress" in name or name in STRESSES]
+    return max(abs(value) for value in found if value is not None)
 
 
 def elastic_wave_speed(material, stress):

@@ -13,8 +13,10 @@ from .sample import THROUGH
 def driver(scene, sample, errors, best):
     """Which requirement costs most: what twice its error would leave of the cost."""
     n = errors.elements_for(2 * best.parts["mesh"])
-    size, _, tets = sample.mesh_for(n, contact_radius(scene.material), errors)
-    left = {"the mesh at contacts": min(tets / size / (best.tets / best.size), 1.0)}
+    left = {"the mesh at contacts": 1.0}
+    if math.isfinite(n):
+        size, _, tets = sample.mesh_for(n, contact_radius(scene.material), errors)
+        left["the mesh at contacts"] = min(tets / size / (best.tets / best.size), 1.0)
     if course_of(scene).presses:
         left["the time of loading"] = planned_time(2 * best.parts["loading"]) / best.time
     name = min(left, key=left.get)

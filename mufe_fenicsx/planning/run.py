@@ -2,13 +2,19 @@
 
 import gc
 import time
+from bisect import bisect_left
 
+from ..analysis.evidence import read_points
+from ..errors import InputError
 from ..output.run_folder import on_first_rank
 from .choice import follow, plan_scene
 from .cost import benchmark, predict
 from .present import present_state
 from .sample import read_sample
-from .text import brief
+from .text import brief, duration, percent
+
+#: Errors among which the least is looked for that a time buys; costs fall from one to the next.
+ACCURACIES = tuple(0.01 * 1.1**k for k in range(42))
 
 
 def make_plan(
@@ -43,6 +49,47 @@ def make_plan(
     measured = benchmark(planned, grains, comm, clock=clock)
     gc.collect()  # what was measured refers to itself
     return made, predict(planned, measured, made.tets / sample.tets, made.size / sample.size)
+
+
+def plan_within(scene, grains, comm, seconds, clock=time.perf_counter):
+    """The plan of the least error whose run ends within a time here, and its cost. Collective.
+
+    Args:
+        scene, grains, comm, clock: As of :func:`make_plan`; steps are measured with the
+            settings of the plan of the largest error, added mass among them.
+        seconds: Of the whole run [s].
+
+    Raises:
+        InputError: No plan does; the message says what the cheapest takes. On all ranks.
+    """
+    coarsest, _ = make_plan(scene, grains, comm, ACCURACIES[-1], measure=False)
+    measured = benchmark(follow(scene, coarsest), grains, comm, clock=clock)
+    gc.collect()  # what was measured refers to itself
+
+    def plan():
+        sample, points = read_sample(grains), read_points()
+
+        def planned(accuracy):
+            made = plan_scene(scene, sample, accuracy, points)
+            finer, shorter = made.tets / sample.tets, made.size / sample.size
+            return made, predict(follow(scene, made), measured, finer, shorter)
+
+        def fits(accuracy):
+            try:
+                return planned(accuracy)[1].wall_s <= seconds
+            except InputError:  # out of reach
+                return False
+
+        first = bisect_left(ACCURACIES[:-1], True, key=fits)
+        made, cost = planned(ACCURACIES[first])
+        if cost.wall_s > seconds:
+            raise InputError(
+                f"cost = {duration(seconds)}, expected at least {duration(cost.wall_s)}, for an "
+                f"error of {percent(made.error)}: more ranks, or fewer grains, take less"
+            )
+        return made, cost
+
+    return comm.bcast(on_first_rank(comm, plan))
 
 
 def present(scene, grains, comm, measure=True, clock=time.perf_counter):

@@ -22,8 +22,13 @@ LARGEST = 10_000_000
 
 
 @checked
-def load_scene(path: str | Path) -> Scene:
+def load_scene(path: str | Path, changes: dict[str, str] | None = None) -> Scene:
     """Read a scene file. Relative paths in it stay in its folder; absolute ones lead anywhere.
+
+    Args:
+        path: The file.
+        changes: Texts of values to put in place of the file's, by dotted key: "loading.speed",
+            "stage.2.hold". What is no value of TOML is a text.
 
     Raises:
         InputError: not TOML, an unknown or missing key, a wrong type or unit, or a
@@ -31,6 +36,8 @@ def load_scene(path: str | Path) -> Scene:
     """
     path = Path(path)
     tables = _read_tables(path)
+    for key, text in (changes or {}).items():
+        _put(tables, key, text)
 
     known = [*TOP_KEYS, *TABLES, "material", "materials", "walls", "stage", "tool"]
     _check_keys(tables, known, "")
@@ -71,6 +78,26 @@ def load_scene(path: str | Path) -> Scene:
         tools=_read_each(Tool, tables.get("tool", []), "tool", folder),
         **parts,
     )
+
+
+def _put(tables, dotted, text):
+    """Put the value that a text says at a dotted key; tables of lists count from 1."""
+    *names, key = dotted.split(".")
+    at = tables
+    for number, name in enumerate(names):
+        if isinstance(at, list):
+            index = int(name) if name.isdecimal() else 0
+            at = at[index - 1] if 1 <= index <= len(at) else None
+        else:
+            at = at.setdefault(name, {})
+        if not isinstance(at, dict | list):
+            raise InputError(f"{'.'.join(names[: number + 1])} is no table of the scene")
+    if isinstance(at, list):
+        raise InputError(f"{dotted}, expected {'.'.join(names)}.1.{key} or another number")
+    try:
+        at[key] = tomllib.loads(f"value = {text}")["value"]
+    except ValueError:
+        at[key] = text
 
 
 def _top_value(tables, name, folder):

@@ -10,10 +10,9 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.materials.sand import SAND
+from mufe_fenicsx.planning import run as planning
 from mufe_fenicsx.planning.choice import follow, plan_scene
-from mufe_fenicsx.planning.cost import (
-    loading_time,
-)
+from mufe_fenicsx.planning.cost import Benchmark, loading_time, predict
 from mufe_fenicsx.planning.course import course_of, wave_speed
 from mufe_fenicsx.planning.errors import (
     KNOWN_STRESS,
@@ -23,7 +22,7 @@ from mufe_fenicsx.planning.errors import (
     time_for,
 )
 from mufe_fenicsx.planning.present import present_state
-from mufe_fenicsx.planning.run import planned_scene
+from mufe_fenicsx.planning.run import plan_within, planned_scene
 from mufe_fenicsx.planning.text import lines, lines_of_present
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import (
@@ -154,6 +153,32 @@ def test_a_plan_of_a_test_by_stages_sets_its_speed_and_judges_stated_ones(table)
     assert least < loading_time(followed, H) < least + 4 * 0.001 * H / speed + 8 * H / 500
     with pytest.raises(InputError, match=r'stage "shear": speed = 80 m/s, expected at most .* or'):
         plan_scene(staged(z=Axis(strain=0.03, speed=80.0)), sample(0.5), 0.12, table)
+
+
+def test_grains_finer_than_any_that_are_known_have_a_plan(table):
+    plan = plan_scene(scene(), sample(20.0), 0.05, table, keep_mesh=True)
+    assert not plan.mesh_again and "the mesh at contacts" not in plan.driver
+
+
+def test_a_plan_within_a_time_has_the_least_error_that_it_buys(monkeypatch):
+    """Less time buys a larger error; less than all plans take is refused."""
+    b = Benchmark(
+        1, 500, 500_000, 150_000, 1e-3, 2.0, 1e-3, (0, 0), (0.0, 0.0), 0.02, 0.0, 1e-9, 0.5e-9,
+        1e-9, 4e8,
+    )  # fmt: skip
+    monkeypatch.setattr(planning, "benchmark", lambda *args, **options: b)
+    monkeypatch.setattr(planning, "ACCURACIES", (0.03, 0.06, 0.12, 0.5))
+    monkeypatch.setattr(planning, "read_sample", lambda folder: sample(1.0))
+    found = []
+    for hours in (100, 0.5):
+        plan, cost = plan_within(scene(), "grains", MPI.COMM_SELF, 3600 * hours)
+        assert cost.wall_s <= 3600 * hours
+        finer, shorter = plan.tets / 1000, plan.size / 20e-6
+        assert cost == predict(follow(scene(), plan), b, finer, shorter)
+        found.append(plan.error)
+    assert found[0] < found[1]
+    with pytest.raises(InputError, match=r"cost = 1 s, expected at least .*, for an error of"):
+        plan_within(scene(), "grains", MPI.COMM_SELF, 1.0)
 
 
 def test_a_run_follows_its_plan_and_tells_what_was_predicted(tmp_path_factory):

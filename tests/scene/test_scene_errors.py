@@ -4,6 +4,7 @@ import pytest
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.scene import load_scene
+from mufe_fenicsx.synthetic.starter_scenes import KINDS
 from mufe_fenicsx.units import to_si
 from tests.scene.scene_files import FULL, WITH_PAIRS, message_of
 
@@ -205,3 +206,37 @@ def test_a_default_that_does_not_fit_is_called_so(tmp_path):
     text = FULL.replace("ramp = 0.01\n", "").replace("strain = 0.1\n", "strain = 0.004\n")
     said = "oedometer.ramp = 0.005 (the default), expected 0 <= ramp <= strain = 0.004"
     assert said in message_of(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "found"),
+    [
+        ("oedometer.speed", "3 mm/s", lambda s: s.oedometer.speed == 3e-3),
+        ("oedometer.speed", "3", lambda s: s.oedometer.speed == 3),
+        ("output.fields", "7", lambda s: s.output.fields == 7),
+        ("sample.separation", "true", lambda s: s.sample.separation),
+        ("materials.stones.labels", "[1, 2]", lambda s: s.materials["stones"].labels == (1, 2)),
+        ("tool.1.speed", "2 m/s", "tool = a table"),
+        ("contact.frictoin", "0.3", "contact.frictoin"),
+        ("contact.friction.a", "0.3", "contact.friction is no table of the scene"),
+        ("contact.friction", "-1", "contact.friction = -1"),
+    ],
+)
+def test_a_scene_is_changed_by_dotted_keys(tmp_path, key, text, found):
+    """As its file would be: the same values, and the same refusals."""
+    path = tmp_path / "test.toml"
+    path.write_text(FULL, encoding="utf-8")
+    if callable(found):
+        assert found(load_scene(path, {key: text}))
+    else:
+        with pytest.raises(InputError, match=found):
+            load_scene(path, {key: text})
+
+
+def test_stages_are_changed_by_their_numbers(tmp_path):
+    path = tmp_path / "test.toml"
+    path.write_text(KINDS["triaxial"][0], encoding="utf-8")
+    assert load_scene(path, {"stage.2.hold": "3 us"}).stages[1].hold == 3e-6
+    for key, said in (("stage.9.hold", "stage.9 is no table"), ("stage.hold", "stage.1.hold")):
+        with pytest.raises(InputError, match=said):
+            load_scene(path, {key: "1 s"})
