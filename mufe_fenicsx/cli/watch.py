@@ -113,7 +113,9 @@ def _line(now):
             if now.values.get("stress") is not None:
                 text += f", vertical stress {1e-6 * now.values['stress'] + 0.0:.4g} MPa"
     if now.seconds_left is not None:
-        text += f"; about {duration(now.seconds_left)} left"
+        text += f"; about {duration(now.seconds_left)} left, {now.rests_on}"
+    elif not now.ended and now.values:
+        text += "; time left is not known yet"
     return text
 
 

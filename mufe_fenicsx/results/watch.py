@@ -33,6 +33,7 @@ class Progress:
     steps_per_second: float | None = None
     cells_per_second: float | None = None  #: tetrahedra times steps
     seconds_left: float | None = None
+    rests_on: str | None = None  #: what ``seconds_left`` takes for granted, in words
     seconds_since_row: float | None = None
 
     @property
@@ -50,6 +51,7 @@ class Progress:
             "steps_per_second": self.steps_per_second,
             "cells_per_second": self.cells_per_second,
             "seconds_left": self.seconds_left,
+            "seconds_left_rests_on": self.rests_on,
             "seconds_since_row": self.seconds_since_row,
         }
 
@@ -113,9 +115,13 @@ class Watch:
         since = max(self.clock() - written, 0.0)
         state, why = ("stopped", died) if died is not None else self._state(run, since)
         cells = run.get("num_cells")
-        left = None
+        left = rests_on = None
         if state in ("running", "silent"):
             left = self._seconds_left(history, values, speed, since)
+        if left is not None:
+            rests_on = "if strain and steps go on as in the last rows"
+            if self._stages():
+                rests_on = "if later stages take as many steps as this one"
         return Progress(
             title,
             state,
@@ -124,6 +130,7 @@ class Watch:
             steps_per_second=speed,
             cells_per_second=speed * cells if speed is not None and cells else None,
             seconds_left=left,
+            rests_on=rests_on,
             seconds_since_row=since,
         )
 
@@ -229,12 +236,17 @@ class Watch:
         return tomllib.loads(regular(self.folder / "scene.toml").read_text(encoding="utf-8"))
 
     def _stages(self):
-        """Number of stages of the test and rows of each, by the scene; None without stages."""
+        """Number of stages by the scene, rows of each, and which ends the seating, from 1.
+
+        None without stages.
+        """
         try:
             scene = self._scene()
             num = len(scene["stage"])
-            return num, math.ceil((int(scene["output"]["history"]) - 1) / num)
-        except (OSError, ValueError, KeyError, TypeError, ZeroDivisionError):
+            zeros = [k for k, stage in enumerate(scene["stage"], 1) if stage.get("zero") is True]
+            rows = math.ceil((int(scene["output"]["history"]) - 1) / num)
+            return num, rows, max(zeros, default=0)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, ZeroDivisionError):
             return None
 
     def _target(self):
@@ -246,17 +258,17 @@ class Watch:
             return None
 
 
-def _steps_left(history, num_stages, num_rows):
+def _steps_left(history, num_stages, num_rows, seated):
     """Steps to the end of a test by stages, None where nothing tells.
 
     A stage has so many rows at most, even ones of its progress; stages that come are taken to
     have as many steps as the present one, by its rows so far. While walls still come on to the
-    sample nothing tells when they meet it.
+    sample, until the stage ``seated`` ends, nothing tells when they meet it.
     """
     stage, step = history["stage"], history["step"]
-    if stage[-1] == "seating":
-        return None
     changes = (stage[1:] != stage[:-1]).nonzero()[0] + 1
+    if stage[-1] == "seating" or len(changes) < seated:
+        return None
     first = int(changes[-1]) if len(changes) else 0
     done = len(stage) - 1 - first
     if done < 2 or not step[-1] > step[first]:

@@ -88,7 +88,7 @@ def test_a_run_from_its_start_to_its_end(tmp_path):
 def test_time_left_of_a_test_by_stages(tmp_path):
     """A stage has 300/3 rows; those that come are taken to be as long as the present one."""
     run = MadeUpRun(tmp_path)
-    stages = "[output]\nhistory = 301\n" + "[[stage]]\nzero = true\n" * 3
+    stages = "[output]\nhistory = 301\n[[stage]]\nzero = true\n" + "[[stage]]\nhold = 1\n" * 2
     (tmp_path / "scene.toml").write_text(stages)
     watch = Watch(tmp_path, clock=lambda: run.now)
     run.write(*(row(100 * k, 0.0, "seating") for k in range(5)), seconds=10)
@@ -101,6 +101,14 @@ def test_time_left_of_a_test_by_stages(tmp_path):
     # The first look but one saw 500 steps after 15 s, so that speed is that of 500 steps in 10 s.
     assert now.seconds_left == pytest.approx(3500 / now.steps_per_second)
     assert now.values["target_strain"] is None
+    assert now.rests_on == "if later stages take as many steps as this one"
+    # The first stage, at rest until the sample is seated, may have any name.
+    run.rows = [COLUMNS]
+    run.write(*(row(100 * k, 0.0, "settle") for k in range(5)), seconds=10)
+    (tmp_path / "scene.toml").write_text(
+        "[output]\nhistory = 301\n" + '[[stage]]\nname = "settle"\nzero = true\n' + "[[stage]]\n"
+    )
+    assert watch.look().seconds_left is None
 
 
 def test_the_command_prints_once_and_as_json(tmp_path, capfd):
