@@ -16,6 +16,7 @@ from ...errors import InputError
 from ...machine.memory import check_room
 from .array_file import open_hdf5, open_numpy
 from .itk_file import ITK, open_itk
+from .picture_file import PICTURES
 from .raw_file import open_raw
 from .stored_image import Stored, check_regular, errors_of_readers
 from .tiff_file import TIFF, open_slices, open_tiff
@@ -45,7 +46,7 @@ def read_with_size(
     """Read an image, or only a part of it, and its voxel size.
 
     Args:
-        path: A TIFF stack, a folder of TIFF slices (taken in natural order of
+        path: A TIFF stack, a folder of TIFF, PNG, JPEG or BMP slices (in natural order of
             their names: slice2 before slice10), .npy, .npz, .h5, .mhd, .mha, .nrrd, .nii, .raw.
         shape: Voxels of a raw file along its axes, the last one fastest.
         dtype: Type of a raw file's voxels, as NumPy writes it: "<u2", big endian ">u2".
@@ -74,7 +75,7 @@ def read_with_size(
         raise InputError(f'axes = "{axes}", expected an order of z, y and x such as "zyx"')
     with errors_of_readers(path):
         if not path.exists():
-            raise InputError(f"no image {path}, expected a file or a folder of TIFF slices")
+            raise InputError(f"no image {path}, expected a file or a folder of slices")
         if not path.is_dir():
             check_regular(path, path)
         with _opened(path, shape, dtype, key) as stored:
@@ -135,7 +136,8 @@ def _opened(path, shape, dtype, key):
     """Context in which an image is open as `Stored`."""
     name = path.name.lower()
     if path.is_dir():
-        yield open_slices(path, files_in(path, TIFF))
+        # Pictures beside TIFF slices are looks at them.
+        yield open_slices(path, files_in(path, TIFF) or files_in(path, PICTURES))
     elif name.endswith(TIFF):
         with tifffile.TiffFile(path) as file:
             yield open_tiff(file, path, key)
@@ -156,8 +158,7 @@ def _opened(path, shape, dtype, key):
     else:
         kinds = ", ".join((*TIFF, *NUMPY, *RAW, *HDF5, *ITK))
         raise InputError(
-            f"image {path} ends in {path.suffix!r}, expected one of {kinds} "
-            "or a folder of TIFF slices"
+            f"image {path} ends in {path.suffix!r}, expected one of {kinds} or a folder of slices"
         )
 
 

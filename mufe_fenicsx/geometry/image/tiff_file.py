@@ -9,6 +9,7 @@ import numpy as np
 import tifffile
 
 from ...errors import InputError
+from .picture_file import PICTURES, Picture
 from .stored_image import Stored, check_regular, errors_of_readers, only_one, three_axes
 from .voxel_size import tiff_voxel_size
 
@@ -150,7 +151,7 @@ class _Slice:
 
 
 def open_slices(folder, names):
-    """A folder of TIFF slices, of which only those that are asked for are read: `Stored`.
+    """A folder of slices, of which only those that are asked for are read: `Stored`.
 
     Args:
         folder: The folder.
@@ -160,8 +161,10 @@ def open_slices(folder, names):
         InputError: no slice, or slices that differ in size, type or in what their zeros mean.
     """
     if not names:
-        raise InputError(f"folder {folder} holds no .tif or .tiff, expected slices of an image")
-    slices = [_Slice(name, folder) for name in names]
+        raise InputError(f"folder {folder} holds no .tif or .png, expected slices of an image")
+    slices = [
+        (Picture if name.suffix.lower() in PICTURES else _Slice)(name, folder) for name in names
+    ]
     first = slices[0]
     for part in slices:
         if len(part.shape) != 2 or part.shape != first.shape:

@@ -9,6 +9,7 @@ import pytest
 import scipy.ndimage
 import SimpleITK
 import tifffile
+from PIL import Image
 
 from mufe_fenicsx.cli.main import main
 from mufe_fenicsx.errors import InputError
@@ -175,3 +176,28 @@ def test_labels_of_other_programs_are_meshed_as_they_are(tmp_path, capfd):
     # 6 slices of 10 um, 16 rows and 12 columns of 5 um.
     volume = float(table[1].split(",")[1])
     assert volume == pytest.approx(6 * 16 * 12 * 250e-18, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "dtype", "most"),
+    [(".png", np.uint8, 0), (".png", np.uint16, 0), (".bmp", np.uint8, 0), (".jpg", np.uint8, 8)],
+)
+def test_a_folder_of_pictures_is_a_stack(tmp_path, suffix, dtype, most):
+    """In natural order, in part, and as equal colours too; other colours are refused."""
+    grey = (smooth_noise() >> (8 if dtype == np.uint8 else 0)).astype(dtype)
+    for k, part in enumerate(grey):
+        Image.fromarray(part).save(tmp_path / f"slice{k + 1}{suffix}")
+    found = read_image(tmp_path, crop=((8, 12), (3, 20), (0, 40)))
+    assert found.dtype == dtype
+    assert abs(found.astype(int) - grey[8:12, 3:20].astype(int)).max() <= most
+    if dtype == np.uint8:
+        first = Image.fromarray(np.stack([grey[0]] * 3, axis=-1))
+        first.save(tmp_path / f"slice1{suffix}")
+        assert abs(read_image(tmp_path)[0].astype(int) - grey[0]).max() <= most
+        colours = np.stack([grey[0], 255 - grey[0], grey[0]], axis=-1)
+        Image.fromarray(colours).save(tmp_path / f"slice1{suffix}")
+        with pytest.raises(InputError, match="has colours, expected grey levels"):
+            read_image(tmp_path)
+    (tmp_path / f"slice2{suffix}").write_bytes(b"cut short")
+    with pytest.raises(InputError, match=f"slice2{suffix} cannot be read"):
+        read_image(tmp_path)
