@@ -53,9 +53,7 @@ def plan(
     comm = world()
     printer = Printer(json, comm.rank)
     if scene in CASES and not Path(scene).exists():
-        if cost is not None:
-            raise InputError(f"--cost {cost} with a case, expected one with a scene file")
-        _plan_case(scene, accuracy, parameters(changes), printer)
+        _plan_case(scene, accuracy, parameters(changes), printer, cost)
         return
     if cost is not None and accuracy is not None:
         raise InputError("--cost beside --accuracy, expected one of them")
@@ -72,23 +70,23 @@ def plan(
     if cost is not None:
         seconds = to_si(number_or_text(cost), "s", "--cost")
         with Doing("planning", comm.rank == 0):
-            made, predicted = plan_within(loaded, grains, comm, seconds)
-        printer.say(*lines(made, predicted))
-        printer.write_json(as_dict(made, predicted))
-        return
-    if accuracy is None and loaded.accuracy is None:
+            made, cost = plan_within(loaded, grains, comm, seconds)
+    elif accuracy is None and loaded.accuracy is None:
         with Doing("measuring this machine", comm.rank == 0):
             found, cost = present(loaded, grains, comm)
         printer.say(*lines_of_present(found, cost))
         printer.write_json(as_dict(found, cost))
         return
-    with Doing("planning", comm.rank == 0):
-        made, cost = make_plan(loaded, grains, comm, accuracy)
+    else:
+        with Doing("planning", comm.rank == 0):
+            made, cost = make_plan(loaded, grains, comm, accuracy)
     printer.say(*lines(made, cost))
     printer.write_json(as_dict(made, cost))
 
 
-def _plan_case(case, accuracy, stated, printer):
+def _plan_case(case, accuracy, stated, printer, cost):
+    if cost is not None:
+        raise InputError(f"--cost {cost} with a case, expected one with a scene file")
     from ..planning.case import measured, plan_case
 
     point = plan_case(case, accuracy, stated=stated)

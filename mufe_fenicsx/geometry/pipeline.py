@@ -108,10 +108,7 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
         write_table(folder / contacts.name, pairs, CONTACT_COLUMNS)
         write_table(folder / table.name, rows)
         draw_segmentation(folder / picture.name, grey, labels, voxel_size, level, cylinder)
-    warning = found.pop("warning")
-    warnings = [] if warning is None else [warning]
-    if num_grains == 1:
-        warnings.append("one grain only: is the threshold right, are grains brighter than voids?")
+    warnings = _warnings(found.pop("warning"), num_grains)
     diameters = np.array([row["equivalent_diameter_m"] for row in rows])
     return {
         "labels": str(output),
@@ -135,6 +132,11 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
         "compared": compared,
         "seconds": round(time.perf_counter() - start, 3),
     }
+
+
+def _warnings(warning, num_grains):
+    few = "one grain only: is the threshold right, are grains brighter than voids?"
+    return ([] if warning is None else [warning]) + [few] * (num_grains == 1)
 
 
 @contextmanager
