@@ -84,7 +84,7 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
     ):
         raw, inside, true, given = _grey_image(image_path, settings, truth)
         labels, grey, found, sample = _segmented(raw, inside, settings, given, image_path)
-        level = found.pop("field")
+        level, warning = found.pop("field"), found.pop("warning")
         num_grains = int(labels.max())
         if num_grains < 1:
             raise NoThreshold(
@@ -108,7 +108,6 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
         write_table(folder / contacts.name, pairs, CONTACT_COLUMNS)
         write_table(folder / table.name, rows)
         draw_segmentation(folder / picture.name, grey, labels, voxel_size, level, cylinder)
-    warnings = _warnings(found.pop("warning"), num_grains)
     diameters = np.array([row["equivalent_diameter_m"] for row in rows])
     return {
         "labels": str(output),
@@ -128,7 +127,7 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
         "median_diameter": float(np.median(diameters)),
         **doubts,
         "notices": given["notices"],
-        "warnings": warnings,
+        "warnings": _warnings(warning, num_grains),
         "compared": compared,
         "seconds": round(time.perf_counter() - start, 3),
     }
