@@ -64,6 +64,10 @@ STRAIN_DEFINITION = (
 
 #: Times that a wave travels for which stresses have to stay within their tolerance.
 SETTLED = 2.0
+#: Kinetic over elastic energy of a sample that is seated, at most.
+AT_REST = 0.01
+#: Damping while the sample is seated over one over that time.
+STILLED = 0.5
 #: Ways of every stage: s, that of lengths, and of time where it waits.
 NUM_WAYS = 3
 
@@ -97,6 +101,7 @@ class StagedLoading(Stateful):
         self.paces = Paces(simulation, self.container, settings, quasi_static)
         if self.control is not None and self.measures.lags:
             self.control.lack_of_held = self._lack_of_held
+        self.damping = simulation.damping  #: that the scene states [1/s]
         #: Motions that stages follow: number of the stage -> :class:`~.output.measured.Measured`.
         self.motions = self._read_motions()
         zeros = [number for number, stage in enumerate(program) if stage.zero]
@@ -269,7 +274,19 @@ class StagedLoading(Stateful):
         """Set the speeds of the walls and change stage when it is time. Collective."""
         if self._is_over() and self.index + 1 < len(self.program):
             self._begin(self._loads[0])
+        self._still()
         self._move()
+
+    def _still(self):
+        """Take the motion of grains while the sample is seated, beside what the scene states."""
+        travel, least = self.servo.travel_time, 0.0
+        if not self.loaded and travel > 0.0:
+            least = STILLED / travel
+        self.simulation.damping = max(self.damping, least)
+
+    def leave(self):
+        """Leave the grains to the damping that the scene states. Local."""
+        self.simulation.damping = self.damping
 
     def _begin(self, forces):
         """Begin the next stage."""
@@ -393,6 +410,7 @@ class StagedLoading(Stateful):
         self._come(lengths, t)
         near = now.s == 1.0 or not any(task.goes for task in self._all)
         near &= self.shearing.is_there
+        near &= self.loaded or self.servo.kinetic <= AT_REST
         means, axis_means = gauges.led(np.asarray(gauges.means.stress)), gauges.mean_stress()
         for task in self.tasks:
             near &= task.is_there(means, axis_means, lengths, self.settings.tolerance)

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from ..analysis.quasi_static import UNBALANCED
 from ..contact.mirrors import check_mirrors
 from ..errors import InputError, Interrupted, SolverError, UnstableError, checked
-from ..loading.oedometer import OedometerLoading
+from ..loading.measures import PlatenMeasures
+from ..loading.oedometer import LARGEST_SEATING, SEATING, OedometerLoading
 from ..loading.stages import StagedLoading
 from ..machine.doing import Doing
 from ..machine.memory import peak_memory, return_freed_arrays
@@ -27,6 +29,7 @@ from ..output.run_folder import (
 )
 from ..output.run_lock import LostFolder, RunLock
 from ..scene import Scene, scene_to_toml
+from ..scene.stages import Axis, Loading, Stage
 from ..scene.usual import unusual
 from .coarse_meshes import mean_edge_and_radius, warning_of_coarse_meshes
 from .from_scene import (
@@ -410,7 +413,19 @@ class TestRun:
             oedometer.seating_stress * self.area,
             oedometer.seating_speed,
             scene.quasi_static,
+            self._make_seating(oedometer),
         )
+
+    def _make_seating(self, oedometer):
+        """The stage by which an oedometer test seats its sample at rest; None of increments."""
+        if self.simulation.increments:
+            return None
+        speed = oedometer.seating_speed
+        settings = Loading(speed, oedometer.ramp, UNBALANCED, LARGEST_SEATING)
+        platen = Axis(stress=oedometer.seating_stress, speed=speed, walls="max")
+        program = [Stage(name=SEATING, z=platen, zero=True)]
+        measures = PlatenMeasures(self.simulation)
+        return StagedLoading(self.simulation, settings, program, None, measures)
 
     def begin_again(self, checkpoint):
         """Go back to a checkpoint, or to the start if that is None."""

@@ -8,6 +8,7 @@ from ..errors import InputError, nearest_name, shown
 from ..geometry.atomic_output import new_folder
 from ..geometry.bodies.shapes import sphere, sphere_near_contact
 from ..geometry.grains import Grains, save_grains
+from ..geometry.measure import tet_volumes
 from ..materials.sand import scene_table
 from ..scene.schema import schema_text
 from .packing import pack
@@ -29,7 +30,7 @@ MANY = (60, 7)
 #: The same of which those in an upright cylinder are taken, 46 of them, and proportions of the box.
 TRIMMED, TALL = (120, 7), (1.0, 1.0, 1.4)
 #: Depth of contacts at which their packing is done, over D50.
-DEPTH = 2e-3
+DEPTH = 1e-2
 #: Element size over radius of these balls.
 COARSE = 0.35
 #: Radius of a single ball [m]; element size at its poles and radius of contact over the radius.
@@ -315,6 +316,7 @@ def ball_packing(number=FEW[0], seed=FEW[1], proportions=(1.0, 1.0, 1.0), is_rou
     balls = make_grains(rng, sizes(rng, number, D50, UNIFORMITY), ones, ones, 0.0, 1.7, 3)
     packing = pack(balls, rng, np.array(proportions), DEPTH * D50)
     points, cells = sphere(1.0, COARSE)
+    points *= np.cbrt(4.0 / 3.0 * np.pi / tet_volumes(points, cells).sum())
     middle, width = 0.5 * (packing.low + packing.high), np.ptp([packing.low, packing.high], axis=0)
     meshes = [
         (centre + radius * points @ axes.T, cells)

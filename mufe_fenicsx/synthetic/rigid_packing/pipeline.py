@@ -16,12 +16,13 @@ from ..shapes import sizes_by_mass
 from ..starter_scenes import DAMPED, HEAD, OEDOMETER, OUTPUT, SCHEMA_FILE
 from .assembly import Assembly
 from .container import BOX, CYLINDER
-from .measures import measured
+from .measures import measured, void_ratio_inside
 from .picture import draw_packing
 from .settings import GRAVITY, MOST_VOXELS
 from .sources import SOLID_FRACTION, draw_grains, meshes_of, shapes_of
 from .start import column, fits, loose
-from .ways import compress, reach_void_ratio, settle
+from .stiffness import over_modulus
+from .ways import PRESSURE, TOLERANCE, compress, reach_void_ratio, settle
 
 #: File by which a folder is known as one that may be replaced.
 MARKER = "packing.csv"
@@ -130,9 +131,14 @@ def packed(draw, settings, rng, progress=None):
         _require_room(shapes, draw, edges, settings)
     bodies, container = loose(shapes, draw.shape, size, rng, kind, edges)
     assembly = Assembly(bodies, container, **more, progress=shown)
-    compress(assembly)
+    pressure = PRESSURE
+    if settings.stress is not None:
+        pressure = over_modulus(settings.stresses.mean())
+        pressure *= settings.stresses / settings.stresses.mean()
+    compress(assembly, pressure)
     if settings.void_ratio is not None:
-        assembly = reach_void_ratio(assembly, settings.void_ratio)
+        held = settings.stress is not None
+        assembly = reach_void_ratio(assembly, settings.void_ratio, pressure, _void_ratio, held)
     return assembly
 
 
@@ -150,6 +156,12 @@ def _require_room(shapes, draw, edges, settings):
             f"{len(draw.size)} grains, expected more than the thickest of them, "
             f"{with_unit(thickest, 'm')}"
         )
+
+
+def _void_ratio(assembly):
+    """The void ratio that is asked for, away from walls where there is such a place."""
+    found, error = void_ratio_inside(assembly)
+    return found, max(TOLERANCE, 0.5 * error)
 
 
 def _in_space(assembly, b, points):
