@@ -224,16 +224,21 @@ class OedometerLoading(Stateful):
         if self.stage == LOADING and self.control is not None:
             self._speed = self.control(self.progress)
         elif self.stage == LOADING:
-            time = self.ramp * self.reference_height / self.speed
-            since = self.simulation.state.t + 0.5 * self.simulation.dt - self.stages[-1]["time"]
-            part = smooth_step(since / time) if time > 0.0 else 1.0
             start = self._speed_at_start
-            self._speed = start + (self.speed - start) * part
+            self._speed = start + (self.speed - start) * smooth_step(self._part_of_ramp())
         elif self.seating is not None:
             return
         self.simulation.walls.velocity[self._top, 2] = -self._speed
         if self.simulation.increments:
             self._bound_increment()
+
+    def _part_of_ramp(self):
+        """How far the speed is on its way: by the strain, or from rest by the time that takes."""
+        part = self.progress
+        if self._speed_at_start == 0.0:
+            since = self.simulation.state.t + 0.5 * self.simulation.dt - self.stages[-1]["time"]
+            part = since * self.speed / self.reference_height
+        return part / self.ramp if self.ramp > 0.0 else 1.0
 
     def _seat(self):
         """One step of the seating, or its end. Collective."""

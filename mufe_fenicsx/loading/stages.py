@@ -410,7 +410,8 @@ class StagedLoading(Stateful):
         self._come(lengths, t)
         near = now.s == 1.0 or not any(task.goes for task in self._all)
         near &= self.shearing.is_there
-        near &= self.loaded or self.servo.kinetic <= AT_REST
+        if not self.loaded and any(task.servo for task in self.tasks):
+            near &= self.servo.kinetic <= AT_REST
         means, axis_means = gauges.led(np.asarray(gauges.means.stress)), gauges.mean_stress()
         for task in self.tasks:
             near &= task.is_there(means, axis_means, lengths, self.settings.tolerance)

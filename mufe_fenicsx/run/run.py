@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..analysis.quasi_static import UNBALANCED
 from ..contact.mirrors import check_mirrors
 from ..errors import InputError, Interrupted, SolverError, UnstableError, checked
-from ..loading.measures import PlatenMeasures
-from ..loading.oedometer import LARGEST_SEATING, SEATING, OedometerLoading
+from ..loading.oedometer import OedometerLoading
 from ..loading.stages import StagedLoading
 from ..machine.doing import Doing
 from ..machine.memory import peak_memory, return_freed_arrays
@@ -29,7 +27,6 @@ from ..output.run_folder import (
 )
 from ..output.run_lock import LostFolder, RunLock
 from ..scene import Scene, scene_to_toml
-from ..scene.stages import Axis, Loading, Stage
 from ..scene.usual import unusual
 from .coarse_meshes import mean_edge_and_radius, warning_of_coarse_meshes
 from .from_scene import (
@@ -57,6 +54,7 @@ from .retries import Recovery
 from .run_options import RunOptions
 from .run_place import RunPlace, say
 from .scene_tools import check_sizes, checksums_of_files, make_tools
+from .seating import seating_of
 from .signals import Interruption
 from .snapshot import restore, restore_reference, snapshot
 from .time_loop import march
@@ -413,19 +411,8 @@ class TestRun:
             oedometer.seating_stress * self.area,
             oedometer.seating_speed,
             scene.quasi_static,
-            self._make_seating(oedometer),
+            seating_of(self.simulation, oedometer),
         )
-
-    def _make_seating(self, oedometer):
-        """The stage by which an oedometer test seats its sample at rest; None of increments."""
-        if self.simulation.increments:
-            return None
-        speed = oedometer.seating_speed
-        settings = Loading(speed, oedometer.ramp, UNBALANCED, LARGEST_SEATING)
-        platen = Axis(stress=oedometer.seating_stress, speed=speed, walls="max")
-        program = [Stage(name=SEATING, z=platen, zero=True)]
-        measures = PlatenMeasures(self.simulation)
-        return StagedLoading(self.simulation, settings, program, None, measures)
 
     def begin_again(self, checkpoint):
         """Go back to a checkpoint, or to the start if that is None."""

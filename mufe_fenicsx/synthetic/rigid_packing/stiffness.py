@@ -10,10 +10,13 @@ Hertz's, or as one that flows at the pressure 2.8 Y where that is deeper,
 
     δ/D = max( (9/4 (F/(E* D²))²)^(1/3),  2 F/(2.8 π Y D²) ),
 
-and a spring of the packing by F/(E D) with the modulus E of its contacts.
+Y at the plastic strain 0.2 a/R of its radius a = √(D δ/2), R = D/2 (D. Tabor, The Hardness of
+Metals, 1951), and a spring of the packing by F/(E D) with the modulus E of its contacts.
 """
 
 import math
+
+import numpy as np
 
 from ...materials.sand import SAND
 
@@ -22,14 +25,20 @@ SOLID, COORDINATION = 0.6, 6.0
 #: Mean pressure of a contact that flows over the yield stress (K. L. Johnson, Contact Mechanics,
 #: 1985, section 6.3).
 PLATEAU = 2.8
+#: Plastic strain of a contact over a/R, and rounds in which that is found.
+TABOR, ROUNDS = 0.2, 30
 
 
 def contact_depth(stress, material=SAND):
     """δ/D of contacts under a mean stress [Pa]."""
     force = math.pi * stress / (SOLID * COORDINATION)
     elastic = (2.25 * (2.0 * force / material.contact_modulus) ** 2) ** (1 / 3)
-    flow = PLATEAU * material.yield_stress[-1][1]
-    return max(elastic, 2.0 * force / (math.pi * flow))
+    strains, stresses = np.transpose(material.yield_stress)
+    depth = elastic
+    for _ in range(ROUNDS):
+        flow = np.interp(TABOR * math.sqrt(2.0 * depth), strains, stresses)
+        depth = max(elastic, 2.0 * force / (math.pi * PLATEAU * flow))
+    return float(depth)
 
 
 def over_modulus(stress, material=SAND):
