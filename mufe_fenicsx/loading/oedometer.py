@@ -2,10 +2,10 @@
 
 Strain is the shortening of the distance between top and bottom platen over that
 distance at the end of the seating stage, positive in compression: gaps that the
-segmentation left are closed by the seating and do not count. Its end is the
-first step at which top and bottom both carry the seating stress. Increments, which are
-longer than steps, end there to ``SEATED`` of that stress, and where the strain of the test is
-reached.
+segmentation left are closed by the seating and do not count. It is a stage (stages.py) in which a
+servo takes the top platen to the seating stress, until both platens carry that and all is at rest.
+Increments, which have no servo, end at that stress to ``SEATED`` of it, and where the strain of the
+test is reached.
 """
 
 import math
@@ -23,8 +23,8 @@ SEATING, LOADING = "seating", "loading"
 
 STRAIN_DEFINITION = (
     "shortening of the distance between top and bottom platen over that distance at the end of "
-    "the seating stage (the first step at which both carry the seating stress); compression "
-    "positive"
+    "the seating stage (at which both carry the seating stress, at rest in time steps); "
+    "compression positive"
 )
 
 #: The seating stage gives up when the platens have approached by this part of their distance.

@@ -23,10 +23,14 @@ of what is left of it, at a constant rate over the strain ``ramp``.
 
 A stage ends when a value of ``until`` is passed, or when s = 1, lengths are reached, and all held
 stresses are within ``tolerance`` for twice the time T that a wave travels; then ``hold`` begins.
-These stresses are means over T, of each wall, or of opposite ones where something beside them
-carries what they differ by (gauges.py). Grains that still rattle between few contacts shake
-a wall for long, and without a load of their own. Where ``until`` is passed walls brake first, over
-``ramp``.
+These stresses are means over T, of each wall across the axis, or of opposite ones where something
+beside them carries what they differ by (gauges.py). Grains that still rattle between few contacts
+shake a wall for long, and without a load of their own. Where ``until`` is passed walls brake first,
+over ``ramp``.
+
+Stages until the last one with ``zero`` seat the sample. They end at rest as well, with a kinetic
+energy of ``AT_REST`` of the elastic one, and until then grains lose motion at the rate
+``STILLED``/T at least.
 
 Rows of the history fall due by the ways that a stage has come, one for each of what leads it:
 s, the changes of lengths that go at a speed, the values of ``until``, and time where it waits and
@@ -65,7 +69,7 @@ STRAIN_DEFINITION = (
 #: Times that a wave travels for which stresses have to stay within their tolerance.
 SETTLED = 2.0
 #: Kinetic over elastic energy of a sample that is seated, at most.
-AT_REST = 0.01
+AT_REST = 0.02
 #: Damping while the sample is seated over one over that time.
 STILLED = 0.5
 #: Ways of every stage: s, that of lengths, and of time where it waits.

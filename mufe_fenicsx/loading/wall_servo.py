@@ -60,7 +60,9 @@ class Servo(Stateful):
         measures: :class:`~.measures.WallMeasures` of what surrounds the sample.
     """
 
-    STATE = {"common": ("impedance", "travel_time", "share", "kinetic", "_next", "_interval", "_carried")}
+    STATE = {
+        "common": ("impedance", "travel_time", "share", "kinetic", "_next", "_interval", "_carried")
+    }
 
     def __init__(self, simulation, measures):
         self.simulation, self.measures = simulation, measures

@@ -270,9 +270,9 @@ def loading_time(scene, height):
     """Time of loading [s], after the sample is seated.
 
     The platen of an oedometer gets smoothly from rest to its speed, in the time in which that goes
-    over the ramp; in increments from the speed of the seating, over the ramp. In a test by stages each stage begins at rest; towards a strain its speed falls with
-    the root of what is left, over the ramp, which takes twice as long; and each waits for its
-    stresses, and its hold.
+    over the ramp; in increments from the speed of the seating, over the ramp. In a test by stages
+    each stage begins at rest; towards a strain its speed falls with the root of what is left, over
+    the ramp, which takes twice as long; and each waits for its stresses, and its hold.
 
     Args:
         scene: :class:`~mufe_fenicsx.scene.Scene`.

@@ -2,8 +2,9 @@
 
 In a box or a rigid cylinder the platen travels until the bottom feels it. Then the sample comes to
 rest by the damping of the seating, d/T with T the time of a wave and d = ``STILLED``: its kinetic
-energy falls as exp(-d t/T) to the part ``AT_REST``, and two waves end it. That is the least: grains
-that still turn and slip take longer. In a membrane three things follow each other, H the height and D the diameter:
+energy falls as exp(-d t/T) to the part ``AT_REST``, and two waves end it. Grains
+that still turn and slip take longer. In a membrane three things follow each other, H the height and
+D the diameter:
 
 - The pressure of the cell rises to σ as fast as the sleeve, which alone carries it, may shrink by
   the speed v, with its stiffness E t:  t₁ = σ D²/(2 E t v).
@@ -24,7 +25,7 @@ from .course import SOLID, elastic_wave_speed
 
 
 def seating_time(scene, course, measured):
-    """Time until the sample is seated at the least [s]; 0 where walls do not load it.
+    """Time until the sample is seated [s]; 0 where walls do not load it.
 
     Args:
         scene: :class:`~mufe_fenicsx.scene.Scene`.

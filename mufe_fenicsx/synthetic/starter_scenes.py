@@ -37,6 +37,8 @@ MANY = (60, 7)
 ROUND, TALL = (48, 1), np.array([1.0, 1.0, 1.4])
 #: Depth of contacts at which their packing is done, over D50.
 DEPTH = 1e-2
+#: Diameter of the mesh of a ball over its own where coarse ones are to pass the edges of tools.
+LOOSE = 0.987
 #: Element size over radius of these balls.
 COARSE = 0.35
 #: Radius of a single ball [m]; element size at its poles and radius of contact over the radius.
@@ -213,9 +215,10 @@ BALL = """
 speed = "0.5 m/s"         # at which a length of the sample changes, at most
 ramp = 0.002              # strain over which walls get to it
 
-[[stage]]                 # the walls at the sides go out of the way; strains count from its end
+[[stage]]                 # walls at the sides go out of the way, platens come; then strains count
 zero = true
 xy = { strain = -0.05, speed = "5 m/s" }
+z = { stress = "1 MPa" }
 
 [[stage]]
 name = "press"
@@ -223,18 +226,19 @@ z = { strain = 0.01 }
 
 [[stage]]
 name = "unload"
-z = { strain = 0.004 }
+z = { stress = "1 MPa" }
 """
 
 BALLS = """
 [loading]                 # a test by stages: the six walls move
-speed = "0.5 m/s"         # at which a length of the sample changes, at most
-ramp = 0.002              # strain over which walls get to it
+speed = "0.2 m/s"         # at which a length of the sample changes, at most
+ramp = 0.001              # strain over which walls get to it
 tolerance = 0.02          # of stresses
 
 [[stage]]                 # the walls at the sides stay near: balls on end roll away otherwise
-name = "aside"
+zero = true
 xy = { strain = -0.001 }
+z = { stress = "0.5 MPa" }
 
 [[stage]]                 # led by the mean stress of top and bottom: 2 MPa are 2.2 N here
 name = "press"
@@ -308,13 +312,20 @@ def write_new_scene(kind, folder, *, overwrite=False, membrane=False):
 
 
 @functools.cache
-def ball_packing(number=FEW[0], seed=FEW[1]):
-    """`Grains` of balls packed at random in a box without friction."""
+def ball_packing(number=FEW[0], seed=FEW[1], part=1.0):
+    """`Grains` of balls packed at random in a box without friction.
+
+    Args:
+        number: Of balls.
+        seed: Of their sizes and places.
+        part: Of its diameter that each ball is meshed with.
+    """
     rng = np.random.default_rng(seed)
     ones = np.ones(number)
     balls = make_grains(rng, sizes(rng, number, D50, UNIFORMITY), ones, ones, 0.0, 1.7, 3)
     packing = pack(balls, rng, np.ones(3), DEPTH * D50)
-    return _meshed(packing.centre, balls.diameter, lambda x: x)
+    room = packing.low, packing.high
+    return _meshed(packing.centre, part * balls.diameter, lambda x: np.clip(x, *room))
 
 
 @functools.cache
@@ -333,7 +344,9 @@ def _meshed(centres, diameters, pulled_in):
     """`Grains` of balls of the volume of their spheres, flat where a wall cuts them off."""
     points, cells = sphere(1.0, COARSE)
     points *= np.cbrt(4.0 / 3.0 * np.pi / tet_volumes(points, cells).sum())
-    meshes = [(pulled_in(x + 0.5 * d * points), cells) for x, d in zip(centres, diameters, strict=True)]
+    meshes = [
+        (pulled_in(x + 0.5 * d * points), cells) for x, d in zip(centres, diameters, strict=True)
+    ]
     return Grains.from_list(np.arange(1, len(meshes) + 1), meshes, 0.5 * COARSE * D50)
 
 
@@ -371,8 +384,8 @@ KINDS = {
         None,
     ),
     "oedometer": (
-        _text("Oedometer test on balls", DAMPED.format(100) + OEDOMETER, _SAND, **_HARD),
-        ball_packing,
+        _text("Oedometer test on balls", DAMPED.format(100) + OEDOMETER, _MORE, **_HARD),
+        functools.partial(ball_packing, *MANY),
     ),
     "isotropic": (
         _text("Isotropic compression of balls", DAMPED.format(100) + ISOTROPIC, _SAND, **_HARD),
@@ -384,7 +397,7 @@ KINDS = {
     ),
     "shear-box": (
         _text("Direct shear test on balls", SHEAR, _MORE, 0.5, material=RIGID),
-        functools.partial(ball_packing, *MANY),
+        functools.partial(ball_packing, *MANY, LOOSE),
     ),
     "single-grain": (
         _text("A ball between two platens", BALL, "one ball of 1 mm", wall=0.2),

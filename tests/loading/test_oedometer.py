@@ -55,8 +55,8 @@ def test_seating_ends_at_rest(damping):
         assert sim.state.num_steps < 4000
     energies, forces = sim.energies(), sim.wall_forces()
     assert fastest == pytest.approx(5.0)
-    assert energies["kinetic"] < 0.02 * energies["elastic"]
-    assert forces[4:] == pytest.approx([force, force], rel=0.05)  # means are within 0.03
+    assert energies["kinetic"] < 0.03 * energies["elastic"]
+    assert forces[4:] == pytest.approx([force, force], rel=0.08)  # means are within 0.03
     assert sim.damping == damping
     assert loading.speed_now < 0.01 * test.speed  # the ramp begins at rest
 

@@ -51,9 +51,7 @@ class PackSettings:
     stress: float | None = setting(
         None, "Pa", "vertical stress that the sample has at the end; None: barely any", gt=0
     )
-    k0: float | None = setting(
-        None, "-", "stress of the sides over that; None: 1", ge=0.1, le=3
-    )
+    k0: float | None = setting(None, "-", "stress of the sides over that; None: 1", ge=0.1, le=3)
     void_ratio: float | None = setting(
         None,
         "-",

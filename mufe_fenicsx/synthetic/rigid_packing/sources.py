@@ -301,9 +301,7 @@ def meshes_in_place(draw, settings, place, from_walls, progress=None):
     if supply.spheres:
         points, triangles = icosphere(LEVEL + 1)
         surfaces = [(0.5 * points, triangles)]
-    bodies = [
-        (b + 1, place(b, surfaces[t][0]), surfaces[t][1]) for b, t in enumerate(draw.shape)
-    ]
+    bodies = [(b + 1, place(b, surfaces[t][0]), surfaces[t][1]) for b, t in enumerate(draw.shape)]
     lengths = MeshSettings(
         size=max(size, settings.contact_size), smallest_size=settings.contact_size, sizing=CONTACT
     )
