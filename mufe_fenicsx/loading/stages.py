@@ -105,7 +105,6 @@ class StagedLoading(Stateful):
         self.paces = Paces(simulation, self.container, settings, quasi_static)
         if self.control is not None and self.measures.lags:
             self.control.lack_of_held = self._lack_of_held
-        self.damping = simulation.damping  #: that the scene states [1/s]
         #: Motions that stages follow: number of the stage -> :class:`~.output.measured.Measured`.
         self.motions = self._read_motions()
         zeros = [number for number, stage in enumerate(program) if stage.zero]
@@ -286,11 +285,11 @@ class StagedLoading(Stateful):
         travel, least = self.servo.travel_time, 0.0
         if not self.loaded and travel > 0.0:
             least = STILLED / travel
-        self.simulation.damping = max(self.damping, least)
+        self.simulation.damping = max(self.servo.damping, least)
 
     def leave(self):
         """Leave the grains to the damping that the scene states. Local."""
-        self.simulation.damping = self.damping
+        self.simulation.damping = self.servo.damping
 
     def _begin(self, forces):
         """Begin the next stage."""

@@ -67,6 +67,7 @@ class Servo(Stateful):
     def __init__(self, simulation, measures):
         self.simulation, self.measures = simulation, measures
         self.container = measures.container
+        self.damping = simulation.damping  #: that the scene states [1/s]
         self.impedance = 0.0  #: ρ c [Pa s/m]; 0 before the sample carries anything
         self.travel_time = 0.0  #: of a wave through the sample along its shortest length [s]
         #: Part of the stress of the side that the grains carry, from 0 to 1: not all of it where a

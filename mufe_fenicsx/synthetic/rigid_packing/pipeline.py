@@ -151,8 +151,8 @@ def packed(draw, settings, rng, progress=None):
     assembly = Assembly(bodies, container, **more, progress=shown)
     pressure = PRESSURE
     if settings.stress is not None:
-        pressure = over_modulus(settings.stresses.mean())
-        pressure *= settings.stresses / settings.stresses.mean()
+        stresses = np.array(settings.stresses)
+        pressure = over_modulus(stresses.mean()) * stresses / stresses.mean()
     compress(assembly, pressure)
     if settings.void_ratio is not None:
         held = settings.stress is not None

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from ...errors import InputError
 from ...units import check_keys, lengths_text, require, setting
 from ..settings import LARGEST_SIZE, LEAST_SIZE
@@ -136,9 +134,9 @@ class PackSettings:
 
     @property
     def stresses(self):
-        """Along x, y and z at the end [Pa], shape (3,); where a stress is asked for."""
-        side = 1.0 if self.k0 is None else self.k0
-        return self.stress * np.array([side, side, 1.0])
+        """Along x, y and z at the end [Pa]; where a stress is asked for."""
+        side = self.stress * (1.0 if self.k0 is None else self.k0)
+        return side, side, self.stress
 
     @property
     def edges(self):
