@@ -86,7 +86,7 @@ def test_the_scene_runs_and_a_seed_repeats_the_packing(packed, tmp_path):
 def test_a_packing_under_a_stress_is_fine_at_contacts_and_goes_on_from_it(tmp_path):
     """Contacts of the packing just touch, and the first stage of the scene has its stresses."""
     sizes = "--element-size", "120 um", "--contact-size", "40 um"
-    pack("pack", "--spheres", "--count", "8", "--stress", "4 MPa", "--k0", "0.5", *sizes,
+    pack("pack", "--spheres", "--count", "5", "--stress", "4 MPa", "--k0", "0.5", *sizes,
          "--cylinder", "1 mm,1 mm", "-o", tmp_path / "a")  # fmt: skip
     grains, scene = (
         load_grains(tmp_path / "a" / "grains"),
@@ -106,7 +106,7 @@ def test_a_packing_under_a_stress_is_fine_at_contacts_and_goes_on_from_it(tmp_pa
         far.append(edges.max())
     near = np.concatenate(near).mean()
     assert near < 52e-6
-    assert min(far) > 1.6 * near
+    assert min(far) > 1.25 * near  # none is far from all contacts
 
 
 def test_given_meshes_are_turned_and_scaled(tmp_path):
