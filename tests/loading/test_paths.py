@@ -71,9 +71,9 @@ def softness(sim):
 def second_order(sim):
     """Change of volume in a step whose length is not the one that was foreseen.
 
-    Steps may have been a fifth longer before.
+    The step that counts is the longest so far, up to 1.9 times the last one.
     """
-    return (1.2 * SPEED * sim.dt / SIZE) ** 2
+    return (1.9 * SPEED * sim.dt / SIZE) ** 2
 
 
 # --- undrained ----------------------------------------------------------------------------

@@ -19,7 +19,7 @@ def simulation_of(state):
     """All that a servo asks of a simulation, whose grains rest."""
     return SimpleNamespace(
         state=state, dt=DT, comm=MPI.COMM_SELF, mass_of_grains=lambda: DENSITY * SIDE**3,
-        kinetic_energy=lambda: 0.0,
+        kinetic_energy=lambda: 0.0, damping=0.0,
     )  # fmt: skip
 
 
