@@ -6,10 +6,12 @@ What is refused, and in which words, is tested beside each part, on one rank.
 import mufe_fenicsx  # noqa: F401, before dolfinx: it loads MPI
 
 # isort: split
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -29,7 +31,7 @@ from mufe_fenicsx.output.fields import FieldWriter
 from mufe_fenicsx.output.history import HistoryWriter
 from mufe_fenicsx.output.run_lock import LostFolder, RunLock
 from mufe_fenicsx.output.tools import ToolWriter
-from mufe_fenicsx.planning.run import make_plan, present
+from mufe_fenicsx.planning.run import make_plan, plan_within, present
 from mufe_fenicsx.run import from_scene, resume_check, scene_file, scene_tools
 from mufe_fenicsx.run.report import draw_report
 from mufe_fenicsx.run.run import run_scene
@@ -182,6 +184,15 @@ def remove_checkpoints(folder):
     checkpoint.CheckpointWriter(COMM, folder).remove_after(None)
 
 
+def plan_in_time(_):
+    """The plan within a time, as if its steps were measured."""
+    names = {"make_plan": (None, None), "follow": None, "benchmark": None}
+    with contextlib.ExitStack() as stack:
+        for name, value in names.items():
+            stack.enter_context(patch(f"mufe_fenicsx.planning.run.{name}", return_value=value))
+        plan_within(None, None, COMM, 1.0)
+
+
 def write_tools(folder):
     writer, mesh = ToolWriter(cubes(tools=[lid()]), folder), cubes(tools=[lid()])
     writer.write(0, 0.0, mesh.x, np.zeros((1, 6)))
@@ -305,6 +316,7 @@ CASES = {
         FIRST, write_tools, "output.tools.ToolWriter._write", FULL),
     "planning/run.py make_plan": Case(
         FIRST, lambda _: make_plan(None, None, COMM), "planning.run.read_sample", ERROR),
+    "planning/run.py plan_within": Case(FIRST, plan_in_time, "planning.run.read_sample", ERROR),
     "planning/run.py present": Case(
         FIRST, lambda _: present(None, None, COMM), "planning.run.read_sample", ERROR),
     "run/scene_file.py read_scene": Case(

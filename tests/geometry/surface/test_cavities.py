@@ -204,7 +204,9 @@ def test_lost_volume_is_a_warning_that_names_the_grain():
     corners = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1.0]])
     faces = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]
     bodies = [(1, *shell(2.0)), (2, corners, np.array(faces))]
-    meshes = [mesh_one(job) for job in surface_jobs(bodies, MeshSettings(size=0.9))]
+    meshes = [
+        mesh_one(job) for job in surface_jobs(bodies, MeshSettings(size=0.9, volume_tolerance=0.9))
+    ]
     ratio = meshes[1].quality["volume_ratio"]
     assert ratio < 0.98
     assert warnings_of(meshes) == [
