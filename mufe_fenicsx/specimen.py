@@ -10,6 +10,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from .bulk.added_term import try_term, words_of_failure
 from .bulk.rigid import RigidGrains, check_rigid
 from .bulk.solid import Solid
 from .bulk.tools import Tools, tool_solids
@@ -164,37 +165,17 @@ class Specimen(Stateful):
                 f"force term {term.name} is made for another mesh, of {term.mesh.num_nodes} nodes, "
                 f"expected that of the simulation, of {self.mesh.num_nodes}"
             )
-        added, energy, message = np.zeros_like(self.f), None, None
+        message = None
         try:
-            term.add_forces(added, self.state, 0.0)
-            energy = term.energy(self.state)
-            energy = np.nan if energy is None else float(finite_array("energy", energy, ()))
-            self._check_stiffness(term.stiffness(self.state))
-            if not np.isfinite(added).all():
-                message = f"force term {term.name} adds forces that are not finite"
-        except Exception as error:  # whatever a user's own code raises
-            message = _of_term(term, error)
+            added, energy = try_term(term, self.state)
+        except InputError as error:
+            message = str(error)
         raise_together(self.comm, message)
         self.terms.insert(self.terms.index(self.solid) + 1 + len(names), term)
         self.f += added
         self.f[self.bonded.nodes] = 0.0
         self.mirrors.project(self.f)
         self.first_energies = np.append(self.first_energies, energy)
-
-    def _check_stiffness(self, given):
-        """Raise InputError unless the stiffness of a term names nodes that there are. Local."""
-        if given is None:
-            return
-        rows, columns, blocks = (np.asarray(part) for part in given)
-        for nodes in (rows, columns):
-            inside = not nodes.size or (
-                nodes.dtype.kind in "iu" and 0 <= nodes.min() and nodes.max() < self.mesh.num_nodes
-            )
-            if nodes.ndim != 1 or not inside or blocks.shape != (len(nodes), 3, 3):
-                raise InputError(
-                    f"nodes of its stiffness of shape {nodes.shape} with blocks {blocks.shape}, "
-                    f"expected numbers below {self.mesh.num_nodes} and a block (3, 3) for each"
-                )
 
     @property
     def any_rigid(self):
@@ -260,7 +241,7 @@ class Specimen(Stateful):
                 term.add_forces(self.f, self.state, dt)
         except Exception as error:
             if term in self.added_terms:
-                error.add_note(_of_term(term, error))
+                error.add_note(words_of_failure(term, error))
             raise
         if self.any_rigid:
             for term in self.terms:
@@ -423,15 +404,6 @@ def _what_is_wrong(mesh, materials, velocity, mass_factor):
     except InputError as error:
         return str(error)
     return None
-
-
-def _of_term(term, error):
-    """The line that names a force term as the place of an error."""
-    said = error if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
-    return (
-        f"force term {term.name} ({type(term).__name__}) fails: {' '.join(str(said).split())}, "
-        "expected forces, energy and stiffness at the nodes of the simulation"
-    )
 
 
 def _not_negative(name, value):

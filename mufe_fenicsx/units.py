@@ -14,7 +14,8 @@ from collections.abc import Callable
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from decimal import Decimal
 
-from .errors import InputError, check_fields, shown
+from .arguments import check_fields
+from .errors import InputError, shown
 
 #: SI unit -> what a number with it is, and an example of how to write it.
 QUANTITIES = {

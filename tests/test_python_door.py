@@ -155,3 +155,13 @@ def test_a_term_that_fails_is_named(cube, doing):
         cube.add_term(Broken(**doing))
     cube.step()
     assert np.isfinite(cube.specimen.f).all() and not cube.specimen.added_terms
+
+
+def test_a_term_that_fails_in_a_step_is_named():
+    """The error is that of the user's own line; the note says whose it is."""
+    simulation, doing = build(), {}
+    simulation.add_term(Broken(**doing))
+    simulation.specimen.added_terms[0].doing["force"] = "none"
+    with pytest.raises(Exception) as caught:
+        simulation.step()
+    assert any("force term mine (Broken) fails" in note for note in caught.value.__notes__)

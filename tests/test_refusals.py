@@ -23,6 +23,7 @@ from mufe_fenicsx.errors import InputError, UnstableError
 from mufe_fenicsx.explicit.simulation import Simulation
 from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.grains import Grains, save_grains
+from mufe_fenicsx.loading.pressure import Pressure
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.mesh import create_grain_mesh
 from mufe_fenicsx.output import checkpoint, run_folder
@@ -33,6 +34,7 @@ from mufe_fenicsx.output.run_lock import LostFolder, RunLock
 from mufe_fenicsx.output.tools import ToolWriter
 from mufe_fenicsx.planning.run import make_plan, plan_within, present
 from mufe_fenicsx.run import from_scene, resume_check, scene_file, scene_tools
+from mufe_fenicsx.run.from_bodies import build
 from mufe_fenicsx.run.report import draw_report
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import load_scene
@@ -100,6 +102,13 @@ class Lost(ForceTerm):
 
     def add_forces(self, f, state, dt):
         f[:] = np.nan if COMM.rank == LAST else 0.0
+
+
+def unknown_on_the_last(*_):
+    """A user's own function that knows nothing of what the last rank has."""
+    if COMM.rank == LAST:
+        raise LookupError("not here")
+    return 0.0
 
 
 class Soft(Elastic):
@@ -184,6 +193,18 @@ def remove_checkpoints(folder):
     checkpoint.CheckpointWriter(COMM, folder).remove_after(None)
 
 
+def on_the_first_ranks(centre, normal):
+    """All facets; what the last rank has is not known."""
+    unknown_on_the_last()
+    return np.ones(len(centre), dtype=bool)
+
+
+def moving_cubes(_):
+    """A cube a rank with velocities that the last rank cannot tell."""
+    bodies = [cube(number) for number in range(COMM.size)]
+    return build(COMM, bodies, ROCK, np.zeros(3), np.ones(3), "", velocity=unknown_on_the_last)
+
+
 def plan_in_time(_):
     """The plan within a time, as if its steps were measured."""
     names = {"make_plan": (None, None), "follow": None, "benchmark": None}
@@ -254,6 +275,8 @@ CASES = {
     "bulk/tools.py tool_solids": Case(
         LAST, lambda _: tool_solids(COMM, cubes(), [lid()] if COMM.rank == LAST else [], [ROCK]),
         says="tools = lid, expected"),
+    "loading/pressure.py Pressure.__init__": Case(
+        LAST, lambda _: Pressure(cubes(), 1e4, where=on_the_first_ranks), says="where of the pr"),
     "loading/stages.py StagedLoading._read_motions": Case(
         FIRST, new_run, "loading.stages.read_motions", ERROR),
     "mesh.py _check_bodies": Case(
@@ -321,6 +344,8 @@ CASES = {
         FIRST, lambda _: present(None, None, COMM), "planning.run.read_sample", ERROR),
     "run/scene_file.py read_scene": Case(
         FIRST, lambda folder: scene_file.read_scene(COMM, folder / "none.toml"), says="none.toml"),
+    "run/from_bodies.py _velocities": Case(
+        LAST, moving_cubes, says="velocity.*LookupError: not here"),
     "run/from_scene.py load_mesh": Case(
         FIRST, lambda folder: from_scene.load_mesh(COMM, folder / "none"), says="none"),
     "run/from_scene.py _together": Case(LAST, new_run, "run.from_scene.load_grains", ERROR),
@@ -337,7 +362,8 @@ CASES = {
     "run/run.py _prepare": Case(
         FIRST, resumed_run, "run.run.check_inside", ERROR),
     "run/run.py TestRun.run": Case(FIRST, new_run, "run.run.write_run_json", ERROR),
-    "run/run.py TestRun._check_disk": Case(FIRST, new_run, "run.run._free_room", ERROR),
+    "output/checkpoint.py CheckpointWriter.check_room": Case(
+        FIRST, new_run, "output.checkpoint._free_room", ERROR),
     "run/run.py TestRun._end": Case(FIRST, new_run, "run.run.write_run_json", ERROR, before=1),
     "run/run_place.py RunPlace.open": Case(
         FIRST, new_run, "run.run_place.RunPlace._write_inputs", ERROR),

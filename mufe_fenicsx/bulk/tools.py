@@ -19,18 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import body_of, check_fields, finite_number
 from ..contact.laws import kinetic_of
 from ..contact.walls import rotation_of
-from ..errors import (
-    InputError,
-    body_of,
-    check_fields,
-    finite_array,
-    finite_number,
-    raise_together,
-    shortened,
-    shown,
-)
+from ..errors import InputError, finite_array, raise_together, shortened, shown
 from ..kernels import tools as kernels
 from ..kernels.topology import body_defect
 from ..materials.rigid import ToolSolid

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError, finite_number
+from ..arguments import finite_number
+from ..errors import InputError
 from .laws import kinetic_of
 
 

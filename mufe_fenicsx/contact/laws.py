@@ -20,7 +20,8 @@ at rest an overlap remains wherever force over mass varies from node to node
 
 import numpy as np
 
-from ..errors import InputError, finite_number
+from ..arguments import finite_number
+from ..errors import InputError
 
 KINEMATIC = "kinematic"
 #: c of the layer, for tetrahedra with averaged pressure and contact at facets.

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import InputError, check_fields
+from ..arguments import check_fields
+from ..errors import InputError
 from .friction import PairFriction
 from .laws import COMPLIANCE, KINEMATIC, law_names
 from .start.checks import check_law

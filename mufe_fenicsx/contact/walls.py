@@ -7,15 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from ..errors import (
-    InputError,
-    check_fields,
-    finite_array,
-    finite_number,
-    nearest_name,
-    shortened,
-    shown,
-)
+from ..arguments import check_fields, finite_number
+from ..errors import InputError, finite_array, nearest_name, shortened, shown
 from ..kernels.bonded import turn_rows
 from ..kernels.motion import advance, work_of
 from ..kernels.pairs import column

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from ..arguments import checked, finite_number
 from ..bulk.release import LoadWatch
 from ..contact.pairs.motion_bounds import linear_field
 from ..contact.stiffness.springs import list_springs
 from ..contact.walls import Wall
-from ..errors import InputError, checked, finite_number
+from ..errors import InputError
 from ..materials.elastic import IsotropicSolid
 from ..mesh import GrainMesh
 from ..solvers.central_difference import central_difference

@@ -14,7 +14,8 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError, checked
+from ..arguments import checked
+from ..errors import InputError
 from .grain_file import BLOCK, FORMAT, VERSION, GrainFile, write_checksum
 from .measure import centroid_of, tet_volumes
 

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass, fields
 
-from ..errors import InputError, check_fields, finite_number
+from ..arguments import check_fields, finite_number
+from ..errors import InputError
 from ..solvers.generalised_alpha import GeneralisedAlpha
 
 

@@ -25,9 +25,10 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from ..arguments import checked
 from ..contact.mark import ContactMark
 from ..contact.walls import Wall
-from ..errors import InputError, SolverError, checked
+from ..errors import InputError, SolverError
 from ..materials.elastic import IsotropicSolid
 from ..mesh import GrainMesh
 from ..solvers.newton import Newton

@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError, checked, finite_array
+from ..arguments import checked
+from ..errors import InputError, finite_array, raise_together
 from ..kernels.pressure import add_pressure, enclosed_volume, swept_rate
 from ..mesh import GrainMesh
 from ..state import ForceTerm
@@ -57,12 +58,17 @@ class Pressure(ForceTerm):
             a, b, c = (mesh.x[mesh.facets[:, i]] for i in range(3))
             normal = np.cross(b - a, c - a)
             normal /= np.linalg.norm(normal, axis=1)[:, None]
-            some = np.asarray(where((a + b + c) / 3, normal))
+            some, message = chosen, None
+            try:
+                some = np.asarray(where((a + b + c) / 3, normal))
+            except Exception as error:  # whatever a user's own function raises
+                message = f"where of the pressure {name} fails: {type(error).__name__}: {error}"
             if some.shape != chosen.shape or some.dtype != bool:
-                raise InputError(
+                message = (
                     f"where of the pressure {name} gives {some.dtype} of shape {some.shape}, "
                     f"expected true or false for each facet, shape {chosen.shape}"
                 )
+            raise_together(mesh.comm, message)
             chosen &= some
         self.facets = np.ascontiguousarray(mesh.facets[chosen])
         if not mesh.comm.allreduce(len(self.facets)):

@@ -21,7 +21,7 @@ import numpy as np
 
 from mufe_fenicsx.errors import InputError, raise_together, shortened
 from mufe_fenicsx.machine.files import own_folder, reason, regular
-from mufe_fenicsx.output.run_folder import attempt, plain, try_room
+from mufe_fenicsx.output.run_folder import attempt, on_first_rank, plain, try_room
 
 FORMAT, VERSION = "mufe checkpoint", 14
 MANIFEST = "manifest.json"
@@ -57,6 +57,28 @@ class CheckpointWriter:
     def hold(self, checkpoint):
         """Keep a :class:`Checkpoint` and those before it for the rest of this run; None: none."""
         self._held = "" if checkpoint is None else checkpoint.path.name
+
+    def check_room(self, tables, own):
+        """See that the checkpoints which stay, and the next one, fit on the disk. Collective.
+
+        Args:
+            tables, own: As of :meth:`write`.
+
+        Raises:
+            InputError: They do not, on all ranks.
+        """
+        needed = (NUM_KEPT + 1) * self.comm.allreduce(_size(tables, own))
+
+        def look():
+            folder = self.folder.parent
+            free = _free_room(folder)
+            if free < needed:
+                raise InputError(
+                    f"free room in {folder} = {free / 1e6:.3g} MB, expected at least "
+                    f"{needed / 1e6:.3g} MB, for {NUM_KEPT} checkpoints and the next one"
+                )
+
+        on_first_rank(self.comm, look)
 
     def write(self, step, tables, own, header):
         """Write one, and remove all but the last two and those held.
@@ -294,11 +316,21 @@ def _write_column(file, name, values):
         column[begin:end] = rows
 
 
+def _size(tables, own):
+    """Of what one rank writes [bytes]."""
+    columns = [values for table in tables.values() for values in table.values()]
+    return sum(values.nbytes for values in [*columns, *own.values()])
+
+
+def _free_room(folder):
+    """Of the disk of a folder [bytes]."""
+    return shutil.disk_usage(folder).free
+
+
 def _write_tables(path, tables, own):
     """Write the file of one rank to the disk; its name, size and checksum."""
-    columns = [values for table in tables.values() for values in table.values()]
-    size = sum(values.nbytes for values in [*columns, *own.values()])
-    try_room(path, size + 1024 * len(columns))
+    num_columns = sum(map(len, tables.values()))
+    try_room(path, _size(tables, own) + 1024 * num_columns)
     with h5py.File(path, "w") as file:
         for name, table in tables.items():
             for column, values in table.items():

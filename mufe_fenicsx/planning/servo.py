@@ -4,7 +4,7 @@ A wall that gives way at the speed w lacks the stress ρc w (loading.wall_servo)
 shortened at the speed v press the walls beside them outwards at about v/2.
 """
 
-from ..analysis.checks import TARGETS
+from ..analysis.check_targets import TARGETS
 from ..loading.quasi_static import SIDE
 from .course import SOLID, elastic_wave_speed
 

@@ -3,7 +3,8 @@
 import numpy as np
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
-from mufe_fenicsx.analysis.checks import TARGETS, check_run
+from mufe_fenicsx.analysis.check_targets import TARGETS
+from mufe_fenicsx.analysis.checks import check_run
 from mufe_fenicsx.analysis.rows import is_constrained
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.report import style

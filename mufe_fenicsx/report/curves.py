@@ -4,7 +4,8 @@ import numpy as np
 from matplotlib.ticker import FuncFormatter
 
 from mufe_fenicsx.analysis import energy_check, quasi_static, stress_strain
-from mufe_fenicsx.analysis.checks import TARGETS, judged_rows
+from mufe_fenicsx.analysis.check_targets import TARGETS
+from mufe_fenicsx.analysis.checks import judged_rows
 from mufe_fenicsx.analysis.rows import (
     branches,
     is_constrained,

@@ -6,7 +6,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.ticker import MaxNLocator
 
-from mufe_fenicsx.analysis.checks import TARGETS
+from mufe_fenicsx.analysis.check_targets import TARGETS
 from mufe_fenicsx.analysis.held import TARGET, axes_led, lack_of_stress
 from mufe_fenicsx.analysis.macro import friction_angle, triaxial_curves, triaxial_strength
 from mufe_fenicsx.analysis.rows import SEATING, branches, loading_rows, waiting_rows

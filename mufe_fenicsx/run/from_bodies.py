@@ -8,15 +8,14 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
+from ..arguments import body_of, checked, finite_number
 from ..bulk.tools import Tool
 from ..contact.walls import Wall
 from ..errors import (
     InputError,
-    body_of,
-    checked,
     finite_array,
-    finite_number,
     nearest_name,
+    raise_together,
     shortened,
     shown,
 )
@@ -95,11 +94,7 @@ def build(
         raise InputError(f"sleeves = {shown(sleeves)}, expected names of the last bodies")
     mesh = distribute(comm, bodies, composite, tools, sleeves)
     if velocity is not None:
-        try:
-            options["velocity"] = velocity(mesh.x, mesh.grains[mesh.grain_of_node])
-        except Exception as error:  # whatever a user's own function raises
-            said = shortened(f"{type(error).__name__}: {error}")
-            raise InputError(f"velocity(x, grain) fails: {said}, expected speeds of x") from error
+        options["velocity"] = _velocities(velocity, mesh)
     materials = material if isinstance(material, list) else [material] * len(bodies)
     if len(materials) != len(bodies):
         raise InputError(f"materials = {len(materials)}, expected one, or one of each body")
@@ -225,6 +220,18 @@ def _of_walls(walls, what, given):
         walls.number_of(name): finite_array(f"{what} of wall {name}", vector, (3,))
         for name, vector in given.items()
     }
+
+
+def _velocities(velocity, mesh):
+    """What a user's own function gives for the nodes of this rank. Collective."""
+    found, message = None, None
+    try:
+        found = velocity(mesh.x, mesh.grains[mesh.grain_of_node])
+    except Exception as error:  # whatever it raises, perhaps for nodes of one rank alone
+        said = shortened(f"{type(error).__name__}: {error}")
+        message = f"velocity(x, grain) fails: {said}, expected speeds of x"
+    raise_together(mesh.comm, message)
+    return found
 
 
 def _checked(bodies):

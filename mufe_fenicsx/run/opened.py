@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from .. import results
-from ..errors import InputError, checked, shown
+from ..arguments import checked
+from ..errors import InputError, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,7 +1,6 @@
 """A test from a scene to a run folder."""
 
 import math
-import shutil
 import time
 from contextlib import suppress
 from functools import partial
@@ -11,13 +10,14 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from ..arguments import checked
 from ..contact.mirrors import check_mirrors
-from ..errors import InputError, Interrupted, SolverError, UnstableError, checked
+from ..errors import InputError, Interrupted, SolverError, UnstableError
 from ..loading.oedometer import OedometerLoading
 from ..loading.stages import StagedLoading
 from ..machine.doing import Doing
 from ..machine.memory import peak_memory, return_freed_arrays
-from ..output.checkpoint import NUM_KEPT, CheckpointWriter, find_checkpoint, read_tables, written_by
+from ..output.checkpoint import CheckpointWriter, find_checkpoint, read_tables, written_by
 from ..output.run_folder import (
     check_inside,
     check_run_folder,
@@ -57,7 +57,7 @@ from .scene_tools import check_sizes, checksums_of_files, make_tools
 from .signals import Interruption
 from .snapshot import restore, restore_reference, snapshot
 from .time_loop import march
-from .unusual import relations
+from .unusual import reach, relations
 
 
 @checked
@@ -273,22 +273,9 @@ class TestRun:
         return summary
 
     def _check_disk(self):
-        """Raise InputError unless two checkpoints and the next one have room. Collective."""
-        tables, own, _ = snapshot(self.simulation)
-        columns = [values for table in tables.values() for values in table.values()]
-        size = sum(values.nbytes for values in [*columns, *own.values()])
-        needed = (NUM_KEPT + 1) * self.comm.allreduce(size)
-
-        def look():
-            free = _free_room(self.place.folder)
-            if free < needed:
-                raise InputError(
-                    f"free room in {self.place.folder} = {free / 1e6:.3g} MB, expected at least "
-                    f"{needed / 1e6:.3g} MB, for {NUM_KEPT} checkpoints and the next one"
-                )
-
+        """Leave the folder again, with an InputError, where checkpoints have no room."""
         try:
-            on_first_rank(self.comm, look)
+            self.checkpoints.check_room(*snapshot(self.simulation)[:2])
         except InputError:
             self.recorder.history.close()
             self.place.abandon()
@@ -296,18 +283,10 @@ class TestRun:
 
     def _tell_unusual(self, diameter):
         """Say which values nobody means, and keep that for the report. Collective."""
-        sizes = diameter, self.loading.first_height, self._reach()
+        sizes = diameter, self.loading.first_height, reach(self.bounds, self.mesh)
         self.summary["unusual"] = [*unusual(self.scene), *relations(self.scene, *sizes)]
         for line in self.summary["unusual"]:
             say(self.comm, line, self.options.quiet)
-
-    def _reach(self):
-        """Radius of the container over that of the outermost nodes of grains. Collective."""
-        if not self.bounds.radius:
-            return 1.0
-        x = self.mesh.x[self.mesh.sample_nodes, :2] - self.bounds.centre
-        farthest = float(np.linalg.norm(x, axis=1).max(initial=0.0))
-        return self.bounds.radius / self.comm.allreduce(farthest, op=MPI.MAX)
 
     def march(self, interruption, resumed):
         """March to the end, again after each failure that has an answer; the error, or None."""
@@ -489,11 +468,6 @@ class TestRun:
         if self.tools:
             found["tools"] = simulation.tools.summary()
         return found
-
-
-def _free_room(folder):
-    """Of the disk of a folder [bytes]."""
-    return shutil.disk_usage(folder).free
 
 
 def _note_of_membrane(mesh):

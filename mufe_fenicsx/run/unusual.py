@@ -6,6 +6,9 @@ comes near them.
 
 import math
 
+import numpy as np
+from mpi4py import MPI
+
 from ..scene import Scene
 from ..units import with_unit
 
@@ -25,17 +28,17 @@ USUAL = {
 }
 
 
-def relations(scene: Scene, diameter: float, height: float, reach: float) -> list[str]:
+def relations(scene: Scene, diameter: float, height: float, radius: float) -> list[str]:
     """A line for each unusual value, ratio or size.
 
     Args:
         scene: The test.
         diameter: Mean of the grains' [m].
         height: Of the sample [m].
-        reach: Radius of the container over that of the outermost grains; 1 of a box.
+        radius: As of :func:`reach`.
     """
     found = []
-    for kind, name, value in _values(scene, diameter, height, reach):
+    for kind, name, value in _values(scene, diameter, height, radius):
         least, most, unit, why = USUAL[kind]
         if value is not None and value != 0.0 and not least <= value <= most:
             bounds = f"{with_unit(least, unit)} to {with_unit(most, unit)}"
@@ -43,7 +46,16 @@ def relations(scene: Scene, diameter: float, height: float, reach: float) -> lis
     return found
 
 
-def _values(scene, diameter, height, reach):
+def reach(bounds, mesh):
+    """Radius of the container over that of the outermost nodes; 1 of a box. Collective."""
+    if not bounds.radius:
+        return 1.0
+    x = mesh.x[mesh.sample_nodes, :2] - bounds.centre
+    farthest = float(np.linalg.norm(x, axis=1).max(initial=0.0))
+    return bounds.radius / mesh.comm.allreduce(farthest, op=MPI.MAX)
+
+
+def _values(scene, diameter, height, radius):
     """(kind, name, value) of all that is judged."""
     materials = {"material": scene.material}
     materials |= {f"materials.{name}": group.material for name, group in scene.materials.items()}
@@ -57,7 +69,7 @@ def _values(scene, diameter, height, reach):
         yield "membrane", "membrane.E over the least of grains", scene.membrane.E / softest
     yield from _frictions(scene)
     yield "diameter", "mean diameter of the grains", diameter
-    yield "container", "container.radius over that of the sample", reach
+    yield "container", "container.radius over that of the sample", radius
     wave = min(material.wave_speed for material in materials.values())
     yield (
         "damping",

@@ -4,8 +4,9 @@ import tomllib
 from dataclasses import fields
 from pathlib import Path
 
+from ..arguments import checked
 from ..container import WALLS
-from ..errors import InputError, checked, shortened, shown
+from ..errors import InputError, shortened, shown
 from ..materials.j2 import J2
 from ..materials.scatter import SCATTERED, Scatter
 from ..units import keys_of

@@ -17,8 +17,6 @@ AXIS_KEYS = ("x", "y", "z", "xy", "xz", "yz", "xyz", "r", "rz", "o", "i", "oi", 
 MOVING = ("both", "min", "max")
 #: Cycles of a test.
 MOST_CYCLES = 10_000
-
-
 #: Stages of a test, each cycle counted.
 MOST_STAGES = 10_000
 

@@ -7,7 +7,7 @@ from dataclasses import fields
 from decimal import Decimal
 from pathlib import Path
 
-from ..errors import checked
+from ..arguments import checked
 from ..units import keys_of
 from .catalogue import MODELS
 from .scene import Scene

@@ -12,6 +12,7 @@ from mufe_fenicsx.contact.walls import Wall
 from mufe_fenicsx.errors import SolverError, UnstableError
 from mufe_fenicsx.geometry.bodies.shapes import box, sphere
 from mufe_fenicsx.kernels.hardening import yield_stress_at
+from mufe_fenicsx.loading.oedometer import hindrance
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.materials.rigid import Rigid
@@ -38,6 +39,13 @@ def test_a_table_that_must_not_be_left_stops_the_computation():
     with pytest.raises(SolverError, match=r"grain 1 .*plastic strain of .* ends at 0.05"):
         squeezed(J2(100e9, 0.15, 2650.0, TABLE, beyond="stop"), 0.2)
     assert squeezed(J2(100e9, 0.15, 2650.0, TABLE, beyond="flat"), 0.2).state.num_steps
+
+
+@pytest.mark.parametrize(("part", "words"), [(0.1, "walls move at 10% of the speed"), (0.01, "")])
+def test_walls_that_grains_cannot_follow_are_named(part, words):
+    s = squeezed(Elastic(100e9, 0.15, 2650.0), 1e-4)
+    s.walls.velocity[0, 2] = part * Elastic(100e9, 0.15, 2650.0).wave_speed
+    assert hindrance(s).startswith(words) and bool(hindrance(s)) == bool(words)
 
 
 def test_a_crushed_element_is_named():

@@ -19,6 +19,7 @@ from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.output.contacts import read_contacts, read_patches
 from mufe_fenicsx.output.fields import read_state, read_states
 from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.run import recorder
 from mufe_fenicsx.run import run as run_module
 from mufe_fenicsx.run.from_scene import load_mesh
 from mufe_fenicsx.run.recorder import Recorder
@@ -228,6 +229,17 @@ def test_a_failure_at_the_end_does_not_hide_the_first_error(tmp_path, monkeypatc
     with pytest.raises(SolverError, match="the first error"):
         run_scene(small_scene(), tmp_path / "grains", tmp_path / "out", MPI.COMM_SELF, quiet=True)
     assert "first error" in json.loads((tmp_path / "out/run.json").read_text())["stop_reason"]
+
+
+def test_grains_that_lie_in_each_other_stop_a_run(tmp_path, monkeypatch):
+    """With what was computed; here overlaps of any size are too many."""
+    save_grains(tmp_path / "grains", packed_grains((2, 1, 1), h=RADIUS))
+    monkeypatch.setattr(recorder, "MOST_OVERLAP", -1.0)
+    with pytest.raises(SolverError, match=r"grains lie in each other by 0%.* at most -100%"):
+        run_scene(small_scene(), tmp_path / "grains", tmp_path / "out", MPI.COMM_SELF, quiet=True)
+    told = json.loads((tmp_path / "out/run.json").read_text())
+    assert "lie in each other" in told["stop_reason"] and not told["finished"]
+    assert len(read_history(tmp_path / "out/history.csv")["time"]) > 0
 
 
 def test_unusable_folders_are_refused_together(folder, grains):

@@ -29,7 +29,7 @@ USUAL = Scene(material=ROCK, contact=Contact(friction=0.3), oedometer=Oedometer(
 STAGES = replace(
     USUAL, oedometer=None, loading=Loading(speed=2.0), stages=(Stage(z=Axis(strain=0.1)),)
 )
-SIZES = {"diameter": 1e-4, "height": 1e-3, "reach": 1.0}
+SIZES = {"diameter": 1e-4, "height": 1e-3, "radius": 1.0}
 
 
 def material(**changes):
@@ -60,7 +60,7 @@ CASES = [
     (replace(USUAL, solver=Solver(damping=1e18)), {}, "solver.damping times the travel", ""),
     (USUAL, {"diameter": 3.0}, "mean diameter of the grains", "3 m"),
     (USUAL, {"diameter": 2e-9}, "mean diameter of the grains", "2 nm"),
-    (USUAL, {"reach": 250.0}, "container.radius over that of the sample", "250"),
+    (USUAL, {"radius": 250.0}, "container.radius over that of the sample", "250"),
     (
         replace(USUAL, oedometer=Oedometer(0.1, 2.0, ramp=0.09)), {},
         "oedometer.ramp over oedometer.strain", "0.9",

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...errors import InputError, checked, finite_array
+from ...arguments import checked
+from ...errors import InputError, finite_array
 from ..tets.gmsh_model import gmsh_model
 from .bulge import bulged_ball
 from .contact_mesh import (

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...errors import checked, finite_array
+from ...arguments import checked
+from ...errors import finite_array
 from ...machine.memory import check_room
 from ..measure import positively_oriented
 from ..tets.gmsh_model import gmsh_model

@@ -5,7 +5,8 @@ import math
 
 import numpy as np
 
-from ...errors import InputError, checked
+from ...arguments import checked
+from ...errors import InputError
 from ..measure import positively_oriented
 from .contact_mesh import require_positive
 
