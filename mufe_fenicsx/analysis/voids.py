@@ -4,6 +4,7 @@ import numpy as np
 
 from mufe_fenicsx.analysis.grain_means import void_ratio
 from mufe_fenicsx.container import BOX
+from mufe_fenicsx.kernels.voids import box_of_centres, solid_of_octants
 from mufe_fenicsx.output.history import VOIDS
 
 #: Median diameters that the inner part keeps away from all walls.
@@ -36,8 +37,7 @@ class Voids:
         return dict(zip(VOIDS, (outer, porosity, inner, error), strict=True))
 
     def _inside(self, x, lengths):
-        centre, comm = x[self.cells].mean(axis=1), self.comm
-        low, high = centre.min(axis=0, initial=np.inf), centre.max(axis=0, initial=-np.inf)
+        comm, (low, high) = self.comm, box_of_centres(x, self.cells)
         # All at once: the lowest corner, and the highest with its sign turned.
         ends = comm.allreduce(np.append(low, -high), op=_least)
         middle, hollow = 0.5 * (ends[:3] - ends[3:]), len(self.container.widths) == 2
@@ -49,33 +49,12 @@ class Voids:
         hole = 0.5 * float(shrunk[1]) if is_round and hollow else 0.0
         if (half <= 0.0).any() or hole >= half[0]:
             return 0.0, 0.0
-        found = solid_of_octants(centre, self.volume, middle, half, is_round, hole)
+        found = solid_of_octants(x, self.cells, self.volume, middle, half, is_round, hole)
         return inner_void_ratio(comm.allreduce(found), float(self.container.volume(shrunk)))
 
 
 def _least(a, b):
     return np.minimum(a, b)
-
-
-def solid_of_octants(centre, volume, middle, half, is_round, hole=0.0):
-    """Volume of cells by octants of an inner part of the sample [m³], shape (OCTANTS,).
-
-    Args:
-        centre: Centres of the cells [m], shape (num_cells, 3).
-        volume: Their volumes [m³], shape (num_cells,).
-        middle: Of the sample [m], shape (3,).
-        half: Half lengths of the inner part, radii of a round one [m], shape (3,).
-        is_round: Whether it is a cylinder.
-        hole: Radius of a hole in it [m].
-    """
-    away = centre - middle
-    if is_round:
-        radius = np.hypot(away[:, 0], away[:, 1])
-        inside = (radius < half[0]) & (radius >= hole) & (np.abs(away[:, 2]) < half[2])
-    else:
-        inside = (np.abs(away) < half).all(axis=1)
-    octant = (away[inside] >= 0) @ np.array([4, 2, 1])
-    return np.bincount(octant, volume[inside], OCTANTS)
 
 
 def inner_void_ratio(solids, inner_volume):
