@@ -14,13 +14,13 @@ from mufe_fenicsx.results import Run
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import load_scene
 from tests.bodies import RADIUS, packed_grains
-from tests.scene.scene_files import SMALLEST
+from tests.scene.scene_files import UNLOADED
 
 from mpi4py import MPI  # isort: skip  (after the package, which may bring MPI)
 
 #: A state and a row at the start and the second step.
 SCENE = (
-    SMALLEST.partition("[oedometer]")[0]
+    UNLOADED
     + """
 [loading]
 speed = 2.0

@@ -59,6 +59,9 @@ model = "rigid"
 """
 )
 
+#: The smallest scene without what loads it, for stages.
+UNLOADED = SMALLEST.partition("[oedometer]")[0]
+
 WITH_PAIRS = (
     FULL
     + """

@@ -10,10 +10,10 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.scene import load_scene, scene_to_toml
 from mufe_fenicsx.scene.catalogue import TABLES
 from mufe_fenicsx.units import keys_of
-from tests.scene.scene_files import FULL, SMALLEST
+from tests.scene.scene_files import FULL, SMALLEST, UNLOADED
 
 STAGES = (
-    SMALLEST.partition("[oedometer]")[0]
+    UNLOADED
     + """
 [loading]
 speed = 2.0
