@@ -208,24 +208,28 @@ def verify(
     """Compare with closed-form solutions; without CASE, all of them."""
     comm = world()
     printer = Printer(json, comm.rank)
-    from ..verification.cases import CASES, known_cases, run_cases
+    from ..verification.cases import CASES, answer_of, chosen_cases, known_cases
 
     if list_cases:
         _list(printer, known_cases())
         return 0
-    names = known_names(cases or CASES, known_cases())
-    with Doing(f"verifying {_counted(names)}", comm.rank == 0):
-        results = run_cases(names, parameters(changes), comm)
-    rows = []
-    for result in results:
-        for name, row in result["results"].items():
-            values = [number(row.get(k)) for k in ("computed", "theory", "error", "tolerance")]
-            rows.append([result["case"], name, *values, "passed" if row["passed"] else "FAILED"])
+    chosen = chosen_cases(known_names(cases or CASES, known_cases()), parameters(changes))
+    results = []
     columns = ["case", "quantity", ">computed", ">theory", ">error", ">tolerance", "result"]
-    printer.table(columns, rows)
+    for name, run in chosen:
+        with Doing(f"verifying {name}, {len(results) + 1} of {len(chosen)}", comm.rank == 0):
+            results.append(run(comm) if len(chosen) == 1 else answer_of(name, run, comm))
+        rows = []
+        for quantity, row in results[-1]["results"].items():
+            values = [number(row.get(k)) for k in ("computed", "theory", "error", "tolerance")]
+            rows.append([name, quantity, *values, "passed" if row["passed"] else "FAILED"])
+        if rows:
+            printer.table(columns, rows)
+        if "stopped" in results[-1]:
+            printer.say(f"{name}: FAILED, {results[-1]['stopped']}")
     num_failed = sum(not result["passed"] for result in results)
     printer.say(f"{len(results) - num_failed} passed, {num_failed} failed")
-    printer.write_json(results[0] if len(names) == 1 else results)
+    printer.write_json(results[0] if len(results) == 1 else results)
     return FAILED if num_failed else 0
 
 

@@ -88,7 +88,7 @@ def build(
     sleeves = options.pop("sleeves", ())
     if (
         not isinstance(sleeves, list | tuple)
-        or len(sleeves) >= len(bodies)
+        or len(sleeves) > len(bodies)
         or not all(isinstance(name, str) for name in sleeves)
     ):
         raise InputError(f"sleeves = {shown(sleeves)}, expected names of the last bodies")

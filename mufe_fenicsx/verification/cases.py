@@ -1,9 +1,10 @@
 """All cases by name, and a function that runs some of them."""
 
+import functools
 import inspect
 import typing
 
-from ..errors import InputError, nearest_name
+from ..errors import InputError, SolverError, nearest_name
 from .again import closed_loop, pressed_again
 from .bar_impact import bar_impact
 from .case import by_name
@@ -112,15 +113,33 @@ def known_cases():
 
 
 def run_cases(names, parameters, comm):
-    """Run cases, each with those of the parameters that it knows. Collective.
+    """Answers of cases, a dict each, as `mufe verify --json` writes it. Collective.
 
     Args:
         names: Names of cases; none stands for all.
         parameters: Values by name, numbers or text.
         comm: MPI communicator.
 
-    Returns:
-        A dict for each case, as `mufe verify --json` writes it.
+    Raises:
+        InputError: As :func:`chosen_cases`.
+    """
+    return [run(comm) for _, run in chosen_cases(names, parameters)]
+
+
+def answer_of(name, run, comm):
+    """The answer of one of many cases; where it stops, without results, and why. Collective."""
+    try:
+        return run(comm)
+    except (InputError, SolverError) as error:
+        return {"case": name, "results": {}, "stopped": str(error), "passed": False}
+
+
+def chosen_cases(names, parameters):
+    """(name, function of a communicator) of cases, with those of the parameters that each knows.
+
+    Args:
+        names: Names of cases; none stands for all.
+        parameters: Values by name, numbers or text.
 
     Raises:
         InputError: A case that does not exist, a parameter that no chosen case has, or a
@@ -142,9 +161,11 @@ def run_cases(names, parameters, comm):
             raise InputError(f"parameter {key} = {value}, expected {_nearest(str(value), choices)}")
         values[key] = value if choices else _number(key, value, type(default))
     return [
-        cases[name](comm, **{key: value for key, value in values.items() if key in known[name]})
+        (name, functools.partial(
+            cases[name], **{key: value for key, value in values.items() if key in known[name]}
+        ))
         for name in names
-    ]
+    ]  # fmt: skip
 
 
 def _defaults(function):

@@ -26,6 +26,7 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.machine import doing
 from mufe_fenicsx.machine.mpi_launcher import environment_without_launcher
 from mufe_fenicsx.run.demo import demo_commands, demo_scene
+from mufe_fenicsx.verification.cases import CASES
 from tests.cli.commands import FROM_HERE, assert_refused, complaints, run
 
 SCENE = """
@@ -253,6 +254,17 @@ def test_output_below_a_file(inputs, mufe_here):
     arguments = ("run", folder / "scene.toml", "--grains", folder / "grains", "-o", "file/results")
     assert_refused(mufe_here(*arguments, cwd=work), "file", work, ["file"])
     assert_refused(mufe_here("demo", "-o", ".", cwd=work), "not empty", work, ["file"])
+
+
+def test_a_case_that_stops_leaves_the_others(mufe_here, monkeypatch, tmp_path):
+    def stops(comm):
+        raise InputError("mesh = 0, expected more")
+
+    monkeypatch.setitem(CASES, "column", stops)
+    done = mufe_here("verify", "column", "stability-touch", "--json", "-", cwd=tmp_path)
+    assert done.returncode == 1 and "column: FAILED, mesh = 0, expected more" in done.stderr
+    first, second = json.loads(done.stdout)
+    assert first["stopped"] and not first["passed"] and second["results"]
 
 
 def test_disk_that_is_full(inputs, monkeypatch, capsys):

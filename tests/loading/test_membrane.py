@@ -154,6 +154,12 @@ def test_a_checkpoint_keeps_what_is_glued_and_pressed():
     assert one.energies() == other.energies()
 
 
+def test_a_sleeve_may_stand_alone():
+    """As a tube that theory is known of."""
+    s = build(MPI.COMM_SELF, [sleeve(R, T, H, 2 * T)], LATEX, [0] * 3, [0] * 3, "", sleeves=["a"])
+    assert s.mesh.num_sample_grains == 0 and len(s.mesh.sleeves) == 1
+
+
 def _whole(values):
     return values if isinstance(values, np.ndarray) else np.concatenate(list(values.blocks(64)))
 
