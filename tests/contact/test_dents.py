@@ -240,11 +240,12 @@ def test_a_tip_bears_on_the_area_that_the_facets_around_miss():
 
 def test_the_pressure_is_that_on_facets_as_they_are():
     """A perfectly plastic cube flattened to a quarter: 4 Y on its first faces, Y on the present."""
-    found = plastic.flatten(MPI.COMM_SELF, strain=0.75, passages=60.0)
-    assert found.strain[-1] > 0.7
-    # Waves of a fast platen, and layers that are thick beside the cube; dents began at 2.8 Y.
-    np.testing.assert_allclose(found.stress[found.strain > 0.3], 1.0, atol=0.15)
-    assert found.dents[-1] < 1e-3
+    fast, slow = (plastic.flatten(MPI.COMM_SELF, 0.75, passages=n) for n in (150.0, 300.0))
+    at = np.linspace(0.3, 0.7, 9)
+    # Damping drags on the cube with its speed, 1 to 3 %: to rest, up to the square of that.
+    fast, slow_stress = (np.interp(at, f.strain, f.stress) for f in (fast, slow))
+    np.testing.assert_allclose(2.0 * slow_stress - fast, 1.0, atol=2e-3)
+    assert slow.dents[-1] < 1e-3
 
 
 @pytest.mark.parametrize("on_wall", [False, True], ids=["grains", "wall"])

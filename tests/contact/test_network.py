@@ -85,9 +85,10 @@ def test_contact_of_two_balls():
     """By symmetry: normal along the line of centres, centroid half-way, no torque.
 
     A mesh of a ball has no exact symmetry: the direction is off by some per cent of the
-    angle a/R that the contact covers, the force sits off the middle by some of its radius a.
+    angle a/R that the contact covers. Its 40 facets at the rim, of a hundredth of the area, are in
+    or out by chance: the force sits off the middle by 1 to 2 % of the radius a.
     """
-    network, pressed, grown = on_first_ranks(COMM, 2, meeting_balls)
+    network, pressed, area_deformed = on_first_ranks(COMM, 2, meeting_balls)
     c = network.contacts
     assert c.a.tolist() == [0] and c.b.tolist() == [1]
     line = network.centre[0] - network.centre[1]
@@ -98,22 +99,20 @@ def test_contact_of_two_balls():
     assert c.num_points[0] > 10 and force > 0
     assert np.linalg.norm(c.normal[0] - line) < 0.05 * radius / RADIUS
     assert np.linalg.norm(c.shear_force[0]) < 0.05 * radius / RADIUS * force
-    assert np.linalg.norm(c.centroid[0] - middle) < 0.1 * radius
-    assert np.linalg.norm(c.torque[0]) < 0.1 * radius * force
+    assert np.linalg.norm(c.centroid[0] - middle) < 0.04 * radius
+    assert np.linalg.norm(c.torque[0]) < 0.04 * radius * force
     # The pressures of each side are a quadrature of the whole force, on the facets of
     # that side: with some 6 of them along a radius the two differ by per cents.
     assert force == pytest.approx(pressed, rel=0.03)
-    # Surface strains under a pressure p of Hertz add up to -(1 + nu)(1 - 2 nu) p/E (Johnson, eqs
-    # 3.43, 3.46); facets that count as a whole, and finite slopes, change it by some per cents.
-    strain = -(1 + QUARTZ.nu) * (1 - 2 * QUARTZ.nu) * force / (QUARTZ.E * c.area[0])
-    assert c.area_deformed[0] / c.area[0] - 1 == pytest.approx(strain, rel=0.15)
-    assert grown.area_deformed == pytest.approx(1.21 * c.area, rel=1e-12)
+    assert c.area_deformed[0] == pytest.approx(area_deformed, rel=1e-12, abs=0.0)
+    # Strains under Hertz's pressure: (1 + nu)(1 - 2 nu) p/E, 2.5 % (Johnson, eqs 3.43, 3.46).
+    assert c.area_deformed[0] < 0.98 * c.area[0]
 
 
 def meeting_balls(comm):
     """The network of two balls that run into each other, and the force from their pressures.
 
-    And its contacts where all nodes are at 1.1 times their reference positions.
+    And the area of all closed facets as they are now.
     """
     axis, h = np.array([0.48, -0.6, 0.64]), 0.02 * RADIUS
     lower = sphere_near_contact(RADIUS, h, 0.35, tuple(axis), 4 * h)
@@ -131,20 +130,35 @@ def meeting_balls(comm):
     assert np.all(fields["contact_gap"][on] < 0) and not fields["contact_shear"].any()
     own = s.contact.own
     pressed = comm.allreduce(0.5 * fields["contact_pressure"][own.nodes] @ own.area)
-    grown = find_network(s.contact, s.mesh, s.solid.mass, 1.1 * s.mesh.x)
-    return network_of(s), pressed, grown and grown.contacts
+    pairs = s.contact.pairs
+    on = np.flatnonzero(pairs.closed)
+    now, before = (
+        np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        for a, b, c in (
+            x[own.nodes[own.facets[pairs.node[on]]]].swapaxes(0, 1) for x in (s.state.x, s.mesh.x)
+        )
+    )
+    return network_of(s), pressed, comm.allreduce(s.contact.areas(on) @ (now / before))
 
 
 @pytest.mark.parametrize("kind", ["nodes", "facets", "facets4"])
 def test_stretch_of_facets_around_points(kind):
-    """Turned and grown by a tenth: 1.21 times the area, at sharp vertices too."""
+    """The area of facets with the normal n grows by det F |F⁻ᵀ n|, at sharp vertices too."""
     mesh = distribute(MPI.COMM_SELF, [ridge(3)])
     contact = simulation_of(mesh, QUARTZ, [], points=kind).contact
-    turn = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+    own, corner = contact.own, contact.points.corner
+    F = np.array([[0.6, 0.9, 0.0], [-0.8, 0.6, 0.3], [0.1, 0.0, 1.2]])
+    a, b, c = mesh.x[own.nodes[own.facets]].swapaxes(0, 1)
+    before = 0.5 * np.cross(b - a, c - a)
+    now = np.linalg.norm(before @ np.linalg.inv(F), axis=1) * np.linalg.det(F)
+    before = np.linalg.norm(before, axis=1)
     points = np.arange(contact.points.num_points)[::-2]
-    found = contact.points.stretch(contact.own, 1.1 * mesh.x @ turn, points)
-    assert found.shape == points.shape
-    assert found == pytest.approx(1.21, rel=1e-12)
+    found = contact.points.stretch(own, mesh.x @ F.T, points)
+    exact = []
+    for nodes in points[:, None] if corner is None else corner[points]:
+        around = (own.facets[:, :, None] == nodes).any(axis=1).all(axis=1)
+        exact.append(now[around].sum() / before[around].sum())
+    assert found == pytest.approx(exact, rel=1e-12) and np.ptp(found) > 0.1
 
 
 def test_pressure_at_nodes_is_the_force_on_a_wall():

@@ -83,10 +83,10 @@ def test_the_cell_goes_to_its_pressure_and_a_run_that_stops_goes_on(folder):
     history = read_history(folder / "whole" / "history.csv")
     assert history["cell_pressure"][-1] == 20e3
     assert np.all(np.diff(history["cell_pressure"][history["stage"] == "seating"]) >= 0)
-    # Stress across is the pressure of the cell, and that along its own, to the tolerance.
+    # Stress across is the pressure of the cell, and that along its own, to the scene's tolerance.
     np.testing.assert_allclose(history["stress_r"], history["cell_pressure"], rtol=1e-9)
-    seated = np.flatnonzero(history["stage"] == "shear")[0]
-    assert abs(history["stress_z"][seated] / 20e3 - 1) < 0.1
+    seated = history["stress_z"][history["stage"] == "seating"][-1]
+    assert seated == pytest.approx(20e3, rel=0.05)
     # The sleeve stood around all balls, and is drawn in between them.
     assert history["diameter"][-1] < history["diameter"][0]
     assert history["strain_z"][-1] == pytest.approx(0.002)
@@ -128,20 +128,24 @@ def test_mean_stress_and_ratio_are_kept_by_the_cell(tmp_path):
         '[[stage]]\nname = "ratio"\nz = {{ strain = 0.0003 }}\neta = 0.4\n'
         '[[stage]]\nname = "path"\np = "25 kPa"\nq = "5 kPa"\n'
     )
-    test = scene(tmp_path, SCENE.replace("z = {{ strain = 0.002 }}\n", stages))
+    text = SCENE.replace("z = {{ strain = 0.002 }}\n", stages).replace("= 30", "= 400")
+    test = scene(tmp_path, text)
     run_scene(test, tmp_path / "grains", tmp_path / "run", MPI.COMM_SELF, quiet=True)
     history = read_history(tmp_path / "run" / "history.csv")
     side, vertical = history["stress_r"], history["stress_z"]
     p, q = (2.0 * side + vertical) / 3.0, vertical - side
     np.testing.assert_allclose(side, history["cell_pressure"], rtol=1e-12)
     found = {}
-    for name in ("shear", "ratio", "path"):
-        # Eight balls ring: two rows of the end of the line, where means are within 5 %.
-        rows = np.flatnonzero(history["stage"] == name)[-2:]
+    for name, num in (("shear", 40), ("ratio", 8), ("path", 8)):
+        rows = np.flatnonzero(history["stage"] == name)[-num:]
         found[name] = p[rows].mean(), q[rows].mean()
     assert history["strain_z"][history["stage"] == "ratio"][-1] == pytest.approx(0.0003)
-    assert found["shear"][0] == pytest.approx(20e3, rel=0.1)
-    assert found["ratio"][1] / found["ratio"][0] == pytest.approx(0.4, rel=0.1)
+    # Eight balls ring by a tenth of p: over ten periods a mean keeps at most a tenth of that.
+    assert found["shear"][0] == pytest.approx(20e3, rel=0.01)
+    # The cell is 10 µs behind platens whose stress grows by 0.06 % a µs.
+    mean, deviator = found["ratio"]
+    eta, across = 0.4, (mean - deviator / 3) / (mean + 2 * deviator / 3)
+    assert across == pytest.approx((3 - eta) / (3 + 2 * eta), rel=0.01)
     assert found["path"] == pytest.approx((25e3, 5e3), rel=0.05)
     # At a constant p single values would go through to the cell by half: means do not.
     kept = history["stage"] == "shear"

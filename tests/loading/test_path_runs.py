@@ -96,8 +96,9 @@ def test_a_run_along_paths_resumes_to_the_same_bits(folder):
     volume = (history["length_x"] * history["length_y"] * history["height"])[undrained]
     assert np.ptp(volume) < 1e-9 * volume[0]
     p = sum(history[f"stress_{a}"] for a in "xyz") / 3
-    # Balls in a column change p by the speed of the sides times ρ c, 8 MPa s/m over three.
-    assert p[stage == "constant p"][-1] == pytest.approx(3e6, rel=0.1)
+    # While z comes down p is ahead by 1 %, what moves the sides at their speed by the servo's gain;
+    # walls that brake at the end leave less.
+    assert p[stage == "constant p"][-1] == pytest.approx(3e6, rel=0.01)
     # As many states as the scene says, at ends of stages, the last one among them.
     states = [state["stage"] for state in read_states(folder / "whole")]
     assert states == ["path", "path", "unload", "follow"]

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.contact.laws import COMPLIANCE
 from mufe_fenicsx.theory import stability as theory
+from mufe_fenicsx.verification.pressed import AXIS, FRAME, Body, Pressed
 from mufe_fenicsx.verification.stability import (
     close_contacts,
     edge,
@@ -80,8 +82,27 @@ def test_bodies_that_pass_through_each_other_are_noticed():
     fast = tunnelling.meet(COMM, 1.6, (2, 2, 6))
     assert "contact no longer keeps them apart" in fast.message
     slow = tunnelling.meet(COMM, 0.1, (2, 2, 6))
-    # What they lose is left in vibrations behind the front: some percent.
-    assert not slow.message and slow.after == pytest.approx(-1.0, abs=0.15)
+    # Nodes of a plane of tetrahedra differ in mass: 0.03 more is left in vibrations, and 0.013 with
+    # half the edges.
+    expected = rebound_of_chains(0.1, 6, 0.5, slow.simulation.contact.edge / tunnelling.SIZE)
+    assert not slow.message and slow.after == pytest.approx(expected, abs=0.04)
+    assert expected == pytest.approx(-0.967, abs=1e-3)  # 3 % are left behind the front
+
+
+def rebound_of_chains(speed, num, h, edge):
+    """Speed afterwards over that before of two chains of masses that meet; E, ρ and c are 1."""
+    mass = np.full(num + 1, h)
+    mass[[0, -1]] *= 0.5
+    u, v, gap, dt, t = np.zeros(num + 1), np.full(num + 1, 0.5 * speed), 1e-3, 0.02 * h, 0.0
+    layer = 2 * COMPLIANCE * edge / tunnelling.MATERIAL.contact_modulus * tunnelling.E
+    while t < gap / speed + 2.5 * num * h:
+        p = theory.uniaxial_strain(1.0 + np.diff(u) / h)
+        v[1:] += dt * p / mass[1:]
+        v[:-1] -= dt * p / mass[:-1]
+        v[-1] -= dt * max(2 * u[-1] - gap, 0.0) / layer / mass[-1]
+        u += dt * v
+        t += dt
+    return mass @ v / mass.sum() / (0.5 * speed)
 
 
 @pytest.mark.parametrize("compliance", [pytest.param(0.25, marks=pytest.mark.slow), 1.0])
@@ -192,23 +213,43 @@ def test_uneven_gaps_scatter_forces_as_independent_points_do():
     assert theory.scatter_of_rough_force(0.01, n, limit) == pytest.approx(0.05, rel=1e-12)
 
 
+def share_of_forces_at_points(h):
+    """What :func:`close_contacts.share_of_interplay` finds, of the mesh under the tips alone."""
+    body = Body(*close_contacts.under(h), 60 * close_contacts.A, close_contacts.SOFT)
+    s = Pressed(COMM, [body]).simulation
+    facets = s.contact.own.nodes[s.contact.own.facets]
+    places = (s.mesh.x @ FRAME)[facets]
+    facets, places = (a[np.abs(places[..., 2]).max(axis=1) < 1e-9] for a in (facets, places))
+    places[..., 2] = 1.0
+    loads = np.zeros((3, len(s.mesh.x)))
+    for load, corner in zip(loads, close_contacts.corners(), strict=True):
+        weights = np.linalg.solve(places.swapaxes(1, 2), np.append(corner, 1.0)[:, None])[..., 0]
+        within = weights.min(axis=1).argmax()
+        load[facets[within]] = weights[within]
+    moved = np.array([loads @ (s.response(load[:, None] * AXIS) @ AXIS) for load in loads])
+    modulus = close_contacts.SOFT.contact_modulus
+    law = 1 / (math.pi * modulus * close_contacts.APART * close_contacts.A)
+    return (moved.sum() - moved.trace()) / 6 / law
+
+
 @pytest.mark.slow
 def test_contacts_on_one_facet_move_each_other_less_than_those_of_several():
-    """Tips 0.3 and 1 edge apart; a mesh moves a contact by others no more than by itself."""
-    near, far = (
-        close_contacts.share_of_interplay(COMM, close_contacts.APART * close_contacts.A / over, at)
-        for over, at in ((0.3, np.zeros(2)), (1.0, np.zeros(2)))
+    """Tips 0.3 and 2 edges apart; on one facet they share what its nodes yield."""
+    (near, h), (far, _) = (
+        (close_contacts.share_of_interplay(COMM, h, np.zeros(2))[0], h)
+        for h in close_contacts.APART * close_contacts.A / np.array([0.3, 2.0])
     )
-    reach = close_contacts.reach_of_point(COMM, close_contacts.APART * close_contacts.A / 0.3)
-    # Places on the mesh scatter by a tenth.
-    assert near[0] == pytest.approx(0.3 / reach, abs=0.15)
-    assert far[0] == pytest.approx(1.0, abs=0.15)
+    # Tips press on discs as wide as a third of their distance, not on points.
+    assert near == pytest.approx(share_of_forces_at_points(h), abs=0.05)
+    # Places on the mesh scatter by 0.025.
+    assert far == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.slow
 def test_an_edge_takes_half_of_a_contact_from_coarse_meshes_too():
     fine, coarse = (edge.forces(COMM, 0.0, n)[0][0] for n in (2.5, 1.0))
-    within = edge.forces(COMM, edge.WITHIN, 1.0)[0][0]
-    # Half of the pressure is missing, and the approach of the other half is less.
-    assert 0.5 < fine / within < 0.65
+    within = edge.forces(COMM, edge.WITHIN, 2.5)[0][0]
+    # Half of the pressure is missing, and the approach of the other half is less: 0.548, recorded
+    # with 4 elements per radius. Meshes of 2.5 scatter by 0.4 %, and each is within 2 %.
+    assert fine / within == pytest.approx(0.548, rel=0.02)
     assert coarse == pytest.approx(fine, rel=0.05)
