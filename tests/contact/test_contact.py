@@ -269,9 +269,11 @@ def test_compressed_row_carries_the_same_force_throughout():
     left, right = s.wall_forces()
     # At rest to 1e-12 in energies, so 1e-6 in forces.
     assert left > 0 and right == pytest.approx(left, rel=1e-5)
-    # Between the extremes: no less than three soft blocks, no more than three hard ones.
-    strain, area = 1e-6 / (3 * RADIUS), RADIUS**2
-    assert 0.5 * QUARTZ.E * strain * area < left < QUARTZ.constrained_modulus * strain * area * 1.44
+    # That of one static increment, but for faces that waves made slip and stick: 0.2 %, and 0.02 %
+    # without friction.
+    static = row_of_blocks(0.0, increment=1.0)
+    drive(static, {"x_max": (-1e-6, 0, 0)}, 1.0)
+    assert left == pytest.approx(static.wall_forces()[0], rel=5e-3)
 
 
 # --- number of ranks --------------------------------------------------------------------------

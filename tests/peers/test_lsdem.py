@@ -83,7 +83,7 @@ def test_a_brick_lies_where_it_lies_in_the_sample(tmp_path):
     spacing = 2.5e-5
     export_level_sets(tmp_path / "ls", ball_and_brick(), spacing=spacing)
     brick = read_grain(tmp_path / "ls" / "lsdem", 2)
-    assert brick.mass * spacing**3 == pytest.approx(6e-12, rel=1e-7)
+    assert brick.mass * spacing**3 == pytest.approx(6e-12, rel=1e-7, abs=0.0)
     a, b, c = np.array([3e-4, 2e-4, 1e-4]) ** 2
     exact = 6e-12 / 12 * np.array([b + c, a + c, a + b])
     assert np.allclose(brick.moments * spacing**5, exact, rtol=1e-7)

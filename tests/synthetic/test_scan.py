@@ -107,7 +107,8 @@ def test_packing_is_dense_and_hardly_overlaps(packing):
     # Of 40 grains 33 touch a wall, where voids are larger; random loose spheres have 0.55 without
     # walls, ellipsoids without friction about 0.7.
     assert packing.solid_fraction > 0.55
-    assert packing.mean_depth == pytest.approx(0.5e-6, rel=0.11)
+    # It ends when depths have stayed within a tenth of what is asked for.
+    assert packing.mean_depth == pytest.approx(0.5e-6, rel=0.1, abs=0.0)
     assert packing.largest_depth < 10 * 0.5e-6
     # All grains within the walls, but for the depth of contacts.
     x = np.empty((40, 642, 3))

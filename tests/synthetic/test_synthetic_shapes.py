@@ -37,7 +37,7 @@ def test_size_and_form_of_tetrahedra_are_as_asked(grains):
             points, cells, np.array([0, len(cells)]), np.ones(1)
         )
         # Facets of edges 0.04 r cut off 0.04²/8 = 2e-4 of the radius of round parts.
-        assert mass[0] == pytest.approx(np.pi / 6 * 300e-6**3, rel=2e-3)
+        assert mass[0] == pytest.approx(np.pi / 6 * 300e-6**3, rel=2e-3, abs=0.0)
         assert np.abs(centre).max() < 1e-3 * 300e-6
         second = 0.5 * np.trace(inertia[0]) * np.eye(3) - inertia[0]
         # The principal axes are the grain's own axes, L first.

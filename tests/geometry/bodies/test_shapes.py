@@ -56,7 +56,7 @@ def test_sphere_is_fine_at_its_contact_and_grows_from_there():
     # gmsh meets a size on average to about 10 %.
     assert length[reach < 1.5 * a].mean() == pytest.approx(h, rel=0.1)
     ring = (reach > 4 * a) & (reach < 5 * a)
-    assert length[ring].mean() == pytest.approx(h + growth * 3 * a, rel=0.2)
+    assert length[ring].mean() == pytest.approx(h + growth * 3 * a, rel=0.1)
 
 
 def test_both_poles_are_nodes():
