@@ -167,7 +167,7 @@ def test_rotation_matrices():
         assert np.linalg.det(R) == pytest.approx(1, abs=1e-14)
         x = np.array([0.0, 1.0, 0.0])
         assert np.cross(turn, x) @ (R - R.T) @ x == pytest.approx(
-            2 * np.sin(angle) / angle * np.cross(turn, x) @ np.cross(turn, x), rel=1e-9
+            2 * np.sin(angle) / angle * np.cross(turn, x) @ np.cross(turn, x), rel=1e-9, abs=0.0
         )
         assert np.trace(R) == pytest.approx(1 + 2 * np.cos(angle), abs=1e-14)
 
