@@ -176,7 +176,8 @@ def test_nothing_leaves_a_cylinder_and_its_volume_is_that_of_a_cylinder():
     container = assembly.container
     edges = container.high - container.low
     assert edges[0] == pytest.approx(edges[1])
-    assert edges[2] / edges[0] == pytest.approx(1.5, rel=0.2)
+    # Walls come in by the stress on each axis: packings of 40 spheres scatter by 1.5 %.
+    assert edges[2] / edges[0] == pytest.approx(1.5, rel=0.05)
     assert container.volume == pytest.approx(np.pi / 4 * edges[0] ** 2 * edges[2])
     assert container.inside(assembly.bodies.centre, 0.5 - 0.02).all()
 
