@@ -3,6 +3,7 @@
 import matplotlib
 import networkx
 import numpy as np
+import scipy.ndimage
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
@@ -24,13 +25,16 @@ BLUE, RED, CYAN = "#33658a", "#e4572e", "#00b7c7"
 PALETTE = tuple(
     matplotlib.colors.to_rgb(colour)
     for colour in (
-        "#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00", "#0072b2", "#8c6d4f"
+        "#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#0072b2", "#8c6d4f", "#d55e00"
     )
 )  # fmt: skip
 
 
-def draw_segmentation(path, grey, labels, voxel_size, inside=None, cylinder=None):
-    """Three slices through the middle, grey levels with outlines above, labels below.
+def draw_segmentation(path, grey, labels, voxel_size, inside=None, cylinder=None, doubted=()):
+    """Six slices, two across each axis: grey levels with outlines, and below each its labels.
+
+    They are at a third and at two thirds of the image, or of its cylinder. Both panels of a slice
+    show the same part of it. Necks that are doubted are drawn thick.
 
     Args:
         path: PNG file.
@@ -39,47 +43,56 @@ def draw_segmentation(path, grey, labels, voxel_size, inside=None, cylinder=None
         voxel_size: [m].
         inside: True in the field of view; the rest is left white. None: all of the image.
         cylinder: `Cylinder` of the sample [m], which is drawn; or None.
+        doubted: Pairs of labels whose neck may cut one grain in two.
     """
     with matplotlib.rc_context(STYLE):
         unit, name = length_unit(max(labels.shape) * voxel_size)
-        size = voxel_size / unit
-        middle = [n // 2 for n in labels.shape]
-        planes = (
-            ("x", "y", np.s_[middle[0], :, :]),
-            ("x", "z", np.s_[:, middle[1], :]),
-            ("y", "z", np.s_[:, :, middle[2]]),
-        )
-        figure = Figure(figsize=(9.6, 6.6), layout="constrained")
-        FigureCanvasAgg(figure)
-        axes = figure.subplots(2, 3)
-        ours = inside
+        size, ours = voxel_size / unit, inside
+        spans = np.array([[0, n] for n in labels.shape])
         if cylinder is not None:
-            ours = cylinder.scaled(1 / voxel_size).inside(labels.shape)
+            round_part, cylinder = cylinder.scaled(1 / voxel_size), cylinder.scaled(1 / unit)
+            ours = round_part.inside(labels.shape)
+            reach = 1.08 * round_part.radius
+            for axis, middle in ((1, round_part.y), (2, round_part.x)):
+                spans[axis] = np.clip([middle - reach, middle + reach], 0, labels.shape[axis])
         low, high = np.percentile(grey if ours is None else grey[ours], [0.5, 99.5])
-        pairs = set().union(*(touching_labels(labels[where][None]) for _, _, where in planes))
+        slices = [
+            (axis, int(first + part * (last - first) / 3))
+            for part in (1, 2)
+            for axis, (first, last) in enumerate(spans)
+        ]
+        cuts = [labels.take(place, axis) for axis, place in slices]
+        pairs = set().union(*(neighbours(cut) for cut in cuts))
         colours = label_colours(int(labels.max()), pairs)
-        for column, (across, up, where) in enumerate(planes):
-            part, part_labels = grey[where], labels[where]
+        z, y, x = np.ptp(spans, axis=1)
+        height = 8.4 * 4 * max(y, z) / (2 * x + y) + 2.4
+        figure = Figure(figsize=(9.6, min(16.0, height)), layout="constrained")
+        FigureCanvasAgg(figure)
+        panels = figure.subplots(4, 3, gridspec_kw={"width_ratios": (x, x, y)})
+        for number, ((normal, place), cut) in enumerate(zip(slices, cuts, strict=True)):
+            up, across = (axis for axis in range(3) if axis != normal)
+            part = grey.take(place, normal)
             if inside is not None:
-                part = np.ma.masked_where(~inside[where], part)
+                part = np.ma.masked_where(~inside.take(place, normal), part)
             extent = (0, part.shape[1] * size, 0, part.shape[0] * size)
             shown = {"extent": extent, "origin": "lower", "interpolation": "nearest"}
-            top, bottom = axes[:, column]
+            row, column = divmod(number, 3)
+            top, bottom = panels[2 * row : 2 * row + 2, column]
             top.imshow(part, cmap="gray", vmin=low, vmax=high, **shown)
-            lines = outlines(part_labels) * size
-            top.add_collection(LineCollection(lines, colors=RED, linewidths=0.9))
-            bottom.imshow(colours[part_labels], **shown)
-            for axis in (top, bottom):
-                axis.set(xlabel=f"{across}: {name}", ylabel=f"{up}: {name}")
+            lines = outlines(cut) * size
+            top.add_collection(LineCollection(lines, colors=RED, linewidths=0.6))
+            bottom.imshow(colours[cut], **shown)
+            necks, position = outlines(cut, doubted) * size, (place + 0.5) * size
+            for axis, colour in ((top, CYAN), (bottom, "black")):
+                axis.add_collection(LineCollection(necks, colors=colour, linewidths=2.0))
+                if cylinder is not None:
+                    _draw_cylinder(axis, "zyx"[across] + "zyx"[up], cylinder, position, colour)
+                axis.set(xlim=spans[across] * size, ylim=spans[up] * size)
+                axis.set(xlabel=f"{'zyx'[across]}: {name}", ylabel=f"{'zyx'[up]}: {name}")
                 axis.spines[:].set_visible(True)
-            normal = "xyz".replace(across, "").replace(up, "")
-            position = (middle["zyx".index(normal)] + 0.5) * size
-            if cylinder is not None:
-                for axis, colour in ((top, CYAN), (bottom, "black")):
-                    _draw_cylinder(axis, across + up, cylinder.scaled(1 / unit), position, colour)
-                # The image shows where the cylinder is; its labels fill their panel.
-                _frame(bottom, across + up, cylinder.scaled(1 / unit))
-            top.set_title(f"{normal} = {position:.3g} {name}", fontsize=9)
+            top.set_title(f"{'zyx'[normal]} = {position:.3g} {name}", fontsize=9)
+        doubts = f"; necks in doubt are drawn thick, {len(doubted)} in all" if len(doubted) else ""
+        figure.suptitle(f"{len(np.unique(labels[labels > 0]))} grains{doubts}", fontsize=9)
         figure.savefig(path)
 
 
@@ -101,12 +114,12 @@ def draw_refusal(path, refusal):
         levels |= {} if refusal.level is None else {"given": refusal.level}
         for (name, level), style in zip(levels.items(), ("-", "--", ":", "-."), strict=False):
             left.axvline(level, color=RED, linestyle=style, label=f'"{name}": {level:.6g}')
-        left.set(xlabel="grey level", ylabel="voxels [-]", yscale="log")
+        left.set(xlabel="grey level: –", ylabel="voxels: –", yscale="log")
         left.legend(frameon=False) if levels else left.set_title("no method finds a threshold")
         middle = len(grey) // 2
         low, high = np.percentile(values, [0.5, 99.5])
         right.imshow(grey[middle], cmap="gray", vmin=low, vmax=high, origin="lower")
-        right.set(xlabel="x [voxels]", ylabel="y [voxels]", title=f"z = {middle} voxels")
+        right.set(xlabel="x: voxels", ylabel="y: voxels", title=f"z = {middle} voxels")
         figure.savefig(path)
 
 
@@ -123,14 +136,6 @@ def _draw_cylinder(axis, plane, cylinder, position, colour):
         axis.axvline(across + sign * half**0.5, **style)
 
 
-def _frame(axis, plane, cylinder):
-    """Limit a slice of a plane ("xy", "xz" or "yz") to the surroundings of a cylinder."""
-    reach, across = 1.08 * cylinder.radius, cylinder.y if plane == "yz" else cylinder.x
-    axis.set_xlim(across - reach, across + reach)
-    if plane == "xy":
-        axis.set_ylim(cylinder.y - reach, cylinder.y + reach)
-
-
 def draw_quality(path, rows, h):
     """Histograms of the quality table of meshes.
 
@@ -145,7 +150,7 @@ def draw_quality(path, rows, h):
         ("tets", "tetrahedra per grain: –"),
         ("volume_ratio", "mesh volume off that given: %"),
         ("min_altitude_over_h", "smallest altitude / $h$: –"),
-        ("min_dihedral_deg", "smallest dihedral angle [°]"),
+        ("min_dihedral_deg", "smallest dihedral angle: °"),
     )
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(7.2, 5.0), layout="constrained")
@@ -191,13 +196,33 @@ def length_unit(length):
     return 1e-9, "nm"
 
 
-def outlines(labels):
-    """Edges between pixels of different labels, as segments (n, 2, 2) of (x, y) in pixels."""
-    y, x = np.nonzero(labels[1:] != labels[:-1])
-    level = np.stack([np.stack([x, y + 1], axis=1), np.stack([x + 1, y + 1], axis=1)], axis=1)
-    y, x = np.nonzero(labels[:, 1:] != labels[:, :-1])
-    upright = np.stack([np.stack([x + 1, y], axis=1), np.stack([x + 1, y + 1], axis=1)], axis=1)
-    return np.concatenate([level, upright]).astype(float)
+def outlines(labels, pairs=None):
+    """Edges between pixels of different labels, as segments (n, 2, 2) of (x, y) in pixels.
+
+    Args:
+        labels: Of a slice.
+        pairs: Of labels; only edges between these. None: all.
+    """
+    found, base = [], int(labels.max(initial=0)) + 1
+    for ahead, steps in ((labels, (1, 0)), (labels.T, (0, 1))):
+        below, above = (part.astype(np.int64) for part in (ahead[:-1], ahead[1:]))
+        meet = below != above
+        if pairs is not None:
+            wanted = [min(pair) * base + max(pair) for pair in pairs]
+            meet &= np.isin(np.minimum(below, above) * base + np.maximum(below, above), wanted)
+        along, across = np.nonzero(meet)
+        x, y = (across, along + 1) if steps == (1, 0) else (along + 1, across)
+        ends = [np.stack([x, y], axis=1), np.stack([x, y], axis=1) + steps]
+        found.append(np.stack(ends, axis=1))
+    return np.concatenate(found).astype(float)
+
+
+def neighbours(labels):
+    """Pairs of grains of a slice that touch, or that only void parts: a set of (a, b), a < b."""
+    nearest = scipy.ndimage.distance_transform_edt(
+        labels == 0, return_distances=False, return_indices=True
+    )
+    return touching_labels(labels[tuple(nearest)][None])
 
 
 def label_colours(num_labels, pairs):

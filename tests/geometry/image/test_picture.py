@@ -5,6 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from mufe_fenicsx.geometry.image.compare_labels import touching_labels
+from mufe_fenicsx.geometry.image.cylinder import Cylinder
 from mufe_fenicsx.geometry.image.picture import (
     PALETTE,
     draw_quality,
@@ -40,14 +41,34 @@ def drawn(monkeypatch):
     return figures
 
 
-def test_slices_of_labels_show_neighbours_in_other_colours(drawn, tmp_path):
+def test_six_slices_show_neighbours_in_other_colours_and_necks_in_doubt(drawn, tmp_path):
+    """Grains in three layers each way, some parted by a voxel of void; two necks are doubted."""
     labels = np.kron(np.arange(1, 28).reshape(3, 3, 3), np.ones((4, 4, 4), dtype=int))
-    draw_segmentation(tmp_path / "labels.png", labels.astype(float), labels, 1e-5)
-    shown = [axis.images[0].get_array() for axis in drawn[0].axes[3:]]
-    for image in shown:  # each border between two of the 3 x 3 squares
-        blocks = np.asarray(image)[2::4, 2::4]
+    labels[:, :, 3] = 0  # neighbours across a gap look like one grain, too, in one colour
+    doubted = [(5, 4), (14, 17)]  # across the gap, and in y
+    draw_segmentation(tmp_path / "a.png", labels.astype(float), labels, 1e-5, doubted=doubted)
+    panels = np.array(drawn[0].axes).reshape(4, 3)
+    titles = [axis.get_title() for axis in panels[::2].ravel()]
+    assert titles == [f"{a} = {place} µm" for place in (45, 85) for a in "zyx"]
+    for top, bottom in zip(panels[::2].ravel(), panels[1::2].ravel(), strict=True):
+        assert top.get_xlim() == bottom.get_xlim() and top.get_ylim() == bottom.get_ylim()
+        blocks = np.asarray(bottom.images[0].get_array())[2::4, 2::4]
         for a, b in ((blocks[1:], blocks[:-1]), (blocks[:, 1:], blocks[:, :-1])):
             assert np.linalg.norm(a - b, axis=-1).min() > 0.3
+        outlined = [len(lines.get_segments()) for lines in (*top.collections, *bottom.collections)]
+        assert outlined[1] == outlined[2] and outlined[0] > outlined[1]
+        # Label 14 is in the middle: two of the slices at a third meet its neck with 17.
+        met = {"z = 45 µm": 4, "x = 45 µm": 4}
+        assert outlined[2] == met.get(top.get_title(), 0)
+
+
+def test_both_panels_of_a_round_sample_show_the_cylinder(drawn, tmp_path):
+    labels = np.pad(np.ones((6, 8, 8), dtype=int), ((0, 0), (10, 14), (20, 4)))
+    cylinder = Cylinder(24e-5, 14e-5, 5e-5)
+    draw_segmentation(tmp_path / "a.png", labels * 1.0, labels, 1e-5, cylinder=cylinder)
+    for axis in np.array(drawn[0].axes).reshape(4, 3)[:, 0]:
+        assert np.allclose(axis.get_xlim(), (180, 300), atol=11)
+        assert np.allclose(axis.get_ylim(), (80, 200), atol=11)
 
 
 def test_volumes_of_meshes_are_told_in_per_cent(drawn, tmp_path):
