@@ -158,7 +158,7 @@ def draw_grains(figure, axis, folder, limit):
     along = np.array([1.0, 0.0])
     if found.band is not None and found.band.inclination > 5:
         along = found.band.normal[:2] / np.linalg.norm(found.band.normal[:2])
-    centre = table[["centre_x", "centre_y", "centre_z"]].to_numpy()
+    centre = table[["center_x", "center_y", "center_z"]].to_numpy()
     centre = centre - 0.5 * (centre.min(axis=0) + centre.max(axis=0))
     across = centre[:, :2] @ along
     away = centre[:, 0] * along[1] - centre[:, 1] * along[0]

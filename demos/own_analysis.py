@@ -10,7 +10,7 @@ Any run folder opens as arrays and tables, finished, still running, or killed:
     run.history, run.states                tables (pandas)
     run.contacts(), run.grains()           of the last stored state; contacts(3): of state 3
     run.state(3).stress, .points, .cells   arrays of a state (NumPy)
-    run.curves(), run.stresses(), run.network(), run.contact_table(), run.grain_table(),
+    run.curves(), run.stresses(), run.network(), run.active_contacts(), run.grain_table(),
     run.first_yield(), run.probe(grains=[1, 2])          what follows from them
 
 Before a result, the check that the run can be believed: contacts and walls must agree on the
@@ -86,18 +86,18 @@ def check(run):
 
 def compare(run):
     """A row a grain, with `in_chain`: whether force chains pass through it at the end."""
-    grains = run.grain_table().merge(run.grains()[["grain", "num_active_contacts"]], on="grain")
-    contacts = run.contact_table()
+    grains = run.grain_table()
+    contacts = run.active_contacts()
     chain = contacts[contacts["chain"] >= 0]
     grains["in_chain"] = grains["grain"].isin([*chain["grain_a"], *chain["grain_b"]])
-    grains["turn"] = np.degrees(grains["angle"])
+    grains["turn"] = np.degrees(grains["rotation_angle"])
     return grains
 
 
 COLUMNS = {
     "turn": ("mean turn [degrees]", 1),
-    "mean": ("mean von Mises stress [MPa]", 1e6),
-    "plastic_fraction": ("volume that has yielded [%]", 0.01),
+    "von_mises_mean": ("mean von Mises stress [MPa]", 1e6),
+    "yielded_volume_fraction": ("volume that has yielded [%]", 0.01),
     "num_active_contacts": ("active contacts", 1),
 }
 
@@ -116,7 +116,7 @@ def show(grains):
 
 def draw(run, grains, path):
     """The compression curve, where contacts point, how forces are spread, and the answer."""
-    contacts = run.contact_table()
+    contacts = run.active_contacts()
     inner = contacts[contacts["wall"] == ""]
     curves = run.curves()
     curves = curves[curves["stage"] == "loading"]
@@ -150,7 +150,7 @@ def draw(run, grains, path):
             (False, style.GREY, "others"),
         ):
             group = grains[grains["in_chain"] == chosen]
-            answer.plot(group["mean"] / 1e6, group["turn"], "o", color=colour, ms=3.5, label=label)
+            answer.plot(group["von_mises_mean"] / 1e6, group["turn"], "o", color=colour, ms=3.5, label=label)
         answer.set(xlabel="Mean von Mises stress: MPa", ylabel="Turn of the grain: degrees")
         answer.legend()
         for index, axis in enumerate((compression, polar, spread, answer)):

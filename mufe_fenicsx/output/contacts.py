@@ -28,6 +28,7 @@ from mufe_fenicsx.container import WALLS
 from mufe_fenicsx.errors import InputError, raise_together
 from mufe_fenicsx.machine.files import own_folder, reason, replacing, write_atomically
 from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.output.quantities import describe_fields
 from mufe_fenicsx.output.run_folder import read_run_json, remove_states_after
 
 SERIES = "states.vtkhdf.series"
@@ -281,6 +282,8 @@ def write_poly_data(path, time, points, cells, cell_data, point_data):
         for name, values in point_data.items():
             group[f"PointData/{name}"] = values
         group["FieldData/TimeValue"] = [time]
+        names = [f"CellData/{name}" for name in cell_data]
+        describe_fields(group, names + [f"PointData/{name}" for name in point_data])
 
 
 def tool_names(run_folder):

@@ -25,6 +25,7 @@ from mufe_fenicsx.machine.files import (
     regular,
     write_atomically,
 )
+from mufe_fenicsx.output.quantities import describe_fields
 from mufe_fenicsx.output.run_folder import (
     attempt,
     on_first_rank,
@@ -261,6 +262,9 @@ def _lay_out(path, arrays, small, mesh, links):
                 plist,
             )
             layout.append(dataset.get_offset())
+        described = [name for name, *_ in arrays if "Data/" in name]
+        if described:
+            describe_fields(group, described)
     return layout
 
 
@@ -367,7 +371,8 @@ def read_state(run_folder, index):
                 (grid.field_data, "FieldData"),
             ):
                 for key, dataset in group[name].items():
-                    target[key] = dataset[:]
+                    text = h5py.check_string_dtype(dataset.dtype) is not None
+                    target[key] = dataset.asstr()[:] if text else dataset[:]
     except (OSError, KeyError, ValueError) as error:
         raise InputError(f"state {path} cannot be read ({reason(error)})") from error
     return grid

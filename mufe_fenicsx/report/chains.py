@@ -51,14 +51,14 @@ def draw_force_chains(source):
     states = {s.index: s for s in source.states}
     shown = [i for i in source.contact_states if i in states]
     shown = [shown[0], shown[-1]] if len(shown) > 1 else shown
-    shown = [i for i in dict.fromkeys(shown) if len(source.contact_table(i))]
+    shown = [i for i in dict.fromkeys(shown) if len(source.active_contacts(i))]
     if not shown:
         raise InputError("no stored state has both fields and active contacts")
     source.need_rendering()
     corners = np.concatenate([states[i].corners(source.start) for i in shown])
     aspect, pixels, height = three_in_a_row(corners)
     camera = Camera.around(corners, FROM, aspect)
-    chains = source.contact_table(shown[-1])["chain"]
+    chains = source.active_contacts(shown[-1])["chain"]
     num_chains = int(chains[chains >= 0].nunique())
     panels = [*shown, shown[-1]] if num_chains else shown  # none, and no panel of them
     figure, axes = style.new_figure(style.PAGE, height, ncols=len(panels), squeeze=False)
@@ -66,7 +66,7 @@ def draw_force_chains(source):
     volume = np.bincount(index_grains(source.end.grain)[1], source.end.volume)
     mean_radius = np.cbrt(3 * volume.mean() / (4 * np.pi))
     for k, index in enumerate(panels):
-        state, table = states[index], source.contact_table(index)
+        state, table = states[index], source.active_contacts(index)
         only_chains = k == len(shown)
         ghost = _ghost(state, camera, pixels, state.outline(source.start))
         start, end = _ends(table, source.run.grains(index))

@@ -170,7 +170,7 @@ def draw_course(source):
             )
         columns = {"strain [-]": table["strain"], "time [s]": table["time"]}
         columns |= {"von Mises stress [Pa]": table["von_mises"]}
-        columns |= {f"stress {e} [Pa]": table[f"stress_{e}"] for e in TENSOR}
+        columns |= {f"stress {e} [Pa]": table[f"tensile_stress_{e}"] for e in TENSOR}
         moved = {a: table[f"displacement_{a}"].to_numpy() for a in AXES}
         columns |= {f"displacement {a} [m]": own - own[0] for a, own in moved.items()}
         columns |= {"plastic strain [-]": table["plastic_strain"]}

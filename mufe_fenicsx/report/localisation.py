@@ -99,7 +99,7 @@ def about(found, known):
 
 def _columns(table):
     """The table of grains with units."""
-    units = {"centre": "m", "volume": "m³", "cell_volume": "m³", "angle": "rad", "excess": "rad"}
+    units = {"center": "m", "volume": "m³", "cell_volume": "m³", "angle": "rad", "excess": "rad"}
     units |= {"rotation": "rad", "neighbours": "rad", "grain": None, "inside": None}
 
     def heading(name):
@@ -217,7 +217,7 @@ def _draw_section(figure, axis, section, table, shown):
 def _draw_across(axis, known, found, shown):
     """A number of the grains over their distance from the middle of the slab."""
     name, label, factor, _ = shown
-    band, centre = found.band, vectors(known, "centre")
+    band, centre = found.band, vectors(known, "center")
     if band is None:
         normal, middle, words = np.array([0.0, 0.0, 1.0]), centre.mean(axis=0), "z from the middle"
     else:

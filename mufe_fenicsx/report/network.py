@@ -27,7 +27,7 @@ def between_grains(source, index):
     Raises:
         InputError: There is none.
     """
-    table = source.contact_table(index)
+    table = source.active_contacts(index)
     inner = table[table["wall"] == ""]
     if not len(inner):
         raise InputError(f"state {index} has no active contact between grains")
@@ -132,7 +132,7 @@ def draw_active_contacts(source):
     figure, (left, right) = style.new_figure(style.PAGE, 2.5, ncols=2)
     counts, tables = {}, {}
     for index in source.contact_states:
-        table, grains = source.contact_table(index), source.run.grains(index)
+        table, grains = source.active_contacts(index), source.run.grains(index)
         inner, labels = table[table["wall"] == ""], grains["grain"].to_numpy()
         ends = [np.searchsorted(labels, inner[k].to_numpy()) for k in ("grain_a", "grain_b")]
         counts[index] = active_contacts(*ends, labels.size)

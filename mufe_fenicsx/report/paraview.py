@@ -18,6 +18,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.machine.files import own_folder, reason, replacing, write_atomically
+from mufe_fenicsx.output.quantities import about_field
 from mufe_fenicsx.report import style
 from mufe_fenicsx.results.localisation import Places, strain_table
 
@@ -71,7 +72,7 @@ def write_paraview(run):
             missing.append(f"No contacts of state {index}: {error}.")
             continue
         name = f"contacts_{index:04d}.vtp"
-        _save(lines, folder / name)
+        _save(lines, folder / name, "active_contacts")
         listed.append({"name": name, "time": float(state["time"])})
     _write_series(folder / SERIES, listed)
     try:
@@ -96,7 +97,7 @@ def contact_lines(run, number):
     """Active contacts of a stored state as lines between centres, or from wall to centre.
 
     Returns:
-        pyvista.PolyData: a line a contact, in the order of ``run.contact_table(number)``, from
+        pyvista.PolyData: a line a contact, in the order of ``run.active_contacts(number)``, from
         grain_a to grain_b. Cell data are those of the table (SI units): ``force`` on grain_a,
         ``normal`` towards it, ``normal_force``, ``ratio`` over the mean of its kind,
         ``mobilised`` friction, ``sliding``, ``strong``, ``chain``, ``grain_a``, ``grain_b`` (0: a
@@ -105,7 +106,7 @@ def contact_lines(run, number):
     Raises:
         InputError: The tables of contacts, or of the scene's friction, are not there.
     """
-    table, grains = run.contact_table(number), run.grains(number)
+    table, grains = run.active_contacts(number), run.grains(number)
     centres = grains[["center_x", "center_y", "center_z"]].to_numpy()
     a = np.searchsorted(grains["grain"].to_numpy(), table["grain_a"].to_numpy())
     start = centres[a]
@@ -157,7 +158,7 @@ def _write_grains(run, folder):
         now = Places.of(run.state(index))
         first = first or now
         name = f"grains_{index:04d}.vtp"
-        _save(grain_points(first, now), folder / name)
+        _save(grain_points(first, now), folder / name, "localisation")
         listed.append({"name": name, "time": float(state["time"])})
     _write_series(folder / GRAINS, listed)
     return len(listed)
@@ -169,7 +170,15 @@ def _write_series(path, listed):
     write_atomically(path, json.dumps(series, indent=1) + "\n")
 
 
-def _save(lines, path):
+def _save(lines, path, method):
+    """Write lines or points that carry numbers of a method of `Run`, and what these are."""
+    about = [
+        about_field(array.GetName(), array.GetNumberOfComponents(), method)[1]
+        for data in (lines.GetPointData(), lines.GetCellData())
+        for array in (data.GetArray(k) for k in range(data.GetNumberOfArrays()))
+    ]
+    if about:
+        lines.field_data["about"] = about
     writer = vtkXMLPolyDataWriter()
     writer.SetInputData(lines)
     try:
@@ -190,7 +199,7 @@ def _settings(run, contacts):
     force = 0.0
     if contacts:
         last = run.with_contacts().index[-1]
-        table = run.contact_table(last)
+        table = run.active_contacts(last)
         force = float(table["normal_force"].max()) if len(table) else 0.0
     return {
         "folder": str(Path(run.path).resolve()),

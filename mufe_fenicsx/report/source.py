@@ -43,9 +43,9 @@ class ReadableRun(Run):
 
     chain_angle = 45.0  #: of force chains [degrees]
 
-    def contact_table(self, number=-1):
-        """Active contacts of a state, as `Run.contact_table`, read once."""
-        read = partial(super().contact_table, angle=self.chain_angle)
+    def active_contacts(self, number=-1):
+        """Active contacts of a state, as `Run.active_contacts`, read once."""
+        read = partial(super().active_contacts, angle=self.chain_angle)
         return self._once("contact table", number, read)
 
     def _once(self, what, number, read):
@@ -231,9 +231,9 @@ class Source:
             chosen.append(index[-1])  # the last that there is
         return [int(i) for i in chosen]
 
-    def contact_table(self, index):
-        """Active contacts of a state, as `Run.contact_table`."""
-        return self.run.contact_table(index)
+    def active_contacts(self, index):
+        """Active contacts of a state, as `Run.active_contacts`."""
+        return self.run.active_contacts(index)
 
     def strain_of(self, index):
         """Strain of a state [-]."""

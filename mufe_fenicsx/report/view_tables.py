@@ -27,11 +27,11 @@ class Column:
 COLUMNS = (
     Column("diameter", "Equivalent diameter (ball of the same volume)", "m"),
     Column("volume", "Volume", fixed=(1e-9, "mm³"), coloured=False),
-    Column("mean", "von Mises stress, mean over the grain", "Pa"),
-    Column("percentile_95", "von Mises stress, 95th percentile over its volume", "Pa"),
-    Column("peak", "von Mises stress, largest of a tetrahedron", "Pa"),
-    Column("stress_zz", "Vertical stress, mean, tension positive", "Pa", signed=True),
-    Column("plastic_fraction", "Yielded part of the volume", fixed=(0.01, "%")),
+    Column("von_mises_mean", "von Mises stress, mean over the grain", "Pa"),
+    Column("von_mises_percentile_95", "von Mises stress, 95th percentile over its volume", "Pa"),
+    Column("von_mises_peak", "von Mises stress, largest of a tetrahedron", "Pa"),
+    Column("tensile_stress_zz", "Vertical stress, mean, tension positive", "Pa", signed=True),
+    Column("yielded_volume_fraction", "Yielded part of the volume", fixed=(0.01, "%")),
     Column("num_active_contacts", "Coordination number (active contacts with grains)"),
     Column("num_active_walls", "Active contacts with walls", coloured=False),
     Column("contact_area", "Contact area", fixed=(1e-12, "µm²")),
@@ -39,8 +39,8 @@ COLUMNS = (
     Column(
         "translation_z", "Displacement of the centroid since strain 0, upwards", "m", signed=True
     ),
-    Column("angle", "Rotation", fixed=(np.pi / 180, "°")),
-    Column("volume_strain", "Volumetric strain, expansion positive", fixed=(1.0, ""), signed=True),
+    Column("rotation_angle", "Rotation", fixed=(np.pi / 180, "°")),
+    Column("volume_expansion", "Volumetric strain, expansion positive", fixed=(1.0, ""), signed=True),
     Column("shear_strain", "Shear strain, mean", fixed=(1.0, "")),
     Column("friction_work", "Frictional dissipation at its contacts", "J"),
 )
@@ -150,7 +150,7 @@ def pack_contacts(packer, run, numbers, labels, without):
 def _contacts_of(run, number, without):
     """Active contacts of a state; without friction and chains where these cannot be known."""
     try:
-        return run.contact_table(number)
+        return run.active_contacts(number)
     except InputError as first:
         try:
             table = run.contacts(number)

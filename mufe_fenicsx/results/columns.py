@@ -4,6 +4,7 @@ import numpy as np
 import pandas
 
 from ..errors import InputError
+from ..output.quantities import unit_and_sign
 
 STRESS = ("xx", "yy", "zz", "xy", "yz", "xz")
 
@@ -48,6 +49,20 @@ def check_finite(name, table):
             f"fault: {name} has {wrong.sum()} values that are not numbers, the first of column "
             f"{numbers.columns[column]} in line {row + 2}"
         )
+
+
+def described(table, method):
+    """The table with ``attrs``: ``units`` and ``signs`` by column, of those that have one.
+
+    Args:
+        table: DataFrame.
+        method: Of `Run` that gives it.
+    """
+    about = {name: unit_and_sign(name, method) for name in table}
+    numbers = [name for name in table if table[name].dtype.kind in "biuf"]
+    table.attrs["units"] = {name: about[name][0] for name in numbers}
+    table.attrs["signs"] = {name: about[name][1] for name in numbers if about[name][1]}
+    return table
 
 
 def vectors(table, name):

@@ -12,7 +12,7 @@ from .columns import STRESS, vectors
 from .grain_tables import grain_volumes
 
 
-def contact_table(run, number=-1, angle=45.0):
+def active_contacts(run, number=-1, angle=45.0):
     """Active contacts of a stored state with their part in the network.
 
     The columns of the stored table, and ``ratio`` f/<f> of the normal force over the mean of those
@@ -113,7 +113,7 @@ def network(run):
     """
     rows = []
     for index, state in run.with_contacts().iterrows():
-        active, grains = run.contact_table(index), run.grains(index)
+        active, grains = run.active_contacts(index), run.grains(index)
         inner = active[active["grain_b"] != 0]
         labels = grains["grain"].to_numpy()
         ends = [np.searchsorted(labels, inner[k].to_numpy()) for k in ("grain_a", "grain_b")]

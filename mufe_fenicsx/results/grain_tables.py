@@ -20,13 +20,15 @@ def grain_table(run, number=-1):
     """Form, motion and stress of each grain at a stored state, a row a grain.
 
     Motion counts from strain 0, the first stored state. Columns: ``grain`` (label), ``volume``
-    [m³]; ``inertia_1`` … ``inertia_3``, principal moments in the reference configuration for unit
-    density [m⁵]; ``translation_x`` …, ``rotation_x`` …
-    (rotation vector [rad]), ``angle`` [rad], ``misfit`` [m] of the best rigid motion;
-    ``volume_strain`` and ``shear_strain`` (√(2/3 e:e) of the deviator) of what it leaves;
-    ``stress_xx`` …, ``mean``, ``peak``, ``percentile_95`` of von Mises stress [Pa];
-    ``plastic_fraction`` of the volume; ``unstressed``: mean below 1 % of the sample's. Where the
-    grains were surfaces, ``file`` and ``body`` say which: the body of that number in that file.
+    [m³]; ``center_x`` … of its volume now [m]; ``num_active_contacts``, ``num_active_walls``, the
+    neighbours and walls that press on it, where the state has tables of contacts; ``inertia_1`` …
+    ``inertia_3``, principal moments in the reference configuration for unit density [m⁵];
+    ``translation_x`` …, ``rotation_x`` … (rotation vector [rad]), ``rotation_angle`` [rad],
+    ``misfit`` [m] of the best rigid motion; ``volume_expansion`` and ``shear_strain`` (√(2/3 e:e)
+    of the deviator) of what it leaves; ``tensile_stress_xx`` …, the mean Cauchy stress, tension
+    positive, ``von_mises_mean``, ``von_mises_peak``, ``von_mises_percentile_95`` [Pa];
+    ``yielded_volume_fraction``; ``unstressed``: mean below 1 % of the sample's. Where the grains
+    were surfaces, ``file`` and ``body`` say which: the body of that number in that file.
     """
     state = run.state(number)
     mesh = state.cells, state.grain
@@ -40,21 +42,23 @@ def grain_table(run, number=-1):
     deviator = strain - np.trace(strain, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
     table = pandas.DataFrame(
         {"grain": found.labels, "volume": found.volume}
+        | columns_of("center", motion.centre + motion.translation)
+        | _num_contacts(run, number, found.labels)
         | columns_of("inertia", form.moments, "123")
         | columns_of("translation", motion.translation)
         | columns_of("rotation", motion.rotation_vector)
         | {
-            "angle": motion.angle,
+            "rotation_angle": motion.angle,
             "misfit": motion.misfit,
-            "volume_strain": motion.volume_ratio - 1,
+            "volume_expansion": motion.volume_ratio - 1,
             "shear_strain": np.sqrt(2 / 3 * (deviator**2).sum(axis=(1, 2))),
         }
-        | columns_of("stress", found.stress, STRESS)
+        | columns_of("tensile_stress", found.stress, STRESS)
         | {
-            "mean": found.mean,
-            "peak": found.peak,
-            "percentile_95": found.percentile,
-            "plastic_fraction": found.plastic_fraction,
+            "von_mises_mean": found.mean,
+            "von_mises_peak": found.peak,
+            "von_mises_percentile_95": found.percentile,
+            "yielded_volume_fraction": found.plastic_fraction,
             "unstressed": grain_stress.unstressed(found.mean, found.volume),
         }
     )
@@ -64,6 +68,16 @@ def grain_table(run, number=-1):
             origin = origin[["label", "file", "body"]].rename(columns={"label": "grain"})
             table = table.merge(origin, how="left", on="grain")
     return table
+
+
+def _num_contacts(run, number, labels):
+    """Columns of the numbers of contacts, none where the state has no table of them."""
+    try:
+        stored = run.grains(number).set_index("grain")
+    except InputError:
+        return {}
+    names = ("num_active_contacts", "num_active_walls")
+    return {name: stored[name].reindex(labels).to_numpy() for name in names}
 
 
 def first_yield_table(run):
@@ -117,8 +131,8 @@ def probe(run, points=None, grains=None):
 
     Returns:
         DataFrame with a row a state and probe: ``state``, ``time``, ``strain``, ``probe`` (number
-        of the place, or label), ``grain``, ``displacement_x`` … [m], ``stress_xx`` … [Pa],
-        ``von_mises`` [Pa], ``plastic_strain``.
+        of the place, or label), ``grain``, ``displacement_x`` … [m], ``tensile_stress_xx`` …
+        (Cauchy stress) and ``von_mises`` [Pa], ``plastic_strain``.
 
     Raises:
         InputError: Not one of both was given, a place is in no grain, or a label unknown.
@@ -150,7 +164,7 @@ def probe(run, points=None, grains=None):
                 {"state": index, "time": state.time, "strain": state.strain, "probe": name}
                 | {"grain": values["grain"]}
                 | columns_of("displacement", values["displacement"])
-                | columns_of("stress", values["stress"], STRESS)
+                | columns_of("tensile_stress", values["stress"], STRESS)
                 | {k: values[k] for k in ("von_mises", "plastic_strain")}
             )
         )

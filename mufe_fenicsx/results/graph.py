@@ -15,7 +15,7 @@ def contact_graph(run, number=-1):
     Returns:
         networkx.Graph. Nodes are labels of grains, with the columns of ``run.grains()``, and names
         of walls; ``kind`` is "grain" or "wall". Edges have the columns of
-        ``run.contact_table()``, in SI units; vectors are those on ``grain_a``.
+        ``run.active_contacts()``, in SI units; vectors are those on ``grain_a``.
 
     Raises:
         InputError: The state or its contacts are not stored.
@@ -25,7 +25,7 @@ def contact_graph(run, number=-1):
     graph = networkx.Graph()
     for row in run.grains(number).to_dict("records"):
         graph.add_node(int(row.pop("grain")), kind="grain", **row)
-    for row in run.contact_table(number).to_dict("records"):
+    for row in run.active_contacts(number).to_dict("records"):
         other = row["wall"] if row["grain_b"] == 0 else int(row["grain_b"])
         if other not in graph:
             graph.add_node(other, kind="wall")

@@ -27,7 +27,7 @@ def localisation(run, number=-1, since=None):
 
     Strains are logarithmic, means over the Delaunay cells at the grain, compression positive.
 
-    Columns: ``grain`` (label), ``centre_x`` … in the first of the states [m], ``volume`` of the
+    Columns: ``grain`` (label), ``center_x`` … in the first of the states [m], ``volume`` of the
     grain now [m³]; ``num_cells`` at it, ``inside`` (cells close round it), ``cell_volume``, its
     quarter of them in the first state [m³]; ``strain_volume``, ``strain_deviator`` √(2/3 e:e),
     ``strain_xx`` … of the tensor in the axes of the first state; ``rotation_x`` … of the grain
@@ -97,7 +97,7 @@ def strain_table(first, last):
     )
     return pandas.DataFrame(
         {"grain": last.labels}
-        | columns_of("centre", first.centre)
+        | columns_of("center", first.centre)
         | {"volume": last.volume, "num_cells": found.num_cells, "inside": found.inside}
         | {"cell_volume": found.volume[0]}
         | {"strain_volume": found.strain_volume, "strain_deviator": found.strain_deviator}
@@ -158,6 +158,6 @@ def judge(table):
     return Localisation(
         num_grains=len(known),
         spread=shear_band.spread(strain, weight),
-        band=shear_band.find_band(vectors(known, "centre"), strain, weight, diameter),
+        band=shear_band.find_band(vectors(known, "center"), strain, weight, diameter),
         void_ratio=tuple(ratios),
     )

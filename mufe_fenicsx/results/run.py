@@ -21,7 +21,7 @@ from ..output.fields import MESH, read_arrays, read_states
 from ..output.history import history_columns, read_history
 from ..output.run_folder import read_run_json, wrong_entries
 from . import contact_tables, grain_tables, graph, localisation, sample_tables
-from .columns import check_finite, exact_csv
+from .columns import check_finite, described, exact_csv
 from .rows import run_rows
 from .state import State
 
@@ -52,7 +52,8 @@ class Run:
     """A run folder: finished, still running, or killed.
 
     Files are read when they are asked for. :attr:`missing` says what is not there; what needs it
-    raises an InputError of one line. Lengths are in m, stresses in Pa, all else in SI units.
+    raises an InputError of one line. Lengths are in m, stresses in Pa, all else in SI units. Tables
+    say so by column in ``attrs["units"]``, and in ``attrs["signs"]`` what is positive.
 
     Args:
         path: Folder that `mufe run` wrote.
@@ -109,7 +110,7 @@ class Run:
     @property
     def history(self) -> pandas.DataFrame:
         """history.csv as it is now, a DataFrame with a row a record."""
-        return _Table(read_history(self.path / "history.csv"))
+        return described(_Table(read_history(self.path / "history.csv")), "history")
 
     @property
     def stored_states(self) -> list[dict]:
@@ -120,7 +121,7 @@ class Run:
     def states(self) -> pandas.DataFrame:
         """The stored states: time [s], strain, stage; the index is their number."""
         table = pandas.DataFrame(self.stored_states, columns=["index", "time", "strain", "stage"])
-        return table.set_index("index")
+        return described(table.set_index("index"), "states")
 
     def state(self, number: int = -1) -> State:
         """One stored state, :class:`~mufe_fenicsx.results.state.State`; -1 is the last.
@@ -150,9 +151,9 @@ class Run:
         return () if membrane is None else (membrane["label"],)
 
     def contacts(self, number: int = -1) -> pandas.DataFrame:
-        """Contacts of a stored state, a DataFrame: a row a pair of grains, or grain and wall.
+        """Contacts of a stored state as stored, open ones too: a row a pair of bodies.
 
-        Columns: :data:`mufe_fenicsx.output.contacts.CONTACT_COLUMNS`.
+        :meth:`active_contacts` has those that carry a force, and more of each. Columns: :data:`mufe_fenicsx.output.contacts.CONTACT_COLUMNS`.
         """
         return self._network(number)[0]
 
@@ -161,12 +162,12 @@ class Run:
 
         Columns: :data:`mufe_fenicsx.output.contacts.PATCH_COLUMNS`.
         """
-        return _Table(read_patches(self.path, self.state(number).index))
+        return described(_Table(read_patches(self.path, self.state(number).index)), "patches")
 
     def grains(self, number: int = -1) -> pandas.DataFrame:
-        """Grains of a stored state, a DataFrame with a row a grain.
+        """Contacts' sums of each grain of a stored state as stored, a row a grain.
 
-        Columns: :data:`mufe_fenicsx.output.contacts.GRAIN_COLUMNS`.
+        :meth:`grain_table` has form, motion and stress. Columns: :data:`mufe_fenicsx.output.contacts.GRAIN_COLUMNS`.
         """
         return self._network(number)[1]
 
@@ -178,7 +179,7 @@ class Run:
                 f"{self.path / 'contacts'} has no tables of state {index}, expected "
                 f"contacts_{index:04d}.csv and grains_{index:04d}.csv"
             )
-        return _Table(contacts), _Table(grains)
+        return described(_Table(contacts), "contacts"), described(_Table(grains), "grains")
 
     def with_contacts(self) -> pandas.DataFrame:
         """The rows of :attr:`states` whose tables of contacts were written, as a DataFrame.
@@ -265,21 +266,21 @@ class Run:
 
         Columns: those of :func:`mufe_fenicsx.analysis.macro.oedometer_curves`, time and stage.
         """
-        return sample_tables.curves(self, width)
+        return described(sample_tables.curves(self, width), "curves")
 
     def stresses(self) -> pandas.DataFrame:
         """Stress of the contacts against that of the walls at each stored state, a DataFrame.
 
         See :func:`mufe_fenicsx.results.sample_tables.stresses`.
         """
-        return sample_tables.stresses(self)
+        return described(sample_tables.stresses(self), "stresses")
 
     def network(self) -> pandas.DataFrame:
         """Fabric, coordination, sliding and force chains at each stored state, a DataFrame.
 
         See :func:`mufe_fenicsx.results.contact_tables.network`.
         """
-        return contact_tables.network(self)
+        return described(contact_tables.network(self), "network")
 
     def graph(self, number: int = -1) -> "networkx.Graph":
         """Grains, walls and active contacts of a stored state, a networkx.Graph.
@@ -295,51 +296,51 @@ class Run:
         """
         graph.write_graphml(self, path, number)
 
-    def contact_table(self, number: int = -1, angle: float = 45.0) -> pandas.DataFrame:
+    def active_contacts(self, number: int = -1, angle: float = 45.0) -> pandas.DataFrame:
         """Active contacts with their part in the network, a DataFrame.
 
-        See :func:`mufe_fenicsx.results.contact_tables.contact_table`.
+        See :func:`mufe_fenicsx.results.contact_tables.active_contacts`.
         """
-        return contact_tables.contact_table(self, number, angle)
+        return described(contact_tables.active_contacts(self, number, angle), "active_contacts")
 
     def contact_ages(self, number: int = -1) -> pandas.DataFrame:
         """Since when each active contact has been active, a DataFrame with a row a contact.
 
         See :func:`mufe_fenicsx.results.contact_tables.contact_ages`.
         """
-        return contact_tables.contact_ages(self, number)
+        return described(contact_tables.contact_ages(self, number), "contact_ages")
 
     def wall_friction(self, number: int = -1) -> pandas.DataFrame:
         """Normal and tangential force on each wall, a DataFrame with a row a wall."""
-        return sample_tables.wall_friction(self, number)
+        return described(sample_tables.wall_friction(self, number), "wall_friction")
 
     def grain_table(self, number: int = -1) -> pandas.DataFrame:
         """Form, motion, stress and contacts of each grain at a stored state, a DataFrame.
 
         See :func:`mufe_fenicsx.results.grain_tables.grain_table`.
         """
-        return grain_tables.grain_table(self, number)
+        return described(grain_tables.grain_table(self, number), "grain_table")
 
     def localisation(self, number: int = -1, since: int | None = None) -> pandas.DataFrame:
         """Strain around each grain between two stored states, a DataFrame with a row a grain.
 
         See :func:`mufe_fenicsx.results.localisation.localisation`.
         """
-        return localisation.localisation(self, number, since)
+        return described(localisation.localisation(self, number, since), "localisation")
 
     def first_yield(self) -> pandas.DataFrame:
         """When and where each grain was first seen to yield, a DataFrame with a row a grain.
 
         See :func:`mufe_fenicsx.results.grain_tables.first_yield_table`.
         """
-        return grain_tables.first_yield_table(self)
+        return described(grain_tables.first_yield_table(self), "first_yield")
 
     def probe(self, points: ArrayLike | None = None, grains: ArrayLike | None = None):
         """Displacement and stress of places or of grains through all stored states.
 
         See :func:`mufe_fenicsx.results.grain_tables.probe`.
         """
-        return grain_tables.probe(self, points, grains)
+        return described(grain_tables.probe(self, points, grains), "probe")
 
     # --- what is not there ----------------------------------------------------------------
 

@@ -133,7 +133,7 @@ def test_the_view_is_the_run(folder):
             allowed = byte_error(values, *ends) + 1e-6 * field["high"]
             assert (np.abs(found - values) <= allowed).all(), field["name"]
         table = run.grain_table(number)
-        for name in ("mean", "angle", "volume_strain"):
+        for name in ("von_mises_mean", "rotation_angle", "volume_expansion"):
             found = view.arrays[f"grain.{name}.{number}"]
             assert found == pytest.approx(table[name].to_numpy(), rel=1e-6, abs=1e-9)
         force = view.arrays[f"contact.force.{number}"]
@@ -319,9 +319,9 @@ def test_a_click_shows_the_row_of_a_grain_and_the_slider_another_stage(seen, fol
     table = Run(folder).grain_table(2).set_index("grain")
     assert label in table.index and seen["nothing"] == ""
     assert f"Grain {label} at strain 0.1" in seen["row"]
-    mean = table.loc[label, "mean"] / 1e6
+    mean = table.loc[label, "von_mises_mean"] / 1e6
     assert f"mean over the grain{float(f'{mean:.3g}'):g} MPa" in seen["row"]
-    contacts = Run(folder).contact_table(2)
+    contacts = Run(folder).active_contacts(2)
     touched = set()
     for one, other in (("grain_a", "grain_b"), ("grain_b", "grain_a")):
         mine = contacts[contacts[one] == label]

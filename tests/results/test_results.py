@@ -3,15 +3,19 @@
 import json
 import shutil
 
+import h5py
 import networkx
 import numpy as np
 import pytest
+import pyvista
 
 import mufe_fenicsx
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.contacts import ContactWriter
 from mufe_fenicsx.output.fields import read_state
+from mufe_fenicsx.output.quantities import about_field
 from mufe_fenicsx.results import Run
+from mufe_fenicsx.results.columns import vectors
 from tests.made_up_run import write_run
 from tests.networks import lattice_network
 
@@ -72,7 +76,7 @@ def test_tables_of_a_lattice(whole):
     assert network["N_cA"] == pytest.approx(16 / 12) and network["coordination"] == 2
     assert network["fabric_zz"] == pytest.approx(1) and network["anisotropy"] == pytest.approx(7.5)
     assert network["area_deformed"] == pytest.approx(8 * 1.1e-10, abs=0.0)
-    contacts = run.contact_table()
+    contacts = run.active_contacts()
     assert contacts["ratio"].to_numpy() == pytest.approx(1)
     wall = (contacts["wall"] != "").to_numpy()
     assert contacts["mobilised"].to_numpy() == pytest.approx(np.where(wall, 0.0, 0.5))
@@ -90,7 +94,7 @@ def test_mobilised_friction_is_that_of_the_pair_of_materials(whole, tmp_path):
     pairs = "[contact.pairs]\nhard-soft = { friction = 0.3, friction_kinetic = 0.25 }\n"
     groups = f"[materials.soft]\nlabels = [{a}]\n[materials.hard]\nlabels = [{b}]\n"
     (folder / "scene.toml").write_text(SCENE + pairs + groups)
-    found = Run(folder).contact_table()
+    found = Run(folder).active_contacts()
     here = ((found["grain_a"] == a) & (found["grain_b"] == b)).to_numpy()
     wall = (found["wall"] != "").to_numpy()
     expected = np.where(here, 1.0, np.where(wall, 0.0, 0.5))
@@ -150,6 +154,58 @@ def test_a_contact_that_was_open_for_a_state_is_younger(whole, tmp_path):
     assert set(run.contact_ages()["since"]) == {0}  # what is not stored breaks no row
 
 
+@pytest.mark.parametrize(
+    ("method", "given", "told"),
+    [
+        ("history", None, {"friction": ("J", ""), "force_z_max": ("N", "compression positive")}),
+        ("states", None, {"time": ("s", "")}),
+        ("contacts", {}, {"friction_x": ("N", ""), "area": ("m^2", "")}),
+        ("grains", {}, {"mass": ("kg", ""), "contact_area": ("m^2", "")}),
+        ("patches", {}, {"overlap": ("m^3", ""), "yield_stress": ("Pa", "")}),
+        ("curves", {}, {"modulus": ("Pa", ""), "stress_x": ("Pa", "compression positive")}),
+        ("stresses", {}, {"wall_zz": ("Pa", "compression positive"), "kinetic": ("-", "")}),
+        ("network", {}, {"fabric_xx": ("-", ""), "mean_force": ("N", "")}),
+        ("active_contacts", {}, {"ratio": ("-", ""), "torque_x": ("N m", "")}),
+        ("contact_ages", {}, {"age": ("s", ""), "age_strain": ("-", "compression positive")}),
+        ("wall_friction", {}, {"normal": ("N", "compression positive")}),
+        ("grain_table", {}, {
+            "tensile_stress_zz": ("Pa", "tension positive"), "von_mises_peak": ("Pa", ""),
+            "volume_expansion": ("-", "expansion positive"), "center_x": ("m", ""),
+            "num_active_contacts": ("-", ""), "inertia_1": ("m^5", ""),
+        }),
+        ("localisation", {}, {"angle": ("rad", ""), "strain_zz": ("-", "compression positive"),
+                              "strain_deviator": ("-", "")}),
+        ("first_yield", {}, {"depth": ("m", ""), "contact_radius": ("m", "")}),
+        ("probe", {"grains": [10]}, {"tensile_stress_zz": ("Pa", "tension positive")}),
+    ],
+)  # fmt: skip
+def test_tables_say_unit_and_sign_of_each_number(whole, method, given, told):
+    table = getattr(mufe_fenicsx.open_run(whole), method)
+    table = table if given is None else table(**given)
+    units, signs = table.attrs["units"], table.attrs["signs"]
+    assert set(units) == set(table.select_dtypes(["number", "bool"])) and all(units.values())
+    for name, (unit, sign) in told.items():
+        assert (units[name], signs.get(name, "")) == (unit, sign), name
+
+
+def test_fields_say_unit_sign_and_components_to_paraview(whole):
+    """As attributes, and as lines of field data, since the format has no place for them."""
+    stress = "stress [Pa], tension positive, XX YY ZZ XY YZ XZ"
+    for name, expected in (
+        ("fields/0001.vtkhdf", {stress, "pressure [Pa], compression positive"}),
+        ("contacts/0001.vtkhdf", {"force [N], X Y Z", "normal_force [N], compression positive"}),
+    ):
+        with h5py.File(whole / name) as file:
+            group = file["VTKHDF"]
+            fields = [f for k in ("PointData", "CellData") for f in group[k].values()]
+            own = [f for f in fields if f.file.filename == file.filename]  # not of the mesh
+            assert all(f.attrs["units"] for f in own) and len(own) > 7
+        lines = set(pyvista.read(whole / name).field_data["about"])
+        assert expected < lines and len(lines) == len(own)
+    names = ("contact_gap", "contact_slip", "plastic_work", "contact_shear")
+    assert [about_field(k, 1)[0]["units"] for k in names] == ["m", "m", "J", "Pa"]
+
+
 def test_tables_of_curves_grains_and_probes(whole):
     run = mufe_fenicsx.open_run(whole)
     history, curves = run.history, run.curves()
@@ -160,12 +216,18 @@ def test_tables_of_curves_grains_and_probes(whole):
     e = area * history["height"] / run.solid_volume - 1
     assert curves["void_ratio"].to_numpy() == pytest.approx(e.to_numpy(), rel=1e-12)
     grains, state = run.grain_table(), run.state()
+    stored = run.grains()
+    assert grains["num_active_contacts"].tolist() == stored["num_active_contacts"].tolist()
+    mine = state.grain == grains["grain"][0]
+    places = state.points[state.cells[mine]].mean(axis=1)
+    middle = np.average(places, axis=0, weights=state.volume[mine])
+    assert vectors(grains, "center")[0] == pytest.approx(middle, rel=1e-6, abs=1e-12)
     assert grains["volume"].sum() == pytest.approx(state.volume.sum(), rel=1e-12, abs=0.0)
-    assert grains["peak"].max() == state.von_mises.max()
+    assert grains["von_mises_peak"].max() == state.von_mises.max()
     probe = run.probe(grains=[10, 15])
     assert probe["probe"].tolist() == [10, 15] * 3
     row = grains[grains["grain"] == 15].iloc[0]
-    assert probe["stress_zz"].iloc[-1] == pytest.approx(row["stress_zz"], rel=1e-12)
+    assert probe["tensile_stress_zz"].iloc[-1] == pytest.approx(row["tensile_stress_zz"], rel=1e-12)
     middle = state.reference[state.cells[7]].mean(axis=0)
     place = run.probe(points=[middle])
     assert place["von_mises"].iloc[-1] == state.von_mises[7]
@@ -196,7 +258,7 @@ def test_a_network_goes_into_graphml_and_back(whole, tmp_path):
     run = Run(whole)
     run.write_graphml(tmp_path / "network.graphml")
     graph = networkx.read_graphml(tmp_path / "network.graphml", node_type=str)
-    contacts = run.contact_table()
+    contacts = run.active_contacts()
     grains = [name for name, kind in graph.nodes(data="kind") if kind == "grain"]
     assert sorted(map(int, grains)) == run.grains()["grain"].tolist()
     assert {name for name in graph if name not in grains} == {"z_min", "z_max"}
