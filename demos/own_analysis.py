@@ -150,7 +150,9 @@ def draw(run, grains, path):
             (False, style.GREY, "others"),
         ):
             group = grains[grains["in_chain"] == chosen]
-            answer.plot(group["von_mises_mean"] / 1e6, group["turn"], "o", color=colour, ms=3.5, label=label)
+            answer.plot(
+                group["von_mises_mean"] / 1e6, group["turn"], "o", color=colour, ms=3.5, label=label
+            )
         answer.set(xlabel="Mean von Mises stress: MPa", ylabel="Turn of the grain: degrees")
         answer.legend()
         for index, axis in enumerate((compression, polar, spread, answer)):

@@ -21,7 +21,10 @@ def scene(
     ] = None,
     explain: Annotated[
         str | None,
-        typer.Option(metavar="KEY", help="What a key or table is: meaning, unit, default, values."),
+        typer.Option(
+            metavar="KEY",
+            help="What a key or table is: meaning, unit, default, values; beside SCENE, what it says.",
+        ),
     ] = None,
     schema: Annotated[
         bool, typer.Option("--schema", help="JSON schema of a scene, for editors.")
@@ -33,9 +36,8 @@ def scene(
 ):
     """Check a scene file, explain a key of one, or give their JSON schema."""
     serial_only("scene")
-    given = [file is not None, explain is not None, schema]
-    if sum(given) != 1:
-        raise InputError(f"{sum(given)} of SCENE, --explain and --schema, expected one")
+    if (file is None and explain is None) != schema:
+        raise InputError("expected SCENE, --explain KEY or both of them, or --schema alone")
     if schema:
         from ..scene.schema import schema_text
 
@@ -43,14 +45,22 @@ def scene(
     elif explain is not None:
         from ..scene.explanations import explain as explained
 
-        text = "\n".join(explained(explain)) + "\n"
+        lines = explained(explain)
+        if file is not None:
+            from ..scene import load_scene
+            from ..scene.explanations import in_file
+
+            load_scene(file)
+            lines += ["", *in_file(explain, file)]
+        text = "\n".join(lines) + "\n"
     else:
         from ..scene import load_scene, scene_to_toml
+        from ..scene.schema import absent_schema
         from ..scene.usual import unusual
 
         loaded = load_scene(file)
         _read_files_of(loaded)
-        for line in unusual(loaded):
+        for line in [*unusual(loaded), *filter(None, [absent_schema(file)])]:
             typer.echo(f"mufe: {line}", err=True)
         text = scene_to_toml(loaded)
     if output is None:

@@ -21,11 +21,10 @@ UNITS = {
     "N m": "torque",
     "Pa": "stress tensile_stress target modulus von_mises pressure pore_pressure "
     "contact_pressure contact_shear yield_stress shear_xz shear_tz",
-    "J": "kinetic elastic plastic contact switching damping work residual "
-    "energy friction_work",
+    "J": "kinetic elastic plastic contact switching damping work residual energy friction_work",
     "rad": "rotation angle turn twist neighbours excess",
-    "-": "step strain gamma state since rank probe num N_cA coordination added_mass wall normal grain "
-    "grain_a grain_b body tool strong sliding chain ratio mobilised strong_force force_share "
+    "-": "step strain gamma state since rank probe num N_cA coordination added_mass wall normal "
+    "grain grain_a grain_b body tool strong sliding chain ratio mobilised strong_force force_share "
     "anisotropy fabric grains_in_chains elements_per_radius elements_across plastic_strain "
     "volume_expansion shear_strain yielded_volume_fraction unstressed under_contact inside "
     "age_strain since_strain difference closure void_ratio porosity log10_stress K0",

@@ -40,7 +40,9 @@ COLUMNS = (
         "translation_z", "Displacement of the centroid since strain 0, upwards", "m", signed=True
     ),
     Column("rotation_angle", "Rotation", fixed=(np.pi / 180, "°")),
-    Column("volume_expansion", "Volumetric strain, expansion positive", fixed=(1.0, ""), signed=True),
+    Column(
+        "volume_expansion", "Volumetric strain, expansion positive", fixed=(1.0, ""), signed=True
+    ),
     Column("shear_strain", "Shear strain, mean", fixed=(1.0, "")),
     Column("friction_work", "Frictional dissipation at its contacts", "J"),
 )

@@ -153,7 +153,8 @@ class Run:
     def contacts(self, number: int = -1) -> pandas.DataFrame:
         """Contacts of a stored state as stored, open ones too: a row a pair of bodies.
 
-        :meth:`active_contacts` has those that carry a force, and more of each. Columns: :data:`mufe_fenicsx.output.contacts.CONTACT_COLUMNS`.
+        :meth:`active_contacts` has those that carry a force, and more of each. Columns:
+        :data:`mufe_fenicsx.output.contacts.CONTACT_COLUMNS`.
         """
         return self._network(number)[0]
 
@@ -162,12 +163,14 @@ class Run:
 
         Columns: :data:`mufe_fenicsx.output.contacts.PATCH_COLUMNS`.
         """
-        return described(_Table(read_patches(self.path, self.state(number).index)), "patches")
+        table = _Table(read_patches(self.path, self.state(number).index))
+        return described(table, "patches")
 
     def grains(self, number: int = -1) -> pandas.DataFrame:
         """Contacts' sums of each grain of a stored state as stored, a row a grain.
 
-        :meth:`grain_table` has form, motion and stress. Columns: :data:`mufe_fenicsx.output.contacts.GRAIN_COLUMNS`.
+        :meth:`grain_table` has form, motion and stress. Columns:
+        :data:`mufe_fenicsx.output.contacts.GRAIN_COLUMNS`.
         """
         return self._network(number)[1]
 

@@ -4,6 +4,7 @@ import functools
 import inspect
 import re
 import textwrap
+import tomllib
 from pathlib import Path
 
 from ..container import WALLS
@@ -81,6 +82,31 @@ def explain(wanted):
         near = near if near in known + keys else nearest_name(name, known)
         raise InputError(f"{shown(wanted)} is not a key of a scene, expected {near}")
     return lines
+
+
+def in_file(wanted, path):
+    """Lines that say what a scene file has of a key or table, as it is written there.
+
+    Args:
+        wanted: As of :func:`explain`.
+        path: The file, which :func:`~mufe_fenicsx.scene.load_scene` takes.
+    """
+    name, found = wanted.strip().strip("[]"), []
+
+    def walk(value, full):
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                walk(inner, f"{full}.{key}" if full else key)
+        elif isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
+            for number, row in enumerate(value):
+                walk(row, f"{full}[{number}]")
+        else:
+            plain = re.sub(r"\[\d+\]", "", full)
+            if any(f".{part}.".find(f".{name}.") >= 0 for part in (full, plain)):
+                found.append(f"    {full} = {shown(value)}")
+
+    walk(tomllib.loads(Path(path).read_text(encoding="utf-8")), "")
+    return [f"{path} says:", *found] if found else [f"{path} leaves it out"]
 
 
 def expectation(key):

@@ -3,8 +3,10 @@
 import json
 from dataclasses import MISSING
 from pathlib import Path
+from urllib.parse import unquote
 
 from ..container import WALLS
+from ..errors import shown
 from ..materials.scatter import Scatter
 from ..units import QUANTITIES, keys_of
 from .catalogue import MODELS, TABLES, TOP_KEYS
@@ -57,6 +59,22 @@ def scene_schema() -> dict:
 def schema_text() -> str:
     """The same as JSON."""
     return json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+def absent_schema(path: Path) -> str | None:
+    """A line on the schema that a scene file names and that is not there, or None."""
+    first = path.read_text(encoding="utf-8").partition("\n")[0].strip()
+    named = first.removeprefix("#:schema ")
+    if named == first or named.startswith(("http:", "https:")):
+        return None
+    there = path.parent / unquote(named.removeprefix("file://"))
+    if there.is_file():
+        return None
+    new = path.parent / "scene.schema.json"
+    return (
+        f"schema {shown(named)} of {path} is not there, so that editors complete no keys: "
+        f"`mufe scene --schema -o {new}`, and ./{new.name} in the first line"
+    )
 
 
 def _table(cls):

@@ -1,6 +1,7 @@
 """New scenes to begin with: a commented scene file, its JSON schema, and grains."""
 
 import functools
+from pathlib import Path
 
 import numpy as np
 
@@ -284,8 +285,7 @@ def write_new_scene(kind, folder, *, overwrite=False, membrane=False):
             save_grains(new / "grains", grains)
         if kind in FILES:
             FILES[kind](new, grains)
-        (new / "scene.toml").write_text(text, encoding="utf-8")
-        (new / SCHEMA_FILE).write_text(schema_text(), encoding="utf-8")
+        write_scene(text, new, folder)
     if grains is None:
         return {
             "folder": str(folder),
@@ -298,6 +298,19 @@ def write_new_scene(kind, folder, *, overwrite=False, membrane=False):
         "num_cells": len(grains.cells),
         "next": f"mufe run {folder}/scene.toml -o {folder}/results",
     }
+
+
+def write_scene(text, new, folder):
+    """Write a scene's text and its JSON schema, where copies of the scene find it too.
+
+    Args:
+        text: Of the scene; its first line names the schema.
+        new: Folder to write into, which becomes ``folder``.
+        folder: Its name in the end.
+    """
+    place = (Path(folder).resolve() / SCHEMA_FILE).as_uri()
+    (new / "scene.toml").write_text(text.replace(f"./{SCHEMA_FILE}", place), encoding="utf-8")
+    (new / SCHEMA_FILE).write_text(schema_text(), encoding="utf-8")
 
 
 @functools.cache

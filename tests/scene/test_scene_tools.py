@@ -1,6 +1,7 @@
 """Schema, explanations and new scenes: what they say is what the program takes."""
 
 import json
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -125,9 +126,41 @@ def test_commands(tmp_path, capsys):
     assert json.loads(path.read_text()) == json.loads(json.dumps(scene_schema()))
     assert mufe("scene", "--explain", "oedometer.spead") == 2
     assert "expected oedometer.speed" in capsys.readouterr().err
-    assert mufe("scene") == 2 and "expected one" in capsys.readouterr().err
+    assert mufe("scene") == 2 and "expected SCENE" in capsys.readouterr().err
+    assert mufe("scene", "x.toml", "--schema") == 2 and "expected" in capsys.readouterr().err
     assert mufe("new", "oedometr", "-o", tmp_path / "x") == 2
     assert "expected oedometer" in capsys.readouterr().err and not (tmp_path / "x").exists()
+
+
+def test_a_copied_scene_finds_its_schema_or_says_how_to_get_one(tmp_path, capsys):
+    assert mufe("new", "scan", "-o", tmp_path / "a b") == 0
+    (tmp_path / "else").mkdir()
+    copy = Path(shutil.copy(tmp_path / "a b/scene.toml", tmp_path / "else/mine.toml"))
+    capsys.readouterr()
+    assert mufe("scene", copy) == 0 and "schema" not in capsys.readouterr().err
+    (tmp_path / "a b").rename(tmp_path / "moved")
+    assert mufe("scene", copy) == 0
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and f"`mufe scene --schema -o {tmp_path}/else/scene" in told
+
+
+def test_an_explanation_beside_a_file_tells_what_it_says(tmp_path, capsys):
+    path = tmp_path / "a.toml"
+    path.write_text(
+        '[material]\nmodel = "elastic"\nE = "1 GPa"\nnu = 0.2\nrho = 2650\n'
+        "[contact]\nfriction = 0.5\n[walls.x_min]\nfriction = 0.1\n[loading]\nspeed = 1.0\n"
+        '[[stage]]\nz.strain = 0.01\n[[stage]]\nz.stress = "1 MPa"\n'
+    )
+    for name, expected in (
+        ("friction", ["contact.friction = 0.5", "walls.x_min.friction = 0.1"]),
+        ("stage.z", ["stage[0].z.strain = 0.01", 'stage[1].z.stress = "1 MPa"']),
+        ("walls.x_min", ["walls.x_min.friction = 0.1"]),
+        ("stage.hold", []),
+    ):
+        assert mufe("scene", path, "--explain", name) == 0
+        _, said, lines = capsys.readouterr().out.partition(f"{path} says:")
+        assert [line.strip() for line in lines.splitlines() if line] == expected
+        assert bool(said) == bool(expected)
 
 
 def test_a_new_scene_of_a_scan_segments_it(tmp_path, monkeypatch, capsys):
@@ -151,7 +184,7 @@ def test_new_scenes_run(kind, tmp_path):
     folder = tmp_path / "test"
     assert mufe("new", kind, "-o", folder) == 0
     first = (folder / "scene.toml").read_text().partition("\n")[0]
-    assert (folder / first.removeprefix("#:schema ")).is_file()
+    assert Path(first.removeprefix("#:schema file://")).is_file()  # wherever it is copied to
     scene = load_scene(folder / "scene.toml")
     out = folder / "results"
     result = run_scene(scene, scene.sample.grains, out, MPI.COMM_SELF, max_steps=40, quiet=True)

@@ -10,10 +10,9 @@ from ...geometry.grains import Grains, save_grains
 from ...geometry.image.label_files import write_labels, write_table
 from ...kernels.packed_surfaces import label_voxels
 from ...materials.sand import scene_table
-from ...scene.schema import schema_text
 from ...units import lengths_text, require, with_unit
 from ..shapes import sizes_by_mass
-from ..starter_scenes import DAMPED, HEAD, OEDOMETER, OUTPUT, SCHEMA_FILE
+from ..starter_scenes import DAMPED, HEAD, OEDOMETER, OUTPUT, write_scene
 from .assembly import Assembly
 from .container import BOX, CYLINDER
 from .measures import measured
@@ -68,8 +67,7 @@ def pack(source, settings, output_folder, *, spheres=False, overwrite=False, pro
         if settings.voxel_size is not None:
             _write_labels(folder / "labels.tif", assembly, draw.unit, settings.voxel_size)
         text = _scene_text(grains.num_grains, assembly.container.kind)
-        (folder / "scene.toml").write_text(text, encoding="utf-8")
-        (folder / SCHEMA_FILE).write_text(schema_text(), encoding="utf-8")
+        write_scene(text, folder, output_folder)
         draw_packing(folder / "packing.png", assembly, draw.unit)
     edges = (assembly.container.high - assembly.container.low) * draw.unit
     size_taken = settings.size_taken(edges)
