@@ -43,6 +43,13 @@ def plan(
         str | None,
         typer.Option(help='Wanted time of the run, "8 min": the least error that it buys here.'),
     ] = None,
+    modulus: Annotated[
+        str | None,
+        typer.Option(
+            help='Constrained modulus of the sample, as from a laboratory, "300 MPa"; default: '
+            "that of the scene, else a guess from grains, contacts and stress."
+        ),
+    ] = None,
     grains: Annotated[Path | None, typer.Option(metavar="DIR", help="As of `mufe run`.")] = None,
     json: Json = None,
 ):
@@ -53,6 +60,8 @@ def plan(
     comm = world()
     printer = Printer(json, comm.rank)
     if scene in CASES and not Path(scene).exists():
+        if modulus is not None:
+            raise InputError(f"--modulus {modulus} with a case, expected one with a scene file")
         _plan_case(scene, accuracy, parameters(changes), printer, cost)
         return
     if cost is not None and accuracy is not None:
@@ -62,7 +71,8 @@ def plan(
     from ..scene.usual import unusual
     from ..units import to_si
 
-    loaded = read_scene(comm, Path(scene), stated_texts(changes))
+    stated = stated_texts(changes) | ({} if modulus is None else {"modulus": modulus})
+    loaded = read_scene(comm, Path(scene), stated)
     printer.say(*unusual(loaded))
     grains = loaded.sample.grains if grains is None else grains
     from ..planning.run import make_plan, plan_within, present

@@ -23,7 +23,7 @@ def scene(
         str | None,
         typer.Option(
             metavar="KEY",
-            help="What a key or table is: meaning, unit, default, values; beside SCENE, what it says.",
+            help="What a key or table is; beside SCENE, also what it has there.",
         ),
     ] = None,
     schema: Annotated[

@@ -15,6 +15,7 @@ from .errors import (
     best_law,
     checked_accuracy,
     contact_radius,
+    flows,
     of_loading,
     planned_time,
     quasi_static_from,
@@ -77,7 +78,7 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
     """
     accuracy = checked_accuracy(scene.accuracy if accuracy is None else accuracy)
     points = read_points() if points is None else points
-    yields = hasattr(scene.material, "yield_stress")
+    yields = flows(scene.material)
     element, law = scene.solver.element, law_of(scene) or best_law(points, yields)
     errors = sample_errors(points, element, law, yields)
     fidelity = fidelity_of(scene, sample.labels)

@@ -31,6 +31,7 @@ from ..run.rebalance import PAIR_COSTS
 from ..run.scene_tools import check_sizes, make_tools
 from .contacts import Closing
 from .course import course_of, wave_speed
+from .errors import flow_pressure, flows
 from .seating import closing_time, seating_time
 
 #: Pairs nearer than this part of an edge count as closed for the stable step under load. With the
@@ -45,9 +46,8 @@ FLOWS, SEARCHES = 1.09, 1.03
 #: Part of the points that geometry closes (`contacts`) which are in contact in the mean while
 #: loading, and that of these while seating: 0.3 to 0.8 and 0.4 to 0.9 in three tests of sand.
 CLOSED, WHILE_SEATING = 0.5, 0.5
-#: Mean pressure of a contact that flows over the yield stress (K. L. Johnson, Contact Mechanics,
-#: 1985, section 6.3). Part of the height that the platen travels where no chain of grains is found.
-PLATEAU, NO_CHAIN = 2.8, 0.02
+#: Part of the height that the platen travels where no chain of grains is found.
+NO_CHAIN = 0.02
 #: Memory of a tetrahedron with its share of nodes, contact and output [bytes]; what a run holds
 #: beyond what its first steps do.
 TET_MEMORY, MORE_MEMORY = 860.0, 1.02
@@ -231,10 +231,10 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
     state = STATE_BYTES[0] * num_nodes + STATE_BYTES[1] * num_cells + STATE_BYTES[2] * b.num_grains
     closed = CLOSED * float(PAIR_COSTS @ b.closing)
     unit = SEARCHES * step_s / (before + float(PAIR_COSTS @ b.due))
-    flows = FLOWS if hasattr(scene.material, "yield_stress") else 1.0
+    slower = FLOWS if flows(scene.material) else 1.0
     stepping = sum(
         n * unit * (factor * before + part * closed)
-        for n, factor, part in zip(steps, (1.0, flows), (WHILE_SEATING, 1.0), strict=True)
+        for n, factor, part in zip(steps, (1.0, slower), (WHILE_SEATING, 1.0), strict=True)
     )
     checkpoints = 1 + (stepping / out.checkpoint if out.checkpoint else 0)
     written = state * (out.fields + CHECKPOINT * checkpoints)
@@ -258,12 +258,6 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
         seating_steps=round(steps[0]),
         closing_steps=round(closing_time(scene, course, b) / min(first, 1.1 * loaded)),
     )  # fmt: skip
-
-
-def flow_pressure(material):
-    """Pressure at which contacts of a material flow [Pa]; inf where it does not yield."""
-    stress = getattr(material, "yield_stress", None)
-    return math.inf if stress is None else PLATEAU * stress[0][1]
 
 
 def loading_time(scene, height):

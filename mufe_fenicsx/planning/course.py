@@ -2,7 +2,7 @@
 
 Of a test by stages strains that stresses make, and stresses that strains make, follow from a linear
 sample of the stiffness M = ρ c² along each axis, c the speed of `wave_speed` and ρ the density of
-its rock times ``SOLID``. Sides that keep the volume go the other way as z, those
+its rock times ``SOLID``, or is stated. Sides that keep the volume go the other way as z, those
 that keep p or a ratio of stresses have the stress that this asks for.
 
 Inertia adds the stress ρ c v at the speed v. At a strain ε it is the part v/(c ε) of that which the
@@ -16,12 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..loading.measured_paths import measured_paths, read_motions
-from .errors import PACKING
+from .errors import COORDINATION, PACKING, SOLID, flows
 
 #: Values of `until` that are stresses, beside those named so.
 STRESSES = "deviator", "q", "pore_pressure"
-#: Solids of a packing over its volume; contacts of a ball in it.
-SOLID, COORDINATION = 0.6, 6.0
 #: Shear strain over angle of platens that turn, R/H: a guess, sizes are not known here.
 ARM = 0.5
 #: Inner over outer diameter of a hollow cylinder, likewise.
@@ -73,15 +71,23 @@ class Course:
 
 
 def wave_speed(scene):
-    """Speed of waves through the loaded sample [m/s], a guess.
+    """Speed of waves through the loaded sample [m/s].
 
-    Of grains that yield a part of that of their rock; of elastic ones that of balls in contact
-    under the largest stress that stages ask for, where they ask for one.
+    That of the sample's stiffness, where the scene states it. Else a guess: where contacts do not
+    flow that of balls in contact under the largest stress that stages ask for, where they ask for
+    one; of others a part of that of their rock.
     """
     stress = _largest_stress(scene.stages)
-    if stress > 0.0 and not hasattr(scene.material, "yield_stress"):
-        return elastic_wave_speed(scene.material, stress)
+    if scene.modulus is not None or (stress > 0.0 and not flows(scene.material, stress)):
+        return speed_under(scene, stress)
     return PACKING * scene.material.wave_speed
+
+
+def speed_under(scene, stress):
+    """Speed of waves at a stress [m/s]: of the stated stiffness, else of elastic balls."""
+    if scene.modulus is not None:
+        return math.sqrt(scene.modulus / (SOLID * scene.material.rho))
+    return elastic_wave_speed(scene.material, stress)
 
 
 def _largest_stress(stages):
@@ -146,7 +152,7 @@ def course_of(scene):
         level = largest / modulus
         if largest > 0.0 and _is_led_by_stress(stage):
             density, wave = SOLID * scene.material.rho, wave_speed(scene)
-            level = largest / (density * wave * elastic_wave_speed(scene.material, largest))
+            level = largest / (density * wave * speed_under(scene, largest))
         furthest = max(furthest, float(np.abs(strain).max()))
         slows = bool(paths) or any(axis.strain is not None for axis in stage.axes.values())
         slows |= any(move.leads for move in stage.along.values())

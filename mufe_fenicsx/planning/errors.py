@@ -52,6 +52,13 @@ FASTEST = 3.0
 PLASTIC_RADIUS, STRESS = 0.1, 10e6
 #: Mean stress of the elastic grains of known shape [Pa], which are of the sand's E and ν.
 KNOWN_STRESS = 250e6
+#: Mean pressure of a contact that flows over the yield stress (K. L. Johnson, Contact Mechanics,
+#: 1985, section 6.3).
+PLATEAU = 2.8
+#: Solids of a packing over its volume; contacts of a ball in it.
+SOLID, COORDINATION = 0.6, 6.0
+#: Large contact force over the mean: where forces fall exponentially, one in 150 is larger.
+LARGE_FORCE = 5.0
 #: Contacts of a grain, each with its own patch of fine elements.
 CONTACTS = 7
 
@@ -158,7 +165,29 @@ def planned_time(error):
 
 def contact_radius(material):
     """Radius of a typical contact over the diameter of its grain, a guess."""
-    return PLASTIC_RADIUS if hasattr(material, "yield_stress") else elastic_radius(material)
+    return PLASTIC_RADIUS if flows(material) else elastic_radius(material)
+
+
+def flow_pressure(material):
+    """Pressure at which contacts of a material flow [Pa]; inf where it does not yield."""
+    stress = getattr(material, "yield_stress", None)
+    return math.inf if stress is None else PLATEAU * stress[0][1]
+
+
+def flows(material, stress=STRESS):
+    """Whether large contacts of a packing flow under a mean stress p [Pa].
+
+    Balls of the radius R, n contacts each, the part φ of the volume, have the mean contact force
+    F = 4π R² p/(φ n). By Hertz's law its mean pressure is
+
+        pm = 2/3 (24 p E*²/(π² φ n))^(1/3),
+
+    and grows with F^(1/3); that of ``LARGE_FORCE`` F is judged. Below the flow pressure,
+    ``PLATEAU`` times the first yield stress, contacts are as stiff as elastic ones, nearly.
+    """
+    E = material.contact_modulus
+    mean = 2 / 3 * (24.0 * stress * E**2 / (math.pi**2 * SOLID * COORDINATION)) ** (1 / 3)
+    return LARGE_FORCE ** (1 / 3) * mean > flow_pressure(material)
 
 
 def elastic_radius(material, stress=STRESS):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from ..analysis.evidence import read_points
 from .choice import fidelity_of, law_of
 from .course import course_of, wave_speed
-from .errors import FASTEST, contact_radius, of_loading, quasi_static_from, sample_errors
+from .errors import FASTEST, contact_radius, flows, of_loading, quasi_static_from, sample_errors
 from .reasons import unknown
 from .servo import lagging_servos
 
@@ -45,7 +45,7 @@ def present_state(scene, sample, points=None):
     """
     points = read_points() if points is None else points
     law = law_of(scene) or "matched"
-    yields = hasattr(scene.material, "yield_stress")
+    yields = flows(scene.material)
     errors = sample_errors(points, scene.solver.element, law, yields)
     fidelity, course = fidelity_of(scene, sample.labels), course_of(scene)
     elements = contact_radius(scene.material) * sample.diameter / sample.size

@@ -86,11 +86,12 @@ def unknown(scene, errors, elements, slender=0):
         elements: Per radius of a contact.
         slender: Of `sample.Sample`.
     """
+    why = "follow from the modulus given" if scene.modulus else "are assumed"
     known = [
         f"the size of contacts: a radius of {contact_radius(scene.material):.2g} diameters is "
         "assumed, and grows with the load",
         "how fast waves travel through the loaded sample, which depends on its density: "
-        f"{wave_speed(scene):.0f} m/s are assumed; top against bottom force in the report "
+        f"{wave_speed(scene):.0f} m/s {why}; top against bottom force in the report "
         "tell how slow the loading was",
         "what other programs do to this machine meanwhile",
     ]

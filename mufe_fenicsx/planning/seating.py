@@ -18,7 +18,7 @@ import math
 
 from ..loading.oedometer import LARGEST_SEATING
 from ..loading.stages import SETTLED
-from .course import SOLID, elastic_wave_speed
+from .course import SOLID, speed_under
 
 
 def seating_time(scene, course, measured):
@@ -49,8 +49,8 @@ def closing_time(scene, course, measured):
 
 
 def _impedance(scene, course):
-    """ρc of elastic balls at the seating stress [Pa s/m]."""
-    return SOLID * scene.material.rho * elastic_wave_speed(scene.material, course.seating_stress)
+    """ρc at the seating stress [Pa s/m]."""
+    return SOLID * scene.material.rho * speed_under(scene, course.seating_stress)
 
 
 def _in_a_membrane(scene, course, measured):
@@ -59,4 +59,4 @@ def _in_a_membrane(scene, course, measured):
     gaps = (b.travel - b.pressed) * b.height / course.speed
     times = max(-math.log(scene.loading.tolerance), 0.0)
     presses = _impedance(scene, course) * b.pressed * b.height / (2.0 * stress) * times
-    return rises + gaps + presses + SETTLED * b.height / elastic_wave_speed(scene.material, stress)
+    return rises + gaps + presses + SETTLED * b.height / speed_under(scene, stress)

@@ -6,7 +6,7 @@ shortened at the speed v press the walls beside them outwards at about v/2.
 
 from ..analysis.check_targets import TARGETS
 from ..loading.quasi_static import SIDE
-from .course import SOLID, elastic_wave_speed
+from .course import SOLID, speed_under
 
 
 def lagging_servos(scene):
@@ -28,12 +28,12 @@ def lagging_servos(scene):
                   if axis.stress is None]  # fmt: skip
         beside = [stress for name, stress in held.items() if name not in stage.axes and stress > 0]
         if speeds and beside and not stage.zero:
-            lines += _lag(stage.name, max(speeds), min(beside), scene.material)
+            lines += _lag(stage.name, max(speeds), min(beside), scene)
     return lines
 
 
-def _lag(name, speed, stress, material):
-    impedance = SOLID * material.rho * elastic_wave_speed(material, stress)
+def _lag(name, speed, stress, scene):
+    impedance = SOLID * scene.material.rho * speed_under(scene, stress)
     lag, allowed = SIDE * impedance * speed / stress, TARGETS["held"]
     if lag <= allowed:
         return []

@@ -24,7 +24,7 @@ from .tables import (
 MODELS = {"j2": J2, "elastic": Elastic, "rigid": Rigid, "auto": Auto}
 
 #: Keys outside of all tables, fields of `scene.Scene`.
-TOP_KEYS = ("title", "accuracy", "gravity")
+TOP_KEYS = ("title", "accuracy", "modulus", "gravity")
 
 #: Table of the file -> its class; [material], [walls.*] and [[stage]] are read apart.
 TABLES = {

@@ -63,6 +63,7 @@ def load_scene(path: str | Path, changes: dict[str, str] | None = None) -> Scene
     return Scene(
         title=title,
         accuracy=_top_value(tables, "accuracy", folder),
+        modulus=_top_value(tables, "modulus", folder),
         gravity=_top_value(tables, "gravity", folder),
         material=material,
         scatter=scatter,

@@ -68,7 +68,9 @@ class Scene:
     accuracy: float | None = setting(
         None, "", "wanted error of the stress, which plans the rest", gt=0, lt=1
     )
-
+    modulus: float | None = setting(
+        None, "Pa", "constrained modulus of the sample, where it is known; only plans take it", gt=0
+    )
     gravity: tuple[float, float, float] | None = setting(
         None, "m/s^2", "acceleration of gravity along x, y and z; left out: grains have no weight",
         shape=(3,),

@@ -17,7 +17,7 @@ from .scene import Scene
 def scene_to_toml(scene: Scene) -> str:
     """The scene as TOML with every default written out: loading it gives it back."""
     lines = [f"title = {_toml(scene.title)}"]
-    for name in ("accuracy", "gravity"):
+    for name in ("accuracy", "modulus", "gravity"):
         value = getattr(scene, name)
         lines += [] if value is None else [f"{name} = {_toml(value)}"]
     for name in ("image", "mesh", "sample", "container"):

@@ -127,3 +127,21 @@ def test_mufe_plan_of_a_case(capfd):
         main(["plan", "hertz", "--accuracy", "1.5"])
     assert end.value.code == 2
     assert "accuracy = 1.5, expected 0 < accuracy < 1" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [("0 Pa", "modulus = 0.0, expected > 0 Pa"), ("1 m", "modulus"), ("3e8", "grains")],
+)
+def test_a_modulus_is_read_as_the_key_of_a_scene(value, told, tmp_path, capfd):
+    path = tmp_path / "a.toml"
+    path.write_text(
+        '[material]\nmodel = "elastic"\nE = "1 GPa"\nnu = 0.2\nrho = 2650\n'
+        "[contact]\nfriction = 0.5\n[oedometer]\nstrain = 0.1\nspeed = 1.0\n"
+    )
+    for scene in (str(path), "hertz"):
+        with pytest.raises(SystemExit) as end:
+            main(["plan", scene, "--modulus", value])
+        assert end.value.code == 2
+        line = capfd.readouterr().err
+        assert (told if scene != "hertz" else "with a case") in line and line.count("\n") == 1, line

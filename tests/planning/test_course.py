@@ -10,6 +10,7 @@ from mpi4py import MPI
 from mufe_fenicsx.container import Bounds
 from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.materials.elastic import Elastic
+from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.planning.contacts import Closing
 from mufe_fenicsx.planning.cost import (
     CLOSED,
@@ -22,7 +23,13 @@ from mufe_fenicsx.planning.cost import (
     loading_time,
     predict,
 )
-from mufe_fenicsx.planning.course import course_of, elastic_wave_speed, wave_speed
+from mufe_fenicsx.planning.course import (
+    course_of,
+    elastic_wave_speed,
+    speed_under,
+    wave_speed,
+)
+from mufe_fenicsx.planning.errors import contact_radius, elastic_radius, flows
 from mufe_fenicsx.run.from_bodies import build
 from mufe_fenicsx.run.rebalance import PAIR_COSTS
 from mufe_fenicsx.scene import Contact, Oedometer, Scene
@@ -112,6 +119,34 @@ def test_stages_of_elastic_grains_count_with_the_stiffness_of_their_contacts(str
         there = replace(staged(**({"z": Axis(speed=0.3)} | more)), material=glass)
         assert wave_speed(there) == elastic_wave_speed(glass, 2e7)
     assert wave_speed(replace(scene, material=J2_ROCK)) == 0.08 * J2_ROCK.wave_speed
+
+
+@pytest.mark.parametrize(("first_yield", "elastic"), [(3e9, True), (2e9, True), (5e8, False)])
+def test_glass_given_as_j2_counts_as_elastic_until_its_contacts_flow(first_yield, elastic):
+    """At 10 MPa balls press on each other by 2.2 GPa in the mean, large forces by 3.8 GPa."""
+    rock = {"E": 70e9, "nu": 0.22, "rho": 2500.0}
+    glass, plain = J2(**rock, yield_stress=((0.0, first_yield),)), Elastic(**rock)
+    # Hertz's law for two balls under the mean force F = 4π R² p/(φ n): a, and F/(π a²).
+    p, R = 1e7, 1e-3
+    F, E = 4 * math.pi * R**2 * p / (0.6 * 6), plain.contact_modulus / 2
+    a = (3 * F * (R / 2) / (4 * E)) ** (1 / 3)
+    assert 5 ** (1 / 3) * F / (math.pi * a**2) == pytest.approx(3.8e9, rel=0.02)
+    assert flows(glass, p) is not elastic and flows(plain, p) is False
+    scene = replace(
+        staged(), material=glass, stages=(*staged().stages[:1], Stage("press", xyz=Axis(stress=p)))
+    )
+    assert wave_speed(scene) == (
+        elastic_wave_speed(glass, p) if elastic else 0.08 * glass.wave_speed
+    )
+    assert (contact_radius(glass) == elastic_radius(glass)) is elastic
+
+
+def test_a_modulus_that_is_known_gives_the_speed_of_waves():
+    scene = replace(staged(), modulus=300e6)
+    c = math.sqrt(300e6 / (0.6 * 2650))
+    assert wave_speed(scene) == speed_under(scene, 1e3) == pytest.approx(c)
+    assert course_of(scene).parts[0].way == pytest.approx(4.5e6 / 300e6)
+    assert course_of(scene).parts[0].level == pytest.approx(5e6 / 300e6)
 
 
 def test_a_chain_of_cubes_closes_by_the_sum_of_its_gaps():

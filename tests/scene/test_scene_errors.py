@@ -29,7 +29,7 @@ BAD = {
     "[mesh]": [
         ("[mehs]", "mehs = a table is not a known key, expected mesh"),
         ("[bladder]", "bladder = a table is not a known key, expected one of title, accuracy, "
-         "gravity, image, "),
+         "modulus, gravity, image, "),
     ],
     "[walls.y_min]": [
         ("[walls.ymin]", "walls.ymin = a table is not a known key, expected walls.y_m"),

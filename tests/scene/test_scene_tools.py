@@ -30,7 +30,7 @@ SCENES |= {f"new {kind}": text for kind, (text, _) in KINDS.items()}
 SCENES |= {"synthetic": scene_text(SynthesisSettings())}
 SCENES |= {
     "small": scene_files.SMALLEST,
-    "planned": "accuracy = 0.05\n" + scene_files.SMALLEST,
+    "planned": "accuracy = 0.05\nmodulus = '300 MPa'\n" + scene_files.SMALLEST,
     "full": scene_files.FULL,
     "stages": test_stages.TEXT,
 }
