@@ -113,7 +113,9 @@ def import_meshes(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="GRAINS", help="Folder to write.")
     ],
-    scale: Annotated[str, typer.Option(help='Length unit of the file, such as "1 mm".')] = "1 m",
+    scale: Annotated[
+        str | None, typer.Option(help='Length unit of the file, such as "1 mm"; default: "1 m".')
+    ] = None,
     labels: Annotated[
         str | None,
         typer.Option(
@@ -130,12 +132,15 @@ def import_meshes(
     printer = Printer(json)
     from ..geometry.atomic_output import new_folder
     from ..geometry.grains import save_grains
+    from ..geometry.measure import assumed_unit
     from ..geometry.tets.foreign_meshes import import_grains
     from ..units import to_si
 
     notices = []
-    unit = to_si(number_or_text(scale), "m", "--scale")
+    unit = 1.0 if scale is None else to_si(number_or_text(scale), "m", "--scale")
     grains = import_grains(mesh, unit, labels=labels, notices=notices)
+    if scale is None:
+        notices.append(assumed_unit(mesh, grains.points))
     with new_folder(output, overwrite=overwrite, marker="grains.h5") as folder:
         save_grains(folder, grains)
     result = {

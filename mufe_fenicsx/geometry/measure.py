@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..kernels.topology import surface_pinch
+from ..units import with_unit
 
 #: The four faces of a tetrahedron, each seen from outside counter-clockwise.
 FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))
@@ -177,3 +178,14 @@ def boundary_triangles(cells):
     same = (low[1:] == low[:-1]) & (middle[1:] == middle[:-1]) & (high[1:] == high[:-1])
     single = ~(np.append(False, same) | np.append(same, False))
     return triangles[np.sort(order[single])]
+
+
+def assumed_unit(path, points):
+    """A line on the unit of length of a file that states none.
+
+    Args:
+        path: Of the file.
+        points: Of all grains [m].
+    """
+    size = " × ".join(with_unit(float(length), "m") for length in np.ptp(points, axis=0))
+    return f"lengths in {path} are taken as metres: the grains fill {size}; --scale states a unit"

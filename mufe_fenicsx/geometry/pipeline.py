@@ -33,7 +33,13 @@ from .image.segmentation import resampled_mask, segment
 from .image.threshold import NoThreshold
 from .image.tiff_file import TIFF
 from .image.voxel_size import known_voxel_size
-from .measure import area_on_cylinder, smallest_altitudes, surface_volume, worst_share_costs
+from .measure import (
+    area_on_cylinder,
+    assumed_unit,
+    smallest_altitudes,
+    surface_volume,
+    worst_share_costs,
+)
 from .settings import CUT, WHOLE
 from .surface.given_surfaces import has_bodies, read_bodies
 from .tets.jobs import shared_jobs, surface_jobs, voxel_jobs
@@ -337,6 +343,7 @@ def _given_surfaces(path, settings):
         len(bodies),
         np.array([points.min(axis=0), points.max(axis=0)]),
         [dict(zip(columns, origin, strict=True)) for origin in origins],
+        notices=[assumed_unit(path, points)] if settings.scale == 1.0 else [],
         repaired=repaired,
     )
 

@@ -72,13 +72,19 @@ def draw_arrows(source):
     left_over = moved - mean_motion(centre, moved, form.mass)
     aspect = np.ptp(source.start.box(source.start)[:, 2]) / np.ptp(box[:, 0])
     figure, axes = style.new_figure(style.PAGE, 1.35 + 2.9 * aspect, ncols=2)
-    # So that three of four arrows stay inside their grain.
-    usual = np.percentile(np.linalg.norm(left_over[near][:, [0, 2]], axis=1), 75)
-    goal = 0.5 * diameter.mean()
-    factors = (1.0, style.round_length(goal / usual) if usual > 0 else 1.0)
+    top = source.start.box(source.start)[1, 2]
+    # So that three of four arrows stay inside their grain, and all inside the frame.
+    seen, at = left_over[near][:, [0, 2]], centre[near][:, [0, 2]]
+    usual = np.percentile(np.linalg.norm(seen, axis=1), 75)
+    corner = np.array([box[1, 0], top])
+    room = np.where(seen > 0, corner - at, at - box[0, [0, 2]])
+    moves = (seen != 0) & (room > 0)
+    most = (room[moves] / np.abs(seen[moves])).min(initial=np.inf)
+    goal = min(0.5 * diameter.mean() / usual if usual > 0 else 1.0, most)
+    factors = (1.0, style.round_length(goal) if goal > 0 else 1.0)
     for i, (axis, field, factor) in enumerate(zip(axes, (moved, left_over), factors, strict=True)):
         drawn, length_unit = _arrows(axis, centre[near], field[near], diameter[near], factor, box)
-        unit = _frame(axis, box, source.start.box(source.start)[1, 2])
+        unit = _frame(axis, box, top)
         axis.set_ylabel(f"z: {unit}" if i == 0 else "")
         bar = figure.colorbar(
             ScalarMappable(drawn.norm, style.LENGTH_MAP),
@@ -151,7 +157,6 @@ def _arrows(axis, centre, field, diameter, factor, box):
         width=0.006,
         cmap=style.LENGTH_MAP,
         norm=Normalize(0, size.max() / symbol or 1.0),
-        clip_on=False,
     )
     for artist in (circles, drawn):
         artist.set_in_layout(False)  # what reaches out of the frame takes no room

@@ -177,6 +177,14 @@ def _of_method(source, scene, run):
     return rows
 
 
+def _crop(crop):
+    """A crop, given along z, y and x, in words."""
+    if not crop:
+        return None
+    ends = dict(zip("zyx", crop, strict=True))
+    return ", ".join(f"{axis} {ends[axis][0]}–{ends[axis][1]}" for axis in "xyz") + " voxels"
+
+
 def _of_image(scene):
     image, mesh = scene.get("image") or {}, scene.get("mesh") or {}
     size = image.get("voxel_size") or mesh.get("voxel_size")
@@ -184,7 +192,7 @@ def _of_image(scene):
     rows = [
         ("Image", image.get("file")),
         ("Voxel size", " × ".join(with_unit(each, "m") for each in sizes)),
-        ("Crop of the image, z, y, x", image.get("crop")),
+        ("Crop of the image", _crop(image.get("crop"))),
         ("Resampled, times as fine", image.get("upsample")),
         ("Filter", image.get("filter")),
         ("Threshold between void and solid", image.get("threshold")),

@@ -1,14 +1,19 @@
 """Curves of the report can be seen: legends beside them, single values that do not flatten them."""
 
+from copy import copy
+from dataclasses import replace
+
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.quiver import Quiver
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output.history import COLUMNS
 from mufe_fenicsx.report import curves, motion, style
 from mufe_fenicsx.report.animation import _write_mp4
 from mufe_fenicsx.report.axes import without_spikes
+from mufe_fenicsx.report.motion import draw_arrows
 from mufe_fenicsx.report.parts import FIGURES
 from mufe_fenicsx.report.source import Source
 from tests.made_up_run import fake_history, write_history, write_whole_run
@@ -132,3 +137,23 @@ def test_what_rises_steeply_is_no_spike(look):
     low, high = axis.get_ylim()
     assert -0.1 < low < 0.0 and 1.0 < high < 1.1
     assert axis.get_title(loc="right").startswith("2 values beyond, up to: 9 at 0.251")
+
+
+def test_arrows_of_displacement_end_inside_their_axes(look, sources):
+    """A grain at the side that moves outwards, by a tenth of its size, while others rest."""
+    source = copy(sources[0])
+    motion, end = source.motion, source.end
+    moved = motion.translation.copy()
+    box = end.box(source.start)
+    middle = 0.5 * (box[0, 1] + box[1, 1])
+    away = motion.centre[:, 0] - 1e3 * np.abs(motion.centre[:, 1] - middle)
+    moved[away.argmax(), 0] += 0.5 * (box[1, 0] - motion.centre[away.argmax(), 0])
+    source.__dict__["motion"] = replace(motion, translation=moved)
+    figure = draw_arrows(source).figure
+    for axis in figure.axes[:2]:
+        (arrows,) = (c for c in axis.collections if isinstance(c, Quiver))
+        x, z = arrows.X + arrows.U, arrows.Y + arrows.V
+        for values, (low, high) in ((x, axis.get_xlim()), (z, axis.get_ylim())):
+            assert (values > low - 1e-9).all() and (values < high + 1e-9).all()
+    # Clipped, where they begin outside of the frame.
+    assert all(c.get_clip_on() for axis in figure.axes[:2] for c in axis.collections)

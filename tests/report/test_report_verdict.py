@@ -12,7 +12,7 @@ from mufe_fenicsx.analysis.cycles import find_cycles
 from mufe_fenicsx.analysis.held import lack_of_stress
 from mufe_fenicsx.geometry.form.proportions import median_diameter
 from mufe_fenicsx.report import write_report
-from mufe_fenicsx.report.parameters import to_latex
+from mufe_fenicsx.report.parameters import _of_image, to_latex
 from mufe_fenicsx.results.columns import exact_csv
 from tests.made_up_run import fake_history, write_history, write_whole_run
 from tests.report.test_report_stages import staged_history
@@ -173,6 +173,8 @@ def test_the_page_has_one_verdict_and_its_parameters(tmp_path):
     table = exact_csv(tmp_path / "figures" / "parameters.csv").set_index("parameter")["value"]
     assert table["Material"] == "j2, E = 100 GPa, ν = 0.15, ρ = 2650 kg/m³"
     assert table["Friction between grains"] == "0.5" and table["Grains"] == "12"
+    image = {"image": {"crop": [[20, 90], [180, 330], [0, 120]]}}
+    assert ("Crop of the image", "x 0–120, y 180–330, z 20–90 voxels") in _of_image(image)
     latex = (tmp_path / "figures" / "parameters.tex").read_text()
     assert latex.count(r"\\") == len(table) + 1 and r"$\rho$ = 2650 kg/m$^3$" in latex
     assert to_latex([("a_b & 5 %", "{1}")]).splitlines()[4] == r"a\_b \& 5 \% & \{1\} \\"

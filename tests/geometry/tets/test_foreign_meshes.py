@@ -4,9 +4,13 @@ import meshio
 import numpy as np
 import pytest
 
+from mufe_fenicsx.cli.main import main
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.geometry.grains import Grains
+from mufe_fenicsx.geometry.measure import boundary_triangles, compact
+from mufe_fenicsx.geometry.pipeline import _given_surfaces
+from mufe_fenicsx.geometry.settings import MeshSettings
 from mufe_fenicsx.geometry.tets.foreign_meshes import FORMATS, export_grains, import_grains
 from tests.bodies import sphere
 
@@ -63,3 +67,23 @@ def test_what_cannot_be_taken(tmp_path):
     meshio.Mesh(far, both, cell_data=data).write(tmp_path / "c.vtk")
     with pytest.raises(InputError, match=r"grain 1 by label is in 2 pieces, .* --labels pieces"):
         import_grains(tmp_path / "c.vtk")
+
+
+def test_a_length_unit_that_is_assumed_is_told(tmp_path, capsys):
+    """With the size that the grains then have; a stated unit is not told."""
+    source = tmp_path / "a.vtu"
+    meshio.Mesh(np.eye(4, 3) * [2.0, 3.0, 4.0], [("tetra", [[3, 0, 1, 2]])]).write(source)
+    said = f"lengths in {source} are taken as metres: the grains fill 2 m × 3 m × 4 m"
+    for number, scale in enumerate(([], ["--scale", "1 mm"])):
+        with pytest.raises(SystemExit) as end:
+            main(["import", str(source), "-o", str(tmp_path / f"g{number}"), *scale])
+        assert end.value.code == 0 and (said in capsys.readouterr().out) is not bool(scale)
+
+
+def test_so_is_that_of_surfaces(tmp_path):
+    points, cells = box((2.0, 3.0, 4.0), (1, 1, 1))
+    points, triangles = compact(points, boundary_triangles(cells))
+    meshio.write_points_cells(tmp_path / "a.stl", points, [("triangle", triangles)])
+    (said,) = _given_surfaces(tmp_path / "a.stl", MeshSettings(size=1.0)).notices
+    assert "taken as metres: the grains fill 2 m × 3 m × 4 m" in said
+    assert not _given_surfaces(tmp_path / "a.stl", MeshSettings(size=1e-3, scale=1e-3)).notices
