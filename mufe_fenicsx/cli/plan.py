@@ -66,12 +66,16 @@ def plan(
         return
     if cost is not None and accuracy is not None:
         raise InputError("--cost beside --accuracy, expected one of them")
+    stated = stated_texts(changes) | ({} if modulus is None else {"modulus": modulus})
+    _plan_scene(comm, scene, accuracy, stated, printer, cost, grains)
+
+
+def _plan_scene(comm, scene, accuracy, stated, printer, cost, grains):
     from ..planning.text import as_dict, lines, lines_of_present
     from ..run.scene_file import read_scene
     from ..scene.usual import unusual
     from ..units import to_si
 
-    stated = stated_texts(changes) | ({} if modulus is None else {"modulus": modulus})
     loaded = read_scene(comm, Path(scene), stated)
     printer.say(*unusual(loaded))
     grains = loaded.sample.grains if grains is None else grains

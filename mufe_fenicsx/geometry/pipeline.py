@@ -113,8 +113,7 @@ def segment_image(image_path, settings, output, *, truth=None, overwrite=False):
         write_labels(folder / output.name, labels, voxel_size, about)
         write_table(folder / contacts.name, pairs, CONTACT_COLUMNS)
         write_table(folder / table.name, rows)
-        doubted = [(row["label_a"], row["label_b"]) for row in pairs if row["doubt"]]
-        draw_segmentation(folder / picture.name, grey, labels, voxel_size, level, cylinder, doubted)
+        draw_segmentation(folder / picture.name, grey, labels, voxel_size, level, cylinder, pairs)
     diameters = np.array([row["equivalent_diameter_m"] for row in rows])
     return {
         "labels": str(output),

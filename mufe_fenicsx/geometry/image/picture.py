@@ -30,7 +30,7 @@ PALETTE = tuple(
 )  # fmt: skip
 
 
-def draw_segmentation(path, grey, labels, voxel_size, inside=None, cylinder=None, doubted=()):
+def draw_segmentation(path, grey, labels, voxel_size, inside=None, cylinder=None, contacts=()):
     """Six slices, two across each axis: grey levels with outlines, and below each its labels.
 
     They are at a third and at two thirds of the image, or of its cylinder. Both panels of a slice
@@ -43,11 +43,12 @@ def draw_segmentation(path, grey, labels, voxel_size, inside=None, cylinder=None
         voxel_size: [m].
         inside: True in the field of view; the rest is left white. None: all of the image.
         cylinder: `Cylinder` of the sample [m], which is drawn; or None.
-        doubted: Pairs of labels whose neck may cut one grain in two.
+        contacts: Rows of `quality_flags.mark_doubts`: label_a, label_b, doubt.
     """
     with matplotlib.rc_context(STYLE):
         unit, name = length_unit(max(labels.shape) * voxel_size)
         size, ours = voxel_size / unit, inside
+        doubted = [(row["label_a"], row["label_b"]) for row in contacts if row["doubt"]]
         spans = np.array([[0, n] for n in labels.shape])
         if cylinder is not None:
             round_part, cylinder = cylinder.scaled(1 / voxel_size), cylinder.scaled(1 / unit)

@@ -45,8 +45,10 @@ def test_six_slices_show_neighbours_in_other_colours_and_necks_in_doubt(drawn, t
     """Grains in three layers each way, some parted by a voxel of void; two necks are doubted."""
     labels = np.kron(np.arange(1, 28).reshape(3, 3, 3), np.ones((4, 4, 4), dtype=int))
     labels[:, :, 3] = 0  # neighbours across a gap look like one grain, too, in one colour
-    doubted = [(5, 4), (14, 17)]  # across the gap, and in y
-    draw_segmentation(tmp_path / "a.png", labels.astype(float), labels, 1e-5, doubted=doubted)
+    names = ("label_a", "label_b", "doubt")  # across the gap; two in y, one of them sound
+    rows = [(5, 4, "wide neck"), (14, 17, "wide neck"), (11, 14, "")]
+    contacts = [dict(zip(names, row, strict=True)) for row in rows]
+    draw_segmentation(tmp_path / "a.png", labels * 1.0, labels, 1e-5, contacts=contacts)
     panels = np.array(drawn[0].axes).reshape(4, 3)
     titles = [axis.get_title() for axis in panels[::2].ravel()]
     assert titles == [f"{a} = {place} µm" for place in (45, 85) for a in "zyx"]
