@@ -22,25 +22,15 @@ class IncrementSettings:
     no_force: float = 1e-9  #: residual that is none, over E* times the square of the mean edge
     linear_solver: str | None = None  #: one of linear_system.SOLVERS; None: by size
     petsc: dict | None = None  #: further options of PETSc, without the prefix ``mufe_``
-    #: Of static increments with exact gaps (contact.stiffness.augmented): largest distance of a
-    #: closed contact from its gap, over the mean facet edge; None: layers stay.
-    gap_tolerance: float | None = None
-    max_augmentations: int = 30  #: times that multipliers are renewed in an increment, at most
 
     def __post_init__(self):
         check_fields(self)
         finite_number("tolerance", self.tolerance, gt=0, le=1)
-        for name in ("max_iterations", "max_augmentations"):
-            finite_number(name, getattr(self, name), ge=1, le=1e6)
+        finite_number("max_iterations", self.max_iterations, ge=1, le=1e6)
         if not 0 < self.smallest <= self.first_step <= self.largest:
             raise InputError(
                 f"first_step = {self.first_step} s, expected 0 < smallest_step = {self.smallest} "
                 f"<= first_step <= largest_step = {self.largest}"
-            )
-        if self.method is not None and self.gap_tolerance is not None:
-            raise InputError(
-                f"gap_tolerance = {self.gap_tolerance}, expected none for dynamics: augmentations "
-                "belong to static increments"
             )
 
     @classmethod

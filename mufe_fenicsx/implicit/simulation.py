@@ -34,7 +34,6 @@ from ..mesh import GrainMesh
 from ..solvers.newton import Newton
 from ..specimen import OfSpecimen, Specimen
 from .contact_in_increments import ContactInIncrements
-from .exact_gaps import ExactGaps
 from .force_controlled_walls import ForceControlledWalls
 from .increment import IncrementEquations, check_increments
 from .increment_end import IncrementEnd
@@ -72,7 +71,7 @@ class ImplicitSimulation(OfSpecimen):
         prescribed: Displacements of held nodes in the next increments [m], (num_nodes, 3); they
             stay until they are changed.
         report: Of each increment since the start: (time, length [s], Newton iterations, linear
-            iterations, residual at the last three iterations); those of the last augmentation.
+            iterations, residual at the last three iterations).
         end: :class:`~.increment_end.IncrementEnd`: how far the next increment may go.
         num_on_jumps: Increments that ended on a jump of the forces of contact (solvers.nonsmooth).
     """
@@ -115,10 +114,6 @@ class ImplicitSimulation(OfSpecimen):
             specimen, self.method, self.settings.drag_time, self.held,
             self.settings.linear_solver or solver_by_size(mesh), self.settings.petsc,
         )  # fmt: skip
-        self._exact = None
-        if self.settings.gap_tolerance is not None:
-            most = self.settings.max_augmentations
-            self._exact = ExactGaps(self.contact, self.settings.gap_tolerance, most)
         self._newton = self._make_newton()
         self._held_walls = None
         if self.walls.has_servo:
@@ -152,11 +147,6 @@ class ImplicitSimulation(OfSpecimen):
     def system(self):
         """:class:`~.linear_system.LinearSystem` that the tangent goes to."""
         return self.equations.system
-
-    @property
-    def augmentations(self):
-        """Of each increment with exact gaps: (how many, largest distance left [m])."""
-        return [] if self._exact is None else self._exact.report
 
     @property
     def parts(self):
@@ -278,20 +268,18 @@ class ImplicitSimulation(OfSpecimen):
     def _mark(self):
         """What :meth:`_take_back` needs beside the copy of the state."""
         s = self.state
-        lists = self.report, self.augmentations
         return (
             (s.t, s.dt, s.num_steps),
             (self.specimen.damped, self.num_on_jumps),
-            [*map(len, lists)],
+            len(self.report),
         )
 
     def _take_back(self, mark):
         """Undo an increment that converged."""
         self._rewind()
         s = self.state
-        (s.t, s.dt, s.num_steps), (self.specimen.damped, self.num_on_jumps), lengths = mark
-        for found, length in zip((self.report, self.augmentations), lengths, strict=True):
-            del found[length:]
+        (s.t, s.dt, s.num_steps), (self.specimen.damped, self.num_on_jumps), length = mark
+        del self.report[length:]
 
     def _increment(self, dt):
         """One increment of length ``dt``; whether it converged. The state stays where not."""
@@ -302,20 +290,16 @@ class ImplicitSimulation(OfSpecimen):
         for _ in range(MAX_SEARCHES):
             self.equations.too_far = 0.0
             found = self._newton(guess)
-            if self._exact:
-                found = self._exact.augment(found, self._newton, self.equations)
             if found is not None or not self.equations.too_far:
                 break
             self._search(4.0 * self.equations.too_far)
         if found is None:
-            self._reason = (self._exact and self._exact.unmet) or (
+            self._reason = (
                 f"{self._newton.num_iterations} iterations, residual "
                 f"{min(self._newton.history, default=math.nan):.1e} of the internal forces"
             )
             self._rewind()
             return False
-        if self._exact:
-            self.specimen.damped += self._exact.end_increment(self.equations.mark)
         self._finish(found, dt)
         self.num_on_jumps += self._newton.num_sides > 1
         history = self._newton.history
@@ -335,8 +319,6 @@ class ImplicitSimulation(OfSpecimen):
         equations = self.equations
         equations.begin(IncrementStart(self.specimen), dt)
         equations.wall_move = walls.move(dt)
-        if self._exact:
-            self._exact.begin_increment()
         # Anchors on walls that turned have gone along.
         equations.mark = ContactMark(self.contact)
         walls.add_work()
@@ -374,11 +356,7 @@ class ImplicitSimulation(OfSpecimen):
         """Pairs anew at the start of the increment, for motions of ``ahead`` [m]."""
         self.equations.mark.restore()
         x0 = self.equations.start.state["x"]
-        if self._exact:
-            self._exact.cancel()
         self.contact.search(x0, ahead=ahead)
-        if self._exact:
-            self._exact.begin_increment()
         motion = self.contact.motion
         self.equations.reach = motion.searched_at + max(motion.skin, ahead)
         self.equations.mark = ContactMark(self.contact)
@@ -438,7 +416,5 @@ class ImplicitSimulation(OfSpecimen):
     def _rewind(self):
         """Back to the start of the increment."""
         self.equations.mark.restore()
-        if self._exact:
-            self._exact.cancel()
         self.walls.turn_back()
         self.equations.start.restore()

@@ -6,7 +6,6 @@ Edges and tangents call it; contact_law.h has it for pairs of points with facets
 import math
 
 import numba
-import numpy as np
 
 #: As in contact_law.h.
 SOFTER = 1.69
@@ -47,24 +46,6 @@ def limit_of_friction(mu, N, kt, slope):
     """
     square = 1.0 - 2.0 * mu * mu * slope * N / (kt * kt) if kt > 0.0 else 1.0
     return 2.0 * mu * N / (1.0 + math.sqrt(max(square, 0.0)))
-
-
-@numba.njit(cache=True)
-def depths_of(over, m):
-    """Depths at which :func:`over_stiffness` has the values ``over`` [m], shape (num,).
-
-    Newton's method: the slope is 0.4 to 1.05.
-    """
-    depth = np.empty(over.size)
-    for p in range(over.size):
-        d = over[p]
-        for _ in range(50):
-            change = (over[p] - over_stiffness(d, m[p])) / slope_over_stiffness(d, m[p])
-            d += change
-            if abs(change) <= 1e-14 * d:
-                break
-        depth[p] = d
-    return depth
 
 
 @numba.njit(cache=True)

@@ -336,8 +336,6 @@ def _increments(scene, height, shorter):
         "stabilisation": settings.stabilisation,
         "tolerance": settings.tolerance,
         "max_iterations": settings.max_iterations,
-        "gap_tolerance": settings.gap_tolerance,
-        "max_augmentations": settings.max_augmentations,
         "linear_solver": settings.linear_solver,
         "petsc": settings.petsc_options(),
     }

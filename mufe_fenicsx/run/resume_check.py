@@ -210,14 +210,7 @@ def _first_difference(old, new):
         }
         for scene in (old, new)
     ]
-    difference = _difference(*bound)
-    if difference:
-        return difference
-    # With exact gaps no layer of a contact is pressed: time steps would begin without forces.
-    key = "implicit.gap_tolerance"
-    if key in old and new.get("solver.integrator") == "explicit":
-        return f'solver.integrator = "explicit", was "static" with {key} = {old[key]}'
-    return None
+    return _difference(*bound)
 
 
 def _difference(old, new, prefix=""):

@@ -24,11 +24,6 @@ def check(scene):
         _check_mass_scaling(scene)
     if scene.solver.integrator != "explicit":
         _check_implicit(scene)
-    if scene.implicit.gap_tolerance is not None and scene.solver.integrator != "static":
-        raise InputError(
-            f"implicit.gap_tolerance = {scene.implicit.gap_tolerance}, expected none for "
-            f'solver.integrator = "{scene.solver.integrator}": augmentations belong to "static"'
-        )
     _check_mirrors(scene)
     _check_rigid(scene)
     _check_walls(scene)

@@ -38,12 +38,6 @@ class Implicit:
     max_iterations: int = setting(
         30, "", "of Newton's method in an increment", ge=1, plausible=(1, 100_000)
     )
-    gap_tolerance: float | None = setting(
-        None, "-", 'of "static" with exact gaps, over the facet edge', gt=0, lt=0.1
-    )
-    max_augmentations: int = setting(
-        30, "", "of an increment, at most", ge=1, plausible=(1, 100_000)
-    )
     linear_solver: str | None = setting(
         None,
         "",

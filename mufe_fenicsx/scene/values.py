@@ -56,8 +56,17 @@ def _with_default(message, known, given):
     return message
 
 
+#: Keys of earlier versions, and what stands in their place.
+DELETED = {
+    "implicit.gap_tolerance": "none: layers of contact stay, and match the mesh",
+    "implicit.max_augmentations": "none: layers of contact stay, and match the mesh",
+}
+
+
 def unknown_key(full_name, value, key, known, name):
     """Message for an unknown key: one like it, the same of another table, or all there are."""
+    if full_name in DELETED:
+        return f"{full_name} = {value} is no key any more, expected {DELETED[full_name]}"
     elsewhere = [
         f"{table}.{key}"
         for table, cls in {**TABLES, "material": J2}.items()

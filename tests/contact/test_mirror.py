@@ -228,7 +228,7 @@ def test_a_scene_with_a_mirror(tmp_path):
         (MIRROR + "velocity = 1\n", "walls.x_min.velocity = 1"),
         (MIRROR.replace("x_min", "z_max"), "walls.z_max.mirror = true, expected none"),
         (MIRROR.replace("[oed", 'law = "kinematic"\n[oed'), 'contact.law = "kinematic"'),
-        (SMALLEST + "[implicit]\ngap_tolerance = 1e-3\n", "implicit.gap_tolerance = 0.001"),
+        (SMALLEST + "[implicit]\ngap_tolerance = 1e-3\n", "implicit.gap_tolerance = 0.001 is no "),
     ],
 )
 def test_scenes_that_are_refused(tmp_path, text, expected):

@@ -42,7 +42,6 @@ def test_slopes_are_the_derivatives(m):
             difference = (law(d + step, m) - law(d - step, m)) / (2 * step)
             # The square of the step over lengths of 0.1, and rounding over the step.
             assert slope(d, m) == pytest.approx(difference, rel=1e-6, abs=1e-8)
-    assert contact_law.depths_of(np.array([force(0.7, m)]), np.array([m])) == pytest.approx(0.7)
 
 
 def test_a_flat_contact_is_a_linear_spring():

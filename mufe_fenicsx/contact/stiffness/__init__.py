@@ -1,1 +1,1 @@
-"""Springs of contact as matrices, and exact gaps."""
+"""Springs of contact as matrices."""

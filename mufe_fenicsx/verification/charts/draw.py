@@ -30,7 +30,6 @@ LOOKS = {
     "mass 5 %, loading x 1.5": (style.ORANGE, "H", "-"),
     "mass 5 %, loading x 2": (style.ORANGE, "p", ":"),
     "static": (style.GREY, "P", "-"),
-    "augmented Lagrangian": (style.GREY, "+", ":"),
     "implicit": (style.GREY, "X", "--"),
     "rigid": (style.BLACK, "*", "-"),
     "elastic": (style.BLACK, "1", "-"),

@@ -32,8 +32,6 @@ from .answers import LAWS, Law, TimeStep, course_error, lines_of, options_of, wo
 from .bounds import BOUNDS
 
 E, RHO = 100e9, 2650.0
-#: Exact gaps, by static increments alone, and the largest distance from them, over an edge.
-AUGMENTED, GAP_TOLERANCE = "augmented", 1e-3
 Element = Literal[*ELEMENTS]
 #: Duration of loading = 1, over the period of the body; increments of a static or implicit test.
 PERIODS = {"hertz": 3.0, "mindlin": 6.0, "plastic-sphere": 10.0}
@@ -48,19 +46,11 @@ FRICTION = 0.23
 PARTS = np.linspace(0.125, 1.0, 8)
 
 
-def _increments(integrator, number, loading, law):
-    """Options of :func:`press_ball` for static or implicit increments; none for time steps.
-
-    Raises:
-        InputError: Exact gaps by others than static increments.
-    """
-    if law == AUGMENTED and integrator != "static":
-        raise InputError(f'integrator = "{integrator}", expected "static" with law = "{law}"')
+def _increments(integrator, number, loading):
+    """Options of :func:`press_ball` for static or implicit increments; none for time steps."""
     if integrator == "explicit":
         return {}
     more = {"spectral_radius": 0.8} if integrator == "implicit" else {}
-    if law == AUGMENTED:
-        more = {"gap_tolerance": GAP_TOLERANCE}
     return {"increments": max(round(number * loading), 1), **more}
 
 
@@ -70,7 +60,7 @@ def hertz_point(
     elements_per_radius=2.5,
     growth=0.3,
     element: Element = "averaged",
-    law: Literal[*LAWS, AUGMENTED] = "matched",
+    law: Literal[*LAWS] = "matched",
     integrator: Literal["explicit", "implicit", "static"] = "explicit",
     time_step: TimeStep = "assembled",
     added_mass=0.0,
@@ -99,7 +89,7 @@ def hertz_point(
         press_ball(
             comm, Elastic(E, nu, RHO), a_over_R**2 * RADIUS, a_over_R * RADIUS, n, growth,
             element=element, periods=PERIODS["hertz"] * loading, added_mass=0.0, phase=phase,
-            **_increments(integrator, INCREMENTS["hertz"], loading, law),
+            **_increments(integrator, INCREMENTS["hertz"], loading),
             **options_of(law, time_step, added_mass),
         )
         for phase in PHASES[:num_phases]
@@ -222,7 +212,7 @@ def plastic_sphere_point(
     comm,
     elements_per_radius=2.5,
     element: Element = "averaged",
-    law: Literal["matched", "stiff", "nodes", "four", AUGMENTED] = "matched",
+    law: Literal["matched", "stiff", "nodes", "four"] = "matched",
     integrator: Literal["explicit", "static"] = "explicit",
     time_step: TimeStep = "assembled",
     added_mass=0.0,
@@ -256,7 +246,7 @@ def plastic_sphere_point(
     _, course = mean_pressure(
         comm, nu, RATIO, n, a_over_R, element, added_mass=0.0,
         periods=PERIODS["plastic-sphere"] * loading,
-        **_increments(integrator, INCREMENTS["plastic-sphere"], loading, law),
+        **_increments(integrator, INCREMENTS["plastic-sphere"], loading),
         **options_of(law, time_step, added_mass),
     )  # fmt: skip
     of_force = flowing_error(stored, course.approach, course.force)
