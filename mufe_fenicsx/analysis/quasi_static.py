@@ -31,9 +31,11 @@ WINDOW = 0.5
 def kinetic_ratio(history):
     """Kinetic over internal (elastic + plastic) energy, shape (num_rows,).
 
-    nan where the latter is 0, and before the sample touches what loads it.
+    Of rigid grains, which have none, all is in the springs of contact. nan where it is 0, and
+    before the sample touches what loads it.
     """
     internal = history["elastic"] + history["plastic"]
+    internal = internal if internal.any() else history["contact"]
     return np.where(_touched(history), _ratio(history["kinetic"], internal), np.nan)
 
 

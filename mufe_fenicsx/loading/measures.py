@@ -79,6 +79,14 @@ class WallMeasures:
         return ()
 
 
+class PlatenMeasures(WallMeasures):
+    """Of walls of which the top platen alone is led: the others go on as their scene says."""
+
+    def lead(self, speeds, targets):
+        """Set the speed of the top platen."""
+        self.simulation.walls.set_speed(self.container.top, speeds[self.container.top])
+
+
 class MembraneMeasures(WallMeasures):
     """Two platens and a membrane, in whose place a cylinder of the same volume stands.
 

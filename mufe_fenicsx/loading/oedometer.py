@@ -2,10 +2,10 @@
 
 Strain is the shortening of the distance between top and bottom platen over that
 distance at the end of the seating stage, positive in compression: gaps that the
-segmentation left are closed by the seating and do not count. Its end is the
-first step at which top and bottom both carry the seating stress. Increments, which are
-longer than steps, end there to ``SEATED`` of that stress, and where the strain of the test is
-reached.
+segmentation left are closed by the seating and do not count. It is a stage (stages.py) in which a
+servo takes the top platen to the seating stress, until both platens carry that and all is at rest.
+Increments, which have no servo, end at that stress to ``SEATED`` of it, and where the strain of the
+test is reached.
 """
 
 import math
@@ -23,8 +23,8 @@ SEATING, LOADING = "seating", "loading"
 
 STRAIN_DEFINITION = (
     "shortening of the distance between top and bottom platen over that distance at the end of "
-    "the seating stage (the first step at which both carry the seating stress); compression "
-    "positive"
+    "the seating stage (at which both carry the seating stress, at rest in time steps); "
+    "compression positive"
 )
 
 #: The seating stage gives up when the platens have approached by this part of their distance.
@@ -74,6 +74,8 @@ class OedometerLoading(Stateful):
         seating_speed: Speed of the top platen while seating [m/s].
         quasi_static: Settings of a speed that adapts (scene.QuasiStatic), from the end of the
             seating on; None: ``speed`` throughout, reached over ``ramp``.
+        seating: :class:`~.stages.StagedLoading` of the stage in which the platen takes the sample
+            to the force and to rest; None: the seating ends at the first step with that force.
     """
 
     columns = ()  #: of history.csv beyond the usual ones
@@ -92,8 +94,9 @@ class OedometerLoading(Stateful):
     }
 
     def __init__(
-        self, simulation, strain, speed, ramp, seating_force, seating_speed, quasi_static=None
-    ):
+        self, simulation, strain, speed, ramp, seating_force, seating_speed, quasi_static=None,
+        seating=None,
+    ):  # fmt: skip
         self.simulation = simulation
         self.final_strain, self.speed, self.ramp = strain, speed, ramp
         self.seating_force, self.seating_speed = seating_force, seating_speed
@@ -107,6 +110,7 @@ class OedometerLoading(Stateful):
         self.first_height = self.height
         self.reference_height = self.first_height
         self._speed = self._speed_at_start = 0.0
+        self.seating = seating
         self._held = self._held_stresses()
         self.stage = SEATING
         self.stages = [self._note()]
@@ -174,11 +178,15 @@ class OedometerLoading(Stateful):
     def state_dict(self):
         """What a loading that goes on from here has to know, fit for JSON."""
         kept = super().state_dict()
+        if self.seating is not None and self.stage == SEATING:
+            kept["seating"] = self.seating.state_dict()
         return kept if self.control is None else kept | {"control": self.control.state_dict()}
 
     def load_state_dict(self, kept):
         """Go on from what :meth:`state_dict` gave."""
         super().load_state_dict({"common": kept["common"]})
+        if self.seating is not None and "seating" in kept:
+            self.seating.load_state_dict(kept["seating"])
         if self.control is not None:
             if "control" in kept:
                 self.control.load_state_dict(kept["control"])
@@ -212,33 +220,62 @@ class OedometerLoading(Stateful):
             for i, wall, stress in self._held:
                 wall.target = stress * areas[i]
         if self.stage == SEATING:
-            if self.progress > LARGEST_SEATING:
-                what = hindrance(self.simulation) or (
-                    "lower oedometer.seating_stress, or check that the sample fills its walls"
-                )
-                raise SolverError(
-                    f"after {LARGEST_SEATING:.0%} of the height top and bottom do not both carry "
-                    f"the seating force of {self.seating_force:.3g} N: {what}"
-                )
-            if self._carried() >= self.seating_force:
-                self.stage = LOADING
-                self.reference_height = self.height
-                self.stages.append(self._note())
-                if self.control is not None:
-                    self.control.begin(self._speed)
-        if self.stage == SEATING:
-            ramp_time = self.ramp * self.first_height / self.seating_speed
-            s = self.simulation.state.t / ramp_time if ramp_time > 0 else 1.0
-            self._speed = self._speed_at_start = self.seating_speed * smooth_step(s)
-        elif self.control is not None:
+            self._seat()
+        if self.stage == LOADING and self.control is not None:
             self._speed = self.control(self.progress)
-        else:
-            s = self.progress / self.ramp if self.ramp > 0 else 1.0
+        elif self.stage == LOADING:
             start = self._speed_at_start
-            self._speed = start + (self.speed - start) * smooth_step(s)
+            self._speed = start + (self.speed - start) * smooth_step(self._part_of_ramp())
+        elif self.seating is not None:
+            return
         self.simulation.walls.velocity[self._top, 2] = -self._speed
         if self.simulation.increments:
             self._bound_increment()
+
+    def _part_of_ramp(self):
+        """How far the speed is on its way: by the strain, or from rest by the time that takes."""
+        part = self.progress
+        if self._speed_at_start == 0.0:
+            since = self.simulation.state.t + 0.5 * self.simulation.dt - self.stages[-1]["time"]
+            part = since * self.speed / self.reference_height
+        return part / self.ramp if self.ramp > 0.0 else 1.0
+
+    def _seat(self):
+        """One step of the seating, or its end. Collective."""
+        seating = self.seating
+        if seating is not None and not seating.finished:
+            seating.before_step()
+            self._speed = seating.speed_now
+        elif seating is not None:
+            seating.leave()
+            self._begin_loading(0.0)
+        elif self._carried() >= self.seating_force:
+            self._begin_loading(self._speed)
+        else:
+            self._check_seating()
+            ramp_time = self.ramp * self.first_height / self.seating_speed
+            s = self.simulation.state.t / ramp_time if ramp_time > 0 else 1.0
+            self._speed = self.seating_speed * smooth_step(s)
+
+    def _begin_loading(self, speed):
+        """Strain counts from here; the platen has a speed [m/s]."""
+        self.stage = LOADING
+        self.reference_height = self.height
+        self._speed = self._speed_at_start = speed
+        self.stages.append(self._note())
+        if self.control is not None:
+            self.control.begin(max(speed, self.control.settings.slowest))
+
+    def _check_seating(self):
+        """Raise SolverError where the platen has come far and meets nothing. Collective."""
+        if self.progress > LARGEST_SEATING:
+            what = hindrance(self.simulation) or (
+                "lower oedometer.seating_stress, or check that the sample fills its walls"
+            )
+            raise SolverError(
+                f"after {LARGEST_SEATING:.0%} of the height top and bottom do not both carry "
+                f"the seating force of {self.seating_force:.3g} N: {what}"
+            )
 
     def _carried(self):
         """Force that both platens carry [N]. Collective."""

@@ -23,10 +23,14 @@ of what is left of it, at a constant rate over the strain ``ramp``.
 
 A stage ends when a value of ``until`` is passed, or when s = 1, lengths are reached, and all held
 stresses are within ``tolerance`` for twice the time T that a wave travels; then ``hold`` begins.
-These stresses are means over T, of each wall, or of opposite ones where something beside them
-carries what they differ by (gauges.py). Grains that still rattle between few contacts shake
-a wall for long, and without a load of their own. Where ``until`` is passed walls brake first, over
-``ramp``.
+These stresses are means over T, of each wall across the axis, or of opposite ones where something
+beside them carries what they differ by (gauges.py). Grains that still rattle between few contacts
+shake a wall for long, and without a load of their own. Where ``until`` is passed walls brake first,
+over ``ramp``.
+
+Stages until the last one with ``zero`` seat the sample. They end at rest as well, with a kinetic
+energy of ``AT_REST`` of the elastic one, and until then grains lose motion at the rate
+``STILLED``/T at least.
 
 Rows of the history fall due by the ways that a stage has come, one for each of what leads it:
 s, the changes of lengths that go at a speed, the values of ``until``, and time where it waits and
@@ -64,6 +68,10 @@ STRAIN_DEFINITION = (
 
 #: Times that a wave travels for which stresses have to stay within their tolerance.
 SETTLED = 2.0
+#: Kinetic over elastic energy of a sample that is seated, at most.
+AT_REST = 0.02
+#: Damping while the sample is seated over one over that time.
+STILLED = 0.5
 #: Ways of every stage: s, that of lengths, and of time where it waits.
 NUM_WAYS = 3
 
@@ -269,7 +277,19 @@ class StagedLoading(Stateful):
         """Set the speeds of the walls and change stage when it is time. Collective."""
         if self._is_over() and self.index + 1 < len(self.program):
             self._begin(self._loads[0])
+        self._still()
         self._move()
+
+    def _still(self):
+        """Take the motion of grains while the sample is seated, beside what the scene states."""
+        travel, least = self.servo.travel_time, 0.0
+        if not self.loaded and travel > 0.0:
+            least = STILLED / travel
+        self.simulation.damping = max(self.servo.damping, least)
+
+    def leave(self):
+        """Leave the grains to the damping that the scene states. Local."""
+        self.simulation.damping = self.servo.damping
 
     def _begin(self, forces):
         """Begin the next stage."""
@@ -393,6 +413,8 @@ class StagedLoading(Stateful):
         self._come(lengths, t)
         near = now.s == 1.0 or not any(task.goes for task in self._all)
         near &= self.shearing.is_there
+        if not self.loaded and any(task.servo for task in self.tasks):
+            near &= self.servo.kinetic <= AT_REST
         means, axis_means = gauges.led(np.asarray(gauges.means.stress)), gauges.mean_stress()
         for task in self.tasks:
             near &= task.is_there(means, axis_means, lengths, self.settings.tolerance)

@@ -28,9 +28,9 @@ class Start:
     speed: float  #: `loading.speed` [m/s]
 
     def moved(self, a, which="both"):
-        """Axis, walls that move, and speed of each over that of the length."""
-        walls = _walls(self.container, a, which)
-        return a, walls, 1.0 / (self.container.shortening[a] * len(walls))
+        """Axis, walls that move, speed of each over that of the length, and all its walls."""
+        walls, across = _walls(self.container, a, which), _walls(self.container, a, "both")
+        return a, walls, 1.0 / (self.container.shortening[a] * len(walls)), across
 
     @property
     def sides(self):

@@ -131,6 +131,7 @@ class Task:
     #: Speed of each of them over that of the length, which it shortens; below 0 where a wall that
     #: comes towards the sample makes the length longer.
     share: float
+    across: tuple  #: numbers of all walls across the axis
 
     goes = False  #: whether it goes along the line of the stage
     ends = False  #: whether the stage ends when that is done
@@ -213,9 +214,9 @@ class Carry(Task):
         return found
 
     def is_there(self, means, axis_means, lengths, tolerance):
-        """Whether each wall is within the tolerance of the last stress."""
+        """Whether each wall across the axis is within the tolerance of the last stress."""
         target = self.target(1.0, axis_means)
-        off = max(abs(means[wall] - target) for wall in self.walls)
+        off = max(abs(means[wall] - target) for wall in self.across)
         return bool(off <= tolerance * target)
 
     def speeds(self, s, now, pace, closing=None):

@@ -60,16 +60,20 @@ class Servo(Stateful):
         measures: :class:`~.measures.WallMeasures` of what surrounds the sample.
     """
 
-    STATE = {"common": ("impedance", "travel_time", "share", "_next", "_interval", "_carried")}
+    STATE = {
+        "common": ("impedance", "travel_time", "share", "kinetic", "_next", "_interval", "_carried")
+    }
 
     def __init__(self, simulation, measures):
         self.simulation, self.measures = simulation, measures
         self.container = measures.container
+        self.damping = simulation.damping  #: that the scene states [1/s]
         self.impedance = 0.0  #: ρ c [Pa s/m]; 0 before the sample carries anything
         self.travel_time = 0.0  #: of a wave through the sample along its shortest length [s]
         #: Part of the stress of the side that the grains carry, from 0 to 1: not all of it where a
         #: membrane closes a gap.
         self.share = 0.0
+        self.kinetic = 0.0  #: kinetic energy over that of :func:`energy_in_sample`
         self._next, self._interval = 0.0, 0.0  # next sample, and time since the last one [s]
         self._carried = 0.0  # largest root of Σ σj² so far [Pa]
 
@@ -89,6 +93,8 @@ class Servo(Stateful):
         square = float((self.container.three_stresses(carried, lengths) ** 2).sum())
         interval = FIRST_STEPS * sim.dt
         self.share = min(max(float(carried[0] / stress[0]), 0.0), 1.0) if stress[0] > 0.0 else 0.0
+        moving = sim.comm.allreduce(float(sim.kinetic_energy()))
+        self.kinetic = moving / energy if energy > 0.0 else math.inf
         if energy > 0.0 and square > 0.0:
             mass, now = sim.mass_of_grains(), math.sqrt(square)
             found = now * math.sqrt(mass / (2.0 * energy))

@@ -70,8 +70,9 @@ def out_of_reach(scene, accuracy, fixed, errors, sample, keep_mesh):
 
 #: What walls that load grains may meet.
 SEATING_AND_SLIPS = (
-    "how far the platen travels until the sample is seated: until a chain of grains that neither "
-    "turn nor slip makes the bottom feel it",
+    "how long the sample takes until it is seated at rest: planned is until a chain of grains that "
+    "neither turn nor slip makes the bottom feel the platen, and waves have faded; balls took "
+    "half to six times as long",
     "slips between grains, which are dynamic at any speed: where grains are few, a late one moves "
     "the strain from which the report trusts the test",
 )
@@ -129,10 +130,6 @@ def unknown(scene, errors, elements, slender=0):
         known.append(
             "strains that stresses make, and stresses that strains make: those of a linear sample "
             f"in which waves travel at {wave_speed(scene):.0f} m/s"
-        )
-        known.append(
-            "how long stresses take to settle where grains still rattle, in the seating above all: "
-            "24 balls took twice the steps that were planned"
         )
     if course.strain > LATE:
         known.append(

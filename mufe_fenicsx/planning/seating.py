@@ -1,7 +1,10 @@
 """How long the first stages take, until the sample is seated.
 
-In a box or a rigid cylinder the platen travels until the bottom feels it. In a membrane three
-things follow each other, H the height and D the diameter:
+In a box or a rigid cylinder the platen travels until the bottom feels it. Then the sample comes to
+rest by the damping of the seating, d/T with T the time of a wave and d = ``STILLED``: its kinetic
+energy falls as exp(-d t/T) to the part ``AT_REST``, and two waves end it. Grains
+that still turn and slip take longer. In a membrane three things follow each other, H the height and
+D the diameter:
 
 - The pressure of the cell rises to σ as fast as the sleeve, which alone carries it, may shrink by
   the speed v, with its stiffness E t:  t₁ = σ D²/(2 E t v).
@@ -17,7 +20,7 @@ of the pressure each part dε of the height takes them the time  dt = ρc H dε/
 import math
 
 from ..loading.oedometer import LARGEST_SEATING
-from ..loading.stages import SETTLED
+from ..loading.stages import AT_REST, SETTLED, STILLED
 from .course import SOLID, speed_under
 
 
@@ -35,7 +38,11 @@ def seating_time(scene, course, measured):
         return _in_a_membrane(scene, course, measured)
     # A ramp of speed that rises smoothly from rest covers half of the way in its time.
     way = min(measured.travel + 0.5 * course.ramp, LARGEST_SEATING)
-    return way * measured.height / course.seating_speed
+    found = way * measured.height / course.seating_speed
+    if course.seating_stress > 0.0:
+        waves = SETTLED - math.log(AT_REST) / STILLED
+        found += waves * measured.height / elastic_wave_speed(scene.material, course.seating_stress)
+    return found
 
 
 def closing_time(scene, course, measured):

@@ -100,7 +100,7 @@ def _of_cost(cost):
     return [
         ("size", f"{cost.num_cells} tetrahedra, {cost.num_steps} steps of "
                  f"{1e9 * cost.time_step:.3g} ns (limited by the {cost.limit})"
-                 + (f", the first {cost.seating_steps} of them until the sample is seated"
+                 + (f", at a guess {cost.seating_steps} of them until the sample is seated"
                     if cost.seating_steps else "")),
         *([("loose sample", f"{cost.closing_steps} steps more for each percent of its height that "
             "grains close at half of the cell's pressure: how far they do is not known")]

@@ -270,7 +270,7 @@ class Oedometer:
         0.005, "-", "strain over which the speed rises smoothly to its value", ge=0
     )
     seating_stress: float = setting(
-        50e3, "Pa", "mean vertical stress that ends the seating stage", gt=0
+        50e3, "Pa", "vertical stress that the seating takes the sample to, and to rest", gt=0
     )
     seating_speed: float | None = setting(
         None, "m/s", "of the platen while seating; None: speed", gt=0

@@ -34,15 +34,15 @@ damping = "200 ms^-1"     # 1/ms: stills what the load shakes when it comes; cou
 [loading]                 # the walls stand around the box and do nothing
 speed = "1 m/s"
 
-[[stage]]                 # what is left out rests, or goes on
-name = "load"
+[[stage]]                 # the load comes, as a seating that is not judged
+zero = true
 until = { time = "40 us" }
 
 [[stage]]
 name = "shear"
-tools.upper = { velocity = ["1 m/s", 0, 0], ramp = "10 us" }
-tools.lid = { velocity = ["1 m/s", 0, 0], ramp = "10 us" }
-until = { time = "140 us" }
+tools.upper = { velocity = ["0.5 m/s", 0, 0], ramp = "20 us" }
+tools.lid = { velocity = ["0.5 m/s", 0, 0], ramp = "20 us" }
+until = { time = "240 us" }
 """
 
 

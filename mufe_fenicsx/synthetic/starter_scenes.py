@@ -9,12 +9,19 @@ from ..errors import InputError, nearest_name, shown
 from ..geometry.atomic_output import new_folder
 from ..geometry.bodies.shapes import sphere, sphere_near_contact
 from ..geometry.grains import Grains, save_grains
+from ..geometry.measure import tet_volumes
 from ..materials.sand import scene_table
 from ..scene.schema import schema_text
 from .packing import pack
+from .rigid_packing.assembly import Assembly
+from .rigid_packing.container import CYLINDER
+from .rigid_packing.shapes import ball
+from .rigid_packing.start import loose
+from .rigid_packing.ways import compress
 from .shapes import make_grains, sizes
 from .shear_box import SCENE as SHEAR
 from .shear_box import write_shear_box
+from .triangulated import icosphere
 
 SCHEMA_FILE = "scene.schema.json"
 
@@ -27,10 +34,12 @@ FEW = (24, 5)
 #: The same where side walls give way: of 24 balls chains of a few carry all, and the load is lost
 #: where one of them buckles. Of 8 packings tried that with most solids, 0.52.
 MANY = (60, 7)
-#: The same of which those in an upright cylinder are taken, 46 of them, and proportions of the box.
-TRIMMED, TALL = (120, 7), (1.0, 1.0, 1.4)
+#: The same in an upright cylinder, and proportions of the box around it.
+ROUND, TALL = (48, 1), np.array([1.0, 1.0, 1.4])
 #: Depth of contacts at which their packing is done, over D50.
-DEPTH = 2e-3
+DEPTH = 1e-2
+#: Diameter of the mesh of a ball over its own where coarse ones are to pass the edges of tools.
+LOOSE = 0.987
 #: Element size over radius of these balls.
 COARSE = 0.35
 #: Radius of a single ball [m]; element size at its poles and radius of contact over the radius.
@@ -102,8 +111,8 @@ OEDOMETER = """
 strain = 0.06             # vertical, counted from the end of seating
 speed = "0.5 m/s"         # of the top platen: slow enough if kinetic energy stays small
 ramp = 0.002              # strain over which the platen reaches this speed
-seating_stress = "1 MPa"  # the platen first closes the gaps, up to this stress, which has to be
-seating_speed = "0.6 m/s" # above that of single impacts at this speed
+seating_stress = "2 MPa"  # the platen first takes the sample to this stress, and holds it
+seating_speed = "0.3 m/s" # until all is at rest
 """
 
 DAMPED = """
@@ -113,15 +122,15 @@ damping = "{} ms^-1"     # 1/ms: stills grains that rattle between contacts; cou
 
 STAGED = """
 [loading]                 # a test by stages: the six walls move
-speed = "0.5 m/s"         # at which a length of the sample changes, at most
+speed = "0.1 m/s"         # at which a length of the sample changes, at most
 ramp = 0.001              # strain over which walls get to it
 tolerance = 0.01          # of stresses
                           # `mufe plan` says which speed an accuracy asks for; a table
                           # [quasi_static] lets it follow targets after the seating
 
-[[stage]]                 # close the gaps; strains count from its end
+[[stage]]                 # to this stress, until all is at rest; strains count from its end
 zero = true
-xyz = { stress = "0.5 MPa", speed = "3 m/s" }
+xyz = { stress = "1 MPa", speed = "1 m/s" }
 """
 
 ISOTROPIC = (
@@ -133,7 +142,7 @@ xyz = { stress = "5 MPa" }
 
 [[stage]]
 name = "unload"
-xyz = { stress = "1 MPa" }
+xyz = { stress = "2 MPa" }
 
 [[stage]]
 name = "reload"
@@ -185,13 +194,13 @@ rho = "100 kg/m^3"        # a light one follows the cell sooner
 friction = 0.3            # between grains and membrane
 
 [loading]                 # a test by stages: the platens move, the cell presses
-speed = "0.5 m/s"         # at which a length of the sample changes, at most
+speed = "0.05 m/s"        # at which a length of the sample changes, at most
 ramp = 0.001              # strain over which platens get to it
-tolerance = 0.1           # of stresses, for a first look; the default is 0.01
+tolerance = 0.02          # of stresses
 
-[[stage]]                 # close the gaps; strains count from its end
+[[stage]]                 # to this stress, until all is at rest; strains count from its end
 zero = true
-rz = { stress = "50 kPa", speed = "5 m/s" }
+rz = { stress = "50 kPa", speed = "2 m/s" }
 
 [[stage]]
 name = "isotropic"
@@ -199,17 +208,18 @@ rz = { stress = "100 kPa" }
 
 [[stage]]                 # the cell goes on at its pressure
 name = "shear"
-z = { strain = 0.01, speed = "0.3 m/s" }
+z = { strain = 0.01 }
 """
 
 BALL = """
 [loading]                 # a test by stages: the six walls move
-speed = "1 m/s"           # at which a length of the sample changes, at most
+speed = "0.5 m/s"         # at which a length of the sample changes, at most
 ramp = 0.002              # strain over which walls get to it
 
-[[stage]]                 # the walls at the sides go out of the way
-name = "aside"
+[[stage]]                 # walls at the sides go out of the way, platens come; then strains count
+zero = true
 xy = { strain = -0.05, speed = "5 m/s" }
+z = { stress = "1 MPa" }
 
 [[stage]]
 name = "press"
@@ -217,18 +227,19 @@ z = { strain = 0.01 }
 
 [[stage]]
 name = "unload"
-z = { strain = 0.0 }
+z = { stress = "1 MPa" }
 """
 
 BALLS = """
 [loading]                 # a test by stages: the six walls move
-speed = "0.5 m/s"         # at which a length of the sample changes, at most
-ramp = 0.002              # strain over which walls get to it
+speed = "0.2 m/s"         # at which a length of the sample changes, at most
+ramp = 0.001              # strain over which walls get to it
 tolerance = 0.02          # of stresses
 
 [[stage]]                 # the walls at the sides stay near: balls on end roll away otherwise
-name = "aside"
+zero = true
 xy = { strain = -0.001 }
+z = { stress = "0.5 MPa" }
 
 [[stage]]                 # led by the mean stress of top and bottom: 2 MPa are 2.2 N here
 name = "press"
@@ -314,27 +325,40 @@ def write_scene(text, new, folder):
 
 
 @functools.cache
-def ball_packing(number=FEW[0], seed=FEW[1], proportions=(1.0, 1.0, 1.0), is_round=False):
-    """`Grains` of balls packed at random without friction.
+def ball_packing(number=FEW[0], seed=FEW[1], part=1.0):
+    """`Grains` of balls packed at random in a box without friction.
 
     Args:
         number: Of balls.
         seed: Of their sizes and places.
-        proportions: Of the box that they are packed in.
-        is_round: Only those that stand whole in the widest upright cylinder in it.
+        part: Of its diameter that each ball is meshed with.
     """
     rng = np.random.default_rng(seed)
     ones = np.ones(number)
     balls = make_grains(rng, sizes(rng, number, D50, UNIFORMITY), ones, ones, 0.0, 1.7, 3)
-    packing = pack(balls, rng, np.array(proportions), DEPTH * D50)
+    packing = pack(balls, rng, np.ones(3), DEPTH * D50)
+    room = packing.low, packing.high
+    return _meshed(packing.centre, part * balls.diameter, lambda x: np.clip(x, *room))
+
+
+@functools.cache
+def round_packing(number=ROUND[0], seed=ROUND[1]):
+    """The same in an upright cylinder."""
+    rng = np.random.default_rng(seed)
+    diameter = sizes(rng, number, D50, UNIFORMITY)
+    points, triangles = icosphere(3)
+    shapes = ball((0.5 * points, triangles))
+    bodies, container = loose(shapes, np.zeros(number, int), diameter / D50, rng, CYLINDER, TALL)
+    compress(Assembly(bodies, container, 0.0, 0.0), DEPTH)
+    return _meshed(bodies.centre * D50, diameter, lambda x: D50 * container.pulled_in(x / D50))
+
+
+def _meshed(centres, diameters, pulled_in):
+    """`Grains` of balls of the volume of their spheres, flat where a wall cuts them off."""
     points, cells = sphere(1.0, COARSE)
-    middle, width = 0.5 * (packing.low + packing.high), np.ptp([packing.low, packing.high], axis=0)
+    points *= np.cbrt(4.0 / 3.0 * np.pi / tet_volumes(points, cells).sum())
     meshes = [
-        (centre + radius * points @ axes.T, cells)
-        for centre, radius, axes in zip(
-            packing.centre, 0.5 * balls.diameter, packing.axes, strict=True
-        )
-        if not is_round or np.hypot(*(centre - middle)[:2]) + radius <= 0.5 * width[0]
+        (pulled_in(x + 0.5 * d * points), cells) for x, d in zip(centres, diameters, strict=True)
     ]
     return Grains.from_list(np.arange(1, len(meshes) + 1), meshes, 0.5 * COARSE * D50)
 
@@ -358,7 +382,7 @@ def _text(title, test, grains, friction=0.23, wall=0.0, material=None, **yields)
 
 
 _SAND, _MORE = (f"{number} balls in a random packing, meshed coarsely" for number, _ in (FEW, MANY))
-_ROUND = "balls in a round sample, trimmed from a random packing, meshed coarsely"
+_ROUND = f"{ROUND[0]} balls in a round sample, packed at random, meshed coarsely"
 _HARD = {"first": "1 GPa", "last": "2 GPa"}
 
 _TITLE = "Oedometer test on a scan"
@@ -373,8 +397,8 @@ KINDS = {
         None,
     ),
     "oedometer": (
-        _text("Oedometer test on balls", DAMPED.format(100) + OEDOMETER, _SAND, **_HARD),
-        ball_packing,
+        _text("Oedometer test on balls", DAMPED.format(100) + OEDOMETER, _MORE, **_HARD),
+        functools.partial(ball_packing, *MANY),
     ),
     "isotropic": (
         _text("Isotropic compression of balls", DAMPED.format(100) + ISOTROPIC, _SAND, **_HARD),
@@ -386,7 +410,7 @@ KINDS = {
     ),
     "shear-box": (
         _text("Direct shear test on balls", SHEAR, _MORE, 0.5, material=RIGID),
-        functools.partial(ball_packing, *MANY),
+        functools.partial(ball_packing, *MANY, LOOSE),
     ),
     "single-grain": (
         _text("A ball between two platens", BALL, "one ball of 1 mm", wall=0.2),
@@ -405,6 +429,6 @@ IN_MEMBRANE = {
             "Triaxial test on balls in a membrane", DAMPED.format(20) + MEMBRANE, _ROUND, 0.5,
             material=SOFT,
         ),
-        functools.partial(ball_packing, *TRIMMED, TALL, True),
+        round_packing,
     ),
 }  # fmt: skip

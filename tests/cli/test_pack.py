@@ -5,11 +5,12 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from mufe_fenicsx.cli.main import main
 from mufe_fenicsx.geometry.grains import load_grains, save_grains
 from mufe_fenicsx.geometry.image.label_files import read_labels
-from mufe_fenicsx.geometry.measure import tet_volumes
+from mufe_fenicsx.geometry.measure import boundary_triangles, tet_volumes
 from mufe_fenicsx.scene import load_scene
 from mufe_fenicsx.synthetic.starter_scenes import column_of_balls
 from mufe_fenicsx.units import lengths_text
@@ -36,15 +37,16 @@ def test_grains_have_the_volumes_and_the_void_ratio_that_are_told(packed):
     assert grains.num_grains == told["num_grains"] == 12
     assert told["next"] == f"mufe run {packed}/a/scene.toml -o {packed}/a/results"
     box = np.prod(np.ptp(grains.box, axis=0))
-    assert box / grains.volumes.sum() - 1 == pytest.approx(told["void_ratio"], rel=1e-6)
+    # Walls cut corners of coarse balls off, a few per cent of their volume here.
+    assert box / grains.volumes.sum() - 1 == pytest.approx(told["void_ratio"], rel=0.1)
     rows = list(csv.DictReader((packed / "a" / "packing.csv").open()))
     diameters = np.array([float(row["equivalent_diameter_m"]) for row in rows])
-    assert grains.volumes == pytest.approx(np.pi / 6 * diameters**3, rel=1e-6)
+    assert grains.volumes == pytest.approx(np.pi / 6 * diameters**3, rel=0.1)
+    assert (grains.volumes <= np.pi / 6 * diameters**3 * (1 + 1e-6)).all()
     contacts = sum(int(row["contacts"]) for row in rows)
     assert contacts / 12 == pytest.approx(told["coordination_number"])
-    # Vertices of coarse meshes stand out of the box: facets give the ball's volume back.
-    assert grains.points.min() > -0.08 * told["mean_diameter"]
-    assert (grains.points < grains.box[1] + 0.08 * told["mean_diameter"]).all()
+    assert (grains.points >= -1e-12).all()
+    assert (grains.points <= grains.box[1] + 1e-12).all()
 
 
 @pytest.mark.parametrize(
@@ -81,18 +83,42 @@ def test_the_scene_runs_and_a_seed_repeats_the_packing(packed, tmp_path):
     assert (load_grains(tmp_path / "again" / "grains").points == first).all()
 
 
+def test_a_packing_under_a_stress_is_fine_at_contacts_and_goes_on_from_it(tmp_path):
+    """Contacts of the packing just touch, and the first stage of the scene has its stresses."""
+    sizes = "--element-size", "120 um", "--contact-size", "40 um"
+    pack("pack", "--spheres", "--count", "5", "--stress", "4 MPa", "--k0", "0.5", *sizes,
+         "--cylinder", "1 mm,1 mm", "-o", tmp_path / "a")  # fmt: skip
+    grains, scene = (
+        load_grains(tmp_path / "a" / "grains"),
+        load_scene(tmp_path / "a" / "scene.toml"),
+    )
+    first, second = scene.stages
+    assert (first.zero, first.r.stress, first.z.stress) == (True, 2e6, 4e6)
+    assert (second.r.speed, second.z.strain, second.z.walls) == (0.0, 0.06, "max")
+    near, far = [], []  # lengths of edges at contacts, and the longest of each grain
+    for g in range(grains.num_grains):
+        points, cells = grains.grain(g)
+        facets = boundary_triangles(cells)
+        edges = np.linalg.norm(points[facets] - points[np.roll(facets, 1, axis=1)], axis=2)
+        others = [grains.grain(k)[0] for k in range(grains.num_grains) if k != g]
+        gap, _ = cKDTree(np.concatenate(others)).query(points[facets].mean(axis=1))
+        near.append(edges[gap < 20e-6])
+        far.append(edges.max())
+    near = np.concatenate(near).mean()
+    assert near < 52e-6
+    assert min(far) > 1.25 * near  # none is far from all contacts
+
+
 def test_given_meshes_are_turned_and_scaled(tmp_path):
-    """Volumes follow the sizes asked for, and the mesh is that given, element by element."""
+    """Volumes follow the sizes asked for, and the mesh is that given but where walls touch it."""
     save_grains(tmp_path / "given", column_of_balls(1))
     given = load_grains(tmp_path / "given")
     pack("pack", tmp_path / "given", "--count", "3", "--points", "50", "--d50", "2 mm",
          "--uniformity", "1", "-o", tmp_path / "out")  # fmt: skip
     grains = load_grains(tmp_path / "out" / "grains")
-    assert grains.volumes == pytest.approx(np.full(3, np.pi / 6 * 2e-3**3), rel=1e-6)
-    ratio = grains.volumes[0] / given.volumes[0]
-    assert tet_volumes(*grains.grain(2)) == pytest.approx(
-        ratio * tet_volumes(given.points, given.cells), rel=1e-6
-    )
+    assert grains.volumes == pytest.approx(np.full(3, np.pi / 6 * 2e-3**3), rel=0.01)
+    ratios = tet_volumes(*grains.grain(2)) / tet_volumes(given.points, given.cells)
+    assert np.median(ratios) == pytest.approx(8 * np.pi / 6 * 1e-9 / given.volumes[0], rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -103,6 +129,12 @@ def test_given_meshes_are_turned_and_scaled(tmp_path):
         (("--spheres", "--count", "5", "--scale", "1 mm"), "scale = 0.001 beside spheres"),
         (("nowhere",), "SOURCE nowhere does not exist"),  # whatever else is missing
         (("--count", "5", "--void-ratio", "0.6", "--way", "gravity"), "--void-ratio = 0.6, exp"),
+        (("--spheres", "--count", "5", "--k0", "0.5"), "--k0 = 0.5, expected stress beside it"),
+        (
+            ("--spheres", "--count", "5", "--stress", "1 MPa", "--way", "gravity"),
+            "--stress = 1000000.0, expected none with way",
+        ),
+        (("--spheres", "--count", "5", "--contact-size", "1 m"), "contact_size = 1.0, expected 1."),
         (("--spheres", "--count", "5", "--void-ratio", "0.1"), "--void-ratio = 0.1, expected 0.2"),
         (("--spheres", "--box", "1 um,1 um,1 um"), "box = 1 µm,1 µm,1 µm, expected room for"),
         (("--spheres", "--box", "2,2,3"), "expected room for 2 to 5e+04 grains, which is for 6.1"),

@@ -34,7 +34,7 @@ rho = "100 kg/m^3"
 [walls.side]
 friction = 0.2
 [solver]
-damping = "50 ms^-1"
+damping = "400 ms^-1"
 [loading]
 speed = "2 m/s"
 ramp = 0.0005

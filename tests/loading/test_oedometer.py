@@ -10,6 +10,8 @@ from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.loading.oedometer import LOADING, SEATED, OedometerLoading
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.run.from_bodies import axis_planes, build
+from mufe_fenicsx.run.seating import seating_of
+from mufe_fenicsx.scene import Oedometer
 
 SIZE, STUFF = 1e-3, Elastic(1e9, 0.2, 2650.0)
 SEATING_STRESS, STRAIN = 2e5, 4e-3
@@ -35,6 +37,28 @@ def load(sim, speed, most=400):
         sim.step()
         assert sim.state.num_steps < most
     return loading, seated
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e4])
+def test_seating_ends_at_rest(damping):
+    """The platen strikes the cube, and holds it until both platens carry the stress at rest."""
+    sim, test = cube(damping=damping), Oedometer(STRAIN, 0.2, 0.1 * STRAIN, SEATING_STRESS, 5.0)
+    seating = seating_of(sim, test)
+    force = SEATING_STRESS * SIZE**2
+    loading = OedometerLoading(sim, STRAIN, 0.2, 0.1 * STRAIN, force, 5.0, seating=seating)
+    fastest = 0.0
+    while loading.stage != LOADING:
+        loading.before_step()
+        fastest = max(fastest, loading.speed_now)
+        if loading.stage != LOADING:
+            sim.step()
+        assert sim.state.num_steps < 4000
+    energies, forces = sim.energies(), sim.wall_forces()
+    assert fastest == pytest.approx(5.0)
+    assert energies["kinetic"] < 0.03 * energies["elastic"]
+    assert forces[4:] == pytest.approx([force, force], rel=0.08)  # means are within 0.03
+    assert sim.damping == damping
+    assert loading.speed_now < 0.01 * test.speed  # the ramp begins at rest
 
 
 def test_increments_end_where_the_stages_of_loading_do():

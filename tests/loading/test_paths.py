@@ -69,8 +69,11 @@ def softness(sim):
 
 
 def second_order(sim):
-    """Change of volume in a step whose length is not the one that was foreseen."""
-    return (SPEED * sim.dt / SIZE) ** 2
+    """Change of volume in a step whose length is not the one that was foreseen.
+
+    The step that counts is the longest so far, up to 1.9 times the last one.
+    """
+    return (1.9 * SPEED * sim.dt / SIZE) ** 2
 
 
 # --- undrained ----------------------------------------------------------------------------

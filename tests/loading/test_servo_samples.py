@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 from mufe_fenicsx.container import BOX
 from mufe_fenicsx.loading import wall_servo
@@ -14,6 +15,14 @@ IMPEDANCE = np.sqrt(DENSITY * MODULUS)
 TRAVEL = SIDE * DENSITY / IMPEDANCE
 
 
+def simulation_of(state):
+    """All that a servo asks of a simulation, whose grains rest."""
+    return SimpleNamespace(
+        state=state, dt=DT, comm=MPI.COMM_SELF, mass_of_grains=lambda: DENSITY * SIDE**3,
+        kinetic_energy=lambda: 0.0, damping=0.0,
+    )  # fmt: skip
+
+
 def test_what_grains_show_that_carry_next_to_nothing_is_soon_forgotten(monkeypatch):
     """At first ρ c is 1e-10 of what it is: a wave would cross the sample in hours.
 
@@ -21,7 +30,7 @@ def test_what_grains_show_that_carry_next_to_nothing_is_soon_forgotten(monkeypat
     one was taken at half of the time at least, and then it is right at once.
     """
     state, wrong = SimpleNamespace(t=0.0), 1e-10
-    simulation = SimpleNamespace(state=state, dt=DT, mass_of_grains=lambda: DENSITY * SIDE**3)
+    simulation = simulation_of(state)
     measures = SimpleNamespace(container=BOX, carried=lambda stress: stress)
     servo = wall_servo.Servo(simulation, measures)
     stress = np.zeros(3)
@@ -42,7 +51,7 @@ def test_what_grains_show_that_carry_next_to_nothing_is_soon_forgotten(monkeypat
 def test_a_rattling_sample_changes_what_is_known_of_it_by_a_factor_of_two_at_most(monkeypatch):
     """Stresses that fall and come back let ρ c change no more than stresses that stay."""
     state = SimpleNamespace(t=0.0)
-    simulation = SimpleNamespace(state=state, dt=DT, mass_of_grains=lambda: DENSITY * SIDE**3)
+    simulation = simulation_of(state)
     servo = wall_servo.Servo(simulation, SimpleNamespace(container=BOX, carried=lambda s: s))
     found = []
     for stress, seen in ((1e4, 1.0), (1.0, 1.0), (1e4, 100.0)):

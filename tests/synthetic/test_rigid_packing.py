@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import SolverError
+from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.synthetic.rigid_packing import ways
 from mufe_fenicsx.synthetic.rigid_packing.assembly import Assembly
 from mufe_fenicsx.synthetic.rigid_packing.bodies import bodies_at
@@ -21,8 +22,10 @@ from mufe_fenicsx.synthetic.rigid_packing.shapes import (
     spread_points,
 )
 from mufe_fenicsx.synthetic.rigid_packing.start import column, loose
+from mufe_fenicsx.synthetic.rigid_packing.stiffness import COORDINATION, SOLID, contact_depth
 from mufe_fenicsx.synthetic.rigid_packing.ways import compress, reach_void_ratio, settle
 from mufe_fenicsx.synthetic.triangulated import icosphere
+from mufe_fenicsx.theory.hertz import effective_modulus, hertz_force
 
 FAR = 50.0
 #: Pressure of packings that need not be near the limit of rigid grains, and are at rest sooner.
@@ -243,8 +246,45 @@ def test_solid_inside_is_that_of_the_spheres_there():
     centres = np.stack(np.meshgrid(ticks, ticks, ticks), axis=-1).reshape(-1, 3)
     bodies, _ = placed(exact_ball(), centres)
     box = Container(BOX, np.zeros(3), np.full(3, 6.0))
-    # Voxels of 1/24: a few per mille of a body.
-    assert solid_inside(Assembly(bodies, box, 0.0, 0.0), 1.0) == pytest.approx(np.pi / 6, rel=5e-3)
+    # Voxels of 1/24: a few per mille of a body. All parts are alike.
+    found, error = solid_inside(Assembly(bodies, box, 0.0, 0.0), 1.0)
+    assert found == pytest.approx(np.pi / 6, rel=5e-3)
+    assert error == 0.0
+
+
+def test_the_error_of_the_solid_inside_is_that_of_its_eighths():
+    """Of a lattice of two cells a direction in which one sphere lacks: s/√8 of the eight."""
+    ticks = np.arange(2) + 1.5
+    centres = np.stack(np.meshgrid(ticks, ticks, ticks), axis=-1).reshape(-1, 3)[1:]
+    bodies, _ = placed(exact_ball(), centres)
+    box = Container(BOX, np.zeros(3), np.full(3, 4.0))
+    found, error = solid_inside(Assembly(bodies, box, 0.0, 0.0), 1.0)
+    assert found == pytest.approx(7 / 8 * np.pi / 6, rel=5e-3)
+    assert error == pytest.approx(np.pi / 6 / 8, rel=5e-3)
+
+
+def test_each_axis_bears_its_own_stress():
+    """K0 = 0.5: the sides bear half of the top, on walls as by branches."""
+    assembly = spheres_in(BOX, 40, 0.3)
+    wanted = HARD * np.array([0.5, 0.5, 1.0])
+    compress(assembly, wanted)
+    assert assembly.axial_stresses == pytest.approx(wanted, rel=0.05)
+    push = assembly.contacts.wall_push.sum(axis=0)[4:].mean()
+    edges = assembly.container.high - assembly.container.low
+    assert push / (edges[0] * edges[1]) == pytest.approx(HARD, rel=0.06)
+
+
+@pytest.mark.parametrize("last", [70e9, 50e6])
+def test_springs_are_as_deep_as_true_contacts(last):
+    """Of equal spheres under the mean force of a stress: Hertz, or flow at 2.8 Y where deeper."""
+    E, nu, stress, D = 70e9, 0.2, 3e6, 2e-4
+    force = np.pi * D**2 * stress / (SOLID * COORDINATION)
+    depth = contact_depth(stress, J2(E, nu, 2650.0, ((0.0, last), (0.1, last)))) * D
+    if last > 1e9:
+        modulus = effective_modulus((E, nu), (E, nu))
+        assert hertz_force(depth, D / 4, modulus) == pytest.approx(force)
+    else:
+        assert 2.8 * last * np.pi * (D / 2 * depth) == pytest.approx(force)  # a² = 2 R δ, R = D/4
 
 
 def test_who_bears_is_found_from_outside_in():

@@ -118,11 +118,19 @@ def shared_jobs(labels, voxel_size, settings):
         yield replace(job, grain=grain, attempts=attempts, good_altitude=FAIR_ALTITUDE)
 
 
-def surface_jobs(bodies, settings):
-    """A job for each body (label, points [m], triangles)."""
+def surface_jobs(bodies, settings, from_walls=None):
+    """A job for each body (label, points [m], triangles).
+
+    Args:
+        bodies: List of them.
+        settings: `MeshSettings`.
+        from_walls: Gives distances of points from the nearest wall [m], where that is a contact.
+    """
     gaps = [None] * len(bodies)
     if settings.sizing == CONTACT:
         gaps = gaps_between([points for _, points, _ in bodies])
+    if settings.sizing == CONTACT and from_walls is not None:
+        gaps = [np.minimum(gap, from_walls(x)) for gap, (_, x, _) in zip(gaps, bodies, strict=True)]
     for (label, points, triangles), gap in zip(bodies, gaps, strict=True):
         grain = SurfaceGrain(label, points, triangles, gap)
         yield _job(grain, settings.lengths, settings)

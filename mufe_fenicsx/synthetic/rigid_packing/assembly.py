@@ -85,6 +85,10 @@ class Assembly:
         for array in (self.bodies.velocity, self.bodies.momentum, self.bodies.spin):
             array[:] = 0.0
 
+    def turned(self, b, points):
+        """Points in the frame of a body about its centre, as large as it is [mean diameters]."""
+        return self.bodies.size[b] * points @ self.bodies.axes[b].T
+
     @property
     def stress(self):
         """Mean stress of the container, compression positive [E], shape (3, 3)."""

@@ -68,13 +68,25 @@ class Container:
         self.high += (middle - self.high) * strain
         self.place_walls()
 
+    def from_walls(self, points):
+        """Distance of points from its nearest side, below 0 outside, shape (num_points,)."""
+        away = np.minimum(points - self.low, self.high - points)
+        if self.kind == CYLINDER:
+            off = np.linalg.norm((points - self.middle)[:, :2], axis=1)
+            return np.minimum(away[:, 2], 0.5 * (self.high - self.low)[0] - off)
+        return away.min(axis=1)
+
+    def pulled_in(self, points):
+        """Points, those outside moved to the nearest side, shape (num_points, 3)."""
+        if self.kind == CYLINDER:
+            points, off = points.copy(), (points - self.middle)[:, :2]
+            length = np.linalg.norm(off, axis=1, keepdims=True)
+            part = np.minimum(1.0, 0.5 * (self.high - self.low)[0] / np.maximum(length, 1e-300))
+            points[:, :2] = self.middle[:2] + part * off
+        return np.clip(points, self.low, self.high)
+
     def inside(self, points, margin):
         """Whether points are farther than ``margin`` from its sides, shape (num_points,)."""
         if self.kind == PERIODIC:
             return np.ones(len(points), dtype=bool)
-        away = np.minimum(points - self.low, self.high - points) > margin
-        if self.kind == CYLINDER:
-            radius = 0.5 * (self.high - self.low)[0]
-            off = np.linalg.norm((points - self.middle)[:, :2], axis=1)
-            return away[:, 2] & (off < radius - margin)
-        return away.all(axis=1)
+        return self.from_walls(points) > margin

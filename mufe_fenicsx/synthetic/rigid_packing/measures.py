@@ -35,13 +35,16 @@ def bearing(num_bodies, pairs, at_walls, least):
 
 
 def solid_inside(assembly, margin=MARGIN):
-    """Solid fraction farther than ``margin`` from all walls; nan where nothing is so far."""
+    """Solid fraction farther than ``margin`` from all walls, and its standard error.
+
+    That is by the scatter of its eight parts; both are nan where nothing is so far.
+    """
     bodies, container = assembly.bodies, assembly.container
     s = bodies.shapes
     low = container.low + margin
     shape = np.floor((container.high - container.low - 2 * margin) * POINTS).astype(int)
     if (shape < POINTS).any():
-        return float("nan")
+        return float("nan"), float("nan")
     labels = np.zeros(shape[::-1], dtype=np.int32)
     label_voxels(
         labels, np.zeros(labels.shape), low, 1 / POINTS, s.spheres, bodies.centre, bodies.axes,
@@ -50,7 +53,19 @@ def solid_inside(assembly, margin=MARGIN):
     z, y, x = (np.arange(n) + 0.5 for n in labels.shape)
     grid = np.stack(np.meshgrid(z, y, x, indexing="ij"), axis=-1)[..., ::-1].reshape(-1, 3)
     inside = container.inside(low + grid / POINTS, margin)
-    return float((labels.ravel()[inside] > 0).mean())
+    solid, grid = labels.ravel()[inside] > 0, grid[inside]
+    part = (grid > 0.5 * shape) @ (1, 2, 4)
+    sizes = np.bincount(part, minlength=8)
+    parts = np.bincount(part, solid, 8)[sizes > 0] / sizes[sizes > 0]
+    return float(solid.mean()), float(parts.std(ddof=1) / np.sqrt(len(parts)))
+
+
+def void_ratio_inside(assembly):
+    """Void ratio away from walls and its standard error, or that of the container and 0."""
+    solid, error = solid_inside(assembly)
+    if not solid > 0:
+        return assembly.void_ratio, 0.0
+    return 1 / solid - 1, error / solid**2
 
 
 def measured(assembly):
@@ -61,12 +76,13 @@ def measured(assembly):
     least = HELD_WITH_FRICTION if assembly.friction > 0 else HELD
     bears, count = bearing(bodies.num_bodies, pairs, at_walls, least)
     fabric = fabric_tensor(normals)
-    inside = solid_inside(assembly)
+    inside, error = solid_inside(assembly)
     return {
         "num_grains": bodies.num_bodies,
         "void_ratio": assembly.void_ratio,
         "solid_fraction": assembly.solid_fraction,
         "void_ratio_inside": 1 / inside - 1 if inside > 0 else float("nan"),
+        "void_ratio_inside_error": error / inside**2 if inside > 0 else float("nan"),
         "solid_fraction_inside": inside,
         "num_contacts": len(pairs),
         "coordination_number": 2 * len(pairs) / bodies.num_bodies,

@@ -14,13 +14,14 @@ from ...units import lengths_text, require, with_unit
 from ..shapes import sizes_by_mass
 from ..starter_scenes import DAMPED, HEAD, OEDOMETER, OUTPUT, write_scene
 from .assembly import Assembly
-from .container import BOX, CYLINDER
-from .measures import measured
+from .container import BOX, CYLINDER, Container
+from .measures import measured, void_ratio_inside
 from .picture import draw_packing
 from .settings import GRAVITY, MOST_VOXELS
-from .sources import SOLID_FRACTION, draw_grains, meshes_of, shapes_of
+from .sources import SOLID_FRACTION, draw_grains, meshes_in_place, meshes_of, shapes_of
 from .start import column, fits, loose
-from .ways import compress, reach_void_ratio, settle
+from .stiffness import over_modulus
+from .ways import PRESSURE, TOLERANCE, compress, reach_void_ratio, settle
 
 #: File by which a folder is known as one that may be replaced.
 MARKER = "packing.csv"
@@ -28,6 +29,24 @@ MARKER = "packing.csv"
 ROUND = """
 [container]
 shape = "cylinder"        # side, z_min and z_max are its walls
+"""
+
+#: The test of a packing that bears a stress.
+FROM_STRESS = """
+[loading]                 # a test by stages: the walls move
+speed = "0.3 m/s"         # at which a length of the sample changes, at most
+ramp = 0.001              # strain over which walls get to it
+tolerance = 0.02          # of stresses
+
+[[stage]]                 # the stress that it was packed at; strains count from its end
+zero = true
+{across} = {{ stress = "{side}" }}
+z = {{ stress = "{z}" }}
+
+[[stage]]                 # an oedometer: the sides rest, the top comes down
+name = "compress"
+{across} = {{ speed = 0 }}
+z = {{ strain = 0.06, walls = "max" }}
 """
 
 
@@ -66,7 +85,7 @@ def pack(source, settings, output_folder, *, spheres=False, overwrite=False, pro
         write_table(folder / MARKER, _rows(draw, assembly))
         if settings.voxel_size is not None:
             _write_labels(folder / "labels.tif", assembly, draw.unit, settings.voxel_size)
-        text = _scene_text(grains.num_grains, assembly.container.kind)
+        text = _scene_text(grains.num_grains, assembly.container.kind, settings)
         write_scene(text, folder, output_folder)
         draw_packing(folder / "packing.png", assembly, draw.unit)
     edges = (assembly.container.high - assembly.container.low) * draw.unit
@@ -128,9 +147,14 @@ def packed(draw, settings, rng, progress=None):
         _require_room(shapes, draw, edges, settings)
     bodies, container = loose(shapes, draw.shape, size, rng, kind, edges)
     assembly = Assembly(bodies, container, **more, progress=shown)
-    compress(assembly)
+    pressure = PRESSURE
+    if settings.stress is not None:
+        stresses = np.array(settings.stresses)
+        pressure = over_modulus(stresses.mean()) * stresses / stresses.mean()
+    compress(assembly, pressure)
     if settings.void_ratio is not None:
-        assembly = reach_void_ratio(assembly, settings.void_ratio)
+        held = settings.stress is not None
+        assembly = reach_void_ratio(assembly, settings.void_ratio, pressure, _void_ratio, held)
     return assembly
 
 
@@ -150,21 +174,38 @@ def _require_room(shapes, draw, edges, settings):
         )
 
 
-def _in_space(assembly, b, points):
-    """Points in the frame of a body from the container's corner, in mean diameters."""
-    bodies = assembly.bodies
-    return bodies.centre[b] - assembly.container.low + bodies.size[b] * points @ bodies.axes[b].T
+def _void_ratio(assembly):
+    """The void ratio that is asked for, away from walls where there is such a place."""
+    found, error = void_ratio_inside(assembly)
+    return found, max(TOLERANCE, 0.5 * error)
 
 
 def _meshed(draw, assembly, settings, progress):
     """`Grains` of the packing [m]."""
     shown = progress and (lambda done, total: progress(done, total, "meshing"))
-    meshes, element_size = meshes_of(draw, settings, shown)
-    placed = []
-    for b, t in enumerate(draw.shape):
-        points, cells = meshes[t]
-        placed.append((_in_space(assembly, b, points) * draw.unit, cells))
-    container = assembly.container
+    container, wider = assembly.container, 1.0
+    if settings.stress is not None:
+        # Without their load contacts just touch: it brings grains to where they are packed.
+        wider += assembly.contacts.sums.depth
+        container = Container(container.kind, wider * container.low, wider * container.high)
+
+    def place(b, points):
+        at = assembly.bodies.centre[b] - assembly.container.low
+        return (wider * at + assembly.turned(b, points)) * draw.unit
+
+    def from_walls(points):
+        return container.from_walls(points / draw.unit + container.low) * draw.unit
+
+    if settings.contact_size is not None:
+        placed, element_size = meshes_in_place(draw, settings, place, from_walls, shown)
+    else:
+        meshes, element_size = meshes_of(draw, settings, shown)
+        placed = [(place(b, meshes[t][0]), meshes[t][1]) for b, t in enumerate(draw.shape)]
+    # What stands out of a wall, by a contact or as a corner of a round grain, becomes flat.
+    placed = [
+        ((container.pulled_in(x / draw.unit + container.low) - container.low) * draw.unit, cells)
+        for x, cells in placed
+    ]
     box = np.array([np.zeros(3), container.high - container.low]) * draw.unit
     return Grains.from_list(np.arange(1, len(placed) + 1), placed, element_size, box)
 
@@ -205,7 +246,7 @@ def _write_labels(path, assembly, unit, voxel_size):
     write_labels(path, labels, voxel_size)
 
 
-def _scene_text(num_grains, kind):
+def _scene_text(num_grains, kind, settings):
     """Oedometer test (TOML) of a packing in a box or cylinder; see `scene.load_scene`."""
     head = HEAD.format(
         title=f"Oedometer test on a packing of {num_grains} grains",
@@ -214,5 +255,8 @@ def _scene_text(num_grains, kind):
         wall=0.0,
         material=scene_table(),
     )
-    container = ROUND if kind == CYLINDER else ""
-    return head + container + DAMPED.format(100) + OEDOMETER + OUTPUT
+    container, test = ROUND if kind == CYLINDER else "", OEDOMETER
+    if settings.stress is not None:
+        side, _, vertical = (f"{stress:.9g} Pa" for stress in settings.stresses)
+        test = FROM_STRESS.format(across="r" if kind == CYLINDER else "xy", side=side, z=vertical)
+    return head + container + DAMPED.format(100) + test + OUTPUT

@@ -46,8 +46,16 @@ class PackSettings:
         '"compression" from all sides, or "gravity"',
         allowed=(COMPRESSION, GRAVITY),
     )
+    stress: float | None = setting(
+        None, "Pa", "vertical stress that the sample has at the end; None: barely any", gt=0
+    )
+    k0: float | None = setting(None, "-", "stress of the sides over that; None: 1", ge=0.1, le=3)
     void_ratio: float | None = setting(
-        None, "-", "at which compression ends; None: where grains bear", ge=0.2, le=5
+        None,
+        "-",
+        "away from walls, at which compression ends; None: where grains bear",
+        ge=0.2,
+        le=5,
     )
     friction: float | None = setting(
         None,
@@ -89,6 +97,9 @@ class PackSettings:
         "wanted length of edges; None: meshes as given, or a tenth of the mean diameter",
         gt=0,
     )
+    contact_size: float | None = setting(
+        None, "m", "the same at contacts, coarser away from them; None: alike everywhere", gt=0
+    )
     points: int = setting(
         400, "", "points of the surface of a grain that may touch others", ge=50, le=5000
     )
@@ -106,9 +117,13 @@ class PackSettings:
         if self.box is not None and self.cylinder is not None:
             box, cylinder = lengths_text(self.box), lengths_text(self.cylinder)
             raise InputError(f"cylinder = {cylinder} beside box = {box}, expected one of them")
-        settled = self.way == GRAVITY and self.void_ratio is not None
-        expected = 'none with way = "gravity", where friction alone decides'
-        require(not settled, "void_ratio", self.void_ratio, expected)
+        for name, expected in (
+            ("void_ratio", 'none with way = "gravity", where friction alone decides'),
+            ("stress", 'none with way = "gravity", which makes a heap'),
+        ):
+            value = getattr(self, name)
+            require(self.way != GRAVITY or value is None, name, value, expected)
+        require(self.k0 is None or self.stress is not None, "k0", self.k0, "stress beside it")
 
     @property
     def first_friction(self):
@@ -116,6 +131,12 @@ class PackSettings:
         if self.friction is not None:
             return self.friction
         return FRICTION if self.void_ratio is None else FIRST_FRICTION
+
+    @property
+    def stresses(self):
+        """Along x, y and z at the end [Pa]; where a stress is asked for."""
+        side = self.stress * (1.0 if self.k0 is None else self.k0)
+        return side, side, self.stress
 
     @property
     def edges(self):
@@ -157,10 +178,13 @@ class PackSettings:
 
     def check_sizes(self, num_grains, diameter):
         """Raise InputError where elements or voxels do not suit grains of a mean diameter [m]."""
-        size, voxel = self.element_size, self.voxel_size
+        size, fine, voxel = self.element_size, self.contact_size, self.voxel_size
         low, high = LEAST_ELEMENT * diameter, LARGEST_ELEMENT * diameter
         expected = f"{low:.3g} to {high:.3g} m for grains of {diameter:.3g} m"
         require(size is None or low <= size <= high, "element_size", size, expected)
+        high = size or high
+        expected = f"{low:.3g} to {high:.3g} m: no more than element_size"
+        require(fine is None or low <= fine <= high, "contact_size", fine, expected)
         low = diameter * (num_grains / MOST_VOXELS) ** (1 / 3)
         expected = f"{low:.3g} to {high:.3g} m for grains of {diameter:.3g} m"
         require(voxel is None or low <= voxel <= high, "voxel_size", voxel, expected)

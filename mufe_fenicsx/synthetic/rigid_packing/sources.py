@@ -12,6 +12,7 @@ from ...geometry.grains import load_grains
 from ...geometry.measure import boundary_triangles, compact, tet_volumes
 from ...geometry.settings import MeshSettings
 from ...geometry.surface.given_surfaces import has_bodies, read_bodies
+from ...geometry.surface.sizing import CONTACT
 from ...geometry.tets.jobs import surface_jobs
 from ...geometry.tets.mesher import mesh_grains
 from ...scene.shipped import SHIPPED, shipped_mesh
@@ -28,6 +29,8 @@ LEVEL = 3
 MAX_DEGREE = 15
 #: Element size over the mean diameter where none is stated.
 ELEMENT = 0.1
+#: The same away from contacts where these are finer.
+COARSE = 0.2
 #: Solid fraction by which the number of grains of a container is chosen.
 SOLID_FRACTION = 0.6
 
@@ -277,6 +280,50 @@ def meshes_of(draw, settings, progress=None):
     ], size
 
 
+def meshes_in_place(draw, settings, place, from_walls, progress=None):
+    """Tetrahedra of each grain where it stands, fine at contacts.
+
+    Args:
+        draw: :class:`Draw`.
+        settings: `PackSettings` with a contact_size.
+        place: Gives the points [m] of a body, by its number and points in its own frame.
+        from_walls: Gives distances of points from the nearest wall [m].
+        progress: As of :func:`meshes_of`.
+
+    Returns:
+        List of (points [m], cells); largest length of edges [m].
+
+    Raises:
+        InputError: A grain could not be meshed.
+    """
+    supply, size = draw.supply, settings.element_size or COARSE * draw.unit
+    surfaces = [surface[:2] for surface in supply.surfaces]
+    if supply.spheres:
+        points, triangles = icosphere(LEVEL + 1)
+        surfaces = [(0.5 * points, triangles)]
+    bodies = [(b + 1, place(b, surfaces[t][0]), surfaces[t][1]) for b, t in enumerate(draw.shape)]
+    lengths = MeshSettings(
+        size=max(size, settings.contact_size), smallest_size=settings.contact_size, sizing=CONTACT
+    )
+    return _made(bodies, lengths, supply.source, progress, from_walls), size
+
+
+def _made(bodies, lengths, source, progress, from_walls=None):
+    """(points, cells) of each of some bodies (label, points, triangles)."""
+    made = mesh_grains(
+        surface_jobs(bodies, lengths, from_walls),
+        progress=progress and (lambda finished: progress(finished, len(bodies))),
+    )
+    for mesh in made:
+        if not mesh.ok:
+            raise InputError(
+                f"element_size = {lengths.size:g} m: shape {mesh.label} of {source} could not be "
+                f"meshed: {mesh.quality['reason']}"
+            )
+    of_label = {mesh.label: (mesh.points, mesh.cells) for mesh in made}
+    return [of_label[label] for label, *_ in bodies]
+
+
 def _mesh_surfaces(draw, size, progress):
     supply = draw.supply
     used = np.unique(draw.shape)
@@ -284,18 +331,9 @@ def _mesh_surfaces(draw, size, progress):
     bodies = [
         (int(t) + 1, supply.surfaces[t][0] * scale[int(t)], supply.surfaces[t][1]) for t in used
     ]
-    made = mesh_grains(
-        surface_jobs(bodies, MeshSettings(size=size)),
-        progress=progress and (lambda finished: progress(finished, len(bodies))),
-    )
-    for mesh in made:
-        if not mesh.ok:
-            raise InputError(
-                f"element_size = {size:g} m: shape {mesh.label} of {supply.source} could not be "
-                f"meshed: {mesh.quality['reason']}"
-            )
+    made = _made(bodies, MeshSettings(size=size), supply.source, progress)
     empty = (np.zeros((0, 3)), np.zeros((0, 4), dtype=np.int64))
     meshes = [empty] * len(supply.surfaces)
-    for mesh in made:
-        meshes[mesh.label - 1] = mesh.points / scale[mesh.label - 1], mesh.cells
+    for t, (points, cells) in zip(used, made, strict=True):
+        meshes[t] = points / scale[int(t)], cells
     return meshes

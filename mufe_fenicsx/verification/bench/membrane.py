@@ -54,11 +54,11 @@ def in_membrane(comm, *, packed=PACKED, seed=SEED, steps=200, repeats=9, most=20
     Raises:
         InputError: The sample does not carry the cell after so many.
     """
-    from ...synthetic.starter_scenes import TALL, ball_packing
+    from ...synthetic.starter_scenes import round_packing
 
     packed, seed, steps, most = int(packed), int(seed), int(steps), int(most)
     with tempfile.TemporaryDirectory() as folder:
-        grains = ball_packing(packed, seed, TALL, True)
+        grains = round_packing(packed, seed)
         cell = _test(comm, Path(folder) / "with", grains, True)
         _seat(*cell, most)
         simulation, loading = cell
