@@ -30,7 +30,7 @@ over ``ramp``.
 
 Stages until the last one with ``zero`` seat the sample. They end at rest as well, with a kinetic
 energy of ``AT_REST`` of the elastic one, and until then grains lose motion at the rate
-``STILLED``/T at least.
+``STILLED``/T at least. Grains that still move after ``RATTLES`` T are taken so, with a line.
 
 Rows of the history fall due by the ways that a stage has come, one for each of what leads it:
 s, the changes of lengths that go at a speed, the values of ``until``, and time where it waits and
@@ -72,6 +72,9 @@ SETTLED = 2.0
 AT_REST = 0.02
 #: Damping while the sample is seated over one over that time.
 STILLED = 0.5
+#: Times that a wave travels after which grains that still move are taken as they are, and after
+#: which stresses that are not there end the test.
+RATTLES, NEVER = 300.0, 3000.0
 #: Ways of every stage: s, that of lengths, and of time where it waits.
 NUM_WAYS = 3
 
@@ -413,8 +416,7 @@ class StagedLoading(Stateful):
         self._come(lengths, t)
         near = now.s == 1.0 or not any(task.goes for task in self._all)
         near &= self.shearing.is_there
-        if not self.loaded and any(task.servo for task in self.tasks):
-            near &= self.servo.kinetic <= AT_REST
+        near &= self._is_at_rest(t)
         means, axis_means = gauges.led(np.asarray(gauges.means.stress)), gauges.mean_stress()
         for task in self.tasks:
             near &= task.is_there(means, axis_means, lengths, self.settings.tolerance)
@@ -424,6 +426,25 @@ class StagedLoading(Stateful):
         if now.hold_from is None:
             self._look_for_end(t)
 
+    def _is_at_rest(self, t):
+        """Whether grains move little enough for a seating, or will not come to rest."""
+        now, kinetic = self._now, self.servo.kinetic
+        if self.loaded or kinetic <= AT_REST or not any(task.servo for task in self.tasks):
+            return True
+        waves = self._waves_waited(t)
+        if waves > RATTLES:
+            now.waiting.say_moving(
+                f'stage "{self.stage}" does not come to rest: kinetic energy is {kinetic:.2g} of '
+                f"the elastic, expected {AT_REST:g}; the test begins with it: more stress or "
+                "solver.damping may hold grains that slide or roll"
+            )
+        return waves > RATTLES
+
+    def _waves_waited(self, t):
+        """Travel times of a wave since walls had reached what they go to."""
+        led, travel = self._now.led_until, self.servo.travel_time
+        return 0.0 if led is None or not travel > 0.0 else (t - led) / travel
+
     def _look_for_end(self, t):
         """Let `hold` begin where the stage has reached what it is to reach, or `until`."""
         now, stage, tasks = self._now, self.program[self.index], self.tasks
@@ -431,7 +452,7 @@ class StagedLoading(Stateful):
         ends = any(task.ends for task in self._all)
         ends_itself = ends or not (stage.until is not None or at_speed)
         travel = self.servo.travel_time
-        if ends_itself and now.settled is None and now.waiting.is_due(t, travel):
+        if ends_itself and now.settled is None:
             self._look_whether_it_waits(t)
         if ends_itself and now.settled is not None:
             servo = any(task.servo for task in tasks)
@@ -447,7 +468,20 @@ class StagedLoading(Stateful):
             now.hold_from = t
 
     def _look_whether_it_waits(self, t):
-        """Make a notice where the sample is at rest without the stresses that it is to reach."""
+        """Make a notice where the sample is at rest without the stresses that it is to reach.
+
+        Raises:
+            SolverError: A seating has not got there for long.
+        """
+        if not self.loaded and self._waves_waited(t) > NEVER:
+            found = ", ".join(f"{x / 1e3:.5g}" for x in self.gauges.means.stress)
+            raise SolverError(
+                f'stage "{self.stage}" has not got to its stresses in {NEVER:g} times that a wave '
+                f"travels: walls carry {found} kPa; lower the speed of the seating, or raise "
+                "solver.damping or loading.tolerance"
+            )
+        if not self._now.waiting.is_due(t, self.servo.travel_time):
+            return
         means, tolerance = self.gauges.mean_stress(), self.settings.tolerance
         lacks = {}
         for task in self.tasks:

@@ -205,7 +205,7 @@ class Carry(Task):
         first, way = self.law.line(now.axis_stress)
         most, found = self.speed * pace.factor * abs(self.share), 1.0
         for w in self.walls:
-            if not math.isfinite(now.gain[w]):
+            if not now.stiffness[w] > 0.0:
                 # Those that have met the sample press a little, and stay.
                 found = min(found, UNMET)
             elif way != 0.0:
@@ -233,8 +233,8 @@ class Carry(Task):
             if now.stiffness[w] > 0.0:
                 v = now.gain[w] * (target - now.stress[w])
                 found.append(min(max(v, -most * share), most * share))
-            else:  # on towards the sample
-                found.append(share * free)
+            else:  # on towards the sample, which it meets with no more than it shall carry
+                found.append(min(share * free, now.gain[w] * max(first, first + way)))
         return found
 
 

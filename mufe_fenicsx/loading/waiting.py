@@ -1,4 +1,4 @@
-"""Whether a stage waits for a stress that a sample at rest does not reach, said once a stage."""
+"""Whether a stage waits for a stress or for rest that does not come, said once a stage."""
 
 import numpy as np
 
@@ -17,6 +17,12 @@ class Waiting:
     def __init__(self):
         self.notice = None  #: a line for who runs the test, until it is taken
         self._from, self._lengths, self._said = None, None, False
+        self._moving = False
+
+    def say_moving(self, line):
+        """Let a line on grains that do not come to rest be the notice, once."""
+        if not self._moving:
+            self.notice, self._moving = line, True
 
     def is_due(self, t, travel):
         """Whether it is time to look again, a wave needing ``travel`` [s] through the sample."""

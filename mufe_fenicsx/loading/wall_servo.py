@@ -109,7 +109,9 @@ class Servo(Stateful):
         self._next, self._interval = t + interval, interval
 
     def gains(self, stiffness, area):
-        """Speed over lack of stress of each wall [m/(s Pa)], (num_walls,); inf where it is free.
+        """Speed over lack of stress of each wall [m/(s Pa)], (num_walls,).
+
+        That of walls which are free is inf until some contact carries.
 
         Args:
             stiffness: Of the contacts on each wall [N/m], shape (num_walls,).
@@ -118,6 +120,4 @@ class Servo(Stateful):
         bound = np.full(stiffness.shape, np.inf)
         touched = stiffness > 0.0
         bound[touched] = SERVO_GAIN * area[touched] / (stiffness[touched] * self.simulation.dt)
-        if self.impedance > 0.0:
-            bound[touched] = np.minimum(bound[touched], 1.0 / self.impedance)
-        return bound
+        return np.minimum(bound, 1.0 / self.impedance) if self.impedance > 0.0 else bound

@@ -189,7 +189,7 @@ def test_a_run_follows_its_plan_and_tells_what_was_predicted(tmp_path_factory):
         save_grains(folder / "grains", packed_grains((2, 2, 1), h=0.26 * RADIUS))
     comm.Barrier()
     wanted = Scene(
-        J2_ROCK, Contact(0.23), Oedometer(0.01, 1.0, seating_stress=1e4, seating_speed=20.0),
+        J2_ROCK, Contact(0.23), Oedometer(0.01, 1.0, seating_stress=1e6, seating_speed=20.0),
         output=Output(fields=3, history=21), accuracy=0.6,
     )  # fmt: skip
     planned, after = planned_scene(wanted, folder / "grains", comm)
