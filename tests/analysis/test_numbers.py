@@ -128,7 +128,8 @@ def test_overlap_beyond_a_hundredth_of_the_grains_is_noticed():
 
 
 def test_ratios_without_load_are_not_known():
-    h = {k: np.zeros(2) for k in ("kinetic", "elastic", "plastic", "force_z_max", "force_z_min")}
+    energies = "kinetic", "elastic", "plastic", "contact"
+    h = {k: np.zeros(2) for k in (*energies, "force_z_max", "force_z_min")}
     assert np.isnan(quasi_static.kinetic_ratio(h)).all()
     assert np.isnan(quasi_static.force_difference(h)).all()
 

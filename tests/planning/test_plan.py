@@ -201,9 +201,10 @@ def test_a_run_follows_its_plan_and_tells_what_was_predicted(tmp_path_factory):
     assert stored.accuracy == 0.6
     line = result["predicted_and_actual"]
     assert line.startswith("predicted ") and f"actual {result['wall_s']:.3g} s" in line
-    # At 20 m/s the platen is far ahead of the first wave. A machine at work makes clocks useless.
-    predicted = result["plan"]["predicted"]
-    assert 0.6 < predicted["num_steps"] / result["num_steps"] < 1.7
+    # How long the seating takes is a guess. A machine at work makes clocks useless.
+    predicted, begun = result["plan"]["predicted"], result["stages"][1]["step"]
+    steps = predicted["num_steps"] - predicted["seating_steps"]
+    assert 0.6 < steps / (result["num_steps"] - begun) < 1.7
     assert 0.7 < predicted["memory_bytes"] / result["peak_memory_bytes"] < 1.3
     # The plan of the planned scene is itself: a run that goes on finds the same.
     again, _ = planned_scene(stored, folder / "grains", comm, measure=False)
