@@ -1,10 +1,13 @@
 """The stage by which an oedometer test seats its sample."""
 
-from ..analysis.quasi_static import UNBALANCED
 from ..loading.measures import PlatenMeasures
 from ..loading.oedometer import LARGEST_SEATING, SEATING
 from ..loading.stages import StagedLoading
 from ..scene.stages import Axis, Loading, Stage
+
+#: Of the seating stress, over it: a sample that yields comes to it ever more slowly, and where
+#: strain begins changes by as little.
+TOLERANCE = 0.1
 
 
 def seating_of(simulation, oedometer):
@@ -20,7 +23,7 @@ def seating_of(simulation, oedometer):
     if simulation.increments:
         return None
     speed = oedometer.seating_speed
-    settings = Loading(speed, oedometer.ramp, UNBALANCED, LARGEST_SEATING)
+    settings = Loading(speed, oedometer.ramp, TOLERANCE, LARGEST_SEATING)
     platen = Axis(stress=oedometer.seating_stress, speed=speed, walls="max")
     program = [Stage(name=SEATING, z=platen, zero=True)]
     return StagedLoading(simulation, settings, program, None, PlatenMeasures(simulation))
