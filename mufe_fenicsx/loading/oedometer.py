@@ -2,9 +2,9 @@
 
 Strain is the shortening of the distance between top and bottom platen over that
 distance at the end of the seating stage, positive in compression: gaps that the
-segmentation left are closed by the seating and do not count. It is a stage (stages.py) in which a
-servo takes the top platen to the seating stress, until both platens carry that and all is at rest.
-Increments, which have no servo, end at that stress to ``SEATED`` of it, and where the strain of the
+segmentation left are closed by the seating and do not count. There the top platen comes down until
+both platens carry the seating stress; with ``seating_at_rest`` a servo holds that until all is at
+rest (stages.py), and the platen begins anew from there. Increments end at that stress to ``SEATED`` of it, and where the strain of the
 test is reached.
 """
 
@@ -23,12 +23,14 @@ SEATING, LOADING = "seating", "loading"
 
 STRAIN_DEFINITION = (
     "shortening of the distance between top and bottom platen over that distance at the end of "
-    "the seating stage (at which both carry the seating stress, at rest in time steps); "
+    "the seating stage (the first step at which both carry the seating stress, or at rest after that); "
     "compression positive"
 )
 
 #: The seating stage gives up when the platens have approached by this part of their distance.
 LARGEST_SEATING = 0.25
+#: Times that a wave travels for which the platen holds the seating stress, at most.
+LONGEST_HOLD = 300.0
 #: Part of the seating force by which an increment may go beyond it.
 SEATED = 0.01
 #: Part of the strain of the test to which it is reached.
@@ -74,8 +76,8 @@ class OedometerLoading(Stateful):
         seating_speed: Speed of the top platen while seating [m/s].
         quasi_static: Settings of a speed that adapts (scene.QuasiStatic), from the end of the
             seating on; None: ``speed`` throughout, reached over ``ramp``.
-        seating: :class:`~.stages.StagedLoading` of the stage in which the platen takes the sample
-            to the force and to rest; None: the seating ends at the first step with that force.
+        make_hold: Makes the :class:`~.stages.StagedLoading` by which the platen holds that force,
+            once both carry it, until all is at rest; None: the seating ends at that step.
     """
 
     columns = ()  #: of history.csv beyond the usual ones
@@ -95,7 +97,7 @@ class OedometerLoading(Stateful):
 
     def __init__(
         self, simulation, strain, speed, ramp, seating_force, seating_speed, quasi_static=None,
-        seating=None,
+        make_hold=None,
     ):  # fmt: skip
         self.simulation = simulation
         self.final_strain, self.speed, self.ramp = strain, speed, ramp
@@ -110,7 +112,7 @@ class OedometerLoading(Stateful):
         self.first_height = self.height
         self.reference_height = self.first_height
         self._speed = self._speed_at_start = 0.0
-        self.seating = seating
+        self._make_hold, self._hold, self._notice = make_hold, None, None
         self._held = self._held_stresses()
         self.stage = SEATING
         self.stages = [self._note()]
@@ -132,7 +134,9 @@ class OedometerLoading(Stateful):
         return 1.0 - self.height / self.reference_height
 
     def take_notice(self):
-        """Nothing to tell: the platen goes on whatever it meets. Local."""
+        """What there is to tell of the hold that ends the seating, once, or None. Local."""
+        notice, self._notice = self._notice, None
+        return self._hold.take_notice() if self._hold is not None else notice
 
     @property
     def speed_now(self):
@@ -178,15 +182,16 @@ class OedometerLoading(Stateful):
     def state_dict(self):
         """What a loading that goes on from here has to know, fit for JSON."""
         kept = super().state_dict()
-        if self.seating is not None and self.stage == SEATING:
-            kept["seating"] = self.seating.state_dict()
+        if self._hold is not None:
+            kept["hold"] = self._hold.state_dict()
         return kept if self.control is None else kept | {"control": self.control.state_dict()}
 
     def load_state_dict(self, kept):
         """Go on from what :meth:`state_dict` gave."""
         super().load_state_dict({"common": kept["common"]})
-        if self.seating is not None and "seating" in kept:
-            self.seating.load_state_dict(kept["seating"])
+        if "hold" in kept:
+            self._hold = self._make_hold()
+            self._hold.load_state_dict(kept["hold"])
         if self.control is not None:
             if "control" in kept:
                 self.control.load_state_dict(kept["control"])
@@ -226,7 +231,7 @@ class OedometerLoading(Stateful):
         elif self.stage == LOADING:
             start = self._speed_at_start
             self._speed = start + (self.speed - start) * smooth_step(self._part_of_ramp())
-        elif self.seating is not None:
+        elif self._hold is not None:
             return
         self.simulation.walls.velocity[self._top, 2] = -self._speed
         if self.simulation.increments:
@@ -242,20 +247,36 @@ class OedometerLoading(Stateful):
 
     def _seat(self):
         """One step of the seating, or its end. Collective."""
-        seating = self.seating
-        if seating is not None and not seating.finished:
-            seating.before_step()
-            self._speed = seating.speed_now
-        elif seating is not None:
-            seating.leave()
-            self._begin_loading(0.0)
-        elif self._carried() >= self.seating_force:
-            self._begin_loading(self._speed)
-        else:
+        if self._hold is None and self._carried() < self.seating_force:
             self._check_seating()
             ramp_time = self.ramp * self.first_height / self.seating_speed
             s = self.simulation.state.t / ramp_time if ramp_time > 0 else 1.0
             self._speed = self.seating_speed * smooth_step(s)
+            return
+        if self._make_hold is None:
+            self._begin_loading(self._speed)
+            return
+        self._hold = self._hold or self._make_hold()
+        waited = self._hold.waves_waited(self.simulation.state.t)
+        if self._hold.finished or waited > LONGEST_HOLD:
+            self._notice = self._hold.take_notice() or self._lack(waited)
+            self._hold.leave()
+            self._hold = None
+            self._begin_loading(0.0)
+        else:
+            self._hold.before_step()
+            self._speed = self._hold.speed_now
+
+    def _lack(self, waited):
+        """A line where the hold was given up, or None."""
+        if waited <= LONGEST_HOLD:
+            return None
+        stress = self._carried() / self.seating_force
+        return (
+            f"the sample carries {stress:.2g} of the seating stress after {LONGEST_HOLD:g} times "
+            "that a wave travels, expected all of it: the test begins with that; grains that are "
+            "far apart need another packing, or oedometer.seating_stress more"
+        )
 
     def _begin_loading(self, speed):
         """Strain counts from here; the platen has a speed [m/s]."""

@@ -286,7 +286,7 @@ class StagedLoading(Stateful):
     def _still(self):
         """Take the motion of grains while the sample is seated, beside what the scene states."""
         travel, least = self.servo.travel_time, 0.0
-        if not self.loaded and travel > 0.0:
+        if not self.loaded and self._now.led_until is not None and travel > 0.0:
             least = STILLED / travel
         self.simulation.damping = max(self.servo.damping, least)
 
@@ -431,7 +431,7 @@ class StagedLoading(Stateful):
         now, kinetic = self._now, self.servo.kinetic
         if self.loaded or kinetic <= AT_REST or not any(task.servo for task in self.tasks):
             return True
-        waves = self._waves_waited(t)
+        waves = self.waves_waited(t)
         if waves > RATTLES:
             now.waiting.say_moving(
                 f'stage "{self.stage}" does not come to rest: kinetic energy is {kinetic:.2g} of '
@@ -440,8 +440,8 @@ class StagedLoading(Stateful):
             )
         return waves > RATTLES
 
-    def _waves_waited(self, t):
-        """Travel times of a wave since walls had reached what they go to."""
+    def waves_waited(self, t):
+        """Times that a wave travels since walls had reached what they go to, at the time t [s]."""
         led, travel = self._now.led_until, self.servo.travel_time
         return 0.0 if led is None or not travel > 0.0 else (t - led) / travel
 
@@ -473,7 +473,7 @@ class StagedLoading(Stateful):
         Raises:
             SolverError: A seating has not got there for long.
         """
-        if not self.loaded and self._waves_waited(t) > NEVER:
+        if not self.loaded and self.waves_waited(t) > NEVER:
             found = ", ".join(f"{x / 1e3:.5g}" for x in self.gauges.means.stress)
             raise SolverError(
                 f'stage "{self.stage}" has not got to its stresses in {NEVER:g} times that a wave '

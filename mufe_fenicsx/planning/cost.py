@@ -263,8 +263,8 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
 def loading_time(scene, height):
     """Time of loading [s], after the sample is seated.
 
-    The platen of an oedometer gets smoothly from rest to its speed, in the time in which that goes
-    over the ramp; in increments from the speed of the seating, over the ramp. In a test by stages
+    The platen of an oedometer gets smoothly from the speed of the seating to its own, over the
+    ramp; after a seating at rest in the time in which its speed goes over that. In a test by stages
     each stage begins at rest; towards a strain its speed falls with the root of what is left, over
     the ramp, which takes twice as long; and each waits for its stresses, and its hold.
 
@@ -273,11 +273,11 @@ def loading_time(scene, height):
         height: Of the sample, H [m].
     """
     o, course = scene.oedometer, course_of(scene)
-    at_rest = scene.solver.integrator == "explicit"
+    at_rest = o is not None and o.seating_at_rest
     if scene.quasi_static is not None and o is not None:
         begin = scene.quasi_static.slowest if at_rest else o.seating_speed
         return _adapted_time(scene, height, 0.0, o.strain, begin)
-    if o is not None and at_rest:
+    if at_rest:
         return height / o.speed * (o.strain + 0.5 * o.ramp)
     if o is not None:
         parts = (np.arange(200) + 0.5) / 200

@@ -39,10 +39,15 @@ def seating_time(scene, course, measured):
     # A ramp of speed that rises smoothly from rest covers half of the way in its time.
     way = min(measured.travel + 0.5 * course.ramp, LARGEST_SEATING)
     found = way * measured.height / course.seating_speed
-    if course.seating_stress > 0.0:
+    if course.seating_stress > 0.0 and _is_held(scene):
         waves = SETTLED - math.log(AT_REST) / STILLED
         found += waves * measured.height / elastic_wave_speed(scene.material, course.seating_stress)
     return found
+
+
+def _is_held(scene):
+    """Whether the seating ends at rest."""
+    return scene.oedometer is None or scene.oedometer.seating_at_rest
 
 
 def closing_time(scene, course, measured):

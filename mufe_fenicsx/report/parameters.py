@@ -140,7 +140,8 @@ def _of_loading(scene):
             ("Test", f"oedometer to strain {oedometer['strain']:g}"),
             ("Speed of the platen", with_unit(oedometer["speed"], "m/s")),
             ("Seating", f"{with_unit(oedometer['seating_stress'], 'Pa')} at "
-                        f"{with_unit(oedometer['seating_speed'], 'm/s')}"),
+                        f"{with_unit(oedometer['seating_speed'], 'm/s')}"
+                        + ", then at rest" * bool(oedometer.get("seating_at_rest"))),
         ]  # fmt: skip
     elif scene.get("stage"):
         names = [str(stage.get("name")) for stage in scene["stage"]]

@@ -54,7 +54,7 @@ from .retries import Recovery
 from .run_options import RunOptions
 from .run_place import RunPlace, say
 from .scene_tools import check_sizes, checksums_of_files, make_tools
-from .seating import seating_of
+from .seating import hold_of
 from .signals import Interruption
 from .snapshot import restore, restore_reference, snapshot
 from .time_loop import march
@@ -390,7 +390,7 @@ class TestRun:
             oedometer.seating_stress * self.area,
             oedometer.seating_speed,
             scene.quasi_static,
-            seating_of(self.simulation, oedometer),
+            hold_of(self.simulation, oedometer),
         )
 
     def begin_again(self, checkpoint):

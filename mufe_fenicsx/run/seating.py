@@ -1,4 +1,6 @@
-"""The stage by which an oedometer test seats its sample."""
+"""The stage that ends the seating of an oedometer test."""
+
+import functools
 
 from ..loading.measures import PlatenMeasures
 from ..loading.oedometer import LARGEST_SEATING, SEATING
@@ -10,20 +12,23 @@ from ..scene.stages import Axis, Loading, Stage
 TOLERANCE = 0.1
 
 
-def seating_of(simulation, oedometer):
-    """The top platen takes the sample to the seating stress and holds it until all is at rest.
+def hold_of(simulation, oedometer):
+    """What makes the stage in which the top platen holds the seating stress until all is at rest.
 
     Args:
         simulation: :class:`~mufe_fenicsx.explicit.simulation.Simulation`, or increments.
         oedometer: :class:`~mufe_fenicsx.scene.Oedometer`.
 
     Returns:
-        :class:`~mufe_fenicsx.loading.stages.StagedLoading`; None of increments.
+        A function without arguments that gives a
+        :class:`~mufe_fenicsx.loading.stages.StagedLoading`, collective; None where the test does
+        not ask for it.
     """
-    if simulation.increments:
+    if not oedometer.seating_at_rest:
         return None
     speed = oedometer.seating_speed
     settings = Loading(speed, oedometer.ramp, TOLERANCE, LARGEST_SEATING)
     platen = Axis(stress=oedometer.seating_stress, speed=speed, walls="max")
     program = [Stage(name=SEATING, z=platen, zero=True)]
-    return StagedLoading(simulation, settings, program, None, PlatenMeasures(simulation))
+    measures = PlatenMeasures(simulation)
+    return functools.partial(StagedLoading, simulation, settings, program, None, measures)

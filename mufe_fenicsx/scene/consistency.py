@@ -53,6 +53,12 @@ def _check_test(scene):
         for name, given in (("[loading]", scene.loading), ("[[stage]]", scene.stages)):
             if given:
                 raise InputError(f"{name} is given, expected none beside [oedometer]")
+        led = scene.solver.integrator == "explicit" and scene.contact.law == "matched"
+        if scene.oedometer.seating_at_rest and not led:
+            raise InputError(
+                "oedometer.seating_at_rest = true, expected false with increments and with "
+                'contact.law = "kinematic", where no servo holds a stress'
+            )
         return
     if scene.loading is None:
         raise InputError("[oedometer] is missing, expected it, or [loading] with [[stage]]")

@@ -270,10 +270,13 @@ class Oedometer:
         0.005, "-", "strain over which the speed rises smoothly to its value", ge=0
     )
     seating_stress: float = setting(
-        50e3, "Pa", "vertical stress that the seating takes the sample to, and to rest", gt=0
+        50e3, "Pa", "mean vertical stress that ends the seating stage", gt=0
     )
     seating_speed: float | None = setting(
         None, "m/s", "of the platen while seating; None: speed", gt=0
+    )
+    seating_at_rest: bool = setting(
+        False, "", "the platen holds that stress until all is at rest, then strain counts"
     )
 
     def __post_init__(self):

@@ -111,8 +111,9 @@ OEDOMETER = """
 strain = 0.06             # vertical, counted from the end of seating
 speed = "0.5 m/s"         # of the top platen: slow enough if kinetic energy stays small
 ramp = 0.002              # strain over which the platen reaches this speed
-seating_stress = "2 MPa"  # the platen first takes the sample to this stress, and holds it
-seating_speed = "0.3 m/s" # until all is at rest
+seating_stress = "2 MPa"  # the platen first closes the gaps, up to this stress
+seating_speed = "0.3 m/s" # slowly, so that single impacts stay below it
+seating_at_rest = true    # and holds it until all is at rest; false: the test begins at once
 """
 
 DAMPED = """

@@ -10,7 +10,7 @@ from mufe_fenicsx.geometry.bodies.shapes import box
 from mufe_fenicsx.loading.oedometer import LOADING, SEATED, OedometerLoading
 from mufe_fenicsx.materials.elastic import Elastic
 from mufe_fenicsx.run.from_bodies import axis_planes, build
-from mufe_fenicsx.run.seating import seating_of
+from mufe_fenicsx.run.seating import hold_of
 from mufe_fenicsx.scene import Oedometer
 
 SIZE, STUFF = 1e-3, Elastic(1e9, 0.2, 2650.0)
@@ -42,10 +42,10 @@ def load(sim, speed, most=400):
 @pytest.mark.parametrize("damping", [0.0, 1e4])
 def test_seating_ends_at_rest(damping):
     """The platen strikes the cube, and holds it until both platens carry the stress at rest."""
-    sim, test = cube(damping=damping), Oedometer(STRAIN, 0.2, 0.1 * STRAIN, SEATING_STRESS, 5.0)
-    seating = seating_of(sim, test)
-    force = SEATING_STRESS * SIZE**2
-    loading = OedometerLoading(sim, STRAIN, 0.2, 0.1 * STRAIN, force, 5.0, seating=seating)
+    sim = cube(damping=damping)
+    test = Oedometer(STRAIN, 0.2, 0.1 * STRAIN, SEATING_STRESS, 5.0, seating_at_rest=True)
+    force, hold = SEATING_STRESS * SIZE**2, hold_of(sim, test)
+    loading = OedometerLoading(sim, STRAIN, 0.2, 0.1 * STRAIN, force, 5.0, make_hold=hold)
     fastest = 0.0
     while loading.stage != LOADING:
         loading.before_step()

@@ -189,7 +189,7 @@ def test_a_run_follows_its_plan_and_tells_what_was_predicted(tmp_path_factory):
         save_grains(folder / "grains", packed_grains((2, 2, 1), h=0.26 * RADIUS))
     comm.Barrier()
     wanted = Scene(
-        J2_ROCK, Contact(0.23), Oedometer(0.01, 1.0, seating_stress=1e6, seating_speed=20.0),
+        J2_ROCK, Contact(0.23), Oedometer(0.01, 1.0, seating_stress=1e4, seating_speed=20.0),
         output=Output(fields=3, history=21), accuracy=0.6,
     )  # fmt: skip
     planned, after = planned_scene(wanted, folder / "grains", comm)
@@ -201,10 +201,9 @@ def test_a_run_follows_its_plan_and_tells_what_was_predicted(tmp_path_factory):
     assert stored.accuracy == 0.6
     line = result["predicted_and_actual"]
     assert line.startswith("predicted ") and f"actual {result['wall_s']:.3g} s" in line
-    # How long the seating takes is a guess. A machine at work makes clocks useless.
-    predicted, begun = result["plan"]["predicted"], result["stages"][1]["step"]
-    steps = predicted["num_steps"] - predicted["seating_steps"]
-    assert 0.6 < steps / (result["num_steps"] - begun) < 1.7
+    # At 20 m/s the platen is far ahead of the first wave. A machine at work makes clocks useless.
+    predicted = result["plan"]["predicted"]
+    assert 0.6 < predicted["num_steps"] / result["num_steps"] < 1.7
     assert 0.7 < predicted["memory_bytes"] / result["peak_memory_bytes"] < 1.3
     # The plan of the planned scene is itself: a run that goes on finds the same.
     again, _ = planned_scene(stored, folder / "grains", comm, measure=False)
