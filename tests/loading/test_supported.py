@@ -2,13 +2,16 @@
 
 import math
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.errors import SolverError
 from mufe_fenicsx.geometry.bodies.shapes import box
-from mufe_fenicsx.loading.tasks import Carry
+from mufe_fenicsx.loading import stages
+from mufe_fenicsx.loading.tasks import Carry, Straight
 from mufe_fenicsx.loading.waiting import WAVES
 from mufe_fenicsx.run.from_bodies import build
 from mufe_fenicsx.run.resume_check import (
@@ -85,3 +88,35 @@ def test_a_stage_that_waits_at_rest_says_so_once(monkeypatch):
     waits = r'stage "load" waits at rest: stress_[xyz] = 1000 kPa, expected 1000 kPa '
     assert re.match(waits, found[0])
     assert "loading.tolerance = 0.002" in found[0]
+
+
+def test_a_seating_that_cannot_come_to_rest_or_to_its_stress_ends(monkeypatch):
+    """The first goes on with a line; the second stops and names what walls carry."""
+    program = Stage("seat", xyz=Axis(stress=STRESS), zero=True), Stage("go on", hold=1e-9)
+    monkeypatch.setattr(stages, "AT_REST", -1.0)
+    monkeypatch.setattr(stages, "RATTLES", 4.0)
+    sim = cube(2)
+    loading, found = loading_of(sim, program, 0.1), []
+    while not loading.loaded:
+        loading.before_step()
+        sim.step()
+        found += [line for line in [loading.take_notice()] if line]
+        assert sim.state.num_steps < 4000
+    assert len(found) == 1 and found[0].startswith('stage "seat" does not come to rest: kinetic')
+    monkeypatch.setattr(stages, "NEVER", 4.0)
+    monkeypatch.setattr(Carry, "is_there", lambda *_: False)
+    sim = cube(2)
+    loading = loading_of(sim, program, 0.1)
+    with pytest.raises(SolverError, match='stage "seat" has not got to its stresses in 4 times'):
+        for _ in steps(sim, loading, 4000):
+            pass
+
+
+def test_a_free_wall_comes_with_no_more_than_it_shall_carry():
+    """The blow of a wall as fast as v is ρ c v, where ρ c is known; else it has its speed."""
+    impedance, last, speed = 1e6, 1e5, 5.0
+    wall = Carry(2, (0,), 1.0, (0,), Straight(0.0, last), speed, ends=True)
+    pace = SimpleNamespace(leading=True, factor=1.0, fastest=speed, speed=speed)
+    for gain, expected in ((math.inf, speed), (1 / impedance, last / impedance)):
+        now = SimpleNamespace(axis_stress=np.zeros(3), stiffness=[0.0], gain=[gain], stress=[0.0])
+        assert wall.speeds(0.0, now, pace) == [pytest.approx(expected)]
