@@ -4,8 +4,8 @@ Strain is the shortening of the distance between top and bottom platen over that
 distance at the end of the seating stage, positive in compression: gaps that the
 segmentation left are closed by the seating and do not count. There the top platen comes down until
 both platens carry the seating stress; with ``seating_at_rest`` a servo holds that until all is at
-rest (stages.py), and the platen begins anew from there. Increments end at that stress to ``SEATED`` of it, and where the strain of the
-test is reached.
+rest (stages.py), and the platen begins anew from there. Increments end at that stress to ``SEATED``
+of it, and where the strain of the test is reached.
 """
 
 import math
@@ -23,8 +23,8 @@ SEATING, LOADING = "seating", "loading"
 
 STRAIN_DEFINITION = (
     "shortening of the distance between top and bottom platen over that distance at the end of "
-    "the seating stage (the first step at which both carry the seating stress, or at rest after that); "
-    "compression positive"
+    "the seating stage (the first step at which both carry the seating stress, or at rest after "
+    "that); compression positive"
 )
 
 #: The seating stage gives up when the platens have approached by this part of their distance.
