@@ -74,6 +74,20 @@ def test_labels_are_those_of_the_grains(packed):
     assert volumes == pytest.approx(grains.volumes, rel=0.05)
 
 
+def test_labels_of_a_sample_that_is_cut_out(packed, tmp_path):
+    """Of the same packing: those of the whole, less as many voxels at each side."""
+    pack(*SPHERES, "-o", tmp_path / "b", "--voxel-size", "20 um", "--cut", "0.5")
+    whole, voxel = read_labels(packed / "a" / "labels.tif")
+    inner, _ = read_labels(tmp_path / "b" / "labels.tif")
+    told = json.loads((packed / "a" / "a.json").read_text())
+    off = 0.5 * told["mean_diameter"] / voxel
+    assert np.abs(np.array(whole.shape) - inner.shape - 2 * off).max() <= 1.0
+    # Grids are apart by less than a voxel: solid voxels of the same part agree to its surface.
+    first = round(off)
+    part = whole[tuple(slice(first, first + n) for n in inner.shape)]
+    assert ((part > 0) == (inner > 0)).mean() > 0.9
+
+
 def test_the_scene_runs_and_a_seed_repeats_the_packing(packed, tmp_path):
     scene = load_scene(packed / "a" / "scene.toml")
     assert scene.oedometer.strain > 0
@@ -135,6 +149,7 @@ def test_given_meshes_are_turned_and_scaled(tmp_path):
             "--stress = 1000000.0, expected none with way",
         ),
         (("--spheres", "--count", "5", "--contact-size", "1 m"), "contact_size = 1.0, expected 1."),
+        (("--spheres", "--count", "5", "--cut", "1"), "--cut = 1.0, expected voxel_size beside it"),
         (("--spheres", "--count", "5", "--void-ratio", "0.1"), "--void-ratio = 0.1, expected 0.2"),
         (("--spheres", "--box", "1 um,1 um,1 um"), "box = 1 µm,1 µm,1 µm, expected room for"),
         (("--spheres", "--box", "2,2,3"), "expected room for 2 to 5e+04 grains, which is for 6.1"),

@@ -84,7 +84,7 @@ def pack(source, settings, output_folder, *, spheres=False, overwrite=False, pro
         save_grains(folder / "grains", grains)
         write_table(folder / MARKER, _rows(draw, assembly))
         if settings.voxel_size is not None:
-            _write_labels(folder / "labels.tif", assembly, draw.unit, settings.voxel_size)
+            _write_labels(folder / "labels.tif", assembly, draw.unit, settings)
         text = _scene_text(grains.num_grains, assembly.container.kind, settings)
         write_scene(text, folder, output_folder)
         draw_packing(folder / "packing.png", assembly, draw.unit)
@@ -230,19 +230,26 @@ def _rows(draw, assembly):
     ]
 
 
-def _write_labels(path, assembly, unit, voxel_size):
+def _write_labels(path, assembly, unit, settings):
     """Voxels of the container, each with the grain in which its middle lies deepest."""
     bodies, container, s = assembly.bodies, assembly.container, assembly.bodies.shapes
-    voxel = voxel_size / unit
-    shape = np.ceil((container.high - container.low) / voxel - 1e-6).astype(int)
+    voxel_size, cut = settings.voxel_size, settings.cut
+    low, high, voxel = container.low + cut, container.high - cut, voxel_size / unit
+    largest = 0.5 * float((container.high - container.low).min()) - voxel
+    require(cut < largest, "cut", cut, f"less than half of the container, {largest:.3g}")
+    shape = np.ceil((high - low) / voxel - 1e-6).astype(int)
     expected = f"{MOST_VOXELS:g} voxels at most, which are {' x '.join(map(str, shape))}"
     require(np.prod(shape.astype(float)) <= MOST_VOXELS, "voxel_size", voxel_size, expected)
     labels = np.zeros(shape[::-1], dtype=np.int32)
     depth = np.zeros(labels.shape, dtype=np.float32)
     label_voxels(
-        labels, depth, container.low, voxel, s.spheres, bodies.centre, bodies.axes, bodies.size,
+        labels, depth, low, voxel, s.spheres, bodies.centre, bodies.axes, bodies.size,
         bodies.reach, bodies.shape, s.grid, s.low, s.step,
     )  # fmt: skip
+    if cut and container.kind == CYLINDER:
+        z, y, x = np.nonzero(labels)
+        middles = low + (np.column_stack([x, y, z]) + 0.5) * voxel
+        labels[z, y, x] *= container.inside(middles, cut)
     write_labels(path, labels, voxel_size)
 
 

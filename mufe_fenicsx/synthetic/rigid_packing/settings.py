@@ -106,6 +106,13 @@ class PackSettings:
     voxel_size: float | None = setting(
         None, "m", "edge of the voxels of labels; None: no labels are written", gt=0
     )
+    cut: float = setting(
+        0.0,
+        "-",
+        "how far from walls labels begin, in mean diameters: a sample cut out",
+        ge=0,
+        le=10,
+    )
     seed: int = setting(1, "", "of the random numbers", ge=0)
 
     def __post_init__(self):
@@ -123,6 +130,9 @@ class PackSettings:
         ):
             value = getattr(self, name)
             require(self.way != GRAVITY or value is None, name, value, expected)
+        require(
+            not self.cut or self.voxel_size is not None, "cut", self.cut, "voxel_size beside it"
+        )
         require(self.k0 is None or self.stress is not None, "k0", self.k0, "stress beside it")
 
     @property
