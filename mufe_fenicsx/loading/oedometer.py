@@ -112,7 +112,7 @@ class OedometerLoading(Stateful):
         self.first_height = self.height
         self.reference_height = self.first_height
         self._speed = self._speed_at_start = 0.0
-        self._make_hold, self._hold, self._notice = make_hold, None, None
+        self._make_hold, self._hold = make_hold, None
         self._held = self._held_stresses()
         self.stage = SEATING
         self.stages = [self._note()]
@@ -135,8 +135,7 @@ class OedometerLoading(Stateful):
 
     def take_notice(self):
         """What there is to tell of the hold that ends the seating, once, or None. Local."""
-        notice, self._notice = self._notice, None
-        return self._hold.take_notice() if self._hold is not None else notice
+        return None if self._hold is None else self._hold.take_notice()
 
     @property
     def speed_now(self):
@@ -182,7 +181,7 @@ class OedometerLoading(Stateful):
     def state_dict(self):
         """What a loading that goes on from here has to know, fit for JSON."""
         kept = super().state_dict()
-        if self._hold is not None:
+        if self._hold is not None and self.stage == SEATING:
             kept["hold"] = self._hold.state_dict()
         return kept if self.control is None else kept | {"control": self.control.state_dict()}
 
@@ -259,9 +258,7 @@ class OedometerLoading(Stateful):
         self._hold = self._hold or self._make_hold()
         waited = self._hold.waves_waited(self.simulation.state.t)
         if self._hold.finished or waited > LONGEST_HOLD:
-            self._notice = self._hold.take_notice() or self._lack(waited)
-            self._hold.leave()
-            self._hold = None
+            self._hold.leave(self._lack(waited))
             self._begin_loading(0.0)
         else:
             self._hold.before_step()

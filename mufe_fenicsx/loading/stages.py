@@ -290,9 +290,10 @@ class StagedLoading(Stateful):
             least = STILLED / travel
         self.simulation.damping = max(self.servo.damping, least)
 
-    def leave(self):
-        """Leave the grains to the damping that the scene states. Local."""
+    def leave(self, notice=None):
+        """Leave the grains to the damping that the scene states, with a line or None. Local."""
         self.simulation.damping = self.servo.damping
+        self._now.waiting.notice = self._now.waiting.notice or notice
 
     def _begin(self, forces):
         """Begin the next stage."""
