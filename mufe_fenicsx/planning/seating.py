@@ -41,7 +41,7 @@ def seating_time(scene, course, measured):
     found = way * measured.height / course.seating_speed
     if course.seating_stress > 0.0 and _is_held(scene):
         waves = SETTLED - math.log(AT_REST) / STILLED
-        found += waves * measured.height / elastic_wave_speed(scene.material, course.seating_stress)
+        found += waves * measured.height / speed_under(scene, course.seating_stress)
     return found
 
 
