@@ -72,7 +72,7 @@ def out_of_reach(scene, accuracy, fixed, errors, sample, keep_mesh):
 SEATING_AND_SLIPS = (
     "how long the sample takes until it is seated at rest: planned is until a chain of grains that "
     "neither turn nor slip makes the bottom feel the platen, and waves have faded; balls took "
-    "half to six times as long",
+    "a third to six times as long",
     "slips between grains, which are dynamic at any speed: where grains are few, a late one moves "
     "the strain from which the report trusts the test",
 )
