@@ -17,22 +17,6 @@ LARGEST_DIRECT = 6_000
 #: Options of PETSc by the name of a solver, all of which a user may change.
 SOLVERS = {
     "direct": {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"},
-    "multigrid": {
-        "ksp_type": "gmres",
-        "ksp_gmres_restart": 100,
-        "ksp_rtol": 1e-6,
-        "ksp_max_it": 500,
-        "pc_type": "gamg",
-        "pc_gamg_threshold": 0.01,
-        # Levels end with a few unknowns a grain: with fewer, iterations grow with their number.
-        "pc_gamg_coarse_eq_limit": 2000,
-        # Setting it up costs more than it gains by following the contacts.
-        "snes_lag_preconditioner": 10,
-        "snes_lag_preconditioner_persists": True,
-        # Displacements of a node belong together, and held directions are not those of the axes.
-        "mg_levels_pc_type": "pbjacobi",
-        "mg_levels_ksp_type": "chebyshev",
-    },
     # Products by differences; a matrix that is near the tangent, in two levels (near_system).
     "products": {
         "ksp_type": "gmres",

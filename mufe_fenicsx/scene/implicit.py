@@ -39,10 +39,7 @@ class Implicit:
         30, "", "of Newton's method in an increment", ge=1, plausible=(1, 100_000)
     )
     linear_solver: str | None = setting(
-        None,
-        "",
-        '"direct", "multigrid", "products"; None: by size',
-        allowed=("direct", "multigrid", "products"),
+        None, "", '"direct" or "products"; None: by size', allowed=("direct", "products")
     )
     petsc: str = setting(
         "",

@@ -16,17 +16,17 @@ E, NU, RHO = 1e9, 0.2, 2650.0
 
 
 def linear(parameters):
-    """Iterations of multigrid in a static increment of more and more grains.
+    """Iterations of a linear solver in a static increment of more and more grains.
 
     Grains with flat faces fill a box nearly; its platens press them by a strain in which the gaps
     of 1 % close and most grains touch all neighbours.
 
-    Parameters: ``solver`` ("multigrid"); ``element_size`` of `packing.angular_grains`; ``strain``;
+    Parameters: ``solver`` ("products"); ``element_size`` of `packing.angular_grains`; ``strain``;
     ``increments``.
     """
     from ...materials.elastic import Elastic
 
-    solver = str(parameters.get("solver", "multigrid"))
+    solver = str(parameters.get("solver", "products"))
     element_size = float(parameters.get("element_size", 0.5))
     strain = float(parameters.get("strain", 0.01))
     increments = int(parameters.get("increments", 4))
