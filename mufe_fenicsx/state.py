@@ -6,6 +6,10 @@ from typing import Any
 import numpy as np
 
 
+#: What a value that changes may be besides None: it stays of its kind.
+KINDS = (int | float, str, list, dict)
+
+
 class Stateful:
     """Something that steps change. It says what changes, and comes back from it.
 
@@ -38,8 +42,10 @@ class Stateful:
                 else:
                     single = isinstance(value, np.ndarray | np.generic)
                     value = value.item() if single else value
-                    if isinstance(now, int | float) and not isinstance(value, int | float | None):
-                        raise TypeError(f"{name} is a {type(value).__name__}, expected a number")
+                    for kind in KINDS:
+                        if isinstance(now, kind) and not isinstance(value, kind | None):
+                            said = f"{type(value).__name__}, expected a {type(now).__name__}"
+                            raise TypeError(f"{name} is a {said}")
                     setattr(self, name, value)
 
 

@@ -7,6 +7,7 @@ import signal
 import tempfile
 import time
 import warnings
+from multiprocessing import forkserver
 from pathlib import Path
 
 from mufe_fenicsx.cli.main import main
@@ -47,6 +48,8 @@ def _be_the_command(words, said):
 
         sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)
         os.setpgid(0, 0)
+        # The process that workers are copies of is a child of the parent, and lives.
+        forkserver.ensure_running = forkserver._forkserver.ensure_running = lambda: None
         for number in (signal.SIGALRM, signal.SIGPROF):
             signal.signal(number, signal.SIG_DFL)
         resource.setrlimit(resource.RLIMIT_CPU, (COMPUTING, COMPUTING + 1))

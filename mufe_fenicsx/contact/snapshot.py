@@ -231,6 +231,36 @@ def contact_tables(contact, mesh):
     }
 
 
+def wrong_number(tables, num_grains, num_walls):
+    """The line for a column that arrays are indexed with and that is out of range, or None. Local.
+
+    Args:
+        tables: Of :func:`contact_tables`, read from a file.
+        num_grains, num_walls: Of the test; tools and a sleeve are grains.
+    """
+    count, num_candidates = tables["pairs"]["count"], len(tables["candidates"]["grain"])
+    bounds = {(name, "grain"): (0, num_grains) for name in tables} | {
+        ("pairs", "partner"): (0, num_grains),
+        ("pairs", "count"): (0, num_candidates + 1),
+        ("pairs", "closest"): (-1, count),
+        ("wall_pairs", "wall"): (0, num_walls),
+        ("edge_pairs", "partner"): (0, num_grains),
+        ("points", "met"): (-1, num_grains),
+        ("accounts", "partner"): (0, num_grains + num_walls),
+    }
+    for (table, column), (least, end) in bounds.items():
+        values = tables[table][column]
+        if values.dtype.kind not in "iu":
+            return f"{column} of {table} has type {values.dtype}, expected whole numbers"
+        wrong = np.flatnonzero((values < least) | (values >= np.maximum(end, least + 1)))
+        if wrong.size:
+            most = np.broadcast_to(end, values.shape)[wrong[0]] - 1
+            return f"{column} of {table} = {values[wrong[0]]}, expected {least} to {most}"
+    if count.sum() != num_candidates:
+        return f"count of pairs = {count.sum()}, expected that of candidates, {num_candidates}"
+    return None
+
+
 def restore_contact(contact, mesh, tables, everything_moves):
     """Make contact what it was. Collective.
 

@@ -65,6 +65,7 @@ def _separation(value):
 
 _FOUND = ("slowest", "fastest", "largest_kinetic", "largest_unbalanced")
 _ADDED = ("added", "added_to_grain", "num_elements", "gain")
+_CARRIED = ("num_grains", "num_idle", "num_half", "heaviest")
 _STEPS = {"failed_at_step": _count, "from_step": _count, "cause": _text,
           "time_step_factor": _number}  # fmt: skip
 #: Name -> whether a value is of its kind; None is of all kinds.
@@ -81,7 +82,7 @@ KINDS = {
     **_numbers(
         "area", "first_height", "reference_height", "setup_s", "wall_s", "time", "time_step",
         "element_time_step", "strain", "stress", "peak_memory_bytes", "mass", "added_mass",
-        "diameters", "void_ratio", "porosity", "void_ratio_inside", "void_ratio_error",
+        "edges_per_diameter", "diameters", "void_ratio", "porosity", "void_ratio_inside", "void_ratio_error",
     ),
     "separation": _separation,
     "contact": _table(
@@ -100,6 +101,19 @@ KINDS = {
             **dict.fromkeys(("force", "torque", "displacement", "turn"), _list_of(_number)),
         )
     ),
+    "container": _table(
+        ("shape",), shape=_text, centre=lambda at: _list_of(_number)(at) and len(at) == 2,
+        **_numbers("radius", "inner_radius"),
+    ),
+    "contact_resolution": _table(
+        num_patches=_count, **_numbers("tenth", "half", "nine_tenths", "coarse")
+    ),
+    "carriers": _table(
+        _CARRIED, **dict.fromkeys(_CARRIED, _count), bridging=_list_of(_count),
+        **_numbers("most", "bridged", "doubtful"),
+    ),
+    "holds_from": _table(),
+    "voids": _list_of(_table(("start", "end"), stage=_text, start=_table(), end=_table())),
     "membrane": _table(("label",), label=_count),
     "failed_grains": _list_of(_count),
     "unusual": _list_of(_text),

@@ -293,7 +293,7 @@ def state_at(run, listed, history, like=None):
 def _centre(run):
     """Of the cylinder that holds the sample [m], shape (2,); None of a box."""
     try:
-        kept = run.summary.get("container", {}).get("centre")
+        kept = (run.summary.get("container") or {}).get("centre")
     except InputError:
         return None
     return None if kept is None else np.array(kept)

@@ -12,7 +12,8 @@ from mpi4py import MPI
 
 from ..arguments import checked
 from ..contact.mirrors import check_mirrors
-from ..errors import InputError, Interrupted, SolverError, UnstableError
+from ..contact.snapshot import wrong_number
+from ..errors import InputError, Interrupted, SolverError, UnstableError, raise_together
 from ..loading.oedometer import OedometerLoading
 from ..loading.stages import StagedLoading
 from ..machine.doing import Doing
@@ -193,22 +194,8 @@ class TestRun:
         """
         comm, summary, resumed = self.comm, self.summary, checkpoint is not None
         doing.what = f"setting up {_size(summary)}"
-        self.begin(checkpoint, self.place)
-        say(comm, warning_of_coarse_meshes(self.simulation), self.options.quiet)
-        edge, radius = mean_edge_and_radius(self.simulation)
-        self._tell_unusual(2.0 * radius)
-        summary["first_height"] = float(self.loading.first_height)
-        summary |= self.masses()
-        summary["edges_per_diameter"] = 2.0 * radius / edge
-        summary["strain_definition"] = self.loading.strain_definition
-        summary["setup_s"] = time.perf_counter() - self.started
-        if resumed:
-            summary["setup_s"] = checkpoint.header["setup_s"]
-            before = checkpoint.header["resumed_at_steps"]
-            summary["resumed_at_steps"] = [*before, checkpoint.header["step"]]
-            summary["balanced_at_steps"] = checkpoint.header["balanced_at_steps"]
-        if not resumed:
-            self._check_disk()
+        with reading(checkpoint):
+            self._set_up(checkpoint)
         begun = self.now()  # collective where there are tools
         on_first_rank(comm, lambda: write_run_json(self.place.folder, begun))
         # A signal between two marches, while all begins anew, is not lost.
@@ -233,6 +220,26 @@ class TestRun:
             say(comm, str(error), quiet=False)
             raise (error if comm.size == 1 else failure) from failure
         raise error
+
+    def _set_up(self, checkpoint):
+        """Simulation, loading and recorder of the start, or of a checkpoint, and what is told."""
+        summary = self.summary
+        self.begin(checkpoint, self.place)
+        say(self.comm, warning_of_coarse_meshes(self.simulation), self.options.quiet)
+        edge, radius = mean_edge_and_radius(self.simulation)
+        self._tell_unusual(2.0 * radius)
+        summary["first_height"] = float(self.loading.first_height)
+        summary |= self.masses()
+        summary["edges_per_diameter"] = 2.0 * radius / edge
+        summary["strain_definition"] = self.loading.strain_definition
+        summary["setup_s"] = time.perf_counter() - self.started
+        if checkpoint is None:
+            self._check_disk()
+            return
+        summary["setup_s"] = checkpoint.header["setup_s"]
+        before = checkpoint.header["resumed_at_steps"]
+        summary["resumed_at_steps"] = [*before, checkpoint.header["step"]]
+        summary["balanced_at_steps"] = checkpoint.header["balanced_at_steps"]
 
     def _is_finite(self):
         """Whether the motion of all ranks is: of another no state can be written. Collective."""
@@ -363,8 +370,12 @@ class TestRun:
 
     def _restore(self, checkpoint):
         """Bring simulation and loading to the state of a checkpoint. Collective."""
-        header = checkpoint.header
-        restore(self.simulation, *_read(checkpoint, self.mesh), header["state"])
+        header, mesh = checkpoint.header, self.mesh
+        tables, own = _read(checkpoint, mesh)
+        wrong = wrong_number(tables, len(mesh.labels), len(self.simulation.walls.walls))
+        raise_together(self.comm, wrong and f"checkpoint {checkpoint.path}: {wrong}")
+        restore(self.simulation, tables, own, header["state"])
+        del tables
         if len(header["retries"]) < len(self.recovery.done):
             self.simulation.update_time_step()
         if integrator_of(header["scene"]) != self.scene.solver.integrator:

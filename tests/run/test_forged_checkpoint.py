@@ -12,6 +12,7 @@ import pytest
 from mufe_fenicsx.errors import InputError, SolverError
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.output import checkpoint as checkpoints
+from mufe_fenicsx.output.run_kinds import KINDS, sorted_out
 from mufe_fenicsx.run.run import run_scene
 from mufe_fenicsx.scene import load_scene
 from tests.bodies import RADIUS, packed_grains
@@ -76,6 +77,13 @@ def test_a_checkpoint_that_is_not_forged_is_taken(place):
     assert check(place, nothing) is None
 
 
+def test_every_entry_of_run_json_has_a_kind(place):
+    """Those without one reach reports as somebody may have written them."""
+    run = json.loads((place / "run" / "run.json").read_text())
+    assert not set(run) - set(KINDS)
+    assert sorted_out(run) == (run, [])
+
+
 @pytest.mark.parametrize(
     "name", ["files", "num_ranks", "scene", "recorder", "state", "loading", "written_by", "tools"]
 )
@@ -107,6 +115,36 @@ def test_a_table_of_another_length_is_refused(place):
     assert "columns of table nodes have different lengths" in check(place, nothing, shorten)
 
 
+@pytest.mark.parametrize(
+    ("table", "column", "value"),
+    [
+        ("wall_pairs", "wall", 6),
+        ("wall_pairs", "wall", -1),
+        ("pairs", "partner", 2),
+        ("pairs", "count", 30),
+        ("pairs", "count", -1),
+        ("pairs", "closest", 10**6),
+        ("points", "met", 2),
+        ("edge_pairs", "partner", 2),
+        ("cells", "grain", 2),
+    ],
+)
+def test_a_number_of_a_wall_or_grain_out_of_range_is_refused(place, table, column, value):
+    """Before anything is indexed with it."""
+
+    def change(file):
+        file[f"tables/{table}/{column}"][-1:] = value
+
+    said = check(place, nothing, change)
+    assert f"{column} of {table} = " in said and "expected" in said
+
+
+@pytest.mark.parametrize("entry", [{"first_height": None}, {"stage": []}, {"stages": "x"}])
+def test_a_value_of_another_type_is_told_before_the_test_goes_on(place, entry):
+    said = check(place, lambda content: content["loading"]["common"].update(entry))
+    assert "holds what no run wrote (TypeError" in said
+
+
 def replaced(chance, value, depth=6):
     """A value with something within replaced, or left out."""
     if isinstance(value, dict | list) and value and depth and chance.random() < 0.9:
@@ -135,7 +173,8 @@ def damaged_column(chance, file):
     elif what == 2:
         values = np.atleast_1d(values)[:-1]
     elif what == 3:
-        values = np.full_like(values, chance.choice([-1, 0, 1, 10**6, 2**31 - 1]))
+        value = np.array(chance.choice([-1, 0, 1, 10**6, 2**31 - 1]))
+        values = np.full_like(values, value.astype(values.dtype))
     else:
         values = np.atleast_1d(values).astype(float) + 0.5
     file[name] = values
