@@ -196,7 +196,7 @@ class TestRun:
         doing.what = f"setting up {_size(summary)}"
         with reading(checkpoint):
             self._set_up(checkpoint)
-        begun = self.now()  # collective where there are tools
+            begun = self.now()  # collective where there are tools
         on_first_rank(comm, lambda: write_run_json(self.place.folder, begun))
         # A signal between two marches, while all begins anew, is not lost.
         with Interruption(comm, self.scene.output.checkpoint) as interruption:

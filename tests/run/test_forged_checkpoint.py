@@ -139,7 +139,9 @@ def test_a_number_of_a_wall_or_grain_out_of_range_is_refused(place, table, colum
     assert f"{column} of {table} = " in said and "expected" in said
 
 
-@pytest.mark.parametrize("entry", [{"first_height": None}, {"stage": []}, {"stages": "x"}])
+@pytest.mark.parametrize(
+    "entry", [{"first_height": None}, {"stage": []}, {"stages": "x"}, {"reference_height": None}]
+)
 def test_a_value_of_another_type_is_told_before_the_test_goes_on(place, entry):
     said = check(place, lambda content: content["loading"]["common"].update(entry))
     assert "holds what no run wrote (TypeError" in said

@@ -17,10 +17,12 @@ from ..measure import compact, positively_oriented, surface_defect
 from ..surface.given_surfaces import FORMATS, read_triangles, welded
 from ..surface.remesh import oriented
 from ..surface.shells import shells
-from ..tets.fill import DELAUNAY, GMSH, fill
+from ..tets.fill import DELAUNAY, fill
 
 #: Facets of the surface of a tool: as fine as grains, few tools have more than some thousands.
 MOST_FACETS = 100_000
+#: Edges far inside over those of the surface.
+COARSE = 4.0
 
 
 def read_tool(path, scale=1.0, thickness=None):
@@ -92,12 +94,9 @@ def _filled(points, triangles, name):
     corner = points[triangles]
     middle = points.mean(axis=0)
     size = float(np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).mean())
-    fixed = np.arange(len(points))
     scaled = (points - middle) / size
     try:
-        found, cells = fill(
-            scaled, triangles, algorithm=DELAUNAY, optimiser=GMSH, size=None, fixed=fixed
-        )
+        found, cells = fill(scaled, triangles, algorithm=DELAUNAY, optimiser=None, inner=COARSE)
     except Exception as error:
         reason = " ".join(str(error).split())
         raise InputError(

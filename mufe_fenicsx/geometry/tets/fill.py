@@ -36,7 +36,7 @@ def fill(
         size: Length by which altitudes are judged; None: the mean edge of each tetrahedron.
         tolerance: What nodes of the surface may leave it by, to make flat tetrahedra thicker.
         fixed: Nodes of the surface that may not move, or None.
-        optimiser: NETGEN or GMSH.
+        optimiser: NETGEN or GMSH; None: any tetrahedra will do, flat ones too.
         along: Of nodes on edges of the body, as `thickened` wants them, or None.
         inner: Wanted length of edges far inside; 1: as on the surface around.
 
@@ -62,10 +62,13 @@ def fill(
         gmsh.model.geo.addVolume(loops)
         gmsh.model.geo.synchronize()
         gmsh.model.mesh.generate(3)
-        gmsh.model.mesh.optimize(optimiser)
+        if optimiser is not None:
+            gmsh.model.mesh.optimize(optimiser)
         nodes, cells = tetrahedra()
     if smallest_altitudes(nodes, cells).min() <= 0:
         raise RuntimeError("gmsh made a tetrahedron without volume")
+    if optimiser is None:
+        return nodes, cells
     if size is None:
         size = mean_edges(nodes, cells)
     return thickened(nodes, cells, size, tolerance=tolerance, fixed=fixed, along=along), cells
