@@ -217,8 +217,10 @@ class TestRun:
         except LostFolder:
             raise
         except Exception as failure:
+            if comm.size == 1 or isinstance(failure, InputError):  # those all ranks raise
+                raise error from failure
             say(comm, str(error), quiet=False)
-            raise (error if comm.size == 1 else failure) from failure
+            raise
         raise error
 
     def _set_up(self, checkpoint):
@@ -322,10 +324,8 @@ class TestRun:
                 raise
             except InputError as failure:  # a disk that is full
                 if self.checkpoints.last is None:
-                    raise
-                raise InputError(
-                    f"{failure}; --resume goes on from {self.checkpoints.last}"
-                ) from failure
+                    return failure
+                return InputError(f"{failure}; --resume goes on from {self.checkpoints.last}")
 
     def begin(self, checkpoint=None, place=None):
         """Simulation, loading and recorder of the start, or of a checkpoint.

@@ -37,6 +37,8 @@ def march(
         while True:
             if not resumed:  # that step is recorded already
                 recorder.after_step()
+                if state.num_steps == 0:
+                    save()  # a disk that fills later leaves the start
             resumed = False
             progress.update(simulation)
             say(simulation.comm, loading.take_notice(), quiet)

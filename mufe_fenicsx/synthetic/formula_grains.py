@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.bodies.bulge import bulged
+from ..geometry.bodies.contact_mesh import check_tets
 from ..geometry.measure import boundary_triangles
 from ..geometry.surface.edge_sizes import Sizes
 from ..geometry.surface.given_surfaces import body_surface
@@ -135,6 +136,7 @@ def mesh_formula(shape, size, *, bulge=True, turn=None):
     """
     if not size > 0:
         raise InputError(f"element size = {size}, expected > 0")
+    check_tets(volume(shape), size)
     directions, triangles = icosphere(LEVEL)
     if turn is not None:
         directions = directions @ np.asarray(turn).T

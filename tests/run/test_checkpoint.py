@@ -27,7 +27,7 @@ from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.materials.rigid import Rigid
 from mufe_fenicsx.output import checkpoint as checkpoints
 from mufe_fenicsx.output.fields import read_state, read_states
-from mufe_fenicsx.output.history import read_history
+from mufe_fenicsx.output.history import HistoryWriter, read_history
 from mufe_fenicsx.run import run as run_module
 from mufe_fenicsx.run import signals as interruption
 from mufe_fenicsx.run.recorder import Recorder
@@ -547,8 +547,37 @@ def test_a_full_disk_leaves_the_last_checkpoint(folder, monkeypatch):
         run(folder, "out", scene=often)
     monkeypatch.undo()
     COMM.Barrier()
-    assert [p.name for p in (folder / "out" / "checkpoints").iterdir()] == ["step-000000020"]
+    kept = sorted(p.name for p in (folder / "out" / "checkpoints").iterdir())
+    assert kept == ["step-000000000", "step-000000020"]
     assert run(folder, "out", max_steps=21, resume=True)["resumed_at_steps"] == [20]
+
+
+@pytest.mark.parametrize("what", ["history.csv", "step-000000020"])
+def test_a_disk_that_fills_before_a_checkpoint_is_due_leaves_the_start(folder, monkeypatch, what):
+    """The run stops in one line, and goes on from the start as if there had been room."""
+
+    def full(path, size, room=checkpoints.try_room):
+        if what in f"{path}":
+            raise OSError(28, "No space left on device")
+        room(path, size)
+
+    def full_history(writer, row, append=HistoryWriter._append):
+        if what == "history.csv" and row["step"] > 0:
+            raise OSError(28, "No space left on device")
+        append(writer, row)
+
+    monkeypatch.setattr(checkpoints, "try_room", full)
+    monkeypatch.setattr(HistoryWriter, "_append", full_history)
+    steps = 20 if "step" in what else 0
+    often = replace(scene(), output=Output(history=1000, checkpoint_steps=steps))
+    with pytest.raises(InputError, match=rf"{what}.*No space.*goes on from .*step-000000000"):
+        run(folder, "out", scene=often, max_steps=30)
+    monkeypatch.undo()
+    assert "No space" in json.loads((folder / "out" / "run.json").read_text())["stop_reason"]
+    run(folder, "out", scene=often, max_steps=30, resume=True)
+    run(folder, "whole", scene=often, max_steps=30)
+    if COMM.rank == 0:
+        assert files(folder / "out") == files(folder / "whole")
 
 
 @pytest.mark.mpi

@@ -3,10 +3,14 @@
 import numpy as np
 
 from ...errors import InputError
+from ...machine.memory import check_room
 from ..tets.gmsh_model import tetrahedra
+from ..tets.work import TETS_A_CUBE
 
 #: Least and largest length of a body [m], and number of its parts.
 LEAST, MOST = 1e-12, 1e6
+#: What gmsh takes for a tetrahedron [bytes].
+A_TET = 600
 
 
 def require_positive(name, *values):
@@ -46,6 +50,7 @@ def refine_at(gmsh, heights, smallest, growth, fine, line=False):
     field = gmsh.model.mesh.field
     # gmsh reads plain numbers only: the text of NumPy's would end the program.
     smallest, growth, fine = float(smallest), float(growth), float(fine)
+    _check_number(_num_around_points(gmsh, smallest, growth, fine, line))
     sides = []
     for y in heights:
         distance = f"Sqrt(x^2+(y-({y}))^2{'' if line else '+z^2'})"
@@ -58,6 +63,30 @@ def refine_at(gmsh, heights, smallest, growth, fine, line=False):
     size = field.add("Max")
     field.setNumbers(size, "FieldsList", [nearest, least])
     field.setAsBackgroundMesh(size)
+
+
+def _num_around_points(gmsh, smallest, growth, fine, line):
+    """Tetrahedra around a point of :func:`refine_at`, in a quarter of what may be there."""
+    box = gmsh.model.getBoundingBox(-1, -1)
+    length = np.subtract(box[3:], box[:3]).min()
+    r = np.append(0.0, np.geomspace(min(1e-3 * smallest, 1e-3 * length), length, 2000))
+    h = np.clip(smallest + growth * (r - fine), smallest, _largest_edge(gmsh))
+    around = 0.25 * np.pi * r * length if line else 0.5 * np.pi * r**2
+    return TETS_A_CUBE * np.trapezoid(around / h**3, r)
+
+
+def _largest_edge(gmsh):
+    """What :func:`even_edges` set."""
+    return gmsh.option.getNumber("Mesh.MeshSizeMax")
+
+
+def check_tets(volume, size):
+    """Raise InputError where a body [m³] of edges of a size [m] has no room in the memory."""
+    _check_number(TETS_A_CUBE * volume / size**3)
+
+
+def _check_number(num):
+    check_room(A_TET * num, f"a mesh of {num:.2g} tetrahedra", ": expected longer edges")
 
 
 def even_edges(largest, smallest=0.0):
@@ -74,7 +103,13 @@ def even_edges(largest, smallest=0.0):
 
 
 def tets(gmsh):
-    """Mesh the model: nodes (N, 3) and positively oriented cells (M, 4)."""
+    """Mesh the model: nodes (N, 3) and positively oriented cells (M, 4).
+
+    Raises:
+        InputError: The memory has no room for them, by an estimate from below.
+    """
+    volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3))
+    check_tets(volume, _largest_edge(gmsh))
     gmsh.model.mesh.generate(3)
     gmsh.model.mesh.optimize("Netgen")
     return tetrahedra()

@@ -7,6 +7,7 @@ import numpy as np
 
 from ...arguments import checked
 from ...errors import InputError
+from ...machine.memory import check_room
 from ..measure import positively_oriented
 from .contact_mesh import require_positive
 
@@ -57,6 +58,8 @@ def sleeve(
         )
     if at_ends is not None:
         require_positive("element size at the ends of sleeve", at_ends)
+    bricks = layers * around * height / h
+    check_room(1000 * bricks, f"a sleeve of {bricks:.2g} bricks", ": expected longer edges")
     level = _levels(height, h, h if at_ends is None else at_ends)
     up = len(level) - 1
     n = np.array([layers, around, up])

@@ -6,7 +6,14 @@ import pytest
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry import measure
 from mufe_fenicsx.geometry.bodies import shapes
+from mufe_fenicsx.geometry.bodies.block import block
 from mufe_fenicsx.geometry.bodies.half_ball import half_ball
+from mufe_fenicsx.geometry.bodies.half_cylinder import half_cylinder
+from mufe_fenicsx.geometry.bodies.half_ellipsoid import half_ellipsoid
+from mufe_fenicsx.geometry.bodies.half_space import half_space
+from mufe_fenicsx.geometry.bodies.hollow import hollow
+from mufe_fenicsx.geometry.bodies.sleeve import sleeve
+from mufe_fenicsx.synthetic.formula_grains import Superquadric, mesh_formula
 
 R, H = 1e-3, 2.5e-4
 
@@ -97,3 +104,28 @@ def test_sizes_have_to_be_positive():
         shapes.sphere(1, float("nan"))
     with pytest.raises(InputError, match="height of half ball"):
         half_ball(1.0, 0.1, height=1.5)
+
+
+#: Bodies of which a length of edges says how many tetrahedra there are, once even, once near a
+#: contact alone.
+FINE = {
+    "sphere": lambda h: shapes.sphere(1.0, h),
+    "cylinder": lambda h: shapes.cylinder(1.0, 2.0, h),
+    "sphere_near_contact": lambda h: shapes.sphere_near_contact(1.0, h, 1e-6),
+    "half_ball": lambda h: half_ball(1.0, h, contact_radius=0.5),
+    "quarter": lambda h: half_ball(1.0, 0.1, h_max=h, quarter=True),
+    "half_cylinder": lambda h: half_cylinder(1.0, 1.0, h, contact_radius=0.5, line=True),
+    "half_ellipsoid": lambda h: half_ellipsoid((1.0, 2.0, 3.0), h, contact_radius=0.5),
+    "block": lambda h: block(1.0, 0.5, h, 0.1, 0.3),
+    "hollow": lambda h: hollow(1.0, h, 0.1, 0.3),
+    "half_space": lambda h: half_space(1.0, h, 1e-6, 0.1),
+    "sleeve": lambda h: sleeve(1.0, 0.01, 1.0, h),
+    "mesh_formula": lambda h: mesh_formula(Superquadric((1.0, 1.0, 1.0), 2.5), h),
+}
+
+
+@pytest.mark.parametrize("name", FINE)
+@pytest.mark.parametrize("h", [3e-4, 1e-9])
+def test_a_mesh_that_no_memory_holds_is_refused_before_it_is_begun(name, h):
+    with pytest.raises(InputError, match=r"takes .* GB, expected at most the .* longer edges"):
+        FINE[name](h)
