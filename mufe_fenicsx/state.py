@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-
 #: What a value that changes may be besides None: it stays of its kind.
 KINDS = (int | float, str, list, dict)
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..arguments import checked
 from ..errors import InputError
+from ..machine.files import replacing, write_atomically
 from .grain_file import BLOCK, FORMAT, VERSION, GrainFile, write_checksum
 from .measure import centroid_of, tet_volumes
 
@@ -133,25 +134,26 @@ def save_grains(folder: str | Path, grains: Grains) -> None:
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with h5py.File(folder / "grains.h5", "w", userblock_size=BLOCK) as file:
-            file.attrs["format"] = FORMAT
-            file.attrs["version"] = VERSION
-            file.attrs["length_unit"] = "m"
-            file.attrs["element_size"] = grains.element_size
-            file["points"] = grains.points.astype(np.float64)
-            file["cells"] = grains.cells.astype(np.int64)
-            file["labels"] = grains.labels.astype(np.int64)
-            file["node_offset"] = grains.node_offset.astype(np.int64)
-            file["cell_offset"] = grains.cell_offset.astype(np.int64)
-            file["cell_label"] = grains.cell_label.astype(np.int32)
-            file["centroids"] = grains.centroids
-            file["volumes"] = grains.volumes
-            if grains.box is not None:
-                file["box"] = grains.box
-            if grains.cylinder is not None:
-                file["cylinder"] = grains.cylinder
-        write_checksum(folder / "grains.h5")
-        (folder / "grains.xdmf").write_text(_xdmf(len(grains.points), len(grains.cells)))
+        with replacing(folder / "grains.h5") as part:
+            with h5py.File(part, "w", userblock_size=BLOCK) as file:
+                file.attrs["format"] = FORMAT
+                file.attrs["version"] = VERSION
+                file.attrs["length_unit"] = "m"
+                file.attrs["element_size"] = grains.element_size
+                file["points"] = grains.points.astype(np.float64)
+                file["cells"] = grains.cells.astype(np.int64)
+                file["labels"] = grains.labels.astype(np.int64)
+                file["node_offset"] = grains.node_offset.astype(np.int64)
+                file["cell_offset"] = grains.cell_offset.astype(np.int64)
+                file["cell_label"] = grains.cell_label.astype(np.int32)
+                file["centroids"] = grains.centroids
+                file["volumes"] = grains.volumes
+                if grains.box is not None:
+                    file["box"] = grains.box
+                if grains.cylinder is not None:
+                    file["cylinder"] = grains.cylinder
+            write_checksum(part)
+        write_atomically(folder / "grains.xdmf", _xdmf(len(grains.points), len(grains.cells)))
     except OSError as error:
         raise InputError(f"folder {folder} cannot be written: {_one_line(error)}") from error
 

@@ -82,7 +82,8 @@ KINDS = {
     **_numbers(
         "area", "first_height", "reference_height", "setup_s", "wall_s", "time", "time_step",
         "element_time_step", "strain", "stress", "peak_memory_bytes", "mass", "added_mass",
-        "edges_per_diameter", "diameters", "void_ratio", "porosity", "void_ratio_inside", "void_ratio_error",
+        "edges_per_diameter", "diameters", "void_ratio", "porosity", "void_ratio_inside",
+        "void_ratio_error",
     ),
     "separation": _separation,
     "contact": _table(

@@ -106,8 +106,9 @@ class RunLock:
             found = read_lock(self.folder)
             if found is None:  # freed in between
                 continue
-            if not is_stale(found, self._silence()):
-                raise InputError(busy(self.folder, found))
+            silence = self._silence()
+            if not is_stale(found, silence):
+                raise InputError(busy(self.folder, found, silence))
             notice = f"lock of {self.folder} is stale ({holder(found)}), taken over"
             self._remove(found)
         raise InputError(f"{self.path} changes all the time, expected one run in that folder")
@@ -216,9 +217,10 @@ def ascii_line(text):
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
-def busy(folder, lock):
-    """The line that refuses a folder which another run writes."""
+def busy(folder, lock, silence=0.0):
+    """The line that refuses a folder which another run writes; ``silence`` as of is_stale."""
     said = holder(lock) if lock else f"its {LOCK} is torn and does not say which"
+    said += f", touched {silence / 60:.1f} minutes ago" if silence > BEAT else ""
     return (
         f"run folder {folder} is being written by another run ({said}), expected one that has "
         f"ended; where it has, delete {Path(folder) / LOCK}, or wait: from another machine, or "
@@ -237,7 +239,7 @@ def free_to_write(folder):
         return None
     except OSError as error:
         return f"{Path(folder) / LOCK} cannot be read ({reason(error)})"
-    return None if is_stale(found, silence) else busy(folder, found)
+    return None if is_stale(found, silence) else busy(folder, found, silence)
 
 
 def _machine():

@@ -1,12 +1,15 @@
 """Links in a folder of results lead nothing out of it: by every name that a command writes."""
 
+import contextlib
 import os
 import shutil
 
+import numpy as np
 import pytest
 
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.grains import save_grains
+from mufe_fenicsx.geometry.image.label_files import write_labels, write_table
 from mufe_fenicsx.output.run_folder import append_line
 from mufe_fenicsx.report.paraview import write_paraview
 from mufe_fenicsx.report.write import write_report
@@ -127,3 +130,20 @@ def put_links_and_call(place, command, names, link):
     assert said is None or "link" in said, (names, link, said)
     shutil.rmtree(folder)
     shutil.rmtree(outside)
+
+
+@pytest.mark.parametrize("name", ["grains.h5", "grains.xdmf", "labels.tif", "labels.csv"])
+@pytest.mark.parametrize("link", [os.symlink, os.link])
+def test_functions_of_python_write_through_no_link(tmp_path, name, link):
+    outside, folder = tmp_path / "outside", tmp_path / "folder"
+    folder.mkdir()
+    outside.write_bytes(b"precious")
+    link(outside, folder / name)
+    write = {
+        ".tif": lambda path: write_labels(path, np.ones((2, 2, 2), dtype=int), 1e-6),
+        ".csv": lambda path: write_table(path, [{"label": 1}]),
+    }.get(name[-4:], lambda path: save_grains(path.parent, packed_grains((1, 1, 1))))
+    with contextlib.suppress(InputError):
+        write(folder / name)
+    assert outside.read_bytes() == b"precious"
+    assert not list(folder.glob("*.part"))

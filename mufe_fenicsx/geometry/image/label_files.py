@@ -9,6 +9,7 @@ import scipy.ndimage
 import tifffile
 
 from ...errors import InputError
+from ...machine.files import replacing
 from .array_file import array_names
 from .image import to_cubes
 from .image_files import read_with_size
@@ -42,14 +43,11 @@ def write_labels(path, labels, voxel_size, cylinder=None):
     largest = labels.max(initial=0)
     kind = np.uint16 if largest < 2**16 else np.int32
     try:
-        tifffile.imwrite(
-            path,
-            labels.astype(kind),
-            description=description,
-            metadata=None,
-            compression="zlib",
-            photometric="minisblack",
-        )
+        with replacing(path) as part:
+            tifffile.imwrite(
+                part, labels.astype(kind), description=description, metadata=None,
+                compression="zlib", photometric="minisblack",
+            )  # fmt: skip
     except OSError as error:
         raise InputError(f"labels {path} cannot be written: {error}") from error
 
@@ -135,7 +133,7 @@ def write_table(path, rows, columns=None):
     """Write dictionaries as CSV, columns in the order of the first row."""
     columns = list(columns or rows[0])
     try:
-        with open(path, "w", newline="", encoding="utf-8") as file:
+        with replacing(path) as part, part.open("w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, columns, extrasaction="ignore")
             writer.writeheader()
             writer.writerows(rows)
