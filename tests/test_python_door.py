@@ -65,6 +65,8 @@ NONSENSE = [
     (lambda s: build(friction="x"), 'friction = "x", expected a finite number'),
     (lambda s: build(time_step_factor=2), "time_step_factor = 2.0, expected > 0 and <= 1"),
     (lambda s: build(refresh=1.5), "refresh = 1.5, expected a whole number"),
+    (lambda s: build(compliance=1e-300), "compliance = 1e-300, expected > 0, from 1e-12"),
+    (lambda s: build(element=np.zeros((2, 3))), "element = [["),
     (lambda s: build(increment=np.nan), "increment = nan, expected a finite number"),
     (lambda s: mufe.drive(s, {"z_max": [0, 0, np.nan]}, 1e-6), "move of wall z_max = [0, 0, nan]"),
     (lambda s: mufe.drive(s, {"z_max": UP}, 0), "duration = 0.0, expected > 0 s"),

@@ -4,7 +4,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from ..errors import InputError
+from ..errors import InputError, shown
 from ..kernels.compiled_forms import compiled_form
 from ..kernels.edge_compliance import add_edge_compliance, cells_around, largest_patch
 from ..kernels.element_step import add_nodal_stiffness, element_time_step
@@ -66,7 +66,7 @@ class Solid(ForceTerm):
     def __init__(self, mesh, materials, element="averaged"):
         self.mesh = mesh
         if not isinstance(element, str) or element not in ELEMENTS:
-            raise InputError(f"element = {element}, expected one of {', '.join(ELEMENTS)}")
+            raise InputError(f"element = {shown(element)}, expected one of {', '.join(ELEMENTS)}")
         if element == "composite" and mesh.family != PARTS:
             raise InputError(
                 f"tetrahedra of one composite = {mesh.family}, expected {PARTS}: "

@@ -84,7 +84,8 @@ def build(
         Wall(name, point, normal, friction=friction.get(name, 0.0))
         for name, (point, normal) in planes.items()
     ] + list(walls)
-    composite, tools = options.get("element") == "composite", options.get("tools", ())
+    element, tools = options.get("element"), options.get("tools", ())
+    composite = isinstance(element, str) and element == "composite"
     sleeves = options.pop("sleeves", ())
     if (
         not isinstance(sleeves, list | tuple)

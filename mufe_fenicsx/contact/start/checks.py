@@ -5,6 +5,9 @@ from mpi4py import MPI
 
 from ...errors import InputError
 
+#: Bounds of the compliance.
+LEAST, MOST = 1e-12, 1e12
+
 
 def check_law(friction, compliance):
     """Coefficients of the contact law.
@@ -14,8 +17,11 @@ def check_law(friction, compliance):
     """
     if not 0 <= friction < np.inf:
         raise InputError(f"friction = {friction}, expected >= 0")
-    if not 0 < compliance < np.inf:
-        raise InputError(f"compliance = {compliance}, expected > 0: contact has no stiffness")
+    if not LEAST <= compliance <= MOST:
+        raise InputError(
+            f"compliance = {compliance}, expected > 0, from {LEAST:g} to {MOST:g}: beyond, contact "
+            "has no stiffness, or one of no finite eigenvalue"
+        )
 
 
 def check_surface(mesh, own):

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, shown
 from ..laws import edge_of_area
 from .bulges import height
 
@@ -128,7 +128,7 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, smo
         InputError: There is no such kind.
     """
     if kind not in KINDS:
-        raise InputError(f"points of contact = {kind}, expected one of {', '.join(KINDS)}")
+        raise InputError(f"points of contact = {shown(kind)}, expected one of {', '.join(KINDS)}")
     node_grain, facet_grain = mesh.grain_of_node[own.nodes], own.local_grain_of_facet
     cell_at_node = own.cell_of_facet[own.ring[own.ring_offset[:-1]]]  # of one of the facets around
     if kind == "nodes":
