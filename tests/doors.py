@@ -22,8 +22,12 @@ def warm(*words):
         main([str(word) for word in words])
 
 
-def mufe(*words):
+def mufe(*words, user=None):
     """Call a command.
+
+    Args:
+        words: Of the command.
+        user: Number of the user who calls it; None: this one.
 
     Returns:
         Its exit status, negative for the number of a signal that ended it, and the lines that it
@@ -32,6 +36,8 @@ def mufe(*words):
     with tempfile.TemporaryFile() as said:
         child = os.fork()
         if child == 0:
+            if user is not None:
+                os.setgroups([]), os.setgid(user), os.setuid(user)
             _be_the_command([str(word) for word in words], said.fileno())
         status = _wait(child)
         said.seek(0)

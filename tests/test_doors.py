@@ -5,8 +5,11 @@ Commands end with a status; Python's names raise an InputError.
 What reads each kind of file has tests of its own with many more of them.
 """
 
+import os
 import random
 import shutil
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -210,3 +213,27 @@ def test_commands(tmp_path, count):
         check_answer(status, lines, f"{k}: {command}", tmp_path / "deep")
         assert status != 2 or not (tmp_path / "deep").exists(), (command, lines)
         shutil.rmtree(tmp_path / "deep", ignore_errors=True)
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root may become another user")
+def test_a_folder_of_another_user():
+    """What would write into it, or cannot read it, is refused in a line; nothing changes.
+
+    Modules are loaded before: the other user may not read those of a Python in root's home.
+    """
+    nobody = 65534
+    with tempfile.TemporaryDirectory() as name:
+        place = Path(name)
+        place.chmod(0o755)
+        (place / "scene.toml").write_text(SMALLEST)
+        save_grains(place / "grains", packed_grains((2, 1, 1), h=RADIUS))
+        run = ["run", place / "scene.toml", "--grains", place / "grains", "-o", place / "run"]
+        warm(*run, "--max-steps", 1, "--quiet")
+        before = {path: path.stat().st_mtime_ns for path in place.rglob("*")}
+        for mode in (0o755, 0o700):
+            (place / "run").chmod(mode)
+            for more in (["--resume"], ["--overwrite"], []):
+                status, lines = run_mufe(*run, *more, "--quiet", user=nobody)
+                check_answer(status, lines, more)
+                assert status == 2, (more, lines)
+        assert before == {path: path.stat().st_mtime_ns for path in place.rglob("*")}
