@@ -101,7 +101,7 @@ def test_scenes(tmp_path, count):
         shutil.rmtree(output, ignore_errors=True)
 
 
-@short_and_long(10, 500)
+@short_and_long(5, 500)
 def test_images(tmp_path, count):
     chance, output = random.Random(count), tmp_path / "labels.tif"
     samples = write_samples(tmp_path)
