@@ -101,7 +101,7 @@ def check_run(history, mass=None, contacts=None, sample=None):
     if not led:
         values["load"] = stress_strain.lost_load(history)
     lack = lack_of_stress(history)
-    if lack is not None:
+    if lack is not None and np.isfinite(lack[loading_rows(history)]).any():
         time, window = (
             history["time"],
             quasi_static.WINDOW * quasi_static.travel_time(history, mass),

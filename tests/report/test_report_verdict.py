@@ -109,6 +109,10 @@ def test_a_servo_that_lags_is_said():
     assert [check.grade for check in found.values()] == ["warn", "pass"]
     assert found[0.44].row is None and "the servo lags" in found[0.44].text
     assert "held" not in {c.name for c in checks.check_run(fake_history())}
+    # Nor does a stress that the seating alone held.
+    h = servo(0.04)
+    h["target_x"][rows.loading_rows(h)] = 0.0
+    assert "held" not in {c.name for c in checks.check_run(h)}
 
 
 def test_a_single_row_decides_nothing():
