@@ -191,17 +191,6 @@ def test_an_analysis_of_ones_own(tmp_path, demo):
     assert (tmp_path / "own_analysis.png").stat().st_size > 20_000
 
 
-def test_the_page_on_segmentation(tmp_path, demo):
-    """A small image of eight balls that touch: the page has its three figures."""
-    grey = np.full((36, 36, 36), 60.0)
-    z, y, x = np.indices(grey.shape) % 18 - 8.5
-    grey[z * z + y * y + x * x < 8.9**2] = 180.0
-    np.save(tmp_path / "balls.npy", grey + np.random.default_rng(3).normal(0, 8, grey.shape))
-    demo("segmentation", tmp_path / "page", "--quick", "--image", tmp_path / "balls.npy")
-    page = (tmp_path / "page" / "segmentation.html").read_text(encoding="utf-8")
-    assert page.count("<img") == 3 and "balls.npy" in page
-
-
 @pytest.mark.slow
 def test_the_axisymmetric_reference_can_be_made_again(tmp_path):
     """Coarse: the demo compares the forces with the stored ones itself."""
