@@ -99,7 +99,7 @@ def contents(path):
         if file.suffix in (".vtkhdf", ".h5"):
             with h5py.File(file) as opened:
                 opened.visititems(lambda key, item, name=name: found.update(
-                    {(name, key): item[()].tobytes()} if isinstance(item, h5py.Dataset) else {}
+                    {(name, key): np.asarray(item[()]).tolist()} if isinstance(item, h5py.Dataset) else {}
                 ))  # fmt: skip
         else:
             found[name] = file.read_bytes()
