@@ -86,6 +86,12 @@ def run(folder, name, comm=COMM, **options):
     return run_scene(scene, folder / "grains", folder / name, comm, quiet=True, **options)
 
 
+def _values(dataset):
+    """Bytes of numbers, in which nan equals itself; texts as such."""
+    values = np.asarray(dataset[()])
+    return values.tolist() if values.dtype == object else values.tobytes()
+
+
 def contents(path):
     """All arrays and texts of a run that hold results; run.json tells times of the clock.
 
@@ -99,7 +105,7 @@ def contents(path):
         if file.suffix in (".vtkhdf", ".h5"):
             with h5py.File(file) as opened:
                 opened.visititems(lambda key, item, name=name: found.update(
-                    {(name, key): np.asarray(item[()]).tolist()} if isinstance(item, h5py.Dataset) else {}
+                    {(name, key): _values(item)} if isinstance(item, h5py.Dataset) else {}
                 ))  # fmt: skip
         else:
             found[name] = file.read_bytes()
