@@ -25,6 +25,7 @@ def test_a_notebook_sees_one_line_that_is_written_anew(monkeypatch, capsys, quie
 
 
 def test_a_pipe_is_told_the_step_while_the_sample_is_seated_and_then_the_time_left(monkeypatch):
+    monkeypatch.delitem(sys.modules, progress_line.NOTEBOOK, raising=False)  # of other tests
     clock = [0.0]
     monkeypatch.setattr(progress_line.time, "perf_counter", lambda: clock[0])
     loading = SimpleNamespace(stage="seating", part_done=0.0, strain=0.0)
