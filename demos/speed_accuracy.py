@@ -6,7 +6,7 @@ polyhedra that fill one (jammed), a ball in a cylinder (cylinder-wall) and under
 rubber tube (membrane), over
 
 - the mesh;
-- the element: plain linear, averaged pressure, composites of eight;
+- the element: plain linear, averaged pressure;
 - the law of contact: layer matched to the mesh, stiff penalty, kinematic, at facets or nodes;
 - the time step: of the assembled system or of single elements; mass added; increments;
 - the speed of loading; rigid, elastic, elasto-plastic grains.

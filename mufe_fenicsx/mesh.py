@@ -87,7 +87,6 @@ class GrainMesh:
     facets: np.ndarray  #: nodes of boundary facets, outward, int32, shape (num_facets, 3)
     grain_of_facet: np.ndarray  #: local grain of each facet, shape (num_facets,)
     cell_of_facet: np.ndarray  #: row of ``cells`` beneath each facet, int32, shape (num_facets,)
-    family: int = 1  #: rows of ``cells`` that make one composite element; families are whole
     cylinder: np.ndarray | None = None  #: that cut the grains: x, y, radius [m], shape (3,)
     sleeves: tuple[str, ...] = ()  #: names of bodies after the grains in ``labels``, around them
     tools: tuple[str, ...] = ()  #: names of the last of ``labels``, which are tools and no grains
@@ -221,7 +220,6 @@ def create_grain_mesh(
     cell_grain: np.ndarray,
     labels: np.ndarray,
     rank_of_grain: np.ndarray,
-    family: int = 1,
     sleeves: Sequence[str] = (),
     tools: Sequence[str] = (),
 ) -> GrainMesh:
@@ -234,7 +232,6 @@ def create_grain_mesh(
         cell_grain: Index into ``labels`` of each tetrahedron, shape (num_cells,).
         labels: Labels of all grains, shape (num_grains_global,).
         rank_of_grain: Rank of all grains, shape (num_grains_global,).
-        family: So many tetrahedra in turn belong together, and stay so in the order given.
         sleeves: Names of the bodies after the grains in ``labels``, which are around them.
         tools: Names of the last of ``labels``, which are tools.
 
@@ -251,9 +248,8 @@ def create_grain_mesh(
         raise RuntimeError(
             f"ghosts = {V.dofmap.index_map.num_ghosts}, expected a grain on one rank"
         )
-    original = domain.topology.original_cell_index - first_cell
-    grain_of_cell = cell_grain[original]
-    cell_order = _order(grain_of_cell, original, family)
+    grain_of_cell = cell_grain[domain.topology.original_cell_index - first_cell]
+    cell_order = np.argsort(grain_of_cell, kind="stable").astype(np.int32)
     grains, cell_offset = np.unique(grain_of_cell[cell_order], return_index=True)
     cell_offset = np.append(cell_offset, cell_order.size).astype(np.int64)
 
@@ -287,7 +283,6 @@ def create_grain_mesh(
         facets=facets,
         grain_of_facet=grain_of_facet,
         cell_of_facet=cell_of_facet,
-        family=family,
         sleeves=tuple(sleeves),
         tools=tuple(tools),
     )
@@ -378,21 +373,6 @@ def _check_elements(comm, x, cells, cell_offset, facets, grain_of_facet, labels)
             f"{enclosed[k]:.6g} m³, expected the same: elements lie inside out or in each other"
         )
     raise_together(comm, message)
-
-
-def _order(grain_of_cell, original, family):
-    """Cells grain after grain in DOLFINx's order, which is local; families at their first cell.
-
-    Args:
-        grain_of_cell: Grain of each DOLFINx cell, shape (num_cells,).
-        original: Its number as it was given, shape (num_cells,).
-        family: Cells that were given in turn and stay together.
-    """
-    if family == 1:
-        return np.argsort(grain_of_cell, kind="stable").astype(np.int32)
-    first = np.full(original.size // family, original.size)
-    np.minimum.at(first, original // family, np.arange(original.size))
-    return np.lexsort((original, first[original // family], grain_of_cell)).astype(np.int32)
 
 
 def _boundary(cells, cell_offset):

@@ -43,7 +43,7 @@ class Specimen(Stateful):
         mesh: :class:`~mufe_fenicsx.mesh.GrainMesh`.
         materials: A material for each grain of this rank, tools left out.
         walls: List of :class:`~mufe_fenicsx.contact.walls.Wall`.
-        element: One of solid.ELEMENTS: "averaged", "p1" or "composite".
+        element: One of solid.ELEMENTS: "averaged" or "p1".
         velocity: Initial velocities [m/s], shape (num_nodes, 3); rest if None.
         mass_factor: Nodal masses times this, shape (num_nodes,), where only slow loading is
             of interest; 1 if None. Not seen by the time step of single elements.

@@ -5,9 +5,7 @@ import pytest
 from mpi4py import MPI
 
 from mufe_fenicsx.errors import InputError
-from mufe_fenicsx.geometry.bodies.shapes import box
-from mufe_fenicsx.geometry.tets.refine import split
-from mufe_fenicsx.mesh import create_grain_mesh, partition_grains
+from mufe_fenicsx.mesh import partition_grains
 from tests.bodies import RADIUS, packed_spheres
 
 COMM = MPI.COMM_WORLD
@@ -93,20 +91,3 @@ def test_more_ranks_than_grains():
     with pytest.raises(ValueError, match=r"number of ranks = 3, expected at most .* 2"):
         partition_grains(np.ones(2), np.zeros((2, 3)), 3)
     assert issubclass(InputError, ValueError)
-
-
-@pytest.mark.mpi
-def test_composites_stay_together():
-    """Each eight rows of ``cells`` are the parts of one tetrahedron, in the order of the split."""
-    comm = COMM
-    points, cells = split(*box((1.0, 2.0, 1.5), (2, 3, 2), (3.0 * comm.rank, 0.0, 0.0)))
-    ranks = np.arange(comm.size)
-    mesh = create_grain_mesh(
-        comm, points, cells, np.full(len(cells), comm.rank), ranks + 1, ranks, family=8
-    )
-    centre = points[cells].mean(axis=1).reshape(-1, 8, 3)
-    found = mesh.x[mesh.cells].mean(axis=1).reshape(-1, 8, 3)
-    # Composites by their own centres, which differ by far more than rounding.
-    given, had = (c.mean(axis=1) for c in (centre, found))
-    order, other = (np.lexsort(np.round(c, 9).T) for c in (given, had))
-    np.testing.assert_allclose(found[other], centre[order], atol=1e-12)

@@ -5,8 +5,6 @@ import subprocess
 
 import numpy as np
 
-from mufe_fenicsx.geometry.tets.refine import EDGES
-
 #: Stiffness of the penalty over E/h, h the length of edges in the contact.
 PENALTY = 50.0
 #: Edges whose middles are nodes 5 to 10 of C3D10, by their corners.
@@ -15,11 +13,9 @@ MIDDLES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
 
 def second_order(points, cells):
     """Nodes and the ten of each tetrahedron; middles of edges on the surface stay on facets."""
-    ends = np.sort(cells[:, EDGES].reshape(-1, 2), axis=1)
+    ends = np.sort(cells[:, MIDDLES].reshape(-1, 2), axis=1)
     edges, inverse = np.unique(ends, axis=0, return_inverse=True)
-    number = inverse.reshape(-1, 6) + len(points)
-    column = {tuple(edge): k for k, edge in enumerate(EDGES.tolist())}
-    middles = number[:, [column[edge] for edge in MIDDLES]]
+    middles = inverse.reshape(-1, 6) + len(points)
     return np.vstack([points, points[edges].mean(axis=1)]), np.hstack([cells, middles])
 
 

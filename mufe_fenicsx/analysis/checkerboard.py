@@ -5,7 +5,7 @@ import numpy as np
 from mufe_fenicsx.geometry.measure import FACES
 
 
-def checkerboard(cells, pressure, volume, family=1):
+def checkerboard(cells, pressure, volume):
     """Part of the pressure that alternates from a tetrahedron to its neighbours [-].
 
         ½ √(Σ V (p - p̄)² / Σ V p²),  p̄ the mean over the tetrahedra that share a face
@@ -18,16 +18,12 @@ def checkerboard(cells, pressure, volume, family=1):
         cells: Nodes of the tetrahedra, shape (num_cells, 4).
         pressure: Of the tetrahedra [Pa], shape (num_cells,).
         volume: Their volumes [m³], shape (num_cells,).
-        family: So many tetrahedra in turn make one composite element with one pressure; the
-            alternation is that from composite to composite.
     """
     faces = np.sort(np.concatenate([cells[:, list(face)] for face in FACES]), axis=1)
-    cell = np.tile(np.arange(len(cells)) // family, len(FACES))
-    pressure, volume = pressure[::family], volume.reshape(-1, family).sum(axis=1)
+    cell = np.tile(np.arange(len(cells)), len(FACES))
     order = np.lexsort(faces.T)
     same = np.flatnonzero((faces[order][1:] == faces[order][:-1]).all(axis=1))
     one, other = cell[order[same]], cell[order[same + 1]]
-    one, other = one[one != other], other[one != other]
     count = np.bincount(np.concatenate([one, other]), minlength=len(volume))
     total = np.bincount(
         np.concatenate([one, other]),

@@ -7,6 +7,8 @@ import numpy as np
 from mufe_fenicsx.analysis.by_grain import index_grains, sum_by_grain
 from mufe_fenicsx.geometry.measure import tet_volumes
 
+#: Elements whose energies are known.
+ELEMENTS = ("averaged", "p1")
 #: Plastic strain that no grain reaches.
 FAR = 1e3
 
@@ -41,14 +43,13 @@ def grain_energy(
     velocity,
     material,
     element="averaged",
-    family=1,
 ):
     """Energies of grains of one material.
 
     Elastic: s:s/4G of the deviator and K (J ln J - J + 1) of the volume ratio J, which an element
-    takes as its own, as the mean at its nodes ("averaged") or that of its family; in these two,
-    of a material that flows, G (e^4/4 + e^5/5 + ...), e = 1 - 1/J, of its own besides. Kinetic:
-    with a quarter of the mass of a tetrahedron at each of its nodes, without added mass.
+    takes as its own ("p1") or as the mean at its nodes ("averaged"); in the latter, of a material
+    that flows, G (e^4/4 + e^5/5 + ...), e = 1 - 1/J, of its own besides. Kinetic: with a quarter of
+    the mass of a tetrahedron at each of its nodes, without added mass.
 
     Args:
         reference, points: Nodes then and now [m], shape (num_nodes, 3).
@@ -58,8 +59,7 @@ def grain_energy(
         work: Plastic work of the cells [J], shape (num_cells,).
         velocity: Of nodes [m/s], shape (num_nodes, 3), or None: kinetic energy is nan.
         material: :class:`GrainMaterial`.
-        element: "averaged", "p1" or "composite", as of the run.
-        family: So many tetrahedra in turn are one composite element.
+        element: One of :data:`ELEMENTS`, as of the run.
 
     Returns:
         :class:`GrainEnergy`, grains in the order of their labels.
@@ -78,19 +78,16 @@ def grain_energy(
     square -= stress[:, :3].sum(axis=1) ** 2 / 3
     # s is the Cauchy deviator; what belongs to the first volume is that of J s.
     elastic = total(now**2 / before * square / (4 * G))
-    if material.flows and element != "p1":
-        e = 1 - before / now
-        elastic += total(G * before * (-np.log1p(-e) - e - e**2 / 2 - e**3 / 3))
     if element == "averaged":
+        if material.flows:
+            e = 1 - before / now
+            elastic += total(G * before * (-np.log1p(-e) - e - e**2 / 2 - e**3 / 3))
         ratio = _ratio_at_nodes(cells, before, now, len(reference))
         density = (K * volume_energy(ratio))[cells].mean(axis=1)
         # A node has a quarter of each cell around it, and a cell a quarter of it back.
         elastic += total(before * density)
     else:
-        size = family if element == "composite" else 1
-        first = np.repeat(before.reshape(-1, size).sum(axis=1), size)
-        ratio = np.repeat(now.reshape(-1, size).sum(axis=1), size) / first
-        elastic += total(before * K * volume_energy(ratio))
+        elastic += total(before * K * volume_energy(now / before))
     speed2 = np.full(len(before), np.nan)
     if velocity is not None:
         speed2 = np.einsum("ni,ni->n", velocity, velocity)[cells].mean(axis=1)

@@ -11,22 +11,15 @@ from ..kernels.element_step import add_nodal_stiffness, element_time_step
 from ..kernels.energy import add_normal_stresses, elastic_energy
 from ..kernels.hardening import plastic_increment
 from ..kernels.native import SOURCES, load
-from ..kernels.solid import (
-    AVERAGED,
-    COMPOSITE,
-    PARTS,
-    PLAIN,
-    InternalForces,
-)
+from ..kernels.solid import AVERAGED, PLAIN, InternalForces
 from ..materials.auto import Auto
 from ..materials.rigid import Rigid
 from ..output.run_folder import on_first_rank
 from ..state import ForceTerm
 from .neo_hookean import NeoHookeanGrains
 
-#: Elements by name: averaged nodal pressure, plain linear tetrahedra, and composites of
-#: eight linear ones, which need a mesh made of such (geometry.refine, ``family`` of the mesh).
-ELEMENTS = {"averaged": AVERAGED, "p1": PLAIN, "composite": COMPOSITE}
+#: Elements by name: averaged nodal pressure, and plain linear tetrahedra.
+ELEMENTS = {"averaged": AVERAGED, "p1": PLAIN}
 
 #: An element whose time step falls to this part of the first smallest one has collapsed.
 COLLAPSED = 0.02
@@ -59,19 +52,13 @@ class Solid(ForceTerm):
         element: One of :data:`ELEMENTS`.
 
     Raises:
-        InputError: There is no such element, the mesh is not made of composites, or there is no
-            C compiler.
+        InputError: There is no such element, or there is no C compiler.
     """
 
     def __init__(self, mesh, materials, element="averaged"):
         self.mesh = mesh
         if not isinstance(element, str) or element not in ELEMENTS:
             raise InputError(f"element = {shown(element)}, expected one of {', '.join(ELEMENTS)}")
-        if element == "composite" and mesh.family != PARTS:
-            raise InputError(
-                f"tetrahedra of one composite = {mesh.family}, expected {PARTS}: "
-                "split the mesh with geometry.tets.refine.split"
-            )
         self.element = element
         self.materials = materials
         self.bulk = np.array([m.bulk_modulus for m in materials])
@@ -191,11 +178,7 @@ class Solid(ForceTerm):
         if not soft.any():
             return compliance
         some = ends[soft]
-        family = PARTS if self.element == "composite" else 1
-        volume_of_cell = np.arange(m.num_cells) // family
-        volume = np.bincount(volume_of_cell, self.volume0)
-        if averaged:
-            volume = self.kernel.node_volume0
+        volume = self.kernel.node_volume0 if averaged else self.volume0
         place, places = np.full(m.num_nodes, -1), np.full(volume.size, -1)
         free = np.empty(m.num_nodes, np.int64)
         offset, around = cells_around(m.cells, m.num_nodes)
@@ -204,7 +187,7 @@ class Solid(ForceTerm):
         add_edge_compliance(
             found, np.empty((3 * n, 3 * n)), np.empty((num, 3 * n)), free, place, places, volumes,
             some, direction[soft], m.x, m.cells, offset, around, m.grain_of_cell, self.bulk,
-            self.shear, volume, volume_of_cell, averaged,
+            self.shear, volume, averaged,
         )  # fmt: skip
         compliance[soft] = found
         return compliance
@@ -228,7 +211,7 @@ class Solid(ForceTerm):
         return np.add.reduceat(state.plastic_work, self.mesh.cell_offset[:-1])
 
     def shared_mean_stress(self, cells=slice(None)):
-        """That of nodes or composites, which ``cells`` share [Pa], shape (num_cells,). Local."""
+        """That of nodes, which ``cells`` share, or their own [Pa], shape (num_cells,). Local."""
         if self.element == "averaged":
             return self.pressure[self.mesh.cells[cells]].mean(axis=1)
         return self.pressure[: self.mesh.num_cells][cells].copy()

@@ -1,8 +1,8 @@
 """Tangent of the grains' internal forces, from DOLFINx forms.
 
 The forces are those of the time steps, kernels.solid: deviator t of the Kirchhoff stress by a
-midpoint increment with rotation and radial return, mean stress p = K ln J of nodes, elements or
-composites. Written in the reference configuration, for one increment from u0 to u,
+midpoint increment with rotation and radial return, mean stress p = K ln J of nodes or elements.
+Written in the reference configuration, for one increment from u0 to u,
 
     r(u; v) = ∫ (t + (J p + G e³) I) F⁻ᵀ : grad v dX,    F = I + grad u,  J = det F,
     L = grad(u - u0) (I + grad (u0 + u)/2)⁻¹,   h = G dev sym L,   Q = skew L / 2,
@@ -111,24 +111,19 @@ class SolidTangent:
         bulk = self._bulk
         _values_of(self._by_volume, self._forms[1])  # entries appear as they are set
         indptr, columns = _local_rows(self._by_volume)[:2]
-        # Rows of volumes: nodes, cells, or cells of a composite together.
+        # Rows of volumes: nodes or cells.
         num_rows = indptr.size - 1
+        row = np.empty(num_rows, dtype=np.int64)
         if self._averaged:
-            group = np.empty(num_rows, dtype=np.int64)
-            group[volumes.dofmap.list] = mesh.V.dofmap.list
-            self.num_groups = mesh.num_nodes
+            row[volumes.dofmap.list] = mesh.V.dofmap.list
         else:
-            row = np.empty(num_rows, dtype=np.int64)
             row[mesh.cell_order] = np.arange(num_rows)
-            family = mesh.family if self.solid.element == "composite" else 1
-            group = row // family
-            self.num_groups = num_rows // family
-        self._row_of_volume = group if self._averaged else row
-        entry_group, columns = np.repeat(group, np.diff(indptr)), columns.astype(np.int64)
-        key, entry = np.unique(entry_group * mesh.num_nodes + columns // 3, return_inverse=True)
+        self._row_of_volume = row
+        entry_row, columns = np.repeat(row, np.diff(indptr)), columns.astype(np.int64)
+        key, entry = np.unique(entry_row * mesh.num_nodes + columns // 3, return_inverse=True)
         self._entry = 3 * entry + columns % 3
         self._node = (key % mesh.num_nodes).astype(np.int32)
-        self._first = np.searchsorted(key // mesh.num_nodes, np.arange(self.num_groups + 1))
+        self._first = np.searchsorted(key // mesh.num_nodes, np.arange(num_rows + 1))
         self.offset, self.columns = joined_pattern(
             self._first, self._node, bulk.indptr.astype(np.int64), bulk.indices, mesh.num_nodes
         )
@@ -185,7 +180,7 @@ class SolidTangent:
         return np.bincount(self._entry, values, 3 * self._node.size).reshape(-1, 3)
 
     def _slope(self, x):
-        """Derivative of the mean stress by its volume [Pa/m³], shape (num_groups,)."""
+        """Derivative of the mean stress by its volume [Pa/m³], shape (num_volumes,)."""
         mesh, solid = self.mesh, self.solid
         if self._averaged:
             volume = np.empty(mesh.num_nodes)
@@ -193,8 +188,7 @@ class SolidTangent:
             return solid.bulk[mesh.grain_of_node] / volume
         corners = x[mesh.cells]
         volume = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
-        family = mesh.num_cells // max(self.num_groups, 1)
-        return solid.bulk[mesh.grain_of_cell[::family]] / volume.reshape(-1, family).sum(axis=1)
+        return solid.bulk[mesh.grain_of_cell] / volume
 
 
 def _local_rows(matrix):

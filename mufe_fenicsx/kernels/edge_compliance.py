@@ -97,7 +97,7 @@ def largest_patch(place, free, ends, cells, offset, around, averaged):
 @numba.njit(cache=True, error_model="numpy")
 def _assemble(
     K, B, free, count, place, place_of_volume, volumes, x, cells, offset, around, grain_of_cell,
-    bulk, shear, volume, volume_of_cell, averaged, g, e, at,
+    bulk, shear, volume, averaged, g, e, at,
 ):  # fmt: skip
     """The lower half of the stiffness of ``count`` free nodes, all others held, in place.
 
@@ -134,7 +134,7 @@ def _assemble(
                         K[3 * at[p] + k, 3 * at[s] + k] += G * dot
             # Mean stress: derivatives of the volumes that the tetrahedron is part of.
             for v in range(4 if averaged else 1):
-                number = cells[c, v] if averaged else volume_of_cell[c]
+                number = cells[c, v] if averaged else c
                 if place_of_volume[number] < 0:
                     place_of_volume[number] = num_volumes
                     volumes[num_volumes] = number
@@ -161,7 +161,7 @@ def _assemble(
 @numba.njit(cache=True, error_model="numpy")
 def add_edge_compliance(
     compliance, K, B, free, place, place_of_volume, volumes, ends, direction, x, cells, offset,
-    around, grain_of_cell, bulk, shear, volume, volume_of_cell, averaged,
+    around, grain_of_cell, bulk, shear, volume, averaged,
 ):  # fmt: skip
     """Add the relative compliance of the ends of edges, in place.
 
@@ -186,9 +186,8 @@ def add_edge_compliance(
         offset, around: As of :func:`cells_around`.
         grain_of_cell: Shape (num_cells,).
         bulk, shear: Moduli of the grains [Pa], shape (num_grains,).
-        volume: That mean stresses belong to [m³]: of nodes if ``averaged``, else of tetrahedra or
-            composites, shape (num_volumes,).
-        volume_of_cell: The one of each tetrahedron unless ``averaged``, shape (num_cells,).
+        volume: That mean stresses belong to [m³]: of nodes if ``averaged``, else of tetrahedra,
+            shape (num_volumes,).
         averaged: Whether a tetrahedron takes the mean of its four nodes.
     """
     g, e, at, f = np.empty((4, 3)), np.empty((3, 3)), np.empty(4, np.int64), np.empty(6)
@@ -202,7 +201,7 @@ def add_edge_compliance(
                 continue
             _assemble(
                 K, B, free, count, place, place_of_volume, volumes, x, cells, offset, around,
-                grain_of_cell, bulk, shear, volume, volume_of_cell, averaged, g, e, at,
+                grain_of_cell, bulk, shear, volume, averaged, g, e, at,
             )  # fmt: skip
             for k in range(3):
                 f[k], f[3 + k] = direction[n_edge, k], -direction[n_edge, k]

@@ -4,7 +4,7 @@ import math
 
 import numba
 
-from .solid import AVERAGED, COMPOSITE, PARTS, PLAIN, cofactors
+from .solid import AVERAGED, PLAIN, cofactors
 
 
 @numba.njit(cache=True)
@@ -69,7 +69,7 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
         others: As in :func:`~mufe_fenicsx.kernels.solid.add_internal_forces`.
     """
     for g in grains:
-        total = now = before = 0.0
+        total = 0.0
         for e in range(cell_offset[g], cell_offset[g + 1]):
             volume_of_cell = _volume(x, cells[e])
             s = deviator[e]
@@ -77,13 +77,7 @@ def elastic_energy(energy, deviator, x, cells, volume0, grains, cell_offset, nod
             total += volume0[e] * ss / (4.0 * shear[g])
             if own[g] > 0.0:
                 total += volume0[e] * own[g] * _own_energy(1.0 - volume0[e] / volume_of_cell)
-            if element == COMPOSITE:
-                now += volume_of_cell
-                before += volume0[e]
-                if (e + 1 - cell_offset[g]) % PARTS == 0:
-                    total += before * bulk[g] * _volume_energy(now / before)
-                    now = before = 0.0
-            elif element == PLAIN:
+            if element == PLAIN:
                 total += volume0[e] * bulk[g] * _volume_energy(volume_of_cell / volume0[e])
         if element == AVERAGED:
             for i in range(node_offset[g], node_offset[g + 1]):

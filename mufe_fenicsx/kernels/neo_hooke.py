@@ -6,8 +6,8 @@ The energy over the first volume is that of an isotropic solid whose deviator fo
 
 (R. W. Ogden, Non-Linear Elastic Deformations, 1984, section 7.2). The deviator of the Kirchhoff
 stress is t = G J^(-2/3) dev b, with J of the element. The mean stress is K ln J as in
-kernels.solid, with J of a node, an element or a composite. Nothing is integrated in time. Stress
-and forces are those of kernels.solid, in tets.c.
+kernels.solid, with J of a node or an element. Nothing is integrated in time. Stress and forces are
+those of kernels.solid, in tets.c.
 """
 
 import numba

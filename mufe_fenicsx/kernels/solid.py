@@ -32,17 +32,8 @@ stiffness like that of M. A. Puso, J. Solberg (Int. J. Numer. Methods Eng. 67, 2
 lock, and without bound towards J = 0. What the flow stress Y can do to an element ends at about
 e = (Y/G)^(1/3).
 
-In a composite tetrahedron J is that of its ``PARTS`` linear ones together, which stand one
-after the other (Y. Guo, M. Ortiz, T. Belytschko, E. A. Repetto, Int. J. Numer. Methods Eng. 47,
-2000, 287-316; P. Thoutireddy, J. F. Molinari, E. A. Repetto, M. Ortiz, 53, 2002, 1337-1351):
-the energy is sum V K (J ln J - J + 1) over the composites. Plain ones have a J each.
-
-Constraints where the volume is kept, in a large mesh of V vertices, about 6 V tetrahedra and
-7 V edges: plain 6 V against 3 V unknowns, which locks; averaged V against 3 V; composite 6 V
-against 3 (V + 7 V) = 24 V. Inside a ball held at its surface, 240 to 1500 composites have no
-spurious pressure and an inf-sup constant of 0.05 to 0.07 that does not fall as the mesh is
-refined. It is small since those around one edge alone are not held: composites show more of a
-checkerboard than averaged tetrahedra, and far less than plain ones.
+Plain elements have a J each. Constraints where the volume is kept, in a large mesh of V vertices
+and about 6 V tetrahedra: plain 6 V against 3 V unknowns, which locks; averaged V against 3 V.
 
 Grains are the outer loop: the data of one grain stay in the cache from the pass over volumes to
 the pass over stresses. The loop over elements is in C (tets.c), for its loads and stores of whole
@@ -64,10 +55,8 @@ FAST = {"contract", "reassoc", "arcp", "nsz"}
 # Unsigned indices spare the test for negative ones at each access.
 U = numba.uintp
 
-#: Over what J is taken: a linear tetrahedron, the nodes, or a composite tetrahedron.
-PLAIN, AVERAGED, COMPOSITE = 0, 1, 2
-#: Linear tetrahedra in a composite one; composites are not cut by batches of ``LANES``.
-PARTS = 8
+#: Over what J is taken: a tetrahedron, or the nodes.
+PLAIN, AVERAGED = 0, 1
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy", inline="always")
@@ -102,7 +91,7 @@ class InternalForces:
             von Mises stress of t at which the material can yield [Pa].
         pressure: Written at each call: mean stress of nodes (of elements unless ``AVERAGED``)
             [Pa], tension positive, shape (max(num_nodes, num_cells),).
-        element: ``PLAIN``, ``AVERAGED`` or ``COMPOSITE``.
+        element: ``PLAIN`` or ``AVERAGED``.
         x: First positions [m], shape (num_nodes, 3), kept.
 
     Attributes:

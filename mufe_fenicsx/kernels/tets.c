@@ -201,11 +201,9 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element, int
   vec mean;
   if (element == AVERAGED) {
     mean = 0.25 * m3[3];
-  } else if (element == PLAIN) {
+  } else {
     mean = g->bulk * logarithm(volume / volume0);
     for (int i = 0; i < count; i++) g->pressure[e + i] = mean[i];
-  } else {
-    mean = *(const vec_at *)(g->pressure + e);
   }
 
   vec q2 = 1.5 * (sxx * sxx + syy * syy + szz * szz) + 3.0 * (sxy * sxy + syz * syz + sxz * sxz);
@@ -262,7 +260,7 @@ INLINE int64_t batch(const grain_type *g, int64_t e, int count, int element, int
   /* Forces on nodes b, c, d: Cauchy stress times gradient times volume. */
   const vec ratio = volume0 / volume;
   vec share = (1.0 / 6.0) * ratio, p = (1.0 / 6.0) * mean;
-  if (element != PLAIN && !stretch && g->own > 0.0) {
+  if (element == AVERAGED && !stretch && g->own > 0.0) {
     const vec grown = 1.0 - ratio;
     p += share * (g->own * grown * grown * grown);
   }
@@ -382,22 +380,6 @@ INLINE void nodal_pressure(const grain_type *g, node_type *node, const double *v
   }
 }
 
-/* Pressures of the composite elements of a grain. */
-INLINE void composite_pressure(const grain_type *g, int64_t num_cells) {
-  for (int64_t e = 0; e < num_cells; e += FAMILY) {
-    double now = 0.0, before = 0.0;
-    for (int part = 0; part < FAMILY; part += LANES) {
-      vec six = six_volumes(g, e + part, LANES);
-      for (int i = 0; i < LANES; i++) {
-        now += six[i];
-        before += g->volume0[e + part + i];
-      }
-    }
-    const double mean = g->bulk * log(now / (6.0 * before));
-    for (int i = 0; i < FAMILY; i++) g->pressure[e + i] = mean;
-  }
-}
-
 /* Volumes of all elements, by the same products as in each step: at rest their ratio is one. */
 void mufe_volumes(const model_type *m, double *volume, const double *x, int64_t num_grains) {
   node_type *node = (node_type *)m->scratch;
@@ -436,10 +418,8 @@ INLINE int64_t stresses_of(const model_type *m, int64_t i, const grain_type *g, 
     nodal_pressure(g, node, volume, m->node_volume0 + first, m->pressure + first, num_nodes);
     return elements_of(g, count, AVERAGED, stretch);
   }
-  if (element == COMPOSITE) composite_pressure(g, count);
   to_middle(node, num_nodes);
-  if (element == PLAIN) return elements_of(g, count, PLAIN, stretch);
-  return elements_of(g, count, COMPOSITE, stretch);
+  return elements_of(g, count, PLAIN, stretch);
 }
 
 /* x0: first places, for grains whose deviator follows from the stretch; NULL for the others. */

@@ -5,8 +5,7 @@
 
 #include "lanes.h"
 
-enum { PLAIN, AVERAGED, COMPOSITE };
-#define FAMILY 8 /* linear tetrahedra of a composite one */
+enum { PLAIN, AVERAGED };
 
 /* Increment of the plastic strain of one element, see kernels/hardening.py. */
 typedef double (*law_type)(double q, double mean, double alpha, double dt, double shear,

@@ -53,9 +53,8 @@ INLINE vec six_changes(const grain_type *g, int64_t e, int count) {
   return change;
 }
 
-/* Add the forces that a batch of elements resists the packed displacements with; ``together`` is
-   the pressure of a composite element. */
-INLINE void resist(const grain_type *g, int64_t e, int count, int element, double together) {
+/* Add the forces that a batch of elements resists the packed displacements with. */
+INLINE void resist(const grain_type *g, int64_t e, int count, int element) {
   vec edge[3][4], d[3][4], sum[4], h[3][3];
   differences(g, e, count, edge, d, sum);
   cofactors(edge, h);
@@ -66,19 +65,13 @@ INLINE void resist(const grain_type *g, int64_t e, int count, int element, doubl
 #pragma GCC unroll 3
     for (int k = 0; k < 3; k++)
       l[i][k] = d[0][i] * h[0][k] + d[1][i] * h[1][k] + d[2][i] * h[2][k];
-  vec trace = l[0][0] + l[1][1] + l[2][2], p = all(together);
+  vec trace = l[0][0] + l[1][1] + l[2][2], volume0 = all(0.0), p;
+  for (int i = 0; i < LANES; i++) volume0[i] = g->volume0[e + (i < count ? i : count - 1)];
   if (element == AVERAGED) {
-    p = 0.25 * sum[3];
-  } else if (element == PLAIN) {
-    for (int i = 0; i < LANES; i++) p[i] = g->volume0[e + (i < count ? i : count - 1)];
-    p = g->bulk * trace / (6.0 * p);
-  }
-  if (element != PLAIN) {
-    vec ratio;
-    for (int i = 0; i < LANES; i++) ratio[i] = g->volume0[e + (i < count ? i : count - 1)];
-    ratio *= 6.0 / det;
-    const vec grown = (1.0 - ratio) * ratio;
-    p += 3.0 * g->own * grown * grown * trace / det;
+    const vec ratio = volume0 * (6.0 / det), grown = (1.0 - ratio) * ratio;
+    p = 0.25 * sum[3] + 3.0 * g->own * grown * grown * trace / det;
+  } else {
+    p = g->bulk * trace / (6.0 * volume0);
   }
   vec G = (1.0 / 3.0) * g->shear / det;
   vec diagonal = (1.0 / 6.0) * p - (1.0 / 3.0) * G * trace;
@@ -163,21 +156,11 @@ void mufe_add_stiffness(const model_type *m, double *y, const double *q, const d
     for (int64_t e = 0; e < count; e += LANES) {
       const int some = count - e < LANES ? (int)(count - e) : LANES;
       if (element == AVERAGED && some == LANES) {
-        resist(&grain, e, LANES, AVERAGED, 0.0);
+        resist(&grain, e, LANES, AVERAGED);
       } else if (element == AVERAGED) {
-        resist(&grain, e, some, AVERAGED, 0.0);
-      } else if (element == PLAIN) {
-        resist(&grain, e, some, PLAIN, 0.0);
+        resist(&grain, e, some, AVERAGED);
       } else {
-        double now = 0.0, before = 0.0;
-        for (int64_t part = e / FAMILY * FAMILY; part < (e / FAMILY + 1) * FAMILY; part += LANES) {
-          vec six = six_changes(&grain, part, LANES);
-          for (int l = 0; l < LANES; l++) {
-            now += six[l];
-            before += grain.volume0[part + l];
-          }
-        }
-        resist(&grain, e, some, COMPOSITE, m->bulk[i] * now / (6.0 * before));
+        resist(&grain, e, some, PLAIN);
       }
     }
     double *yn = y + 3 * first;

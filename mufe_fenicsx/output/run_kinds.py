@@ -27,10 +27,6 @@ def _count(value):
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**53
 
 
-def _some(value):
-    return _count(value) and value > 0
-
-
 def _list_of(kind):
     return lambda value: isinstance(value, list) and all(map(kind, value))
 
@@ -74,7 +70,6 @@ KINDS = {
     "command": lambda value: _text(value) or _list_of(_text)(value),
     "versions": _texts_by_name,
     **dict.fromkeys(("num_ranks", "num_grains", "num_cells", "num_nodes", "num_steps"), _count),
-    "family": _some,
     "element": _text,
     "finished": _truth,
     "stop_reason": _text,

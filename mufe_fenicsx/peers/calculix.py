@@ -72,7 +72,7 @@ def export_calculix(
         procedure = "static" if scene.solver.integrator == "static" else "dynamic"
     _check_options(path, units, procedure, reach, penalty)
     _check_scene(scene)
-    mesh = load_mesh(comm, grains, "averaged")
+    mesh = load_mesh(comm, grains)
     labels = mesh.labels[mesh.grains]
     materials = [_material(m) for m in scene.materials_of(labels, mesh.labels)]
     apart = separate_surfaces(mesh, scene.sample)

@@ -179,9 +179,7 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
 def _set_up(scene, grains_folder, comm):
     """The simulation of a scene with its tools and its membrane, and its bounds. Collective."""
     tools, sample = make_tools(comm, scene), scene.sample
-    mesh = load_mesh(
-        comm, grains_folder, scene.solver.element, tools=tools, around=sleeve_of(scene)
-    )
+    mesh = load_mesh(comm, grains_folder, tools=tools, around=sleeve_of(scene))
     check_sizes(mesh, tools)
     if sample.separation:
         separate(mesh, sample.max_shift, sample.close_gaps, sample.close_gaps_over_h)

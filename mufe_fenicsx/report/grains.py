@@ -239,6 +239,8 @@ def draw_energies(source):
     """Energies of the most loaded grain beside those of the whole sample."""
     source.material  # noqa: B018  that of all grains, or why not
     course, history = source.course, source.loading
+    if "energy" not in course:
+        raise InputError(f"element is {source.summary['element']!r}, expected averaged or p1")
     label = next(iter(source.chosen))
     at = int(np.searchsorted(course["labels"], label))
     figure, axes = style.new_figure(style.PAGE, 2.6, ncols=2)

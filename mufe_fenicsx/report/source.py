@@ -401,13 +401,16 @@ class Source:
         Returns:
             dict ``state``, ``time``, ``strain``, ``yielded`` (share of the grains) and
             ``plastic_volume`` (share of the volume), shape (num_states,); and, where all grains
-            are of one known material, ``labels`` and ``energy``, dict elastic, plastic,
+            are of one known material and element, ``labels`` and ``energy``, dict elastic, plastic,
             kinetic -> [J], shape (num_states, num_grains); and ``without_work``, whether a state
             has no plastic work, so that its plastic energy has no dents.
         """
         try:
             material = self.material
         except InputError:
+            material = None
+        element = self.summary.get("element", "averaged")
+        if element not in grain_energy.ELEMENTS:  # of an earlier version
             material = None
         found = {"state": [], "time": [], "strain": [], "yielded": [], "plastic_volume": []}
         energies, without_work = [], False
@@ -445,8 +448,7 @@ class Source:
                             *(material[name] for name in ("E", "nu", "rho")),
                             flows=bool(material["yield_stress"]),
                         ),
-                        element=self.summary.get("element", "averaged"),
-                        family=self.summary.get("family", 1),
+                        element=element,
                     )
                 )
         result = {name: np.array(values) for name, values in found.items()}

@@ -188,7 +188,7 @@ def sample_rows(start, last, run, history):
             )
         )
     if last.has("pressure"):
-        part = checkerboard(last.cells, last.field("pressure"), last.volume, run.get("family", 1))
+        part = checkerboard(last.cells, last.field("pressure"), last.volume)
         rows.append(
             (
                 "Checkerboard of the pressure at the end",

@@ -20,7 +20,6 @@ from ..errors import (
     shown,
 )
 from ..explicit.simulation import Simulation
-from ..geometry.tets.refine import PARTS, split
 from ..implicit.simulation import ImplicitSimulation
 from ..materials.elastic import IsotropicSolid
 from ..mesh import GrainMesh, create_grain_mesh, partition_grains
@@ -59,9 +58,8 @@ def build(
         velocity: ``velocity(x, grain)`` at the start [m/s], for arrays of nodes.
         walls: Further :class:`~mufe_fenicsx.contact.walls.Wall`, in any position.
         increment: Length of implicit increments [s]; None for time steps.
-        options: Of :class:`~.Simulation`; for ``element = "composite"``
-            the tetrahedra of the bodies are split; ``sleeves`` are names of
-            the last bodies, which are no grains.
+        options: Of :class:`~.Simulation`; ``sleeves`` are names of the last bodies, which are no
+            grains.
 
     Raises:
         InputError: A name of a wall, letter of ``axes``, shape or option that is not known; a
@@ -84,16 +82,14 @@ def build(
         Wall(name, point, normal, friction=friction.get(name, 0.0))
         for name, (point, normal) in planes.items()
     ] + list(walls)
-    element, tools = options.get("element"), options.get("tools", ())
-    composite = isinstance(element, str) and element == "composite"
-    sleeves = options.pop("sleeves", ())
+    tools, sleeves = options.get("tools", ()), options.pop("sleeves", ())
     if (
         not isinstance(sleeves, list | tuple)
         or len(sleeves) > len(bodies)
         or not all(isinstance(name, str) for name in sleeves)
     ):
         raise InputError(f"sleeves = {shown(sleeves)}, expected names of the last bodies")
-    mesh = distribute(comm, bodies, composite, tools, sleeves)
+    mesh = distribute(comm, bodies, tools, sleeves)
     if velocity is not None:
         options["velocity"] = _velocities(velocity, mesh)
     materials = material if isinstance(material, list) else [material] * len(bodies)
@@ -106,7 +102,6 @@ def build(
 def distribute(
     comm: MPI.Intracomm,
     bodies: list[Body],
-    composite: bool = False,
     tools: Sequence[Tool] = (),
     sleeves: Sequence[str] = (),
 ) -> GrainMesh:
@@ -115,13 +110,10 @@ def distribute(
     Args:
         comm: Communicator with at most as many ranks as bodies.
         bodies: List of (points [m], cells), the same on all ranks; labels are 1, 2, …
-        composite: Split every tetrahedron into the eight of a composite one.
         tools: Further bodies, with the next labels.
         sleeves: Names of the last of ``bodies``, which are no grains but around them.
     """
     bodies = [*bodies, *((tool.points, tool.cells) for tool in tools)]
-    if composite:
-        bodies = [split(*body) for body in bodies]
     # Tools cost next to nothing.
     first_tool = len(bodies) - len(tools)
     weights = [len(cells) for _, cells in bodies]
@@ -137,7 +129,6 @@ def distribute(
         np.repeat(mine, [weights[g] for g in mine]),
         np.arange(1, len(bodies) + 1),
         rank_of_grain,
-        PARTS if composite else 1,
         sleeves,
         [tool.name for tool in tools],
     )

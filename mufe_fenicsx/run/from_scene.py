@@ -12,7 +12,6 @@ from ..errors import InputError, raise_together
 from ..explicit.simulation import Simulation
 from ..geometry.bodies.sleeve import sleeve_around
 from ..geometry.grains import load_grains, read_grain_table
-from ..geometry.tets.refine import PARTS, split
 from ..loading.measures import MembraneMeasures
 from ..loading.membrane import Membrane
 from ..mesh import create_grain_mesh, partition_grains
@@ -22,13 +21,12 @@ from ..output.run_folder import on_first_rank
 OUTSIDE = 1e-6
 
 
-def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None, tools=(), around=None):
+def load_mesh(comm, grains_folder, rank_of_grain=None, tools=(), around=None):
     """Read each rank's own grains and make the distributed mesh. Collective.
 
     Args:
         comm: MPI communicator.
         grains_folder: Folder that `mufe mesh` wrote.
-        element: Tetrahedra are split where it is "composite".
         rank_of_grain: Ranks of the grains, of the sleeve and of the tools; None: evenly by their
             cells, and the sleeve on the last one.
         tools: All :class:`~mufe_fenicsx.bulk.tools.Tool`, further bodies of the mesh.
@@ -58,7 +56,7 @@ def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None, tools
     mine, others = own[own < num_grains], own[own >= num_grains]
     grains = _together(comm, lambda: load_grains(grains_folder, mine, compare=False))
     cell_grain = np.repeat(mine, np.diff(grains.cell_offset))
-    points, cells, family = grains.points, grains.cells, 1
+    points, cells = grains.points, grains.cells
     sleeves = () if around is None else (SIDE,)
     bodies = [around(comm, points, grains.cylinder) for _ in sleeves]
     bodies += [(tool.points, tool.cells) for tool in tools]
@@ -68,13 +66,8 @@ def load_mesh(comm, grains_folder, element="averaged", rank_of_grain=None, tools
         points = np.vstack([points, body[0]])
         cell_grain = np.append(cell_grain, np.full(len(body[1]), number))
     labels = np.append(labels, labels.max() + 1 + np.arange(len(bodies)))
-    if element == "composite":
-        points, cells = split(points, cells)
-        cell_grain, family = np.repeat(cell_grain, PARTS), PARTS
     names = [tool.name for tool in tools]
-    mesh = create_grain_mesh(
-        comm, points, cells, cell_grain, labels, rank_of_grain, family, sleeves, names
-    )
+    mesh = create_grain_mesh(comm, points, cells, cell_grain, labels, rank_of_grain, sleeves, names)
     return replace(mesh, cylinder=grains.cylinder)
 
 

@@ -124,7 +124,7 @@ def _prepare(scene, grains_folder, folder, lock, started, options):
     with reading(checkpoint):
         partition = checkpoint and _partition(checkpoint, comm)
     load = partial(
-        load_mesh, comm, grains_folder, scene.solver.element, tools=make_tools(comm, scene),
+        load_mesh, comm, grains_folder, tools=make_tools(comm, scene),
         around=sleeve_of(scene),
     )  # fmt: skip
     with reading((partition is not None and checkpoint) or None):
@@ -172,7 +172,6 @@ class TestRun:
             "num_cells": self.comm.allreduce(mesh.num_sample_cells),
             "num_nodes": self.comm.allreduce(mesh.sample_nodes.size),
             "element": scene.solver.element,
-            "family": mesh.family,
             "finished": False,
             "stop_reason": "running",
             "strain_definition": None,

@@ -145,10 +145,7 @@ class Solver:
         "explicit", "", 'or "implicit" dynamics, or "static"; see [implicit]', allowed=INTEGRATORS
     )
     element: str = setting(
-        "averaged",
-        "",
-        '"averaged" nodal pressure, plain "p1", or "composite"',
-        allowed=("averaged", "p1", "composite"),
+        "averaged", "", '"averaged" nodal pressure, or plain "p1"', allowed=("averaged", "p1")
     )
     time_step: str = setting(
         "assembled",

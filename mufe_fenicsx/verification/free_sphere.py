@@ -26,14 +26,13 @@ def free_sphere(comm, elements_per_radius=8.0, nu=0.15, element: Literal[*ELEMEN
 
     Args:
         comm: MPI communicator.
-        elements_per_radius: Radius over the length of edges, of the parts of composites.
+        elements_per_radius: Radius over the length of edges.
         nu: Poisson's ratio; the tolerances hold up to 0.15. The error of 0S0 grows with it, by
             half at 0.3 and to 1.8 times at 0.4.
         element: One of solid.ELEMENTS.
     """
     material = Elastic(E, nu, RHO)
-    coarser = 2.0 if element == "composite" else 1.0
-    points, cells = sphere(RADIUS, coarser * RADIUS / elements_per_radius)
+    points, cells = sphere(RADIUS, RADIUS / elements_per_radius)
     # The mesh's volume is smaller than the ball's: its own radius sets its frequencies.
     corners = points[cells]
     volume = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum() / 6

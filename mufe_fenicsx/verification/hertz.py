@@ -53,8 +53,7 @@ def hertz(
         nu: Poisson's ratio. The tolerances hold from 0.15 on: at 0 the largest pressure is 7.6 %
             too high and the worst force 2.2 %.
         growth: Growth of the element size with the distance, times elements_per_radius.
-        element: One of solid.ELEMENTS; for composites on meshes twice as coarse, whose
-            nodes, with those of middles, are as near as those of the others.
+        element: One of solid.ELEMENTS.
         integrator: How the state at rest is found: by static increments, or by damped time steps.
     """
     n = elements_per_radius
@@ -127,9 +126,7 @@ def errors_of(
         theory's shape).
     """
     mesh_options = {key: options.pop(key) for key in ("variant", "coarser") if key in options}
-    # The size of composites before they are split.
-    n = 0.5 * elements_per_radius if element == "composite" else elements_per_radius
-    bodies = make(name, n, a_over_R, nu, growth, **mesh_options)
+    bodies = make(name, elements_per_radius, a_over_R, nu, growth, **mesh_options)
     pressed = []
 
     def press(part):

@@ -116,7 +116,7 @@ def press_ball(
     turned = points @ (FRAME @ tilt).T
     top = float((turned @ AXIS).max())
     base = FRAME @ tilt[:, 2]
-    mesh = distribute(comm, [(turned, cells)], element == "composite")
+    mesh = distribute(comm, [(turned, cells)])
     walls = [Wall("base", np.zeros(3), base, bonded=True), Wall("plane", top * AXIS, -AXIS)]
     started, began = time.perf_counter(), time.process_time()
     omega = 0.5 * math.pi * math.sqrt(material.shear_modulus / material.rho) / RADIUS

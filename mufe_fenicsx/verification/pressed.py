@@ -5,12 +5,11 @@ with the axes of space, no node with the contact point, no mesh with the other.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..contact.walls import Wall
-from ..geometry.tets.refine import PARTS, split
 from ..mesh import create_grain_mesh, partition_grains
 from .slow_press import Increments, TimeSteps
 
@@ -72,15 +71,11 @@ class Pressed:
         bodies: One or two :class:`Body`.
         integrator: "static" increments; or the same state by "explicit", damped time steps.
         options: Of :class:`~mufe_fenicsx.explicit.simulation.Simulation`, and of
-            :class:`~mufe_fenicsx.implicit.simulation.ImplicitSimulation` for increments; for
-            ``element = "composite"`` the tetrahedra of the bodies are split.
+            :class:`~mufe_fenicsx.implicit.simulation.ImplicitSimulation` for increments.
     """
 
     def __init__(self, comm, bodies, integrator="static", **options):
         self.comm = comm
-        composite = options.get("element") == "composite"
-        if composite:
-            bodies = [_split(body) for body in bodies]
         # The second body stands on its pole: half a turn about x.
         flips = [np.eye(3), np.diag([1.0, -1.0, -1.0])]
         places = [b.placed @ (FRAME @ f).T for b, f in zip(bodies, flips, strict=False)]
@@ -97,7 +92,6 @@ class Pressed:
             np.repeat(mine, [len(bodies[k].cells) for k in mine]),
             np.arange(1, len(bodies) + 1),
             rank_of_body,
-            PARTS if composite else 1,
         )
         materials = [bodies[k].material for k in mesh.grains]
         held, self.bases = [], {}
@@ -160,11 +154,6 @@ class Pressed:
         sign = -1.0 if self.pressing == 0 else 1.0
         base = self.bases.get(self.pressing, np.empty(0, dtype=int))
         return sign * self.loading.reaction(base, AXIS)
-
-
-def _split(body):
-    points, cells = split(body.points, body.cells)
-    return replace(body, points=points, cells=cells)
 
 
 def _nearest(x, nodes, places):

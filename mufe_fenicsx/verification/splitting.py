@@ -59,7 +59,7 @@ def disc(
         growth: Growth of the element size with the distance, times elements_per_radius: all
             sizes shrink alike as that number grows.
         thickness: Over the radius.
-        element: One of solid.ELEMENTS; composites split the mesh, to half of its sizes.
+        element: One of solid.ELEMENTS.
     """
     h, slope = _sizes(elements_per_radius, a_over_R, growth)
     length = thickness * RADIUS
@@ -125,7 +125,7 @@ def hiramatsu_oka(
         nu: Poisson's ratio.
         growth: Growth of the element size with the distance, times elements_per_radius: all
             sizes shrink alike as that number grows.
-        element: One of solid.ELEMENTS; composites split the mesh, to half of its sizes.
+        element: One of solid.ELEMENTS.
     """
     h, slope = _sizes(elements_per_radius, a_over_R, growth)
     mesh = half_ball(RADIUS, h, slope, (0.0, 0.0, 1.0), a_over_R * RADIUS)

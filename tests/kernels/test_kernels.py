@@ -18,7 +18,6 @@ from mufe_fenicsx.bulk.solid import ELEMENTS, Solid, von_mises
 from mufe_fenicsx.contact.surface.surface import neighbours, rings
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.bodies.shapes import box
-from mufe_fenicsx.geometry.tets.refine import split
 from mufe_fenicsx.kernels import native
 from mufe_fenicsx.kernels import solid as kernels
 from mufe_fenicsx.kernels.closest import closest_point, pseudo_normal
@@ -37,15 +36,10 @@ STEEL = Elastic(200e9, 0.3, 7800.0)
 ROWS, COLUMNS = [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]
 
 
-def one_body(points, cells, element="averaged"):
-    """Mesh of a single grain on this rank alone, split for composites."""
-    family = 1
-    if element == "composite":
-        (points, cells), family = split(points, cells), 8
+def one_body(points, cells):
+    """Mesh of a single grain on this rank alone."""
     zero = np.zeros(len(cells), dtype=int)
-    return create_grain_mesh(
-        MPI.COMM_SELF, points, cells, zero, np.array([1]), np.array([0]), family
-    )
+    return create_grain_mesh(MPI.COMM_SELF, points, cells, zero, np.array([1]), np.array([0]))
 
 
 def internal_forces(solid, state, dt):
@@ -78,7 +72,7 @@ def test_kernel_with_four_lanes_and_with_a_law_from_outside(element, change, mon
     for other in (False, True):
         if other and change == "lanes":
             monkeypatch.setattr(kernels, "load", lambda name: load(name, "-mno-avx512f"))
-        mesh = one_body(points, cells[:-4] if element != "composite" else cells, element)
+        mesh = one_body(points, cells[:-4])
         solid = Solid(mesh, [material], element)
         if other and change == "law":
             solid.laws = [
@@ -130,7 +124,7 @@ def test_elastic_forces_are_those_of_a_ufl_form():
 
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_stiffness_is_the_derivative_of_the_forces(element):
-    mesh = one_body(*sphere(1.0, 0.7), element)
+    mesh = one_body(*sphere(1.0, 0.7))
     solid = Solid(mesh, [STEEL], element)
     rng = np.random.default_rng(0)
     q = rng.standard_normal(mesh.x.shape)
@@ -148,7 +142,7 @@ def test_stiffness_is_the_derivative_of_the_forces(element):
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_even_deformation_gives_even_stress_and_no_force_inside(element):
     """The patch test, at a strain of 0.1."""
-    mesh = one_body(*sphere(1.0, 0.5), element)
+    mesh = one_body(*sphere(1.0, 0.5))
     solid = Solid(mesh, [STEEL], element)
     state = initial_state(mesh.x, mesh.num_cells)
     F = np.eye(3) + 0.1 * np.array([[0.5, 0.3, 0.0], [-0.2, -0.4, 0.6], [0.1, 0.7, 0.9]])
@@ -167,7 +161,7 @@ def test_even_deformation_gives_even_stress_and_no_force_inside(element):
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_rigid_rotation_leaves_no_stress_and_turns_the_one_there_is(element):
     """Hughes-Winget: any rotation, in one step, of any angle below a half turn."""
-    mesh = one_body(*sphere(1.0, 0.7), element)
+    mesh = one_body(*sphere(1.0, 0.7))
     solid = Solid(mesh, [STEEL], element)
     axis, angle = np.array([2.0, -1.0, 2.0]) / 3, 1.5
     K = np.cross(np.eye(3), -axis)
@@ -234,16 +228,14 @@ def test_strain_increments_turn_with_the_body():
     assert errors[1] < errors[0] / 3.5
 
 
-@pytest.mark.parametrize("element", ["averaged", "composite"])
-def test_mean_pressure_derives_from_its_energy(element):
+def test_mean_pressure_derives_from_its_energy():
     """f = -dU/dx of U = Σ V K (J ln J - J + 1) + Σ V G (e⁴/4 + e⁵/5 + ...).
 
-    The first sum is over nodes or composites, the other over elements, with e = 1 - 1/J. By
-    differences of U.
+    The first sum is over nodes, the other over elements, with e = 1 - 1/J. By differences of U.
     """
-    mesh = one_body(*box((1.0, 1.0, 1.0), (1, 1, 1)), element)
+    mesh = one_body(*box((1.0, 1.0, 1.0), (1, 1, 1)))
     material = J2(1.0, -0.5, 1.0, ((0.0, 1.0),))
-    solid = Solid(mesh, [material], element)
+    solid = Solid(mesh, [material])
     rng = np.random.default_rng(1)
     x = mesh.x + 0.02 * rng.standard_normal(mesh.x.shape)
     state = initial_state(mesh.x, mesh.num_cells)
@@ -252,11 +244,8 @@ def test_mean_pressure_derives_from_its_energy(element):
 
     def energy(x):
         volume = np.linalg.det(x[mesh.cells[:, 1:]] - x[mesh.cells[:, :1]]) / 6
-        if element == "composite":
-            now, before = (v.reshape(-1, 8).sum(axis=1) for v in (volume, solid.volume0))
-        else:
-            now = np.bincount(mesh.cells.ravel(), np.repeat(volume / 4, 4), mesh.num_nodes)
-            before = solid.kernel.node_volume0
+        now = np.bincount(mesh.cells.ravel(), np.repeat(volume / 4, 4), mesh.num_nodes)
+        before = solid.kernel.node_volume0
         J, e = now / before, 1 - solid.volume0 / volume
         own = -np.log(1 - e) - e - e**2 / 2 - e**3 / 3
         of_means = (before * material.bulk_modulus * (J * np.log(J) - J + 1)).sum()

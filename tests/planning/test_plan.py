@@ -123,8 +123,8 @@ def test_what_cannot_be_reached_is_refused_with_what_would(table):
         plan_scene(scene(), sample(1), 0.004, table)
     with pytest.raises(InputError, match=r"added = 0.5, expected at most 0.01"):
         plan_scene(scene(mass_scaling=MassScaling(0.5)), sample(1), 0.1, table)
-    with pytest.raises(InputError, match=r'element = "composite", expected one of which'):
-        plan_scene(scene(solver=Solver(element="composite")), sample(1), 0.1, table)
+    with pytest.raises(InputError, match=r'element = "p1", expected one of which'):
+        plan_scene(scene(solver=Solver(element="p1")), sample(1), 0.1, table)
 
 
 def hertz_table(table):

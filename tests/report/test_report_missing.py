@@ -1,5 +1,6 @@
 """Reports of runs that lack something, of several runs, and of what may not be asked."""
 
+import json
 import re
 from html import unescape
 from pathlib import Path
@@ -25,6 +26,15 @@ def test_missed_target_is_said(tmp_path):
     assert not passed["kinetic"] and passed["platens"] and not passed["residual"]
     assert not result["passed"]
     assert "at most 10.00%" in (tmp_path / "report.html").read_text()
+
+
+def test_run_of_an_element_that_is_gone_has_a_report_without_energies_of_grains(tmp_path):
+    write_whole_run(tmp_path, n=2)
+    run = json.loads((tmp_path / "run.json").read_text()) | {"element": "composite", "family": 8}
+    (tmp_path / "run.json").write_text(json.dumps(run))
+    result = write_report(tmp_path, only=["energies-of-a-grain", "course"])
+    assert any("element is 'composite', expected averaged or p1" in s for s in result["missing"])
+    assert [Path(figure).stem for figure in result["figures"]] == ["course"]
 
 
 def test_a_dynamic_first_half_is_said(tmp_path):

@@ -55,20 +55,6 @@ def small_scene(**changes):
     )
 
 
-def test_run_splits_the_grains_for_composites(folder, grains):
-    comm, out = MPI.COMM_WORLD, folder / "out"
-    given = comm.allreduce(load_mesh(comm, grains).num_cells)
-    scene = replace(small_scene(), solver=Solver(element="composite"))
-    result = run_scene(scene, grains, out, comm, quiet=True)
-    assert result["finished"] and result["num_cells"] == 8 * given
-    history = read_history(out / "history.csv")
-    assert 0 < abs(history["residual"][-1]) < 0.01 * history["work"][-1]
-    # A mean stress for each composite, in the order of the file: in another one parts would differ
-    # by all of it. Of what parts that flow have of their own half of the composites have none.
-    pressure = read_state(out, 2).cell_data["pressure"].reshape(-1, 8)
-    assert np.median(np.ptp(pressure, axis=1) / np.abs(pressure).mean(axis=1)) < 1e-3
-
-
 @pytest.mark.mpi
 def test_run_writes_what_it_did(folder, grains):
     comm = MPI.COMM_WORLD

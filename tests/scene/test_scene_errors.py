@@ -92,7 +92,7 @@ BAD = {
     ],
     "ramp = 0.01": [("ramp = 0.2", "oedometer.ramp = 0.2, expected 0 <= ramp <= strain = 0.1")],
     'element = "p1"': [
-        ('element = "p2"', 'solver.element = "p2", expected "averaged" or "p1" or "composite"'),
+        ('element = "composite"', 'solver.element = "composite", expected "averaged" or "p1"'),
         ("time_step_factor = 1", "solver.time_step_factor = 1.0, expected 0 < time"),
     ],
     'damping = "2 ms^-1"': [("damping = -1", "solver.damping = -1.0, expected >= 0")],

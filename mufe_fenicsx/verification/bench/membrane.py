@@ -117,7 +117,7 @@ def _test(comm, folder, grains, in_cell):
     save_grains(folder / "grains", grains)
     scene = read_scene(comm, folder / "scene.toml")
     around = sleeve_of(scene)
-    mesh = load_mesh(comm, folder / "grains", scene.solver.element, around=around)
+    mesh = load_mesh(comm, folder / "grains", around=around)
     separate_surfaces(mesh, scene.sample)
     bounds = find_bounds(scene, mesh)
     simulation = make_simulation(scene, mesh, bounds)

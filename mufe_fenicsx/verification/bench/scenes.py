@@ -111,7 +111,7 @@ def resumed(comm, *, run):
     ranks = None
     if checkpoint.num_ranks == comm.size:
         ranks = np.array(checkpoint.header["rank_of_grain"], dtype=np.int32)
-    mesh = load_mesh(comm, scene.sample.grains, scene.solver.element, ranks)
+    mesh = load_mesh(comm, scene.sample.grains, ranks)
     kept = read_tables(comm, checkpoint, mesh.grains, mesh.rank_of_grain)
     restore_reference(mesh, kept[0])
     simulation = make_simulation(scene, mesh, find_bounds(scene, mesh))

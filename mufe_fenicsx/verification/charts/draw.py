@@ -16,7 +16,6 @@ LOOKS = {
     "four points": (style.GREEN, "o", "--"),
     SEED: (style.RED, "s", "-"),
     "plain P1": (style.RED, "s", ":"),
-    "composite": (style.GREEN, "^", "-"),
     "stiff penalty": (style.PINK, "v", "-"),
     "kinematic law": (style.PINK, "D", ":"),
     "kinematic law, loading x 2": (style.PINK, "d", "-."),

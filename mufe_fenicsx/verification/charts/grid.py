@@ -11,7 +11,6 @@ LINES = {
     OURS: {},
     SEED: {"element": "p1", "time_step": "element"},
     "plain P1": {"element": "p1"},
-    "composite": {"element": "composite"},
     "stiff penalty": {"law": "stiff"},
     "kinematic law": {"law": "kinematic"},
     "contact at nodes": {"law": "nodes"},
@@ -52,8 +51,8 @@ CHARTS = {
     "hertz": (
         (0.6, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0), (1.5, 2.5), (6.0,),
         (OURS, "four points", SEED, "plain P1", "mass 1 %", "mass 5 %", "static"),
-        ("composite", "stiff penalty", "kinematic law", "contact at nodes", "element's time step",
-         "loading x 2", "loading x 4", "mass 5 %, loading x 2", "implicit"),
+        ("stiff penalty", "kinematic law", "contact at nodes", "element's time step", "loading x 2",
+         "loading x 4", "mass 5 %, loading x 2", "implicit"),
     ),
     "mindlin": (
         (0.75, 1.0, 1.5, 1.75, 2.0, 2.25, 2.5, 3.0, 3.5), (1.5,), (5.0,),
@@ -68,7 +67,7 @@ CHARTS = {
     ),
     "plastic-sphere": (
         (0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0), (1.5, 2.5), (6.0,),
-        (OURS, "four points", SEED, "plain P1", "composite", "mass 1 %", "mass 5 %"),
+        (OURS, "four points", SEED, "plain P1", "mass 1 %", "mass 5 %"),
         ("stiff penalty", "contact at nodes", "element's time step", "loading x 2", "loading x 4",
          "static"),
     ),

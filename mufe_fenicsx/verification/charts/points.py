@@ -74,8 +74,7 @@ def hertz_point(
 
     Args:
         comm: MPI communicator.
-        elements_per_radius: Contact radius at the end over the length of edges there; of
-            composites, of their parts.
+        elements_per_radius: Contact radius at the end over the length of edges there.
         growth: Growth of the element size with the distance, for plastic_ball.slope_of.
         element, law, integrator, time_step: The choices.
         added_mass: Most mass that is added for a longer time step, over that of the body.
@@ -84,11 +83,11 @@ def hertz_point(
         num_phases: Places where the axis meets the facets; the error is the largest of them.
         accuracy: Error that is wanted.
     """
-    n = 0.5 * elements_per_radius if element == "composite" else elements_per_radius
     courses = [
         press_ball(
-            comm, Elastic(E, nu, RHO), a_over_R**2 * RADIUS, a_over_R * RADIUS, n, growth,
-            element=element, periods=PERIODS["hertz"] * loading, added_mass=0.0, phase=phase,
+            comm, Elastic(E, nu, RHO), a_over_R**2 * RADIUS, a_over_R * RADIUS,
+            elements_per_radius, growth, element=element, periods=PERIODS["hertz"] * loading,
+            added_mass=0.0, phase=phase,
             **_increments(integrator, INCREMENTS["hertz"], loading),
             **options_of(law, time_step, added_mass),
         )
@@ -229,8 +228,7 @@ def plastic_sphere_point(
 
     Args:
         comm: MPI communicator.
-        elements_per_radius: Contact radius at the end over the length of edges there; of
-            composites, of their parts.
+        elements_per_radius: Contact radius at the end over the length of edges there.
         element, law, integrator, time_step: The choices.
         added_mass: Most mass that is added for a longer time step, over that of the body.
         loading: Duration over ten periods of the ball.
@@ -242,9 +240,8 @@ def plastic_sphere_point(
         InputError: There is no reference with this ratio.
     """
     stored = flowing_ball(nu)
-    n = 0.5 * elements_per_radius if element == "composite" else elements_per_radius
     _, course = mean_pressure(
-        comm, nu, RATIO, n, a_over_R, element, added_mass=0.0,
+        comm, nu, RATIO, elements_per_radius, a_over_R, element, added_mass=0.0,
         periods=PERIODS["plastic-sphere"] * loading,
         **_increments(integrator, INCREMENTS["plastic-sphere"], loading),
         **options_of(law, time_step, added_mass),
@@ -252,7 +249,7 @@ def plastic_sphere_point(
     of_force = flowing_error(stored, course.approach, course.force)
     first, last = RADIUS * stored["delta"][[0, -1]]
     # Windows of the coarsest meshes reach beyond the table.
-    window = course.window(n)
+    window = course.window(elements_per_radius)
     window = window[(window >= first) & (window <= last)]
     force_there = np.interp(window, course.approach, course.force)
     pressure = force_there.sum() / np.interp(window, course.approach, course.area).sum()
