@@ -47,9 +47,7 @@ LOOPS = {
     "motion_bounds.advance_bounds": "d1 d1 i1 i1 d1 d d",
     "motion.largest_move": "d2 d2",
     "points.place_points": "d2 i1 i2 d2",
-    "edge_compliance.add_edge_compliance": (
-        "d1 d2 d2 l1 l1 l1 l1 i2 d2 d2 i2 l1 i1 i1 d1 d1 d1 l1 b"
-    ),
+    "edge_compliance.add_edge_compliance": ("d1 d2 d2 l1 l1 l1 l1 i2 d2 d2 i2 l1 i1 i1 d1 d1 d1 b"),
     "edge_compliance.largest_patch": "l1 l1 i2 i2 l1 i1 b",
     "edge_compliance.cells_around": "i2 l",
     "rigid.set_axes": "d3 d2",
