@@ -18,6 +18,7 @@ from ..errors import SolverError
 from ..state import Stateful
 from .measures import WallMeasures
 from .quasi_static import QuasiStaticSpeed
+from .waiting import LONGEST
 
 SEATING, LOADING = "seating", "loading"
 
@@ -29,8 +30,6 @@ STRAIN_DEFINITION = (
 
 #: The seating stage gives up when the platens have approached by this part of their distance.
 LARGEST_SEATING = 0.25
-#: Times that a wave travels for which the platen holds the seating stress, at most.
-LONGEST_HOLD = 300.0
 #: Part of the seating force by which an increment may go beyond it.
 SEATED = 0.01
 #: Part of the strain of the test to which it is reached.
@@ -257,7 +256,7 @@ class OedometerLoading(Stateful):
             return
         self._hold = self._hold or self._make_hold()
         waited = self._hold.waves_waited(self.simulation.state.t)
-        if self._hold.finished or waited > LONGEST_HOLD:
+        if self._hold.finished or waited > LONGEST:
             self._hold.leave(self._lack(waited))
             self._begin_loading(0.0)
         else:
@@ -266,13 +265,13 @@ class OedometerLoading(Stateful):
 
     def _lack(self, waited):
         """A line where the hold was given up, or None."""
-        if waited <= LONGEST_HOLD:
+        if waited <= LONGEST:
             return None
         stress = self._carried() / self.seating_force
         return (
-            f"the sample carries {stress:.2g} of the seating stress after {LONGEST_HOLD:g} times "
-            "that a wave travels, expected all of it: the test begins with that; grains that are "
-            "far apart need another packing, or oedometer.seating_stress more"
+            f"the sample carries {stress:.2g} of the seating stress after {LONGEST:g} times that a "
+            "wave travels, expected all of it: the test begins with that; a denser packing or more "
+            "oedometer.seating_stress may hold it"
         )
 
     def _begin_loading(self, speed):

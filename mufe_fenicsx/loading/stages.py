@@ -30,7 +30,7 @@ over ``ramp``.
 
 Stages until the last one with ``zero`` seat the sample. They end at rest as well, with a kinetic
 energy of ``AT_REST`` of the elastic one, and until then grains lose motion at the rate
-``STILLED``/T at least. Grains that still move after ``RATTLES`` T are taken so, with a line.
+``STILLED``/T at least. Grains that still move after ``LONGEST`` T are taken so (waiting.py).
 
 Rows of the history fall due by the ways that a stage has come, one for each of what leads it:
 s, the changes of lengths that go at a speed, the values of ``until``, and time where it waits and
@@ -68,13 +68,8 @@ STRAIN_DEFINITION = (
 
 #: Times that a wave travels for which stresses have to stay within their tolerance.
 SETTLED = 2.0
-#: Kinetic over elastic energy of a sample that is seated, at most.
-AT_REST = 0.02
 #: Damping while the sample is seated over one over that time.
 STILLED = 0.5
-#: Times that a wave travels after which grains that still move are taken as they are, and after
-#: which stresses that are not there end the test.
-RATTLES, NEVER = 300.0, 3000.0
 #: Ways of every stage: s, that of lengths, and of time where it waits.
 NUM_WAYS = 3
 
@@ -417,7 +412,8 @@ class StagedLoading(Stateful):
         self._come(lengths, t)
         near = now.s == 1.0 or not any(task.goes for task in self._all)
         near &= self.shearing.is_there
-        near &= self._is_at_rest(t)
+        if not self.loaded and any(task.servo for task in self.tasks):
+            near &= now.waiting.rests(self.stage, self.servo.kinetic, self.waves_waited(t))
         means, axis_means = gauges.led(np.asarray(gauges.means.stress)), gauges.mean_stress()
         for task in self.tasks:
             near &= task.is_there(means, axis_means, lengths, self.settings.tolerance)
@@ -426,20 +422,6 @@ class StagedLoading(Stateful):
             now.led_until = t
         if now.hold_from is None:
             self._look_for_end(t)
-
-    def _is_at_rest(self, t):
-        """Whether grains move little enough for a seating, or will not come to rest."""
-        now, kinetic = self._now, self.servo.kinetic
-        if self.loaded or kinetic <= AT_REST or not any(task.servo for task in self.tasks):
-            return True
-        waves = self.waves_waited(t)
-        if waves > RATTLES:
-            now.waiting.say_moving(
-                f'stage "{self.stage}" does not come to rest: kinetic energy is {kinetic:.2g} of '
-                f"the elastic, expected {AT_REST:g}; the test begins with it: more stress or "
-                "solver.damping may hold grains that slide or roll"
-            )
-        return waves > RATTLES
 
     def waves_waited(self, t):
         """Times that a wave travels since walls had reached what they go to, at the time t [s]."""
@@ -474,13 +456,8 @@ class StagedLoading(Stateful):
         Raises:
             SolverError: A seating has not got there for long.
         """
-        if not self.loaded and self.waves_waited(t) > NEVER:
-            found = ", ".join(f"{x / 1e3:.5g}" for x in self.gauges.means.stress)
-            raise SolverError(
-                f'stage "{self.stage}" has not got to its stresses in {NEVER:g} times that a wave '
-                f"travels: walls carry {found} kPa; lower the speed of the seating, or raise "
-                "solver.damping or loading.tolerance"
-            )
+        if not self.loaded:
+            self._now.waiting.check(self.stage, self.gauges.means.stress, self.waves_waited(t))
         if not self._now.waiting.is_due(t, self.servo.travel_time):
             return
         means, tolerance = self.gauges.mean_stress(), self.settings.tolerance

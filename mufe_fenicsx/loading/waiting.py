@@ -2,6 +2,13 @@
 
 import numpy as np
 
+from ..errors import SolverError
+
+#: Kinetic over elastic energy of a sample that is seated, at most.
+AT_REST = 0.02
+#: Times that a wave travels after which a seating without rest is taken as it is, and after which
+#: stresses that are not there end the test.
+LONGEST, NEVER = 300.0, 3000.0
 #: Travel times of a wave over which lengths are compared.
 WAVES = 100.0
 
@@ -19,10 +26,32 @@ class Waiting:
         self._from, self._lengths, self._said = None, None, False
         self._moving = False
 
-    def say_moving(self, line):
-        """Let a line on grains that do not come to rest be the notice, once."""
-        if not self._moving:
-            self.notice, self._moving = line, True
+    def rests(self, name, kinetic, waves):
+        """Whether grains of a seating move little enough, or will not come to rest.
+
+        Args:
+            name: Of the stage.
+            kinetic: Their kinetic energy over the elastic one.
+            waves: Times that a wave travels since walls had reached what they go to.
+        """
+        if kinetic > AT_REST and waves > LONGEST and not self._moving:
+            self._moving = True
+            self.notice = (
+                f'stage "{name}" does not come to rest: kinetic energy is {kinetic:.2g} of the '
+                f"elastic, expected {AT_REST:g}; the test begins with it: more stress or "
+                "solver.damping may hold grains that slide or roll"
+            )
+        return kinetic <= AT_REST or waves > LONGEST
+
+    def check(self, name, stresses, waves):
+        """Raise SolverError where the walls of a seating do not get to their stresses [Pa]."""
+        if waves > NEVER:
+            found = ", ".join(f"{x / 1e3:.5g}" for x in stresses)
+            raise SolverError(
+                f'stage "{name}" has not got to its stresses in {NEVER:g} times that a wave '
+                f"travels: walls carry {found} kPa; lower the speed of the seating, or raise "
+                "solver.damping or loading.tolerance"
+            )
 
     def is_due(self, t, travel):
         """Whether it is time to look again, a wave needing ``travel`` [s] through the sample."""

@@ -20,7 +20,8 @@ of the pressure each part dε of the height takes them the time  dt = ρc H dε/
 import math
 
 from ..loading.oedometer import LARGEST_SEATING
-from ..loading.stages import AT_REST, SETTLED, STILLED
+from ..loading.stages import SETTLED, STILLED
+from ..loading.waiting import AT_REST
 from .course import SOLID, speed_under
 
 

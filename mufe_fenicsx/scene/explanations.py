@@ -102,7 +102,7 @@ def in_file(wanted, path):
                 walk(row, f"{full}[{number}]")
         else:
             plain = re.sub(r"\[\d+\]", "", full)
-            if any(f".{part}.".find(f".{name}.") >= 0 for part in (full, plain)):
+            if any(f".{name}." in f".{part}." for part in (full, plain)):
                 found.append(f"    {full} = {shown(value)}")
 
     walk(tomllib.loads(Path(path).read_text(encoding="utf-8")), "")

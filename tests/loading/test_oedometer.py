@@ -64,7 +64,7 @@ def test_seating_ends_at_rest(damping):
 
 def test_a_hold_without_rest_ends_and_is_told(monkeypatch):
     """Of a cube that the platen strikes, given up at once."""
-    monkeypatch.setattr(oedometer, "LONGEST_HOLD", 0.0)
+    monkeypatch.setattr(oedometer, "LONGEST", 0.0)
     sim = cube()
     test = Oedometer(STRAIN, 0.2, 0.1 * STRAIN, SEATING_STRESS, 5.0, seating_at_rest=True)
     force, hold = SEATING_STRESS * SIZE**2, hold_of(sim, test)

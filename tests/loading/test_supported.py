@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from mufe_fenicsx.errors import SolverError
 from mufe_fenicsx.geometry.bodies.shapes import box
-from mufe_fenicsx.loading import stages
+from mufe_fenicsx.loading import waiting
 from mufe_fenicsx.loading.tasks import Carry, Straight
 from mufe_fenicsx.loading.waiting import WAVES
 from mufe_fenicsx.run.from_bodies import build
@@ -93,8 +93,8 @@ def test_a_stage_that_waits_at_rest_says_so_once(monkeypatch):
 def test_a_seating_that_cannot_come_to_rest_or_to_its_stress_ends(monkeypatch):
     """The first goes on with a line; the second stops and names what walls carry."""
     program = Stage("seat", xyz=Axis(stress=STRESS), zero=True), Stage("go on", hold=1e-9)
-    monkeypatch.setattr(stages, "AT_REST", -1.0)
-    monkeypatch.setattr(stages, "RATTLES", 4.0)
+    monkeypatch.setattr(waiting, "AT_REST", -1.0)
+    monkeypatch.setattr(waiting, "LONGEST", 4.0)
     sim = cube(2)
     loading, found = loading_of(sim, program, 0.1), []
     while not loading.loaded:
@@ -103,7 +103,7 @@ def test_a_seating_that_cannot_come_to_rest_or_to_its_stress_ends(monkeypatch):
         found += [line for line in [loading.take_notice()] if line]
         assert sim.state.num_steps < 4000
     assert len(found) == 1 and found[0].startswith('stage "seat" does not come to rest: kinetic')
-    monkeypatch.setattr(stages, "NEVER", 4.0)
+    monkeypatch.setattr(waiting, "NEVER", 4.0)
     monkeypatch.setattr(Carry, "is_there", lambda *_: False)
     sim = cube(2)
     loading = loading_of(sim, program, 0.1)
