@@ -4,7 +4,8 @@ Four samples are planned with an accuracy and run as planned: two balls, a latti
 with loose balls in its voids, twenty angular grains; and folders of grains of your own. Predicted
 and actual tetrahedra, steps, memory, disk and time stand beside each other. Each test is a process
 of its own, so that its memory is that of it alone; times are of the processor, which on a machine
-that does nothing else are those of the clock on the wall.
+that does nothing else are those of the clock on the wall. Actual steps and times hold the seating,
+planned ones do not: how long it takes is not known beforehand.
 
     python demos/plan_check.py FOLDER                              some minutes
     python demos/plan_check.py FOLDER --samples balls lattice      some of them

@@ -41,7 +41,9 @@ def plan(
     ] = None,
     cost: Annotated[
         str | None,
-        typer.Option(help='Wanted time of the run, "8 min": the least error that it buys here.'),
+        typer.Option(
+            help='Wanted time of the run after its seating, "8 min": the least error it buys here.'
+        ),
     ] = None,
     modulus: Annotated[
         str | None,

@@ -1,10 +1,11 @@
 """What a test will cost on this machine: a second of its own steps, and what follows from them.
 
-    wall = set-up + steps of seating · t₀ + steps of loading · t₁ + rows and states
+    wall = set-up + steps of loading · t + rows and states
 
 A step is measured, and costs as many tetrahedra as it has, and ``PAIR_COSTS`` for each pair in
-contact. How many pairs come into contact, how far the platen travels until the sample is seated and
-how much contact shortens the stable time step follows from what is near each other at the start.
+contact. How many pairs come into contact and how much contact shortens the stable time step
+follows from what is near each other at the start. The seating before is not counted: how long it
+takes is not known.
 """
 
 import math
@@ -29,10 +30,9 @@ from ..run.from_scene import (
 )
 from ..run.rebalance import PAIR_COSTS
 from ..run.scene_tools import check_sizes, make_tools
-from .contacts import Closing
+from .contacts import closing_points
 from .course import course_of, wave_speed
-from .errors import flow_pressure, flows
-from .seating import closing_time, seating_time
+from .errors import flows
 
 #: Pairs nearer than this part of an edge count as closed for the stable step under load. With the
 #: mass that is added for them, steps of sand of 63 to 612 grains are 1.07 to 1.10 of the actual
@@ -44,10 +44,10 @@ LOADED, LATE, SHORTER = 0.3, 0.03, 0.78
 #: Searches, which are longer than a block of steps, 3 % more.
 FLOWS, SEARCHES = 1.09, 1.03
 #: Part of the points that geometry closes (`contacts`) which are in contact in the mean while
-#: loading, and that of these while seating: 0.3 to 0.8 and 0.4 to 0.9 in three tests of sand.
-CLOSED, WHILE_SEATING = 0.5, 0.5
-#: Part of the height that the platen travels where no chain of grains is found.
-NO_CHAIN = 0.02
+#: loading: 0.3 to 0.8 in three tests of sand.
+CLOSED = 0.5
+#: Part of the height that the platen travels at most in that second.
+FURTHEST = 0.02
 #: Memory of a tetrahedron with its share of nodes, contact and output [bytes]; what a run holds
 #: beyond what its first steps do.
 TET_MEMORY, MORE_MEMORY = 860.0, 1.02
@@ -73,20 +73,16 @@ class Benchmark:
     step_s: float  #: time of a step, its share of estimates of the stable step included [s]
     due: tuple  #: pairs of grains, and with walls, in contact meanwhile
     closing: tuple  #: points of both that geometry closes at half of the strain
-    travel: float  #: of the platen while seating, over the height
     row_s: float  #: of a row of the history [s]
-    time_step: float  #: stable step now, with its factor [s]
-    loaded_step: float  #: the same with all pairs closed that are near [s]
+    loaded_step: float  #: stable step with all pairs closed that are near, with its factor [s]
     tets_step: float  #: that of the tetrahedra alone [s]
     memory: float  #: of all ranks so far [bytes]
     of_sleeve: int = 0  #: tetrahedra of a membrane, beside those of the grains
-    diameter: float = 0.0  #: of the cylinder in it [m]
-    pressed: float = 0.0  #: part of the travel that the seating stress takes
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a test is predicted to take."""
+    """What a test is predicted to take after its seating, if it has one."""
 
     num_ranks: int
     num_cells: int
@@ -97,8 +93,7 @@ class Cost:
     memory_bytes: float  #: of all ranks
     disk_bytes: float
     limit: str  #: what limits the time step: "contact" or "elements"
-    seating_steps: int = 0  #: steps of these until the sample is seated
-    closing_steps: int = 0  #: further ones for each percent of height that a loose one closes
+    seats: bool = False  #: whether a seating comes before, which is not counted
 
 
 def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
@@ -119,26 +114,17 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
     s, bounds = _set_up(scene, grains_folder, comm)
     mesh, container = s.mesh, scene.container.kind
     setup = comm.allreduce(clock() - start, op=MPI.MAX)
-    closing, height = Closing(s, bounds), bounds.height  # before the platen moves
-    course = course_of(scene)
-    travel = pressed = 0.0
+    course, height = course_of(scene), bounds.height
+    closing = closing_points(s, bounds, 0.5 * course.strain)  # before the platen moves
     top = [wall.name for wall in s.walls.walls].index(container.walls[container.top])
     if course.presses:
-        # In a membrane platens follow grains, and do not strike them.
-        strikes = course.seating_speed if scene.membrane is None else 0.0
-        travel = closing.travel(strikes, flow_pressure(scene.material)) / height
-        travel = travel if math.isfinite(travel) else NO_CHAIN
-        # From then on the sample carries what waves of its stiffness carry, M = ρ c².
-        density = s.mass_of_grains() / float(container.volume(container.lengths_within(bounds)))
-        pressed = course.seating_stress / (density * wave_speed(scene) ** 2)
-        travel += pressed
         s.walls.velocity[top, 2] = -course.seating_speed
     blocks = []
     while sum(blocks) < seconds or len(blocks) < 4:
         comm.Barrier()
         begin = clock()
-        # No further than seating goes: a fast machine would crush the sample in that time.
-        if bounds.high[2] - s.walls.point[top, 2] > min(travel, NO_CHAIN) * height:
+        # A fast machine would crush the sample in that time.
+        if bounds.high[2] - s.walls.point[top, 2] > FURTHEST * height:
             s.walls.velocity[top, 2] = 0.0
         for _ in range(BLOCK):
             s.step(everywhere=False)
@@ -163,16 +149,12 @@ def benchmark(scene, grains_folder, comm, seconds=1.0, clock=time.perf_counter):
         step_s=quantiles(blocks[1:], n=4, method="inclusive")[0] / BLOCK
         + estimate / s.refresh.steps,
         due=due,
-        closing=tuple(closing.num_points(0.5 * course.strain)),
-        travel=travel,
+        closing=tuple(closing),
         row_s=row,
-        time_step=dt,
         loaded_step=min(loaded, dt),
         tets_step=of_tets,
         memory=memory,
         of_sleeve=comm.allreduce(mesh.num_shown_cells - mesh.num_sample_cells),
-        diameter=0.0 if scene.membrane is None else 2.0 * bounds.radius,
-        pressed=pressed,
     )
 
 
@@ -216,11 +198,8 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
         shorter: Length of edges over theirs: time steps go with it.
     """
     course, out, b = course_of(scene), scene.output, measured
-    first, loaded = (shorter * dt for dt in (b.time_step, b.loaded_step))
-    seating = seating_time(scene, course, b)
-    loading = loading_time(scene, b.height)
-    late = max(0.0, 1 - LATE / course.strain)
-    steps = seating / min(first, 1.1 * loaded), loading / loaded * (1 - late + late / SHORTER)
+    loaded, late = shorter * b.loaded_step, max(0.0, 1 - LATE / course.strain)
+    steps = loading_time(scene, b.height) / loaded * (1 - late + late / SHORTER)
     # Of the work of a step, a membrane's tetrahedra count as those of grains.
     before = b.num_cells + b.of_sleeve
     num_cells = finer * b.num_cells + b.of_sleeve
@@ -230,31 +209,30 @@ def predict(scene, measured, finer=1.0, shorter=1.0):
     closed = CLOSED * float(PAIR_COSTS @ b.closing)
     unit = SEARCHES * step_s / (before + float(PAIR_COSTS @ b.due))
     slower = FLOWS if flows(scene.material) else 1.0
-    stepping = sum(
-        n * unit * (factor * before + part * closed)
-        for n, factor, part in zip(steps, (1.0, slower), (WHILE_SEATING, 1.0), strict=True)
-    )
+    stepping = steps * unit * (slower * before + closed)
     checkpoints = 1 + (stepping / out.checkpoint if out.checkpoint else 0)
     written = state * (out.fields + CHECKPOINT * checkpoints)
-    rows = out.history * (1 + b.travel / course.strain)
-    output = rows * finer * b.row_s + written / WRITING + STATE_S * (out.fields + checkpoints)
+    output = (
+        out.history * finer * b.row_s + written / WRITING + STATE_S * (out.fields + checkpoints)
+    )
     setup = finer * b.setup_s
     memory = MORE_MEMORY * b.memory + TET_MEMORY * (num_cells - before)
     return Cost(
         num_ranks=b.num_ranks,
         num_cells=round(num_cells),
-        num_steps=round(sum(steps)),
+        num_steps=round(steps),
         time_step=loaded,
         wall_s=setup + stepping + output,
         setup_s=setup,
         memory_bytes=memory,
         disk_bytes=(
             state * (out.fields + 2 * CHECKPOINT)
-            + MESH_BYTES[0] * num_nodes + MESH_BYTES[1] * num_cells + rows * ROW_BYTES
+            + MESH_BYTES[0] * num_nodes + MESH_BYTES[1] * num_cells + out.history * ROW_BYTES
         ),
         limit="contact" if b.loaded_step < 0.9 * b.tets_step else "elements",
-        seating_steps=round(steps[0]),
-        closing_steps=round(closing_time(scene, course, b) / min(first, 1.1 * loaded)),
+        seats=course.presses and (
+            scene.oedometer is not None or any(stage.zero for stage in scene.stages)
+        ),
     )  # fmt: skip
 
 

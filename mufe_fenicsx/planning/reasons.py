@@ -70,9 +70,9 @@ def out_of_reach(scene, accuracy, fixed, errors, sample, keep_mesh):
 
 #: What walls that load grains may meet.
 SEATING_AND_SLIPS = (
-    "how long the sample takes until it is seated at rest: planned is until a chain of grains that "
-    "neither turn nor slip makes the bottom feel the platen, and waves have faded; balls took "
-    "a third to six times as long",
+    "how long the seating takes: it depends on the gaps between grains, on how they turn and slip "
+    "until they carry, and on the stress and the speed of the seating; `mufe watch` tells how far "
+    "it is",
     "slips between grains, which are dynamic at any speed: where grains are few, a late one moves "
     "the strain from which the report trusts the test",
 )
@@ -119,10 +119,6 @@ def unknown(scene, errors, elements, slender=0):
         known.append(
             "what the mesh of the membrane does to the forces: `mufe verify membrane-specimen`, "
             "and to its shape at the platens: `mufe verify membrane-point`"
-        )
-        known.append(
-            "how far the cell presses a loose sample together: platens follow its grains slowly, "
-            "and 49 loose balls at 20 kPa took more than 2.5 times the planned seating"
         )
     if course.presses:
         known += SEATING_AND_SLIPS

@@ -52,12 +52,12 @@ def make_plan(
 
 
 def plan_within(scene, grains, comm, seconds, clock=time.perf_counter):
-    """The plan of the least error whose run ends within a time here, and its cost. Collective.
+    """The plan of the least error whose loading ends within a time here, and its cost. Collective.
 
     Args:
         scene, grains, comm, clock: As of :func:`make_plan`; steps are measured with the
             settings of the plan of the largest error, added mass among them.
-        seconds: Of the whole run [s].
+        seconds: Of the run without its seating [s].
 
     Raises:
         InputError: No plan does; the message says what the cheapest takes. On all ranks.
@@ -84,8 +84,9 @@ def plan_within(scene, grains, comm, seconds, clock=time.perf_counter):
         made, cost = planned(ACCURACIES[first])
         if cost.wall_s > seconds:
             raise InputError(
-                f"cost = {duration(seconds)}, expected at least {duration(cost.wall_s)}, for an "
-                f"error of {percent(made.error)}: more ranks, or fewer grains, take less"
+                f"cost = {duration(seconds)}, expected at least {duration(cost.wall_s)} beside the "
+                f"seating, for an error of {percent(made.error)}: more ranks, or fewer grains, "
+                "take less"
             )
         return made, cost
 

@@ -99,15 +99,12 @@ def _of_cost(cost):
         return []
     return [
         ("size", f"{cost.num_cells} tetrahedra, {cost.num_steps} steps of "
-                 f"{1e9 * cost.time_step:.3g} ns (limited by the {cost.limit})"
-                 + (f", at a guess {cost.seating_steps} of them until the sample is seated"
-                    if cost.seating_steps else "")),
-        *([("loose sample", f"{cost.closing_steps} steps more for each percent of its height that "
-            "grains close at half of the cell's pressure: how far they do is not known")]
-          if cost.closing_steps else []),
+                 f"{1e9 * cost.time_step:.3g} ns (limited by the {cost.limit})"),
         ("cost", f"{duration(cost.wall_s)}, {bytes_of(cost.memory_bytes)} of memory, "
                  f"{bytes_of(cost.disk_bytes)} on disk, on {cost.num_ranks} "
                  f"{'rank' if cost.num_ranks == 1 else 'ranks'} here"),
+        *([("seating", "comes before, in neither steps nor time above: how long it takes is not "
+            "known before it is run")] if cost.seats else []),
     ]  # fmt: skip
 
 
@@ -133,9 +130,9 @@ def brief(plan, cost, summary):
         return {"plan": done}
     wall, memory = summary["wall_s"], summary["peak_memory_bytes"]
     text = (
-        f"predicted {duration(cost.wall_s)}, {cost.num_steps} steps, "
-        f"{bytes_of(cost.memory_bytes)}; actual {duration(wall)}, {summary['num_steps']} steps, "
-        f"{bytes_of(memory)}"
+        f"predicted{' without the seating' * cost.seats} {duration(cost.wall_s)}, "
+        f"{cost.num_steps} steps, {bytes_of(cost.memory_bytes)}; actual {duration(wall)}, "
+        f"{summary['num_steps']} steps, {bytes_of(memory)}"
     )
     return {"plan": done | {"predicted": asdict(cost)}, "predicted_and_actual": text}
 

@@ -99,8 +99,7 @@ def test_a_membrane_costs_tetrahedra_and_steps_of_its_own(tmp_path):
 
 def test_finer_grains_leave_the_membrane_as_it_is(folder):
     b = Benchmark(
-        1, 8, 8000, 3000, 1e-3, 2.0, 1e-3, (0, 0), (0.0, 0.0), 0.0, 0.0, 1e-9, 1e-9, 1e-9, 4e8,
-        of_sleeve=2000,
+        1, 8, 8000, 3000, 1e-3, 2.0, 1e-3, (0, 0), (0.0, 0.0), 0.0, 1e-9, 1e-9, 4e8, of_sleeve=2000,
     )  # fmt: skip
     scene = load_scene(folder / "scene.toml")
     once, finer = predict(scene, b), predict(scene, b, finer=2.0)
