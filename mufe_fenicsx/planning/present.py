@@ -19,7 +19,7 @@ class Present:
     parts: dict  #: name -> error
     elements: float  #: per radius of a typical contact
     tets: float  #: tetrahedra a grain
-    size: float  #: length of edges [m]
+    size: float  #: length of edges at contacts [m]
     element: str  #: one of solid.ELEMENTS
     law: str  #: of contact, as the table of points names it
     fidelity: dict  #: model -> labels of grains

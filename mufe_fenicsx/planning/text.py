@@ -37,7 +37,7 @@ def lines_of_present(present, cost):
         (
             "mesh",
             f"{present.elements:.2g} elements per contact radius, edges of "
-            f"{1e6 * present.size:.3g} um, {present.tets:.0f} tetrahedra a grain",
+            f"{1e6 * present.size:.3g} um at contacts, {present.tets:.0f} tetrahedra a grain",
         ),
         ("contact", f"law {present.law}"),
         ("loading", _loading(present)),

@@ -28,7 +28,7 @@ def scene(material=J2_ROCK, **more):
 def sample(n, num_grains=500):
     """Grains of 0.2 mm, 1000 tetrahedra each, n elements per contact radius of 20 um."""
     labels = tuple(range(1, num_grains + 1))
-    return Sample("grains", labels, num_grains * 1000, 20e-6 / n, 200e-6)
+    return Sample("grains", labels, num_grains * 1000, 20e-6 / n, 20e-6 / n, 200e-6)
 
 
 def staged(**last):
