@@ -7,8 +7,8 @@ from mufe_fenicsx.container import BOX
 from mufe_fenicsx.kernels.voids import box_of_centres, solid_of_octants
 from mufe_fenicsx.output.history import VOIDS
 
-#: Median diameters that the inner part keeps away from all walls.
-MARGIN = 0.5
+#: Median diameters that the inner part keeps away from all walls, and that it is wide at least.
+MARGIN, WIDTH = 0.5, 1.0
 #: Parts of the inner one, whose spread tells the uncertainty.
 OCTANTS = 8
 
@@ -26,7 +26,7 @@ class Voids:
 
     def __init__(self, comm, container, cells, volume, diameter):
         self.comm, self.container, self.cells, self.volume = comm, container, cells, volume
-        self.margin = MARGIN * diameter
+        self.diameter = diameter
         self.solid = comm.allreduce(float(volume.sum()))  #: [m³]
 
     def row(self, x, lengths):
@@ -42,19 +42,36 @@ class Voids:
         ends = comm.allreduce(np.append(low, -high), op=_least)
         middle, hollow = 0.5 * (ends[:3] - ends[3:]), len(self.container.widths) == 2
         is_round = self.container.shape != BOX.shape
-        shrunk = np.asarray(lengths) - 2.0 * self.margin
-        if is_round and hollow:
-            shrunk[1] = lengths[1] + 2.0 * self.margin
-        half = 0.5 * (shrunk[[0, 0, -1]] if is_round else shrunk)
-        hole = 0.5 * float(shrunk[1]) if is_round and hollow else 0.0
-        if (half <= 0.0).any() or hole >= half[0]:
+        inner = inner_lengths(lengths, self.diameter, is_round and hollow)
+        if inner is None:
             return 0.0, 0.0
+        half = 0.5 * (inner[[0, 0, -1]] if is_round else inner)
+        hole = 0.5 * float(inner[1]) if is_round and hollow else 0.0
         found = solid_of_octants(x, self.cells, self.volume, middle, half, is_round, hole)
-        return inner_void_ratio(comm.allreduce(found), float(self.container.volume(shrunk)))
+        return inner_void_ratio(comm.allreduce(found), float(self.container.volume(inner)))
 
 
 def _least(a, b):
     return np.minimum(a, b)
+
+
+def inner_lengths(lengths, diameter, hollow=False):
+    """Lengths of the part of a sample that counts as away from walls; None: too narrow.
+
+    It begins half a median diameter from each wall, and is one wide at least.
+
+    Args:
+        lengths: Of the sample, along its axes [m], shape (num_axes,).
+        diameter: Median diameter of its grains [m].
+        hollow: Whether the second is the diameter of a hole.
+    """
+    off = np.full(len(lengths), -2.0 * MARGIN * diameter)
+    off[1] *= -1.0 if hollow else 1.0
+    inner = np.asarray(lengths) + off
+    widths = inner.copy()
+    if hollow:
+        widths[1] = 0.5 * (inner[0] - inner[1])
+    return inner if widths.min() >= WIDTH * diameter else None
 
 
 def inner_void_ratio(solids, inner_volume):

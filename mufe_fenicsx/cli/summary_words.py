@@ -92,7 +92,6 @@ _OF_PACKINGS = {
     "void_ratio": ("void ratio of the container", ""),
     "solid_fraction": ("solid fraction of the container", ""),
     "void_ratio_inside": ("void ratio away from walls", ""),
-    "solid_fraction_inside": ("solid fraction away from walls", ""),
     "bearing_coordination_number": ("contacts of a grain that bears, walls among them", ""),
     "rattlers": ("grains that bear nothing, part of all", ""),
     "mean_overlap": ("overlap of pairs, mean", "D"),

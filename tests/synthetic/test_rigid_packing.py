@@ -5,15 +5,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
+from mufe_fenicsx.analysis.voids import Voids, inner_lengths
+from mufe_fenicsx.container import BOX as BOX_OF_RUNS
 from mufe_fenicsx.errors import SolverError
+from mufe_fenicsx.geometry.bodies.shapes import sphere
+from mufe_fenicsx.geometry.measure import tet_volumes
 from mufe_fenicsx.materials.j2 import J2
 from mufe_fenicsx.synthetic.rigid_packing import ways
 from mufe_fenicsx.synthetic.rigid_packing.assembly import Assembly
 from mufe_fenicsx.synthetic.rigid_packing.bodies import bodies_at
 from mufe_fenicsx.synthetic.rigid_packing.contacts import DAMPING
 from mufe_fenicsx.synthetic.rigid_packing.container import BOX, CYLINDER, PERIODIC, Container
-from mufe_fenicsx.synthetic.rigid_packing.measures import bearing, solid_inside
+from mufe_fenicsx.synthetic.rigid_packing.measures import bearing, void_ratio_inside
 from mufe_fenicsx.synthetic.rigid_packing.shapes import (
     ball,
     distances,
@@ -240,27 +245,51 @@ def test_a_heap_rests_on_the_floor_with_its_weight():
     assert bodies.kinetic_energy < 1e-4 * weight / 30
 
 
-def test_solid_inside_is_that_of_the_spheres_there():
+def test_the_void_ratio_inside_is_that_of_the_spheres_there():
     """A cubic lattice of touching spheres fills π/6 of each of its cells."""
-    ticks = np.arange(6) + 0.5
+    ticks = np.arange(6) + 0.0
     centres = np.stack(np.meshgrid(ticks, ticks, ticks), axis=-1).reshape(-1, 3)
     bodies, _ = placed(exact_ball(), centres)
-    box = Container(BOX, np.zeros(3), np.full(3, 6.0))
+    box = Container(BOX, np.zeros(3), np.full(3, 5.0))
     # Voxels of 1/24: a few per mille of a body. All parts are alike.
-    found, error = solid_inside(Assembly(bodies, box, 0.0, 0.0), 1.0)
-    assert found == pytest.approx(np.pi / 6, rel=5e-3)
-    assert error == 0.0
+    found, error = void_ratio_inside(Assembly(bodies, box, 0.0, 0.0))
+    assert found == pytest.approx(6 / np.pi - 1, rel=1e-2)
+    assert error < 1e-12
+    # A run of their meshes has the same part, and the same number but for cells that count whole.
+    points, cells = sphere(0.5, 0.2)
+    x = np.concatenate([points + centre for centre in centres])
+    cells = np.concatenate([cells + k * len(points) for k in range(len(centres))])
+    volume = tet_volumes(x, cells)
+    volume *= len(centres) * np.pi / 6 / volume.sum()  # of balls, not of what is within facets
+    voids = Voids(MPI.COMM_SELF, BOX_OF_RUNS, cells.astype(np.int32), volume, 1.0)
+    assert voids.row(x, np.full(3, 5.0))["void_ratio_inside"] == pytest.approx(found, rel=0.03)
 
 
-def test_the_error_of_the_solid_inside_is_that_of_its_eighths():
+@pytest.mark.parametrize(
+    ("lengths", "hollow", "inner"),
+    [
+        ((3.0, 4.0, 2.0), False, (2.0, 3.0, 1.0)),
+        ((3.0, 4.0, 1.9), False, None),
+        ((6.0, 2.0, 3.0), True, (5.0, 3.0, 2.0)),
+        ((5.0, 2.0, 3.0), True, None),
+        ((3.0, 2.0), False, (2.0, 1.0)),
+    ],
+)
+def test_away_from_walls_is_half_a_diameter_and_one_wide(lengths, hollow, inner):
+    found = inner_lengths(lengths, 1.0, hollow)
+    assert found is None if inner is None else found.tolist() == list(inner)
+
+
+def test_the_error_of_the_void_ratio_inside_is_that_of_its_eighths():
     """Of a lattice of two cells a direction in which one sphere lacks: s/√8 of the eight."""
-    ticks = np.arange(2) + 1.5
+    ticks = np.arange(2) + 1.0
     centres = np.stack(np.meshgrid(ticks, ticks, ticks), axis=-1).reshape(-1, 3)[1:]
     bodies, _ = placed(exact_ball(), centres)
-    box = Container(BOX, np.zeros(3), np.full(3, 4.0))
-    found, error = solid_inside(Assembly(bodies, box, 0.0, 0.0), 1.0)
-    assert found == pytest.approx(7 / 8 * np.pi / 6, rel=5e-3)
-    assert error == pytest.approx(np.pi / 6 / 8, rel=5e-3)
+    box = Container(BOX, np.zeros(3), np.full(3, 3.0))
+    found, error = void_ratio_inside(Assembly(bodies, box, 0.0, 0.0))
+    solid = 7 / 8 * np.pi / 6
+    assert found == pytest.approx(1 / solid - 1, rel=1e-2)
+    assert error == pytest.approx(np.pi / 6 / 8 / solid**2, rel=1e-2)
 
 
 def test_each_axis_bears_its_own_stress():

@@ -3,12 +3,12 @@
 import numpy as np
 
 from ...analysis.fabric import anisotropy, fabric_tensor
+from ...analysis.voids import MARGIN, OCTANTS, inner_lengths, inner_void_ratio
+from ...geometry.form.proportions import median_diameter
 from ...kernels.packed_surfaces import label_voxels
 
 #: Points along a mean diameter at which it is asked whether they are solid.
 POINTS = 24
-#: Distance from walls at which their layers are no longer felt [mean diameters].
-MARGIN = 1.5
 #: Contacts by which a grain can be held, without friction and with it.
 HELD, HELD_WITH_FRICTION = 4, 2
 
@@ -34,17 +34,16 @@ def bearing(num_bodies, pairs, at_walls, least):
         bears &= ~out
 
 
-def solid_inside(assembly, margin=MARGIN):
-    """Solid fraction farther than ``margin`` from all walls, and its standard error.
-
-    That is by the scatter of its eight parts; both are nan where nothing is so far.
-    """
+def void_ratio_inside(assembly):
+    """Void ratio away from walls and its standard error, as of histories; zeros: too narrow."""
     bodies, container = assembly.bodies, assembly.container
-    s = bodies.shapes
+    s, diameter = bodies.shapes, median_diameter(np.pi / 6 * bodies.size**3)
+    inner = inner_lengths(container.high - container.low, diameter)
+    if inner is None:
+        return 0.0, 0.0
+    margin = MARGIN * diameter
     low = container.low + margin
-    shape = np.floor((container.high - container.low - 2 * margin) * POINTS).astype(int)
-    if (shape < POINTS).any():
-        return float("nan"), float("nan")
+    shape = np.floor(inner * POINTS).astype(int)
     labels = np.zeros(shape[::-1], dtype=np.int32)
     label_voxels(
         labels, np.zeros(labels.shape), low, 1 / POINTS, s.spheres, bodies.centre, bodies.axes,
@@ -54,18 +53,8 @@ def solid_inside(assembly, margin=MARGIN):
     grid = np.stack(np.meshgrid(z, y, x, indexing="ij"), axis=-1)[..., ::-1].reshape(-1, 3)
     inside = container.inside(low + grid / POINTS, margin)
     solid, grid = labels.ravel()[inside] > 0, grid[inside]
-    part = (grid > 0.5 * shape) @ (1, 2, 4)
-    sizes = np.bincount(part, minlength=8)
-    parts = np.bincount(part, solid, 8)[sizes > 0] / sizes[sizes > 0]
-    return float(solid.mean()), float(parts.std(ddof=1) / np.sqrt(len(parts)))
-
-
-def void_ratio_inside(assembly):
-    """Void ratio away from walls and its standard error, or that of the container and 0."""
-    solid, error = solid_inside(assembly)
-    if not solid > 0:
-        return assembly.void_ratio, 0.0
-    return 1 / solid - 1, error / solid**2
+    octant = (grid > 0.5 * shape) @ (1, 2, 4)
+    return inner_void_ratio(np.bincount(octant, solid, OCTANTS), float(inside.sum()))
 
 
 def measured(assembly):
@@ -76,14 +65,12 @@ def measured(assembly):
     least = HELD_WITH_FRICTION if assembly.friction > 0 else HELD
     bears, count = bearing(bodies.num_bodies, pairs, at_walls, least)
     fabric = fabric_tensor(normals)
-    inside, error = solid_inside(assembly)
+    inside, error = void_ratio_inside(assembly)
     return {
         "num_grains": bodies.num_bodies,
         "void_ratio": assembly.void_ratio,
         "solid_fraction": assembly.solid_fraction,
-        "void_ratio_inside": 1 / inside - 1 if inside > 0 else float("nan"),
-        "void_ratio_inside_error": error / inside**2 if inside > 0 else float("nan"),
-        "solid_fraction_inside": inside,
+        **({"void_ratio_inside": inside, "void_ratio_error": error} if inside else {}),
         "num_contacts": len(pairs),
         "coordination_number": 2 * len(pairs) / bodies.num_bodies,
         "bearing_coordination_number": float(count[bears].mean()) if bears.any() else 0.0,

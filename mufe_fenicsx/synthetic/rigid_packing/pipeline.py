@@ -177,7 +177,7 @@ def _require_room(shapes, draw, edges, settings):
 def _void_ratio(assembly):
     """The void ratio that is asked for, away from walls where there is such a place."""
     found, error = void_ratio_inside(assembly)
-    return found, max(TOLERANCE, 0.5 * error)
+    return found or assembly.void_ratio, max(TOLERANCE, 0.5 * error)
 
 
 def _meshed(draw, assembly, settings, progress):
