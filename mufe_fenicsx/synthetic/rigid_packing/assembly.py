@@ -35,6 +35,8 @@ class Assembly:
         self.gravity, self.drag, self.dashpots = gravity, 0.0, True
         self.num_steps, self.time, self.dt = 0, 0.0, 0.0
         self._progress = progress
+        #: What a void ratio that is told has more than that of the container, and what is done.
+        self.apart, self.doing = 0.0, ""
         self._told = np.zeros((bodies.mass.size, 6), dtype=bool)  # no motion is
         self._set_dt()
 

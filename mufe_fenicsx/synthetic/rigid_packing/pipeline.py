@@ -128,7 +128,9 @@ def packed(draw, settings, rng, progress=None):
     shapes, size = shapes_of(draw, settings), draw.size / draw.unit
     kind = BOX if settings.cylinder is None else CYLINDER
     edges = np.ones(3) if settings.edges is None else np.array(settings.edges) / draw.unit
-    shown = progress and (lambda step, a: progress(step, None, f"void ratio {a.void_ratio:.3f}"))
+    shown = progress and (
+        lambda step, a: progress(step, None, f"void ratio {a.void_ratio + a.apart:.3f}{a.doing}")
+    )
     more = {"friction": settings.first_friction, "wall_friction": settings.wall_friction}
     if settings.way == GRAVITY:
         if settings.edges is None:  # a cube of about what is needed

@@ -28,6 +28,8 @@ NEAR = 0.05
 CALM, LOOK = 200, 20
 #: Rate at which the logarithm of friction falls on the way to a void ratio, and tries.
 LOOSEN, TRIES = 1e-3, 8
+#: Void ratio between two states on that way which are kept for further tries.
+STRIDE = 0.01
 #: Friction below this counts as none.
 LEAST_FRICTION = 1e-3
 #: Part of the pressure that grains have to bear in a container that is held.
@@ -112,86 +114,101 @@ def reach_void_ratio(assembly, void_ratio, pressure=PRESSURE, measure=of_contain
     or half way between the tries that came to rest on both sides.
 
     Args:
-        assembly: :class:`~.assembly.Assembly`.
+        assembly: :class:`~.assembly.Assembly`; it stays as it is.
         void_ratio: Wanted.
         pressure: As of :func:`compress`.
         measure: Gives the void ratio of an assembly that is meant, and its tolerance.
         held: The sample bears the pressure at its end.
 
     Returns:
-        :class:`~.assembly.Assembly` at the void ratio; that given is used up.
+        :class:`~.assembly.Assembly` at the void ratio.
 
     Raises:
-        SolverError: The packing is denser from the start, or stays looser without friction.
+        SolverError: The packing is denser from the start, or stays looser without friction; the
+            message names the range.
     """
     first, tolerance = measure(assembly)
-    if first < void_ratio - tolerance:
+    fall, found = _Fall(assembly, pressure), [first]
+
+    def refuse(densest):
         raise SolverError(
-            f"void ratio {void_ratio:.4g} was not reached: with friction {assembly.friction:g} "
-            f"grains bear from {first:.4g} down, expected that or less"
+            f"void ratio {void_ratio:.4g} was not reached: grains bear from {densest:.4g} without "
+            f"friction to {first:.4g} with friction {assembly.friction:g}, expected one of these"
             + ("" if assembly.friction >= 1 else ", or more friction")
         )
-    # Steps see the void ratio of the container, which is another one beside walls.
+
     apart = first - assembly.void_ratio
+    if first < void_ratio - tolerance:
+        told = apart, f", {first:.4g} is less than {void_ratio:.4g}: how dense can it get?"
+        refuse(measure(fall.to(-math.inf, told))[0])
+    # Steps see the void ratio of the container, which is another one beside walls.
     aim, low, high = void_ratio - apart, -math.inf, assembly.void_ratio
-    for _ in range(TRIES):
-        shapes = assembly.bodies.shapes  # which do not change
-        now = copy.deepcopy(assembly, {id(shapes): shapes})
-        _loosen(now, aim, void_ratio, pressure, apart)
+    for number in range(1, TRIES + 1):
+        told = found[-1] - fall.stopped, f", wanted {void_ratio:.4g}, try {number} of {TRIES}"
+        now = fall.to(aim, told)
         now.friction, now.wall_friction = assembly.friction, assembly.wall_friction
         now.still()  # what slides has speed, and would go on to a denser packing
         if held or not rest(now, STILL_BEARS * np.mean(pressure)):
             hold(now, pressure)
-        found, tolerance = measure(now)
-        if abs(found - void_ratio) <= tolerance:
+        value, tolerance = measure(now)
+        found.append(value)
+        if abs(value - void_ratio) <= tolerance:
             return now
-        low, high = (aim, high) if found < void_ratio else (low, aim)
-        aim += void_ratio - found
+        if fall.ended and value > void_ratio:
+            refuse(value)
+        low, high = (fall.stopped, high) if value < void_ratio else (low, fall.stopped)
+        aim += void_ratio - value
         if not low < aim < high:
             aim = 0.5 * (low + high)
+    nearest = min(found, key=lambda value: abs(value - void_ratio))
     raise SolverError(
-        f"void ratio {void_ratio:.4g} was not reached: grains came to rest at "
-        f"{found:.4g}, expected within {tolerance:.2g}; another --seed may do"
+        f"void ratio {void_ratio:.4g} was not reached in {TRIES} tries: grains came to rest at "
+        f"{nearest:.4g} at the nearest, expected within {tolerance:.2g}; another --seed may do"
     )
 
 
-def _loosen(assembly, aim, void_ratio, pressure, apart):
-    """Lower friction under the pressure until a void ratio is reached, in place.
+class _Fall:
+    """The way of a packing whose friction falls under a pressure; each part is gone once.
 
     Args:
-        assembly: :class:`~.assembly.Assembly`.
-        aim: Void ratio of the container where it ends.
-        void_ratio: That is wanted, for messages.
+        assembly: :class:`~.assembly.Assembly` at rest; it stays as it is.
         pressure: [E].
-        apart: What a void ratio that is wanted is more than that of the container, about.
     """
-    while assembly.void_ratio > aim:
-        if assembly.friction <= LEAST_FRICTION:
-            assembly.friction = assembly.wall_friction = 0.0
-            if _densest(assembly, aim, pressure):
-                return
-            raise SolverError(
-                f"void ratio {void_ratio:.4g} was not reached: grains without friction are at rest "
-                f"at {assembly.void_ratio + apart:.4g}, expected no less"
-            )
-        assembly.step(servo(assembly, pressure))
-        if abs(assembly.pressure / np.mean(pressure) - 1) < 0.2:
-            part = math.exp(-LOOSEN * assembly.dt)
-            assembly.friction *= part
-            assembly.wall_friction *= part
-        _check_steps(assembly, "while friction falls")
+
+    def __init__(self, assembly, pressure):
+        self.pressure, self.states = pressure, [assembly]
+        self.stopped = assembly.void_ratio  #: of the container, where the last way ended
+        self.ended = False  #: whether it was at rest there without friction
+
+    def to(self, aim, told):
+        """A packing on the way where the container has the void ratio ``aim``, or none denser.
+
+        Args:
+            aim: Void ratio of the container.
+            told: What assemblies tell of it: ``apart`` and ``doing``.
+        """
+        looser = [s for s in self.states if s.void_ratio > aim] or self.states[:1]
+        now, calm = _copy(min(looser, key=lambda s: s.void_ratio)), 0
+        now.apart, now.doing = told
+        while now.void_ratio > aim and calm < CALM:
+            now.step(servo(now, self.pressure))
+            if now.friction <= LEAST_FRICTION:
+                now.friction = now.wall_friction = 0.0
+                calm = _calm(now, calm, self.pressure)
+            elif abs(now.pressure / np.mean(self.pressure) - 1) < 0.2:
+                part = math.exp(-LOOSEN * now.dt)
+                now.friction *= part
+                now.wall_friction *= part
+            if now.void_ratio < self.states[-1].void_ratio - STRIDE:
+                self.states.append(_copy(now))
+            _check_steps(now, "while friction falls")
+        self.stopped, self.ended = now.void_ratio, calm >= CALM
+        return now
 
 
-def _densest(assembly, void_ratio, pressure):
-    """Compress without friction; whether the void ratio was reached before rest."""
-    calm = 0
-    while assembly.void_ratio > void_ratio:
-        assembly.step(servo(assembly, pressure))
-        calm = _calm(assembly, calm, pressure)
-        if calm >= CALM:
-            return False
-        _check_steps(assembly, "without friction")
-    return True
+def _copy(assembly):
+    shapes = assembly.bodies.shapes  # which do not change
+    return copy.deepcopy(assembly, {id(shapes): shapes})
 
 
 def rest(assembly, least=-math.inf):
