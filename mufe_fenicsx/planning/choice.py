@@ -21,6 +21,7 @@ from .errors import (
     quasi_static_from,
     sample_errors,
     time_for,
+    untrusted_start,
 )
 from .reasons import driver, out_of_reach, stage_too_fast, too_simple, unknown
 from .servo import lagging_servos
@@ -102,7 +103,8 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
     if as_they_are:
         own = min(as_they_are, key=lambda plan: plan.cost)
         best = own if own.cost <= WORTH_MESHING * best.cost else best
-    parts = best.parts | {"fidelity": fixed}
+    parts, course = best.parts | {"fidelity": fixed}, course_of(scene)
+    start = quasi_static_from(scene, course.presses, best.time)
     return Plan(
         accuracy=accuracy,
         error=sum(parts.values()),
@@ -115,11 +117,15 @@ def plan_scene(scene, sample, accuracy=None, points=None, keep_mesh=False):
         element=element,
         fidelity=fidelity,
         settings=_settings(scene, law, best.speed, best.mass),
-        quasi_static_from=quasi_static_from(scene, course_of(scene).presses, best.time),
+        quasi_static_from=start,
         driver=driver(scene, sample, errors, best),
         path=errors.of_path(len(sample.labels)),
         unknown=unknown(scene, errors, best.elements, sample.slender),
-        warnings=(*sample.warnings, *lagging_servos(scene)),
+        warnings=(
+            *sample.warnings,
+            *lagging_servos(scene),
+            *untrusted_start(start, course.key, best.speed),
+        ),
     )
 
 

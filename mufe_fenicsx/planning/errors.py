@@ -21,6 +21,7 @@ import math
 from dataclasses import dataclass
 
 from ..analysis import quasi_static
+from ..analysis.checks import UNTRUSTED
 from ..analysis.evidence import distance, read_points, usable
 from ..analysis.evidence.mesh_errors import (
     between,
@@ -137,6 +138,24 @@ def quasi_static_from(scene, presses, time):
     if scene.quasi_static is not None or not presses:
         return math.nan
     return _quasi_static_after() / time
+
+
+def untrusted_start(part, key, speed):
+    """Lines about a speed at which the report will not trust much of a test, a list.
+
+    Args:
+        part: As of :func:`quasi_static_from`.
+        key: Of the speed in the scene.
+        speed: That speed [m/s].
+    """
+    if not part > UNTRUSTED:  # or not known
+        return []
+    first = f"the first {100 * part:.0f} % of the test" if part < 1 else "any part of the test"
+    return [
+        f"at {key} = {speed:.3g} m/s the report will not trust {first}; at "
+        f"{speed * UNTRUSTED / part:.2g} m/s it is the first {100 * UNTRUSTED:.0f} %, in "
+        f"{part / UNTRUSTED:.2g} times as many steps"
+    ]
 
 
 def _quasi_static_after():

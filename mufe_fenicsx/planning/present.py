@@ -6,7 +6,15 @@ from dataclasses import dataclass, field
 from ..analysis.evidence import read_points
 from .choice import fidelity_of, law_of
 from .course import course_of, wave_speed
-from .errors import FASTEST, contact_radius, flows, of_loading, quasi_static_from, sample_errors
+from .errors import (
+    FASTEST,
+    contact_radius,
+    flows,
+    of_loading,
+    quasi_static_from,
+    sample_errors,
+    untrusted_start,
+)
 from .reasons import unknown
 from .servo import lagging_servos
 
@@ -51,9 +59,14 @@ def present_state(scene, sample, points=None):
     elements = contact_radius(scene.material) * sample.diameter / sample.size
     wave = wave_speed(scene)
     if scene.quasi_static is None:
-        time = min(part.level * wave / (part.stated or course.speed) for part in course.parts)
+        time, key, speed = min(
+            (part.level * wave / part.stated, f'stage "{part.name}": speed', part.stated)
+            if part.stated
+            else (part.level * wave / course.speed, course.key, course.speed)
+            for part in course.parts
+        )
     else:
-        time = max(1 / math.sqrt(3 * scene.quasi_static.kinetic), FASTEST)
+        time, key, speed = max(1 / math.sqrt(3 * scene.quasi_static.kinetic), FASTEST), "", 0.0
     added = 0.0 if scene.mass_scaling is None else scene.mass_scaling.added
     masses = [mass for mass in errors.masses if mass >= added * (1 - 1e-9)]
     parts = {
@@ -65,6 +78,7 @@ def present_state(scene, sample, points=None):
         )
         / len(sample.labels),
     }
+    start = quasi_static_from(scene, course.presses, time)
     return Present(
         error=sum(parts.values()),
         parts=parts,
@@ -76,11 +90,15 @@ def present_state(scene, sample, points=None):
         fidelity=fidelity,
         speed=course.speed,
         time=time,
-        quasi_static_from=quasi_static_from(scene, course.presses, time),
+        quasi_static_from=start,
         path=errors.of_path(len(sample.labels)),
         beyond=_beyond(parts, errors, elements, time, added),
         unknown=unknown(scene, errors, elements, sample.slender),
-        warnings=(*sample.warnings, *lagging_servos(scene)),
+        warnings=(
+            *sample.warnings,
+            *lagging_servos(scene),
+            *untrusted_start(start, key, speed),
+        ),
     )
 
 

@@ -63,7 +63,7 @@ def _of_checks(part):
         return []
     text = f"inertia is within the report's targets from {percent(part)} of the strain on"
     if part >= 1:
-        text = "so fast that the report will trust no part of the test: ask for a smaller error"
+        text = "so fast that the report will trust no part of the test"
     return [("checks", text)]
 
 

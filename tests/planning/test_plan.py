@@ -1,11 +1,13 @@
 """Plans of scenes: what they promise, what they cost, what is refused."""
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
 from mpi4py import MPI
 
+from mufe_fenicsx.analysis.checks import UNTRUSTED
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.grains import save_grains
 from mufe_fenicsx.materials.rigid import Rigid
@@ -231,5 +233,12 @@ def test_plans_are_quasi_static_in_the_loaded_half(accuracy, table):
     """However large the error that is allowed: k = (T/t)²/3 is 2 % at half of r ≥ 8.16 waves."""
     plan = plan_scene(scene(), sample(1.0), accuracy, table)
     assert plan.quasi_static_from <= 0.5 * (1 + 1e-9)
+    # The speed that is named leaves a tenth, as the report allows, and no warning.
+    (line,) = (text for text in plan.warnings if "will not trust" in text)
+    better = float(re.search(r"; at (\S+) m/s", line)[1])
+    told = replace(scene(), oedometer=Oedometer(0.1, 0.98 * better))
+    found = present_state(told, sample(1.0), table)
+    assert found.quasi_static_from == pytest.approx(UNTRUSTED, rel=0.05)
+    assert not any("will not trust" in text for text in found.warnings)
     if accuracy == 0.5:  # the coarsest mesh; a larger error would change nothing
         assert plan.quasi_static_from == pytest.approx(0.5) and plan.driver.startswith("none")
