@@ -2,12 +2,16 @@
 
 import functools
 import inspect
+import re
 from typing import Annotated
 
 import typer
 
 from ..errors import InputError, nearest_name
-from ..units import QUANTITIES, keys_of
+from ..units import QUANTITIES, keys_of, to_si
+
+#: A part in percent.
+_PERCENT = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)\s*%\s*")
 
 
 def with_settings(cls):
@@ -116,8 +120,6 @@ def lengths(text):
 
 def voxel_edges(text):
     """Edge of voxels [m], or three (z, y, x), of a text such as "5 um"; None where that is None."""
-    from ..units import to_si
-
     found = lengths(text)
     if isinstance(found, list):
         return tuple(to_si(part, "m", "--voxel-size") for part in found)
@@ -126,8 +128,6 @@ def voxel_edges(text):
 
 def place(text):
     """A place [m] of a text "x,y,z", numbers in m or with units: "0.1 mm,0.2 mm,50 um"."""
-    from ..units import to_si
-
     parts = [number_or_text(part.strip()) for part in text.split(",")]
     if len(parts) != 3:
         raise InputError(f'--point "{text}", expected three coordinates x,y,z')
@@ -135,11 +135,16 @@ def place(text):
 
 
 def number_or_text(text):
-    """A number where the text is one; else the text, or None."""
+    """A number where the text is one, "10 %" is 0.1; else the text, or None."""
     try:
         return float(text) if text is not None else None
     except ValueError:
-        return text
+        return to_si(text, "", "number") if _PERCENT.fullmatch(text) else text
+
+
+def ratio(name, text):
+    """A number without a unit, or a part in percent, of an option; None where it is left out."""
+    return None if text is None else to_si(number_or_text(text), "", name)
 
 
 def parameters(changes):

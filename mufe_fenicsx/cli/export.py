@@ -11,7 +11,7 @@ from typer.core import TyperGroup
 
 from ..errors import InputError
 from .app import Json, Overwrite, app, serial_only, world
-from .arguments import number_or_text, voxel_edges
+from .arguments import number_or_text, ratio, voxel_edges
 from .terminal import Printer, progress_bar
 
 
@@ -90,8 +90,8 @@ def clumps(
     output: OutputFolder,
     spheres: Annotated[int, typer.Option(help="Most spheres of a grain.")] = 20,
     missing: Annotated[
-        float, typer.Option(help="Part of the volume that spheres inside may leave uncovered.")
-    ] = 0.02,
+        str, typer.Option(help="Part of the volume that spheres inside may leave uncovered.")
+    ] = "0.02",
     inscribed: Annotated[
         bool, typer.Option("--inscribed", help="Keep all spheres inside: the clump is too light.")
     ] = False,
@@ -109,7 +109,7 @@ def clumps(
             output,
             load_grains(grains),
             num_spheres=spheres,
-            missing=missing,
+            missing=ratio("--missing", missing),
             grow=not inscribed,
             progress=progress,
             overwrite=overwrite,

@@ -9,7 +9,7 @@ import typer
 from ..errors import InputError
 from ..machine.doing import Doing
 from .app import Json, app, world
-from .arguments import number_or_text, parameters, stated_texts
+from .arguments import number_or_text, parameters, ratio, stated_texts
 from .terminal import Printer
 
 CASES = (
@@ -25,10 +25,10 @@ def plan(
         typer.Argument(metavar="SCENE", help=f"Scene file (TOML), or a case: {', '.join(CASES)}."),
     ],
     accuracy: Annotated[
-        float | None,
+        str | None,
         typer.Option(
-            help="Wanted error of the stress, 0.05 for 5 %; default: the scene's. Without one: "
-            "what the test as it stands gives."
+            help='Wanted error of the stress, 0.05 or "5 %"; default: that of the scene. '
+            "Without one: what the test as it stands gives."
         ),
     ] = None,
     changes: Annotated[
@@ -61,6 +61,7 @@ def plan(
     """
     comm = world()
     printer = Printer(json, comm.rank)
+    accuracy = ratio("--accuracy", accuracy)
     if scene in CASES and not Path(scene).exists():
         if modulus is not None:
             raise InputError(f"--modulus {modulus} with a case, expected one with a scene file")

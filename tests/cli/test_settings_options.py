@@ -1,12 +1,15 @@
 """Options of `mufe segment` and `mufe mesh` are the settings of their classes, each one of them."""
 
+import typing
+
 import pytest
 import typer.main
 
-from mufe_fenicsx.cli.arguments import merged_settings
+from mufe_fenicsx.cli.arguments import merged_settings, parameters, ratio
 from mufe_fenicsx.cli.main import app
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.settings import MeshSettings, SegmentSettings
+from mufe_fenicsx.synthetic.rigid_packing.settings import PackSettings
 from mufe_fenicsx.units import keys_of
 
 COMMANDS = {"segment": SegmentSettings, "mesh": MeshSettings}
@@ -76,3 +79,28 @@ def test_what_is_given_comes_before_the_scene():
     assert (found.size, found.growth, found.voxel_size) == (2e-5, 0.7, 1e-6)
     with pytest.raises(InputError, match=r"^--smallest-size = "):
         merged_settings(MeshSettings, scene, {"smallest_size": "40 um"})
+
+
+@pytest.mark.parametrize("text", ["0.1", "10%", "10 %", " 1e-1"])
+def test_a_part_may_be_given_in_percent(text):
+    """As an option, as a change of a case and as a setting: one parser reads all of them."""
+    assert ratio("--accuracy", text) == pytest.approx(0.1, rel=1e-15)
+    assert parameters([f"nu={text}"]) == {"nu": ratio("nu", text)}
+    assert merged_settings(PackSettings, None, {"friction": text.strip()}).friction == 0.1
+
+
+def test_options_read_as_numbers_have_units_of_their_own():
+    """They know no percent: what is a part is read by `ratio`."""
+    found, groups = set(), [app]
+    while groups:
+        group = groups.pop()
+        groups += [each.typer_instance for each in group.registered_groups]
+        for command in group.registered_commands:
+            hints = typing.get_type_hints(command.callback)
+            found |= {name for name, hint in hints.items() if hint in (float, float | None)}
+    assert found == {"minutes", "interval", "chain_angle", "penalty"}
+
+
+def test_a_part_that_is_none_is_refused_in_a_line():
+    with pytest.raises(InputError, match=r'^--accuracy = "ten", expected a number$'):
+        ratio("--accuracy", "ten")
