@@ -63,8 +63,11 @@ _OF_LABELS = {
     "solid_fraction_error": ("error of the solid fraction", ""),
     "wrong_voxels": ("voxels of another grain, part of those solid in both", ""),
     "mean_whole_diameter": ("mean diameter of whole grains", "m"),
-    "porosity_of_labels": ("porosity of the labels", ""),
-    "num_label_contacts": ("contacts of the labels", ""),
+    "packed_d50": ("d50 of the packed grains", "m"),
+    "packed_uniformity": ("uniformity of the packed grains", ""),
+    "porosity_of_labels": ("porosity of truth_labels.tif", ""),
+    "coordination_number_of_labels": ("coordination number in truth_labels.tif", ""),
+    "num_label_contacts": ("contacts in truth_labels.tif", ""),
 }
 
 _OF_RUNS = {

@@ -19,8 +19,6 @@ from .truth import CONTACTS, contact_rows, grain_rows
 
 #: Solid fraction of the whole box by which the number of grains is chosen: rather too many.
 SOLID_FRACTION = 0.68  # unless a looser one is asked for
-#: A gap up to this is a contact of the surfaces [voxels].
-TOLERANCE = 0.05
 
 
 def synthesize(settings, output_folder, *, overwrite=False, progress=None):
@@ -36,7 +34,8 @@ def synthesize(settings, output_folder, *, overwrite=False, progress=None):
         progress: Called with steps of the packing, None and a text.
 
     Returns:
-        A dictionary of numbers: num_grains, porosity, coordination_number, …
+        A dictionary of numbers of the image: num_grains, porosity_of_labels, …; what `mufe segment
+        --truth` compares with are its true labels.
 
     Raises:
         InputError: the output cannot be written.
@@ -83,7 +82,7 @@ def synthesize(settings, output_folder, *, overwrite=False, progress=None):
         (folder / "scene.toml").write_text(scene_text(settings), encoding="utf-8")
         draw_scan(folder / "synthetic.png", grey, labels, packing, shown_grains, voxel)
     return _numbers(
-        settings, packing, voxels, labels, rows, contacts,
+        settings, packing, labels, rows, contacts,
         output=str(output_folder),
         packing_seconds=round(packed - start, 2),
         seconds=round(time.perf_counter() - start, 2),
@@ -127,8 +126,8 @@ def _write_surfaces(path, packing, which, corner):
     )
 
 
-def _numbers(settings, packing, voxels, labels, rows, contacts, **more):
-    """What the command prints and writes as JSON."""
+def _numbers(settings, packing, labels, rows, contacts, **more):
+    """What the command prints and writes as JSON: each quantity once, of what is written."""
     n = len(rows)
     inside = [row for row in rows if not row["touches_border"]]
     own = {row["label"] for row in inside}
@@ -138,11 +137,7 @@ def _numbers(settings, packing, voxels, labels, rows, contacts, **more):
         ends = [label for pair in pairs for label in pair if label in own]
         return len(ends) / max(len(own), 1)
 
-    touching = [
-        (row["label_a"], row["label_b"])
-        for row in contacts
-        if row["gap_m"] <= TOLERANCE * settings.voxel_size
-    ]
+    touching = touching_labels(labels)
     overlaps = np.array([max(-row["gap_m"], 0.0) for row in contacts])
     d50, uniformity = sizes_by_mass(packing.grains.diameter)
     whole = np.array([row["whole_volume_m3"] for row in rows])
@@ -152,22 +147,18 @@ def _numbers(settings, packing, voxels, labels, rows, contacts, **more):
         "num_packed_grains": packing.grains.num_grains,
         "num_grains": n,
         "num_border_grains": n - len(inside),
-        "d50": d50,
-        "uniformity": uniformity,
+        "packed_d50": d50,
+        "packed_uniformity": uniformity,
         "mean_elongation": float(np.mean([row["elongation"] for row in rows])),
         "mean_flatness": float(np.mean([row["flatness"] for row in rows])),
         "mean_whole_diameter": float(np.cbrt(6 / np.pi * whole).mean()),
-        "porosity": float(1 - voxels.solid.mean(dtype=np.float64)),
         "porosity_of_labels": float(1 - np.count_nonzero(labels) / labels.size),
-        "coordination_number": coordination(touching),
-        "coordination_number_of_labels": coordination(touching_labels(labels)),
-        "num_contacts": len(touching),
-        "num_label_contacts": len(touching_labels(labels)),
+        "coordination_number_of_labels": coordination(touching),
+        "num_label_contacts": len(touching),
         "mean_overlap_voxels": float(overlaps[overlaps > 0].mean() / settings.voxel_size)
         if (overlaps > 0).any()
         else 0.0,
         "largest_overlap_voxels": float(overlaps.max(initial=0) / settings.voxel_size),
         "packing_steps": packing.num_steps,
-        "solid_fraction_between_walls": packing.solid_fraction,
         **more,
     }

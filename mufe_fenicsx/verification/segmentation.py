@@ -11,12 +11,14 @@ from ..geometry.image.compare_labels import compare_labels
 from ..geometry.image.label_files import read_labels
 from ..geometry.image.segmentation import segment
 from ..geometry.settings import SegmentSettings
-from ..synthetic.pipeline import TOLERANCE, synthesize
+from ..synthetic.pipeline import synthesize
 from ..synthetic.settings import SynthesisSettings
 from .case import case, compare
 
 #: Of the volume of a grain of median size: smaller ones are slivers that the border cuts off.
 SLIVER = 0.01
+#: A gap up to this is a contact of the surfaces [voxels].
+TOLERANCE = 0.05
 
 
 @case("segmentation", num_bodies=1)

@@ -188,7 +188,11 @@ def test_the_command_writes_what_is_known(tmp_path, capsys):
         # A surface of area about 5 V^(2/3) cuts as many voxels, each wrong by at most one half.
         assert abs(volume - int(row["voxels"])) < 0.5 * 5 * max(volume, 1) ** (2 / 3)
     total = sum(float(row["volume_m3"]) for row in rows) / (labels.size * voxel_size**3)
-    assert 1 - result["porosity"] == pytest.approx(total, rel=2e-3)  # overlaps count twice
+    assert 1 - result["porosity_of_labels"] == pytest.approx(total, rel=5e-3)
+    # One number of each, and that of the file which a segmentation is compared with.
+    for what in ("porosity", "coordination", "contacts", "solid_fraction"):
+        assert len([key for key in result if what in key]) <= 1
+    assert result["num_label_contacts"] == compare_labels(labels, labels)["num_true_contacts"]
     with open(folder / "truth_contacts.csv", newline="") as file:
         pairs = {(int(r["label_a"]), int(r["label_b"])): r for r in csv.DictReader(file)}
     assert set(touching_labels(labels)) <= set(pairs)
