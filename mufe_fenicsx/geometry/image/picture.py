@@ -7,6 +7,7 @@ import scipy.ndimage
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from .compare_labels import touching_labels
@@ -21,6 +22,8 @@ STYLE = {
     "savefig.dpi": 200,
 }
 BLUE, RED, CYAN = "#33658a", "#e4572e", "#00b7c7"
+#: Line of the cylinder of a sample.
+DASHED = {"linewidth": 1.1, "linestyle": (0, (4, 2))}
 #: Colours of grains, RGB: those that the colour-blind tell apart (Okabe & Ito 2008), and brown.
 PALETTE = tuple(
     matplotlib.colors.to_rgb(colour)
@@ -34,7 +37,7 @@ def draw_segmentation(path, grey, labels, voxel_size, inside=None, cylinder=None
     """Six slices, two across each axis: grey levels with outlines, and below each its labels.
 
     They are at a third and at two thirds of the image, or of its cylinder. Both panels of a slice
-    show the same part of it. Necks that are doubted are drawn thick.
+    show the same part of it. Necks that are doubted are drawn thick. A legend says what is what.
 
     Args:
         path: PNG file.
@@ -92,9 +95,24 @@ def draw_segmentation(path, grey, labels, voxel_size, inside=None, cylinder=None
                 axis.set(xlabel=f"{'zyx'[across]}: {name}", ylabel=f"{'zyx'[up]}: {name}")
                 axis.spines[:].set_visible(True)
             top.set_title(f"{'zyx'[normal]} = {position:.3g} {name}", fontsize=9)
-        doubts = f"; necks in doubt are drawn thick, {len(doubted)} in all" if len(doubted) else ""
-        figure.suptitle(f"{len(np.unique(labels[labels > 0]))} grains{doubts}", fontsize=9)
+        figure.suptitle(f"{len(np.unique(labels[labels > 0]))} grains", fontsize=9)
+        _add_legend(figure, len(doubted), cylinder is not None)
         figure.savefig(path)
+
+
+def _add_legend(figure, num_doubted, is_round):
+    """What outlines and colours of a segmentation mean, below its slices."""
+    marks = [
+        (RED, "above: outlines of the grains found", {"linewidth": 0.6}),
+        (PALETTE[0], "below: a colour a grain; which one means nothing", {"linewidth": 6.0}),
+    ]
+    if num_doubted:
+        text = f"necks in doubt, black below: {num_doubted}, listed with the contacts"
+        marks.append((CYAN, text, {"linewidth": 2.0}))
+    if is_round:
+        marks.append((CYAN, "side of the cylinder, black below", DASHED))
+    handles = [Line2D([], [], color=colour, label=text, **look) for colour, text, look in marks]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
 
 
 def draw_refusal(path, refusal):
@@ -126,7 +144,7 @@ def draw_refusal(path, refusal):
 
 def _draw_cylinder(axis, plane, cylinder, position, colour):
     """The outline of a cylinder in a slice of a plane ("xy", "xz" or "yz") at a position."""
-    style = {"color": colour, "linewidth": 1.1, "linestyle": (0, (4, 2))}
+    style = {"color": colour, **DASHED}
     if plane == "xy":
         place = (cylinder.x, cylinder.y)
         axis.add_patch(Circle(place, cylinder.radius, fill=False, **style))

@@ -49,6 +49,9 @@ def test_six_slices_show_neighbours_in_other_colours_and_necks_in_doubt(drawn, t
     rows = [(5, 4, "wide neck"), (14, 17, "wide neck"), (11, 14, "")]
     contacts = [dict(zip(names, row, strict=True)) for row in rows]
     draw_segmentation(tmp_path / "a.png", labels * 1.0, labels, 1e-5, contacts=contacts)
+    told = [text.get_text() for text in drawn[0].legends[0].get_texts()]
+    words = ("outlines of the grains", "a colour a grain", "necks in doubt, black below: 2")
+    assert len(told) == 3 and all(w in text for w, text in zip(words, told, strict=True))
     panels = np.array(drawn[0].axes).reshape(4, 3)
     titles = [axis.get_title() for axis in panels[::2].ravel()]
     assert titles == [f"{a} = {place} µm" for place in (45, 85) for a in "zyx"]
@@ -68,6 +71,8 @@ def test_both_panels_of_a_round_sample_show_the_cylinder(drawn, tmp_path):
     labels = np.pad(np.ones((6, 8, 8), dtype=int), ((0, 0), (10, 14), (20, 4)))
     cylinder = Cylinder(24e-5, 14e-5, 5e-5)
     draw_segmentation(tmp_path / "a.png", labels * 1.0, labels, 1e-5, cylinder=cylinder)
+    told = [text.get_text() for text in drawn[0].legends[0].get_texts()]
+    assert len(told) == 3 and "cylinder" in told[2]
     for axis in np.array(drawn[0].axes).reshape(4, 3)[:, 0]:
         assert np.allclose(axis.get_xlim(), (180, 300), atol=11)
         assert np.allclose(axis.get_ylim(), (80, 200), atol=11)
