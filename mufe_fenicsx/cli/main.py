@@ -5,6 +5,7 @@ What a command needs is imported where it runs, so that `mufe --help` is quick.
 
 import os
 import sys
+from math import inf
 from pathlib import Path
 from typing import Annotated
 
@@ -27,6 +28,9 @@ from .terminal import Printer, number
 
 #: Variable by which a shell asks for completions (`mufe --install-completion`).
 COMPLETION = "_MUFE_COMPLETE"
+
+#: What a row of a case says of its bound.
+VERDICTS = {True: "passed", False: "FAILED", None: "measured"}
 
 Changes = Annotated[
     list[str] | None,
@@ -221,14 +225,17 @@ def verify(
             results.append(run(comm) if len(chosen) == 1 else answer_of(name, run, comm))
         rows = []
         for quantity, row in results[-1]["results"].items():
-            values = [number(row.get(k)) for k in ("computed", "theory", "error", "tolerance")]
-            rows.append([name, quantity, *values, "passed" if row["passed"] else "FAILED"])
+            names = ("computed", "theory", "error", "tolerance")
+            values = [number(None if row.get(k) == inf else row.get(k)) for k in names]
+            rows.append([name, quantity, *values, VERDICTS[row["passed"]]])
         if rows:
             printer.table(columns, rows)
         if "stopped" in results[-1]:
             printer.say(f"{name}: FAILED, {results[-1]['stopped']}")
-    num_failed = sum(not result["passed"] for result in results)
-    printer.say(f"{len(results) - num_failed} passed, {num_failed} failed")
+    verdicts = [result["passed"] for result in results]
+    num_failed, measured = verdicts.count(False), verdicts.count(None)
+    without = f", {measured} measured without a bound" * bool(measured)
+    printer.say(f"{verdicts.count(True)} passed, {num_failed} failed{without}")
     printer.write_json(results[0] if len(results) == 1 else results)
     return FAILED if num_failed else 0
 

@@ -10,8 +10,8 @@ def compare(computed, theory, tolerance, scale=None):
     """One line of a case's answer.
 
     The error is relative to ``scale``, or to ``theory`` where that is None, unless it is zero; a
-    scale of 1 leaves it as it is. A tolerance of inf is that of a number for information, which
-    may be nan.
+    scale of 1 leaves it as it is. A tolerance of inf is that of a number without a bound, which may
+    be nan: it neither passes nor fails (None).
     """
     scale = (abs(theory) or 1.0) if scale is None else scale
     error = abs(computed - theory) / scale
@@ -20,8 +20,14 @@ def compare(computed, theory, tolerance, scale=None):
         "theory": float(theory),
         "error": float(error),
         "tolerance": float(tolerance),
-        "passed": bool(error <= tolerance or tolerance == math.inf),
+        "passed": None if tolerance == math.inf else bool(error <= tolerance),
     }
+
+
+def _verdict(passed):
+    """Whether all rows with a bound pass; None: no row has one."""
+    bounded = [row for row in passed if row is not None]
+    return all(bounded) if bounded else None
 
 
 def at_least(computed, least):
@@ -51,7 +57,7 @@ def case(name, num_bodies):
                 "parameters": values,
                 **answer,
                 "wall_s": time.perf_counter() - start,
-                "passed": all(line["passed"] for line in answer["results"].values()),
+                "passed": _verdict([line["passed"] for line in answer["results"].values()]),
             }
 
         run.case_name = name

@@ -5,6 +5,7 @@ user would start it; elsewhere the test calls `main`, which is quicker.
 """
 
 import json
+import math
 import os
 import resource
 import signal
@@ -26,6 +27,7 @@ from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.machine import doing
 from mufe_fenicsx.machine.mpi_launcher import environment_without_launcher
 from mufe_fenicsx.run.demo import demo_commands, demo_scene
+from mufe_fenicsx.verification.case import case, compare
 from mufe_fenicsx.verification.cases import CASES
 from tests.cli.commands import FROM_HERE, assert_refused, complaints, run
 
@@ -265,6 +267,30 @@ def test_a_case_that_stops_leaves_the_others(mufe_here, monkeypatch, tmp_path):
     assert done.returncode == 1 and "column: FAILED, mesh = 0, expected more" in done.stderr
     first, second = json.loads(done.stdout)
     assert first["stopped"] and not first["passed"] and second["results"]
+
+
+@pytest.mark.parametrize(
+    ("bound", "verdict", "status", "said"),
+    [
+        (0.1, True, 0, "1 passed, 0 failed\n"),
+        (0.01, False, 1, "0 passed, 1 failed\n"),
+        (math.inf, None, 0, "0 passed, 0 failed, 1 measured without a bound\n"),
+    ],
+)
+def test_a_number_without_a_bound_is_measured(
+    bound, verdict, status, said, mufe_here, monkeypatch, tmp_path
+):
+    @case("column", 1)
+    def measures(comm):
+        return {"one": compare(1.05, 1.0, bound), "two": compare(2.0, 0.0, math.inf)}, []
+
+    monkeypatch.setitem(CASES, "column", measures)
+    done = mufe_here("verify", "column", "--json", "-", cwd=tmp_path)
+    answer = json.loads(done.stdout)
+    assert (done.returncode, answer["passed"]) == (status, verdict)
+    assert said in done.stderr and answer["results"]["two"]["passed"] is None
+    (line,) = (row for row in done.stderr.splitlines() if " two " in row)
+    assert line.split()[-2:] == ["-", "measured"]
 
 
 def test_disk_that_is_full(inputs, monkeypatch, capsys):
