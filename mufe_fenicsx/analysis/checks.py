@@ -33,6 +33,13 @@ NO_BALANCE = (
 )
 #: Part of the test at its start where targets may be missed without a warning.
 UNTRUSTED = 0.1
+#: Why a start from rest is trusted late, though it is the gentler one: at the time t of a ramp
+#: v = a t the ratio of a linear sample, v²/(3 c² ε²) with ε = a t²/(2 H), is 4/3 (T/t)².
+RAMP = (
+    " Loading begins at rest: on the way to its speed kinetic over internal energy is four times "
+    "that at a constant speed, as strain lags behind. Such a start is trusted later than one with "
+    "a platen that strikes, and yet disturbs the grains less."
+)
 #: Part of the normal force that coarse contacts may carry without a warning.
 COARSE_FORCE = 0.5
 #: Part of the normal force that contacts which the segmentation doubts may carry.
@@ -213,11 +220,24 @@ def check_trust(history, mass=None):
                 f"{ratio(trust.share)} of the {before}, {100 * trust.missed:.3g}% of the rows are "
                 f"dynamic{f': {ratios}' if ratios else ''}."
             )
+    if not fault and trust.share > 0 and _ramps_from_rest(history, mass):
+        text += RAMP
     text += f" Targets: {targets}."
     passed = not failed and trust.share <= UNTRUSTED
     share = math.nan if failed else trust.share
     row = None if failed else trust.row
     return Check("trusted", UNTRUSTED, share, math.nan, passed, text, since, failed, row)
+
+
+def _ramps_from_rest(history, mass):
+    """Whether loading begins at rest and its first tenth has too much kinetic energy."""
+    if tool_load(history) is not None:
+        return False
+    rows = np.flatnonzero(loading_rows(history))
+    kinetic, early = quasi_static.judged(history, mass)[0][rows], course(history)[rows] < UNTRUSTED
+    known = np.isfinite(kinetic)
+    at_rest = known.any() and kinetic[known][0] <= quasi_static.KINETIC
+    return bool(at_rest and (kinetic[known & early] > quasi_static.KINETIC).any())
 
 
 def check_contacts(history, found, which, edges=None):

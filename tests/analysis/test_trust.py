@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.analysis import rows
+from mufe_fenicsx.analysis.checks import check_trust
 from mufe_fenicsx.analysis.contact_resolution import classes_of_contacts, contact_resolution
 from mufe_fenicsx.analysis.cycles import find_cycles, turning_points
 from mufe_fenicsx.analysis.quasi_static import KINETIC, trusted_from
@@ -45,6 +46,19 @@ def test_a_dynamic_first_half_is_found():
     assert trust.row == np.argmin(early)
     assert trust.share == pytest.approx(history["strain"][trust.row] / 0.1, rel=ROUND_OFF)
     assert trust.kinetic == pytest.approx(4 * KINETIC, rel=ROUND_OFF)
+
+
+@pytest.mark.parametrize("ramp", [True, False])
+def test_a_start_from_rest_is_told_apart_from_one_that_strikes(ramp):
+    """v = a t, ε = a t²/2H: k = 4/3 (T/t)² after a sample at rest; at a constant speed (T/t)²/3."""
+    history = fake_history()
+    loading = history["stage"] != "seating"
+    time = history["time"] - history["time"][loading][0]
+    T = 0.04 * time[-1]
+    with np.errstate(divide="ignore"):
+        k = np.where(loading, (4 if ramp else 1) / 3 * (T / time) ** 2, 0.0)
+    set_kinetic(history, np.where(time == 0, 0.0 if ramp else 1.0, np.minimum(k, 1.0)))
+    assert ("begins at rest" in check_trust(history).text) is ramp
 
 
 def test_a_test_that_ends_dynamic_is_trusted_nowhere():
