@@ -6,6 +6,7 @@ import pandas
 from ..analysis import macro
 from ..analysis.quasi_static import kinetic_ratio
 from ..container import BOX
+from ..errors import InputError
 from .columns import STRESS, vectors
 
 
@@ -76,7 +77,10 @@ def _middle(run, contacts):
     """Middle of the space between the walls [m], each plane where its contacts are."""
     walls = run.box.T.ravel().copy()  # x_min, x_max, y_min, …
     if run.container is not BOX:
-        walls[:4] = np.repeat(run.summary["container"]["centre"], 2)
+        centre = (run.summary.get("container") or {}).get("centre")
+        if centre is None:
+            raise InputError(f"{run.path}/run.json has no container, expected its shape and centre")
+        walls[:4] = np.repeat(centre, 2)
     for number, name in enumerate(BOX.walls):
         at = contacts[(contacts["wall"] == name) & (contacts["num_points"] > 0)]
         force = at["normal_force"].to_numpy(dtype=float)

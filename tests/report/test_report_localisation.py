@@ -1,6 +1,7 @@
 """Localisation in a report and for ParaView: a made-up band in a cylinder, even strain in a box."""
 
 import json
+import shutil
 
 import matplotlib
 import numpy as np
@@ -11,6 +12,7 @@ import mufe_fenicsx
 from mufe_fenicsx.container import CYLINDER
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.output import fields, history, run_folder
+from mufe_fenicsx.output.contacts import ContactWriter
 from mufe_fenicsx.report import localisation, style, write_report
 from mufe_fenicsx.report.figure import save
 from mufe_fenicsx.report.paraview import write_paraview
@@ -19,6 +21,7 @@ from mufe_fenicsx.results.columns import exact_csv
 from mufe_fenicsx.results.localisation import judge
 from tests.analysis.test_localisation import D, band_motion
 from tests.made_up_run import ball, write_run
+from tests.networks import lattice_network
 from tests.report.test_report_stages import staged_history
 
 from mpi4py import MPI  # isort: skip  (after the package, which may bring MPI)
@@ -85,6 +88,17 @@ def test_a_band_in_a_cylinder_is_found_from_stored_states(cylinder):
     assert table["excess"].drop(row.name).max() < 0.4 < row["excess"]
     # Shear keeps volumes, but for cells that the edges of the band cross.
     assert np.abs(table["strain_volume"]).mean() < 0.01
+
+
+def test_a_round_run_whose_container_is_not_known_is_refused_in_a_line(cylinder, tmp_path):
+    folder = shutil.copytree(cylinder[0], tmp_path / "run")
+    ContactWriter(MPI.COMM_SELF, folder).write(0, 0.0, lattice_network(1.0))
+    run = mufe_fenicsx.open_run(folder)
+    assert len(run.stresses()) == 1
+    told = json.loads((folder / "run.json").read_text())
+    run_folder.write_run_json(folder, {k: v for k, v in told.items() if k != "container"})
+    with pytest.raises(InputError, match=r"run\.json has no container, expected its shape and"):
+        mufe_fenicsx.open_run(folder).stresses()
 
 
 def test_its_figure_has_the_section_of_the_band_and_says_so(cylinder, tmp_path):
