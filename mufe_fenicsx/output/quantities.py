@@ -44,6 +44,15 @@ SIGNS = {
 _SIGN_OF = {name: sign for sign, names in SIGNS.items() for name in names.split()}
 #: How ParaView names the components of arrays with so many.
 COMPONENTS = {3: "X Y Z", 6: "XX YY ZZ XY YZ XZ"}
+#: Columns of contacts, whose vectors act on the first grain.
+OF_CONTACTS = {
+    **dict.fromkeys(("force", "shear", "friction"), ("N", "on grain_a")),
+    "torque": ("N m", "on grain_a"),
+    "normal": ("-", "from grain_b to grain_a"),
+    "branch": ("m", "from grain_b to grain_a"),
+    "normal_force": ("N", "compression positive"),
+    "friction_work": ("J", ""),
+}
 #: Where a name means something else: method of `Run`, or fields -> name -> (unit, sign).
 ELSEWHERE = {
     "fields": {"stress": ("Pa", "tension positive")},
@@ -52,7 +61,10 @@ ELSEWHERE = {
         **dict.fromkeys(("contact", "wall"), ("Pa", "compression positive")),
         **dict.fromkeys(("kinetic", "unbalanced"), ("-", "")),
     },
-    "wall_friction": {"normal": ("N", "compression positive")},
+    "wall_friction": {"normal": ("N", "compression positive"), "shear": ("N", "on the wall")},
+    "contacts": OF_CONTACTS,
+    "active_contacts": OF_CONTACTS,
+    "grains": {"force": ("N", "on the grain")},
 }
 
 

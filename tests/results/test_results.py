@@ -159,15 +159,18 @@ def test_a_contact_that_was_open_for_a_state_is_younger(whole, tmp_path):
     [
         ("history", None, {"friction": ("J", ""), "force_z_max": ("N", "compression positive")}),
         ("states", None, {"time": ("s", "")}),
-        ("contacts", {}, {"friction_x": ("N", ""), "area": ("m^2", "")}),
+        ("contacts", {}, {"normal_force": ("N", "compression positive"), "area": ("m^2", ""),
+                          "friction_x": ("N", "on grain_a"), "friction_work": ("J", ""),
+                          "branch_z": ("m", "from grain_b to grain_a")}),
         ("grains", {}, {"mass": ("kg", ""), "contact_area": ("m^2", "")}),
         ("patches", {}, {"overlap": ("m^3", ""), "yield_stress": ("Pa", "")}),
         ("curves", {}, {"modulus": ("Pa", ""), "stress_x": ("Pa", "compression positive")}),
         ("stresses", {}, {"wall_zz": ("Pa", "compression positive"), "kinetic": ("-", "")}),
         ("network", {}, {"fabric_xx": ("-", ""), "mean_force": ("N", "")}),
-        ("active_contacts", {}, {"ratio": ("-", ""), "torque_x": ("N m", "")}),
+        ("active_contacts", {}, {"ratio": ("-", ""), "torque_x": ("N m", "on grain_a")}),
         ("contact_ages", {}, {"age": ("s", ""), "age_strain": ("-", "compression positive")}),
-        ("wall_friction", {}, {"normal": ("N", "compression positive")}),
+        ("wall_friction", {}, {"normal": ("N", "compression positive"),
+                               "shear_x": ("N", "on the wall")}),
         ("grain_table", {}, {
             "tensile_stress_zz": ("Pa", "tension positive"), "von_mises_peak": ("Pa", ""),
             "volume_expansion": ("-", "expansion positive"), "center_x": ("m", ""),
@@ -186,6 +189,16 @@ def test_tables_say_unit_and_sign_of_each_number(whole, method, given, told):
     assert set(units) == set(table.select_dtypes(["number", "bool"])) and all(units.values())
     for name, (unit, sign) in told.items():
         assert (units[name], signs.get(name, "")) == (unit, sign), name
+
+
+@pytest.mark.parametrize("method", ["contacts", "active_contacts", "grains", "wall_friction"])
+def test_what_is_below_zero_somewhere_has_a_sign(whole, method):
+    """But for places, which are along the axes, and numbers of chains, -1 of none."""
+    table = getattr(mufe_fenicsx.open_run(whole), method)()
+    numbers = table.select_dtypes("number")
+    signed = {name for name in numbers if (numbers[name] < 0).any()}
+    signed = {name for name in signed if not name.startswith(("centroid_", "center_", "chain"))}
+    assert signed <= set(table.attrs["signs"])
 
 
 def test_fields_say_unit_sign_and_components_to_paraview(whole):
