@@ -2,6 +2,8 @@
 
 from types import SimpleNamespace
 
+import pytest
+
 from tests.__main__ import Sharing
 
 
@@ -20,3 +22,9 @@ def test_two_processes_run_each_test_once_and_meet(tmp_path):
                 run[turn].append(test)
     assert run[0] + run[1][::-1] == tests
     assert (len(run[0]), len(run[1])) == (5, 2)
+
+
+def test_small_numbers_are_compared_by_their_relative_tolerance():
+    """What is zero is compared to 1e-12 still."""
+    assert 1e-13 != pytest.approx(2e-13, rel=0.1) and [1e-13] != pytest.approx([2e-13], rel=0.1)
+    assert 1e-13 == pytest.approx(0.0)

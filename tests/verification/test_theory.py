@@ -215,8 +215,8 @@ def test_torsion_to_rounding_at_both_ends():
     for c in (1e-9, 1e-12, 1e-100):
         assert torsion.twist(c, P, MU, A, G) == pytest.approx(unit * (np.log(4 / c) - 1), rel=1e-14)
         assert torsion.moment(c, P, MU, A) == pytest.approx(
-            torsion.sliding_moment(P, MU, A), rel=1e-12
-        )
+            torsion.sliding_moment(P, MU, A), rel=1e-11
+        )  # by quadrature of a logarithm
     # K - E = (π/4) k² for k → 0, and M is that of bodies that stick.
     beta = torsion.twist(1 - 1e-12, P, MU, A, G)
     assert beta == pytest.approx(unit * np.pi / 4 * 2e-12, rel=1e-4)  # of 1 - 1e-12 itself

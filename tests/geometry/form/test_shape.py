@@ -87,8 +87,8 @@ def test_a_ball_of_voxels():
     row = shapes_of_labels(labels, 1e-5)[0]
     ball = 4 / 3 * math.pi * (radius * 1e-5) ** 3
     assert row["label"] == 3
-    # Of 18 000 voxels those of the surface, 3300, are in or out at random: 0.3 %.
-    assert row["volume_m3"] == pytest.approx(ball, rel=0.005)
+    # Of 18 000 voxels those of the surface, 3300, are in or out at random: 0.3 %, and three times.
+    assert row["volume_m3"] == pytest.approx(ball, rel=0.01)
     assert row["surface_m2"] == pytest.approx(4 * math.pi * (radius * 1e-5) ** 2, rel=0.02)
     assert row["sphericity"] == pytest.approx(1.0, abs=0.02)
     assert row["convexity"] == pytest.approx(1.0, abs=0.02)
