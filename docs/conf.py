@@ -41,7 +41,6 @@ include_patterns = [
     "docs/**/*.md",
     "docs/api/*.rst",
     "docs/api/**/*.rst",
-    "demos/*.md",
     "meshes/*.md",
 ]
 exclude_patterns = [

@@ -5,7 +5,7 @@ an error of the order of the element size h. A layer of compliance c h/E* on eac
 takes out this leading error; E* = E/(1 - nu²) of that side. The constant c belongs to the
 element, not to the problem, and to meshes whose facets enclose the volume of the body,
 as those of grains from images do: nodes on a curved surface with the facets inside it
-would ask for a third of it (``demos/calibrate_compliance.py``). A small one is a plain stiff
+would ask for a third of it. A small one is a plain stiff
 penalty.
 
 "kinematic": a predictor without contact gives the gaps at the end of the step, and the
@@ -14,8 +14,7 @@ masses of m/A per area that have to move by the depth within a step need the pre
 (m/A) depth/Δt² on each side. That is a layer Δt² A/m. It holds no energy, takes what
 the nodes bring along when they meet, and leaves the stable time step as it is. At nodes an
 even overlap is gone at once; a point of a facet spreads its correction over three nodes, so
-at rest an overlap remains wherever force over mass varies from node to node
-(``demos/normal_laws.py``).
+at rest an overlap remains wherever force over mass varies from node to node.
 """
 
 import numpy as np

@@ -136,7 +136,7 @@ def fidelity(comm, columns=2, layers=3, strain=0.008, element_size=0.4, speed=1.
     """A lattice of balls with loose ones between: `auto` answers as all-J2 does.
 
     Where grains rearrange, two runs of the same model part by several per cent for a change
-    in rounding (``demos/fidelity.py`` shows how far). A lattice does not until it buckles, at a
+    in rounding. A lattice does not until it buckles, at a
     strain of 0.01, so it shows what the rigid beginning of `auto` changes. The loose balls
     never deform. Wall times are reported as a ratio without a limit.
 
