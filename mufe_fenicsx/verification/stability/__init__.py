@@ -1,6 +1,6 @@
 """The stability map: each method driven to failure, the limit compared with theory.
 
-The cases are those of `mufe verify`; ``demos/stability.py`` draws what they measure.
+The cases are those of `mufe verify`.
 """
 
 from ..case import by_name

@@ -11,9 +11,8 @@ from ...geometry.bodies.shapes import box
 from ...implicit.simulation import ImplicitSimulation
 from ...materials.elastic import Elastic
 from ...run.from_bodies import distribute, drive
-from ...scene import Contact
 from ..case import case, compare
-from .limits import NEVER, NU, RHO, SIZE, E, dense_stiffness, message_of
+from .limits import NEVER, NU, RHO, SIZE, E, dense_stiffness
 
 COEFFICIENTS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
 #: Of the plane below the block [m/s]: the stick springs turn far more slowly than modes swing.
@@ -178,11 +177,6 @@ def static_rows(comm, rows, height):
             )
         )  # fmt: skip
     return found
-
-
-def messages(_comm):
-    """What the program says to a friction that cannot be."""
-    return {"refused": message_of(Contact, friction=-0.1)}
 
 
 @case("stability-friction", num_bodies=1)

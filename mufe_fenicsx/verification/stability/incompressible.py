@@ -10,7 +10,7 @@ from ...geometry.bodies.shapes import box
 from ...materials.elastic import Elastic
 from ...run.from_bodies import build, distribute, simulate
 from ..case import case, compare
-from .limits import NEVER, RHO, SIZE, E, Snapshot, bisect, growth, highest_frequency, message_of
+from .limits import NEVER, RHO, SIZE, E, Snapshot, bisect, growth, highest_frequency
 
 RATIOS = (0.15, 0.3, 0.4, 0.45, 0.49, 0.499, 0.4999, 0.49999)
 #: Bricks of the glued block along its sides and its height: two bricks high, all but its middle
@@ -84,11 +84,6 @@ def step_map(comm, ratios=RATIOS, trials=10):
             simulations.append(s)
         rows.append(row)
     return rows, simulations
-
-
-def messages(_comm):
-    """What the program says to a material that keeps its volume exactly."""
-    return {"refused": message_of(Elastic, E, 0.5, RHO)}
 
 
 @case("stability-incompressible", num_bodies=1)

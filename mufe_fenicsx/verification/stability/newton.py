@@ -73,19 +73,6 @@ def drag_map(comm, values=STABILISATION):
     return rows, [row.simulation for row in rows]
 
 
-def least_drag(comm, trials=8):
-    """Smallest drag with which a cube that touches nothing is held; 0 if none is needed."""
-
-    def holds(value):
-        try:
-            found = pressed_with_drag(comm, value, 1, free=True)
-        except SolverError:
-            return False
-        return found.drift < 1e-3
-
-    return bisect(holds, 1e-22, 1e-4, trials)
-
-
 class Strut:
     """A tetrahedron held at three nodes whose tip presses on a plane that is drawn along x.
 
@@ -160,12 +147,6 @@ class Strut:
             iterations=sum(row[2] for row in s.report), message=message,
             theory=self.slipping_force(), simulation=s,
         )  # fmt: skip
-
-
-def strut_map(comm, along, coefficients=FRICTION):
-    """One row for each coefficient; theory of the one at which the strut locks."""
-    rows = [Strut(comm, value, along).draw() for value in coefficients]
-    return rows, Strut(comm, 0.3, along).critical
 
 
 def locking(comm, along=-1.0, trials=9):

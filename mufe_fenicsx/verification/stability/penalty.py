@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 
 from ...contact.laws import COMPLIANCE
-from ...scene import Contact
 from ...theory.stability import uniaxial_strain
 from ..case import case, compare
 from .limits import (
@@ -16,7 +15,6 @@ from .limits import (
     bisect,
     growth,
     highest_frequency,
-    message_of,
     pressed_block,
 )
 
@@ -68,11 +66,6 @@ def _active(contact):
     on = np.zeros(contact.points.num_points, dtype=bool)
     on[contact.walls.pairs.node[contact.walls.pairs.closed]] = True
     return on
-
-
-def messages(_comm):
-    """What the program says to a layer without compliance."""
-    return {"refused": message_of(Contact, friction=0.3, compliance=0.0)}
 
 
 @case("stability-penalty", num_bodies=1)

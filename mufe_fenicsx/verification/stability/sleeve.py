@@ -34,8 +34,6 @@ UP = np.array([0.0, 0.0, 1.0])
 #: Layers, and length of edges over the thickness: those of a scene first; of the last two the
 #: second halves all edges of the first.
 MESHES = ((1, 2.0), (1, 1.0), (2, 1.0), (4, 0.5))
-#: Pressures over that of buckling at which swings are followed.
-PRESSURES = (0.0, 0.35, 0.7)
 #: Of the sleeve whose time step is looked at [m]: a scene's own thickness.
 THICKNESS = 0.3e-3
 

@@ -5,22 +5,14 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ...contact.separation import separate
 from ...contact.walls import Wall
-from ...explicit.simulation import Simulation
 from ...geometry.bodies.shapes import box
-from ...loading.oedometer import OedometerLoading
 from ...materials.elastic import Elastic
-from ...materials.sand import SAND
-from ...run.from_bodies import axis_planes, build
-from ...scene import MassScaling, QuasiStatic
+from ...run.from_bodies import build
 from ...theory.stability import sudden_stress
 from ..case import case, compare
-from ..fidelity import lattice
-from .limits import RHO, SIZE, E, message_of
+from .limits import RHO, SIZE, E
 
-#: Speed of the platen over wave speed and final strain, v/(c ε).
-RATIOS = (0.003, 0.01, 0.03, 0.1, 0.3)
 #: Speeds of the platen above a packing [m/s].
 SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 #: Error of the stress that counts as the limit.
@@ -78,81 +70,6 @@ def column_error(comm, ratio, mass_factor=1.0, strain=1e-3, divisions=(1, 1, 48)
         times=times, stress=stress, static=static,
         sudden=sudden_stress(speed, slow, E, times, height), simulation=s,
     )  # fmt: skip
-
-
-def packing_curves(comm, speeds=SPEEDS, counts=(2, 2, 3), strain=0.005, element_size=0.5):
-    """Stress of a lattice of yielding balls against strain at several speeds, and kinetic energy.
-
-    Angular grains slide past each other at such small strains, at each speed in another way; a
-    lattice does not until it buckles at 0.01.
-
-    Returns:
-        Rows with strain, stress [Pa], kinetic over internal energy, difference of the platens'
-        forces over their mean; simulations.
-    """
-    bodies = lattice(counts, element_size)[: int(np.prod(counts))]
-    rows, simulations = [], []
-    for speed in speeds:
-        mesh = build(comm, bodies, SAND, np.zeros(3), np.zeros(3), axes="").mesh
-        separate(mesh, 0.3)
-        low, high = mesh.x.min(axis=0), mesh.x.max(axis=0)
-        walls = [Wall(name, *plane) for name, plane in axis_planes(low, high).items()]
-        s = Simulation(mesh, [SAND] * mesh.num_grains, walls, friction=0.3)
-        area = (high - low)[0] * (high - low)[1]
-        loading = OedometerLoading(s, strain, speed, 0.1 * strain, 1e4 * area, min(speed, 0.5))
-        records, due = [], 0.0
-        while not loading.finished:
-            loading.before_step()
-            s.step()
-            if loading.strain > due:
-                due += strain / 40
-                forces, e = s.wall_forces(), s.energies()
-                records.append(
-                    (
-                        loading.strain, 0.5 * (forces[4] + forces[5]) / area,
-                        e["kinetic"] / (e["elastic"] + e["plastic"]),
-                        (forces[5] - forces[4]) / max(0.5 * (forces[4] + forces[5]), 1e-300),
-                    )
-                )  # fmt: skip
-        columns = np.array(records).T
-        rows.append(
-            SimpleNamespace(
-                speed=speed, strain=columns[0], stress=columns[1], kinetic=columns[2],
-                unbalanced=columns[3], steps=s.state.num_steps,
-            )
-        )  # fmt: skip
-        simulations.append(s)
-    return rows, simulations
-
-
-def curve_errors(rows):
-    """Of each but the slowest: r.m.s. difference of its curve over the range, mean kinetic ratio.
-
-    In the last half of the strain.
-    """
-    slow = rows[0]
-    late = slow.strain > 0.5 * slow.strain[-1]
-    grid, reference = slow.strain[late], slow.stress[late]
-    found = []
-    for row in rows:
-        stress = np.interp(grid, row.strain, row.stress)
-        error = math.sqrt(np.mean((stress - reference) ** 2)) / slow.stress.max()
-        kinetic = row.kinetic[row.strain > 0.5 * row.strain[-1]].mean()
-        found.append((float(error), float(kinetic)))
-    return found
-
-
-def limit_of(x, errors, limit=ERROR):
-    """Where errors that grow with ``x`` reach the limit, by their logarithms."""
-    return float(np.exp(np.interp(math.log(limit), np.log(errors), np.log(x))))
-
-
-def messages(_comm):
-    """What the program says to bounds that cannot be."""
-    return {
-        "kinetic": message_of(QuasiStatic, kinetic=1.5),
-        "added": message_of(MassScaling, added=2.0),
-    }
 
 
 @case("stability-loading-speed", num_bodies=1)

@@ -21,7 +21,6 @@ from .limits import RHO, SIZE, E, bisect
 
 #: ν = 0: plane waves in a bar without sides held are those of E.
 MATERIAL = Elastic(E, 0.0, RHO)
-SPEEDS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6)
 
 
 def meet(comm, speed, divisions=(4, 4, 12), compliance=COMPLIANCE, check=True, travel=2.5):
@@ -110,26 +109,6 @@ def limit(comm, compliance=COMPLIANCE, trials=8):
         return bool(found.message)
 
     return bisect(fails, 0.5, 2.0, trials) * expected, last
-
-
-def through_a_wall(comm, speed=1.0):
-    """A block shot at a plane: depth behind it over its edge; the plane's springs have no end."""
-    points, cells = box((SIZE,) * 3, (3, 3, 3))
-    mesh = distribute(comm, [(points, cells)])
-    v = np.zeros_like(mesh.x)
-    v[:, 2] = -speed * MATERIAL.wave_speed
-    s = Simulation(
-        mesh, [MATERIAL], [Wall("floor", np.array([0, 0, -1e-3 * SIZE]), np.eye(3)[2])],
-        velocity=v, refresh=10,
-    )  # fmt: skip
-    deepest, message = 0.0, ""
-    try:
-        while s.state.t < 2 * SIZE / MATERIAL.wave_speed:
-            s.step()
-            deepest = max(deepest, float(-1e-3 * SIZE - s.state.x[:, 2].min()))
-    except SolverError as error:
-        message = str(error)
-    return SimpleNamespace(depth=deepest / s.contact.edge, message=message, simulation=s)
 
 
 @case("stability-impact", num_bodies=1)
