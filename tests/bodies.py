@@ -63,3 +63,13 @@ def packed_spheres(comm, counts, gap=0.0, h=0.45 * RADIUS):
 def simulation_of(mesh, material, walls=(), **options):
     """A simulation with the same material in all grains."""
     return Simulation(mesh, [material] * mesh.num_grains, walls, **options)
+
+
+def euler_characteristic(triangles):
+    """Vertices - edges + faces: 2 for a surface like a sphere, 0 for a torus."""
+    edges = np.sort(
+        np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    )
+    return (
+        len(np.unique(triangles)) - len(np.unique(np.sort(edges, axis=1), axis=0)) + len(triangles)
+    )

@@ -47,18 +47,6 @@ def force_distribution(force, num_bins=20, largest=None):
     return ForceDistribution(float(mean), edges, counts / (force.size * np.diff(edges)), counts)
 
 
-def strong_contacts(force):
-    """Contacts of the strong network: those with at least the mean force, shape (num_contacts,).
-
-    Source: F. Radjai, D. E. Wolf, M. Jean & J.-J. Moreau, Phys. Rev. Lett. 80, 1998, 61-64.
-
-    Args:
-        force: Normal forces of active contacts [N], shape (num_contacts,).
-    """
-    force = np.asarray(force, dtype=float)
-    return force >= force.mean() if force.size else np.zeros(0, dtype=bool)
-
-
 def mobilised_friction(force, friction, mu):
     """Friction over what Coulomb's law allows, |t|/(μ |f - t|) [-], shape (num_contacts,).
 

@@ -96,50 +96,6 @@ def rose(normals, plane="xz", num_bins=36, weights=None):
     return Rose(plane, edges, density, total / everything if everything > 0 else np.nan)
 
 
-@dataclass(frozen=True)
-class SphereHistogram:
-    """Histogram of the directions of contacts on the unit sphere."""
-
-    polar: np.ndarray  #: edges of the polar angle from +z [rad], shape (num_polar + 1,)
-    azimuth: np.ndarray  #: edges of the azimuth from +x [rad], shape (num_azimuth + 1,)
-    solid_angle: np.ndarray  #: of the bins [sr], shape (num_polar, num_azimuth); their sum is 4π
-    density: np.ndarray  #: share of the contacts for a steradian, same shape; isotropic: 1/4π
-
-
-def sphere_histogram(normals, num_polar=9, num_azimuth=18, weights=None):
-    """Directions on the sphere, each bin over its solid angle Δφ (cos θ₁ - cos θ₂).
-
-    A contact counts with n and with -n, half each.
-
-    Args:
-        normals: Unit normals, shape (num_contacts, 3).
-        num_polar, num_azimuth: Bins of equal angle; azimuth an even number.
-        weights: Of the contacts (1 if None), shape (num_contacts,).
-
-    Returns:
-        :class:`SphereHistogram`; density nan without contacts.
-
-    Raises:
-        InputError: The numbers of bins.
-    """
-    if num_polar < 1 or num_azimuth < 2 or num_azimuth % 2:
-        raise InputError(
-            f"bins on the sphere = {num_polar} x {num_azimuth}, expected at least 1 by an even "
-            "number"
-        )
-    normals, weights = _directions(normals, weights)
-    both, weight = np.concatenate([normals, -normals]), np.tile(weights, 2)
-    polar = np.linspace(0, np.pi, num_polar + 1)
-    azimuth = np.linspace(0, 2 * np.pi, num_azimuth + 1)
-    theta = np.arctan2(np.hypot(both[:, 0], both[:, 1]), both[:, 2])
-    phi = np.arctan2(both[:, 1], both[:, 0]) % (2 * np.pi)
-    counts = np.histogram2d(theta, phi, (polar, azimuth), weights=weight)[0]
-    solid_angle = np.outer(-np.diff(np.cos(polar)), np.diff(azimuth))
-    total = weight.sum()
-    share = counts / total if total > 0 else np.full(counts.shape, np.nan)
-    return SphereHistogram(polar, azimuth, solid_angle, share / solid_angle)
-
-
 def _directions(normals, weights):
     normals = np.asarray(normals, dtype=float).reshape(-1, 3)
     if weights is None:

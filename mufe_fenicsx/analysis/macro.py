@@ -271,20 +271,3 @@ def moduli(strain, stress, width):
         width: Of the window in strain.
     """
     return np.array([tangent_modulus(strain, stress, at, width) for at in strain])
-
-
-def compression_index(log10_stress, ratio):
-    """C_c = -Δe/Δ log₁₀ σ' of the line fitted to rows of the e-log σ' curve [-].
-
-    nan with fewer than two different stresses.
-
-    Args:
-        log10_stress: Shape (num_rows,); rows that are nan are left out.
-        ratio: Void ratio e, shape (num_rows,).
-    """
-    known = np.isfinite(log10_stress) & np.isfinite(ratio)
-    x, e = np.asarray(log10_stress)[known], np.asarray(ratio)[known]
-    if x.size < 2 or np.ptp(x) == 0:
-        return np.nan
-    x = x - x.mean()
-    return -float(x @ e / (x @ x))

@@ -45,13 +45,6 @@ def lost_load(history):
     return lost
 
 
-def secant_modulus(strain, stress):
-    """Constrained modulus M = (σ₁ - σ₀)/(ε₁ - ε₀) between the first and the last row [Pa]."""
-    if len(strain) < 2 or strain[-1] == strain[0]:
-        return np.nan
-    return float((stress[-1] - stress[0]) / (strain[-1] - strain[0]))
-
-
 def tangent_modulus(strain, stress, at, width):
     """Constrained modulus M = dσ/dε: slope of the least-squares line around a strain [Pa].
 

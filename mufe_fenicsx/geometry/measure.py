@@ -159,16 +159,6 @@ def surface_defect(points, triangles):
     return surface_pinch(triangles)
 
 
-def euler_characteristic(triangles):
-    """Vertices - edges + faces: 2 for a surface like a sphere, 0 for a torus."""
-    edges = np.sort(
-        np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    )
-    return (
-        len(np.unique(triangles)) - len(np.unique(np.sort(edges, axis=1), axis=0)) + len(triangles)
-    )
-
-
 def boundary_triangles(cells):
     """Triangles that belong to one tetrahedron only, seen from outside."""
     triangles = np.concatenate([np.asarray(cells)[:, list(face)] for face in FACES])

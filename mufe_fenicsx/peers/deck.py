@@ -17,8 +17,6 @@ UNITS = {
 }
 #: Corners of the faces S1 to S4 of C3D4.
 FACES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
-#: Numbers a line.
-ROW = 12
 
 
 @dataclass(frozen=True)

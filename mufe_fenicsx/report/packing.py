@@ -1,6 +1,6 @@
 """Arrays made small for a page: fewer bits, differences, planes of bytes, deflate.
 
-`report/assets/decode.js` reads what :class:`Packer` writes; :func:`unpack` is its twin.
+`report/assets/decode.js` reads what :class:`Packer` writes.
 
 - Positions are counted in steps of 1/65535 of a box along each axis (:func:`to_grid`), so that
   they are off by half of such a step at most.
@@ -32,11 +32,6 @@ def to_grid(points, low, high):
     return np.rint((points - low) / size * GRID_STEPS).astype(np.uint16)
 
 
-def from_grid(steps, low, high):
-    """Positions [m] of :func:`to_grid`, off by half a step at most."""
-    return low + steps / GRID_STEPS * (np.asarray(high) - low)
-
-
 def to_bytes(values, low, high, power):
     """Values of low ≤ v ≤ high as bytes q, v = low + (high - low) (q/255)^power.
 
@@ -49,24 +44,6 @@ def to_bytes(values, low, high, power):
     if power != 1:
         q = np.where(share > 0, np.maximum(q, 1), q)
     return q.astype(np.uint8)
-
-
-def from_bytes(q, low, high, power):
-    """Values of :func:`to_bytes`, off by :func:`byte_error` at most."""
-    return low + (high - low) * (np.asarray(q) / BYTE_STEPS) ** power
-
-
-def byte_error(values, low, high, power):
-    """Largest difference that one byte leaves, for each value.
-
-    Half a step where power is 1. Where it is 2, v = H s² with s off by 1/510 at most is off by
-    2 H s/510 + H/510², and a value that was lifted off 0 by H/255² at most.
-    """
-    size = high - low
-    if power == 1:
-        return np.full(np.shape(values), 0.5 * size / BYTE_STEPS)
-    share = (np.asarray(values) - low) / size
-    return size * (np.sqrt(share) / BYTE_STEPS + 1 / BYTE_STEPS**2)
 
 
 class Packer:
@@ -106,24 +83,3 @@ class Packer:
     def text(self):
         """The bytes deflated, as base64."""
         return base64.b64encode(zlib.compress(self.data, 9)).decode("ascii")
-
-
-def unpack(text, entries):
-    """What was packed, dict name -> flat array.
-
-    Args:
-        text: Of :meth:`Packer.text`.
-        entries: :attr:`Packer.entries`.
-    """
-    data = zlib.decompress(base64.b64decode(text))
-    found = {}
-    for entry in entries:
-        kind = np.dtype(KINDS[entry["kind"]])
-        count, width = entry["count"], kind.itemsize
-        planes = np.frombuffer(data, np.uint8, count * width, entry["at"]).reshape(width, count)
-        values = np.ascontiguousarray(planes.T).view(kind).ravel()
-        if entry.get("differences"):
-            step = (values >> 1) ^ (-(values & 1).astype(f"i{width}")).view(kind)
-            values = np.cumsum(step, dtype=kind)
-        found[entry["name"]] = values
-    return found

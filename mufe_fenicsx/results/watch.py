@@ -17,7 +17,6 @@ SILENCE, INTERVALS = 60.0, 10.0
 FIRST = ("run.json", "history.csv", "scene.toml")
 #: Rows that say how fast strain grows, and rows seen that say how fast steps are.
 RECENT, SEEN = 50, 60
-STATES = ("waiting", "starting", "running", "silent", "finished", "stopped")
 
 
 @dataclass(frozen=True)

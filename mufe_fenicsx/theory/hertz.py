@@ -16,11 +16,6 @@ def effective_modulus(*bodies):
     return 1 / sum((1 - nu**2) / E for E, nu in bodies)
 
 
-def effective_radius(*radii):
-    """R [m] of spheres of the given radii [m]."""
-    return 1 / sum(1 / R for R in radii)
-
-
 def hertz_force(delta, R, E):
     """Force between two elastic spheres [N].
 
@@ -42,14 +37,6 @@ def contact_radius(delta, R):
     Source: Johnson 1985, eq. (4.23).
     """
     return np.sqrt(R * np.maximum(delta, 0.0))
-
-
-def largest_pressure(force, a):
-    """p0 = 3 F / (2 π a²) [Pa].
-
-    Source: Johnson 1985, eq. (4.24).
-    """
-    return 1.5 * force / (np.pi * a**2)
 
 
 def stress_on_axis(zeta, nu):

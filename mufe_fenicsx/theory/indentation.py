@@ -21,14 +21,6 @@ def cone_force(depth, slope, E):
     return 2.0 / np.pi * E * np.maximum(depth, 0.0) ** 2 / slope
 
 
-def cone_radius(depth, slope):
-    """a = 2/π δ tan α [m].
-
-    Source: As of :func:`cone_force`.
-    """
-    return 2.0 / np.pi * np.maximum(depth, 0.0) / slope
-
-
 def point_force_displacement(x, force, E, nu):
     """Displacements of the half-space z < 0 by a force at the origin that points down [m].
 

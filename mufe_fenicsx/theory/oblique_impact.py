@@ -49,11 +49,6 @@ def inertia_parameter(nu, gyration=0.4):
     return 0.5 * tangential_ratio(nu) * (1 + 1 / gyration)
 
 
-def sliding_rebound(psi1, chi):
-    """ψ₂ = ψ₁ - 4χ of an impact that slips all the time, ψ₁ >= 4χ - 1 [-]."""
-    return psi1 - 4 * chi
-
-
 def spin_change(psi1, psi2, nu, gyration=0.4):
     """Change of R ω/(μ V) that goes with a change from ψ₁ to ψ₂ [-].
 

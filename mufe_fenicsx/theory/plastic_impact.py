@@ -53,35 +53,6 @@ def restitution(v, v_yield):
     return np.sqrt(1.2 * np.sqrt(3) * (1 - u**2 / 6)) * tail**0.25
 
 
-def restitution_by_work(v, p, E, m, R, num_steps=20000):
-    """The same from the law of force, integrated: for a check of the closed form.
-
-    Args:
-        v: Speed of impact [m/s].
-        p, E, m, R: As of :func:`yield_speed`.
-        num_steps: Of the integration.
-    """
-    a_yield = np.pi * R * p / (2 * E)
-    delta_yield = a_yield**2 / R
-    force_yield = 4 / 3 * E * a_yield**3 / R
-    energy = 0.5 * m * v**2
-    end = 4 * delta_yield + 2 * np.sqrt(energy / (np.pi * R * p))
-    delta = np.linspace(0.0, end, num_steps)
-    hertz = 4 / 3 * E * np.sqrt(R * np.minimum(delta, delta_yield) ** 3)
-    force = hertz + np.pi * R * p * np.maximum(delta - delta_yield, 0.0)
-    work = np.append(0.0, np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(delta)))
-    last = np.interp(energy, work, delta)
-    if last <= delta_yield:
-        return 1.0
-    largest = force_yield + np.pi * R * p * (last - delta_yield)
-    # The contact has the radius √(R δ), and carries this force as one of the radius R_p would.
-    a = np.sqrt(R * last)
-    R_p = 4 * E * a**3 / (3 * largest)
-    back = np.linspace(0.0, a**2 / R_p, num_steps)
-    unload = 4 / 3 * E * np.sqrt(R_p * back**3)
-    return float(np.sqrt(np.sum(0.5 * (unload[1:] + unload[:-1]) * np.diff(back)) / energy))
-
-
 #: Elastic energy of a loaded circle of a half-space, times E* a/F²: with the pressure of
 #: Hertz, p ~ (1 - r²/a²)^½, and with an even one. Johnson 1985, eqs (4.24), (3.29).
 HERTZ_PROFILE, EVEN_PROFILE = 3 / 10, 8 / (3 * np.pi**2)

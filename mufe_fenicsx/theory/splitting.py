@@ -163,20 +163,6 @@ def sphere_stress(r, theta, a, nu, kind="hertz", resolution=80.0):
     return 4 * stress
 
 
-def sphere_middle(nu):
-    """Stresses across and along the axis in the middle of a sphere under two point forces.
-
-        σx = (F/2πR²) [5/2 (7+2ν)/(7+5ν) - 1],  σz = -(F/2πR²) [5 (7+2ν)/(7+5ν) + 1]
-
-    These are the orders 0 and 2 of :func:`sphere_stress`, which alone reach the middle.
-
-    Returns:
-        σx, σz in units of F/d².
-    """
-    two = 5 * (7 + 2 * nu) / (7 + 5 * nu)
-    return 2 / np.pi * (0.5 * two - 1), -2 / np.pi * (two + 1)
-
-
 def _load(orders, a, kind):
     """Factors of Pₙ in σr and of dPₙ/dθ in τ on r = 1, of the force 1 on each cap."""
     # The highest order has orders[-1] a / 2π waves on the spot.

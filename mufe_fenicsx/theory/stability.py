@@ -44,18 +44,6 @@ def rebound_speed(omega_dt, phase):
     return np.abs(v)
 
 
-def rebound_bound(omega_dt):
-    """Bound of :func:`rebound_speed`, 1/√(1 - (ω Δt)²/4).
-
-    Steps inside the spring keep w² + (ω Δt)² x x', w the way of a step between x and x'. The
-    product is at least -w²/4 where the mass enters or leaves.
-
-    Source: the invariant of the leapfrog scheme (E. Hairer, C. Lubich, G. Wanner, Acta Numerica
-    12, 2003, section 1) with x and x' on both sides of the end of the spring.
-    """
-    return 1.0 / np.sqrt(1.0 - 0.25 * np.asarray(omega_dt, dtype=float) ** 2)
-
-
 def cap_step(altitude, area, modulus, apex_mass, base_mass):
     """Stable step of a flat tetrahedron of one apex above its base, in a mesh of thick ones [s].
 

@@ -66,23 +66,3 @@ def moment_of_twist(beta, P, mu, a, G):
         return float(np.sign(beta) * sliding_moment(P, mu, a))
     ratio = brentq(lambda c: twist(c, P, mu, a, G) - size, 1e-6, 1.0, xtol=1e-14)
     return float(np.sign(beta) * moment(ratio, P, mu, a))
-
-
-def deresiewicz_twist(M, P, mu, a, G):
-    """Closed form for moments that are not near sliding, τ = M/μPa.
-
-        β = (μP/8Ga²) [1 - √(1 - 3τ/2)] [3 - √(1 - 3τ/2)]
-
-    Source: Deresiewicz 1954.
-    """
-    root = np.sqrt(1 - 1.5 * M / (mu * P * a))
-    return mu * P / (8 * G * a**2) * (1 - root) * (3 - root)
-
-
-def unloading_moment(beta, largest, P, mu, a, G):
-    """M on the way back from the twist ``largest``: the change is twice first loading [N m].
-
-    Source: Deresiewicz 1954 (the change of traction is that under twice the friction).
-    """
-    back = moment_of_twist(0.5 * (largest - beta), P, mu, a, G)
-    return moment_of_twist(largest, P, mu, a, G) - 2 * back

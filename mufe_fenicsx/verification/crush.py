@@ -13,7 +13,7 @@ from ..theory.plastic_contact import forged_disc
 from ..theory.stability import shared_volume
 from .case import case, compare
 
-E, NU, RHO, RADIUS = 100e9, 0.15, 2650.0, 1e-3
+E, RADIUS = 100e9, 1e-3
 #: Friction of the rough platens.
 ROUGH = 0.5
 

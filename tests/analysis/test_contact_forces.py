@@ -26,11 +26,6 @@ def test_distribution_of_exponential_forces():
     assert np.isnan(none.mean) and none.edges.size == 6 and np.isnan(none.density).sum() == 5
 
 
-def test_strong_contacts_carry_at_least_the_mean():
-    assert forces.strong_contacts([1.0, 2.0, 3.0]).tolist() == [False, True, True]
-    assert forces.strong_contacts([]).size == 0
-
-
 def test_mobilised_friction():
     force = np.array([[0.0, 0.2, 1.0], [0.1, 0.0, 2.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
     friction = force * [1, 1, 0]

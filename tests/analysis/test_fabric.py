@@ -8,7 +8,6 @@ from mufe_fenicsx.analysis.fabric import (
     deviatoric_fabric,
     fabric_tensor,
     rose,
-    sphere_histogram,
 )
 from mufe_fenicsx.errors import InputError
 
@@ -61,21 +60,3 @@ def test_rose_is_a_density():
     for plane, bins in (("xx", 36), ("xyz", 36), ("xz", 7)):
         with pytest.raises(InputError, match="of the rose"):
             rose(normals, plane, bins)
-
-
-def test_density_on_the_sphere_counts_solid_angles():
-    normals, weights = quadrature(16)
-    found = sphere_histogram(normals, 6, 8, weights)
-    assert found.solid_angle.sum() == pytest.approx(4 * np.pi, rel=ROUND_OFF)
-    assert (found.density * found.solid_angle).sum() == pytest.approx(1, rel=ROUND_OFF)
-    # The same where each bin holds as much as its solid angle: isotropic, poles included.
-    polar = 0.5 * (found.polar[1:] + found.polar[:-1])
-    azimuth = 0.5 * (found.azimuth[1:] + found.azimuth[:-1])
-    t, p = (g.ravel() for g in np.meshgrid(polar, azimuth, indexing="ij"))
-    middle = np.column_stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)])
-    even = sphere_histogram(middle, 6, 8, found.solid_angle.ravel())
-    assert even.density == pytest.approx(1 / (4 * np.pi), rel=ROUND_OFF)
-    one = sphere_histogram(np.array([[0.2, 0.1, 0.9]]), 6, 8)
-    assert np.argwhere(one.density).tolist() == [[0, 0], [5, 4]]
-    with pytest.raises(InputError, match="on the sphere"):
-        sphere_histogram(middle, 6, 7)

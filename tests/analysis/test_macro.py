@@ -103,12 +103,6 @@ def test_curves_of_an_elastic_layer():
     assert wider["stress_x"] == pytest.approx(K0 * stress / 1.1, rel=ROUND_OFF)
 
 
-def test_compression_index_of_a_line():
-    x = np.append(np.linspace(5, 7, 20), np.nan)
-    assert macro.compression_index(x, 0.9 - 0.12 * x) == pytest.approx(0.12, rel=1e-12)
-    assert np.isnan(macro.compression_index(x[:1], x[:1]))
-
-
 def test_strength_and_dilatancy_at_the_peak():
     """q/p = 6 sin φ/(3 - sin φ) of φ = 40°; the volume grows by half of the shortening there."""
     phi, top, num = np.radians(40), 0.1, 201

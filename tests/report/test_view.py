@@ -1,9 +1,11 @@
 """The 3D view of the page: what it holds is the run, and a browser shows it."""
 
+import base64
 import json
 import re
 import shutil
 import subprocess
+import zlib
 
 import numpy as np
 import pytest
@@ -13,15 +15,8 @@ from mufe_fenicsx.analysis.same_nodes import same_nodes
 from mufe_fenicsx.errors import InputError
 from mufe_fenicsx.geometry.measure import boundary_triangles
 from mufe_fenicsx.output.contacts import ContactWriter
-from mufe_fenicsx.report import write_report
-from mufe_fenicsx.report.packing import (
-    Packer,
-    byte_error,
-    from_bytes,
-    from_grid,
-    to_bytes,
-    unpack,
-)
+from mufe_fenicsx.report import packing, write_report
+from mufe_fenicsx.report.packing import Packer, to_bytes
 from mufe_fenicsx.report.page import write_page
 from mufe_fenicsx.report.view import make_view
 from mufe_fenicsx.report.view_data import A_STAGE, ONCE, view_data
@@ -31,6 +26,50 @@ from tests.networks import lattice_network
 from tests.results.test_results import SCENE
 
 from mpi4py import MPI  # isort: skip  (after the package, which may bring MPI)
+
+
+def from_grid(steps, low, high):
+    """Positions [m] of :func:`packing.to_grid`, off by half a step at most."""
+    return low + steps / packing.GRID_STEPS * (np.asarray(high) - low)
+
+
+def from_bytes(q, low, high, power):
+    """Values of :func:`to_bytes`, off by :func:`byte_error` at most."""
+    return low + (high - low) * (np.asarray(q) / packing.BYTE_STEPS) ** power
+
+
+def byte_error(values, low, high, power):
+    """Largest difference that one byte leaves, for each value.
+
+    Half a step where power is 1. Where it is 2, v = H s² with s off by 1/510 at most is off by
+    2 H s/510 + H/510², and a value that was lifted off 0 by H/255² at most.
+    """
+    size = high - low
+    if power == 1:
+        return np.full(np.shape(values), 0.5 * size / packing.BYTE_STEPS)
+    share = (np.asarray(values) - low) / size
+    return size * (np.sqrt(share) / packing.BYTE_STEPS + 1 / packing.BYTE_STEPS**2)
+
+
+def unpack(text, entries):
+    """What was packed, dict name -> flat array.
+
+    Args:
+        text: Of :meth:`Packer.text`.
+        entries: :attr:`Packer.entries`.
+    """
+    data = zlib.decompress(base64.b64decode(text))
+    found = {}
+    for entry in entries:
+        kind = np.dtype(packing.KINDS[entry["kind"]])
+        count, width = entry["count"], kind.itemsize
+        planes = np.frombuffer(data, np.uint8, count * width, entry["at"]).reshape(width, count)
+        values = np.ascontiguousarray(planes.T).view(kind).ravel()
+        if entry.get("differences"):
+            step = (values >> 1) ^ (-(values & 1).astype(f"i{width}")).view(kind)
+            values = np.cumsum(step, dtype=kind)
+        found[entry["name"]] = values
+    return found
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from mufe_fenicsx.theory import ball_impact, finite_sphere, impact, oblique_impact, sphere_modes
-from mufe_fenicsx.verification.chung_ooi import PARTICLE_IMPACTS, angles_of_incidence
 from mufe_fenicsx.verification.impact import contact_time
 
 NU = 0.3
@@ -105,7 +104,7 @@ def test_oblique_impact_that_slips_all_the_time(nu):
     for psi1 in (4 * chi - 1, 9.0):
         found = oblique_impact.oblique_impact(psi1, chi)
         # The trapezoidal rule of the rings: 0.2 % of the change.
-        assert found.psi2 == pytest.approx(oblique_impact.sliding_rebound(psi1, chi), abs=0.01)
+        assert found.psi2 == pytest.approx(psi1 - 4 * chi, abs=0.01)
         spin = oblique_impact.spin_change(psi1, found.psi2, nu)
         assert spin == pytest.approx(5.0, rel=2e-3)
         np.testing.assert_allclose(found.tangential, found.normal, atol=0.02)
@@ -161,14 +160,3 @@ def test_oblique_impact_against_finite_elements():
         psi1 = kappa * ratio
         found = oblique_impact.oblique_impact(psi1, CHI)
         assert oblique_impact.spin_change(psi1, found.psi2, NU) == pytest.approx(spin, abs=0.1)
-
-
-def test_angles_of_the_tests_of_chung_and_ooi():
-    """ψ₁ = κ tan α/μ, and κ v/(μ V); a contact slips at first where ψ₁ > 1."""
-    oxide, steel = (PARTICLE_IMPACTS[name] for name in ("4 aluminium oxide", "5 steel"))
-    kappa = oblique_impact.tangential_ratio(oxide.material.nu)
-    angles = angles_of_incidence(oxide)
-    assert angles[5] == pytest.approx(kappa * np.tan(np.pi / 6) / 0.092, rel=1e-13)
-    assert angles[0] < 1 < angles[1]
-    kappa = oblique_impact.tangential_ratio(steel.material.nu)
-    assert angles_of_incidence(steel)[5] == pytest.approx(kappa * 10 / (0.3 * 5), rel=1e-13)

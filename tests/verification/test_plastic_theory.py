@@ -6,6 +6,35 @@ import pytest
 from mufe_fenicsx.theory import hertz, plastic_contact, plastic_impact
 
 
+def restitution_by_work(v, p, E, m, R, num_steps=20000):
+    """The same from the law of force, integrated: for a check of the closed form.
+
+    Args:
+        v: Speed of impact [m/s].
+        p, E, m, R: As of ``plastic_impact.yield_speed``.
+        num_steps: Of the integration.
+    """
+    a_yield = np.pi * R * p / (2 * E)
+    delta_yield = a_yield**2 / R
+    force_yield = 4 / 3 * E * a_yield**3 / R
+    energy = 0.5 * m * v**2
+    end = 4 * delta_yield + 2 * np.sqrt(energy / (np.pi * R * p))
+    delta = np.linspace(0.0, end, num_steps)
+    hertz = 4 / 3 * E * np.sqrt(R * np.minimum(delta, delta_yield) ** 3)
+    force = hertz + np.pi * R * p * np.maximum(delta - delta_yield, 0.0)
+    work = np.append(0.0, np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(delta)))
+    last = np.interp(energy, work, delta)
+    if last <= delta_yield:
+        return 1.0
+    largest = force_yield + np.pi * R * p * (last - delta_yield)
+    # The contact has the radius √(R δ), and carries this force as one of the radius R_p would.
+    a = np.sqrt(R * last)
+    R_p = 4 * E * a**3 / (3 * largest)
+    back = np.linspace(0.0, a**2 / R_p, num_steps)
+    unload = 4 / 3 * E * np.sqrt(R_p * back**3)
+    return float(np.sqrt(np.sum(0.5 * (unload[1:] + unload[:-1]) * np.diff(back)) / energy))
+
+
 @pytest.mark.parametrize("nu", [0.15, 0.3])
 def test_onset_is_where_hertz_reaches_the_yield_stress(nu):
     R, E, Y = 1e-3, 100e9, 100e6
@@ -13,7 +42,7 @@ def test_onset_is_where_hertz_reaches_the_yield_stress(nu):
     delta, force, a = plastic_contact.onset(R, E, Y, C)
     assert hertz.hertz_force(delta, R, E) == pytest.approx(force, rel=1e-12)
     assert hertz.contact_radius(delta, R) == pytest.approx(a, rel=1e-12)
-    assert hertz.largest_pressure(force, a) == pytest.approx(C * Y, rel=1e-12)
+    assert 3 * force / (2 * np.pi * a**2) == pytest.approx(C * Y, rel=1e-12)
     # Johnson 1985, section 6.1: p0 = 1.60 Y for nu = 0.3; the fit is one to the same function.
     assert plastic_contact.onset_factor(0.3) == pytest.approx(1.613, abs=2e-3)
     assert plastic_contact.fitted_onset_factor(nu) == pytest.approx(C, rel=0.005)
@@ -60,7 +89,7 @@ def test_restitution_is_that_of_the_law_of_force():
     v_yield = plastic_impact.yield_speed(p, E, m, R)
     assert plastic_impact.restitution(v_yield, v_yield) == pytest.approx(1.0, rel=1e-14)
     for ratio in (0.5, 1.5, 10.0, 100.0):
-        work = plastic_impact.restitution_by_work(ratio * v_yield, p, E, m, R)
+        work = restitution_by_work(ratio * v_yield, p, E, m, R)
         # The trapezoidal rule on 20000 steps.
         assert plastic_impact.restitution(ratio * v_yield, v_yield) == pytest.approx(work, rel=1e-5)
     # (6√3/5)^½ / (2 √(6/5))^¼, 1e-4 of V_y.
@@ -78,4 +107,4 @@ def test_thorntons_law_of_force_has_his_restitution_by_its_curve():
     force = elastic + np.pi * R * p * np.maximum(delta - start, 0)
     found = plastic_impact.restitution_by_curve(0.5 * m * v**2, delta, force, np.sqrt(R * delta), E)
     # Of the trapezoidal rule.
-    assert found == pytest.approx(plastic_impact.restitution_by_work(v, p, E, m, R), rel=1e-5)
+    assert found == pytest.approx(restitution_by_work(v, p, E, m, R), rel=1e-5)

@@ -153,27 +153,6 @@ def fitted(labels, shape):
     return scipy.ndimage.zoom(labels, factors, order=0, mode="nearest", grid_mode=True)
 
 
-def adjusted_rand_index(a, b):
-    """Agreement of two labellings of the same voxels on which pairs of voxels belong together.
-
-    1: the same but for numbers; 0: as by chance.
-
-    Source: L. Hubert, P. Arabie, J. Classification 2 (1985) 193-218, eq. (5).
-
-    Args:
-        a, b: Labels from 0, of equal shape; voxels that shall not count are left out.
-    """
-
-    def pairs(labels):
-        n = np.unique(labels, return_counts=True)[1].astype(float)
-        return (n * (n - 1) / 2).sum()
-
-    both = pairs(a.ravel().astype(np.int64) * (int(b.max()) + 1) + b.ravel())
-    of_a, of_b, of_all = pairs(a), pairs(b), a.size * (a.size - 1) / 2
-    by_chance, most = of_a * of_b / of_all, (of_a + of_b) / 2
-    return 1.0 if most == by_chance else float((both - by_chance) / (most - by_chance))
-
-
 def _largest_share(a, b):
     """For each label of ``a`` the label of ``b``, or 0, that holds most of its solid voxels."""
     base = int(b.max()) + 1

@@ -13,8 +13,6 @@ from ...theory.stability import sudden_stress
 from ..case import case, compare
 from .limits import RHO, SIZE, E
 
-#: Speeds of the platen above a packing [m/s].
-SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 #: Error of the stress that counts as the limit.
 ERROR = 0.05
 

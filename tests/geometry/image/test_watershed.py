@@ -6,11 +6,31 @@ import numpy as np
 import pytest
 import scipy.ndimage
 
-from mufe_fenicsx.geometry.image.compare_labels import adjusted_rand_index
 from mufe_fenicsx.geometry.image.watershed import watershed
 from tests.geometry.itk_reference import CASES, FILE, height_of, itk_watershed
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
+
+
+def adjusted_rand_index(a, b):
+    """Agreement of two labellings of the same voxels on which pairs of voxels belong together.
+
+    1: the same but for numbers; 0: as by chance.
+
+    Source: L. Hubert, P. Arabie, J. Classification 2 (1985) 193-218, eq. (5).
+
+    Args:
+        a, b: Labels from 0, of equal shape; voxels that shall not count are left out.
+    """
+
+    def pairs(labels):
+        n = np.unique(labels, return_counts=True)[1].astype(float)
+        return (n * (n - 1) / 2).sum()
+
+    both = pairs(a.ravel().astype(np.int64) * (int(b.max()) + 1) + b.ravel())
+    of_a, of_b, of_all = pairs(a), pairs(b), a.size * (a.size - 1) / 2
+    by_chance, most = of_a * of_b / of_all, (of_a + of_b) / 2
+    return 1.0 if most == by_chance else float((both - by_chance) / (most - by_chance))
 
 
 def agreement(solid, height, itk, threshold, level):

@@ -14,6 +14,7 @@ from mufe_fenicsx.geometry.tets.jobs import voxel_jobs
 from mufe_fenicsx.geometry.tets.mesher import mesh_grains, mesh_one
 from mufe_fenicsx.geometry.tets.slivers import thickened
 from mufe_fenicsx.kernels.spline import spline_value_and_gradient
+from tests.bodies import euler_characteristic
 from tests.geometry.scenes import ball, positions, two_balls
 
 S = 1e-5  # voxel size [m]
@@ -47,7 +48,7 @@ def test_a_ball_of_voxels():
     points, triangles = surface(mesh)
     assert volumes.min() > 0
     assert measure.surface_defect(points, triangles) == ""
-    assert measure.euler_characteristic(triangles) == 2
+    assert euler_characteristic(triangles) == 2
     # The volume is solved for, to 1e-4.
     assert volumes.sum() == pytest.approx(voxels.sum() * S**3, rel=2e-4)
     # Voxels know a surface to half a voxel; facets cut off, and nodes so stand out, by h²/8R.
