@@ -42,13 +42,13 @@ class CurvedWalls(Stateful):
             walls: List of :class:`~.walls.Wall`.
             x, nodes, corner: As of :meth:`~.walls.Walls.search`.
         """
-        if not self.any or corner is None:
+        if not self.any:
             return
         self._sag = np.full((len(x), len(walls)), np.nan)
         edge = np.linalg.norm(nodes[corner[:, 1]] - nodes[corner[:, 0]], axis=1)
         for w in np.flatnonzero(self.side):
             apart = np.abs(walls[w].gap(nodes))[corner].max(axis=1)
-            on = apart <= ON_WALL * edge
+            on = apart < ON_WALL * edge  # no point at a node has an edge
             self._sag[on, w] = walls[w].gap(x[on])
 
     def sag_of(self, point, wall):

@@ -91,19 +91,10 @@ class Names:
         self.facet = _joined(self.node[contact.surface.facets])
         self.facet_grain = contact.surface.grain_of_facet
         self.point_grain = points.grain_of_point
-        if points.corner is None:
-            self.point, self.part = -1 - number, np.zeros(number.size, np.int8)
-        else:
-            # Points of facets come first, those of sharp vertices after them.
-            single = np.flatnonzero((points.corner == points.corner[:, :1]).all(axis=1))
-            of_facets = points.num_points - single.size
-            n = of_facets // max(len(own.facets), 1)
-            self.point = np.concatenate(
-                [np.repeat(_joined(number[own.facets]), n), -1 - number[points.corner[single, 0]]]
-            )
-            self.part = np.concatenate(
-                [np.arange(of_facets) % max(n, 1), np.zeros(single.size)]
-            ).astype(np.int8)
+        n, of_facets = len(points.rule), points.num_in_facets
+        at_node = points.corner[of_facets:, 0]
+        self.point = np.append(np.repeat(_joined(number[own.facets]), n), -1 - number[at_node])
+        self.part = np.append(np.arange(of_facets) % max(n, 1), 0 * at_node).astype(np.int8)
 
     def points(self, rows):
         """Columns that name the points of contact ``rows``."""

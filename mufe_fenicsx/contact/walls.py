@@ -300,7 +300,7 @@ class Walls(Stateful):
         Args:
             x: Positions of this rank's points of contact [m], shape (num_points, 3).
             nodes: Positions of its surface nodes [m], shape (num_nodes, 3).
-            corner: Nodes around each point, shape (num_points, 3); None where points are nodes.
+            corner: Nodes around each point, shape (num_points, 3).
             grain_of_point: Global grain of each, shape (num_points,).
             reach: Largest gap [m].
             bound: Of all relative motion so far [m].
@@ -312,7 +312,7 @@ class Walls(Stateful):
                 self.bonded[tools[0]] = -1
             held = self.bonded[:, None] == np.arange(len(self.walls))
             held |= nodes_on_mirrors(nodes, self.walls)
-            self._held = held if corner is None else held[corner].all(axis=1)
+            self._held = held[corner].all(axis=1)
             if tools is not None:
                 self._held[tools[1]] = True
             self.curved.measure_sag(self.walls, x, nodes, corner)

@@ -76,10 +76,7 @@ def test_drawn_bodies_carry_what_they_carry_pressed_anew(angle, graded):
     # Rounding of positions over the depth of contact.
     np.testing.assert_allclose(f, anew.move(np.zeros(3)), atol=1e-9 * np.abs(f).max())
     assert drawn.contact.dissipation.total == 0.0
-    of_facets = (
-        drawn.contact.pairs.node
-        < drawn.contact.points.num_points - drawn.contact.points.num_vertices
-    )
+    of_facets = drawn.contact.pairs.node < drawn.contact.points.num_in_facets
     assert not drawn.contact.pairs.offset[of_facets].any()
 
 

@@ -155,7 +155,7 @@ def test_stretch_of_facets_around_points(kind):
     points = np.arange(contact.points.num_points)[::-2]
     found = contact.points.stretch(own, mesh.x @ F.T, points)
     exact = []
-    for nodes in points[:, None] if corner is None else corner[points]:
+    for nodes in corner[points]:
         around = (own.facets[:, :, None] == nodes).any(axis=1).all(axis=1)
         exact.append(now[around].sum() / before[around].sum())
     assert found == pytest.approx(exact, rel=1e-12) and np.ptp(found) > 0.1

@@ -77,7 +77,7 @@ def _nearest(contact):
     contact.ghosts.place_points()
 
     def take(pairs, some, distance):
-        for nodes in points.nodes_around(pairs.node[some]):
+        for nodes in points.corner[pairs.node[some]].T:
             np.minimum.at(gap, nodes, distance - pairs.offset[some])
 
     for begin in range(0, p.node.size, BLOCK):

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from ..surface.points import entries
 from .edge_contacts import closed_crossings
 
 
@@ -131,7 +132,7 @@ def _terms(contact, mesh, x, strength):
         terms[swap, some][:, ::-1] for some in (_KNOWN, _STRENGTH)
     )
     pair = np.column_stack([np.minimum(one, other), np.maximum(one, other)]).astype(np.int64)
-    if points.corner is None:
+    if points.are_nodes:
         links = _links_of_nodes(
             points, pair[: on.size + at.size], np.append(p.node[on], w.node[at])
         )
@@ -190,7 +191,7 @@ def _terms_of_points(contact, mesh, x, strength, pairs, on, area, gaps):
     terms[:, _DEFORMED] = area * points.stretch(own, x, node)
     terms[:, _FORCE] = pairs.normal_force[on]
     # Sharp vertices stand on the area of the facets around.
-    counts = node < points.num_points - points.num_vertices
+    counts = points.are_nodes | (node < points.num_in_facets)
     terms[:, _OVERLAP] = counts * terms[:, _DEFORMED] * mean_depth(gaps)
     facet, begin, count = _facets_around(contact, node)
 
@@ -208,12 +209,8 @@ def _terms_of_points(contact, mesh, x, strength, pairs, on, area, gaps):
 
 def _facets_around(contact, node):
     """Own facets at each point ``node``, one after another, and the first of each and how many."""
-    own, points = contact.own, contact.points
-    nodes = points.corner is None
-    ring, offset = (own.ring, own.ring_offset) if nodes else (points.ring, points.ring_offset)
-    count = offset[node + 1] - offset[node]
-    begin = np.cumsum(count) - count
-    return ring[np.repeat(offset[node] - begin, count) + np.arange(count.sum())], begin, count
+    at, begin, count = entries(contact.points.ring_offset, node)
+    return contact.points.ring[at], begin, count
 
 
 def _terms_of_crossings(crossings):

@@ -43,6 +43,6 @@ def near_nodes(contact):
     """
     corner, (flag, _) = contact.points.corner, nodes_of_pairs(contact)
     points = np.concatenate([contact.pairs.node, contact.walls.pairs.node])
-    flag[points if corner is None else corner[points]] = True
+    flag[corner[points]] = True
     flags = np.repeat(flag[:, None], 3, axis=1).astype(float)
     return contact.ghosts.reverse_scatter(flags)[:, 0] > 0

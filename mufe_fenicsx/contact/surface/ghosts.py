@@ -21,7 +21,7 @@ class Ghosts:
 
     def __init__(self, comm, nodes, points):
         self.comm, self.nodes, self._points = comm, nodes, points
-        self.num_before = 0 if points.corner is None else points.num_points  #: rows of points
+        self.num_before = 0 if points.are_nodes else points.num_points  #: rows of points
         self.around = points.around + np.int32(self.num_before)  #: ``points.around`` as rows
         self.positions = None  #: :class:`~.SurfaceArray` [m]
         self.forces = self._messages = None

@@ -14,12 +14,14 @@ from ...errors import InputError, shown
 from ..laws import edge_of_area
 from .bulges import height
 
-#: Barycentric coordinates of the quadrature points of a facet, of equal weight.
+#: Barycentric coordinates of the quadrature points of a facet, of equal weight; none where all
+#: points are nodes.
 RULES = {
+    "nodes": np.empty((0, 3)),
     "facets": np.full((1, 3), 1 / 3),
     "facets4": np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6,
 }
-KINDS = ("nodes", *RULES)
+KINDS = tuple(RULES)
 #: A vertex is sharp where facets around it turn by more [rad]: between smoother ones a
 #: vertex reaches 2/3 · 0.87 h tan(angle/2) <= 0.1 h beyond the centroids.
 SHARP = np.radians(20.0)
@@ -31,18 +33,20 @@ RECESS = 0.01
 
 @dataclass(frozen=True)
 class Points:
-    """Points of this rank's surface; where ``corner`` is None they are its nodes."""
+    """Points of this rank's surface: those in facets, then those at nodes."""
 
-    corner: np.ndarray | None  #: own surface nodes around each point, int32, shape (num_points, 3)
-    rule: np.ndarray | None  #: weights of the points of one facet, shape (num, 3)
+    corner: (
+        np.ndarray
+    )  #: own surface nodes around each point, int32, (num_points, 3); a node thrice
+    rule: np.ndarray  #: weights of the points of one facet, shape (num, 3)
     grain_of_point: np.ndarray  #: global index of the grain, int32, shape (num_points,)
     local_grain: np.ndarray  #: local index of the grain, shape (num_points,)
     area: np.ndarray  #: [m²], shape (num_points,)
     layer: np.ndarray  #: compliance of the layer [m/Pa], shape (num_points,)
     facet_area: np.ndarray  #: area of the facets there [m²], shape (num_points,)
     depth: np.ndarray  #: part in the largest depth of pairs [m], shape (num_points,)
-    ring_offset: np.ndarray | None  #: compressed rows of the own facets around each point;
-    ring: np.ndarray | None  #: None where points are nodes
+    ring_offset: np.ndarray  #: compressed rows of the own facets around each point
+    ring: np.ndarray
     #: Nodes around each point that is a node: surface nodes, int32, one after another;
     around: np.ndarray
     around_of: np.ndarray  #: the first there and how many, int32, shape (num_points, 2)
@@ -50,7 +54,7 @@ class Points:
     curvature: np.ndarray  #: shape (num_points, 3)
     cell: np.ndarray  #: of the mesh, beneath the point, int32, shape (num_points,)
     recess: np.ndarray  #: depth at which contact begins [m], shape (num_points,)
-    num_vertices: int = 0  #: points at sharp vertices beside those of the facets
+    num_in_facets: int  #: points in facets, which come first
 
     @property
     def num_points(self):
@@ -58,25 +62,20 @@ class Points:
         return self.area.size
 
     @property
-    def weight(self):
-        """Weights of ``corner``, (num_points, 3), made anew; points at sharp vertices come last."""
-        weight = np.zeros(self.corner.shape)
-        weight[:, 0] = 1.0
-        of_facets = weight[: len(self.corner) - self.num_vertices]
-        of_facets.reshape(-1, *self.rule.shape)[:] = self.rule
-        return weight
+    def are_nodes(self):
+        """Whether all points are nodes, in their order."""
+        return not len(self.rule)
 
-    def nodes_around(self, points):
-        """Surface nodes of the given points: one array for points at nodes, else three."""
-        return (points,) if self.corner is None else tuple(self.corner[points].T)
+    @property
+    def weight(self):
+        """Weights of ``corner``, shape (num_points, 3), made anew."""
+        return self.carriers(np.arange(self.num_points))[1]
 
     def carriers(self, points):
         """Surface nodes that carry the given points and their weights, both of shape (num, 3)."""
-        first = np.array([1.0, 0.0, 0.0])
-        if self.corner is None:
-            return np.repeat(points[:, None], 3, axis=1), np.tile(first, (len(points), 1))
-        weight = self.rule.take(points % len(self.rule), axis=0)
-        weight[points >= len(self.corner) - self.num_vertices] = first
+        weight = np.tile([1.0, 0.0, 0.0], (len(points), 1))
+        in_facet = points < self.num_in_facets
+        weight[in_facet] = self.rule[points[in_facet] % max(len(self.rule), 1)]
         return self.corner.take(points, axis=0), weight
 
     def places(self, x, points):
@@ -92,19 +91,14 @@ class Points:
             x: Positions of the mesh's nodes [m], shape (num_nodes, 3).
             points: Of this rank, shape (num,).
         """
-        ring, offset = (
-            (own.ring, own.ring_offset) if self.corner is None else (self.ring, self.ring_offset)
-        )
-        at, begin, _ = _entries(offset, points)
-        facet = ring[at]
+        at, begin, _ = entries(self.ring_offset, points)
+        facet = self.ring[at]
         a, b, c = (x[own.nodes[own.facets[facet, i]]] for i in range(3))
         now = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
         return _sums(now, begin) / _sums(own.facet_area[facet], begin)
 
     def to_nodes(self, values, num_nodes):
         """Values at points, shape (num_points, k), spread to surface nodes (num_nodes, k)."""
-        if self.corner is None:
-            return values
         at_nodes = np.zeros((num_nodes, values.shape[1]))
         for corner, weight in zip(self.corner.T, self.weight.T, strict=True):
             for k in range(values.shape[1]):  # one at a time needs less room
@@ -122,69 +116,48 @@ def surface_points(kind, mesh, own, x, node_layer, layer, node_depth, depth, smo
         x: Reference positions of the mesh's nodes [m], shape (num_nodes, 3).
         node_layer, layer: Compliance of the layer of nodes and of facets [m/Pa].
         node_depth, depth: Their parts in the largest depth of pairs [m].
-        smooth: :class:`~.bulges.Bulges` of the own facets; of no use where points are nodes.
+        smooth: :class:`~.bulges.Bulges` of the own facets.
 
     Raises:
         InputError: There is no such kind.
     """
     if kind not in KINDS:
         raise InputError(f"points of contact = {shown(kind)}, expected one of {', '.join(KINDS)}")
-    node_grain, facet_grain = mesh.grain_of_node[own.nodes], own.local_grain_of_facet
-    cell_at_node = own.cell_of_facet[own.ring[own.ring_offset[:-1]]]  # of one of the facets around
-    if kind == "nodes":
-        around, around_of = nodes_around(own, np.arange(own.nodes.size))
-        return Points(
-            corner=None,
-            rule=None,
-            grain_of_point=own.grain_of_node,
-            local_grain=node_grain,
-            area=own.area,
-            layer=node_layer,
-            facet_area=0.5 * own.whole_area,
-            depth=node_depth,
-            ring_offset=None,
-            ring=None,
-            around=around,
-            around_of=around_of,
-            curvature=np.zeros((own.area.size, 3)),
-            cell=cell_at_node,
-            recess=np.zeros(own.area.size),
-        )
     rule = RULES[kind]
-    sharp = sharp_vertices(own, x)
-    vertex = np.flatnonzero(sharp).astype(np.int32)
     n = len(rule)
+    vertex = np.flatnonzero(sharp_vertices(own, x)) if n else np.arange(own.nodes.size)
 
     def both(of_facets, of_nodes):
         return np.concatenate([np.repeat(of_facets, n, axis=0), of_nodes[vertex]])
 
     nodes = np.arange(own.nodes.size, dtype=np.int32)
-    around = [own.ring[own.ring_offset[v] : own.ring_offset[v + 1]] for v in vertex]
-    num_around = np.concatenate([np.ones(n * len(own.facets)), [len(r) for r in around]])
+    around, _, num_around = entries(own.ring_offset, vertex)
     facets = np.repeat(np.arange(len(own.facets), dtype=np.int32), n)
+    num_around = np.concatenate([np.ones(facets.size), num_around])
     neighbours, neighbours_of = nodes_around(own, vertex)
     return Points(
         corner=both(own.facets, np.stack([nodes] * 3, axis=1)),
         rule=rule,
         grain_of_point=both(own.grain_of_facet, own.grain_of_node),
-        local_grain=both(facet_grain, node_grain),
-        area=both(own.facet_area / n, own.area),
+        local_grain=both(own.local_grain_of_facet, mesh.grain_of_node[own.nodes]),
+        area=both(own.facet_area / max(n, 1), own.area),
         layer=both(layer, node_layer),
         facet_area=both(own.facet_area, 0.5 * own.whole_area),
         depth=both(depth, node_depth),
         ring_offset=np.concatenate([[0], np.cumsum(num_around)]).astype(np.int32),
-        ring=np.concatenate([facets, *around]).astype(own.ring.dtype),
+        ring=np.concatenate([facets, own.ring[around]]).astype(own.ring.dtype),
         around=neighbours,
         around_of=np.concatenate([np.zeros((facets.size, 2), np.int32), neighbours_of]),
         curvature=both(smooth.curvature, _bend_of_nodes(own, smooth)),
-        cell=both(own.cell_of_facet, cell_at_node),
+        # At a node, of one of the facets around.
+        cell=both(own.cell_of_facet, own.cell_of_facet[own.ring[own.ring_offset[:-1]]]),
         recess=np.concatenate(
             [
-                np.stack([-height(smooth.bulge, w) for w in rule], axis=1).ravel(),
-                RECESS * edge_of_area(own.whole_area, 2)[vertex],
+                np.array([-height(smooth.bulge, w) for w in rule]).T.ravel(),
+                (RECESS if n else 0.0) * edge_of_area(own.whole_area, 2)[vertex],
             ]
         ),
-        num_vertices=vertex.size,
+        num_in_facets=facets.size,
     )
 
 
@@ -202,7 +175,7 @@ def nodes_around(own, nodes):
         Surface nodes, int32, one after another; and of each of ``nodes`` the first there and how
         many, int32, shape (num, 2).
     """
-    ring, _, count = _entries(own.ring_offset, nodes)
+    ring, _, count = entries(own.ring_offset, nodes)
     of = np.repeat(np.arange(nodes.size), 3 * count)
     vertices = own.facets[own.ring[ring]].ravel()
     others = vertices != nodes[of]
@@ -212,7 +185,7 @@ def nodes_around(own, nodes):
     return around.astype(np.int32), np.stack([first[:-1], np.diff(first)], axis=1).astype(np.int32)
 
 
-def _entries(offset, rows):
+def entries(offset, rows):
     """Where the entries of some compressed rows are, the first of each row there, and how many."""
     first, count = offset[rows], offset[rows + 1] - offset[rows]
     begin = np.cumsum(count) - count
