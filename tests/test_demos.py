@@ -11,7 +11,6 @@ import pytest
 from PIL import Image
 
 from mufe_fenicsx.scene import load_scene
-from mufe_fenicsx.verification.reference import load
 from tests.made_up_run import write_whole_run
 
 DEMOS = Path(__file__).resolve().parents[1] / "demos"
@@ -98,16 +97,6 @@ def test_an_analysis_of_ones_own(tmp_path, demo):
     assert "missing" not in out and "in force chains" in out
     assert (tmp_path / "own_analysis.csv").read_text().count("\n") == 10  # a head and 9 grains
     assert (tmp_path / "own_analysis.png").stat().st_size > 20_000
-
-
-@pytest.mark.slow
-def test_the_axisymmetric_reference_can_be_made_again(tmp_path):
-    """Coarse: the demo compares the forces with the stored ones itself."""
-    command = [sys.executable, DEMOS / "axisymmetric_reference.py", tmp_path, "--quick"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert load(tmp_path / "axisymmetric.csv")
-    assert (tmp_path / "axisymmetric.png").exists()
 
 
 @pytest.fixture(scope="module")

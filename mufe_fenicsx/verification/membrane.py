@@ -17,7 +17,7 @@ from ..materials.elastic import Elastic
 from ..materials.neo_hookean import NeoHookean
 from ..run.from_bodies import build
 from ..theory import membranes
-from .axisymmetric.tube import tube_under_pressure
+from .axisymmetric_tube import tube_under_pressure
 from .case import case, compare
 
 LATEX = NeoHookean()
@@ -94,7 +94,7 @@ def membrane_tube(
     elements of length L along shear where they bend, which stores G (κ L)²/12 at a curvature κ
     beside E (κ t)²/12: so they are short there. What is left stands over the deflection too, for
     information. The reference has elements of second order, four through the wall, and the same law
-    (verification.axisymmetric.tube).
+    (verification.axisymmetric_tube).
 
     Args:
         comm: MPI communicator.

@@ -1,6 +1,8 @@
 """Converged axisymmetric balls under a plane, stored as a table because they take minutes.
 
-``axisymmetric.csv`` is made by ``demos/axisymmetric_reference.py``; its first line says how. A
+``axisymmetric.csv`` was made by ``demos/axisymmetric_reference.py`` of commit 0daf308, with a solver
+of its own: displacements of second order with a pressure of first order (Taylor & Hood), curved
+edges, Newton's method, the same law of the material on paper. Its first line says how. A
 row is a ball at an approach: lengths over its radius R, forces over E R², stresses over E.
 Columns ``check_…`` are the same on a mesh twice as coarse with half as many steps, nan between
 those: they tell how far a row is converged.
@@ -102,24 +104,6 @@ def paper_name(Y):
 def steel_name(depth):
     """Of the steel of Jackson and Green, pressed to ``depth`` times the approach of onset."""
     return f"steel {depth:g}"
-
-
-def write(path, courses, note):
-    """Write a table.
-
-    Args:
-        path: CSV file.
-        courses: List of :class:`Course`.
-        note: First line: how it was made.
-    """
-    with open(path, "w", encoding="utf-8", newline="") as file:
-        file.write(f"# {note}\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["case", *COLUMNS, *(f"check_{key}" for key in CHECKED)])
-        for course in courses:
-            columns = [course[key] for key in COLUMNS] + [course.checks[key] for key in CHECKED]
-            for row in zip(*columns, strict=True):
-                writer.writerow([course.name, *(f"{value:.6g}" for value in row)])
 
 
 @lru_cache(maxsize=4)

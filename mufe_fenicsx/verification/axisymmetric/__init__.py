@@ -1,1 +1,0 @@
-"""A reference of its own: axisymmetric finite elements with contact."""
