@@ -15,7 +15,7 @@ from .energy import energy
 from .feature_pairs import feature_pairs
 from .fidelity import fidelity
 from .free_sphere import free_sphere
-from .hertz import hertz, hertz_convergence
+from .hertz import hertz
 from .hertz_stress import hertz_stress
 from .impact import impact
 from .integrators import integrators
@@ -29,13 +29,12 @@ from .packed_spheres import packed_spheres
 from .packing import packing
 from .paper_sphere import paper_sphere
 from .patch import patch
-from .plastic_impact import impact_of_plastic_ball
 from .plastic_sphere import plastic_sphere
 from .rigid import rigid_impact, rigid_mix, rigid_rolling, rigid_top
 from .rolling import rolling
 from .segmentation import segmentation
 from .sheared import sheared_box, tube_in_torsion
-from .sliding import sliding_block, sliding_facets
+from .sliding import sliding_block
 from .sliding_normal import sliding_graded, sliding_normal, sliding_ridges
 from .soak import soak
 from .spin import spin
@@ -52,7 +51,6 @@ CASES = (
         patch,
         spin,
         sliding_block,
-        sliding_facets,
         sliding_normal,
         sliding_graded,
         sliding_ridges,
@@ -60,7 +58,6 @@ CASES = (
         pressed_again,
         energy,
         hertz,
-        hertz_convergence,
         hertz_stress,
         curved_walls,
         confined_cylinder,
@@ -95,7 +92,6 @@ CASES = (
         material_point,
         plastic_sphere,
         paper_sphere,
-        impact_of_plastic_ball,
         strain_cycle,
         crush,
         segmentation,

@@ -4,11 +4,9 @@ import math
 
 import numpy as np
 
-from ..contact.walls import Wall, rotation_of
-from ..explicit.simulation import Simulation
 from ..geometry.bodies.shapes import box
 from ..materials.elastic import Elastic
-from ..run.from_bodies import build, distribute, drive, settle
+from ..run.from_bodies import build, drive, settle
 from ..theory.coulomb import friction_work
 from .case import case, compare
 
@@ -129,65 +127,3 @@ def _foot(s):
     """Mean displacement along the way of the block's face on the plane [m]."""
     bottom = s.mesh.x[:, 2] < 1e-9
     return s.comm.allreduce((s.state.u[bottom] @ WAY).sum()) / s.comm.allreduce(bottom.sum())
-
-
-@case("sliding-facets", num_bodies=2)
-def sliding_facets(comm, friction=0.3, strain=2e-3, facets=1.5, divisions=12):
-    """A block drawn over the facets of another one: friction work is μ ∫ N ds throughout.
-
-    Every node of either face passes over edges and corners of the other; the pair carries
-    its friction along. Both blocks are glued to platens; their edges cross at odd angles.
-
-    Args:
-        comm: MPI communicator.
-        friction: Coefficient of friction.
-        strain: Compression of the upper block.
-        facets: Way to slide, in edges of the lower block.
-        divisions: Bricks along the length of the lower block.
-    """
-    material = Elastic(E, NU, RHO)
-    side, thick, edge = 0.3 * LENGTH, 0.15 * LENGTH, LENGTH / divisions
-    lower = box((LENGTH, LENGTH, thick), (divisions, divisions, 2), (0, 0, -thick))
-    points, cells = box((side, side, thick), (4, 4, 2), (-0.5 * side, -0.5 * side, 0))
-    centre = np.array([0.5 * LENGTH, 0.5 * LENGTH, 0]) - 0.5 * facets * edge * WAY
-    upper = points @ rotation_of(np.array([0, 0, 0.7])).T + centre, cells
-    up = np.eye(3)[2]
-    walls = [
-        Wall("low", -thick * up, up, bonded=True),
-        Wall("top", thick * up, -up, bonded=True),
-    ]
-    mesh = distribute(comm, [lower, upper])
-    s = Simulation(
-        mesh, [material] * mesh.num_grains, walls, friction=friction,
-        damping=0.3 * math.pi * material.wave_speed / thick, time_step_factor=0.7,
-    )  # fmt: skip
-    beat = 8 * thick / material.wave_speed
-    drive(s, {"top": -strain * thick * up}, 3 * beat)
-
-    face = (s.mesh.grains[s.mesh.grain_of_node] == 1) & (s.mesh.x[:, 2] < 1e-9)
-
-    def state():
-        """Way of the upper face [m], drag and normal force on the lower platen [N]."""
-        way, count = s.comm.allreduce(np.array([(s.state.u[face] @ WAY).sum(), face.sum()]))
-        force, _ = s.walls.loads(s.comm)
-        return way / count, force[0] @ WAY, -force[0, 2]
-
-    rows = [state()]
-    before = s.energies()
-    slip = facets * edge
-    speed = 0.1 * strain * material.wave_speed
-    drive(s, {"top": slip * WAY}, slip / speed, at_step=lambda: rows.append(state()))
-    way, drag, normal = np.array(rows).T
-    after = s.energies()
-    middle = slice(len(rows) // 4, 3 * len(rows) // 4)
-    expected = friction * np.trapezoid(normal, way)
-    results = {
-        "friction work [J]": compare(after["friction"] - before["friction"], expected, 0.005),
-        "mean drag over mean normal force": compare(
-            drag[middle].mean() / normal[middle].mean(), friction, 0.005
-        ),
-        "energy residual over friction work": compare(
-            (after["residual"] - before["residual"]) / expected, 0.0, 0.005, scale=1.0
-        ),
-    }
-    return results, [s]

@@ -9,8 +9,6 @@ import statistics
 import sys
 import time
 import traceback
-from dataclasses import replace
-from pathlib import Path
 
 from ...errors import InputError
 from .elements import elements
@@ -24,7 +22,6 @@ from .membrane import in_membrane, membrane
 from .overhead import overhead, small
 from .scenes import prepare
 from .search import search, share_of_contact
-from .walls import curved_walls, pressed_slabs
 
 #: Whole step on one core [element-steps/s], two ranks over one, and memory [bytes a tet].
 TARGET_RATE, TARGET_SPEEDUP, TARGET_MEMORY = 10e6, 1.6, 2000.0
@@ -76,39 +73,6 @@ def compare_box(parameters):
     return case_of("box", parameters, results)
 
 
-def compare_blocks(parameters):
-    """`blocks` on one and on two ranks."""
-    return _compare("blocks", parameters)
-
-
-def compare_demo(parameters):
-    """`demo` at a strain of 0.01 on one and on two ranks, of the demonstration's image, finer.
-
-    Parameters beside those of `bench_scenes.demo` and ``strain``, ``speed``: ``cache``, the folder
-    where labels and meshes are kept for the next time, and ``size``, the wanted edge [m].
-    """
-    cache = Path(str(parameters.pop("cache", "bench-cache")))
-    size = float(parameters.pop("size", 20e-6))
-    parameters = {"strain": 0.01, "steps": 120, **parameters}
-    return _compare("demo", {**parameters, "grains": str(_refined_demo(cache, size))})
-
-
-def _refined_demo(cache, size):
-    """Meshes of the demonstration's image with edges of ``size`` [m], made where absent."""
-    from ...geometry.pipeline import mesh_labels, segment_image
-    from ...run.demo import demo_scene
-    from ...scene import load_scene
-
-    scene = load_scene(demo_scene())
-    folder = cache / f"demo-{size * 1e6:g}um"
-    if not folder.exists():
-        cache.mkdir(parents=True, exist_ok=True)
-        labels = cache / "demo-labels.tif"
-        segment_image(scene.image.path, scene.image, labels, overwrite=True)
-        mesh_labels(labels, replace(scene.mesh, size=size), folder)
-    return folder.resolve()
-
-
 def _compare(name, parameters, target=TARGET_RATE, speedup=TARGET_SPEEDUP):
     """Rates on one and on two ranks by turns, and memory in programs of their own."""
     repeats, steps = int(parameters.pop("repeats", 5)), int(parameters.pop("steps", 60))
@@ -147,8 +111,6 @@ def _compare(name, parameters, target=TARGET_RATE, speedup=TARGET_SPEEDUP):
 
 BENCHMARKS = {
     "box": compare_box,
-    "blocks": compare_blocks,
-    "demo": compare_demo,
     "packing": packing,
     "family": family,
     "paper": paper,
@@ -158,16 +120,14 @@ BENCHMARKS = {
     "exchange": exchange,
     "elements": elements,
     "overhead": overhead,
-    "curved-walls": curved_walls,
     "membrane": membrane,
 }
 #: What `mufe bench` runs without a name: the others take an hour or more.
-USUAL = ("box", "blocks", "demo", "search", "elements", "overhead", "hertz", "curved-walls")
+USUAL = ("box", "search", "elements", "overhead", "hertz")
 MEASUREMENTS = {
     "alone": alone,
     "turns": turns,
     "small": small,
-    "pressed_slabs": pressed_slabs,
     "in_membrane": in_membrane,
 }
 

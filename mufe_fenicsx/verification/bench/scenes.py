@@ -119,7 +119,7 @@ def resumed(comm, *, run):
     return simulation
 
 
-SCENES = {"box": box, "blocks": blocks, "demo": demo, "resumed": resumed}
+SCENES = {"box": box, "demo": demo, "resumed": resumed}
 
 
 def prepare(comm, *, kind, strain=0.0, speed=20.0, **parameters):

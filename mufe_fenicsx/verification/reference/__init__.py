@@ -1,8 +1,8 @@
 """Converged axisymmetric balls under a plane, stored as a table because they take minutes.
 
-``axisymmetric.csv`` was made by ``demos/axisymmetric_reference.py`` of commit 0daf308, with a solver
-of its own: displacements of second order with a pressure of first order (Taylor & Hood), curved
-edges, Newton's method, the same law of the material on paper. Its first line says how. A
+``axisymmetric.csv`` was made by ``demos/axisymmetric_reference.py`` of commit 0daf308, with a
+solver of its own: displacements of second order with a pressure of first order (Taylor & Hood),
+curved edges, Newton's method, the same law of the material on paper. Its first line says how. A
 row is a ball at an approach: lengths over its radius R, forces over E R², stresses over E.
 Columns ``check_…`` are the same on a mesh twice as coarse with half as many steps, nan between
 those: they tell how far a row is converged.
