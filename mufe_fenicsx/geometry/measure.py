@@ -106,16 +106,6 @@ def surface_volume(points, triangles):
     return np.einsum("ij,ij->", x[:, 0], np.cross(x[:, 1], x[:, 2])) / 6
 
 
-def vertex_normals(points, triangles):
-    """Unit normals of vertices, the mean of the facets around each by area, shape (n, 3)."""
-    x = points[triangles]
-    normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-    sums = np.zeros((len(points), 3))
-    for corner in range(3):
-        np.add.at(sums, triangles[:, corner], normal)
-    return sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300)
-
-
 def surface_area(points, triangles):
     """Area of a triangle surface [m²]."""
     x = points[triangles]

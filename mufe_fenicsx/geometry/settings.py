@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..units import REQUIRED, check_keys, require, setting
-from .surface.sizing import CONTACT, CURVATURE, FEWEST_NODES, UNIFORM, Sizing
+from .surface.sizing import CONTACT, FEWEST_NODES, UNIFORM, Sizing
 
 #: Ways to find the grey level between void and solid.
 METHODS = ("otsu", "gaussians", "middle")
@@ -212,15 +212,8 @@ class MeshSettings:
     sizing: str = setting(
         UNIFORM,
         "",
-        '"uniform", "curvature" or "contact": what the size follows',
-        allowed=(UNIFORM, CURVATURE, CONTACT),
-    )
-    angle: float = setting(
-        20.0,
-        "degrees",
-        "between neighbouring facets, by which curvature sets the size",
-        ge=1,
-        le=90,
+        '"uniform", or "contact": it follows the distance to the next grain',
+        allowed=(UNIFORM, CONTACT),
     )
     contact_reach: float | None = setting(
         None,
@@ -331,9 +324,7 @@ class MeshSettings:
         """What the surface's edges follow: a `Sizing`."""
         least = self.least_size
         reach = least if self.contact_reach is None else self.contact_reach
-        return Sizing(
-            self.sizing, self.size, least, self.angle, reach, self.growth, self.surface_nodes
-        )
+        return Sizing(self.sizing, self.size, least, reach, self.growth, self.surface_nodes)
 
     @property
     def least_cavity(self):

@@ -58,6 +58,7 @@ def _with_default(message, known, given):
 
 #: Keys of earlier versions, and what stands in their place.
 DELETED = {
+    "mesh.angle": 'none: mesh.sizing = "contact" makes edges shorter near other grains',
     "implicit.gap_tolerance": "none: layers of contact stay, and match the mesh",
     "implicit.max_augmentations": "none: layers of contact stay, and match the mesh",
 }

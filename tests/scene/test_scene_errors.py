@@ -25,6 +25,7 @@ BAD = {
         ("processes = 2.5", "mesh.processes = 2.5, expected a whole number"),
         ("friction = 2", "mesh.friction = 2 is not a known key, expected contact.fri"),
         ("zz = 2", "mesh.zz = 2 is not a known key, expected one of size, smallest_size, sizing, "),
+        ("angle = 20", "mesh.angle = 20 is no key any more, expected none: mesh.sizing = "),
     ],
     "[mesh]": [
         ("[mehs]", "mehs = a table is not a known key, expected mesh"),

@@ -26,11 +26,6 @@ class Sizes:
         """Whether the length is the same everywhere."""
         return self._tree is None
 
-    @property
-    def known(self):
-        """Positions and lengths that it goes through."""
-        return self._tree.data, self.values
-
     def __call__(self, x):
         """Lengths at positions x, shape (n, 3)."""
         if self.even:
@@ -52,43 +47,6 @@ class Sizes:
         if not self.even:
             other.values = self.values * factor
         return other
-
-
-def curvature(points, normals, radius):
-    """Root mean square of both principal curvatures over a neighbourhood of each point.
-
-    From |Δn|²/|Δx|² to the points within ``radius``, which is κ₁² cos²φ + κ₂² sin²φ in direction φ.
-
-    Args:
-        points, normals: Of a surface, shape (n, 3).
-        radius: Of the neighbourhood.
-    """
-    tree = cKDTree(points)
-    distance, near = tree.query(points, k=min(40, len(points)), distance_upper_bound=radius)
-    ok = (distance > 0.3 * radius) & np.isfinite(distance)
-    near = np.where(ok, near, 0)
-    turned = ((normals[near] - normals[:, None]) ** 2).sum(axis=2)
-    quotient = np.where(ok, turned / np.maximum(distance, 0.3 * radius) ** 2, 0)
-    return np.sqrt(np.where(np.isfinite(quotient), quotient, 0).sum(1) / np.maximum(ok.sum(1), 1))
-
-
-def sizes_by_curvature(points, normals, sizing, plane=None):
-    """Facets next to each other turn by about ``sizing.angle``: h κ = angle.
-
-    Points where ``plane`` is true are on plane faces.
-    """
-    if plane is not None and plane.any():
-        curved = points[~plane], normals[~plane]
-        field = sizes_by_curvature(*curved, sizing)
-        known, wanted = field.known
-        known = np.concatenate([known, points[plane]])
-        return _graded(known, np.append(wanted, np.full(plane.sum(), sizing.largest)), sizing)
-    # Neighbourhoods a little above the smallest size see features of that size.
-    keep = _thinned(points, 0.5 * sizing.smallest)
-    points, normals = points[keep], normals[keep]
-    kappa = curvature(points, normals, 2.0 * sizing.smallest)
-    wanted = np.radians(sizing.angle) / np.maximum(kappa, 1e-12 / sizing.smallest)
-    return _graded(points, wanted, sizing)
 
 
 def sizes_by_gap(points, gaps, sizing):

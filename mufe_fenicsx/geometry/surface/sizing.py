@@ -1,11 +1,11 @@
-"""What is wanted of the length of edges: even, from curvature, or from neighbours."""
+"""What is wanted of the length of edges: even, or from neighbours."""
 
 from dataclasses import dataclass, replace
 
 #: Nodes that the surface of a grain takes at least.
 FEWEST_NODES = 20
 
-UNIFORM, CURVATURE, CONTACT = "uniform", "curvature", "contact"
+UNIFORM, CONTACT = "uniform", "contact"
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,6 @@ class Sizing:
     mode: str
     largest: float
     smallest: float
-    angle: float  #: between facets next to each other [degrees]
     reach: float  #: gaps up to this get the smallest size
     growth: float  #: of the size over distance along the surface, or over the gap
     nodes: int | None = None  #: that the surface of each grain takes

@@ -36,8 +36,8 @@ def grain_surface(level_set, sizes, volume=None, nodes=None):
 
     Args:
         level_set: `LevelSet` of the grain; its beta is changed.
-        sizes: Called with the level set and the points, triangles and tags of its isosurface;
-            returns `Sizes` in voxels, for positions (z, y, x) as those of the level set.
+        sizes: Called with the points of its isosurface; returns `Sizes` in voxels, for positions
+            (z, y, x) as those of the level set.
         volume: Volume that the surface is to enclose [voxels]; None: as it comes.
         nodes: Nodes that the surface is to take, as `fitted`; None: as many as it takes.
 
@@ -57,7 +57,7 @@ def grain_surface(level_set, sizes, volume=None, nodes=None):
     if volume is not None and fine[2].any():
         fine = _isosurface_around(level_set, volume, fine)
     points, triangles, tags = fine
-    sizes = fitted(sizes(level_set, *fine), points, triangles, nodes)
+    sizes = fitted(sizes(points), points, triangles, nodes)
     x, faces, tags = with_cavities(points, triangles, tags, sizes, _outer)
     x = relaxed(x, faces, tags, level_set)
     for _ in range(3):

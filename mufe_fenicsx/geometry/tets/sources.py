@@ -12,11 +12,11 @@ from .. import measure
 from ..image.cylinder import Cylinder
 from ..image.distance import surface_distance, voxel_distance
 from ..surface import level_set
-from ..surface.edge_sizes import Sizes, sizes_by_curvature, sizes_by_gap, voxel_gaps
+from ..surface.edge_sizes import Sizes, sizes_by_gap, voxel_gaps
 from ..surface.given_surfaces import body_surface
 from ..surface.remesh import SurfaceError, oriented
 from ..surface.round_cut import RoundCut
-from ..surface.sizing import CONTACT, UNIFORM
+from ..surface.sizing import UNIFORM
 from ..surface.surface import fitted, grain_surface
 
 
@@ -100,17 +100,10 @@ class VoxelGrain:
         if self.keep_volume:
             volume = level_set.volume_in_one_piece(body, crop, shares)
 
-        def sizes(body, points, triangles, tags):
+        def sizes(points):
             if sizing.mode == UNIFORM:
                 return Sizes(sizing.largest)
-            if sizing.mode == CONTACT:
-                gaps = voxel_gaps(others, points - self.offset)
-                return sizes_by_gap(points, gaps, sizing)
-            _, gradient = body.value_and_gradient(points)
-            length = np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-12)
-            plane = np.ones(len(points), dtype=bool)
-            plane[triangles[tags == 0]] = False
-            return sizes_by_curvature(points, -gradient / length, sizing, plane)
+            return sizes_by_gap(points, voxel_gaps(others, points - self.offset), sizing)
 
         points, triangles, found, *held = grain_surface(body, sizes, volume, sizing.nodes)
         found = found.scaled(self.voxel_size)
@@ -142,11 +135,8 @@ class SurfaceGrain:
         points, triangles = self.points, self.triangles
         if sizing.mode == UNIFORM:
             sizes = Sizes(sizing.largest)
-        elif sizing.mode == CONTACT:
-            sizes = sizes_by_gap(points, self.gaps, sizing)
         else:
-            normals = measure.vertex_normals(points, triangles)
-            sizes = sizes_by_curvature(points, normals, sizing)
+            sizes = sizes_by_gap(points, self.gaps, sizing)
         sizes = fitted(sizes, points, triangles, sizing.nodes)
         return Surface(*body_surface(points, triangles, sizes), sizes)
 

@@ -194,4 +194,4 @@ def test_patterns_of_cells_around_a_corner():
 
 def test_conforming_takes_even_sizes_only():
     with pytest.raises(InputError, match="conforming = true, expected sizing = "):
-        MeshSettings(size=1.0, conforming=True, sizing="curvature")
+        MeshSettings(size=1.0, conforming=True, sizing="contact")
